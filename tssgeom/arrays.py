@@ -1,0 +1,24 @@
+"""Array aliases: the shape stands in the annotation, the unit in the docstring that uses it."""
+
+from typing import Annotated, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+Vector: TypeAlias = Annotated[NDArray[np.float64], "n"]
+"""One number for each of n places."""
+
+Points: TypeAlias = Annotated[NDArray[np.float64], "n 3"]
+"""n places in space; a row of NaN is a place that was not seen."""
+
+Matrix: TypeAlias = Annotated[NDArray[np.float64], "m n"]
+"""A dense matrix, such as a covariance."""
+
+
+def read_only(array: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return `array` as contiguous float64 that refuses writes."""
+    frozen = np.ascontiguousarray(array, dtype=np.float64)
+    if frozen.flags.writeable:
+        frozen = frozen.view()
+        frozen.flags.writeable = False
+    return frozen

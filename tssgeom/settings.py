@@ -1,0 +1,117 @@
+"""The rig: tendon, friction, load and sensors, held alike from Python and from a TOML file."""
+
+import math
+from pathlib import Path
+
+import msgspec
+
+from tssgeom.errors import SettingsError
+
+
+def _require(condition: bool, what: str, value: float, remedy: str) -> None:
+    if not condition:
+        raise SettingsError(f"{what} is {value:g}: {remedy}")
+
+
+def _finite_at_least_zero(what: str, value: float, unit: str) -> None:
+    _require(math.isfinite(value) and value >= 0, what, value, f"give a finite value >= 0 {unit}".rstrip())
+
+
+class Tendon(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Elastic properties of the tendon; the defaults are the paper's (section III-B)."""
+
+    compliance_per_N: float = 3.16e-4
+    """Strain per tension, 1/EA [1/N]."""
+    pretension_N: float = 0.0
+    """Tension all along the tendon before the first pull [N]."""
+
+    def __post_init__(self) -> None:
+        _finite_at_least_zero("tendon.compliance_per_N", self.compliance_per_N, "1/N")
+        _finite_at_least_zero("tendon.pretension_N", self.pretension_N, "N")
+
+
+class Friction(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Coulomb friction between tendon and sheath; the default is the paper's (section III-B)."""
+
+    coefficient: float = 0.145
+    """Coefficient of friction [1]."""
+
+    def __post_init__(self) -> None:
+        _finite_at_least_zero("friction.coefficient", self.coefficient, "")
+
+
+class Load(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What the distal end pulls against."""
+
+    stiffness_N_per_m: float = 1000.0
+    """Stiffness of the distal spring [N/m]."""
+
+    def __post_init__(self) -> None:
+        _finite_at_least_zero("load.stiffness_N_per_m", self.stiffness_N_per_m, "N/m")
+
+
+class Sensor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Specification of one measuring channel, in the unit of that channel."""
+
+    noise: float = 0.0
+    """Standard deviation of white noise."""
+    resolution: float = 0.0
+    """Size of one digital step."""
+    full_scale: float = 0.0
+    """Largest value that the channel reads; 0 where not known."""
+    nonlinearity: float = 0.0
+    """Largest deviation from a straight line, as a fraction of full scale [1]."""
+
+    def __post_init__(self) -> None:
+        for name in self.__struct_fields__:
+            _finite_at_least_zero(f"sensors.*.{name}", getattr(self, name), "")
+
+
+class ShapeSensor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Specification of whatever senses the route."""
+
+    noise_mm: float | None = None
+    """Standard deviation of each coordinate [mm]; left out, it is estimated from the points."""
+    angle_gain_sd: float = 0.0
+    """Standard deviation of a common scale error of all sensed angles [1]."""
+
+    def __post_init__(self) -> None:
+        if self.noise_mm is not None:
+            _require(
+                math.isfinite(self.noise_mm) and self.noise_mm > 0,
+                "shape.noise_mm",
+                self.noise_mm,
+                "give a finite value > 0 mm, or leave it out to have it estimated",
+            )
+        _finite_at_least_zero("shape.angle_gain_sd", self.angle_gain_sd, "")
+
+    @property
+    def noise(self) -> float | None:
+        """Standard deviation of each coordinate [m], or None where it is to be estimated."""
+        return None if self.noise_mm is None else 1e-3 * self.noise_mm
+
+
+class Rig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Everything about the hardware that the model needs; the defaults are the paper's."""
+
+    tendon: Tendon = Tendon()
+    friction: Friction = Friction()
+    load: Load = Load()
+    sensors: dict[str, Sensor] = {}
+    shape: ShapeSensor = ShapeSensor()
+
+
+def read_rig(path: str | Path) -> Rig:
+    """Read a rig from a TOML file.
+
+    Raises
+    ------
+    SettingsError
+        Where the file is missing, is no TOML, or holds an unknown key or a value out of bounds.
+    """
+    try:
+        return msgspec.toml.decode(Path(path).read_bytes(), type=Rig)
+    except OSError as error:
+        raise SettingsError(f"{path}: cannot read the rig file ({error.strerror}): check the path") from error
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        raise SettingsError(f"{path}: {error}: mend the rig file (docs/formats.md, Rig)") from error

@@ -1,0 +1,1 @@
+"""Sensed points to geometry: route, curvature, accumulated angle, pieces. Knows no tendon."""

@@ -1,0 +1,157 @@
+"""Constant-curvature pieces: what the tendon model needs to know of a route."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from tssgeom.arrays import Matrix, Vector, read_only
+from tssgeom.shape.curvature import CurvatureProfile, angle_covariance
+from tssgeom.shape.spline import Route
+
+_MAX_CELLS = 400  # cells on which joints may lie
+_TOLD_APART = 0.03  # of the greatest curvature: smaller steps are not worth a piece, however exact the points
+_PER_PIECE = 3.0  # parameters that one more piece brings: two of curvature, one joint
+
+
+@dataclass(frozen=True, slots=True)
+class Arcs:
+    """A route as pieces of constant curvature, proximal to distal; a straight piece has angle 0."""
+
+    length: Vector
+    """Arc length of each piece [m]."""
+    angle: Vector
+    """Accumulated curve angle of each piece, >= 0 [rad]."""
+    covariance: Matrix
+    """Covariance of all lengths followed by all angles, 2k by 2k [m, rad]."""
+    method: str
+    """Estimator behind the pieces: "spline", "arcs", or "exact" for given numbers."""
+
+    @classmethod
+    def exact(cls, length: Vector, angle: Vector) -> Arcs:
+        """Pieces that are known without error: lengths [m] and angles [rad]."""
+        length, angle = np.atleast_1d(length), np.atleast_1d(angle)
+        return cls(read_only(length), read_only(angle), read_only(np.zeros((2 * len(length),) * 2)), "exact")
+
+    @property
+    def kappa(self) -> Vector:
+        """Curvature of each piece [1/m]."""
+        return self.angle / self.length
+
+    @property
+    def s_start(self) -> Vector:
+        """Arc length at which each piece begins [m]."""
+        return np.concatenate(([0.0], np.cumsum(self.length)[:-1]))
+
+    @property
+    def total_length(self) -> float:
+        """Arc length of the whole route [m]."""
+        return math.fsum(self.length)
+
+    @property
+    def total_angle(self) -> float:
+        """Accumulated curve angle of the whole route, Φ [rad]."""
+        return math.fsum(self.angle)
+
+    @property
+    def total_angle_se(self) -> float:
+        """Standard error of the accumulated curve angle [rad]."""
+        k = len(self.length)
+        return math.sqrt(max(float(self.covariance[k:, k:].sum()), 0.0))
+
+
+def constant_curvature_pieces(route: Route, profile: CurvatureProfile) -> Arcs:
+    """Cut a fitted route into pieces of constant curvature that keep its length and angle.
+
+    The joints come from exact dynamic programming on the curvature vector in the parallel-transport
+    frame, their number from the Bayesian information criterion; docs/model.md (27).
+    """
+    joints = _joints(route)
+    length, angle = np.diff(profile.s[joints]), np.diff(profile.phi[joints])
+    _, spread = angle_covariance(route, joints)
+    k = len(length)
+    covariance = np.zeros((2 * k, 2 * k))
+    covariance[k:, k:] = spread + _shared_doubt(angle, profile.total_angle_se**2 - spread.sum())
+    return Arcs(read_only(length), read_only(angle), read_only(covariance), "spline")
+
+
+def _shared_doubt(angle: Vector, variance: float) -> Matrix:
+    """Spread a variance of the whole angle over the pieces in proportion to their angles."""
+    share = angle / max(angle.sum(), 1e-300)
+    return np.outer(share, share) * max(variance, 0.0)
+
+
+def _joints(route: Route) -> np.ndarray:
+    """Nodes at which the pieces meet, with both ends."""
+    nodes = np.unique(np.linspace(0, len(route.s) - 1, _MAX_CELLS + 1).round().astype(np.int64))
+    bend = parallel_components(route.tangent, route.curvature_vector)
+    step = np.diff(route.s)
+    middle = 0.5 * (bend[1:] + bend[:-1]) * step[:, None]
+    cell = np.diff(route.s[nodes])
+    mean = np.add.reduceat(middle, nodes[:-1]) / cell[:, None]
+    variance = np.add.reduceat(0.5 * (route.covariance[1:, 5] + route.covariance[:-1, 5]) * step, nodes[:-1])
+    variance += (_TOLD_APART * np.max(np.linalg.norm(bend, axis=1))) ** 2 * cell
+    # the errors are correlated: the whole route is worth as many values as the fit has parameters
+    weight = route.freedom * cell * cell / (route.s[-1] * np.maximum(variance, 1e-300))
+    penalty = _PER_PIECE * np.log(max(len(route.weight), 2.0))
+    return nodes[best_partition(mean, weight, penalty)]
+
+
+@njit(cache=True, nogil=True)
+def parallel_components(tangent: np.ndarray, vector: np.ndarray) -> np.ndarray:
+    """Components of a normal vector field in a frame carried along the tangents without twist, [n, 2]."""
+    t = tangent[0]
+    first = np.zeros(3)
+    first[np.argmin(np.abs(t))] = 1.0
+    first -= np.dot(first, t) * t
+    first /= np.linalg.norm(first)
+    second = np.cross(t, first)
+    out = np.empty((len(tangent), 2))
+    for i in range(len(tangent)):
+        if i > 0:
+            middle = (tangent[i - 1] + tangent[i]) / (1.0 + np.dot(tangent[i - 1], tangent[i]) + 1e-12)
+            first = first - np.dot(first, tangent[i]) * middle
+            second = second - np.dot(second, tangent[i]) * middle
+        out[i, 0], out[i, 1] = np.dot(vector[i], first), np.dot(vector[i], second)
+    return out
+
+
+@njit(cache=True, nogil=True)
+def best_partition(value: np.ndarray, weight: np.ndarray, penalty: float) -> np.ndarray:
+    """Cut a sequence into runs of constant value, exactly least in squared error plus `penalty` a run.
+
+    Parameters
+    ----------
+    value, weight
+        Sequence of vectors [n, 2] and their precisions [n].
+    penalty
+        Cost of each run.
+
+    Returns
+    -------
+    joints
+        Indices at which runs begin, and n at the end.
+    """
+    n = len(value)
+    mass, first, square = np.zeros(n + 1), np.zeros((n + 1, 2)), np.zeros(n + 1)
+    for i in range(n):
+        mass[i + 1] = mass[i] + weight[i]
+        first[i + 1] = first[i] + weight[i] * value[i]
+        square[i + 1] = square[i] + weight[i] * (value[i, 0] ** 2 + value[i, 1] ** 2)
+    cost, begin = np.zeros(n + 1), np.zeros(n + 1, dtype=np.int64)
+    cost[0] = -penalty
+    for j in range(1, n + 1):
+        cost[j] = np.inf
+        for i in range(j):
+            a, b = first[j, 0] - first[i, 0], first[j, 1] - first[i, 1]
+            within = square[j] - square[i] - (a * a + b * b) / (mass[j] - mass[i])
+            total = cost[i] + max(within, 0.0) + penalty
+            if total < cost[j]:
+                cost[j], begin[j] = total, i
+    joints = [n]
+    while joints[-1] > 0:
+        joints.append(begin[joints[-1]])
+    return np.array(joints[::-1])

@@ -1,0 +1,137 @@
+"""Sensed points, validated once: what may be fitted, what is refused, and what is worth a warning."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import KDTree
+
+from tssgeom.arrays import Points, Vector, read_only
+from tssgeom.errors import ShapeError
+
+MIN_POINTS = 4
+_MIN_TO_JUDGE_ORDER = 8
+_MAX_LEAPS = 20
+_NEIGHBOURS = 5  # so near in the sequence, points are near in space too
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """A sensed route that can be fitted, proximal to distal."""
+
+    points: Points
+    """Places that were seen, finite and distinct from their neighbours [m]."""
+    index: Vector
+    """Count of each point in the sensed sequence; a gap leaves a hole."""
+    stations: Vector | None
+    """Known arc length at each point, from the sensor [m]."""
+    warnings: tuple[str, ...]
+
+
+def clean(points: Points, stations: Vector | None = None) -> Shape:
+    """Check sensed points and drop what cannot be used.
+
+    Parameters
+    ----------
+    points
+        Places along the route; a row of NaN is a point that was not seen [m].
+    stations
+        Known arc length at each point, increasing [m].
+
+    Raises
+    ------
+    ShapeError
+        Fewer than four distinct points, infinite coordinates, no extent, stations that do not increase, or
+        points that are not in order along the route.
+    """
+    points = np.asarray(points, dtype=np.float64)
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise ShapeError(f"points have shape {points.shape}: give one row of x, y, z for each point")
+    if np.isinf(points).any():
+        row = int(np.argmax(np.isinf(points).any(axis=1)))
+        raise ShapeError(f"point {row} is infinite: leave a point that was not seen empty or NaN")
+    known = _checked_stations(points, stations)
+    seen = np.asarray(~np.isnan(points).any(axis=1))
+    if known is not None:
+        seen &= ~np.isnan(known)
+    warnings = _gap_warnings(seen)
+    index = np.flatnonzero(seen)
+    keep = _distinct(points[index])
+    if not keep.all():
+        warnings += (f"{int((~keep).sum())} repeated points merged",)
+    index = index[keep]
+    found = points[index]
+    _refuse_unusable(found, ordered=known is not None)
+    return Shape(
+        read_only(found),
+        read_only(index.astype(np.float64)),
+        None if known is None else read_only(known[index] - known[index[0]]),
+        warnings,
+    )
+
+
+def _checked_stations(points: Points, stations: Vector | None) -> Vector | None:
+    if stations is None:
+        return None
+    known = np.asarray(stations, dtype=np.float64)
+    if known.shape != (len(points),):
+        raise ShapeError(f"{known.size} stations for {len(points)} points: give one station for each point")
+    finite = known[np.isfinite(known)]
+    wrong = np.flatnonzero(np.diff(finite) < 0)
+    if wrong.size:
+        i = int(wrong[0])
+        raise ShapeError(
+            f"stations do not increase: {finite[i + 1]:g} m follows {finite[i]:g} m; "
+            "give arc length from the proximal end"
+        )
+    return known
+
+
+def _gap_warnings(seen: np.ndarray) -> tuple[str, ...]:
+    inside = np.flatnonzero(seen)
+    if not inside.size:
+        return ()
+    missing = int((~seen[inside[0] : inside[-1] + 1]).sum())
+    return (f"{missing} points not seen, bridged",) if missing else ()
+
+
+def _distinct(points: Points) -> np.ndarray:
+    """Mark each point that differs from the one before it."""
+    if not len(points):
+        return np.zeros(0, dtype=bool)
+    moved = np.any(np.diff(points, axis=0) != 0.0, axis=1)
+    return np.concatenate(([True], moved))
+
+
+def _refuse_unusable(points: Points, *, ordered: bool) -> None:
+    distinct = len(np.unique(points, axis=0))
+    if distinct < MIN_POINTS:
+        raise ShapeError(f"{distinct} distinct points: a route needs at least {MIN_POINTS}")
+    extent = float(np.linalg.norm(np.ptp(points, axis=0)))
+    if extent < 1e-6:
+        raise ShapeError(f"the points span {extent * 1e3:g} mm: check the unit of the coordinates")
+    if not ordered and _shuffled(points):
+        raise ShapeError(
+            "the points are not in order along the route: each lies far from the next although others are "
+            "near; sort them from the proximal to the distal end"
+        )
+
+
+def _shuffled(points: Points) -> bool:
+    """Whether the sequence wanders at random, or leaps away from a place that it visits at another time."""
+    if len(points) < _MIN_TO_JUDGE_ORDER:
+        return False
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    typical, spread = np.median(steps), np.median(np.linalg.norm(points - points.mean(axis=0), axis=1))
+    tree = KDTree(points)
+    nearest = np.median(tree.query(points, k=2)[0][:, 1])
+    if typical > 0.9 * spread and typical > 3 * nearest:
+        return True
+    leaps = np.flatnonzero(steps > max(10 * typical, 0.4 * spread))[:_MAX_LEAPS]
+    return any(_elsewhere(tree, points[j], j, 2 * typical) for i in leaps for j in (i, i + 1))
+
+
+def _elsewhere(tree: KDTree, point: Vector, index: int, radius: float) -> bool:
+    """Whether a point far off in the sequence lies within `radius` [m] of this one."""
+    return any(abs(other - index) > _NEIGHBOURS for other in tree.query_ball_point(point, radius))

@@ -1,0 +1,61 @@
+"""Stations along a route: feet of the points where no sensor tells them, and nodes in between."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from tssgeom.arrays import Points, Vector
+
+
+@njit(cache=True, nogil=True)
+def _isotonic(x: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """Nearest non-decreasing sequence to `x` in weighted least squares (pool adjacent violators)."""
+    n = len(x)
+    level, mass, count = np.empty(n), np.empty(n), np.empty(n, dtype=np.int64)
+    top = 0
+    for i in range(n):
+        level[top], mass[top], count[top] = x[i], weight[i], 1
+        while top > 0 and level[top - 1] > level[top]:
+            total = mass[top - 1] + mass[top]
+            level[top - 1] = (mass[top - 1] * level[top - 1] + mass[top] * level[top]) / total
+            mass[top - 1] = total
+            count[top - 1] += count[top]
+            top -= 1
+        top += 1
+    out, i = np.empty(n), 0
+    for block in range(top):
+        for _ in range(count[block]):
+            out[i] = level[block]
+            i += 1
+    return out
+
+
+def arc_length(u: Vector, speed: Vector) -> Vector:
+    """Arc length at each node of a curve with the given speed over its parameter `u`."""
+    steps = 0.5 * (speed[1:] + speed[:-1]) * np.diff(u)
+    return np.concatenate(([0.0], np.cumsum(steps)))
+
+
+def foot_stations(
+    u: Vector, position: Points, speed: Vector, tangent: Points, y: Points, weight: Vector
+) -> Vector:
+    """Arc length of the foot of each point on the curve, in the order of the points.
+
+    Parameters
+    ----------
+    u, position, speed, tangent
+        Parameter of the curve at each point, and the curve there [n], [n, 3].
+    y, weight
+        The points [n, 3] and their weights [n].
+    """
+    along = np.einsum("ij,ij->i", y - position, tangent)
+    feet = _isotonic(arc_length(u, speed) + along, np.maximum(weight, 1e-6))
+    return feet - feet[0]
+
+
+def insert_nodes(u: Vector, longest: float) -> tuple[Vector, np.ndarray]:
+    """Split every interval longer than `longest`; returns the nodes and which of them are the given ones."""
+    parts = np.maximum(np.ceil(np.diff(u) / longest - 1e-9).astype(np.int64), 1)
+    where = np.concatenate(([0], np.cumsum(parts)))
+    return np.interp(np.arange(where[-1] + 1), where, u), where

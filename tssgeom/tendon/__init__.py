@@ -1,0 +1,1 @@
+"""Tension and elongation of the tendon on a route: geometry in, transmission out."""

@@ -1,0 +1,134 @@
+"""Tension along a tendon on a fixed route, after any history of the proximal tension.
+
+Friction bounds the slope of u = ln T over the accumulated curve angle φ by the coefficient μ. A change of
+the proximal tension therefore moves only the part next to the proximal end: a front of slope ∓μ runs in
+until it meets the old profile. This is a play operator, and the profile after any history is a short list
+of corners (φ, u). Sources: docs/model.md (2)-(5); paper Theorem 1, eqs. (6) and (7).
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from tssgeom.arrays import Matrix, Vector
+from tssgeom.errors import SettingsError
+from tssgeom.settings import Rig
+
+SLACK = -2000.0
+"""Stands for ln 0, so that every corner is finite: exp(−2000) is zero in float64 [1]."""
+RESOLUTION = 1e-12
+"""Differences of ln T that count as rounding and not as motion [1]."""
+MAX_CORNERS = 512
+"""Longest corner list; beyond it corners are dropped where they stand closest."""
+_FRICTIONLESS = 1e-100  # below this coefficient μφ is lost against any ln T, whatever the route
+
+
+@dataclass(frozen=True, slots=True)
+class TendonState:
+    """Tension along the tendon: ln T is linear between corners and constant after the last one.
+
+    The corners are kept over the accumulated curve angle and do not know where the route ends.
+    """
+
+    angle: Vector
+    """[c] Accumulated curve angle φ of the corners, the first 0, not decreasing [rad]."""
+    log_tension: Vector
+    """[c] ln T at the corners, T in N; `SLACK` where the tension is zero [1]."""
+    direction_index: int
+    """ζ: +1 where the tension was last raised, or never changed; −1 where it was last lowered."""
+
+
+def pretensioned(rig: Rig) -> TendonState:
+    """Return the tendon before its first pull: the rig's pretension all along."""
+    return _level(_log(rig.tendon.pretension_N), 1)
+
+
+def step(state: TendonState, tension_in: float, friction: float) -> TendonState:
+    """Move the proximal tension to `tension_in` and return the new tension along the tendon.
+
+    The step is exact for a drive that goes there monotonically, at any speed. An unchanged tension returns
+    the same state. One history uses one friction coefficient.
+
+    Parameters
+    ----------
+    state
+        Tension along the tendon before the step.
+    tension_in
+        New total tension at the proximal end [N].
+    friction
+        Coulomb coefficient μ between tendon and sheath [1].
+
+    Raises
+    ------
+    SettingsError
+        Where `tension_in` is negative or not finite.
+    """
+    if not 0.0 <= tension_in < math.inf:
+        raise SettingsError(
+            f"tension_in is {tension_in:g} N: a tendon only pulls; give a finite total tension >= 0 N"
+        )
+    drive = _log(tension_in)
+    change = drive - state.log_tension[0]
+    if abs(change) <= RESOLUTION:
+        return state
+    direction_index = 1 if change > 0 else -1
+    if tension_in == 0.0 or friction < _FRICTIONLESS:
+        return _level(drive, direction_index)
+    corners = _clipped(state.angle, state.log_tension, drive, friction, direction_index)
+    if corners.shape[1] > MAX_CORNERS:
+        corners = _thinned(corners)
+    return _state(corners, direction_index)
+
+
+def tension(state: TendonState, phi: Vector) -> Vector:
+    """Return the tension [N] at the accumulated curve angles `phi` [rad]."""
+    return np.exp(np.interp(phi, state.angle, state.log_tension))
+
+
+def _log(tension_in: float) -> float:
+    return math.log(tension_in) if tension_in > 0.0 else SLACK
+
+
+def _level(log_tension: float, direction_index: int) -> TendonState:
+    return _state(np.array([[0.0], [log_tension]]), direction_index)
+
+
+def _state(corners: Matrix, direction_index: int) -> TendonState:
+    corners.setflags(write=False)
+    return TendonState(corners[0], corners[1], direction_index)
+
+
+def _thinned(corners: Matrix) -> Matrix:
+    """Drop the inner corner whose neighbours stand closest together.
+
+    What stays is on the true profile, so the error in ln T is below μ/2 times that distance.
+    """
+    distance = corners[0, 2:] - corners[0, :-2]
+    return np.delete(corners, 1 + int(np.argmin(distance)), axis=1)
+
+
+@njit(cache=True, nogil=True)
+def _front(angle, log_tension, drive, friction, direction_index):
+    """Return how many corners the front wipes out, and the angle φ* where it meets the old profile."""
+    ahead = direction_index * (drive - log_tension[0])  # how far the front is past the old profile
+    for k in range(1, angle.size):
+        gap = direction_index * (drive - log_tension[k]) - friction * angle[k]
+        if gap <= -RESOLUTION:
+            return k, angle[k - 1] + (angle[k] - angle[k - 1]) * ahead / (ahead - gap)  # docs/model.md (4)
+        ahead = max(gap, 0.0)
+    return angle.size, angle[-1] + ahead / friction  # docs/model.md (4)
+
+
+@njit(cache=True, nogil=True)
+def _clipped(angle, log_tension, drive, friction, direction_index):
+    """Return the corners [2, c] of max(u, ln T − μφ) on a pull, min(u, ln T + μφ) on a release."""
+    wiped, meeting = _front(angle, log_tension, drive, friction, direction_index)
+    corners = np.empty((2, 2 + angle.size - wiped))
+    corners[0, 0], corners[1, 0] = 0.0, drive
+    corners[0, 1], corners[1, 1] = meeting, drive - direction_index * friction * meeting  # docs/model.md (3)
+    corners[0, 2:], corners[1, 2:] = angle[wiped:], log_tension[wiped:]
+    if wiped == angle.size:
+        corners[1, 1] = log_tension[-1]  # the constant rest keeps its tension to the last digit
+    return corners

@@ -1,0 +1,104 @@
+"""What a loaded tendon does on a route: tension at the far end, elongation, dead zone, with standard errors.
+
+Sources: docs/model.md (5)-(14); paper Theorem 2, eqs. (9)-(12).
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from tssgeom.arrays import Matrix, Vector, read_only
+from tssgeom.settings import Rig
+from tssgeom.shape.arcs import Arcs
+from tssgeom.tendon.pieces import means_on_pieces
+from tssgeom.tendon.profile import RESOLUTION, TendonState
+
+
+@dataclass(frozen=True, slots=True)
+class Transmission:
+    """Tension and elongation of a tendon on a route, at one instant."""
+
+    tension_in: float
+    """Total tension at the proximal end [N]."""
+    tension_out: float
+    """Total tension at the distal end [N]."""
+    elongation: float
+    """Elongation of the tendon inside the sheath, above the pretensioned state [m]."""
+    elongation_se: float
+    """Standard error of the elongation from that of the pieces [m]."""
+    tension_out_se: float
+    """Standard error of the distal tension from that of the pieces [N]."""
+    direction_index: int
+    """ζ: +1 pulling, −1 releasing."""
+    dead_zone: bool
+    """True where the distal end has not yet answered to the last change of the proximal tension."""
+    dead_zone_width: float
+    """How much further the proximal tension has to go, in the present direction, for an answer [N]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sensitivity:
+    """Exact derivatives with respect to the length and the angle of each piece."""
+
+    elongation_by_length: Vector
+    """[k] Derivative of the elongation with respect to each length [1]."""
+    elongation_by_angle: Vector
+    """[k] Derivative of the elongation with respect to each angle, later pieces moving on in φ [m/rad]."""
+    log_tension_out_by_angle: float
+    """Derivative of ln T at the distal end with respect to any one of the angles [1/rad]."""
+
+
+def transmit(state: TendonState, arcs: Arcs, rig: Rig) -> Transmission:
+    """Return tension, elongation and dead zone of a tendon in `state` on the route `arcs`."""
+    means, log_tension_out, slope_out = means_on_pieces(arcs.angle, state.angle, state.log_tension)
+    tension_out = math.exp(log_tension_out)  # docs/model.md (5)
+    excess = means[0] - rig.tendon.pretension_N
+    width = _dead_zone_width(state, log_tension_out, rig.friction.coefficient * float(arcs.angle.sum()))
+    derivatives = _sensitivity(means, slope_out, arcs.length, rig)
+    return Transmission(
+        tension_in=math.exp(state.log_tension[0]),
+        tension_out=tension_out,
+        elongation=rig.tendon.compliance_per_N * float(arcs.length @ excess),  # docs/model.md (9)
+        elongation_se=_elongation_se(derivatives, arcs.covariance),
+        tension_out_se=tension_out * abs(slope_out) * arcs.total_angle_se,  # docs/model.md (14)
+        direction_index=state.direction_index,
+        dead_zone=width > 0.0,
+        dead_zone_width=width,
+    )
+
+
+def sensitivity(state: TendonState, arcs: Arcs, rig: Rig) -> Sensitivity:
+    """Return how tension and elongation answer to each length and angle, the state held over φ.
+
+    At a corner of the profile the derivative is one-sided: towards larger angle.
+    """
+    means, _, slope_out = means_on_pieces(arcs.angle, state.angle, state.log_tension)
+    return _sensitivity(means, slope_out, arcs.length, rig)
+
+
+def _sensitivity(means: Matrix, slope_out: float, length: Vector, rig: Rig) -> Sensitivity:
+    level, drop, turn = means
+    shift = length * drop  # what each piece gains for an angle added anywhere before it
+    later = np.cumsum(shift[::-1])[::-1] - shift
+    by_length = rig.tendon.compliance_per_N * (level - rig.tendon.pretension_N)  # docs/model.md (10)
+    by_angle = rig.tendon.compliance_per_N * (length * turn + later)  # docs/model.md (11)
+    return Sensitivity(read_only(by_length), read_only(by_angle), slope_out)
+
+
+def _elongation_se(derivatives: Sensitivity, covariance: Matrix) -> float:
+    gradient = np.concatenate((derivatives.elongation_by_length, derivatives.elongation_by_angle))
+    return math.sqrt(max(float(gradient @ covariance @ gradient), 0.0))  # docs/model.md (13)
+
+
+def _dead_zone_width(state: TendonState, log_tension_out: float, reach: float) -> float:
+    """Return how far the proximal tension is from moving the distal end [N]; `reach` is μΦ."""
+    needed = log_tension_out + state.direction_index * reach  # docs/model.md (6)
+    ahead = state.direction_index * (needed - state.log_tension[0])
+    if ahead <= RESOLUTION:
+        return 0.0
+    return abs(_exp(needed) - _exp(state.log_tension[0]))
+
+
+def _exp(exponent: float) -> float:
+    return math.exp(min(exponent, 700.0))  # beyond it float64 ends: 1e304 N stands for out of reach
