@@ -10,7 +10,7 @@ from numba import njit
 from tssgeom.arrays import Matrix, Vector, read_only
 from tssgeom.shape.spline import Route
 
-_RECTIFIED = 0.25  # share of the Rician excess taken as one standard error; see docs/model.md (26)
+_RECTIFIED = 0.3  # share of the Rician excess taken as one standard error; see docs/model.md (26)
 
 
 @dataclass(frozen=True, slots=True)

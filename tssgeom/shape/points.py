@@ -12,6 +12,8 @@ from tssgeom.errors import ShapeError
 
 MIN_POINTS = 4
 _MIN_TO_JUDGE_ORDER = 8
+_LEAP = 5.0  # median steps to a point and back that make it an outlier
+_FAR_END = 12.0  # median steps from an end to its neighbour that make it an outlier
 _MAX_LEAPS = 20
 _NEIGHBOURS = 5  # so near in the sequence, points are near in space too
 
@@ -61,6 +63,11 @@ def clean(points: Points, stations: Vector | None = None) -> Shape:
     if not keep.all():
         warnings += (f"{int((~keep).sum())} repeated points merged",)
     index = index[keep]
+    stray = _far_off(points[index])
+    if stray.any():
+        named = ", ".join(str(i) for i in index[stray])
+        warnings += (f"{int(stray.sum())} outlying points left out (count from 0: {named})",)
+    index = index[~stray]
     found = points[index]
     _refuse_unusable(found, ordered=known is not None)
     return Shape(
@@ -104,6 +111,20 @@ def _distinct(points: Points) -> np.ndarray:
     return np.concatenate(([True], moved))
 
 
+def _far_off(points: Points) -> np.ndarray:
+    """Mark single points that the sequence leaps to and back from, and ends that stand far off."""
+    stray = np.zeros(len(points), dtype=bool)
+    if len(points) < _MIN_TO_JUDGE_ORDER:
+        return stray
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    across = np.linalg.norm(points[2:] - points[:-2], axis=1)
+    shorter = np.minimum(steps[1:], steps[:-1])
+    stray[1:-1] = (shorter > _LEAP * np.median(steps)) & (across < 0.5 * shorter)
+    for end, last, before in ((0, 0, 1), (-1, -1, -2)):
+        stray[end] = steps[last] > _FAR_END * np.median(steps) and steps[before] < _LEAP * np.median(steps)
+    return stray
+
+
 def _refuse_unusable(points: Points, *, ordered: bool) -> None:
     distinct = len(np.unique(points, axis=0))
     if distinct < MIN_POINTS:
@@ -129,6 +150,8 @@ def _shuffled(points: Points) -> bool:
     if typical > 0.9 * spread and typical > 3 * nearest:
         return True
     leaps = np.flatnonzero(steps > max(10 * typical, 0.4 * spread))[:_MAX_LEAPS]
+    if len(leaps) and np.linalg.norm(points[0] - points[-1]) < 2 * typical:
+        return True
     return any(_elsewhere(tree, points[j], j, 2 * typical) for i in leaps for j in (i, i + 1))
 
 

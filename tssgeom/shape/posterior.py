@@ -15,6 +15,8 @@ from tssgeom.shape.stations import foot_stations
 _PASSES = 4
 _ROUNDS = 8  # of looking for outliers
 _BEND_SHARE = 0.15  # of κh²: what a jump of curvature alone can move a point off its neighbours' curve
+_LAGS = (1, 2, 3)
+_EXACT = 1e-9  # of the spacing: rounding, not noise
 _UNEVEN = 2.0  # ln likelihood a point by which chord lengths must beat even spacing as first stations
 
 
@@ -75,9 +77,11 @@ def swings(problem: Problem, solution: Solution) -> float:
     e = np.zeros_like(problem.y)
     innovations(*problem[:6], solution.ratio, e)
     e = e[np.any(e != 0.0, axis=1)]
-    e = np.clip(e / np.sqrt(np.mean(e * e) + 1e-300), -3.0, 3.0)
-    power = np.sum(e * e) + 1e-300
-    return float(min(np.sum(e[lag:] * e[:-lag]) for lag in (1, 2, 3)) / power * np.sqrt(2.0 * len(e)))
+    if len(e) <= _LAGS[-1]:
+        return 0.0
+    e = np.clip(e / np.sqrt(np.mean(e * e)), -3.0, 3.0)
+    power = np.sum(e * e)
+    return float(min(np.sum(e[lag:] * e[:-lag]) for lag in _LAGS) / power * np.sqrt(2.0 * len(e)))
 
 
 def _first(shape: Shape, spacing: float, noise: float | None) -> tuple[Problem, Solution]:
@@ -147,7 +151,7 @@ def _stray_points(problem: Problem, solution: Solution) -> np.ndarray:
     free = np.maximum(1.0 - solution.covariance[:, 0] / solution.ratio, 1e-12)
     used = problem.weight > 0.0
     left_out, size = across / free, across / np.sqrt(free)
-    scale = max(float(np.median(size[used])) / 1.177, np.sqrt(problem.variance))
+    scale = max(float(np.median(size[used])) / 1.177, np.sqrt(problem.variance), _EXACT)
     step = np.gradient(problem.u)
     sharpest = float(np.max(np.linalg.norm(bend, axis=1)[used]))
     beyond_chance = size > scale * np.sqrt(16.0 + 2.0 * np.log(len(size)))

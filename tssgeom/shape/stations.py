@@ -7,6 +7,8 @@ from numba import njit
 
 from tssgeom.arrays import Points, Vector
 
+_LEAST_STEP = 1e-7  # of the mean spacing, between points whose feet coincide
+
 
 @njit(cache=True, nogil=True)
 def _isotonic(x: np.ndarray, weight: np.ndarray) -> np.ndarray:
@@ -51,7 +53,7 @@ def foot_stations(
     """
     along = np.einsum("ij,ij->i", y - position, tangent)
     feet = _isotonic(arc_length(u, speed) + along, np.maximum(weight, 1e-6))
-    return feet - feet[0]
+    return feet - feet[0] + _LEAST_STEP * np.arange(len(feet))
 
 
 def insert_nodes(u: Vector, longest: float) -> tuple[Vector, np.ndarray]:

@@ -1,0 +1,77 @@
+"""`tssgeom analyse`: one table, or JSON, of a few shapes."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from pipelines.console import say
+from pipelines.summary_table import show_summary
+from pipelines.work import Options, each_analysis, inputs_of, lumen_of
+from tssgeom.errors import SettingsError
+from tssgeom.io.atomic import replacing, write_text
+from tssgeom.io.results import Analysis, analysis_object, summary_row
+from tssgeom.tendon.profile import tension
+
+_SLENDERNESS = 150
+"""Length of a route over the radius of its tube, so that the tube looks well at any size."""
+
+
+def run(shapes: Sequence[Path], chosen: Options, *, out: Path | None, as_json: bool, quiet: bool) -> int:
+    """Analyse the shapes and return the exit status.
+
+    Raises
+    ------
+    SettingsError
+        Where a mesh is given but no folder for the picture it belongs to.
+    """
+    if chosen.lumen is not None and out is None:
+        raise SettingsError(f"--lumen {chosen.lumen}: the mesh is for the picture: give --out DIR too")
+    objects, rows = list[dict[str, Any]](), list[dict[str, Any]]()
+
+    def finish(analysis: Analysis) -> None:
+        objects.append(analysis_object(analysis))
+        rows.append(summary_row(analysis))
+        if out is not None:
+            draw(analysis, chosen, out)
+
+    found = list(inputs_of(shapes, besides=[] if out is None else [out]))
+    tally = each_analysis(found, chosen, finish, quiet=quiet or as_json)
+    one_file = len(shapes) == 1 and not shapes[0].is_dir()
+    if out is not None and objects:
+        write_text(out / "result.json", as_text(objects, one_file=one_file) + "\n")
+    if as_json and (objects or not one_file):
+        say(as_text(objects, one_file=one_file))
+    elif not quiet and objects:
+        show_summary(rows, chosen)
+    return tally.status
+
+
+def as_text(objects: Sequence[dict[str, Any]], *, one_file: bool) -> str:
+    """Return the objects as JSON: the object itself where one file was asked for, else a list."""
+    return json.dumps(objects[0] if one_file else objects, indent=1, ensure_ascii=False, allow_nan=False)
+
+
+def draw(analysis: Analysis, chosen: Options, out: Path) -> None:
+    """Write the Rerun recording of an input, and the tube of its last good frame.
+
+    Raises
+    ------
+    ShapeError, SourceError
+        Where the mesh around the route cannot be read or the disk refuses.
+    """
+    from tssgeom.view.mesh import tube
+    from tssgeom.view.rerun_log import write_recording
+
+    out.mkdir(parents=True, exist_ok=True)
+    lumen = lumen_of(analysis.source, analysis.unit, chosen)
+    write_recording(
+        out / f"{analysis.name}.rrd", analysis.name, analysis.results, timed=analysis.timed, lumen=lumen
+    )
+    last = analysis.results[-1]
+    radius = last.profile.length / _SLENDERNESS
+    mesh = tube(last.route.position, last.route.tangent, tension(last.state, last.profile.phi), radius)
+    with replacing(out / f"{analysis.name}.glb") as draft:
+        mesh.export(draft)

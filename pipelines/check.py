@@ -1,0 +1,156 @@
+"""`tssgeom check`: what a file holds, in which units, and what is wrong with it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pipelines.console import complain, say
+from pipelines.work import Refusal, guarded, inputs_of
+from tssgeom.errors import ShapeError
+from tssgeom.io.files import Recording, open_recording
+from tssgeom.io.meshes import ENDINGS, read_lumen
+from tssgeom.settings import read_rig
+from tssgeom.shape.points import clean
+from tssgeom.shape.spline import fit
+from tssgeom.stream import Frame, Rejected
+
+_MOST_FAULTS = 5
+_MEASURED = ("tension_in", "tension_out", "displacement_in", "elongation")
+
+
+def run(files: Sequence[Path], unit: str | None, *, as_json: bool) -> int:
+    """Check the files and return the exit status."""
+    reports = list[dict[str, Any]]()
+    for item in inputs_of(files):
+        report = item if isinstance(item, Refusal) else guarded(item, partial(checked, item, unit))
+        if isinstance(report, Refusal):
+            complain(report.reason)
+            report = {
+                "file": str(report.source),
+                "holds": "nothing that can be used",
+                "wrong": [report.reason],
+            }
+        elif not as_json:
+            say(_as_text(report))
+        reports.append(report)
+    if as_json:
+        say(json.dumps(reports, indent=1, ensure_ascii=False, allow_nan=False))
+    usable = [report for report in reports if report["holds"] != "nothing that can be used"]
+    return 2 if not usable else int(any(report["wrong"] for report in reports))
+
+
+def checked(path: Path, unit: str | None) -> dict[str, Any]:
+    """Tell what is in a file: a rig, a mesh, a shape or a recording.
+
+    Raises
+    ------
+    ShapeError, SourceError, SettingsError
+        Where the file as a whole cannot be used.
+    """
+    if path.suffix.lower() == ".toml":
+        rig = read_rig(path)
+        told = f"friction {rig.friction.coefficient:g}, compliance {rig.tendon.compliance_per_N:g} /N"
+        return {"file": str(path), "holds": "rig", "told": told, "wrong": []}
+    if path.suffix.lower() in ENDINGS:
+        mesh = read_lumen(path, unit or "mm")
+        size = " × ".join(f"{extent * 1e3:.1f}" for extent in mesh.extents)
+        told = f"{len(mesh.faces)} triangles, {size} mm if it is in {unit or 'mm'}; a mesh states no unit"
+        return {"file": str(path), "holds": "mesh", "told": told, "wrong": []}
+    return _checked_recording(open_recording(path, unit))
+
+
+@dataclass(slots=True)
+class _Findings:
+    """What the frames of a recording have in common, and what is wrong with some."""
+
+    counts: list[int] = field(default_factory=list)
+    times: list[float] = field(default_factory=list)
+    unseen: int = 0
+    measured: set[str] = field(default_factory=set)
+    stations: bool = False
+    wrong: list[str] = field(default_factory=list)
+    good: Frame | None = None
+    """The first frame that can be used."""
+
+    def look(self, seq: int, item: Frame | Rejected) -> None:
+        """Look at one frame."""
+        if isinstance(item, Rejected):
+            self.wrong.append(f"frame {seq}: {item.reason}")
+            return
+        self.counts.append(len(item.points))
+        self.times.append(item.time)
+        self.unseen += int(np.isnan(item.points).any(axis=1).sum())
+        self.measured |= {name for name in _MEASURED if getattr(item, name) is not None}
+        self.stations |= item.stations is not None
+        try:
+            clean(item.points, item.stations)
+        except ShapeError as error:
+            self.wrong.append(f"frame {seq}: {error}")
+        else:
+            self.good = self.good or item
+
+
+def _checked_recording(recording: Recording) -> dict[str, Any]:
+    findings = _Findings()
+    for seq, item in enumerate(recording.frames):
+        findings.look(seq, item)
+    if findings.good is None:
+        reason = findings.wrong[0].partition(": ")[2] if findings.wrong else "it holds no frame"
+        raise ShapeError(f"{recording.path}: {reason}")
+    report = {
+        "file": str(recording.path),
+        "holds": "recording" if recording.timed else "shape",
+        "kind": recording.kind,
+        "unit": recording.unit,
+        "frames": recording.frame_count,
+        "points": [min(findings.counts), max(findings.counts)],
+        "points_not_seen": findings.unseen,
+        "stations": findings.stations,
+        "measured": sorted(findings.measured),
+        "wrong": findings.wrong,
+    }
+    if recording.timed:
+        report["duration_s"] = max(findings.times) - min(findings.times)
+    return report | _sensed(findings.good, recording.warnings)
+
+
+def _sensed(frame: Frame, notes: Iterable[str]) -> dict[str, Any]:
+    """Tell length and noise of the first good frame."""
+    shape = clean(frame.points, frame.stations)
+    route = fit(shape)
+    return {
+        "length_m": float(route.s[-1]),
+        "noise_m": float(route.noise),
+        "warnings": [*notes, *shape.warnings],
+    }
+
+
+def _as_text(report: dict[str, Any]) -> str:
+    if "told" in report:
+        return f"{report['file']}: {report['holds']}, {report['told']}"
+    low, high = report["points"]
+    timed = f", {report['frames']} frames in {report['duration_s']:g} s" if "duration_s" in report else ""
+    lines = [
+        f"{report['file']}: {report['holds']} in {report['unit']} ({report['kind']}){timed}",
+        f"  points: {low if low == high else f'{low} to {high}'}{_unseen(report)}",
+        f"  length {report['length_m'] * 1e3:.1f} mm, noise {report['noise_m'] * 1e3:.2g} mm"
+        + (" (first good frame)" if timed else ""),
+        f"  stations: {'told' if report['stations'] else 'not told'}",
+        f"  measured: {', '.join(report['measured']) or 'nothing'}",
+        *(f"  warning: {warning}" for warning in report["warnings"]),
+        *(f"  wrong: {fault}" for fault in report["wrong"][:_MOST_FAULTS]),
+    ]
+    more = len(report["wrong"]) - _MOST_FAULTS
+    return "\n".join([*lines, f"  wrong: {more} more frames"] if more > 0 else lines)
+
+
+def _unseen(report: dict[str, Any]) -> str:
+    count = report["points_not_seen"]
+    return f", {count} not seen (gaps)" if count else ", no gaps"

@@ -1,0 +1,163 @@
+"""The console script `tssgeom`: options of every command, and one funnel for errors.
+
+What a command needs is imported when it runs, so that `--help` is quick.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from pipelines.version import tssgeom_version
+
+TENSION_IN = 15.0
+"""Tension at the proximal end where neither the file nor the user tells it [N]."""
+
+_INTERRUPTED = 130  # what shells and typer call the end by Ctrl-C
+
+app = typer.Typer(
+    name="tssgeom",
+    help="Tension and elongation of tendon-sheath transmissions on sensed three-dimensional routes.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+Inputs = Annotated[list[Path], typer.Argument(help="Files or folders of shapes and recordings.")]
+RigFile = Annotated[Path | None, typer.Option("--rig", help="Rig file (TOML); the paper's rig by default.")]
+TensionIn = Annotated[
+    float, typer.Option("--tension-in", min=0.0, help="Proximal tension for frames that bring none [N].")
+]
+Unit = Annotated[
+    Literal["mm", "m"] | None, typer.Option("--unit", help="Unit of files that state none in their header.")
+]
+Json = Annotated[bool, typer.Option("--json", help="Print JSON on stdout instead of a table.")]
+Quiet = Annotated[bool, typer.Option("--quiet", help="Print nothing on stdout and no progress.")]
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        typer.echo(f"tssgeom {tssgeom_version()}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    """Hold the options that come before a command."""
+
+
+@app.command()
+def analyse(
+    shapes: Inputs,
+    rig: RigFile = None,
+    tension_in: TensionIn = TENSION_IN,
+    unit: Unit = None,
+    json: Json = False,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Folder for result.json, .rrd and tube .glb.")
+    ] = None,
+    lumen: Annotated[
+        Path | None, typer.Option("--lumen", help="Mesh around the route; NAME_lumen.* beside it by default.")
+    ] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Tell length, angle, pieces, distal tension and elongation of each shape."""
+    from pipelines import analyse as command
+    from pipelines.work import options
+
+    chosen = options(rig, tension_in, unit, lumen)
+    raise typer.Exit(command.run(shapes, chosen, out=out, as_json=json, quiet=quiet))
+
+
+@app.command()
+def batch(
+    inputs: Inputs,
+    out: Annotated[Path, typer.Option("--out", help="Folder for tables, report and recordings.")],
+    rig: RigFile = None,
+    tension_in: TensionIn = TENSION_IN,
+    unit: Unit = None,
+    workers: Annotated[int, typer.Option("--workers", min=1, max=1, help="Processes; one for now.")] = 1,
+    fresh: Annotated[bool, typer.Option("--fresh", help="First remove an earlier batch from DIR.")] = False,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> None:
+    """Analyse every shape and recording in files and folders, and write tables, report and recordings."""
+    from pipelines import batch as command
+    from pipelines.work import options
+
+    chosen = options(rig, tension_in, unit, None)
+    raise typer.Exit(command.run(inputs, chosen, out=out, fresh=fresh, as_json=json, quiet=quiet))
+
+
+@app.command()
+def check(
+    files: Annotated[list[Path], typer.Argument(help="Shapes, recordings, meshes or rig files, or folders.")],
+    unit: Unit = None,
+    json: Json = False,
+) -> None:
+    """Say what a file holds, in which units, and what is wrong with it."""
+    from pipelines import check as command
+
+    raise typer.Exit(command.run(files, unit, as_json=json))
+
+
+@app.command()
+def samples(
+    out: Annotated[Path, typer.Option("--out", help="Folder to write to.")] = Path("sample_shapes"),
+) -> None:
+    """Write the sample shapes anew, bit for bit."""
+    from pipelines import samples as command
+
+    raise typer.Exit(command.run(out))
+
+
+@app.command()
+def view(
+    path: Annotated[Path, typer.Argument(help="What a command wrote: a recording, or a folder of results.")],
+    screenshot: Annotated[
+        Path | None, typer.Option("--screenshot", help="Write a PNG instead; works with no display.")
+    ] = None,
+    web: Annotated[bool, typer.Option("--web", help="Open in the web browser.")] = False,
+) -> None:
+    """Open the Rerun viewer on what a command wrote."""
+    from pipelines import view as command
+
+    raise typer.Exit(command.run(path, screenshot_to=screenshot, web=web))
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the console script; each error is one line on stderr, and the exit status says how it went."""
+    sys.exit(_status(arguments))
+
+
+def _status(arguments: Sequence[str] | None) -> int:
+    from tssgeom.errors import TssgeomError
+
+    try:
+        status = app(args=arguments, prog_name="tssgeom", standalone_mode=False) or 0
+    except typer.TyperException as error:
+        return _complain(f"{error.format_message().rstrip('.')}: see tssgeom --help", 2) if str(error) else 2
+    except TssgeomError as error:
+        return _complain(str(error), 2)
+    except KeyboardInterrupt:
+        status = _INTERRUPTED
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    if status == _INTERRUPTED:
+        return _complain("interrupted: the files that were finished are whole", status)
+    return status
+
+
+def _complain(text: str, status: int) -> int:
+    typer.echo("tssgeom: " + " ".join(text.split()), err=True)
+    return status

@@ -1,0 +1,65 @@
+"""The table of analyse and batch: a row for each input, in the units that people read."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from pipelines.console import show
+from pipelines.work import Options
+
+RADIANS, WARNINGS = "Φ ± s.e.\n[rad]", "warnings"
+COLUMNS = (
+    "shape",
+    "points",
+    "L\n[mm]",
+    "Φ ± s.e.\n[°]",
+    RADIANS,
+    "pieces",
+    "T_in\n[N]",
+    "T_out\n[N]",
+    "δ ± s.e.\n[mm]",
+    WARNINGS,
+)
+
+
+def show_summary(rows: Sequence[dict[str, Any]], chosen: Options) -> None:
+    """Print summary rows as a table, with the settings above and the warnings below.
+
+    A recording is told by the range over its frames; the standard errors are those of its last good frame.
+    """
+    notes = [f"{row['name']}: {warning}" for row in rows for warning in row["warnings"]]
+    show(_title(chosen), COLUMNS, [_cells(row) for row in rows], notes=notes, optional=(RADIANS, WARNINGS))
+
+
+def _title(chosen: Options) -> str:
+    rig = "the paper's rig" if chosen.rig_file is None else str(chosen.rig_file)
+    friction, compliance = chosen.rig.friction.coefficient, chosen.rig.tendon.compliance_per_N
+    return (
+        f"T_in = {chosen.tension_in:g} N where the file tells none; "
+        f"{rig}: μ = {friction:g}, ρ = {compliance:g} /N"
+    )
+
+
+def _cells(row: dict[str, Any]) -> tuple[str, ...]:
+    degrees = math.degrees(1.0)
+    times = f" × {row['frames'] - row['rejected']}" if row["timed"] else ""
+    return (
+        row["name"],
+        f"{row['points']}{times}",
+        _range(row, "length_m", 1e3, 1),
+        f"{_range(row, 'total_angle_rad', degrees, 1)} ± {row['total_angle_se_rad'] * degrees:.1f}",
+        f"{_range(row, 'total_angle_rad', 1.0, 3)} ± {row['total_angle_se_rad']:.3f}",
+        str(row["pieces"]),
+        _range(row, "tension_in_N", 1.0, 2),
+        _range(row, "tension_out_N", 1.0, 2),
+        f"{_range(row, 'elongation_m', 1e3, 3)} ± {row['elongation_se_m'] * 1e3:.3f}",
+        str(len(row["warnings"]) or ""),
+    )
+
+
+def _range(row: dict[str, Any], key: str, factor: float, digits: int) -> str:
+    quantity, _, unit = key.rpartition("_")
+    low, high = (f"{row[f'{quantity}_{end}_{unit}'] * factor:.{digits}f}" for end in ("min", "max"))
+    return low if low == high else f"{low}–{high}"

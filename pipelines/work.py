@@ -1,0 +1,217 @@
+"""What analyse, batch and check share: options, one input at a time, and what to do where one fails."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import TypeVar
+
+import trimesh
+
+from pipelines.console import complain, tracking
+from tssgeom.errors import SettingsError, ShapeError, TssgeomError
+from tssgeom.io.files import Recording, find_inputs, open_recording, output_names
+from tssgeom.io.meshes import lumen_beside, read_lumen
+from tssgeom.io.results import Analysis
+from tssgeom.settings import Rig, read_rig
+from tssgeom.stream import FrameResult, Rejected, process
+
+Done = TypeVar("Done")
+
+_MOST_FRAMES_TOLD = 5
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """What the user chose for a run."""
+
+    rig: Rig
+    rig_file: Path | None
+    tension_in: float
+    """Proximal tension for frames that bring none [N]."""
+    unit: str | None
+    lumen: Path | None
+
+
+@dataclass(frozen=True, slots=True)
+class Refusal:
+    """An input that could not be used."""
+
+    source: Path
+    reason: str
+    """One line that names the input."""
+
+
+def options(rig: Path | None, tension_in: float, unit: str | None, lumen: Path | None) -> Options:
+    """Check what the user chose.
+
+    Raises
+    ------
+    SettingsError
+        Where the rig file or the tension cannot be used.
+    """
+    if not math.isfinite(tension_in) or tension_in < 0:
+        raise SettingsError(f"--tension-in is {tension_in:g} N: give a finite tension >= 0 N")
+    return Options(Rig() if rig is None else read_rig(rig), rig, tension_in, unit, lumen)
+
+
+def inputs_of(paths: Iterable[Path], besides: Collection[Path] = ()) -> Iterator[Path | Refusal]:
+    """Yield each file in files and folders once, and a refusal for a folder without shapes."""
+    seen = set[Path]()
+    for path in paths:
+        found = guarded(path, partial(find_inputs, [path], besides))
+        for item in [found] if isinstance(found, Refusal) else found:
+            if isinstance(item, Refusal) or item.resolve() not in seen:
+                yield item
+            if isinstance(item, Path):
+                seen.add(item.resolve())
+
+
+def guarded(source: Path, work: Callable[[], Done]) -> Done | Refusal:
+    """Do the work for one input, so that whatever goes wrong stays with that input."""
+    try:
+        return work()
+    except TssgeomError as error:
+        return Refusal(source, _one_line(str(error)))
+    except Exception as error:  # a mistake of ours must not take the other inputs down
+        what = _one_line(f"{type(error).__name__}: {error}")
+        return Refusal(source, f"{source}: unexpected {what}: please report it with the file")
+
+
+def analysis_of(
+    name: str, path: Path, chosen: Options, step: Callable[[int], None] = lambda total: None
+) -> Analysis:
+    """Read and process one input.
+
+    Parameters
+    ----------
+    name
+        Name of its outputs.
+    path
+        The file.
+    chosen
+        Rig, tension and unit.
+    step
+        Called after each frame with the number of frames in the file.
+
+    Raises
+    ------
+    ShapeError, SourceError
+        Where the file cannot be used, or none of its frames.
+    """
+    recording = open_recording(path, chosen.unit)
+    items = list[FrameResult | Rejected]()
+    for item in process(recording.frames, chosen.rig, tension_in=chosen.tension_in):
+        items.append(item)
+        step(recording.frame_count)
+    return _useful(name, recording, items)
+
+
+def _useful(name: str, recording: Recording, items: list[FrameResult | Rejected]) -> Analysis:
+    analysis = Analysis(
+        name, recording.path, recording.unit, recording.kind, recording.timed, items, recording.warnings
+    )
+    if analysis.results:
+        return analysis
+    first = f"{analysis.rejected[0].reason}" if items else "it holds no frame"
+    where = f"none of {len(items)} frames can be used; the first: " if len(items) > 1 else ""
+    raise ShapeError(f"{recording.path}: {where}{first}")
+
+
+def lumen_of(path: Path, unit: str, chosen: Options) -> trimesh.Trimesh | None:
+    """Read the mesh around a shape: the one that was asked for, else the one beside it.
+
+    Raises
+    ------
+    ShapeError, SourceError
+        Where the mesh cannot be used.
+    """
+    mesh = chosen.lumen or lumen_beside(path)
+    return None if mesh is None else read_lumen(mesh, unit)
+
+
+def frame_refusals(analysis: Analysis) -> list[str]:
+    """Return a line for each frame that was rejected; of many, the first few and a count."""
+    rejected = analysis.rejected
+    lines = [
+        f"{analysis.source}: frame {item.seq}: {_one_line(item.reason)}"
+        for item in rejected[:_MOST_FRAMES_TOLD]
+    ]
+    more = len(rejected) - len(lines)
+    if more:
+        lines.append(f"{analysis.source}: {more} more frames rejected: see tssgeom check")
+    return lines
+
+
+@dataclass(slots=True)
+class Tally:
+    """What became of the inputs of a run."""
+
+    done: int = 0
+    frames_refused: int = 0
+    refusals: list[Refusal] = field(default_factory=list)
+
+    @property
+    def status(self) -> int:
+        """Exit status: 0 all done, 1 something was rejected and the rest done, 2 nothing done."""
+        if not self.done:
+            return 2
+        return 1 if self.refusals or self.frames_refused else 0
+
+    def refuse(self, refusal: Refusal) -> None:
+        """Count a refusal, and tell it."""
+        complain(refusal.reason)
+        self.refusals.append(refusal)
+
+
+def each_analysis(
+    found: Sequence[Path | Refusal], chosen: Options, finish: Callable[[Analysis], None], *, quiet: bool
+) -> Tally:
+    """Analyse input after input; what goes wrong is told, counted, and stays with its input.
+
+    Parameters
+    ----------
+    found
+        Files, and what was refused in finding them.
+    chosen
+        Rig, tension and unit.
+    finish
+        Called with each analysis; where it fails, the analysis counts as done and its failure is told.
+    quiet
+        Show no progress.
+    """
+    tally = Tally()
+    names = output_names([item for item in found if isinstance(item, Path)])
+    with tracking(len(found), quiet=quiet) as tracker:
+        for item in found:
+            if isinstance(item, Refusal):
+                tally.refuse(item)
+            else:
+                tracker.begin(names[item])
+                _count(
+                    tally,
+                    item,
+                    guarded(item, partial(analysis_of, names[item], item, chosen, tracker.frame)),
+                    finish,
+                )
+                tracker.end(str(item))
+    return tally
+
+
+def _count(tally: Tally, path: Path, outcome: Analysis | Refusal, finish: Callable[[Analysis], None]) -> None:
+    if isinstance(outcome, Refusal):
+        tally.refuse(outcome)
+        return
+    tally.done += 1
+    tally.frames_refused += len(outcome.rejected)
+    for line in frame_refusals(outcome):
+        complain(line)
+    if isinstance(failure := guarded(path, partial(finish, outcome)), Refusal):
+        tally.refuse(failure)
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.split())

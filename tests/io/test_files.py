@@ -1,0 +1,109 @@
+"""Which files are inputs, what their outputs are called, and that a write is whole or not at all."""
+
+from pathlib import Path
+
+import pytest
+
+from tssgeom.errors import SourceError
+from tssgeom.io.atomic import replacing, write_text
+from tssgeom.io.files import find_inputs, open_recording, output_names
+
+
+def touch(folder: Path, *names: str) -> None:
+    for name in names:
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.touch()
+
+
+def test_a_folder_gives_its_shapes_in_depth_and_in_order(tmp_path):
+    touch(tmp_path, "b.csv", "a.jsonl", "deep/er/c.NPZ", "d.parquet")
+    found = [path.relative_to(tmp_path).as_posix() for path in find_inputs([tmp_path])]
+    assert found == ["a.jsonl", "b.csv", "d.parquet", "deep/er/c.NPZ"]
+
+
+def test_what_is_no_shape_is_left_out(tmp_path):
+    touch(tmp_path, "a.csv", "README.md", "rig.toml", "a_lumen.ply", ".hidden.csv", ".git/b.csv", "notes.txt")
+    assert [path.name for path in find_inputs([tmp_path])] == ["a.csv"]
+
+
+def test_results_are_no_inputs(tmp_path):
+    touch(tmp_path, "a.csv", "old/run.json", "old/summary.parquet", "old/frames/a.parquet", "new/x.parquet")
+    assert [path.name for path in find_inputs([tmp_path], besides=[tmp_path / "new"])] == ["a.csv"]
+
+
+def test_each_file_is_found_once(tmp_path):
+    touch(tmp_path, "a.csv")
+    assert len(find_inputs([tmp_path, tmp_path / "a.csv", tmp_path / "." / "a.csv"])) == 1
+
+
+def test_a_folder_without_shapes_is_refused(tmp_path):
+    with pytest.raises(SourceError, match="no shape file in this folder"):
+        find_inputs([tmp_path])
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        ("missing.csv", "no such file: check the path"),
+        ("", "a folder, not a file"),
+        ("notes.txt", "no reader takes '.txt': use .csv"),
+        ("noending", "no reader takes 'a file without ending'"),
+    ],
+)
+def test_a_path_that_is_no_shape_file_is_refused(tmp_path, name, says):
+    touch(tmp_path, "notes.txt", "noending")
+    with pytest.raises(SourceError) as caught:
+        open_recording(tmp_path / name)
+    assert says in str(caught.value)
+
+
+def test_outputs_are_called_by_the_stem():
+    assert output_names([Path("a/one.csv"), Path("b/two.csv")]) == {
+        Path("a/one.csv"): "one",
+        Path("b/two.csv"): "two",
+    }
+
+
+@pytest.mark.parametrize(
+    ("paths", "names"),
+    [
+        (["a/one.csv", "a/one.npz"], ["one-csv", "one-npz"]),
+        (["a/one.csv", "b/One.csv"], ["a-one", "b-One"]),
+        (["a/one.csv", "a/one.npz", "b/one.csv"], ["a-one-csv", "a-one-npz", "b-one-csv"]),
+        (["x/a/one.csv", "y/a/one.csv"], ["a-one-csv", "a-one-csv-2"]),
+        (["a/one.csv", "a/one.npz", "b/one-csv.csv"], ["one-csv", "one-npz", "one-csv-2"]),
+    ],
+)
+def test_files_of_one_stem_are_told_apart(paths, names):
+    given = [Path(path) for path in paths]
+    assert list(output_names(given).values()) == names
+
+
+def test_a_write_replaces_the_file(tmp_path):
+    write_text(tmp_path / "new" / "a.json", "one")
+    write_text(tmp_path / "new" / "a.json", "two")
+    assert (tmp_path / "new" / "a.json").read_text() == "two"
+    assert [path.name for path in (tmp_path / "new").iterdir()] == ["a.json"]
+
+
+@pytest.mark.parametrize("interruption", [KeyboardInterrupt, ValueError, MemoryError])
+def test_an_interrupted_write_leaves_the_old_file(tmp_path, interruption):
+    path = tmp_path / "a.json"
+    path.write_text("old")
+
+    def write_half() -> None:
+        with replacing(path) as draft:
+            draft.write_text("half")
+            raise interruption
+
+    with pytest.raises(interruption):
+        write_half()
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_write_that_the_disk_refuses_is_one_line(tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(SourceError, match="cannot be written"):
+        write_text(tmp_path / "file" / "a.json", "text")

@@ -1,0 +1,157 @@
+"""JSON lines: frames decoded one at a time, each bad line rejected alone."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tssgeom.errors import ShapeError
+from tssgeom.io.files import Recording, open_recording
+from tssgeom.io.jsonl import LONGEST_LINE, frame_of
+from tssgeom.stream import Frame, Rejected
+
+POINTS = [[0, 0, 0], [1, 0, 0], [2, 1, 0], [3, 1, 1]]
+
+
+def line(time: float, **fields: object) -> str:
+    return json.dumps({"t": time, "points": POINTS, "unit": "mm"} | fields)
+
+
+def opened(folder: Path, *lines: str, unit: str | None = None) -> Recording:
+    path = folder / "run.jsonl"
+    path.write_text("\n".join(lines) + "\n")
+    return open_recording(path, unit)
+
+
+def reasons(recording: Recording) -> dict[int, str]:
+    return {item.seq: item.reason for item in recording.frames if isinstance(item, Rejected)}
+
+
+def test_every_field_arrives_in_si(tmp_path):
+    text = line(
+        12.345,
+        s=[0, 1, 2.5, 4],
+        tension_in_N=8.1,
+        tension_out_N=5.0,
+        displacement_in_m=0.002,
+        elongation_m=0.001,
+        id="a7",
+        colour="red",
+    )
+    (frame,) = opened(tmp_path, text).frames
+    assert isinstance(frame, Frame)
+    np.testing.assert_array_equal(frame.points, np.array(POINTS) / 1000)
+    np.testing.assert_array_equal(frame.stations, [0, 0.001, 0.0025, 0.004])
+    assert (frame.time, frame.tension_in, frame.tension_out) == (12.345, 8.1, 5.0)
+    assert (frame.displacement_in, frame.elongation, frame.id) == (0.002, 0.001, "a7")
+
+
+def test_a_file_knows_its_length_and_unit_before_it_is_read(tmp_path):
+    recording = opened(tmp_path, line(0), "broken", line(1))
+    assert (recording.frame_count, recording.unit, recording.kind, recording.timed) == (
+        3,
+        "mm",
+        "jsonl",
+        True,
+    )
+
+
+def test_one_line_without_time_is_a_static_shape(tmp_path):
+    recording = opened(tmp_path, json.dumps({"points": POINTS, "unit": "m"}))
+    assert not recording.timed
+    assert recording.warnings == ()
+
+
+def test_lines_without_time_are_counted_with_a_warning(tmp_path):
+    recording = opened(tmp_path, *[json.dumps({"points": POINTS, "unit": "m"})] * 3)
+    assert [item.time for item in recording.frames] == [0.0, 1.0, 2.0]
+    assert recording.warnings == ("no time: the frames are counted, one a second",)
+
+
+def test_null_is_a_point_that_was_not_seen(tmp_path):
+    points = [[0, 0, 0], None, [2, None, 0], [3, 1, 1]]
+    (frame,) = opened(tmp_path, line(0, points=points)).frames
+    assert isinstance(frame, Frame)
+    np.testing.assert_array_equal(
+        np.isnan(frame.points), np.array([[0] * 3, [1] * 3, [1] * 3, [0] * 3], dtype=bool)
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ('{"t":1,"points":[[1,2],[3,4]],"unit":"mm"}', "array` of length 3"),
+        ('{"t":1,"points":[[1,2,3],[3,4', "truncated"),
+        ('{"t":1,"points":[[1,2,NaN]],"unit":"mm"}', "null for a point not seen"),
+        ('{"t":1,"points":[[1,2,"3"]],"unit":"mm"}', "got `str`"),
+        ('{"t":1,"unit":"mm"}', "missing required field `points`"),
+        ('{"points":[[1,2,3]],"unit":"mm"}', 'the line has no time: write "t" in s'),
+        ('{"t":1,"points":[[1,2,3]]}', 'write "unit": "mm" or "unit": "m" in each line, or give --unit mm|m'),
+        ('{"t":1,"points":[[1,2,3]],"s":[1,2],"unit":"mm"}', "2 stations for 1 points"),
+        ('{"t":0,"points":[[1,2,3]],"unit":"mm"}', "time 0 s comes after 0 s"),
+        ("[1, 2]", "Expected `object`"),
+        ("hello", "one JSON object a line"),
+        ("{" + " " * LONGEST_LINE + "}", "longer than 1048576 bytes (1 MiB)"),
+    ],
+)
+def test_a_bad_line_rejects_its_frame_only(tmp_path, text, says):
+    recording = opened(tmp_path, line(0), text, line(2))
+    found = reasons(recording)
+    assert list(found) == [1]
+    assert says in found[1]
+    assert "\n" not in found[1]
+    assert [item.time for item in recording.frames if isinstance(item, Frame)] == [0.0, 2.0]
+
+
+def test_the_reason_names_the_line_of_the_file(tmp_path):
+    assert reasons(opened(tmp_path, line(0), "", "", "broken"))[1].startswith("line 4: ")
+
+
+def test_a_line_of_just_one_mebibyte_is_read(tmp_path):
+    text = line(1)
+    padded = text[:-1] + " " * (LONGEST_LINE - len(text)) + "}"
+    assert len(padded) == LONGEST_LINE
+    assert reasons(opened(tmp_path, line(0), padded)) == {}
+
+
+def test_lines_in_different_units_are_refused(tmp_path):
+    with pytest.raises(ShapeError, match="line 2: mixed units, m after mm"):
+        opened(tmp_path, line(0), line(1, unit="m"))
+
+
+def test_no_unit_is_refused_with_the_remedy(tmp_path):
+    with pytest.raises(ShapeError, match=r"no unit.*--unit mm\|m"):
+        opened(tmp_path, json.dumps({"t": 0, "points": POINTS}))
+
+
+def test_an_unknown_unit_is_refused(tmp_path):
+    with pytest.raises(ShapeError, match="the unit is 'inch': write mm or m"):
+        opened(tmp_path, line(0, unit="inch"))
+
+
+def test_unit_option_serves_lines_without_one_and_no_others(tmp_path):
+    (frame,) = opened(tmp_path, json.dumps({"t": 0, "points": POINTS}), unit="mm").frames
+    assert isinstance(frame, Frame)
+    np.testing.assert_array_equal(frame.points, np.array(POINTS) / 1000)
+    with pytest.raises(ShapeError, match="the file is in mm, --unit says m"):
+        opened(tmp_path, line(0), unit="m")
+
+
+@pytest.mark.parametrize("text", ["", "\n\n", "hello\nworld\n", "\x00\x01"])
+def test_a_file_without_any_frame_is_refused(tmp_path, text):
+    (tmp_path / "run.jsonl").write_text(text)
+    with pytest.raises(ShapeError, match=r"the file is empty|no line is a JSON object"):
+        open_recording(tmp_path / "run.jsonl")
+
+
+def test_frames_are_read_lazily_and_again(tmp_path):
+    recording = opened(tmp_path, *(line(k) for k in range(5)))
+    first = next(iter(recording.frames))
+    assert first.time == 0.0
+    assert [item.time for item in recording.frames] == [0.0, 1.0, 2.0, 3.0, 4.0]
+
+
+def test_one_line_decodes_for_a_stream_too():
+    frame = frame_of(line(3).encode(), None)
+    assert (frame.time, frame.points.shape) == (3.0, (4, 3))

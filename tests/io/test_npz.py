@@ -1,0 +1,104 @@
+"""NumPy archives of shapes and recordings."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tssgeom.errors import ShapeError, SourceError
+from tssgeom.io.files import Recording, open_recording
+from tssgeom.stream import Frame, Rejected
+
+POINTS = np.random.default_rng(2).normal(size=(3, 6, 3))
+
+
+def opened(folder: Path, given: str | None = None, **arrays: object) -> Recording:
+    np.savez(folder / "run.npz", **arrays)  # type: ignore[arg-type]
+    return open_recording(folder / "run.npz", given)
+
+
+def frames(recording: Recording) -> list[Frame]:
+    return [item for item in recording.frames if isinstance(item, Frame)]
+
+
+def test_a_recording_comes_back_in_si(tmp_path):
+    recording = opened(
+        tmp_path,
+        points=POINTS,
+        time_s=[0.0, 0.5, 1.0],
+        unit="mm",
+        tension_in_N=[1.0, np.nan, 3.0],
+        s=np.arange(6.0),
+    )
+    found = frames(recording)
+    assert (recording.unit, recording.kind, recording.timed, recording.frame_count) == ("mm", "npz", True, 3)
+    np.testing.assert_array_equal([frame.points for frame in found], POINTS / 1000)
+    assert [frame.time for frame in found] == [0.0, 0.5, 1.0]
+    assert [frame.tension_in for frame in found] == [1.0, None, 3.0]
+    assert found[2].stations is not None
+    np.testing.assert_array_equal(found[2].stations, np.arange(6) / 1000)
+
+
+def test_one_shape_is_static(tmp_path):
+    recording = opened(tmp_path, points=POINTS[0], unit="m")
+    assert not recording.timed
+    np.testing.assert_array_equal(frames(recording)[0].points, POINTS[0])
+
+
+def test_without_time_the_frames_are_counted_with_a_warning(tmp_path):
+    recording = opened(tmp_path, points=POINTS, unit="m")
+    assert [frame.time for frame in frames(recording)] == [0.0, 1.0, 2.0]
+    assert "no time" in recording.warnings[0]
+
+
+def test_a_coordinate_of_nan_makes_the_point_one_that_was_not_seen(tmp_path):
+    points = POINTS.copy()
+    points[0, 2, 1] = np.nan
+    frame = frames(opened(tmp_path, points=points, unit="m"))[0]
+    assert np.isnan(frame.points[2]).all()
+
+
+def test_a_frame_without_time_is_rejected_alone(tmp_path):
+    recording = opened(tmp_path, points=POINTS, time_s=[0.0, np.nan, 1.0], unit="m")
+    (rejected,) = [item for item in recording.frames if isinstance(item, Rejected)]
+    assert rejected.seq == 1
+    assert rejected.reason == "the time of the frame is nan s: give a finite time"
+
+
+def test_unit_rules_are_those_of_the_other_formats(tmp_path):
+    assert frames(opened(tmp_path, "mm", points=POINTS))[0].points[0, 0] == POINTS[0, 0, 0] / 1000
+    with pytest.raises(ShapeError, match=r"no unit.*--unit mm\|m"):
+        opened(tmp_path, points=POINTS)
+    with pytest.raises(ShapeError, match="--unit says m"):
+        opened(tmp_path, "m", points=POINTS, unit="mm")
+    with pytest.raises(ShapeError, match="'inch': write mm or m"):
+        opened(tmp_path, points=POINTS, unit="inch")
+
+
+@pytest.mark.parametrize(
+    ("arrays", "says"),
+    [
+        ({"route": POINTS}, "no array 'points'"),
+        ({"points": POINTS[..., :2]}, "points has the size (3, 6, 2)"),
+        ({"points": np.zeros((0, 6, 3))}, "points has the size (0, 6, 3)"),
+        ({"points": POINTS, "time_s": [0.0, 1.0]}, "time_s has the size (2,) for 3 frames"),
+        ({"points": POINTS, "s": np.zeros(5)}, "s has the size (5,)"),
+        ({"points": np.full((3, 6, 3), "a")}, "points holds no numbers"),
+    ],
+)
+def test_arrays_of_the_wrong_size_or_kind_are_refused(tmp_path, arrays, says):
+    with pytest.raises(ShapeError) as caught:
+        opened(tmp_path, unit="m", **arrays)
+    assert says in str(caught.value)
+
+
+def test_nothing_is_unpickled(tmp_path):
+    with pytest.raises(SourceError, match="cannot be read as NPZ"):
+        opened(tmp_path, points=np.array([{"a": 1}], dtype=object), unit="m")
+
+
+@pytest.mark.parametrize("content", [b"", b"PK\x03\x04 cut short", b"no archive at all"])
+def test_a_broken_archive_is_refused_in_one_line(tmp_path, content):
+    (tmp_path / "run.npz").write_bytes(content)
+    with pytest.raises(SourceError, match="cannot be read as NPZ"):
+        open_recording(tmp_path / "run.npz")

@@ -1,0 +1,157 @@
+"""`tssgeom analyse`: the JSON, the table, what is written, and every bad shape."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+import trimesh
+
+
+def half_circle(count: int = 40) -> np.ndarray:
+    angle = np.linspace(0.0, math.pi, count)
+    return 500 / math.pi * np.column_stack([np.cos(angle), np.sin(angle), np.zeros(count)])
+
+
+def test_half_circle_at_15_newton_gives_the_paper_s_numbers(run, half):
+    outcome = run("analyse", half, "--json")
+    told = json.loads(outcome.out)
+    assert outcome.status == 0
+    assert (told["shape"], told["points"]) == ("half", 40)
+    assert told["tension_in_N"] == pytest.approx(15.0)  # the default
+    assert told["tension_out_N"] / told["tension_in_N"] == pytest.approx(0.6341, abs=1e-4)
+    assert told["elongation_m"] == pytest.approx(1.9036e-3, abs=1e-7)
+    assert told["total_angle_rad"] == pytest.approx(math.pi, rel=1e-5)
+
+
+def test_several_shapes_are_a_list_and_one_folder_is_too(run, write_csv, tmp_path):
+    for name in ("a.csv", "b.csv"):
+        write_csv(f"in/{name}", half_circle())
+    by_name = json.loads(run("analyse", tmp_path / "in/a.csv", tmp_path / "in/b.csv", "--json").out)
+    by_folder = json.loads(run("analyse", tmp_path / "in", "--json").out)
+    assert [told["shape"] for told in by_name] == ["a", "b"]
+    assert by_folder == by_name
+
+
+def test_tension_and_rig_are_the_user_s(run, half, tmp_path):
+    (tmp_path / "rig.toml").write_text("[friction]\ncoefficient = 0.0\n")
+    told = json.loads(run("analyse", half, "--json", "--tension-in", "8", "--rig", tmp_path / "rig.toml").out)
+    assert told["tension_in_N"] == pytest.approx(8.0)
+    assert told["tension_out_N"] == pytest.approx(8.0)
+    assert told["elongation_m"] == pytest.approx(3.16e-4 * 8.0 * 0.5, rel=1e-6)
+
+
+def test_the_table_tells_the_numbers_and_the_tension_they_stand_for(run, half):
+    outcome = run("analyse", half)
+    assert "T_in = 15 N" in outcome.out
+    row = next(line for line in outcome.out.splitlines() if line.startswith(" half "))
+    for cell in ("40", "500.0", "180.0 ± 0.0", "3.142 ± 0.000", "15.00", "9.51", "1.904 ± 0.000"):
+        assert f" {cell} " in f"{row} "
+
+
+def test_quiet_leaves_stdout_empty(run, half):
+    assert run("analyse", half, "--quiet") == (0, "", [])
+
+
+def test_a_recording_remembers_the_pull_and_rejects_its_broken_line_only(run, recording):
+    outcome = run("analyse", recording, "--json")
+    told = json.loads(outcome.out)
+    assert outcome.status == 1
+    assert outcome.errors == [
+        f"tssgeom: {recording}: frame 2: line 3: Input data was truncated: "
+        "write one JSON object a line, null for a point not seen"
+    ]
+    assert (told["frames"], told["rejected"]) == (6, 1)
+    assert told["elongation_m"] == pytest.approx(1.7284e-3, rel=1e-3)  # docs/model.md: 15 N, then 10 N
+
+
+def test_out_writes_the_object_the_recording_and_the_tube(run, half, tmp_path):
+    outcome = run("analyse", half, "--json", "--out", tmp_path / "out")
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [
+        "half.glb",
+        "half.rrd",
+        "result.json",
+    ]
+    assert (tmp_path / "out/result.json").read_text() == outcome.out
+    tube = trimesh.load_mesh(tmp_path / "out/half.glb")
+    np.testing.assert_allclose(tube.extents[:2], [0.5 / math.pi * 2, 0.5 / math.pi], rtol=0.05)
+
+
+def test_a_lumen_that_cannot_be_read_is_told_and_the_numbers_stand(run, half, tmp_path):
+    (tmp_path / "half_lumen.ply").write_text("no mesh")
+    outcome = run("analyse", half, "--json", "--out", tmp_path / "out")
+    assert outcome.status == 1
+    assert "half_lumen.ply: cannot be read as a mesh" in outcome.errors[0]
+    assert json.loads(outcome.out)["shape"] == "half"
+
+
+GOOD = half_circle()
+SHUFFLED = GOOD[np.random.default_rng(3).permutation(len(GOOD))]
+
+
+def with_station(stations):
+    return np.column_stack([GOOD, stations])
+
+
+BAD = {
+    "three points": (GOOD[:3], "x_mm,y_mm,z_mm", "3 distinct points"),
+    "three distinct points": (GOOD[[0, 0, 1, 1, 2, 2]], "x_mm,y_mm,z_mm", "3 distinct points"),
+    "zero length": (np.tile(GOOD[0], (9, 1)), "x_mm,y_mm,z_mm", "1 distinct points"),
+    "infinite": (
+        np.where(np.arange(40)[:, None] == 5, np.inf, GOOD),
+        "x_mm,y_mm,z_mm",
+        "point 5 is infinite",
+    ),
+    "all missing": (GOOD * np.nan, "x_mm,y_mm,z_mm", "0 distinct points"),
+    "not in order": (SHUFFLED, "x_mm,y_mm,z_mm", "not in order"),
+    "no unit": (GOOD, "x,y,z", "--unit mm|m"),
+    "mixed units": (GOOD, "x_mm,y_mm,z_m", "mixed units"),
+    "stations": (with_station(np.arange(40)[::-1]), "x_mm,y_mm,z_mm,s_mm", "stations do not increase"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_a_bad_shape_is_refused_in_one_line_with_the_file_and_the_reason(run, write_csv, case):
+    points, header, says = BAD[case]
+    path = write_csv("bad.csv", points, header)
+    outcome = run("analyse", path, "--json")
+    (error,) = outcome.errors
+    assert (outcome.status, outcome.out) == (2, "")
+    assert error.startswith(f"tssgeom: {path}: ")
+    assert says in error
+
+
+def test_a_bad_shape_does_not_take_the_others_down(run, write_csv, half, tmp_path):
+    bad = write_csv("bad.csv", GOOD[:3])
+    outcome = run("analyse", bad, half, tmp_path / "missing.csv", "--json")
+    assert outcome.status == 1
+    assert [told["shape"] for told in json.loads(outcome.out)] == ["half"]
+    assert len(outcome.errors) == 2
+
+
+GAP = GOOD.copy()
+GAP[15:18] = np.nan
+OUTLIER = GOOD + np.random.default_rng(4).normal(scale=0.2, size=GOOD.shape)
+OUTLIER[22] += [0.0, 0.0, 20.0]
+
+DOUBTFUL = {
+    "repeated points": (GOOD[np.repeat(np.arange(40), 2)], "merged"),
+    "a gap": (GAP, "3 points not seen"),
+    "one outlier": (OUTLIER, "1 outlying point"),
+}
+
+
+@pytest.mark.parametrize("case", DOUBTFUL)
+def test_a_doubtful_shape_is_used_with_a_warning(run, write_csv, case):
+    points, says = DOUBTFUL[case]
+    told = json.loads(run("analyse", write_csv("doubt.csv", points), "--json").out)
+    assert any(says in warning for warning in told["warnings"])
+    assert told["total_angle_rad"] == pytest.approx(math.pi, rel=0.02)
+
+
+def test_a_recording_whose_frames_are_all_bad_is_refused(run, write_csv):
+    rows = np.column_stack([np.repeat([0.0, 1.0], 3), np.tile(GOOD[:3], (2, 1))])
+    outcome = run("analyse", write_csv("bad.csv", rows, "time_s,x_mm,y_mm,z_mm"))
+    (error,) = outcome.errors
+    assert outcome.status == 2
+    assert "none of 2 frames can be used; the first: 3 distinct points" in error

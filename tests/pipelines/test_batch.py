@@ -1,0 +1,128 @@
+"""`tssgeom batch`: what is written, what is rejected, and what an interruption leaves."""
+
+import json
+import math
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as papq
+import pytest
+
+
+def half_circle(count: int = 30) -> np.ndarray:
+    angle = np.linspace(0.0, math.pi, count)
+    return 500 / math.pi * np.column_stack([np.cos(angle), np.sin(angle), np.zeros(count)])
+
+
+def files_in(folder: Path) -> list[str]:
+    return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
+
+
+@pytest.fixture
+def inputs(write_csv, recording, tmp_path) -> Path:
+    """A folder with a shape, a recording with a broken line, a bad shape, and things that are no shapes."""
+    folder = write_csv("in/half.csv", half_circle()).parent
+    recording.rename(folder / "pull.jsonl")
+    write_csv("in/bad.csv", half_circle()[:3])
+    (folder / "README.md").write_text("no shape")
+    (folder / "rig.toml").write_text("[friction]\ncoefficient = 0.2\n")
+    return folder
+
+
+def test_every_result_is_written_and_what_is_bad_is_rejected(run, inputs, tmp_path):
+    out = tmp_path / "out"
+    outcome = run("batch", inputs, "--out", out)
+    assert outcome.status == 1
+    assert [error.partition(": ")[2].partition(": ")[0] for error in outcome.errors] == [
+        str(inputs / "bad.csv"),
+        str(inputs / "pull.jsonl"),
+    ]
+    assert files_in(out) == [
+        *("frames/half.parquet", "frames/pull.parquet", "recordings/half.rrd", "recordings/pull.rrd"),
+        *("report.html", "run.json", "summary.parquet"),
+    ]
+    summary = papq.read_table(out / "summary.parquet").to_pylist()
+    assert [(row["name"], row["frames"], row["rejected"]) for row in summary] == [
+        ("half", 1, 0),
+        ("pull", 6, 1),
+    ]
+    assert papq.read_table(out / "frames/pull.parquet").num_rows == 6
+    record = json.loads((out / "run.json").read_text())
+    assert record["counts"] == {"inputs": 2, "inputs_rejected": 1, "frames": 7, "frames_rejected": 1}
+    assert "3 distinct points" in record["rejected"][0]["reason"]
+    assert {*record["files"], "run.json"} == set(files_in(out))
+    report = (out / "report.html").read_text()
+    assert all(word in report for word in ("half", "pull", "bad.csv"))
+
+
+def test_json_gives_the_objects_of_analyse(run, inputs, tmp_path):
+    by_batch = run("batch", inputs, "--out", tmp_path / "out", "--json").out
+    by_analyse = run("analyse", inputs, "--json").out
+    assert json.loads(by_batch) == json.loads(by_analyse)
+
+
+def test_results_are_not_read_as_inputs(run, inputs):
+    assert run("batch", inputs, "--out", inputs / "out", "--quiet").status == 1
+    again = run("batch", inputs, "--out", inputs / "out2", "--json")
+    assert [told["shape"] for told in json.loads(again.out)] == ["half", "pull"]
+
+
+def test_inputs_of_one_name_keep_their_own_outputs(run, write_csv, tmp_path):
+    write_csv("in/left/loop.csv", half_circle())
+    write_csv("in/right/loop.csv", 2 * half_circle())
+    assert run("batch", tmp_path / "in", "--out", tmp_path / "out", "--quiet").status == 0
+    lengths = {
+        name: papq.read_table(tmp_path / f"out/frames/{name}.parquet").to_pylist()[0]["length_m"]
+        for name in ("left-loop", "right-loop")
+    }
+    assert lengths == pytest.approx({"left-loop": 0.5, "right-loop": 1.0}, rel=1e-4)
+
+
+def test_nothing_done_is_status_2_and_writes_nothing(run, write_csv, tmp_path):
+    bad = write_csv("in/bad.csv", half_circle()[:3])
+    assert run("batch", bad, "--out", tmp_path / "out").status == 2
+    assert not (tmp_path / "out").exists()
+
+
+def test_fresh_removes_what_an_earlier_batch_left_and_nothing_else(run, write_csv, tmp_path):
+    out = tmp_path / "out"
+    run("batch", write_csv("old.csv", half_circle()), "--out", out, "--quiet")
+    (out / "mine.txt").touch()
+    new = write_csv("new.csv", half_circle())
+    assert run("batch", new, "--out", out, "--quiet").status == 0
+    assert "frames/old.parquet" in files_in(out)
+    run("batch", write_csv("old.csv", half_circle()), "--out", out, "--quiet")
+    assert run("batch", new, "--out", out, "--quiet", "--fresh").status == 0
+    assert "mine.txt" in files_in(out)
+    assert "frames/old.parquet" not in files_in(out)
+
+
+def test_an_out_folder_that_cannot_be_written_is_one_line(run, inputs, tmp_path):
+    (tmp_path / "out").touch()
+    outcome = run("batch", inputs / "half.csv", "--out", tmp_path / "out", "--quiet")
+    assert outcome.status in (1, 2)
+    assert "cannot be written" in outcome.errors[0]
+
+
+def test_an_interruption_leaves_whole_files_and_no_drafts(write_csv, tmp_path):
+    for number in range(200):
+        write_csv(f"in/s{number:03d}.csv", half_circle())
+    code = "from pipelines.cli import main; main()"
+    command = [sys.executable, "-c", code, "batch", str(tmp_path / "in"), "--out", str(tmp_path / "out")]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True) as batch:
+        assert batch.stderr is not None
+        assert batch.stderr.readline().startswith("[1/200]")
+        batch.send_signal(signal.SIGINT)
+        rest = batch.stderr.read()
+    assert batch.returncode == 130
+    assert rest.splitlines()[-1] == "tssgeom: interrupted: the files that were finished are whole"
+    assert "Traceback" not in rest
+    written = files_in(tmp_path / "out")
+    assert "frames/s000.parquet" in written
+    assert not any(Path(name).name.startswith(".") for name in written)
+    for name in written:
+        if name.endswith(".parquet"):
+            assert papq.read_table(tmp_path / "out" / name).num_rows == 1

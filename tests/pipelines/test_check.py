@@ -1,0 +1,73 @@
+"""`tssgeom check`: what a file holds, and what is wrong with it."""
+
+import json
+
+import numpy as np
+import pytest
+import trimesh
+
+
+def test_a_good_shape_is_told(run, half):
+    outcome = run("check", half)
+    assert (outcome.status, outcome.errors) == (0, [])
+    assert f"{half}: shape in mm (csv)" in outcome.out
+    assert "points: 40, no gaps" in outcome.out
+    assert "length 500.0 mm" in outcome.out
+
+
+def test_a_recording_is_told_with_the_frames_that_are_wrong(run, recording):
+    outcome = run("check", recording, "--json")
+    (told,) = json.loads(outcome.out)
+    assert outcome.status == 1
+    assert (told["holds"], told["unit"], told["frames"], told["points"]) == ("recording", "mm", 6, [12, 12])
+    assert (told["duration_s"], told["measured"], told["stations"]) == (4.0, ["tension_in"], False)
+    assert told["wrong"] == [
+        "frame 2: line 3: Input data was truncated: write one JSON object a line, null for a point not seen"
+    ]
+
+
+def test_gaps_and_stations_are_told(run, write_csv):
+    angle = np.linspace(0.0, 2.0, 15)
+    points = np.column_stack([np.cos(angle), np.sin(angle), 0 * angle, angle])
+    points[4, :3] = np.nan
+    (told,) = json.loads(run("check", write_csv("gap.csv", points, "x_m,y_m,z_m,s_m"), "--json").out)
+    assert (told["points_not_seen"], told["stations"]) == (1, True)
+
+
+def test_the_noise_of_the_points_is_estimated(run, write_csv):
+    x = np.linspace(0, 400, 200)
+    points = np.column_stack([x, 0.001 * x**2, 0 * x]) + np.random.default_rng(5).normal(
+        scale=0.3, size=(200, 3)
+    )
+    (told,) = json.loads(run("check", write_csv("noisy.csv", points), "--json").out)
+    assert told["noise_m"] == pytest.approx(0.3e-3, rel=0.2)  # 200 points tell it to 5 %; 20 % is 4 s.e.
+
+
+def test_a_column_that_is_not_read_is_told(run, write_csv):
+    points = np.column_stack([np.arange(6.0), np.arange(6.0) ** 2, np.zeros(6), np.ones(6)])
+    outcome = run("check", write_csv("a.csv", points, "x_mm,y_mm,z_mm,tension_in"))
+    assert "warning: column 'tension_in' is not read" in outcome.out
+
+
+def test_a_rig_and_a_mesh_are_told(run, tmp_path):
+    (tmp_path / "rig.toml").write_text("[friction]\ncoefficient = 0.2\n")
+    trimesh.creation.box(extents=(10, 20, 30)).export(tmp_path / "a_lumen.ply")
+    outcome = run("check", tmp_path / "rig.toml", tmp_path / "a_lumen.ply")
+    assert outcome.status == 0
+    assert "rig, friction 0.2" in outcome.out
+    assert "mesh, 12 triangles, 10.0 × 20.0 × 30.0 mm" in outcome.out
+
+
+def test_what_is_wrong_is_told_with_the_remedy_and_the_rest_is_checked(run, half, write_csv):
+    bare = write_csv("bare.csv", np.zeros((5, 3)), "x,y,z")
+    outcome = run("check", bare, half)
+    assert outcome.status == 1
+    assert outcome.errors[0].endswith("or give --unit mm|m")
+    assert "half.csv: shape in mm" in outcome.out
+
+
+def test_unit_option_is_heard(run, write_csv):
+    points = np.column_stack([np.arange(6.0), np.arange(6.0) ** 2, np.zeros(6)])
+    path = write_csv("bare.csv", points, "x,y,z")
+    assert run("check", path, "--unit", "m").status == 0
+    assert run("check", path).status == 2

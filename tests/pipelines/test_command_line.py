@@ -1,0 +1,97 @@
+"""The console script: help, usage errors, exit status, one line for each error."""
+
+import subprocess
+import sys
+
+import pytest
+
+
+def console(*arguments, **options) -> subprocess.CompletedProcess[str]:
+    code = "from pipelines.cli import main; main()"
+    return subprocess.run(
+        [sys.executable, "-c", code, *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        check=False,
+        **options,
+    )
+
+
+def test_help_names_every_command_and_imports_nothing_heavy():
+    code = (
+        "import sys\nfrom pipelines.cli import main\n"
+        "try: main(['--help'])\n"
+        "finally: print(sorted({'numpy', 'numba', 'scipy', 'rerun', 'pyarrow'} & set(sys.modules)))"
+    )
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert ended.returncode == 0
+    assert ended.stdout.rstrip().endswith("[]")
+    for command in ("analyse", "batch", "check", "samples", "view"):
+        assert f" {command} " in ended.stdout
+
+
+def test_version_is_told(run):
+    outcome = run("--version")
+    assert outcome.status == 0
+    assert outcome.out.startswith("tssgeom ")
+
+
+def test_help_of_analyse_tells_the_default_tension(run):
+    outcome = run("analyse", "--help")
+    assert outcome.status == 0
+    assert "15" in outcome.out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["no-such-command"], "no-such-command"),
+        (["analyse"], "Missing argument"),
+        (["analyse", "a.csv", "--unit", "inch"], "--unit"),
+        (["analyse", "a.csv", "--tension-in", "-1"], "--tension-in"),
+        (["analyse", "a.csv", "--tension-in", "nan"], "--tension-in"),
+        (["analyse", "a.csv", "--tension-in", "inf"], "finite"),
+        (["analyse", "a.csv", "--no-such-option"], "--no-such-option"),
+        (["analyse", "a.csv", "--rig", "missing.toml"], "missing.toml: cannot read the rig file"),
+        (["analyse", "a.csv", "--lumen", "a.ply"], "give --out DIR too"),
+        (["analyse", "missing.csv"], "missing.csv: no such file: check the path"),
+        (["batch", "a.csv"], "--out"),
+        (["check", "missing.csv"], "missing.csv: no such file"),
+        (["view", "missing"], "missing: no such file or folder"),
+    ],
+)
+def test_wrong_usage_is_one_line_and_status_2(run, arguments, says):
+    outcome = run(*arguments)
+    assert outcome.status == 2
+    assert len(outcome.errors) == 1
+    assert says in outcome.errors[0]
+
+
+def test_a_rig_with_an_unknown_key_is_refused_with_its_path(run, half, tmp_path):
+    (tmp_path / "rig.toml").write_text("[tendon]\nstiffness = 3\n")
+    outcome = run("analyse", half, "--rig", tmp_path / "rig.toml")
+    assert outcome.status == 2
+    assert "unknown field `stiffness` - at `$.tendon`" in outcome.errors[0]
+
+
+def test_an_empty_folder_is_refused(run, tmp_path):
+    outcome = run("analyse", tmp_path)
+    assert outcome.status == 2
+    assert "no shape file in this folder" in outcome.errors[0]
+
+
+def test_stdout_holds_only_json_and_stderr_no_traceback(half, tmp_path):
+    ended = console("analyse", half, tmp_path / "missing.csv", "--json")
+    assert ended.returncode == 1
+    assert ended.stdout.startswith("[")
+    assert ended.stderr.splitlines() == [f"tssgeom: {tmp_path / 'missing.csv'}: no such file: check the path"]
+
+
+def test_a_reader_that_stops_early_is_no_error(half):
+    code = "from pipelines.cli import main; main()"
+    command = f"{sys.executable} -c '{code}' check {half} | true"
+    ended = subprocess.run(
+        ["bash", "-o", "pipefail", "-c", command], capture_output=True, text=True, check=False
+    )
+    assert ended.returncode in (0, 1)
+    assert "Traceback" not in ended.stderr

@@ -1,0 +1,33 @@
+"""Shorthand from points to geometry."""
+
+import numpy as np
+import pytest
+
+from tssgeom.shape.arcs import Arcs, constant_curvature_pieces
+from tssgeom.shape.curvature import CurvatureProfile, curvature_profile
+from tssgeom.shape.points import clean
+from tssgeom.shape.spline import Route, fit
+from tssgeom.shape.synthetic import Course, places
+
+
+@pytest.fixture
+def sensed():
+    """Points of a course at even stations, with noise [m]."""
+
+    def make(course: Course, n: int, noise: float, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+        s = np.linspace(0.0, course.total_length, n)
+        return places(course, s) + noise * np.random.default_rng(seed).standard_normal((n, 3)), s
+
+    return make
+
+
+@pytest.fixture
+def geometry():
+    """Route, profile and pieces of sensed points."""
+
+    def make(points, stations=None, noise=None) -> tuple[Route, CurvatureProfile, Arcs]:
+        route = fit(clean(points, stations), noise)
+        profile = curvature_profile(route)
+        return route, profile, constant_curvature_pieces(route, profile)
+
+    return make

@@ -1,0 +1,125 @@
+"""Columns of a table of points: which are there, in which unit, and what each one means."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from tssgeom.errors import ShapeError
+from tssgeom.io.units import agreed_unit
+
+AXES = ("x", "y", "z")
+TIME, POINT = "time_s", "point"
+
+MEASURED = {
+    "tension_in_N": ("tension_in", 1.0),
+    "tension_out_N": ("tension_out", 1.0),
+    "displacement_in_m": ("displacement_in", 1.0),
+    "elongation_m": ("elongation", 1.0),
+    "elongation_mm": ("elongation", 1000.0),
+}
+"""Measured columns: the field of `Frame` that each one fills, and how many of its unit make one in SI."""
+
+_OF_RUNS = {"displacement_out_m", "temperature_C"}
+_LOOK_MEASURED = ("tension", "displacement", "elongation", "time")
+_EXPECTED = "the first line must be a header such as x_mm,y_mm,z_mm"
+
+
+@dataclass(frozen=True, slots=True)
+class Columns:
+    """The columns of one table that are read."""
+
+    unit: str
+    axes: tuple[str, str, str]
+    station: str | None
+    timed: bool
+    numbered: bool
+    """True where a column tells the number of each point."""
+    measured: tuple[str, ...]
+    warnings: tuple[str, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Every column that is read."""
+        numbers = ((TIME,) if self.timed else ()) + ((POINT,) if self.numbered else ())
+        station = (self.station,) if self.station else ()
+        return numbers + self.axes + station + self.measured
+
+
+def columns_of(path: Path, names: Sequence[str], given_unit: str | None) -> Columns:
+    """Recognise the columns of a table.
+
+    Raises
+    ------
+    ShapeError
+        Where a coordinate is missing or there twice, where units are missing or mixed, or where two
+        columns tell the same measurement.
+    """
+    twice = [name for name, count in Counter(names).items() if count > 1]
+    if twice:
+        raise ShapeError(f"{path}: column {twice[0]!r} is there twice: keep one")
+    axes = tuple(_only(path, names, axis) for axis in AXES)
+    stations = [name for name in names if _split(name)[0] == "s"]
+    station = _only(path, names, "s") if stations else None
+    unit = _one_unit(path, [*axes, *([station] if station else [])], given_unit)
+    measured = tuple(name for name in names if name in MEASURED)
+    if {"elongation_m", "elongation_mm"} <= set(measured):
+        raise ShapeError(f"{path}: columns elongation_m and elongation_mm are both there: keep one")
+    return Columns(
+        unit,
+        (axes[0], axes[1], axes[2]),
+        station,
+        TIME in names,
+        POINT in names,
+        measured,
+        _unread(names),
+    )
+
+
+def _split(name: str) -> tuple[str, str | None]:
+    """Split a column name into quantity and unit: "x_mm" into "x" and "mm"."""
+    quantity, bar, unit = name.partition("_")
+    return quantity, unit if bar else None
+
+
+def _only(path: Path, names: Sequence[str], quantity: str) -> str:
+    found = [name for name in names if _split(name)[0] == quantity and _split(name)[1] in {None, "m", "mm"}]
+    if len(found) > 1:
+        raise ShapeError(f"{path}: mixed units: columns {' and '.join(found)} are both there: keep one")
+    if not found:
+        raise ShapeError(f"{path}: no column {quantity}_mm or {quantity}_m in {_shown(names)}: {_EXPECTED}")
+    return found[0]
+
+
+def _one_unit(path: Path, names: Sequence[str], given: str | None) -> str:
+    found = {_split(name)[1] for name in names}
+    stated = found - {None}
+    if len(stated) > 1:
+        raise ShapeError(
+            f"{path}: mixed units in columns {', '.join(names)}: write all of them in mm or all in m"
+        )
+    if stated and None in found and given is None:
+        bare = next(name for name in names if _split(name)[1] is None)
+        raise ShapeError(
+            f"{path}: column {bare!r} has no unit: name it {bare}_{stated.pop()}, or give --unit mm|m"
+        )
+    return agreed_unit(
+        path, next(iter(stated), None), given, "name the columns x_mm,y_mm,z_mm or x_m,y_m,z_m"
+    )
+
+
+def _unread(names: Sequence[str]) -> tuple[str, ...]:
+    """Warn of columns that look like a measurement and are none that is known."""
+    known = {TIME, *MEASURED, *_OF_RUNS}
+    return tuple(
+        f"column {name!r} is not read: known are {', '.join(sorted(known))}"
+        for name in names
+        if name not in known and name.startswith(_LOOK_MEASURED)
+    )
+
+
+def _shown(names: Sequence[str]) -> str:
+    line = ",".join(names)
+    return repr(line if len(line) <= 60 else line[:57] + "...")

@@ -1,0 +1,202 @@
+"""JSON lines: one frame a line, decoded one at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO, NamedTuple
+
+import msgspec
+import numpy as np
+
+from tssgeom.arrays import read_only
+from tssgeom.errors import ShapeError, SourceError
+from tssgeom.io.recording import UNTIMED, Recording, in_order
+from tssgeom.io.units import PER_METRE, agreed_unit
+from tssgeom.stream import Frame, Rejected
+
+LONGEST_LINE = 1 << 20
+"""Bytes of the longest line that is decoded, 1 MiB."""
+
+_UNSEEN = (None, None, None)
+_STATE_UNIT = 'write "unit": "mm" or "unit": "m" in each line'
+
+Coordinates = tuple[float | None, float | None, float | None]
+
+
+class Line(msgspec.Struct, frozen=True):
+    """One line as it is written; fields that are not named here are passed over."""
+
+    points: list[Coordinates | None]
+    t: float | None = None
+    unit: str | None = None
+    s: list[float | None] | None = None
+    tension_in_N: float | None = None
+    tension_out_N: float | None = None
+    displacement_in_m: float | None = None
+    elongation_m: float | None = None
+    id: str | int | None = None
+
+
+class _Heading(msgspec.Struct, frozen=True):
+    """What a first pass over a file looks at."""
+
+    t: float | None = None
+    unit: str | None = None
+
+
+_line_decoder = msgspec.json.Decoder(Line)
+_heading_decoder = msgspec.json.Decoder(_Heading)
+
+
+def frame_of(text: bytes, unit: str | None, time: float | None = None) -> Frame:
+    """Decode one line.
+
+    Parameters
+    ----------
+    text
+        The line.
+    unit
+        Unit for a line that states none; a line that states another one is refused.
+    time
+        Time for a line that states none [s].
+
+    Raises
+    ------
+    ShapeError
+        Where the line is too long, is no JSON, lacks its points, unit or time, or is ragged.
+    """
+    if len(text) > LONGEST_LINE:
+        raise ShapeError(f"the line is longer than {LONGEST_LINE} bytes (1 MiB): send fewer points")
+    try:
+        line = _line_decoder.decode(text)
+    except msgspec.ValidationError as error:
+        raise ShapeError(f"{error}: write each point as [x,y,z], or null where it was not seen") from error
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        raise ShapeError(f"{error}: write one JSON object a line, null for a point not seen") from error
+    return _frame(line, unit, time)
+
+
+def _frame(line: Line, unit: str | None, time: float | None) -> Frame:
+    stated = line.unit or unit
+    if stated not in PER_METRE:
+        raise ShapeError(f"the unit is {stated!r}: {_STATE_UNIT}, or give --unit mm|m")
+    if unit is not None and stated != unit:
+        raise ShapeError(f"the line is in {stated}, --unit says {unit}: leave --unit out")
+    moment = line.t if line.t is not None else time
+    if moment is None:
+        raise ShapeError('the line has no time: write "t" in s')
+    per_metre = PER_METRE[stated]
+    points = np.array([point or _UNSEEN for point in line.points], dtype=np.float64).reshape(-1, 3)
+    points[np.isnan(points).any(axis=1)] = np.nan
+    return Frame(
+        read_only(points / per_metre),
+        moment,
+        _stations(line, per_metre),
+        line.tension_in_N,
+        line.tension_out_N,
+        line.displacement_in_m,
+        line.elongation_m,
+        "" if line.id is None else str(line.id),
+    )
+
+
+def _stations(line: Line, per_metre: float) -> np.ndarray | None:
+    if line.s is None:
+        return None
+    if len(line.s) != len(line.points):
+        raise ShapeError(f"{len(line.s)} stations for {len(line.points)} points: give one for each, or none")
+    return read_only(np.array(line.s, dtype=np.float64) / per_metre)
+
+
+@dataclass(frozen=True, slots=True)
+class JsonFrames:
+    """The frames of a file, read one at a time each time they are asked for."""
+
+    path: Path
+    unit: str | None
+    """Unit for lines that state none."""
+    counted: bool
+    """True where the lines tell no time and are counted instead."""
+
+    def __iter__(self) -> Iterator[Frame | Rejected]:
+        """Yield the frames in order."""
+        return in_order(self._frames())
+
+    def _frames(self) -> Iterator[Frame | Rejected]:
+        for seq, (number, text) in enumerate(_lines(self.path)):
+            try:
+                yield frame_of(text, self.unit, float(seq) if self.counted else None)
+            except ShapeError as error:
+                yield Rejected(seq, 0.0, f"line {number}: {error}")
+
+
+def open_jsonl(path: Path, unit: str | None) -> Recording:
+    """Open a file of JSON lines; a first pass finds its unit, its length and whether it has a clock.
+
+    Raises
+    ------
+    ShapeError
+        Where no line is a frame, or where the unit is missing or mixed.
+    SourceError
+        Where the file cannot be read.
+    """
+    survey = _survey(path)
+    agreed = agreed_unit(path, survey.unit, unit, _STATE_UNIT)
+    timed = survey.has_clock or survey.lines > 1
+    warnings = (UNTIMED,) if timed and not survey.has_clock else ()
+    frames = JsonFrames(path, unit, counted=not survey.has_clock)
+    return Recording(path.stem, path, agreed, "jsonl", timed, survey.lines, frames, warnings)
+
+
+class _Survey(NamedTuple):
+    lines: int
+    unit: str | None
+    has_clock: bool
+
+
+def _survey(path: Path) -> _Survey:
+    lines, unit, has_clock, readable = 0, None, False, False
+    for number, text in _lines(path):
+        lines += 1
+        if (heading := _heading(text)) is None:
+            continue
+        readable = True
+        has_clock |= heading.t is not None
+        if unit and heading.unit and heading.unit != unit:
+            raise ShapeError(
+                f"{path}: line {number}: mixed units, {heading.unit} after {unit}: write all in one"
+            )
+        unit = unit or heading.unit
+    if not readable:
+        what = "no line is a JSON object" if lines else "the file is empty"
+        raise ShapeError(f"{path}: {what}: write one frame a line (docs/formats.md)")
+    return _Survey(lines, unit, has_clock)
+
+
+def _heading(text: bytes) -> _Heading | None:
+    try:
+        return _heading_decoder.decode(text) if len(text) <= LONGEST_LINE else None
+    except (msgspec.DecodeError, UnicodeDecodeError):
+        return None
+
+
+def _lines(path: Path) -> Iterator[tuple[int, bytes]]:
+    """Yield number and text of each line that is not blank; of a line too long, just enough to tell."""
+    try:
+        with path.open("rb") as file:
+            number = 0
+            while text := file.readline(LONGEST_LINE + 1):
+                number += 1
+                if len(text) > LONGEST_LINE and not text.endswith(b"\n"):
+                    _skip_line(file)
+                if text.strip():
+                    yield number, text.rstrip(b"\r\n")
+    except OSError as error:
+        raise SourceError(f"{path}: cannot be read ({error.strerror}): check the path") from error
+
+
+def _skip_line(file: BinaryIO) -> None:
+    while (rest := file.readline(LONGEST_LINE)) and not rest.endswith(b"\n"):
+        pass

@@ -1,0 +1,152 @@
+"""Frames from a long-form table: a row for each point, the rows of one time being one frame."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tssgeom.arrays import Points, Vector, read_only
+from tssgeom.errors import ShapeError
+from tssgeom.io.columns import MEASURED, POINT, TIME
+from tssgeom.io.recording import Recording, in_order
+from tssgeom.io.tables import Table, read_csv, read_parquet
+from tssgeom.io.units import PER_METRE
+from tssgeom.stream import Frame, Rejected
+
+MOST_POINTS = 100_000
+"""The highest point number within a frame; beyond it the column is taken for something else."""
+
+Rows = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True)
+class LongFrames:
+    """The frames of a table, built one at a time each time they are asked for."""
+
+    table: Table
+    runs: tuple[Rows, ...]
+    """Rows of each frame."""
+    lowest: float
+    """The lowest point number of the file."""
+
+    def __iter__(self) -> Iterator[Frame | Rejected]:
+        """Yield the frames in order."""
+        return in_order(self._frame_or_reason(rows) for rows in self.runs)
+
+    def _frame_or_reason(self, rows: Rows) -> Frame | Rejected:
+        try:
+            return self._frame(rows)
+        except ShapeError as error:
+            return Rejected(0, self._time(rows), str(error))
+
+    def _frame(self, rows: Rows) -> Frame:
+        for row in rows if self.table.faults else ():
+            if row in self.table.faults:
+                raise ShapeError(self.table.faults[row])
+        columns = self.table.columns
+        if columns.timed and np.isnan(self.table.values[TIME][rows]).any():
+            missing = rows[np.isnan(self.table.values[TIME][rows])][0]
+            raise ShapeError(f"{self._where(missing)}: {TIME} is empty: write the time of the frame in s")
+        place = self._place_of_points(rows)
+        per_metre = PER_METRE[columns.unit]
+        points = np.column_stack([self.table.values[axis][rows] for axis in columns.axes]) / per_metre
+        points[np.isnan(points).any(axis=1)] = np.nan
+        stations = None
+        if columns.station:
+            stations = _spread(self.table.values[columns.station][rows] / per_metre, place)
+        return Frame(_spread(points, place), self._time(rows), stations, **self._measured(rows))
+
+    def _time(self, rows: Rows) -> float:
+        return float(self.table.values[TIME][rows[0]]) if self.table.columns.timed else 0.0
+
+    def _place_of_points(self, rows: Rows) -> Rows:
+        """Return the place of each row in its frame; numbers left out are points that were not seen."""
+        if not self.table.columns.numbered:
+            return np.arange(len(rows))
+        numbers = self.table.values[POINT][rows] - self.lowest
+        good = (numbers >= 0) & (numbers <= MOST_POINTS) & (numbers == np.floor(numbers))
+        if not good.all():
+            where = self._where(rows[int(np.argmin(good))])
+            raise ShapeError(f"{where}: point is no whole number from 0 to {MOST_POINTS}: number the points")
+        again = np.flatnonzero(np.diff(numbers) == 0)
+        if len(again):
+            where = self._where(rows[int(again[0]) + 1])
+            raise ShapeError(f"{where}: point {numbers[again[0]] + self.lowest:g} is there twice: keep one")
+        return numbers.astype(np.int64)
+
+    def _measured(self, rows: Rows) -> dict[str, Any]:
+        """Return what was measured with the frame, in SI; a column of empty cells was not measured."""
+        found: dict[str, Any] = {}
+        for name in self.table.columns.measured:
+            values = self.table.values[name][rows]
+            seen = values[~np.isnan(values)]
+            if len(seen) and (seen != seen[0]).any():
+                other = float(seen[seen != seen[0]][0])
+                raise ShapeError(
+                    f"{self._where(rows[0])}: {name} is {seen[0]:g} and {other:g} in one frame: give one"
+                )
+            if len(seen):
+                field, per_unit = MEASURED[name]
+                found[field] = float(seen[0]) / per_unit
+        return found
+
+    def _where(self, row: int) -> str:
+        return f"{self.table.place_name} {self.table.place[row]}"
+
+
+def open_csv(path: Path, unit: str | None) -> Recording:
+    """Open a comma-separated file; see `read_csv` for the errors."""
+    return _recording(path, "csv", read_csv(path, unit))
+
+
+def open_parquet(path: Path, unit: str | None) -> Recording:
+    """Open a Parquet file; see `read_parquet` for the errors."""
+    return _recording(path, "parquet", read_parquet(path, unit))
+
+
+def _recording(path: Path, kind: str, table: Table) -> Recording:
+    columns = table.columns
+    if table.faults and not columns.timed:
+        raise ShapeError(f"{path}: {next(iter(table.faults.values()))}{_more(len(table.faults) - 1)}")
+    numbers = table.values[POINT] if columns.numbered else np.zeros(0)
+    lowest = float(np.min(numbers[np.isfinite(numbers)], initial=np.inf))
+    frames = LongFrames(table, _runs(table), lowest)
+    return Recording(
+        path.stem, path, columns.unit, kind, columns.timed, len(frames.runs), frames, columns.warnings
+    )
+
+
+def _more(count: int) -> str:
+    return f" (and {count} more such lines)" if count else ""
+
+
+def _runs(table: Table) -> tuple[Rows, ...]:
+    """Return the rows of each frame: of one time each, sorted where the points are numbered."""
+    time = _filled(table.values[TIME]) if table.columns.timed else np.zeros(len(table))
+    order = np.arange(len(table))
+    if table.columns.numbered:
+        order = np.lexsort((table.values[POINT], time))
+    # NaN times left over (the first rows) differ from each other: one run is made of them.
+    step = np.nan_to_num(time[order], nan=-np.inf)
+    return tuple(np.split(order, np.flatnonzero(step[1:] != step[:-1]) + 1))
+
+
+def _filled(time: Vector) -> Vector:
+    """Give each row without a time the time of the row before it, so that its frame is told as one."""
+    known = np.where(np.isnan(time), -1, np.arange(len(time)))
+    latest = np.maximum.accumulate(known)
+    return np.where(latest < 0, np.nan, time[latest])
+
+
+def _spread(values: Points | Vector, place: Rows) -> Points | Vector:
+    """Put values at their places; places left out are NaN."""
+    if place[-1] == len(place) - 1:
+        return read_only(values)
+    spread = np.full((int(place[-1]) + 1, *values.shape[1:]), np.nan)
+    spread[place] = values
+    return read_only(spread)

@@ -1,0 +1,52 @@
+"""What every reader hands on: a recording, whose frames are read anew each time they are asked for."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from tssgeom.stream import Frame, Rejected
+
+UNTIMED = "no time: the frames are counted, one a second"
+"""Warning of a recording without a clock; the tendon does not depend on the rate."""
+
+
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """One file of sensed shapes, in SI."""
+
+    name: str
+    """Stem of the file."""
+    path: Path
+    unit: str
+    """Unit of length in the file, "m" or "mm"; the frames are in metres."""
+    kind: str
+    """Format: "csv", "jsonl", "npz" or "parquet"."""
+    timed: bool
+    """False for one static shape, True for frames with time."""
+    frame_count: int
+    """Number of frames, the rejected ones included."""
+    frames: Iterable[Frame | Rejected]
+    """Frames in order; a frame that cannot be read is a `Rejected` in its place."""
+    warnings: tuple[str, ...] = ()
+
+
+def in_order(items: Iterable[Frame | Rejected]) -> Iterator[Frame | Rejected]:
+    """Yield the items numbered from 0, a frame not later than the last good one as a `Rejected`."""
+    latest = -math.inf
+    for seq, item in enumerate(items):
+        if isinstance(item, Rejected):
+            yield replace(item, seq=seq)
+        elif latest < item.time < math.inf:
+            latest = item.time
+            yield item
+        else:
+            yield Rejected(seq, item.time, _late(item.time, latest), item.id)
+
+
+def _late(time: float, latest: float) -> str:
+    if not math.isfinite(time):
+        return f"the time of the frame is {time} s: give a finite time"
+    return f"time {time:g} s comes after {latest:g} s: put the frames in order, each once"

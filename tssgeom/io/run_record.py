@@ -1,0 +1,114 @@
+"""`run.json`: how results came about, and what an earlier run left in a folder."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from tssgeom.errors import SourceError
+from tssgeom.io.atomic import write_text
+from tssgeom.io.files import RESULTS_MARK
+from tssgeom.settings import Rig
+
+
+class Settings(msgspec.Struct, frozen=True, kw_only=True):
+    """What the user chose."""
+
+    tension_in_N: float
+    unit: str | None
+    rig_file: str | None
+    rig: Rig
+
+
+class Input(msgspec.Struct, frozen=True, kw_only=True):
+    """One input that was done."""
+
+    name: str
+    source: str
+    sha256: str
+    kind: str
+    unit: str
+    frames: int
+    rejected: int
+
+
+class Rejection(msgspec.Struct, frozen=True, kw_only=True):
+    """One input that was rejected, or what went wrong beside one that was done."""
+
+    source: str
+    reason: str
+
+
+class RunRecord(msgspec.Struct, frozen=True, kw_only=True):
+    """Everything in `run.json`."""
+
+    version: str
+    settings: Settings
+    inputs: Sequence[Input]
+    rejected: Sequence[Rejection]
+    files: Sequence[str]
+    """What the run wrote, relative to its folder."""
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Inputs and frames, done and rejected."""
+        return {
+            "inputs": len(self.inputs),
+            "inputs_rejected": len(self.rejected),
+            "frames": sum(item.frames for item in self.inputs),
+            "frames_rejected": sum(item.rejected for item in self.inputs),
+        }
+
+
+def write_run(folder: Path, record: RunRecord) -> None:
+    """Write `run.json`, whole or not at all.
+
+    Raises
+    ------
+    SourceError
+        Where the disk refuses.
+    """
+    content: dict[str, Any] = {**msgspec.to_builtins(record), "counts": record.counts}
+    text = msgspec.json.format(msgspec.json.encode(content), indent=2).decode()
+    write_text(folder / RESULTS_MARK, text + "\n")
+
+
+def remove_earlier_run(folder: Path) -> None:
+    """Remove the files that `run.json` of an earlier run lists, and `run.json` itself; nothing else.
+
+    Raises
+    ------
+    SourceError
+        Where there is a `run.json` that is no record of a run, or the disk refuses.
+    """
+    mark = folder / RESULTS_MARK
+    if not mark.exists():
+        return
+    try:
+        record = msgspec.json.decode(mark.read_bytes(), type=RunRecord)
+        for file in [*map(folder.joinpath, record.files), mark]:
+            if file.resolve().is_relative_to(folder.resolve()):
+                file.unlink(missing_ok=True)
+    except msgspec.MsgspecError as error:
+        raise SourceError(f"{mark}: no record of a run ({error}): remove it yourself") from error
+    except OSError as error:
+        raise SourceError(f"{folder}: cannot be cleared ({error.strerror}): check the folder") from error
+
+
+def sha256_of(path: Path) -> str:
+    """Return the SHA-256 of a file as hexadecimal digits.
+
+    Raises
+    ------
+    SourceError
+        Where the file cannot be read.
+    """
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise SourceError(f"{path}: cannot be read ({error.strerror}): check the path") from error

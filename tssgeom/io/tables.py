@@ -1,0 +1,193 @@
+"""CSV and Parquet files as columns of numbers, with the place of every cell that is none."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv as pacsv
+import pyarrow.parquet as papq
+from numpy.typing import NDArray
+
+from tssgeom.arrays import Vector
+from tssgeom.errors import ShapeError, SourceError
+from tssgeom.io.columns import Columns, columns_of
+
+_MISSING = ["", "nan", "NaN", "NAN", "null", "NA"]
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """Numbers of the columns that are read, in the file's units."""
+
+    columns: Columns
+    values: Mapping[str, Vector]
+    """A column each; NaN where a cell is empty or could not be read."""
+    place: NDArray[np.int64]
+    """Where each row stands in the file: line or row, from 1."""
+    place_name: str
+    """"line" or "row"."""
+    faults: Mapping[int, str]
+    """What is wrong with a row, by its index."""
+
+    def __len__(self) -> int:
+        return len(self.place)
+
+
+def read_csv(path: Path, given_unit: str | None) -> Table:
+    """Read a comma-separated file with a header.
+
+    A table that is clean is read by pyarrow; any other one line by line, to tell what is wrong where.
+
+    Raises
+    ------
+    ShapeError
+        Where the header is missing or unclear, or where there is no row.
+    SourceError
+        Where the file cannot be read.
+    """
+    raw = bytes_of(path)
+    names = _header(path, raw)
+    columns = columns_of(path, names, given_unit)
+    if b"\n\n" not in raw.rstrip() and b"\n\r\n" not in raw.rstrip():
+        try:
+            return _table(path, columns, _fast(raw, names, columns), "line", 2)
+        except pa.ArrowInvalid:
+            pass
+    return _slow(path, raw, names, columns)
+
+
+def read_parquet(path: Path, given_unit: str | None) -> Table:
+    """Read a Parquet file of the same columns.
+
+    Raises
+    ------
+    ShapeError
+        Where columns are missing or unclear or hold no numbers, or where there is no row.
+    SourceError
+        Where the file cannot be read.
+    """
+    try:
+        with papq.ParquetFile(path) as file:
+            columns = columns_of(path, file.schema_arrow.names, given_unit)
+            table = file.read(columns=list(columns.names))
+    except (OSError, pa.ArrowException) as error:
+        raise SourceError(
+            f"{path}: cannot be read as Parquet ({_first_line(error)}): write the file anew"
+        ) from error
+    try:
+        numbers = table.cast(pa.schema([(name, pa.float64()) for name in table.column_names]))
+    except pa.ArrowException as error:
+        raise ShapeError(
+            f"{path}: a column holds no numbers ({_first_line(error)}): write float64"
+        ) from error
+    return _table(path, columns, numbers, "row", 1)
+
+
+def bytes_of(path: Path) -> bytes:
+    """Return what a file holds.
+
+    Raises
+    ------
+    SourceError
+        Where the file cannot be read.
+    """
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise SourceError(f"{path}: cannot be read ({error.strerror}): check the path") from error
+
+
+def _header(path: Path, raw: bytes) -> list[str]:
+    first = raw.removeprefix(b"\xef\xbb\xbf").partition(b"\n")[0]
+    try:
+        line = first.decode().strip()
+    except UnicodeDecodeError as error:
+        raise ShapeError(f"{path}: line 1 is no UTF-8 text: save the table as plain CSV") from error
+    expected = "write a header such as x_mm,y_mm,z_mm, comma-separated"
+    if not line:
+        raise ShapeError(f"{path}: line 1 is empty: {expected}")
+    names = [name.strip().strip('"') for name in line.split(",")]
+    if any(_is_number(name) for name in names):
+        raise ShapeError(f"{path}: line 1 holds numbers, no header: {expected}")
+    for mark, word in ((";", "semicolons"), ("\t", "tabs"), (" ", "spaces")):
+        if len(names) == 1 and mark in line:
+            raise ShapeError(f"{path}: line 1 is separated by {word}: {expected}")
+    return names
+
+
+def _fast(raw: bytes, names: list[str], columns: Columns) -> pa.Table:
+    return pacsv.read_csv(
+        BytesIO(raw),
+        read_options=pacsv.ReadOptions(use_threads=False, skip_rows=1, column_names=names),
+        convert_options=pacsv.ConvertOptions(
+            column_types={name: pa.float64() for name in columns.names},
+            include_columns=list(columns.names),
+            null_values=_MISSING,
+        ),
+    )
+
+
+def _table(path: Path, columns: Columns, table: pa.Table, place_name: str, first: int) -> Table:
+    if len(table) == 0:
+        raise ShapeError(f"{path}: no row of points: write one row for each point")
+    values = {name: np.asarray(table[name].to_numpy(), dtype=np.float64) for name in columns.names}
+    return Table(columns, values, np.arange(first, first + len(table)), place_name, {})
+
+
+def _slow(path: Path, raw: bytes, names: list[str], columns: Columns) -> Table:
+    rows: list[list[float]] = []
+    places: list[int] = []
+    faults: dict[int, str] = {}
+    wanted = [names.index(name) for name in columns.names]
+    for line, text in enumerate(raw.decode("utf-8", errors="replace").splitlines()[1:], start=2):
+        if not text.strip():
+            continue
+        cells = _cells(text)
+        if len(cells) != len(names):
+            faults[len(rows)] = (
+                f"line {line}: {len(cells)} columns, the header has {len(names)}: mend the line"
+            )
+        numbers = [_number(cells[k]) if k < len(cells) else np.nan for k in wanted]
+        for name, k, number in zip(columns.names, wanted, numbers, strict=True):
+            if number is None:
+                faults.setdefault(
+                    len(rows), f"line {line}: {name} is {cells[k]!r}: write a number or leave it empty"
+                )
+        rows.append([np.nan if number is None else number for number in numbers])
+        places.append(line)
+    if not rows:
+        raise ShapeError(f"{path}: no row of points: write one row for each point")
+    values = dict(zip(columns.names, np.array(rows, dtype=np.float64).T, strict=True))
+    return Table(columns, values, np.array(places), "line", faults)
+
+
+def _cells(text: str) -> list[str]:
+    try:
+        return next(csv.reader([text]))
+    except csv.Error:
+        return [text]
+
+
+def _number(cell: str) -> float | None:
+    """Return the number in a cell: NaN for an empty one, None for one that is no number."""
+    text = cell.strip()
+    if text in _MISSING:
+        return np.nan
+    try:
+        return float(text)
+    except ValueError:
+        return None
+
+
+def _is_number(cell: str) -> bool:
+    return bool(cell) and _number(cell) is not None
+
+
+def _first_line(error: Exception) -> str:
+    return str(error).partition("\n")[0]
