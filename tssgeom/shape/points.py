@@ -12,8 +12,10 @@ from tssgeom.errors import ShapeError
 
 MIN_POINTS = 4
 _MIN_TO_JUDGE_ORDER = 8
-_LEAP = 5.0  # median steps to a point and back that make it an outlier
-_FAR_END = 12.0  # median steps from an end to its neighbour that make it an outlier
+_OFF = 10.0  # typical distances from the neighbours' curve, beyond which a point may be an outlier
+_END_OFF = 0.1  # spacings that the parabola of the last five points must be off before one is doubted
+_END_LEAP = 1.5  # spacings from an end to its neighbour that are too many
+_END_BETTER = 0.3  # what must be left of that without the outlier
 _MAX_LEAPS = 20
 _NEIGHBOURS = 5  # so near in the sequence, points are near in space too
 
@@ -112,17 +114,58 @@ def _distinct(points: Points) -> np.ndarray:
 
 
 def _far_off(points: Points) -> np.ndarray:
-    """Mark single points that the sequence leaps to and back from, and ends that stand far off."""
-    stray = np.zeros(len(points), dtype=bool)
-    if len(points) < _MIN_TO_JUDGE_ORDER:
-        return stray
-    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    across = np.linalg.norm(points[2:] - points[:-2], axis=1)
-    shorter = np.minimum(steps[1:], steps[:-1])
-    stray[1:-1] = (shorter > _LEAP * np.median(steps)) & (across < 0.5 * shorter)
-    for end, last, before in ((0, 0, 1), (-1, -1, -2)):
-        stray[end] = steps[last] > _FAR_END * np.median(steps) and steps[before] < _LEAP * np.median(steps)
-    return stray
+    """Mark points that stand off the curve through their neighbours by more than a spacing, worst first."""
+    kept = np.arange(len(points))
+    for _ in range(max(1, len(points) // 20)):
+        if len(kept) < _MIN_TO_JUDGE_ORDER:
+            break
+        p = points[kept]
+        spacing = float(np.median(np.linalg.norm(np.diff(p, axis=0), axis=1)))
+        worst = _worst_of_end(p, spacing)
+        if worst is None and (worst := _worst_of_end(p[::-1], spacing)) is not None:
+            worst = len(p) - 1 - worst
+        if worst is None and (worst := _worst_inside(p, spacing)) is None:
+            break
+        kept = np.delete(kept, worst)
+    return ~np.isin(np.arange(len(points)), kept)
+
+
+def _worst_inside(p: Points, spacing: float) -> int | None:
+    """Return the inner point farthest off the cubic through four neighbours, if it is off beyond doubt."""
+    off = p[2:-2] - (4 * (p[1:-3] + p[3:-1]) - p[:-4] - p[4:]) / 6
+    way = p[3:-1] - p[1:-3]
+    way /= np.linalg.norm(way, axis=1)[:, None] + 1e-300
+    size = np.linalg.norm(off - np.einsum("ij,ij->i", off, way)[:, None] * way, axis=1)
+    worst = int(np.argmax(size))
+    return worst + 2 if size[worst] > max(_OFF * np.median(size), spacing) else None
+
+
+def _worst_of_end(p: Points, spacing: float) -> int | None:
+    """Return which of the first three points keeps the others from lying on a parabola, if any does."""
+    whole = _off_parabola(p[:5])
+    typical = np.median([_off_parabola(p[i : i + 5]) for i in range(0, len(p) - 4, 1 + len(p) // 20)])
+    if _off_direction(p, spacing) > _OFF * typical:
+        return 0
+    if whole < max(_OFF * typical, _END_OFF * spacing):
+        return None
+    without = [_off_parabola(np.delete(p[:6], i, axis=0)) for i in range(3)]
+    return int(np.argmin(without)) if min(without) < _END_BETTER * whole else None
+
+
+def _off_direction(p: Points, spacing: float) -> float:
+    """Distance of the first point from the straight on from the next ones, where it leaps aside, else 0 [m]."""
+    leap, way = p[0] - p[1], p[1] - p[3]
+    size = float(np.linalg.norm(leap))
+    aside = float(np.linalg.norm(leap - size * way / (np.linalg.norm(way) + 1e-300)))
+    return aside if size > _END_LEAP * spacing and aside > 0.6 * size else 0.0
+
+
+def _off_parabola(p: Points) -> float:
+    """Root mean square distance of points from their parabola over chord length [m]."""
+    chord = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(p, axis=0), axis=1))))
+    basis = np.vander(chord / max(chord[-1], 1e-300), 3)
+    fit, *_ = np.linalg.lstsq(basis, p, rcond=None)
+    return float(np.sqrt(np.mean((p - basis @ fit) ** 2)))
 
 
 def _refuse_unusable(points: Points, *, ordered: bool) -> None:

@@ -14,7 +14,8 @@ from tssgeom.shape.stations import foot_stations
 
 _PASSES = 4
 _ROUNDS = 8  # of looking for outliers
-_BEND_SHARE = 0.15  # of κh²: what a jump of curvature alone can move a point off its neighbours' curve
+_BEND_SHARE = 0.3  # of κh²: what a jump of curvature alone can move a point off its neighbours' curve
+_END_SHARE = (2.0, 1.0)  # the same at the last points, which have neighbours on one side only
 _LAGS = (1, 2, 3)
 _EXACT = 1e-9  # of the spacing: rounding, not noise
 _UNEVEN = 2.0  # ln likelihood a point by which chord lengths must beat even spacing as first stations
@@ -154,8 +155,10 @@ def _stray_points(problem: Problem, solution: Solution) -> np.ndarray:
     scale = max(float(np.median(size[used])) / 1.177, np.sqrt(problem.variance), _EXACT)
     step = np.gradient(problem.u)
     sharpest = float(np.max(np.linalg.norm(bend, axis=1)[used]))
+    share = np.full(len(size), _BEND_SHARE)
+    share[:2], share[-2:] = _END_SHARE, _END_SHARE[::-1]
     beyond_chance = size > scale * np.sqrt(16.0 + 2.0 * np.log(len(size)))
-    stray = used & beyond_chance & (left_out > _BEND_SHARE * sharpest * step * step)
+    stray = used & beyond_chance & (left_out > share * sharpest * step * step)
     return stray & (size >= _windowed_maximum(np.where(used, size, 0.0)))
 
 
