@@ -10,6 +10,10 @@ from numba import njit
 from tssgeom.arrays import Matrix, Vector, read_only
 from tssgeom.shape.spline import Route
 
+_NATURAL_ENDS = (
+    1e-3  # relative error of an exact circle over the fourth power of its turn from point to point
+)
+_ROUNDING = 1e-8
 _RECTIFIED = 0.3  # share of the Rician excess taken as one standard error; see docs/model.md (26)
 
 
@@ -51,7 +55,7 @@ def curvature_profile(route: Route) -> CurvatureProfile:
     kappa = _without_noise(square, variance * _noise_share(route.freedom))
     phi = accumulated(route.s, kappa)
     spread, _ = angle_covariance(route, np.array([0, len(kappa) - 1]))
-    spread = spread + _end_variance(route, kappa) + (route.angle_doubt * phi) ** 2
+    spread = spread + _end_variance(route, kappa) + (_relative_doubt(route, phi) * phi) ** 2
     doubt = _RECTIFIED * accumulated(route.s, np.sqrt(square + variance) - np.sqrt(square))
     return CurvatureProfile(
         s=route.s,
@@ -66,6 +70,12 @@ def _end_variance(route: Route, kappa: Vector) -> Vector:
     """Variance from unknown stations of the ends: a point shifted along the route takes its angle along."""
     shift = route.noise**2 * (kappa[0] ** 2 + kappa**2) * (not route.stations_known)
     return np.where(route.s > 0.0, shift, 0.0)
+
+
+def _relative_doubt(route: Route, phi: Vector) -> float:
+    """Relative error of angles from errors that points share, and from the natural ends of a spline."""
+    turn = float(phi[-1]) / (len(route.weight) - 1)
+    return float(np.hypot(route.angle_doubt, _NATURAL_ENDS * turn**4 + _ROUNDING))
 
 
 def _noise_share(freedom: float) -> float:

@@ -153,7 +153,7 @@ def _worst_of_end(p: Points, spacing: float) -> int | None:
 
 
 def _off_direction(p: Points, spacing: float) -> float:
-    """Distance of the first point from the straight on from the next ones, where it leaps aside, else 0 [m]."""
+    """Distance of the first point from straight on from the next ones, where it leaps aside, else 0 [m]."""
     leap, way = p[0] - p[1], p[1] - p[3]
     size = float(np.linalg.norm(leap))
     aside = float(np.linalg.norm(leap - size * way / (np.linalg.norm(way) + 1e-300)))

@@ -1,0 +1,44 @@
+"""Tension and elongation of tendon-sheath transmissions on sensed three-dimensional routes."""
+
+from tssgeom.errors import FitError, SettingsError, ShapeError, SourceError, TssgeomError
+from tssgeom.settings import Rig, read_rig
+from tssgeom.shape.arcs import Arcs, constant_curvature_pieces
+from tssgeom.shape.curvature import CurvatureProfile, curvature_profile
+from tssgeom.shape.points import Shape, clean
+from tssgeom.shape.spline import Route, fit
+from tssgeom.stream import Frame, FrameResult, Rejected, process
+from tssgeom.tendon.profile import TendonState, pretensioned, step, tension
+from tssgeom.tendon.transmission import Transmission, transmit
+
+__all__ = [
+    # errors
+    "FitError",
+    "SettingsError",
+    "ShapeError",
+    "SourceError",
+    "TssgeomError",
+    # settings
+    "Rig",
+    "read_rig",
+    # sensed points to geometry
+    "Arcs",
+    "CurvatureProfile",
+    "Route",
+    "Shape",
+    "clean",
+    "constant_curvature_pieces",
+    "curvature_profile",
+    "fit",
+    # geometry to tension
+    "TendonState",
+    "Transmission",
+    "pretensioned",
+    "step",
+    "tension",
+    "transmit",
+    # the engine
+    "Frame",
+    "FrameResult",
+    "Rejected",
+    "process",
+]
