@@ -140,22 +140,29 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _status(arguments: Sequence[str] | None) -> int:
-    from tssgeom.errors import TssgeomError
-
     try:
         status = app(args=arguments, prog_name="tssgeom", standalone_mode=False) or 0
     except typer.TyperException as error:
         return _complain(f"{error.format_message().rstrip('.')}: see tssgeom --help", 2) if str(error) else 2
-    except TssgeomError as error:
-        return _complain(str(error), 2)
     except KeyboardInterrupt:
         status = _INTERRUPTED
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
+    except Exception as error:
+        return _foreseen(error)
     if status == _INTERRUPTED:
         return _complain("interrupted: the files that were finished are whole", status)
     return status
+
+
+def _foreseen(error: Exception) -> int:
+    """Tell an error that was raised on purpose; raise any other again."""
+    from tssgeom.errors import TssgeomError  # here, since it brings the whole package
+
+    if not isinstance(error, TssgeomError):
+        raise error
+    return _complain(str(error), 2)
 
 
 def _complain(text: str, status: int) -> int:
