@@ -1,0 +1,150 @@
+import dataclasses
+from collections import Counter
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+from tssgeom.errors import SourceError
+from tssgeom.settings import Rig
+from tssgeom.stream import FrameResult, Rejected
+from tssgeom.view.report import ReportEntry, write_report
+from tssgeom.view.report_section import section
+
+VOID = {"meta", "br", "link", "img", "input", "hr"}
+
+
+class Page(HTMLParser):
+    """Tags, attributes and text of a page; fails where tags do not match."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.tags: Counter[str] = Counter()
+        self.attributes: list[tuple[str, str, str]] = []
+        self.text = ""
+        self.open: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags[tag] += 1
+        self.attributes += [(tag, name, value or "") for name, value in attrs]
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.handle_starttag(tag, attrs)
+        self.handle_endtag(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.text += data
+
+    def values(self, attribute: str) -> list[str]:
+        return [value for _, name, value in self.attributes if name == attribute]
+
+
+@pytest.fixture(scope="module")
+def entries(still: list[FrameResult], moving: list[FrameResult]) -> list[ReportEntry]:
+    lost = [
+        Rejected(3, 0.1, "2 distinct points: a route needs 4"),
+        Rejected(5, 0.2, "2 distinct points: a route needs 4"),
+    ]
+    return [
+        ReportEntry.of("still", still, timed=False, recording="still.rrd"),
+        ReportEntry.of("moving run", moving, timed=True, rejected=lost, recording="moving run.rrd"),
+        ReportEntry.refused("bad <script>", "bad.csv: no unit: give --unit mm"),
+    ]
+
+
+@pytest.fixture(scope="module")
+def path(entries: list[ReportEntry], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("report") / "report.html"
+    write_report(path, entries, rig=Rig(), tension_in=15.0)
+    return path
+
+
+@pytest.fixture(scope="module")
+def page(path: Path) -> Page:
+    return Page(path.read_text("utf-8"))
+
+
+def test_page_loads_nothing_from_elsewhere(page: Page) -> None:
+    assert page.tags.keys().isdisjoint({"link", "img", "iframe", "object"})
+    assert page.values("src") == []
+    addresses = page.values("href") + page.values("xlink:href")
+    assert not [address for address in addresses if "//" in address]
+    assert "@import" not in page.text
+
+
+def test_tags_match_and_every_inner_link_has_its_place(page: Page) -> None:
+    assert page.open == []
+    ids = page.values("id")
+    links = [address[1:] for address in page.values("href") if address.startswith("#")]
+    assert set(links) <= set(ids)
+    assert {"input-0", "input-1"} <= set(ids)
+
+
+def test_each_input_has_a_row_and_each_good_one_its_figures(page: Page) -> None:
+    rows = [value for tag, name, value in page.attributes if tag == "td" and name == "data-value"]
+    assert len(rows) == 3 * 10
+    assert page.tags["section"] == 2
+    assert page.tags["svg"] == 3  # one of each shape and one more of the run
+
+
+def test_counts_and_rejections_come_first_and_give_the_reason(page: Page) -> None:
+    text = " ".join(page.text.split())
+    assert "1 shape and 1 recording were analysed, 8 frames in all." in text
+    assert "1 input and 2 single frames" in text
+    assert "moving run, 2 frames from frame 3: 2 distinct points" in text
+    assert "bad <script>: bad.csv: no unit" in text
+
+
+def test_numbers_in_the_table_are_those_of_the_results(page: Page, still: list[FrameResult]) -> None:
+    seen = still[0].transmission
+    assert f"{seen.tension_out:.2f}" in page.text
+    assert f"{1e3 * seen.elongation:.3f} ± {1e3 * seen.elongation_se:.3f}" in page.text
+
+
+def test_warnings_of_all_frames_are_counted_and_written_out(
+    page: Page, moving: list[FrameResult], still: list[FrameResult]
+) -> None:
+    assert f"⚠ {still[0].warnings[0]}" in page.text
+    warned = [
+        dataclasses.replace(result, warnings=("one point not seen, bridged",) if result.seq < 3 else ())
+        for result in moving
+    ]
+    entry = ReportEntry.of("warned", warned, timed=True)
+    assert entry.warnings == (("one point not seen, bridged", 3),)
+    assert "(3 of 7 frames)" in section(0, entry, warned[-1])
+
+
+def test_recordings_are_linked_by_their_relative_address(page: Page) -> None:
+    assert {"still.rrd", "moving%20run.rrd"} <= set(page.values("href"))
+
+
+def test_run_is_drawn_at_the_last_peak_of_its_tension(page: Page, entries: list[ReportEntry]) -> None:
+    shown = entries[1].shown
+    assert shown is not None
+    assert shown.transmission.tension_in == 12.0
+    assert f"at {shown.frame.time:.2f} s" in page.text
+
+
+def test_names_are_text_and_never_markup(path: Path) -> None:
+    assert "bad <script>" not in path.read_text("utf-8")
+
+
+def test_page_is_small(path: Path) -> None:
+    assert path.stat().st_size < 400_000
+
+
+def test_same_results_give_the_same_page(path: Path, entries: list[ReportEntry], tmp_path: Path) -> None:
+    again = tmp_path / "again.html"
+    write_report(again, entries, rig=Rig(), tension_in=15.0)
+    assert again.read_bytes() == path.read_bytes()
+
+
+def test_folder_that_is_not_there_is_an_error_with_its_path(tmp_path: Path) -> None:
+    with pytest.raises(SourceError, match=r"nowhere.*cannot write the report"):
+        write_report(tmp_path / "nowhere" / "report.html", [], rig=Rig(), tension_in=15.0)

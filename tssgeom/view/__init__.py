@@ -1,0 +1,1 @@
+"""Pictures of results: Rerun recordings, meshes and the report. Only this package draws."""

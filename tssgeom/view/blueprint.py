@@ -1,0 +1,106 @@
+"""What the Rerun viewer shows when it opens a recording: which views, where, and seen from which place."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import rerun.blueprint as rrb
+
+from tssgeom.view import colours
+from tssgeom.view.camera import Camera
+from tssgeom.view.chart import Box
+from tssgeom.view.columns import TIMELINE
+
+
+class ChartBoxes(NamedTuple):
+    """Sizes of both charts against arc length."""
+
+    tension: Box
+    curvature: Box
+
+
+def chart_boxes(*, timed: bool) -> ChartBoxes:
+    """Give sizes that fill the views of `blueprint`; a run leaves less height to each chart."""
+    if timed:
+        return ChartBoxes(Box(width=3.9, text=0.145), Box(width=4.7, text=0.18))
+    return ChartBoxes(Box(width=1.75, text=0.065), Box(width=1.75, text=0.065))
+
+
+def blueprint(name: str, camera: Camera, *, timed: bool) -> rrb.Blueprint:
+    """Lay out the views of a shape, or of a run with its series and its timeline."""
+    views = _run_layout(name, camera) if timed else _shape_layout(name, camera)
+    return rrb.Blueprint(
+        views,
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        _time_panel(timed),
+        auto_views=False,
+        auto_layout=False,
+    )
+
+
+def _time_panel(timed: bool) -> rrb.TimePanel:
+    if not timed:
+        return rrb.TimePanel(state="hidden")
+    return rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="paused", loop_mode="all")
+
+
+def _shape_layout(name: str, camera: Camera) -> rrb.Container:
+    left = rrb.Vertical(_space(name, camera), _words(), row_shares=[68, 32])
+    right = rrb.Vertical(*_charts(timed=False))
+    return rrb.Horizontal(left, right, column_shares=[6, 4])
+
+
+def _run_layout(name: str, camera: Camera) -> rrb.Container:
+    left = rrb.Vertical(_space(name, camera), _words(), row_shares=[66, 34])
+    right = rrb.Vertical(*_charts(timed=True), *_series(), row_shares=[26, 22, 20, 16, 16])
+    return rrb.Horizontal(left, right, column_shares=[58, 42])
+
+
+def _space(name: str, camera: Camera) -> rrb.Spatial3DView:
+    return rrb.Spatial3DView(
+        name=f"{name}: route coloured by tension [N], pieces with angle and radius",
+        contents=["route/**", "sensed/**", "joints/**", "labels/**", "lumen/**", "scale/**"],
+        background=rrb.Background(color=colours.BACKGROUND),
+        line_grid=False,
+        eye_controls=rrb.EyeControls3D(
+            kind="Orbital", position=camera.eye, look_target=camera.target, eye_up=camera.up
+        ),
+    )
+
+
+def _charts(*, timed: bool) -> tuple[rrb.Spatial2DView, rrb.Spatial2DView]:
+    boxes = chart_boxes(timed=timed)
+    return (
+        _chart("tension", "Tension T [N] against arc length s [mm]", boxes.tension),
+        _chart("curvature", "Curvature κ ± s.e. [1/m] and pieces against arc length s [mm]", boxes.curvature),
+    )
+
+
+def _chart(entity: str, title: str, box: Box) -> rrb.Spatial2DView:
+    return rrb.Spatial2DView(
+        origin=entity,
+        name=title,
+        background=rrb.Background(color=colours.BACKGROUND),
+        visual_bounds=rrb.VisualBounds2D(x_range=box.x_range, y_range=box.y_range),
+    )
+
+
+def _words() -> rrb.Container:
+    summary = rrb.TextDocumentView(origin="summary", name="What is seen")
+    table = rrb.TextDocumentView(origin="table", name="Pieces of constant curvature")
+    return rrb.Horizontal(summary, table, column_shares=[5, 6])
+
+
+def _series() -> list[rrb.TimeSeriesView]:
+    tensions = ["series/tension_in", "series/tension_out", "series/tension_out_measured"]
+    return [
+        _plot("Tension [N] against time [s]", tensions),
+        _plot("Elongation δ [mm] against time [s]", ["series/elongation", "series/elongation_measured"]),
+        _plot("Accumulated curve angle Φ [°] against time [s]", ["series/angle"]),
+    ]
+
+
+def _plot(title: str, contents: list[str]) -> rrb.TimeSeriesView:
+    legend = rrb.PlotLegend(corner=rrb.Corner2D.LeftTop)
+    return rrb.TimeSeriesView(name=title, contents=contents, plot_legend=legend, titlebar=False)

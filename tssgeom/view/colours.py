@@ -1,0 +1,65 @@
+"""One visual language: the colours of tension, of pieces and of lines, alike in every picture."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib import colormaps
+from numpy.typing import NDArray
+
+from tssgeom.arrays import Vector
+
+BACKGROUND = (17, 19, 24)
+WHITE = (255, 255, 255)
+AXIS = (120, 126, 138)
+SENSED = (205, 208, 214)
+OUTLIER = (255, 64, 64)
+LUMEN = (176, 120, 112)
+BAND = (78, 90, 116)
+GRID = (52, 56, 66)
+
+TENSION_IN = (253, 231, 37)
+TENSION_OUT = (53, 183, 121)
+MEASURED = (205, 208, 214)
+ELONGATION = (86, 180, 233)
+ANGLE = (230, 159, 0)
+
+PIECES = ((230, 159, 0), (86, 180, 233), (204, 121, 167), (240, 228, 66), (213, 94, 0), (0, 158, 115))
+"""Colours of neighbouring pieces: a selection of Okabe and Ito, told apart by colour-blind people."""
+
+_DARKEST = 0.15
+_SHIFTS = np.array([2.0**24, 2.0**16, 2.0**8])
+_TABLE = np.asarray(colormaps["viridis"](np.linspace(_DARKEST, 1.0, 256)))[:, :3]
+
+
+def tension_rgb(tension: Vector, top: float) -> NDArray[np.float64]:
+    """Colours of tensions: viridis without its darkest 15 %, from 0 N to `top`.
+
+    Parameters
+    ----------
+    tension
+        Any number of tensions [N].
+    top
+        Tension of the brightest colour [N].
+
+    Returns
+    -------
+    NDArray, shape (n, 3)
+        Red, green and blue from 0 to 1.
+    """
+    place = np.clip(np.asarray(tension, dtype=np.float64) / top, 0.0, 1.0)
+    return _TABLE[np.rint(place * (len(_TABLE) - 1)).astype(np.intp)]
+
+
+def tension_rgba32(tension: Vector, top: float) -> NDArray[np.uint32]:
+    """Give the same colours as opaque 0xRRGGBBAA numbers, one for each tension [N]."""
+    return (np.rint(255 * tension_rgb(tension, top)) @ _SHIFTS + 255).astype(np.uint32)
+
+
+def piece_rgb(piece: int) -> tuple[int, int, int]:
+    """Colour of the piece of this number, counted from 0."""
+    return PIECES[piece % len(PIECES)]
+
+
+def css(rgb: tuple[int, int, int]) -> str:
+    """Write a colour as `#rrggbb`."""
+    return "#{:02x}{:02x}{:02x}".format(*rgb)

@@ -1,0 +1,120 @@
+"""The row and the section of one input in the report, as HTML."""
+
+from __future__ import annotations
+
+import html
+import math
+import re
+from collections.abc import Sequence
+from urllib.parse import quote
+
+from tssgeom.stream import FrameResult
+from tssgeom.view import figures, words
+from tssgeom.view.drawn import drawn
+from tssgeom.view.report_entry import ReportEntry
+
+_MOST_WARNINGS = 5
+"""So many different warnings of one input are written out."""
+COLUMNS = (
+    "name",
+    "frames",
+    "L [mm]",
+    "Φ ± s.e. [°]",
+    "pieces",
+    "T_in [N]",
+    "T_out [N]",
+    "δ ± s.e. [mm]",
+    "noise [mm]",
+    "warnings",
+)
+
+
+def row(number: int, entry: ReportEntry) -> str:
+    """Write the row of the input of this number in the table of all."""
+    shown = entry.shown
+    if shown is None:
+        cells = [(entry.name, html.escape(entry.name)), *[("-1", "–")] * (len(COLUMNS) - 2)]
+        return _cells([*cells, (1e9, '<span class="warning">rejected</span>')])
+    seen, arcs = shown.transmission, shown.arcs
+    angle, angle_se = math.degrees(arcs.total_angle), math.degrees(arcs.total_angle_se)
+    return _cells(
+        [
+            (entry.name, f'<a href="#input-{number}">{html.escape(entry.name)}</a>'),
+            (entry.used, f"{entry.used}"),
+            (arcs.total_length, f"{1e3 * arcs.total_length:.1f}"),
+            (angle, f"{angle:.1f} ± {angle_se:.1f}"),
+            (len(arcs.length), f"{len(arcs.length)}"),
+            (seen.tension_in, f"{seen.tension_in:.2f}"),
+            (seen.tension_out, f"{seen.tension_out:.2f}"),
+            (seen.elongation, f"{1e3 * seen.elongation:.3f} ± {1e3 * seen.elongation_se:.3f}"),
+            (shown.route.noise, html.escape(words.noise(shown))),
+            (len(entry.warnings), _warning_count(entry)),
+        ]
+    )
+
+
+def _warning_count(entry: ReportEntry) -> str:
+    return f'<span class="warning">{len(entry.warnings)}</span>' if entry.warnings else "–"
+
+
+def _cells(cells: Sequence[tuple[object, str]]) -> str:
+    texts = (f'<td data-value="{html.escape(str(value))}">{text}</td>' for value, text in cells)
+    return f"<tr>{''.join(texts)}</tr>"
+
+
+def section(number: int, entry: ReportEntry, shown: FrameResult) -> str:
+    """Write the words, figures and pieces of the input of this number; `shown` is drawn."""
+    moment = (
+        f" at {shown.frame.time:.2f} s, the last of its highest peaks of T_in"
+        if entry.series is not None
+        else ""
+    )
+    parts = [
+        f'<section id="input-{number}">',
+        f'<h2>{html.escape(entry.name)}<span class="soft">{moment}</span></h2>',
+        *(_paragraph(sentence) for sentence in words.sentences(shown)),
+        *_warnings(entry),
+        figures.shape_figure(shown),
+        figures.run_figure(entry.series) if entry.series is not None else "",
+        _piece_table(shown),
+        _link(entry),
+        "</section>",
+    ]
+    return "\n".join(part for part in parts if part)
+
+
+def _paragraph(text: str) -> str:
+    """Turn a paragraph of our own markdown, in which only bold occurs, into HTML."""
+    return "<p>" + re.sub(r"\*\*(.+?)\*\*", r"<b>\1</b>", html.escape(text)) + "</p>"
+
+
+def _warnings(entry: ReportEntry) -> list[str]:
+    lines = [f"⚠ {text}{_share(entry, count)}" for text, count in entry.warnings[:_MOST_WARNINGS]]
+    if len(entry.warnings) > _MOST_WARNINGS:
+        lines.append(f"⚠ and {len(entry.warnings) - _MOST_WARNINGS} other warnings in single frames")
+    return [f'<p class="warning">{html.escape(line)}</p>' for line in lines]
+
+
+def _share(entry: ReportEntry, count: int) -> str:
+    return "" if entry.series is None else f" ({count} of {entry.used} frames)"
+
+
+def _piece_table(shown: FrameResult) -> str:
+    head, _, *rows = words.piece_table(shown.arcs, drawn(shown)).splitlines()
+    body = "".join(f"<tr>{_markdown_cells(row, 'td')}</tr>" for row in rows)
+    table = f"<table><thead><tr>{_markdown_cells(head, 'th')}</tr></thead><tbody>{body}</tbody></table>"
+    return f"<details><summary>Pieces of constant curvature</summary>{table}</details>"
+
+
+def _markdown_cells(row: str, tag: str) -> str:
+    return "".join(f"<{tag}>{html.escape(cell.strip())}</{tag}>" for cell in row.strip("|").split("|"))
+
+
+def _link(entry: ReportEntry) -> str:
+    if not entry.recording:
+        return ""
+    address = html.escape(entry.recording)
+    return (
+        f'<p class="soft">In three dimensions: <a href="{quote(entry.recording)}">{address}</a> '
+        f"(<code>tssgeom view {address}</code>)</p>"
+    )

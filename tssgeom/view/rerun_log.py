@@ -1,0 +1,97 @@
+"""Rerun recordings: the tension along a route, its pieces and all numbers, moved as one picture by time."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from uuid import uuid4
+
+import numpy as np
+import rerun as rr
+import trimesh
+from numpy.typing import NDArray
+
+from tssgeom.errors import SourceError
+from tssgeom.stream import FrameResult
+from tssgeom.view import words
+from tssgeom.view.blueprint import blueprint, chart_boxes
+from tssgeom.view.columns import Sender
+from tssgeom.view.rerun_charts import send_curvature_chart, send_tension_chart
+from tssgeom.view.rerun_series import send_series
+from tssgeom.view.rerun_space import send_space
+from tssgeom.view.run import Run, run_of
+
+
+def write_recording(
+    path: Path,
+    name: str,
+    results: Sequence[FrameResult],
+    *,
+    timed: bool,
+    lumen: trimesh.Trimesh | None = None,
+) -> None:
+    """Write a Rerun recording of one shape or of one run; an older file gives way only when it is done.
+
+    Parameters
+    ----------
+    path
+        The `.rrd` file.
+    name
+        Name of the shape or run, shown in the picture.
+    results
+        Results of the frames, in order of time; at least one.
+    timed
+        True: the frames are rows of the timeline `time` [s]. False: the last frame is shown without time.
+    lumen
+        Wall around the route [m].
+
+    Raises
+    ------
+    SourceError
+        Where there is no result to show or the file cannot be written.
+    """
+    if not results:
+        raise SourceError(f"{path}: no frame of {name} could be used, so there is nothing to show")
+    run = run_of(name, results if timed else results[-1:], timed)
+    unfinished = path.with_name(f".{path.name}.part")
+    try:
+        _write(unfinished, run, lumen)
+        os.replace(unfinished, path)
+    except OSError as error:
+        raise SourceError(f"{path}: cannot write the recording ({error}): check the folder") from error
+    finally:
+        unfinished.unlink(missing_ok=True)
+
+
+def _write(path: Path, run: Run, lumen: trimesh.Trimesh | None) -> None:
+    path.touch()
+    # The viewer keeps one layout for each application: a name of its own lets each file keep its camera.
+    with rr.RecordingStream(f"tssgeom: {run.name}", recording_id=uuid4()) as recording:
+        recording.save(path, default_blueprint=blueprint(run.name, run.camera, timed=run.timed))
+        recording.send_recording_name(run.name)
+        _send(Sender(recording, _times(run)), run, lumen)
+
+
+def _times(run: Run) -> NDArray[np.float64] | None:
+    return np.array([result.frame.time for result in run.results]) if run.timed else None
+
+
+def _send(sender: Sender, run: Run, lumen: trimesh.Trimesh | None) -> None:
+    send_space(sender, run, lumen)
+    _send_words(sender, run)
+    pieces = [result.arcs for result in run.results]
+    boxes = chart_boxes(timed=run.timed)
+    send_tension_chart(sender, run.frames, pieces, run.ranges, boxes.tension)
+    send_curvature_chart(sender, run.frames, pieces, run.ranges, boxes.curvature)
+    if run.timed:
+        send_series(sender, run.results)
+
+
+def _send_words(sender: Sender, run: Run) -> None:
+    pairs = zip(run.results, run.frames, strict=True)
+    summaries = [words.summary(run.name, result, run.timed) for result in run.results]
+    tables = [words.piece_table(result.arcs, frame) for result, frame in pairs]
+    for entity, texts in (("summary", summaries), ("table", tables)):
+        sender.constant(entity, rr.TextDocument.from_fields(media_type=rr.MediaType.MARKDOWN))
+        sender.send(entity, rr.TextDocument.columns(text=texts))

@@ -1,0 +1,147 @@
+"""The three-dimensional view of a Rerun recording: route, sensed points, pieces, labels and lumen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pyarrow as pa
+import rerun as rr
+import trimesh
+from scipy.spatial import KDTree
+
+from tssgeom.arrays import Points, Vector
+from tssgeom.stream import FrameResult
+from tssgeom.view import colours, words
+from tssgeom.view.columns import Sender, segments_3d
+from tssgeom.view.drawn import outliers
+from tssgeom.view.labels import label_places
+from tssgeom.view.run import Run
+
+_FEW_POINTS = 40
+"""So few sensed points are drawn larger, as each of them is a marker."""
+
+
+def send_space(sender: Sender, run: Run, lumen: trimesh.Trimesh | None) -> None:
+    """Send everything that stands in space; the lumen only where there is one."""
+    _send_piece_names(sender, run)
+    _send_scale_bar(sender, run)
+    if lumen is not None:
+        _send_lumen(sender, run, lumen)
+    _send_route(sender, run)
+    _send_sensed(sender, run)
+    _send_joints(sender, run)
+    _send_labels(sender, run)
+
+
+def _send_piece_names(sender: Sender, run: Run) -> None:
+    most = max(len(result.arcs.length) for result in run.results)
+    names = [(number, f"piece {number + 1}", colours.piece_rgb(number)) for number in range(most)]
+    sender.constant("/", rr.AnnotationContext(names))
+
+
+def _send_scale_bar(sender: Sender, run: Run) -> None:
+    bar, text = run.camera.scale_bar(run.camera.room_below)
+    sender.constant("scale", rr.LineStrips3D([bar], colors=[colours.AXIS], radii=rr.Radius.ui_points(1.5)))
+    label = rr.Points3D(
+        [bar.mean(axis=0)], radii=0.0, labels=[text], colors=[colours.WHITE], show_labels=True
+    )
+    sender.constant("scale/length", label)
+
+
+def _send_lumen(sender: Sender, run: Run, lumen: trimesh.Trimesh) -> None:
+    """Draw the wall with its inner side only, so that one looks through the near wall at the route."""
+    outward = _outward(lumen, run.frames[-1].position)
+    wall = rr.Mesh3D(
+        vertex_positions=outward.vertices.astype(np.float32),
+        triangle_indices=outward.faces.astype(np.uint32),
+        vertex_normals=-outward.vertex_normals.astype(np.float32),
+        albedo_factor=colours.LUMEN,
+        face_rendering="Back",
+    )
+    sender.constant("lumen", wall)
+
+
+def _outward(lumen: trimesh.Trimesh, route: Points) -> trimesh.Trimesh:
+    """Turn the faces of a wall away from the route inside it."""
+    corners = lumen.vertices[lumen.faces]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    centre = corners.mean(axis=1)
+    _, nearest = KDTree(route).query(centre)
+    away = np.sum(normal * (centre - route[nearest])) >= 0
+    return trimesh.Trimesh(lumen.vertices, lumen.faces if away else lumen.faces[:, ::-1], process=False)
+
+
+def _send_route(sender: Sender, run: Run) -> None:
+    strips = [len(frame.s) - 1 for frame in run.frames]
+    middles = np.concatenate([0.5 * (frame.tension[:-1] + frame.tension[1:]) for frame in run.frames])
+    columns = rr.LineStrips3D.columns(
+        strips=segments_3d([frame.position for frame in run.frames]),
+        colors=colours.tension_rgba32(middles, run.ranges.tension),
+    )
+    sender.constant("route", rr.LineStrips3D.from_fields(radii=rr.Radius.ui_points(3.5)))
+    sender.send("route", columns, strips)
+    _send_raw_numbers(sender, run)
+
+
+def _send_raw_numbers(sender: Sender, run: Run) -> None:
+    """Send the numbers behind the picture in single precision, for a selection of the route to show."""
+    frames, lengths = run.frames, [len(frame.s) for frame in run.frames]
+    numbers = rr.AnyValues.columns(
+        s_m=_joined([frame.s for frame in frames]),
+        tension_N=_joined([frame.tension for frame in frames]),
+        phi_rad=_joined([frame.phi for frame in frames]),
+        kappa_per_m=_joined([frame.kappa for frame in frames]),
+        kappa_se_per_m=_joined([frame.kappa_se for frame in frames]),
+    )
+    sender.send("route", numbers, lengths)
+
+
+def _joined(values: Sequence[Vector]) -> pa.Array:
+    return pa.array(np.concatenate(values).astype(np.float32))
+
+
+def _send_sensed(sender: Sender, run: Run) -> None:
+    """Draw the sensed points small, and once more in red where the route does not follow them."""
+    points = [seen[~np.isnan(seen).any(axis=1)] for seen in (result.frame.points for result in run.results)]
+    few = max(len(cloud) for cloud in points) <= _FEW_POINTS
+    _send_points(sender, "sensed", points, colours.SENSED, 4.5 if few else 1.8)
+    stray = [outliers(result) for result in run.results]
+    _send_points(sender, "sensed/outliers", stray, colours.OUTLIER, 5.5)
+
+
+def _send_points(
+    sender: Sender, entity: str, clouds: Sequence[Points], colour: tuple[int, int, int], radius: float
+) -> None:
+    style = rr.Points3D.from_fields(colors=colour, radii=rr.Radius.ui_points(radius))
+    sender.constant(entity, style)
+    columns = rr.Points3D.columns(positions=np.concatenate(clouds))
+    sender.send(entity, columns, [len(cloud) for cloud in clouds])
+
+
+def _send_joints(sender: Sender, run: Run) -> None:
+    """Mark where each piece begins, in the colour of the piece."""
+    counts = [len(result.arcs.length) for result in run.results]
+    pairs = zip(run.frames, run.results, strict=True)
+    columns = rr.Points3D.columns(
+        positions=np.concatenate([frame.at(result.arcs.s_start) for frame, result in pairs]),
+        class_ids=np.concatenate([np.arange(count) for count in counts]),
+    )
+    sender.constant("joints", rr.Points3D.from_fields(radii=rr.Radius.ui_points(7.0), show_labels=False))
+    sender.send("joints", columns, counts)
+
+
+def _send_labels(sender: Sender, run: Run) -> None:
+    """Write the tension beside each end, and the angle and radius beside each piece."""
+    pairs = list(zip(run.frames, run.results, strict=True))
+    columns = rr.Points3D.columns(
+        positions=np.concatenate([label_places(run.camera, frame, result.arcs) for frame, result in pairs]),
+        labels=[text for _, result in pairs for text in _label_texts(result)],
+    )
+    style = rr.Points3D.from_fields(radii=0.0, colors=colours.WHITE, show_labels=True)
+    sender.constant("labels", style)
+    sender.send("labels", columns, [2 + len(result.arcs.length) for result in run.results])
+
+
+def _label_texts(result: FrameResult) -> list[str]:
+    return [*words.end_labels(result), *words.piece_labels(result.arcs)]

@@ -1,0 +1,33 @@
+"""What one recording shows, chosen once for all its views."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tssgeom.stream import FrameResult
+from tssgeom.view.camera import Camera, camera
+from tssgeom.view.drawn import Drawn, Ranges, drawn, ranges
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """Everything that one recording shows."""
+
+    name: str
+    results: Sequence[FrameResult]
+    frames: Sequence[Drawn]
+    ranges: Ranges
+    camera: Camera
+    timed: bool
+
+
+def run_of(name: str, results: Sequence[FrameResult], timed: bool) -> Run:
+    """Choose nodes, ranges and a camera that hold for every frame of a run."""
+    frames = [drawn(result) for result in results]
+    everywhere = np.concatenate([frame.position for frame in frames])
+    forward = np.mean([frame.position[-1] - frame.position[0] for frame in frames], axis=0)
+    limits = ranges(frames, [result.arcs for result in results])
+    return Run(name, results, frames, limits, camera(everywhere, forward), timed)
