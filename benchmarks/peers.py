@@ -1,0 +1,146 @@
+"""The peers: what anyone would reach for to get an angle from noisy points.
+
+All are given points that were seen, the stations where they are known and chord lengths where they are not,
+and, where a method can use it, the true noise. None of them gives an error bar or pieces.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from csaps import csaps
+from numba import njit
+from scipy.interpolate import make_smoothing_spline, make_splprep, splev, splprep
+
+from benchmarks.estimate import Estimate, Sighting
+from tssgeom.arrays import Points, Vector
+
+_GRID = 4000
+_VMTK_ROUNDS, _VMTK_FACTOR = 100, 0.1  # defaults of vmtkcenterlinesmoothing and vmtkcenterlinegeometry
+_TAUBIN_ROUNDS, _LAMBDA, _PASS_BAND = 100, 0.6307, 0.1  # Taubin 1995; VMTK's own example of a pass band
+
+
+def _seen(sighting: Sighting) -> tuple[Points, Vector]:
+    """Points that were seen, with their stations or chord lengths from 0 [m]."""
+    seen = ~np.isnan(sighting.points).any(axis=1)
+    points = sighting.points[seen]
+    if sighting.stations is not None:
+        return points, sighting.stations[seen]
+    return points, _chord(points)
+
+
+def _chord(points: Points) -> Vector:
+    return np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))))
+
+
+def _of_curve(u: Vector, first: Points, second: Points, *, known: bool) -> Estimate:
+    """Angle along a curve from its derivatives at `u`, which is arc length where stations are known."""
+    speed = np.linalg.norm(first, axis=1)
+    turning = np.linalg.norm(np.cross(first, second), axis=1) / np.maximum(speed, 1e-12) ** 2
+    return Estimate.of_profile(u if known else _integral(u, speed), _integral(u, turning))
+
+
+def _integral(u: Vector, rate: Vector) -> Vector:
+    return np.concatenate(([0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(u))))
+
+
+def scipy_splprep(sighting: Sighting) -> Estimate:
+    """Quintic smoothing spline of FITPACK with the residual that the true noise leaves, s = 3Nσ²."""
+    points, u = _seen(sighting)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # FITPACK warns where it cannot meet s; its best curve is used then
+        tck, _ = splprep(points.T, u=u, k=min(5, len(u) - 1), s=points.size * sighting.true_noise**2)
+    at = np.linspace(u[0], u[-1], _GRID)
+    first, second = (np.array(splev(at, tck, order)).T for order in (1, 2))
+    return _of_curve(at, first, second, known=sighting.stations is not None)
+
+
+def scipy_make_splprep(sighting: Sighting) -> Estimate:
+    """Successor of splprep in scipy, with the same degree and residual."""
+    points, u = _seen(sighting)
+    left: Any = points.size * sighting.true_noise**2  # a float, which scipy's own default of 0 hides
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        spline, _ = make_splprep(points.T, u=u, k=min(5, len(u) - 1), s=left)
+    at = np.linspace(u[0], u[-1], _GRID)
+    return _of_curve(at, spline(at, 1).T, spline(at, 2).T, known=sighting.stations is not None)
+
+
+def scipy_smoothing_spline(sighting: Sighting) -> Estimate:
+    """Cubic smoothing spline, its weight by generalised cross-validation.
+
+    The search of scipy takes a weight of order one for granted, so stations are in units of their spacing; in
+    metres it never comes near the minimum, and exact points of a half circle are 6 % off.
+    """
+    points, u = _seen(sighting)
+    spacing = float(u[-1] - u[0]) / (len(u) - 1)
+    spline = make_smoothing_spline(u / spacing, points)
+    at = np.linspace(u[0], u[-1], _GRID)
+    first, second = spline(at / spacing, 1) / spacing, spline(at / spacing, 2) / spacing**2
+    return _of_curve(at, first, second, known=sighting.stations is not None)
+
+
+def csaps_spline(sighting: Sighting) -> Estimate:
+    """Cubic smoothing spline of csaps, its weight by the rule of that package."""
+    points, u = _seen(sighting)
+    spline = csaps(u, points.T).spline
+    at = np.linspace(u[0], u[-1], _GRID)
+    first, second = (np.asarray(spline(at, nu=order)).T for order in (1, 2))
+    return _of_curve(at, first, second, known=sighting.stations is not None)
+
+
+def turning_angles(sighting: Sighting) -> Estimate:
+    """Plain sum of the angles between the steps from point to point."""
+    return _of_polyline(*_seen(sighting))
+
+
+def vmtk_smoothing(sighting: Sighting) -> Estimate:
+    """Sum turning angles after VMTK's smoothing of centre lines, with its defaults."""
+    points, u = _seen(sighting)
+    smoothed = points.copy()
+    _relax(smoothed, _VMTK_ROUNDS, _VMTK_FACTOR)
+    return _of_polyline(smoothed, u if sighting.stations is not None else _chord(smoothed))
+
+
+def taubin_smoothing(sighting: Sighting) -> Estimate:
+    """Sum turning angles after Taubin's λ|μ smoothing, which shrinks curves less."""
+    points, u = _seen(sighting)
+    mu = 1.0 / (_PASS_BAND - 1.0 / _LAMBDA)
+    for factor in (_LAMBDA, mu) * _TAUBIN_ROUNDS:
+        points = points.copy()
+        points[1:-1] += factor * (0.5 * (points[:-2] + points[2:]) - points[1:-1])
+    return _of_polyline(points, u if sighting.stations is not None else _chord(points))
+
+
+@njit(cache=True, nogil=True)
+def _relax(points: np.ndarray, rounds: int, factor: float) -> None:
+    """Pull each inner point towards the middle of its neighbours, one after the other, in place."""
+    for _ in range(rounds):
+        for i in range(1, len(points) - 1):
+            for c in range(3):
+                points[i, c] += factor * (0.5 * (points[i - 1, c] + points[i + 1, c]) - points[i, c])
+
+
+def _of_polyline(points: Points, s: Vector) -> Estimate:
+    steps = np.diff(points, axis=0)
+    sine = np.linalg.norm(np.cross(steps[1:], steps[:-1]), axis=1)
+    cosine = np.einsum("ij,ij->i", steps[1:], steps[:-1])
+    turns = np.arctan2(sine, cosine)
+    middle = np.concatenate((s[:1], 0.5 * (s[1:] + s[:-1]), s[-1:]))  # an angle turns over half of both steps
+    return Estimate.of_profile(middle, np.concatenate(([0.0, 0.0], np.cumsum(turns), [turns.sum()])))
+
+
+PEERS: dict[str, Callable[[Sighting], Estimate]] = {
+    "splprep": scipy_splprep,
+    "make_splprep": scipy_make_splprep,
+    "GCV spline": scipy_smoothing_spline,
+    "csaps": csaps_spline,
+    "VMTK": vmtk_smoothing,
+    "Taubin": taubin_smoothing,
+    "turning": turning_angles,
+}
+SLOW = ("GCV spline",)
+"""Peers that take a fifth of a second for 200 points, and so get fewer trials of many points."""

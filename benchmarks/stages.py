@@ -1,0 +1,141 @@
+"""The stages of a frame that are timed, each ready to be called on one frame after the other.
+
+To time one more, add a line to `STAGES`: what it is given, made outside the clock, and what it does with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import cycle
+from typing import TypeVar
+
+import numpy as np
+
+from benchmarks.elongation import RIG
+from benchmarks.routes import PIECEWISE, of_arcs, truth
+from tssgeom.settings import Rig, ShapeSensor
+from tssgeom.shape.arcs import Arcs, constant_curvature_pieces
+from tssgeom.shape.curvature import CurvatureProfile, curvature_profile
+from tssgeom.shape.geometry import Geometry, Method, measure
+from tssgeom.shape.points import Shape, clean
+from tssgeom.shape.spline import Route, fit
+from tssgeom.shape.synthetic import Course
+from tssgeom.stream import Frame, process
+from tssgeom.tendon.profile import TendonState, pretensioned, step
+from tssgeom.tendon.transmission import transmit
+
+NOISE = 5e-4
+"""Standard deviation of each coordinate, known to every fit [m]."""
+_SWAY = 0.02  # relative change of all curvatures to both sides, over the frames
+_TENSIONS = (15.0, 6.0)  # [N]
+_MU = RIG.friction.coefficient
+
+_Given = TypeVar("_Given")
+
+
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """One stage, as calls without arguments that follow each other."""
+
+    name: str
+    calls: Callable[[Sequence[Frame]], Iterator[Callable[[], object]]]
+    """Endless calls on frames; what each is given is made before the call."""
+
+
+def frames(n: int, count: int) -> list[Frame]:
+    """Return frames of `n` points on seven pieces that sway slowly, the tension going up and down."""
+    course = truth(PIECEWISE[-1], np.random.default_rng(0)).course
+    if course is None:
+        raise TypeError(f"{PIECEWISE[-1]} has no pieces: choose another route for the frames")
+    rng = np.random.default_rng(1)
+    stations = np.linspace(0.0, course.total_length, n)
+    seen = []
+    for i in range(count):
+        sway = 1.0 + _SWAY * np.sin(2 * np.pi * i / count)
+        route = of_arcs(Course(course.length, sway * course.bend), piecewise=True)
+        points = route.place(stations) + NOISE * rng.standard_normal((n, 3))
+        seen.append(Frame(points, float(i), stations, _TENSIONS[i % 2]))
+    return seen
+
+
+def _stage(name: str, given: Callable[[Frame], _Given], act: Callable[[_Given], object]) -> Stage:
+    def calls(seen: Sequence[Frame]) -> Iterator[Callable[[], object]]:
+        return cycle([partial(act, given(frame)) for frame in seen])
+
+    return Stage(name, calls)
+
+
+def _frame(frame: Frame) -> Frame:
+    return frame
+
+
+def _clean(frame: Frame) -> Shape:
+    return clean(frame.points)
+
+
+def _known(frame: Frame) -> Shape:
+    return clean(frame.points, frame.stations)
+
+
+def _route(frame: Frame) -> Route:
+    return fit(_known(frame), NOISE)
+
+
+def _profiled(frame: Frame) -> tuple[Route, CurvatureProfile]:
+    route = _route(frame)
+    return route, curvature_profile(route)
+
+
+def _pieces(given: tuple[Route, CurvatureProfile]) -> Arcs:
+    return constant_curvature_pieces(*given)
+
+
+def _measured(shape: Shape, method: Method = "auto") -> Geometry:
+    return measure(shape, NOISE, method)
+
+
+def _moving(frame: Frame) -> tuple[TendonState, float]:
+    """Tendon after a pull and a release, and where its proximal tension goes next."""
+    loaded = step(step(pretensioned(RIG), 15.0, _MU), 9.0, _MU)
+    return loaded, frame.tension_in or 0.0
+
+
+def _stepped(given: tuple[TendonState, float]) -> TendonState:
+    return step(*given, _MU)
+
+
+def _loaded(frame: Frame) -> tuple[TendonState, Arcs]:
+    return _stepped(_moving(frame)), _pieces(_profiled(frame))
+
+
+def _streamed(*, stations: bool) -> Callable[[Sequence[Frame]], Iterator[Callable[[], object]]]:
+    """Whole frames through the engine, which carries the tendon along."""
+    rig = Rig(shape=ShapeSensor(noise_mm=1e3 * NOISE))
+
+    def calls(seen: Sequence[Frame]) -> Iterator[Callable[[], object]]:
+        told = seen if stations else [Frame(f.points, f.time, None, f.tension_in) for f in seen]
+        results = process(cycle(told), rig, tension_in=_TENSIONS[0])
+        while True:
+            yield partial(next, results)
+
+    return calls
+
+
+STAGES = (
+    _stage("clean, stations not told", _frame, _clean),
+    _stage("clean, stations known", _frame, _known),
+    _stage("spline fit, stations known", _known, partial(fit, noise=NOISE)),
+    _stage("spline fit, stations not told", _clean, partial(fit, noise=NOISE)),
+    _stage("curvature profile", _route, curvature_profile),
+    _stage("pieces of the spline", _profiled, _pieces),
+    _stage("measure spline, stations known", _known, partial(_measured, method="spline")),
+    _stage("measure arcs, stations known", _known, partial(_measured, method="arcs")),
+    _stage("measure auto, stations known", _known, _measured),
+    _stage("measure auto, stations not told", _clean, _measured),
+    _stage("tendon step", _moving, _stepped),
+    _stage("transmit", _loaded, lambda given: transmit(*given, RIG)),
+    Stage("whole frame, stations known", _streamed(stations=True)),
+    Stage("whole frame, stations not told", _streamed(stations=False)),
+)

@@ -1,0 +1,61 @@
+"""Plain aligned tables, their Markdown twins, and the line that says on what they were measured."""
+
+from __future__ import annotations
+
+import math
+import os
+import platform
+from collections.abc import Sequence
+from importlib.metadata import version
+
+ABSENT = "—"
+
+
+def machine() -> str:
+    """Say what the numbers below were measured on."""
+    try:
+        load = f", load {os.getloadavg()[0]:.1f}"
+    except OSError:
+        load = ""
+    packages = ", ".join(f"{name} {version(name)}" for name in ("numpy", "scipy", "numba"))
+    system = f"{platform.system()} {platform.machine()}"
+    return f"machine: {system}, {os.cpu_count()} cores{load}, Python {platform.python_version()}, {packages}"
+
+
+def number(value: float, digits: int = 3) -> str:
+    """Write a number with `digits` significant digits and no exponent where it can be helped."""
+    if not math.isfinite(value):
+        return ABSENT
+    if value == 0.0:
+        return "0"
+    decimals = max(digits - 1 - math.floor(math.log10(abs(value))), 0)
+    return f"{value:.{decimals}f}" if decimals <= 6 else f"{value:.0e}"
+
+
+def share(value: float) -> str:
+    """Write a fraction as per cent, without the sign."""
+    return f"{100 * value:.0f}" if math.isfinite(value) else ABSENT
+
+
+def table(header: Sequence[str], rows: Sequence[Sequence[str]], *, text_columns: int, markdown: bool) -> str:
+    """Set rows under a header.
+
+    Parameters
+    ----------
+    header, rows
+        Cells that are already written out.
+    text_columns
+        How many leading columns are text and stand on the left; the others stand on the right.
+    markdown
+        Whether to draw the table for Markdown.
+    """
+    widths = [max(len(line[i]) for line in (header, *rows)) for i in range(len(header))]
+    sides = ["<" if i < text_columns else ">" for i in range(len(header))]
+
+    def line(cells: Sequence[str]) -> str:
+        set_ = [f"{cell:{side}{width}}" for cell, side, width in zip(cells, sides, widths, strict=True)]
+        return f"| {' | '.join(set_)} |" if markdown else "  ".join(set_).rstrip()
+
+    marks = ["-" * w if side == "<" else "-" * (w - 1) + ":" for w, side in zip(widths, sides, strict=True)]
+    rule = f"| {' | '.join(marks)} |" if markdown else "  ".join("-" * w for w in widths)
+    return "\n".join([line(header), rule, *(line(row) for row in rows)])
