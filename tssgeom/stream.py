@@ -8,10 +8,11 @@ from dataclasses import dataclass, replace
 from tssgeom.arrays import Points, Vector
 from tssgeom.errors import TssgeomError
 from tssgeom.settings import Rig
-from tssgeom.shape.arcs import Arcs, constant_curvature_pieces
-from tssgeom.shape.curvature import CurvatureProfile, curvature_profile
+from tssgeom.shape.arcs import Arcs
+from tssgeom.shape.curvature import CurvatureProfile
+from tssgeom.shape.geometry import measure
 from tssgeom.shape.points import Shape, clean
-from tssgeom.shape.spline import Route, fit
+from tssgeom.shape.spline import Route
 from tssgeom.tendon.profile import TendonState, pretensioned, step
 from tssgeom.tendon.transmission import Transmission, transmit
 
@@ -105,19 +106,17 @@ def advance(seq: int, frame: Frame, state: TendonState, rig: Rig, tension_in: fl
         Where the tension is negative or not finite.
     """
     shape = clean(frame.points, frame.stations)
-    route = fit(shape, rig.shape.noise)
-    profile = curvature_profile(route)
-    arcs = constant_curvature_pieces(route, profile)
+    geometry = measure(shape, rig.shape.noise)
     drive = tension_in if frame.tension_in is None else frame.tension_in
     moved = step(state, drive, rig.friction.coefficient)
     return FrameResult(
         seq=seq,
         frame=frame,
         shape=shape,
-        route=route,
-        profile=profile,
-        arcs=arcs,
+        route=geometry.route,
+        profile=geometry.profile,
+        arcs=geometry.arcs,
         state=moved,
-        transmission=transmit(moved, arcs, rig),
-        warnings=shape.warnings + route.warnings,
+        transmission=transmit(moved, geometry.arcs, rig),
+        warnings=shape.warnings + geometry.route.warnings,
     )

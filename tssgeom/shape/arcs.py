@@ -75,6 +75,9 @@ def constant_curvature_pieces(route: Route, profile: CurvatureProfile) -> Arcs:
     k = len(length)
     covariance = np.zeros((2 * k, 2 * k))
     covariance[k:, k:] = spread + _shared_doubt(angle, profile.total_angle_se**2 - spread.sum())
+    if not route.stations_known:
+        for end in (0, k - 1):
+            covariance[end, end] += route.noise**2
     return Arcs(read_only(length), read_only(angle), read_only(covariance), "spline")
 
 
@@ -101,14 +104,19 @@ def _joints(route: Route) -> np.ndarray:
 
 
 @njit(cache=True, nogil=True)
+def normals(tangent: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Two unit vectors normal to a unit tangent and to each other, right-handed with it."""
+    first = np.zeros(3)
+    first[np.argmin(np.abs(tangent))] = 1.0
+    first -= np.dot(first, tangent) * tangent
+    first /= np.linalg.norm(first)
+    return first, np.cross(tangent, first)
+
+
+@njit(cache=True, nogil=True)
 def parallel_components(tangent: np.ndarray, vector: np.ndarray) -> np.ndarray:
     """Components of a normal vector field in a frame carried along the tangents without twist, [n, 2]."""
-    t = tangent[0]
-    first = np.zeros(3)
-    first[np.argmin(np.abs(t))] = 1.0
-    first -= np.dot(first, t) * t
-    first /= np.linalg.norm(first)
-    second = np.cross(t, first)
+    first, second = normals(tangent[0])
     out = np.empty((len(tangent), 2))
     for i in range(len(tangent)):
         if i > 0:

@@ -2,15 +2,38 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import itertools
+import math
+from dataclasses import dataclass, replace
 from typing import Literal
 
-from tssgeom.shape.arcs import Arcs, constant_curvature_pieces
+import numpy as np
+
+from tssgeom.arrays import Matrix, Vector, read_only
+from tssgeom.shape.arcs import Arcs, constant_curvature_pieces, normals, parallel_components
+from tssgeom.shape.chainfit import (
+    Chain,
+    Data,
+    better,
+    fit_chain,
+    noise_variance,
+    parameter_covariance,
+    places,
+    settle,
+)
 from tssgeom.shape.curvature import CurvatureProfile, curvature_profile
 from tssgeom.shape.points import Shape
 from tssgeom.shape.spline import Route, fit
 
 Method = Literal["auto", "spline", "arcs"]
+
+_FEWEST_FOR_CHAIN = 6
+_MARGIN_OF_ONE = 15.0
+_MARGIN_OF_JOINT = 13.0  # what a joint must save beyond its price: smooth routes look like staircases too
+_HOPELESS = -40.0  # margin of the first chain that merging and splitting will not make up
+_VALUES_A_PARAMETER = 2.5  # fewer cannot tell a staircase from a smooth route
+_QUICK_MOVES = 8
+_CLOSE_CALL = 12.0  # -2 ln evidence within which the loser still counts for the standard error
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,13 +55,195 @@ def measure(shape: Shape, noise: float | None = None, method: Method = "auto") -
     noise
         Known standard deviation of each coordinate [m]; estimated where left out.
     method
-        Estimator: the spline, the chain of arcs, or the one that the points speak for.
+        Estimator: the spline, the chain of arcs, or the one that the points speak for; docs/model.md (34).
 
     Raises
     ------
     FitError
         Where the points give no finite curve.
     """
+    smooth = _by_spline(shape, noise)
+    if method == "spline" or not _may_be_chain(shape, smooth.route):
+        return smooth
+    data = _data(shape, noise, smooth.route)
+    chain: Chain | None = settle(data, _first_chain(smooth.route, smooth.arcs))
+    if method == "auto" and (chain := _worth_searching(data, chain, smooth.route)) is None:
+        return smooth
+    chain = fit_chain(data, chain)
+    arcs = _by_chain(data, chain, smooth.route)
+    if method == "arcs":
+        return arcs
+    return _chosen(smooth, arcs, _margin(data, chain, smooth.route))
+
+
+def _by_spline(shape: Shape, noise: float | None) -> Geometry:
     route = fit(shape, noise)
     profile = curvature_profile(route)
     return Geometry(route, profile, constant_curvature_pieces(route, profile))
+
+
+def _may_be_chain(shape: Shape, route: Route) -> bool:
+    """Whether there are points enough, with errors of their own."""
+    return len(shape.points) >= _FEWEST_FOR_CHAIN and route.angle_doubt == 0.0
+
+
+def _worth_searching(data: Data, chain: Chain, route: Route) -> Chain | None:
+    """Return the chain after a few moves, or None where it stays far behind the spline."""
+    for _ in range(_QUICK_MOVES):
+        if _margin(data, chain, route) >= _HOPELESS:
+            return chain
+        if (found := better(data, chain)) is None:
+            break
+        chain = found
+    return chain if _margin(data, chain, route) >= _HOPELESS else None
+
+
+def _data(shape: Shape, noise: float | None, route: Route) -> Data:
+    variance = 0.0 if noise is None else noise * noise
+    spacing = float(route.s[-1]) / len(shape.points)
+    return Data(shape.points, route.weight, shape.stations is None, variance, spacing)
+
+
+def _first_chain(route: Route, arcs: Arcs) -> Chain:
+    """Chain with the joints of the spline's pieces, and the mean curvature vector of each."""
+    tangent = route.tangent[0]
+    first, second = normals(tangent)
+    parts = parallel_components(route.tangent, route.curvature_vector)
+    at = np.searchsorted(route.s, np.append(arcs.s_start, route.s[-1]))
+    bend = np.array([parts[a : max(b, a + 1)].mean(axis=0) for a, b in itertools.pairwise(at)])
+    return Chain(
+        start=np.array(route.position[0]),
+        axes=np.array([tangent, first, second]),
+        joints=np.array(arcs.s_start),
+        bend=bend,
+        curved=np.ones(len(bend), dtype=np.bool_),
+        stations=np.array(route.station),
+        matrix=np.zeros((0, 0)),
+        cost=0.0,
+    )
+
+
+def _margin(data: Data, chain: Chain, route: Route) -> float:
+    """-2 ln evidence by which the chain beats the spline, after the extra price of its joints; (34).
+
+    Minus infinity where the chain has too many parameters for the points.
+    """
+    x, tangent, _ = places(chain, chain.stations)
+    off = data.points - x
+    across = off - np.einsum("ij,ij->i", off, tangent)[:, None] * tangent
+    cost = float(data.weight @ np.einsum("ij,ij->i", across, across))
+    values = 2 * int(np.count_nonzero(data.weight))
+    if len(chain.matrix) * _VALUES_A_PARAMETER > values:
+        return -math.inf
+    variance = data.variance or max(cost / values, 1e-280)
+    parameters = len(chain.matrix) - (0 if data.free else 1)
+    deviance = values * math.log(variance) + cost / variance + parameters * math.log(values)
+    return route.deviance - deviance + _MARGIN_OF_ONE - _MARGIN_OF_JOINT * (len(chain.bend) - 1)
+
+
+def _chosen(smooth: Geometry, arcs: Geometry, margin: float) -> Geometry:
+    """Take the likelier; the nearer the call, the more of the difference goes into the standard error."""
+    better, other = (arcs, smooth) if margin > 0 else (smooth, arcs)
+    if abs(margin) > _CLOSE_CALL:
+        return better
+    weight = 1.0 / (1.0 + math.exp(0.5 * abs(margin)))
+    gap = other.profile.total_angle - better.profile.total_angle
+    extra = weight * gap * gap
+    share = better.profile.phi / max(better.profile.total_angle, 1e-300)
+    k = len(better.arcs.length)
+    part = better.arcs.angle / max(better.arcs.total_angle, 1e-300)
+    covariance = np.array(better.arcs.covariance)
+    covariance[k:, k:] += extra * np.outer(part, part)
+    return Geometry(
+        better.route,
+        replace(better.profile, phi_se=read_only(np.sqrt(better.profile.phi_se**2 + extra * share**2))),
+        replace(better.arcs, covariance=read_only(covariance)),
+    )
+
+
+def _by_chain(data: Data, chain: Chain, route: Route) -> Geometry:
+    """Route, profile and pieces of a fitted chain, on the nodes of the spline and its own joints."""
+    begin, end = float(chain.stations[0]), float(chain.stations[-1])
+    inner = np.asarray(chain.joints[1:])
+    at = np.unique(np.concatenate((np.linspace(begin, end, len(route.s)), inner)))
+    x, tangent, bend = places(chain, at)
+    variance = noise_variance(data, chain)
+    covariance = parameter_covariance(data, chain)
+    foot, _, _ = places(chain, chain.stations)
+    own = replace(
+        route,
+        s=read_only(at - begin),
+        position=read_only(x),
+        tangent=read_only(tangent),
+        curvature_vector=read_only(bend),
+        noise=math.sqrt(variance),
+        station=read_only(chain.stations - begin),
+        residual=read_only(data.points - foot),
+    )
+    ends = np.concatenate(([begin], inner, [end]))
+    sigma2 = variance if data.free else 0.0
+    return Geometry(
+        own,
+        _chain_profile(chain, at, ends, covariance, sigma2, data.free),
+        _chain_pieces(chain, ends, covariance, sigma2, data.free),
+    )
+
+
+def _angle_gradient(chain: Chain, ends: Vector, at: Vector, free: bool) -> Matrix:
+    """Differentiate φ at arc lengths `at` with respect to every parameter, [n, m]; docs/model.md (33)."""
+    kappa = np.linalg.norm(chain.bend, axis=1)
+    out = np.zeros((len(at), len(chain.matrix)))
+    column = (2 if free else 3) + 2
+    for j in range(1, len(kappa)):
+        out[:, column] = np.where(at > ends[j], kappa[j - 1] - kappa[j], 0.0)
+        column += 1
+    for j in np.flatnonzero(chain.curved):
+        travelled = np.clip(at, ends[j], ends[j + 1]) - ends[j]
+        out[:, column : column + 2] = travelled[:, None] * chain.bend[j] / max(kappa[j], 1e-300)
+        column += 2
+    return out
+
+
+def _chain_profile(
+    chain: Chain, at: Vector, ends: Vector, covariance: Matrix, sigma2: float, free: bool
+) -> CurvatureProfile:
+    kappa = np.linalg.norm(chain.bend, axis=1)
+    piece = np.clip(np.searchsorted(ends, at, side="right") - 1, 0, len(kappa) - 1)
+    begun = np.concatenate(([0.0], np.cumsum(kappa * np.diff(ends))))
+    gradient = _angle_gradient(chain, ends, at, free)
+    variance = np.einsum("ij,jk,ik->i", gradient, covariance, gradient)
+    variance += np.where(at > ends[0], sigma2 * (kappa[0] ** 2 + kappa[piece] ** 2), 0.0)
+    column = (2 if free else 3) + 2 + len(kappa) - 1 + 2 * (np.cumsum(chain.curved) - 1)
+    se = np.zeros(len(kappa))
+    for j in np.flatnonzero(chain.curved):
+        way = chain.bend[j] / max(kappa[j], 1e-300)
+        block = covariance[column[j] : column[j] + 2, column[j] : column[j] + 2]
+        se[j] = math.sqrt(max(float(way @ block @ way), 0.0))
+    phi = begun[piece] + kappa[piece] * (at - ends[piece])
+    return CurvatureProfile(
+        s=read_only(at - ends[0]),
+        kappa=read_only(kappa[piece]),
+        phi=read_only(np.maximum.accumulate(phi)),
+        kappa_se=read_only(se[piece]),
+        phi_se=read_only(np.sqrt(np.maximum(variance, 0.0))),
+    )
+
+
+def _chain_pieces(chain: Chain, ends: Vector, covariance: Matrix, sigma2: float, free: bool) -> Arcs:
+    """Pieces with the covariance of their lengths and angles; an end of unknown station adds to both."""
+    kappa = np.linalg.norm(chain.bend, axis=1)
+    length = np.diff(ends)
+    k = len(length)
+    at_ends = _angle_gradient(chain, ends, ends, free)
+    joints = np.zeros_like(at_ends)
+    for j in range(1, k):
+        joints[j, (2 if free else 3) + 1 + j] = 1.0
+    # φ at a joint moves with the joint as well
+    at_ends[1:-1] += joints[1:-1] * kappa[:-1, None] if k > 1 else 0.0
+    gradient = np.vstack((np.diff(joints, axis=0), np.diff(at_ends, axis=0)))
+    total = gradient @ covariance @ gradient.T
+    for piece in (0, k - 1):
+        end = np.zeros(2 * k)
+        end[piece], end[k + piece] = 1.0, kappa[piece]
+        total += sigma2 * np.outer(end, end)
+    return Arcs(read_only(length), read_only(kappa * length), read_only(total), "arcs")

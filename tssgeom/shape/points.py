@@ -12,10 +12,12 @@ from tssgeom.errors import ShapeError
 
 MIN_POINTS = 4
 _MIN_TO_JUDGE_ORDER = 8
-_OFF = 10.0  # typical distances from the neighbours' curve, beyond which a point may be an outlier
+_OFF = 6.0  # typical distances from the neighbours' curve, beyond which a point may be an outlier
+_END_OFF_DIRECTION = 15.0
 _END_OFF = 0.1  # spacings that the parabola of the last five points must be off before one is doubted
 _END_LEAP = 1.5  # spacings from an end to its neighbour that are too many
 _END_BETTER = 0.3  # what must be left of that without the outlier
+_LONGEST_RUN = 3
 _MAX_LEAPS = 20
 _NEIGHBOURS = 5  # so near in the sequence, points are near in space too
 
@@ -116,7 +118,7 @@ def _distinct(points: Points) -> np.ndarray:
 def _far_off(points: Points) -> np.ndarray:
     """Mark points that stand off the curve through their neighbours by more than a spacing, worst first."""
     kept = np.arange(len(points))
-    for _ in range(max(1, len(points) // 20)):
+    for _ in range(max(1, len(points) // 6)):
         if len(kept) < _MIN_TO_JUDGE_ORDER:
             break
         p = points[kept]
@@ -127,7 +129,16 @@ def _far_off(points: Points) -> np.ndarray:
         if worst is None and (worst := _worst_inside(p, spacing)) is None:
             break
         kept = np.delete(kept, worst)
-    return ~np.isin(np.arange(len(points)), kept)
+    return _short_runs(~np.isin(np.arange(len(points)), kept))
+
+
+def _short_runs(marked: np.ndarray) -> np.ndarray:
+    """Unmark runs of many points: where many in a row are off, the sequence breaks and none is to blame."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], marked, [False]))))
+    for begin, end in edges.reshape(-1, 2):
+        if end - begin > _LONGEST_RUN:
+            marked[begin:end] = False
+    return marked
 
 
 def _worst_inside(p: Points, spacing: float) -> int | None:
@@ -144,7 +155,7 @@ def _worst_of_end(p: Points, spacing: float) -> int | None:
     """Return which of the first three points keeps the others from lying on a parabola, if any does."""
     whole = _off_parabola(p[:5])
     typical = np.median([_off_parabola(p[i : i + 5]) for i in range(0, len(p) - 4, 1 + len(p) // 20)])
-    if _off_direction(p, spacing) > _OFF * typical:
+    if _off_direction(p, spacing) > _END_OFF_DIRECTION * typical:
         return 0
     if whole < max(_OFF * typical, _END_OFF * spacing):
         return None

@@ -69,6 +69,23 @@ def curve(mean: Matrix) -> tuple[Vector, Points, Points]:
     return speed, tangent, bend / (speed * speed)[:, None]
 
 
+def deviance(problem: Problem, solution: Solution, spacing: float) -> float:
+    """-2 ln of the evidence of the points normal to the route [ln m²]; docs/model.md (34).
+
+    The restricted likelihood prices the unknown place, direction and curvature by their information in units
+    of the spacing; that price is replaced by the logarithm of the number of values for each of the six.
+    """
+    log_s, squares, n = innovations(*problem[:6], solution.ratio, np.empty((0, 3)))
+    q, used = solution.intensity, problem.weight > 0.0
+    values = 2 * int(np.count_nonzero(used))
+    u = (problem.u[used] - problem.u[0]) / (problem.u[-1] / len(problem.u))
+    basis = np.column_stack((np.ones_like(u), u, 0.5 * u * u))
+    information = np.linalg.slogdet(basis.T @ basis)[1]
+    variance = max(solution.ratio * q, 1e-280) * spacing**2
+    fitted = 2 * (n * np.log(max(q, 1e-280) * spacing**2) + log_s) + squares / max(q, 1e-280)
+    return float(fitted + 6 * np.log(variance) - 2 * information + 6 * np.log(values))
+
+
 def swings(problem: Problem, solution: Solution) -> float:
     """How far the errors swing back and forth along the route, in standard deviations of chance.
 

@@ -9,7 +9,7 @@ import numpy as np
 from tssgeom.arrays import Matrix, Points, Vector, read_only
 from tssgeom.shape.clusters import clustered, merged
 from tssgeom.shape.points import Shape
-from tssgeom.shape.posterior import Problem, Solution, curve, posterior, swings
+from tssgeom.shape.posterior import Problem, Solution, curve, deviance, posterior, swings
 from tssgeom.shape.smoother import smooth
 from tssgeom.shape.stations import arc_length, insert_nodes
 
@@ -45,6 +45,8 @@ class Route:
     """Smoother gains: covariance of neighbouring nodes is gain i times covariance i+1, [m-1, 3, 3]."""
     freedom: float
     """Effective number of parameters of one coordinate [1]."""
+    deviance: float
+    """-2 ln of the evidence of the points normal to the route [ln m²]."""
     stations_known: bool
     """Whether the sensor told the stations."""
     angle_doubt: float = 0.0
@@ -149,6 +151,7 @@ def _route(shape: Shape, problem: Problem, solution: Solution, spacing: float) -
         covariance=read_only(covariance * q * pairs),
         gain=read_only(gain * unit[:, None] / unit[None, :]),
         freedom=float(np.sum(problem.weight * solution.covariance[:, 0])) / ratio,
+        deviance=deviance(problem, solution, spacing),
         stations_known=shape.stations is not None,
         warnings=_outlier_warnings(shape, problem.weight),
     )

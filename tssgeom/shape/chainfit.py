@@ -1,0 +1,352 @@
+"""Fitting a chain of arcs to points: Levenberg-Marquardt, and how many pieces the points speak for."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from tssgeom.arrays import Matrix, Points, Vector
+from tssgeom.shape.chain import along, normal_equations, project
+
+_SETTLED = 1e-3  # of the noise variance: a step that saves less of the cost is the last
+_SPLITS = 4  # parts into which a piece is cut to see where another joint would help
+_MOST_PIECES = 40
+_MOST_MOVES = 120
+_MOST_STEPS = 40
+_MOST_TRIES = 6
+_LEAST_VARIANCE = 1e-26  # rounding of coordinates [m²]
+_MOST_TURN = 2.0  # from point to point [rad]
+
+
+class Data(NamedTuple):
+    """Points and what is known of them, lengths in metres."""
+
+    points: Points
+    weight: Vector
+    free: bool
+    """True where stations are unknown."""
+    variance: float
+    """Known noise variance of a coordinate, 0 where unknown [m²]."""
+    gap: float
+    """Shortest piece [m]."""
+
+    @property
+    def values(self) -> int:
+        """Number of values that are fitted."""
+        return (2 if self.free else 3) * int(np.count_nonzero(self.weight))
+
+
+class Chain(NamedTuple):
+    """A fitted chain; see `chain.normal_equations` for its parameters."""
+
+    start: Vector
+    axes: Matrix
+    joints: Vector
+    bend: Points
+    curved: np.ndarray
+    stations: Vector
+    matrix: Matrix
+    cost: float
+
+
+def fit_chain(data: Data, first: Chain) -> Chain:
+    """Fit, then merge, straighten and split pieces as long as the Bayesian information criterion falls.
+
+    Parameters
+    ----------
+    data
+        The points.
+    first
+        Where to start, as `settle` leaves it.
+    """
+    best = first
+    for _ in range(_MOST_MOVES):
+        found = better(data, best)
+        if found is None:
+            return best
+        best = found
+    return best
+
+
+def criterion(data: Data, chain: Chain) -> float:
+    """-2 ln of the greatest likelihood, plus the price of every parameter."""
+    n = data.values
+    price = len(chain.matrix) * math.log(n)
+    if data.variance > 0.0:
+        return chain.cost / data.variance + n * math.log(data.variance) + price
+    return n * math.log(chain.cost / n + 1e-300) + n + price
+
+
+def noise_variance(data: Data, chain: Chain) -> float:
+    """Noise variance of a coordinate, known or from the residuals [m²]."""
+    if data.variance > 0.0:
+        return data.variance
+    return max(chain.cost / max(data.values - len(chain.matrix), 1), _LEAST_VARIANCE)
+
+
+def parameter_covariance(data: Data, chain: Chain) -> Matrix:
+    """Covariance of the parameters, in the order of `chain.normal_equations`."""
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(chain.matrix), 1e-30))
+    inverse = np.linalg.pinv(chain.matrix * scale[:, None] * scale, rcond=1e-13, hermitian=True)
+    return np.asarray(noise_variance(data, chain) * inverse * scale[:, None] * scale, dtype=np.float64)
+
+
+def settle(data: Data, chain: Chain) -> Chain:
+    """Fit a chain without changing the number of its pieces; the given matrix and cost are not used."""
+    return Chain(*_levenberg_marquardt(*data[:3], data.gap, *chain[:6]))
+
+
+def better(data: Data, chain: Chain) -> Chain | None:
+    """Return the first neighbouring chain with a lower criterion, the likeliest tried first; None if none."""
+    now = criterion(data, chain)
+    for neighbours in (_simpler, _finer):
+        for candidate in neighbours(data, chain)[:_MOST_TRIES]:
+            tried = settle(data, candidate)
+            if criterion(data, tried) < now:
+                return tried
+    return None
+
+
+def _columns(chain: Chain, data: Data) -> np.ndarray:
+    """First column of each piece's curvature among the parameters, -1 for a straight piece."""
+    base = (2 if data.free else 3) + 2 + len(chain.bend) - 1
+    number = np.cumsum(chain.curved) - 1
+    return np.where(chain.curved, base + 2 * number, -1)
+
+
+def _simpler(data: Data, chain: Chain) -> list[Chain]:
+    """Chains with one piece straightened, dropped or merged, the cheapest first."""
+    covariance = parameter_covariance(data, chain)
+    columns, n = _columns(chain, data), math.log(data.values)
+    options: list[tuple[float, Chain]] = []
+    for j, column in enumerate(columns):
+        if column >= 0:
+            worth = _worth(chain.bend[j], covariance[column : column + 2, column : column + 2])
+            options.append((worth - 2 * n, _straightened(chain, j)))
+    for j in range(1, len(columns)):
+        step = chain.bend[j] - chain.bend[j - 1]
+        own = np.zeros((2, len(covariance)))
+        for c in range(2):
+            for sign, column in ((1.0, columns[j]), (-1.0, columns[j - 1])):
+                if column >= 0:
+                    own[c, column + c] = sign
+        worth = _worth(step, own @ covariance @ own.T)
+        options.append((worth - 3 * n, _merged(chain, j)))
+    for j in range(1, len(columns) - 1):
+        length = chain.joints[j + 1] - chain.joints[j]
+        if length < 8 * data.gap:
+            options.append((-n, _dropped(chain, j)))
+    options.sort(key=lambda option: option[0])
+    return [candidate for worth, candidate in options if worth < 3 * n]
+
+
+def _worth(step: Vector, covariance: Matrix) -> float:
+    """Squared size of a step in its standard errors."""
+    if not covariance.any():
+        return 0.0
+    return float(step @ np.linalg.lstsq(covariance, step, rcond=1e-12)[0])
+
+
+def _straightened(chain: Chain, j: int) -> Chain:
+    bend, curved = chain.bend.copy(), chain.curved.copy()
+    bend[j], curved[j] = 0.0, False
+    return chain._replace(bend=bend, curved=curved)
+
+
+def _merged(chain: Chain, j: int) -> Chain:
+    """Pieces j-1 and j made one, with the mean of their curvatures."""
+    ends = np.append(chain.joints, chain.stations[-1])
+    before, after = ends[j] - ends[j - 1], ends[j + 1] - ends[j]
+    bend, curved = chain.bend.copy(), chain.curved.copy()
+    bend[j - 1] = (before * bend[j - 1] + after * bend[j]) / max(before + after, 1e-12)
+    curved[j - 1] |= curved[j]
+    return chain._replace(
+        joints=np.delete(chain.joints, j), bend=np.delete(bend, j, axis=0), curved=np.delete(curved, j)
+    )
+
+
+def _dropped(chain: Chain, j: int) -> Chain:
+    """Short piece j given half each to its neighbours."""
+    joints = chain.joints.copy()
+    joints[j + 1] = 0.5 * (joints[j] + joints[j + 1])
+    return chain._replace(
+        joints=np.delete(joints, j), bend=np.delete(chain.bend, j, axis=0), curved=np.delete(chain.curved, j)
+    )
+
+
+def _finer(data: Data, chain: Chain) -> list[Chain]:
+    """Chains with one joint more, where the residuals ask for it most."""
+    if len(chain.bend) >= _MOST_PIECES:
+        return []
+    ends = np.append(chain.joints, chain.stations[-1])
+    cuts = [np.linspace(a, b, _SPLITS + 1)[:-1] for a, b in itertools.pairwise(ends)]
+    parts = np.concatenate(cuts)
+    bend = np.repeat(chain.bend, _SPLITS, axis=0)
+    matrix, gradient, _ = normal_equations(
+        data.points,
+        data.weight,
+        chain.stations,
+        chain.start,
+        chain.axes,
+        parts,
+        bend,
+        np.ones(len(parts), dtype=np.bool_),
+        data.free,
+    )
+    base, variance, price = (2 if data.free else 3) + 2, noise_variance(data, chain), math.log(data.values)
+    first = base + len(parts) - 1  # before the curvatures come the joints of the parts, most without effect
+    joints = base + _SPLITS * np.arange(1, len(chain.bend)) - 1
+    options: list[tuple[float, Chain]] = []
+    for j in range(len(chain.bend)):
+        if ends[j + 1] - ends[j] < 4 * data.gap:
+            continue
+        for cut in range(1, _SPLITS):
+            design = _design(len(gradient), base, joints, first, chain.curved, j, cut)
+            reduced, slope = design.T @ matrix @ design, design.T @ gradient
+            scale = 1.0 / np.sqrt(np.maximum(np.diag(reduced), 1e-300))
+            scaled = reduced * scale[:, None] * scale
+            step = np.linalg.lstsq(scaled, slope * scale, rcond=1e-12)[0]
+            saved = float(step @ (slope * scale)) / variance
+            options.append((saved, _split(chain, j, parts[_SPLITS * j + cut])))
+    options.sort(key=lambda option: -option[0])
+    return [candidate for saved, candidate in options[:2] if saved > price]
+
+
+def _design(
+    size: int, base: int, joints: np.ndarray, first: int, curved: np.ndarray, j: int, cut: int
+) -> Matrix:
+    """Parameters of the chain with piece j cut in two, in terms of those of all parts."""
+    columns = [np.eye(size)[:, i] for i in (*range(base), *joints)]
+    for piece in range(len(curved)):
+        groups = [range(_SPLITS)]
+        if piece == j:
+            groups = [range(cut), range(cut, _SPLITS)]
+        elif not curved[piece]:
+            continue
+        for group in groups:
+            for c in range(2):
+                column = np.zeros(size)
+                column[[first + 2 * (_SPLITS * piece + part) + c for part in group]] = 1.0
+                columns.append(column)
+    return np.column_stack(columns)
+
+
+def _split(chain: Chain, j: int, where: float) -> Chain:
+    curved = np.insert(chain.curved, j + 1, True)
+    curved[j] = True
+    return chain._replace(
+        joints=np.insert(chain.joints, j + 1, where),
+        bend=np.insert(chain.bend, j + 1, chain.bend[j], axis=0),
+        curved=curved,
+    )
+
+
+@njit(cache=True, nogil=True)
+def _levenberg_marquardt(
+    points: np.ndarray,
+    weight: np.ndarray,
+    free: bool,
+    gap: float,
+    start: np.ndarray,
+    axes: np.ndarray,
+    joints: np.ndarray,
+    bend: np.ndarray,
+    curved: np.ndarray,
+    stations: np.ndarray,
+) -> tuple:
+    """Least squares from the given chain; returns the fields of `Chain`."""
+    s = stations.copy()
+    if free:
+        project(points, s, start, axes, joints, bend, 2 * gap)
+    matrix, gradient, cost = normal_equations(points, weight, s, start, axes, joints, bend, curved, free)
+    values = (2 if free else 3) * np.sum(weight > 0)
+    damping = 1e-9
+    for _ in range(_MOST_STEPS):
+        scale = np.sqrt(np.maximum(np.diag(matrix), 1e-30))
+        scaled = matrix / scale / scale.reshape(-1, 1) + damping * np.eye(len(matrix))
+        if not np.isfinite(scaled).all():
+            break
+        step = np.linalg.solve(scaled, gradient / scale) / scale
+        new_start, new_axes, new_joints, new_bend = _moved(
+            step, start, axes, joints, bend, curved, free, gap, s[-1]
+        )
+        new_s = s.copy()
+        if free:
+            project(points, new_s, new_start, new_axes, new_joints, new_bend, 2 * gap)
+            project(points, new_s, new_start, new_axes, new_joints, new_bend, gap)
+        new_matrix, new_gradient, new_cost = normal_equations(
+            points, weight, new_s, new_start, new_axes, new_joints, new_bend, curved, free
+        )
+        sane = np.isfinite(new_matrix).all() and np.max(np.abs(new_bend)) * gap < _MOST_TURN
+        if sane and new_cost < cost:
+            settled = cost - new_cost < _SETTLED * cost / values
+            start, axes, joints, bend, s = new_start, new_axes, new_joints, new_bend, new_s
+            matrix, gradient, cost = new_matrix, new_gradient, new_cost
+            if settled and damping <= 1e-6:
+                break
+            damping = max(0.03 * damping, 1e-13)
+        else:
+            if np.sum(step * gradient) < _SETTLED * cost / values or damping > 1e6:
+                break
+            damping = max(30.0 * damping, 1e-6)
+    return start, axes, joints, bend, curved, s, matrix, cost
+
+
+@njit(cache=True, nogil=True)
+def _moved(
+    step: np.ndarray,
+    start: np.ndarray,
+    axes: np.ndarray,
+    joints: np.ndarray,
+    bend: np.ndarray,
+    curved: np.ndarray,
+    free: bool,
+    gap: float,
+    end: float,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Apply a parameter step, joints kept in order and at least `gap` apart."""
+    shifts = 2 if free else 3
+    new_start = start.copy()
+    for c in range(shifts):
+        new_start += step[c] * axes[1 + c] if free else step[c] * np.eye(3)[c]
+    turn = step[shifts] * axes[1] + step[shifts + 1] * axes[2]
+    size = math.sqrt(np.sum(turn * turn))
+    new_axes = axes.copy()
+    if size > 0.0:
+        unit = turn / size
+        for i in range(3):
+            v = axes[i]
+            cross = np.array(
+                [
+                    unit[1] * v[2] - unit[2] * v[1],
+                    unit[2] * v[0] - unit[0] * v[2],
+                    unit[0] * v[1] - unit[1] * v[0],
+                ]
+            )
+            half = math.sin(0.5 * size)
+            new_axes[i] = v + math.sin(size) * cross + 2 * half * half * (unit * np.sum(unit * v) - v)
+    k = len(bend)
+    new_joints, new_bend = joints.copy(), bend.copy()
+    for j in range(1, k):
+        new_joints[j] = joints[j] + step[shifts + 1 + j]
+    for j in range(1, k):
+        new_joints[j] = max(new_joints[j], new_joints[j - 1] + gap)
+    for j in range(k - 1, 0, -1):
+        limit = new_joints[j + 1] if j + 1 < k else end
+        new_joints[j] = min(new_joints[j], limit - gap)
+    row = shifts + 2 + k - 1
+    for j in range(k):
+        if curved[j]:
+            new_bend[j, 0] += step[row]
+            new_bend[j, 1] += step[row + 1]
+            row += 2
+    return new_start, new_axes, new_joints, new_bend
+
+
+def places(chain: Chain, s: Vector) -> tuple[Points, Points, Points]:
+    """Place, unit tangent and curvature vector of a chain at arc lengths `s`, each [n, 3]."""
+    return along(s, chain.start, chain.axes, chain.joints, chain.bend)
