@@ -18,6 +18,7 @@ _END_OFF = 0.1  # spacings that the parabola of the last five points must be off
 _END_LEAP = 1.5  # spacings from an end to its neighbour that are too many
 _END_BETTER = 0.3  # what must be left of that without the outlier
 _LONGEST_RUN = 3
+_MOST_STRAY = 0.1  # of all points: where more are off, the trouble is another
 _MAX_LEAPS = 20
 _NEIGHBOURS = 5  # so near in the sequence, points are near in space too
 
@@ -129,7 +130,8 @@ def _far_off(points: Points) -> np.ndarray:
         if worst is None and (worst := _worst_inside(p, spacing)) is None:
             break
         kept = np.delete(kept, worst)
-    return _short_runs(~np.isin(np.arange(len(points)), kept))
+    stray = _short_runs(~np.isin(np.arange(len(points)), kept))
+    return stray if stray.sum() <= _MOST_STRAY * len(stray) else np.zeros_like(stray)
 
 
 def _short_runs(marked: np.ndarray) -> np.ndarray:
@@ -142,25 +144,38 @@ def _short_runs(marked: np.ndarray) -> np.ndarray:
 
 
 def _worst_inside(p: Points, spacing: float) -> int | None:
-    """Return the inner point farthest off the cubic through four neighbours, if it is off beyond doubt."""
-    off = p[2:-2] - (4 * (p[1:-3] + p[3:-1]) - p[:-4] - p[4:]) / 6
-    way = p[3:-1] - p[1:-3]
-    way /= np.linalg.norm(way, axis=1)[:, None] + 1e-300
-    size = np.linalg.norm(off - np.einsum("ij,ij->i", off, way)[:, None] * way, axis=1)
+    """Return the inner point that stands off every guess from its neighbours most, if off beyond doubt.
+
+    A good point beside an outlier still agrees with one of the guesses: halfway between the next, between the
+    next but one, or straight on from either side.
+    """
+    here, before, after = p[2:-2], p[1:-3], p[3:-1]
+    guesses = (
+        (0.5 * (before + after), after - before),
+        (0.5 * (p[:-4] + p[4:]), p[4:] - p[:-4]),
+        (2 * before - p[:-4], before - p[:-4]),
+        (2 * after - p[4:], after - p[4:]),
+    )
+    size = np.min([_across(here - guess, way) for guess, way in guesses], axis=0)
     worst = int(np.argmax(size))
     return worst + 2 if size[worst] > max(_OFF * np.median(size), spacing) else None
+
+
+def _across(off: Points, way: Points) -> Vector:
+    """Length of the part of `off` [n, 3] that is normal to `way` [n, 3]."""
+    unit = way / (np.linalg.norm(way, axis=1)[:, None] + 1e-300)
+    return np.linalg.norm(off - np.einsum("ij,ij->i", off, unit)[:, None] * unit, axis=1)
 
 
 def _worst_of_end(p: Points, spacing: float) -> int | None:
     """Return which of the first three points keeps the others from lying on a parabola, if any does."""
     whole = _off_parabola(p[:5])
     typical = np.median([_off_parabola(p[i : i + 5]) for i in range(0, len(p) - 4, 1 + len(p) // 20)])
-    if _off_direction(p, spacing) > _END_OFF_DIRECTION * typical:
-        return 0
-    if whole < max(_OFF * typical, _END_OFF * spacing):
-        return None
+    doubtful = whole > max(_OFF * typical, _END_OFF * spacing)
     without = [_off_parabola(np.delete(p[:6], i, axis=0)) for i in range(3)]
-    return int(np.argmin(without)) if min(without) < _END_BETTER * whole else None
+    if doubtful and min(without) < _END_BETTER * whole:
+        return int(np.argmin(without))
+    return 0 if _off_direction(p, spacing) > _END_OFF_DIRECTION * typical else None
 
 
 def _off_direction(p: Points, spacing: float) -> float:
