@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from scipy.spatial import KDTree
 
 from tssgeom.arrays import Points, Vector, read_only
@@ -169,10 +171,10 @@ def _across(off: Points, way: Points) -> Vector:
 
 def _worst_of_end(p: Points, spacing: float) -> int | None:
     """Return which of the first three points keeps the others from lying on a parabola, if any does."""
-    whole = _off_parabola(p[:5])
-    typical = np.median([_off_parabola(p[i : i + 5]) for i in range(0, len(p) - 4, 1 + len(p) // 20)])
+    windows = [_off_parabola(p, i, i + 5, -1) for i in range(0, len(p) - 4, 1 + len(p) // 20)]
+    whole, typical = windows[0], float(np.median(windows))
+    without = [_off_parabola(p, 0, 6, i) for i in range(3)]
     doubtful = whole > max(_OFF * typical, _END_OFF * spacing)
-    without = [_off_parabola(np.delete(p[:6], i, axis=0)) for i in range(3)]
     if doubtful and min(without) < _END_BETTER * whole:
         return int(np.argmin(without))
     return 0 if _off_direction(p, spacing) > _END_OFF_DIRECTION * typical else None
@@ -186,12 +188,37 @@ def _off_direction(p: Points, spacing: float) -> float:
     return aside if size > _END_LEAP * spacing and aside > 0.6 * size else 0.0
 
 
-def _off_parabola(p: Points) -> float:
-    """Root mean square distance of points from their parabola over chord length [m]."""
-    chord = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(p, axis=0), axis=1))))
-    basis = np.vander(chord / max(chord[-1], 1e-300), 3)
-    fit, *_ = np.linalg.lstsq(basis, p, rcond=None)
-    return float(np.sqrt(np.mean((p - basis @ fit) ** 2)))
+@njit(cache=True, nogil=True)
+def _off_parabola(p: np.ndarray, begin: int, end: int, without: int) -> float:
+    """Root mean square distance of points begin to end from their parabola over chord length [m].
+
+    `without` is a point to leave out, or -1.
+    """
+    n = end - begin - (1 if without >= 0 else 0)
+    q, chord = np.empty((n, 3)), np.zeros(n)
+    k = 0
+    for i in range(begin, end):
+        if i == without:
+            continue
+        q[k] = p[i]
+        if k > 0:
+            chord[k] = chord[k - 1] + math.sqrt(np.sum((q[k] - q[k - 1]) ** 2))
+        k += 1
+    # orthonormal polynomials of degree 0, 1 and 2 over the chord lengths
+    basis = np.ones((3, n))
+    for degree in range(3):
+        if degree > 0:
+            basis[degree] = basis[degree - 1] * (chord / (chord[-1] + 1e-300))
+        for lower in range(degree):
+            basis[degree] -= np.sum(basis[degree] * basis[lower]) * basis[lower]
+        basis[degree] /= math.sqrt(np.sum(basis[degree] ** 2)) + 1e-300
+    total = 0.0
+    for c in range(3):
+        rest = q[:, c].copy()
+        for degree in range(3):
+            rest -= np.sum(rest * basis[degree]) * basis[degree]
+        total += np.sum(rest * rest)
+    return math.sqrt(total / (3 * n))
 
 
 def _refuse_unusable(points: Points, *, ordered: bool) -> None:
