@@ -29,11 +29,12 @@ Method = Literal["auto", "spline", "arcs"]
 
 _FEWEST_FOR_CHAIN = 6
 _MARGIN_OF_ONE = 15.0
-_MARGIN_OF_JOINT = 13.0  # what a joint must save beyond its price: smooth routes look like staircases too
+_MARGIN_OF_JOINT = 18.0  # what a joint must save beyond its price: smooth routes look like staircases too
 _HOPELESS = -40.0  # margin of the first chain that merging and splitting will not make up
 _VALUES_A_PARAMETER = 2.5  # fewer cannot tell a staircase from a smooth route
 _QUICK_MOVES = 8
 _CLOSE_CALL = 12.0  # -2 ln evidence within which the loser still counts for the standard error
+_CLOSE_BY_JOINT = 0.3  # by which that grows with every joint
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,9 +145,10 @@ def _margin(data: Data, chain: Chain, route: Route) -> float:
 def _chosen(smooth: Geometry, arcs: Geometry, margin: float) -> Geometry:
     """Take the likelier; the nearer the call, the more of the difference goes into the standard error."""
     better, other = (arcs, smooth) if margin > 0 else (smooth, arcs)
-    if abs(margin) > _CLOSE_CALL:
+    scale = 1.0 + _CLOSE_BY_JOINT * (len(arcs.arcs.length) - 1)
+    if abs(margin) > _CLOSE_CALL * scale:
         return better
-    weight = 1.0 / (1.0 + math.exp(0.5 * abs(margin)))
+    weight = 1.0 / (1.0 + math.exp(0.5 * abs(margin) / scale))
     gap = other.profile.total_angle - better.profile.total_angle
     extra = weight * gap * gap
     share = better.profile.phi / max(better.profile.total_angle, 1e-300)
