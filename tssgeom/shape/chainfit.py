@@ -178,61 +178,93 @@ def _dropped(chain: Chain, j: int) -> Chain:
     )
 
 
-def _finer(data: Data, chain: Chain) -> list[Chain]:
-    """Chains with one joint more, where the residuals ask for it most."""
-    if len(chain.bend) >= _MOST_PIECES:
-        return []
+class _Parts(NamedTuple):
+    """Normal equations of a chain whose pieces are cut into equal parts with curvatures of their own."""
+
+    at: Vector
+    """Where the parts begin [m]."""
+    matrix: Matrix
+    gradient: Vector
+    kept: list[int]
+    """Parameters of the chain that stay: start, directions, joints."""
+    first: int
+    """First curvature parameter."""
+
+    def column(self, piece: int, component: int, weight: Vector) -> Vector:
+        """Curvature component of a piece, varying over its parts by `weight`."""
+        out = np.zeros(len(self.gradient))
+        out[self.first + 2 * (_SPLITS * piece + np.arange(_SPLITS)) + component] = weight
+        return out
+
+    def saved(self, columns: list[Vector]) -> float:
+        """Return what the best change of the kept parameters and those of `columns` saves of the cost."""
+        design = np.column_stack([np.eye(len(self.gradient))[:, self.kept], *columns])
+        reduced, slope = design.T @ self.matrix @ design, design.T @ self.gradient
+        scale = 1.0 / np.sqrt(np.maximum(np.diag(reduced), 1e-300))
+        step = np.linalg.lstsq(reduced * scale[:, None] * scale, slope * scale, rcond=1e-12)[0]
+        return float(step @ (slope * scale))
+
+
+def _parts(data: Data, chain: Chain) -> _Parts:
     ends = np.append(chain.joints, chain.stations[-1])
-    cuts = [np.linspace(a, b, _SPLITS + 1)[:-1] for a, b in itertools.pairwise(ends)]
-    parts = np.concatenate(cuts)
-    bend = np.repeat(chain.bend, _SPLITS, axis=0)
+    at = np.concatenate([np.linspace(a, b, _SPLITS + 1)[:-1] for a, b in itertools.pairwise(ends)])
     matrix, gradient, _ = normal_equations(
         data.points,
         data.weight,
         chain.stations,
         chain.start,
         chain.axes,
-        parts,
-        bend,
-        np.ones(len(parts), dtype=np.bool_),
+        at,
+        np.repeat(chain.bend, _SPLITS, axis=0),
+        np.ones(len(at), dtype=np.bool_),
         data.free,
     )
-    base, variance, price = (2 if data.free else 3) + 2, noise_variance(data, chain), math.log(data.values)
-    first = base + len(parts) - 1  # before the curvatures come the joints of the parts, most without effect
-    joints = base + _SPLITS * np.arange(1, len(chain.bend)) - 1
+    base = (2 if data.free else 3) + 2
+    joints = (
+        base + _SPLITS * np.arange(1, len(chain.bend)) - 1
+    )  # the other joints of the parts have no effect
+    return _Parts(at, matrix, gradient, [*range(base), *joints.tolist()], base + len(at) - 1)
+
+
+def slopes(data: Data, chain: Chain) -> float:
+    """Return what sloping curvature in every piece would save beyond chance, in noise variances.
+
+    A staircase that stands for a smooth route wants its steps to slope; true pieces do not.
+    """
+    parts = _parts(data, chain)
+    ramp = np.linspace(-1.5, 1.5, _SPLITS)
+    columns = _level_columns(parts, chain)
+    columns += [parts.column(j, c, ramp) for j in range(len(chain.bend)) for c in range(2)]
+    return parts.saved(columns) / noise_variance(data, chain) - 2 * len(chain.bend)
+
+
+def _level_columns(parts: _Parts, chain: Chain, without: int = -1) -> list[Vector]:
+    level = np.ones(_SPLITS)
+    return [
+        parts.column(j, c, level)
+        for j in np.flatnonzero(chain.curved).tolist()
+        if j != without
+        for c in range(2)
+    ]
+
+
+def _finer(data: Data, chain: Chain) -> list[Chain]:
+    """Chains with one joint more, where the residuals ask for it most."""
+    if len(chain.bend) >= _MOST_PIECES:
+        return []
+    parts, variance = _parts(data, chain), noise_variance(data, chain)
+    length = np.diff(np.append(chain.joints, chain.stations[-1]))
     options: list[tuple[float, Chain]] = []
-    for j in range(len(chain.bend)):
-        if ends[j + 1] - ends[j] < 4 * data.gap:
-            continue
+    for j in np.flatnonzero(length >= 4 * data.gap).tolist():
+        others = _level_columns(parts, chain, without=j)
         for cut in range(1, _SPLITS):
-            design = _design(len(gradient), base, joints, first, chain.curved, j, cut)
-            reduced, slope = design.T @ matrix @ design, design.T @ gradient
-            scale = 1.0 / np.sqrt(np.maximum(np.diag(reduced), 1e-300))
-            scaled = reduced * scale[:, None] * scale
-            step = np.linalg.lstsq(scaled, slope * scale, rcond=1e-12)[0]
-            saved = float(step @ (slope * scale)) / variance
-            options.append((saved, _split(chain, j, parts[_SPLITS * j + cut])))
+            before = (np.arange(_SPLITS) < cut).astype(np.float64)
+            own = [parts.column(j, c, weight) for weight in (before, 1.0 - before) for c in range(2)]
+            options.append(
+                (parts.saved(others + own) / variance, _split(chain, j, parts.at[_SPLITS * j + cut]))
+            )
     options.sort(key=lambda option: -option[0])
-    return [candidate for saved, candidate in options[:2] if saved > price]
-
-
-def _design(
-    size: int, base: int, joints: np.ndarray, first: int, curved: np.ndarray, j: int, cut: int
-) -> Matrix:
-    """Parameters of the chain with piece j cut in two, in terms of those of all parts."""
-    columns = [np.eye(size)[:, i] for i in (*range(base), *joints)]
-    for piece in range(len(curved)):
-        groups = [range(_SPLITS)]
-        if piece == j:
-            groups = [range(cut), range(cut, _SPLITS)]
-        elif not curved[piece]:
-            continue
-        for group in groups:
-            for c in range(2):
-                column = np.zeros(size)
-                column[[first + 2 * (_SPLITS * piece + part) + c for part in group]] = 1.0
-                columns.append(column)
-    return np.column_stack(columns)
+    return [candidate for saved, candidate in options[:2] if saved > math.log(data.values)]
 
 
 def _split(chain: Chain, j: int, where: float) -> Chain:

@@ -20,6 +20,7 @@ from tssgeom.shape.chainfit import (
     parameter_covariance,
     places,
     settle,
+    slopes,
 )
 from tssgeom.shape.curvature import CurvatureProfile, curvature_profile
 from tssgeom.shape.points import Shape
@@ -74,7 +75,7 @@ def measure(shape: Shape, noise: float | None = None, method: Method = "auto") -
     arcs = _by_chain(data, chain, smooth.route)
     if method == "arcs":
         return arcs
-    return _chosen(smooth, arcs, _margin(data, chain, smooth.route))
+    return _chosen(smooth, arcs, _margin(data, chain, smooth.route) - max(slopes(data, chain), 0.0))
 
 
 def _by_spline(shape: Shape, noise: float | None) -> Geometry:
