@@ -4,6 +4,7 @@ from tssgeom.errors import FitError, SettingsError, ShapeError, SourceError, Tss
 from tssgeom.settings import Rig, read_rig
 from tssgeom.shape.arcs import Arcs, constant_curvature_pieces
 from tssgeom.shape.curvature import CurvatureProfile, curvature_profile
+from tssgeom.shape.geometry import Geometry, measure
 from tssgeom.shape.points import Shape, clean
 from tssgeom.shape.spline import Route, fit
 from tssgeom.stream import Frame, FrameResult, Rejected, process
@@ -23,12 +24,14 @@ __all__ = [
     # sensed points to geometry
     "Arcs",
     "CurvatureProfile",
+    "Geometry",
     "Route",
     "Shape",
     "clean",
     "constant_curvature_pieces",
     "curvature_profile",
     "fit",
+    "measure",
     # geometry to tension
     "TendonState",
     "Transmission",

@@ -10,11 +10,14 @@ from tssgeom.errors import TssgeomError
 from tssgeom.settings import Rig
 from tssgeom.shape.arcs import Arcs
 from tssgeom.shape.curvature import CurvatureProfile
-from tssgeom.shape.geometry import measure
+from tssgeom.shape.geometry import Method, measure
 from tssgeom.shape.points import Shape, clean
 from tssgeom.shape.spline import Route
 from tssgeom.tendon.profile import TendonState, pretensioned, step
 from tssgeom.tendon.transmission import Transmission, transmit
+
+_RECONSIDER = 16
+"""Frames after which a route that was found smooth is tried as a chain of arcs again."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +73,9 @@ def process(
 ) -> Iterator[FrameResult | Rejected]:
     """Turn frames into results, one for each frame and in their order.
 
+    Where the points of a frame spoke for a smooth route, the next ones are taken for smooth too, and the
+    chain of arcs is tried again every sixteenth frame.
+
     Parameters
     ----------
     frames
@@ -82,21 +88,26 @@ def process(
         Tension along the tendon before the first frame; the rig's pretension by default.
     """
     current = pretensioned(rig) if state is None else state
+    smooth = 0
     for seq, frame in enumerate(frames):
         if isinstance(frame, Rejected):
             yield replace(frame, seq=seq)
             continue
         try:
-            result = advance(seq, frame, current, rig, tension_in)
+            method = "spline" if smooth % _RECONSIDER else "auto"
+            result = advance(seq, frame, current, rig, tension_in, method)
         except TssgeomError as error:
             yield Rejected(seq, frame.time, str(error), frame.id)
         else:
             current = result.state
+            smooth = smooth + 1 if result.arcs.method == "spline" else 0
             yield result
 
 
-def advance(seq: int, frame: Frame, state: TendonState, rig: Rig, tension_in: float) -> FrameResult:
-    """Carry the tendon from `state` over one frame.
+def advance(
+    seq: int, frame: Frame, state: TendonState, rig: Rig, tension_in: float, method: Method = "auto"
+) -> FrameResult:
+    """Carry the tendon from `state` over one frame, its geometry estimated by `method`.
 
     Raises
     ------
@@ -106,7 +117,7 @@ def advance(seq: int, frame: Frame, state: TendonState, rig: Rig, tension_in: fl
         Where the tension is negative or not finite.
     """
     shape = clean(frame.points, frame.stations)
-    geometry = measure(shape, rig.shape.noise)
+    geometry = measure(shape, rig.shape.noise, method)
     drive = tension_in if frame.tension_in is None else frame.tension_in
     moved = step(state, drive, rig.friction.coefficient)
     return FrameResult(

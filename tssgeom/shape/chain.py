@@ -309,16 +309,22 @@ def normal_equations(
     for a in range(1, m):
         if own[a] >= 0 and own[a - 1] == own[a]:
             side[a] = 1
+    reach = np.empty(6)
     for a in range(m):
-        gradient[a] = twist[a] @ beyond_residual[first[a]]
+        gradient[a] = np.sum(twist[a] * beyond_residual[first[a]])
         if own[a] >= 0:
             gradient[a] += with_residual[own[a], 6 + side[a]]
         for b in range(a, m):
-            value = twist[a] @ (beyond[max(first[a], first[b])] @ twist[b])
+            moments = beyond[max(first[a], first[b])]
+            for i in range(6):
+                reach[i] = np.sum(moments[i] * twist[b])
             if own[b] >= 0 and first[a] <= own[b]:
-                value += twist[a] @ second[own[b], :6, 6 + side[b]]
+                for i in range(6):
+                    reach[i] += second[own[b], i, 6 + side[b]]
+            value = np.sum(twist[a] * reach)
             if own[a] >= 0 and first[b] <= own[a]:
-                value += twist[b] @ second[own[a], :6, 6 + side[a]]
+                for i in range(6):
+                    value += twist[b, i] * second[own[a], i, 6 + side[a]]
             if own[a] >= 0 and own[a] == own[b]:
                 value += second[own[a], 6 + side[a], 6 + side[b]]
             matrix[a, b] = value
