@@ -134,6 +134,17 @@ def test_one_outlier_is_ignored_with_a_warning(sensed, size, where):
     assert curvature_profile(route).total_angle == pytest.approx(clear, rel=0.01)
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_five_per_cent_of_outliers_do_little_harm(sensed, seed):
+    """Ten of 200 points are off by 20 standard deviations, along the route as well as across."""
+    points, _ = sensed(setup_a(), 200, 5e-4, seed)
+    rng = np.random.default_rng(seed + 50)
+    stray = rng.choice(np.arange(1, 199, 2), 10, replace=False)  # no two side by side
+    points[stray] += 0.01 * rng.normal(size=(10, 3))
+    phi, _ = _phi(points)
+    assert phi == pytest.approx(3 * np.pi, rel=0.02)
+
+
 def test_clear_points_are_not_taken_for_outliers(sensed):
     lost = sum(
         int((fit(clean(sensed(course, 200, noise, seed)[0])).weight == 0).sum())

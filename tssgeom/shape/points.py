@@ -159,8 +159,17 @@ def _worst_inside(p: Points, spacing: float) -> int | None:
         (2 * after - p[4:], after - p[4:]),
     )
     size = np.min([_across(here - guess, way) for guess, way in guesses], axis=0)
+    size = np.maximum(size, _backwards(before, here, after))
     worst = int(np.argmax(size))
     return worst + 2 if size[worst] > max(_OFF * np.median(size), spacing) else None
+
+
+def _backwards(before: Points, here: Points, after: Points) -> Vector:
+    """Tell how far a point lies ahead of the next one or behind the last, along the way between them [n]."""
+    way = after - before
+    way = way / (np.linalg.norm(way, axis=1)[:, None] + 1e-300)
+    steps = [np.einsum("ij,ij->i", step, way) for step in (here - before, after - here)]
+    return np.maximum(-np.minimum(*steps), 0.0)
 
 
 def _across(off: Points, way: Points) -> Vector:

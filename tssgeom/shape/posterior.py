@@ -17,6 +17,7 @@ _ROUNDS = 8  # of looking for outliers
 _BEND_SHARE = 0.3  # of κh²: what a jump of curvature alone can move a point off its neighbours' curve
 _END_SHARE = (2.0, 1.0)  # the same at the last points, which have neighbours on one side only
 _LAGS = (1, 2, 3)
+_SHARPEST = 1.5  # turn from point to point that the prior follows [rad]
 _EXACT = 1e-9  # of the spacing: rounding, not noise
 _UNEVEN = 2.0  # ln likelihood a point by which chord lengths must beat even spacing as first stations
 
@@ -52,7 +53,7 @@ def posterior(shape: Shape, spacing: float, noise: float | None) -> tuple[Proble
     FitError
         Where the points give no finite curve.
     """
-    problem, solution = _first(shape, spacing, noise)
+    problem, solution = _without_outliers(*_first(shape, spacing, noise))
     for _ in range(_PASSES):
         problem = _bent(problem, solution, known=shape.stations is not None)
         solution = _solve(problem)
@@ -145,6 +146,7 @@ def _bent(problem: Problem, solution: Solution, *, known: bool) -> Problem:
         u = foot_stations(u, solution.mean[:, :, 0], speed, tangent, problem.y, problem.weight)
     noise = solution.intensity * solution.covariance[:, 5] / 3.0
     squares = np.maximum(np.einsum("ij,ij->i", bend, bend) - noise, 0.0)
+    squares = np.minimum(squares, _SHARPEST**2)
     kappa2 = squares.copy()
     kappa2[1:] = 0.5 * (squares[1:] + squares[:-1])
     return problem._replace(u=u, kappa2=kappa2, tangent=tangent, planar=True)
