@@ -11,17 +11,8 @@ import numpy as np
 
 from tssgeom.arrays import Matrix, Vector, read_only
 from tssgeom.shape.arcs import Arcs, constant_curvature_pieces, normals, parallel_components
-from tssgeom.shape.chainfit import (
-    Chain,
-    Data,
-    better,
-    fit_chain,
-    noise_variance,
-    parameter_covariance,
-    places,
-    settle,
-    slopes,
-)
+from tssgeom.shape.chainfit import Chain, Data, noise_variance, parameter_covariance, places, settle
+from tssgeom.shape.chainmoves import better, fit_chain, slopes
 from tssgeom.shape.curvature import CurvatureProfile, curvature_profile
 from tssgeom.shape.points import Shape
 from tssgeom.shape.spline import Route, fit
