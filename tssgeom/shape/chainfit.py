@@ -48,6 +48,17 @@ class Chain(NamedTuple):
     cost: float
 
 
+def first_joint_column(free: bool) -> int:
+    """Return the parameter of the first inner joint: before it stand the start and two turns."""
+    return (2 if free else 3) + 2
+
+
+def curvature_columns(chain: Chain, free: bool) -> np.ndarray:
+    """First parameter of each piece's curvature [k], -1 for a straight piece."""
+    base = first_joint_column(free) + len(chain.bend) - 1
+    return np.where(chain.curved, base + 2 * (np.cumsum(chain.curved) - 1), -1)
+
+
 def criterion(data: Data, chain: Chain) -> float:
     """-2 ln of the greatest likelihood, plus the price of every parameter."""
     n = data.values

@@ -10,7 +10,16 @@ import numpy as np
 
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.shape.chain import normal_equations
-from tssgeom.shape.chainfit import Chain, Data, criterion, noise_variance, parameter_covariance, settle
+from tssgeom.shape.chainfit import (
+    Chain,
+    Data,
+    criterion,
+    curvature_columns,
+    first_joint_column,
+    noise_variance,
+    parameter_covariance,
+    settle,
+)
 
 _SPLITS = 4  # parts into which a piece is cut to see where another joint would help
 _MOST_PIECES = 40
@@ -48,17 +57,10 @@ def better(data: Data, chain: Chain) -> Chain | None:
     return None
 
 
-def _columns(chain: Chain, data: Data) -> np.ndarray:
-    """First column of each piece's curvature among the parameters, -1 for a straight piece."""
-    base = (2 if data.free else 3) + 2 + len(chain.bend) - 1
-    number = np.cumsum(chain.curved) - 1
-    return np.where(chain.curved, base + 2 * number, -1)
-
-
 def _simpler(data: Data, chain: Chain) -> list[Chain]:
     """Chains with one piece straightened, dropped or merged, the cheapest first."""
     covariance = parameter_covariance(data, chain)
-    columns, n = _columns(chain, data), math.log(data.values)
+    columns, n = curvature_columns(chain, data.free), math.log(data.values)
     options: list[tuple[float, Chain]] = []
     for j, column in enumerate(columns):
         if column >= 0:
@@ -156,7 +158,7 @@ def _parts(data: Data, chain: Chain) -> _Parts:
         np.ones(len(at), dtype=np.bool_),
         data.free,
     )
-    base = (2 if data.free else 3) + 2
+    base = first_joint_column(data.free)
     joints = (
         base + _SPLITS * np.arange(1, len(chain.bend)) - 1
     )  # the other joints of the parts have no effect

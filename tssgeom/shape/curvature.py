@@ -9,6 +9,7 @@ from numba import njit
 
 from tssgeom.arrays import Matrix, Vector, read_only
 from tssgeom.shape.spline import Route
+from tssgeom.shape.stations import accumulated
 
 _NATURAL_ENDS = (
     1e-3  # relative error of an exact circle over the fourth power of its turn from point to point
@@ -90,11 +91,6 @@ def _without_noise(square: Vector, noise: Vector) -> Vector:
     """
     components = 1.0 + 2.0 * noise / (square + 2.0 * noise + 1e-300)
     return np.sqrt(np.maximum(square - components * noise, 0.0))
-
-
-def accumulated(s: Vector, rate: Vector) -> Vector:
-    """Integral of `rate` along the route, at each node."""
-    return np.concatenate(([0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(s))))
 
 
 def angle_covariance(route: Route, breaks: np.ndarray) -> tuple[Vector, Matrix]:

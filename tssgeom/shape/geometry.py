@@ -11,11 +11,21 @@ import numpy as np
 
 from tssgeom.arrays import Matrix, Vector, read_only
 from tssgeom.shape.arcs import Arcs, constant_curvature_pieces, normals, parallel_components
-from tssgeom.shape.chainfit import Chain, Data, noise_variance, parameter_covariance, places, settle
+from tssgeom.shape.chainfit import (
+    Chain,
+    Data,
+    curvature_columns,
+    first_joint_column,
+    noise_variance,
+    parameter_covariance,
+    places,
+    settle,
+)
 from tssgeom.shape.chainmoves import better, fit_chain, slopes
 from tssgeom.shape.curvature import CurvatureProfile, curvature_profile
 from tssgeom.shape.points import Shape
 from tssgeom.shape.spline import Route, fit
+from tssgeom.shape.stations import across
 
 Method = Literal["auto", "spline", "arcs"]
 
@@ -122,9 +132,8 @@ def _margin(data: Data, chain: Chain, route: Route) -> float:
     Minus infinity where the chain has too many parameters for the points.
     """
     x, tangent, _ = places(chain, chain.stations)
-    off = data.points - x
-    across = off - np.einsum("ij,ij->i", off, tangent)[:, None] * tangent
-    cost = float(data.weight @ np.einsum("ij,ij->i", across, across))
+    off = across(data.points - x, tangent)
+    cost = float(data.weight @ np.einsum("ij,ij->i", off, off))
     values = 2 * int(np.count_nonzero(data.weight))
     if len(chain.matrix) * _VALUES_A_PARAMETER > values:
         return -math.inf
@@ -136,22 +145,22 @@ def _margin(data: Data, chain: Chain, route: Route) -> float:
 
 def _chosen(smooth: Geometry, arcs: Geometry, margin: float) -> Geometry:
     """Take the likelier; the nearer the call, the more of the difference goes into the standard error."""
-    better, other = (arcs, smooth) if margin > 0 else (smooth, arcs)
+    taken, other = (arcs, smooth) if margin > 0 else (smooth, arcs)
     scale = 1.0 + _CLOSE_BY_JOINT * (len(arcs.arcs.length) - 1)
     if abs(margin) > _CLOSE_CALL * scale:
-        return better
+        return taken
     weight = 1.0 / (1.0 + math.exp(0.5 * abs(margin) / scale))
-    gap = other.profile.total_angle - better.profile.total_angle
+    gap = other.profile.total_angle - taken.profile.total_angle
     extra = weight * gap * gap
-    share = better.profile.phi / max(better.profile.total_angle, 1e-300)
-    k = len(better.arcs.length)
-    part = better.arcs.angle / max(better.arcs.total_angle, 1e-300)
-    covariance = np.array(better.arcs.covariance)
+    share = taken.profile.phi / max(taken.profile.total_angle, 1e-300)
+    k = len(taken.arcs.length)
+    part = taken.arcs.angle / max(taken.arcs.total_angle, 1e-300)
+    covariance = np.array(taken.arcs.covariance)
     covariance[k:, k:] += extra * np.outer(part, part)
     return Geometry(
-        better.route,
-        replace(better.profile, phi_se=read_only(np.sqrt(better.profile.phi_se**2 + extra * share**2))),
-        replace(better.arcs, covariance=read_only(covariance)),
+        taken.route,
+        replace(taken.profile, phi_se=read_only(np.sqrt(taken.profile.phi_se**2 + extra * share**2))),
+        replace(taken.arcs, covariance=read_only(covariance)),
     )
 
 
@@ -187,14 +196,12 @@ def _angle_gradient(chain: Chain, ends: Vector, at: Vector, free: bool) -> Matri
     """Differentiate φ at arc lengths `at` with respect to every parameter, [n, m]; docs/model.md (33)."""
     kappa = np.linalg.norm(chain.bend, axis=1)
     out = np.zeros((len(at), len(chain.matrix)))
-    column = (2 if free else 3) + 2
+    joint, column = first_joint_column(free), curvature_columns(chain, free)
     for j in range(1, len(kappa)):
-        out[:, column] = np.where(at > ends[j], kappa[j - 1] - kappa[j], 0.0)
-        column += 1
+        out[:, joint + j - 1] = np.where(at > ends[j], kappa[j - 1] - kappa[j], 0.0)
     for j in np.flatnonzero(chain.curved):
         travelled = np.clip(at, ends[j], ends[j + 1]) - ends[j]
-        out[:, column : column + 2] = travelled[:, None] * chain.bend[j] / max(kappa[j], 1e-300)
-        column += 2
+        out[:, column[j] : column[j] + 2] = travelled[:, None] * chain.bend[j] / max(kappa[j], 1e-300)
     return out
 
 
@@ -207,7 +214,7 @@ def _chain_profile(
     gradient = _angle_gradient(chain, ends, at, free)
     variance = np.einsum("ij,jk,ik->i", gradient, covariance, gradient)
     variance += np.where(at > ends[0], sigma2 * (kappa[0] ** 2 + kappa[piece] ** 2), 0.0)
-    column = (2 if free else 3) + 2 + len(kappa) - 1 + 2 * (np.cumsum(chain.curved) - 1)
+    column = curvature_columns(chain, free)
     se = np.zeros(len(kappa))
     for j in np.flatnonzero(chain.curved):
         way = chain.bend[j] / max(kappa[j], 1e-300)
@@ -231,7 +238,7 @@ def _chain_pieces(chain: Chain, ends: Vector, covariance: Matrix, sigma2: float,
     at_ends = _angle_gradient(chain, ends, ends, free)
     joints = np.zeros_like(at_ends)
     for j in range(1, k):
-        joints[j, (2 if free else 3) + 1 + j] = 1.0
+        joints[j, first_joint_column(free) + j - 1] = 1.0
     # φ at a joint moves with the joint as well
     at_ends[1:-1] += joints[1:-1] * kappa[:-1, None] if k > 1 else 0.0
     gradient = np.vstack((np.diff(joints, axis=0), np.diff(at_ends, axis=0)))

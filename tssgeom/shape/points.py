@@ -11,6 +11,7 @@ from scipy.spatial import KDTree
 
 from tssgeom.arrays import Points, Vector, read_only
 from tssgeom.errors import ShapeError
+from tssgeom.shape.stations import across
 
 MIN_POINTS = 4
 _MIN_TO_JUDGE_ORDER = 8
@@ -175,7 +176,7 @@ def _backwards(before: Points, here: Points, after: Points) -> Vector:
 def _across(off: Points, way: Points) -> Vector:
     """Length of the part of `off` [n, 3] that is normal to `way` [n, 3]."""
     unit = way / (np.linalg.norm(way, axis=1)[:, None] + 1e-300)
-    return np.linalg.norm(off - np.einsum("ij,ij->i", off, unit)[:, None] * unit, axis=1)
+    return np.linalg.norm(across(off, unit), axis=1)
 
 
 def _worst_of_end(p: Points, spacing: float) -> int | None:

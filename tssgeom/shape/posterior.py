@@ -10,7 +10,7 @@ from tssgeom.arrays import Matrix, Points, Vector
 from tssgeom.errors import FitError
 from tssgeom.shape.points import Shape
 from tssgeom.shape.smoother import best_ratio, innovations, smooth
-from tssgeom.shape.stations import foot_stations
+from tssgeom.shape.stations import across, foot_stations
 
 _PASSES = 4
 _ROUNDS = 8  # of looking for outliers
@@ -66,8 +66,7 @@ def curve(mean: Matrix) -> tuple[Vector, Points, Points]:
     first, second = mean[:, :, 1], mean[:, :, 2]
     speed = np.maximum(np.linalg.norm(first, axis=1), 1e-12)
     tangent = first / speed[:, None]
-    bend = second - np.einsum("ij,ij->i", second, tangent)[:, None] * tangent
-    return speed, tangent, bend / (speed * speed)[:, None]
+    return speed, tangent, across(second, tangent) / (speed * speed)[:, None]
 
 
 def deviance(problem: Problem, solution: Solution, spacing: float) -> float:
@@ -166,11 +165,10 @@ def _without_outliers(problem: Problem, solution: Solution) -> tuple[Problem, So
 def _stray_points(problem: Problem, solution: Solution) -> np.ndarray:
     """Mark points whose leave-one-out residual is beyond chance and beyond a jump of curvature."""
     _, tangent, bend = curve(solution.mean)
-    raw = problem.y - solution.mean[:, :, 0]
-    across = np.linalg.norm(raw - np.einsum("ij,ij->i", raw, tangent)[:, None] * tangent, axis=1)
+    distance = np.linalg.norm(across(problem.y - solution.mean[:, :, 0], tangent), axis=1)
     free = np.maximum(1.0 - solution.covariance[:, 0] / solution.ratio, 1e-12)
     used = problem.weight > 0.0
-    left_out, size = across / free, across / np.sqrt(free)
+    left_out, size = distance / free, distance / np.sqrt(free)
     scale = max(float(np.median(size[used])) / 1.177, np.sqrt(problem.variance), _EXACT)
     step = np.gradient(problem.u)
     sharpest = float(np.max(np.linalg.norm(bend, axis=1)[used]))

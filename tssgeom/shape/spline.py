@@ -11,7 +11,7 @@ from tssgeom.shape.clusters import clustered, merged
 from tssgeom.shape.points import Shape
 from tssgeom.shape.posterior import Problem, Solution, curve, deviance, posterior, swings
 from tssgeom.shape.smoother import smooth
-from tssgeom.shape.stations import arc_length, insert_nodes
+from tssgeom.shape.stations import accumulated, insert_nodes
 
 _NODES = 160  # fewest nodes on which curvature is evaluated
 _SWING = -4.0  # standard deviations beyond which errors are not white
@@ -136,7 +136,7 @@ def _route(shape: Shape, problem: Problem, solution: Solution, spacing: float) -
     if len(u) > len(where):
         mean, covariance, gain = smooth(u, *_on_nodes(problem, where, len(u)), ratio)
     speed, tangent, bend = curve(mean)
-    s = u if shape.stations is not None else arc_length(u, speed)
+    s = u if shape.stations is not None else accumulated(u, speed)
     unit = np.array([spacing, 1.0, 1.0 / spacing])
     pairs = unit[[0, 0, 0, 1, 1, 2]] * unit[[0, 1, 2, 1, 2, 2]]
     return Route(

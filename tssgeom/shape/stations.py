@@ -33,10 +33,14 @@ def _isotonic(x: np.ndarray, weight: np.ndarray) -> np.ndarray:
     return out
 
 
-def arc_length(u: Vector, speed: Vector) -> Vector:
-    """Arc length at each node of a curve with the given speed over its parameter `u`."""
-    steps = 0.5 * (speed[1:] + speed[:-1]) * np.diff(u)
-    return np.concatenate(([0.0], np.cumsum(steps)))
+def accumulated(s: Vector, rate: Vector) -> Vector:
+    """Integral of `rate` over `s` up to each node: arc length from speed, angle from curvature."""
+    return np.concatenate(([0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(s))))
+
+
+def across(off: Points, unit: Points) -> Points:
+    """Part of `off` [n, 3] that is normal to the unit vectors `unit` [n, 3]."""
+    return off - np.einsum("ij,ij->i", off, unit)[:, None] * unit
 
 
 def foot_stations(
@@ -52,7 +56,7 @@ def foot_stations(
         The points [n, 3] and their weights [n].
     """
     along = np.einsum("ij,ij->i", y - position, tangent)
-    feet = _isotonic(arc_length(u, speed) + along, np.maximum(weight, 1e-6))
+    feet = _isotonic(accumulated(u, speed) + along, np.maximum(weight, 1e-6))
     return feet - feet[0] + _LEAST_STEP * np.arange(len(feet))
 
 
