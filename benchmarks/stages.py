@@ -20,7 +20,7 @@ from tssgeom.shape.arcs import Arcs, constant_curvature_pieces
 from tssgeom.shape.curvature import CurvatureProfile, curvature_profile
 from tssgeom.shape.geometry import Geometry, Method, measure
 from tssgeom.shape.points import Shape, clean
-from tssgeom.shape.spline import Route, fit
+from tssgeom.shape.spline import Spline, fit
 from tssgeom.shape.synthetic import Course
 from tssgeom.stream import Frame, process
 from tssgeom.tendon.profile import TendonState, pretensioned, step
@@ -79,16 +79,16 @@ def _known(frame: Frame) -> Shape:
     return clean(frame.points, frame.stations)
 
 
-def _route(frame: Frame) -> Route:
+def _fitted(frame: Frame) -> Spline:
     return fit(_known(frame), NOISE)
 
 
-def _profiled(frame: Frame) -> tuple[Route, CurvatureProfile]:
-    route = _route(frame)
-    return route, curvature_profile(route)
+def _profiled(frame: Frame) -> tuple[Spline, CurvatureProfile]:
+    spline = _fitted(frame)
+    return spline, curvature_profile(spline)
 
 
-def _pieces(given: tuple[Route, CurvatureProfile]) -> Arcs:
+def _pieces(given: tuple[Spline, CurvatureProfile]) -> Arcs:
     return constant_curvature_pieces(*given)
 
 
@@ -128,7 +128,7 @@ STAGES = (
     _stage("clean, stations known", _frame, _known),
     _stage("spline fit, stations known", _known, partial(fit, noise=NOISE)),
     _stage("spline fit, stations not told", _clean, partial(fit, noise=NOISE)),
-    _stage("curvature profile", _route, curvature_profile),
+    _stage("curvature profile", _fitted, curvature_profile),
     _stage("pieces of the spline", _profiled, _pieces),
     _stage("measure spline, stations known", _known, partial(_measured, method="spline")),
     _stage("measure arcs, stations known", _known, partial(_measured, method="arcs")),

@@ -124,7 +124,7 @@ def _checked_recording(recording: Recording) -> dict[str, Any]:
 def _sensed(frame: Frame, notes: Iterable[str]) -> dict[str, Any]:
     """Tell length and noise of the first good frame."""
     shape = clean(frame.points, frame.stations)
-    route = fit(shape)
+    route = fit(shape).route
     return {
         "length_m": float(route.s[-1]),
         "noise_m": float(route.noise),

@@ -6,7 +6,8 @@ from tssgeom.shape.arcs import Arcs, constant_curvature_pieces
 from tssgeom.shape.curvature import CurvatureProfile, curvature_profile
 from tssgeom.shape.geometry import Geometry, measure
 from tssgeom.shape.points import Shape, clean
-from tssgeom.shape.spline import Route, fit
+from tssgeom.shape.route import Route
+from tssgeom.shape.spline import Spline, fit
 from tssgeom.stream import Frame, FrameResult, Rejected, process
 from tssgeom.tendon.profile import TendonState, pretensioned, step, tension
 from tssgeom.tendon.transmission import Transmission, transmit
@@ -27,6 +28,7 @@ __all__ = [
     "Geometry",
     "Route",
     "Shape",
+    "Spline",
     "clean",
     "constant_curvature_pieces",
     "curvature_profile",

@@ -12,7 +12,7 @@ from tssgeom.shape.arcs import Arcs
 from tssgeom.shape.curvature import CurvatureProfile
 from tssgeom.shape.geometry import Method, measure
 from tssgeom.shape.points import Shape, clean
-from tssgeom.shape.spline import Route
+from tssgeom.shape.route import Route
 from tssgeom.tendon.profile import TendonState, pretensioned, step
 from tssgeom.tendon.transmission import Transmission, transmit
 

@@ -6,7 +6,7 @@ import pytest
 from tssgeom.shape.arcs import Arcs, constant_curvature_pieces
 from tssgeom.shape.curvature import CurvatureProfile, curvature_profile
 from tssgeom.shape.points import clean
-from tssgeom.shape.spline import Route, fit
+from tssgeom.shape.spline import Spline, fit
 from tssgeom.shape.synthetic import Course, places
 
 
@@ -23,11 +23,11 @@ def sensed():
 
 @pytest.fixture
 def geometry():
-    """Route, profile and pieces of sensed points."""
+    """Spline, profile and pieces of sensed points."""
 
-    def make(points, stations=None, noise=None) -> tuple[Route, CurvatureProfile, Arcs]:
-        route = fit(clean(points, stations), noise)
-        profile = curvature_profile(route)
-        return route, profile, constant_curvature_pieces(route, profile)
+    def make(points, stations=None, noise=None) -> tuple[Spline, CurvatureProfile, Arcs]:
+        spline = fit(clean(points, stations), noise)
+        profile = curvature_profile(spline)
+        return spline, profile, constant_curvature_pieces(spline, profile)
 
     return make

@@ -91,9 +91,9 @@ def test_the_standard_error_covers_the_truth(sensed, course, n, noise):
 def test_noise_is_found_and_used_when_known(geometry, sensed):
     points, _ = sensed(setup_a(), 200, 3e-4)
     found, _, _ = geometry(points)
-    assert found.noise == pytest.approx(3e-4, rel=0.15)  # 2 x 200 normal components: sd 3.5 %
+    assert found.route.noise == pytest.approx(3e-4, rel=0.15)  # 2 x 200 normal components: sd 3.5 %
     told, _, _ = geometry(points, noise=3e-4)
-    assert told.noise == pytest.approx(3e-4, rel=1e-9)
+    assert told.route.noise == pytest.approx(3e-4, rel=1e-9)
 
 
 def test_uneven_and_random_spacing_does_no_harm():
@@ -127,11 +127,11 @@ def test_one_outlier_is_ignored_with_a_warning(sensed, size, where):
     clear, _ = _phi(points)
     points[where] += size * np.array([0.6, 0.0, 0.8])
     shape = clean(points)
-    route = fit(shape)
-    warnings = " ".join(shape.warnings + route.warnings)
+    spline = fit(shape)
+    warnings = " ".join(shape.warnings + spline.route.warnings)
     assert "1 outlying points" in warnings
     assert f"(count from 0: {where})" in warnings
-    assert curvature_profile(route).total_angle == pytest.approx(clear, rel=0.01)
+    assert curvature_profile(spline).total_angle == pytest.approx(clear, rel=0.01)
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -147,7 +147,7 @@ def test_five_per_cent_of_outliers_do_little_harm(sensed, seed):
 
 def test_clear_points_are_not_taken_for_outliers(sensed):
     lost = sum(
-        int((fit(clean(sensed(course, 200, noise, seed)[0])).weight == 0).sum())
+        int((fit(clean(sensed(course, 200, noise, seed)[0])).route.weight == 0).sum())
         for course in (half_circle(), setup_a(), colon())
         for noise in (0.0, 1e-4, 1e-3)
         for seed in range(4)
@@ -207,10 +207,10 @@ def test_length_is_that_of_the_route_not_of_the_zigzag(geometry, sensed):
 
 
 def test_every_array_is_finite_and_read_only(geometry, sensed):
-    route, profile, pieces = geometry(sensed(colon(), 60, 3e-4)[0])
+    spline, profile, pieces = geometry(sensed(colon(), 60, 3e-4)[0])
     arrays = [
         value
-        for part in (route, profile, pieces)
+        for part in (spline, spline.route, profile, pieces)
         for name in part.__slots__
         if isinstance(value := getattr(part, name), np.ndarray)
     ]

@@ -10,7 +10,7 @@ from numba import njit
 
 from tssgeom.arrays import Matrix, Vector, read_only
 from tssgeom.shape.curvature import CurvatureProfile, angle_covariance
-from tssgeom.shape.spline import Route
+from tssgeom.shape.spline import Spline
 
 _MAX_CELLS = 400  # cells on which joints may lie
 _TOLD_APART = 0.03  # of the greatest curvature: smaller steps are not worth a piece, however exact the points
@@ -63,21 +63,21 @@ class Arcs:
         return math.sqrt(max(float(self.covariance[k:, k:].sum()), 0.0))
 
 
-def constant_curvature_pieces(route: Route, profile: CurvatureProfile) -> Arcs:
+def constant_curvature_pieces(spline: Spline, profile: CurvatureProfile) -> Arcs:
     """Cut a fitted route into pieces of constant curvature that keep its length and angle.
 
     The joints come from exact dynamic programming on the curvature vector in the parallel-transport
     frame, their number from the Bayesian information criterion; docs/model.md (27).
     """
-    joints = _joints(route)
+    joints = _joints(spline)
     length, angle = np.diff(profile.s[joints]), np.diff(profile.phi[joints])
-    _, spread = angle_covariance(route, joints)
+    _, spread = angle_covariance(spline, joints)
     k = len(length)
     covariance = np.zeros((2 * k, 2 * k))
     covariance[k:, k:] = spread + _shared_doubt(angle, profile.total_angle_se**2 - spread.sum())
-    if not route.stations_known:
+    if not spline.stations_known:
         for end in (0, k - 1):
-            covariance[end, end] += route.noise**2
+            covariance[end, end] += spline.route.noise**2
     return Arcs(read_only(length), read_only(angle), read_only(covariance), "spline")
 
 
@@ -87,18 +87,19 @@ def _shared_doubt(angle: Vector, variance: float) -> Matrix:
     return np.outer(share, share) * max(variance, 0.0)
 
 
-def _joints(route: Route) -> np.ndarray:
+def _joints(spline: Spline) -> np.ndarray:
     """Nodes at which the pieces meet, with both ends."""
+    route, curvature_variance = spline.route, spline.covariance[:, 5]
     nodes = np.unique(np.linspace(0, len(route.s) - 1, _MAX_CELLS + 1).round().astype(np.int64))
     bend = parallel_components(route.tangent, route.curvature_vector)
     step = np.diff(route.s)
     middle = 0.5 * (bend[1:] + bend[:-1]) * step[:, None]
     cell = np.diff(route.s[nodes])
     mean = np.add.reduceat(middle, nodes[:-1]) / cell[:, None]
-    variance = np.add.reduceat(0.5 * (route.covariance[1:, 5] + route.covariance[:-1, 5]) * step, nodes[:-1])
+    variance = np.add.reduceat(0.5 * (curvature_variance[1:] + curvature_variance[:-1]) * step, nodes[:-1])
     variance += (_TOLD_APART * np.max(np.linalg.norm(bend, axis=1))) ** 2 * cell
     # the errors are correlated: the whole route is worth as many values as the fit has parameters
-    weight = route.freedom * cell * cell / (route.s[-1] * np.maximum(variance, 1e-300))
+    weight = spline.freedom * cell * cell / (route.s[-1] * np.maximum(variance, 1e-300))
     penalty = _PER_PIECE * np.log(max(len(route.weight), 2.0))
     return nodes[best_partition(mean, weight, penalty)]
 

@@ -8,7 +8,8 @@ import numpy as np
 from numba import njit
 
 from tssgeom.arrays import Matrix, Vector, read_only
-from tssgeom.shape.spline import Route
+from tssgeom.shape.route import Route
+from tssgeom.shape.spline import Spline
 from tssgeom.shape.stations import accumulated
 
 _NATURAL_ENDS = (
@@ -49,14 +50,17 @@ class CurvatureProfile:
         return float(self.phi_se[-1])
 
 
-def curvature_profile(route: Route) -> CurvatureProfile:
-    """Curvature and accumulated curve angle of `route`; docs/model.md (23) to (26)."""
+def curvature_profile(spline: Spline) -> CurvatureProfile:
+    """Curvature and accumulated curve angle of a fitted route; docs/model.md (23) to (26)."""
+    route = spline.route
     square = np.einsum("ij,ij->i", route.curvature_vector, route.curvature_vector)
-    variance = route.covariance[:, 5]
-    kappa = _without_noise(square, variance * _noise_share(route.freedom))
+    variance = spline.covariance[:, 5]
+    kappa = _without_noise(square, variance * _noise_share(spline.freedom))
     phi = accumulated(route.s, kappa)
-    spread, _ = angle_covariance(route, np.array([0, len(kappa) - 1]))
-    spread = spread + _end_variance(route, kappa) + (_relative_doubt(route, phi) * phi) ** 2
+    spread, _ = angle_covariance(spline, np.array([0, len(kappa) - 1]))
+    if not spline.stations_known:
+        spread = spread + _end_variance(route, kappa)
+    spread = spread + (_relative_doubt(spline, phi) * phi) ** 2
     doubt = _RECTIFIED * accumulated(route.s, np.sqrt(square + variance) - np.sqrt(square))
     return CurvatureProfile(
         s=route.s,
@@ -69,14 +73,13 @@ def curvature_profile(route: Route) -> CurvatureProfile:
 
 def _end_variance(route: Route, kappa: Vector) -> Vector:
     """Variance from unknown stations of the ends: a point shifted along the route takes its angle along."""
-    shift = route.noise**2 * (kappa[0] ** 2 + kappa**2) * (not route.stations_known)
-    return np.where(route.s > 0.0, shift, 0.0)
+    return np.where(route.s > 0.0, route.noise**2 * (kappa[0] ** 2 + kappa**2), 0.0)
 
 
-def _relative_doubt(route: Route, phi: Vector) -> float:
+def _relative_doubt(spline: Spline, phi: Vector) -> float:
     """Relative error of angles from errors that points share, and from the natural ends of a spline."""
-    turn = float(phi[-1]) / (len(route.weight) - 1)
-    return float(np.hypot(route.angle_doubt, _NATURAL_ENDS * turn**4 + _ROUNDING))
+    turn = float(phi[-1]) / (len(spline.route.weight) - 1)
+    return float(np.hypot(spline.angle_doubt, _NATURAL_ENDS * turn**4 + _ROUNDING))
 
 
 def _noise_share(freedom: float) -> float:
@@ -93,7 +96,7 @@ def _without_noise(square: Vector, noise: Vector) -> Vector:
     return np.sqrt(np.maximum(square - components * noise, 0.0))
 
 
-def angle_covariance(route: Route, breaks: np.ndarray) -> tuple[Vector, Matrix]:
+def angle_covariance(spline: Spline, breaks: np.ndarray) -> tuple[Vector, Matrix]:
     """Variance of φ at each node, covariance of the angles between the nodes `breaks`; docs/model.md (26).
 
     Returns
@@ -103,9 +106,9 @@ def angle_covariance(route: Route, breaks: np.ndarray) -> tuple[Vector, Matrix]:
     covariance
         Of the angles of the len(breaks) - 1 pieces [rad²].
     """
-    square = np.einsum("ij,ij->i", route.curvature_vector, route.curvature_vector)
-    normal = route.curvature_vector / np.sqrt(square + 1e-300)[:, None]
-    return _angle_covariance(route.s, route.covariance, route.gain, normal, breaks)
+    bend = spline.route.curvature_vector
+    normal = bend / np.sqrt(np.einsum("ij,ij->i", bend, bend) + 1e-300)[:, None]
+    return _angle_covariance(spline.route.s, spline.covariance, spline.gain, normal, breaks)
 
 
 @njit(cache=True, nogil=True)

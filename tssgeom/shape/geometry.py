@@ -24,7 +24,8 @@ from tssgeom.shape.chainfit import (
 from tssgeom.shape.chainmoves import better, fit_chain, slopes
 from tssgeom.shape.curvature import CurvatureProfile, curvature_profile
 from tssgeom.shape.points import Shape
-from tssgeom.shape.spline import Route, fit
+from tssgeom.shape.route import Route
+from tssgeom.shape.spline import Spline, fit
 from tssgeom.shape.stations import across
 
 Method = Literal["auto", "spline", "arcs"]
@@ -65,40 +66,40 @@ def measure(shape: Shape, noise: float | None = None, method: Method = "auto") -
     FitError
         Where the points give no finite curve.
     """
-    smooth = _by_spline(shape, noise)
-    if method == "spline" or not _may_be_chain(shape, smooth.route):
+    spline = fit(shape, noise)
+    smooth = _by_spline(spline)
+    if method == "spline" or not _may_be_chain(shape, spline):
         return smooth
     data = _data(shape, noise, smooth.route)
     chain: Chain | None = settle(data, _first_chain(smooth.route, smooth.arcs))
-    if method == "auto" and (chain := _worth_searching(data, chain, smooth.route)) is None:
+    if method == "auto" and (chain := _worth_searching(data, chain, spline)) is None:
         return smooth
     chain = fit_chain(data, chain)
     arcs = _by_chain(data, chain, smooth.route)
     if method == "arcs":
         return arcs
-    return _chosen(smooth, arcs, _margin(data, chain, smooth.route) - max(slopes(data, chain), 0.0))
+    return _chosen(smooth, arcs, _margin(data, chain, spline) - max(slopes(data, chain), 0.0))
 
 
-def _by_spline(shape: Shape, noise: float | None) -> Geometry:
-    route = fit(shape, noise)
-    profile = curvature_profile(route)
-    return Geometry(route, profile, constant_curvature_pieces(route, profile))
+def _by_spline(spline: Spline) -> Geometry:
+    profile = curvature_profile(spline)
+    return Geometry(spline.route, profile, constant_curvature_pieces(spline, profile))
 
 
-def _may_be_chain(shape: Shape, route: Route) -> bool:
+def _may_be_chain(shape: Shape, spline: Spline) -> bool:
     """Whether there are points enough, with errors of their own."""
-    return len(shape.points) >= _FEWEST_FOR_CHAIN and route.angle_doubt == 0.0
+    return len(shape.points) >= _FEWEST_FOR_CHAIN and spline.angle_doubt == 0.0
 
 
-def _worth_searching(data: Data, chain: Chain, route: Route) -> Chain | None:
+def _worth_searching(data: Data, chain: Chain, spline: Spline) -> Chain | None:
     """Return the chain after a few moves, or None where it stays far behind the spline."""
     for _ in range(_QUICK_MOVES):
-        if _margin(data, chain, route) >= _HOPELESS:
+        if _margin(data, chain, spline) >= _HOPELESS:
             return chain
         if (found := better(data, chain)) is None:
             break
         chain = found
-    return chain if _margin(data, chain, route) >= _HOPELESS else None
+    return chain if _margin(data, chain, spline) >= _HOPELESS else None
 
 
 def _data(shape: Shape, noise: float | None, route: Route) -> Data:
@@ -126,7 +127,7 @@ def _first_chain(route: Route, arcs: Arcs) -> Chain:
     )
 
 
-def _margin(data: Data, chain: Chain, route: Route) -> float:
+def _margin(data: Data, chain: Chain, spline: Spline) -> float:
     """-2 ln evidence by which the chain beats the spline, after the extra price of its joints; (34).
 
     Minus infinity where the chain has too many parameters for the points.
@@ -140,7 +141,7 @@ def _margin(data: Data, chain: Chain, route: Route) -> float:
     variance = data.variance or max(cost / values, 1e-280)
     parameters = len(chain.matrix) - (0 if data.free else 1)
     deviance = values * math.log(variance) + cost / variance + parameters * math.log(values)
-    return route.deviance - deviance + _MARGIN_OF_ONE - _MARGIN_OF_JOINT * (len(chain.bend) - 1)
+    return spline.deviance - deviance + _MARGIN_OF_ONE - _MARGIN_OF_JOINT * (len(chain.bend) - 1)
 
 
 def _chosen(smooth: Geometry, arcs: Geometry, margin: float) -> Geometry:

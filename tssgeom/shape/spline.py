@@ -10,6 +10,7 @@ from tssgeom.arrays import Matrix, Points, Vector, read_only
 from tssgeom.shape.clusters import clustered, merged
 from tssgeom.shape.points import Shape
 from tssgeom.shape.posterior import Problem, Solution, curve, deviance, posterior, swings
+from tssgeom.shape.route import Route
 from tssgeom.shape.smoother import smooth
 from tssgeom.shape.stations import accumulated, insert_nodes
 
@@ -20,25 +21,10 @@ _FEWEST_CELLS = 12
 
 
 @dataclass(frozen=True, slots=True)
-class Route:
-    """A fitted route on nodes along its arc length; the posterior of docs/model.md (20) to (22)."""
+class Spline:
+    """A route with its posterior, docs/model.md (20) to (22)."""
 
-    s: Vector
-    """Arc length at the nodes, from 0 [m]."""
-    position: Points
-    """Places of the nodes [m]."""
-    tangent: Points
-    """Unit tangents [1]."""
-    curvature_vector: Points
-    """Change of the unit tangent with arc length, normal to it [1/m]."""
-    noise: float
-    """Standard deviation of one coordinate of the points, known or estimated [m]."""
-    weight: Vector
-    """Weight of each sensed point: 1, or 0 for an outlier."""
-    station: Vector
-    """Arc length of the foot of each sensed point [m]."""
-    residual: Points
-    """Sensed point less its foot [m]."""
+    route: Route
     covariance: Matrix
     """Posterior covariance of position, tangent and its derivative, one coordinate, upper triangle [m, 6]."""
     gain: Matrix
@@ -51,10 +37,9 @@ class Route:
     """Whether the sensor told the stations."""
     angle_doubt: float = 0.0
     """Relative standard error of all angles that comes from errors that neighbouring points share [1]."""
-    warnings: tuple[str, ...] = ()
 
 
-def fit(shape: Shape, noise: float | None = None) -> Route:
+def fit(shape: Shape, noise: float | None = None) -> Spline:
     """Fit a smooth route.
 
     Parameters
@@ -69,16 +54,16 @@ def fit(shape: Shape, noise: float | None = None) -> Route:
     FitError
         Where the points give no finite curve.
     """
-    route, swing = _fit_white(shape, noise)
+    spline, swing = _fit_white(shape, noise)
     if swing < _SWING and noise is None and shape.stations is None and clustered(shape.points):
-        return _fit_merged(shape, route)
-    return route
+        return _fit_merged(shape, spline)
+    return spline
 
 
-def _fit_white(shape: Shape, noise: float | None) -> tuple[Route, float]:
+def _fit_white(shape: Shape, noise: float | None) -> tuple[Spline, float]:
     spacing = _mean_spacing(shape)
     problem, solution = posterior(shape, spacing, noise)
-    return _route(shape, problem, solution, spacing), swings(problem, solution)
+    return _spline(shape, problem, solution, spacing), swings(problem, solution)
 
 
 def _mean_spacing(shape: Shape) -> float:
@@ -89,31 +74,35 @@ def _mean_spacing(shape: Shape) -> float:
     return float(max(np.median(steps), chord / len(steps)))
 
 
-def _fit_merged(shape: Shape, route: Route) -> Route:
+def _fit_merged(shape: Shape, spline: Spline) -> Spline:
     """Merge points that share their errors into cells, the smallest tried that leave white errors; (28).
 
     The angle still depends on the size of the cells: half of what changes between cells of half and of double
     the area is taken as its standard error.
     """
-    cell = _CELL * float(route.s[-1]) / len(shape.points)
+    cell = _CELL * float(spline.route.s[-1]) / len(shape.points)
     while True:
         coarse, cell_of = merged(shape, cell)
         if len(coarse.points) < _FEWEST_CELLS:
-            return route
+            return spline
         fitted, swing = _fit_white(coarse, None)
         if swing >= _SWING:
             break
         cell *= np.sqrt(2.0)
-    finer, coarser = (_raw_angle(_fit_white(merged(shape, cell * x)[0], None)[0]) for x in (0.5**0.5, 2**0.5))
-    doubt = 0.5 * abs(finer - coarser) / _raw_angle(fitted)
-    return _on_all_points(shape, fitted, cell_of, doubt, cell)
+    finer, coarser = (_angle_in_cells(shape, cell * x) for x in (0.5**0.5, 2**0.5))
+    doubt = 0.5 * abs(finer - coarser) / _raw_angle(fitted.route)
+    return replace(fitted, route=_on_all_points(shape, fitted.route, cell_of, cell), angle_doubt=doubt)
+
+
+def _angle_in_cells(shape: Shape, cell: float) -> float:
+    return _raw_angle(_fit_white(merged(shape, cell)[0], None)[0].route)
 
 
 def _raw_angle(route: Route) -> float:
     return float(np.trapezoid(np.linalg.norm(route.curvature_vector, axis=1), route.s)) + 1e-12
 
 
-def _on_all_points(shape: Shape, route: Route, cell_of: np.ndarray, doubt: float, cell: float) -> Route:
+def _on_all_points(shape: Shape, route: Route, cell_of: np.ndarray, cell: float) -> Route:
     """Give each sensed point its foot on a route that was fitted to cells."""
     near = np.interp(route.station[cell_of], route.s, np.arange(len(route.s))).round().astype(int)
     along = np.einsum("ij,ij->i", shape.points - route.position[near], route.tangent[near])
@@ -124,35 +113,48 @@ def _on_all_points(shape: Shape, route: Route, cell_of: np.ndarray, doubt: float
         weight=read_only(route.weight[cell_of]),
         station=read_only(station),
         residual=read_only(shape.points - foot),
-        angle_doubt=doubt,
         warnings=(f"neighbouring points share their errors: merged into cells of {cell * 1e3:.3g} mm",),
     )
 
 
-def _route(shape: Shape, problem: Problem, solution: Solution, spacing: float) -> Route:
+def _spline(shape: Shape, problem: Problem, solution: Solution, spacing: float) -> Spline:
     u, where = insert_nodes(problem.u, problem.u[-1] / _NODES)
     ratio, q = solution.ratio, solution.intensity
     mean, covariance, gain = solution[2:]
     if len(u) > len(where):
         mean, covariance, gain = smooth(u, *_on_nodes(problem, where, len(u)), ratio)
-    speed, tangent, bend = curve(mean)
-    s = u if shape.stations is not None else accumulated(u, speed)
     unit = np.array([spacing, 1.0, 1.0 / spacing])
     pairs = unit[[0, 0, 0, 1, 1, 2]] * unit[[0, 1, 2, 1, 2, 2]]
-    return Route(
-        s=read_only(s * spacing),
-        position=read_only(mean[:, :, 0] * spacing + shape.points[0]),
-        tangent=read_only(tangent),
-        curvature_vector=read_only(bend / spacing),
-        noise=float(np.sqrt(ratio * q)) * spacing,
-        weight=read_only(problem.weight),
-        station=read_only(s[where] * spacing),
-        residual=read_only((problem.y - mean[where, :, 0]) * spacing),
+    return Spline(
+        route=_route(shape, problem, mean, u, where, float(np.sqrt(ratio * q)), spacing),
         covariance=read_only(covariance * q * pairs),
         gain=read_only(gain * unit[:, None] / unit[None, :]),
         freedom=float(np.sum(problem.weight * solution.covariance[:, 0])) / ratio,
         deviance=deviance(problem, solution, spacing),
         stations_known=shape.stations is not None,
+    )
+
+
+def _route(
+    shape: Shape,
+    problem: Problem,
+    mean: Matrix,
+    u: Vector,
+    where: np.ndarray,
+    noise: float,
+    spacing: float,
+) -> Route:
+    speed, tangent, bend = curve(mean)
+    s = u if shape.stations is not None else accumulated(u, speed)
+    return Route(
+        s=read_only(s * spacing),
+        position=read_only(mean[:, :, 0] * spacing + shape.points[0]),
+        tangent=read_only(tangent),
+        curvature_vector=read_only(bend / spacing),
+        noise=noise * spacing,
+        weight=read_only(problem.weight),
+        station=read_only(s[where] * spacing),
+        residual=read_only((problem.y - mean[where, :, 0]) * spacing),
         warnings=_outlier_warnings(shape, problem.weight),
     )
 
