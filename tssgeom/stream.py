@@ -10,14 +10,11 @@ from tssgeom.errors import TssgeomError
 from tssgeom.settings import Rig
 from tssgeom.shape.arcs import Arcs
 from tssgeom.shape.curvature import CurvatureProfile
-from tssgeom.shape.geometry import Method, measure
+from tssgeom.shape.following import Followed, follow
 from tssgeom.shape.points import Shape, clean
 from tssgeom.shape.route import Route
 from tssgeom.tendon.profile import TendonState, pretensioned, step
 from tssgeom.tendon.transmission import Transmission, transmit
-
-_RECONSIDER = 16
-"""Frames after which a route that was found smooth is tried as a chain of arcs again."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +50,8 @@ class FrameResult:
     route: Route
     profile: CurvatureProfile
     arcs: Arcs
+    followed: Followed
+    """Where the fit of the next frame starts."""
     state: TendonState
     transmission: Transmission
     warnings: tuple[str, ...] = ()
@@ -71,10 +70,7 @@ class Rejected:
 def process(
     frames: Iterable[Frame | Rejected], rig: Rig, *, tension_in: float, state: TendonState | None = None
 ) -> Iterator[FrameResult | Rejected]:
-    """Turn frames into results, one for each frame and in their order.
-
-    Where the points of a frame spoke for a smooth route, the next ones are taken for smooth too, and the
-    chain of arcs is tried again every sixteenth frame.
+    """Turn frames into results, one for each frame and in their order; each fit starts from the last one.
 
     Parameters
     ----------
@@ -88,26 +84,29 @@ def process(
         Tension along the tendon before the first frame; the rig's pretension by default.
     """
     current = pretensioned(rig) if state is None else state
-    smooth = 0
+    last: Followed | None = None
     for seq, frame in enumerate(frames):
         if isinstance(frame, Rejected):
             yield replace(frame, seq=seq)
             continue
         try:
-            method = "spline" if smooth % _RECONSIDER else "auto"
-            result = advance(seq, frame, current, rig, tension_in, method)
+            result = advance(seq, frame, current, rig, tension_in, last)
         except TssgeomError as error:
             yield Rejected(seq, frame.time, str(error), frame.id)
         else:
-            current = result.state
-            smooth = smooth + 1 if result.arcs.method == "spline" else 0
+            current, last = result.state, result.followed
             yield result
 
 
 def advance(
-    seq: int, frame: Frame, state: TendonState, rig: Rig, tension_in: float, method: Method = "auto"
+    seq: int,
+    frame: Frame,
+    state: TendonState,
+    rig: Rig,
+    tension_in: float,
+    last: Followed | None = None,
 ) -> FrameResult:
-    """Carry the tendon from `state` over one frame, its geometry estimated by `method`.
+    """Carry the tendon from `state` over one frame, its geometry from that of the `last` one.
 
     Raises
     ------
@@ -117,7 +116,8 @@ def advance(
         Where the tension is negative or not finite.
     """
     shape = clean(frame.points, frame.stations)
-    geometry = measure(shape, rig.shape.noise, method)
+    followed = follow(shape, rig.shape.noise, last)
+    geometry = followed.geometry
     drive = tension_in if frame.tension_in is None else frame.tension_in
     moved = step(state, drive, rig.friction.coefficient)
     return FrameResult(
@@ -127,6 +127,7 @@ def advance(
         route=geometry.route,
         profile=geometry.profile,
         arcs=geometry.arcs,
+        followed=followed,
         state=moved,
         transmission=transmit(moved, geometry.arcs, rig),
         warnings=shape.warnings + geometry.route.warnings,

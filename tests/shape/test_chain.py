@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from tssgeom.shape.chain import along, normal_equations, project
+from tssgeom.shape.chain.equations import normal_equations
+from tssgeom.shape.chain.places import along, project
 from tssgeom.shape.geometry import measure
 from tssgeom.shape.points import clean
 from tssgeom.shape.synthetic import chain, colon, half_circle, setup_a

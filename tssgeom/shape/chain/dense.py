@@ -1,0 +1,107 @@
+"""Normal equations of a few dozen parameters: solved and inverted by Cholesky, each in its own unit."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+_LEAST_PIVOT = 1e-13  # of a parameter's own information: below it the others tell all, but for rounding
+
+
+@njit(cache=True, nogil=True)
+def factor(matrix: np.ndarray, damping: float) -> tuple[np.ndarray, np.ndarray]:
+    """Cholesky factor [m, m] of the matrix scaled to unit diagonal plus `damping`, and the units [m]."""
+    m = len(matrix)
+    lower, unit = np.zeros((m, m)), np.empty(m)
+    for a in range(m):
+        unit[a] = 1.0 / math.sqrt(max(matrix[a, a], 1e-30))
+    for a in range(m):
+        for b in range(a + 1):
+            rest = matrix[a, b] * unit[a] * unit[b]
+            for c in range(b):
+                rest -= lower[a, c] * lower[b, c]
+            if a == b:
+                lower[a, a] = math.sqrt(max(rest + damping, _LEAST_PIVOT))
+            else:
+                lower[a, b] = rest / lower[b, b]
+    return lower, unit
+
+
+@njit(cache=True, nogil=True)
+def solve(lower: np.ndarray, unit: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Solve the factored equations for one right-hand side [m]."""
+    m = len(right)
+    x = np.empty(m)
+    for a in range(m):
+        x[a] = right[a] * unit[a]
+        for c in range(a):
+            x[a] -= lower[a, c] * x[c]
+        x[a] /= lower[a, a]
+    for a in range(m - 1, -1, -1):
+        for c in range(a + 1, m):
+            x[a] -= lower[c, a] * x[c]
+        x[a] /= lower[a, a]
+    for a in range(m):
+        x[a] *= unit[a]
+    return x
+
+
+@njit(cache=True, nogil=True)
+def inverse(lower: np.ndarray, unit: np.ndarray) -> np.ndarray:
+    """Inverse of the factored matrix [m, m]."""
+    m = len(lower)
+    root = np.zeros((m, m))  # of the inverse: lower^-1
+    for b in range(m):
+        root[b, b] = 1.0 / lower[b, b]
+        for a in range(b + 1, m):
+            total = 0.0
+            for c in range(b, a):
+                total += lower[a, c] * root[c, b]
+            root[a, b] = -total / lower[a, a]
+    out = np.empty((m, m))
+    for a in range(m):
+        for b in range(a + 1):
+            total = 0.0
+            for c in range(a, m):
+                total += root[c, a] * root[c, b]
+            out[a, b] = total * unit[a] * unit[b]
+            out[b, a] = out[a, b]
+    return out
+
+
+@njit(cache=True, nogil=True)
+def explained(
+    lower: np.ndarray, unit: np.ndarray, cross: np.ndarray, own: np.ndarray, slope: np.ndarray
+) -> float:
+    """Return what d more parameters save of the cost, the m factored ones free to follow.
+
+    Parameters
+    ----------
+    lower, unit
+        Factor of the m parameters, at their optimum.
+    cross, own, slope
+        Information between the m and the d parameters [m, d], of the d among themselves [d, d], and their
+        gradient [d].
+    """
+    m, d = cross.shape
+    half = np.empty((m, d))
+    for e in range(d):
+        for a in range(m):
+            rest = cross[a, e] * unit[a]
+            for c in range(a):
+                rest -= lower[a, c] * half[c, e]
+            half[a, e] = rest / lower[a, a]
+    left = own.copy()
+    for e in range(d):
+        for f in range(d):
+            for a in range(m):
+                left[e, f] -= half[a, e] * half[a, f]
+        left[e, e] = max(left[e, e], 1e-12 * own[e, e])
+    rest_lower, rest_unit = factor(left, 1e-12)
+    step = solve(rest_lower, rest_unit, slope)
+    saved = 0.0
+    for e in range(d):
+        saved += step[e] * slope[e]
+    return saved

@@ -1,0 +1,216 @@
+"""Fitting a chain of arcs to points by Levenberg and Marquardt, with the covariance of its parameters."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from tssgeom.arrays import Matrix, Points, Vector
+from tssgeom.shape.chain.dense import factor, inverse, solve
+from tssgeom.shape.chain.equations import normal_equations
+from tssgeom.shape.chain.places import project
+
+_SETTLED = 1e-3  # of the noise variance: a step that saves less of the cost is the last
+_MOST_STEPS = 40
+_LEAST_VARIANCE = 1e-26  # rounding of coordinates [m²]
+_FIRST_DAMPING = 1e-9
+_LEAST_INFORMATION = 1e-13  # of a parameter's own, where the others tell nearly all of it
+_NEAR = 0.3  # of a shortest piece: a station that moved less is at the foot
+_MOST_TURN = 2.0  # from point to point [rad]
+
+
+class Data(NamedTuple):
+    """Points and what is known of them, lengths in metres."""
+
+    points: Points
+    weight: Vector
+    free: bool
+    """True where stations are unknown."""
+    variance: float
+    """Known noise variance of a coordinate, 0 where unknown [m²]."""
+    gap: float
+    """Shortest piece [m]."""
+
+
+class Chain(NamedTuple):
+    """A fitted chain; see `equations.normal_equations` for its parameters."""
+
+    start: Vector
+    axes: Matrix
+    joints: Vector
+    bend: Points
+    curved: np.ndarray
+    stations: Vector
+    matrix: Matrix
+    cost: float
+
+
+@njit(cache=True, nogil=True)
+def values(data: Data) -> int:
+    """Return the number of values that are fitted."""
+    used = 0
+    for weight in data.weight:
+        used += 1 if weight > 0.0 else 0
+    return (2 if data.free else 3) * used
+
+
+@njit(cache=True, nogil=True)
+def first_joint_column(free: bool) -> int:
+    """Return the parameter of the first inner joint: before it stand the start and two turns."""
+    return (2 if free else 3) + 2
+
+
+@njit(cache=True, nogil=True)
+def curvature_columns(curved: np.ndarray, free: bool) -> np.ndarray:
+    """First parameter of each piece's curvature [k], -1 for a straight piece."""
+    column = np.full(len(curved), -1)
+    following = first_joint_column(free) + len(curved) - 1
+    for j in range(len(curved)):
+        if curved[j]:
+            column[j] = following
+            following += 2
+    return column
+
+
+@njit(cache=True, nogil=True)
+def criterion(data: Data, chain: Chain) -> float:
+    """-2 ln of the greatest likelihood, plus the price of every parameter."""
+    n = values(data)
+    price = len(chain.matrix) * math.log(n)
+    if data.variance > 0.0:
+        return chain.cost / data.variance + n * math.log(data.variance) + price
+    return n * math.log(chain.cost / n + 1e-300) + n + price
+
+
+@njit(cache=True, nogil=True)
+def noise_variance(data: Data, chain: Chain) -> float:
+    """Noise variance of a coordinate, known or from the residuals [m²]."""
+    if data.variance > 0.0:
+        return data.variance
+    return max(chain.cost / max(values(data) - len(chain.matrix), 1), _LEAST_VARIANCE)
+
+
+@njit(cache=True, nogil=True)
+def parameter_covariance(data: Data, chain: Chain) -> np.ndarray:
+    """Covariance [m, m] of the parameters, in the order of `equations.normal_equations`."""
+    lower, unit = factor(chain.matrix, _LEAST_INFORMATION)
+    return noise_variance(data, chain) * inverse(lower, unit)
+
+
+@njit(cache=True, nogil=True)
+def settle(data: Data, chain: Chain) -> Chain:
+    """Fit a chain of as many pieces by Levenberg and Marquardt; its matrix and cost are not used."""
+    s, n = chain.stations.copy(), values(data)
+    if data.free:
+        _put_at_feet(data, s, chain.start, chain.axes, chain.joints, chain.bend)
+    now = _evaluated(data, s, chain.start, chain.axes, chain.joints, chain.bend, chain.curved)
+    gradient, damping = now[1], _FIRST_DAMPING
+    now_chain = Chain(chain.start, chain.axes, chain.joints, chain.bend, chain.curved, s, now[0], now[2])
+    for _ in range(_MOST_STEPS):
+        lower, unit = factor(now_chain.matrix, damping)
+        step = solve(lower, unit, gradient)
+        enough = _SETTLED * (data.variance if data.variance > 0.0 else now_chain.cost / n)
+        promised = 0.0
+        for a in range(len(step)):
+            promised += step[a] * gradient[a]
+        if not promised >= enough or damping > 1e6:
+            break
+        start, axes, joints, bend = _moved(step, now_chain, data.free, data.gap)
+        s = now_chain.stations.copy()
+        if data.free:
+            _put_at_feet(data, s, start, axes, joints, bend)
+        matrix, ahead, cost = _evaluated(data, s, start, axes, joints, bend, chain.curved)
+        if _sharpest(bend) * data.gap < _MOST_TURN and cost < now_chain.cost:
+            saved = now_chain.cost - cost
+            now_chain = Chain(start, axes, joints, bend, chain.curved, s, matrix, cost)
+            gradient = ahead
+            if saved < enough and damping <= 1e-6:
+                break
+            damping = max(0.03 * damping, 1e-13)
+        else:
+            damping = max(30.0 * damping, 1e-6)
+    return now_chain
+
+
+@njit(cache=True, nogil=True)
+def _sharpest(bend: np.ndarray) -> float:
+    """Greatest curvature of any piece [1/m]."""
+    square = 0.0
+    for j in range(len(bend)):
+        square = max(square, bend[j, 0] ** 2 + bend[j, 1] ** 2)
+    return math.sqrt(square)
+
+
+@njit(cache=True, nogil=True)
+def _put_at_feet(
+    data: Data, s: np.ndarray, start: np.ndarray, axes: np.ndarray, joints: np.ndarray, bend: np.ndarray
+) -> None:
+    """Put stations at the feet of the points; a second time where the first took them far."""
+    for _ in range(2):
+        if project(data.points, s, start, axes, joints, bend, 2 * data.gap) < _NEAR * data.gap:
+            break
+
+
+@njit(cache=True, nogil=True)
+def _evaluated(
+    data: Data,
+    s: np.ndarray,
+    start: np.ndarray,
+    axes: np.ndarray,
+    joints: np.ndarray,
+    bend: np.ndarray,
+    curved: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, float]:
+    return normal_equations(data.points, data.weight, s, start, axes, joints, bend, curved, data.free)
+
+
+@njit(cache=True, nogil=True)
+def _moved(
+    step: np.ndarray, chain: Chain, free: bool, gap: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Apply a parameter step, joints kept in order and at least `gap` apart."""
+    start, axes = _turned(step, chain.start, chain.axes, free)
+    joints, bend = chain.joints.copy(), chain.bend.copy()
+    k, row = len(bend), first_joint_column(free)
+    for j in range(1, k):
+        joints[j] = max(joints[j] + step[row], joints[j - 1] + gap)
+        row += 1
+    for j in range(k - 1, 0, -1):
+        limit = joints[j + 1] if j + 1 < k else chain.stations[-1]
+        joints[j] = min(joints[j], limit - gap)
+    for j in range(k):
+        if chain.curved[j]:
+            bend[j, 0] += step[row]
+            bend[j, 1] += step[row + 1]
+            row += 2
+    return start, axes, joints, bend
+
+
+@njit(cache=True, nogil=True)
+def _turned(
+    step: np.ndarray, start: np.ndarray, axes: np.ndarray, free: bool
+) -> tuple[np.ndarray, np.ndarray]:
+    """Shift and turn the start of a chain by the first parameters of a step."""
+    shifts = 2 if free else 3
+    new_start, new_axes = start.copy(), axes.copy()
+    unit = np.empty(3)
+    for i in range(3):
+        unit[i] = step[shifts] * axes[1, i] + step[shifts + 1] * axes[2, i]
+        for c in range(shifts):
+            new_start[i] += step[c] * (axes[1 + c, i] if free else (1.0 if c == i else 0.0))
+    size = math.sqrt(unit[0] ** 2 + unit[1] ** 2 + unit[2] ** 2)
+    if size > 0.0:
+        half = math.sin(0.5 * size)
+        for i in range(3):
+            unit[i] /= size
+        for i in range(3):
+            ahead = unit[0] * axes[i, 0] + unit[1] * axes[i, 1] + unit[2] * axes[i, 2]
+            for c in range(3):
+                d, e = (c + 1) % 3, (c + 2) % 3
+                cross = unit[d] * axes[i, e] - unit[e] * axes[i, d]
+                bow = unit[c] * ahead - axes[i, c]
+                new_axes[i, c] += math.sin(size) * cross + 2 * half * half * bow
+    return new_start, new_axes

@@ -1,0 +1,246 @@
+"""How many pieces a chain of arcs needs: they are straightened, merged, dropped and split by BIC."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from tssgeom.shape.chain.dense import explained, factor
+from tssgeom.shape.chain.equations import normal_equations
+from tssgeom.shape.chain.fit import (
+    Chain,
+    Data,
+    criterion,
+    curvature_columns,
+    first_joint_column,
+    noise_variance,
+    parameter_covariance,
+    settle,
+    values,
+)
+
+_SPLITS = 4  # parts into which a piece is cut to see where another joint would help
+_MOST_PIECES = 40
+_MOST_MOVES = 120
+_MOST_TRIES = 6  # of simpler chains
+_MOST_SPLITS = 2  # tried
+_SHORT = 8.0  # shortest pieces: one so short may be dropped whole
+_LATEST = 3.0  # ln n by which a simpler chain may promise to be worse and still be tried
+
+_STRAIGHTENED, _MERGED, _DROPPED = 0, 1, 2
+
+
+def fit_chain(data: Data, first: Chain, most: int = _MOST_MOVES) -> Chain:
+    """Merge, straighten and split pieces as long as the Bayesian information criterion falls.
+
+    Parameters
+    ----------
+    data
+        The points.
+    first
+        Where to start, as `settle` leaves it.
+    most
+        How many moves to make at most.
+    """
+    best = first
+    for _ in range(most):
+        found = simpler(data, best, _LATEST * math.log(values(data)), _MOST_TRIES) or _finer(data, best)
+        if found is None:
+            break
+        best = found
+    return best
+
+
+def simpler(data: Data, chain: Chain, latest: float, most: int) -> Chain | None:
+    """Try one piece straightened, dropped or merged: the best `most` that promise less than `latest`."""
+    promise, kind, piece = _simplifications(data, chain)
+    now = criterion(data, chain)
+    for i in np.argsort(promise)[:most]:
+        if promise[i] >= latest:
+            break
+        tried = settle(data, _simplified(chain, int(kind[i]), int(piece[i])))
+        if criterion(data, tried) < now:
+            return tried
+    return None
+
+
+def _finer(data: Data, chain: Chain) -> Chain | None:
+    """Try one joint more where the residuals ask for it most."""
+    k = len(chain.bend)
+    if k >= _MOST_PIECES:
+        return None
+    saved = _saved_by_joints(data, chain)
+    now, least = criterion(data, chain), math.log(values(data))
+    for best in np.argsort(-saved, axis=None)[:_MOST_SPLITS]:
+        j, cut = divmod(int(best), _SPLITS)
+        if not saved[j, cut] > least:
+            break
+        where = chain.joints[j] + _length(chain, j) * cut / _SPLITS
+        tried = settle(data, _split(chain, j, where))
+        if criterion(data, tried) < now:
+            return tried
+    return None
+
+
+def slopes(data: Data, chain: Chain) -> float:
+    """Return what sloping curvature in every piece would save beyond chance, in noise variances.
+
+    A staircase that stands for a smooth route wants its steps to slope; true pieces do not.
+    """
+    cross, own, slope = _parts(data, chain)
+    way, n = np.arange(_SPLITS) - 0.5 * (_SPLITS - 1), 2 * len(chain.bend)
+    ramp_cross = np.einsum("mjic,i->mjc", cross, way).reshape(-1, n)
+    ramp_own = np.einsum("jickld,i,l->jckd", own, way, way, optimize=True).reshape(n, n)
+    ramp_slope = np.einsum("jic,i->jc", slope, way).reshape(n)
+    saved = explained(*factor(chain.matrix, 1e-12), ramp_cross, ramp_own, ramp_slope)
+    return saved / noise_variance(data, chain) - n
+
+
+@njit(cache=True, nogil=True)
+def _simplifications(data: Data, chain: Chain) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """List what could be left out: expected change of the criterion, kind and piece."""
+    covariance = parameter_covariance(data, chain)
+    column, price = curvature_columns(chain.curved, data.free), math.log(values(data))
+    k = len(column)
+    promise, kind, piece = np.empty(3 * k), np.empty(3 * k, np.int64), np.empty(3 * k, np.int64)
+    count = 0
+    for j in range(k):
+        if column[j] >= 0:
+            promise[count] = _worth(chain.bend[j], covariance, column[j], -1) - 2 * price
+            kind[count], piece[count] = _STRAIGHTENED, j
+            count += 1
+        if j > 0:
+            step = chain.bend[j] - chain.bend[j - 1]
+            promise[count] = _worth(step, covariance, column[j], column[j - 1]) - 3 * price
+            kind[count], piece[count] = _MERGED, j
+            count += 1
+        if 0 < j < k - 1 and chain.joints[j + 1] - chain.joints[j] < _SHORT * data.gap:
+            promise[count], kind[count], piece[count] = -price, _DROPPED, j
+            count += 1
+    return promise[:count], kind[:count], piece[:count]
+
+
+@njit(cache=True, nogil=True)
+def _worth(step: np.ndarray, covariance: np.ndarray, plus: int, minus: int) -> float:
+    """Squared size of a step [2] in its standard errors: the parameters at `plus` less those at `minus`."""
+    own = np.zeros((2, 2))
+    for a in range(2):
+        for b in range(2):
+            if plus >= 0:
+                own[a, b] += covariance[plus + a, plus + b]
+            if minus >= 0:
+                own[a, b] += covariance[minus + a, minus + b]
+            if plus >= 0 and minus >= 0:
+                own[a, b] -= covariance[plus + a, minus + b] + covariance[minus + a, plus + b]
+    determinant = own[0, 0] * own[1, 1] - own[0, 1] * own[1, 0]
+    if determinant <= 1e-12 * own[0, 0] * own[1, 1]:
+        return np.sum(step * step) / max(own[0, 0], own[1, 1]) if own[0, 0] + own[1, 1] > 0.0 else 0.0
+    squares = own[1, 1] * step[0] ** 2 - 2 * own[0, 1] * step[0] * step[1] + own[0, 0] * step[1] ** 2
+    return squares / determinant
+
+
+def _simplified(chain: Chain, kind: int, j: int) -> Chain:
+    """Piece j straightened, made one with the piece before, or left to its neighbours."""
+    bend, curved = chain.bend.copy(), chain.curved.copy()
+    if kind == _STRAIGHTENED:
+        bend[j], curved[j] = 0.0, False
+        return chain._replace(bend=bend, curved=curved)
+    joints = chain.joints.copy()
+    if kind == _MERGED:
+        before, after = _length(chain, j - 1), _length(chain, j)
+        bend[j - 1] = (before * bend[j - 1] + after * bend[j]) / max(before + after, 1e-12)
+        curved[j - 1] |= curved[j]
+    else:
+        joints[j + 1] = 0.5 * (joints[j] + joints[j + 1])
+    return chain._replace(
+        joints=np.delete(joints, j), bend=np.delete(bend, j, axis=0), curved=np.delete(curved, j)
+    )
+
+
+def _split(chain: Chain, j: int, where: float) -> Chain:
+    """Piece j cut at arc length `where`, both parts curved as it was."""
+    curved = np.insert(chain.curved, j + 1, True)
+    curved[j] = True
+    return chain._replace(
+        joints=np.insert(chain.joints, j + 1, where),
+        bend=np.insert(chain.bend, j + 1, chain.bend[j], axis=0),
+        curved=curved,
+    )
+
+
+def _length(chain: Chain, j: int) -> float:
+    """Length of piece j [m]."""
+    end = chain.joints[j + 1] if j + 1 < len(chain.joints) else chain.stations[-1]
+    return float(end - chain.joints[j])
+
+
+def _parts(data: Data, chain: Chain) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Cut every piece into equal parts with curvatures of their own, and write the normal equations of these.
+
+    Returns
+    -------
+    cross
+        Information between the parameters of the chain and the curvatures of the parts, [m, k, parts, 2].
+    own
+        Information of the curvatures of the parts among themselves, [k, parts, 2, k, parts, 2].
+    slope
+        Gradient of the curvatures of the parts, [k, parts, 2].
+    """
+    k = len(chain.bend)
+    shape = (k, _SPLITS, 2)
+    length = np.diff(chain.joints, append=chain.stations[-1])
+    at = (chain.joints[:, None] + length[:, None] * np.arange(_SPLITS) / _SPLITS).ravel()
+    bend, curved = np.repeat(chain.bend, _SPLITS, axis=0), np.ones(k * _SPLITS, np.bool_)
+    matrix, gradient, _ = normal_equations(
+        data.points, data.weight, chain.stations, chain.start, chain.axes, at, bend, curved, data.free
+    )
+    base = first_joint_column(data.free)
+    first = base + k * _SPLITS - 1
+    # the joints inside a piece have no effect, the curvature being the same; a piece's is that of its parts
+    before = np.concatenate((np.arange(base), base + _SPLITS * np.arange(1, k) - 1))
+    own = matrix[first:, first:].reshape(shape + shape)
+    level = own[chain.curved].sum(axis=1).reshape(-1, *shape)
+    cross = np.concatenate((matrix[before, first:].reshape(-1, *shape), level))
+    return cross, own, gradient[first:].reshape(shape)
+
+
+def _saved_by_joints(data: Data, chain: Chain) -> np.ndarray:
+    """Return what a joint at each quarter of each piece [k, parts] would save, in noise variances."""
+    long = np.diff(chain.joints, append=chain.stations[-1]) >= 4 * data.gap
+    lower, unit = factor(chain.matrix, 1e-12)
+    return _saved(*_parts(data, chain), lower, unit, chain.curved, long) / noise_variance(data, chain)
+
+
+@njit(cache=True, nogil=True)
+def _saved(
+    cross: np.ndarray,
+    own: np.ndarray,
+    slope: np.ndarray,
+    lower: np.ndarray,
+    unit: np.ndarray,
+    curved: np.ndarray,
+    long: np.ndarray,
+) -> np.ndarray:
+    """Return what a joint at each quarter of the long pieces [k, parts] would save of the cost [m²]."""
+    m, k = cross.shape[:2]
+    saved = np.zeros((k, _SPLITS))
+    for j in range(k):
+        # of a curved piece the level is a parameter already: one side of the joint says all
+        d = 2 if curved[j] else 4
+        for cut in range(1, _SPLITS if long[j] else 1):
+            side_cross, side_own, side_slope = np.zeros((m, d)), np.zeros((d, d)), np.zeros(d)
+            parts = cut if curved[j] else _SPLITS
+            for i in range(parts):
+                here = 2 if i >= cut else 0
+                for c in range(2):
+                    side_slope[here + c] += slope[j, i, c]
+                    for a in range(m):
+                        side_cross[a, here + c] += cross[a, j, i, c]
+                    for other in range(parts):
+                        there = 2 if other >= cut else 0
+                        for e in range(2):
+                            side_own[here + c, there + e] += own[j, i, c, j, other, e]
+            saved[j, cut] = explained(lower, unit, side_cross, side_own, side_slope)
+    return saved

@@ -1,0 +1,150 @@
+"""A chain of circular arcs: its places, and the feet of points on it.
+
+The chain starts at a place with axes (tangent and two normals, carried along without twist). Piece j runs
+from arc length b_j to b_j+1 with constant curvature components K_j on the normals, so a straight piece and a
+change of the bending plane are regular points. The last piece goes on as long as it is asked to.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True, nogil=True)
+def arc_functions(q: float) -> tuple[float, float, float, float, float]:
+    """Functions of q = θ²: sin θ/θ, (1 - cos θ)/θ², (θ - sin θ)/θ³, and derivatives of the first two."""
+    if q < 1e-2:
+        a = 1 - q / 6 * (1 - q / 20 * (1 - q / 42 * (1 - q / 72)))
+        b = 0.5 * (1 - q / 12 * (1 - q / 30 * (1 - q / 56 * (1 - q / 90))))
+        c = (1 - q / 20 * (1 - q / 42 * (1 - q / 72 * (1 - q / 110)))) / 6
+        da = -(1 - q / 10 * (1 - q / 28 * (1 - q / 54 * (1 - q / 88)))) / 6
+        db = -(1 - q / 15 * (1 - q / 37.333333333333336 * (1 - q / 67.5 * (1 - q / 105.6)))) / 24
+        return a, b, c, da, db
+    t = math.sqrt(q)
+    a, cos = math.sin(t) / t, math.cos(t)
+    b = (1 - cos) / q
+    return a, b, (1 - a) / q, 0.5 * (cos - a) / q, (0.5 * a - b) / q
+
+
+@njit(cache=True, nogil=True)
+def _local(k0: float, k1: float, h: float, out: np.ndarray) -> None:
+    """Place and axes (rows: place, tangent, two normals) at arc length h, in the axes at the arc's start."""
+    a, b, _, _, _ = arc_functions((k0 * k0 + k1 * k1) * h * h)
+    fill_local(a, b, k0, k1, h, out)
+
+
+@njit(cache=True, nogil=True)
+def fill_local(a: float, b: float, k0: float, k1: float, h: float, out: np.ndarray) -> None:
+    """Write place and axes from the arc functions a and b of the turn; see `_local`."""
+    w0, w1 = k0 * h, k1 * h
+    out[0, 0], out[0, 1], out[0, 2] = h * a, h * b * w0, h * b * w1
+    out[1, 0], out[1, 1], out[1, 2] = 1 - b * (w0 * w0 + w1 * w1), a * w0, a * w1
+    out[2, 0], out[2, 1], out[2, 2] = -a * w0, 1 - b * w0 * w0, -b * w0 * w1
+    out[3, 0], out[3, 1], out[3, 2] = -a * w1, -b * w0 * w1, 1 - b * w1 * w1
+
+
+@njit(cache=True, nogil=True)
+def joint_frames(
+    start: np.ndarray, axes: np.ndarray, joints: np.ndarray, bend: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Place [k, 3] and axes [k, 3, 3] at the start of every piece."""
+    k = len(bend)
+    place, frame = np.empty((k, 3)), np.empty((k, 3, 3))
+    place[0], frame[0] = start, axes
+    local = np.empty((4, 3))
+    for j in range(1, k):
+        _local(bend[j - 1, 0], bend[j - 1, 1], joints[j] - joints[j - 1], local)
+        for i in range(3):
+            t, e0, e1 = frame[j - 1, 0, i], frame[j - 1, 1, i], frame[j - 1, 2, i]
+            place[j, i] = place[j - 1, i] + local[0, 0] * t + local[0, 1] * e0 + local[0, 2] * e1
+            for c in range(3):
+                frame[j, c, i] = local[1 + c, 0] * t + local[1 + c, 1] * e0 + local[1 + c, 2] * e1
+    return place, frame
+
+
+@njit(cache=True, nogil=True)
+def piece_of(joints: np.ndarray, s: float, guess: int) -> int:
+    """Piece that holds arc length s; whatever lies beyond the ends belongs to the first or last piece."""
+    k = len(joints)
+    while guess + 1 < k and s >= joints[guess + 1]:
+        guess += 1
+    while guess > 0 and s < joints[guess]:
+        guess -= 1
+    return guess
+
+
+@njit(cache=True, nogil=True)
+def along(
+    s: np.ndarray, start: np.ndarray, axes: np.ndarray, joints: np.ndarray, bend: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Place [n, 3], unit tangent [n, 3] and curvature vector [n, 3] at arc lengths `s` [n]."""
+    place, frame = joint_frames(start, axes, joints, bend)
+    x, t, curvature = np.empty((len(s), 3)), np.empty((len(s), 3)), np.empty((len(s), 3))
+    local = np.empty((4, 3))
+    j = 0
+    for i in range(len(s)):
+        j = piece_of(joints, s[i], j)
+        _local(bend[j, 0], bend[j, 1], s[i] - joints[j], local)
+        for c in range(3):
+            f0, f1, f2 = frame[j, 0, c], frame[j, 1, c], frame[j, 2, c]
+            x[i, c] = place[j, c] + local[0, 0] * f0 + local[0, 1] * f1 + local[0, 2] * f2
+            t[i, c] = local[1, 0] * f0 + local[1, 1] * f1 + local[1, 2] * f2
+            first = local[2, 0] * f0 + local[2, 1] * f1 + local[2, 2] * f2
+            second = local[3, 0] * f0 + local[3, 1] * f1 + local[3, 2] * f2
+            curvature[i, c] = bend[j, 0] * first + bend[j, 1] * second
+    return x, t, curvature
+
+
+@njit(cache=True, nogil=True)
+def project(
+    p: np.ndarray,
+    s: np.ndarray,
+    start: np.ndarray,
+    axes: np.ndarray,
+    joints: np.ndarray,
+    bend: np.ndarray,
+    reach: float,
+) -> float:
+    """Move the stations `s` [n], in place, towards the feet of the points [n, 3], by at most `reach`.
+
+    Returns
+    -------
+    farthest
+        How far a station went at most [m].
+    """
+    place, frame = joint_frames(start, axes, joints, bend)
+    local = np.empty((4, 3))
+    j, farthest = 0, 0.0
+    for i in range(len(s)):
+        j = piece_of(joints, s[i], j)
+        _local(bend[j, 0], bend[j, 1], s[i] - joints[j], local)
+        d0, d1, d2 = p[i, 0] - place[j, 0], p[i, 1] - place[j, 1], p[i, 2] - place[j, 2]
+        ahead, aside = 0.0, 0.0
+        for c in range(3):
+            off = d0 * frame[j, c, 0] + d1 * frame[j, c, 1] + d2 * frame[j, c, 2] - local[0, c]
+            ahead += off * local[1, c]
+            aside += off * (bend[j, 0] * local[2, c] + bend[j, 1] * local[3, c])
+        move = min(max(ahead / max(1.0 - aside, 0.3), -reach), reach)
+        s[i] += move
+        farthest = max(farthest, abs(move))
+    return farthest
+
+
+@njit(cache=True, nogil=True)
+def off_chain(
+    p: np.ndarray, s: np.ndarray, start: np.ndarray, axes: np.ndarray, joints: np.ndarray, bend: np.ndarray
+) -> np.ndarray:
+    """Squared distance of points [n, 3] from the chain, across it at their stations [n] [m²]."""
+    x, tangent, _ = along(s, start, axes, joints, bend)
+    square = np.empty(len(s))
+    for i in range(len(s)):
+        whole, ahead = 0.0, 0.0
+        for c in range(3):
+            off = p[i, c] - x[i, c]
+            whole += off * off
+            ahead += off * tangent[i, c]
+        square[i] = max(whole - ahead * ahead, 0.0)
+    return square

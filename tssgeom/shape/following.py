@@ -1,0 +1,207 @@
+"""A route that moves, followed from frame to frame: each fit starts from the last one; docs/model.md (35)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tssgeom.arrays import Vector
+from tssgeom.shape.chain.fit import Chain, Data, settle, values
+from tssgeom.shape.chain.moves import fit_chain, simpler
+from tssgeom.shape.chain.places import off_chain
+from tssgeom.shape.geometry import (
+    HOPELESS,
+    Geometry,
+    Method,
+    by_chain,
+    by_spline,
+    doubt,
+    doubted,
+    first_chain,
+    fit_data,
+    lead,
+    margin,
+    may_be_chain,
+    measure,
+)
+from tssgeom.shape.points import Shape
+from tssgeom.shape.spline import fit
+
+_LOOK = 4  # frames after which a chain is asked whether it needs other joints
+_CHALLENGE = 16  # frames after which the other estimator is tried
+_LONGEST_WAIT = 512  # frames, where the other was far behind again and again
+_SURE = 10.0  # -2 ln evidence that the other must be ahead to take over
+_FAR = 60.0  # -2 ln evidence behind which it may wait longer for its next trial
+_MOVES = 2  # of a chain in one frame
+_UNFIT = 6.0  # standard deviations of the cost above which a chain does not fit
+_NOISIER = 2.0  # times the noise variance of the last frame: the same where noise is not known
+_STRAY = 16.0  # squared distance in noise variances, with 2 ln n added, beyond which a point is an outlier
+_MOST_STRAY = 0.1  # of all points
+_MEDIAN = 1.386  # of the sum of two squared standard normal numbers
+_ROUNDING = 1e-9  # of the spacing
+
+
+@dataclass(frozen=True, slots=True)
+class Followed:
+    """Geometry of the last frame, and what the next one needs to go on from it."""
+
+    geometry: Geometry
+    index: Vector
+    """Count of each fitted point in the sensed sequence."""
+    age: int = 0
+    """Frames since the other estimator was tried."""
+    wait: int = _CHALLENGE
+    """Frames after which it is tried again."""
+    rival: Chain | None = None
+    """A chain that may take over from the spline."""
+    doubt: float = 0.0
+    """Variance of Φ from the choice between the two [rad²]."""
+
+
+def follow(shape: Shape, noise: float | None, last: Followed | None, method: Method = "auto") -> Followed:
+    """Fit a route to a shape, starting from where a moving route was last.
+
+    The estimator of the last frame goes on as long as it fits, and the other is tried now and then.
+
+    Parameters
+    ----------
+    shape
+        Validated points; their number may change from frame to frame.
+    noise
+        Known standard deviation of each coordinate [m]; estimated where left out.
+    last
+        What was found in the last frame; without it the fit starts from nothing.
+    method
+        As in `measure`.
+
+    Raises
+    ------
+    FitError
+        Where the points give no finite curve.
+    """
+    found = None
+    if last is not None and last.geometry.chain is not None:
+        found = _follow_chain(shape, noise, last, last.geometry.chain, method)
+    elif last is not None:
+        found = _follow_spline(shape, noise, last, method)
+    return found or Followed(measure(shape, noise, method), shape.index)
+
+
+def _follow_chain(
+    shape: Shape, noise: float | None, last: Followed, chain: Chain, method: Method
+) -> Followed | None:
+    """Go on with a chain; None where it fits no longer."""
+    data = Data(
+        shape.points,
+        np.ones(len(shape.points)),
+        shape.stations is None,
+        0.0 if noise is None else noise * noise,
+        float(chain.stations[-1] - chain.stations[0]) / len(shape.points),
+    )
+    age = last.age + 1
+    chain = settle(data, chain._replace(stations=_stations(shape, last, chain)))
+    stray = _stray(data, chain)
+    if stray.any():
+        data = data._replace(weight=np.where(stray, 0.0, 1.0))
+        chain = settle(data, chain)
+    variance = last.geometry.route.noise**2
+    if _unfit(data, chain, variance):
+        chain = fit_chain(data, chain)
+        if _unfit(data, chain, variance):
+            return None
+    elif age % _LOOK == 0:
+        chain = fit_chain(data, chain, _MOVES)
+    else:
+        chain = simpler(data, chain, 0.0, 1) or chain
+    geometry = by_chain(data, chain, _outliers(shape, stray))
+    found = replace(last, geometry=geometry, index=shape.index, age=age)
+    if method == "auto" and age >= last.wait:
+        found = _against_spline(shape, noise, data, chain, found)
+    return replace(found, geometry=doubted(found.geometry, found.doubt))
+
+
+def _stations(shape: Shape, last: Followed, chain: Chain) -> Vector:
+    """Where the points are on the last chain, as near as can be told before the fit."""
+    if shape.stations is not None:
+        return shape.stations.copy()
+    if shape.index[-1] == last.index[-1] and shape.index[0] == last.index[0]:
+        return np.interp(shape.index, last.index, chain.stations)
+    steps = np.linalg.norm(np.diff(shape.points, axis=0), axis=1)
+    share = np.concatenate(([0.0], np.cumsum(steps))) / steps.sum()
+    return chain.stations[0] + share * (chain.stations[-1] - chain.stations[0])
+
+
+def _outliers(shape: Shape, stray: np.ndarray) -> tuple[str, ...]:
+    if not stray.any():
+        return ()
+    named = ", ".join(str(i) for i in shape.index[stray].astype(int))
+    return (f"{int(stray.sum())} outlying points ignored (count from 0: {named})",)
+
+
+def _unfit(data: Data, chain: Chain, variance: float) -> bool:
+    """Whether the points are off the chain by more than noise, of a variance as in the last frame [m²]."""
+    freedom = max(values(data) - len(chain.matrix), 1)
+    most = 1.0 + _UNFIT * math.sqrt(2.0 / freedom)
+    if data.variance > 0.0:
+        return not chain.cost < most * data.variance * freedom
+    return not chain.cost < max(_NOISIER, 1.5 * most) * max(variance, (_ROUNDING * data.gap) ** 2) * freedom
+
+
+def _stray(data: Data, chain: Chain) -> np.ndarray:
+    """Mark points that are off the chain beyond chance, as long as they are few."""
+    square = off_chain(data.points, chain.stations, chain.start, chain.axes, chain.joints, chain.bend)
+    variance = data.variance or float(np.median(square)) / _MEDIAN
+    limit = (_STRAY + 2.0 * math.log(len(square))) * max(variance, (_ROUNDING * data.gap) ** 2)
+    stray = square > limit
+    return stray if stray.sum() <= _MOST_STRAY * len(stray) else np.zeros_like(stray)
+
+
+def _against_spline(shape: Shape, noise: float | None, data: Data, chain: Chain, found: Followed) -> Followed:
+    """Try the spline where a chain is followed."""
+    spline = fit(shape, noise)
+    ahead, smooth = margin(data, chain, spline), by_spline(spline)
+    wait = _next_wait(found, -ahead)
+    if ahead < -_SURE:
+        return Followed(smooth, shape.index, doubt=doubt(smooth, found.geometry, ahead))
+    return replace(found, age=0, wait=wait, doubt=doubt(smooth, found.geometry, ahead))
+
+
+def _follow_spline(shape: Shape, noise: float | None, last: Followed, method: Method) -> Followed:
+    """Go on with a spline, and now and then with a chain beside it."""
+    spline = fit(shape, noise)
+    smooth = by_spline(spline)
+    age = last.age + 1
+    found = replace(last, geometry=doubted(smooth, last.doubt), index=shape.index, age=age)
+    tried = method == "auto" and (last.rival is not None or age >= last.wait)
+    if not tried or not may_be_chain(shape, spline):
+        return found
+    data = fit_data(shape, noise, spline.route)
+    if last.rival is None:
+        rival = settle(data, first_chain(smooth.route, smooth.arcs))
+    else:
+        rival = settle(data, last.rival._replace(stations=np.array(spline.route.station)))
+    return _with_rival(data, rival, found, smooth)
+
+
+def _with_rival(data: Data, rival: Chain, found: Followed, smooth: Geometry) -> Followed:
+    """Let a chain take over, give it a few more moves, or drop it for the time being."""
+    if smooth.spline is None:
+        return found
+    moved = fit_chain(data, rival, _MOVES)
+    ahead = lead(data, moved, smooth.spline)
+    if ahead < HOPELESS and len(moved.bend) == len(rival.bend):
+        return replace(found, rival=None, age=0, wait=_next_wait(found, ahead), doubt=0.0)
+    if len(moved.bend) != len(rival.bend):
+        return replace(found, rival=moved)
+    arcs, ahead = by_chain(data, moved, smooth.route.warnings), margin(data, moved, smooth.spline)
+    if ahead > _SURE:
+        return Followed(arcs, found.index, doubt=doubt(smooth, arcs, ahead))
+    unsure = doubt(smooth, arcs, ahead)
+    return replace(found, rival=None, age=0, wait=_next_wait(found, ahead), doubt=unsure)
+
+
+def _next_wait(found: Followed, ahead: float) -> int:
+    """How long to wait before the other estimator is tried again, `ahead` being its lead."""
+    return min(2 * found.wait, _LONGEST_WAIT) if ahead < -_FAR else _CHALLENGE
