@@ -17,6 +17,8 @@ _SETTLED = 1e-3  # of the noise variance: a step that saves less of the cost is 
 _MOST_STEPS = 40
 _LEAST_VARIANCE = 1e-26  # rounding of coordinates [m²]
 _FIRST_DAMPING = 1e-9
+_STEPS_OF_GRACE = 2  # before a fit is given up
+_HOPE = 4.0  # times what the next step promises may still come
 _LEAST_INFORMATION = 1e-13  # of a parameter's own, where the others tell nearly all of it
 _NEAR = 0.3  # of a shortest piece: a station that moved less is at the foot
 _MOST_TURN = 2.0  # from point to point [rad]
@@ -63,6 +65,11 @@ def first_joint_column(free: bool) -> int:
     return (2 if free else 3) + 2
 
 
+def parameter_count(curved: np.ndarray, free: bool) -> int:
+    """Return the number of parameters of a chain: start, turns, joints, curvatures."""
+    return first_joint_column(free) + len(curved) - 1 + 2 * int(curved.sum())
+
+
 @njit(cache=True, nogil=True)
 def curvature_columns(curved: np.ndarray, free: bool) -> np.ndarray:
     """First parameter of each piece's curvature [k], -1 for a straight piece."""
@@ -85,6 +92,15 @@ def criterion(data: Data, chain: Chain) -> float:
     return n * math.log(chain.cost / n + 1e-300) + n + price
 
 
+def goal(data: Data, parameters: int, least: float) -> float:
+    """Cost [m²] at which a chain of so many parameters has the criterion `least`."""
+    n = values(data)
+    rest = least - parameters * math.log(n)
+    if data.variance > 0.0:
+        return (rest - n * math.log(data.variance)) * data.variance
+    return n * math.exp(min(rest / n - 1.0, 700.0))
+
+
 @njit(cache=True, nogil=True)
 def noise_variance(data: Data, chain: Chain) -> float:
     """Noise variance of a coordinate, known or from the residuals [m²]."""
@@ -101,15 +117,18 @@ def parameter_covariance(data: Data, chain: Chain) -> np.ndarray:
 
 
 @njit(cache=True, nogil=True)
-def settle(data: Data, chain: Chain) -> Chain:
-    """Fit a chain of as many pieces by Levenberg and Marquardt; its matrix and cost are not used."""
+def settle(data: Data, chain: Chain, goal: float = np.inf) -> Chain:
+    """Fit a chain of as many pieces by Levenberg and Marquardt; its matrix and cost are not used.
+
+    The fit is given up, unfinished, where its cost is not going to come down to `goal` [m²].
+    """
     s, n = chain.stations.copy(), values(data)
     if data.free:
         _put_at_feet(data, s, chain.start, chain.axes, chain.joints, chain.bend)
     now = _evaluated(data, s, chain.start, chain.axes, chain.joints, chain.bend, chain.curved)
     gradient, damping = now[1], _FIRST_DAMPING
     now_chain = Chain(chain.start, chain.axes, chain.joints, chain.bend, chain.curved, s, now[0], now[2])
-    for _ in range(_MOST_STEPS):
+    for count in range(_MOST_STEPS):
         lower, unit = factor(now_chain.matrix, damping)
         step = solve(lower, unit, gradient)
         enough = _SETTLED * (data.variance if data.variance > 0.0 else now_chain.cost / n)
@@ -117,6 +136,8 @@ def settle(data: Data, chain: Chain) -> Chain:
         for a in range(len(step)):
             promised += step[a] * gradient[a]
         if not promised >= enough or damping > 1e6:
+            break
+        if count >= _STEPS_OF_GRACE and now_chain.cost - _HOPE * promised > goal:
             break
         start, axes, joints, bend = _moved(step, now_chain, data.free, data.gap)
         s = now_chain.stations.copy()

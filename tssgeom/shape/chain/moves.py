@@ -15,7 +15,9 @@ from tssgeom.shape.chain.fit import (
     criterion,
     curvature_columns,
     first_joint_column,
+    goal,
     noise_variance,
+    parameter_count,
     parameter_covariance,
     settle,
     values,
@@ -60,10 +62,15 @@ def simpler(data: Data, chain: Chain, latest: float, most: int) -> Chain | None:
     for i in np.argsort(promise)[:most]:
         if promise[i] >= latest:
             break
-        tried = settle(data, _simplified(chain, int(kind[i]), int(piece[i])))
-        if criterion(data, tried) < now:
+        if tried := _improved(data, _simplified(chain, int(kind[i]), int(piece[i])), now):
             return tried
     return None
+
+
+def _improved(data: Data, candidate: Chain, least: float) -> Chain | None:
+    """Return the candidate, fitted, if its criterion is below `least`."""
+    tried = settle(data, candidate, goal(data, parameter_count(candidate.curved, data.free), least))
+    return tried if criterion(data, tried) < least else None
 
 
 def _finer(data: Data, chain: Chain) -> Chain | None:
@@ -78,8 +85,7 @@ def _finer(data: Data, chain: Chain) -> Chain | None:
         if not saved[j, cut] > least:
             break
         where = chain.joints[j] + _length(chain, j) * cut / _SPLITS
-        tried = settle(data, _split(chain, j, where))
-        if criterion(data, tried) < now:
+        if tried := _improved(data, _split(chain, j, where), now):
             return tried
     return None
 
