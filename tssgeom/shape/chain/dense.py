@@ -73,35 +73,39 @@ def inverse(lower: np.ndarray, unit: np.ndarray) -> np.ndarray:
 
 @njit(cache=True, nogil=True)
 def explained(
-    lower: np.ndarray, unit: np.ndarray, cross: np.ndarray, own: np.ndarray, slope: np.ndarray
+    lower: np.ndarray,
+    unit: np.ndarray,
+    gradient: np.ndarray,
+    cross: np.ndarray,
+    own: np.ndarray,
+    slope: np.ndarray,
 ) -> float:
     """Return what d more parameters save of the cost, the m factored ones free to follow.
 
     Parameters
     ----------
-    lower, unit
-        Factor of the m parameters, at their optimum.
+    lower, unit, gradient
+        Factor of the m parameters and their gradient [m], near zero where they are at their best.
     cross, own, slope
         Information between the m and the d parameters [m, d], of the d among themselves [d, d], and their
         gradient [d].
     """
     m, d = cross.shape
-    half = np.empty((m, d))
+    half, left, rest = np.empty((m, d + 1)), own.copy(), slope.copy()
+    for e in range(d + 1):
+        for a in range(m):
+            value = (cross[a, e] if e < d else gradient[a]) * unit[a]
+            for c in range(a):
+                value -= lower[a, c] * half[c, e]
+            half[a, e] = value / lower[a, a]
     for e in range(d):
         for a in range(m):
-            rest = cross[a, e] * unit[a]
-            for c in range(a):
-                rest -= lower[a, c] * half[c, e]
-            half[a, e] = rest / lower[a, a]
-    left = own.copy()
-    for e in range(d):
-        for f in range(d):
-            for a in range(m):
+            rest[e] -= half[a, e] * half[a, d]
+            for f in range(d):
                 left[e, f] -= half[a, e] * half[a, f]
         left[e, e] = max(left[e, e], 1e-12 * own[e, e])
-    rest_lower, rest_unit = factor(left, 1e-12)
-    step = solve(rest_lower, rest_unit, slope)
+    step = solve(*factor(left, 1e-12), rest)
     saved = 0.0
     for e in range(d):
-        saved += step[e] * slope[e]
+        saved += step[e] * rest[e]
     return saved

@@ -27,7 +27,7 @@ _SPLITS = 4  # parts into which a piece is cut to see where another joint would 
 _MOST_PIECES = 40
 _MOST_MOVES = 120
 _MOST_TRIES = 6  # of simpler chains
-_MOST_SPLITS = 2  # tried
+_MOST_SPLITS = 3  # tried
 _SHORT = 8.0  # shortest pieces: one so short may be dropped whole
 _LATEST = 3.0  # ln n by which a simpler chain may promise to be worse and still be tried
 
@@ -70,7 +70,8 @@ def simpler(data: Data, chain: Chain, latest: float, most: int) -> Chain | None:
 def _improved(data: Data, candidate: Chain, least: float) -> Chain | None:
     """Return the candidate, fitted, if its criterion is below `least`."""
     tried = settle(data, candidate, goal(data, parameter_count(candidate.curved, data.free), least))
-    return tried if criterion(data, tried) < least else None
+    # a fit that came down slowly may have stopped short of its best
+    return settle(data, tried) if criterion(data, tried) < least else None
 
 
 def _finer(data: Data, chain: Chain) -> Chain | None:
@@ -80,8 +81,8 @@ def _finer(data: Data, chain: Chain) -> Chain | None:
         return None
     saved = _saved_by_joints(data, chain)
     now, least = criterion(data, chain), math.log(values(data))
-    for best in np.argsort(-saved, axis=None)[:_MOST_SPLITS]:
-        j, cut = divmod(int(best), _SPLITS)
+    for j in np.argsort(-saved.max(axis=1))[:_MOST_SPLITS]:
+        cut = int(np.argmax(saved[j]))
         if not saved[j, cut] > least:
             break
         where = chain.joints[j] + _length(chain, j) * cut / _SPLITS
@@ -95,12 +96,12 @@ def slopes(data: Data, chain: Chain) -> float:
 
     A staircase that stands for a smooth route wants its steps to slope; true pieces do not.
     """
-    cross, own, slope = _parts(data, chain)
+    gradient, cross, own, slope = _parts(data, chain)
     way, n = np.arange(_SPLITS) - 0.5 * (_SPLITS - 1), 2 * len(chain.bend)
     ramp_cross = np.einsum("mjic,i->mjc", cross, way).reshape(-1, n)
     ramp_own = np.einsum("jickld,i,l->jckd", own, way, way, optimize=True).reshape(n, n)
     ramp_slope = np.einsum("jic,i->jc", slope, way).reshape(n)
-    saved = explained(*factor(chain.matrix, 1e-12), ramp_cross, ramp_own, ramp_slope)
+    saved = explained(*factor(chain.matrix, 1e-12), gradient, ramp_cross, ramp_own, ramp_slope)
     return saved / noise_variance(data, chain) - n
 
 
@@ -182,11 +183,13 @@ def _length(chain: Chain, j: int) -> float:
     return float(end - chain.joints[j])
 
 
-def _parts(data: Data, chain: Chain) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _parts(data: Data, chain: Chain) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Cut every piece into equal parts with curvatures of their own, and write the normal equations of these.
 
     Returns
     -------
+    gradient
+        Of the parameters of the chain [m].
     cross
         Information between the parameters of the chain and the curvatures of the parts, [m, k, parts, 2].
     own
@@ -209,23 +212,26 @@ def _parts(data: Data, chain: Chain) -> tuple[np.ndarray, np.ndarray, np.ndarray
     own = matrix[first:, first:].reshape(shape + shape)
     level = own[chain.curved].sum(axis=1).reshape(-1, *shape)
     cross = np.concatenate((matrix[before, first:].reshape(-1, *shape), level))
-    return cross, own, gradient[first:].reshape(shape)
+    slope = gradient[first:].reshape(shape)
+    mine = np.concatenate((gradient[before], slope[chain.curved].sum(axis=1).ravel()))
+    return mine, cross, own, slope
 
 
 def _saved_by_joints(data: Data, chain: Chain) -> np.ndarray:
     """Return what a joint at each quarter of each piece [k, parts] would save, in noise variances."""
     long = np.diff(chain.joints, append=chain.stations[-1]) >= 4 * data.gap
     lower, unit = factor(chain.matrix, 1e-12)
-    return _saved(*_parts(data, chain), lower, unit, chain.curved, long) / noise_variance(data, chain)
+    return _saved(lower, unit, *_parts(data, chain), chain.curved, long) / noise_variance(data, chain)
 
 
 @njit(cache=True, nogil=True)
 def _saved(
+    lower: np.ndarray,
+    unit: np.ndarray,
+    gradient: np.ndarray,
     cross: np.ndarray,
     own: np.ndarray,
     slope: np.ndarray,
-    lower: np.ndarray,
-    unit: np.ndarray,
     curved: np.ndarray,
     long: np.ndarray,
 ) -> np.ndarray:
@@ -248,5 +254,5 @@ def _saved(
                         there = 2 if other >= cut else 0
                         for e in range(2):
                             side_own[here + c, there + e] += own[j, i, c, j, other, e]
-            saved[j, cut] = explained(lower, unit, side_cross, side_own, side_slope)
+            saved[j, cut] = explained(lower, unit, gradient, side_cross, side_own, side_slope)
     return saved
