@@ -1,0 +1,260 @@
+"""Tension and elongation of a tendon on a route that moves under load, driven by force or by position.
+
+Each step solves for the equilibrium that friction allows, from the state before it; docs/model.md (40)-(49).
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from tssgeom.arrays import Vector, read_only
+from tssgeom.errors import FitError, SettingsError
+from tssgeom.settings import Rig
+from tssgeom.shape.arcs import Arcs
+from tssgeom.tendon.equilibrium import PATIENCE, equilibrium, range_of_drive
+from tssgeom.tendon.material import Bed, MaterialState, lay
+
+ACCEPTED = 1e-7
+"""Largest residual of an equilibrium that is returned [N]."""
+_ROUNDING = 1e-9  # of a drive that just holds a dead weight [1]
+_LEAST_COMPLIANCE = 1e-9  # strain per tension below which rounding would be more than stretch
+
+
+@dataclass(frozen=True, slots=True)
+class Cone:
+    """What friction allows: T[i+1] from T[i]·exp(−pulling) − force to T[i]·exp(releasing) + force."""
+
+    pulling: Vector
+    """[n+1] Exponent while the contact slides towards the proximal end, >= 0 [1]."""
+    releasing: Vector
+    """[n+1] Exponent while it slides towards the distal end, >= 0 [1]."""
+    force: Vector
+    """[n+1] Friction force whatever the tension, >= 0 [N]."""
+    drag: Vector
+    """[n+1] Friction force for each metre slid in the step, such as viscosity over time, >= 0 [N/m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """The tendon and what it is tied to; no route."""
+
+    compliance: Vector
+    """[n] Strain per tension of each bar, 1/EA [1/N]."""
+    pretension: float
+    """Tension of the state from which elongation counts [N]."""
+    load_stiffness: float
+    """Spring that the distal end pulls against; 0 for a dead weight, inf for a fixed end [N/m]."""
+    compliance_in: float = 0.0
+    """Stretch per tension between the drive and the sheath [m/N]."""
+    compliance_out: float = 0.0
+    """Stretch per tension between the sheath and the load [m/N]."""
+    stretches_with_route: bool = True
+    """Whether a longer route is a longer path of the same tendon; False: only more of it lies in view."""
+
+
+def line(rig: Rig, bars: int) -> Line:
+    """Return the rig's tendon and load, without anything between the sheath and what it is tied to.
+
+    Raises
+    ------
+    SettingsError
+        Where the tendon does not stretch.
+    """
+    compliance = rig.tendon.compliance_per_N
+    if compliance < _LEAST_COMPLIANCE:
+        raise SettingsError(
+            f"tendon.compliance_per_N is {compliance:g} 1/N: a tendon of bars has to stretch; "
+            f"give at least {_LEAST_COMPLIANCE:g} 1/N"
+        )
+    return Line(read_only(np.full(bars, compliance)), rig.tendon.pretension_N, rig.load.stiffness_N_per_m)
+
+
+def coulomb(bed: Bed, friction: float) -> Cone:
+    """Return the cone of Coulomb friction with one coefficient [1]."""
+    exponent, none = friction * bed.angle, np.zeros(len(bed.angle))  # docs/model.md (41)
+    return Cone(exponent, exponent, none, none)
+
+
+def step(
+    state: MaterialState,
+    arcs: Arcs,
+    rig: Rig,
+    *,
+    tension_in: float | None = None,
+    displacement_in: float | None = None,
+) -> MaterialState:
+    """Move the drive and the route at once, with the rig's tendon, load and Coulomb friction.
+
+    Parameters
+    ----------
+    state
+        Tension along the tendon before the step.
+    arcs
+        The route after the step.
+    rig
+        Tendon, friction and load.
+    tension_in, displacement_in
+        New total tension [N] or new position [m] of the drive; one of them.
+
+    Raises
+    ------
+    SettingsError, FitError
+        As `advance`.
+    """
+    bed = lay(state.edge, arcs)
+    cone = coulomb(bed, rig.friction.coefficient)
+    tendon = line(rig, len(bed.length))
+    return advance(state, bed, cone, tendon, tension_in=tension_in, displacement_in=displacement_in)
+
+
+def advance(
+    state: MaterialState,
+    bed: Bed,
+    cone: Cone,
+    tendon: Line,
+    *,
+    tension_in: float | None = None,
+    displacement_in: float | None = None,
+    eigenstrain: Vector | None = None,
+) -> MaterialState:
+    """Return the equilibrium nearest to `state` on the bed, inside the cone, with the drive where it is put.
+
+    Parameters
+    ----------
+    state
+        Tension along the tendon before the step.
+    bed, cone
+        Route and friction after the step.
+    tendon
+        Tendon and ends; bars as many as the bed has.
+    tension_in, displacement_in
+        New total tension [N] or new position [m] of the drive; one of them.
+    eigenstrain
+        [n] Strain that each bar gains in this step other than by tension, such as creep or heat [1].
+
+    Raises
+    ------
+    SettingsError
+        Where not exactly one drive is given, where it is negative or not finite, or out of balance with a
+        dead weight.
+    FitError
+        Where no equilibrium was found.
+    """
+    by_force = displacement_in is None
+    drive = tension_in if by_force else displacement_in
+    if drive is None or (tension_in is not None and not by_force):
+        raise SettingsError("a step needs one drive: give tension_in [N] or displacement_in [m], not both")
+    _check(drive, by_force)
+    amount = float(drive) if by_force else drive - state.displacement_in
+    ends = (float(tendon.load_stiffness), float(tendon.compliance_in), float(tendon.compliance_out))
+    before = state.length if tendon.stretches_with_route else -1.0
+    strain = np.zeros(len(bed.length)) if eigenstrain is None else eigenstrain
+    old = (state.tension, state.slack, state.inelastic)
+    friction = (cone.pulling, cone.releasing, cone.force, cone.drag)
+    chain, gained, whole = _chain(
+        old, bed.length, before, tendon.compliance, strain, friction, ends, float(amount), by_force
+    )
+    hanging = tendon.load_stiffness == 0.0
+    w, tension, slip, iterations, residual = equilibrium(chain, hanging, state.slip, PATIENCE)
+    if not residual <= ACCEPTED:
+        raise _not_found(residual)
+    if by_force and hanging:
+        _check_balance(float(drive), state.tension_out, chain)
+    loose, moved_in, moved_out, elongation = _moved(old, chain, gained, w, tension, ends, tendon.pretension)
+    for array in (tension, loose, gained, slip):
+        array.setflags(write=False)
+    return MaterialState(
+        edge=state.edge,
+        tension=tension,
+        slack=loose,
+        inelastic=gained,
+        slip=slip,
+        length=whole,
+        displacement_in=state.displacement_in + moved_in if by_force else float(drive),
+        displacement_out=state.displacement_out + moved_out,
+        elongation=elongation,
+        direction_index=_direction(slip[0], amount if not by_force else moved_in, state.direction_index),
+        iterations=iterations,
+    )
+
+
+def _check(drive: float, by_force: bool) -> None:
+    if by_force and not 0.0 <= drive < math.inf:
+        raise SettingsError(
+            f"tension_in is {drive:g} N: a tendon only pulls; give a finite total tension >= 0 N"
+        )
+    if not math.isfinite(drive):
+        raise SettingsError(f"displacement_in is {drive:g} m: give a finite position")
+
+
+def _check_balance(drive: float, weight: float, chain: tuple) -> None:
+    _, _, low, high, force, *_ = chain
+    least, most = range_of_drive(weight, low, high, force)
+    if not least * (1 - _ROUNDING) <= drive <= most * (1 + _ROUNDING):
+        raise SettingsError(
+            f"tension_in is {drive:g} N: a dead weight of {weight:g} N would run away outside of "
+            f"{least:.4g} to {most:.4g} N; drive by position, or give the load a stiffness"
+        )
+
+
+def _not_found(residual: float) -> FitError:
+    return FitError(
+        f"no equilibrium of the tendon was found, {residual:.3g} N are left over: take smaller steps"
+    )
+
+
+def _direction(slip: int, moved: float, before: int) -> int:
+    if slip == 0 and moved == 0.0:
+        return before
+    return 1 if slip > 0 or (slip == 0 and moved > 0.0) else -1
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _chain(old, length, length_before, compliance, strain, friction, ends, amount, by_force):
+    """Return the chain of bars that `equilibrium` takes, and the inelastic length of each bar."""
+    tension, slack, inelastic = old
+    pulling, releasing, force, drag = friction
+    load, series_in, series_out = ends
+    n = length.size
+    whole = np.sum(length)
+    growth = 1.0 - length_before / whole if length_before > 0.0 else 0.0  # of the path under each bar
+    stiffness, trial, gained = np.zeros(n + 2), tension.copy(), inelastic.copy()
+    for j in range(n):
+        stiffness[j + 1] = 1.0 / (compliance[j] * length[j])
+        gained[j + 1] += strain[j] * length[j]
+        stretched = (growth - strain[j]) * length[j] - slack[j + 1]
+        trial[j + 1] += stiffness[j + 1] * stretched  # docs/model.md (40)
+    rigid = (not by_force and series_in == 0.0, load == np.inf and series_out == 0.0)
+    if by_force:
+        trial[0] = amount
+    elif not rigid[0]:
+        stiffness[0] = 1.0 / series_in
+        trial[0] += stiffness[0] * (amount - slack[0])
+    if load > 0.0 and not rigid[1]:
+        stiffness[n + 1] = 1.0 / (1.0 / load + series_out)
+        trial[n + 1] -= stiffness[n + 1] * slack[n + 1]
+    shift = amount - slack[0] if rigid[0] else 0.0
+    return (trial, stiffness, np.exp(-pulling), np.exp(releasing), force, drag, rigid, shift), gained, whole
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _moved(old, chain, gained, w, new, ends, pretension):
+    """Return the slack of each bar, the movement of both ends and the elongation in the sheath [m]."""
+    tension, slack, _ = old
+    trial, stiffness, _, _, _, _, rigid, shift = chain
+    _, series_in, series_out = ends
+    n = w.size - 1
+    loose, elongation = np.zeros(n + 2), 0.0
+    for j in range(n + 2):
+        if stiffness[j] > 0.0 and new[j] <= 0.0:
+            stretch = (w[j - 1] if j > 0 else 0.0) - (w[j] if j <= n else 0.0)
+            loose[j] = max(-trial[j] / stiffness[j] - stretch, 0.0)
+        if 0 < j <= n:
+            elongation += (new[j] - pretension) / stiffness[j] - loose[j] + gained[j]  # docs/model.md (44)
+    if rigid[0]:
+        loose[0] = max(w[0] - shift, 0.0)
+    moved_in = w[0] + series_in * (new[0] - tension[0]) + slack[0] - loose[0]
+    moved_out = w[n] - series_out * (new[n + 1] - tension[n + 1]) + loose[n + 1] - slack[n + 1]
+    return loose, moved_in, moved_out, elongation
