@@ -157,11 +157,11 @@ def advance(
         old, bed.length, before, tendon.compliance, strain, friction, ends, float(amount), by_force
     )
     hanging = tendon.load_stiffness == 0.0
+    if by_force and hanging:
+        _check_balance(float(drive), state.tension_out, chain)
     w, tension, slip, iterations, residual = equilibrium(chain, hanging, state.slip, PATIENCE)
     if not residual <= ACCEPTED:
         raise _not_found(residual)
-    if by_force and hanging:
-        _check_balance(float(drive), state.tension_out, chain)
     loose, moved_in, moved_out, elongation = _moved(old, chain, gained, w, tension, ends, tendon.pretension)
     for array in (tension, loose, gained, slip):
         array.setflags(write=False)

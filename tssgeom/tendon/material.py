@@ -1,7 +1,7 @@
 """The tendon as a chain of bars that carry their tension with them, whatever happens to the route.
 
 Bars are cut at fractions of the tendon, not of any one route: pieces, points and the sensed length may change
-from step to step and the history of each bar stays with it. Source: docs/model.md (41), (47), (48).
+from step to step and the history of each bar stays with it. Source: docs/model.md (41), (48), (49).
 """
 
 from dataclasses import dataclass
@@ -93,7 +93,7 @@ def to_bars(state: TendonState, arcs: Arcs, rig: Rig, bars: int = BARS) -> Mater
     """Hand a corner list over to the bars: the same tension at the place of every bar.
 
     Both advance alike on a fixed route under force drive, so it does not matter when they are exchanged. The
-    load is taken for the rig's spring, which sets the displacements; docs/model.md (47).
+    load is taken for the rig's spring, which sets the displacements; docs/model.md (48).
     """
     edge = np.linspace(0.0, 1.0, bars + 1)
     bed = lay(edge, arcs)
@@ -123,7 +123,7 @@ def to_corners(state: MaterialState, arcs: Arcs) -> TendonState:
     """Hand the bars over to a corner list on the route `arcs`: ln T linear in φ between their places.
 
     The list knows neither slack nor displacement, and friction that bounds the slope of ln T over φ only;
-    docs/model.md (48).
+    docs/model.md (49).
     """
     bed = lay(state.edge, arcs)
     phi = np.concatenate(([0.0], bed.place, [arcs.total_angle]))
