@@ -143,10 +143,10 @@ def test_position_drive_retraces_force_drive(history):
     hardware = rig(5.0)
     by_force = by_place = pretensioned_bars(hardware, SETUP_A, 30)
     for tension_in in history:
-        by_force = step(by_force, SETUP_A, hardware, tension_in=tension_in)
+        before, by_force = by_force, step(by_force, SETUP_A, hardware, tension_in=tension_in)
         by_place = step(by_place, SETUP_A, hardware, displacement_in=by_force.displacement_in)
         np.testing.assert_allclose(by_place.tension[1:], by_force.tension[1:], atol=SOLVED)
-        if by_force.slip[0]:  # a change that does not get past the first contact moves nothing
+        if abs(by_force.displacement_in - before.displacement_in) > 1e-12:  # less does not pass a contact
             assert by_place.tension_in == pytest.approx(tension_in, abs=SOLVED)
 
 
@@ -519,3 +519,17 @@ def test_a_step_leaves_the_old_state_as_it_was():
 )
 def test_the_direction_index_is_that_of_the_last_movement(history, sign):
     assert driven(history, HALF_CIRCLE, rig()).direction_index == sign
+
+
+def test_bars_that_go_slack_one_by_one_reach_an_equilibrium():
+    """Constant friction holds tension between slack bars; the hardest case for the solver."""
+    rng = np.random.default_rng(5)
+    state, tendon = pretensioned_bars(rig(5.0), SETUP_A, 40), line_of(40, math.inf, 5.0)
+    bed = lay(state.edge, SETUP_A)
+    cone = Cone(MU * bed.angle, MU * bed.angle, 0.5 * bed.span, np.zeros(41))
+    for _ in range(30):
+        strain = 1e-4 + 3e-4 * rng.normal(size=40)
+        new = advance(state, bed, cone, tendon, displacement_in=0.0, eigenstrain=strain)
+        assert residual_of(state, new, bed, cone, tendon, strain) <= 1e-6
+        state = new
+    assert (state.slack[1:-1] > 0).sum() > 10

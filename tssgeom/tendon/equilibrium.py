@@ -272,9 +272,9 @@ def _balance(near, far, stiff, side, kept, drag):
     """Return the movement [m] to one side of the cone; near and far without it, negative where slack [N]."""
     k_near, k_far = stiff
     move = (side * near + kept - far) / (k_far + side * k_near + drag)
-    if far + k_far * move < 0.0 and side * k_near + drag > 0.0:  # the far bar stays slack
+    if move > 0.0 and far + k_far * move < 0.0 and side * k_near + drag > 0.0:  # the far bar stays slack
         return (side * near + kept) / (side * k_near + drag)
-    if near - k_near * move < 0.0 and k_far + drag > 0.0:  # the near bar stays slack
+    if move < 0.0 and near - k_near * move < 0.0 and k_far + drag > 0.0:  # the near bar stays slack
         return (kept - far) / (k_far + drag)
     return move
 

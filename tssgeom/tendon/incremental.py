@@ -147,21 +147,29 @@ def advance(
     if drive is None or (tension_in is not None and not by_force):
         raise SettingsError("a step needs one drive: give tension_in [N] or displacement_in [m], not both")
     _check(drive, by_force)
-    amount = float(drive) if by_force else drive - state.displacement_in
+    strain = np.zeros(len(bed.length)) if eigenstrain is None else eigenstrain
+    return _equilibrium_at(state, bed, cone, tendon, float(drive), by_force, strain)
+
+
+def _equilibrium_at(
+    state: MaterialState, bed: Bed, cone: Cone, tendon: Line, drive: float, by_force: bool, strain: Vector
+) -> MaterialState:
+    amount = drive if by_force else drive - state.displacement_in
     ends = (float(tendon.load_stiffness), float(tendon.compliance_in), float(tendon.compliance_out))
     before = state.length if tendon.stretches_with_route else -1.0
-    strain = np.zeros(len(bed.length)) if eigenstrain is None else eigenstrain
     old = (state.tension, state.slack, state.inelastic)
     friction = (cone.pulling, cone.releasing, cone.force, cone.drag)
     chain, gained, whole = _chain(
-        old, bed.length, before, tendon.compliance, strain, friction, ends, float(amount), by_force
+        old, bed.length, before, tendon.compliance, strain, friction, ends, amount, by_force
     )
     hanging = tendon.load_stiffness == 0.0
     if by_force and hanging:
-        _check_balance(float(drive), state.tension_out, chain)
+        _check_balance(drive, state.tension_out, chain)
     w, tension, slip, iterations, residual = equilibrium(chain, hanging, state.slip, PATIENCE)
     if not residual <= ACCEPTED:
-        raise _not_found(residual)
+        raise FitError(
+            f"no equilibrium of the tendon was found, {residual:.3g} N are left over: take smaller steps"
+        )
     loose, moved_in, moved_out, elongation = _moved(old, chain, gained, w, tension, ends, tendon.pretension)
     for array in (tension, loose, gained, slip):
         array.setflags(write=False)
@@ -172,10 +180,10 @@ def advance(
         inelastic=gained,
         slip=slip,
         length=whole,
-        displacement_in=state.displacement_in + moved_in if by_force else float(drive),
+        displacement_in=state.displacement_in + moved_in if by_force else drive,
         displacement_out=state.displacement_out + moved_out,
         elongation=elongation,
-        direction_index=_direction(slip[0], amount if not by_force else moved_in, state.direction_index),
+        direction_index=_direction(slip[0], moved_in if by_force else amount, state.direction_index),
         iterations=iterations,
     )
 
@@ -197,12 +205,6 @@ def _check_balance(drive: float, weight: float, chain: tuple) -> None:
             f"tension_in is {drive:g} N: a dead weight of {weight:g} N would run away outside of "
             f"{least:.4g} to {most:.4g} N; drive by position, or give the load a stiffness"
         )
-
-
-def _not_found(residual: float) -> FitError:
-    return FitError(
-        f"no equilibrium of the tendon was found, {residual:.3g} N are left over: take smaller steps"
-    )
 
 
 def _direction(slip: int, moved: float, before: int) -> int:
