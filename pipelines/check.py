@@ -13,10 +13,12 @@ import numpy as np
 
 from pipelines.console import complain, say
 from pipelines.work import Refusal, guarded, inputs_of
+from tssgeom.arrays import Matrix
 from tssgeom.errors import ShapeError
 from tssgeom.io.files import Recording, open_recording
 from tssgeom.io.meshes import ENDINGS, read_lumen
 from tssgeom.settings import read_rig
+from tssgeom.shape.fibre.sensed import Fibre, clean_fibre, fit_fibre
 from tssgeom.shape.points import clean
 from tssgeom.shape.spline import fit
 from tssgeom.stream import Frame, Rejected
@@ -84,17 +86,29 @@ class _Findings:
         if isinstance(item, Rejected):
             self.wrong.append(f"frame {seq}: {item.reason}")
             return
-        self.counts.append(len(item.points))
+        rows = _rows(item)
+        self.counts.append(len(rows))
         self.times.append(item.time)
-        self.unseen += int(np.isnan(item.points).any(axis=1).sum())
+        self.unseen += int(np.isnan(rows).any(axis=1).sum())
         self.measured |= {name for name in _MEASURED if getattr(item, name) is not None}
         self.stations |= item.stations is not None
         try:
-            clean(item.points, item.stations)
+            if item.curvatures is None:
+                clean(item.points, item.stations)
+            else:
+                clean_fibre(item.curvatures, item.stations)
         except ShapeError as error:
             self.wrong.append(f"frame {seq}: {error}")
         else:
             self.good = self.good or item
+
+
+def _rows(frame: Frame) -> Matrix:
+    """Return what should have been seen: the points, or the gratings between the marks of the ends."""
+    if frame.curvatures is None:
+        return frame.points
+    read = np.flatnonzero(~np.isnan(frame.curvatures).any(axis=1))
+    return frame.curvatures[read[0] : read[-1] + 1] if len(read) else frame.curvatures
 
 
 def _checked_recording(recording: Recording) -> dict[str, Any]:
@@ -123,12 +137,25 @@ def _checked_recording(recording: Recording) -> dict[str, Any]:
 
 def _sensed(frame: Frame, notes: Iterable[str]) -> dict[str, Any]:
     """Tell length and noise of the first good frame."""
+    if frame.curvatures is not None:
+        return _sensed_fibre(clean_fibre(frame.curvatures, frame.stations), notes)
     shape = clean(frame.points, frame.stations)
     route = fit(shape).route
     return {
         "length_m": float(route.s[-1]),
         "noise_m": float(route.noise),
         "warnings": [*notes, *shape.warnings],
+    }
+
+
+def _sensed_fibre(fibre: Fibre, notes: Iterable[str]) -> dict[str, Any]:
+    """Tell length and noise of a fibre; that of its places is that of the distal end."""
+    found = fit_fibre(fibre)
+    return {
+        "length_m": fibre.length,
+        "noise_m": float(found.geometry.route.noise),
+        "curvature_noise_per_m": float(found.curvature_noise),
+        "warnings": [*notes, *fibre.warnings],
     }
 
 
@@ -139,8 +166,8 @@ def _as_text(report: dict[str, Any]) -> str:
     timed = f", {report['frames']} frames in {report['duration_s']:g} s" if "duration_s" in report else ""
     lines = [
         f"{report['file']}: {report['holds']} in {report['unit']} ({report['kind']}){timed}",
-        f"  points: {low if low == high else f'{low} to {high}'}{_unseen(report)}",
-        f"  length {report['length_m'] * 1e3:.1f} mm, noise {report['noise_m'] * 1e3:.2g} mm"
+        f"  {_what(report)}: {low if low == high else f'{low} to {high}'}{_unseen(report)}",
+        f"  length {report['length_m'] * 1e3:.1f} mm, noise {_noise(report)}"
         + (" (first good frame)" if timed else ""),
         f"  stations: {'told' if report['stations'] else 'not told'}",
         f"  measured: {', '.join(report['measured']) or 'nothing'}",
@@ -149,6 +176,17 @@ def _as_text(report: dict[str, Any]) -> str:
     ]
     more = len(report["wrong"]) - _MOST_FAULTS
     return "\n".join([*lines, f"  wrong: {more} more frames"] if more > 0 else lines)
+
+
+def _what(report: dict[str, Any]) -> str:
+    return "gratings" if "curvature_noise_per_m" in report else "points"
+
+
+def _noise(report: dict[str, Any]) -> str:
+    places = f"{report['noise_m'] * 1e3:.2g} mm"
+    if "curvature_noise_per_m" not in report:
+        return places
+    return f"{report['curvature_noise_per_m']:.2g} /m in curvature, {places} at the distal end"
 
 
 def _unseen(report: dict[str, Any]) -> str:

@@ -72,17 +72,17 @@ class ShapeSensor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
 
     noise_mm: float | None = None
     """Standard deviation of each coordinate [mm]; left out, it is estimated from the points."""
+    curvature_noise_per_m: float | None = None
+    """Standard deviation of each curvature component of a fibre [1/m]; left out, it is estimated."""
     angle_gain_sd: float = 0.0
     """Standard deviation of a common scale error of all sensed angles [1]."""
 
     def __post_init__(self) -> None:
-        if self.noise_mm is not None:
-            _require(
-                math.isfinite(self.noise_mm) and self.noise_mm > 0,
-                "shape.noise_mm",
-                self.noise_mm,
-                "give a finite value > 0 mm, or leave it out to have it estimated",
-            )
+        for name, unit in (("noise_mm", "mm"), ("curvature_noise_per_m", "1/m")):
+            value = getattr(self, name)
+            if value is not None:
+                remedy = f"give a finite value > 0 {unit}, or leave it out to have it estimated"
+                _require(math.isfinite(value) and value > 0, f"shape.{name}", value, remedy)
         _finite_at_least_zero("shape.angle_gain_sd", self.angle_gain_sd, "")
 
     @property

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
-from tssgeom.arrays import Points, Vector
+from tssgeom.arrays import Matrix, Points, Vector
 from tssgeom.errors import TssgeomError
 from tssgeom.settings import Rig
 from tssgeom.shape.arcs import Arcs
 from tssgeom.shape.curvature import CurvatureProfile
+from tssgeom.shape.fibre.sensed import clean_fibre, measure_fibre, sensed_shape
 from tssgeom.shape.following import Followed, follow
 from tssgeom.shape.points import Shape, clean
 from tssgeom.shape.route import Route
@@ -37,6 +38,8 @@ class Frame:
     """Measured elongation [m]."""
     id: str = ""
     """The sender's own name of the frame."""
+    curvatures: Matrix | None = None
+    """Curvature components κ_x, κ_y of a fibre at its stations [n, 2]; the points are NaN then [1/m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,8 +118,7 @@ def advance(
     SettingsError
         Where the tension is negative or not finite.
     """
-    shape = clean(frame.points, frame.stations)
-    followed = follow(shape, rig.shape.noise, last)
+    shape, followed = _followed(frame, rig, last)
     geometry = followed.geometry
     drive = tension_in if frame.tension_in is None else frame.tension_in
     moved = step(state, drive, rig.friction.coefficient)
@@ -132,3 +134,14 @@ def advance(
         transmission=transmit(moved, geometry.arcs, rig),
         warnings=shape.warnings + geometry.route.warnings,
     )
+
+
+def _followed(frame: Frame, rig: Rig, last: Followed | None) -> tuple[Shape, Followed]:
+    """Geometry of a frame: of a fibre from its curvatures alone, of points from where the last frame was."""
+    if frame.curvatures is not None:
+        fibre = clean_fibre(frame.curvatures, frame.stations)
+        geometry = measure_fibre(fibre, rig.shape.curvature_noise_per_m)
+        return sensed_shape(fibre, geometry), Followed(geometry, fibre.index)
+    shape = clean(frame.points, frame.stations)
+    of_points = last is not None and (last.geometry.chain is not None or last.geometry.spline is not None)
+    return shape, follow(shape, rig.shape.noise, last if of_points else None)

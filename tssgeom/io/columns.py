@@ -11,6 +11,7 @@ from tssgeom.errors import ShapeError
 from tssgeom.io.units import agreed_unit
 
 AXES = ("x", "y", "z")
+BENDS = ("kappa_x", "kappa_y")
 TIME, POINT = "time_s", "point"
 
 MEASURED = {
@@ -32,13 +33,16 @@ class Columns:
     """The columns of one table that are read."""
 
     unit: str
-    axes: tuple[str, str, str]
+    axes: tuple[str, ...]
+    """Coordinates, or the two curvature components of a fibre."""
     station: str | None
     timed: bool
     numbered: bool
     """True where a column tells the number of each point."""
     measured: tuple[str, ...]
     warnings: tuple[str, ...]
+    bend_unit: str | None = None
+    """Unit of length in the curvatures of a fibre, "m" or "mm"; None for points."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -60,22 +64,44 @@ def columns_of(path: Path, names: Sequence[str], given_unit: str | None) -> Colu
     twice = [name for name, count in Counter(names).items() if count > 1]
     if twice:
         raise ShapeError(f"{path}: column {twice[0]!r} is there twice: keep one")
-    axes = tuple(_only(path, names, axis) for axis in AXES)
+    fibre = any(name.startswith(BENDS) for name in names)
+    axes = () if fibre else tuple(_only(path, names, axis) for axis in AXES)
     stations = [name for name in names if _split(name)[0] == "s"]
+    if fibre and not stations:
+        raise ShapeError(f"{path}: curvatures without stations: add a column s_mm or s_m, the arc length")
     station = _only(path, names, "s") if stations else None
     unit = _one_unit(path, [*axes, *([station] if station else [])], given_unit)
+    bends, bend_unit = _bends(path, names) if fibre else ((), None)
     measured = tuple(name for name in names if name in MEASURED)
     if {"elongation_m", "elongation_mm"} <= set(measured):
         raise ShapeError(f"{path}: columns elongation_m and elongation_mm are both there: keep one")
     return Columns(
         unit,
-        (axes[0], axes[1], axes[2]),
+        axes or bends,
         station,
         TIME in names,
         POINT in names,
         measured,
         _unread(names),
+        bend_unit,
     )
+
+
+def _bends(path: Path, names: Sequence[str]) -> tuple[tuple[str, ...], str]:
+    """Return the columns of a fibre's curvature components, and the unit of length in them."""
+    stated = {unit: [name for name in names if name in _bend_names(unit)] for unit in ("m", "mm")}
+    for unit, other in (("m", "mm"), ("mm", "m")):
+        if len(stated[unit]) == len(BENDS) and not stated[other]:
+            return _bend_names(unit), unit
+    there = ", ".join(name for name in names if name.startswith(BENDS))
+    raise ShapeError(
+        f"{path}: curvature columns {there}: name them kappa_x_per_m,kappa_y_per_m "
+        "or kappa_x_per_mm,kappa_y_per_mm, both in one unit"
+    )
+
+
+def _bend_names(unit: str) -> tuple[str, ...]:
+    return tuple(f"{name}_per_{unit}" for name in BENDS)
 
 
 def _split(name: str) -> tuple[str, str | None]:
@@ -106,8 +132,15 @@ def _one_unit(path: Path, names: Sequence[str], given: str | None) -> str:
             f"{path}: column {bare!r} has no unit: name it {bare}_{stated.pop()}, or give --unit mm|m"
         )
     return agreed_unit(
-        path, next(iter(stated), None), given, "name the columns x_mm,y_mm,z_mm or x_m,y_m,z_m"
+        path,
+        next(iter(stated), None),
+        given,
+        f"name the columns {_with_unit(names, 'mm')} or {_with_unit(names, 'm')}",
     )
+
+
+def _with_unit(names: Sequence[str], unit: str) -> str:
+    return ",".join(f"{_split(name)[0]}_{unit}" for name in names)
 
 
 def _unread(names: Sequence[str]) -> tuple[str, ...]:

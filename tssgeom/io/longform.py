@@ -54,12 +54,17 @@ class LongFrames:
             raise ShapeError(f"{self._where(missing)}: {TIME} is empty: write the time of the frame in s")
         place = self._place_of_points(rows)
         per_metre = PER_METRE[columns.unit]
-        points = np.column_stack([self.table.values[axis][rows] for axis in columns.axes]) / per_metre
-        points[np.isnan(points).any(axis=1)] = np.nan
+        sensed = np.column_stack([self.table.values[axis][rows] for axis in columns.axes])
+        sensed[np.isnan(sensed).any(axis=1)] = np.nan
         stations = None
         if columns.station:
             stations = _spread(self.table.values[columns.station][rows] / per_metre, place)
-        return Frame(_spread(points, place), self._time(rows), stations, **self._measured(rows))
+        measured = self._measured(rows)
+        if columns.bend_unit is None:
+            return Frame(_spread(sensed / per_metre, place), self._time(rows), stations, **measured)
+        bends = _spread(sensed * PER_METRE[columns.bend_unit], place)
+        unseen = read_only(np.full((len(bends), 3), np.nan))
+        return Frame(unseen, self._time(rows), stations, curvatures=bends, **measured)
 
     def _time(self, rows: Rows) -> float:
         return float(self.table.values[TIME][rows[0]]) if self.table.columns.timed else 0.0

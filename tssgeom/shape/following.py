@@ -1,4 +1,4 @@
-"""A route that moves, followed from frame to frame: each fit starts from the last one; docs/model.md (35)."""
+"""A route that moves, followed from frame to frame: each fit starts from the last one; docs/model.md (34)."""
 
 from __future__ import annotations
 

@@ -85,8 +85,8 @@ def _finer(data: Data, chain: Chain) -> Chain | None:
         cut = int(np.argmax(saved[j]))
         if not saved[j, cut] > least:
             break
-        where = chain.joints[j] + _length(chain, j) * cut / _SPLITS
-        if tried := _improved(data, _split(chain, j, where), now):
+        where = float(chain.joints[j]) + _length(chain, int(j)) * cut / _SPLITS
+        if tried := _improved(data, _split(chain, int(j), where), now):
             return tried
     return None
 

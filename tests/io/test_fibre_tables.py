@@ -1,0 +1,83 @@
+"""Tables of curvatures that a fibre sensed."""
+
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as papq
+import pytest
+
+from tssgeom.errors import ShapeError
+from tssgeom.io.files import Recording, open_recording
+from tssgeom.stream import Frame
+
+S = np.array([10.0, 20, 30, 40])
+BEND = np.array([[1.0, -2], [0, 0.5], [np.nan, np.nan], [3, 4]])
+
+
+def opened(folder: Path, text: str, unit: str | None = None) -> Recording:
+    path = folder / "fibre.csv"
+    path.write_text(text)
+    return open_recording(path, unit)
+
+
+def rows(*columns: np.ndarray) -> str:
+    return "".join(
+        ",".join("" if np.isnan(x) else f"{x:.9g}" for x in row) + "\n" for row in zip(*columns, strict=True)
+    )
+
+
+def frames(recording: Recording) -> list[Frame]:
+    items = list(recording.frames)
+    assert all(isinstance(item, Frame) for item in items), items
+    return [item for item in items if isinstance(item, Frame)]
+
+
+@pytest.mark.parametrize(("unit", "per_metre"), [("mm", 1000.0), ("m", 1.0)])
+@pytest.mark.parametrize(("bend_unit", "times"), [("mm", 1000.0), ("m", 1.0)])
+def test_each_unit_in_the_header_scales_its_own_columns(tmp_path, unit, per_metre, bend_unit, times):
+    header = f"s_{unit},kappa_x_per_{bend_unit},kappa_y_per_{bend_unit}\n"
+    (frame,) = frames(opened(tmp_path, header + rows(S, *BEND.T)))
+    np.testing.assert_array_equal(frame.stations, S / per_metre)
+    np.testing.assert_array_equal(frame.curvatures, BEND * times)
+    assert frame.points.shape == (4, 3)
+    assert np.isnan(frame.points).all()
+
+
+def test_a_recording_of_curvatures_carries_time_and_tension(tmp_path):
+    time = np.repeat([0.0, 0.5], 4)
+    text = "time_s,s_mm,kappa_y_per_m,kappa_x_per_m,tension_in_N\n"
+    text += rows(time, np.tile(S, 2), *np.tile(BEND[:, ::-1], (2, 1)).T, np.repeat([3.0, 4.0], 4))
+    recording = opened(tmp_path, text)
+    first, second = frames(recording)
+    assert (recording.timed, first.time, second.time, second.tension_in) == (True, 0.0, 0.5, 4.0)
+    np.testing.assert_array_equal(second.curvatures, BEND)
+
+
+def test_parquet_holds_the_same_columns(tmp_path):
+    path = tmp_path / "fibre.parquet"
+    papq.write_table(pa.table({"s_mm": S, "kappa_x_per_m": BEND[:, 0], "kappa_y_per_m": BEND[:, 1]}), path)
+    (frame,) = frames(open_recording(path))
+    np.testing.assert_array_equal(frame.curvatures, BEND)
+
+
+@pytest.mark.parametrize(
+    ("header", "reason"),
+    [
+        ("s_mm,kappa_x,kappa_y", "name them kappa_x_per_m,kappa_y_per_m or kappa_x_per_mm,kappa_y_per_mm"),
+        ("s_mm,kappa_x_per_m,kappa_y_per_mm", "both in one unit"),
+        ("s_mm,kappa_x_per_m,other", "curvature columns kappa_x_per_m: name them"),
+        ("other,kappa_x_per_m,kappa_y_per_m", "add a column s_mm or s_m"),
+        ("s,kappa_x_per_m,kappa_y_per_m", "name the columns s_mm or s_m, or give --unit mm|m"),
+    ],
+)
+def test_a_unit_that_is_missing_or_mixed_is_refused_with_the_remedy(tmp_path, header, reason):
+    with pytest.raises(ShapeError) as refused:
+        opened(tmp_path, f"{header}\n10,1,2\n20,1,2\n30,1,2\n")
+    assert reason in str(refused.value)
+
+
+def test_unit_option_is_for_the_stations(tmp_path):
+    (frame,) = frames(opened(tmp_path, "s,kappa_x_per_m,kappa_y_per_m\n" + rows(S, *BEND.T), "mm"))
+    np.testing.assert_array_equal(frame.stations, S / 1000.0)
+    np.testing.assert_array_equal(frame.curvatures, BEND)

@@ -1,0 +1,42 @@
+"""A fibre's curvatures through the commands."""
+
+import json
+
+import numpy as np
+import pytest
+
+
+@pytest.fixture
+def fibre(tmp_path):
+    """Eighteen gratings on a half circle of 500 mm, noise 0.05/m, one not read; marks of both ends."""
+    s = (np.arange(18) + 0.5) * 500 / 18
+    bend = np.array([0.0, 2 * np.pi]) + 0.05 * np.random.default_rng(0).standard_normal((18, 2))
+    cells = [f"{a:.4f},{x:.5f},{y:.5f}" for a, (x, y) in zip(s, bend, strict=True)]
+    cells[6] = f"{s[6]:.4f},,"
+    path = tmp_path / "fibre.csv"
+    path.write_text("\n".join(["s_mm,kappa_x_per_m,kappa_y_per_m", "0,,", *cells, "500,,"]) + "\n")
+    return path
+
+
+def test_analyse_gives_length_and_angle(run, fibre):
+    outcome = run("analyse", fibre, "--json")
+    told = json.loads(outcome.out)
+    assert outcome.status == 0
+    assert told["length_m"] == pytest.approx(0.5, abs=1e-12)
+    assert told["points"] == 17
+    assert told["total_angle_rad"] == pytest.approx(np.pi, abs=3 * told["total_angle_se_rad"])
+    assert told["total_angle_se_rad"] < 0.03  # 0.05/m × 0.5 m / √17 is 0.006; the unsensed ends add to it
+    assert told["warnings"] == ["1 gratings not read, bridged"]
+
+
+def test_analyse_draws_it(run, fibre, tmp_path):
+    assert run("analyse", fibre, "--out", tmp_path / "out").status == 0
+    assert (tmp_path / "out" / "fibre.rrd").stat().st_size > 0
+
+
+def test_check_tells_gratings_and_noise(run, fibre):
+    outcome = run("check", fibre)
+    assert "gratings: 18, 1 not seen (gaps)" in outcome.out
+    assert "length 500.0 mm" in outcome.out
+    (told,) = json.loads(run("check", fibre, "--json").out)
+    assert told["curvature_noise_per_m"] == pytest.approx(0.05, rel=0.5)  # 34 values tell it to 12 %

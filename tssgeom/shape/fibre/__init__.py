@@ -1,0 +1,1 @@
+"""Curvatures that a fibre senses at its gratings, and the route that follows from them."""
