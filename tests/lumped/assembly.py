@@ -1,0 +1,97 @@
+"""A path and its physics as the arrays that the march reads: bars 0 … n + 2 and nodes 0 … n + 1.
+
+Node 0 and node n + 1 are the fittings at the ends of the sheath, the others the vertices of the polygon. Bar 0 and bar
+n + 2 lie outside the sheath, towards the drive and the load.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from tests.lumped.contact import SLACK_N
+from tests.lumped.physics import Distal, Physics
+from tests.lumped.route import Path
+
+RIGID = 1e-3  # of a bar's compliance: what "no compliance" outside the sheath is, 1e-8 m at 10 N
+STUCK = 1e4  # of a bar's stiffness: a bristle; it gives way by less than 1e-10 m before it slips
+
+
+class Chain(NamedTuple):
+    """What stays the same during a run."""
+
+    compliance: np.ndarray  # [b] m/N
+    toe: np.ndarray  # [b] m
+    toe_scale: np.ndarray  # [b] N
+    gap_per_turn: float  # m/rad
+    gap_scale: float  # N
+    expansion: np.ndarray  # [b] m/K
+    creep_compliance: np.ndarray  # [b, c] m/N
+    creep_time: np.ndarray  # [c] s
+    bristle: np.ndarray  # [k] N/m
+    friction: np.ndarray  # [k] coefficient of a vertex, ratio of a fitting
+    floor: np.ndarray  # [k] N
+    drag: np.ndarray  # [k] N s/m
+    share: np.ndarray  # [k] m
+    asymmetry: float
+    curvature_gain: float
+    load_exponent: float
+    load_reference: float
+    load_is_normal: bool
+    wear_gain: float
+    wear_travel: float
+    speed_law: tuple[float, float, float, float]
+    speed_lag: float
+    pretension: float
+    force_driven: bool
+    weight: bool
+
+
+def chain(path: Path, physics: Physics, distal: Distal, force_driven: bool) -> Chain:
+    """Return the arrays of a run."""
+    p, bars, share = physics, path.bars[0], path.shares
+    rho = p.compliance_per_N
+    rigid = RIGID * rho * bars.min()
+    load = 1.0 / distal.stiffness_N_per_m if distal.kind == "spring" else 0.0
+    return Chain(
+        compliance=_ended(rho * bars, p.series_in_m_per_N + rigid, p.series_out_m_per_N + load + rigid),
+        toe=_ended(p.toe_strain * bars, p.take_up_in_m, p.take_up_out_m),
+        toe_scale=_ended(np.full_like(bars, p.toe_scale_N), p.take_up_in_scale_N, p.take_up_out_scale_N),
+        gap_per_turn=p.clearance_m,
+        gap_scale=p.clearance_scale_N,
+        expansion=_ended(p.expansion_per_K * bars, 0.0, 0.0),
+        creep_compliance=np.outer(_ended(rho * bars, 0.0, 0.0), np.array(p.creep_ratios, dtype=float)),
+        creep_time=np.array(p.creep_times_s, dtype=float),
+        bristle=STUCK / (rho * _ended(share, share[0], share[-1])),
+        friction=_ended(
+            p.friction * np.interp(path.stations, p.profile_s_m, p.profile),
+            p.fitting_in_ratio,
+            p.fitting_out_ratio,
+        ),
+        floor=_ended(p.straight_friction_N_per_m * share, p.fitting_in_N, p.fitting_out_N),
+        drag=_ended(p.viscous_drag_Ns_per_m2 * share, 0.0, 0.0),
+        share=_ended(share, share[0], share[-1]),
+        asymmetry=p.asymmetry,
+        curvature_gain=p.curvature_gain_m,
+        load_exponent=p.load_exponent,
+        load_reference=p.load_reference,
+        load_is_normal=p.load_measure == "normal",
+        wear_gain=p.wear_gain,
+        wear_travel=p.wear_travel_m,
+        speed_law=(p.speed_gain, p.speed_reference_m_per_s, p.stribeck_gain, p.stribeck_speed_m_per_s),
+        speed_lag=p.speed_lag_s,
+        pretension=max(p.pretension_N, SLACK_N),
+        force_driven=force_driven,
+        weight=distal.kind == "weight",
+    )
+
+
+def hidden_bend(path: Path, physics: Physics) -> np.ndarray:
+    """[n] Turn that the hidden bend adds to each vertex [rad]: even over its width, each vertex takes its share."""
+    edges = path.edges
+    start, stop = (np.clip(physics.bend_at_m + w * physics.bend_width_m, 0.0, edges[-1]) for w in (-0.5, 0.5))
+    inside = np.clip(edges, start, stop)
+    return physics.bend_angle_rad * np.diff(inside) / max(stop - start, 1e-12)
+
+
+def _ended(inner: np.ndarray, first: float, last: float) -> np.ndarray:
+    return np.concatenate(([first], inner, [last]))

@@ -1,0 +1,187 @@
+"""One run: path, physics, drive and far end in, plain arrays out."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tests.lumped.assembly import Chain, chain, hidden_bend
+from tests.lumped.march import march
+from tests.lumped.physics import Distal, Drive, Physics
+from tests.lumped.route import Path
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """What a run gave at the F asked times, on n vertices."""
+
+    times: np.ndarray
+    """[F] s."""
+    tension_in: np.ndarray
+    """[F] At the drive [N]."""
+    tension_out: np.ndarray
+    """[F] At the load [N]."""
+    displacement_in: np.ndarray
+    """[F] Of the drive, towards the proximal side, from the pretensioned state [m]."""
+    displacement_out: np.ndarray
+    """[F] Of the load, towards the proximal side [m]."""
+    elongation: np.ndarray
+    """[F] displacement_in − displacement_out [m]."""
+    stretch: np.ndarray
+    """[F] How much longer the tendon in the sheath is than when pretensioned [m]: elongation plus growth of the path."""
+    temperature: np.ndarray
+    """[F] °C."""
+    stations: np.ndarray
+    """[n] Arc length of the vertices in the first frame of the path [m]."""
+    tension: np.ndarray
+    """[F, n + 1] In the bars before, between and behind the vertices [N]."""
+    friction: np.ndarray
+    """[F, n + 2] Force on the fitting, the vertices, the fitting; > 0 against motion to the proximal end [N]."""
+    place: np.ndarray
+    """[F, n + 2] Displacement of the same [m]."""
+    sliding: np.ndarray
+    """[F, n + 2] −1, 0, 1: slipped to the distal end, stuck, slipped to the proximal end in the last substep."""
+    heat: np.ndarray
+    """[F] Work done against friction since the start [J]."""
+    steps: int
+    iterations: int
+
+
+class NoBalanceError(Exception):
+    """No equilibrium at some time of a run."""
+
+
+def simulate(
+    path: Path, physics: Physics, drive: Drive, distal: Distal, times: ArrayLike, max_step: float = 0.01
+) -> Run:
+    """Run from the pretensioned state and return the state at `times` [s], with substeps of at most `max_step` [s].
+
+    The drive's knots and the path's frames are always met. What the drive and the path say at the start is imposed in
+    one step. Speeds matter with `viscous_drag`, friction by speed and creep only.
+
+    Raises
+    ------
+    NoBalanceError
+        Where the chain finds no equilibrium: a force drive beyond what a dead weight and friction hold, say.
+    """
+    asked = np.asarray(times, dtype=float)
+    grid = _grid(asked, drive, path, max_step)
+    values = np.interp(grid, drive.times, drive.values)
+    imposed = _play(values, physics.backlash_m) if drive.kind == "displacement" else values
+    celsius = _temperature(drive, grid)
+    turns = path.turns + hidden_bend(path, physics)
+    parts = chain(path, physics, distal, drive.kind == "force")
+    keep = np.isin(grid, np.round(asked, 9))
+    frame, weight = _frames(path.times, grid)
+    n = turns.shape[1]
+    records = (*(np.empty((len(asked), n + m)) for m in (3, 2, 2, 2)), np.empty(len(asked)))
+    growth = path.bars - path.bars[0]
+    steps, iterations = march(
+        parts, grid, imposed, celsius - celsius[0], frame, weight, growth, turns, keep, records
+    )
+    if steps < 0:
+        time = grid[-steps - 1]
+        raise NoBalanceError(
+            f"no balance at {time:.6g} s, drive {values[-steps - 1]:.6g}; lower max_step or the load"
+        )
+    longer = np.interp(grid[keep], path.times, growth.sum(axis=1))
+    return _run(
+        grid[keep],
+        values,
+        celsius[keep],
+        keep,
+        records,
+        (steps, iterations),
+        longer,
+        path,
+        (physics, drive, distal),
+        parts,
+    )
+
+
+def _run(times, values, celsius, keep, records, effort, longer, path, setting, parts: Chain) -> Run:
+    tension, place, friction, slip, heat = records
+    physics, drive, distal = setting
+    if drive.kind == "force":
+        lead = place[:, 0] + _extension(tension[:, 0], parts, 0)
+        shown = _play(lead, physics.backlash_m, inverse=True)
+    else:
+        shown = values[keep]
+    out = {
+        "blocked": np.zeros(len(times)),
+        "spring": (tension[:, -1] - parts.pretension) / (distal.stiffness_N_per_m or np.inf),
+        "weight": place[:, -1],
+    }[distal.kind]
+    return Run(
+        times=times,
+        tension_in=tension[:, 0],
+        tension_out=tension[:, -1],
+        displacement_in=shown,
+        displacement_out=out,
+        elongation=shown - out,
+        stretch=place[:, 0] - place[:, -1] + longer,
+        temperature=celsius,
+        stations=path.stations,
+        tension=tension[:, 1:-1],
+        friction=friction,
+        place=place,
+        sliding=np.sign(slip).astype(np.int8),
+        heat=heat,
+        steps=effort[0],
+        iterations=effort[1],
+    )
+
+
+def _extension(tension: np.ndarray, parts: Chain, bar: int) -> np.ndarray:
+    """Extension of an outer bar beyond that under the pretension [m]."""
+
+    def at(force):
+        return parts.compliance[bar] * force - parts.toe[bar] * np.expm1(-force / parts.toe_scale[bar])
+
+    return at(tension) - at(parts.pretension)
+
+
+def _grid(asked: np.ndarray, drive: Drive, path: Path, max_step: float) -> np.ndarray:
+    first = min(asked[0], drive.times[0])
+    knots = np.concatenate((asked, drive.times, path.times))
+    knots = np.unique(np.round(knots[(knots >= first) & (knots <= asked[-1])], 9))
+    if len(knots) == 1:
+        return knots
+    parts = np.ceil(np.diff(knots) / max_step - 1e-9).astype(int)
+    return np.append(
+        np.concatenate(
+            [np.linspace(a, b, m, endpoint=False) for a, b, m in zip(knots, knots[1:], parts, strict=False)]
+        ),
+        knots[-1],
+    )
+
+
+def _frames(times: np.ndarray, grid: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Frame before each time of the grid, and how far towards the next one it is [1]."""
+    at = np.interp(grid, times, np.arange(len(times)))
+    frame = np.floor(at).astype(np.int64)
+    return frame, at - frame
+
+
+def _temperature(drive: Drive, grid: np.ndarray) -> np.ndarray:
+    if drive.temperature_C is None:
+        return np.full(len(grid), 20.0)
+    return np.interp(grid, drive.times, drive.temperature_C)
+
+
+def _play(values: np.ndarray, width: float, inverse: bool = False) -> np.ndarray:
+    """Pass a series through a play of `width` that starts engaged for pulling; or return what leads to that series."""
+    if width == 0.0:
+        return values
+    passed = np.empty_like(values)
+    held, lag = 0.0, 0.0
+    for i, value in enumerate(values):
+        if inverse:
+            change = value - held
+            lag = 0.0 if change > 1e-12 else width if change < -1e-12 else lag
+            held = value
+            passed[i] = value - lag
+        else:
+            held = min(max(held, value), value + width)
+            passed[i] = held
+    return passed
