@@ -1,18 +1,49 @@
-"""An independent lumped simulator of a tendon in a sheath."""
+"""An independent lumped simulator of a tendon in a sheath: referee of the model, source of test runs.
+
+It imports nothing of `tssgeom` and shares no idea with it. The sheath is a polygon; the tendon is bars
+between its vertices, which pull only; a vertex carries the contact force that its two bars press into it,
+and Coulomb friction up to a coefficient times that. No exponential of an angle stands anywhere: the loss
+along a curve comes out of the balance of forces. Each step in time is solved by handing the response curve
+"motion against tension" of all that lies distal from bar to bar, which is exact for straight laws
+(`sweep.py`), so nothing creeps in a hold.
+
+    path = from_pieces([0.1, 0.3, 0.1], [0.0, np.pi, 0.0], cells=64)
+    drive = Drive("force", np.array([0.0, 5.0, 10.0]), np.array([2.0, 15.0, 2.0]))
+    times = np.linspace(0.0, 10.0, 200)
+    run = simulate(path, Physics(pretension_N=2.0), drive, Distal("spring", 3000.0), times)
+    columns = measure(run, {"tension_out_N": Sensor(noise=0.05, resolution=0.01)}, seed=1)
+
+`from_pieces`, `from_angle` and `from_points` make paths, static or moving. `Physics` switches every extra
+effect by a parameter; with none of them the tendon is linear and the friction Coulomb's. Strains are small,
+and a tendon that moves along the sheath keeps the bend, the share of length and the profile of the vertex
+that it started at.
+
+Errors fall with the square of the cell and, on moving paths, with the step in time: 64 cells on the half
+circle of the paper are right to 2 mN and 0.1 µm. Just after a position drive turns back, while the front
+has not passed the first vertex, T_in is wrong by up to a quarter of what that vertex holds (0.01 N at 160
+cells and 15 N). Sharp bends want more cells: keep the turn of a vertex below 0.1 rad.
+
+After a change of one compiled module remove `__pycache__`: numba looks at the calling file only.
+"""
 
 from tests.lumped.physics import Distal, Drive, Physics
 from tests.lumped.route import Path, from_angle, from_pieces, from_points
+from tests.lumped.sensors import CHANNELS, Sensor, measure, true_channels
 from tests.lumped.simulate import NoBalanceError, Run, simulate
 
 __all__ = [
+    "CHANNELS",
     "Distal",
     "Drive",
     "NoBalanceError",
     "Path",
     "Physics",
     "Run",
+    "Sensor",
     "from_angle",
     "from_pieces",
     "from_points",
+    "measure",
     "simulate",
+    "true_channels",
 ]

@@ -1,75 +1,50 @@
-"""The two local laws of the chain, compiled: a bar that cannot push, a bristle that holds until it slips."""
+"""The local laws of the chain, compiled: how a bar stretches and what a contact can hold."""
 
 import math
 
 from numba import njit
 
-SLACK_N = 1e-4  # below it a bar goes slack smoothly, so that its tension never is zero or less; no drive pulls with less
+LEAST_LOAD_N = 1e-3  # below it a friction coefficient that depends on the load does so no more
 
 
-@njit(cache=True, nogil=True)
-def pull(extension, compliance, toe, toe_scale, gap, gap_scale):
-    """Return tension [N] and stiffness [N/m] of a bar at an extension [m] beyond its loose length.
+@njit(cache=True, nogil=True, error_model="numpy")
+def stretched(tension, compliance, toe, toe_scale, gap, gap_scale):
+    """Return extension [m] of a taut bar beyond its loose length, and its compliance there [m/N].
 
-    extension = compliance T + toe (1 − e^(−T/toe_scale)) + gap (1 − e^(−T/gap_scale)); Newton from the left climbs
-    monotonically since the right side is concave.
+    extension = compliance T + toe (1 − e^(−T/toe_scale)) + gap (1 − e^(−T/gap_scale))
     """
-    tension = extension / compliance
-    slope = compliance
-    if toe > 0.0 or gap > 0.0:
-        tension = extension / (compliance + toe / toe_scale + gap / gap_scale)
-        for _ in range(60):
-            a = toe * math.exp(-max(tension, 0.0) / toe_scale)
-            b = gap * math.exp(-max(tension, 0.0) / gap_scale)
-            slope = compliance + a / toe_scale + b / gap_scale
-            step = (extension - compliance * tension - (toe - a) - (gap - b)) / slope
-            tension += step
-            if tension < SLACK_N or abs(step) < 1e-13 * (1.0 + tension):
-                break
-    if tension >= SLACK_N:
-        return tension, 1.0 / slope
-    slope = compliance + toe * math.exp(-SLACK_N / toe_scale) / toe_scale
-    slope += gap * math.exp(-SLACK_N / gap_scale) / gap_scale
-    taut = (
-        compliance * SLACK_N - toe * math.expm1(-SLACK_N / toe_scale) - gap * math.expm1(-SLACK_N / gap_scale)
-    )
-    tension = SLACK_N * math.exp(max((extension - taut) / (slope * SLACK_N), -600.0))
-    return tension, tension / (slope * SLACK_N)
+    a, b = toe * math.exp(-tension / toe_scale), gap * math.exp(-tension / gap_scale)
+    return compliance * tension + (toe - a) + (gap - b), compliance + a / toe_scale + b / gap_scale
 
 
-@njit(cache=True, nogil=True)
-def bristle(trial, stiffness, coulomb, floor, drag, lagged, fresh, law):
-    """Return (force [N], ∂force/∂displacement [N/m], ∂force/∂coulomb [1], slip [m]) of one bristle after a step.
+@njit(cache=True, nogil=True, error_model="numpy")
+def speed_factor(speed, law):
+    """Return what a sliding speed [m/s] makes of the friction, and its slope [s/m] where that is above zero.
 
-    The bristle holds elastically up to coulomb · h(v) + floor, then slips by as much as brings it back to that
-    plus drag · slip. The speed is v = lagged + fresh · slip [m/s]; h is the law of speed in `law`. Nothing moves while
-    the trial force is below the limit, however long that is.
+    law = (gain, reference speed, Stribeck gain, Stribeck speed)
     """
-    sign = 1.0 if trial >= 0.0 else -1.0
-    size = abs(trial)
-    factor, rise = _by_speed(lagged, law)
-    hold = coulomb * factor + floor
-    if size <= hold:
-        return trial, stiffness, 0.0, 0.0
-    slip = (size - hold) / (stiffness + drag)
-    for _ in range(40):
-        factor, rise = _by_speed(lagged + fresh * slip, law)
-        total = stiffness + drag + coulomb * rise * fresh
-        step = (size - (stiffness + drag) * slip - floor - coulomb * factor) / total
-        slip = max(slip + step, 0.0)
-        if abs(step) <= 1e-15 * slip:
-            break
-    soft = drag + coulomb * rise * fresh
-    total = stiffness + soft
-    force = size - stiffness * slip
-    return sign * force, stiffness * soft / total, sign * stiffness * factor / total, sign * slip
-
-
-@njit(cache=True, nogil=True)
-def _by_speed(speed, law):
-    """Return h and dh/dv; law = (gain, reference speed, Stribeck gain, Stribeck speed)."""
     gain, reference, stribeck, fall = law
-    if gain == 0.0 and stribeck == 0.0:
-        return 1.0, 0.0
-    extra = stribeck * math.exp(-speed / fall)
-    return 1.0 + gain * math.log1p(speed / reference) + extra, gain / (reference + speed) - extra / fall
+    factor = 1.0 + gain * math.log1p(speed / reference) + stribeck * math.exp(-speed / fall)
+    return factor, max(gain, 0.0) / (reference + speed)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def grip(chain, turn, travel, total, i):
+    """Return Coulomb force per sum of the two tensions at node i, for pulling and releasing [1].
+
+    Two bars that pull with a and b press (a + b) sin(turn/2) into a vertex; `total` is a + b [N].
+    """
+    if i == 0 or i == len(chain.friction) - 1:
+        return 0.5 * chain.friction[i], 0.5 * chain.friction[i]
+    press = math.sin(0.5 * turn)
+    if press == 0.0:
+        return 0.0, 0.0
+    both = chain.friction[i] * press * (1.0 + chain.curvature_gain * turn / chain.share[i])
+    if chain.wear_gain != 0.0:
+        both *= 1.0 - chain.wear_gain * math.expm1(-travel / chain.wear_travel)
+    if chain.load_exponent != 0.0:
+        load = max(0.5 * total, LEAST_LOAD_N) / chain.load_reference
+        if chain.load_is_normal:
+            load *= 2.0 * press / chain.share[i]
+        both *= load**chain.load_exponent
+    return both * (1.0 + chain.asymmetry), both * (1.0 - chain.asymmetry)

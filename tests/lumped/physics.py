@@ -8,7 +8,7 @@ import numpy as np
 
 @dataclass(frozen=True, slots=True)
 class Physics:
-    """Tendon, sheath and ends. The defaults are a linear tendon with Coulomb friction; every other effect is off.
+    """Tendon, sheath and ends. The defaults are a linear tendon with Coulomb friction, all else off.
 
     The friction coefficient of a vertex is the product
 
@@ -48,8 +48,8 @@ class Physics:
     stribeck_gain: float = 0.0
     stribeck_speed_m_per_s: float = 1e-3
     speed_lag_s: float = 0.0
-    """Friction follows the speed with this lag [s]. Friction that falls with speed needs it: without, sliding is
-    unstable and the quasi-static problem has no unique answer."""
+    """Friction follows the speed with this lag [s]. Friction that falls with speed needs it: without,
+    sliding is unstable and the quasi-static problem has no unique answer."""
 
     # friction that does not come from tension and turn
     straight_friction_N_per_m: float = 0.0
@@ -78,7 +78,7 @@ class Physics:
     """Strain toe_strain (1 − e^(−T/toe_scale_N)) beside the linear one [1]."""
     toe_scale_N: float = 2.0
     creep_ratios: tuple[float, ...] = ()
-    """Kelvin–Voigt elements in series: final creep strain over elastic strain [1]; at rest under the pretension."""
+    """Kelvin–Voigt elements: final creep over elastic strain [1]; at rest under the pretension."""
     creep_times_s: tuple[float, ...] = ()
     expansion_per_K: float = 0.0
     """Thermal strain of the tendon against the sheath [1/K]."""
@@ -97,7 +97,7 @@ class Physics:
 
 @dataclass(frozen=True, slots=True)
 class Drive:
-    """What the proximal end does, linear between the given times; displacement 0 is the pretensioned state."""
+    """What the proximal end does, linear between times; displacement 0 is the pretensioned state."""
 
     kind: Literal["force", "displacement"]
     times: np.ndarray

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 @dataclass(frozen=True, slots=True)
 class Path:
-    """A polygon of n vertices and n + 1 bars, proximal to distal, in frames that are joined linearly in time."""
+    """A polygon of n vertices and n + 1 bars, proximal to distal; linear in time between frames."""
 
     times: np.ndarray
     """[F] Times of the frames [s], increasing; a static path has one."""
@@ -38,9 +38,10 @@ class Path:
 
 
 def from_pieces(lengths: ArrayLike, angles: ArrayLike, cells: int, times: Sequence[float] = (0.0,)) -> Path:
-    """Return pieces of constant curvature as about `cells` cells, none across two pieces, a vertex in the middle of each.
+    """Return pieces of constant curvature as about `cells` cells, each with a vertex in its middle.
 
-    `lengths` [m] and `angles` [rad] are [k], or [F, k] where the pieces change with time.
+    No cell lies across two pieces. `lengths` [m] and `angles` [rad] are [k], or [F, k] where they change
+    with time.
     """
     length, angle = np.broadcast_arrays(
         np.atleast_2d(lengths).astype(float), np.atleast_2d(angles).astype(float)
@@ -54,13 +55,13 @@ def from_pieces(lengths: ArrayLike, angles: ArrayLike, cells: int, times: Sequen
 
 
 def from_angle(edges: ArrayLike, angle: ArrayLike, times: Sequence[float] = (0.0,)) -> Path:
-    """Return the route with accumulated angle [rad] ([n + 1] or [F, n + 1]) at the edges of its cells [m] (alike)."""
+    """Return the route with accumulated angle [rad] at the edges of its cells [m], [n + 1] or [F, n + 1]."""
     edge, phi = np.broadcast_arrays(np.atleast_2d(edges).astype(float), np.atleast_2d(angle).astype(float))
     return Path(np.asarray(times, dtype=float), _bars(np.diff(edge, axis=1)), np.abs(np.diff(phi, axis=1)))
 
 
 def from_points(points: ArrayLike, times: Sequence[float] = (0.0,)) -> Path:
-    """Return the polygon through points [n + 2, 3] or [F, n + 2, 3] [m], the first and the last being the ends."""
+    """Return the polygon through points [n + 2, 3] or [F, n + 2, 3] [m], from end to end."""
     place = np.asarray(points, dtype=float)
     step = np.diff(place[None] if place.ndim == 2 else place, axis=1)
     bars = np.linalg.norm(step, axis=2)

@@ -10,6 +10,8 @@ from tests.lumped.march import march
 from tests.lumped.physics import Distal, Drive, Physics
 from tests.lumped.route import Path
 
+STILL_M = 1e-13  # of slip in a step: what rounding of displacements may show as motion
+
 
 @dataclass(frozen=True, slots=True)
 class Run:
@@ -28,7 +30,7 @@ class Run:
     elongation: np.ndarray
     """[F] displacement_in − displacement_out [m]."""
     stretch: np.ndarray
-    """[F] How much longer the tendon in the sheath is than when pretensioned [m]: elongation plus growth of the path."""
+    """[F] How much longer the tendon in the sheath is than when pretensioned, as the path grows too [m]."""
     temperature: np.ndarray
     """[F] °C."""
     stations: np.ndarray
@@ -36,15 +38,15 @@ class Run:
     tension: np.ndarray
     """[F, n + 1] In the bars before, between and behind the vertices [N]."""
     friction: np.ndarray
-    """[F, n + 2] Force on the fitting, the vertices, the fitting; > 0 against motion to the proximal end [N]."""
+    """[F, n + 2] On fitting, vertices, fitting; > 0 against motion to the proximal end [N]."""
     place: np.ndarray
     """[F, n + 2] Displacement of the same [m]."""
     sliding: np.ndarray
-    """[F, n + 2] −1, 0, 1: slipped to the distal end, stuck, slipped to the proximal end in the last substep."""
+    """[F, n + 2] In the last substep: −1 slipped to the distal end, 0 stuck, 1 to the proximal end."""
     heat: np.ndarray
     """[F] Work done against friction since the start [J]."""
     steps: int
-    iterations: int
+    passes: int
 
 
 class NoBalanceError(Exception):
@@ -54,10 +56,10 @@ class NoBalanceError(Exception):
 def simulate(
     path: Path, physics: Physics, drive: Drive, distal: Distal, times: ArrayLike, max_step: float = 0.01
 ) -> Run:
-    """Run from the pretensioned state and return the state at `times` [s], with substeps of at most `max_step` [s].
+    """Run from the pretensioned state, in substeps of at most `max_step` [s], and return it at `times` [s].
 
-    The drive's knots and the path's frames are always met. What the drive and the path say at the start is imposed in
-    one step. Speeds matter with `viscous_drag`, friction by speed and creep only.
+    The drive's knots and the path's frames are always met. What they say at the start is imposed in one step.
+    Time itself matters only to viscous drag, friction by speed and creep.
 
     Raises
     ------
@@ -66,7 +68,7 @@ def simulate(
     """
     asked = np.asarray(times, dtype=float)
     grid = _grid(asked, drive, path, max_step)
-    values = np.interp(grid, drive.times, drive.values)
+    values = np.interp(grid, drive.times, np.asarray(drive.values, dtype=float))
     imposed = _play(values, physics.backlash_m) if drive.kind == "displacement" else values
     celsius = _temperature(drive, grid)
     turns = path.turns + hidden_bend(path, physics)
@@ -76,8 +78,9 @@ def simulate(
     n = turns.shape[1]
     records = (*(np.empty((len(asked), n + m)) for m in (3, 2, 2, 2)), np.empty(len(asked)))
     growth = path.bars - path.bars[0]
-    steps, iterations = march(
-        parts, grid, imposed, celsius - celsius[0], frame, weight, growth, turns, keep, records
+    spans = np.diff(grid, prepend=grid[0] - max_step)
+    steps, passes = march(
+        parts, spans, imposed, celsius - celsius[0], frame, weight, growth, turns, keep, records
     )
     if steps < 0:
         time = grid[-steps - 1]
@@ -91,7 +94,7 @@ def simulate(
         celsius[keep],
         keep,
         records,
-        (steps, iterations),
+        (steps, passes),
         longer,
         path,
         (physics, drive, distal),
@@ -125,10 +128,10 @@ def _run(times, values, celsius, keep, records, effort, longer, path, setting, p
         tension=tension[:, 1:-1],
         friction=friction,
         place=place,
-        sliding=np.sign(slip).astype(np.int8),
+        sliding=(np.sign(slip) * (np.abs(slip) > STILL_M)).astype(np.int8),
         heat=heat,
         steps=effort[0],
-        iterations=effort[1],
+        passes=effort[1],
     )
 
 
@@ -170,7 +173,7 @@ def _temperature(drive: Drive, grid: np.ndarray) -> np.ndarray:
 
 
 def _play(values: np.ndarray, width: float, inverse: bool = False) -> np.ndarray:
-    """Pass a series through a play of `width` that starts engaged for pulling; or return what leads to that series."""
+    """Pass a series through a play that starts engaged for pulling; or return what leads to that series."""
     if width == 0.0:
         return values
     passed = np.empty_like(values)

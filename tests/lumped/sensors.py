@@ -1,0 +1,103 @@
+"""What instruments make of a run: the columns of a measured file, with all that instruments add."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tests.lumped.simulate import Run
+
+CHANNELS = (
+    "tension_in_N",
+    "tension_out_N",
+    "elongation_m",
+    "displacement_in_m",
+    "displacement_out_m",
+    "temperature_C",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Sensor:
+    """One channel, in the order in which its faults act; every default is a perfect instrument."""
+
+    lag_s: float = 0.0
+    """Time constant of a first-order lag [s]."""
+    crosstalk: Mapping[str, float] = field(default_factory=dict)
+    """What one unit of another channel adds [this channel's unit per unit of that]."""
+    gain: float = 1.0
+    offset: float = 0.0
+    drift: float = 0.0
+    """Amplitude of a slow wave that starts at 0 [unit of the channel]."""
+    drift_time_s: float = 300.0
+    """Period of that wave [s]."""
+    nonlinearity: float = 0.0
+    """Greatest deviation from a straight line over the full scale [1]; bow or S, as the seed says."""
+    noise: float = 0.0
+    """Standard deviation of white noise [unit of the channel]."""
+    resolution: float = 0.0
+    """Step of the digits [unit of the channel]."""
+    full_scale: float = np.inf
+    """Readings end at plus and minus this [unit of the channel]."""
+
+
+def measure(run: Run, sensors: Mapping[str, Sensor], seed: int) -> dict[str, np.ndarray]:
+    """Return `time_s` and the channels that have a sensor, [F] each; the same seed gives the same digits.
+
+    Each channel draws from a stream of its own, so that one more channel leaves the others as they were.
+    """
+    truth = true_channels(run)
+    lagged = {name: _lag(run.times, truth[name], sensor.lag_s) for name, sensor in sensors.items()}
+    columns = {"time_s": run.times.copy()}
+    for name, sensor in sensors.items():
+        rng = np.random.default_rng((seed, CHANNELS.index(name)))
+        value = lagged[name] + sum(share * truth[other] for other, share in sensor.crosstalk.items())
+        columns[name] = _read(run.times, value, sensor, rng)
+    return columns
+
+
+def true_channels(run: Run) -> dict[str, np.ndarray]:
+    """Return what perfect instruments would show, [F] each."""
+    return {
+        "tension_in_N": run.tension_in,
+        "tension_out_N": run.tension_out,
+        "elongation_m": run.elongation,
+        "displacement_in_m": run.displacement_in,
+        "displacement_out_m": run.displacement_out,
+        "temperature_C": run.temperature,
+    }
+
+
+def _read(times: np.ndarray, value: np.ndarray, sensor: Sensor, rng: np.random.Generator) -> np.ndarray:
+    phase, shape = rng.uniform(0.0, 2.0 * np.pi, 2)
+    wave = 2.0 * np.pi * (times - times[0]) / sensor.drift_time_s + phase
+    seen = sensor.gain * value + sensor.offset + sensor.drift * (np.sin(wave) - np.sin(phase))
+    if sensor.nonlinearity:
+        seen = seen + sensor.nonlinearity * sensor.full_scale * bend(seen / sensor.full_scale, shape)
+    seen = seen + sensor.noise * rng.standard_normal(len(times))
+    if sensor.resolution:
+        seen = sensor.resolution * np.round(seen / sensor.resolution)
+    return np.clip(seen, -sensor.full_scale, sensor.full_scale)
+
+
+def bend(share: np.ndarray, shape: float) -> np.ndarray:
+    """Return a mix of a bow and an S over −1 … 1, 0 at both ends and in the middle, at most 1."""
+    u = np.clip(np.abs(share), 0.0, 1.0)
+    bow, double = 4.0 * u * (1.0 - u), 6.0 * np.sqrt(3.0) * u * (1.0 - u) * (1.0 - 2.0 * u)
+    grid = np.linspace(0.0, 1.0, 201)
+    whole = np.cos(shape) * 4.0 * grid * (1.0 - grid)
+    whole += np.sin(shape) * 6.0 * np.sqrt(3.0) * grid * (1.0 - grid) * (1.0 - 2.0 * grid)
+    return np.sign(share) * (np.cos(shape) * bow + np.sin(shape) * double) / np.abs(whole).max()
+
+
+def _lag(times: np.ndarray, value: np.ndarray, constant: float) -> np.ndarray:
+    """Pass a series, straight between its samples, through a first-order lag that starts at rest, exactly."""
+    if constant <= 0.0:
+        return value
+    out = np.empty_like(value)
+    out[0] = value[0]
+    for i, span in enumerate(np.diff(times)):
+        rise = (value[i + 1] - value[i]) / span
+        behind = rise * constant
+        out[i + 1] = value[i + 1] - behind + (out[i] - value[i] + behind) * np.exp(-span / constant)
+    return out
