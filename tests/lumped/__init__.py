@@ -19,9 +19,10 @@ and a tendon that moves along the sheath keeps the bend, the share of length and
 that it started at.
 
 Errors fall with the square of the cell and, on moving paths, with the step in time: 64 cells on the half
-circle of the paper are right to 2 mN and 0.1 µm. Just after a position drive turns back, while the front
-has not passed the first vertex, T_in is wrong by up to a quarter of what that vertex holds (0.01 N at 160
-cells and 15 N). Sharp bends want more cells: keep the turn of a vertex below 0.1 rad.
+circle of the paper are right to 2 mN and 0.1 µm, 160 on routes of up to 8 rad to 4 mN and 0.6 µm. Just after
+a position drive turns back, before the front has passed the first vertex, T_in is wrong by up to a quarter
+of what that vertex holds (0.01 N at 160 cells and 15 N). Keep the turn of a vertex below 0.1 rad. A step
+costs 0.04 ms with 64 cells and 0.2 ms with 160; with curved laws some six times that.
 
 After a change of one compiled module remove `__pycache__`: numba looks at the calling file only.
 """

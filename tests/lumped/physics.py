@@ -94,6 +94,16 @@ class Physics:
     backlash_m: float = 0.0
     """Lost motion of the drive when it turns back; it starts engaged for pulling [m]."""
 
+    def __post_init__(self) -> None:
+        if len(self.creep_ratios) != len(self.creep_times_s):
+            raise ValueError(
+                f"{len(self.creep_ratios)} creep ratios, {len(self.creep_times_s)} times: give as many"
+            )
+        if self.load_exponent <= -1.0:
+            raise ValueError(
+                f"load exponent {self.load_exponent}: friction force would fall with load; keep it > -1"
+            )
+
 
 @dataclass(frozen=True, slots=True)
 class Drive:

@@ -40,15 +40,17 @@ class Path:
 def from_pieces(lengths: ArrayLike, angles: ArrayLike, cells: int, times: Sequence[float] = (0.0,)) -> Path:
     """Return pieces of constant curvature as about `cells` cells, each with a vertex in its middle.
 
-    No cell lies across two pieces. `lengths` [m] and `angles` [rad] are [k], or [F, k] where they change
-    with time.
+    No cell lies across two pieces; half of the cells go by length, half by angle. `lengths` [m] and `angles`
+    [rad] are [k], or [F, k] where they change with time.
     """
     length, angle = np.broadcast_arrays(
         np.atleast_2d(lengths).astype(float), np.atleast_2d(angles).astype(float)
     )
     frames = max(len(times), len(length))
     length, angle = (np.broadcast_to(a, (frames, a.shape[1])) for a in (length, angle))
-    count = np.maximum(np.rint(cells * length[0] / length[0].sum()).astype(int), 1)
+    turn = angle.max(axis=0)
+    share = 0.5 * length[0] / length[0].sum() + 0.5 * turn / max(turn.sum(), 1e-12)
+    count = np.maximum(np.rint(cells * share / share.sum()).astype(int), 1)
     cell = np.repeat(length / count, count, axis=1)
     turns = np.repeat(angle / count, count, axis=1)
     return Path(np.asarray(times, dtype=float), _bars(cell), turns)

@@ -46,9 +46,9 @@ def rms(difference):
 def test_error_falls_with_the_square_of_the_cell(path):
     runs = [run(path(cells)) for cells in (20, 40, 80, 160, 480)]
     # Second order gives 16 between the first and the third. The proximal tension has less: as the drive
-    # turns back, before the front has passed the first vertex, its order is one.
+    # turns back, before the front has passed the first vertex, its order is one, which alone would give 4.
     mean = errors(runs, rms)
-    assert np.all(mean[0] / mean[2] > [7.0, 12.0, 12.0])
+    assert np.all(mean[0] / mean[2] > [6.0, 12.0, 12.0])
     assert np.all(errors(runs)[3] < [0.01, 0.01, 1e-6])  # the promise, at 160 cells and every instant
     assert np.all(mean[2] < [0.01, 0.001, 2e-7])
 

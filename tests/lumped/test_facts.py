@@ -1,6 +1,8 @@
 """What is known without a model of this project: the half circle of the paper, balance, holds, slack."""
 
+import ast
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -29,6 +31,14 @@ def moved(*values, span=10.0):
 def end(path, drive, physics=None, distal=HELD, samples=21, **options):
     times = np.linspace(drive.times[0], drive.times[-1], samples)
     return simulate(path, physics or Physics(), drive, distal, times, max_step=0.5, **options)
+
+
+def test_the_simulator_imports_nothing_of_what_it_judges():
+    for file in Path(__file__).parent.glob("*.py"):
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            names = [a.name for a in node.names] if isinstance(node, ast.Import) else []
+            names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+            assert not any(name.split(".")[0] == "tssgeom" for name in names), file
 
 
 def test_half_circle_passes_0_6341_pulling_and_1_5770_releasing():
