@@ -181,6 +181,15 @@ def test_creep_follows_its_kelvin_voigt_elements_and_rests_under_the_pretension(
     assert still.elongation[0] == pytest.approx(0.0, abs=1e-14)
 
 
+def test_creep_under_a_ramp_is_exact_whatever_the_step():
+    physics = frictionless(pretension_N=5.0, creep_ratios=(0.3,), creep_times_s=(2.0,))
+    ramp = Drive("force", np.array([0.0, 6.0]), np.array([5.0, 17.0]))
+    late = 6.0 + 2.0 * math.expm1(-3.0)  # the ramp less what its lag of 2 s holds back [s]
+    for step in (1.5, 0.1):
+        run = simulate(STRAIGHT, physics, ramp, HELD, [0.0, 6.0], step)
+        assert run.elongation[-1] == pytest.approx(RHO * L * 2.0 * (6.0 + 0.3 * late), abs=EXACT_M)
+
+
 def test_warmth_slackens_a_held_tendon():
     warmer = Drive("displacement", np.array([0.0, 10.0]), np.zeros(2), np.array([20.0, 30.0]))
     physics = Physics(pretension_N=5.0, expansion_per_K=1e-5)

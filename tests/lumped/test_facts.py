@@ -124,8 +124,8 @@ def test_work_of_the_drive_is_elastic_energy_and_heat():
     stored = 0.5 * physics.compliance_per_N * bars @ (run.tension[-1] ** 2 - 2.0**2)
     stored += 0.5 * (run.tension_out[-1] ** 2 - 2.0**2) / 3000.0
     assert run.heat[-1] > 5e-3
-    # trapezoids of both works on 1000 steps a stroke
-    assert work == pytest.approx(stored + run.heat[-1], abs=1e-4 * run.heat[-1])
+    # both works are trapezoids on 1000 steps a stroke, where the force is nearly straight
+    assert work == pytest.approx(stored + run.heat[-1], abs=1e-7 * run.heat[-1])
 
 
 def test_a_slack_tendon_pulls_no_more_and_recovers():
