@@ -9,7 +9,7 @@ import numpy as np
 
 from tssgeom.arrays import Vector
 from tssgeom.shape.chain.fit import Chain, Data, settle, values
-from tssgeom.shape.chain.moves import fit_chain, simpler
+from tssgeom.shape.chain.moves import fit_chain
 from tssgeom.shape.chain.places import off_chain
 from tssgeom.shape.geometry import (
     HOPELESS,
@@ -29,7 +29,7 @@ from tssgeom.shape.geometry import (
 from tssgeom.shape.points import Shape
 from tssgeom.shape.spline import fit
 
-_LOOK = 4  # frames after which a chain is asked whether it needs other joints
+_LOOK = 8  # frames after which a chain is asked whether it needs other joints
 _CHALLENGE = 16  # frames after which the other estimator is tried
 _LONGEST_WAIT = 512  # frames, where the other was far behind again and again
 _SURE = 10.0  # -2 ln evidence that the other must be ahead to take over
@@ -101,25 +101,22 @@ def _follow_chain(
         float(chain.stations[-1] - chain.stations[0]) / len(shape.points),
     )
     age = last.age + 1
+    variance = last.geometry.route.noise**2
     chain = settle(data, chain._replace(stations=_stations(shape, last, chain)))
-    stray = _stray(data, chain)
-    if stray.any():
+    stray = _stray(data, chain, variance)
+    if stray is not None:
         data = data._replace(weight=np.where(stray, 0.0, 1.0))
         chain = settle(data, chain)
-    variance = last.geometry.route.noise**2
     if _unfit(data, chain, variance):
         chain = fit_chain(data, chain)
         if _unfit(data, chain, variance):
             return None
     elif age % _LOOK == 0:
         chain = fit_chain(data, chain, _MOVES)
-    else:
-        chain = simpler(data, chain, 0.0, 1) or chain
-    geometry = by_chain(data, chain, _outliers(shape, stray))
-    found = replace(last, geometry=geometry, index=shape.index, age=age)
+    geometry = by_chain(data, chain, () if stray is None else _outliers(shape, stray))
     if method == "auto" and age >= last.wait:
-        found = _against_spline(shape, noise, data, chain, found)
-    return replace(found, geometry=doubted(found.geometry, found.doubt))
+        return _against_spline(shape, noise, data, geometry, last.wait)
+    return Followed(doubted(geometry, last.doubt), shape.index, age, last.wait, doubt=last.doubt)
 
 
 def _stations(shape: Shape, last: Followed, chain: Chain) -> Vector:
@@ -134,8 +131,6 @@ def _stations(shape: Shape, last: Followed, chain: Chain) -> Vector:
 
 
 def _outliers(shape: Shape, stray: np.ndarray) -> tuple[str, ...]:
-    if not stray.any():
-        return ()
     named = ", ".join(str(i) for i in shape.index[stray].astype(int))
     return (f"{int(stray.sum())} outlying points ignored (count from 0: {named})",)
 
@@ -149,23 +144,32 @@ def _unfit(data: Data, chain: Chain, variance: float) -> bool:
     return not chain.cost < max(_NOISIER, 1.5 * most) * max(variance, (_ROUNDING * data.gap) ** 2) * freedom
 
 
-def _stray(data: Data, chain: Chain) -> np.ndarray:
-    """Mark points that are off the chain beyond chance, as long as they are few."""
+def _stray(data: Data, chain: Chain, variance: float) -> np.ndarray | None:
+    """Mark points that are off the chain beyond chance, if there are any but few.
+
+    `variance` is that of the noise of the last frame, for points whose noise is not known [m²].
+    """
     square = off_chain(data.points, chain.stations, chain.start, chain.axes, chain.joints, chain.bend)
-    variance = data.variance or float(np.median(square)) / _MEDIAN
-    limit = (_STRAY + 2.0 * math.log(len(square))) * max(variance, (_ROUNDING * data.gap) ** 2)
-    stray = square > limit
-    return stray if stray.sum() <= _MOST_STRAY * len(stray) else np.zeros_like(stray)
+    least = max(data.variance or variance, (_ROUNDING * data.gap) ** 2)
+    limit = (_STRAY + 2.0 * math.log(len(square))) * least
+    if square.max() <= limit:
+        return None
+    stray = square > max(
+        limit, 0.0 if data.variance else limit * float(np.median(square)) / (_MEDIAN * least)
+    )
+    return stray if 0 < stray.sum() <= _MOST_STRAY * len(stray) else None
 
 
-def _against_spline(shape: Shape, noise: float | None, data: Data, chain: Chain, found: Followed) -> Followed:
+def _against_spline(shape: Shape, noise: float | None, data: Data, arcs: Geometry, wait: int) -> Followed:
     """Try the spline where a chain is followed."""
+    if arcs.chain is None:
+        raise TypeError("a chain is compared that was never fitted")
     spline = fit(shape, noise)
-    ahead, smooth = margin(data, chain, spline), by_spline(spline)
-    wait = _next_wait(found, -ahead)
-    if ahead < -_SURE:
-        return Followed(smooth, shape.index, doubt=doubt(smooth, found.geometry, ahead))
-    return replace(found, age=0, wait=wait, doubt=doubt(smooth, found.geometry, ahead))
+    ahead, smooth = margin(data, arcs.chain, spline), by_spline(spline)
+    unsure = doubt(smooth, arcs, ahead)
+    taken = smooth if ahead < -_SURE else arcs
+    wait = _CHALLENGE if taken is smooth else _next_wait(wait, -ahead)
+    return Followed(doubted(taken, unsure), shape.index, wait=wait, doubt=unsure)
 
 
 def _follow_spline(shape: Shape, noise: float | None, last: Followed, method: Method) -> Followed:
@@ -192,16 +196,16 @@ def _with_rival(data: Data, rival: Chain, found: Followed, smooth: Geometry) -> 
     moved = fit_chain(data, rival, _MOVES)
     ahead = lead(data, moved, smooth.spline)
     if ahead < HOPELESS and len(moved.bend) == len(rival.bend):
-        return replace(found, rival=None, age=0, wait=_next_wait(found, ahead), doubt=0.0)
+        return replace(found, rival=None, age=0, wait=_next_wait(found.wait, ahead), doubt=0.0)
     if len(moved.bend) != len(rival.bend):
         return replace(found, rival=moved)
     arcs, ahead = by_chain(data, moved, smooth.route.warnings), margin(data, moved, smooth.spline)
     if ahead > _SURE:
         return Followed(arcs, found.index, doubt=doubt(smooth, arcs, ahead))
     unsure = doubt(smooth, arcs, ahead)
-    return replace(found, rival=None, age=0, wait=_next_wait(found, ahead), doubt=unsure)
+    return replace(found, rival=None, age=0, wait=_next_wait(found.wait, ahead), doubt=unsure)
 
 
-def _next_wait(found: Followed, ahead: float) -> int:
+def _next_wait(wait: int, ahead: float) -> int:
     """How long to wait before the other estimator is tried again, `ahead` being its lead."""
-    return min(2 * found.wait, _LONGEST_WAIT) if ahead < -_FAR else _CHALLENGE
+    return min(2 * wait, _LONGEST_WAIT) if ahead < -_FAR else _CHALLENGE

@@ -12,7 +12,7 @@ from numba import njit
 
 from tssgeom.arrays import read_only
 from tssgeom.shape.arcs import Arcs, constant_curvature_pieces, normals, parallel_components
-from tssgeom.shape.chain.account import chain_geometry, written_out
+from tssgeom.shape.chain.account import chain_geometry
 from tssgeom.shape.chain.fit import Chain, Data, settle
 from tssgeom.shape.chain.moves import fit_chain, slopes
 from tssgeom.shape.chain.places import off_chain
@@ -87,8 +87,7 @@ def by_spline(spline: Spline) -> Geometry:
 
 def by_chain(data: Data, chain: Chain, warnings: tuple[str, ...]) -> Geometry:
     """Route, profile and pieces of a fitted chain."""
-    parts = chain_geometry(data.weight, written_out(data, chain), warnings)
-    return Geometry(*parts, chain=chain)
+    return Geometry(*chain_geometry(data, chain, warnings), chain=chain)
 
 
 def fit_data(shape: Shape, noise: float | None, route: Route) -> Data:

@@ -10,7 +10,7 @@ from numba import njit
 
 from tssgeom.arrays import Points, Vector, read_only
 from tssgeom.errors import ShapeError
-from tssgeom.shape.stray import FEWEST, out_of_order, stray
+from tssgeom.shape.stray import FEWEST, out_of_order, stray, worst
 
 MIN_POINTS = 4
 _LEAST_EXTENT = 1e-6  # [m]
@@ -67,7 +67,7 @@ def _sound(points: Points) -> bool:
     """Whether every point may be used as it is, at one glance."""
     if len(points) < FEWEST or not _plain(points):
         return False
-    return not out_of_order(points) and not stray(points).any()
+    return not out_of_order(points) and worst(points) < 0
 
 
 @njit(cache=True, nogil=True)
@@ -127,6 +127,8 @@ def _checked_stations(points: Points, stations: Vector | None) -> Vector | None:
     known = np.asarray(stations, dtype=np.float64)
     if known.shape != (len(points),):
         raise ShapeError(f"{known.size} stations for {len(points)} points: give one station for each point")
+    if _increasing(known):
+        return known
     finite = known[np.isfinite(known)]
     wrong = np.flatnonzero(np.diff(finite) < 0)
     if wrong.size:
@@ -136,6 +138,15 @@ def _checked_stations(points: Points, stations: Vector | None) -> Vector | None:
             "give arc length from the proximal end"
         )
     return known
+
+
+@njit(cache=True, nogil=True)
+def _increasing(known: np.ndarray) -> bool:
+    """Whether all stations are finite and none lies before the last."""
+    for i in range(len(known)):
+        if not math.isfinite(known[i]) or (i > 0 and known[i] < known[i - 1]):
+            return False
+    return True
 
 
 def _gap_warnings(seen: np.ndarray) -> tuple[str, ...]:

@@ -30,11 +30,11 @@ def stray(points: Points) -> np.ndarray:
     n = len(points)
     mark, index, kept = np.zeros(n, np.bool_), np.arange(n), points
     for _ in range(max(1, n // 6)):
-        worst = _worst(kept) if len(kept) >= FEWEST else -1
-        if worst < 0:
+        off = worst(kept) if len(kept) >= FEWEST else -1
+        if off < 0:
             break
-        mark[index[worst]] = True
-        index = np.delete(index, worst)
+        mark[index[off]] = True
+        index = np.delete(index, off)
         kept = points[index]
     if mark.any():
         _unmark_long_runs(mark)
@@ -50,7 +50,7 @@ def _unmark_long_runs(mark: np.ndarray) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _worst(p: np.ndarray) -> int:
+def worst(p: np.ndarray) -> int:
     """Return the point that is off most beyond doubt, the ends first; -1 if there is none."""
     steps = np.empty(len(p) - 1)
     for i in range(len(steps)):
@@ -66,9 +66,9 @@ def _worst(p: np.ndarray) -> int:
         for c in range(3):
             ends[0, i, c], ends[1, i, c] = p[i, c], p[len(p) - 1 - i, c]
     for side in range(2):
-        worst = _worst_of_end(ends[side], spacing, typical)
-        if worst >= 0:
-            return worst if side == 0 else len(p) - 1 - worst
+        off = _worst_of_end(ends[side], spacing, typical)
+        if off >= 0:
+            return off if side == 0 else len(p) - 1 - off
     return _worst_inside(p, spacing)
 
 
@@ -93,8 +93,8 @@ def _worst_inside(p: np.ndarray, spacing: float) -> int:
         square = min(square, _off_line(p[i], before, 2.0, far, -1.0, far, before))
         square = min(square, _off_line(p[i], after, 2.0, farther, -1.0, farther, after))
         size[i - 2] = max(math.sqrt(square), _backwards(before, p[i], after))
-    worst = int(np.argmax(size))
-    return worst + 2 if size[worst] > max(_OFF * np.median(size), spacing) else -1
+    most = int(np.argmax(size))
+    return most + 2 if size[most] > max(_OFF * np.median(size), spacing) else -1
 
 
 @njit(cache=True, nogil=True)

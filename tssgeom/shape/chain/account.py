@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -25,63 +24,63 @@ from tssgeom.shape.route import Route
 _NODES = 161  # beside the joints
 
 
-class Account(NamedTuple):
-    """A chain written out on nodes, arc length from the first foot on, lengths in metres."""
-
-    s: np.ndarray
-    position: np.ndarray
-    tangent: np.ndarray
-    curvature_vector: np.ndarray
-    kappa: np.ndarray
-    kappa_se: np.ndarray
-    phi: np.ndarray
-    phi_se: np.ndarray
-    length: np.ndarray
-    """Of each piece."""
-    angle: np.ndarray
-    covariance: np.ndarray
-    """Of lengths and angles [2k, 2k]."""
-    station: np.ndarray
-    residual: np.ndarray
-    noise: float
-
-
 def chain_geometry(
-    weight: np.ndarray, account: Account, warnings: tuple[str, ...]
+    data: Data, chain: Chain, warnings: tuple[str, ...]
 ) -> tuple[Route, CurvatureProfile, Arcs]:
-    """Return the route, the profile and the pieces of a chain that was written out."""
+    """Return the route, the profile and the pieces of a fitted chain."""
+    along_nodes, on_points, of_pieces, noise = _written_out(data, chain)
+    for block in (along_nodes, on_points, of_pieces):
+        block.flags.writeable = False
+    vectors, k = along_nodes[9:], len(chain.bend)
+    s = vectors[0]
+    n = len(s)
+    places = along_nodes[:9].reshape(-1)  # three [n, 3] blocks, one after the other
     route = Route(
-        s=read_only(account.s),
-        position=read_only(account.position),
-        tangent=read_only(account.tangent),
-        curvature_vector=read_only(account.curvature_vector),
-        noise=account.noise,
-        weight=read_only(weight),
-        station=read_only(account.station),
-        residual=read_only(account.residual),
+        s=s,
+        position=places[: 3 * n].reshape(n, 3),
+        tangent=places[3 * n : 6 * n].reshape(n, 3),
+        curvature_vector=places[6 * n :].reshape(n, 3),
+        noise=noise,
+        weight=read_only(data.weight),
+        station=on_points[0],
+        residual=on_points[1:].reshape(-1).reshape(-1, 3),
         warnings=warnings,
     )
-    profile = CurvatureProfile(
-        s=route.s,
-        kappa=read_only(account.kappa),
-        phi=read_only(account.phi),
-        kappa_se=read_only(account.kappa_se),
-        phi_se=read_only(account.phi_se),
-    )
-    covariance = read_only(account.covariance)
-    return route, profile, Arcs(read_only(account.length), read_only(account.angle), covariance, "arcs")
+    profile = CurvatureProfile(s=s, kappa=vectors[1], phi=vectors[3], kappa_se=vectors[2], phi_se=vectors[4])
+    return route, profile, Arcs(of_pieces[0, :k], of_pieces[0, k:], of_pieces[1:], "arcs")
 
 
 @njit(cache=True, nogil=True)
-def written_out(data: Data, chain: Chain) -> Account:
-    """Write a chain out on its nodes and joints, with all standard errors; docs/model.md (33)."""
+def _written_out(data: Data, chain: Chain) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+    """Write a chain out on its nodes and joints, with all standard errors; docs/model.md (33).
+
+    Returns
+    -------
+    along_nodes
+        Three blocks [n, 3] in 9 rows: places, tangents, curvature vectors; then a row each of arc length,
+        curvature and its standard error, angle and its standard error [14, n].
+    on_points
+        A row of stations, then the block [points, 3] of residuals in 3 rows [4, points].
+    of_pieces
+        A row of lengths and angles, then the covariance of both [1 + 2k, 2k].
+    noise
+        Standard deviation of a coordinate [m].
+    """
     k, m = len(chain.bend), len(chain.matrix)
     begin, end = chain.stations[0], chain.stations[-1]
     ends = np.empty(k + 1)
-    ends[0], ends[1:k], ends[k] = begin, chain.joints[1:], end
+    ends[0], ends[k] = begin, end
+    for j in range(1, k):
+        ends[j] = chain.joints[j]
     at = _nodes(ends)
+    n = len(at)
+    out = np.empty((14, n))
+    blocks = out[:9].reshape((3, n, 3))
     position, tangent, curvature = along(at, chain.start, chain.axes, chain.joints, chain.bend)
-    foot, _, _ = along(chain.stations, chain.start, chain.axes, chain.joints, chain.bend)
+    for i in range(n):
+        for c in range(3):
+            blocks[0, i, c], blocks[1, i, c] = position[i, c], tangent[i, c]
+            blocks[2, i, c] = curvature[i, c]
     covariance = parameter_covariance(data, chain)
     variance = noise_variance(data, chain)
     at_ends = variance if data.free else 0.0  # an unknown station of an end takes its angle along
@@ -89,12 +88,11 @@ def written_out(data: Data, chain: Chain) -> Account:
     for j in range(k):
         kappa[j] = math.sqrt(chain.bend[j, 0] ** 2 + chain.bend[j, 1] ** 2)
         if kappa[j] > 0.0:
-            way[j] = chain.bend[j] / kappa[j]
+            way[j, 0], way[j, 1] = chain.bend[j, 0] / kappa[j], chain.bend[j, 1] / kappa[j]
     column, joint = curvature_columns(chain.curved, data.free), first_joint_column(data.free) - 1
-    node_kappa, node_se = np.empty(len(at)), np.empty(len(at))
-    phi, phi_se = np.empty(len(at)), np.empty(len(at))
     gradient, own = np.zeros(m), np.zeros(m)  # of φ where a piece begins, and along it
     piece_gradient = np.zeros((2 * k, m))
+    pieces = np.zeros((1 + 2 * k, 2 * k))
     turned, i = 0.0, 0
     for j in range(k):
         own[:] = 0.0
@@ -106,41 +104,64 @@ def written_out(data: Data, chain: Chain) -> Account:
         if j + 1 < k:
             piece_gradient[j, joint + j + 1], piece_gradient[k + j, joint + j + 1] = 1.0, kappa[j]
         length = ends[j + 1] - ends[j]
-        piece_gradient[k + j] += length * own
-        carried, bent = covariance @ gradient, covariance @ own
-        level, tilt, square = gradient @ carried, gradient @ bent, own @ bent
-        while i < len(at) and (j == k - 1 or at[i] < ends[j + 1]):
+        level, tilt, square = 0.0, 0.0, 0.0
+        for a in range(m):
+            piece_gradient[k + j, a] += length * own[a]
+            for b in range(m):
+                level += gradient[a] * covariance[a, b] * gradient[b]
+                tilt += gradient[a] * covariance[a, b] * own[b]
+                square += own[a] * covariance[a, b] * own[b]
+        while i < n and (j == k - 1 or at[i] < ends[j + 1]):
             t = at[i] - ends[j]
-            node_kappa[i], node_se[i] = kappa[j], math.sqrt(max(square, 0.0))
-            phi[i] = turned + kappa[j] * t
             spread = level + 2 * t * tilt + t * t * square + at_ends * (kappa[0] ** 2 + kappa[j] ** 2)
-            phi_se[i] = math.sqrt(max(spread, 0.0)) if i > 0 else 0.0
+            out[9, i] = at[i] - begin
+            out[10, i], out[11, i] = kappa[j], math.sqrt(max(square, 0.0))
+            out[12, i] = turned + kappa[j] * t
+            out[13, i] = math.sqrt(max(spread, 0.0)) if i > 0 else 0.0
             i += 1
-        gradient += length * own
+        for a in range(m):
+            gradient[a] += length * own[a]
         turned += kappa[j] * length
-    spread = piece_gradient @ covariance @ piece_gradient.T
+        pieces[0, j], pieces[0, k + j] = length, kappa[j] * length
+    _congruence(piece_gradient, covariance, pieces[1:])
     for j in (0, k - 1):
-        spread[j, j] += at_ends
-        spread[j, k + j] += at_ends * kappa[j]
-        spread[k + j, j] += at_ends * kappa[j]
-        spread[k + j, k + j] += at_ends * kappa[j] ** 2
-    length = np.diff(ends)
-    return Account(
-        at - begin,
-        position,
-        tangent,
-        curvature,
-        node_kappa,
-        node_se,
-        phi,
-        phi_se,
-        length,
-        kappa * length,
-        spread,
-        chain.stations - begin,
-        data.points - foot,
-        math.sqrt(variance),
-    )
+        pieces[1 + j, j] += at_ends
+        pieces[1 + j, k + j] += at_ends * kappa[j]
+        pieces[1 + k + j, j] += at_ends * kappa[j]
+        pieces[1 + k + j, k + j] += at_ends * kappa[j] ** 2
+    return out, _on_points(data, chain), pieces, math.sqrt(variance)
+
+
+@njit(cache=True, nogil=True)
+def _congruence(g: np.ndarray, covariance: np.ndarray, out: np.ndarray) -> None:
+    """Write g C g' [r, r] for g [r, m]."""
+    r, m = g.shape
+    half = np.empty(m)
+    for a in range(r):
+        for b in range(m):
+            total = 0.0
+            for c in range(m):
+                total += g[a, c] * covariance[c, b]
+            half[b] = total
+        for b in range(r):
+            total = 0.0
+            for c in range(m):
+                total += half[c] * g[b, c]
+            out[a, b] = total
+
+
+@njit(cache=True, nogil=True)
+def _on_points(data: Data, chain: Chain) -> np.ndarray:
+    """Stations of the points, and their residuals as a block of three rows [4, points]."""
+    n = len(data.points)
+    foot, _, _ = along(chain.stations, chain.start, chain.axes, chain.joints, chain.bend)
+    out = np.empty((4, n))
+    residual = out[1:].reshape((n, 3))
+    for i in range(n):
+        out[0, i] = chain.stations[i] - chain.stations[0]
+        for c in range(3):
+            residual[i, c] = data.points[i, c] - foot[i, c]
+    return out
 
 
 @njit(cache=True, nogil=True)
