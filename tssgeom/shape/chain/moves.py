@@ -123,7 +123,8 @@ def _simplifications(data: Data, chain: Chain) -> tuple[np.ndarray, np.ndarray, 
             promise[count] = _worth(step, covariance, column[j], column[j - 1]) - 3 * price
             kind[count], piece[count] = _MERGED, j
             count += 1
-        if 0 < j < k - 1 and chain.joints[j + 1] - chain.joints[j] < _SHORT * data.gap:
+        end = chain.joints[j + 1] if j + 1 < k else chain.stations[-1]
+        if k > 1 and end - chain.joints[j] < _SHORT * data.gap:
             promise[count], kind[count], piece[count] = -price, _DROPPED, j
             count += 1
     return promise[:count], kind[:count], piece[:count]
@@ -159,10 +160,10 @@ def _simplified(chain: Chain, kind: int, j: int) -> Chain:
         before, after = _length(chain, j - 1), _length(chain, j)
         bend[j - 1] = (before * bend[j - 1] + after * bend[j]) / max(before + after, 1e-12)
         curved[j - 1] |= curved[j]
-    else:
+    elif 0 < j < len(joints) - 1:
         joints[j + 1] = 0.5 * (joints[j] + joints[j + 1])
     return chain._replace(
-        joints=np.delete(joints, j), bend=np.delete(bend, j, axis=0), curved=np.delete(curved, j)
+        joints=np.delete(joints, max(j, 1)), bend=np.delete(bend, j, axis=0), curved=np.delete(curved, j)
     )
 
 

@@ -1,0 +1,114 @@
+"""A moving route is followed: each fit starts from the last one, and ends where a fit from nothing does."""
+
+import numpy as np
+import pytest
+
+from benchmarks.routes import arc_places, truth
+from tssgeom.shape.following import follow
+from tssgeom.shape.geometry import measure
+from tssgeom.shape.points import clean
+from tssgeom.shape.synthetic import Course, chain
+
+NOISE = 5e-4
+LENGTH = np.array([0.07, 0.09, 0.05, 0.08, 0.06, 0.10, 0.05])
+KAPPA = np.array([5.0, 25.0, 0.0, 15.0, 40.0, 10.0, 0.0])
+PLANE = np.array([0.0, 1.2, 0.0, -0.8, 2.0, 0.5, 0.0])
+FRAMES = 48
+
+
+def _swaying(part: float) -> Course:
+    """Seven pieces whose bends sway by a tenth and whose joints wander."""
+    sway = np.sin(2 * np.pi * part)
+    length = LENGTH * (1.0 + 0.1 * sway * np.array([1, -1, 1, -1, 1, -1, 1]))
+    return chain(length, KAPPA * (1.0 + 0.1 * sway), PLANE)
+
+
+def _arriving(part: float) -> Course:
+    """A straight middle piece that bends until it is a bend like the others, and back."""
+    return chain(
+        LENGTH[:5], np.where(np.arange(5) == 2, 15.0 * np.sin(np.pi * part) ** 2, KAPPA[:5]), PLANE[:5]
+    )
+
+
+def _points(course: Course, n: int, rng: np.random.Generator) -> np.ndarray:
+    s = np.linspace(0.0, course.total_length, n)
+    return arc_places(course)(s) + NOISE * rng.standard_normal((n, 3))
+
+
+@pytest.mark.parametrize("known", [True, False], ids=["known noise", "unknown noise"])
+def test_a_followed_route_is_that_of_a_fit_from_nothing(known):
+    rng, last, apart = np.random.default_rng(3), None, []
+    noise = NOISE if known else None
+    for i in range(24):
+        shape = clean(_points(_swaying(i / 24), 120, rng))
+        last = follow(shape, noise, last)
+        fresh = measure(shape, noise).profile
+        assert last.geometry.arcs.method == "arcs"
+        apart.append((last.geometry.profile.total_angle - fresh.total_angle) / fresh.total_angle_se)
+    # both stop where a step would save a thousandth of the noise variance: 0.03 standard errors
+    assert np.median(np.abs(apart)) < 0.05
+    assert np.max(np.abs(apart)) < 1.0  # where one of them has a piece more
+
+
+@pytest.mark.parametrize("course", [_swaying, _arriving], ids=["joints wander", "a piece comes and goes"])
+def test_the_angle_does_not_jump_where_pieces_come_and_go(course):
+    """With errors that stay the same from frame to frame, a jump of the angle is the estimator's doing."""
+    last, before = None, None
+    for i in range(FRAMES):
+        part = i / (FRAMES - 1)
+        shape = clean(_points(course(part), 120, np.random.default_rng(8)))
+        last = follow(shape, NOISE, last)
+        found, true = last.geometry.profile, course(part).total_angle
+        assert abs(found.total_angle - true) < 4 * found.total_angle_se
+        if before is not None:
+            assert abs(found.total_angle - true - before) < found.total_angle_se
+        before = found.total_angle - true
+
+
+def test_the_number_of_points_may_change_from_frame_to_frame():
+    rng, last = np.random.default_rng(1), None
+    for i in range(30):
+        course = _swaying(i / 30)
+        last = follow(clean(_points(course, 80 + 7 * (i % 5), rng)), NOISE, last)
+        found = last.geometry.profile
+        assert last.geometry.arcs.method == "arcs"
+        assert abs(found.total_angle - course.total_angle) < 4 * found.total_angle_se
+
+
+def test_a_point_that_strays_for_one_frame_is_left_out_and_named():
+    rng, last = np.random.default_rng(4), None
+    for i in range(12):
+        points = _points(_swaying(0.0), 120, rng)
+        if i == 7:
+            points[60] += 0.004 * np.array([0.6, 0.0, 0.8])
+        last = follow(clean(points), NOISE, last)
+        found = last.geometry
+        assert bool(found.route.warnings) == (i == 7), (i, found.route.warnings)
+        assert abs(found.profile.total_angle - _swaying(0.0).total_angle) < 4 * found.profile.total_angle_se
+    assert "60" in str(found.route.warnings) or not found.route.warnings
+
+
+def test_a_route_that_leaps_is_measured_anew():
+    rng = np.random.default_rng(6)
+    last = follow(clean(_points(_swaying(0.0), 120, rng)), NOISE, None)
+    shape = clean(_points(chain(np.array([0.5]), np.array([4.0])), 120, rng))
+    found, fresh = follow(shape, NOISE, last).geometry, measure(shape, NOISE)
+    assert len(found.arcs.length) == len(fresh.arcs.length) == 1
+    assert found.profile.total_angle == pytest.approx(
+        fresh.profile.total_angle, abs=fresh.profile.total_angle_se
+    )
+
+
+def test_a_smooth_route_stays_smooth_and_a_staircase_takes_over():
+    """Half a clothoid's frames, then seven pieces: each is told for what it is after the waiting time."""
+    rng, last = np.random.default_rng(2), None
+    clothoid = truth("clothoid", rng)
+    for _ in range(20):
+        points = clothoid.place(np.linspace(0.0, clothoid.length, 120)) + NOISE * rng.standard_normal(
+            (120, 3)
+        )
+        last = follow(clean(points), NOISE, last)
+        assert last.geometry.arcs.method == "spline"
+    for _ in range(60):
+        last = follow(clean(_points(_swaying(0.0), 120, rng)), NOISE, last)
+    assert last.geometry.arcs.method == "arcs"
