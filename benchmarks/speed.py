@@ -13,7 +13,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -31,7 +31,7 @@ _FINE = 1e-6  # a clock must tell apart what lies so far apart [s]
 Clock = Callable[[], float]
 
 _LEGEND = f"""\
-p50, p99: of the time of one frame. Everything else runs in between, so that small stages find cold caches.
+p50, p99: of the time of one frame, the second of two in a row; everything else runs before the first.
 Last columns: median over the pairs of the time of a whole peer pipeline over that of the stage, so more than
 1 where the stage is faster. Peers: splprep of scipy (quintic, s = 3Nσ², stations known), curvature by numpy,
 then ruptures: PELT with the l2 cost (Python) or KernelCPD with the linear kernel (C).
@@ -88,11 +88,14 @@ def _paired_times(n: int, pairs: int, count: int, clock: Clock) -> Mapping[str, 
     times = {name: np.empty(pairs) for name in calls}
     for i in range(pairs):
         for name, upcoming in calls.items():
-            times[name][i] = _seconds(next(upcoming), clock)
+            times[name][i] = _seconds(upcoming, clock)
     return times
 
 
-def _seconds(call: Callable[[], object], clock: Clock) -> float:
+def _seconds(upcoming: Iterator[Callable[[], object]], clock: Clock) -> float:
+    """Time the second of two calls in a row, as in a stream of frames."""
+    next(upcoming)()
+    call = next(upcoming)
     begin = clock()
     call()
     return clock() - begin
@@ -117,7 +120,7 @@ def _scaling_table(counts: Sequence[int], repeats: int, clock: Clock, *, markdow
         for stage in STAGES:
             upcoming = stage.calls(seen)
             next(upcoming)()
-            taken = [_seconds(next(upcoming), clock) for _ in range(repeats)]
+            taken = [_seconds(upcoming, clock) for _ in range(repeats)]
             medians[stage.name].append(float(np.median(taken)))
     rows = [
         [name, f"{np.polyfit(np.log(counts), np.log(taken), 1)[0]:.2f}", *(number(t * 1e6) for t in taken)]

@@ -18,6 +18,7 @@ from benchmarks.routes import PIECEWISE, of_arcs, truth
 from tssgeom.settings import Rig, ShapeSensor
 from tssgeom.shape.arcs import Arcs, constant_curvature_pieces
 from tssgeom.shape.curvature import CurvatureProfile, curvature_profile
+from tssgeom.shape.following import Followed, follow
 from tssgeom.shape.geometry import Geometry, Method, measure
 from tssgeom.shape.points import Shape, clean
 from tssgeom.shape.spline import Spline, fit
@@ -33,6 +34,7 @@ _TENSIONS = (15.0, 6.0)  # [N]
 _MU = RIG.friction.coefficient
 
 _Given = TypeVar("_Given")
+_Calls = Callable[[Sequence[Frame]], Iterator[Callable[[], object]]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +42,7 @@ class Stage:
     """One stage, as calls without arguments that follow each other."""
 
     name: str
-    calls: Callable[[Sequence[Frame]], Iterator[Callable[[], object]]]
+    calls: _Calls
     """Endless calls on frames; what each is given is made before the call."""
 
 
@@ -110,7 +112,24 @@ def _loaded(frame: Frame) -> tuple[TendonState, Arcs]:
     return _stepped(_moving(frame)), _pieces(_profiled(frame))
 
 
-def _streamed(*, stations: bool) -> Callable[[Sequence[Frame]], Iterator[Callable[[], object]]]:
+def _followed(
+    method: Method, *, stations: bool
+) -> Callable[[Sequence[Frame]], Iterator[Callable[[], object]]]:
+    """Geometry of one frame after the other, each from where the last one was."""
+
+    def calls(seen: Sequence[Frame]) -> Iterator[Callable[[], object]]:
+        last: Followed | None = None
+
+        def go_on(shape: Shape) -> None:
+            nonlocal last
+            last = follow(shape, NOISE, last, method)
+
+        return cycle([partial(go_on, _known(frame) if stations else _clean(frame)) for frame in seen])
+
+    return calls
+
+
+def _streamed(*, stations: bool) -> _Calls:
     """Whole frames through the engine, which carries the tendon along."""
     rig = Rig(shape=ShapeSensor(noise_mm=1e3 * NOISE))
 
@@ -130,10 +149,14 @@ STAGES = (
     _stage("spline fit, stations not told", _clean, partial(fit, noise=NOISE)),
     _stage("curvature profile", _fitted, curvature_profile),
     _stage("pieces of the spline", _profiled, _pieces),
-    _stage("measure spline, stations known", _known, partial(_measured, method="spline")),
-    _stage("measure arcs, stations known", _known, partial(_measured, method="arcs")),
-    _stage("measure auto, stations known", _known, _measured),
-    _stage("measure auto, stations not told", _clean, _measured),
+    _stage("cold: spline, stations known", _known, partial(_measured, method="spline")),
+    _stage("cold: arcs, stations known", _known, partial(_measured, method="arcs")),
+    _stage("cold: chosen, stations known", _known, _measured),
+    _stage("cold: chosen, stations not told", _clean, _measured),
+    Stage("warm: spline, stations known", _followed("spline", stations=True)),
+    Stage("warm: spline, stations not told", _followed("spline", stations=False)),
+    Stage("warm: arcs, stations known", _followed("arcs", stations=True)),
+    Stage("warm: arcs, stations not told", _followed("arcs", stations=False)),
     _stage("tendon step", _moving, _stepped),
     _stage("transmit", _loaded, lambda given: transmit(*given, RIG)),
     Stage("whole frame, stations known", _streamed(stations=True)),
