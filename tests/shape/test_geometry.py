@@ -27,7 +27,7 @@ def test_an_exact_line_has_no_angle(sensed):
 @pytest.mark.parametrize("n", [5, 8, 30, 200, 1000])
 def test_an_exact_half_circle_has_angle_pi(sensed, n):
     phi, _ = _phi(sensed(half_circle(), n, 0.0)[0])
-    assert phi == pytest.approx(np.pi, rel=2e-3 if n == 5 else 1e-4)  # five points leave 45 degrees between
+    assert phi == pytest.approx(np.pi, rel=4e-3 if n == 5 else 1e-4)  # five points leave 45 degrees between
 
 
 @pytest.mark.parametrize("kappa", [0.5, 10.0, 60.0])

@@ -71,7 +71,7 @@ def constant_curvature_pieces(spline: Spline, profile: CurvatureProfile) -> Arcs
     """
     joints = _joints(spline)
     length, angle = np.diff(profile.s[joints]), np.diff(profile.phi[joints])
-    _, spread = angle_covariance(spline, joints)
+    spread = angle_covariance(spline, joints)
     k = len(length)
     covariance = np.zeros((2 * k, 2 * k))
     covariance[k:, k:] = spread + _shared_doubt(angle, profile.total_angle_se**2 - spread.sum())
@@ -89,19 +89,48 @@ def _shared_doubt(angle: Vector, variance: float) -> Matrix:
 
 def _joints(spline: Spline) -> np.ndarray:
     """Nodes at which the pieces meet, with both ends."""
-    route, curvature_variance = spline.route, spline.covariance[:, 5]
-    nodes = np.unique(np.linspace(0, len(route.s) - 1, _MAX_CELLS + 1).round().astype(np.int64))
-    bend = parallel_components(route.tangent, route.curvature_vector)
-    step = np.diff(route.s)
-    middle = 0.5 * (bend[1:] + bend[:-1]) * step[:, None]
-    cell = np.diff(route.s[nodes])
-    mean = np.add.reduceat(middle, nodes[:-1]) / cell[:, None]
-    variance = np.add.reduceat(0.5 * (curvature_variance[1:] + curvature_variance[:-1]) * step, nodes[:-1])
-    variance += (_TOLD_APART * np.max(np.linalg.norm(bend, axis=1))) ** 2 * cell
-    # the errors are correlated: the whole route is worth as many values as the fit has parameters
-    weight = spline.freedom * cell * cell / (route.s[-1] * np.maximum(variance, 1e-300))
-    penalty = _PER_PIECE * np.log(max(len(route.weight), 2.0))
-    return nodes[best_partition(mean, weight, penalty)]
+    route = spline.route
+    penalty = _PER_PIECE * math.log(max(len(route.weight), 2.0))
+    cells = np.linspace(0, len(route.s) - 1, min(len(route.s) - 1, _MAX_CELLS) + 1)
+    return _cut(
+        route.s,
+        route.tangent,
+        route.curvature_vector,
+        spline.covariance,
+        np.round(cells).astype(np.int64),
+        spline.freedom,
+        penalty,
+    )
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _cut(
+    s: np.ndarray,
+    tangent: np.ndarray,
+    bend: np.ndarray,
+    covariance: np.ndarray,
+    nodes: np.ndarray,
+    freedom: float,
+    penalty: float,
+) -> np.ndarray:
+    """Nodes among `nodes` at which runs of constant curvature vector meet; docs/model.md (27)."""
+    parts = parallel_components(tangent, bend)
+    cells = len(nodes) - 1
+    mean, variance = np.zeros((cells, 2)), np.zeros(cells)
+    sharpest = 0.0
+    for i in range(len(s)):
+        sharpest = max(sharpest, parts[i, 0] ** 2 + parts[i, 1] ** 2)
+    for j in range(cells):
+        length = s[nodes[j + 1]] - s[nodes[j]]
+        for i in range(nodes[j], nodes[j + 1]):
+            half = 0.5 * (s[i + 1] - s[i])
+            mean[j, 0] += half * (parts[i, 0] + parts[i + 1, 0]) / length
+            mean[j, 1] += half * (parts[i, 1] + parts[i + 1, 1]) / length
+            variance[j] += half * (covariance[i, 7] + covariance[i + 1, 7])
+        variance[j] += _TOLD_APART**2 * sharpest * length
+        # the errors are correlated: the whole route is worth as many values as the fit has parameters
+        variance[j] = freedom * length * length / (s[-1] * max(variance[j], 1e-300))
+    return nodes[best_partition(mean, variance, penalty)]
 
 
 @njit(cache=True, nogil=True)
@@ -114,17 +143,25 @@ def normals(tangent: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return first, np.cross(tangent, first)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def parallel_components(tangent: np.ndarray, vector: np.ndarray) -> np.ndarray:
     """Components of a normal vector field in a frame carried along the tangents without twist, [n, 2]."""
     first, second = normals(tangent[0])
     out = np.empty((len(tangent), 2))
     for i in range(len(tangent)):
+        here = tangent[i]
         if i > 0:
-            middle = (tangent[i - 1] + tangent[i]) / (1.0 + np.dot(tangent[i - 1], tangent[i]) + 1e-12)
-            first = first - np.dot(first, tangent[i]) * middle
-            second = second - np.dot(second, tangent[i]) * middle
-        out[i, 0], out[i, 1] = np.dot(vector[i], first), np.dot(vector[i], second)
+            before = tangent[i - 1]
+            lean = 1.0 + before[0] * here[0] + before[1] * here[1] + before[2] * here[2] + 1e-12
+            turned = (first[0] * here[0] + first[1] * here[1] + first[2] * here[2]) / lean
+            other = (second[0] * here[0] + second[1] * here[1] + second[2] * here[2]) / lean
+            for c in range(3):
+                middle = before[c] + here[c]
+                first[c] -= turned * middle
+                second[c] -= other * middle
+        v = vector[i]
+        out[i, 0] = v[0] * first[0] + v[1] * first[1] + v[2] * first[2]
+        out[i, 1] = v[0] * second[0] + v[1] * second[1] + v[2] * second[2]
     return out
 
 
@@ -152,15 +189,29 @@ def best_partition(value: np.ndarray, weight: np.ndarray, penalty: float) -> np.
         square[i + 1] = square[i] + weight[i] * (value[i, 0] ** 2 + value[i, 1] ** 2)
     cost, begin = np.zeros(n + 1), np.zeros(n + 1, dtype=np.int64)
     cost[0] = -penalty
+    alive, left = np.zeros(n + 1, dtype=np.int64), 1  # where a last run may still begin
+    so_far = np.empty(n + 1)
     for j in range(1, n + 1):
         cost[j] = np.inf
-        for i in range(j):
+        for k in range(left):
+            i = alive[k]
             a, b = first[j, 0] - first[i, 0], first[j, 1] - first[i, 1]
             within = square[j] - square[i] - (a * a + b * b) / (mass[j] - mass[i])
-            total = cost[i] + max(within, 0.0) + penalty
-            if total < cost[j]:
-                cost[j], begin[j] = total, i
-    joints = [n]
-    while joints[-1] > 0:
-        joints.append(begin[joints[-1]])
-    return np.array(joints[::-1])
+            so_far[k] = cost[i] + max(within, 0.0)
+            if so_far[k] + penalty < cost[j]:
+                cost[j], begin[j] = so_far[k] + penalty, i
+        # a begin that is now behind a cut at j stays behind it for good
+        kept = 0
+        for k in range(left):
+            if so_far[k] <= cost[j]:
+                alive[kept] = alive[k]
+                kept += 1
+        alive[kept], left = j, kept + 1
+    runs, j = 0, n
+    while j > 0:
+        runs, j = runs + 1, begin[j]
+    joints = np.empty(runs + 1, dtype=np.int64)
+    joints[runs] = n
+    for k in range(runs, 0, -1):
+        joints[k - 1] = begin[joints[k]]
+    return joints

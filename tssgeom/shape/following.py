@@ -174,7 +174,7 @@ def _against_spline(shape: Shape, noise: float | None, data: Data, arcs: Geometr
 
 def _follow_spline(shape: Shape, noise: float | None, last: Followed, method: Method) -> Followed:
     """Go on with a spline, and now and then with a chain beside it."""
-    spline = fit(shape, noise)
+    spline = fit(shape, noise, last.geometry.spline)
     smooth = by_spline(spline)
     age = last.age + 1
     found = replace(last, geometry=doubted(smooth, last.doubt), index=shape.index, age=age)

@@ -2,37 +2,55 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from tssgeom.arrays import Matrix, Points, Vector
 from tssgeom.errors import FitError
+from tssgeom.shape.bending import SHARPEST, bent_along, stray_points
+from tssgeom.shape.filtering import innovations, transitions
+from tssgeom.shape.intensity import best_ratio
 from tssgeom.shape.points import Shape
-from tssgeom.shape.smoother import best_ratio, innovations, smooth
-from tssgeom.shape.stations import across, foot_stations
+from tssgeom.shape.smoother import smooth
+from tssgeom.shape.stations import across
 
-_PASSES = 4
+_MOST_PASSES = 12
+_SAME_SPACING = 0.05  # relative change of the mean spacing from frame to frame
+_OFF_RATIO = 3.0  # ln λ
+_OFF_NOISE = 2.0  # factor on the noise variance
+_SAME_NOISE = 0.01
+_SAME_RATIO = 0.05
+_FEW = 9  # points between which the first guess of the bend is taken
+_VAGUE = 1e4  # variance of place and direction at the first station over that of a first guess
+_LOOSE = 4.0  # variance of the bend in the first pass over that of a first guess
 _ROUNDS = 8  # of looking for outliers
-_BEND_SHARE = 0.3  # of κh²: what a jump of curvature alone can move a point off its neighbours' curve
-_END_SHARE = (2.0, 1.0)  # the same at the last points, which have neighbours on one side only
 _LAGS = (1, 2, 3)
-_SHARPEST = 1.5  # turn from point to point that the prior follows [rad]
 _EXACT = 1e-9  # of the spacing: rounding, not noise
 _UNEVEN = 2.0  # ln likelihood a point by which chord lengths must beat even spacing as first stations
 
 
 class Problem(NamedTuple):
-    """Points and stations, with lengths in units of the mean spacing."""
+    """Points, stations and prior, with lengths in units of the mean spacing."""
 
     u: Vector
     y: Points
     weight: Vector
-    kappa2: Vector
+    step: Matrix
+    """Transitions of the state [n, 12]."""
+    start: Matrix
+    """Guess of the state at the first station [3, 4]."""
+    ends: Vector
+    """Variances of r and T at the first station, and of a and b at both ends, over the noise variance [4]."""
     tangent: Points
     planar: bool
     variance: float
     """Known noise variance of a coordinate, 0 where unknown."""
+    coupling: Matrix
+    """κ² and κκ' on the interval before each station, and ω² [n, 3]."""
+    known: bool
+    """Whether the sensor told the stations."""
 
 
 class Solution(NamedTuple):
@@ -40,6 +58,10 @@ class Solution(NamedTuple):
 
     ratio: float
     intensity: float
+    log_s: float
+    squares: float
+    values: int
+    """What `filtering.innovations` gives at this ratio."""
     mean: Matrix
     covariance: Matrix
     gain: Matrix
@@ -54,15 +76,56 @@ def posterior(shape: Shape, spacing: float, noise: float | None) -> tuple[Proble
         Where the points give no finite curve.
     """
     problem, solution = _without_outliers(*_first(shape, spacing, noise))
-    for _ in range(_PASSES):
+    for _ in range(_MOST_PASSES):
+        before = solution
         problem = _bent(problem, solution, known=shape.stations is not None)
-        solution = _solve(problem)
+        solution = _solve(problem, solution.ratio)
         problem, solution = _without_outliers(problem, solution)
+        if _settled(before, solution):
+            break
     return problem, solution
 
 
+def _settled(before: Solution, solution: Solution) -> bool:
+    """Whether one more pass would change little: noise within a part in a hundred, λ within a twentieth."""
+    noise = solution.ratio * solution.intensity / max(before.ratio * before.intensity, 1e-300)
+    return abs(noise - 1.0) < _SAME_NOISE and abs(np.log(solution.ratio / before.ratio)) < _SAME_RATIO
+
+
+def warmed(
+    shape: Shape, spacing: float, noise: float | None, last: tuple[Problem, Solution, float]
+) -> tuple[Problem, Solution] | None:
+    """Posterior of a shape in one pass that begins with the last one of the same route, a moment ago.
+
+    None where it has another number of points, or where the last λ, noise or weights no longer hold.
+    """
+    before, solved, old = last
+    n = len(before.u)
+    if len(shape.points) != n or (shape.stations is not None) != before.known:
+        return None
+    y = (shape.points - shape.points[0]) / spacing
+    variance = 0.0 if noise is None else (noise / spacing) ** 2
+    scale = spacing / old
+    if abs(scale - 1.0) > _SAME_SPACING:
+        return None
+    # unknown stations stay at the last feet: the route may have moved by more than their spacing
+    problem = _bent(before._replace(variance=variance), solved, known=before.known)._replace(y=y)
+    problem.start[:, 0] = y[0]
+    if before.known and shape.stations is not None:
+        problem = problem._replace(u=shape.stations / spacing)
+    solution = _solve(problem, solved.ratio)
+    drift = math.log(solution.ratio / solved.ratio)
+    louder = solution.ratio * solution.intensity / max(solved.ratio * solved.intensity, 1e-300)
+    if abs(drift) > _OFF_RATIO or not 1.0 / _OFF_NOISE < louder < _OFF_NOISE:
+        return None
+    _, count = stray_points(
+        problem.u, y, problem.weight, variance, solution.ratio, solution.mean, solution.covariance
+    )
+    return (problem, solution) if not count and problem.weight.min() > 0.0 else None
+
+
 def curve(mean: Matrix) -> tuple[Vector, Points, Points]:
-    """Speed, unit tangent and curvature vector from position and derivatives [n, 3, 3]."""
+    """Speed, unit tangent and curvature vector from the state [n, 3, 4]."""
     first, second = mean[:, :, 1], mean[:, :, 2]
     speed = np.maximum(np.linalg.norm(first, axis=1), 1e-12)
     tangent = first / speed[:, None]
@@ -72,18 +135,16 @@ def curve(mean: Matrix) -> tuple[Vector, Points, Points]:
 def deviance(problem: Problem, solution: Solution, spacing: float) -> float:
     """-2 ln of the evidence of the points normal to the route [ln m²]; docs/model.md (34).
 
-    The restricted likelihood prices the unknown place, direction and curvature by their information in units
-    of the spacing; that price is replaced by the logarithm of the number of values for each of the six.
+    The restricted likelihood prices the unknown place and direction by their information in units of the
+    spacing; that price is replaced by the logarithm of the number of values for each of the four, and for
+    both variances at the ends.
     """
-    log_s, squares, n = innovations(*problem[:6], solution.ratio, np.empty((0, 3)))
-    q, used = solution.intensity, problem.weight > 0.0
-    values = 2 * int(np.count_nonzero(used))
-    u = (problem.u[used] - problem.u[0]) / (problem.u[-1] / len(problem.u))
-    basis = np.column_stack((np.ones_like(u), u, 0.5 * u * u))
-    information = np.linalg.slogdet(basis.T @ basis)[1]
+    q = max(solution.intensity, 1e-280)
+    n = solution.values + 2
     variance = max(solution.ratio * q, 1e-280) * spacing**2
-    fitted = 2 * (n * np.log(max(q, 1e-280) * spacing**2) + log_s) + squares / max(q, 1e-280)
-    return float(fitted + 6 * np.log(variance) - 2 * information + 6 * np.log(values))
+    information = math.log(n * n * (n * n - 1.0) / 12.0)
+    fitted = 2 * (solution.values * math.log(q * spacing**2) + solution.log_s) + solution.squares / q
+    return fitted + 4 * math.log(variance) - 2 * information + 6 * math.log(2 * n)
 
 
 def swings(problem: Problem, solution: Solution) -> float:
@@ -93,7 +154,7 @@ def swings(problem: Problem, solution: Solution) -> float:
     errors give values above -3, errors that neighbours share give large negative ones.
     """
     e = np.zeros_like(problem.y)
-    innovations(*problem[:6], solution.ratio, e)
+    innovations(*problem[:8], solution.ratio, e)
     e = e[np.any(e != 0.0, axis=1)]
     if len(e) <= _LAGS[-1]:
         return 0.0
@@ -108,8 +169,25 @@ def _first(shape: Shape, spacing: float, noise: float | None) -> tuple[Problem, 
     y = (shape.points - shape.points[0]) / spacing
     variance = 0.0 if noise is None else (noise / spacing) ** 2
 
+    start, ends, square = _vague(y, variance)
+    coupling = np.zeros((n, 3))
+    coupling[:, 0] = square
+
     def on(u: Vector) -> Problem:
-        return Problem(u, y, np.ones(n), np.zeros(n), np.zeros((n, 3)), False, variance)
+        step = transitions(u, coupling)
+        return Problem(
+            u,
+            y,
+            np.ones(n),
+            step,
+            start,
+            ends,
+            np.zeros((n, 3)),
+            False,
+            variance,
+            coupling,
+            shape.stations is not None,
+        )
 
     if shape.stations is not None:
         problem = on(shape.stations / spacing)
@@ -117,68 +195,84 @@ def _first(shape: Shape, spacing: float, noise: float | None) -> tuple[Problem, 
     even = on(shape.index - shape.index[0])
     chord = on(np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(y, axis=0), axis=1)))))
     first, second = _solve(even), _solve(chord)
-    if _deviance(chord, second) < _deviance(even, first) - _UNEVEN * n:
+    if _deviance(second) < _deviance(first) - _UNEVEN * n:
         return chord, second
     return even, first
 
 
-def _deviance(problem: Problem, solution: Solution) -> float:
-    """-2 ln of the likelihood of the points at the solution's own noise."""
-    log_s, squares, n = innovations(*problem[:6], solution.ratio, np.empty((0, 3)))
-    q = solution.intensity
-    return 3 * (n * np.log(max(q, 1e-280)) + log_s) + squares / max(q, 1e-280)
+def _deviance(solution: Solution) -> float:
+    """-2 ln of the likelihood of the points in all three coordinates at the solution's own noise."""
+    q = max(solution.intensity, 1e-280)
+    return 3 * (solution.values * math.log(q) + solution.log_s) + solution.squares / q
 
 
-def _solve(problem: Problem) -> Solution:
-    ratio, intensity = best_ratio(*problem)
-    mean, covariance, gain = smooth(problem.u, problem.y, problem.weight, problem.kappa2, ratio)
-    if not np.isfinite(mean).all():
+def _vague(y: Points, variance: float) -> tuple[Matrix, Vector, float]:
+    """State, variances and κ² of the first pass, from differences over long steps and over short ones."""
+    n = len(y)
+    noise = variance or max(
+        min(np.mean(np.diff(y, k, axis=0) ** 2) / c for k, c in ((2, 6), (3, 20))), _EXACT**2
+    )
+    few = np.linspace(0, n - 1, min(n, _FEW)).round().astype(np.int64)
+    gap = (n - 1) / (len(few) - 1)
+    chord = np.diff(y[few], axis=0)
+    turned = (
+        np.linalg.norm(np.cross(chord[:-1], chord[1:]), axis=1),
+        np.einsum("ij,ij->i", chord[:-1], chord[1:]),
+    )
+    square = float(np.mean(np.arctan2(*turned) ** 2)) / gap**2
+    bend = max(square / 3.0, noise / gap**4)
+    start = np.zeros((3, 4))
+    start[:, 0], start[:, 1] = y[0], (y[few[1]] - y[0]) / gap
+    turn = bend * gap**2 + noise / gap**2
+    spread = np.array([_VAGUE * noise, _VAGUE * turn, _LOOSE * bend, _LOOSE * bend / gap**2])
+    return start, spread / noise, float(np.clip(square - 12.0 * noise / gap**4, 0.0, SHARPEST**2))
+
+
+def _solve(problem: Problem, guess: float = 0.0) -> Solution:
+    found = best_ratio(*problem[:9], guess)
+    mean, covariance, gain = smooth(*problem[:6], found[0])
+    if not math.isfinite(mean.sum()):
         raise FitError("the points give no finite curve: check the unit and look for stray points")
-    return Solution(ratio, intensity, mean, covariance, gain)
+    return Solution(*found, mean, covariance, gain)
 
 
 def _bent(problem: Problem, solution: Solution, *, known: bool) -> Problem:
     """Bend the prior along the curve found, and put unknown stations at the feet of the points."""
-    speed, tangent, bend = curve(solution.mean)
-    u = problem.u
-    if not known:
-        u = foot_stations(u, solution.mean[:, :, 0], speed, tangent, problem.y, problem.weight)
-    noise = solution.intensity * solution.covariance[:, 5] / 3.0
-    squares = np.maximum(np.einsum("ij,ij->i", bend, bend) - noise, 0.0)
-    squares = np.minimum(squares, _SHARPEST**2)
-    kappa2 = squares.copy()
-    kappa2[1:] = 0.5 * (squares[1:] + squares[:-1])
-    return problem._replace(u=u, kappa2=kappa2, tangent=tangent, planar=True)
+    u, coupling, ends, tangent = bent_along(
+        problem.u,
+        problem.y,
+        problem.weight,
+        solution.ratio,
+        solution.intensity,
+        solution.mean,
+        solution.covariance,
+        known,
+    )
+    return problem._replace(
+        u=u,
+        step=transitions(u, coupling),
+        coupling=coupling,
+        start=solution.mean[0].copy(),
+        ends=ends,
+        tangent=tangent,
+        planar=True,
+    )
 
 
 def _without_outliers(problem: Problem, solution: Solution) -> tuple[Problem, Solution]:
     """Take the weight from points that their neighbours' curve does not explain."""
     for _ in range(_ROUNDS):
-        stray = _stray_points(problem, solution)
-        if not stray.any():
+        stray, count = stray_points(
+            problem.u,
+            problem.y,
+            problem.weight,
+            problem.variance,
+            solution.ratio,
+            solution.mean,
+            solution.covariance,
+        )
+        if not count:
             break
         problem = problem._replace(weight=np.where(stray, 0.0, problem.weight))
-        solution = _solve(problem)
+        solution = _solve(problem, solution.ratio)
     return problem, solution
-
-
-def _stray_points(problem: Problem, solution: Solution) -> np.ndarray:
-    """Mark points whose leave-one-out residual is beyond chance and beyond a jump of curvature."""
-    _, tangent, bend = curve(solution.mean)
-    distance = np.linalg.norm(across(problem.y - solution.mean[:, :, 0], tangent), axis=1)
-    free = np.maximum(1.0 - solution.covariance[:, 0] / solution.ratio, 1e-12)
-    used = problem.weight > 0.0
-    left_out, size = distance / free, distance / np.sqrt(free)
-    scale = max(float(np.median(size[used])) / 1.177, np.sqrt(problem.variance), _EXACT)
-    step = np.gradient(problem.u)
-    sharpest = float(np.max(np.linalg.norm(bend, axis=1)[used]))
-    share = np.full(len(size), _BEND_SHARE)
-    share[:2], share[-2:] = _END_SHARE, _END_SHARE[::-1]
-    beyond_chance = size > scale * np.sqrt(16.0 + 2.0 * np.log(len(size)))
-    stray = used & beyond_chance & (left_out > share * sharpest * step * step)
-    return stray & (size >= _windowed_maximum(np.where(used, size, 0.0)))
-
-
-def _windowed_maximum(x: Vector, reach: int = 3) -> Vector:
-    padded = np.pad(x, reach, constant_values=0.0)
-    return np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1).max(axis=1)

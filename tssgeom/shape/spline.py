@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numba import njit
 
 from tssgeom.arrays import Matrix, Points, Vector, read_only
 from tssgeom.shape.clusters import clustered, merged
+from tssgeom.shape.filtering import transitions
 from tssgeom.shape.points import Shape
-from tssgeom.shape.posterior import Problem, Solution, curve, deviance, posterior, swings
+from tssgeom.shape.posterior import Problem, Solution, deviance, posterior, swings, warmed
 from tssgeom.shape.route import Route
 from tssgeom.shape.smoother import smooth
-from tssgeom.shape.stations import accumulated, insert_nodes
+from tssgeom.shape.stations import insert_nodes, mean_spacing
 
-_NODES = 160  # fewest nodes on which curvature is evaluated
-_SWING = -4.0  # standard deviations beyond which errors are not white
-_CELL = 4.0  # mean spacings in the first cell tried
+_NODES = 120  # fewest nodes on which curvature is evaluated
+_SWING = -3.5  # standard deviations beyond which errors of clustered points are not white
+_SWING_OF_CELLS = -4.0
+_CELL = 2.83  # mean spacings in the first cell tried
 _FEWEST_CELLS = 12
 
 
@@ -26,20 +30,22 @@ class Spline:
 
     route: Route
     covariance: Matrix
-    """Posterior covariance of position, tangent and its derivative, one coordinate, upper triangle [m, 6]."""
+    """Posterior covariance of r, T, a and b of (20), one coordinate, upper triangle [m, 10]."""
     gain: Matrix
-    """Smoother gains: covariance of neighbouring nodes is gain i times covariance i+1, [m-1, 3, 3]."""
+    """Smoother gains: covariance of neighbouring nodes is gain i times covariance i+1, [m-1, 4, 4]."""
     freedom: float
     """Effective number of parameters of one coordinate [1]."""
     deviance: float
     """-2 ln of the evidence of the points normal to the route [ln m²]."""
     stations_known: bool
     """Whether the sensor told the stations."""
+    memory: tuple[Problem, Solution, float]
+    """What the next fit of a moving route begins with, and its mean spacing [m]."""
     angle_doubt: float = 0.0
     """Relative standard error of all angles that comes from errors that neighbouring points share [1]."""
 
 
-def fit(shape: Shape, noise: float | None = None) -> Spline:
+def fit(shape: Shape, noise: float | None = None, last: Spline | None = None) -> Spline:
     """Fit a smooth route.
 
     Parameters
@@ -48,30 +54,39 @@ def fit(shape: Shape, noise: float | None = None) -> Spline:
         Validated points.
     noise
         Known standard deviation of each coordinate [m]; estimated where left out.
+    last
+        Fit of the same route a moment ago, as in a stream: where it still holds, one pass that begins with
+        it is enough.
 
     Raises
     ------
     FitError
         Where the points give no finite curve.
     """
-    spline, swing = _fit_white(shape, noise)
-    if swing < _SWING and noise is None and shape.stations is None and clustered(shape.points):
+    if last is not None and last.angle_doubt == 0.0:
+        spacing = _mean_spacing(shape)
+        found = warmed(shape, spacing, noise, last.memory)
+        if found is not None:
+            return _spline(shape, *found, spacing)
+    spline = _fit_white(shape, noise)
+    if noise is None and shape.stations is None and clustered(shape.points) and _swing(spline) < _SWING:
         return _fit_merged(shape, spline)
     return spline
 
 
-def _fit_white(shape: Shape, noise: float | None) -> tuple[Spline, float]:
+def _fit_white(shape: Shape, noise: float | None) -> Spline:
     spacing = _mean_spacing(shape)
-    problem, solution = posterior(shape, spacing, noise)
-    return _spline(shape, problem, solution, spacing), swings(problem, solution)
+    return _spline(shape, *posterior(shape, spacing, noise), spacing)
+
+
+def _swing(spline: Spline) -> float:
+    return swings(spline.memory[0], spline.memory[1])
 
 
 def _mean_spacing(shape: Shape) -> float:
     if shape.stations is not None:
         return float(shape.stations[-1]) / (len(shape.stations) - 1)
-    chord = np.linalg.norm(shape.points[-1] - shape.points[0])
-    steps = np.linalg.norm(np.diff(shape.points, axis=0), axis=1)
-    return float(max(np.median(steps), chord / len(steps)))
+    return mean_spacing(shape.points)
 
 
 def _fit_merged(shape: Shape, spline: Spline) -> Spline:
@@ -85,8 +100,8 @@ def _fit_merged(shape: Shape, spline: Spline) -> Spline:
         coarse, cell_of = merged(shape, cell)
         if len(coarse.points) < _FEWEST_CELLS:
             return spline
-        fitted, swing = _fit_white(coarse, None)
-        if swing >= _SWING:
+        fitted = _fit_white(coarse, None)
+        if _swing(fitted) >= _SWING_OF_CELLS:
             break
         cell *= np.sqrt(2.0)
     finer, coarser = (_angle_in_cells(shape, cell * x) for x in (0.5**0.5, 2**0.5))
@@ -95,7 +110,7 @@ def _fit_merged(shape: Shape, spline: Spline) -> Spline:
 
 
 def _angle_in_cells(shape: Shape, cell: float) -> float:
-    return _raw_angle(_fit_white(merged(shape, cell)[0], None)[0].route)
+    return _raw_angle(_fit_white(merged(shape, cell)[0], None).route)
 
 
 def _raw_angle(route: Route) -> float:
@@ -118,57 +133,96 @@ def _on_all_points(shape: Shape, route: Route, cell_of: np.ndarray, cell: float)
 
 
 def _spline(shape: Shape, problem: Problem, solution: Solution, spacing: float) -> Spline:
-    u, where = insert_nodes(problem.u, problem.u[-1] / _NODES)
-    ratio, q = solution.ratio, solution.intensity
-    mean, covariance, gain = solution[2:]
-    if len(u) > len(where):
-        mean, covariance, gain = smooth(u, *_on_nodes(problem, where, len(u)), ratio)
-    unit = np.array([spacing, 1.0, 1.0 / spacing])
-    pairs = unit[[0, 0, 0, 1, 1, 2]] * unit[[0, 1, 2, 1, 2, 2]]
-    return Spline(
-        route=_route(shape, problem, mean, u, where, float(np.sqrt(ratio * q)), spacing),
-        covariance=read_only(covariance * q * pairs),
-        gain=read_only(gain * unit[:, None] / unit[None, :]),
-        freedom=float(np.sum(problem.weight * solution.covariance[:, 0])) / ratio,
-        deviance=deviance(problem, solution, spacing),
-        stations_known=shape.stations is not None,
+    """Spline on its nodes in SI; the nodes are the stations, and more in between where these are few."""
+    u, where = problem.u, None
+    mean, covariance, gain = solution[5:]
+    if len(u) < _NODES:
+        u, where = insert_nodes(problem.u, problem.u[-1] / _NODES)
+        on_nodes = _on_nodes(problem, u, where)
+        mean, covariance, gain = smooth(u, *on_nodes, problem.start, problem.ends, solution.ratio)
+    q = solution.intensity
+    s, position, tangent, bend, covariance, gain = in_metres(
+        u, mean, covariance, gain, shape.points[0], spacing, q, problem.known
     )
-
-
-def _route(
-    shape: Shape,
-    problem: Problem,
-    mean: Matrix,
-    u: Vector,
-    where: np.ndarray,
-    noise: float,
-    spacing: float,
-) -> Route:
-    speed, tangent, bend = curve(mean)
-    s = u if shape.stations is not None else accumulated(u, speed)
-    return Route(
-        s=read_only(s * spacing),
-        position=read_only(mean[:, :, 0] * spacing + shape.points[0]),
+    feet = slice(None) if where is None else where
+    route = Route(
+        s=read_only(s),
+        position=read_only(position),
         tangent=read_only(tangent),
-        curvature_vector=read_only(bend / spacing),
-        noise=noise * spacing,
+        curvature_vector=read_only(bend),
+        noise=math.sqrt(solution.ratio * q) * spacing,
         weight=read_only(problem.weight),
-        station=read_only(s[where] * spacing),
-        residual=read_only((problem.y - mean[where, :, 0]) * spacing),
+        station=read_only(s[feet]),
+        residual=read_only(shape.points - position[feet]),
         warnings=_outlier_warnings(shape, problem.weight),
     )
+    return Spline(
+        route=route,
+        covariance=read_only(covariance),
+        gain=read_only(gain),
+        freedom=float(problem.weight @ solution.covariance[:, 0]) / solution.ratio,
+        deviance=deviance(problem, solution, spacing),
+        stations_known=problem.known,
+        memory=(problem, solution, spacing),
+    )
 
 
-def _on_nodes(problem: Problem, where: np.ndarray, n: int) -> tuple[Points, Vector, Vector]:
+@njit(cache=True, nogil=True, error_model="numpy")
+def in_metres(
+    u: np.ndarray,
+    mean: np.ndarray,
+    covariance: np.ndarray,
+    gain: np.ndarray,
+    origin: np.ndarray,
+    spacing: float,
+    q: float,
+    known: bool,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Arc length, places, tangents, curvature vectors, covariance and gains in SI."""
+    n = len(u)
+    s, position, tangent, bend = np.empty(n), np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3))
+    wide, gains = np.empty((n, 10)), np.empty((n - 1, 4, 4))
+    unit = np.array([spacing, 1.0, 1.0 / spacing, spacing**-2])
+    pair = np.empty(10)
+    k = 0
+    for i in range(4):
+        for j in range(i, 4):
+            pair[k] = unit[i] * unit[j] * q
+            k += 1
+    arc, before = 0.0, 0.0
+    for i in range(n):
+        m = mean[i]
+        square = max(m[0, 1] ** 2 + m[1, 1] ** 2 + m[2, 1] ** 2, 1e-24)
+        speed = math.sqrt(square)
+        along = (m[0, 1] * m[0, 2] + m[1, 1] * m[1, 2] + m[2, 1] * m[2, 2]) / square
+        for c in range(3):
+            position[i, c] = m[c, 0] * spacing + origin[c]
+            tangent[i, c] = m[c, 1] / speed
+            bend[i, c] = (m[c, 2] - along * m[c, 1]) / (square * spacing)
+        if i > 0:
+            arc += 0.5 * (speed + before) * (u[i] - u[i - 1])
+        before = speed
+        s[i] = (u[i] if known else arc) * spacing
+        for k in range(10):
+            wide[i, k] = covariance[i, k] * pair[k]
+        if i < n - 1:
+            for j in range(4):
+                for k in range(4):
+                    gains[i, j, k] = gain[i, j, k] * unit[j] / unit[k]
+    return s, position, tangent, bend, wide, gains
+
+
+def _on_nodes(problem: Problem, u: Vector, where: np.ndarray) -> tuple[Points, Vector, Matrix]:
+    n = len(u)
     y, weight = np.zeros((n, 3)), np.zeros(n)
     y[where], weight[where] = problem.y, problem.weight
     interval = np.minimum(np.searchsorted(where, np.arange(n)), len(where) - 1)
-    return y, weight, problem.kappa2[interval]
+    return y, weight, transitions(u, problem.coupling[interval])
 
 
 def _outlier_warnings(shape: Shape, weight: Vector) -> tuple[str, ...]:
-    stray = shape.index[weight <= 0.0].astype(int)
-    if not len(stray):
+    if weight.min() > 0.0:
         return ()
+    stray = shape.index[weight <= 0.0].astype(int)
     named = ", ".join(str(i) for i in stray[:5]) + (", ..." if len(stray) > 5 else "")
     return (f"{len(stray)} outlying points ignored (count from 0: {named})",)

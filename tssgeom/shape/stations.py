@@ -7,11 +7,9 @@ from numba import njit
 
 from tssgeom.arrays import Points, Vector
 
-_LEAST_STEP = 1e-7  # of the mean spacing, between points whose feet coincide
-
 
 @njit(cache=True, nogil=True)
-def _isotonic(x: np.ndarray, weight: np.ndarray) -> np.ndarray:
+def isotonic(x: np.ndarray, weight: np.ndarray) -> np.ndarray:
     """Nearest non-decreasing sequence to `x` in weighted least squares (pool adjacent violators)."""
     n = len(x)
     level, mass, count = np.empty(n), np.empty(n), np.empty(n, dtype=np.int64)
@@ -43,25 +41,23 @@ def across(off: Points, unit: Points) -> Points:
     return off - np.einsum("ij,ij->i", off, unit)[:, None] * unit
 
 
-def foot_stations(
-    u: Vector, position: Points, speed: Vector, tangent: Points, y: Points, weight: Vector
-) -> Vector:
-    """Arc length of the foot of each point on the curve, in the order of the points.
-
-    Parameters
-    ----------
-    u, position, speed, tangent
-        Parameter of the curve at each point, and the curve there [n], [n, 3].
-    y, weight
-        The points [n, 3] and their weights [n].
-    """
-    along = np.einsum("ij,ij->i", y - position, tangent)
-    feet = _isotonic(accumulated(u, speed) + along, np.maximum(weight, 1e-6))
-    return feet - feet[0] + _LEAST_STEP * np.arange(len(feet))
-
-
 def insert_nodes(u: Vector, longest: float) -> tuple[Vector, np.ndarray]:
     """Split every interval longer than `longest`; returns the nodes and which of them are the given ones."""
     parts = np.maximum(np.ceil(np.diff(u) / longest - 1e-9).astype(np.int64), 1)
     where = np.concatenate(([0], np.cumsum(parts)))
     return np.interp(np.arange(where[-1] + 1), where, u), where
+
+
+@njit(cache=True, nogil=True)
+def mean_spacing(points: np.ndarray) -> float:
+    """Median distance of neighbours [m], or the chord of all over their number where that is longer."""
+    n = len(points) - 1
+    step, chord = np.empty(n), 0.0
+    for i in range(n):
+        square = 0.0
+        for c in range(3):
+            square += (points[i + 1, c] - points[i, c]) ** 2
+        step[i] = np.sqrt(square)
+    for c in range(3):
+        chord += (points[n, c] - points[0, c]) ** 2
+    return max(np.median(step), np.sqrt(chord) / n)
