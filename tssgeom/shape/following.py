@@ -35,6 +35,7 @@ _LONGEST_WAIT = 512  # frames, where the other was far behind again and again
 _SURE = 10.0  # -2 ln evidence that the other must be ahead to take over
 _FAR = 60.0  # -2 ln evidence behind which it may wait longer for its next trial
 _MOVES = 2  # of a chain in one frame
+_PATIENCE = 4  # frames in which a chain that is far behind may still come up
 _UNFIT = 6.0  # standard deviations of the cost above which a chain does not fit
 _NOISIER = 2.0  # times the noise variance of the last frame: the same where noise is not known
 _STRAY = 16.0  # squared distance in noise variances, with 2 ln n added, beyond which a point is an outlier
@@ -195,9 +196,10 @@ def _with_rival(data: Data, rival: Chain, found: Followed, smooth: Geometry) -> 
         return found
     moved = fit_chain(data, rival, _MOVES)
     ahead = lead(data, moved, smooth.spline)
-    if ahead < HOPELESS and len(moved.bend) == len(rival.bend):
+    settled = len(moved.bend) == len(rival.bend)
+    if ahead < HOPELESS and (settled or found.age >= found.wait + _PATIENCE):
         return replace(found, rival=None, age=0, wait=_next_wait(found.wait, ahead), doubt=0.0)
-    if len(moved.bend) != len(rival.bend):
+    if not settled:
         return replace(found, rival=moved)
     arcs, ahead = by_chain(data, moved, smooth.route.warnings), margin(data, moved, smooth.spline)
     if ahead > _SURE:

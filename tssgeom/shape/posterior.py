@@ -17,7 +17,7 @@ from tssgeom.shape.smoother import smooth
 from tssgeom.shape.stations import across
 
 _MOST_PASSES = 12
-_SAME_SPACING = 0.05  # relative change of the mean spacing from frame to frame
+_NEARBY = 4  # searches for λ from its last value
 _OFF_RATIO = 3.0  # ln λ
 _OFF_NOISE = 2.0  # factor on the noise variance
 _SAME_NOISE = 0.01
@@ -93,35 +93,43 @@ def _settled(before: Solution, solution: Solution) -> bool:
 
 
 def warmed(
-    shape: Shape, spacing: float, noise: float | None, last: tuple[Problem, Solution, float]
-) -> tuple[Problem, Solution] | None:
+    shape: Shape, noise: float | None, last: tuple[Problem, Solution, float]
+) -> tuple[Problem, Solution, float] | None:
     """Posterior of a shape in one pass that begins with the last one of the same route, a moment ago.
 
     None where it has another number of points, or where the last λ, noise or weights no longer hold.
     """
-    before, solved, old = last
+    before, solved, spacing = last
     n = len(before.u)
     if len(shape.points) != n or (shape.stations is not None) != before.known:
         return None
     y = (shape.points - shape.points[0]) / spacing
     variance = 0.0 if noise is None else (noise / spacing) ** 2
-    scale = spacing / old
-    if abs(scale - 1.0) > _SAME_SPACING:
-        return None
     # unknown stations stay at the last feet: the route may have moved by more than their spacing
     problem = _bent(before._replace(variance=variance), solved, known=before.known)._replace(y=y)
     problem.start[:, 0] = y[0]
     if before.known and shape.stations is not None:
         problem = problem._replace(u=shape.stations / spacing)
-    solution = _solve(problem, solved.ratio)
-    drift = math.log(solution.ratio / solved.ratio)
+    solution = _settled_nearby(problem, solved.ratio)
+    if solution is None:
+        return None
     louder = solution.ratio * solution.intensity / max(solved.ratio * solved.intensity, 1e-300)
-    if abs(drift) > _OFF_RATIO or not 1.0 / _OFF_NOISE < louder < _OFF_NOISE:
+    if not 1.0 / _OFF_NOISE < louder < _OFF_NOISE:
         return None
     _, count = stray_points(
         problem.u, y, problem.weight, variance, solution.ratio, solution.mean, solution.covariance
     )
-    return (problem, solution) if not count and problem.weight.min() > 0.0 else None
+    return (problem, solution, spacing) if not count and problem.weight.min() > 0.0 else None
+
+
+def _settled_nearby(problem: Problem, ratio: float) -> Solution | None:
+    """Solution with a λ found from the last one in a few steps, if they suffice."""
+    for _ in range(_NEARBY):
+        solution = _solve(problem, ratio)
+        if abs(math.log(solution.ratio / ratio)) <= _OFF_RATIO:
+            return solution
+        ratio = solution.ratio
+    return None
 
 
 def curve(mean: Matrix) -> tuple[Vector, Points, Points]:

@@ -64,10 +64,9 @@ def fit(shape: Shape, noise: float | None = None, last: Spline | None = None) ->
         Where the points give no finite curve.
     """
     if last is not None and last.angle_doubt == 0.0:
-        spacing = _mean_spacing(shape)
-        found = warmed(shape, spacing, noise, last.memory)
+        found = warmed(shape, noise, last.memory)
         if found is not None:
-            return _spline(shape, *found, spacing)
+            return _spline(shape, *found)
     spline = _fit_white(shape, noise)
     if noise is None and shape.stations is None and clustered(shape.points) and _swing(spline) < _SWING:
         return _fit_merged(shape, spline)
