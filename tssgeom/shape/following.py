@@ -10,7 +10,7 @@ import numpy as np
 from tssgeom.arrays import Vector
 from tssgeom.shape.chain.fit import Chain, Data, settle, values
 from tssgeom.shape.chain.moves import fit_chain
-from tssgeom.shape.chain.places import off_chain
+from tssgeom.shape.chain.strays import weighed
 from tssgeom.shape.geometry import (
     HOPELESS,
     Geometry,
@@ -38,9 +38,6 @@ _MOVES = 2  # of a chain in one frame
 _PATIENCE = 4  # frames in which a chain that is far behind may still come up
 _UNFIT = 6.0  # standard deviations of the cost above which a chain does not fit
 _NOISIER = 2.0  # times the noise variance of the last frame: the same where noise is not known
-_STRAY = 16.0  # squared distance in noise variances, with 2 ln n added, beyond which a point is an outlier
-_MOST_STRAY = 0.1  # of all points
-_MEDIAN = 1.386  # of the sum of two squared standard normal numbers
 _ROUNDING = 1e-9  # of the spacing
 
 
@@ -104,9 +101,9 @@ def _follow_chain(
     age = last.age + 1
     variance = last.geometry.route.noise**2
     chain = settle(data, chain._replace(stations=_stations(shape, last, chain)))
-    stray = _stray(data, chain, variance)
-    if stray is not None:
-        data = data._replace(weight=np.where(stray, 0.0, 1.0))
+    weight = weighed(data, chain, variance)
+    if weight is not None:
+        data = data._replace(weight=weight)
         chain = settle(data, chain)
     if _unfit(data, chain, variance):
         chain = fit_chain(data, chain)
@@ -114,7 +111,7 @@ def _follow_chain(
             return None
     elif age % _LOOK == 0:
         chain = fit_chain(data, chain, _MOVES)
-    geometry = by_chain(data, chain, () if stray is None else _outliers(shape, stray))
+    geometry = by_chain(shape, data, chain)
     if method == "auto" and age >= last.wait:
         return _against_spline(shape, noise, data, geometry, last.wait)
     return Followed(doubted(geometry, last.doubt), shape.index, age, last.wait, doubt=last.doubt)
@@ -131,11 +128,6 @@ def _stations(shape: Shape, last: Followed, chain: Chain) -> Vector:
     return chain.stations[0] + share * (chain.stations[-1] - chain.stations[0])
 
 
-def _outliers(shape: Shape, stray: np.ndarray) -> tuple[str, ...]:
-    named = ", ".join(str(i) for i in shape.index[stray].astype(int))
-    return (f"{int(stray.sum())} outlying points ignored (count from 0: {named})",)
-
-
 def _unfit(data: Data, chain: Chain, variance: float) -> bool:
     """Whether the points are off the chain by more than noise, of a variance as in the last frame [m²]."""
     freedom = max(values(data) - len(chain.matrix), 1)
@@ -143,22 +135,6 @@ def _unfit(data: Data, chain: Chain, variance: float) -> bool:
     if data.variance > 0.0:
         return not chain.cost < most * data.variance * freedom
     return not chain.cost < max(_NOISIER, 1.5 * most) * max(variance, (_ROUNDING * data.gap) ** 2) * freedom
-
-
-def _stray(data: Data, chain: Chain, variance: float) -> np.ndarray | None:
-    """Mark points that are off the chain beyond chance, if there are any but few.
-
-    `variance` is that of the noise of the last frame, for points whose noise is not known [m²].
-    """
-    square = off_chain(data.points, chain.stations, chain.start, chain.axes, chain.joints, chain.bend)
-    least = max(data.variance or variance, (_ROUNDING * data.gap) ** 2)
-    limit = (_STRAY + 2.0 * math.log(len(square))) * least
-    if square.max() <= limit:
-        return None
-    stray = square > max(
-        limit, 0.0 if data.variance else limit * float(np.median(square)) / (_MEDIAN * least)
-    )
-    return stray if 0 < stray.sum() <= _MOST_STRAY * len(stray) else None
 
 
 def _against_spline(shape: Shape, noise: float | None, data: Data, arcs: Geometry, wait: int) -> Followed:
@@ -187,10 +163,10 @@ def _follow_spline(shape: Shape, noise: float | None, last: Followed, method: Me
         rival = settle(data, first_chain(smooth.route, smooth.arcs))
     else:
         rival = settle(data, last.rival._replace(stations=np.array(spline.route.station)))
-    return _with_rival(data, rival, found, smooth)
+    return _with_rival(shape, data, rival, found, smooth)
 
 
-def _with_rival(data: Data, rival: Chain, found: Followed, smooth: Geometry) -> Followed:
+def _with_rival(shape: Shape, data: Data, rival: Chain, found: Followed, smooth: Geometry) -> Followed:
     """Let a chain take over, give it a few more moves, or drop it for the time being."""
     if smooth.spline is None:
         return found
@@ -201,7 +177,7 @@ def _with_rival(data: Data, rival: Chain, found: Followed, smooth: Geometry) -> 
         return replace(found, rival=None, age=0, wait=_next_wait(found.wait, ahead), doubt=0.0)
     if not settled:
         return replace(found, rival=moved)
-    arcs, ahead = by_chain(data, moved, smooth.route.warnings), margin(data, moved, smooth.spline)
+    arcs, ahead = by_chain(shape, data, moved), margin(data, moved, smooth.spline)
     if ahead > _SURE:
         return Followed(arcs, found.index, doubt=doubt(smooth, arcs, ahead))
     unsure = doubt(smooth, arcs, ahead)

@@ -16,8 +16,9 @@ from tssgeom.shape.chain.account import chain_geometry
 from tssgeom.shape.chain.fit import Chain, Data, settle
 from tssgeom.shape.chain.moves import fit_chain, slopes
 from tssgeom.shape.chain.places import off_chain
+from tssgeom.shape.chain.strays import without_strays
 from tssgeom.shape.curvature import CurvatureProfile, curvature_profile
-from tssgeom.shape.points import Shape
+from tssgeom.shape.points import Shape, stray_warnings
 from tssgeom.shape.route import Route
 from tssgeom.shape.spline import Spline, fit
 
@@ -73,10 +74,9 @@ def measure(shape: Shape, noise: float | None = None, method: Method = "auto") -
     if method == "auto" and (chain := _worth_searching(data, chain, spline)) is None:
         return smooth
     chain = fit_chain(data, chain)
-    arcs = by_chain(data, chain, spline.route.warnings)
-    if method == "arcs":
-        return arcs
-    return chosen(smooth, arcs, margin(data, chain, spline))
+    ahead = margin(data, chain, spline)
+    arcs = by_chain(shape, *without_strays(data, chain))
+    return arcs if method == "arcs" else chosen(smooth, arcs, ahead)
 
 
 def by_spline(spline: Spline) -> Geometry:
@@ -85,9 +85,9 @@ def by_spline(spline: Spline) -> Geometry:
     return Geometry(spline.route, profile, constant_curvature_pieces(spline, profile), spline)
 
 
-def by_chain(data: Data, chain: Chain, warnings: tuple[str, ...]) -> Geometry:
+def by_chain(shape: Shape, data: Data, chain: Chain) -> Geometry:
     """Route, profile and pieces of a fitted chain."""
-    return Geometry(*chain_geometry(data, chain, warnings), chain=chain)
+    return Geometry(*chain_geometry(data, chain, stray_warnings(shape, data.weight)), chain=chain)
 
 
 def fit_data(shape: Shape, noise: float | None, route: Route) -> Data:

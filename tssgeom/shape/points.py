@@ -175,3 +175,12 @@ def _refuse_unusable(points: Points, *, ordered: bool) -> None:
             "the points are not in order along the route: each lies far from the next although others are "
             "near; sort them from the proximal to the distal end"
         )
+
+
+def stray_warnings(shape: Shape, weight: Vector) -> tuple[str, ...]:
+    """Name the points that a fit gave no weight."""
+    stray = shape.index[weight <= 0.0].astype(int)
+    if not len(stray):
+        return ()
+    named = ", ".join(str(i) for i in stray[:5]) + (", ..." if len(stray) > 5 else "")
+    return (f"{len(stray)} outlying points ignored (count from 0: {named})",)

@@ -11,7 +11,7 @@ from numba import njit
 from tssgeom.arrays import Matrix, Points, Vector, read_only
 from tssgeom.shape.clusters import clustered, merged
 from tssgeom.shape.filtering import transitions
-from tssgeom.shape.points import Shape
+from tssgeom.shape.points import Shape, stray_warnings
 from tssgeom.shape.posterior import Problem, Solution, deviance, posterior, swings, warmed
 from tssgeom.shape.route import Route
 from tssgeom.shape.smoother import smooth
@@ -153,7 +153,7 @@ def _spline(shape: Shape, problem: Problem, solution: Solution, spacing: float) 
         weight=read_only(problem.weight),
         station=read_only(s[feet]),
         residual=read_only(shape.points - position[feet]),
-        warnings=_outlier_warnings(shape, problem.weight),
+        warnings=stray_warnings(shape, problem.weight),
     )
     return Spline(
         route=route,
@@ -217,11 +217,3 @@ def _on_nodes(problem: Problem, u: Vector, where: np.ndarray) -> tuple[Points, V
     y[where], weight[where] = problem.y, problem.weight
     interval = np.minimum(np.searchsorted(where, np.arange(n)), len(where) - 1)
     return y, weight, transitions(u, problem.coupling[interval])
-
-
-def _outlier_warnings(shape: Shape, weight: Vector) -> tuple[str, ...]:
-    if weight.min() > 0.0:
-        return ()
-    stray = shape.index[weight <= 0.0].astype(int)
-    named = ", ".join(str(i) for i in stray[:5]) + (", ..." if len(stray) > 5 else "")
-    return (f"{len(stray)} outlying points ignored (count from 0: {named})",)

@@ -22,6 +22,8 @@ _HOPE = 4.0  # times what the next step promises may still come
 _LEAST_INFORMATION = 1e-13  # of a parameter's own, where the others tell nearly all of it
 _NEAR = 0.3  # of a shortest piece: a station that moved less is at the foot
 _MOST_TURN = 2.0  # from point to point [rad]
+_MOST_TURN_UNSEEN = 4.0  # where points between them were not seen [rad]
+_WIDE = 3.0  # mean spacings: points farther apart have others between them that were not seen
 
 
 class Data(NamedTuple):
@@ -144,7 +146,7 @@ def settle(data: Data, chain: Chain, goal: float = np.inf) -> Chain:
         if data.free:
             _put_at_feet(data, s, start, axes, joints, bend)
         matrix, ahead, cost = _evaluated(data, s, start, axes, joints, bend, chain.curved)
-        if _sharpest(bend) * data.gap < _MOST_TURN and cost < now_chain.cost:
+        if cost < now_chain.cost and _tame(data, s, joints, bend):
             saved = now_chain.cost - cost
             now_chain = Chain(start, axes, joints, bend, chain.curved, s, matrix, cost)
             gradient = ahead
@@ -157,12 +159,21 @@ def settle(data: Data, chain: Chain, goal: float = np.inf) -> Chain:
 
 
 @njit(cache=True, nogil=True)
-def _sharpest(bend: np.ndarray) -> float:
-    """Greatest curvature of any piece [1/m]."""
-    square = 0.0
-    for j in range(len(bend)):
-        square = max(square, bend[j, 0] ** 2 + bend[j, 1] ** 2)
-    return math.sqrt(square)
+def _tame(data: Data, s: np.ndarray, joints: np.ndarray, bend: np.ndarray) -> bool:
+    """Whether the chain turns no more from one point to the next than anyone could tell."""
+    j, before, here, turned = 0, -1, s[0], 0.0
+    for i in range(len(s)):
+        if data.weight[i] <= 0.0:
+            continue
+        while j + 1 < len(joints) and joints[j + 1] <= s[i]:
+            turned += max(joints[j + 1] - here, 0.0) * math.sqrt(bend[j, 0] ** 2 + bend[j, 1] ** 2)
+            here, j = max(joints[j + 1], here), j + 1
+        turned += max(s[i] - here, 0.0) * math.sqrt(bend[j, 0] ** 2 + bend[j, 1] ** 2)
+        wide = before >= 0 and s[i] - s[before] > _WIDE * data.gap
+        if before >= 0 and not turned < (_MOST_TURN_UNSEEN if wide else _MOST_TURN):
+            return False
+        before, here, turned = i, s[i], 0.0
+    return True
 
 
 @njit(cache=True, nogil=True)

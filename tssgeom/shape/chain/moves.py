@@ -71,7 +71,13 @@ def _improved(data: Data, candidate: Chain, least: float) -> Chain | None:
     """Return the candidate, fitted, if its criterion is below `least`."""
     tried = settle(data, candidate, goal(data, parameter_count(candidate.curved, data.free), least))
     # a fit that came down slowly may have stopped short of its best
-    return settle(data, tried) if criterion(data, tried) < least else None
+    return settle(data, tried) if criterion(data, tried) < least and _seen(data, tried) else None
+
+
+def _seen(data: Data, chain: Chain) -> bool:
+    """Whether there is a point on every piece."""
+    piece = np.searchsorted(chain.joints[1:], chain.stations[data.weight > 0.0], side="right")
+    return len(np.unique(piece)) == len(chain.joints)
 
 
 def _finer(data: Data, chain: Chain) -> Chain | None:

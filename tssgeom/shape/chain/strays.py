@@ -1,0 +1,51 @@
+"""Points that a fitted chain does not explain: they lose their weight, and get it back where they belong."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from tssgeom.arrays import Vector
+from tssgeom.shape.chain.fit import Chain, Data, settle
+from tssgeom.shape.chain.moves import fit_chain
+from tssgeom.shape.chain.places import off_chain
+
+_STRAY = 16.0  # squared distance in noise variances, with 2 ln n added, beyond which a point is an outlier
+_MOST_STRAY = 0.1  # of all points: where more are off, the chain is wrong
+_MEDIAN = 1.386  # of the sum of two squared standard normal numbers
+_ROUNDING = 1e-9  # of the spacing
+_ROUNDS = 4
+
+
+def weighed(data: Data, chain: Chain, variance: float = 0.0) -> Vector | None:
+    """Weight of each point by its distance across the chain, or None where no weight changes.
+
+    Parameters
+    ----------
+    data, chain
+        Points and the chain that was fitted to those with weight.
+    variance
+        Noise variance where `data` knows none: so much is believed before the distances are looked at [m²].
+    """
+    square = off_chain(data.points, chain.stations, chain.start, chain.axes, chain.joints, chain.bend)
+    least = max(data.variance or variance, (_ROUNDING * data.gap) ** 2)
+    limit = (_STRAY + 2.0 * math.log(len(square))) * least
+    if square.max() <= limit and data.weight.all():
+        return None
+    if not data.variance:
+        limit *= max(float(np.median(square)) / (_MEDIAN * least), 1.0)
+    weight = np.where(square > limit, 0.0, 1.0)
+    few = np.count_nonzero(weight == 0.0) <= _MOST_STRAY * len(weight)
+    return weight if few and not np.array_equal(weight, data.weight) else None
+
+
+def without_strays(data: Data, chain: Chain) -> tuple[Data, Chain]:
+    """Weigh the points by the chain and fit it again, until no weight changes."""
+    for _ in range(_ROUNDS):
+        weight = weighed(data, chain)
+        if weight is None:
+            break
+        data = data._replace(weight=weight)
+        chain = fit_chain(data, settle(data, chain))
+    return data, chain
