@@ -16,6 +16,7 @@ _NOISE_SHARE = 0.375  # of the posterior variance of the curvature; docs/model.m
 _EXACT = 1e-9  # of the spacing: rounding, not noise
 _VAGUE = 1e4  # variance of place and direction at the first station over that of the last pass
 _LEAST_STEP = 1e-7  # of the mean spacing, between points whose feet coincide
+_SHARPEST_BELIEVED = 1.0  # from point to point [rad]: what turns more has been led astray
 _BEND_SHARE = 0.3  # of κh²: what a jump of curvature alone can move a point off its neighbours' curve
 _AT_END, _NEXT_TO_END = 2.0, 1.0  # the same at the last points, which have neighbours on one side only
 _REACH = 3  # points on either side among which only the worst is taken out at once
@@ -140,7 +141,7 @@ def stray_points(
     stray = np.zeros(n, dtype=np.bool_)
     scale = max(np.median(sizes[:used]) / 1.177, math.sqrt(variance), _EXACT)
     beyond_chance = scale * math.sqrt(16.0 + 2.0 * math.log(n))
-    sharpest = math.sqrt(sharpest)
+    sharpest = min(math.sqrt(sharpest), _SHARPEST_BELIEVED)
     count = 0
     for i in range(n):
         if size[i] <= beyond_chance:

@@ -145,7 +145,9 @@ def lead(data: Data, chain: Chain, spline: Spline) -> float:
 @njit(cache=True, nogil=True)
 def _deviance(data: Data, chain: Chain) -> float:
     """-2 ln evidence of the points normal to a chain, infinite where it has too many parameters for them."""
-    square = off_chain(data.points, chain.stations, chain.start, chain.axes, chain.joints, chain.bend)
+    square = off_chain(
+        data.points, chain.stations, chain.start, chain.axes, chain.joints, chain.bend, across=True
+    )
     cost, values = np.sum(data.weight * square), 2 * int(np.sum(data.weight > 0.0))
     if len(chain.matrix) * _VALUES_A_PARAMETER > values:
         return math.inf

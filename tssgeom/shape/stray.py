@@ -18,6 +18,7 @@ _END_OFF = 0.1  # spacings that the parabola of the last five points must be off
 _END_LEAP = 1.5  # spacings from an end to its neighbour that are too many
 _END_BETTER = 0.3  # what must be left of that without the outlier
 _LONGEST_RUN = 3
+_GOING_ON = 6  # points whose line is followed beyond the end
 _MOST_STRAY = 0.1  # of all points: where more are off, the trouble is another
 _WILD = 0.9  # of the spread of all points: steps typically longer wander
 _LEAP = (10.0, 0.4)  # typical steps, and of the spread: a longer step leaps
@@ -38,6 +39,7 @@ def stray(points: Points) -> np.ndarray:
         kept = points[index]
     if mark.any():
         _unmark_long_runs(mark)
+        _unmark_ends(points, mark)
     return mark if mark.sum() <= _MOST_STRAY * n else np.zeros_like(mark)
 
 
@@ -47,6 +49,21 @@ def _unmark_long_runs(mark: np.ndarray) -> None:
     for begin, end in edges.reshape(-1, 2):
         if end - begin > _LONGEST_RUN:
             mark[begin:end] = False
+
+
+def _unmark_ends(points: Points, mark: np.ndarray) -> None:
+    """Unmark points at an end that lie where the kept ones go on to: beside an outlier they were suspected."""
+    for way in (slice(None), slice(None, None, -1)):
+        p, off = points[way], mark[way]
+        kept = np.flatnonzero(~off)[:_GOING_ON]
+        if not len(kept) or not kept[0]:
+            continue
+        one, other = np.triu_indices(len(kept), 1)
+        slope = np.median((p[kept[other]] - p[kept[one]]) / (kept[other] - kept[one])[:, None], axis=0)
+        start = np.median(p[kept] - kept[:, None] * slope, axis=0)  # one outlier more does not turn the line
+        beyond = start + np.arange(kept[0])[:, None] * slope
+        near = np.linalg.norm(p[: kept[0]] - beyond, axis=1) < np.linalg.norm(slope)
+        off[: kept[0]] &= ~near
 
 
 @njit(cache=True, nogil=True)

@@ -135,9 +135,15 @@ def project(
 
 @njit(cache=True, nogil=True)
 def off_chain(
-    p: np.ndarray, s: np.ndarray, start: np.ndarray, axes: np.ndarray, joints: np.ndarray, bend: np.ndarray
+    p: np.ndarray,
+    s: np.ndarray,
+    start: np.ndarray,
+    axes: np.ndarray,
+    joints: np.ndarray,
+    bend: np.ndarray,
+    across: bool,
 ) -> np.ndarray:
-    """Squared distance of points [n, 3] from the chain, across it at their stations [n] [m²]."""
+    """Squared distance of points [n, 3] from the chain at their stations [n], whole or across it [m²]."""
     x, tangent, _ = along(s, start, axes, joints, bend)
     square = np.empty(len(s))
     for i in range(len(s)):
@@ -146,5 +152,5 @@ def off_chain(
             off = p[i, c] - x[i, c]
             whole += off * off
             ahead += off * tangent[i, c]
-        square[i] = max(whole - ahead * ahead, 0.0)
+        square[i] = max(whole - ahead * ahead, 0.0) if across else whole
     return square

@@ -13,7 +13,7 @@ from tssgeom.shape.chain.places import off_chain
 
 _STRAY = 16.0  # squared distance in noise variances, with 2 ln n added, beyond which a point is an outlier
 _MOST_STRAY = 0.1  # of all points: where more are off, the chain is wrong
-_MEDIAN = 1.386  # of the sum of two squared standard normal numbers
+_MEDIAN = {2: 1.386, 3: 2.366}  # of the sum of so many squared standard normal numbers
 _ROUNDING = 1e-9  # of the spacing
 _ROUNDS = 4
 
@@ -28,13 +28,13 @@ def weighed(data: Data, chain: Chain, variance: float = 0.0) -> Vector | None:
     variance
         Noise variance where `data` knows none: so much is believed before the distances are looked at [m²].
     """
-    square = off_chain(data.points, chain.stations, chain.start, chain.axes, chain.joints, chain.bend)
+    square = off_chain(data.points, chain.stations, *chain[:4], data.free)
     least = max(data.variance or variance, (_ROUNDING * data.gap) ** 2)
     limit = (_STRAY + 2.0 * math.log(len(square))) * least
     if square.max() <= limit and data.weight.all():
         return None
     if not data.variance:
-        limit *= max(float(np.median(square)) / (_MEDIAN * least), 1.0)
+        limit *= max(float(np.median(square)) / (_MEDIAN[2 if data.free else 3] * least), 1.0)
     weight = np.where(square > limit, 0.0, 1.0)
     few = np.count_nonzero(weight == 0.0) <= _MOST_STRAY * len(weight)
     return weight if few and not np.array_equal(weight, data.weight) else None
