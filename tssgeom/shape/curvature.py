@@ -20,6 +20,7 @@ _SINGULAR = 1e-13
 _TYPICAL = 2.0  # peak of the rate of curvature over its root mean square on smooth routes
 _LOST = 0.33
 _FEW = 7.0  # parameters from which a prior is known to its own size; see docs/model.md (26)
+_UNSEEN = 5.0  # mean spacings between points, from which what lies between is a guess
 _RECTIFIED = 0.3  # share of the Rician excess taken as one standard error; see docs/model.md (26)
 
 
@@ -69,6 +70,7 @@ def curvature_profile(spline: Spline) -> CurvatureProfile:
         spline.angle_doubt,
         len(route.weight),
     )
+    _bridge(route.s, route.tangent, route.station, kappa, phi, variance)
     return CurvatureProfile(
         s=route.s,
         kappa=read_only(kappa),
@@ -132,6 +134,42 @@ def _profile(
         if i >= peak:
             variance[i] += lost**2
     return kappa, phi, se, variance
+
+
+@njit(**FAST)
+def _bridge(
+    s: np.ndarray,
+    tangent: np.ndarray,
+    station: np.ndarray,
+    kappa: np.ndarray,
+    phi: np.ndarray,
+    variance: np.ndarray,
+) -> None:
+    """Between points that were not seen, go halfway from the spline's angle to the least that its ends need.
+
+    What lies in a wide gap is a guess, and a smooth prior swings: anything between the two is as likely. The
+    arrays are changed in place; docs/model.md (26).
+    """
+    longest = _UNSEEN * station[-1] / (len(station) - 1)
+    for i in range(1, len(station)):
+        if station[i] - station[i - 1] < longest:
+            continue
+        first, last = np.searchsorted(s, station[i - 1]), np.searchsorted(s, station[i])
+        last = min(last, len(s) - 1)
+        turn, least, along = phi[last] - phi[first], 0.0, 0.0
+        for c in range(3):
+            along += tangent[first, c] * tangent[last, c]
+        least = math.acos(min(max(along, -1.0), 1.0))
+        share = max(0.5 * (turn + least), least) / max(turn, 1e-300)
+        doubt, begun = abs(turn - least) / math.sqrt(12.0), phi[first]
+        for k in range(first, len(s)):
+            part = min((s[k] - s[first]) / (s[last] - s[first]), 1.0)
+            variance[k] += (part * doubt) ** 2
+            if k <= last:
+                kappa[k] *= share
+                phi[k] = begun + share * (phi[k] - begun)
+            else:
+                phi[k] += (share - 1.0) * turn
 
 
 @njit(**FAST)

@@ -52,7 +52,7 @@ def _unmark_long_runs(mark: np.ndarray) -> None:
 
 
 def _unmark_ends(points: Points, mark: np.ndarray) -> None:
-    """Unmark points at an end that lie where the kept ones go on to: beside an outlier they were suspected."""
+    """Unmark points at an end that lie where the kept ones go on to: an outlier made them suspect."""
     for way in (slice(None), slice(None, None, -1)):
         p, off = points[way], mark[way]
         kept = np.flatnonzero(~off)[:_GOING_ON]
@@ -158,10 +158,13 @@ def _worst_of_end(p: np.ndarray, spacing: float, typical: float) -> int:
 @njit(cache=True, nogil=True)
 def _off_direction(p: np.ndarray, spacing: float) -> float:
     """Distance of the first point from straight on from the next ones, where it leaps aside, else 0 [m]."""
-    size, length = _distance(p[0], p[1]), _distance(p[1], p[3]) + 1e-300
+    far = 3  # the point that shows the way: neighbours within the noise do not
+    while far < 5 and _distance(p[1], p[far]) < 2 * spacing:
+        far += 1
+    size, length = _distance(p[0], p[1]), _distance(p[1], p[far]) + 1e-300
     square = 0.0
     for c in range(3):
-        square += (p[0, c] - p[1, c] - size * (p[1, c] - p[3, c]) / length) ** 2
+        square += (p[0, c] - p[1, c] - size * (p[1, c] - p[far, c]) / length) ** 2
     aside = math.sqrt(square)
     return aside if size > _END_LEAP * spacing and aside > 0.6 * size else 0.0
 
