@@ -18,6 +18,7 @@ _END_OFF = 0.1  # spacings that the parabola of the last five points must be off
 _END_LEAP = 1.5  # spacings from an end to its neighbour that are too many
 _END_BETTER = 0.3  # what must be left of that without the outlier
 _LONGEST_RUN = 3
+_UNEVEN = 4.0  # steps by which uneven points may lie ahead or behind
 _GOING_ON = 6  # points whose line is followed beyond the end
 _MOST_STRAY = 0.1  # of all points: where more are off, the trouble is another
 _WILD = 0.9  # of the spread of all points: steps typically longer wander
@@ -61,9 +62,11 @@ def _unmark_ends(points: Points, mark: np.ndarray) -> None:
         one, other = np.triu_indices(len(kept), 1)
         slope = np.median((p[kept[other]] - p[kept[one]]) / (kept[other] - kept[one])[:, None], axis=0)
         start = np.median(p[kept] - kept[:, None] * slope, axis=0)  # one outlier more does not turn the line
-        beyond = start + np.arange(kept[0])[:, None] * slope
-        near = np.linalg.norm(p[: kept[0]] - beyond, axis=1) < np.linalg.norm(slope)
-        off[: kept[0]] &= ~near
+        step = float(np.linalg.norm(slope))
+        apart = p[: kept[0]] - start - np.arange(kept[0])[:, None] * slope
+        along = apart @ slope / (step + 1e-300)
+        aside = np.sqrt(np.maximum(np.einsum("ij,ij->i", apart, apart) - along**2, 0.0))
+        off[: kept[0]] &= (aside > step) | (np.abs(along) > _UNEVEN * step)
 
 
 @njit(cache=True, nogil=True)
