@@ -226,7 +226,8 @@ def test_a_longer_route_stretches_a_tendon_between_fixed_ends():
     state = pretensioned_bars(rig(5.0), STRAIGHT, 10)
     bed = lay(state.edge, Arcs.exact([0.501], [0.0]))
     after = advance(state, bed, coulomb(bed, MU), line_of(10, math.inf, 5.0), displacement_in=0.0)
-    np.testing.assert_allclose(after.tension, 5.0 + 0.001 / (0.501 * RHO), rtol=1e-9)
+    stretch = RHO * 0.5 * 5.0 + 0.001  # nothing but the path makes it longer
+    np.testing.assert_allclose(after.tension, stretch / (RHO * 0.501), rtol=1e-9)
     more_in_view = line_of(10, math.inf, 5.0, stretches_with_route=False)
     after = advance(state, bed, coulomb(bed, MU), more_in_view, displacement_in=0.0)
     np.testing.assert_allclose(after.tension, 5.0, rtol=1e-12)
@@ -251,9 +252,9 @@ def residual_of(old, new, bed, cone, tendon, strain):
     Bar law, cone, sign of the movement on either side, load, drive: none of it uses the solver's numbers.
     """
     stretch = tendon.compliance * bed.length
-    growth = bed.length * (1 - old.length / bed.length.sum()) if tendon.stretches_with_route else 0.0
-    gained = stretch * (new.tension - old.tension)[1:-1] - (new.slack - old.slack)[1:-1]
-    gained += strain * bed.length - growth
+    growth = 1 - old.length / bed.length.sum() if tendon.stretches_with_route else 0.0
+    gained = stretch * (new.tension - (1 - growth) * old.tension)[1:-1] - (new.slack - old.slack)[1:-1]
+    gained += (strain - growth) * bed.length
     change, loosened = new.tension - old.tension, new.slack - old.slack
     last = new.displacement_out - old.displacement_out + tendon.compliance_out * change[-1] - loosened[-1]
     w = last + np.append(np.cumsum(gained[::-1])[::-1], 0.0)

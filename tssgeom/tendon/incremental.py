@@ -227,7 +227,7 @@ def _chain(old, length, length_before, compliance, strain, friction, ends, amoun
         stiffness[j + 1] = 1.0 / (compliance[j] * length[j])
         gained[j + 1] += strain[j] * length[j]
         stretched = (growth - strain[j]) * length[j] - slack[j + 1]
-        trial[j + 1] += stiffness[j + 1] * stretched  # docs/model.md (40)
+        trial[j + 1] += stiffness[j + 1] * stretched - growth * tension[j + 1]  # docs/model.md (40)
     rigid = (not by_force and series_in == 0.0, load == np.inf and series_out == 0.0)
     if by_force:
         trial[0] = amount
@@ -237,6 +237,10 @@ def _chain(old, length, length_before, compliance, strain, friction, ends, amoun
     if load > 0.0 and not rigid[1]:
         stiffness[n + 1] = 1.0 / (1.0 / load + series_out)
         trial[n + 1] -= stiffness[n + 1] * slack[n + 1]
+    if rigid[0]:
+        trial[0] += trial[1] - tension[1]  # docs/model.md (45)
+    if rigid[1]:
+        trial[n + 1] += trial[n] - tension[n]
     shift = amount - slack[0] if rigid[0] else 0.0
     return (trial, stiffness, np.exp(-pulling), np.exp(releasing), force, drag, rigid, shift), gained, whole
 
