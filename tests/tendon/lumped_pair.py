@@ -1,0 +1,142 @@
+"""One case for two solvers: the bars of `tssgeom` and the independent lumped chain, on one grid in time."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from tests.lumped import Distal, Drive, Physics, from_pieces, simulate
+from tssgeom.settings import Rig, Tendon
+from tssgeom.shape.arcs import Arcs
+from tssgeom.tendon import profile
+from tssgeom.tendon.incremental import Line, advance, coulomb
+from tssgeom.tendon.material import lay, pretensioned_bars
+from tssgeom.tendon.transmission import transmit
+
+MU, RHO, PI = 0.145, 3.16e-4, math.pi  # the paper's tendon and sheath, section III-B
+EXPANSION_PER_K = 2e-5
+SPRING, BLOCKED, WEIGHT = Distal("spring", 1000.0), Distal("blocked"), Distal("weight")
+ROWS = ("tension_in", "tension_out", "elongation", "displacement_in", "displacement_out")
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """A route, how it moves, and what is done to the tendon; all linear in time between what is given."""
+
+    length: np.ndarray
+    """[k] or [F, k] Lengths of the pieces [m]."""
+    angle: np.ndarray
+    """[k] or [F, k] Angles of the pieces [rad]."""
+    kind: str
+    """Drive: "force" or "displacement"."""
+    knots: np.ndarray
+    """[D] Times of the drive, from 0 [s]."""
+    values: np.ndarray
+    """[D] Tension [N] or position [m] of the drive."""
+    end: Distal = SPRING
+    frames: np.ndarray = (0.0,)
+    """[F] Times of the route [s]."""
+    pretension: float = 2.0
+    creep: tuple[tuple[float, float], ...] = ()
+    """Kelvin–Voigt elements: ratio of creep to elastic strain [1], time [s]."""
+    celsius: np.ndarray = None
+    """[D] Temperature [°C], where it changes."""
+    series: tuple[float, float] = (0.0, 0.0)
+    """Compliance between sheath and drive, sheath and load [m/N]."""
+
+    def asked(self, count=81):
+        return np.linspace(0.0, self.knots[-1], count)
+
+
+def by_lumped(case, asked, max_step=0.01, cells=160):
+    """[5, len(asked)] `ROWS`, from the lumped chain."""
+    physics = Physics(
+        friction=MU,
+        compliance_per_N=RHO,
+        pretension_N=case.pretension,
+        creep_ratios=tuple(ratio for ratio, _ in case.creep),
+        creep_times_s=tuple(time for _, time in case.creep),
+        expansion_per_K=EXPANSION_PER_K,
+        series_in_m_per_N=case.series[0],
+        series_out_m_per_N=case.series[1],
+    )
+    path = from_pieces(case.length, case.angle, cells, case.frames)
+    celsius = None if case.celsius is None else np.asarray(case.celsius, dtype=float)
+    drive = Drive(case.kind, np.asarray(case.knots, dtype=float), np.asarray(case.values), celsius)
+    run = simulate(path, physics, drive, case.end, asked, max_step)
+    return np.array([run.tension_in, run.tension_out, run.stretch, run.displacement_in, run.displacement_out])
+
+
+def by_bars(case, asked, max_step=0.01, bars=60):
+    """[5, len(asked)] `ROWS`, from `tssgeom.tendon.incremental`."""
+    stiffness = {"spring": case.end.stiffness_N_per_m, "blocked": math.inf, "weight": 0.0}[case.end.kind]
+    line = Line(np.full(bars, RHO), case.pretension, stiffness, *case.series)
+    state = pretensioned_bars(_rig(case), _arcs(case, 0.0), bars)
+    ratio, time = np.array(case.creep, dtype=float).reshape(-1, 2).T
+    crept = np.outer(RHO * ratio, state.tension[1:-1])  # at rest under the pretension
+    warm, before, seen = _at(case, case.celsius, 0.0), -max_step, []
+    for now in _grid(case, asked, max_step):
+        bed, after = lay(state.edge, _arcs(case, now)), _at(case, case.celsius, now)
+        drive = {"tension_in" if case.kind == "force" else "displacement_in": _at(case, case.values, now)}
+        heat = np.full(bars, EXPANSION_PER_K * (after - warm))
+        step = (state, bed, coulomb(bed, MU), line, drive, heat)
+        state, crept = _crept(step, crept, RHO * ratio, (now - before) / time)
+        before, warm = now, after
+        if np.isclose(asked, now, rtol=0.0, atol=1e-9).any():
+            seen.append([getattr(state, name) for name in ROWS])
+    return np.array(seen).T
+
+
+def _crept(step, crept, compliance, x):
+    """Advance with creep strains [c, n] that answer the tension of the same step, linear over x times [c].
+
+    The eigenstrain is iterated until the tension it leaves is the tension it came from.
+    """
+    state, bed, cone, line, drive, heat = step
+    kept, mean = np.exp(-x)[:, None], (-np.expm1(-x) / x)[:, None]
+    tension = state.tension[1:-1]
+    for _ in range(30):
+        answer = (mean - kept) * state.tension[1:-1] + (1 - mean) * tension
+        grown = kept * crept + compliance[:, None] * answer
+        after = advance(state, bed, cone, line, **drive, eigenstrain=heat + np.sum(grown - crept, axis=0))
+        change = np.max(np.abs(after.tension[1:-1] - tension))
+        tension = after.tension[1:-1]
+        if not len(x) or change < 1e-8:
+            return after, grown
+    raise AssertionError(f"creep did not settle: {change:.3g} N")
+
+
+def by_corners(case, asked):
+    """[3, len(asked)] The first three of `ROWS`, from the corner list: force drive on a fixed route."""
+    state, seen = profile.pretensioned(_rig(case)), []
+    for now in _grid(case, asked, 1.0):
+        state = profile.step(state, _at(case, case.values, now), MU)
+        if np.isclose(asked, now, rtol=0.0, atol=1e-9).any():
+            told = transmit(state, _arcs(case, now), _rig(case))
+            seen.append([told.tension_in, told.tension_out, told.elongation])
+    return np.array(seen).T
+
+
+def _rig(case):
+    return Rig(tendon=Tendon(compliance_per_N=RHO, pretension_N=case.pretension))
+
+
+def _at(case, series, now):
+    return 0.0 if series is None else float(np.interp(now, case.knots, series))
+
+
+def _arcs(case, now):
+    def at(series):
+        rows = np.broadcast_to(series, (len(case.frames), np.shape(series)[-1]))
+        return np.array([np.interp(now, case.frames, column) for column in rows.T])
+
+    return Arcs.exact(at(case.length), at(case.angle))
+
+
+def _grid(case, asked, max_step):
+    """Times of the steps: all that is asked and given, and no step longer than `max_step`."""
+    met = np.unique(np.round(np.concatenate((asked, case.knots, case.frames)), 9))
+    met = met[met <= asked[-1]]
+    count = np.ceil(np.diff(met) / max_step - 1e-9).astype(int)
+    parts = [np.linspace(a, b, m + 1)[1:] for a, b, m in zip(met, met[1:], count, strict=False)]
+    return np.concatenate([met[:1], *parts])
