@@ -16,6 +16,17 @@ from tssgeom.tendon.transmission import transmit
 MU, RHO, PI = 0.145, 3.16e-4, math.pi  # the paper's tendon and sheath, section III-B
 EXPANSION_PER_K = 2e-5
 SPRING, BLOCKED, WEIGHT = Distal("spring", 1000.0), Distal("blocked"), Distal("weight")
+MM = 1e-3
+HALF, LOOP = PI * 0.0847, 2 * PI * 0.0372  # radii inferred from figure 6 of the paper [m]
+SETUP_A, SETUP_B = ([HALF, LOOP], [PI, 2 * PI]), ([LOOP, HALF], [2 * PI, PI])
+FOUR = np.array([0.15, 0.1, 0.15, 0.1])
+WANDER = [[2, 0.5, 1, 0], [1, 1.5, 1, 1], [2.5, 0, 0.5, 2], [0.5, 2, 2, 0], [1, 1, 1.5, 1], [2, 0.5, 1, 0]]
+EVERY_2_S = np.arange(0.0, 11.0, 2.0)
+STROKES = {
+    "force": ([0, 1, 3.5, 4.5, 6, 7.5, 10], [2.0, 12.0, 5.0, 9.0, 6.0, 14.0, 3.0]),
+    "displacement": ([0, 1, 3.5, 4.5, 6, 7.5, 10], np.array([0, 2, 1, 1.6, 1.1, 2.5, 0.5]) * MM),
+}
+HELD = {"force": ([0, 1, 10], [2.0, 12.0, 12.0]), "displacement": ([0, 1, 10], [0.0, 2 * MM, 2 * MM])}
 ROWS = ("tension_in", "tension_out", "elongation", "displacement_in", "displacement_out")
 
 
@@ -45,10 +56,11 @@ class Case:
     """Compliance between sheath and drive, sheath and load [m/N]."""
 
     def asked(self, count=81):
+        """Times at which to compare, `count` of them."""
         return np.linspace(0.0, self.knots[-1], count)
 
 
-def by_lumped(case, asked, max_step=0.01, cells=160):
+def by_lumped(case, asked, max_step=0.02, cells=160):
     """[5, len(asked)] `ROWS`, from the lumped chain."""
     physics = Physics(
         friction=MU,
@@ -67,7 +79,7 @@ def by_lumped(case, asked, max_step=0.01, cells=160):
     return np.array([run.tension_in, run.tension_out, run.stretch, run.displacement_in, run.displacement_out])
 
 
-def by_bars(case, asked, max_step=0.01, bars=60):
+def by_bars(case, asked, max_step=0.02, bars=60):
     """[5, len(asked)] `ROWS`, from `tssgeom.tendon.incremental`."""
     stiffness = {"spring": case.end.stiffness_N_per_m, "blocked": math.inf, "weight": 0.0}[case.end.kind]
     line = Line(np.full(bars, RHO), case.pretension, stiffness, *case.series)
@@ -140,3 +152,8 @@ def _grid(case, asked, max_step):
     count = np.ceil(np.diff(met) / max_step - 1e-9).astype(int)
     parts = [np.linspace(a, b, m + 1)[1:] for a, b, m in zip(met, met[1:], count, strict=False)]
     return np.concatenate([met[:1], *parts])
+
+
+def on_wander(kind, drive, end, **others):
+    """Four pieces whose bends change while the drive does `drive`, knots and values."""
+    return Case(FOUR, WANDER, kind, *drive, end, EVERY_2_S, **others)
