@@ -24,7 +24,7 @@ from tssgeom.shape.points import Shape, clean
 from tssgeom.shape.spline import Spline, fit
 from tssgeom.shape.synthetic import Course
 from tssgeom.stream import Frame, process
-from tssgeom.tendon.profile import TendonState, pretensioned, step
+from tssgeom.tendon.profile import Corners, pretensioned, step
 from tssgeom.tendon.transmission import transmit
 
 NOISE = 5e-4
@@ -98,17 +98,17 @@ def _measured(shape: Shape, method: Method = "auto") -> Geometry:
     return measure(shape, NOISE, method)
 
 
-def _moving(frame: Frame) -> tuple[TendonState, float]:
+def _moving(frame: Frame) -> tuple[Corners, float]:
     """Tendon after a pull and a release, and where its proximal tension goes next."""
     loaded = step(step(pretensioned(RIG), 15.0, _MU), 9.0, _MU)
     return loaded, frame.tension_in or 0.0
 
 
-def _stepped(given: tuple[TendonState, float]) -> TendonState:
+def _stepped(given: tuple[Corners, float]) -> Corners:
     return step(*given, _MU)
 
 
-def _loaded(frame: Frame) -> tuple[TendonState, Arcs]:
+def _loaded(frame: Frame) -> tuple[Corners, Arcs]:
     return _stepped(_moving(frame)), _pieces(_profiled(frame))
 
 

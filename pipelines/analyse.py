@@ -13,7 +13,7 @@ from pipelines.work import Options, each_analysis, inputs_of, lumen_of
 from tssgeom.errors import SettingsError
 from tssgeom.io.atomic import replacing, write_text
 from tssgeom.io.results import Analysis, analysis_object, summary_row
-from tssgeom.tendon.profile import tension
+from tssgeom.tendon.state import tension
 
 _SLENDERNESS = 150
 """Length of a route over the radius of its tube, so that the tube looks well at any size."""

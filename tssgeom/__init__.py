@@ -9,8 +9,8 @@ from tssgeom.shape.points import Shape, clean
 from tssgeom.shape.route import Route
 from tssgeom.shape.spline import Spline, fit
 from tssgeom.stream import Frame, FrameResult, Rejected, process
-from tssgeom.tendon.profile import TendonState, pretensioned, step, tension
-from tssgeom.tendon.transmission import Transmission, transmit
+from tssgeom.tendon.state import TendonState, pretensioned, step, tension, transmit
+from tssgeom.tendon.transmission import Transmission
 
 __all__ = [
     # errors

@@ -14,8 +14,9 @@ from tssgeom.shape.fibre.sensed import clean_fibre, measure_fibre, sensed_shape
 from tssgeom.shape.following import Followed, follow
 from tssgeom.shape.points import Shape, clean
 from tssgeom.shape.route import Route
-from tssgeom.tendon.profile import TendonState, pretensioned, step
-from tssgeom.tendon.transmission import Transmission, transmit
+from tssgeom.tendon.compensation import Command, compensate
+from tssgeom.tendon.state import TendonState, pretensioned, step, transmit
+from tssgeom.tendon.transmission import Transmission
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +41,10 @@ class Frame:
     """The sender's own name of the frame."""
     curvatures: Matrix | None = None
     """Curvature components κ_x, κ_y of a fibre at its stations [n, 2]; the points are NaN then [1/m]."""
+    displacement_target: float | None = None
+    """Where the load is wanted, as a movement since the pretensioned state [m]."""
+    tension_out_target: float | None = None
+    """Wanted tension at the distal end [N]; it counts for nothing beside a displacement target."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +63,10 @@ class FrameResult:
     state: TendonState
     transmission: Transmission
     warnings: tuple[str, ...] = ()
+    displacement_command: float | None = None
+    """Position of the drive at which the frame's target is reached, where it has one [m]."""
+    tension_command: float | None = None
+    """Proximal tension at which the frame's target is reached, where it has one [N]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +84,9 @@ def process(
 ) -> Iterator[FrameResult | Rejected]:
     """Turn frames into results, one for each frame and in their order; each fit starts from the last one.
 
+    A frame's `tension_in` drives the tendon, or else its `displacement_in`. Where it brings neither, a target
+    is taken as reached, and without a target the proximal tension is `tension_in`.
+
     Parameters
     ----------
     frames
@@ -82,7 +94,7 @@ def process(
     rig
         Tendon, friction and sensors.
     tension_in
-        Total tension at the proximal end for frames that bring none [N].
+        Total tension at the proximal end for frames that bring no drive and no target [N].
     state
         Tension along the tendon before the first frame; the rig's pretension by default.
     """
@@ -116,12 +128,13 @@ def advance(
     ShapeError
         Where the points cannot be a route.
     SettingsError
-        Where the tension is negative or not finite.
+        Where the tension is negative or not finite, or a target out of reach.
+    FitError
+        Where the points give no finite curve, or the tendon no equilibrium.
     """
     shape, followed = _followed(frame, rig, last)
     geometry = followed.geometry
-    drive = tension_in if frame.tension_in is None else frame.tension_in
-    moved = step(state, drive, rig.friction.coefficient)
+    moved, command = _moved(state, geometry.arcs, rig, frame, tension_in)
     return FrameResult(
         seq=seq,
         frame=frame,
@@ -131,8 +144,10 @@ def advance(
         arcs=geometry.arcs,
         followed=followed,
         state=moved,
-        transmission=transmit(moved, geometry.arcs, rig),
+        transmission=transmit(moved, rig),
         warnings=shape.warnings + geometry.route.warnings,
+        displacement_command=None if command is None else command.displacement_in,
+        tension_command=None if command is None else command.tension_in,
     )
 
 
@@ -145,3 +160,23 @@ def _followed(frame: Frame, rig: Rig, last: Followed | None) -> tuple[Shape, Fol
     shape = clean(frame.points, frame.stations)
     of_points = last is not None and (last.geometry.chain is not None or last.geometry.spline is not None)
     return shape, follow(shape, rig.shape.noise, last if of_points else None)
+
+
+def _moved(
+    state: TendonState, arcs: Arcs, rig: Rig, frame: Frame, tension_in: float
+) -> tuple[TendonState, Command | None]:
+    """Return the tendon after the frame, and the command that its target asks for."""
+    wanted = frame.displacement_target, frame.tension_out_target
+    driven = frame.tension_in is not None or frame.displacement_in is not None
+    if not driven and wanted == (None, None):
+        return step(state, arcs, rig, tension_in=tension_in), None
+    if driven:
+        by_place = frame.displacement_in if frame.tension_in is None else None
+        state = step(state, arcs, rig, tension_in=frame.tension_in, displacement_in=by_place)
+    if wanted == (None, None):
+        return state, None
+    tension_out = frame.tension_out_target if frame.displacement_target is None else None
+    command = compensate(
+        state, arcs, rig, tension_out=tension_out, displacement_out=frame.displacement_target
+    )
+    return (state if driven else command.state), command

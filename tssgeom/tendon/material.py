@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from tssgeom.arrays import Vector, read_only
 from tssgeom.settings import Rig
 from tssgeom.shape.arcs import Arcs
-from tssgeom.tendon.profile import RESOLUTION, SLACK, TendonState, tension
+from tssgeom.tendon.profile import RESOLUTION, SLACK, Corners, tension
+from tssgeom.tendon.transmission import load_moved
 
 Signs = Annotated[NDArray[np.int8], "n"]
 
@@ -89,21 +90,22 @@ def lay(edge: Vector, arcs: Arcs) -> Bed:
     return Bed(*_lay(edge, arcs.length, arcs.angle))
 
 
-def to_bars(state: TendonState, arcs: Arcs, rig: Rig, bars: int = BARS) -> MaterialState:
+def to_bars(state: Corners, arcs: Arcs, rig: Rig, bars: int = BARS, *, halvings: int = 0) -> MaterialState:
     """Hand a corner list over to the bars: the same tension at the place of every bar.
 
     Both advance alike on a fixed route under force drive, so it does not matter when they are exchanged. The
-    load is taken for the rig's spring, which sets the displacements; docs/model.md (48).
+    load is taken for the rig's spring, which sets the displacements; docs/model.md (48). Each of `halvings`
+    cuts the first bar in two.
     """
     edge = np.linspace(0.0, 1.0, bars + 1)
+    edge = np.concatenate(([0.0], edge[1] * 0.5 ** np.arange(halvings, 0, -1), edge[1:]))
     bed = lay(edge, arcs)
     phi = np.concatenate(([0.0], bed.place, [arcs.total_angle]))
     stretch = rig.tendon.compliance_per_N * bed.length
     held = tension(state, phi)
     rest = _at_rest(edge, held, arcs.total_length)
     elongation = float(stretch @ (held[1:-1] - rig.tendon.pretension_N))
-    stiffness = rig.load.stiffness_N_per_m
-    moved = (held[-1] - rig.tendon.pretension_N) / stiffness if stiffness > 0.0 else 0.0
+    moved = load_moved(float(held[-1]), rig)
     return MaterialState(
         edge=rest.edge,
         tension=rest.tension,
@@ -119,7 +121,7 @@ def to_bars(state: TendonState, arcs: Arcs, rig: Rig, bars: int = BARS) -> Mater
     )
 
 
-def to_corners(state: MaterialState, arcs: Arcs) -> TendonState:
+def to_corners(state: MaterialState, arcs: Arcs) -> Corners:
     """Hand the bars over to a corner list on the route `arcs`: ln T linear in φ between their places.
 
     The list knows neither slack nor displacement, and friction that bounds the slope of ln T over φ only;
@@ -130,7 +132,7 @@ def to_corners(state: MaterialState, arcs: Arcs) -> TendonState:
     with np.errstate(divide="ignore"):
         log_tension = np.maximum(np.log(state.tension), SLACK)
     keep = _corners(phi, log_tension)
-    return TendonState(read_only(phi[keep]), read_only(log_tension[keep]), state.direction_index)
+    return Corners(read_only(phi[keep]), read_only(log_tension[keep]), state.direction_index)
 
 
 def _at_rest(edge: Vector, held: Vector, length: float) -> MaterialState:

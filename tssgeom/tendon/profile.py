@@ -26,7 +26,7 @@ _FRICTIONLESS = 1e-100  # below this coefficient μφ is lost against any ln T, 
 
 
 @dataclass(frozen=True, slots=True)
-class TendonState:
+class Corners:
     """Tension along the tendon: ln T is linear between corners and constant after the last one.
 
     The corners are kept over the accumulated curve angle and do not know where the route ends.
@@ -40,12 +40,12 @@ class TendonState:
     """ζ: +1 where the tension was last raised, or never changed; −1 where it was last lowered."""
 
 
-def pretensioned(rig: Rig) -> TendonState:
+def pretensioned(rig: Rig) -> Corners:
     """Return the tendon before its first pull: the rig's pretension all along."""
     return _level(_log(rig.tendon.pretension_N), 1)
 
 
-def step(state: TendonState, tension_in: float, friction: float) -> TendonState:
+def step(state: Corners, tension_in: float, friction: float) -> Corners:
     """Move the proximal tension to `tension_in` and return the new tension along the tendon.
 
     The step is exact for a drive that goes there monotonically, at any speed. An unchanged tension returns
@@ -82,7 +82,7 @@ def step(state: TendonState, tension_in: float, friction: float) -> TendonState:
     return _state(corners, direction_index)
 
 
-def tension(state: TendonState, phi: Vector) -> Vector:
+def tension(state: Corners, phi: Vector) -> Vector:
     """Return the tension [N] at the accumulated curve angles `phi` [rad]."""
     return np.exp(np.interp(phi, state.angle, state.log_tension))
 
@@ -91,13 +91,13 @@ def _log(tension_in: float) -> float:
     return math.log(tension_in) if tension_in > 0.0 else SLACK
 
 
-def _level(log_tension: float, direction_index: int) -> TendonState:
+def _level(log_tension: float, direction_index: int) -> Corners:
     return _state(np.array([[0.0], [log_tension]]), direction_index)
 
 
-def _state(corners: Matrix, direction_index: int) -> TendonState:
+def _state(corners: Matrix, direction_index: int) -> Corners:
     corners.setflags(write=False)
-    return TendonState(corners[0], corners[1], direction_index)
+    return Corners(corners[0], corners[1], direction_index)
 
 
 def _thinned(corners: Matrix) -> Matrix:

@@ -12,7 +12,7 @@ from tssgeom.arrays import Matrix, Vector, read_only
 from tssgeom.settings import Rig
 from tssgeom.shape.arcs import Arcs
 from tssgeom.tendon.pieces import means_on_pieces
-from tssgeom.tendon.profile import RESOLUTION, TendonState
+from tssgeom.tendon.profile import RESOLUTION, Corners
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +35,10 @@ class Transmission:
     """True where the distal end has not yet answered to the last change of the proximal tension."""
     dead_zone_width: float
     """How much further the proximal tension has to go, in the present direction, for an answer [N]."""
+    displacement_in: float
+    """Movement of the drive since the pretensioned state, pulling positive [m]."""
+    displacement_out: float
+    """Movement of the load since the pretensioned state, towards the tendon positive [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,26 +53,39 @@ class Sensitivity:
     """Derivative of ln T at the distal end with respect to any one of the angles [1/rad]."""
 
 
-def transmit(state: TendonState, arcs: Arcs, rig: Rig) -> Transmission:
+def transmit(state: Corners, arcs: Arcs, rig: Rig) -> Transmission:
     """Return tension, elongation and dead zone of a tendon in `state` on the route `arcs`."""
     means, log_tension_out, slope_out = means_on_pieces(arcs.angle, state.angle, state.log_tension)
     tension_out = math.exp(log_tension_out)  # docs/model.md (5)
     excess = means[0] - rig.tendon.pretension_N
     width = _dead_zone_width(state, log_tension_out, rig.friction.coefficient * float(arcs.angle.sum()))
     derivatives = _sensitivity(means, slope_out, arcs.length, rig)
+    elongation = rig.tendon.compliance_per_N * float(arcs.length @ excess)  # docs/model.md (9)
+    moved_out = load_moved(tension_out, rig)
     return Transmission(
         tension_in=math.exp(state.log_tension[0]),
         tension_out=tension_out,
-        elongation=rig.tendon.compliance_per_N * float(arcs.length @ excess),  # docs/model.md (9)
+        elongation=elongation,
         elongation_se=_elongation_se(derivatives, arcs.covariance),
         tension_out_se=tension_out * abs(slope_out) * arcs.total_angle_se,  # docs/model.md (14)
         direction_index=state.direction_index,
         dead_zone=width > 0.0,
         dead_zone_width=width,
+        displacement_in=elongation + moved_out,
+        displacement_out=moved_out,
     )
 
 
-def sensitivity(state: TendonState, arcs: Arcs, rig: Rig) -> Sensitivity:
+def load_moved(tension_out: float, rig: Rig) -> float:
+    """Return how far a distal tension has drawn the rig's spring from where the pretension left it [m].
+
+    A dead weight, of stiffness 0, stays where it is.
+    """
+    stiffness = rig.load.stiffness_N_per_m
+    return (tension_out - rig.tendon.pretension_N) / stiffness if stiffness > 0.0 else 0.0
+
+
+def sensitivity(state: Corners, arcs: Arcs, rig: Rig) -> Sensitivity:
     """Return how tension and elongation answer to each length and angle, the state held over φ.
 
     At a corner of the profile the derivative is one-sided: towards larger angle.
@@ -91,7 +108,7 @@ def _elongation_se(derivatives: Sensitivity, covariance: Matrix) -> float:
     return math.sqrt(max(float(gradient @ covariance @ gradient), 0.0))  # docs/model.md (13)
 
 
-def _dead_zone_width(state: TendonState, log_tension_out: float, reach: float) -> float:
+def _dead_zone_width(state: Corners, log_tension_out: float, reach: float) -> float:
     """Return how far the proximal tension is from moving the distal end [N]; `reach` is μΦ."""
     needed = log_tension_out + state.direction_index * reach  # docs/model.md (6)
     ahead = state.direction_index * (needed - state.log_tension[0])

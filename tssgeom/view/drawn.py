@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tssgeom.arrays import Points, Vector
 from tssgeom.shape.arcs import Arcs
 from tssgeom.stream import FrameResult
-from tssgeom.tendon.profile import tension
+from tssgeom.tendon.state import tension
 
 MOST_NODES = 256
 """A picture shows no more nodes of a route than this."""
