@@ -134,6 +134,51 @@ def view(
     raise typer.Exit(command.run(path, screenshot_to=screenshot, web=web))
 
 
+Shapes = Annotated[Path, typer.Argument(help="A shape, or a recording of a route that moves.")]
+
+
+@app.command()
+def simulate(
+    shapes: Shapes,
+    drive: Annotated[
+        Path,
+        typer.Option("--drive", help="Run (CSV, Parquet): time_s and tension_in_N or displacement_in_m."),
+    ],
+    out: Annotated[Path, typer.Option("--out", help="Folder for simulate.parquet and simulate.rrd.")],
+    rig: RigFile = None,
+    unit: Unit = None,
+    json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Tell tension, elongation and phase over time on a fixed or moving route, driven by a run."""
+    from pipelines import simulate as command
+    from pipelines.work import options
+
+    chosen = options(rig, TENSION_IN, unit, None)
+    raise typer.Exit(command.run(shapes, drive, chosen, out=out, as_json=json, quiet=quiet))
+
+
+@app.command()
+def compensate(
+    shapes: Shapes,
+    target: Annotated[
+        Path,
+        typer.Option("--target", help="Run (CSV, Parquet): time_s and displacement_out_m or tension_out_N."),
+    ],
+    out: Annotated[Path, typer.Option("--out", help="Folder for compensate.parquet.")],
+    rig: RigFile = None,
+    unit: Unit = None,
+    json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Find the proximal command that makes the distal end follow a target."""
+    from pipelines import compensate as command
+    from pipelines.work import options
+
+    chosen = options(rig, TENSION_IN, unit, None)
+    raise typer.Exit(command.run(shapes, target, chosen, out=out, as_json=json, quiet=quiet))
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the console script; each error is one line on stderr, and the exit status says how it went."""
     sys.exit(_status(arguments))

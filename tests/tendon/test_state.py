@@ -18,7 +18,6 @@ from tssgeom.tendon.profile import Corners
 from tssgeom.tendon.state import (
     HALVINGS,
     pretensioned,
-    slip_front,
     state_object,
     state_of,
     step,
@@ -194,12 +193,22 @@ def test_a_recorded_route_is_held_before_its_first_and_after_its_last_frame():
 def test_the_slip_front_is_where_the_dead_zone_ends():
     """docs/model.md (4): φ* = ln(T_max/T_in)/(2μ), for corners and for bars."""
     state = driven([15.0, 10.0], HALF_CIRCLE)
-    assert slip_front(state, Rig()) == pytest.approx(math.log(1.5) / (2 * MU), rel=1e-9)
+    assert transmit(state, Rig()).slip_front == pytest.approx(math.log(1.5) / (2 * MU), rel=1e-9)
     bars = driven([15.0], HALF_CIRCLE)
     bars = step(bars, HALF_CIRCLE, Rig(), displacement_in=transmit(bars, Rig()).displacement_in)
     bars = step(bars, HALF_CIRCLE, Rig(), tension_in=10.0)
-    assert slip_front(bars, Rig()) == pytest.approx(math.log(1.5) / (2 * MU), abs=PI / 60)  # a bar's width
-    assert slip_front(driven([15.0], HALF_CIRCLE), Rig()) == pytest.approx(PI, rel=1e-12)
+    width = PI / 60  # of a bar
+    assert transmit(bars, Rig()).slip_front == pytest.approx(math.log(1.5) / (2 * MU), abs=width)
+    assert transmit(driven([15.0], HALF_CIRCLE), Rig()).slip_front == pytest.approx(PI, rel=1e-12)
+
+
+def test_bars_on_a_sensed_route_have_the_standard_errors_of_corners():
+    arcs = sensed([0.2, 0.3], [1.0, 2.0], 0.02)
+    corners = transmit(driven([15.0], arcs), Rig())
+    bars = step(pretensioned(Rig()), arcs, Rig(), displacement_in=corners.displacement_in)
+    seen = transmit(bars, Rig())
+    assert seen.tension_out_se == pytest.approx(corners.tension_out_se, rel=1e-3)  # δ is known to 5e-4
+    assert seen.elongation_se == pytest.approx(corners.elongation_se, rel=1e-3)
 
 
 def test_bars_are_drawn_with_the_tension_they_have():

@@ -38,6 +38,7 @@ ENTITIES = {
     "/table",
 }
 SERIES = {"/series/tension_in", "/series/tension_out", "/series/elongation", "/series/angle"}
+FRONT = {"/route/slip_front", "/tension/slip_front"}
 
 
 def columns(path: Path, entity: str, *, timed: bool) -> dict[str, list]:
@@ -81,7 +82,7 @@ def test_still_recording_holds_every_part_of_the_picture_and_no_series(still_fil
 
 
 def test_moving_recording_holds_the_series_too(moving_file: Path) -> None:
-    assert entities(moving_file) - {"/"} == ENTITIES | SERIES
+    assert entities(moving_file) - {"/"} == ENTITIES | SERIES | FRONT
 
 
 def test_still_recording_has_no_timeline(still_file: Path) -> None:

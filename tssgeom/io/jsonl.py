@@ -37,6 +37,8 @@ class Line(msgspec.Struct, frozen=True):
     displacement_in_m: float | None = None
     elongation_m: float | None = None
     id: str | int | None = None
+    displacement_target_m: float | None = None
+    tension_out_target_N: float | None = None
 
 
 class _Heading(msgspec.Struct, frozen=True):
@@ -99,6 +101,8 @@ def _frame(line: Line, unit: str | None, time: float | None) -> Frame:
         line.displacement_in_m,
         line.elongation_m,
         "" if line.id is None else str(line.id),
+        line.displacement_target_m,
+        line.tension_out_target_N,
     )
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 from scipy.optimize import brentq
 
@@ -92,12 +93,11 @@ def _reached(held: TendonState, state: TendonState, arcs: Arcs, rig: Rig, target
     if _error(answer, target) == 0.0:
         return answer
     low, high = sorted((held.tension_in, far))  # not all slides one way where the route has moved too
-    root = brentq(
+    root: Any = brentq(
         lambda tension_in: _error(_pulled_to(tension_in, state, arcs, rig), target),
         low,
         high,
         xtol=1e-13 * max(high, 1.0),
-        rtol=1e-14,
     )
     return _pulled_to(float(root), state, arcs, rig)
 

@@ -128,7 +128,8 @@ def to_corners(state: MaterialState, arcs: Arcs) -> Corners:
     docs/model.md (49).
     """
     bed = lay(state.edge, arcs)
-    phi = np.concatenate(([0.0], bed.place, [arcs.total_angle]))
+    beyond = arcs.total_angle * (1.0 + RESOLUTION)  # so that rounding leaves no gap before the distal end
+    phi = np.concatenate(([0.0], bed.place, [beyond]))
     with np.errstate(divide="ignore"):
         log_tension = np.maximum(np.log(state.tension), SLACK)
     keep = _corners(phi, log_tension)

@@ -149,19 +149,6 @@ def transmit(state: TendonState, rig: Rig) -> Transmission:
     )
 
 
-def slip_front(state: TendonState, rig: Rig) -> float:
-    """Return the curve angle up to which the tendon slid on the last move of the drive, φ* [rad].
-
-    It is 0 where nothing slid and Φ where all of it did; docs/model.md (4).
-    """
-    seen, reach = corners(state), _route(state).total_angle
-    if len(seen.angle) == 1:
-        return reach
-    drop = seen.log_tension[0] - seen.log_tension[1]
-    slides = abs(drop - seen.direction_index * rig.friction.coefficient * seen.angle[1]) <= 1e-6
-    return min(float(seen.angle[1]), reach) if slides else 0.0
-
-
 def state_object(state: TendonState) -> dict[str, Any]:
     """Return a state as an object for JSON, from which `state_of` makes the same state to the last bit."""
     kind = "corners" if isinstance(state.along, Corners) else "bars"
@@ -204,7 +191,7 @@ def _revived(kind: type[_Part], saved: Mapping[str, Any]) -> _Part:
     return kind(**values)
 
 
-def _array(name: str, numbers: list[Any]) -> np.ndarray:
+def _array(name: str, numbers: list[Any]) -> Any:
     if name != "slip":
         return read_only(np.array(numbers, dtype=np.float64))
     slip = np.array(numbers, dtype=np.int8)

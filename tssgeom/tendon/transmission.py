@@ -14,6 +14,8 @@ from tssgeom.shape.arcs import Arcs
 from tssgeom.tendon.pieces import means_on_pieces
 from tssgeom.tendon.profile import RESOLUTION, Corners
 
+_SLIDES = 1e-6  # of ln T: bars are solved to 1e-10, and points on one line within 1e-9 are left out
+
 
 @dataclass(frozen=True, slots=True)
 class Transmission:
@@ -35,6 +37,8 @@ class Transmission:
     """True where the distal end has not yet answered to the last change of the proximal tension."""
     dead_zone_width: float
     """How much further the proximal tension has to go, in the present direction, for an answer [N]."""
+    slip_front: float
+    """Curve angle up to which the tendon slid when the drive last moved, φ*; Φ where all of it did [rad]."""
     displacement_in: float
     """Movement of the drive since the pretensioned state, pulling positive [m]."""
     displacement_out: float
@@ -58,7 +62,8 @@ def transmit(state: Corners, arcs: Arcs, rig: Rig) -> Transmission:
     means, log_tension_out, slope_out = means_on_pieces(arcs.angle, state.angle, state.log_tension)
     tension_out = math.exp(log_tension_out)  # docs/model.md (5)
     excess = means[0] - rig.tendon.pretension_N
-    width = _dead_zone_width(state, log_tension_out, rig.friction.coefficient * float(arcs.angle.sum()))
+    friction, reach = rig.friction.coefficient, float(arcs.angle.sum())
+    width = _dead_zone_width(state, log_tension_out, friction * reach)
     derivatives = _sensitivity(means, slope_out, arcs.length, rig)
     elongation = rig.tendon.compliance_per_N * float(arcs.length @ excess)  # docs/model.md (9)
     moved_out = load_moved(tension_out, rig)
@@ -71,6 +76,7 @@ def transmit(state: Corners, arcs: Arcs, rig: Rig) -> Transmission:
         direction_index=state.direction_index,
         dead_zone=width > 0.0,
         dead_zone_width=width,
+        slip_front=min(_front(state, friction), reach),
         displacement_in=elongation + moved_out,
         displacement_out=moved_out,
     )
@@ -115,6 +121,16 @@ def _dead_zone_width(state: Corners, log_tension_out: float, reach: float) -> fl
     if ahead <= RESOLUTION:
         return 0.0
     return abs(_exp(needed) - _exp(state.log_tension[0]))
+
+
+def _front(state: Corners, friction: float) -> float:
+    """Return where the run that starts at the proximal end with the slope of sliding ends [rad]."""
+    if len(state.angle) == 1:
+        return math.inf
+    drop = float(state.log_tension[0] - state.log_tension[1])
+    reach = float(state.angle[1])
+    slides = abs(drop - state.direction_index * friction * reach) <= _SLIDES
+    return reach if slides else 0.0  # docs/model.md (4)
 
 
 def _exp(exponent: float) -> float:

@@ -52,14 +52,14 @@ def _shape_layout(name: str, camera: Camera) -> rrb.Container:
 
 
 def _run_layout(name: str, camera: Camera) -> rrb.Container:
-    left = rrb.Vertical(_space(name, camera), _words(), row_shares=[66, 34])
+    left = rrb.Vertical(_space(name, camera, "; slip front in pink"), _words(), row_shares=[66, 34])
     right = rrb.Vertical(*_charts(timed=True), *_series(), row_shares=[26, 22, 20, 16, 16])
     return rrb.Horizontal(left, right, column_shares=[58, 42])
 
 
-def _space(name: str, camera: Camera) -> rrb.Spatial3DView:
+def _space(name: str, camera: Camera, more: str = "") -> rrb.Spatial3DView:
     return rrb.Spatial3DView(
-        name=f"{name}: route coloured by tension [N], pieces with angle and radius",
+        name=f"{name}: route coloured by tension [N], pieces with angle and radius{more}",
         contents=["route/**", "sensed/**", "joints/**", "labels/**", "lumen/**", "scale/**"],
         background=rrb.Background(color=colours.BACKGROUND),
         line_grid=False,

@@ -61,6 +61,14 @@ def drawn(result: FrameResult, most: int = MOST_NODES) -> Drawn:
     )
 
 
+def front(result: FrameResult, frame: Drawn) -> float:
+    """Arc length up to which the tendon slid when the drive last moved [m].
+
+    Where that is all of it, the front is at the distal end.
+    """
+    return float(np.interp(result.transmission.slip_front, frame.phi, frame.s))
+
+
 def evenly(count: int, most: int) -> NDArray[np.intp]:
     """Choose at most `most` of `count` indices, evenly, with the first and the last."""
     return np.unique(np.rint(np.linspace(0, count - 1, min(count, most))).astype(np.intp))

@@ -18,6 +18,7 @@ from tssgeom.view import words
 from tssgeom.view.blueprint import blueprint, chart_boxes
 from tssgeom.view.columns import Sender
 from tssgeom.view.rerun_charts import send_curvature_chart, send_tension_chart
+from tssgeom.view.rerun_front import send_slip_front
 from tssgeom.view.rerun_series import send_series
 from tssgeom.view.rerun_space import send_space
 from tssgeom.view.run import Run, run_of
@@ -85,6 +86,7 @@ def _send(sender: Sender, run: Run, lumen: trimesh.Trimesh | None) -> None:
     send_tension_chart(sender, run.frames, pieces, run.ranges, boxes.tension)
     send_curvature_chart(sender, run.frames, pieces, run.ranges, boxes.curvature)
     if run.timed:
+        send_slip_front(sender, run, boxes.tension)
         send_series(sender, run.results)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from tssgeom.stream import FrameResult
 from tssgeom.view.camera import Camera, camera
-from tssgeom.view.drawn import Drawn, Ranges, drawn, ranges
+from tssgeom.view.drawn import Drawn, Ranges, drawn, front, ranges
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,6 +22,11 @@ class Run:
     ranges: Ranges
     camera: Camera
     timed: bool
+
+    @property
+    def fronts(self) -> Sequence[float]:
+        """Arc length up to which the tendon slid in each frame [m]."""
+        return [front(result, frame) for result, frame in zip(self.results, self.frames, strict=True)]
 
 
 def run_of(name: str, results: Sequence[FrameResult], timed: bool) -> Run:

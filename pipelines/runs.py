@@ -1,0 +1,103 @@
+"""What simulate and compensate share: a sensed route over time, and a picture of a run on it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from pipelines.console import complain
+from pipelines.work import Options
+from tssgeom.errors import ShapeError
+from tssgeom.io.files import open_recording
+from tssgeom.io.runs import MeasuredRun
+from tssgeom.stream import Frame, FrameResult, Rejected, process
+from tssgeom.tendon.moving import MovingRoute
+from tssgeom.tendon.simulation import Moment
+from tssgeom.view.drawn import evenly
+
+MOST_DRAWN = 400
+"""A picture shows no more moments of a run than this."""
+
+
+@dataclass(frozen=True, slots=True)
+class SensedRoute:
+    """The route of a shape, or of a recording over time."""
+
+    name: str
+    results: Sequence[FrameResult]
+    rejected: int
+    """Frames that could not be used."""
+
+    @property
+    def route(self) -> MovingRoute:
+        """The route at any time."""
+        times = np.array([result.frame.time for result in self.results])
+        return MovingRoute(times, [result.arcs for result in self.results])
+
+    def nearest(self, time: float) -> FrameResult:
+        """Return the frame nearest to a time [s]."""
+        times = np.array([result.frame.time for result in self.results])
+        return self.results[int(np.argmin(np.abs(times - time)))]
+
+
+def sensed_route(path: Path, chosen: Options) -> SensedRoute:
+    """Fit the route of every frame of a file, and tell those that cannot be used.
+
+    Raises
+    ------
+    ShapeError, SourceError
+        Where the file cannot be used, or none of its frames.
+    """
+    recording = open_recording(path, chosen.unit)
+    rig = chosen.rig
+    items = list(process(_shapes_only(recording.frames), rig, tension_in=rig.tendon.pretension_N))
+    rejected = [item for item in items if isinstance(item, Rejected)]
+    results = [item for item in items if isinstance(item, FrameResult)]
+    if not results:
+        reason = rejected[0].reason if rejected else "it holds no frame"
+        raise ShapeError(f"{path}: no frame can be used; the first: {reason}")
+    for item in rejected[:5]:
+        complain(f"{path}: frame {item.seq}: {item.reason}")
+    if len(rejected) > 5:
+        complain(f"{path}: {len(rejected) - 5} more frames rejected: see tssgeom check")
+    return SensedRoute(path.stem, results, len(rejected))
+
+
+def _shapes_only(frames: Iterable[Frame | Rejected]) -> Iterator[Frame | Rejected]:
+    """Yield the frames without their drives: the run brings its own."""
+    for frame in frames:
+        yield frame if isinstance(frame, Rejected) else Frame(frame.points, frame.time, frame.stations)
+
+
+def draw(path: Path, sensed: SensedRoute, run: MeasuredRun, moments: Sequence[Moment]) -> None:
+    """Write the Rerun recording of a run, on the frames nearest in time.
+
+    Raises
+    ------
+    SourceError
+        Where the disk refuses.
+    """
+    from tssgeom.view.rerun_log import write_recording
+
+    path.parent.mkdir(parents=True, exist_ok=True)
+    shown = [_shown(sensed, run, moments[k], int(k)) for k in evenly(len(moments), MOST_DRAWN)]
+    write_recording(path, f"{sensed.name} driven by {run.name}", shown, timed=True)
+
+
+def _shown(sensed: SensedRoute, run: MeasuredRun, moment: Moment, row: int) -> FrameResult:
+    near = sensed.nearest(moment.time)
+    frame = replace(
+        near.frame,
+        time=moment.time,
+        tension_in=moment.transmission.tension_in,
+        tension_out=_measured(run.tension_out, row),
+        elongation=_measured(run.elongation, row),
+    )
+    return replace(near, seq=row, frame=frame, state=moment.state, transmission=moment.transmission)
+
+
+def _measured(channel: np.ndarray | None, row: int) -> float | None:
+    return None if channel is None or np.isnan(channel[row]) else float(channel[row])

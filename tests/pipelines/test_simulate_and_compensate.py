@@ -1,0 +1,123 @@
+"""simulate drives the model by a run, compensate turns it round; on routes that stand and that move."""
+
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow.parquet as papq
+import pytest
+
+Run = Callable[..., Any]
+
+COLUMNS = [
+    "time_s",
+    "tension_in_N",
+    "tension_out_N",
+    "elongation_m",
+    "displacement_in_m",
+    "displacement_out_m",
+    "phase",
+    "direction_index",
+    "dead_zone_N",
+]
+
+
+def write_run(path: Path, **columns: list[float]) -> Path:
+    rows = zip(*columns.values(), strict=True)
+    path.write_text(",".join(columns) + "\n" + "".join(",".join(map(str, row)) + "\n" for row in rows))
+    return path
+
+
+@pytest.fixture
+def opening(tmp_path: Path) -> Path:
+    """A bend of 500 mm that opens from 180° to 90° in four seconds."""
+    lines = []
+    for time in range(5):
+        turn = math.pi * (1 - time / 8)
+        along = np.linspace(0.0, turn, 40)
+        points = 500.0 / turn * np.column_stack([np.cos(along), np.sin(along), 0 * along])
+        lines.append(json.dumps({"t": time, "points": points.tolist(), "unit": "mm"}))
+    path = tmp_path / "opening.jsonl"
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def test_simulate_gives_a_row_for_each_row_of_the_run(run: Run, half: Path, tmp_path: Path):
+    drive = write_run(
+        tmp_path / "drive.csv", time_s=[0, 1, 2, 3, 4, 5], tension_in_N=[5.0, 15.0, 15.0, 10.0, 5.0, 6.0]
+    )
+    done = run("simulate", half, "--drive", drive, "--out", tmp_path / "out", "--json")
+    assert (done.status, done.errors) == (0, [])
+    table = papq.read_table(tmp_path / "out" / "simulate.parquet")
+    assert table.column_names == COLUMNS
+    units = {field.name: field.metadata[b"unit"].decode() for field in table.schema}
+    assert units["elongation_m"] == "m"
+    assert units["dead_zone_N"] == "N"
+    rows = table.to_pydict()
+    assert rows["phase"] == ["pull", "pull", "hold", "pull_to_release", "release", "release_to_pull"]
+    assert rows["direction_index"] == [1, 1, 1, -1, -1, 1]
+    # the paper's half circle, model page (5), (6); 4e-4 for the fit of the 40 points in the file
+    assert rows["tension_out_N"][1] == pytest.approx(9.5117, rel=4e-4)
+    assert rows["dead_zone_N"][3] == pytest.approx(10.0 - 6.031, rel=4e-3)
+    assert rows["elongation_m"][3] == pytest.approx(1.7284e-3, rel=1e-3)
+    summary = json.loads(done.out)
+    assert summary["rows"] == 6
+    assert summary["phases"]["pull"] == 2
+    assert all(Path(file).is_file() for file in summary["files"])
+
+
+def test_a_moving_route_is_taken_between_its_frames(run: Run, opening: Path, tmp_path: Path):
+    times = [0.0, 0.5, 1.0, 2.5, 4.0, 9.0]
+    drive = write_run(tmp_path / "drive.csv", time_s=times, tension_in_N=[10.0] * 6)
+    assert run("simulate", opening, "--drive", drive, "--out", tmp_path / "out", "--quiet").status == 0
+    rows = papq.read_table(tmp_path / "out" / "simulate.parquet").to_pydict()
+    angle = [math.pi * (1 - min(time, 4.0) / 8) for time in times]
+    # a bend that opens lets the tendon slide on, so the whole of it stays at the edge of its cone
+    expected = [10.0 * math.exp(-0.145 * one) for one in angle]
+    assert rows["tension_out_N"] == pytest.approx(expected, rel=1e-3)
+    assert rows["phase"] == ["pull"] + ["hold"] * 5
+
+
+def test_the_commands_bring_the_distal_end_to_its_target(run: Run, opening: Path, tmp_path: Path):
+    wanted = [1e-3, 4e-3, 6e-3, 5e-3, 2e-3, 3e-3]
+    times = [0.0, 0.7, 1.4, 2.1, 2.8, 3.5]
+    target = write_run(tmp_path / "target.csv", time_s=times, displacement_out_m=wanted)
+    done = run("compensate", opening, "--target", target, "--out", tmp_path / "out", "--json")
+    assert (done.status, json.loads(done.out)["rows"]) == (0, 6)
+    commands = papq.read_table(tmp_path / "out" / "compensate.parquet")
+    assert commands.column_names == ["time_s", "displacement_in_m", "tension_in_N"]
+    for drive in ("tension_in_N", "displacement_in_m"):
+        path = write_run(tmp_path / f"{drive}.csv", time_s=times, **{drive: commands[drive].to_pylist()})
+        assert run("simulate", opening, "--drive", path, "--out", tmp_path / drive, "--quiet").status == 0
+        rows = papq.read_table(tmp_path / drive / "simulate.parquet").to_pydict()
+        # by force the same model turned round; by place bars from the start against corners first: 5e-4 of δ
+        exact = drive == "tension_in_N"
+        assert rows["displacement_out_m"] == pytest.approx(wanted, rel=1e-6 if exact else 2e-3, abs=1e-9)
+
+
+def test_a_target_out_of_reach_is_one_line(run: Run, half: Path, tmp_path: Path):
+    target = write_run(tmp_path / "target.csv", time_s=[0, 1], displacement_out_m=[1e-3, -1.0])
+    done = run("compensate", half, "--target", target, "--out", tmp_path / "out")
+    assert done.status == 2
+    assert len(done.errors) == 1
+    assert "only pulls" in done.errors[0]
+    assert not (tmp_path / "out" / "compensate.parquet").exists()
+
+
+def test_a_run_without_a_drive_is_one_line(run: Run, half: Path, tmp_path: Path):
+    drive = write_run(tmp_path / "drive.csv", time_s=[0, 1], tension_out_N=[1.0, 2.0])
+    done = run("simulate", half, "--drive", drive, "--out", tmp_path / "out")
+    assert (done.status, len(done.errors)) == (2, 1)
+    assert "tension_in_N or displacement_in_m" in done.errors[0]
+
+
+def test_a_bad_frame_is_told_and_the_rest_is_done(run: Run, opening: Path, tmp_path: Path):
+    lines = opening.read_text().splitlines()
+    opening.write_text("\n".join([lines[0], '{"t": 0.5, "points": [[1,2', *lines[1:]]) + "\n")
+    drive = write_run(tmp_path / "drive.csv", time_s=[0, 1], tension_in_N=[1.0, 2.0])
+    done = run("simulate", opening, "--drive", drive, "--out", tmp_path / "out", "--quiet")
+    assert done.status == 1
+    assert "frame 1" in done.errors[0]
