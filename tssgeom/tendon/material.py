@@ -79,10 +79,14 @@ class Bed:
     """[n+1] Length of sheath of each contact; their sum is L [m]."""
 
 
-def pretensioned_bars(rig: Rig, arcs: Arcs, bars: int = BARS) -> MaterialState:
-    """Return the tendon before its first pull, cut into equal bars: the rig's pretension all along."""
-    edge = np.linspace(0.0, 1.0, bars + 1)
-    return _at_rest(edge, np.full(bars + 2, rig.tendon.pretension_N), arcs.total_length)
+def pretensioned_bars(rig: Rig, arcs: Arcs, bars: int = BARS, *, halvings: int = 0) -> MaterialState:
+    """Return the tendon before its first pull, cut into equal bars: the rig's pretension all along.
+
+    Each of `halvings` cuts the first and the last bar in two.
+    """
+    edge = _refined(np.linspace(0.0, 1.0, bars + 1), halvings)
+    edge = 1.0 - _refined(1.0 - edge[::-1], halvings)[::-1]
+    return _at_rest(edge, np.full(len(edge) + 1, rig.tendon.pretension_N), arcs.total_length)
 
 
 def lay(edge: Vector, arcs: Arcs) -> Bed:
@@ -97,8 +101,7 @@ def to_bars(state: Corners, arcs: Arcs, rig: Rig, bars: int = BARS, *, halvings:
     load is taken for the rig's spring, which sets the displacements; docs/model.md (48). Each of `halvings`
     cuts the first bar in two.
     """
-    edge = np.linspace(0.0, 1.0, bars + 1)
-    edge = np.concatenate(([0.0], edge[1] * 0.5 ** np.arange(halvings, 0, -1), edge[1:]))
+    edge = _refined(np.linspace(0.0, 1.0, bars + 1), halvings)
     bed = lay(edge, arcs)
     phi = np.concatenate(([0.0], bed.place, [arcs.total_angle]))
     stretch = rig.tendon.compliance_per_N * bed.length
@@ -128,12 +131,17 @@ def to_corners(state: MaterialState, arcs: Arcs) -> Corners:
     docs/model.md (49).
     """
     bed = lay(state.edge, arcs)
-    beyond = arcs.total_angle * (1.0 + RESOLUTION)  # so that rounding leaves no gap before the distal end
+    beyond = arcs.total_angle * (1.0 + 0.1 * RESOLUTION)  # rounding leaves no gap before the distal end
     phi = np.concatenate(([0.0], bed.place, [beyond]))
     with np.errstate(divide="ignore"):
         log_tension = np.maximum(np.log(state.tension), SLACK)
     keep = _corners(phi, log_tension)
     return Corners(read_only(phi[keep]), read_only(log_tension[keep]), state.direction_index)
+
+
+def _refined(edge: Vector, halvings: int) -> Vector:
+    """Cut the first bar in two, the part next to the end again, and so on."""
+    return np.concatenate(([0.0], edge[1] * 0.5 ** np.arange(halvings, 0, -1), edge[1:]))
 
 
 def _at_rest(edge: Vector, held: Vector, length: float) -> MaterialState:

@@ -1,0 +1,172 @@
+"""Two tendons that pull one joint against each other, each in its own sheath; docs/model.md (54), (55)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+from scipy.optimize import brentq
+
+from tssgeom.arrays import read_only
+from tssgeom.errors import FitError, SettingsError
+from tssgeom.settings import Rig
+from tssgeom.shape.arcs import Arcs
+from tssgeom.tendon import incremental
+from tssgeom.tendon.incremental import coulomb, line
+from tssgeom.tendon.material import BARS, MaterialState, lay, pretensioned_bars
+
+HALVINGS = 4
+"""The bars at both ends are halved so often: the tension at a held end is known to half of the last bar."""
+_MOST_DOUBLINGS = 60
+_CLOSED = 1e-12  # what may stay open between the movements of both tendons [m]
+
+
+class Both(NamedTuple):
+    """One number for each tendon."""
+
+    agonist: float
+    antagonist: float
+
+
+class Routes(NamedTuple):
+    """The route of each tendon."""
+
+    agonist: Arcs
+    antagonist: Arcs
+
+
+@dataclass(frozen=True, slots=True)
+class Joint:
+    """A joint that turns by θ where the agonist moves by rθ towards its drive, the antagonist by −rθ."""
+
+    radius: float
+    """Lever arm of both tendons, r [m]."""
+    stiffness: float
+    """Torque for each radian, greater than 0 [N·m/rad]."""
+
+    def __post_init__(self) -> None:
+        for name in ("radius", "stiffness"):
+            value = getattr(self, name)
+            if not 0.0 < value < math.inf:
+                raise SettingsError(f"joint.{name} is {value:g}: give a finite value > 0")
+
+
+@dataclass(frozen=True, slots=True)
+class PairState:
+    """Both tendons and the joint between them."""
+
+    agonist: MaterialState
+    antagonist: MaterialState
+    angle: float
+    """Angle of the joint since the pretensioned state, θ [rad]."""
+    torque: float
+    """Load on the joint, against the agonist [N·m]."""
+
+
+def pretensioned_pair(rig: Rig, routes: Routes, bars: int = BARS) -> PairState:
+    """Return the joint at rest between two tendons with the rig's pretension."""
+    agonist, antagonist = (pretensioned_bars(rig, arcs, bars, halvings=HALVINGS) for arcs in routes)
+    return PairState(agonist, antagonist, 0.0, 0.0)
+
+
+def step(
+    pair: PairState,
+    routes: Routes,
+    rig: Rig,
+    joint: Joint,
+    *,
+    tension_in: Both | None = None,
+    displacement_in: Both | None = None,
+    torque: float = 0.0,
+) -> PairState:
+    """Move both drives, both routes and the load at once.
+
+    Parameters
+    ----------
+    pair
+        Tendons and joint before the step.
+    routes
+        Their routes after the step; a longer one shows more of the tendon and does not stretch it.
+    rig
+        Tendon and friction, alike for both; its load stays out of it, as the joint takes that place.
+    joint
+        Lever arm and stiffness.
+    tension_in, displacement_in
+        New tensions [N] or positions [m] of the drives; one of them.
+    torque
+        New load on the joint, against the agonist [N·m].
+
+    Raises
+    ------
+    SettingsError
+        Where not exactly one kind of drive is given, or a value is not finite.
+    FitError
+        Where no equilibrium was found.
+    """
+    if not math.isfinite(torque):
+        raise SettingsError(f"torque is {torque:g} N·m: give a finite torque")
+    lift = 0.5 * (torque - pair.torque) / joint.radius
+    force, place = tension_in or (None, None), displacement_in or (None, None)
+    pulls = (
+        _puller(pair.agonist, routes.agonist, rig, joint, force[0], place[0], lift),
+        _puller(pair.antagonist, routes.antagonist, rig, joint, force[1], place[1], -lift),
+    )
+    common = _common_tension(pulls, pair)
+    agonist, antagonist = (pull(common) for pull in pulls)
+    turned = 0.5 * (agonist.displacement_out - antagonist.displacement_out) / joint.radius
+    return PairState(agonist, antagonist, turned, torque)
+
+
+_Pull = Callable[[float], MaterialState]
+
+
+def _puller(
+    state: MaterialState,
+    arcs: Arcs,
+    rig: Rig,
+    joint: Joint,
+    tension_in: float | None,
+    displacement_in: float | None,
+    lift: float,
+) -> _Pull:
+    """Return the tendon as a function of what the tension that both share grows by [N]."""
+    bed = lay(state.edge, arcs)
+    cone = coulomb(bed, rig.friction.coefficient)
+    half = 0.5 * joint.stiffness / joint.radius**2  # docs/model.md (54): each tendon against half the spring
+    tendon = replace(line(rig, len(bed.length)), load_stiffness=half, stretches_with_route=False)
+
+    def pull(growth: float) -> MaterialState:
+        tension = state.tension.copy()
+        tension[-1] += lift + growth
+        loaded = replace(state, tension=read_only(tension))
+        return incremental.advance(
+            loaded, bed, cone, tendon, tension_in=tension_in, displacement_in=displacement_in
+        )
+
+    return pull
+
+
+def _common_tension(pulls: tuple[_Pull, _Pull], pair: PairState) -> float:
+    """Return the growth of the shared tension that keeps both tendons on one joint; docs/model.md (55)."""
+
+    def gap(growth: float) -> float:
+        agonist, antagonist = (pull(growth) for pull in pulls)
+        return agonist.displacement_out + antagonist.displacement_out
+
+    at_rest = gap(0.0)
+    if abs(at_rest) <= _CLOSED:
+        return 0.0
+    near, far = 0.0, math.copysign(1e-3 * (1.0 + _greatest(pair)), at_rest)
+    for _ in range(_MOST_DOUBLINGS):
+        if gap(far) * at_rest <= 0.0:
+            low, high = sorted((near, far))
+            root: Any = brentq(gap, low, high, xtol=1e-14 * (1.0 + _greatest(pair)))
+            return float(root)
+        near, far = far, 2.0 * far
+    raise FitError("no equilibrium of the joint was found: take smaller steps")
+
+
+def _greatest(pair: PairState) -> float:
+    return float(max(pair.agonist.tension.max(), pair.antagonist.tension.max()))
