@@ -24,6 +24,8 @@ from tssgeom.shape.points import Shape, clean
 from tssgeom.shape.spline import Spline, fit
 from tssgeom.shape.synthetic import Course
 from tssgeom.stream import Frame, process
+from tssgeom.tendon import incremental
+from tssgeom.tendon.material import BARS, MaterialState, pretensioned_bars
 from tssgeom.tendon.profile import Corners, pretensioned, step
 from tssgeom.tendon.transmission import transmit
 
@@ -112,9 +114,7 @@ def _loaded(frame: Frame) -> tuple[Corners, Arcs]:
     return _stepped(_moving(frame)), _pieces(_profiled(frame))
 
 
-def _followed(
-    method: Method, *, stations: bool
-) -> Callable[[Sequence[Frame]], Iterator[Callable[[], object]]]:
+def _followed(method: Method, *, stations: bool) -> _Calls:
     """Geometry of one frame after the other, each from where the last one was."""
 
     def calls(seen: Sequence[Frame]) -> Iterator[Callable[[], object]]:
@@ -127,6 +127,21 @@ def _followed(
         return cycle([partial(go_on, _known(frame) if stations else _clean(frame)) for frame in seen])
 
     return calls
+
+
+def _bent(frame: Frame) -> tuple[MaterialState, Arcs, float]:
+    """Bars after a pull and a release on a route that is not quite the frame's, and where the drive goes."""
+    arcs = _pieces(_profiled(frame))
+    before = Arcs.exact(arcs.length, (1.0 + _SWAY) * arcs.angle)
+    state = pretensioned_bars(RIG, before)
+    for tension_in in (15.0, 9.0):
+        state = incremental.step(state, before, RIG, tension_in=tension_in)
+    return state, arcs, frame.tension_in or 0.0
+
+
+def _moved(given: tuple[MaterialState, Arcs, float]) -> MaterialState:
+    state, arcs, tension_in = given
+    return incremental.step(state, arcs, RIG, tension_in=tension_in)
 
 
 def _streamed(*, stations: bool) -> _Calls:
@@ -158,6 +173,7 @@ STAGES = (
     Stage("warm: arcs, stations known", _followed("arcs", stations=True)),
     Stage("warm: arcs, stations not told", _followed("arcs", stations=False)),
     _stage("tendon step", _moving, _stepped),
+    _stage(f"tendon step, moving route, {BARS} bars", _bent, _moved),
     _stage("transmit", _loaded, lambda given: transmit(*given, RIG)),
     Stage("whole frame, stations known", _streamed(stations=True)),
     Stage("whole frame, stations not told", _streamed(stations=False)),

@@ -39,12 +39,12 @@ class Frame:
     """Measured elongation [m]."""
     id: str = ""
     """The sender's own name of the frame."""
-    curvatures: Matrix | None = None
-    """Curvature components κ_x, κ_y of a fibre at its stations [n, 2]; the points are NaN then [1/m]."""
     displacement_target: float | None = None
     """Where the load is wanted, as a movement since the pretensioned state [m]."""
     tension_out_target: float | None = None
     """Wanted tension at the distal end [N]; it counts for nothing beside a displacement target."""
+    curvatures: Matrix | None = None
+    """Curvature components κ_x, κ_y of a fibre at its stations [n, 2]; the points are NaN then [1/m]."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -69,14 +69,11 @@ def step(state: Corners, tension_in: float, friction: float) -> Corners:
         raise SettingsError(
             f"tension_in is {tension_in:g} N: a tendon only pulls; give a finite total tension >= 0 N"
         )
-    drive = _log(tension_in)
-    change = drive - state.log_tension[0]
-    if abs(change) <= RESOLUTION:
-        return state
-    direction_index = 1 if change > 0 else -1
     if tension_in == 0.0 or friction < _FRICTIONLESS:
-        return _level(drive, direction_index)
-    corners = _clipped(state.angle, state.log_tension, drive, friction, direction_index)
+        return _levelled(state, _log(tension_in))
+    corners, direction_index = _stepped(state.angle, state.log_tension, math.log(tension_in), friction)
+    if direction_index == 0:
+        return state
     if corners.shape[1] > MAX_CORNERS:
         corners = _thinned(corners)
     return _state(corners, direction_index)
@@ -89,6 +86,12 @@ def tension(state: Corners, phi: Vector) -> Vector:
 
 def _log(tension_in: float) -> float:
     return math.log(tension_in) if tension_in > 0.0 else SLACK
+
+
+def _levelled(state: Corners, drive: float) -> Corners:
+    """Return the same tension all along: what a drive without friction leaves, and one that lets go."""
+    change = drive - state.log_tension[0]
+    return state if abs(change) <= RESOLUTION else _level(drive, 1 if change > 0 else -1)
 
 
 def _level(log_tension: float, direction_index: int) -> Corners:
@@ -122,13 +125,21 @@ def _front(angle, log_tension, drive, friction, direction_index):
 
 
 @njit(cache=True, nogil=True)
-def _clipped(angle, log_tension, drive, friction, direction_index):
-    """Return the corners [2, c] of max(u, ln T − μφ) on a pull, min(u, ln T + μφ) on a release."""
+def _stepped(angle, log_tension, drive, friction):
+    """Return the corners [2, c] of max(u, ln T − μφ) on a pull, min(u, ln T + μφ) on a release, and which.
+
+    A drive that does not move gives the index 0, and corners that are none.
+    """
+    change = drive - log_tension[0]
+    if abs(change) <= RESOLUTION:
+        return np.empty((2, 0)), 0
+    direction_index = 1 if change > 0.0 else -1
     wiped, meeting = _front(angle, log_tension, drive, friction, direction_index)
     corners = np.empty((2, 2 + angle.size - wiped))
     corners[0, 0], corners[1, 0] = 0.0, drive
     corners[0, 1], corners[1, 1] = meeting, drive - direction_index * friction * meeting  # docs/model.md (3)
-    corners[0, 2:], corners[1, 2:] = angle[wiped:], log_tension[wiped:]
+    for k in range(wiped, angle.size):
+        corners[0, 2 + k - wiped], corners[1, 2 + k - wiped] = angle[k], log_tension[k]
     if wiped == angle.size:
         corners[1, 1] = log_tension[-1]  # the constant rest keeps its tension to the last digit
-    return corners
+    return corners, direction_index
