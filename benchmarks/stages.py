@@ -120,9 +120,10 @@ def _followed(method: Method, *, stations: bool) -> _Calls:
     def calls(seen: Sequence[Frame]) -> Iterator[Callable[[], object]]:
         last: Followed | None = None
 
-        def go_on(shape: Shape) -> None:
+        def go_on(shape: Shape) -> Followed:
             nonlocal last
             last = follow(shape, NOISE, last, method)
+            return last
 
         return cycle([partial(go_on, _known(frame) if stations else _clean(frame)) for frame in seen])
 

@@ -13,7 +13,7 @@ _COARSE = 2.0  # decades of λ between the first trials
 _FINE = 0.4  # half width of the last parabola in decades: a twentieth of the smoother's window
 _LEAST = -8.0
 _MOST = 20.0
-_ROUNDING = 1e-20  # variance of points that are exact, in units of the spacing
+_ROUNDING = 1e-12  # variance of points that are exact, in units of the spacing
 _WIGGLY = 1.0  # -2 ln of the prior of λ by decade: no route is taken for exactly linear in curvature
 
 

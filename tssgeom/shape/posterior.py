@@ -27,7 +27,7 @@ _VAGUE = 1e4  # variance of place and direction at the first station over that o
 _LOOSE = 4.0  # variance of the bend in the first pass over that of a first guess
 _ROUNDS = 8  # of looking for outliers
 _LAGS = (1, 2, 3)
-_EXACT = 1e-9  # of the spacing: rounding, not noise
+_EXACT = 1e-6  # of the spacing: less is rounding, which a filter of four states must not take for truth
 _UNEVEN = 2.0  # ln likelihood a point by which chord lengths must beat even spacing as first stations
 
 
@@ -104,7 +104,7 @@ def warmed(
     if len(shape.points) != n or (shape.stations is not None) != before.known:
         return None
     y = (shape.points - shape.points[0]) / spacing
-    variance = 0.0 if noise is None else (noise / spacing) ** 2
+    variance = 0.0 if noise is None else max(noise / spacing, _EXACT) ** 2
     # unknown stations stay at the last feet: the route may have moved by more than their spacing
     problem = _bent(before._replace(variance=variance), solved, known=before.known)._replace(y=y)
     problem.start[:, 0] = y[0]
@@ -175,7 +175,7 @@ def _first(shape: Shape, spacing: float, noise: float | None) -> tuple[Problem, 
     """Problem with known stations, or with the likelier of even spacing and chord lengths."""
     n = len(shape.points)
     y = (shape.points - shape.points[0]) / spacing
-    variance = 0.0 if noise is None else (noise / spacing) ** 2
+    variance = 0.0 if noise is None else max(noise / spacing, _EXACT) ** 2
 
     start, ends, square = _vague(y, variance)
     coupling = np.zeros((n, 3))
