@@ -104,6 +104,7 @@ def test_a_target_out_of_reach_is_one_line(run: Run, half: Path, tmp_path: Path)
     assert done.status == 2
     assert len(done.errors) == 1
     assert "only pulls" in done.errors[0]
+    assert "time_s = 1" in done.errors[0]
     assert not (tmp_path / "out" / "compensate.parquet").exists()
 
 

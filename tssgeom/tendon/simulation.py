@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import repeat
 from typing import Literal
 
 from tssgeom.arrays import Vector
+from tssgeom.errors import TssgeomError
 from tssgeom.settings import Rig
 from tssgeom.tendon.compensation import Command, compensate
 from tssgeom.tendon.moving import MovingRoute
@@ -62,7 +64,8 @@ def simulate(
     current = pretensioned(rig) if state is None else state
     last: float | None = None
     for moment, force, place in zip(time, _each(tension_in, time), _each(displacement_in, time), strict=True):
-        current = step(current, route.at(float(moment)), rig, tension_in=force, displacement_in=place)
+        with _at(float(moment)):
+            current = step(current, route.at(float(moment)), rig, tension_in=force, displacement_in=place)
         seen, drive = transmit(current, rig), place if force is None else force
         yield Moment(float(moment), current, seen, _phase(last, drive or 0.0, seen))
         last = drive or 0.0
@@ -80,9 +83,20 @@ def commands(
     state = pretensioned(rig)
     pairs = zip(time, _each(tension_out, time), _each(displacement_out, time), strict=True)
     for moment, force, place in pairs:
-        command = compensate(state, route.at(float(moment)), rig, tension_out=force, displacement_out=place)
+        arcs = route.at(float(moment))
+        with _at(float(moment)):
+            command = compensate(state, arcs, rig, tension_out=force, displacement_out=place)
         state = command.state
         yield command
+
+
+@contextmanager
+def _at(time: float) -> Iterator[None]:
+    """Say in errors at which time of the run they came up."""
+    try:
+        yield
+    except TssgeomError as error:
+        raise type(error)(f"at time_s = {time:g}: {error}") from error
 
 
 def _each(values: Vector | None, time: Vector) -> Iterable[float | None]:
