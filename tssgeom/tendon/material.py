@@ -132,11 +132,8 @@ def to_corners(state: MaterialState, arcs: Arcs) -> Corners:
     """
     bed = lay(state.edge, arcs)
     beyond = arcs.total_angle * (1.0 + 0.1 * RESOLUTION)  # rounding leaves no gap before the distal end
-    phi = np.concatenate(([0.0], bed.place, [beyond]))
-    with np.errstate(divide="ignore"):
-        log_tension = np.maximum(np.log(state.tension), SLACK)
-    keep = _corners(phi, log_tension)
-    return Corners(read_only(phi[keep]), read_only(log_tension[keep]), state.direction_index)
+    angle, log_tension = _profile(bed.place, beyond, state.tension)
+    return Corners(read_only(angle), read_only(log_tension), state.direction_index)
 
 
 def _refined(edge: Vector, halvings: int) -> Vector:
@@ -167,6 +164,17 @@ def _corners(phi, log_tension):
             last = i
     keep[-1] = phi[-1] > phi[last]
     return keep
+
+
+@njit(cache=True, nogil=True)
+def _profile(place, end, tension):
+    """Return φ and ln T of the corners through the bars' places and both ends, as few as are needed."""
+    phi, log_tension = np.empty(tension.size), np.empty(tension.size)
+    phi[0], phi[1:-1], phi[-1] = 0.0, place, end
+    for i in range(tension.size):
+        log_tension[i] = np.log(tension[i]) if tension[i] > 0.0 else SLACK
+    keep = _corners(phi, log_tension)
+    return phi[keep], log_tension[keep]
 
 
 @njit(cache=True, nogil=True)
