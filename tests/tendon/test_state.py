@@ -241,6 +241,36 @@ def test_a_tendon_on_no_route_has_no_distal_end():
         transmit(pretensioned(Rig()), Rig())
 
 
+def test_a_tendon_that_hangs_loose_pulls_again_once_its_slack_is_taken_up():
+    """Let go by 2 mm beyond its rest, drawn back: nothing for 2 mm, then as on the first pull."""
+    rig, state = Rig(), driven([15.0], HALF_CIRCLE)
+    for place in (-2e-3, -1.5e-3, -0.3e-3, 0.0):
+        state = step(state, HALF_CIRCLE, rig, displacement_in=place)
+        assert (state.tension_in, state.tension_out) == (0.0, 0.0)
+    # bars took over at 15 N with a δ that is off by up to 5e-4 of 1.9 mm: the slack ends that much off zero
+    first = step(pretensioned(rig), HALF_CIRCLE, rig, displacement_in=5e-3)
+    again = step(state, HALF_CIRCLE, rig, displacement_in=5e-3)
+    assert again.tension_out == pytest.approx(first.tension_out, abs=1e-3)
+
+
+def test_a_drive_that_lets_go_leaves_no_tension_and_the_load_at_rest():
+    rig = Rig(tendon=Tendon(pretension_N=4.0))
+    state = step(driven([15.0], HALF_CIRCLE, rig), BENT, rig, tension_in=15.0)
+    loose = transmit(step(state, BENT, rig, tension_in=0.0), rig)
+    assert (loose.tension_in, loose.tension_out) == (0.0, 0.0)
+    assert loose.displacement_out == pytest.approx(-4e-3, rel=1e-9)  # the spring has lost its 4 N
+    assert loose.elongation == pytest.approx(-4.0 * 3.16e-4 * 0.5, rel=DISCRETE)
+
+
+def test_a_short_tendon_on_a_soft_load_moves_far_without_losing_accuracy():
+    """What rounding leaves of a residual grows with stiffness times movement: here 1e8 N/m times 1 m."""
+    rig, short = Rig(load=Load(stiffness_N_per_m=10.0)), Arcs.exact([0.02], [2.0])
+    state = step(pretensioned(rig), short, rig, displacement_in=1.0)
+    assert state.along.iterations < 20
+    assert state.tension_out == pytest.approx(10.0, rel=1e-3)
+    assert state.tension_out == pytest.approx(state.tension_in * math.exp(-2.0 * MU), rel=1e-9)
+
+
 def test_no_drive_or_two_are_refused():
     for drives in ({}, {"tension_in": 5.0, "displacement_in": 0.001}):
         with pytest.raises(SettingsError, match="one drive"):

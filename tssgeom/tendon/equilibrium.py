@@ -22,6 +22,7 @@ _REMARKS = 10  # times that slack bars are marked anew before the movements are 
 _ROUNDS = 7  # of relaxation, each four times as long as the one before
 _SECANTS = 40  # steps towards the proximal tension that belongs to a position
 _EASE = 1e-3  # weight of movement against force; small, so that contacts stop before they turn round
+_ROUNDING = 2e-15  # of stiffness times movement: what the solve itself leaves of a residual
 _PULLED, _STUCK, _RELEASED = 1, 0, -1
 
 
@@ -176,7 +177,7 @@ def _judge(chain, w, tension, slip, tight, renew):
             taut = chain[1][1] * (w[0] - shift)
             tight[0] = taut <= left if renew else tight[0]
             left = min(left, taut)
-        worst = max(worst, abs(left))
+        worst = max(worst, abs(left) - _ROUNDING * (chain[1][i] + chain[1][i + 1]) * abs(w[i]))
         if renew:
             slip[i] = _PULLED if over_low < motion else _RELEASED if over_high > motion else _STUCK
     if renew:

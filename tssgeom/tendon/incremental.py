@@ -165,7 +165,9 @@ def _equilibrium_at(
     hanging = tendon.load_stiffness == 0.0
     if by_force and hanging:
         _check_balance(drive, state.tension_out, chain)
-    w, tension, slip, iterations, residual = equilibrium(chain, hanging, state.slip, PATIENCE)
+    w, tension, slip, iterations, residual = _solved(
+        chain, hanging, state.slip, held=by_force and drive > 0.0
+    )
     if not residual <= ACCEPTED:
         raise FitError(
             f"no equilibrium of the tendon was found, {residual:.3g} N are left over: take smaller steps"
@@ -211,6 +213,41 @@ def _direction(slip: int, moved: float, before: int) -> int:
     if slip == 0 and moved == 0.0:
         return before
     return 1 if slip > 0 or (slip == 0 and moved > 0.0) else -1
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _solved(chain, hanging, before, held):
+    """Return what `equilibrium` does, without solving where all hangs loose; `held` by a force it cannot."""
+    if not (held or hanging or np.any(chain[4] > 0.0) or np.any(chain[5] > 0.0)):
+        loose, w, tension, slip = _loose(chain)
+        if loose:
+            return w, tension, slip, 1, 0.0
+    return equilibrium(chain, hanging, before, PATIENCE)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _loose(chain):
+    """Return whether the drive lets all tension go; and movements, tensions and slip for that case.
+
+    No tension at one contact is none anywhere, so the tendon hangs loose as soon as its path is no longer
+    than it is itself. Each contact moves as little as leaves every bar loose; docs/model.md (46a).
+    """
+    trial, stiffness, rigid, shift = chain[0], chain[1], chain[6], chain[7]
+    n = trial.size - 2
+    w, most = np.empty(n + 1), np.empty(n + 1)
+    slip, tension = np.zeros(n + 1, dtype=np.int8), np.zeros(n + 2)
+    most[n] = 0.0 if rigid[1] else -trial[n + 1] / stiffness[n + 1]
+    for i in range(n, 0, -1):
+        most[i - 1] = most[i] - trial[i] / stiffness[i]
+    if (rigid[0] and shift > most[0]) or stiffness[0] > 0.0:
+        return False, w, tension, slip
+    least = shift if rigid[0] else -np.inf
+    for i in range(n + 1):
+        w[i] = min(max(least, 0.0), most[i])
+        slip[i] = 1 if w[i] > 0.0 else -1 if w[i] < 0.0 else 0
+        if i < n:
+            least = w[i] + trial[i + 1] / stiffness[i + 1]
+    return True, w, tension, slip
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
