@@ -26,7 +26,7 @@ def test_help_names_every_command_and_imports_nothing_heavy():
     ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert ended.returncode == 0
     assert ended.stdout.rstrip().endswith("[]")
-    for command in ("analyse", "batch", "check", "samples", "view"):
+    for command in ("analyse", "batch", "calibrate", "check", "paper", "remedy", "samples", "view"):
         assert f" {command} " in ended.stdout
 
 

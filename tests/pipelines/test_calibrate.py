@@ -1,0 +1,110 @@
+"""`tssgeom calibrate`: a run and a shape in, a rig out that loads again."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from tssgeom.io.rigs import write_rig
+from tssgeom.settings import Friction, Load, Rig, Sensor, ShapeSensor, Tendon, read_rig
+from tssgeom.shape.arcs import Arcs
+from tssgeom.tendon.history import driven
+
+MU, RHO = 0.2, 4e-4
+TENSION = np.concatenate([np.linspace(0.05, 15.0, 120), np.linspace(14.9, 0.3, 120)])
+
+
+@pytest.fixture
+def write_run(tmp_path):
+    """Write a run of the half circle with chosen columns."""
+
+    def write(*names: str):
+        rig = Rig(friction=Friction(coefficient=MU), tendon=Tendon(compliance_per_N=RHO))
+        ends = driven(TENSION, Arcs.exact(np.array([0.5]), np.array([math.pi])), rig)
+        rng = np.random.default_rng(1)
+        columns = {
+            "time_s": 0.05 * np.arange(len(TENSION)),
+            "tension_in_N": TENSION,
+            "tension_out_N": ends.tension_out + 0.25 + 0.01 * rng.standard_normal(len(TENSION)),
+            "elongation_mm": 1e3 * ends.elongation + 1.69 + 0.002 * rng.standard_normal(len(TENSION)),
+        }
+        path = tmp_path / "run.csv"
+        table = np.column_stack([columns[name] for name in names])
+        np.savetxt(path, table, delimiter=",", header=",".join(names), comments="", fmt="%.9g")
+        return path
+
+    return write
+
+
+ALL = ("time_s", "tension_in_N", "tension_out_N", "elongation_mm")
+
+
+def test_the_rig_that_is_written_loads_again_with_the_friction_and_compliance_of_the_run(
+    run, write_run, half, tmp_path
+):
+    rig = tmp_path / "rig.toml"
+    outcome = run("calibrate", write_run(*ALL), "--shape", half, "--out", rig, "--json")
+    assert outcome.status == 0
+    told = json.loads(outcome.out)["estimates"]
+    read = read_rig(rig)
+    assert read.friction.coefficient == told["friction"]["value"]
+    assert read.tendon.compliance_per_N == told["compliance"]["value"]
+    # Noise of 0.01 N on 240 readings of some 10 N.
+    assert read.friction.coefficient == pytest.approx(MU, rel=0.01)
+    assert read.tendon.compliance_per_N == pytest.approx(RHO, rel=0.01)
+    low, high = told["elongation_offset"]["ci95"]
+    assert low < 1.69e-3 < high
+    assert told["tension_out_offset"]["value"] == pytest.approx(0.25, abs=0.01)
+    comments = [line for line in rig.read_text(encoding="utf-8").splitlines() if line.startswith("#")]
+    assert any("SHA-256" in line for line in comments)
+
+
+def test_the_rig_is_used_by_the_other_commands(run, write_run, half, tmp_path):
+    rig = tmp_path / "rig.toml"
+    run("calibrate", write_run(*ALL), "--shape", half, "--out", rig, "--quiet")
+    told = json.loads(run("analyse", half, "--rig", rig, "--json").out)
+    assert told["tension_out_N"] == pytest.approx(15.0 * math.exp(-MU * math.pi), rel=0.01)
+
+
+def test_what_the_columns_do_not_tell_is_null_and_not_a_number(run, write_run, half, tmp_path):
+    outcome = run(
+        "calibrate",
+        write_run("time_s", "tension_in_N", "tension_out_N"),
+        "--shape",
+        half,
+        "--out",
+        tmp_path / "rig.toml",
+        "--json",
+    )
+    told = json.loads(outcome.out)["estimates"]
+    assert told["compliance"] == {
+        "value": None,
+        "ci95": None,
+        "unit": "1/N",
+        "observable": False,
+        "nominal": 3.16e-4,
+    }
+    assert told["friction"]["observable"]
+
+
+def test_a_run_with_no_response_is_one_line_and_writes_nothing(run, write_run, half, tmp_path):
+    rig = tmp_path / "rig.toml"
+    outcome = run("calibrate", write_run("time_s", "tension_in_N"), "--shape", half, "--out", rig)
+    assert outcome.status == 2
+    assert len(outcome.errors) == 1
+    assert "tension_out_N" in outcome.errors[0]
+    assert not rig.exists()
+
+
+def test_every_rig_comes_back_from_its_file(tmp_path):
+    rig = Rig(
+        tendon=Tendon(compliance_per_N=1 / 3000.0, pretension_N=2.5),
+        friction=Friction(coefficient=0.1),
+        load=Load(stiffness_N_per_m=1234.5),
+        sensors={"tension_out_N": Sensor(noise=0.01, full_scale=50.0)},
+        shape=ShapeSensor(noise_mm=0.2, angle_gain_sd=0.01),
+    )
+    for each in (rig, Rig()):
+        write_rig(tmp_path / "rig.toml", each, ["one line", "two\nlines"])
+        assert read_rig(tmp_path / "rig.toml") == each

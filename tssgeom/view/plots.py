@@ -1,0 +1,77 @@
+"""Figures for print: one look, each written as PDF, SVG and PNG."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+INK, SOFT, FAINT = "#1d2330", "#697386", "#e8ebf0"
+BLUE, ORANGE, GREEN, PURPLE, SKY = "#0072b2", "#d55e00", "#009e73", "#a3508a", "#56b4e9"
+"""Colours of Okabe and Ito (purple darkened), which colour-blind people tell apart on white."""
+
+COLUMN, PAGE = 3.5, 7.2
+"""Widths of a column and of a page of a journal [inch]."""
+
+FORMATS = ("pdf", "svg", "png")
+_DPI = 200
+_RC: Any = {
+    "pdf.fonttype": 42,
+    "svg.fonttype": "none",
+    "svg.hashsalt": "tssgeom",
+    "font.family": "sans-serif",
+    "font.size": 8.5,
+    "axes.edgecolor": SOFT,
+    "axes.labelcolor": INK,
+    "axes.titlesize": 9.0,
+    "axes.titlelocation": "left",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": FAINT,
+    "grid.linewidth": 0.7,
+    "legend.frameon": False,
+    "legend.fontsize": 8.0,
+    "legend.handlelength": 2.4,
+    "lines.linewidth": 1.6,
+    "text.color": INK,
+    "xtick.color": SOFT,
+    "ytick.color": SOFT,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+}
+
+
+@contextmanager
+def figure(size: tuple[float, float]) -> Iterator[Figure]:
+    """Yield a figure of `size` [inch] to draw on, in the look of all of them."""
+    with mpl.rc_context(_RC):
+        yield Figure(figsize=size, layout="constrained")
+
+
+def save(drawing: Figure, path: Path) -> None:
+    """Write a figure in the format that the ending tells; the same figure gives the same bytes."""
+    with mpl.rc_context(_RC):
+        drawing.savefig(path, dpi=_DPI, metadata=_METADATA[path.suffix[1:]])
+
+
+_METADATA: dict[str, Any] = {"pdf": {"CreationDate": None}, "svg": {"Date": None}, "png": {}}
+
+
+def titles(axes: Axes, title: str, across: str, up: str) -> None:
+    """Write the title and, with their units, the names of both axes."""
+    axes.set_title(title)
+    axes.set_xlabel(across)
+    axes.set_ylabel(up)
+
+
+def note(axes: Axes, text: str, at: tuple[float, float], **style: Any) -> None:
+    """Write a remark at a place given in values of the axes."""
+    options: dict[str, Any] = {"fontsize": 7.5, "color": SOFT, "ha": "left", "va": "center"}
+    axes.annotate(text, at, **{**options, **style})
