@@ -21,7 +21,7 @@ def send_slip_front(sender: Sender, run: Run, box: Box) -> None:
 def _send_place(sender: Sender, run: Run) -> None:
     pairs = zip(run.frames, run.fronts, strict=True)
     places = np.concatenate([frame.at(np.array([front])) for frame, front in pairs])
-    style = rr.Points3D.from_fields(colors=colours.FRONT, radii=rr.Radius.ui_points(6.0))
+    style = rr.Points3D.from_fields(colors=colours.FRONT, radii=rr.Radius.ui_points(9.0))
     sender.constant("route/slip_front", style)
     sender.send("route/slip_front", rr.Points3D.columns(positions=places))
 
