@@ -1,6 +1,6 @@
 """The proximal command that makes the distal end go where it should: the model turned round.
 
-Dead zones are jumped, so that the distal end answers at once after a reversal; docs/model.md (52), (53).
+Dead zones are jumped, so that the distal end answers at once after a reversal; docs/model.md (82), (83).
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ def _target(rig: Rig, tension_out: float | None, displacement_out: float | None)
         stiffness = rig.load.stiffness_N_per_m
         if stiffness == 0.0:
             raise SettingsError("load.stiffness_N_per_m is 0: a dead weight's place has no tension: give it")
-        target = rig.tendon.pretension_N + stiffness * (displacement_out or 0.0)  # docs/model.md (52)
+        target = rig.tendon.pretension_N + stiffness * (displacement_out or 0.0)  # docs/model.md (82)
         said = f"displacement_out is {displacement_out:g} m, a distal tension of {target:g} N"
     if not 0.0 <= target < math.inf:
         raise SettingsError(f"{said}: a tendon only pulls; choose a target with a finite tension >= 0 N")
@@ -88,7 +88,7 @@ def _reached(held: TendonState, state: TendonState, arcs: Arcs, rig: Rig, target
     """Return the state with the distal tension at the target, which it is not while the drive is held."""
     reach = rig.friction.coefficient * (held.route or arcs).total_angle
     sign = 1 if target > held.tension_out else -1
-    far = target * math.exp(sign * reach)  # docs/model.md (53): exact where all slides
+    far = target * math.exp(sign * reach)  # docs/model.md (83): exact where all slides
     answer = _pulled_to(far, state, arcs, rig)
     if _error(answer, target) == 0.0:
         return answer

@@ -20,7 +20,7 @@ _ROUNDING = 1e-9  # of lengths [1] and angles [rad]
 
 
 def unmoved(before: Arcs, now: Arcs) -> bool:
-    """Whether two sensed routes differ by no more than their errors; docs/model.md (50).
+    """Whether two sensed routes differ by no more than their errors; docs/model.md (80).
 
     The accumulated curve angle is compared at even shares of the length, and the length itself.
     """
@@ -50,7 +50,7 @@ class MovingRoute:
 
 
 def between(first: Arcs, second: Arcs, share: float) -> Arcs:
-    """Return the route at a share of the way from one to the other; docs/model.md (51).
+    """Return the route at a share of the way from one to the other; docs/model.md (81).
 
     Length and accumulated curve angle at each share of the length change linearly, so pieces may differ in
     number. The errors of the two are taken as independent.

@@ -1,4 +1,4 @@
-"""Two tendons that pull one joint against each other, each in its own sheath; docs/model.md (54), (55)."""
+"""Two tendons that pull one joint against each other, each in its own sheath; docs/model.md (84), (85)."""
 
 from __future__ import annotations
 
@@ -134,7 +134,7 @@ def _puller(
     """Return the tendon as a function of what the tension that both share grows by [N]."""
     bed = lay(state.edge, arcs)
     cone = coulomb(bed, rig.friction.coefficient)
-    half = 0.5 * joint.stiffness / joint.radius**2  # docs/model.md (54): each tendon against half the spring
+    half = 0.5 * joint.stiffness / joint.radius**2  # docs/model.md (84): each tendon against half the spring
     tendon = replace(line(rig, len(bed.length)), load_stiffness=half, stretches_with_route=False)
 
     def pull(growth: float) -> MaterialState:
@@ -149,7 +149,7 @@ def _puller(
 
 
 def _common_tension(pulls: tuple[_Pull, _Pull], pair: PairState) -> float:
-    """Return the growth of the shared tension that keeps both tendons on one joint; docs/model.md (55)."""
+    """Return the growth of the shared tension that keeps both tendons on one joint; docs/model.md (85)."""
 
     def gap(growth: float) -> float:
         agonist, antagonist = (pull(growth) for pull in pulls)
