@@ -50,11 +50,15 @@ def test_on_a_fixed_route_the_inverse_finds_the_drive_wherever_the_distal_end_an
     """Forward, then back: outside the dead zones the drive is found again, inside them it is not needed."""
     rig, arcs = Rig(), arcs_of(drawn)
     forward = back = pretensioned(rig)
+    tension_out = 0.0
     for tension_in in history:
         forward = step(forward, arcs, rig, tension_in=tension_in)
-        seen = transmit(forward, rig)
+        seen, before = transmit(forward, rig), tension_out
+        tension_out = seen.tension_out
         command = compensate(back, arcs, rig, displacement_out=seen.displacement_out)
-        if not seen.dead_zone:
+        # a drive that comes back to the end of the dead zone leaves the distal end where it was
+        answered = abs(seen.tension_out - before) > 1e-9 * before
+        if not seen.dead_zone and answered:
             assert command.tension_in == pytest.approx(tension_in, rel=1e-9)
             assert command.displacement_in == pytest.approx(seen.displacement_in, rel=1e-9, abs=1e-12)
         back = forward
