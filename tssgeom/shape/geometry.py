@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numba import njit
 
 from tssgeom.arrays import read_only
 from tssgeom.shape.arcs import Arcs, constant_curvature_pieces, normals, parallel_components
@@ -142,13 +141,10 @@ def lead(data: Data, chain: Chain, spline: Spline) -> float:
     )
 
 
-@njit(cache=True, nogil=True)
 def _deviance(data: Data, chain: Chain) -> float:
     """-2 ln evidence of the points normal to a chain, infinite where it has too many parameters for them."""
-    square = off_chain(
-        data.points, chain.stations, chain.start, chain.axes, chain.joints, chain.bend, across=True
-    )
-    cost, values = np.sum(data.weight * square), 2 * int(np.sum(data.weight > 0.0))
+    square = off_chain(data.points, chain.stations, *chain[:4], True)
+    cost, values = float(data.weight @ square), 2 * int(np.count_nonzero(data.weight))
     if len(chain.matrix) * _VALUES_A_PARAMETER > values:
         return math.inf
     variance = data.variance if data.variance > 0.0 else max(cost / values, 1e-280)

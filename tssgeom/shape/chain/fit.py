@@ -118,12 +118,16 @@ def parameter_covariance(data: Data, chain: Chain) -> np.ndarray:
     return noise_variance(data, chain) * inverse(lower, unit)
 
 
-@njit(cache=True, nogil=True)
-def settle(data: Data, chain: Chain, goal: float = np.inf) -> Chain:
+def settle(data: Data, chain: Chain, least: float = math.inf) -> Chain:
     """Fit a chain of as many pieces by Levenberg and Marquardt; its matrix and cost are not used.
 
-    The fit is given up, unfinished, where its cost is not going to come down to `goal` [m²].
+    The fit is given up, unfinished, where its cost is not going to come down to `least` [m²].
     """
+    return _settled(data, chain, least)  # a default would be compiled a second time
+
+
+@njit(cache=True, nogil=True)
+def _settled(data: Data, chain: Chain, goal: float) -> Chain:
     s, n = chain.stations.copy(), values(data)
     if data.free:
         _put_at_feet(data, s, chain.start, chain.axes, chain.joints, chain.bend)
