@@ -1,0 +1,77 @@
+"""How well the workflow finds what a model lacks, on campaigns that it has never seen.
+
+    python -m benchmarks.discovery [--quick] [--effects NAME…] [--seeds N] [--split test] [--jobs 2]
+
+The full run makes some 440 campaigns at four seeds; `--quick` makes seven. `--baselines` adds a sparse
+regression (pysindy) and a Gaussian process (scikit-learn) on the same files, where they are installed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import multiprocessing
+import sys
+import time
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+
+from benchmarks import discovery_report as report
+from benchmarks.discovery_cases import cases, outcome
+from benchmarks.discovery_scores import Outcome
+from benchmarks.tables import machine
+
+_SEEDS = 4
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the benchmark and return the exit code."""
+    options = _options(arguments)
+    chosen = cases(
+        options.effects, options.seeds or (1 if options.quick else _SEEDS), options.split, quick=options.quick
+    )
+    if not chosen:
+        print(f"no campaign has only {', '.join(options.effects)}; see tests/campaigns/causes.py")
+        return 2
+    print(machine())
+    print(f"{len(chosen)} campaigns, {options.split} seeds, {options.jobs} processes")
+    begin = time.perf_counter()
+    outcomes = _outcomes(chosen, options)
+    print(f"done in {time.perf_counter() - begin:.0f} s\n\n{_printed(outcomes, options)}")
+    return int(any(one.report is None for one in outcomes))
+
+
+def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.discovery", description=(__doc__ or "").split("\n")[0]
+    )
+    parser.add_argument("--quick", action="store_true", help="seven campaigns")
+    parser.add_argument(
+        "--effects", nargs="*", default=[], metavar="NAME", help="only these causes, or clean"
+    )
+    parser.add_argument("--seeds", type=int, default=0, help="seeds of each cause (4; quick 1)")
+    parser.add_argument("--split", choices=("development", "test"), default="development")
+    parser.add_argument("--baselines", action="store_true", help="pysindy and scikit-learn on the same files")
+    parser.add_argument("--markdown", action="store_true", help="tables to paste into documents")
+    parser.add_argument("--jobs", type=int, default=2, help="processes; times are those of one core each")
+    return parser.parse_args(arguments)
+
+
+def _outcomes(chosen: Sequence, options: argparse.Namespace) -> list[Outcome]:
+    work = partial(outcome, with_baselines=options.baselines)
+    if options.jobs == 1:
+        return [work(case) for case in chosen]
+    with ProcessPoolExecutor(options.jobs, mp_context=multiprocessing.get_context("spawn")) as pool:
+        return list(pool.map(work, chosen))
+
+
+def _printed(outcomes: Sequence[Outcome], options: argparse.Namespace) -> str:
+    parts = [
+        draw(outcomes, markdown=options.markdown)
+        for draw in (report.targets, report.confusions, report.limits, report.peers)
+    ]
+    return "\n\n".join([*parts, report.failures(outcomes)]).rstrip()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

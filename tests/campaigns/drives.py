@@ -1,0 +1,55 @@
+"""What the drive of each run does: levels of tension, passed at a speed, told to the rig as positions."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tests.lumped import Distal, Drive, Path, Physics, simulate
+
+SLOW, MIDDLE, FAST = 3e-4, 1e-3, 3e-3  # m/s
+_SAMPLES = 300
+_REST = 0.04  # of the time in motion, before the first pull
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """Levels of proximal tension after the pretension [N], the dwell at each [s], and the speed [m/s]."""
+
+    route: int
+    levels: tuple[float, ...]
+    dwells: tuple[float, ...]
+    speed: float
+
+
+STEPS = (8.0, 2.5, 12.0, 2.5, 16.0, 2.5)
+COURSES = (
+    Course(0, STEPS, (0.0,) * 6, SLOW),
+    Course(0, (12.0, 2.5, 16.0, 2.5, 8.0, 2.5), (0.0, 0.3, 0.0, 0.0, 0.0, 0.2), FAST),
+    Course(1, (15.0, 5.0, 12.0, 2.5), (25.0, 8.0, 0.0, 0.0), SLOW),
+    Course(1, (16.0, 7.0, 12.0, 7.0, 16.0, 7.0), (0.0, 0.0, 0.4, 0.0, 0.0, 0.0), FAST),
+    Course(2, (10.0, 2.5, 16.0, 5.0, 11.0, 2.5), (0.0, 0.0, 15.0, 0.0, 0.0, 0.0), MIDDLE),
+)
+
+
+def positions(course: Course, path: Path, believed: Physics, distal: Distal) -> tuple[np.ndarray, np.ndarray]:
+    """Return times [s] and positions [m] that lead a rig as it is believed to be through the levels.
+
+    Turns and dwells begin at samples, so that none is cut off between two.
+    """
+    levels = np.array([believed.pretension_N, *course.levels])
+    order = np.arange(len(levels), dtype=float)
+    seen = simulate(path, believed, Drive("force", order, levels), distal, order, 1.0)
+    there = seen.displacement_in
+    spans = np.abs(np.diff(there)) / course.speed
+    rest = _REST * spans.sum()
+    ends = rest + np.cumsum(spans + np.array([0.0, *course.dwells[:-1]]))
+    total = ends[-1] + course.dwells[-1]
+    step = round(total / (_SAMPLES - 1), 6)
+    dwell = np.array(course.dwells)
+    knots, values = [0.0, rest], [0.0, 0.0]
+    for end, stay, value in zip(ends, dwell, there[1:], strict=True):
+        knots += [end, end + stay] if stay else [end]
+        values += [value, value] if stay else [value]
+    times = np.round(step * np.arange(_SAMPLES), 6)
+    course = np.interp(times, np.round(step * np.rint(np.array(knots) / step), 6), values)
+    return times, np.round(course, 9)  # rounding in a dwell would be a turn
