@@ -74,6 +74,10 @@ class ShapeSensor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     """Standard deviation of each coordinate [mm]; left out, it is estimated from the points."""
     curvature_noise_per_m: float | None = None
     """Standard deviation of each curvature component of a fibre [1/m]; left out, it is estimated."""
+    direction_noise_deg: float | None = None
+    """Standard deviation of a component of a sensed direction [deg]; left out, directions are not used."""
+    length_noise_mm: float = 1.0
+    """Standard deviation of the stated length of a route [mm]."""
     angle_gain_sd: float = 0.0
     """Standard deviation of a common scale error of all sensed angles [1]."""
 
@@ -83,12 +87,26 @@ class ShapeSensor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
             if value is not None:
                 remedy = f"give a finite value > 0 {unit}, or leave it out to have it estimated"
                 _require(math.isfinite(value) and value > 0, f"shape.{name}", value, remedy)
+        if (turn := self.direction_noise_deg) is not None:
+            remedy = "give a value > 0 deg and < 90 deg, or leave it out where no directions are sensed"
+            _require(0 < turn < 90, "shape.direction_noise_deg", turn, remedy)
+        _finite_at_least_zero("shape.length_noise_mm", self.length_noise_mm, "mm")
         _finite_at_least_zero("shape.angle_gain_sd", self.angle_gain_sd, "")
 
     @property
     def noise(self) -> float | None:
         """Standard deviation of each coordinate [m], or None where it is to be estimated."""
         return None if self.noise_mm is None else 1e-3 * self.noise_mm
+
+    @property
+    def direction_noise(self) -> float | None:
+        """Standard deviation of a component of a sensed direction [rad], or None where not stated."""
+        return None if self.direction_noise_deg is None else math.radians(self.direction_noise_deg)
+
+    @property
+    def length_noise(self) -> float:
+        """Standard deviation of the stated length of a route [m]."""
+        return 1e-3 * self.length_noise_mm
 
 
 class Rig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

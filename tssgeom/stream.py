@@ -45,6 +45,10 @@ class Frame:
     """Wanted tension at the distal end [N]; it counts for nothing beside a displacement target."""
     curvatures: Matrix | None = None
     """Curvature components κ_x, κ_y of a fibre at its stations [n, 2]; the points are NaN then [1/m]."""
+    directions: Points | None = None
+    """Sensed unit tangents, towards the distal end; a row of NaN is one that was not sensed [n, 3]."""
+    length: float | None = None
+    """Known length of the route from the first to the last point [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,7 +161,7 @@ def _followed(frame: Frame, rig: Rig, last: Followed | None) -> tuple[Shape, Fol
         fibre = clean_fibre(frame.curvatures, frame.stations)
         geometry = measure_fibre(fibre, rig.shape.curvature_noise_per_m)
         return sensed_shape(fibre, geometry), Followed(geometry, fibre.index)
-    shape = clean(frame.points, frame.stations)
+    shape = sensed_points(frame, rig)
     of_points = last is not None and (last.geometry.chain is not None or last.geometry.spline is not None)
     return shape, follow(shape, rig.shape.noise, last if of_points else None)
 
@@ -180,3 +184,24 @@ def _moved(
         state, arcs, rig, tension_out=tension_out, displacement_out=frame.displacement_target
     )
     return (state if driven else command.state), command
+
+
+def sensed_points(frame: Frame, rig: Rig) -> Shape:
+    """Check the points of a frame, and what else was sensed of its route.
+
+    Raises
+    ------
+    ShapeError
+        Where the points cannot be a route.
+    """
+    if frame.directions is None and frame.length is None:
+        return clean(frame.points, frame.stations)
+    given = rig.shape
+    return clean(
+        frame.points,
+        frame.stations,
+        frame.directions,
+        given.direction_noise,
+        frame.length,
+        given.length_noise,
+    )

@@ -155,3 +155,12 @@ def test_frames_are_read_lazily_and_again(tmp_path):
 def test_one_line_decodes_for_a_stream_too():
     frame = frame_of(line(3).encode(), None)
     assert (frame.time, frame.points.shape) == (3.0, (4, 3))
+
+
+def test_directions_and_length_of_a_line_arrive():
+    line = b'{"t":1,"unit":"mm","points":[[0,0,0],[1,0,0]],"directions":[[1,0,0],null],"length_m":0.5}'
+    frame = frame_of(line, None)
+    np.testing.assert_array_equal(frame.directions, [[1.0, 0.0, 0.0], [np.nan] * 3])
+    assert frame.length == 0.5
+    with pytest.raises(ShapeError, match="1 directions for 2 points"):
+        frame_of(line.replace(b",null]", b"]"), None)

@@ -73,6 +73,35 @@ def test_normal_equations_are_those_of_finite_differences(start, free):
     assert cost == pytest.approx(np.einsum("ni,nij,nj->", points - here, metric, points - here), rel=1e-12)
 
 
+@pytest.mark.parametrize("free", [False, True])
+def test_rows_of_directions_are_those_of_finite_differences(start, free):
+    rng = np.random.default_rng(4)
+    s = np.sort(rng.uniform(-0.01, 0.41, 60))
+    m = (2 if free else 3) + 2 + 3 + 6
+    here, tangent, _ = along(s, *_moved(np.zeros(m), start, free))
+    aim = tangent + 1e-3 * rng.normal(size=(60, 3))
+    heft = np.where(rng.uniform(size=60) < 0.2, 0.0, rng.uniform(0.5, 2.0, 60))
+    jacobian = np.empty((60, 3, m))
+    for i in range(m):
+        step = 1e-6 * np.eye(m)[i]
+        ahead, behind = (along(s, *_moved(v, start, free))[1] for v in (step, -step))
+        jacobian[:, :, i] = (ahead - behind) / 2e-6
+    metric = (np.eye(3) - tangent[:, :, None] * tangent[:, None, :]) * heft[:, None, None]
+    # points on the chain have no residual; their share is taken off again
+    given = (here, np.ones(60), s, *start, JOINTS, BEND, CURVED, free)
+    without, level, _ = normal_equations(*given)
+    matrix, gradient, cost = normal_equations(*given, aim, heft)
+    expected = np.einsum("nia,nij,njb->ab", jacobian, metric, jacobian)
+    # central differences with a step of 1e-6 are good to 1e-9 of curvatures up to 20/m
+    size = np.abs(expected).max()
+    np.testing.assert_allclose((matrix - without) / size, expected / size, atol=1e-8)
+    slope = np.einsum("nia,nij,nj->a", jacobian, metric, aim - tangent)
+    np.testing.assert_allclose(gradient - level, slope, atol=1e-8 * np.abs(slope).max())
+    assert cost == pytest.approx(
+        np.einsum("ni,nij,nj->", aim - tangent, metric, aim - tangent), rel=1e-9
+    )  # that of the points is rounding
+
+
 def test_feet_are_where_the_distance_is_least(start):
     rng = np.random.default_rng(2)
     s = np.linspace(0.02, 0.38, 40)

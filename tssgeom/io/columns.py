@@ -12,6 +12,7 @@ from tssgeom.io.units import agreed_unit
 
 AXES = ("x", "y", "z")
 BENDS = ("kappa_x", "kappa_y")
+DIRECTIONS = ("tx", "ty", "tz")
 TIME, POINT = "time_s", "point"
 
 MEASURED = {
@@ -43,13 +44,15 @@ class Columns:
     warnings: tuple[str, ...]
     bend_unit: str | None = None
     """Unit of length in the curvatures of a fibre, "m" or "mm"; None for points."""
+    directions: tuple[str, ...] = ()
+    """Components of sensed unit tangents, or none."""
 
     @property
     def names(self) -> tuple[str, ...]:
         """Every column that is read."""
         numbers = ((TIME,) if self.timed else ()) + ((POINT,) if self.numbered else ())
         station = (self.station,) if self.station else ()
-        return numbers + self.axes + station + self.measured
+        return numbers + self.axes + station + self.directions + self.measured
 
 
 def columns_of(path: Path, names: Sequence[str], given_unit: str | None) -> Columns:
@@ -84,7 +87,19 @@ def columns_of(path: Path, names: Sequence[str], given_unit: str | None) -> Colu
         measured,
         _unread(names),
         bend_unit,
+        () if fibre else _directions(path, names),
     )
+
+
+def _directions(path: Path, names: Sequence[str]) -> tuple[str, ...]:
+    """Return the columns of sensed directions: all three or none."""
+    found = tuple(name for name in DIRECTIONS if name in names)
+    if found and found != DIRECTIONS:
+        missing = next(name for name in DIRECTIONS if name not in names)
+        raise ShapeError(
+            f"{path}: no column {missing} beside {found[0]}: directions need tx,ty,tz, or none of them"
+        )
+    return found
 
 
 def _bends(path: Path, names: Sequence[str]) -> tuple[tuple[str, ...], str]:

@@ -39,6 +39,8 @@ class Line(msgspec.Struct, frozen=True):
     id: str | int | None = None
     displacement_target_m: float | None = None
     tension_out_target_N: float | None = None
+    directions: list[Coordinates | None] | None = None
+    length_m: float | None = None
 
 
 class _Heading(msgspec.Struct, frozen=True):
@@ -90,8 +92,7 @@ def _frame(line: Line, unit: str | None, time: float | None) -> Frame:
     if moment is None:
         raise ShapeError('the line has no time: write "t" in s')
     per_metre = PER_METRE[stated]
-    points = np.array([point or _UNSEEN for point in line.points], dtype=np.float64).reshape(-1, 3)
-    points[np.isnan(points).any(axis=1)] = np.nan
+    points = _rows(line.points)
     return Frame(
         read_only(points / per_metre),
         moment,
@@ -103,7 +104,26 @@ def _frame(line: Line, unit: str | None, time: float | None) -> Frame:
         "" if line.id is None else str(line.id),
         line.displacement_target_m,
         line.tension_out_target_N,
+        directions=_directions(line),
+        length=line.length_m,
     )
+
+
+def _rows(given: list[Coordinates | None]) -> np.ndarray:
+    rows = np.array([row or _UNSEEN for row in given], dtype=np.float64).reshape(-1, 3)
+    rows[np.isnan(rows).any(axis=1)] = np.nan
+    return rows
+
+
+def _directions(line: Line) -> np.ndarray | None:
+    if line.directions is None:
+        return None
+    if len(line.directions) != len(line.points):
+        raise ShapeError(
+            f"{len(line.directions)} directions for {len(line.points)} points: "
+            "give one for each, null where none was sensed"
+        )
+    return read_only(_rows(line.directions))
 
 
 def _stations(line: Line, per_metre: float) -> np.ndarray | None:

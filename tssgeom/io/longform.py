@@ -61,10 +61,19 @@ class LongFrames:
             stations = _spread(self.table.values[columns.station][rows] / per_metre, place)
         measured = self._measured(rows)
         if columns.bend_unit is None:
-            return Frame(_spread(sensed / per_metre, place), self._time(rows), stations, **measured)
+            points = _spread(sensed / per_metre, place)
+            told = self._directions(rows, place)
+            return Frame(points, self._time(rows), stations, directions=told, **measured)
         bends = _spread(sensed * PER_METRE[columns.bend_unit], place)
         unseen = read_only(np.full((len(bends), 3), np.nan))
         return Frame(unseen, self._time(rows), stations, curvatures=bends, **measured)
+
+    def _directions(self, rows: Rows, place: Rows) -> Points | None:
+        if not self.table.columns.directions:
+            return None
+        told = np.column_stack([self.table.values[name][rows] for name in self.table.columns.directions])
+        told[np.isnan(told).any(axis=1)] = np.nan
+        return _spread(told, place)
 
     def _time(self, rows: Rows) -> float:
         return float(self.table.values[TIME][rows[0]]) if self.table.columns.timed else 0.0

@@ -69,6 +69,7 @@ def curvature_profile(spline: Spline) -> CurvatureProfile:
         spline.stations_known,
         spline.angle_doubt,
         len(route.weight),
+        spline.facing,
     )
     _bridge(route.s, route.tangent, route.station, kappa, phi, variance)
     return CurvatureProfile(
@@ -100,12 +101,13 @@ def _profile(
     known: bool,
     angle_doubt: float,
     points: int,
+    facing: float,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Curvature, angle, standard error of the curvature and variance of the angle at each node."""
     n = len(s)
     kappa, phi, se = np.empty(n), np.zeros(n), np.empty(n)
     rectified = np.zeros(n)
-    share = _noise_share(freedom)
+    share = _noise_share(freedom, facing)
     excess, whole, peak, highest = 0.0, 0.0, 0, 0.0
     for i in range(n):
         square, v = bend[i, 0] ** 2 + bend[i, 1] ** 2 + bend[i, 2] ** 2, covariance[i, 7]
@@ -203,9 +205,10 @@ def _prior_doubt(freedom: float) -> float:
 
 
 @njit(**FAST)
-def _noise_share(freedom: float) -> float:
-    """Part of the posterior variance of the curvature that is noise, not smoothing; docs/model.md (24)."""
-    return (3.0 + 5.0 * min(3.0 / freedom, 1.0) ** 2) / 8.0
+def _noise_share(freedom: float, facing: float) -> float:
+    """Part of the posterior variance of the curvature that is noise; docs/model.md (24), (93)."""
+    least = 3.0 + facing
+    return (least + (8.0 - least) * min(3.0 / freedom, 1.0) ** 2) / 8.0
 
 
 @njit(**FAST)

@@ -142,6 +142,39 @@ def seen(p: Triangle, variance: float) -> Triangle:
 
 
 @njit(**FAST)
+def faced(p: Triangle, variance: float) -> Triangle:
+    """Covariance after the direction was sensed with the given variance; docs/model.md (90)."""
+    p00, p01, p02, p03, p11, p12, p13, p22, p23, p33 = p
+    s = p11 + variance
+    k0, k2, k3, shrink = p01 / s, p12 / s, p13 / s, variance / s
+    return (
+        p00 - k0 * p01,
+        p01 * shrink,
+        p02 - k0 * p12,
+        p03 - k0 * p13,
+        p11 * shrink,
+        p12 * shrink,
+        p13 * shrink,
+        p22 - k2 * p12,
+        p23 - k2 * p13,
+        p33 - k3 * p13,
+    )
+
+
+@njit(**FAST)
+def face(p: Triangle, m: np.ndarray, aim: np.ndarray, variance: float) -> np.ndarray:
+    """Move the mean [3, 4] by a sensed direction `aim` [3]; returns the innovation [3]."""
+    s = p[4] + variance
+    off = aim - m[:, 1]
+    for c in range(3):
+        m[c, 0] += p[1] / s * off[c]
+        m[c, 1] += p[4] / s * off[c]
+        m[c, 2] += p[5] / s * off[c]
+        m[c, 3] += p[6] / s * off[c]
+    return off
+
+
+@njit(**FAST)
 def carry(m: np.ndarray, f: np.ndarray, out: np.ndarray) -> None:
     """Carry the mean of all coordinates [3, 4] over a step; `out` may be `m`."""
     for c in range(3):
@@ -227,6 +260,9 @@ def innovations(
     planar: bool,
     ratio: float,
     out: np.ndarray,
+    aim: np.ndarray | None = None,
+    blur: np.ndarray | None = None,
+    per_q: float = 0.0,
 ) -> tuple[float, float, int]:
     """Filter forward, for noise variance ratio/weight and q = 1.
 
@@ -245,21 +281,36 @@ def innovations(
         λ, the noise variance per intensity of the fourth derivative.
     out
         Filled with the innovations over their standard deviations [n, 3], or empty if they are not wanted.
+    aim, blur, per_q
+        Where directions are sensed: these [n, 3], their variances [n] (0: not sensed), and 1/q.
 
     Returns
     -------
     log_s, squares, n
-        Sum of the logarithms of the n innovation variances, less what the ties at the ends would be worth
-        without any point, and sum of the squared standardised innovations.
+        Sum of the logarithms of the n innovation variances, of points and directions, less what the ties at
+        the ends would be worth without any point, and sum of the squared standardised innovations.
     """
     m = start.copy()
     p = at_start(ends, ratio)
     log_s, squares, used = 0.0, 0.0, 0
     product = 1.0
+    placed, pointed = False, False  # whether the first innovations went into the unknown place and direction
     for i in range(len(u)):
         if i > 0:
             p = predicted(p, step[i], u[i] - u[i - 1])
             carry(m, step[i], m)
+        if aim is not None and blur is not None:  # two questions, the first of which compiles away
+            variance = blur[i] * per_q
+            if variance > 0.0:
+                s = p[4] + variance
+                off = face(p, m, aim[i], variance)
+                p = faced(p, variance)
+                used += 1
+                if pointed:
+                    along = np.dot(off, tangent[i]) if planar else 0.0
+                    log_s += math.log(s)
+                    squares += (np.dot(off, off) - along * along) / s
+                pointed = True
         if weight[i] <= 0.0:
             continue
         s = p[0] + ratio / weight[i]
@@ -271,7 +322,8 @@ def innovations(
             m[2, j] += k * v2
         p = seen(p, ratio / weight[i])
         used += 1
-        if used <= _DIFFUSE:
+        if not (placed and pointed):
+            pointed, placed = placed or pointed, True
             continue
         product *= s
         if product > 1e100 or product < 1e-100:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tssgeom.arrays import Vector
+from tssgeom.shape.chain.facing import curvature_at_points, faced, without_stray_directions
 from tssgeom.shape.chain.fit import Chain, Data, settle, values
 from tssgeom.shape.chain.moves import fit_chain
 from tssgeom.shape.chain.strays import weighed
@@ -19,12 +20,13 @@ from tssgeom.shape.geometry import (
     by_spline,
     doubt,
     doubted,
-    first_chain,
     fit_data,
     lead,
     margin,
     may_be_chain,
     measure,
+    started,
+    told_length,
 )
 from tssgeom.shape.points import Shape
 from tssgeom.shape.spline import fit
@@ -84,7 +86,9 @@ def follow(shape: Shape, noise: float | None, last: Followed | None, method: Met
         found = _follow_chain(shape, noise, last, last.geometry.chain, method)
     elif last is not None:
         found = _follow_spline(shape, noise, last, method)
-    return found or Followed(measure(shape, noise, method), shape.index)
+    if found is None:
+        return Followed(measure(shape, noise, method), shape.index)
+    return found if shape.length is None else replace(found, geometry=told_length(found.geometry, shape))
 
 
 def _follow_chain(
@@ -100,7 +104,12 @@ def _follow_chain(
     )
     age = last.age + 1
     variance = last.geometry.route.noise**2
-    chain = settle(data, chain._replace(stations=_stations(shape, last, chain)))
+    chain = chain._replace(stations=_stations(shape, last, chain))
+    if shape.directions is not None:
+        kappa = curvature_at_points(chain)
+        data = faced(data, shape.directions, shape.direction_noise**2, kappa, variance)
+        data = without_stray_directions(data, settle(data, chain))
+    chain = settle(data, chain)
     weight = weighed(data, chain, variance)
     if weight is not None:
         data = data._replace(weight=weight)
@@ -158,9 +167,9 @@ def _follow_spline(shape: Shape, noise: float | None, last: Followed, method: Me
     tried = method == "auto" and (last.rival is not None or age >= last.wait)
     if not tried or not may_be_chain(shape, spline):
         return found
-    data = fit_data(shape, noise, spline.route)
+    data = fit_data(shape, noise, spline)
     if last.rival is None:
-        rival = settle(data, first_chain(smooth.route, smooth.arcs))
+        rival = settle(data, started(data, smooth))
     else:
         rival = settle(data, last.rival._replace(stations=np.array(spline.route.station)))
     return _with_rival(shape, data, rival, found, smooth)

@@ -12,11 +12,14 @@ import numpy as np
 from tssgeom.arrays import read_only
 from tssgeom.shape.arcs import Arcs, constant_curvature_pieces, normals, parallel_components
 from tssgeom.shape.chain.account import chain_geometry
+from tssgeom.shape.chain.facing import faced, off_directions, reweighed, without_short
 from tssgeom.shape.chain.fit import Chain, Data, settle
 from tssgeom.shape.chain.moves import fit_chain, slopes
 from tssgeom.shape.chain.places import off_chain
 from tssgeom.shape.chain.strays import without_strays
 from tssgeom.shape.curvature import CurvatureProfile, curvature_profile
+from tssgeom.shape.directions import direction_warnings
+from tssgeom.shape.known_length import of_known_length
 from tssgeom.shape.points import Shape, stray_warnings
 from tssgeom.shape.route import Route
 from tssgeom.shape.spline import Spline, fit
@@ -64,15 +67,28 @@ def measure(shape: Shape, noise: float | None = None, method: Method = "auto") -
     FitError
         Where the points give no finite curve.
     """
+    return told_length(_measured(shape, noise, method), shape)
+
+
+def told_length(geometry: Geometry, shape: Shape) -> Geometry:
+    """Take the length of the whole route into account, where it is known."""
+    if shape.length is None:
+        return geometry
+    found = (geometry.route, geometry.profile, geometry.arcs)
+    route, profile, arcs = of_known_length(*found, shape.length, shape.length_noise)
+    return replace(geometry, route=route, profile=profile, arcs=arcs)
+
+
+def _measured(shape: Shape, noise: float | None, method: Method) -> Geometry:
     spline = fit(shape, noise)
     smooth = by_spline(spline)
     if method == "spline" or not may_be_chain(shape, spline):
         return smooth
-    data = fit_data(shape, noise, spline.route)
-    chain: Chain | None = settle(data, first_chain(smooth.route, smooth.arcs))
+    data = fit_data(shape, noise, spline)
+    chain: Chain | None = settle(data, started(data, smooth))
     if method == "auto" and (chain := _worth_searching(data, chain, spline)) is None:
         return smooth
-    chain = fit_chain(data, chain)
+    data, chain = reweighed(data, fit_chain(data, chain))
     ahead = margin(data, chain, spline)
     arcs = by_chain(shape, *without_strays(data, chain))
     return arcs if method == "arcs" else chosen(smooth, arcs, ahead)
@@ -86,14 +102,22 @@ def by_spline(spline: Spline) -> Geometry:
 
 def by_chain(shape: Shape, data: Data, chain: Chain) -> Geometry:
     """Route, profile and pieces of a fitted chain."""
-    return Geometry(*chain_geometry(data, chain, stray_warnings(shape, data.weight)), chain=chain)
+    warnings = stray_warnings(shape, data.weight)
+    if data.aim is not None and data.blur is not None:
+        used = np.where(data.blur[:, None] > 0.0, data.aim, np.nan)
+        warnings += direction_warnings(shape.directions, used, shape.index)
+    return Geometry(*chain_geometry(data, chain, warnings), chain=chain)
 
 
-def fit_data(shape: Shape, noise: float | None, route: Route) -> Data:
+def fit_data(shape: Shape, noise: float | None, spline: Spline) -> Data:
     """Points as the chain wants them, weighted as in a route that was fitted to them."""
-    variance = 0.0 if noise is None else noise * noise
+    variance, route = 0.0 if noise is None else noise * noise, spline.route
     spacing = float(route.s[-1]) / len(shape.points)
-    return Data(shape.points, np.array(route.weight), shape.stations is None, variance, spacing)
+    data = Data(shape.points, np.array(route.weight), shape.stations is None, variance, spacing)
+    if shape.directions is None:
+        return data
+    kappa = np.interp(route.station, route.s, np.linalg.norm(route.curvature_vector, axis=1))
+    return faced(data, spline.memory[0].aim, shape.direction_noise**2, kappa, route.noise**2)
 
 
 def may_be_chain(shape: Shape, spline: Spline) -> bool:
@@ -108,6 +132,12 @@ def _worth_searching(data: Data, chain: Chain, spline: Spline) -> Chain | None:
             return chain
         chain = fit_chain(data, chain, 1)
     return chain if lead(data, chain, spline) >= HOPELESS else None
+
+
+def started(data: Data, smooth: Geometry) -> Chain:
+    """First guess of a chain from a smooth fit; directions tell even pieces of few points."""
+    chain = first_chain(smooth.route, smooth.arcs)
+    return chain if data.aim is None else without_short(chain, data)
 
 
 def first_chain(route: Route, arcs: Arcs) -> Chain:
@@ -142,14 +172,25 @@ def lead(data: Data, chain: Chain, spline: Spline) -> float:
 
 
 def _deviance(data: Data, chain: Chain) -> float:
+    """-2 ln evidence of points and directions normal to a chain; docs/model.md (34), (94)."""
+    fitted = _deviance_of_points(data, chain)
+    if data.blur is None:
+        return fitted
+    used = data.blur > 0.0
+    blur = data.blur[used]
+    return fitted + float(np.sum(2.0 * np.log(blur) + off_directions(data, chain)[used] / blur))
+
+
+def _deviance_of_points(data: Data, chain: Chain) -> float:
     """-2 ln evidence of the points normal to a chain, infinite where it has too many parameters for them."""
     square = off_chain(data.points, chain.stations, *chain[:4], True)
     cost, values = float(data.weight @ square), 2 * int(np.count_nonzero(data.weight))
-    if len(chain.matrix) * _VALUES_A_PARAMETER > values:
+    fitted = values + 2 * data.directions
+    if len(chain.matrix) * _VALUES_A_PARAMETER > fitted:
         return math.inf
     variance = data.variance if data.variance > 0.0 else max(cost / values, 1e-280)
     parameters = len(chain.matrix) - (0 if data.free else 1)
-    return values * math.log(variance) + cost / variance + parameters * math.log(values)
+    return values * math.log(variance) + cost / variance + parameters * math.log(fitted)
 
 
 def chosen(smooth: Geometry, arcs: Geometry, lead: float) -> Geometry:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit
 
 from tssgeom.arrays import Points, Vector, read_only
 from tssgeom.errors import ShapeError
+from tssgeom.shape.directions import checked_directions
 from tssgeom.shape.stray import FEWEST, out_of_order, stray, worst
 
 MIN_POINTS = 4
@@ -27,9 +28,24 @@ class Shape:
     stations: Vector | None
     """Known arc length at each point, from the sensor [m]."""
     warnings: tuple[str, ...]
+    directions: Points | None = None
+    """Sensed unit tangents, a row of NaN where none was sensed [n, 3]."""
+    direction_noise: float = 0.0
+    """Standard deviation of each component of a direction across the route [rad]."""
+    length: float | None = None
+    """Known length of the route from the first to the last sensed point [m]."""
+    length_noise: float = 0.0
+    """Standard deviation of that length [m]."""
 
 
-def clean(points: Points, stations: Vector | None = None) -> Shape:
+def clean(
+    points: Points,
+    stations: Vector | None = None,
+    directions: Points | None = None,
+    direction_noise: float | None = None,
+    length: float | None = None,
+    length_noise: float = 0.0,
+) -> Shape:
     """Check sensed points and drop what cannot be used.
 
     Parameters
@@ -38,12 +54,19 @@ def clean(points: Points, stations: Vector | None = None) -> Shape:
         Places along the route; a row of NaN is a point that was not seen [m].
     stations
         Known arc length at each point, increasing [m].
+    directions
+        Unit tangents at the points, towards the distal end; a row of NaN is one not sensed [n, 3].
+    direction_noise
+        Standard deviation of each of their components across the route [rad]; without it they are not used.
+    length, length_noise
+        Known length of the route from the first to the last point, and its standard deviation [m].
 
     Raises
     ------
     ShapeError
         Fewer than four distinct points, infinite coordinates, no extent, stations that do not increase, or
-        points that are not in order along the route.
+        points that are not in order along the route; directions that are no unit vectors or run backwards; a
+        length that is not positive.
     """
     points = np.ascontiguousarray(points, dtype=np.float64)
     if points.ndim != 2 or points.shape[1] != 3:
@@ -55,12 +78,38 @@ def clean(points: Points, stations: Vector | None = None) -> Shape:
         index, warnings = _usable(points, known)
         found = points[index]
         _refuse_unusable(found, ordered=known is not None)
-    return Shape(
+    shape = Shape(
         read_only(found),
         read_only(index.astype(np.float64)),
         None if known is None else read_only(known[index] - known[index[0]]),
         warnings,
     )
+    if directions is not None:
+        shape = _with_directions(shape, directions, direction_noise, points, index)
+    if length is not None:
+        shape = _with_length(shape, length, length_noise, len(points))
+    return shape
+
+
+def _with_directions(
+    shape: Shape, directions: Points, noise: float | None, points: Points, index: np.ndarray
+) -> Shape:
+    if not noise:
+        unused = "directions are not used: state their noise, [shape] direction_noise_deg"
+        return replace(shape, warnings=(*shape.warnings, unused))
+    unit, warnings = checked_directions(directions, points)
+    unit = unit[index]
+    told = None if np.isnan(unit).any(axis=1).all() else read_only(unit)
+    return replace(shape, directions=told, direction_noise=noise, warnings=shape.warnings + warnings)
+
+
+def _with_length(shape: Shape, length: float, noise: float, sensed: int) -> Shape:
+    if not (math.isfinite(length) and length > 0.0):
+        raise ShapeError(f"the length is {length:g} m: give a finite value > 0 m, or leave it out")
+    if shape.index[0] > 0 or shape.index[-1] < sensed - 1:
+        unused = "the stated length is not used: an end of the route was not seen"
+        return replace(shape, warnings=(*shape.warnings, unused))
+    return replace(shape, length=length, length_noise=noise)
 
 
 def _sound(points: Points) -> bool:

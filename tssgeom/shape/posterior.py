@@ -10,8 +10,9 @@ import numpy as np
 from tssgeom.arrays import Matrix, Points, Vector
 from tssgeom.errors import FitError
 from tssgeom.shape.bending import SHARPEST, bent_along, stray_points
+from tssgeom.shape.directions import may_drop, stray_direction, variances
 from tssgeom.shape.filtering import innovations, transitions
-from tssgeom.shape.intensity import best_ratio
+from tssgeom.shape.intensity import best_noise, best_ratio
 from tssgeom.shape.points import Shape
 from tssgeom.shape.smoother import smooth
 from tssgeom.shape.stations import across
@@ -51,6 +52,14 @@ class Problem(NamedTuple):
     """κ² and κκ' on the interval before each station, and ω² [n, 3]."""
     known: bool
     """Whether the sensor told the stations."""
+    aim: Points | None = None
+    """Sensed directions, rows of NaN where none is used [n, 3]."""
+    facing: float = 0.0
+    """Variance of a component of a direction [rad²]."""
+    blur: Vector | None = None
+    """The same at each point, 0 where no direction is used; None in the first pass [n]."""
+    likely: float = 0.0
+    """Noise variance of the last pass, in which `ends` are counted."""
 
 
 class Solution(NamedTuple):
@@ -77,11 +86,11 @@ def posterior(shape: Shape, spacing: float, noise: float | None) -> tuple[Proble
     """
     problem, solution = _without_outliers(*_first(shape, spacing, noise))
     for _ in range(_MOST_PASSES):
-        before = solution
+        before, first = solution, problem.blur is None and problem.aim is not None
         problem = _bent(problem, solution, known=shape.stations is not None)
-        solution = _solve(problem, solution.ratio)
+        solution = _solve(problem, 0.0 if first else solution.ratio)
         problem, solution = _without_outliers(problem, solution)
-        if _settled(before, solution):
+        if _settled(before, solution) and not first:
             break
     return problem, solution
 
@@ -101,12 +110,14 @@ def warmed(
     """
     before, solved, spacing = last
     n = len(before.u)
-    if len(shape.points) != n or (shape.stations is not None) != before.known:
+    same = (shape.stations is not None) == before.known and (shape.directions is None) == (before.aim is None)
+    if len(shape.points) != n or not same:
         return None
     y = (shape.points - shape.points[0]) / spacing
     variance = 0.0 if noise is None else max(noise / spacing, _EXACT) ** 2
     # unknown stations stay at the last feet: the route may have moved by more than their spacing
-    problem = _bent(before._replace(variance=variance), solved, known=before.known)._replace(y=y)
+    before = before._replace(variance=variance, aim=shape.directions)
+    problem = _bent(before, solved, known=before.known)._replace(y=y)
     problem.start[:, 0] = y[0]
     if before.known and shape.stations is not None:
         problem = problem._replace(u=shape.stations / spacing)
@@ -119,7 +130,8 @@ def warmed(
     _, count = stray_points(
         problem.u, y, problem.weight, variance, solution.ratio, solution.mean, solution.covariance
     )
-    return (problem, solution, spacing) if not count and problem.weight.min() > 0.0 else None
+    good = not count and problem.weight.min() > 0.0 and _stray_direction(problem, solution) < 0
+    return (problem, solution, spacing) if good else None
 
 
 def _settled_nearby(problem: Problem, ratio: float) -> Solution | None:
@@ -148,10 +160,12 @@ def deviance(problem: Problem, solution: Solution, spacing: float) -> float:
     both variances at the ends.
     """
     q = max(solution.intensity, 1e-280)
-    n = solution.values + 2
+    n, blur = solution.values + 2, np.zeros(0) if problem.blur is None else problem.blur[problem.blur > 0.0]
     variance = max(solution.ratio * q, 1e-280) * spacing**2
-    information = math.log(n * n * (n * n - 1.0) / 12.0)
-    fitted = 2 * (solution.values * math.log(q * spacing**2) + solution.log_s) + solution.squares / q
+    told, seen = float(np.sum(solution.ratio * q / blur)), n - len(blur)  # docs/model.md (92)
+    information = math.log(seen * (seen * (seen * seen - 1.0) / 12.0 + told))
+    fitted = 2 * (solution.values * math.log(q) + solution.log_s) + solution.squares / q
+    fitted += 4 * (seen - 2) * math.log(spacing)
     return fitted + 4 * math.log(variance) - 2 * information + 6 * math.log(2 * n)
 
 
@@ -162,7 +176,11 @@ def swings(problem: Problem, solution: Solution) -> float:
     errors give values above -3, errors that neighbours share give large negative ones.
     """
     e = np.zeros_like(problem.y)
-    innovations(*problem[:8], solution.ratio, e)
+    if problem.blur is None:
+        innovations(*problem[:8], solution.ratio, e)
+    else:
+        per_q = 1.0 / solution.intensity
+        innovations(*problem[:8], solution.ratio, e, problem.aim, problem.blur, per_q)
     e = e[np.any(e != 0.0, axis=1)]
     if len(e) <= _LAGS[-1]:
         return 0.0
@@ -195,6 +213,8 @@ def _first(shape: Shape, spacing: float, noise: float | None) -> tuple[Problem, 
             variance,
             coupling,
             shape.stations is not None,
+            shape.directions,
+            shape.direction_noise**2,
         )
 
     if shape.stations is not None:
@@ -236,12 +256,49 @@ def _vague(y: Points, variance: float) -> tuple[Matrix, Vector, float]:
     return start, spread / noise, float(np.clip(square - 12.0 * noise / gap**4, 0.0, SHARPEST**2))
 
 
+def scaled_ends(problem: Problem, variance: float) -> Vector:
+    """Variances at the ends in units of the noise variance that was found."""
+    scaled = problem.blur is not None and problem.variance == 0.0
+    return problem.ends * (problem.likely / variance) if scaled else problem.ends
+
+
 def _solve(problem: Problem, guess: float = 0.0) -> Solution:
-    found = best_ratio(*problem[:9], guess)
-    mean, covariance, gain = smooth(*problem[:6], found[0])
+    if problem.aim is None or problem.blur is None:
+        found = best_ratio(*problem[:9], guess)
+        mean, covariance, gain = smooth(*problem[:6], found[0])
+    else:
+        told = problem.aim, problem.blur
+        if problem.variance > 0.0:
+            found = best_ratio(*problem[:9], guess, *told)
+        else:
+            found = best_noise(problem[:8], problem.likely, guess, *told)
+        ends = scaled_ends(problem, found[0] * found[1])
+        mean, covariance, gain = smooth(*problem[:5], ends, found[0], *told, 1.0 / found[1])
     if not math.isfinite(mean.sum()):
         raise FitError("the points give no finite curve: check the unit and look for stray points")
     return Solution(*found, mean, covariance, gain)
+
+
+def _stray_direction(problem: Problem, solution: Solution) -> int:
+    """Return the direction that stands off the curve most, or -1."""
+    if problem.aim is None or problem.blur is None:
+        return -1
+    spread = solution.covariance[:, 4] * solution.intensity
+    return stray_direction(problem.aim, problem.blur, problem.u, solution.mean, spread)
+
+
+def _without_stray_directions(problem: Problem, solution: Solution) -> tuple[Problem, Solution]:
+    """Leave out directions that the curve through all else does not explain, one at a time."""
+    sensed = problem.aim
+    for _ in range(_ROUNDS):
+        worst = _stray_direction(problem, solution)
+        if worst < 0 or not may_drop(problem.aim, sensed):
+            break
+        aim, blur = np.array(problem.aim), np.array(problem.blur)
+        aim[worst], blur[worst] = np.nan, 0.0
+        problem = problem._replace(aim=aim, blur=blur)
+        solution = _solve(problem, solution.ratio)
+    return problem, solution
 
 
 def _bent(problem: Problem, solution: Solution, *, known: bool) -> Problem:
@@ -256,6 +313,10 @@ def _bent(problem: Problem, solution: Solution, *, known: bool) -> Problem:
         solution.covariance,
         known,
     )
+    variance, blur = max(solution.ratio * solution.intensity, _EXACT**2), None
+    if problem.aim is not None:
+        slid = np.zeros(len(u)) if known else coupling[:, 0] * (problem.variance or variance)
+        blur = variances(problem.aim, problem.facing, slid)
     return problem._replace(
         u=u,
         step=transitions(u, coupling),
@@ -264,11 +325,14 @@ def _bent(problem: Problem, solution: Solution, *, known: bool) -> Problem:
         ends=ends,
         tangent=tangent,
         planar=True,
+        blur=blur,
+        likely=variance,
     )
 
 
 def _without_outliers(problem: Problem, solution: Solution) -> tuple[Problem, Solution]:
     """Take the weight from points that their neighbours' curve does not explain."""
+    problem, solution = _without_stray_directions(problem, solution)
     for _ in range(_ROUNDS):
         stray, count = stray_points(
             problem.u,

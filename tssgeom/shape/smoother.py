@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numba import njit
 
-from tssgeom.shape.filtering import FAST, Triangle, at_start, carry, predicted, seen, tied
+from tssgeom.shape.filtering import FAST, Triangle, at_start, carry, face, faced, predicted, seen, tied
 
 
 @njit(**FAST)
@@ -117,8 +117,13 @@ def smooth(
     start: np.ndarray,
     ends: np.ndarray,
     ratio: float,
+    aim: np.ndarray | None = None,
+    blur: np.ndarray | None = None,
+    per_q: float = 0.0,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Posterior of the curve at all stations, for noise variance ratio/weight and q = 1.
+
+    Parameters are those of `filtering.innovations`.
 
     Returns
     -------
@@ -139,6 +144,11 @@ def smooth(
             p = predicted(p, step[i], u[i] - u[i - 1])
             _put(p, ahead[i])
             carry(m[i - 1], step[i], m[i])
+        if aim is not None and blur is not None:
+            variance = blur[i] * per_q
+            if variance > 0.0:
+                face(p, m[i], aim[i], variance)
+                p = faced(p, variance)
         if weight[i] > 0.0:
             s = p[0] + ratio / weight[i]
             v0, v1, v2 = y[i, 0] - m[i, 0, 0], y[i, 1] - m[i, 1, 0], y[i, 2] - m[i, 2, 0]

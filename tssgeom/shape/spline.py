@@ -8,11 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numba import njit
 
-from tssgeom.arrays import Matrix, Points, Vector, read_only
+from tssgeom.arrays import Matrix, Vector, read_only
 from tssgeom.shape.clusters import clustered, merged
+from tssgeom.shape.directions import direction_warnings
 from tssgeom.shape.filtering import transitions
 from tssgeom.shape.points import Shape, stray_warnings
-from tssgeom.shape.posterior import Problem, Solution, deviance, posterior, swings, warmed
+from tssgeom.shape.posterior import Problem, Solution, deviance, posterior, scaled_ends, swings, warmed
 from tssgeom.shape.route import Route
 from tssgeom.shape.smoother import smooth
 from tssgeom.shape.stations import insert_nodes, mean_spacing
@@ -43,6 +44,8 @@ class Spline:
     """What the next fit of a moving route begins with, and its mean spacing [m]."""
     angle_doubt: float = 0.0
     """Relative standard error of all angles that comes from errors that neighbouring points share [1]."""
+    facing: float = 0.0
+    """Share of the effective parameters that sensed directions tell [1]."""
 
 
 def fit(shape: Shape, noise: float | None = None, last: Spline | None = None) -> Spline:
@@ -68,7 +71,8 @@ def fit(shape: Shape, noise: float | None = None, last: Spline | None = None) ->
         if found is not None:
             return _spline(shape, *found)
     spline = _fit_white(shape, noise)
-    if noise is None and shape.stations is None and clustered(shape.points) and _swing(spline) < _SWING:
+    alone = shape.stations is None and shape.directions is None
+    if noise is None and alone and clustered(shape.points) and _swing(spline) < _SWING:
         return _fit_merged(shape, spline)
     return spline
 
@@ -137,8 +141,7 @@ def _spline(shape: Shape, problem: Problem, solution: Solution, spacing: float) 
     mean, covariance, gain = solution[5:]
     if len(u) < _NODES:
         u, where = insert_nodes(problem.u, problem.u[-1] / _NODES)
-        on_nodes = _on_nodes(problem, u, where)
-        mean, covariance, gain = smooth(u, *on_nodes, problem.start, problem.ends, solution.ratio)
+        mean, covariance, gain = _on_nodes(problem, solution, u, where)
     q = solution.intensity
     s, position, tangent, bend, covariance, gain = in_metres(
         u, mean, covariance, gain, shape.points[0], spacing, q, problem.known
@@ -153,17 +156,29 @@ def _spline(shape: Shape, problem: Problem, solution: Solution, spacing: float) 
         weight=read_only(problem.weight),
         station=read_only(s[feet]),
         residual=read_only(shape.points - position[feet]),
-        warnings=stray_warnings(shape, problem.weight),
+        warnings=stray_warnings(shape, problem.weight)
+        + direction_warnings(shape.directions, problem.aim, shape.index),
     )
+    facing = _told_by_directions(problem, solution)
+    freedom = float(problem.weight @ solution.covariance[:, 0]) / solution.ratio + facing
     return Spline(
         route=route,
         covariance=read_only(covariance),
         gain=read_only(gain),
-        freedom=float(problem.weight @ solution.covariance[:, 0]) / solution.ratio,
+        freedom=freedom,
         deviance=deviance(problem, solution, spacing),
         stations_known=problem.known,
         memory=(problem, solution, spacing),
+        facing=facing / freedom,
     )
+
+
+def _told_by_directions(problem: Problem, solution: Solution) -> float:
+    """Effective number of parameters of one coordinate that the directions tell [1]."""
+    if problem.blur is None:
+        return 0.0
+    used = problem.blur > 0.0
+    return float(np.sum(solution.covariance[used, 4] / problem.blur[used])) * solution.intensity
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -211,9 +226,19 @@ def in_metres(
     return s, position, tangent, bend, wide, gains
 
 
-def _on_nodes(problem: Problem, u: Vector, where: np.ndarray) -> tuple[Points, Vector, Matrix]:
+def _on_nodes(
+    problem: Problem, solution: Solution, u: Vector, where: np.ndarray
+) -> tuple[Matrix, Matrix, Matrix]:
+    """Posterior on more nodes than the stations, which are `where` among them."""
     n = len(u)
     y, weight = np.zeros((n, 3)), np.zeros(n)
     y[where], weight[where] = problem.y, problem.weight
     interval = np.minimum(np.searchsorted(where, np.arange(n)), len(where) - 1)
-    return y, weight, transitions(u, problem.coupling[interval])
+    step = transitions(u, problem.coupling[interval])
+    ends = scaled_ends(problem, solution.ratio * solution.intensity)
+    given = (u, y, weight, step, problem.start, ends, solution.ratio)
+    if problem.aim is None or problem.blur is None:
+        return smooth(*given)
+    aim, blur = np.zeros((n, 3)), np.zeros(n)
+    aim[where], blur[where] = problem.aim, problem.blur
+    return smooth(*given, aim, blur, 1.0 / solution.intensity)

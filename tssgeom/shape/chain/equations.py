@@ -42,6 +42,20 @@ def _twist_of_turn(theta: np.ndarray, centre: np.ndarray, out: np.ndarray) -> No
 
 
 @njit(cache=True, nogil=True)
+def _turn_by_kappa(k0: float, k1: float, h: float, out: np.ndarray) -> None:
+    """Turn of the axes at arc length h by both curvature components, in the axes at its start [2, 3]."""
+    q = (k0 * k0 + k1 * k1) * h * h
+    _, b, c3, _, _ = arc_functions(q)
+    a = 1.0 - q * c3
+    w1, w2 = -k1 * h, k0 * h  # rotation vector on (t, e1, e2): (0, w1, w2)
+    for c in range(2):
+        v1, v2 = (0.0, h) if c == 0 else (-h, 0.0)
+        dot = w1 * v1 + w2 * v2
+        out[c, 0] = b * (w1 * v2 - w2 * v1)
+        out[c, 1], out[c, 2] = a * v1 + c3 * dot * w1, a * v2 + c3 * dot * w2
+
+
+@njit(cache=True, nogil=True)
 def _twists(
     place: np.ndarray,
     frame: np.ndarray,
@@ -76,22 +90,18 @@ def _twists(
         _twist_of_turn(theta, place[j], twist[row])
         first[row] = j
         row += 1
-    moved = np.empty((2, 3))
+    moved, turned = np.empty((2, 3)), np.empty((2, 3))
     for j in range(k):
         if not curved[j]:
             continue
         length = joints[j + 1] - joints[j] if j + 1 < k else 0.0
-        q = (bend[j, 0] ** 2 + bend[j, 1] ** 2) * length * length
-        _, b, c3, _, _ = arc_functions(q)
-        a = 1.0 - q * c3
+        _turn_by_kappa(bend[j, 0], bend[j, 1], length, turned)
         _place_by_kappa(bend[j, 0], bend[j, 1], length, moved)
-        w1, w2 = -bend[j, 1] * length, bend[j, 0] * length  # rotation vector on (t, e1, e2): (0, w1, w2)
         for c in range(2):
-            v1, v2 = (0.0, length) if c == 0 else (-length, 0.0)
-            dot = w1 * v1 + w2 * v2
-            turn0, turn1, turn2 = b * (w1 * v2 - w2 * v1), a * v1 + c3 * dot * w1, a * v2 + c3 * dot * w2
             for i in range(3):
-                theta[i] = turn0 * frame[j, 0, i] + turn1 * frame[j, 1, i] + turn2 * frame[j, 2, i]
+                theta[i] = 0.0
+                for d in range(3):
+                    theta[i] += turned[c, d] * frame[j, d, i]
             if j + 1 < k:
                 _twist_of_turn(theta, place[j + 1], twist[row])
                 for i in range(3):
@@ -156,6 +166,46 @@ def _moments(
 
 
 @njit(cache=True, nogil=True)
+def _add_directions(
+    moments: np.ndarray,
+    aim: np.ndarray,
+    heft: np.ndarray,
+    s: np.ndarray,
+    frame: np.ndarray,
+    joints: np.ndarray,
+    bend: np.ndarray,
+) -> float:
+    """Add the rows of the sensed directions to the moments of their pieces; returns their cost, (94)."""
+    row, local, by, off = np.zeros(9), np.empty((4, 3)), np.empty((2, 3)), np.empty(3)
+    cost, j = 0.0, 0
+    for i in range(len(s)):
+        w = heft[i]
+        if w <= 0.0:
+            continue
+        j = piece_of(joints, s[i], j)
+        k0, k1, here = bend[j, 0], bend[j, 1], s[i] - joints[j]
+        a_of, b_of, _, _, _ = arc_functions((k0 * k0 + k1 * k1) * here * here)
+        fill_local(a_of, b_of, k0, k1, here, local)
+        _turn_by_kappa(k0, k1, here, by)
+        for c in range(3):
+            off[c] = aim[i, 0] * frame[j, c, 0] + aim[i, 1] * frame[j, c, 1] + aim[i, 2] * frame[j, c, 2]
+        own = moments[j]
+        for part in range(2, 4):  # t × e1 = e2, t × e2 = -e1
+            sign = 1.0 if part == 2 else -1.0
+            row[6], row[7], row[8] = 0.0, 0.0, 0.0
+            for c in range(3):
+                row[3 + c] = sign * local[5 - part, c]
+                row[6] += by[0, c] * row[3 + c]
+                row[7] += by[1, c] * row[3 + c]
+                row[8] += off[c] * local[part, c]
+            cost += w * row[8] * row[8]
+            for a in range(3, 8):
+                for b in range(a, 9):
+                    own[a, b] += w * row[a] * row[b]
+    return cost
+
+
+@njit(cache=True, nogil=True)
 def _to_world(moments: np.ndarray, place: np.ndarray, frame: np.ndarray) -> None:
     """Carry moments [k, 9, 9] from each piece's axes to the world's, in place, and make them symmetric."""
     carry, half = np.empty((6, 6)), np.empty((6, 9))
@@ -198,6 +248,8 @@ def normal_equations(
     bend: np.ndarray,
     curved: np.ndarray,
     free: bool,
+    aim: np.ndarray | None = None,
+    heft: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """Gauss-Newton matrix [m, m] and gradient [m] of the fit, and its cost; docs/model.md (31), (32).
 
@@ -210,10 +262,14 @@ def normal_equations(
         [k, 2], which pieces may be curved [k].
     free
         True where stations are unknown: only distances across the chain count.
+    aim, heft
+        Sensed directions [n, 3], and their weights against the points' [n] [m²].
     """
     place, frame = joint_frames(start, axes, joints, bend)
     twist, first, own = _twists(place, frame, joints, bend, curved, free)
     moments, cost = _moments(p, weight, s, place, frame, joints, bend, free)
+    if aim is not None and heft is not None:
+        cost += _add_directions(moments, aim, heft, s, frame, joints, bend)
     _to_world(moments, place, frame)
     m, k = len(twist), len(bend)
     beyond = np.zeros((k + 1, 6, 7))  # moments, and those with the residual, of a piece and all that follow

@@ -37,6 +37,14 @@ class Data(NamedTuple):
     """Known noise variance of a coordinate, 0 where unknown [m²]."""
     gap: float
     """Shortest piece [m]."""
+    aim: Points | None = None
+    """Sensed directions [n, 3]."""
+    heft: Vector | None = None
+    """Noise variance of the points over that of each direction, 0 where none was sensed [n] [m²]."""
+    blur: Vector | None = None
+    """Variance of each direction, 0 where none was sensed [n] [rad²]."""
+    directions: int = 0
+    """How many were sensed."""
 
 
 class Chain(NamedTuple):
@@ -58,7 +66,7 @@ def values(data: Data) -> int:
     used = 0
     for weight in data.weight:
         used += 1 if weight > 0.0 else 0
-    return (2 if data.free else 3) * used
+    return (2 if data.free else 3) * used + 2 * data.directions
 
 
 @njit(cache=True, nogil=True)
@@ -200,7 +208,9 @@ def _evaluated(
     bend: np.ndarray,
     curved: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    return normal_equations(data.points, data.weight, s, start, axes, joints, bend, curved, data.free)
+    return normal_equations(
+        data.points, data.weight, s, start, axes, joints, bend, curved, data.free, data.aim, data.heft
+    )
 
 
 @njit(cache=True, nogil=True)

@@ -210,7 +210,17 @@ def _parts(data: Data, chain: Chain) -> tuple[np.ndarray, np.ndarray, np.ndarray
     at = (chain.joints[:, None] + length[:, None] * np.arange(_SPLITS) / _SPLITS).ravel()
     bend, curved = np.repeat(chain.bend, _SPLITS, axis=0), np.ones(k * _SPLITS, np.bool_)
     matrix, gradient, _ = normal_equations(
-        data.points, data.weight, chain.stations, chain.start, chain.axes, at, bend, curved, data.free
+        data.points,
+        data.weight,
+        chain.stations,
+        chain.start,
+        chain.axes,
+        at,
+        bend,
+        curved,
+        data.free,
+        data.aim,
+        data.heft,
     )
     base = first_joint_column(data.free)
     first = base + k * _SPLITS - 1
