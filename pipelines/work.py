@@ -55,7 +55,12 @@ def options(rig: Path | None, tension_in: float, unit: str | None, lumen: Path |
     """
     if not math.isfinite(tension_in) or tension_in < 0:
         raise SettingsError(f"--tension-in is {tension_in:g} N: give a finite tension >= 0 N")
-    return Options(Rig() if rig is None else read_rig(rig), rig, tension_in, unit, lumen)
+    held = Rig() if rig is None else read_rig(rig)
+    if held.effects:
+        raise SettingsError(
+            f"{rig}: [[effects]] act in `tssgeom.tendon.run_model` only so far: leave them out here"
+        )
+    return Options(held, rig, tension_in, unit, lumen)
 
 
 def inputs_of(paths: Iterable[Path], besides: Collection[Path] = ()) -> Iterator[Path | Refusal]:

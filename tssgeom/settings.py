@@ -1,11 +1,13 @@
 """The rig: tendon, friction, load and sensors, held alike from Python and from a TOML file."""
 
 import math
+import tomllib
 from pathlib import Path
 
 import msgspec
 
 from tssgeom.errors import SettingsError
+from tssgeom.tendon.effects import KINDS, Library
 
 
 def _require(condition: bool, what: str, value: float, remedy: str) -> None:
@@ -117,6 +119,8 @@ class Rig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
     load: Load = Load()
     sensors: dict[str, Sensor] = {}
     shape: ShapeSensor = ShapeSensor()
+    effects: tuple[Library, ...] = ()
+    """What else acts, beside the base model; docs/model.md (50)-(62)."""
 
 
 def read_rig(path: str | Path) -> Rig:
@@ -127,9 +131,25 @@ def read_rig(path: str | Path) -> Rig:
     SettingsError
         Where the file is missing, is no TOML, or holds an unknown key or a value out of bounds.
     """
+    content = b""
     try:
-        return msgspec.toml.decode(Path(path).read_bytes(), type=Rig)
+        content = Path(path).read_bytes()
+        return msgspec.toml.decode(content, type=Rig)
     except OSError as error:
         raise SettingsError(f"{path}: cannot read the rig file ({error.strerror}): check the path") from error
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
-        raise SettingsError(f"{path}: {error}: mend the rig file (docs/formats.md, Rig)") from error
+        told = _wrong_effect(content) if "$.effects" in str(error) else str(error)
+        raise SettingsError(f"{path}: {told}: mend the rig file (docs/formats.md, Rig)") from error
+
+
+def _wrong_effect(content: bytes) -> str:
+    """Say which effect of a rig file is wrong, and what there is to choose from."""
+    tables = tomllib.loads(content.decode())["effects"]
+    for i, table in enumerate(tables if isinstance(tables, list) else []):
+        try:
+            msgspec.convert(table, type=Library)
+        except msgspec.ValidationError as error:
+            kind = KINDS.get(str(table.get("name"))) if isinstance(table, dict) else None
+            known = ", ".join(kind.__struct_fields__ if kind else KINDS)
+            return f"effects[{i}]: {error}; {'its parameters' if kind else 'effects'} are {known}"
+    return "effects is no list of tables; write each as [[effects]]"

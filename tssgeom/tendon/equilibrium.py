@@ -312,7 +312,10 @@ def _settle(chain, slip, w, tension):
     for i in range(slip.size):
         if slip[i] != _STUCK and tension[i + 1] > 0.0 and stiffness[i + 1] > 0.0:
             side = low[i] if slip[i] == _PULLED else high[i]
-            tension[i + 1] = max(side * tension[i] - slip[i] * force[i] - drag[i] * w[i], 0.0)
+            if w[i] != 0.0:
+                tension[i + 1] = max(side * tension[i] - slip[i] * force[i] - drag[i] * w[i], 0.0)
+            else:
+                slip[i] = _STUCK  # a mark left over from a bar that was taken for slack on the way
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

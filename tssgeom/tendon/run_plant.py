@@ -1,0 +1,163 @@
+"""A setup laid on a route: the arrays that the march through a run reads.
+
+Bars 1 … n lie in the sheath, bar 0 between drive and sheath, bar n + 1 between sheath and load, and the load.
+Contacts 0 … n stand between neighbours. Source: docs/model.md (50)-(60).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from tssgeom.arrays import Vector
+from tssgeom.shape.arcs import Arcs
+from tssgeom.tendon.effects.setup import Setup
+from tssgeom.tendon.material import lay
+
+_GRADING = 1.5  # bars grow from the drive on, where fronts start
+_FIRST = 0.1  # and the first is smaller still: what its contact holds, a position does not tell
+_LEAST = 1e-9  # slack that is taken up leaves this much give, lest its law become a wall [m/N]
+
+
+class Plant(NamedTuple):
+    """What stays the same during a run; b = n + 2 bars, k = n + 1 contacts."""
+
+    soft: np.ndarray  # [b] stretch per tension [m/N]
+    toe: np.ndarray  # [b] stretch of the toe [m]
+    toe_scale: np.ndarray  # [b] N
+    gap: np.ndarray  # [b] path saved when taut [m]
+    gap_scale: float  # N
+    creep_soft: np.ndarray  # [b] creep per tension in the end [m/N]
+    creep_time: float  # s
+    warm: np.ndarray  # [b] m/K
+    pulling: np.ndarray  # [k] exponent of the cone, before load, wear and speed
+    releasing: np.ndarray  # [k]
+    fitting: np.ndarray  # [k] exponent whatever load, wear and speed
+    low: np.ndarray  # [k] exp of the exponents, where nothing changes them
+    high: np.ndarray  # [k]
+    force: np.ndarray  # [k] N
+    drag: np.ndarray  # [k] N·s/m
+    load_exponent: float
+    load_reference: float  # N
+    wear_gain: float
+    wear_travel: float  # m
+    speed_gain: float
+    speed_reference: float  # m/s
+    backlash: float  # m
+    pretension: float  # N
+    load: float  # N/m
+    curved: bool  # stretch is no straight line over tension
+    by_rate: bool  # friction depends on the speed of sliding
+    varied: bool  # the cone depends on tension, travel or speed
+    swift: bool  # nothing but the drive moves the tendon: one sweep gives the answer
+
+
+def edges(arcs: Arcs, bars: int) -> Vector:
+    """Return where to cut the tendon, as fractions of its length, [bars + 1]; docs/model.md (63).
+
+    Half of the bars go by length, half by angle, so that sharp bends get several.
+    """
+    s = np.concatenate(([0.0], np.cumsum(arcs.length)))
+    phi = np.concatenate(([0.0], np.cumsum(arcs.angle)))
+    s, phi = s / s[-1], phi / max(phi[-1], 1e-12)
+    blend = (s + phi) / (s[-1] + phi[-1])
+    cut = np.interp(np.linspace(0.0, 1.0, bars + 1) ** _GRADING, blend, s)
+    cut[0], cut[-1] = 0.0, 1.0
+    cut[1] *= _FIRST
+    return cut
+
+
+def bent(arcs: Arcs, bends: tuple[tuple[float, float, float], ...]) -> tuple[Vector, Vector]:
+    """Return lengths and angles of the pieces with hidden bends added; docs/model.md (60)."""
+    length, angle = arcs.length, arcs.angle
+    for middle, extra, width in bends:
+        end = np.cumsum(length)
+        start = min(max(middle - 0.5 * width, 0.0), end[-1])
+        stop = min(max(middle + 0.5 * width, 0.0), end[-1])
+        if stop - start < 1e-9 * end[-1]:
+            start, stop = max(start - width, 0.0), min(stop + width, end[-1])
+        knots = np.unique(np.concatenate(([0.0, start, stop], end)))
+        phi = np.interp(knots, np.concatenate(([0.0], end)), np.concatenate(([0.0], np.cumsum(angle))))
+        phi += extra * np.clip((knots - start) / (stop - start), 0.0, 1.0)
+        length, angle = np.diff(knots), np.diff(phi)
+    return length, angle
+
+
+def plant(setup: Setup, arcs: Arcs, edge: Vector) -> Plant:
+    """Lay tendon, friction and ends on a route, with bars cut at the fractions `edge`."""
+    if setup.bends:
+        arcs = Arcs.exact(*bent(arcs, setup.bends))
+    bed = lay(edge, arcs)
+    pressed = bed.angle
+    if setup.curvature_gain_m != 0.0:  # docs/model.md (53)
+        factor = np.maximum(1.0 + setup.curvature_gain_m * arcs.kappa, 0.0)
+        pressed = lay(edge, Arcs.exact(arcs.length, arcs.angle * factor)).angle
+    base = setup.friction * pressed
+    pulling, releasing = base * (1.0 + setup.asymmetry), base * (1.0 - setup.asymmetry)
+    fitting = _at_ends(len(base), setup.fitting_in_exponent, setup.fitting_out_exponent)
+    force = setup.straight_friction_N_per_m * bed.span  # docs/model.md (54)
+    force = force + _at_ends(len(base), setup.fitting_in_N, setup.fitting_out_N)
+    rho_l = setup.compliance * bed.length
+    load = 1.0 / setup.load_stiffness if setup.load_stiffness > 0.0 else 0.0
+    turn = _turns(edge, arcs) if setup.clearance_m_per_rad else np.zeros(len(rho_l))
+    by_speed = setup.speed_gain != 0.0
+    return Plant(
+        soft=_ended(
+            rho_l,
+            max(setup.series_in_m_per_N, _LEAST if setup.take_up_in_m else 0.0),
+            max(setup.series_out_m_per_N + load, _LEAST if setup.take_up_out_m else 0.0),
+        ),
+        toe=_ended(setup.toe_strain * bed.length, setup.take_up_in_m, setup.take_up_out_m),
+        toe_scale=_ended(
+            np.full(len(rho_l), setup.toe_scale_N), setup.take_up_in_scale_N, setup.take_up_out_scale_N
+        ),
+        gap=_ended(setup.clearance_m_per_rad * turn, 0.0, 0.0),
+        gap_scale=float(setup.clearance_scale_N),
+        creep_soft=_ended(setup.creep_ratio * rho_l, 0.0, 0.0),
+        creep_time=float(setup.creep_time_s),
+        warm=_ended(setup.expansion_per_K * bed.length, 0.0, 0.0),
+        pulling=pulling,
+        releasing=releasing,
+        fitting=fitting,
+        low=np.exp(-pulling - fitting),
+        high=np.exp(releasing + fitting),
+        force=force,
+        drag=setup.drag_Ns_per_m2 * bed.span,
+        load_exponent=float(setup.load_exponent),
+        load_reference=float(setup.load_reference_N),
+        wear_gain=float(setup.wear_gain),
+        wear_travel=float(setup.wear_travel_m),
+        speed_gain=float(setup.speed_gain),
+        speed_reference=float(setup.speed_reference_m_per_s),
+        backlash=float(setup.backlash_m),
+        pretension=float(setup.pretension),
+        load=float(setup.load_stiffness),
+        curved=bool(
+            setup.toe_strain or setup.take_up_in_m or setup.take_up_out_m or setup.clearance_m_per_rad
+        ),
+        by_rate=by_speed or setup.drag_Ns_per_m2 != 0.0,
+        varied=bool(setup.load_exponent or setup.wear_gain or by_speed),
+        swift=bool(
+            setup.load_stiffness > 0.0
+            and not (by_speed or setup.drag_Ns_per_m2 or setup.creep_ratio or setup.expansion_per_K)
+        ),
+    )
+
+
+def _turns(edge: Vector, arcs: Arcs) -> Vector:
+    """Curve angle under each bar [rad]."""
+    s = np.concatenate(([0.0], np.cumsum(arcs.length)))
+    phi = np.concatenate(([0.0], np.cumsum(arcs.angle)))
+    return np.diff(np.interp(edge * s[-1], s, phi))
+
+
+def _ended(inner: Vector, first: float, last: float) -> Vector:
+    out = np.empty(len(inner) + 2)
+    out[0], out[1:-1], out[-1] = first, inner, last
+    return out
+
+
+def _at_ends(count: int, first: float, last: float) -> Vector:
+    out = np.zeros(count)
+    out[0] += first
+    out[-1] += last
+    return out
