@@ -90,7 +90,7 @@ def test_rows_of_directions_are_those_of_finite_differences(start, free):
     # points on the chain have no residual; their share is taken off again
     given = (here, np.ones(60), s, *start, JOINTS, BEND, CURVED, free)
     without, level, _ = normal_equations(*given)
-    matrix, gradient, cost = normal_equations(*given, aim, heft)
+    matrix, gradient, cost = normal_equations(*given, (aim, heft, heft))
     expected = np.einsum("nia,nij,njb->ab", jacobian, metric, jacobian)
     # central differences with a step of 1e-6 are good to 1e-9 of curvatures up to 20/m
     size = np.abs(expected).max()

@@ -13,7 +13,7 @@ from tssgeom.arrays import read_only
 from tssgeom.shape.arcs import Arcs, constant_curvature_pieces, normals, parallel_components
 from tssgeom.shape.chain.account import chain_geometry
 from tssgeom.shape.chain.facing import faced, off_directions, reweighed, without_short
-from tssgeom.shape.chain.fit import Chain, Data, settle
+from tssgeom.shape.chain.fit import Chain, Data, direction_count, settle
 from tssgeom.shape.chain.moves import fit_chain, slopes
 from tssgeom.shape.chain.places import off_chain
 from tssgeom.shape.chain.strays import without_strays
@@ -103,8 +103,9 @@ def by_spline(spline: Spline) -> Geometry:
 def by_chain(shape: Shape, data: Data, chain: Chain) -> Geometry:
     """Route, profile and pieces of a fitted chain."""
     warnings = stray_warnings(shape, data.weight)
-    if data.aim is not None and data.blur is not None:
-        used = np.where(data.blur[:, None] > 0.0, data.aim, np.nan)
+    if data.told is not None:
+        aim, _, blur = data.told
+        used = np.where(blur[:, None] > 0.0, aim, np.nan)
         warnings += direction_warnings(shape.directions, used, shape.index)
     return Geometry(*chain_geometry(data, chain, warnings), chain=chain)
 
@@ -137,7 +138,7 @@ def _worth_searching(data: Data, chain: Chain, spline: Spline) -> Chain | None:
 def started(data: Data, smooth: Geometry) -> Chain:
     """First guess of a chain from a smooth fit; directions tell even pieces of few points."""
     chain = first_chain(smooth.route, smooth.arcs)
-    return chain if data.aim is None else without_short(chain, data)
+    return chain if data.told is None else without_short(chain, data)
 
 
 def first_chain(route: Route, arcs: Arcs) -> Chain:
@@ -174,10 +175,10 @@ def lead(data: Data, chain: Chain, spline: Spline) -> float:
 def _deviance(data: Data, chain: Chain) -> float:
     """-2 ln evidence of points and directions normal to a chain; docs/model.md (34), (94)."""
     fitted = _deviance_of_points(data, chain)
-    if data.blur is None:
+    if data.told is None:
         return fitted
-    used = data.blur > 0.0
-    blur = data.blur[used]
+    used = data.told[2] > 0.0
+    blur = data.told[2][used]
     return fitted + float(np.sum(2.0 * np.log(blur) + off_directions(data, chain)[used] / blur))
 
 
@@ -185,7 +186,7 @@ def _deviance_of_points(data: Data, chain: Chain) -> float:
     """-2 ln evidence of the points normal to a chain, infinite where it has too many parameters for them."""
     square = off_chain(data.points, chain.stations, *chain[:4], True)
     cost, values = float(data.weight @ square), 2 * int(np.count_nonzero(data.weight))
-    fitted = values + 2 * data.directions
+    fitted = values + 2 * direction_count(data.told)
     if len(chain.matrix) * _VALUES_A_PARAMETER > fitted:
         return math.inf
     variance = data.variance if data.variance > 0.0 else max(cost / values, 1e-280)

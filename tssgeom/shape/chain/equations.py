@@ -248,8 +248,7 @@ def normal_equations(
     bend: np.ndarray,
     curved: np.ndarray,
     free: bool,
-    aim: np.ndarray | None = None,
-    heft: np.ndarray | None = None,
+    told: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None,
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """Gauss-Newton matrix [m, m] and gradient [m] of the fit, and its cost; docs/model.md (31), (32).
 
@@ -262,14 +261,14 @@ def normal_equations(
         [k, 2], which pieces may be curved [k].
     free
         True where stations are unknown: only distances across the chain count.
-    aim, heft
-        Sensed directions [n, 3], and their weights against the points' [n] [m²].
+    told
+        Sensed directions [n, 3], their weights against the points' [n] [m²], and their variances.
     """
     place, frame = joint_frames(start, axes, joints, bend)
     twist, first, own = _twists(place, frame, joints, bend, curved, free)
     moments, cost = _moments(p, weight, s, place, frame, joints, bend, free)
-    if aim is not None and heft is not None:
-        cost += _add_directions(moments, aim, heft, s, frame, joints, bend)
+    if told is not None:
+        cost += _add_directions(moments, told[0], told[1], s, frame, joints, bend)
     _to_world(moments, place, frame)
     m, k = len(twist), len(bend)
     beyond = np.zeros((k + 1, 6, 7))  # moments, and those with the residual, of a piece and all that follow

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from tssgeom.arrays import Points, Vector
-from tssgeom.shape.chain.fit import Chain, Data, noise_variance, settle, values
+from tssgeom.shape.chain.fit import Chain, Data, direction_count, noise_variance, settle, values
 from tssgeom.shape.chain.moves import fit_chain
 from tssgeom.shape.chain.places import along, off_chain
 from tssgeom.shape.directions import variances
@@ -37,13 +37,13 @@ def faced(data: Data, aim: Points | None, known: float, kappa: Vector, variance:
         return data
     least = data.variance or max(variance, (_ROUNDING * data.gap) ** 2)
     blur = variances(aim, known, kappa**2 * least if data.free else np.zeros(len(aim)))
-    return _weighed(data._replace(aim=np.nan_to_num(aim)), blur, least)
+    return _weighed(data, np.nan_to_num(aim), blur, least)
 
 
-def _weighed(data: Data, blur: Vector, variance: float) -> Data:
+def _weighed(data: Data, aim: Points, blur: Vector, variance: float) -> Data:
     used = blur > 0.0
     heft = np.where(used, variance / np.where(used, blur, 1.0), 0.0)
-    return data._replace(heft=heft, blur=blur, directions=int(np.count_nonzero(used)))
+    return data._replace(told=(aim, heft, blur))
 
 
 def curvature_at_points(chain: Chain) -> Vector:
@@ -54,17 +54,18 @@ def curvature_at_points(chain: Chain) -> Vector:
 
 def off_directions(data: Data, chain: Chain) -> Vector:
     """Squared residuals of the directions across the chain, 0 where none is used [n] [rad²]."""
-    if data.aim is None or data.blur is None:
+    if data.told is None:
         return np.zeros(0)
+    aim, _, blur = data.told
     _, tangent, _ = along(chain.stations, *chain[:4])
-    ahead = np.einsum("ij,ij->i", data.aim, tangent)
+    ahead = np.einsum("ij,ij->i", aim, tangent)
     square = np.where(ahead > 0.0, np.maximum(1.0 - ahead * ahead, 0.0), 4.0)
-    return np.where(data.blur > 0.0, square, 0.0)
+    return np.where(blur > 0.0, square, 0.0)
 
 
 def reweighed(data: Data, chain: Chain) -> tuple[Data, Chain]:
     """Fit again without directions that stand off, and with weights that follow the noise of the points."""
-    if data.aim is None:
+    if data.told is None:
         return data, chain
     for _ in range(_ROUNDS):
         changed = _by_noise(without_stray_directions(data, chain), chain)
@@ -77,27 +78,31 @@ def reweighed(data: Data, chain: Chain) -> tuple[Data, Chain]:
 
 def without_stray_directions(data: Data, chain: Chain) -> Data:
     """Leave out directions that the chain does not explain."""
-    if data.blur is None or data.heft is None or not data.directions:
+    count = direction_count(data.told)
+    if data.told is None or not count:
         return data
-    limit = _STRAY + 2.0 * math.log(max(data.directions, 2))
+    aim, heft, blur = data.told
+    limit = _STRAY + 2.0 * math.log(max(count, 2))
     if not data.variance:
-        limit *= max(noise_variance(data, chain) / float(np.max(data.heft * data.blur)), 1.0)
-    off = off_directions(data, chain) > limit * data.blur
-    if not off.any() or np.count_nonzero(off) > max(0.1 * data.directions, 1.0):
+        limit *= max(noise_variance(data, chain) / float(np.max(heft * blur)), 1.0)
+    off = off_directions(data, chain) > limit * blur
+    if not off.any() or np.count_nonzero(off) > max(0.1 * count, 1.0):
         return data
-    return _weighed(data, np.where(off, 0.0, data.blur), float(np.max(data.heft * data.blur)))
+    return _weighed(data, aim, np.where(off, 0.0, blur), float(np.max(heft * blur)))
 
 
 def _by_noise(data: Data, chain: Chain) -> Data:
     """Weigh directions by the noise that the points alone show, where it is not known."""
-    if data.blur is None or data.heft is None or data.variance or not data.directions:
+    count = direction_count(data.told)
+    if data.told is None or data.variance or not count:
         return data
+    aim, heft, blur = data.told
     square = off_chain(data.points, chain.stations, *chain[:4], data.free)
-    points = values(data) - 2 * data.directions
+    points = values(data) - 2 * count
     freedom = max(points * (1.0 - len(chain.matrix) / values(data)), 1.0)
     variance = max(float(data.weight @ square) / freedom, (_ROUNDING * data.gap) ** 2)
-    now = float(np.max(data.heft * data.blur))
-    return data if abs(variance / now - 1.0) < _SAME else _weighed(data, data.blur, variance)
+    now = float(np.max(heft * blur))
+    return data if abs(variance / now - 1.0) < _SAME else _weighed(data, aim, blur, variance)
 
 
 def without_short(chain: Chain, data: Data) -> Chain:

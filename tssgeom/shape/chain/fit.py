@@ -37,14 +37,9 @@ class Data(NamedTuple):
     """Known noise variance of a coordinate, 0 where unknown [m²]."""
     gap: float
     """Shortest piece [m]."""
-    aim: Points | None = None
-    """Sensed directions [n, 3]."""
-    heft: Vector | None = None
-    """Noise variance of the points over that of each direction, 0 where none was sensed [n] [m²]."""
-    blur: Vector | None = None
-    """Variance of each direction, 0 where none was sensed [n] [rad²]."""
-    directions: int = 0
-    """How many were sensed."""
+    told: tuple[Points, Vector, Vector] | None = None
+    """Sensed directions [n, 3], the noise variance of the points over that of each direction [n] [m²], and
+    that variance [n] [rad²], both 0 where none was sensed."""
 
 
 class Chain(NamedTuple):
@@ -66,7 +61,15 @@ def values(data: Data) -> int:
     used = 0
     for weight in data.weight:
         used += 1 if weight > 0.0 else 0
-    return (2 if data.free else 3) * used + 2 * data.directions
+    return (2 if data.free else 3) * used + 2 * direction_count(data.told)
+
+
+@njit(cache=True, nogil=True)
+def direction_count(told: tuple[Points, Vector, Vector] | None) -> int:
+    """Return the number of directions that are fitted."""
+    if told is None:
+        return 0
+    return int(np.sum(told[1] > 0.0))
 
 
 @njit(cache=True, nogil=True)
@@ -209,7 +212,7 @@ def _evaluated(
     curved: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, float]:
     return normal_equations(
-        data.points, data.weight, s, start, axes, joints, bend, curved, data.free, data.aim, data.heft
+        data.points, data.weight, s, start, axes, joints, bend, curved, data.free, data.told
     )
 
 

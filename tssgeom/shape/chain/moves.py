@@ -219,8 +219,7 @@ def _parts(data: Data, chain: Chain) -> tuple[np.ndarray, np.ndarray, np.ndarray
         bend,
         curved,
         data.free,
-        data.aim,
-        data.heft,
+        data.told,
     )
     base = first_joint_column(data.free)
     first = base + k * _SPLITS - 1
