@@ -1,0 +1,229 @@
+"""A rig that tracks by position, and the ways to command it: what `benchmarks.compensation` compares.
+
+The rig is the lumped chain of `tests/lumped`; those who command it are wrong by `OFF` about its friction
+and its compliance, and know its route from noisy points. The route moves and is sensed, then the drive moves.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from benchmarks.routes import arc_places
+from tests.lumped import Distal, Drive, Physics, Run, from_pieces, simulate
+from tssgeom.arrays import Matrix, Points, Vector
+from tssgeom.settings import Friction, Load, Rig, ShapeSensor, Tendon
+from tssgeom.shape.following import Followed, follow
+from tssgeom.shape.points import clean
+from tssgeom.shape.synthetic import chain
+from tssgeom.stream import Frame, FrameResult, process
+from tssgeom.tendon import profile
+from tssgeom.tendon.transmission import transmit
+
+MU, RHO, PRETENSION, STIFFNESS = 0.145, 3.16e-4, 3.0, 1000.0
+"""The rig: friction [1], compliance [1/N], pretension [N], distal spring [N/m]."""
+OFF = 0.03
+"""Relative error of the friction and of the compliance that are known [1]."""
+POINTS = 60
+TENSION_NOISE = 0.05
+"""Of the measured T_in [N]."""
+_LENGTH = np.array([0.15, 0.2, 0.15])
+_ANGLE, _SWAY = np.array([1.0, 1.3, 0.9]), np.array([0.25, -0.5, 0.35])
+_PLANE = np.array([0.0, 1.2, -0.7])
+_SWAY_FRAMES = 70.0  # so that bends move on while the target rests and while it turns
+_CELLS, _SUBSTEPS = 64, 2  # 2 mN and 0.1 µm on such a route
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """A target on a route."""
+
+    target: Vector
+    """[F] Wanted movement of the load [m]."""
+    angles: Matrix
+    """[F, k] Angles of the pieces [rad]."""
+    noise: float
+    """Standard deviation of each coordinate of the sensed points [m]."""
+    seed: int = 0
+    """Of the noise; its two lowest bits tell on which side the known friction and compliance are wrong."""
+
+
+def sine(frames: int) -> Vector:
+    """Add two sines, so that large strokes hold small reversals [m]."""
+    t = np.linspace(0.0, 1.0, frames)
+    return 1e-3 * (3.5 - 2.0 * np.cos(4 * np.pi * t) + 0.6 * np.sin(18 * np.pi * t))
+
+
+def steps(frames: int) -> Vector:
+    """Go up and down in steps, with rests [m]."""
+    level = np.array([1.0, 4.0, 2.5, 5.5, 5.0, 3.0, 6.0, 1.5])
+    return 1e-3 * level[np.arange(frames) * len(level) // frames]
+
+
+def ramps(frames: int) -> Vector:
+    """Go up and down slowly, stop on the way and turn back half way [m]."""
+    knot = np.array([0.0, 0.2, 0.3, 0.45, 0.55, 0.7, 0.75, 1.0])
+    return 1e-3 * np.interp(
+        np.linspace(0.0, 1.0, frames), knot, np.array([1.0, 4.0, 4.0, 6.0, 4.5, 5.5, 5.5, 1.0])
+    )
+
+
+TARGETS = {"sine": sine, "steps": steps, "ramps": ramps}
+
+
+def case(target: str, frames: int, noise: float, *, moving: bool, seed: int = 0) -> Case:
+    """Return the named target on the route that stands, or on the one whose bends sway."""
+    phase = 2 * np.pi * np.arange(frames) / _SWAY_FRAMES
+    sway = np.sin(phase[:, None] + _PLANE) - np.sin(_PLANE)
+    return Case(TARGETS[target](frames), _ANGLE + moving * _SWAY * sway, noise, seed)
+
+
+def sensed(case: Case) -> list[Points]:
+    """Return the points of every frame, stations known and evenly spaced."""
+    rng = np.random.default_rng((case.seed, 1))
+    at = _stations()
+    return [
+        arc_places(chain(_LENGTH, angle / _LENGTH, _PLANE))(at)
+        + case.noise * rng.standard_normal((POINTS, 3))
+        for angle in case.angles
+    ]
+
+
+def _stations() -> Vector:
+    return np.linspace(0.0, float(_LENGTH.sum()), POINTS)
+
+
+def known_rig(case: Case) -> Rig:
+    """Return the rig as those who command it know it."""
+    friction, compliance = (1 + OFF * (1 - 2 * (case.seed >> bit & 1)) for bit in (0, 1))
+    return Rig(
+        tendon=Tendon(compliance_per_N=RHO * compliance, pretension_N=PRETENSION),
+        friction=Friction(coefficient=MU * friction),
+        load=Load(stiffness_N_per_m=STIFFNESS),
+        shape=ShapeSensor(noise_mm=1e3 * case.noise),
+    )
+
+
+def moved(angles: Matrix, commands: Vector) -> Run:
+    """Run the rig through the first commands [m]; the route moves, then the drive, half a second each."""
+    count = len(commands)
+    begin = np.arange(count, dtype=float)
+    seen = np.concatenate((angles[:1], np.repeat(angles[:count], 2, axis=0)))
+    when = np.concatenate(([0.0], np.stack((begin + 0.5, begin + 1.0), axis=1).ravel()))
+    held = np.concatenate(([0.0], commands))
+    drive = Drive("displacement", when, np.concatenate(([0.0], np.repeat(held, 2)[1:-1])))
+    path = from_pieces(_LENGTH, seen, _CELLS, when.tolist())
+    physics = Physics(friction=MU, compliance_per_N=RHO, pretension_N=PRETENSION)
+    return simulate(path, physics, drive, Distal("spring", STIFFNESS), when, max_step=0.5 / _SUBSTEPS)
+
+
+@dataclass(frozen=True, slots=True)
+class Tracked:
+    """How far the load was from its target once each command had been carried out."""
+
+    place: Vector
+    """[F] Error of the movement of the load [m]."""
+    tension: Vector
+    """[F] Error of T_out [N]."""
+
+
+def tracked(case: Case, commands: Vector) -> Tracked:
+    """Carry out all commands [m] and compare with the targets."""
+    run = moved(case.angles, commands)
+    place, tension = run.displacement_out[2::2], run.tension_out[2::2]
+    return Tracked(place - case.target, tension - PRETENSION - STIFFNESS * case.target)
+
+
+# who commands
+
+
+def uncompensated(case: Case) -> Vector:
+    """Command the target itself, plus the constant that leaves the smallest error on this very run."""
+    commands = case.target.copy()
+    for _ in range(12):
+        commands = commands - float(np.mean(tracked(case, commands).place))
+    return commands
+
+
+def backlash_inverse(case: Case) -> Vector:
+    """Command two straight lines, for pulling and releasing, fitted to the real rig on the first route."""
+    up = np.linspace(0.0, 10e-3, 101)
+    first = np.repeat(case.angles[:1], 2 * len(up), axis=0)
+    loop = moved(first, np.concatenate((up, up[::-1])))
+    drive, out = loop.displacement_in[2::2], loop.displacement_out[2::2]
+    low, high = case.target.min(), case.target.max()
+    lines = []
+    for side in (slice(0, len(up)), slice(len(up), None)):
+        slides = (out[side] > low) & (out[side] < high) & (np.abs(np.gradient(out[side])) > 1e-6)
+        lines.append(np.polyfit(out[side][slides], drive[side][slides], 1))
+    return np.array([np.polyval(lines[0 if way > 0 else 1], x) for way, x in _ways(case.target)])
+
+
+def _ways(target: Vector) -> Iterator[tuple[int, float]]:
+    """Each target with the direction in which it was last changed, pulling at first."""
+    way, before = 1, 0.0
+    for x in target:
+        way = 1 if x > before else -1 if x < before else way
+        before = float(x)
+        yield way, before
+
+
+def closed_form(case: Case) -> Vector:
+    """Command the paper's elongation of full pulling or releasing, on the route sensed in each frame."""
+    rig, last, commands = known_rig(case), None, []
+    for points, (way, x) in zip(sensed(case), _ways(case.target), strict=True):
+        last = follow(clean(points, _stations()), rig.shape.noise, last)
+        commands.append(_of_full_sliding(last, way, x, rig))
+    return np.array(commands)
+
+
+def _of_full_sliding(seen: Followed, way: int, x: float, rig: Rig) -> float:
+    """Return the position at which the load is at `x` [m] after a pull or a release without an end."""
+    arcs, mu = seen.geometry.arcs, rig.friction.coefficient
+    tension_in = (PRETENSION + STIFFNESS * x) * math.exp(way * mu * arcs.total_angle)
+    far = 0.0 if way > 0 else tension_in * math.exp(3 * mu * arcs.total_angle)
+    slid = profile.step(profile.step(profile.pretensioned(rig), far, mu), tension_in, mu)
+    return transmit(slid, arcs, rig).elongation + x
+
+
+def ours(case: Case) -> Vector:
+    """Command what `process` says, the tendon's state carried from target to target."""
+    frames = (
+        Frame(points, float(i), _stations(), displacement_target=float(x))
+        for i, (points, x) in enumerate(zip(sensed(case), case.target, strict=True))
+    )
+    return np.array([_command(result) for result in process(frames, known_rig(case), tension_in=0.0)])
+
+
+def ours_measured(case: Case) -> Vector:
+    """Command the same, but the state follows a noisy T_in that the rig shows after the route has moved."""
+    noise = TENSION_NOISE * np.random.default_rng((case.seed, 2)).standard_normal(len(case.target))
+    commands = np.zeros(len(case.target))
+
+    def frames() -> Iterator[Frame]:
+        for i, (points, x) in enumerate(zip(sensed(case), case.target, strict=True)):
+            so_far = np.append(commands[:i], commands[max(i - 1, 0)])
+            shown = float(moved(case.angles, so_far).tension_in[2 * i + 1] + noise[i])
+            yield Frame(points, float(i), _stations(), shown, displacement_target=float(x))
+
+    for i, result in enumerate(process(frames(), known_rig(case), tension_in=0.0)):
+        commands[i] = _command(result)  # before the next frame is asked for
+    return commands
+
+
+def _command(result: object) -> float:
+    if not isinstance(result, FrameResult) or result.displacement_command is None:
+        raise TypeError(f"a frame got no command: {result}")
+    return result.displacement_command
+
+
+COMMANDERS: dict[str, Callable[[Case], Vector]] = {
+    "none": uncompensated,
+    "backlash inverse": backlash_inverse,
+    "closed form": closed_form,
+    "ours": ours,
+    "ours, T_in measured": ours_measured,
+}
