@@ -1,4 +1,4 @@
-"""Time of every stage of a frame, beside a pipeline of scipy and ruptures on the same points.
+"""Time of every stage of a frame beside scipy and ruptures, and of the tendon beside finite volumes.
 
     python -m benchmarks.speed [--quick] [--pairs N] [--wall] [--markdown]
 
@@ -20,11 +20,13 @@ import numpy as np
 from benchmarks.peer_pipeline import PIPELINES
 from benchmarks.stages import NOISE, STAGES, frames
 from benchmarks.tables import machine, number, table
+from benchmarks.tendon_steps import LEGEND, step_table
 
 _COUNTS = (30, 200, 1000)
 _SCALING, _QUICK_SCALING = (200, 500, 1000, 2000, 5000, 10000), (200, 800, 3000)
 _PAIRS, _QUICK_PAIRS = 400, 20
 _REPEATS, _QUICK_REPEATS = 9, 2
+_STEPS, _QUICK_STEPS = 200, 20
 _FRAMES, _QUICK_FRAMES, _SCALING_FRAMES = 16, 4, 2  # different frames, taken in turn
 _FINE = 1e-6  # a clock must tell apart what lies so far apart [s]
 
@@ -51,6 +53,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for n in _COUNTS:
         print(f"\n{_heading(f'N = {n}', options)}\n")
         print(_stage_table(_paired_times(n, pairs, seen, clock), markdown=options.markdown), flush=True)
+    print(f"\n{_heading('one step of the tendon', options)}\n\n{LEGEND}\n")
+    print(step_table(_QUICK_STEPS if options.quick else _STEPS, clock, markdown=options.markdown), flush=True)
     counts, repeats = (_QUICK_SCALING, _QUICK_REPEATS) if options.quick else (_SCALING, _REPEATS)
     print(f"\n{_heading(f'scaling: time as N to a power, N = {counts[0]} to {counts[-1]}', options)}\n")
     print(_scaling_table(counts, repeats, clock, markdown=options.markdown))
