@@ -245,3 +245,11 @@ def test_a_broken_parquet_file_is_refused(tmp_path):
     (tmp_path / "shape.parquet").write_bytes(b"PAR1 and no more")
     with pytest.raises(SourceError, match="cannot be read as Parquet"):
         open_recording(tmp_path / "shape.parquet")
+
+
+def test_columns_of_directions_arrive_all_three_or_none(tmp_path):
+    text = "x_mm,y_mm,z_mm,tx,ty,tz\n0,0,0,1,0,0\n1,0,0,,,\n"
+    (frame,) = frames(opened(tmp_path, text))
+    np.testing.assert_array_equal(frame.directions, [[1.0, 0.0, 0.0], [np.nan] * 3])
+    with pytest.raises(ShapeError, match="no column tz beside tx"):
+        opened(tmp_path, "x_mm,y_mm,z_mm,tx,ty\n0,0,0,1,0\n")

@@ -264,8 +264,8 @@ def scaled_ends(problem: Problem, variance: float) -> Vector:
 
 def _solve(problem: Problem, guess: float = 0.0) -> Solution:
     if problem.aim is None or problem.blur is None:
-        found = best_ratio(*problem[:9], guess)
-        mean, covariance, gain = smooth(*problem[:6], found[0])
+        found = best_ratio(*problem[:9], guess, None, None)  # defaults would take the slow way in
+        mean, covariance, gain = smooth(*problem[:6], found[0], None, None, 0.0)
     else:
         told = problem.aim, problem.blur
         if problem.variance > 0.0:

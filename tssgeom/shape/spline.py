@@ -238,7 +238,7 @@ def _on_nodes(
     ends = scaled_ends(problem, solution.ratio * solution.intensity)
     given = (u, y, weight, step, problem.start, ends, solution.ratio)
     if problem.aim is None or problem.blur is None:
-        return smooth(*given)
+        return smooth(*given, None, None, 0.0)
     aim, blur = np.zeros((n, 3)), np.zeros(n)
     aim[where], blur[where] = problem.aim, problem.blur
     return smooth(*given, aim, blur, 1.0 / solution.intensity)
