@@ -9,6 +9,7 @@ from numba import njit
 
 from tssgeom.arrays import read_only
 from tssgeom.shape.arcs import Arcs
+from tssgeom.shape.chain.equations import place_by_kappa, twists
 from tssgeom.shape.chain.fit import (
     Chain,
     Data,
@@ -17,7 +18,7 @@ from tssgeom.shape.chain.fit import (
     noise_variance,
     parameter_covariance,
 )
-from tssgeom.shape.chain.places import along
+from tssgeom.shape.chain.places import along, joint_frames
 from tssgeom.shape.curvature import CurvatureProfile
 from tssgeom.shape.route import Route
 
@@ -123,13 +124,51 @@ def _written_out(data: Data, chain: Chain) -> tuple[np.ndarray, np.ndarray, np.n
             gradient[a] += length * own[a]
         turned += kappa[j] * length
         pieces[0, j], pieces[0, k + j] = length, kappa[j] * length
+    if data.free:
+        slide = _slide_of_end(chain, position[n - 1], tangent[n - 1])
+        for a in range(m):
+            piece_gradient[k - 1, a] += slide[a]
+            piece_gradient[2 * k - 1, a] += kappa[k - 1] * slide[a]
     _congruence(piece_gradient, covariance, pieces[1:])
     for j in (0, k - 1):
         pieces[1 + j, j] += at_ends
         pieces[1 + j, k + j] += at_ends * kappa[j]
         pieces[1 + k + j, j] += at_ends * kappa[j]
         pieces[1 + k + j, k + j] += at_ends * kappa[j] ** 2
+    whole = 0.0
+    for a in range(k):
+        for b in range(k):
+            whole += pieces[1 + k + a, k + b]
+    out[13, n - 1] = math.sqrt(max(whole, 0.0))
     return out, _on_points(data, chain), pieces, math.sqrt(variance)
+
+
+@njit(cache=True, nogil=True)
+def _slide_of_end(chain: Chain, place: np.ndarray, tangent: np.ndarray) -> np.ndarray:
+    """How the foot of the last point moves along the chain with each parameter [m]; docs/model.md (31).
+
+    A parameter that carries the end forwards leaves the point behind it.
+    """
+    k = len(chain.bend)
+    start, frame = joint_frames(chain.start, chain.axes, chain.joints, chain.bend)
+    twist, first, own = twists(start, frame, chain.joints, chain.bend, chain.curved, True)
+    by = np.empty((2, 3))
+    length = chain.stations[-1] - chain.joints[k - 1]
+    place_by_kappa(chain.bend[k - 1, 0], chain.bend[k - 1, 1], length, by)
+    slide, side = np.zeros(len(own)), 1
+    for a in range(len(own)):
+        side = 1 - side if own[a] >= 0 else side
+        for c in range(3):
+            d, e = (c + 1) % 3, (c + 2) % 3
+            if own[a] == k - 1:
+                moved = by[side, 0] * frame[k - 1, 0, c]
+                moved += by[side, 1] * frame[k - 1, 1, c] + by[side, 2] * frame[k - 1, 2, c]
+            elif first[a] < k:
+                moved = twist[a, c] + twist[a, 3 + d] * place[e] - twist[a, 3 + e] * place[d]
+            else:
+                moved = 0.0
+            slide[a] -= tangent[c] * moved
+    return slide
 
 
 @njit(cache=True, nogil=True)

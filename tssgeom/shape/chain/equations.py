@@ -14,7 +14,7 @@ from tssgeom.shape.chain.places import arc_functions, fill_local, joint_frames, 
 
 
 @njit(cache=True, nogil=True)
-def _place_by_kappa(k0: float, k1: float, h: float, out: np.ndarray) -> None:
+def place_by_kappa(k0: float, k1: float, h: float, out: np.ndarray) -> None:
     """Differentiate the place at arc length h with respect to both curvature components, [2, 3]."""
     _, b, _, da, db = arc_functions((k0 * k0 + k1 * k1) * h * h)
     _fill_slope(b, da, db, k0, k1, h, out)
@@ -56,7 +56,7 @@ def _turn_by_kappa(k0: float, k1: float, h: float, out: np.ndarray) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _twists(
+def twists(
     place: np.ndarray,
     frame: np.ndarray,
     joints: np.ndarray,
@@ -96,7 +96,7 @@ def _twists(
             continue
         length = joints[j + 1] - joints[j] if j + 1 < k else 0.0
         _turn_by_kappa(bend[j, 0], bend[j, 1], length, turned)
-        _place_by_kappa(bend[j, 0], bend[j, 1], length, moved)
+        place_by_kappa(bend[j, 0], bend[j, 1], length, moved)
         for c in range(2):
             for i in range(3):
                 theta[i] = 0.0
@@ -265,7 +265,7 @@ def normal_equations(
         Sensed directions [n, 3], their weights against the points' [n] [m²], and their variances.
     """
     place, frame = joint_frames(start, axes, joints, bend)
-    twist, first, own = _twists(place, frame, joints, bend, curved, free)
+    twist, first, own = twists(place, frame, joints, bend, curved, free)
     moments, cost = _moments(p, weight, s, place, frame, joints, bend, free)
     if told is not None:
         cost += _add_directions(moments, told[0], told[1], s, frame, joints, bend)
