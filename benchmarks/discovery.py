@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import argparse
 import multiprocessing
-import sys
 import time
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -71,7 +70,3 @@ def _printed(outcomes: Sequence[Outcome], options: argparse.Namespace) -> str:
         for draw in (report.targets, report.confusions, report.limits, report.peers)
     ]
     return "\n\n".join([*parts, report.failures(outcomes)]).rstrip()
-
-
-if __name__ == "__main__":
-    sys.exit(main())
