@@ -7,6 +7,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 
 from tssgeom.arrays import Matrix, Vector, read_only
 from tssgeom.settings import Rig
@@ -61,18 +62,18 @@ def transmit(state: Corners, arcs: Arcs, rig: Rig) -> Transmission:
     """Return tension, elongation and dead zone of a tendon in `state` on the route `arcs`."""
     means, log_tension_out, slope_out = means_on_pieces(arcs.angle, state.angle, state.log_tension)
     tension_out = math.exp(log_tension_out)  # docs/model.md (5)
-    excess = means[0] - rig.tendon.pretension_N
-    friction, reach = rig.friction.coefficient, float(arcs.angle.sum())
+    friction, tendon = rig.friction.coefficient, rig.tendon
+    elongation, variance, reach, angle_variance = _elongated(
+        means, arcs.length, arcs.angle, arcs.covariance, tendon.compliance_per_N, tendon.pretension_N
+    )
     width = _dead_zone_width(state, log_tension_out, friction * reach)
-    derivatives = _sensitivity(means, slope_out, arcs.length, rig)
-    elongation = rig.tendon.compliance_per_N * float(arcs.length @ excess)  # docs/model.md (9)
     moved_out = load_moved(tension_out, rig)
     return Transmission(
         tension_in=math.exp(state.log_tension[0]),
         tension_out=tension_out,
         elongation=elongation,
-        elongation_se=_elongation_se(derivatives, arcs.covariance),
-        tension_out_se=tension_out * abs(slope_out) * arcs.total_angle_se,  # docs/model.md (14)
+        elongation_se=math.sqrt(variance),
+        tension_out_se=tension_out * abs(slope_out) * math.sqrt(angle_variance),  # docs/model.md (14)
         direction_index=state.direction_index,
         dead_zone=width > 0.0,
         dead_zone_width=width,
@@ -101,17 +102,41 @@ def sensitivity(state: Corners, arcs: Arcs, rig: Rig) -> Sensitivity:
 
 
 def _sensitivity(means: Matrix, slope_out: float, length: Vector, rig: Rig) -> Sensitivity:
-    level, drop, turn = means
-    shift = length * drop  # what each piece gains for an angle added anywhere before it
-    later = np.cumsum(shift[::-1])[::-1] - shift
-    by_length = rig.tendon.compliance_per_N * (level - rig.tendon.pretension_N)  # docs/model.md (10)
-    by_angle = rig.tendon.compliance_per_N * (length * turn + later)  # docs/model.md (11)
-    return Sensitivity(read_only(by_length), read_only(by_angle), slope_out)
+    tendon = rig.tendon
+    gradient = _gradient(means, length, tendon.compliance_per_N, tendon.pretension_N)
+    k = len(length)
+    return Sensitivity(read_only(gradient[:k]), read_only(gradient[k:]), slope_out)
 
 
-def _elongation_se(derivatives: Sensitivity, covariance: Matrix) -> float:
-    gradient = np.concatenate((derivatives.elongation_by_length, derivatives.elongation_by_angle))
-    return math.sqrt(max(float(gradient @ covariance @ gradient), 0.0))  # docs/model.md (13)
+@njit(cache=True, nogil=True)
+def _gradient(means: Matrix, length: Vector, compliance: float, pretension: float) -> Vector:
+    """Differentiate the elongation with respect to each length, then each angle, [2k]."""
+    k, later = len(length), 0.0  # what the later pieces gain for an angle added anywhere before them
+    gradient = np.empty(2 * k)
+    for i in range(k - 1, -1, -1):
+        gradient[i] = compliance * (means[0, i] - pretension)  # docs/model.md (10)
+        gradient[k + i] = compliance * (length[i] * means[2, i] + later)  # docs/model.md (11)
+        later += length[i] * means[1, i]
+    return gradient
+
+
+@njit(cache=True, nogil=True)
+def _elongated(
+    means: Matrix, length: Vector, angle: Vector, covariance: Matrix, compliance: float, pretension: float
+) -> tuple[float, float, float, float]:
+    """Elongation and its variance, angle of the whole route and its variance; docs/model.md (9), (13)."""
+    k = len(length)
+    gradient = _gradient(means, length, compliance, pretension)
+    elongation, variance, turned, angle_variance = 0.0, 0.0, 0.0, 0.0
+    for i in range(k):
+        elongation += compliance * length[i] * (means[0, i] - pretension)
+        turned += angle[i]
+        for j in range(k):
+            angle_variance += covariance[k + i, k + j]
+    for i in range(2 * k):
+        for j in range(2 * k):
+            variance += gradient[i] * covariance[i, j] * gradient[j]
+    return elongation, max(variance, 0.0), turned, max(angle_variance, 0.0)
 
 
 def _dead_zone_width(state: Corners, log_tension_out: float, reach: float) -> float:
