@@ -29,7 +29,7 @@ from tssgeom.shape.geometry import (
     told_length,
 )
 from tssgeom.shape.points import Shape
-from tssgeom.shape.spline import fit
+from tssgeom.shape.spline import Spline, fit
 
 _LOOK = 8  # frames after which a chain is asked whether it needs other joints
 _CHALLENGE = 16  # frames after which the other estimator is tried
@@ -122,7 +122,7 @@ def _follow_chain(
         chain = fit_chain(data, chain, _MOVES)
     geometry = by_chain(shape, data, chain)
     if method == "auto" and age >= last.wait:
-        return _against_spline(shape, noise, data, geometry, last.wait)
+        return _against_spline(shape, noise, data, chain, geometry, last.wait)
     return Followed(doubted(geometry, last.doubt), shape.index, age, last.wait, doubt=last.doubt)
 
 
@@ -146,12 +146,12 @@ def _unfit(data: Data, chain: Chain, variance: float) -> bool:
     return not chain.cost < max(_NOISIER, 1.5 * most) * max(variance, (_ROUNDING * data.gap) ** 2) * freedom
 
 
-def _against_spline(shape: Shape, noise: float | None, data: Data, arcs: Geometry, wait: int) -> Followed:
+def _against_spline(
+    shape: Shape, noise: float | None, data: Data, chain: Chain, arcs: Geometry, wait: int
+) -> Followed:
     """Try the spline where a chain is followed."""
-    if arcs.chain is None:
-        raise TypeError("a chain is compared that was never fitted")
     spline = fit(shape, noise)
-    ahead, smooth = margin(data, arcs.chain, spline), by_spline(spline)
+    ahead, smooth = margin(data, chain, spline), by_spline(spline)
     unsure = doubt(smooth, arcs, ahead)
     taken = smooth if ahead < -_SURE else arcs
     wait = _CHALLENGE if taken is smooth else _next_wait(wait, -ahead)
@@ -172,24 +172,24 @@ def _follow_spline(shape: Shape, noise: float | None, last: Followed, method: Me
         rival = settle(data, started(data, smooth))
     else:
         rival = settle(data, last.rival._replace(stations=np.array(spline.route.station)))
-    return _with_rival(shape, data, rival, found, smooth)
+    return _with_rival(shape, data, rival, found, smooth, spline)
 
 
-def _with_rival(shape: Shape, data: Data, rival: Chain, found: Followed, smooth: Geometry) -> Followed:
+def _with_rival(
+    shape: Shape, data: Data, rival: Chain, found: Followed, smooth: Geometry, spline: Spline
+) -> Followed:
     """Let a chain take over, give it a few more moves, or drop it for the time being."""
-    if smooth.spline is None:
-        return found
     moved = fit_chain(data, rival, _MOVES)
-    ahead = lead(data, moved, smooth.spline)
+    ahead = lead(data, moved, spline)
     settled = len(moved.bend) == len(rival.bend)
     if ahead < HOPELESS and (settled or found.age >= found.wait + _PATIENCE):
         return replace(found, rival=None, age=0, wait=_next_wait(found.wait, ahead), doubt=0.0)
     if not settled:
         return replace(found, rival=moved)
-    arcs, ahead = by_chain(shape, data, moved), margin(data, moved, smooth.spline)
-    if ahead > _SURE:
-        return Followed(arcs, found.index, doubt=doubt(smooth, arcs, ahead))
+    arcs, ahead = by_chain(shape, data, moved), margin(data, moved, spline)
     unsure = doubt(smooth, arcs, ahead)
+    if ahead > _SURE:
+        return Followed(arcs, found.index, doubt=unsure)
     return replace(found, rival=None, age=0, wait=_next_wait(found.wait, ahead), doubt=unsure)
 
 

@@ -137,11 +137,11 @@ def _worth_searching(data: Data, chain: Chain, spline: Spline) -> Chain | None:
 
 def started(data: Data, smooth: Geometry) -> Chain:
     """First guess of a chain from a smooth fit; directions tell even pieces of few points."""
-    chain = first_chain(smooth.route, smooth.arcs)
+    chain = _first_chain(smooth.route, smooth.arcs)
     return chain if data.told is None else without_short(chain, data)
 
 
-def first_chain(route: Route, arcs: Arcs) -> Chain:
+def _first_chain(route: Route, arcs: Arcs) -> Chain:
     """Chain with the joints of the spline's pieces, and the mean curvature vector of each."""
     tangent = route.tangent[0]
     first, second = normals(tangent)
@@ -194,18 +194,18 @@ def _deviance_of_points(data: Data, chain: Chain) -> float:
     return values * math.log(variance) + cost / variance + parameters * math.log(fitted)
 
 
-def chosen(smooth: Geometry, arcs: Geometry, lead: float) -> Geometry:
+def chosen(smooth: Geometry, arcs: Geometry, ahead: float) -> Geometry:
     """Take the likelier; the nearer the call, the more of the difference goes into the standard error."""
-    taken = replace(arcs if lead > 0 else smooth, spline=smooth.spline)
-    return doubted(taken, doubt(smooth, arcs, lead))
+    taken = replace(arcs if ahead > 0 else smooth, spline=smooth.spline)
+    return doubted(taken, doubt(smooth, arcs, ahead))
 
 
-def doubt(smooth: Geometry, arcs: Geometry, lead: float) -> float:
+def doubt(smooth: Geometry, arcs: Geometry, ahead: float) -> float:
     """Return the variance of Φ that comes from not knowing which of the two is right [rad²]."""
     scale = 1.0 + _CLOSE_BY_JOINT * (len(arcs.arcs.length) - 1)
-    if abs(lead) > _CLOSE_CALL * scale:
+    if abs(ahead) > _CLOSE_CALL * scale:
         return 0.0
-    weight = 1.0 / (1.0 + math.exp(0.5 * abs(lead) / scale))
+    weight = 1.0 / (1.0 + math.exp(0.5 * abs(ahead) / scale))
     gap = smooth.profile.total_angle - arcs.profile.total_angle
     return weight * gap * gap
 

@@ -98,13 +98,8 @@ def sensitivity(state: Corners, arcs: Arcs, rig: Rig) -> Sensitivity:
     At a corner of the profile the derivative is one-sided: towards larger angle.
     """
     means, _, slope_out = means_on_pieces(arcs.angle, state.angle, state.log_tension)
-    return _sensitivity(means, slope_out, arcs.length, rig)
-
-
-def _sensitivity(means: Matrix, slope_out: float, length: Vector, rig: Rig) -> Sensitivity:
-    tendon = rig.tendon
-    gradient = _gradient(means, length, tendon.compliance_per_N, tendon.pretension_N)
-    k = len(length)
+    tendon, k = rig.tendon, len(arcs.length)
+    gradient = _gradient(means, arcs.length, tendon.compliance_per_N, tendon.pretension_N)
     return Sensitivity(read_only(gradient[:k]), read_only(gradient[k:]), slope_out)
 
 
