@@ -112,3 +112,16 @@ def test_a_smooth_route_stays_smooth_and_a_staircase_takes_over():
     for _ in range(60):
         last = follow(clean(_points(_swaying(0.0), 120, rng)), NOISE, last)
     assert last.geometry.arcs.method == "arcs"
+
+
+def test_a_chain_that_takes_over_says_at_once_that_the_spline_may_be_right():
+    course = chain(np.array([0.15, 0.2, 0.15]), np.array([2.0, 9.0, 3.0]), np.zeros(3))
+    rng, seen = np.random.default_rng(0), []
+    for i in range(20):
+        s = np.linspace(0.0, course.total_length, 60)
+        shape = clean(arc_places(course)(s) + 1.4e-3 * rng.standard_normal((60, 3)))
+        seen.append(follow(shape, 1.4e-3, seen[-1] if i else None, "auto" if i else "spline"))
+    taken = next(i for i, one in enumerate(seen) if one.geometry.chain is not None)
+    assert seen[taken].doubt > 5e-4  # rad²: the call was close
+    first, second = (seen[i].geometry.arcs.total_angle_se ** 2 for i in (taken, taken + 1))
+    assert first == pytest.approx(second, rel=0.1)  # the same doubt; without it 0.6

@@ -189,7 +189,7 @@ def _with_rival(
     arcs, ahead = by_chain(shape, data, moved), margin(data, moved, spline)
     unsure = doubt(smooth, arcs, ahead)
     if ahead > _SURE:
-        return Followed(arcs, found.index, doubt=unsure)
+        return Followed(doubted(arcs, unsure), found.index, doubt=unsure)
     return replace(found, rival=None, age=0, wait=_next_wait(found.wait, ahead), doubt=unsure)
 
 
