@@ -14,90 +14,16 @@ rigid, shift: whether the proximal end moves by exactly `shift` [m], and whether
 import numpy as np
 from numba import njit
 
+from tssgeom.tendon.fixed_route import PULLED, RELEASED, STUCK, guess
+
 ACCURACY = 1e-10
 """Largest residual of an accepted equilibrium, relative to the greatest tension [1]."""
 PATIENCE = (6, 10)
 """Newton iterations from what slid last, then from what would slide on a fixed route; few steps need many."""
 _REMARKS = 10  # times that slack bars are marked anew before the movements are relaxed
 _ROUNDS = 7  # of relaxation, each four times as long as the one before
-_SECANTS = 40  # steps towards the proximal tension that belongs to a position
 _EASE = 1e-3  # weight of movement against force; small, so that contacts stop before they turn round
 _ROUNDING = 2e-15  # of stiffness times movement: what the solve itself leaves of a residual
-_PULLED, _STUCK, _RELEASED = 1, 0, -1
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _sweep(chain, tension, slip):
-    """Carry tension[0] to the distal end as on a fixed route; return the stretch gained [m] and its slope."""
-    trial, stiffness, low, high, force, _, _, _ = chain
-    gained, gain, share = 0.0, 0.0, 1.0
-    if stiffness[0] > 0.0:
-        gained, gain = (tension[0] - trial[0]) / stiffness[0], 1.0 / stiffness[0]
-    for i in range(slip.size):
-        lower, upper = low[i] * tension[i] - force[i], high[i] * tension[i] + force[i]
-        here = max(trial[i + 1], 0.0)
-        slip[i] = _STUCK
-        if here < lower:
-            here, slip[i], share = lower, _PULLED, share * low[i]
-        elif here > upper:
-            here, slip[i], share = upper, _RELEASED, share * high[i]
-        else:
-            share = 0.0
-        tension[i + 1] = here
-        if stiffness[i + 1] > 0.0:
-            gained += (here - trial[i + 1]) / stiffness[i + 1]
-            gain += share / stiffness[i + 1]
-    return gained, gain
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def range_of_drive(weight, low, high, force):
-    """Return the proximal tensions between which a dead weight stays where it is [N]; docs/model.md (47)."""
-    least, most = weight, weight
-    for i in range(low.size - 1, -1, -1):
-        least = max(least - force[i], 0.0) / high[i]
-        most = (most + force[i]) / low[i]
-    return least, most
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _drive(chain, least, most, tension, slip):
-    """Sweep with the tension between `least` and `most` that gains the shift; return what is gained [m]."""
-    shift, below, above = chain[7], least, most
-    tension[0] = min(max(chain[0][0], least), most)
-    for _ in range(_SECANTS):
-        gained, gain = _sweep(chain, tension, slip)
-        below, above = (below, tension[0]) if gained > shift else (tension[0], above)
-        new = tension[0] - (gained - shift) / max(gain, 1e-3 / chain[1][1])
-        if (new <= below and below == least) or (new >= above and above == most):
-            new = min(max(new, least), most)
-        elif not below < new < above:
-            new = 2.0 * below + 1.0 if above == np.inf else 0.5 * (below + above)
-        if abs(new - tension[0]) <= 1e-13 * tension[0]:
-            break
-        tension[0] = new
-    return _sweep(chain, tension, slip)[0]
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _guess(chain, hanging, tension, slip, tight):
-    """Set slip and tight as they would be on a fixed route; exact there, for force and for position."""
-    trial, stiffness, low, high, force, _, rigid, shift = chain
-    tight[:] = True
-    if not rigid[0] and stiffness[0] == 0.0:
-        tension[0] = trial[0]
-        _sweep(chain, tension, slip)
-        return
-    least, most = 0.0, np.inf
-    if hanging:
-        least, most = range_of_drive(trial[slip.size], low, high, force)
-    gained = _drive(chain, least, most, tension, slip)
-    if tension[0] >= most:
-        slip[:] = _PULLED
-    elif hanging and 0.0 < tension[0] <= least:
-        slip[:] = _RELEASED
-    elif tension[0] <= 0.0 and gained > shift:
-        tight[0] = False  # more is given than the tendon can take back: it hangs loose at the drive
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -109,8 +35,8 @@ def _solve(chain, slip, tight, w, ratios):
         before, here, behind, right = 0.0, 1.0, 0.0, 0.0
         if i == 0 and rigid[0] and tight[0]:
             right = shift
-        elif slip[i] != _STUCK and not (i == nodes - 1 and rigid[1]):
-            side = low[i] if slip[i] == _PULLED else high[i]
+        elif slip[i] != STUCK and not (i == nodes - 1 and rigid[1]):
+            side = low[i] if slip[i] == PULLED else high[i]
             near = side * stiffness[i] if tight[i] else 0.0
             far = stiffness[i + 1] if tight[i + 1] else 0.0
             if near + far + drag[i] > 0.0:
@@ -179,7 +105,7 @@ def _judge(chain, w, tension, slip, tight, renew):
             left = min(left, taut)
         worst = max(worst, abs(left) - _ROUNDING * (chain[1][i] + chain[1][i + 1]) * abs(w[i]))
         if renew:
-            slip[i] = _PULLED if over_low < motion else _RELEASED if over_high > motion else _STUCK
+            slip[i] = PULLED if over_low < motion else RELEASED if over_high > motion else STUCK
     if renew:
         _remark(chain, w, tight, ACCURACY * (np.max(tension) + 1e-9))
     return worst
@@ -224,10 +150,10 @@ def _released(chain, slip, tight, w, tie):
     changed = False
     for i in range(slip.size - 1 if chain[6][1] else slip.size):
         _, over_high, motion = _marked(chain, w, tight, i)
-        if slip[i] == _STUCK and over_high > tie + motion:
-            slip[i], changed = _RELEASED, True
-        elif slip[i] == _RELEASED and motion > tie + over_high:
-            slip[i], changed = _STUCK, True
+        if slip[i] == STUCK and over_high > tie + motion:
+            slip[i], changed = RELEASED, True
+        elif slip[i] == RELEASED and motion > tie + over_high:
+            slip[i], changed = STUCK, True
     return changed
 
 
@@ -242,10 +168,10 @@ def _pulled(chain, slip, tight, w, tie):
             taut = chain[1][1] * (w[0] - shift)
             if tight[0] != (taut <= min(over_low, other) + (tie if tight[0] else -tie)):
                 tight[0], changed = not tight[0], True
-        if slip[i] != _PULLED and over_low < other - tie:
-            slip[i], changed = _PULLED, True
-        elif slip[i] == _PULLED and other < over_low - tie:
-            slip[i], changed = _RELEASED if over_high > motion else _STUCK, True
+        if slip[i] != PULLED and over_low < other - tie:
+            slip[i], changed = PULLED, True
+        elif slip[i] == PULLED and other < over_low - tie:
+            slip[i], changed = RELEASED if over_high > motion else STUCK, True
     return changed
 
 
@@ -306,16 +232,16 @@ def _settle(chain, slip, w, tension):
     """Free the tensions on the cone from the rounding of the solve, and mark the rigid ends."""
     _, stiffness, low, high, force, drag, rigid, _ = chain
     if rigid[0]:
-        slip[0] = _PULLED if w[0] > 0.0 else _RELEASED if w[0] < 0.0 else _STUCK
+        slip[0] = PULLED if w[0] > 0.0 else RELEASED if w[0] < 0.0 else STUCK
     if rigid[1]:
-        slip[-1] = _STUCK
+        slip[-1] = STUCK
     for i in range(slip.size):
-        if slip[i] != _STUCK and tension[i + 1] > 0.0 and stiffness[i + 1] > 0.0:
-            side = low[i] if slip[i] == _PULLED else high[i]
+        if slip[i] != STUCK and tension[i + 1] > 0.0 and stiffness[i + 1] > 0.0:
+            side = low[i] if slip[i] == PULLED else high[i]
             if w[i] != 0.0:
                 tension[i + 1] = max(side * tension[i] - slip[i] * force[i] - drag[i] * w[i], 0.0)
             else:
-                slip[i] = _STUCK  # a mark left over from a bar that was taken for slack on the way
+                slip[i] = STUCK  # a mark left over from a bar that was taken for slack on the way
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -332,7 +258,7 @@ def equilibrium(chain, hanging, before, patience):
     accepted = ACCURACY * scale
     solves, residual = _newton(chain, slip, tight, w, tension, ratios, accepted, patience[0])
     if residual > accepted:
-        _guess(chain, hanging, tension, slip, tight)
+        guess(chain, hanging, tension, slip, tight)
         accepted = ACCURACY * max(scale, np.max(tension))
         more, residual = _newton(chain, slip, tight, w, tension, ratios, accepted, patience[1])
         solves += more

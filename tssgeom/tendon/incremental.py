@@ -13,7 +13,8 @@ from tssgeom.arrays import Vector, read_only
 from tssgeom.errors import FitError, SettingsError
 from tssgeom.settings import Rig
 from tssgeom.shape.arcs import Arcs
-from tssgeom.tendon.equilibrium import PATIENCE, equilibrium, range_of_drive
+from tssgeom.tendon.equilibrium import PATIENCE, equilibrium
+from tssgeom.tendon.fixed_route import range_of_drive
 from tssgeom.tendon.material import Bed, MaterialState, lay
 
 ACCEPTED = 1e-7

@@ -9,7 +9,8 @@ import math
 import numpy as np
 from numba import njit
 
-from tssgeom.tendon.equilibrium import PATIENCE, equilibrium, range_of_drive
+from tssgeom.tendon.equilibrium import PATIENCE, equilibrium
+from tssgeom.tendon.fixed_route import range_of_drive
 from tssgeom.tendon.run_laws import creep_weights, load_factor, stretched, worn
 
 PASSES = 90

@@ -1,0 +1,86 @@
+"""What a chain of bars does on a route that stands: exact there, and where an equilibrium starts from else.
+
+The tension is carried from the drive to the load, as far as the friction of each contact makes it; a position
+finds its tension by the secant method. `chain` is that of `equilibrium.py`. Source: docs/model.md (3), (47).
+"""
+
+import numpy as np
+from numba import njit
+
+PULLED, STUCK, RELEASED = 1, 0, -1
+"""What a contact does: slides towards the proximal end, holds, slides towards the distal end."""
+_SECANTS = 40  # steps towards the proximal tension that belongs to a position
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _sweep(chain, tension, slip):
+    """Carry tension[0] to the distal end as on a fixed route; return the stretch gained [m] and its slope."""
+    trial, stiffness, low, high, force, _, _, _ = chain
+    gained, gain, share = 0.0, 0.0, 1.0
+    if stiffness[0] > 0.0:
+        gained, gain = (tension[0] - trial[0]) / stiffness[0], 1.0 / stiffness[0]
+    for i in range(slip.size):
+        lower, upper = low[i] * tension[i] - force[i], high[i] * tension[i] + force[i]
+        here = max(trial[i + 1], 0.0)
+        slip[i] = STUCK
+        if here < lower:
+            here, slip[i], share = lower, PULLED, share * low[i]
+        elif here > upper:
+            here, slip[i], share = upper, RELEASED, share * high[i]
+        else:
+            share = 0.0
+        tension[i + 1] = here
+        if stiffness[i + 1] > 0.0:
+            gained += (here - trial[i + 1]) / stiffness[i + 1]
+            gain += share / stiffness[i + 1]
+    return gained, gain
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def range_of_drive(weight, low, high, force):
+    """Return the proximal tensions between which a dead weight stays where it is [N]; docs/model.md (47)."""
+    least, most = weight, weight
+    for i in range(low.size - 1, -1, -1):
+        least = max(least - force[i], 0.0) / high[i]
+        most = (most + force[i]) / low[i]
+    return least, most
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _drive(chain, least, most, tension, slip):
+    """Sweep with the tension between `least` and `most` that gains the shift; return what is gained [m]."""
+    shift, below, above = chain[7], least, most
+    tension[0] = min(max(chain[0][0], least), most)
+    for _ in range(_SECANTS):
+        gained, gain = _sweep(chain, tension, slip)
+        below, above = (below, tension[0]) if gained > shift else (tension[0], above)
+        new = tension[0] - (gained - shift) / max(gain, 1e-3 / chain[1][1])
+        if (new <= below and below == least) or (new >= above and above == most):
+            new = min(max(new, least), most)
+        elif not below < new < above:
+            new = 2.0 * below + 1.0 if above == np.inf else 0.5 * (below + above)
+        if abs(new - tension[0]) <= 1e-13 * tension[0]:
+            break
+        tension[0] = new
+    return _sweep(chain, tension, slip)[0]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def guess(chain, hanging, tension, slip, tight):
+    """Set slip and tight as they would be on a fixed route; exact there, for force and for position."""
+    trial, stiffness, low, high, force, _, rigid, shift = chain
+    tight[:] = True
+    if not rigid[0] and stiffness[0] == 0.0:
+        tension[0] = trial[0]
+        _sweep(chain, tension, slip)
+        return
+    least, most = 0.0, np.inf
+    if hanging:
+        least, most = range_of_drive(trial[slip.size], low, high, force)
+    gained = _drive(chain, least, most, tension, slip)
+    if tension[0] >= most:
+        slip[:] = PULLED
+    elif hanging and 0.0 < tension[0] <= least:
+        slip[:] = RELEASED
+    elif tension[0] <= 0.0 and gained > shift:
+        tight[0] = False  # more is given than the tendon can take back: it hangs loose at the drive
