@@ -63,6 +63,14 @@ def test_on_a_fixed_route_the_state_is_the_corner_list(history):
     assert transmit(state, Rig()) == transmission.transmit(corners, HALF_CIRCLE, Rig())
 
 
+@given(histories)
+@untimed
+def test_the_proximal_tension_is_told_as_it_was_put_there(history):
+    state = driven(history, HALF_CIRCLE)
+    assert transmit(state, Rig()).tension_in == pytest.approx(history[-1], rel=1e-12)
+    assert transmit(driven([14.0], HALF_CIRCLE), Rig()).tension_in == 14.0  # exp(ln 14) is not quite 14
+
+
 def test_a_position_drive_goes_on_in_bars_from_the_same_tension():
     pulled = driven([15.0, 10.0], HALF_CIRCLE)
     before = transmit(pulled, Rig())

@@ -133,7 +133,7 @@ def to_corners(state: MaterialState, arcs: Arcs) -> Corners:
     bed = lay(state.edge, arcs)
     beyond = arcs.total_angle * (1.0 + 0.1 * RESOLUTION)  # rounding leaves no gap before the distal end
     angle, log_tension = _profile(bed.place, beyond, state.tension)
-    return Corners(read_only(angle), read_only(log_tension), state.direction_index)
+    return Corners(read_only(angle), read_only(log_tension), state.direction_index, state.tension_in)
 
 
 def _refined(edge: Vector, halvings: int) -> Vector:

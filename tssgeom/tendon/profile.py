@@ -38,11 +38,18 @@ class Corners:
     """[c] ln T at the corners, T in N; `SLACK` where the tension is zero [1]."""
     direction_index: int
     """ζ: +1 where the tension was last raised, or never changed; −1 where it was last lowered."""
+    tension_in: float
+    """T at the proximal end as it was put there [N]; `log_tension` holds it but for rounding."""
 
 
 def pretensioned(rig: Rig) -> Corners:
     """Return the tendon before its first pull: the rig's pretension all along."""
-    return _level(_log(rig.tendon.pretension_N), 1)
+    return level(rig.tendon.pretension_N)
+
+
+def level(tension: float, direction_index: int = 1) -> Corners:
+    """Return the same tension [N] all along."""
+    return _state(np.array([[0.0], [_log(tension)]]), direction_index, tension)
 
 
 def step(state: Corners, tension_in: float, friction: float) -> Corners:
@@ -70,13 +77,13 @@ def step(state: Corners, tension_in: float, friction: float) -> Corners:
             f"tension_in is {tension_in:g} N: a tendon only pulls; give a finite total tension >= 0 N"
         )
     if tension_in == 0.0 or friction < _FRICTIONLESS:
-        return _levelled(state, _log(tension_in))
+        return _levelled(state, tension_in)
     corners, direction_index = _stepped(state.angle, state.log_tension, math.log(tension_in), friction)
     if direction_index == 0:
         return state
     if corners.shape[1] > MAX_CORNERS:
         corners = _thinned(corners)
-    return _state(corners, direction_index)
+    return _state(corners, direction_index, tension_in)
 
 
 def tension(state: Corners, phi: Vector) -> Vector:
@@ -90,17 +97,13 @@ def _log(tension_in: float) -> float:
 
 def _levelled(state: Corners, drive: float) -> Corners:
     """Return the same tension all along: what a drive without friction leaves, and one that lets go."""
-    change = drive - state.log_tension[0]
-    return state if abs(change) <= RESOLUTION else _level(drive, 1 if change > 0 else -1)
+    change = _log(drive) - state.log_tension[0]
+    return state if abs(change) <= RESOLUTION else level(drive, 1 if change > 0 else -1)
 
 
-def _level(log_tension: float, direction_index: int) -> Corners:
-    return _state(np.array([[0.0], [log_tension]]), direction_index)
-
-
-def _state(corners: Matrix, direction_index: int) -> Corners:
+def _state(corners: Matrix, direction_index: int, tension_in: float) -> Corners:
     corners.setflags(write=False)
-    return Corners(corners[0], corners[1], direction_index)
+    return Corners(corners[0], corners[1], direction_index, tension_in)
 
 
 def _thinned(corners: Matrix) -> Matrix:

@@ -6,7 +6,6 @@ the first change of the route under load, or the first position drive, the tendo
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
@@ -47,8 +46,7 @@ class TendonState:
     @property
     def tension_in(self) -> float:
         """Total tension at the proximal end [N]."""
-        along = self.along
-        return math.exp(along.log_tension[0]) if isinstance(along, Corners) else along.tension_in
+        return self.along.tension_in
 
     @property
     def tension_out(self) -> float:

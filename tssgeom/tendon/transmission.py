@@ -69,7 +69,7 @@ def transmit(state: Corners, arcs: Arcs, rig: Rig) -> Transmission:
     width = _dead_zone_width(state, log_tension_out, friction * reach)
     moved_out = load_moved(tension_out, rig)
     return Transmission(
-        tension_in=math.exp(state.log_tension[0]),
+        tension_in=state.tension_in,
         tension_out=tension_out,
         elongation=elongation,
         elongation_se=math.sqrt(variance),
