@@ -7,7 +7,6 @@ give the same digits. Source: docs/model.md (50)-(64).
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
@@ -17,16 +16,14 @@ from tssgeom.settings import Rig
 from tssgeom.shape.arcs import Arcs
 from tssgeom.tendon.effects import Library, Setup, together
 from tssgeom.tendon.run_kernel import march
-from tssgeom.tendon.run_laws import Memory, lagged
+from tssgeom.tendon.run_laws import Memory
 from tssgeom.tendon.run_plant import Plant, edges, plant
+from tssgeom.tendon.run_sensors import CHANNELS as CHANNELS
+from tssgeom.tendon.run_sensors import Drive, Lags, check_drive, late, shown, true_drive, unread
 
 BARS = 30
 """Bars of the tendon where nothing else is asked for."""
-CHANNELS = ("tension_in_N", "tension_out_N", "elongation_m", "displacement_in_m", "displacement_out_m")
-"""What a prediction holds."""
 _LEAST_COMPLIANCE = 1e-9  # strain per tension below which rounding would be more than stretch [1/N]
-
-Drive = Literal["tension_in_N", "displacement_in_m"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +47,7 @@ class RunState:
     """Time of the last sample [s]; NaN before the first."""
     temperature: float
     """Temperature of the first sample [°C]; NaN before it."""
-    lags: tuple[tuple[float, float], ...]
+    lags: Lags
     """What each lagging channel was given and showed last."""
 
 
@@ -119,16 +116,24 @@ def prepare(
     """Lay a rig and effects on a route, to be driven as the run is; arguments and errors as `predict`."""
     chosen = _drive_of(run) if drive is None else drive
     setup = together(setup_of(rig), effects)
+    check_drive(setup, chosen)
+    return laid(setup, arcs, chosen, edges(arcs, bars))
+
+
+def laid(setup: Setup, arcs: Arcs, drive: Drive, edge: Vector) -> Model:
+    """Lay a setup on a route, the tendon cut at the fractions `edge` of its length [bars + 1].
+
+    Raises
+    ------
+    SettingsError
+        Where the tendon does not stretch.
+    """
     if setup.compliance < _LEAST_COMPLIANCE:
         raise SettingsError(
             f"tendon.compliance_per_N is {setup.compliance:g} 1/N: a tendon of bars has to stretch; "
             f"give at least {_LEAST_COMPLIANCE:g} 1/N"
         )
-    for channel, _ in setup.lags:
-        if channel == chosen:
-            raise SettingsError(f"effects.channel_lag: {channel} is the drive; give a channel that responds")
-    edge = edges(arcs, bars)
-    return Model(setup, plant(setup, arcs, edge), chosen, edge)
+    return Model(setup, plant(setup, arcs, edge), drive, edge)
 
 
 def moved(model: Model, arcs: Arcs) -> Model:
@@ -165,7 +170,7 @@ def begin(model: Model) -> RunState:
         slip=np.zeros(k, dtype=np.int8),
         drive=np.array([model.plant.pretension if model.drive == "tension_in_N" else 0.0, 0, 0, 0, 0, 0]),
     )
-    return RunState(memory, math.nan, math.nan, ((math.nan, math.nan),) * len(model.setup.lags))
+    return RunState(memory, math.nan, math.nan, unread(model.setup))
 
 
 def carry_on(
@@ -200,14 +205,15 @@ def carry_on(
     by_force = model.drive == "tension_in_N"
     memory = Memory(*(array.copy() for array in state.memory))
     out, rows = np.empty((6, len(time))), np.empty((len(time) if profile else 0, len(memory.tension)))
-    pulled = _true_drive(model, given)
+    pulled = true_drive(model.setup, model.drive, given)
     done = march(model.plant, memory, by_force, spans, pulled, temperature - coldest, parts, out, rows)
     if done < len(time):
         raise FitError(
             f"no equilibrium of the tendon was found at {time[done]:g} s, {model.drive} {given[done]:g}: "
             "thin the run less, or look for a jump in the drive"
         )
-    channels, lags = _read(model, out, given, spans, state.lags)
+    seen = shown(model.setup, out) | {model.drive: given}
+    channels, lags = late(model.setup, seen, spans, state.lags)
     trace = RunTrace(channels, out[4], out[5], read_only(rows))
     return trace, RunState(memory, float(time[-1]), float(coldest), lags)
 
@@ -228,36 +234,3 @@ def _drive_of(run: Mapping[str, Vector]) -> Drive:
     if "displacement_in_m" in run:
         return "displacement_in_m"
     raise SettingsError("the run has no drive: it needs a column tension_in_N [N] or displacement_in_m [m]")
-
-
-def _true_drive(model: Model, given: Vector) -> Vector:
-    """Return what the drive did, from what its sensor read; docs/model.md (61)."""
-    setup = model.setup
-    if model.drive != "tension_in_N":
-        return given
-    if setup.tension_in_gain != 1.0 or setup.tension_in_offset_N != 0.0:
-        given = (given - setup.tension_in_offset_N) / setup.tension_in_gain
-    return np.maximum(given, 0.0)
-
-
-def _read(model: Model, out: Matrix, given: Vector, spans: Vector, before: tuple) -> tuple[dict, tuple]:
-    """Return what the sensors read, and what lagging ones showed last; docs/model.md (61), (62)."""
-    setup = model.setup
-    channels = {
-        "tension_in_N": out[0] * setup.tension_in_gain + setup.tension_in_offset_N,
-        "tension_out_N": (out[1] + setup.crosstalk * out[0]) * setup.tension_out_gain
-        + setup.tension_out_offset_N,
-        "elongation_m": out[2] - out[3],
-        "displacement_in_m": out[2],
-        "displacement_out_m": out[3],
-    }
-    channels[model.drive] = given
-    lags = []
-    for (channel, lag), (last, seen) in zip(setup.lags, before, strict=True):
-        value = channels[channel]
-        if math.isnan(last):
-            last = seen = float(value[0])
-        if lag > 0.0:
-            channels[channel] = lagged(value, spans, lag, (last, seen))
-        lags.append((float(value[-1]), float(channels[channel][-1])))
-    return channels, tuple(lags)
