@@ -25,6 +25,8 @@ READERS: dict[str, Callable[[Path, str | None], Recording]] = {
 
 RESULTS_MARK = "run.json"
 """A folder that holds this file holds results, no shapes."""
+CAMPAIGN = "campaign.toml"
+"""A folder that holds this file holds a campaign: measured runs beside shapes."""
 
 
 def open_recording(path: str | Path, unit: str | None = None) -> Recording:
@@ -60,8 +62,8 @@ def open_recording(path: str | Path, unit: str | None = None) -> Recording:
 def find_inputs(paths: Iterable[str | Path], besides: Collection[Path] = ()) -> list[Path]:
     """Return the given files, and the shape files inside given folders, each once.
 
-    Folders are searched in depth and in the order of names. Hidden files and folders, folders of
-    results and those in `besides` are left out.
+    Folders are searched in depth and in the order of names. Hidden files and folders, campaigns,
+    folders of results and those in `besides` are left out.
 
     Raises
     ------
@@ -118,7 +120,7 @@ def _numbered(names: dict[Path, str]) -> dict[Path, str]:
 def _shapes_in(folder: Path, left_out: Collection[Path]) -> Iterator[Path]:
     for where, folders, names in os.walk(folder):
         here = Path(where)
-        if here.resolve() in left_out or RESULTS_MARK in names:
+        if here.resolve() in left_out or {RESULTS_MARK, CAMPAIGN} & set(names):
             folders.clear()
             continue
         folders[:] = [name for name in folders if not name.startswith(".")]

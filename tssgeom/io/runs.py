@@ -139,7 +139,20 @@ def _wanted(path: Path, names: Sequence[str]) -> list[int]:
         raise SettingsError(f"{path}: column {twice[0]!r} is there twice: keep one")
     if TIME not in names:
         raise SettingsError(f"{path}: no column {TIME} in the header: known are {_KNOWN}")
+    for name in names:
+        _refuse_other_unit(path, name)
     return [k for k, name in enumerate(names) if name == TIME or name in CHANNELS]
+
+
+def _refuse_other_unit(path: Path, name: str) -> None:
+    """Refuse a column that is a channel but for its unit: passing it over would hide what was measured."""
+    if name in CHANNELS:
+        return
+    quantity, _, unit = name.rpartition("_")
+    meant = [known for known in CHANNELS if known.rpartition("_")[0] in (quantity, name)]
+    if meant:
+        what = f"the unit {unit!r}" if quantity == meant[0].rpartition("_")[0] else "no unit"
+        raise SettingsError(f"{path}: column {name!r} has {what}: give {' or '.join(meant)}")
 
 
 def _numbers(path: Path, line: int, text: str, names: Sequence[str], wanted: Sequence[int]) -> list[float]:
