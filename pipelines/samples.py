@@ -5,12 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 from pipelines.console import say
+from tssgeom.discrepancy.synthetic import sample_campaigns
 from tssgeom.io.samples import write_samples
 from tssgeom.shape.synthetic import colon_lumen, samples
 
 
 def run(out: Path) -> int:
     """Write the samples and return the exit status."""
-    for path in write_samples(out, samples(), colon_lumen()):
+    for path in write_samples(out, samples(), colon_lumen(), sample_campaigns()):
         say(str(path))
     return 0

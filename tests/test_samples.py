@@ -15,8 +15,12 @@ STILL = [sample for sample in samples() if sample.time is None]
 
 def test_samples_are_written_bit_for_bit(tmp_path):
     assert CliRunner().invoke(app, ["samples", "--out", str(tmp_path)]).exit_code == 0
-    made = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
-    assert made == {path.name: path.read_bytes() for path in SAMPLES.iterdir()}
+    assert contents(tmp_path) == contents(SAMPLES)
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    files = (path for path in folder.rglob("*") if path.is_file())
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in files}
 
 
 @pytest.mark.parametrize("sample", STILL, ids=[sample.name for sample in STILL])

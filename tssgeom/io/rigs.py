@@ -39,4 +39,4 @@ def _without_none(value: Any) -> Any:
     """Leave out what is not set, for which TOML has no word."""
     if not isinstance(value, dict):
         return value
-    return {key: _without_none(item) for key, item in value.items() if item is not None and item != {}}
+    return {key: _without_none(item) for key, item in value.items() if item not in (None, {}, ())}

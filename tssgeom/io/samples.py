@@ -10,7 +10,9 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
+from tssgeom.discrepancy.synthetic import SampleCampaign
 from tssgeom.io.atomic import replacing, write_text
+from tssgeom.io.sample_campaigns import readme_of, write_campaigns
 from tssgeom.io.units import PER_METRE
 from tssgeom.shape.synthetic import Sample, Tube
 
@@ -36,7 +38,9 @@ Truth of a recording is that of its last frame.
 """
 
 
-def write_samples(folder: Path, samples: Sequence[Sample], lumen: Tube) -> list[Path]:
+def write_samples(
+    folder: Path, samples: Sequence[Sample], lumen: Tube, campaigns: Sequence[SampleCampaign] = ()
+) -> list[Path]:
     """Write every sample, the lumen mesh and a README with the truth of each; return what was written.
 
     Raises
@@ -50,8 +54,9 @@ def write_samples(folder: Path, samples: Sequence[Sample], lumen: Tube) -> list[
     readme = folder / "README.md"
     rows = "\n".join(_row(path, sample) for path, sample in zip(written, samples, strict=True))
     prefix = lumen.name.removesuffix("_lumen")
-    write_text(readme, _README.format(rows=rows, lumen=mesh.name, prefix=prefix))
-    return [*written, mesh, readme]
+    text = _README.format(rows=rows, lumen=mesh.name, prefix=prefix)
+    write_text(readme, text + readme_of(campaigns) * bool(campaigns))
+    return [*written, mesh, readme, *write_campaigns(folder, campaigns)]
 
 
 def _write_sample(folder: Path, sample: Sample) -> Path:
