@@ -11,7 +11,7 @@ from tssgeom.settings import Rig
 from tssgeom.shape.arcs import Arcs
 from tssgeom.shape.curvature import CurvatureProfile
 from tssgeom.shape.fibre.sensed import clean_fibre, measure_fibre, sensed_shape
-from tssgeom.shape.following import Followed, follow
+from tssgeom.shape.following import Followed, follow, reconsidered
 from tssgeom.shape.points import Shape, clean
 from tssgeom.shape.route import Route
 from tssgeom.tendon.compensation import Command, compensate
@@ -113,8 +113,9 @@ def process(
         except TssgeomError as error:
             yield Rejected(seq, frame.time, str(error), frame.id)
         else:
-            current, last = result.state, result.followed
             yield result
+            # the result is out: what now takes its time keeps no frame waiting that has arrived
+            current, last = result.state, reconsidered(result.followed)
 
 
 def advance(

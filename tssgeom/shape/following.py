@@ -1,4 +1,8 @@
-"""A route that moves, followed from frame to frame: each fit starts from the last one; docs/model.md (34)."""
+"""A route that moves, followed from frame to frame: each fit starts from the last one; docs/model.md (34).
+
+What a frame needs is found by `follow`. Whether the estimator behind it is still the right one is asked by
+`reconsidered`, after the result is out, so that a stream answers each frame as quickly as any other.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tssgeom.arrays import Vector
+from tssgeom.errors import FitError
 from tssgeom.shape.chain.facing import curvature_at_points, faced, without_stray_directions
 from tssgeom.shape.chain.fit import Chain, Data, settle, values
 from tssgeom.shape.chain.moves import fit_chain
@@ -29,7 +34,7 @@ from tssgeom.shape.geometry import (
     told_length,
 )
 from tssgeom.shape.points import Shape
-from tssgeom.shape.spline import Spline, fit
+from tssgeom.shape.spline import fit
 
 _LOOK = 8  # frames after which a chain is asked whether it needs other joints
 _CHALLENGE = 16  # frames after which the other estimator is tried
@@ -41,6 +46,19 @@ _PATIENCE = 4  # frames in which a chain that is far behind may still come up
 _UNFIT = 6.0  # standard deviations of the cost above which a chain does not fit
 _NOISIER = 2.0  # times the noise variance of the last frame: the same where noise is not known
 _ROUNDING = 1e-9  # of the spacing
+
+
+@dataclass(frozen=True, slots=True)
+class Question:
+    """What is to be asked of a frame before the next one is fitted."""
+
+    shape: Shape
+    noise: float | None
+    """Known standard deviation of each coordinate [m]."""
+    data: Data | None
+    """The points as the chain sees them; None where a spline was followed."""
+    against_other: bool
+    """Whether the other estimator is tried; otherwise the chain is asked for other joints."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +76,8 @@ class Followed:
     """A chain that may take over from the spline."""
     doubt: float = 0.0
     """Variance of Φ from the choice between the two [rad²]."""
+    question: Question | None = None
+    """What `reconsidered` is to find out."""
 
 
 def follow(shape: Shape, noise: float | None, last: Followed | None, method: Method = "auto") -> Followed:
@@ -82,6 +102,7 @@ def follow(shape: Shape, noise: float | None, last: Followed | None, method: Met
         Where the points give no finite curve.
     """
     found = None
+    last = None if last is None else reconsidered(last)
     if last is not None and last.geometry.chain is not None:
         found = _follow_chain(shape, noise, last, last.geometry.chain, method)
     elif last is not None:
@@ -89,6 +110,32 @@ def follow(shape: Shape, noise: float | None, last: Followed | None, method: Met
     if found is None:
         return Followed(measure(shape, noise, method), shape.index)
     return found if shape.length is None else replace(found, geometry=told_length(found.geometry, shape))
+
+
+def reconsidered(last: Followed) -> Followed:
+    """Answer what is asked of the last frame: the estimator and the joints from which the next one starts.
+
+    `follow` does so itself where nobody did; to have it done between two frames changes nothing else.
+    """
+    asked = last.question
+    if asked is None:
+        return last
+    try:
+        return _answered(asked, last)
+    except FitError:  # what cannot be fitted is no better than what is followed
+        return replace(last, question=None)
+
+
+def _answered(asked: Question, last: Followed) -> Followed:
+    geometry = last.geometry
+    if geometry.chain is None or asked.data is None:
+        return _with_chain_tried(asked, replace(last, question=None), geometry)
+    chain = geometry.chain
+    if last.age % _LOOK == 0:
+        chain = fit_chain(asked.data, chain, _MOVES)
+    if asked.against_other:
+        return _against_spline(asked, asked.data, chain, last)
+    return replace(last, geometry=replace(geometry, chain=chain), question=None)
 
 
 def _follow_chain(
@@ -118,12 +165,12 @@ def _follow_chain(
         chain = fit_chain(data, chain)
         if _unfit(data, chain, variance):
             return None
-    elif age % _LOOK == 0:
-        chain = fit_chain(data, chain, _MOVES)
     geometry = by_chain(shape, data, chain)
-    if method == "auto" and age >= last.wait:
-        return _against_spline(shape, noise, data, chain, geometry, last.wait)
-    return Followed(doubted(geometry, last.doubt), shape.index, age, last.wait, doubt=last.doubt)
+    tried = method == "auto" and age >= last.wait
+    asked = Question(shape, noise, data, tried) if tried or age % _LOOK == 0 else None
+    return Followed(
+        doubted(geometry, last.doubt), shape.index, age, last.wait, doubt=last.doubt, question=asked
+    )
 
 
 def _stations(shape: Shape, last: Followed, chain: Chain) -> Vector:
@@ -146,51 +193,49 @@ def _unfit(data: Data, chain: Chain, variance: float) -> bool:
     return not chain.cost < max(_NOISIER, 1.5 * most) * max(variance, (_ROUNDING * data.gap) ** 2) * freedom
 
 
-def _against_spline(
-    shape: Shape, noise: float | None, data: Data, chain: Chain, arcs: Geometry, wait: int
-) -> Followed:
+def _against_spline(asked: Question, data: Data, chain: Chain, last: Followed) -> Followed:
     """Try the spline where a chain is followed."""
-    spline = fit(shape, noise)
+    spline = fit(asked.shape, asked.noise)
     ahead, smooth = margin(data, chain, spline), by_spline(spline)
+    arcs = by_chain(asked.shape, data, chain)
     unsure = doubt(smooth, arcs, ahead)
-    taken = smooth if ahead < -_SURE else arcs
-    wait = _CHALLENGE if taken is smooth else _next_wait(wait, -ahead)
-    return Followed(doubted(taken, unsure), shape.index, wait=wait, doubt=unsure)
+    if ahead < -_SURE:
+        return Followed(smooth, last.index, doubt=unsure)
+    return Followed(arcs, last.index, wait=_next_wait(last.wait, -ahead), doubt=unsure)
 
 
 def _follow_spline(shape: Shape, noise: float | None, last: Followed, method: Method) -> Followed:
-    """Go on with a spline, and now and then with a chain beside it."""
+    """Go on with a spline, and now and then ask for a chain beside it."""
     spline = fit(shape, noise, last.geometry.spline)
-    smooth = by_spline(spline)
     age = last.age + 1
-    found = replace(last, geometry=doubted(smooth, last.doubt), index=shape.index, age=age)
-    tried = method == "auto" and (last.rival is not None or age >= last.wait)
-    if not tried or not may_be_chain(shape, spline):
-        return found
-    data = fit_data(shape, noise, spline)
+    tried = method == "auto" and (last.rival is not None or age >= last.wait) and may_be_chain(shape, spline)
+    asked = Question(shape, noise, None, against_other=True) if tried else None
+    geometry = doubted(by_spline(spline), last.doubt)
+    return replace(last, geometry=geometry, index=shape.index, age=age, question=asked)
+
+
+def _with_chain_tried(asked: Question, last: Followed, smooth: Geometry) -> Followed:
+    """Let a chain take over from a spline, give it a few more moves, or drop it for the time being."""
+    spline = smooth.spline
+    if spline is None:
+        return last
+    data = fit_data(asked.shape, asked.noise, spline)
     if last.rival is None:
         rival = settle(data, started(data, smooth))
     else:
         rival = settle(data, last.rival._replace(stations=np.array(spline.route.station)))
-    return _with_rival(shape, data, rival, found, smooth, spline)
-
-
-def _with_rival(
-    shape: Shape, data: Data, rival: Chain, found: Followed, smooth: Geometry, spline: Spline
-) -> Followed:
-    """Let a chain take over, give it a few more moves, or drop it for the time being."""
     moved = fit_chain(data, rival, _MOVES)
     ahead = lead(data, moved, spline)
     settled = len(moved.bend) == len(rival.bend)
-    if ahead < HOPELESS and (settled or found.age >= found.wait + _PATIENCE):
-        return replace(found, rival=None, age=0, wait=_next_wait(found.wait, ahead), doubt=0.0)
+    if ahead < HOPELESS and (settled or last.age >= last.wait + _PATIENCE):
+        return replace(last, rival=None, age=0, wait=_next_wait(last.wait, ahead), doubt=0.0)
     if not settled:
-        return replace(found, rival=moved)
-    arcs, ahead = by_chain(shape, data, moved), margin(data, moved, spline)
+        return replace(last, rival=moved)
+    arcs, ahead = by_chain(asked.shape, data, moved), margin(data, moved, spline)
     unsure = doubt(smooth, arcs, ahead)
     if ahead > _SURE:
-        return Followed(doubted(arcs, unsure), found.index, doubt=unsure)
-    return replace(found, rival=None, age=0, wait=_next_wait(found.wait, ahead), doubt=unsure)
+        return Followed(arcs, last.index, doubt=unsure)
+    return replace(last, rival=None, age=0, wait=_next_wait(last.wait, ahead), doubt=unsure)
 
 
 def _next_wait(wait: int, ahead: float) -> int:
