@@ -163,7 +163,7 @@ def _as_text(report: dict[str, Any]) -> str:
     if "told" in report:
         return f"{report['file']}: {report['holds']}, {report['told']}"
     low, high = report["points"]
-    timed = f", {report['frames']} frames in {report['duration_s']:g} s" if "duration_s" in report else ""
+    timed = f", {report['frames']} frames in {report['duration_s']:.4g} s" if "duration_s" in report else ""
     lines = [
         f"{report['file']}: {report['holds']} in {report['unit']} ({report['kind']}){timed}",
         f"  {_what(report)}: {low if low == high else f'{low} to {high}'}{_unseen(report)}",

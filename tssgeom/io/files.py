@@ -6,22 +6,39 @@ import os
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from pathlib import Path
 
-from tssgeom.errors import SourceError
+from tssgeom.errors import SourceError, TssgeomError
+from tssgeom.io.fcsv import open_fcsv
 from tssgeom.io.jsonl import open_jsonl
 from tssgeom.io.longform import open_csv, open_parquet
 from tssgeom.io.npz import open_npz
+from tssgeom.io.parts import MARKUPS, ending, part_of, split, stem
 from tssgeom.io.recording import Recording
+from tssgeom.io.slicer import markup_names, open_markups
 
 __all__ = ["READERS", "Recording", "find_inputs", "open_recording", "output_names"]
 
-READERS: dict[str, Callable[[Path, str | None], Recording]] = {
+Reader = Callable[[Path, str | None], Recording]
+
+
+READERS: dict[str, Reader] = {
     ".csv": open_csv,
     ".jsonl": open_jsonl,
     ".ndjson": open_jsonl,
     ".npz": open_npz,
     ".parquet": open_parquet,
+    MARKUPS: open_markups,
+    ".fcsv": open_fcsv,
 }
 """The reader of each ending."""
+
+FOLDERS: tuple[tuple[Callable[[Path], bool], Reader], ...] = ()
+"""What makes a folder a recording, and its reader."""
+
+_PARTS: dict[str, Callable[[Path], list[str]]] = {MARKUPS: markup_names}
+"""Endings of files that may hold several shapes, and the names of these."""
+
+_CHOOSING = (open_markups,)
+"""Readers that take one part of a file."""
 
 RESULTS_MARK = "run.json"
 """A folder that holds this file holds results, no shapes."""
@@ -35,9 +52,9 @@ def open_recording(path: str | Path, unit: str | None = None) -> Recording:
     Parameters
     ----------
     path
-        A CSV, JSON lines, NPZ or Parquet file.
+        A file or folder that a reader takes, or one part of a file as `FILE#PART`.
     unit
-        Unit of length, "mm" or "m", for a file that states none.
+        Unit of length, "mm" or "m", where the file states none.
 
     Raises
     ------
@@ -47,23 +64,35 @@ def open_recording(path: str | Path, unit: str | None = None) -> Recording:
         Where the file cannot be read, or has an ending that no reader takes.
     """
     path = Path(path)
-    if not path.exists():
+    file, part = split(path)
+    if not file.exists():
         raise SourceError(f"{path}: no such file: check the path")
-    if path.is_dir():
-        raise SourceError(f"{path}: a folder, not a file: name the files in it")
-    reader = READERS.get(path.suffix.lower())
-    if reader is None:
-        raise SourceError(
-            f"{path}: no reader takes {path.suffix or 'a file without ending'!r}: use {_endings()}"
-        )
+    reader = _reader(file)
+    if part is not None and reader not in _CHOOSING:
+        raise SourceError(f"{file}: it holds one recording, there is no #{part} in it: leave that out")
     return reader(path, unit)
 
 
-def find_inputs(paths: Iterable[str | Path], besides: Collection[Path] = ()) -> list[Path]:
-    """Return the given files, and the shape files inside given folders, each once.
+def _reader(file: Path) -> Reader:
+    if file.is_dir():
+        for fits, reader in FOLDERS:
+            if fits(file):
+                return reader
+        raise SourceError(f"{file}: a folder, not a file: name the files in it")
+    reader = READERS.get(ending(file))
+    if reader is None:
+        raise SourceError(
+            f"{file}: no reader takes {file.suffix or 'a file without ending'!r}: use {_endings()}"
+        )
+    return reader
 
-    Folders are searched in depth and in the order of names. Hidden files and folders, campaigns,
-    folders of results and those in `besides` are left out.
+
+def find_inputs(paths: Iterable[str | Path], besides: Collection[Path] = ()) -> list[Path]:
+    """Return the given files, and the shape files and recordings inside given folders, each once.
+
+    Of a file with several shapes each is returned by itself, as `FILE#PART`. Folders are searched in depth
+    and in the order of names. Hidden files and folders, campaigns, folders of results and those in `besides`
+    are left out.
 
     Raises
     ------
@@ -73,37 +102,66 @@ def find_inputs(paths: Iterable[str | Path], besides: Collection[Path] = ()) -> 
     left_out = {path.resolve() for path in besides}
     found: dict[Path, Path] = {}
     for path in map(Path, paths):
-        files = sorted(_shapes_in(path, left_out)) if path.is_dir() else [path]
+        folder, part = split(path)
+        files = [path]
+        if folder.is_dir() and not _is_recording(folder):
+            files = sorted(_shapes_in(folder, left_out))
+            files = [file if part is None else part_of(file, part) for file in files]
         if not files:
             raise SourceError(f"{path}: no shape file in this folder: put {_endings()} files there")
-        for file in files:
-            found.setdefault(file.resolve(), file)
+        for shape in (each for file in files for each in _shapes_of(file)):
+            found.setdefault(shape.resolve(), shape)
     return list(found.values())
+
+
+def _is_recording(folder: Path) -> bool:
+    return any(fits(folder) for fits, _ in FOLDERS)
+
+
+def _shapes_of(path: Path) -> list[Path]:
+    """Return the shapes in a file: the path itself, but for a file of several of which it names none."""
+    names = _PARTS.get(ending(path))
+    if names is None or split(path)[1] is not None or not path.exists():
+        return [path]
+    try:
+        found = names(path)
+    except TssgeomError:
+        return [path]  # whoever opens it is told the reason
+    return [path] if len(found) == 1 else [part_of(path, name) for name in found]
 
 
 def output_names(paths: Sequence[Path]) -> dict[Path, str]:
     """Return a name for the outputs of each file: its stem, made longer where another file has it too.
 
-    Added is what tells the files apart: the ending (`loop-csv`), the folder (`left-loop`), both, or a
-    number. Letter case does not tell names apart, since some disks ignore it.
+    A part of a file adds its own name. Added further is what tells the files apart: the ending (`loop-csv`),
+    the folder (`left-loop`), both, or a number. Letter case does not tell names apart, since some disks
+    ignore it.
     """
     groups = dict[str, list[Path]]()
     for path in paths:
-        groups.setdefault(path.stem.casefold(), []).append(path)
+        groups.setdefault(stem(path).casefold(), []).append(path)
     names = {path: name for group in groups.values() for path, name in _told_apart(group).items()}
     return _numbered({path: names[path] for path in paths})
 
 
 def _told_apart(paths: Sequence[Path]) -> dict[Path, str]:
-    names = {path: path.stem for path in paths}
+    names = {path: stem(path) for path in paths}
     ways: list[Callable[[Path], str]] = [
-        lambda path: f"{path.stem}-{path.suffix.lstrip('.')}",
-        lambda path: f"{path.resolve().parent.name}-{path.stem}",
-        lambda path: f"{path.resolve().parent.name}-{path.stem}-{path.suffix.lstrip('.')}",
+        lambda path: f"{stem(path)}-{_kind(path)}",
+        lambda path: f"{_home(path)}-{stem(path)}",
+        lambda path: f"{_home(path)}-{stem(path)}-{_kind(path)}",
     ]
     while ways and len({name.casefold() for name in names.values()}) < len(paths):
         names = dict(zip(paths, map(ways.pop(0), paths), strict=True))
     return names
+
+
+def _kind(path: Path) -> str:
+    return ending(path).strip(".").partition(".")[0] or "folder"
+
+
+def _home(path: Path) -> str:
+    return split(path)[0].resolve().parent.name
 
 
 def _numbered(names: dict[Path, str]) -> dict[Path, str]:
@@ -123,9 +181,13 @@ def _shapes_in(folder: Path, left_out: Collection[Path]) -> Iterator[Path]:
         if here.resolve() in left_out or {RESULTS_MARK, CAMPAIGN} & set(names):
             folders.clear()
             continue
+        if _is_recording(here):
+            folders.clear()
+            yield here
+            continue
         folders[:] = [name for name in folders if not name.startswith(".")]
         for name in names:
-            if not name.startswith(".") and Path(name).suffix.lower() in READERS:
+            if not name.startswith(".") and ending(Path(name)) in READERS:
                 yield here / name
 
 

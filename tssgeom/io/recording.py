@@ -18,12 +18,12 @@ class Recording:
     """One file of sensed shapes, in SI."""
 
     name: str
-    """Stem of the file."""
+    """Stem of the file, with the part of it that was opened."""
     path: Path
     unit: str
-    """Unit of length in the file, "m" or "mm"; the frames are in metres."""
+    """Unit of length in the file, "m" or "mm" (of Slicer also "um"); the frames are in metres."""
     kind: str
-    """Format: "csv", "jsonl", "npz" or "parquet"."""
+    """Format: "csv", "jsonl", "npz", "parquet", "slicer", "fcsv", "vtk", "ros2", "ndi" or "colonoscope"."""
     timed: bool
     """False for one static shape, True for frames with time."""
     frame_count: int

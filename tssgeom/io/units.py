@@ -36,3 +36,25 @@ def agreed_unit(path: Path, found: str | None, given: str | None, remedy: str) -
     if found and given and found != given:
         raise ShapeError(f"{path}: the file is in {found}, --unit says {given}: leave --unit out")
     return unit
+
+
+def given_unit(path: Path, given: str | None, why: str) -> str:
+    """Return the unit that the user states for a format that has no place for one.
+
+    Parameters
+    ----------
+    path
+        The file, for the message.
+    given
+        The unit that the user states, if any.
+    why
+        What has no place for a unit, such as "a ROS bag".
+
+    Raises
+    ------
+    ShapeError
+        Where the user states none, or one that is neither m nor mm.
+    """
+    if given is None:
+        raise ShapeError(f"{path}: {why} states no unit of length: give --unit mm|m")
+    return agreed_unit(path, None, given, "")
