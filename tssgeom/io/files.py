@@ -10,6 +10,7 @@ from tssgeom.errors import SourceError, TssgeomError
 from tssgeom.io.fcsv import open_fcsv
 from tssgeom.io.jsonl import open_jsonl
 from tssgeom.io.longform import open_csv, open_parquet
+from tssgeom.io.ndi import is_ndi, open_ndi
 from tssgeom.io.npz import open_npz
 from tssgeom.io.parts import MARKUPS, ending, part_of, split, stem
 from tssgeom.io.recording import Recording
@@ -20,8 +21,13 @@ __all__ = ["READERS", "Recording", "find_inputs", "open_recording", "output_name
 Reader = Callable[[Path, str | None], Recording]
 
 
+def _open_table(path: Path, unit: str | None) -> Recording:
+    """Open a comma-separated file: of tracked tools where its header says so, else of points."""
+    return open_ndi(path, unit) if is_ndi(path) else open_csv(path, unit)
+
+
 READERS: dict[str, Reader] = {
-    ".csv": open_csv,
+    ".csv": _open_table,
     ".jsonl": open_jsonl,
     ".ndjson": open_jsonl,
     ".npz": open_npz,

@@ -1,0 +1,128 @@
+"""Tables of tracked tools from NDI's programs."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tssgeom.errors import ShapeError
+from tssgeom.io.files import Recording, open_recording
+from tssgeom.stream import Frame, Rejected
+
+CORPUS = Path(__file__).parent / "corpus"
+TOOLBOX = CORPUS / "tools_toolbox.csv"
+
+
+def frames(recording: Recording) -> list[Frame]:
+    return [item for item in recording.frames if isinstance(item, Frame)]
+
+
+def test_tools_side_by_side_are_the_points_of_a_frame_in_mm_and_seconds():
+    recording = open_recording(TOOLBOX)
+    found = frames(recording)
+    assert (recording.unit, recording.kind, recording.timed, recording.frame_count) == ("mm", "ndi", True, 3)
+    assert recording.warnings == ()
+    a = 0.25 * np.arange(5)
+    arc = np.column_stack([100 * np.sin(a), 100 * (1 - np.cos(a)), np.full(5, -1500.0)]) / 1000
+    np.testing.assert_allclose(found[0].points, arc, atol=5.1e-7)  # the file has three digits of a millimetre
+    np.testing.assert_allclose(np.diff([frame.time for frame in found]), 0.05, atol=1e-6)  # times since 1970
+
+
+def test_a_tool_that_was_not_tracked_is_a_gap():
+    found = frames(open_recording(TOOLBOX))
+    assert np.isnan(found[1].points[2]).all()
+    assert np.isnan(found[1].points).any(axis=1).sum() == 1
+
+
+def test_the_third_axis_of_a_scalar_first_quaternion_is_the_direction():
+    first = frames(open_recording(TOOLBOX))[0]
+    a = 0.25 * np.arange(5)
+    tangents = np.column_stack([np.cos(a), np.sin(a), np.zeros(5)])
+    np.testing.assert_allclose(first.directions, tangents, atol=1e-6)  # seven digits in the file
+
+
+def test_coils_that_look_to_the_proximal_end_are_turned_round(tmp_path):
+    """Half a turn about the first axis, (0, 1, 0, 0) times q, sends the third axis of a tool backwards."""
+    rows = [line.split(",") for line in TOOLBOX.read_text().splitlines()]
+    starts = [k for k, name in enumerate(rows[0]) if name == "Q0"]
+    for row in rows[1:]:
+        for k in starts:
+            w, x, y, z = row[k : k + 4]
+            row[k : k + 4] = [f"{-float(x):.7g}", w, z, f"{-float(y):.7g}"]
+    (tmp_path / "tools.csv").write_text("\n".join(map(",".join, rows)) + "\n")
+    here, there = frames(open_recording(tmp_path / "tools.csv")), frames(open_recording(TOOLBOX))
+    np.testing.assert_allclose(here[0].directions, there[0].directions, atol=1e-6)
+
+
+def test_one_block_in_the_header_serves_several_tools_with_different_markers_in_a_row():
+    recording = open_recording(CORPUS / "tools_capi.csv")
+    found = frames(recording)
+    k = np.arange(5.0)
+    np.testing.assert_array_equal(
+        found[0].points, np.column_stack([20 * k, 0.5 * k**2, np.full(5, -100.0)]) / 1000
+    )
+    assert np.isnan(found[1].points[1]).all()
+    assert [frame.time for frame in found] == [100.0, 101.0, 102.0]
+    assert recording.warnings == ("no time column: the frame numbers are taken as time, one a second",)
+
+
+def test_seconds_and_nanoseconds_make_one_time(tmp_path):
+    header = "ToolCount,ToolInfo,Frame#,timespec_s,timespec_ns,TransformStatus,Q0,Qx,Qy,Qz,Tx,Ty,Tz"
+    row = "1,a,7,12,250000000,Enabled,1,0,0,0,1,2,3"
+    (tmp_path / "tools.csv").write_text(f"{header}\n{row}\n")
+    recording = open_recording(tmp_path / "tools.csv")
+    assert frames(recording)[0].time == 12.25
+    assert not recording.timed
+
+
+def test_rows_without_clock_and_frame_number_are_counted(tmp_path):
+    (tmp_path / "tools.csv").write_text("Q0,Qx,Qy,Qz,Tx,Ty,Tz\n1,0,0,0,1,2,3\n1,0,0,0,1,2,4\n")
+    recording = open_recording(tmp_path / "tools.csv")
+    assert [frame.time for frame in frames(recording)] == [0.0, 1.0]
+    assert "no time" in recording.warnings[0]
+
+
+def test_a_cell_that_is_no_number_rejects_its_frame_only(tmp_path):
+    lines = TOOLBOX.read_text().splitlines()
+    lines[2] = lines[2].replace("-1500.000", "far", 1)
+    (tmp_path / "tools.csv").write_text("\n".join(lines) + "\n")
+    (rejected,) = [
+        item for item in open_recording(tmp_path / "tools.csv").frames if isinstance(item, Rejected)
+    ]
+    assert rejected.seq == 1
+    assert rejected.reason.startswith("line 3: could not convert string to float: 'far'")
+
+
+def test_a_row_that_is_written_twice_is_rejected(tmp_path):
+    lines = TOOLBOX.read_text().splitlines()
+    (tmp_path / "tools.csv").write_text("\n".join([*lines, lines[-1]]) + "\n")
+    (rejected,) = [
+        item for item in open_recording(tmp_path / "tools.csv").frames if isinstance(item, Rejected)
+    ]
+    assert rejected.seq == 3
+    assert "put the frames in order, each once" in rejected.reason
+
+
+def test_a_row_that_is_cut_short_is_rejected_with_its_line(tmp_path):
+    text = TOOLBOX.read_text()
+    (tmp_path / "tools.csv").write_text(text[: len(text) - 60] + "\n")
+    recording = open_recording(tmp_path / "tools.csv")
+    (rejected,) = [item for item in recording.frames if isinstance(item, Rejected)]
+    assert rejected.seq == 2
+    assert rejected.reason.startswith("line 4: ")
+
+
+def test_a_table_of_points_is_no_table_of_tools(tmp_path):
+    (tmp_path / "a.csv").write_text("x_mm,y_mm,z_mm\n0,0,0\n1,0,0\n2,1,0\n3,1,1\n")
+    assert open_recording(tmp_path / "a.csv").kind == "csv"
+
+
+def test_ndi_is_always_in_millimetres(tmp_path):
+    with pytest.raises(ShapeError, match="the file is in mm, --unit says m"):
+        open_recording(TOOLBOX, "m")
+
+
+def test_a_header_without_rows_is_refused(tmp_path):
+    (tmp_path / "tools.csv").write_text("Q0,Qx,Qy,Qz,Tx,Ty,Tz\n")
+    with pytest.raises(ShapeError, match="no row of tools"):
+        open_recording(tmp_path / "tools.csv")
