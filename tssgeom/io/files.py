@@ -15,6 +15,7 @@ from tssgeom.io.npz import open_npz
 from tssgeom.io.parts import MARKUPS, ending, part_of, split, stem
 from tssgeom.io.recording import Recording
 from tssgeom.io.slicer import markup_names, open_markups
+from tssgeom.io.vtk import line_names, open_vtp
 
 __all__ = ["READERS", "Recording", "find_inputs", "open_recording", "output_names"]
 
@@ -34,16 +35,17 @@ READERS: dict[str, Reader] = {
     ".parquet": open_parquet,
     MARKUPS: open_markups,
     ".fcsv": open_fcsv,
+    ".vtp": open_vtp,
 }
 """The reader of each ending."""
 
 FOLDERS: tuple[tuple[Callable[[Path], bool], Reader], ...] = ()
 """What makes a folder a recording, and its reader."""
 
-_PARTS: dict[str, Callable[[Path], list[str]]] = {MARKUPS: markup_names}
+_PARTS: dict[str, Callable[[Path], list[str]]] = {MARKUPS: markup_names, ".vtp": line_names}
 """Endings of files that may hold several shapes, and the names of these."""
 
-_CHOOSING = (open_markups,)
+_CHOOSING = (open_markups, open_vtp)
 """Readers that take one part of a file."""
 
 RESULTS_MARK = "run.json"

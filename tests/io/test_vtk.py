@@ -1,0 +1,115 @@
+"""VTK poly lines, written by VTK itself."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from vtkmodules.vtkCommonCore import vtkPoints, vtkStringArray
+from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
+from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
+
+from tssgeom.errors import ShapeError, SourceError, TssgeomError
+from tssgeom.io.files import Recording, find_inputs, open_recording
+from tssgeom.stream import Frame
+
+CORPUS = Path(__file__).parent / "corpus"
+AORTA = Path(__file__).resolve().parents[3] / "shared" / "data" / "vmtk_aorta"
+ARC = np.column_stack([np.sin(np.linspace(0, 1, 7)), 1 - np.cos(np.linspace(0, 1, 7)), np.zeros(7)])
+
+
+def points_of(recording: Recording) -> np.ndarray:
+    (frame,) = recording.frames
+    assert isinstance(frame, Frame)
+    return frame.points
+
+
+def written(
+    folder: Path, points: np.ndarray, *lines: list[int], unit: str | None = None, double: bool = True
+) -> Path:
+    data, places, cells = vtkPolyData(), vtkPoints(), vtkCellArray()
+    if double:
+        places.SetDataTypeToDouble()
+    for point in points.tolist():
+        places.InsertNextPoint(point)
+    for line in lines:
+        cells.InsertNextCell(len(line), line)
+    data.SetPoints(places)
+    data.SetLines(cells)
+    if unit is not None:
+        said = vtkStringArray()
+        said.SetName("unit")
+        said.InsertNextValue(unit)
+        data.GetFieldData().AddArray(said)
+    writer = vtkXMLPolyDataWriter()
+    writer.SetFileName(str(folder / "route.vtp"))
+    writer.SetInputData(data)
+    writer.Write()
+    return folder / "route.vtp"
+
+
+def test_a_poly_line_is_a_shape_in_the_order_of_its_line(tmp_path):
+    order = [3, 1, 0, 2, 6, 5]
+    recording = open_recording(written(tmp_path, ARC, order), "mm")
+    assert (recording.name, recording.unit, recording.kind, recording.timed) == ("route", "mm", "vtk", False)
+    np.testing.assert_array_equal(points_of(recording), ARC[order] / 1000)
+
+
+def test_the_unit_is_that_of_a_field_array_or_has_to_be_said(tmp_path):
+    path = written(tmp_path, ARC, list(range(7)), unit="m")
+    np.testing.assert_array_equal(points_of(open_recording(path)), ARC)
+    with pytest.raises(ShapeError, match="the file is in m, --unit says mm"):
+        open_recording(path, "mm")
+    with pytest.raises(
+        ShapeError, match=r"no unit: add a field array 'unit' that says mm or m, or give --unit mm\|m"
+    ):
+        open_recording(written(tmp_path, ARC, list(range(7))))
+
+
+@pytest.mark.parametrize("kind", ["ascii", "binary", "appended"])
+def test_each_way_of_writing_gives_the_same_lines(kind):
+    path = CORPUS / f"lines_{kind}.vtp"
+    found = find_inputs([path])
+    assert [each.name for each in found] == [f"lines_{kind}.vtp#1", f"lines_{kind}.vtp#2"]
+    first, second = (points_of(open_recording(each, "mm")) for each in found)
+    a = np.linspace(0, 1.5, 6)
+    np.testing.assert_allclose(first, 0.05 * np.column_stack([np.sin(a), 1 - np.cos(a), 0 * a]), atol=1e-8)
+    assert len(second) == 5
+
+
+def test_the_lines_of_a_vessel_tree_are_two_shapes():
+    if not AORTA.is_dir():
+        pytest.skip("needs the VMTK aorta lines")
+    found = find_inputs([AORTA / "aorta-centerline.vtp"])
+    assert [len(points_of(open_recording(each, "mm"))) for each in found] == [211, 198]
+
+
+@pytest.mark.parametrize(
+    ("lines", "part", "says"),
+    [
+        ([], "", "no poly line in it"),
+        ([[0, 1, 2], [3, 4, 5]], "", "it holds 2 routes (1, 2): name one, as"),
+        ([[0, 1, 2], [3, 4, 5]], "#3", "no route '3' in it: it holds 1, 2"),
+        ([[0, 1, 99]], "", "a line goes through point 99 of 7"),
+    ],
+)
+def test_what_is_no_single_line_is_refused(tmp_path, lines, part, says):
+    path = written(tmp_path, ARC, *lines, unit="mm")
+    with pytest.raises(TssgeomError) as caught:
+        open_recording(f"{path}{part}")
+    assert says in str(caught.value)
+
+
+@pytest.mark.parametrize("cut", [0, 100, 900, 1800])
+def test_a_broken_file_is_refused_in_one_line_and_vtk_prints_nothing(tmp_path, capfd, cut):
+    (tmp_path / "cut.vtp").write_bytes((CORPUS / "lines_binary.vtp").read_bytes()[:cut])
+    with pytest.raises(TssgeomError) as caught:
+        open_recording(tmp_path / "cut.vtp", "mm")
+    assert "\n" not in str(caught.value)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_without_vtk_the_remedy_is_the_extra(monkeypatch):
+    monkeypatch.setitem(sys.modules, "vtkmodules.vtkIOXML", None)
+    with pytest.raises(SourceError, match=r"pip install 'tssgeom\[vtk\]'"):
+        open_recording(CORPUS / "lines_ascii.vtp#1", "mm")
