@@ -7,6 +7,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from pathlib import Path
 
 from tssgeom.errors import SourceError, TssgeomError
+from tssgeom.io.colonoscope import is_colonoscope, open_colonoscope
 from tssgeom.io.fcsv import open_fcsv
 from tssgeom.io.jsonl import open_jsonl
 from tssgeom.io.longform import open_csv, open_parquet
@@ -39,7 +40,7 @@ READERS: dict[str, Reader] = {
 }
 """The reader of each ending."""
 
-FOLDERS: tuple[tuple[Callable[[Path], bool], Reader], ...] = ()
+FOLDERS: tuple[tuple[Callable[[Path], bool], Reader], ...] = ((is_colonoscope, open_colonoscope),)
 """What makes a folder a recording, and its reader."""
 
 _PARTS: dict[str, Callable[[Path], list[str]]] = {MARKUPS: markup_names, ".vtp": line_names}
