@@ -15,6 +15,7 @@ from tssgeom.io.ndi import is_ndi, open_ndi
 from tssgeom.io.npz import open_npz
 from tssgeom.io.parts import MARKUPS, ending, part_of, split, stem
 from tssgeom.io.recording import Recording
+from tssgeom.io.ros import is_bag, open_bag
 from tssgeom.io.slicer import markup_names, open_markups
 from tssgeom.io.vtk import line_names, open_vtp
 
@@ -37,16 +38,21 @@ READERS: dict[str, Reader] = {
     MARKUPS: open_markups,
     ".fcsv": open_fcsv,
     ".vtp": open_vtp,
+    ".mcap": open_bag,
+    ".db3": open_bag,
 }
 """The reader of each ending."""
 
-FOLDERS: tuple[tuple[Callable[[Path], bool], Reader], ...] = ((is_colonoscope, open_colonoscope),)
+FOLDERS: tuple[tuple[Callable[[Path], bool], Reader], ...] = (
+    (is_bag, open_bag),
+    (is_colonoscope, open_colonoscope),
+)
 """What makes a folder a recording, and its reader."""
 
 _PARTS: dict[str, Callable[[Path], list[str]]] = {MARKUPS: markup_names, ".vtp": line_names}
 """Endings of files that may hold several shapes, and the names of these."""
 
-_CHOOSING = (open_markups, open_vtp)
+_CHOOSING = (open_bag, open_markups, open_vtp)
 """Readers that take one part of a file."""
 
 RESULTS_MARK = "run.json"
