@@ -39,7 +39,7 @@ def run(shapes: Sequence[Path], chosen: Options, *, out: Path | None, as_json: b
 
     found = list(inputs_of(shapes, besides=[] if out is None else [out]))
     tally = each_analysis(found, chosen, finish, quiet=quiet or as_json)
-    one_file = len(shapes) == 1 and not shapes[0].is_dir()
+    one_file = found == list(shapes) and len(found) == 1  # no folder of files, no file of several shapes
     if out is not None and objects:
         write_text(out / "result.json", as_text(objects, one_file=one_file) + "\n")
     if as_json and (objects or not one_file):

@@ -7,6 +7,7 @@ from pathlib import Path
 import trimesh
 
 from tssgeom.errors import ShapeError, SourceError
+from tssgeom.io.parts import split
 from tssgeom.io.units import PER_METRE
 
 ENDINGS = (".ply", ".stl", ".obj", ".glb")
@@ -18,7 +19,7 @@ def lumen_beside(path: str | Path) -> Path | None:
 
     Of several names that fit, the longest counts; of several endings the first of .ply .stl .obj .glb.
     """
-    path = Path(path)
+    path, _ = split(Path(path))
     fitting = [mesh for mesh in _meshes_in(path.parent) if _belongs(path.stem, _name(mesh))]
     if not fitting:
         return None

@@ -12,6 +12,7 @@ import msgspec
 from tssgeom.errors import SourceError
 from tssgeom.io.atomic import write_text
 from tssgeom.io.files import RESULTS_MARK
+from tssgeom.io.parts import split
 from tssgeom.settings import Rig
 
 
@@ -100,15 +101,26 @@ def remove_earlier_run(folder: Path) -> None:
 
 
 def sha256_of(path: Path) -> str:
-    """Return the SHA-256 of a file as hexadecimal digits.
+    """Return the SHA-256 of a file as hexadecimal digits; of a part, that of its file.
+
+    Of a folder, it is that of a list of its files, each with its own SHA-256, in the order of names.
 
     Raises
     ------
     SourceError
         Where the file cannot be read.
     """
+    file, _ = split(path)
     try:
-        with path.open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
+        if not file.is_dir():
+            return _sha256(file)
+        listed = [(each.relative_to(file).as_posix(), each) for each in file.rglob("*") if each.is_file()]
+        lines = "".join(f"{_sha256(each)}  {name}\n" for name, each in sorted(listed))
+        return hashlib.sha256(lines.encode()).hexdigest()
     except OSError as error:
-        raise SourceError(f"{path}: cannot be read ({error.strerror}): check the path") from error
+        raise SourceError(f"{file}: cannot be read ({error.strerror}): check the path") from error
+
+
+def _sha256(file: Path) -> str:
+    with file.open("rb") as held:
+        return hashlib.file_digest(held, "sha256").hexdigest()

@@ -1,0 +1,80 @@
+"""Files of other programs through the commands."""
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+CORPUS = Path(__file__).parents[1] / "io" / "corpus"
+SAYING_THEIR_UNIT = ["curve.mrk.json", "points.fcsv", "tools_toolbox.csv"]
+SAYING_NONE = ["lines_ascii.vtp#2", "colonoscope", "shape.mcap", "shape.db3"]
+LENGTH = {  # along the made-up routes of the corpus, in mm; two of them are arcs
+    "tools_toolbox.csv": pytest.approx(100.0, rel=1e-3),
+    "lines_ascii.vtp#2": pytest.approx(60.0, rel=1e-3),
+}
+
+
+@pytest.mark.parametrize("name", [*SAYING_THEIR_UNIT, *SAYING_NONE])
+def test_analyse_takes_it_as_one_shape_or_recording(run, name):
+    outcome = run(
+        "analyse", CORPUS / name, "--json", *([] if name in SAYING_THEIR_UNIT else ["--unit", "mm"])
+    )
+    told = json.loads(outcome.out)
+    assert (outcome.status, outcome.errors) == (0, [])
+    assert 1e3 * told["length_m"] == LENGTH.get(name, pytest.approx(70, abs=40))
+    assert ("frames" in told) == (name in {"tools_toolbox.csv", "colonoscope", "shape.mcap", "shape.db3"})
+
+
+@pytest.mark.parametrize("name", SAYING_NONE)
+def test_without_a_unit_it_is_refused_with_the_remedy(run, name):
+    (error,) = run("analyse", CORPUS / name).errors
+    assert name.partition("#")[0] in error
+    assert error.endswith("give --unit mm|m")
+
+
+@pytest.mark.parametrize(
+    ("name", "holds"),
+    [
+        ("curve.mrk.json", "shape in mm (slicer)\n  points: 6, 1 not seen (gaps)"),
+        ("points.fcsv", "shape in mm (fcsv)\n  points: 5, no gaps"),
+        ("tools_toolbox.csv", "recording in mm (ndi), 3 frames in 0.1 s\n  points: 5, 1 not seen (gaps)"),
+        ("lines_ascii.vtp#1", "shape in mm (vtk)\n  points: 6, no gaps"),
+        ("colonoscope", "recording in mm (colonoscope), 4 frames in 0.3 s\n  points: 6, 1 not seen (gaps)"),
+        ("shape.mcap", "recording in mm (ros2), 3 frames in 2 s\n  points: 6, 1 not seen (gaps)"),
+    ],
+)
+def test_check_tells_what_it_holds(run, name, holds):
+    outcome = run("check", CORPUS / name, "--unit", "mm")
+    assert (outcome.status, outcome.errors) == (0, [])
+    assert f"{CORPUS / name}: {holds}" in outcome.out
+
+
+def test_a_file_of_two_lines_is_a_list_of_two_shapes(run):
+    told = json.loads(run("analyse", CORPUS / "lines_binary.vtp", "--unit", "mm", "--json").out)
+    assert [each["shape"] for each in told] == ["lines_binary-1", "lines_binary-2"]
+
+
+def test_batch_takes_a_folder_of_all_and_records_where_each_came_from(run, tmp_path):
+    for name in ("curve.mrk.json", "lines_ascii.vtp", "shape.mcap"):
+        shutil.copy(CORPUS / name, tmp_path / name)
+    shutil.copytree(CORPUS / "colonoscope", tmp_path / "case")
+    outcome = run("batch", tmp_path, "--unit", "mm", "--out", tmp_path / "out", "--json")
+    assert (outcome.status, outcome.errors) == (0, [])
+    names = ["case", "curve", "lines_ascii-1", "lines_ascii-2", "shape"]
+    assert [each["shape"] for each in json.loads(outcome.out)] == names
+    inputs = json.loads((tmp_path / "out/run.json").read_text())["inputs"]
+    assert [each["kind"] for each in inputs] == ["colonoscope", "slicer", "vtk", "vtk", "ros2"]
+    assert len({each["sha256"] for each in inputs}) == 4  # both lines are of one file
+
+
+def test_a_folder_s_digest_changes_with_any_of_its_files(run, tmp_path):
+    folder = Path(shutil.copytree(CORPUS / "colonoscope", tmp_path / "case"))
+    digests = []
+    for line in (b"", b"400.0;\n"):
+        with (folder / "T.txt").open("ab") as file:
+            file.write(line)
+        run("batch", folder, "--unit", "mm", "--out", tmp_path / "out", "--fresh")
+        (told,) = json.loads((tmp_path / "out/run.json").read_text())["inputs"]
+        digests.append(told["sha256"])
+    assert digests[0] != digests[1]
