@@ -117,7 +117,7 @@ def test_a_smooth_route_stays_smooth_and_a_staircase_takes_over():
 def test_a_chain_that_takes_over_says_at_once_that_the_spline_may_be_right():
     course = chain(np.array([0.15, 0.2, 0.15]), np.array([2.0, 9.0, 3.0]), np.zeros(3))
     rng, seen = np.random.default_rng(0), []
-    for i in range(20):
+    for i in range(24):
         s = np.linspace(0.0, course.total_length, 60)
         shape = clean(arc_places(course)(s) + 1.4e-3 * rng.standard_normal((60, 3)))
         seen.append(follow(shape, 1.4e-3, seen[-1] if i else None, "auto" if i else "spline"))
