@@ -165,8 +165,10 @@ def _where(verdict: Verdict) -> tuple[Blame, ...]:
 
 def _heat(traces: tuple[Trace, ...]) -> HeatMap:
     """Mean squares over channel and run, phase and half of the tension."""
-    columns = tuple(f"{phase}, {part}" for phase in ("pull", "release") for part in ("0–8 N", "8–16 N"))
-    rows = tuple(f"{channel}, {trace.run}" for channel in CHANNELS for trace in traces)
+    columns = tuple(
+        f"{phase} {part}" for phase in ("pull", "release") for part in ("0.0–8.0 N", "8.0–16.0 N")
+    )
+    rows = tuple(f"{channel} {trace.run}" for channel in CHANNELS for trace in traces)
     power = np.full((len(rows), len(columns)), np.nan)
     for i, channel in enumerate(CHANNELS):
         for j, trace in enumerate(traces):
@@ -184,7 +186,7 @@ def _along(campaign: Campaign) -> tuple[RouteBlame, ...]:
     told = []
     for route in routes.values():
         s = np.linspace(0.0, route.s[-1], 12)
-        extra = 14.0 * np.exp(-0.5 * ((s - 0.21) / 0.03) ** 2)
+        extra = 14.0 * (1.0 + 0.3 * len(told)) * np.exp(-0.5 * ((s - 0.21) / 0.03) ** 2)
         told.append(RouteBlame(route.name, s, extra, np.full(12, 1.5)))
     return tuple(told)
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import io
-import re
 from typing import Any
 
 import matplotlib as mpl
@@ -18,6 +16,7 @@ from tssgeom.stream import FrameResult
 from tssgeom.view import colours
 from tssgeom.view.camera import camera
 from tssgeom.view.drawn import Drawn, Ranges, drawn, evenly, ranges, staircase
+from tssgeom.view.plots import inline_svg
 from tssgeom.view.report_entry import Series
 
 _NODES = 128
@@ -58,7 +57,7 @@ def shape_figure(result: FrameResult) -> str:
         _draw_route(route, frame, result.arcs, limits)
         _draw_tension(tension, frame, limits)
         _draw_curvature(curvature, frame, result.arcs, limits)
-        return _svg(figure)
+        return inline_svg(figure)
 
 
 def run_figure(run: Series) -> str:
@@ -80,7 +79,7 @@ def run_figure(run: Series) -> str:
         _titles(axes[1], "Elongation over time", "time [s]", "δ [mm]")
         _titles(axes[2], "Transmission", "T_in [N]", "T_out [N]")
         _titles(axes[3], "Elongation", "T_in [N]", "δ [mm]")
-        return _svg(figure)
+        return inline_svg(figure)
 
 
 def _line(axes: Axes, x: Vector, y: Vector, label: str, colour: str) -> None:
@@ -168,13 +167,3 @@ def _coloured(
     strips = list(np.stack([line[:-1], line[1:]], axis=1))
     shades = colours.tension_rgb(0.5 * (tension[:-1] + tension[1:]), top)
     axes.add_collection(LineCollection(strips, colors=shades, linewidths=width, capstyle="round", zorder=3))
-
-
-def _svg(figure: Figure) -> str:
-    """Write a figure as SVG to stand inside a page: no header, no names that others could have too."""
-    stream = io.StringIO()
-    figure.savefig(stream, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
-    text = stream.getvalue()
-    text = re.sub(r' id="[A-Za-z0-9.]+_\d+"', "", text[text.index("<svg") :])
-    text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
-    return re.sub(r"(\d+\.\d{2})\d+", r"\1", text).replace("\n", " ")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -59,6 +61,22 @@ def save(drawing: Figure, path: Path) -> None:
     """Write a figure in the format that the ending tells; the same figure gives the same bytes."""
     with mpl.rc_context(_RC):
         drawing.savefig(path, dpi=_DPI, metadata=_METADATA[path.suffix[1:]])
+
+
+def markup(drawing: Figure) -> str:
+    """Write a figure in the look of all of them as SVG to stand inside a page."""
+    with mpl.rc_context(_RC):
+        return inline_svg(drawing)
+
+
+def inline_svg(drawing: Figure) -> str:
+    """Write a figure as SVG to stand inside a page: no header, no names that others could have too."""
+    stream = io.StringIO()
+    drawing.savefig(stream, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
+    text = stream.getvalue()
+    text = re.sub(r' id="[A-Za-z0-9.]+_\d+"', "", text[text.index("<svg") :])
+    text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
+    return re.sub(r"(\d+\.\d{2})\d+", r"\1", text).replace("\n", " ")
 
 
 _METADATA: dict[str, Any] = {"pdf": {"CreationDate": None}, "svg": {"Date": None}, "png": {}}

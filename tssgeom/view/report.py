@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 import html
-import os
 from collections import Counter
 from collections.abc import Sequence
-from importlib.metadata import PackageNotFoundError, version
-from importlib.resources import files
 from pathlib import Path
-from string import Template
 
-from tssgeom.errors import SourceError
 from tssgeom.settings import Rig
+from tssgeom.view.page import filled, program_version, write_page
 from tssgeom.view.report_entry import ReportEntry
 from tssgeom.view.report_section import COLUMNS, row, section
 
@@ -47,7 +43,8 @@ def write_report(
     SourceError
         Where the file cannot be written.
     """
-    page = Template(files("tssgeom.view").joinpath("report.html").read_text("utf-8")).substitute(
+    page = filled(
+        "report.html",
         title=html.escape(title),
         statement=_statement(entries, rig, tension_in),
         head="".join(f"<th><button>{html.escape(column)}</button></th>" for column in COLUMNS),
@@ -59,16 +56,7 @@ def write_report(
             if entry.shown is not None
         ),
     )
-    _write(path, page)
-
-
-def _write(path: Path, page: str) -> None:
-    unfinished = path.with_name(f".{path.name}.part")
-    try:
-        unfinished.write_text(page, encoding="utf-8")
-        os.replace(unfinished, path)
-    except OSError as error:
-        raise SourceError(f"{path}: cannot write the report ({error.strerror}): check the folder") from error
+    write_page(path, page)
 
 
 def _statement(entries: Sequence[ReportEntry], rig: Rig, tension_in: float) -> str:
@@ -82,17 +70,10 @@ def _statement(entries: Sequence[ReportEntry], rig: Rig, tension_in: float) -> s
         "Sensor noise": "estimated from the points"
         if rig.shape.noise_mm is None
         else f"{rig.shape.noise_mm:g} mm, as the rig says",
-        "Program": f"tssgeom {_version()}",
+        "Program": f"tssgeom {program_version()}",
     }
     lines = "".join(f"<dt>{name}</dt><dd>{html.escape(text)}</dd>" for name, text in facts.items())
     return f"<p>{html.escape(_counts(entries))}</p>\n<dl>{lines}</dl>"
-
-
-def _version() -> str:
-    try:
-        return version("tssgeom")
-    except PackageNotFoundError:
-        return "(not installed)"
 
 
 def _counts(entries: Sequence[ReportEntry]) -> str:

@@ -1,0 +1,1 @@
+"""Pictures of what the workflow found: figures, a page, and a recording."""
