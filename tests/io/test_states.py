@@ -6,7 +6,8 @@ from tssgeom.errors import SettingsError, SourceError
 from tssgeom.io.states import read_state, write_state
 from tssgeom.settings import Rig
 from tssgeom.shape.arcs import Arcs
-from tssgeom.tendon.state import pretensioned, state_object, step
+from tssgeom.tendon.saved import state_object
+from tssgeom.tendon.state import pretensioned, step
 
 HALF_CIRCLE, BENT = Arcs.exact([0.5], [3.1]), Arcs.exact([0.2, 0.3], [1.0, 2.5])
 

@@ -58,6 +58,10 @@ def driven(history, arcs, hardware, bars=60):
     return state
 
 
+def cornered(state, arcs):
+    return to_corners(state.edge, state.tension, state.direction_index, arcs)
+
+
 def by_corners(history, hardware):
     state = profile.pretensioned(hardware)
     for tension_in in history:
@@ -471,14 +475,14 @@ def test_it_does_not_matter_when_corners_are_exchanged_for_bars(history, last, d
 def test_bars_exchanged_for_corners_and_back_keep_their_tension(history, drawn):
     arcs, hardware = arcs_of(drawn), rig(5.0)
     state = driven(history, arcs, hardware, 20)
-    back = to_bars(to_corners(state, arcs), arcs, hardware, 20)
+    back = to_bars(cornered(state, arcs), arcs, hardware, 20)
     # corners on one line are dropped within 1e-9 in ln T; SOLVED where all is slack
     np.testing.assert_allclose(back.tension, state.tension, rtol=1e-7, atol=SOLVED)
-    assert to_corners(state, arcs).direction_index == state.direction_index
+    assert cornered(state, arcs).direction_index == state.direction_index
 
 
 def test_a_full_pull_exchanged_for_corners_is_one_line():
-    corners = to_corners(driven([15.0], SETUP_A, rig()), SETUP_A)
+    corners = cornered(driven([15.0], SETUP_A, rig()), SETUP_A)
     np.testing.assert_allclose(corners.angle, [0.0, 3 * PI], rtol=1e-12)
     np.testing.assert_allclose(np.exp(corners.log_tension), [15.0, 15.0 * math.exp(-3 * PI * MU)], rtol=1e-9)
 

@@ -15,11 +15,10 @@ from tssgeom.tendon import profile, transmission
 from tssgeom.tendon.material import MaterialState
 from tssgeom.tendon.moving import MovingRoute, between, unmoved
 from tssgeom.tendon.profile import Corners
+from tssgeom.tendon.saved import state_object, state_of
 from tssgeom.tendon.state import (
     HALVINGS,
     pretensioned,
-    state_object,
-    state_of,
     step,
     tension,
     transmit,

@@ -7,7 +7,8 @@ from pathlib import Path
 
 from tssgeom.errors import SettingsError, SourceError
 from tssgeom.io.atomic import write_text
-from tssgeom.tendon.state import TendonState, state_object, state_of
+from tssgeom.tendon.saved import state_object, state_of
+from tssgeom.tendon.state import TendonState
 
 
 def write_state(path: Path, state: TendonState) -> None:

@@ -143,13 +143,9 @@ def advance(
     FitError
         Where no equilibrium was found.
     """
-    by_force = displacement_in is None
-    drive = tension_in if by_force else displacement_in
-    if drive is None or (tension_in is not None and not by_force):
-        raise SettingsError("a step needs one drive: give tension_in [N] or displacement_in [m], not both")
-    _check(drive, by_force)
+    drive, by_force = one_drive(tension_in, displacement_in)
     strain = np.zeros(len(bed.length)) if eigenstrain is None else eigenstrain
-    return _equilibrium_at(state, bed, cone, tendon, float(drive), by_force, strain)
+    return _equilibrium_at(state, bed, cone, tendon, drive, by_force, strain)
 
 
 def _equilibrium_at(
@@ -191,13 +187,25 @@ def _equilibrium_at(
     )
 
 
-def _check(drive: float, by_force: bool) -> None:
+def one_drive(tension_in: float | None, displacement_in: float | None) -> tuple[float, bool]:
+    """Return the drive of a step, and whether it is a tension [N] or else a position [m].
+
+    Raises
+    ------
+    SettingsError
+        Where not exactly one is given, or where it is negative or not finite.
+    """
+    by_force = displacement_in is None
+    drive = tension_in if by_force else displacement_in
+    if drive is None or (tension_in is not None and not by_force):
+        raise SettingsError("a step needs one drive: give tension_in [N] or displacement_in [m], not both")
     if by_force and not 0.0 <= drive < math.inf:
         raise SettingsError(
             f"tension_in is {drive:g} N: a tendon only pulls; give a finite total tension >= 0 N"
         )
     if not math.isfinite(drive):
         raise SettingsError(f"displacement_in is {drive:g} m: give a finite position")
+    return float(drive), by_force
 
 
 def _check_balance(drive: float, weight: float, chain: tuple) -> None:

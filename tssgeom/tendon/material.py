@@ -124,16 +124,16 @@ def to_bars(state: Corners, arcs: Arcs, rig: Rig, bars: int = BARS, *, halvings:
     )
 
 
-def to_corners(state: MaterialState, arcs: Arcs) -> Corners:
-    """Hand the bars over to a corner list on the route `arcs`: ln T linear in φ between their places.
+def to_corners(edge: Vector, held: Vector, direction_index: int, arcs: Arcs) -> Corners:
+    """Hand bars over to a corner list on the route `arcs`: ln T linear in φ between their places.
 
-    The list knows neither slack nor displacement, and friction that bounds the slope of ln T over φ only;
-    docs/model.md (49).
+    The bars are cut at the fractions `edge` [n+1] and have the tensions `held` [n+2] [N]. The list knows
+    neither slack nor displacement, and friction that bounds the slope of ln T over φ; docs/model.md (49).
     """
-    bed = lay(state.edge, arcs)
+    bed = lay(edge, arcs)
     beyond = arcs.total_angle * (1.0 + 0.1 * RESOLUTION)  # rounding leaves no gap before the distal end
-    angle, log_tension = _profile(bed.place, beyond, state.tension)
-    return Corners(read_only(angle), read_only(log_tension), state.direction_index, state.tension_in)
+    angle, log_tension = _profile(bed.place, beyond, held)
+    return Corners(read_only(angle), read_only(log_tension), direction_index, float(held[0]))
 
 
 def _refined(edge: Vector, halvings: int) -> Vector:

@@ -2,34 +2,32 @@
 
 As long as the route stays and the tendon is driven by force, the corner list is exact and costs nothing. From
 the first change of the route under load, or the first position drive, the tendon goes on as a chain of bars.
+Where the rig has effects, it goes through the march of a measured run from the first step on.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+import math
+from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Any, TypeVar
 
 import numpy as np
 
-from tssgeom.arrays import Vector, read_only
+from tssgeom.arrays import Vector
 from tssgeom.errors import SettingsError
 from tssgeom.settings import Load, Rig, Tendon
 from tssgeom.shape.arcs import Arcs
-from tssgeom.tendon import incremental, profile, transmission
+from tssgeom.tendon import acting, acting_transmission, incremental, profile, transmission
+from tssgeom.tendon.acting import ActingState, setup_acting
+from tssgeom.tendon.effects import Setup
 from tssgeom.tendon.incremental import Line
 from tssgeom.tendon.material import MaterialState, lay, to_bars, to_corners
 from tssgeom.tendon.moving import unmoved
 from tssgeom.tendon.profile import Corners
 from tssgeom.tendon.transmission import Transmission
 
-VERSION = 1
-"""Version of the objects that `state_object` writes."""
 HALVINGS = 4
 """The first bar is halved so often: just after a reversal T_in is known to half of that bar."""
-_Part = TypeVar("_Part", Corners, MaterialState, Arcs)
-
 _SHARPER = 0.5  # of the old standard error of Φ: so much better known, a route is laid anew
 _SOLVED = 1e-8  # ln T of bars within which the front has come through: they are solved to 1e-10
 
@@ -38,10 +36,12 @@ _SOLVED = 1e-8  # ln T of bars within which the front has come through: they are
 class TendonState:
     """Tension along the tendon, and the route it lies on."""
 
-    along: Corners | MaterialState
-    """Corners over the curve angle, or bars of the tendon."""
+    along: Corners | MaterialState | ActingState
+    """Corners over the curve angle, bars of the tendon, or bars on which effects act."""
     route: Arcs | None
     """The route on which the tendon was last laid; None before the first step."""
+    time: float = math.nan
+    """Time of the last step that told it [s]; NaN before that."""
 
     @property
     def tension_in(self) -> float:
@@ -52,14 +52,20 @@ class TendonState:
     def tension_out(self) -> float:
         """Total tension at the distal end of the route [N]."""
         along = self.along
-        if isinstance(along, MaterialState):
-            return along.tension_out
-        return float(profile.tension(along, np.array([_route(self).total_angle]))[0])
+        if isinstance(along, Corners):
+            return float(profile.tension(along, np.array([_route(self).total_angle]))[0])
+        return along.tension_out
 
 
-def pretensioned(rig: Rig) -> TendonState:
-    """Return the tendon before its first pull, on no route yet: the rig's pretension all along."""
-    return TendonState(profile.pretensioned(rig), None)
+def pretensioned(rig: Rig, time: float = math.nan) -> TendonState:
+    """Return the tendon before its first pull, on no route yet; `time` is when it is so [s]."""
+    return TendonState(profile.level(rest_tension(rig)), None, time)
+
+
+def rest_tension(rig: Rig) -> float:
+    """Return the tension before the first pull [N]: the rig's pretension, and what effects make of it."""
+    setup = setup_acting(rig)
+    return rig.tendon.pretension_N if setup is None else setup.pretension
 
 
 def step(
@@ -70,6 +76,8 @@ def step(
     tension_in: float | None = None,
     displacement_in: float | None = None,
     stretches_with_route: bool = False,
+    time: float | None = None,
+    temperature: float | None = None,
 ) -> TendonState:
     """Move the drive and the route at once.
 
@@ -83,45 +91,109 @@ def step(
     arcs
         The route after the step, as sensed.
     rig
-        Tendon, friction and load.
+        Tendon, friction, load and effects.
     tension_in, displacement_in
-        New total tension [N] or new position [m] of the drive; one of them.
+        New total tension [N] or new position [m] of the drive; one of them. Both are true ones: what a sensor
+        that effects spoil reads of them is `readings`.
     stretches_with_route
         Whether a longer route stretches the tendon; otherwise only more of it lies in view, as on insertion.
+    time
+        Time after the step [s], which effects such as creep need. A step at the time of the last one is taken
+        to last as long as that one.
+    temperature
+        Temperature after the step [°C]; left out, it is as before. It matters to thermal drift alone.
 
     Raises
     ------
     SettingsError
-        Where not exactly one drive is given, or where it is negative or not finite.
+        Where not exactly one drive is given, or where it is negative or not finite; where effects act over
+        time and none is told.
     FitError
         Where no equilibrium was found.
     """
     before = _before(state, arcs)
     route = before if arcs is before or unmoved(before, arcs) else arcs
-    along = state.along
+    now = state.time if time is None else time
+    setup = setup_acting(rig)
+    if setup is None:
+        drives = (tension_in, displacement_in)
+        return TendonState(_stepped(state, before, route, rig, drives, stretches_with_route), route, now)
+    if stretches_with_route:
+        raise SettingsError(
+            "where effects act, a route cannot stretch the tendon: leave stretches_with_route"
+        )
+    drive, by_force = incremental.one_drive(tension_in, displacement_in)
+    along = _acting(state, before, setup)
+    model = acting.model_on(along, before, setup)
+    model = model if route is before else acting.moved(model, route)
+    span = _span(state, along, setup, time)
+    return TendonState(acting.driven(along, model, drive, by_force, span, temperature), route, now)
+
+
+def _stepped(
+    state: TendonState,
+    before: Arcs,
+    route: Arcs,
+    rig: Rig,
+    drives: tuple[float | None, float | None],
+    stretches_with_route: bool,
+) -> Corners | MaterialState:
+    """Step the tendon of the base model, from the route `before` to `route`."""
+    tension_in, displacement_in = drives
+    along = corners(state) if isinstance(state.along, ActingState) else state.along
     if isinstance(along, Corners):
         if route is before and displacement_in is None and tension_in is not None:
-            return TendonState(profile.step(along, tension_in, rig.friction.coefficient), route)
+            return profile.step(along, tension_in, rig.friction.coefficient)
         along = to_bars(along, before, rig, halvings=HALVINGS)
     bed = lay(along.edge, route)
     tendon = _line(rig.tendon, rig.load, len(bed.length), stretches_with_route)
     cone = incremental.coulomb(bed, rig.friction.coefficient)
-    moved = incremental.advance(
+    return incremental.advance(
         along, bed, cone, tendon, tension_in=tension_in, displacement_in=displacement_in
     )
-    return TendonState(moved, route)
+
+
+def _acting(state: TendonState, before: Arcs, setup: Setup) -> ActingState:
+    """Return the tendon as effects find it on the route `before`."""
+    if isinstance(state.along, ActingState):
+        return state.along
+    return acting.cut(corners(state), before, setup)
+
+
+def _span(state: TendonState, along: ActingState, setup: Setup, time: float | None) -> float:
+    """Return how long a step lasts [s]."""
+    if not acting.timed(setup):
+        return acting.UNTIMED
+    if time is None:
+        raise SettingsError("some of the effects act over time: give the time of each step [s]")
+    if math.isnan(state.time):
+        return acting.UNTIMED
+    if time < state.time:
+        raise SettingsError(f"time goes from {state.time:g} to {time:g} s: give increasing times")
+    return time - state.time if time > state.time else along.span
 
 
 def corners(state: TendonState) -> Corners:
     """Return the tension along the tendon as corners over the curve angle of its route; for drawing."""
-    if isinstance(state.along, Corners):
-        return state.along
-    return to_corners(state.along, _route(state))
+    along = state.along
+    if isinstance(along, Corners):
+        return along
+    held = along.memory.tension if isinstance(along, ActingState) else along.tension
+    return to_corners(along.edge, held, along.direction_index, _route(state))
 
 
-def tension(state: TendonState, phi: Vector) -> Vector:
-    """Return the tension [N] at the accumulated curve angles `phi` [rad]."""
-    return profile.tension(corners(state), phi)
+def tension(state: TendonState, phi: Vector, s: Vector | None = None) -> Vector:
+    """Return the tension [N] at the accumulated curve angles `phi` [rad].
+
+    Effects make it change over straight pieces too; there the arc lengths `s` of the same places tell where
+    [m].
+    """
+    along = state.along
+    if s is None or not isinstance(along, ActingState):
+        return profile.tension(corners(state), phi)
+    middle = 0.5 * (along.edge[1:] + along.edge[:-1])
+    places = np.concatenate(([0.0], middle, [1.0])) * _route(state).total_length
+    return np.interp(s, places, along.memory.tension)
 
 
 def transmit(state: TendonState, rig: Rig) -> Transmission:
@@ -130,77 +202,58 @@ def transmit(state: TendonState, rig: Rig) -> Transmission:
     Raises
     ------
     SettingsError
-        Where it lies on no route yet.
+        Where it lies on no route yet, or where it was last stepped with effects that the rig lacks.
     """
-    route = _route(state)
+    route, along = _route(state), state.along
+    if isinstance(along, ActingState):
+        return acting_transmission.transmit(along, acting.model_on(along, route, _setup_of(rig)), route)
     found = transmission.transmit(corners(state), route, rig)
-    if isinstance(state.along, Corners):
+    if isinstance(along, Corners):
         return found
     return replace(
         found,
-        tension_in=state.along.tension_in,
-        tension_out=state.along.tension_out,
-        elongation=state.along.elongation,
-        displacement_in=state.along.displacement_in,
-        displacement_out=state.along.displacement_out,
+        tension_in=along.tension_in,
+        tension_out=along.tension_out,
+        elongation=along.elongation,
+        displacement_in=along.displacement_in,
+        displacement_out=along.displacement_out,
         **_dead_zone(found),
     )
 
 
-def state_object(state: TendonState) -> dict[str, Any]:
-    """Return a state as an object for JSON, from which `state_of` makes the same state to the last bit."""
-    kind = "corners" if isinstance(state.along, Corners) else "bars"
-    route = None if state.route is None else _plain(state.route)
-    return {"version": VERSION, "kind": kind, "along": _plain(state.along), "route": route}
+def answering(state: TendonState, rig: Rig, tension_out: float, way: int) -> float:
+    """Return the proximal tension from which on a slow pull (+1) or release (−1) moves the load [N].
 
-
-def state_of(saved: Mapping[str, Any]) -> TendonState:
-    """Return the state that `state_object` wrote.
-
-    Raises
-    ------
-    SettingsError
-        Where the object is of another version, or is none of a state.
+    `tension_out` is the distal tension then [N]; docs/model.md (83), (122).
     """
-    if saved.get("version") != VERSION:
-        raise SettingsError(
-            f"the saved state has version {saved.get('version')!r}, this program reads {VERSION}: start anew"
-        )
-    try:
-        kind = {"corners": Corners, "bars": MaterialState}[saved["kind"]]
-        route = None if saved["route"] is None else _revived(Arcs, saved["route"])
-        return TendonState(_revived(kind, saved["along"]), route)
-    except (KeyError, TypeError, ValueError) as error:
-        raise SettingsError(f"the saved state is broken ({error!r}): remove it and start anew") from error
+    route, along = _route(state), state.along
+    if isinstance(along, ActingState):
+        model = acting.model_on(along, route, _setup_of(rig))
+        return acting_transmission.answering(along, model, tension_out, way)
+    return tension_out * math.exp(way * rig.friction.coefficient * route.total_angle)
 
 
-def _plain(part: Corners | MaterialState | Arcs) -> dict[str, Any]:
-    values = {field.name: getattr(part, field.name) for field in fields(part)}
+def readings(state: TendonState, rig: Rig) -> dict[str, float]:
+    """Return what the sensors read after a step, by the names of `run_sensors.CHANNELS` [N, m].
+
+    Without effects on the sensors they read what is; docs/model.md (61), (62).
+    """
+    if isinstance(state.along, ActingState):
+        return acting.readings(state.along, _setup_of(rig))
+    seen = transmit(state, rig)
     return {
-        name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in values.items()
+        "tension_in_N": seen.tension_in,
+        "tension_out_N": seen.tension_out,
+        "elongation_m": seen.elongation,
+        "displacement_in_m": seen.displacement_in,
+        "displacement_out_m": seen.displacement_out,
     }
-
-
-def _revived(kind: type[_Part], saved: Mapping[str, Any]) -> _Part:
-    """Build a part from its plain values; arrays were written as lists."""
-    values = {
-        name: _array(name, value) if isinstance(value, list) else value for name, value in saved.items()
-    }
-    return kind(**values)
-
-
-def _array(name: str, numbers: list[Any]) -> Any:
-    if name != "slip":
-        return read_only(np.array(numbers, dtype=np.float64))
-    slip = np.array(numbers, dtype=np.int8)
-    slip.setflags(write=False)
-    return slip
 
 
 def _before(state: TendonState, arcs: Arcs) -> Arcs:
     """Return the route on which the tendon lies before a step that is to end on `arcs`."""
     known, along = state.route, state.along
-    if known is None or arcs is known or isinstance(along, MaterialState):
+    if known is None or arcs is known or not isinstance(along, Corners):
         return arcs if known is None else known
     if len(along.angle) == 1:
         return arcs  # a tension that is the same all along lies as well on any route
@@ -212,6 +265,13 @@ def _route(state: TendonState) -> Arcs:
     if state.route is None:
         raise SettingsError("the tendon lies on no route yet: step it first")
     return state.route
+
+
+def _setup_of(rig: Rig) -> Setup:
+    setup = setup_acting(rig)
+    if setup is None:
+        raise SettingsError("effects acted in the last step that the rig lacks: step the tendon with the rig")
+    return setup
 
 
 def _dead_zone(found: Transmission) -> dict[str, bool | float]:
