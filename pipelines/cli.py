@@ -111,6 +111,52 @@ def check(
 
 
 @app.command()
+def live(
+    source: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--source", help="-, tcp://127.0.0.1:PORT, udp://…, igtl://HOST:18944, replay:FILE[?speed=2]."
+        ),
+    ] = None,
+    sink: Annotated[
+        list[str] | None,
+        typer.Option("--sink", help="-, tcp://127.0.0.1:PORT, udp://…, igtl://127.0.0.1:PORT, none."),
+    ] = None,
+    rig: RigFile = None,
+    tension_in: TensionIn = TENSION_IN,
+    unit: Unit = None,
+    stale_after: Annotated[
+        float, typer.Option("--stale-after", min=0.001, help="Silence after which a stale line is sent [s].")
+    ] = 0.2,
+    stats: Annotated[
+        bool, typer.Option("--stats", help="Tell the numbers each second as JSON on stderr.")
+    ] = False,
+    allow_remote: Annotated[
+        bool, typer.Option("--allow-remote", help="Let sockets take other addresses than loopback.")
+    ] = False,
+    token_file: Annotated[
+        Path | None, typer.Option("--token-file", help="File with the token that clients have to show first.")
+    ] = None,
+) -> None:
+    """Answer each shape as it is sensed with tension, elongation and the command that reaches its target.
+
+    --source and --sink may be given more than once; both are - (standard input and output) by default.
+    """
+    from pipelines import live as command
+    from pipelines.work import options
+    from tssgeom.io.network.addresses import access, sink_of, source_of
+
+    stream = command.Stream(
+        sources=[source_of(one) for one in source or ["-"]],
+        sinks=[sink_of(one) for one in sink or ["-"]],
+        access=access(allow_remote=allow_remote, token_file=token_file),
+        stale_after=stale_after,
+        stats=stats,
+    )
+    raise typer.Exit(command.run(stream, options(rig, tension_in, unit, None)))
+
+
+@app.command()
 def samples(
     out: Annotated[Path, typer.Option("--out", help="Folder to write to.")] = Path("sample_shapes"),
 ) -> None:

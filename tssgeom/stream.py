@@ -37,7 +37,7 @@ class Frame:
     """Measured displacement of the proximal tendon end [m]."""
     elongation: float | None = None
     """Measured elongation [m]."""
-    id: str = ""
+    id: str | int = ""
     """The sender's own name of the frame."""
     displacement_target: float | None = None
     """Where the load is wanted, as a movement since the pretensioned state [m]."""
@@ -80,7 +80,7 @@ class Rejected:
     seq: int
     time: float
     reason: str
-    id: str = ""
+    id: str | int = ""
 
 
 def process(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -44,10 +45,11 @@ class Line(msgspec.Struct, frozen=True):
 
 
 class _Heading(msgspec.Struct, frozen=True):
-    """What a first pass over a file looks at."""
+    """What a first pass over a file looks at, and what names a frame that is refused."""
 
     t: float | None = None
     unit: str | None = None
+    id: str | int | None = None
 
 
 _line_decoder = msgspec.json.Decoder(Line)
@@ -77,9 +79,19 @@ def frame_of(text: bytes, unit: str | None, time: float | None = None) -> Frame:
         line = _line_decoder.decode(text)
     except msgspec.ValidationError as error:
         raise ShapeError(f"{error}: write each point as [x,y,z], or null where it was not seen") from error
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise ShapeError(f"{error}: write one JSON object a line, null for a point not seen") from error
     return _frame(line, unit, time)
+
+
+def frame_or_refusal(text: bytes, unit: str | None) -> Frame | Rejected:
+    """Decode one line of a stream; where it cannot be used, say so with what it tells of itself."""
+    try:
+        return frame_of(text, unit)
+    except ShapeError as error:
+        heading = _heading(text) or _Heading()
+        time = math.nan if heading.t is None else heading.t
+        return Rejected(0, time, " ".join(str(error).split()), "" if heading.id is None else heading.id)
 
 
 def _frame(line: Line, unit: str | None, time: float | None) -> Frame:
@@ -101,7 +113,7 @@ def _frame(line: Line, unit: str | None, time: float | None) -> Frame:
         line.tension_out_N,
         line.displacement_in_m,
         line.elongation_m,
-        "" if line.id is None else str(line.id),
+        "" if line.id is None else line.id,
         line.displacement_target_m,
         line.tension_out_target_N,
         directions=_directions(line),
@@ -202,7 +214,7 @@ def _survey(path: Path) -> _Survey:
 def _heading(text: bytes) -> _Heading | None:
     try:
         return _heading_decoder.decode(text) if len(text) <= LONGEST_LINE else None
-    except (msgspec.DecodeError, UnicodeDecodeError):
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
         return None
 
 

@@ -43,10 +43,11 @@ def in_order(items: Iterable[Frame | Rejected]) -> Iterator[Frame | Rejected]:
             latest = item.time
             yield item
         else:
-            yield Rejected(seq, item.time, _late(item.time, latest), item.id)
+            yield Rejected(seq, item.time, late(item.time, latest), item.id)
 
 
-def _late(time: float, latest: float) -> str:
+def late(time: float, latest: float) -> str:
+    """Say why a frame of this time cannot follow one of the `latest` time [s]."""
     if not math.isfinite(time):
         return f"the time of the frame is {time} s: give a finite time"
     return f"time {time:g} s comes after {latest:g} s: put the frames in order, each once"

@@ -145,12 +145,12 @@ def summary_row(analysis: Analysis) -> dict[str, Any]:
 def frame_row(item: FrameResult | Rejected) -> dict[str, Any]:
     """Return the row of one frame in `frames/NAME.parquet`; see `tssgeom.io.result_tables.FRAMES`."""
     if isinstance(item, Rejected):
-        return {"seq": item.seq, "time_s": item.time, "id": item.id, "rejected": item.reason}
+        return {"seq": item.seq, "time_s": item.time, "id": str(item.id), "rejected": item.reason}
     frame, transmission = item.frame, item.transmission
     return shape_summary("", item) | {
         "seq": item.seq,
         "time_s": frame.time,
-        "id": frame.id,
+        "id": str(frame.id),
         "pieces": len(item.arcs.length),
         "tension_out_se_N": transmission.tension_out_se,
         "direction_index": transmission.direction_index,

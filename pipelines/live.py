@@ -1,0 +1,150 @@
+"""`tssgeom live`: shapes in as they are sensed, tension and elongation out within a millisecond."""
+
+from __future__ import annotations
+
+import gc
+import json
+import selectors
+import signal
+import socket
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from types import FrameType
+
+from pipelines.live_numbers import StatusLine
+from pipelines.live_session import Session
+from pipelines.live_warm import warm_up
+from pipelines.work import Options
+from tssgeom.io.network.addresses import Access, Endpoint
+from tssgeom.io.network.channel import READ, Pipe
+from tssgeom.io.network.mailbox import Mailbox
+from tssgeom.io.network.sinks import Nowhere, Sink, StandardOutput, TcpSink, UdpSink
+from tssgeom.io.network.sources import Replay, Source, StandardInput, TcpSource, UdpSource
+from tssgeom.stream import process
+
+
+@dataclass(frozen=True, slots=True)
+class Stream:
+    """What the user asked for."""
+
+    sources: Sequence[Endpoint]
+    sinks: Sequence[Endpoint]
+    access: Access
+    stale_after: float
+    """Time without a good frame after which that is said [s]."""
+    stats: bool
+    """Whether the numbers are told once a second as JSON on stderr."""
+
+
+def run(stream: Stream, chosen: Options) -> int:
+    """Answer frames until the sources end or the process is told to; return the exit status.
+
+    Raises
+    ------
+    SettingsError, ShapeError, SourceError
+        Where a source, a sink or a file cannot be opened.
+    """
+    with selectors.DefaultSelector() as selector:
+        errors = Pipe(selector, 2)
+        tell = _teller(errors)
+        mailbox = Mailbox()
+        session = Session(
+            selector,
+            mailbox,
+            [_source(one, selector, mailbox, stream.access, chosen.unit, tell) for one in stream.sources],
+            [_sink(one, selector, stream.access, tell) for one in stream.sinks],
+            stream.stale_after,
+            lambda: None,
+        )
+        session.ticked, finish = _told(session, errors, stats=stream.stats)
+        warm_up(chosen.rig)
+        _stopped_by_signals(session)
+        errors.send(f"ready: {_addresses(session)}\n".encode())
+        gc.collect()
+        gc.freeze()
+        gc.disable()
+        for result in process(session.frames(), chosen.rig, tension_in=chosen.tension_in):
+            session.answer(result)
+        session.close()
+        finish()
+    return 0
+
+
+def _addresses(session: Session) -> str:
+    sources = (f"source {source.text}" for source in session.sources)
+    sinks = (f"sink {sink.text}" for sink in session.sinks)
+    return ", ".join([*sources, *sinks])
+
+
+def _teller(errors: Pipe) -> Callable[[str], None]:
+    def tell(sentence: str) -> None:
+        errors.send(f"tssgeom: {sentence}\n".encode())
+
+    return tell
+
+
+def _source(
+    endpoint: Endpoint,
+    selector: selectors.BaseSelector,
+    mailbox: Mailbox,
+    access: Access,
+    unit: str | None,
+    tell: Callable[[str], None],
+) -> Source:
+    if endpoint.scheme == "tcp":
+        return TcpSource(selector, mailbox, endpoint, access, unit, tell)
+    if endpoint.scheme == "udp":
+        return UdpSource(selector, mailbox, endpoint, access, unit)
+    if endpoint.scheme == "replay":
+        return Replay(mailbox, endpoint, unit)
+    return StandardInput(selector, mailbox, unit)
+
+
+def _sink(
+    endpoint: Endpoint, selector: selectors.BaseSelector, access: Access, tell: Callable[[str], None]
+) -> Sink:
+    if endpoint.scheme == "tcp":
+        return TcpSink(selector, endpoint, access, tell)
+    if endpoint.scheme == "udp":
+        return UdpSink(endpoint, access)
+    return Nowhere() if endpoint.scheme == "none" else StandardOutput(selector)
+
+
+def _told(session: Session, errors: Pipe, *, stats: bool) -> tuple[Callable[[], None], Callable[[], None]]:
+    """Return what tells the numbers once a second, and what ends that."""
+    status = StatusLine() if sys.stderr.isatty() and not stats else None
+
+    def ticked() -> None:
+        counts = {
+            "dropped": session.mailbox.dropped,
+            "unsent": sum(sink.unsent for sink in session.sinks),
+        }
+        numbers = session.numbers.told(counts)
+        if stats:
+            errors.send(json.dumps(numbers).encode() + b"\n")
+        if status is not None:
+            status.show(numbers)
+
+    def finish() -> None:
+        ticked()
+        if status is not None:
+            status.close()
+
+    return ticked, finish
+
+
+def _stopped_by_signals(session: Session) -> None:
+    """Let SIGTERM and Ctrl-C end the stream; the second of them ends it at once."""
+    woken, wake = socket.socketpair()
+    woken.setblocking(False)
+    wake.setblocking(False)
+    session.selector.register(woken, READ, lambda events: woken.recv(64))
+    signal.set_wakeup_fd(wake.detach(), warn_on_full_buffer=False)
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        signal.signal(number, signal.SIG_DFL)
+        session.stop()
+
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, stop)

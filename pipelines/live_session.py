@@ -1,0 +1,136 @@
+"""One stream: frames in from all sources, answers out to all sinks, in one thread that waits for no peer."""
+
+from __future__ import annotations
+
+import gc
+import math
+import selectors
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from time import monotonic, perf_counter_ns
+
+from pipelines.live_numbers import Numbers
+from tssgeom.io import answers
+from tssgeom.io.network.mailbox import Arrival, Mailbox
+from tssgeom.io.network.sinks import Sink
+from tssgeom.io.network.sources import Source
+from tssgeom.stream import Frame, FrameResult, Rejected
+
+TICK = 1.0
+"""Time from one round of housekeeping to the next [s]."""
+_FLUSH = 1.0  # s in which sinks may take what still waits for them at the end
+
+
+@dataclass(slots=True)
+class Session:
+    """Sources, sinks, and what is between them."""
+
+    selector: selectors.BaseSelector
+    mailbox: Mailbox
+    sources: Sequence[Source]
+    sinks: list[Sink]
+    stale_after: float
+    """Time without a good frame after which that is said [s]."""
+    ticked: Callable[[], object]
+    """Called once a second."""
+    numbers: Numbers = field(default_factory=Numbers)
+    stopping: bool = False
+    _present: Arrival | None = None
+    _heard: float = math.inf
+    """When the last good frame was answered [s]; infinite where that was said to be long ago, or never."""
+    _next_tick: float = 0.0
+
+    def frames(self) -> Iterator[Frame]:
+        """Yield the newest good frame when the last one has been answered, until all sources end."""
+        self._next_tick = monotonic() + TICK
+        while not self.stopping:
+            if not len(self.mailbox) and all(source.ended for source in self.sources):
+                return
+            self._turn()
+            if not len(self.mailbox):
+                continue
+            arrival = self.mailbox.newest()
+            if arrival.frame is not None:
+                self._present = arrival
+                yield arrival.frame
+            for rejected in arrival.rejected:
+                self._refuse(rejected)
+
+    def answer(self, result: FrameResult | Rejected) -> None:
+        """Tell all sinks what the engine made of the frame that was yielded last."""
+        arrival = self._present
+        assert arrival is not None
+        self._heard = monotonic()
+        if isinstance(result, Rejected):
+            self._refuse(Rejected(arrival.seq, result.time, result.reason, result.id))
+            return
+        waited = (perf_counter_ns() - arrival.arrived) / 1e3
+        line = answers.answer(result, arrival.seq, round(waited, 1), self.mailbox.dropped)
+        for sink in self.sinks:
+            sink.publish(line, result)
+        self.numbers.add(result, (perf_counter_ns() - arrival.arrived) / 1e3)
+
+    def stop(self) -> None:
+        """Take no further frame."""
+        self.stopping = True
+
+    def close(self) -> None:
+        """Give the sinks a moment for what still waits, and let go of everything."""
+        for source in self.sources:
+            source.close()
+        end = monotonic() + _FLUSH
+        while any(sink.waiting for sink in self.sinks) and (left := end - monotonic()) > 0:
+            self._call_back(left)
+        for sink in self.sinks:
+            sink.close()
+
+    def _refuse(self, rejected: Rejected) -> None:
+        self.numbers.rejected += 1
+        line = answers.refusal(rejected)
+        for sink in self.sinks:
+            sink.publish(line, None)
+
+    def _turn(self) -> None:
+        """Let peers be heard, wait for them if there is nothing else to do, and keep house."""
+        due = self._next_due()
+        self._call_back(0.0 if len(self.mailbox) else max(due - monotonic(), 0.0))
+        now = monotonic()
+        for source in self.sources:
+            if len(self.mailbox):
+                break
+            if (pulled := source.due()) is not None and pulled <= now:
+                source.pull()
+        if now - self._heard >= self.stale_after and not len(self.mailbox):
+            self._say_stale(now)
+        if now >= self._next_tick:
+            self._next_tick = now + TICK
+            self._tick()
+
+    def _next_due(self) -> float:
+        due = min(self._next_tick, self._heard + self.stale_after)
+        for source in self.sources:
+            if (pulled := source.due()) is not None:
+                due = min(due, pulled)
+        return due
+
+    def _call_back(self, timeout: float) -> None:
+        for key, events in self.selector.select(timeout):
+            key.data(events)
+
+    def _say_stale(self, now: float) -> None:
+        arrival = self._present
+        if arrival is not None and arrival.frame is not None:
+            silent = now - self._heard
+            line = answers.stale(arrival.frame.time, arrival.seq, silent, self.mailbox.dropped)
+            for sink in self.sinks:
+                sink.publish(line, None)
+        self._heard, self.numbers.stale = math.inf, True
+
+    def _tick(self) -> None:
+        for part in (*self.sources, *self.sinks):
+            part.tick()
+        self.sinks[:] = [sink for sink in self.sinks if not sink.broken]
+        if not self.sinks:
+            self.stop()
+        self.ticked()
+        gc.collect(0)

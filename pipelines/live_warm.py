@@ -1,0 +1,72 @@
+"""Everything that a frame may need, run once before the first one, so that compiled code is loaded."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from tssgeom.io import answers
+from tssgeom.io.jsonl import frame_of
+from tssgeom.settings import Rig
+from tssgeom.stream import Frame, FrameResult, Rejected, process
+
+_COUNT = 60
+_NOISE = 2e-4  # m
+
+
+def warm_up(rig: Rig) -> None:
+    """Follow pieces and a smooth route that move under load, with gaps, outliers, targets and leaps."""
+    for route in (_pieces, _spiral):
+        frames = list(_frames(route))
+        for result in process(frames, rig, tension_in=10.0):
+            if isinstance(result, FrameResult):
+                answers.answer(result, 0, 0.0, 0)
+            else:
+                answers.refusal(result)
+    answers.refusal(Rejected(0, math.nan, "warm"))
+    answers.stale(0.0, 0, 0.2, 0)
+    frame_of(b'{"t": 0, "points": [[0, 0, 0], null, [1, 0, 0.5]], "unit": "mm", "s": [0, 1, 2]}', None)
+
+
+def _pieces(part: np.ndarray, sway: float) -> np.ndarray:
+    """Places on four bends of 0.12 m one after the other [m]."""
+    kappa = sway * np.array([4.0, 25.0, 0.0, 15.0])[np.minimum((4 * part).astype(int), 3)]
+    step = 0.48 / (len(part) - 1)
+    turn = np.cumsum(kappa) * step
+    return np.cumsum(step * np.column_stack((np.cos(turn), np.sin(turn), 0.2 * np.sin(turn))), axis=0)
+
+
+def _spiral(part: np.ndarray, sway: float) -> np.ndarray:
+    """Places on a curve whose curvature grows steadily, 0.5 m long [m]."""
+    turn = 4.0 * sway * part**2
+    step = 0.5 / (len(part) - 1)
+    return np.cumsum(step * np.column_stack((np.cos(turn), np.sin(turn), 0.3 * part)), axis=0)
+
+
+def _frames(route: Callable[[np.ndarray, float], np.ndarray]) -> Iterator[Frame]:
+    rng = np.random.default_rng(0)
+    for i in range(_COUNT):
+        count = 60 + 5 * (i % 3)
+        points = route(np.linspace(0.0, 1.0, count), 1.0 + 0.05 * math.sin(0.3 * i))
+        points += _NOISE * rng.standard_normal(points.shape)
+        yield _driven(i, points)
+
+
+def _driven(i: int, points: np.ndarray) -> Frame:
+    """Return a frame with one of the drives and faults that a stream may bring."""
+    if i == 20:
+        points[30:34] = np.nan
+    if i == 25:
+        points[20] += 0.02
+    if i == 30:
+        points = points[::-1] * 1.5
+    tension = 8.0 + 4.0 * math.sin(0.4 * i)
+    if i > 55:
+        return Frame(points, float(i), displacement_target=1e-3)
+    if i > 52:
+        return Frame(points, float(i), displacement_in=2e-3)
+    if i > 45:
+        return Frame(points, float(i), tension_in=tension, tension_out_target=4.0)
+    return Frame(points, float(i), tension_in=tension)

@@ -1,0 +1,170 @@
+"""Where frames come from and results go to, as the user writes it; and who may connect."""
+
+from __future__ import annotations
+
+import hmac
+import ipaddress
+import socket
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from urllib.parse import parse_qsl, urlsplit
+
+from tssgeom.errors import SettingsError
+
+SOURCES = "-, tcp://127.0.0.1:PORT, udp://127.0.0.1:PORT, igtl://HOST:18944 or replay:FILE?speed=2"
+SINKS = "-, tcp://127.0.0.1:PORT, udp://127.0.0.1:PORT, igtl://127.0.0.1:PORT or none"
+
+_SHORTEST_TOKEN, _LONGEST_TOKEN = 16, 1024  # bytes
+_SOCKETS = ("tcp", "udp", "igtl")
+
+
+@dataclass(frozen=True, slots=True)
+class Endpoint:
+    """One source or sink."""
+
+    scheme: str
+    """`-`, `none`, `replay`, `tcp`, `udp` or `igtl`."""
+    text: str
+    """As the user wrote it."""
+    host: str = ""
+    port: int = 0
+    path: Path = Path()
+    """The file to replay."""
+    options: Mapping[str, str] = field(default_factory=dict)
+
+    def speed(self) -> float:
+        """How many times as fast as it was recorded a file is replayed.
+
+        Raises
+        ------
+        SettingsError
+            Where it is no number above 0.
+        """
+        text = self.options.get("speed", "1")
+        try:
+            speed = float(text)
+        except ValueError:
+            speed = 0.0
+        if not speed > 0.0:
+            raise SettingsError(f"{self.text}: speed is {text!r}: give a number > 0, or inf for no waiting")
+        return speed
+
+    def sensors(self) -> tuple[str, ...]:
+        """Names of the sensors along the route, proximal to distal, where the user gave them."""
+        return tuple(name for name in self.options.get("sensors", "").split(",") if name)
+
+    def at(self, address: tuple) -> str:
+        """Write the address that a socket has really got."""
+        host = f"[{address[0]}]" if ":" in address[0] else address[0]
+        return f"{self.scheme}://{host}:{address[1]}"
+
+
+def source_of(text: str) -> Endpoint:
+    """Read the address of a source.
+
+    Raises
+    ------
+    SettingsError
+        Where it is none.
+    """
+    if text == "-":
+        return Endpoint("-", text)
+    if text.startswith("replay:"):
+        return _file(text)
+    return _socket(text, SOURCES, "source", {"igtl": ("sensors",)})
+
+
+def sink_of(text: str) -> Endpoint:
+    """Read the address of a sink.
+
+    Raises
+    ------
+    SettingsError
+        Where it is none.
+    """
+    if text in ("-", "none"):
+        return Endpoint(text, text)
+    return _socket(text, SINKS, "sink", {})
+
+
+def _file(text: str) -> Endpoint:
+    path, mark, options = text.removeprefix("replay:").rpartition("?speed=")
+    found = Endpoint(
+        "replay", text, path=Path(path if mark else options), options={"speed": options} if mark else {}
+    )
+    found.speed()
+    return found
+
+
+def _socket(text: str, known: str, what: str, options: Mapping[str, Collection[str]]) -> Endpoint:
+    try:
+        parts = urlsplit(text)
+        host, port = parts.hostname, parts.port
+        given = dict(parse_qsl(parts.query, keep_blank_values=True, strict_parsing=bool(parts.query)))
+    except ValueError as error:
+        raise SettingsError(f"--{what} {text}: {error}: give {known}") from error
+    if parts.scheme not in _SOCKETS or not host or port is None or parts.path.strip("/") or parts.username:
+        raise SettingsError(f"--{what} {text}: no {what} is written so: give {known}")
+    if unknown := set(given) - set(options.get(parts.scheme, ())):
+        raise SettingsError(f"--{what} {text}: unknown option {', '.join(sorted(unknown))}: give {known}")
+    return Endpoint(parts.scheme, text, host, port, options=given)
+
+
+@dataclass(frozen=True, slots=True)
+class Access:
+    """Who may connect."""
+
+    remote: bool = False
+    """Whether addresses of other machines may be used."""
+    token: bytes = b""
+    """What a client has to show first; empty: nothing."""
+
+    def admits(self, shown: bytes) -> bool:
+        """Whether this is the token; it takes the same time wherever the first wrong byte is."""
+        return hmac.compare_digest(shown.strip(), self.token)
+
+
+def access(*, allow_remote: bool, token_file: Path | None) -> Access:
+    """Read who may connect.
+
+    Raises
+    ------
+    SettingsError
+        Where remote access is asked for without a token, or the token is too short, or cannot be read.
+    """
+    if token_file is None:
+        if allow_remote:
+            raise SettingsError("--allow-remote needs --token-file FILE: whoever connects has to show it")
+        return Access()
+    try:
+        with token_file.open("rb") as file:
+            token = file.read(_LONGEST_TOKEN + 1).strip()
+    except OSError as error:
+        raise SettingsError(f"{token_file}: cannot be read ({error.strerror}): check the path") from error
+    if not _SHORTEST_TOKEN <= len(token) <= _LONGEST_TOKEN or len(token.splitlines()) != 1:
+        raise SettingsError(
+            f"{token_file}: the token has {len(token)} bytes: write one line of {_SHORTEST_TOKEN} to "
+            f"{_LONGEST_TOKEN}, such as python -c 'import secrets; print(secrets.token_hex())'"
+        )
+    return Access(allow_remote, token)
+
+
+def resolved(endpoint: Endpoint, allowed: Access, kind: int) -> tuple[int, tuple]:
+    """Return family and address of a socket.
+
+    Raises
+    ------
+    SettingsError
+        Where the host is unknown, or is not this machine and remote access is not allowed.
+    """
+    try:
+        family, _, _, _, address = socket.getaddrinfo(endpoint.host, endpoint.port, type=kind)[0]
+    except OSError as error:
+        raise SettingsError(f"{endpoint.text}: unknown host ({error.strerror}): check the name") from error
+    if not allowed.remote and not ipaddress.ip_address(str(address[0]).partition("%")[0]).is_loopback:
+        raise SettingsError(
+            f"{endpoint.text}: {address[0]} is not this machine: use 127.0.0.1, "
+            "or --allow-remote with --token-file"
+        )
+    return family, address

@@ -1,0 +1,167 @@
+"""Bytes out without ever waiting: what a peer does not take at once waits in a bounded store."""
+
+from __future__ import annotations
+
+import os
+import select
+import selectors
+import socket
+from collections.abc import Callable
+from contextlib import suppress
+
+BACKLOG = 1 << 20
+"""Bytes that wait for a peer at most, 1 MiB."""
+
+_CHUNK = 1 << 18
+
+READ, WRITE = selectors.EVENT_READ, selectors.EVENT_WRITE
+
+
+class Channel:
+    """A connected socket on a selector.
+
+    Parameters
+    ----------
+    selector
+        Calls back what is registered with it.
+    sock
+        Connected; it is made non-blocking.
+    received
+        Called with what came in.
+    gone
+        Called once, when the peer has closed or broken the connection.
+    """
+
+    __slots__ = ("_gone", "_received", "_selector", "_waiting", "sock")
+
+    def __init__(
+        self,
+        selector: selectors.BaseSelector,
+        sock: socket.socket,
+        received: Callable[[bytes], object],
+        gone: Callable[[], object],
+    ) -> None:
+        sock.setblocking(False)
+        self.sock, self._selector = sock, selector
+        self._received, self._gone = received, gone
+        self._waiting = bytearray()
+        selector.register(sock, READ, self._ready)
+
+    @property
+    def open(self) -> bool:
+        """Whether the socket is still open."""
+        return self.sock.fileno() >= 0
+
+    @property
+    def waiting(self) -> int:
+        """Bytes that the peer has not taken yet."""
+        return len(self._waiting)
+
+    def send(self, data: bytes) -> bool:
+        """Send all or nothing of `data`, now or later; return whether there was room for it."""
+        if not self.open:
+            return False
+        if self._waiting:
+            if len(self._waiting) + len(data) > BACKLOG:
+                return False
+            self._waiting += data
+            return True
+        taken = self._sent(data)
+        if taken < len(data) and self.open:
+            self._waiting += memoryview(data)[taken:]
+            self._selector.modify(self.sock, READ | WRITE, self._ready)
+        return True
+
+    def close(self) -> None:
+        """Close the socket; what waits is lost."""
+        if self.open:
+            self._selector.unregister(self.sock)
+            self.sock.close()
+
+    def _ready(self, events: int) -> None:
+        if events & WRITE and self.open:
+            taken = self._sent(self._waiting)
+            del self._waiting[:taken]
+            if not self._waiting and self.open:
+                self._selector.modify(self.sock, READ, self._ready)
+        if events & READ and self.open:
+            self._read()
+
+    def _read(self) -> None:
+        try:
+            data = self.sock.recv(_CHUNK)
+        except BlockingIOError:
+            return
+        except OSError:
+            data = b""
+        if data:
+            self._received(data)
+        else:
+            self._lost()
+
+    def _sent(self, data: bytes | bytearray) -> int:
+        try:
+            return self.sock.send(data)
+        except BlockingIOError:
+            return 0
+        except OSError:
+            self._lost()
+            return 0
+
+    def _lost(self) -> None:
+        self.close()
+        self._gone()
+
+
+class Pipe:
+    """Standard output or standard error: a pipe, a terminal or a file.
+
+    The descriptor may be shared with other programs, so it is not made non-blocking; it is written only
+    while it polls as writable, in pieces that it then takes at once. Lines that find no room are refused.
+    """
+
+    __slots__ = ("_fd", "_poll", "_selector", "_waiting", "closed")
+
+    def __init__(self, selector: selectors.BaseSelector, fd: int) -> None:
+        self._selector, self._fd = selector, fd
+        self._waiting = bytearray()
+        self._poll = select.poll()
+        self._poll.register(fd, select.POLLOUT)
+        self.closed = False
+
+    def send(self, line: bytes) -> bool:
+        """Write a line now or later; return whether there was room for it."""
+        if self.closed or (self._waiting and len(self._waiting) + len(line) > BACKLOG):
+            return False
+        if self._waiting:
+            self._waiting += line
+            return True
+        taken = self._written(line)
+        if taken < len(line) and not self.closed:
+            self._waiting += memoryview(line)[taken:]
+            self._selector.register(self._fd, WRITE, self._ready)
+        return not self.closed
+
+    @property
+    def waiting(self) -> bool:
+        """Whether lines wait for the reader."""
+        return bool(self._waiting) and not self.closed
+
+    def _ready(self, events: int) -> None:
+        del self._waiting[: self._written(self._waiting)]
+        if not self._waiting or self.closed:
+            with suppress(KeyError):
+                self._selector.unregister(self._fd)
+
+    def _written(self, data: bytes | bytearray) -> int:
+        taken = 0
+        with memoryview(data) as view:
+            while taken < len(view) and self._poll.poll(0):
+                try:
+                    taken += os.write(self._fd, view[taken : taken + select.PIPE_BUF])
+                except BlockingIOError:
+                    break
+                except OSError:  # the reader has gone
+                    self.closed = True
+                    return len(view)
+        return taken
