@@ -117,8 +117,8 @@ def _gap_words(finding: Finding) -> str:
     if not finding.effects:
         return f"On {runs} the model with friction and compliance refitted leaves {_beyond(after)}."
     return (
-        f"On {runs} what is left beyond the noise goes from <b>{before:.3g}</b> to <b>{after:.3g}</b> times the "
-        "noise (root mean over channels). “Before” is the model with friction and compliance refitted."
+        f"On {runs} what is left beyond the noise goes from <b>{before:.3g}</b> to <b>{after:.3g}</b> times "
+        "the noise (root mean over channels). “Before” is the model with friction and compliance refitted."
     )
 
 
