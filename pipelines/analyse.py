@@ -12,36 +12,44 @@ from pipelines.summary_table import show_summary
 from pipelines.work import Options, each_analysis, inputs_of, lumen_of
 from tssgeom.errors import SettingsError
 from tssgeom.io.atomic import replacing, write_text
+from tssgeom.io.exports import chosen_endings, write_exports
+from tssgeom.io.files import ANALYSIS_MARK
 from tssgeom.io.results import Analysis, analysis_object, summary_row
+from tssgeom.io.tension_line import tension_line
 from tssgeom.tendon.state import tension
 
 _SLENDERNESS = 150
 """Length of a route over the radius of its tube, so that the tube looks well at any size."""
 
 
-def run(shapes: Sequence[Path], chosen: Options, *, out: Path | None, as_json: bool, quiet: bool) -> int:
+def run(
+    shapes: Sequence[Path], chosen: Options, *, out: Path | None, export: str, as_json: bool, quiet: bool
+) -> int:
     """Analyse the shapes and return the exit status.
 
     Raises
     ------
     SettingsError
-        Where a mesh is given but no folder for the picture it belongs to.
+        Where a mesh or an export is asked for but no folder for it, or an export that is not known.
     """
     if chosen.lumen is not None and out is None:
         raise SettingsError(f"--lumen {chosen.lumen}: the mesh is for the picture: give --out DIR too")
+    if export and out is None:
+        raise SettingsError(f"--export {export}: there is no folder to write to: give --out DIR too")
+    endings = chosen_endings(export)
     objects, rows = list[dict[str, Any]](), list[dict[str, Any]]()
 
     def finish(analysis: Analysis) -> None:
         objects.append(analysis_object(analysis))
         rows.append(summary_row(analysis))
         if out is not None:
-            draw(analysis, chosen, out)
+            draw(analysis, chosen, out, endings)
 
     found = list(inputs_of(shapes, besides=[] if out is None else [out]))
     tally = each_analysis(found, chosen, finish, quiet=quiet or as_json)
     one_file = found == list(shapes) and len(found) == 1  # no folder of files, no file of several shapes
     if out is not None and objects:
-        write_text(out / "result.json", as_text(objects, one_file=one_file) + "\n")
+        write_text(out / ANALYSIS_MARK, as_text(objects, one_file=one_file) + "\n")
     if as_json and (objects or not one_file):
         say(as_text(objects, one_file=one_file))
     elif not quiet and objects:
@@ -54,13 +62,13 @@ def as_text(objects: Sequence[dict[str, Any]], *, one_file: bool) -> str:
     return json.dumps(objects[0] if one_file else objects, indent=1, ensure_ascii=False, allow_nan=False)
 
 
-def draw(analysis: Analysis, chosen: Options, out: Path) -> None:
-    """Write the Rerun recording of an input, and the tube of its last good frame.
+def draw(analysis: Analysis, chosen: Options, out: Path, endings: Sequence[str]) -> None:
+    """Write the Rerun recording of an input, the tube of its last good frame, and that for other programs.
 
     Raises
     ------
     ShapeError, SourceError
-        Where the mesh around the route cannot be read or the disk refuses.
+        Where the mesh around the route cannot be read, the disk refuses, or what a format needs is missing.
     """
     from tssgeom.view.mesh import tube
     from tssgeom.view.rerun_log import write_recording
@@ -72,6 +80,9 @@ def draw(analysis: Analysis, chosen: Options, out: Path) -> None:
     )
     last = analysis.results[-1]
     radius = last.profile.length / _SLENDERNESS
-    mesh = tube(last.route.position, last.route.tangent, tension(last.state, last.profile.phi), radius)
+    pull = tension(last.state, last.profile.phi)
+    line = tension_line(analysis.name, analysis.unit, last, pull)
+    mesh = tube(last.route.position, last.route.tangent, pull, radius, carried=line.values)
     with replacing(out / f"{analysis.name}.glb") as draft:
         mesh.export(draft)
+    write_exports(out, endings, line, mesh)

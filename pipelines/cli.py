@@ -65,6 +65,9 @@ def analyse(
     out: Annotated[
         Path | None, typer.Option("--out", help="Folder for result.json, .rrd and tube .glb.")
     ] = None,
+    export: Annotated[
+        str, typer.Option("--export", help="For other programs, in DIR: any of mrk.json,vtp,ply,csv.")
+    ] = "",
     lumen: Annotated[
         Path | None, typer.Option("--lumen", help="Mesh around the route; NAME_lumen.* beside it by default.")
     ] = None,
@@ -75,7 +78,7 @@ def analyse(
     from pipelines.work import options
 
     chosen = options(rig, tension_in, unit, lumen)
-    raise typer.Exit(command.run(shapes, chosen, out=out, as_json=json, quiet=quiet))
+    raise typer.Exit(command.run(shapes, chosen, out=out, export=export, as_json=json, quiet=quiet))
 
 
 @app.command()

@@ -1,6 +1,7 @@
 """Files of other programs through the commands."""
 
 import json
+import math
 import shutil
 from pathlib import Path
 
@@ -78,3 +79,35 @@ def test_a_folder_s_digest_changes_with_any_of_its_files(run, tmp_path):
         (told,) = json.loads((tmp_path / "out/run.json").read_text())["inputs"]
         digests.append(told["sha256"])
     assert digests[0] != digests[1]
+
+
+def test_export_writes_beside_the_results_and_never_over_the_input(run, half):
+    before = half.read_bytes()
+    outcome = run("analyse", half, "--out", half.parent, "--export", "mrk.json,vtp,ply,csv", "--quiet")
+    assert (outcome.status, outcome.errors) == (0, [])
+    written = {path.name for path in half.parent.glob("half_tension.*")}
+    assert written == {"half_tension.mrk.json", "half_tension.vtp", "half_tension.ply", "half_tension.csv"}
+    assert half.read_bytes() == before
+
+
+def test_an_exported_curve_has_the_length_and_angle_of_its_source(run, half, tmp_path):
+    run("analyse", half, "--out", tmp_path / "out", "--export", "mrk.json")
+    (here,) = json.loads(run("check", half, "--json").out)
+    told = json.loads(run("analyse", tmp_path / "out/half_tension.mrk.json", "--json").out)
+    assert told["length_m"] == pytest.approx(here["length_m"], rel=1e-6)
+    assert told["total_angle_rad"] == pytest.approx(math.pi, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["--export", "vtp"], "--export vtp: there is no folder to write to: give --out DIR too"),
+        (
+            ["--export", "vtp,stl", "--out", "out"],
+            "--export: no writer for 'stl': choose from mrk.json,vtp,ply,csv",
+        ),
+    ],
+)
+def test_an_export_that_cannot_be_is_refused_before_any_work(run, half, arguments, says):
+    outcome = run("analyse", half, *arguments)
+    assert (outcome.status, outcome.errors) == (2, [f"tssgeom: {says}"])

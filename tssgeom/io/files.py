@@ -60,6 +60,9 @@ RESULTS_MARK = "run.json"
 CAMPAIGN = "campaign.toml"
 """A folder that holds this file holds a campaign: measured runs beside shapes."""
 
+ANALYSIS_MARK = "result.json"
+"""So does one that holds this file."""
+
 
 def open_recording(path: str | Path, unit: str | None = None) -> Recording:
     """Open a file of sensed shapes.
@@ -193,7 +196,7 @@ def _numbered(names: dict[Path, str]) -> dict[Path, str]:
 def _shapes_in(folder: Path, left_out: Collection[Path]) -> Iterator[Path]:
     for where, folders, names in os.walk(folder):
         here = Path(where)
-        if here.resolve() in left_out or {RESULTS_MARK, CAMPAIGN} & set(names):
+        if here.resolve() in left_out or {RESULTS_MARK, CAMPAIGN, ANALYSIS_MARK} & set(names):
             folders.clear()
             continue
         if _is_recording(here):

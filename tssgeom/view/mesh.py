@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
@@ -15,7 +18,13 @@ SIDES = 16
 
 
 def tube(
-    position: Points, tangent: Points, tension: Vector, radius: float, *, top: float | None = None
+    position: Points,
+    tangent: Points,
+    tension: Vector,
+    radius: float,
+    *,
+    top: float | None = None,
+    carried: Mapping[str, Vector] | None = None,
 ) -> trimesh.Trimesh:
     """Sweep a circle along a route and close both ends.
 
@@ -31,6 +40,8 @@ def tube(
         Radius of the tube [m].
     top
         Tension of the brightest colour [N]; a plain number above the largest tension by default.
+    carried
+        Further numbers at each node, such as the tension itself, that the vertices are to carry by name.
 
     Returns
     -------
@@ -48,7 +59,10 @@ def tube(
     vertices = np.concatenate([rings.reshape(-1, 3), position[[0, -1]]])
     brightest = round_up(float(tension.max())) if top is None else top
     shades = _vertex_colours(tension, brightest)
-    return trimesh.Trimesh(vertices, _faces(len(position)), vertex_colors=shades, process=False)
+    mesh = trimesh.Trimesh(vertices, _faces(len(position)), vertex_colors=shades, process=False)
+    for name, values in (carried or {}).items():
+        mesh.vertex_attributes[name] = _on_vertices(values.astype(np.float32))
+    return mesh
 
 
 def rotation_minimising_frame(tangent: Points) -> tuple[Points, Points]:
@@ -113,4 +127,9 @@ def _faces(nodes: int) -> NDArray[np.intp]:
 def _vertex_colours(tension: Vector, top: float) -> NDArray[np.uint8]:
     rgb = np.rint(255 * tension_rgb(tension, top)).astype(np.uint8)
     rgba = np.column_stack([rgb, np.full(len(rgb), 255, dtype=np.uint8)])
-    return np.concatenate([np.repeat(rgba, SIDES, axis=0), rgba[[0, -1]]])
+    return _on_vertices(rgba)
+
+
+def _on_vertices(at_nodes: NDArray[Any]) -> NDArray[Any]:
+    """Repeat what each node has for its ring, then that of both ends for the middles of the caps."""
+    return np.concatenate([np.repeat(at_nodes, SIDES, axis=0), at_nodes[[0, -1]]])
