@@ -15,7 +15,7 @@ from tssgeom.shape.following import Followed, follow, reconsidered
 from tssgeom.shape.points import Shape, clean
 from tssgeom.shape.route import Route
 from tssgeom.tendon.compensation import Command, compensate
-from tssgeom.tendon.state import TendonState, pretensioned, step, transmit
+from tssgeom.tendon.state import TendonState, pretensioned, step, transmit, true_tension
 from tssgeom.tendon.transmission import Transmission
 
 
@@ -30,7 +30,7 @@ class Frame:
     stations: Vector | None = None
     """Known arc length at each point, where the sensor tells it [m]."""
     tension_in: float | None = None
-    """Total tension at the proximal end [N]."""
+    """Total tension at the proximal end, as its sensor reads [N]."""
     tension_out: float | None = None
     """Measured tension at the distal end [N]."""
     displacement_in: float | None = None
@@ -49,6 +49,8 @@ class Frame:
     """Sensed unit tangents, towards the distal end; a row of NaN is one that was not sensed [n, 3]."""
     length: float | None = None
     """Known length of the route from the first to the last point [m]."""
+    temperature: float | None = None
+    """Measured temperature [°C]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,16 +175,18 @@ def _moved(
     """Return the tendon after the frame, and the command that its target asks for."""
     wanted = frame.displacement_target, frame.tension_out_target
     driven = frame.tension_in is not None or frame.displacement_in is not None
+    when = {"time": frame.time, "temperature": frame.temperature}
     if not driven and wanted == (None, None):
-        return step(state, arcs, rig, tension_in=tension_in), None
+        return step(state, arcs, rig, tension_in=tension_in, **when), None
     if driven:
-        by_place = frame.displacement_in if frame.tension_in is None else None
-        state = step(state, arcs, rig, tension_in=frame.tension_in, displacement_in=by_place)
+        pull = None if frame.tension_in is None else true_tension(rig, frame.tension_in)
+        place = frame.displacement_in if pull is None else None
+        state = step(state, arcs, rig, tension_in=pull, displacement_in=place, **when)
     if wanted == (None, None):
         return state, None
     tension_out = frame.tension_out_target if frame.displacement_target is None else None
     command = compensate(
-        state, arcs, rig, tension_out=tension_out, displacement_out=frame.displacement_target
+        state, arcs, rig, tension_out=tension_out, displacement_out=frame.displacement_target, **when
     )
     return (state if driven else command.state), command
 

@@ -7,11 +7,12 @@ Source: docs/model.md (50)-(65), (120).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from msgspec.structs import replace as changed
+from numba import njit
 
 from tssgeom.arrays import Vector
 from tssgeom.errors import FitError, SettingsError
@@ -173,15 +174,17 @@ def driven(
     if done == 0:
         what = f"tension_in {drive:g} N" if by_force else f"displacement_in {drive:g} m"
         raise FitError(f"no equilibrium of the tendon was found at {what}: take smaller steps")
-    return replace(
-        state,
+    slid, front = _slid(memory.slip, state.slid, state.front, drive == before)
+    return ActingState(
+        cut=state.cut,
+        edge=state.edge,
         memory=memory,
         by_force=by_force,
         span=span,
         temperature=first,
         lags=_late(model.setup, out, spans, state.lags),
-        slid=np.where(memory.slip == 0, state.slid, memory.slip),
-        front=_front(memory.slip, state.front, stands=drive == before),
+        slid=slid,
+        front=front,
         direction_index=_direction(int(memory.slip[0]), drive - before, state.direction_index),
         displacement_in=float(out[2, 0]),
         displacement_out=float(out[3, 0]),
@@ -220,15 +223,19 @@ def _late(setup: Setup, out: np.ndarray, spans: Vector, before: Lags) -> Lags:
     return late(setup, shown(setup, out), spans, before)[1] if setup.lags else before
 
 
-def _front(slip: Signs, before: int, *, stands: bool) -> int:
-    """Return how many contacts from the drive on slid one way; as before where the drive stands."""
-    if slip[0] == 0:
-        return before if stands else 0
-    other = slip != slip[0]
-    return int(np.argmax(other)) if other.any() else len(slip)
-
-
 def _direction(slip: int, moved_by: float, before: int) -> int:
     if slip == 0 and moved_by == 0.0:
         return before
     return 1 if slip > 0 or (slip == 0 and moved_by > 0.0) else -1
+
+
+@njit(cache=True, nogil=True)
+def _slid(slip, before, front, stands):
+    """Return what each contact did when it last slid, and how many from the drive on slid one way."""
+    slid, ahead = before.copy(), 0
+    for i in range(slip.size):
+        if slip[i] != 0:
+            slid[i] = slip[i]
+        if slip[0] != 0 and slip[i] == slip[0] and ahead == i:
+            ahead += 1
+    return slid, front if slip[0] == 0 and stands else ahead

@@ -1,6 +1,7 @@
 """The proximal command that makes the distal end go where it should: the model turned round.
 
 Dead zones are jumped, so that the distal end answers at once after a reversal; docs/model.md (82), (83).
+Where effects act, the command is for what is true: a sensor that reads something else is not obeyed; (122).
 """
 
 from __future__ import annotations
@@ -14,10 +15,13 @@ from scipy.optimize import brentq
 from tssgeom.errors import SettingsError
 from tssgeom.settings import Rig
 from tssgeom.shape.arcs import Arcs
-from tssgeom.tendon.state import TendonState, step, transmit
+from tssgeom.tendon.state import TendonState, acts_by_speed, answering, rest_tension, step, transmit
 
 ACCURACY = 1e-10
 """Distal tension that counts as reached, relative to the greater of target and present tension [1]."""
+_WIDENINGS = 40  # of the range in which a drive is sought
+_LEAST_REACH = 1e-3  # of the tension, to begin with
+_FIRST_REACH = 1e-6  # m
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +35,43 @@ class Command:
     state: TendonState
 
 
+@dataclass(frozen=True, slots=True)
+class _Move:
+    """A step of the tendon whose drive is sought."""
+
+    state: TendonState
+    arcs: Arcs
+    rig: Rig
+    target: float
+    """Wanted distal tension [N]."""
+    time: float | None
+    temperature: float | None
+
+    def pulled(self, tension_in: float) -> TendonState:
+        """Return the tendon with the drive at a tension [N]."""
+        return self._driven(tension_in, None)
+
+    def placed(self, displacement_in: float) -> TendonState:
+        """Return the tendon with the drive at a position [m]."""
+        return self._driven(None, displacement_in)
+
+    def _driven(self, tension_in: float | None, displacement_in: float | None) -> TendonState:
+        return step(
+            self.state,
+            self.arcs,
+            self.rig,
+            tension_in=tension_in,
+            displacement_in=displacement_in,
+            time=self.time,
+            temperature=self.temperature,
+        )
+
+    def error(self, answer: TendonState) -> float:
+        """Return distal tension less target [N], zero where that is rounding."""
+        error = answer.tension_out - self.target
+        return 0.0 if abs(error) <= ACCURACY * max(answer.tension_out, self.target) else error
+
+
 def compensate(
     state: TendonState,
     arcs: Arcs,
@@ -38,6 +79,8 @@ def compensate(
     *,
     tension_out: float | None = None,
     displacement_out: float | None = None,
+    time: float | None = None,
+    temperature: float | None = None,
 ) -> Command:
     """Return the least move of the drive after which the distal end is where it should be.
 
@@ -48,9 +91,11 @@ def compensate(
     arcs
         The route after the move.
     rig
-        Tendon, friction and load.
+        Tendon, friction, load and effects.
     tension_out, displacement_out
         Wanted distal tension [N], or movement of the load since the pretensioned state [m]; one of them.
+    time, temperature
+        Time [s] and temperature [°C] after the move, as in `step`.
 
     Raises
     ------
@@ -59,10 +104,12 @@ def compensate(
     FitError
         Where no equilibrium was found on a moving route.
     """
-    target = _target(rig, tension_out, displacement_out)
-    answer = _pulled_to(state.tension_in, state, arcs, rig)
-    if _error(answer, target) != 0.0:
-        answer = _reached(answer, state, arcs, rig, target)
+    move = _Move(state, arcs, rig, _target(rig, tension_out, displacement_out), time, temperature)
+    answer = move.pulled(state.tension_in)
+    if move.error(answer) != 0.0:
+        answer = _reached(move, answer)
+        if acts_by_speed(rig):
+            answer = _by_place(move, answer)
     seen = transmit(answer, rig)
     return Command(seen.displacement_in, seen.tension_in, answer)
 
@@ -77,36 +124,54 @@ def _target(rig: Rig, tension_out: float | None, displacement_out: float | None)
         stiffness = rig.load.stiffness_N_per_m
         if stiffness == 0.0:
             raise SettingsError("load.stiffness_N_per_m is 0: a dead weight's place has no tension: give it")
-        target = rig.tendon.pretension_N + stiffness * (displacement_out or 0.0)  # docs/model.md (82)
+        target = rest_tension(rig) + stiffness * (displacement_out or 0.0)  # docs/model.md (82)
         said = f"displacement_out is {displacement_out:g} m, a distal tension of {target:g} N"
     if not 0.0 <= target < math.inf:
         raise SettingsError(f"{said}: a tendon only pulls; choose a target with a finite tension >= 0 N")
     return target
 
 
-def _reached(held: TendonState, state: TendonState, arcs: Arcs, rig: Rig, target: float) -> TendonState:
+def _reached(move: _Move, held: TendonState) -> TendonState:
     """Return the state with the distal tension at the target, which it is not while the drive is held."""
-    reach = rig.friction.coefficient * (held.route or arcs).total_angle
-    sign = 1 if target > held.tension_out else -1
-    far = target * math.exp(sign * reach)  # docs/model.md (83): exact where all slides
-    answer = _pulled_to(far, state, arcs, rig)
-    if _error(answer, target) == 0.0:
+    sign = 1 if move.target > held.tension_out else -1
+    start = held.tension_in
+    far = answering(held, move.rig, move.target, sign)  # docs/model.md (83): exact where all slides slowly
+    reach = max(sign * (far - start), _LEAST_REACH * max(start, move.target))
+    far = start + sign * reach if sign * (far - start) <= 0.0 else far
+    answer = move.pulled(far)
+    for _ in range(_WIDENINGS):  # friction that grows with speed asks for more
+        if sign * move.error(answer) >= 0.0:
+            break
+        if far == 0.0:
+            raise SettingsError(
+                f"tension_out cannot fall to {move.target:g} N in this step: {answer.tension_out:.4g} N are "
+                "held without any pull; ask for more, or give it more time"
+            )
+        reach *= 2.0
+        far = max(start + sign * reach, 0.0)
+        answer = move.pulled(far)
+    if move.error(answer) == 0.0:
         return answer
-    low, high = sorted((held.tension_in, far))  # not all slides one way where the route has moved too
+    low, high = sorted((start, far))  # not all slides one way where the route has moved too
     root: Any = brentq(
-        lambda tension_in: _error(_pulled_to(tension_in, state, arcs, rig), target),
-        low,
-        high,
-        xtol=1e-13 * max(high, 1.0),
+        lambda tension_in: move.error(move.pulled(tension_in)), low, high, xtol=1e-13 * max(high, 1.0)
     )
-    return _pulled_to(float(root), state, arcs, rig)
+    return move.pulled(float(root))
 
 
-def _pulled_to(tension_in: float, state: TendonState, arcs: Arcs, rig: Rig) -> TendonState:
-    return step(state, arcs, rig, tension_in=tension_in)
-
-
-def _error(state: TendonState, target: float) -> float:
-    """Return distal tension less target [N], zero where that is rounding."""
-    error = state.tension_out - target
-    return 0.0 if abs(error) <= ACCURACY * max(state.tension_out, target) else error
+def _by_place(move: _Move, answer: TendonState) -> TendonState:
+    """Return the state found by position: with friction by speed the way there matters; (65)."""
+    near = transmit(answer, move.rig).displacement_in
+    found = move.placed(near)
+    error, reach = move.error(found), _FIRST_REACH
+    far, other = near, found
+    for _ in range(_WIDENINGS):
+        if error * move.error(other) <= 0.0:
+            break
+        far, reach = near - math.copysign(reach, error), 2.0 * reach
+        other = move.placed(far)
+    if error == 0.0:
+        return found
+    low, high = sorted((near, far))
+    root: Any = brentq(lambda place: move.error(move.placed(place)), low, high, xtol=1e-16)
+    return move.placed(float(root))

@@ -17,7 +17,7 @@ from tssgeom.shape.arcs import Arcs
 from tssgeom.tendon.effects import Library, Setup, together
 from tssgeom.tendon.run_kernel import march
 from tssgeom.tendon.run_laws import Memory
-from tssgeom.tendon.run_plant import Plant, edges, plant
+from tssgeom.tendon.run_plant import Plant, edges, moved_plant, plant
 from tssgeom.tendon.run_sensors import CHANNELS as CHANNELS
 from tssgeom.tendon.run_sensors import Drive, Lags, check_drive, late, shown, true_drive, unread
 
@@ -142,9 +142,8 @@ def moved(model: Model, arcs: Arcs) -> Model:
     Angles and friction are those of the new route. The bars keep their lengths: more of the sheath in view is
     no longer tendon, as with `Line.stretches_with_route` False.
     """
-    fresh, old = plant(model.setup, arcs, model.edge), model.plant
-    kept = {key: getattr(old, key) for key in ("soft", "toe", "creep_soft", "warm", "force", "drag")}
-    return Model(model.setup, fresh._replace(**kept, swift=False), model.drive, model.edge)
+    fresh = moved_plant(model.plant, model.setup, arcs, model.edge)
+    return Model(model.setup, fresh, model.drive, model.edge)
 
 
 def setup_of(rig: Rig) -> Setup:

@@ -7,11 +7,12 @@ Contacts 0 … n stand between neighbours. Source: docs/model.md (50)-(60).
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 
 from tssgeom.arrays import Vector
 from tssgeom.shape.arcs import Arcs
 from tssgeom.tendon.effects.setup import Setup
-from tssgeom.tendon.material import lay
+from tssgeom.tendon.material import Bed, lay
 
 _GRADING = 1.5  # bars grow from the drive on, where fronts start
 _FIRST = 0.1  # and the first is smaller still: what its contact holds, a position does not tell
@@ -66,39 +67,79 @@ def edges(arcs: Arcs, bars: int) -> Vector:
     return cut
 
 
-def bent(arcs: Arcs, bends: tuple[tuple[float, float, float], ...]) -> tuple[Vector, Vector]:
-    """Return lengths and angles of the pieces with hidden bends added; docs/model.md (60)."""
-    length, angle = arcs.length, arcs.angle
-    for middle, extra, width in bends:
-        end = np.cumsum(length)
-        start = min(max(middle - 0.5 * width, 0.0), end[-1])
-        stop = min(max(middle + 0.5 * width, 0.0), end[-1])
-        if stop - start < 1e-9 * end[-1]:
-            start, stop = max(start - width, 0.0), min(stop + width, end[-1])
-        knots = np.unique(np.concatenate(([0.0, start, stop], end)))
-        phi = np.interp(knots, np.concatenate(([0.0], end)), np.concatenate(([0.0], np.cumsum(angle))))
-        phi += extra * np.clip((knots - start) / (stop - start), 0.0, 1.0)
+@njit(cache=True, nogil=True)
+def bent(length, angle, bends):
+    """Return lengths and angles of the pieces with hidden bends added; docs/model.md (60).
+
+    `bends` [m, 3] holds the middle [m], the angle [rad] and the width [m] of each.
+    """
+    for i in range(bends.shape[0]):
+        middle, extra, width = bends[i]
+        end = np.concatenate((np.zeros(1), np.cumsum(length)))
+        whole = end[-1]
+        start = min(max(middle - 0.5 * width, 0.0), whole)
+        stop = min(max(middle + 0.5 * width, 0.0), whole)
+        if stop - start < 1e-9 * whole:
+            start, stop = max(start - width, 0.0), min(stop + width, whole)
+        knots = np.unique(np.concatenate((np.array([start, stop]), end)))
+        phi = np.interp(knots, end, np.concatenate((np.zeros(1), np.cumsum(angle))))
+        for k in range(knots.size):
+            phi[k] += extra * min(max((knots[k] - start) / (stop - start), 0.0), 1.0)
         length, angle = np.diff(knots), np.diff(phi)
     return length, angle
 
 
-def plant(setup: Setup, arcs: Arcs, edge: Vector) -> Plant:
-    """Lay tendon, friction and ends on a route, with bars cut at the fractions `edge`."""
-    if setup.bends:
-        arcs = Arcs.exact(*bent(arcs, setup.bends))
-    bed = lay(edge, arcs)
+def _with_bends(setup: Setup, arcs: Arcs) -> Arcs:
+    if not setup.bends:
+        return arcs
+    return Arcs.exact(*bent(arcs.length, arcs.angle, np.array(setup.bends)))
+
+
+class _Sides(NamedTuple):
+    """What a route makes of the contacts and of the paths that a taut tendon saves."""
+
+    pulling: Vector  # [k] exponent of the cone
+    releasing: Vector  # [k]
+    low: Vector  # [k] exp of the exponents
+    high: Vector  # [k]
+    gap: Vector  # [b] m
+
+
+def _sides(setup: Setup, arcs: Arcs, edge: Vector, bed: Bed, fitting: Vector) -> _Sides:
     pressed = bed.angle
     if setup.curvature_gain_m != 0.0:  # docs/model.md (53)
         factor = np.maximum(1.0 + setup.curvature_gain_m * arcs.kappa, 0.0)
         pressed = lay(edge, Arcs.exact(arcs.length, arcs.angle * factor)).angle
     base = setup.friction * pressed
     pulling, releasing = base * (1.0 + setup.asymmetry), base * (1.0 - setup.asymmetry)
-    fitting = _at_ends(len(base), setup.fitting_in_exponent, setup.fitting_out_exponent)
+    turn = _turns(edge, arcs) if setup.clearance_m_per_rad else np.zeros(len(bed.length))
+    return _Sides(
+        pulling,
+        releasing,
+        np.exp(-pulling - fitting),
+        np.exp(releasing + fitting),
+        _ended(setup.clearance_m_per_rad * turn, 0.0, 0.0),
+    )
+
+
+def moved_plant(held: Plant, setup: Setup, arcs: Arcs, edge: Vector) -> Plant:
+    """Lay the tendon of a plant on another route: its bars keep their lengths, its contacts do not."""
+    arcs = _with_bends(setup, arcs)
+    sides = _sides(setup, arcs, edge, lay(edge, arcs), held.fitting)
+    return held._replace(**sides._asdict(), swift=False)
+
+
+def plant(setup: Setup, arcs: Arcs, edge: Vector) -> Plant:
+    """Lay tendon, friction and ends on a route, with bars cut at the fractions `edge`."""
+    arcs = _with_bends(setup, arcs)
+    bed = lay(edge, arcs)
+    k = len(bed.angle)
+    fitting = _at_ends(k, setup.fitting_in_exponent, setup.fitting_out_exponent)
     force = setup.straight_friction_N_per_m * bed.span  # docs/model.md (54)
-    force = force + _at_ends(len(base), setup.fitting_in_N, setup.fitting_out_N)
+    force = force + _at_ends(k, setup.fitting_in_N, setup.fitting_out_N)
+    sides = _sides(setup, arcs, edge, bed, fitting)
     rho_l = setup.compliance * bed.length
     load = 1.0 / setup.load_stiffness if setup.load_stiffness > 0.0 else 0.0
-    turn = _turns(edge, arcs) if setup.clearance_m_per_rad else np.zeros(len(rho_l))
     by_speed = setup.speed_gain != 0.0
     return Plant(
         soft=_ended(
@@ -110,16 +151,16 @@ def plant(setup: Setup, arcs: Arcs, edge: Vector) -> Plant:
         toe_scale=_ended(
             np.full(len(rho_l), setup.toe_scale_N), setup.take_up_in_scale_N, setup.take_up_out_scale_N
         ),
-        gap=_ended(setup.clearance_m_per_rad * turn, 0.0, 0.0),
+        gap=sides.gap,
         gap_scale=float(setup.clearance_scale_N),
         creep_soft=_ended(setup.creep_ratio * rho_l, 0.0, 0.0),
         creep_time=float(setup.creep_time_s),
         warm=_ended(setup.expansion_per_K * bed.length, 0.0, 0.0),
-        pulling=pulling,
-        releasing=releasing,
+        pulling=sides.pulling,
+        releasing=sides.releasing,
         fitting=fitting,
-        low=np.exp(-pulling - fitting),
-        high=np.exp(releasing + fitting),
+        low=sides.low,
+        high=sides.high,
         force=force,
         drag=setup.drag_Ns_per_m2 * bed.span,
         load_exponent=float(setup.load_exponent),

@@ -36,6 +36,13 @@ def check_drive(setup: Setup, drive: Drive) -> None:
             raise SettingsError(f"effects.channel_lag: {channel} is the drive; give a channel that responds")
 
 
+def err(setup: Setup) -> bool:
+    """Whether any sensor reads what is not."""
+    gains = (setup.tension_in_gain, setup.tension_out_gain)
+    zeros = (setup.tension_in_offset_N, setup.tension_out_offset_N, setup.crosstalk)
+    return gains != (1.0, 1.0) or any(zeros) or bool(setup.lags)
+
+
 def true_drive(setup: Setup, drive: Drive, given: Vector) -> Vector:
     """Return what the drive did [n], from what its sensor read; docs/model.md (61)."""
     if drive != "tension_in_N":

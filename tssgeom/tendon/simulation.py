@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+import math
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import repeat
@@ -14,7 +15,17 @@ from tssgeom.settings import Rig
 from tssgeom.tendon.compensation import Command, compensate
 from tssgeom.tendon.moving import MovingRoute
 from tssgeom.tendon.profile import RESOLUTION
-from tssgeom.tendon.state import TendonState, pretensioned, step, transmit
+from tssgeom.tendon.run_model import setup_of
+from tssgeom.tendon.run_sensors import Drive, check_drive
+from tssgeom.tendon.state import (
+    TendonState,
+    pretensioned,
+    readings,
+    sensors_err,
+    step,
+    transmit,
+    true_tension,
+)
 from tssgeom.tendon.transmission import Transmission
 
 Phase = Literal["pull", "pull_to_release", "release", "release_to_pull", "hold"]
@@ -30,6 +41,8 @@ class Moment:
     state: TendonState
     transmission: Transmission
     phase: Phase
+    readings: Mapping[str, float]
+    """What the sensors read, by the names of the columns of a run [N, m]; empty where they read what is."""
 
 
 def simulate(
@@ -39,6 +52,7 @@ def simulate(
     *,
     tension_in: Vector | None = None,
     displacement_in: Vector | None = None,
+    temperature: Vector | None = None,
     state: TendonState | None = None,
 ) -> Iterator[Moment]:
     """Drive a tendon through a run, one moment for each of its times.
@@ -50,24 +64,42 @@ def simulate(
     route
         The route over time.
     rig
-        Tendon, friction and load.
+        Tendon, friction, load and effects.
     tension_in, displacement_in
-        [n] Total tension [N] or position [m] of the drive; one of them.
+        [n] Total tension [N] or position [m] of the drive; one of them. A tension is what its sensor reads,
+        which differs from what is where effects spoil that sensor; docs/model.md (61).
+    temperature
+        [n] Temperature [°C]; the same throughout where left out.
     state
         Tension along the tendon before the run; the rig's pretension by default.
 
     Raises
     ------
     SettingsError, FitError
-        As `tssgeom.tendon.state.step`.
+        As `tssgeom.tendon.state.step`; where the sensor of the drive lags.
     """
-    current = pretensioned(rig) if state is None else state
+    current = _begun(time, rig) if state is None else state
+    name: Drive = "displacement_in_m" if tension_in is None else "tension_in_N"
+    check_drive(setup_of(rig), name)
     last: float | None = None
-    for moment, force, place in zip(time, _each(tension_in, time), _each(displacement_in, time), strict=True):
+    rows = zip(
+        time, _each(tension_in, time), _each(displacement_in, time), _each(temperature, time), strict=True
+    )
+    for moment, read, place, warm in rows:
         with _at(float(moment)):
-            current = step(current, route.at(float(moment)), rig, tension_in=force, displacement_in=place)
-        seen, drive = transmit(current, rig), place if force is None else force
-        yield Moment(float(moment), current, seen, _phase(last, drive or 0.0, seen))
+            pull = None if read is None else true_tension(rig, read)
+            current = step(
+                current,
+                route.at(float(moment)),
+                rig,
+                tension_in=pull,
+                displacement_in=place,
+                time=float(moment),
+                temperature=warm,
+            )
+        seen, drive = transmit(current, rig), place if read is None else read
+        shown = readings(current, rig) | {name: drive or 0.0} if sensors_err(rig) else {}
+        yield Moment(float(moment), current, seen, _phase(last, drive or 0.0, seen), shown)
         last = drive or 0.0
 
 
@@ -78,16 +110,30 @@ def commands(
     *,
     tension_out: Vector | None = None,
     displacement_out: Vector | None = None,
+    temperature: Vector | None = None,
 ) -> Iterator[Command]:
     """Return the command for each time of a run whose distal end is told [n]; see `compensate`."""
-    state = pretensioned(rig)
-    pairs = zip(time, _each(tension_out, time), _each(displacement_out, time), strict=True)
-    for moment, force, place in pairs:
+    state = _begun(time, rig)
+    targets = (_each(tension_out, time), _each(displacement_out, time))
+    for moment, force, place, warm in zip(time, *targets, _each(temperature, time), strict=True):
         arcs = route.at(float(moment))
         with _at(float(moment)):
-            command = compensate(state, arcs, rig, tension_out=force, displacement_out=place)
+            command = compensate(
+                state,
+                arcs,
+                rig,
+                tension_out=force,
+                displacement_out=place,
+                time=float(moment),
+                temperature=warm,
+            )
         state = command.state
         yield command
+
+
+def _begun(time: Vector, rig: Rig) -> TendonState:
+    """Return the tendon before a run: its first row takes as long as the next one."""
+    return pretensioned(rig, float(time[0] - (time[1] - time[0])) if len(time) > 1 else math.nan)
 
 
 @contextmanager

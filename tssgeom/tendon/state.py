@@ -24,6 +24,7 @@ from tssgeom.tendon.incremental import Line
 from tssgeom.tendon.material import MaterialState, lay, to_bars, to_corners
 from tssgeom.tendon.moving import unmoved
 from tssgeom.tendon.profile import Corners
+from tssgeom.tendon.run_sensors import err
 from tssgeom.tendon.transmission import Transmission
 
 HALVINGS = 4
@@ -66,6 +67,12 @@ def rest_tension(rig: Rig) -> float:
     """Return the tension before the first pull [N]: the rig's pretension, and what effects make of it."""
     setup = setup_acting(rig)
     return rig.tendon.pretension_N if setup is None else setup.pretension
+
+
+def acts_by_speed(rig: Rig) -> bool:
+    """Whether friction depends on speed, so that the way to a state matters and not its end alone."""
+    setup = setup_acting(rig)
+    return setup is not None and bool(setup.speed_gain or setup.drag_Ns_per_m2)
 
 
 def step(
@@ -233,21 +240,31 @@ def answering(state: TendonState, rig: Rig, tension_out: float, way: int) -> flo
     return tension_out * math.exp(way * rig.friction.coefficient * route.total_angle)
 
 
-def readings(state: TendonState, rig: Rig) -> dict[str, float]:
-    """Return what the sensors read after a step, by the names of `run_sensors.CHANNELS` [N, m].
+def true_tension(rig: Rig, reading: float) -> float:
+    """Return the proximal tension [N] behind a reading of its sensor [N]; docs/model.md (61)."""
+    setup = setup_acting(rig)
+    if setup is None or (setup.tension_in_gain, setup.tension_in_offset_N) == (1.0, 0.0):
+        return reading
+    return max((reading - setup.tension_in_offset_N) / setup.tension_in_gain, 0.0)
 
-    Without effects on the sensors they read what is; docs/model.md (61), (62).
+
+def sensors_err(rig: Rig) -> bool:
+    """Whether effects make any sensor read what is not."""
+    setup = setup_acting(rig)
+    return setup is not None and err(setup)
+
+
+def readings(state: TendonState, rig: Rig) -> dict[str, float]:
+    """Return what the sensors read after a step with effects, by the names of `run_sensors.CHANNELS` [N, m].
+
+    Raises
+    ------
+    SettingsError
+        Where no effect acted in the last step.
     """
-    if isinstance(state.along, ActingState):
-        return acting.readings(state.along, _setup_of(rig))
-    seen = transmit(state, rig)
-    return {
-        "tension_in_N": seen.tension_in,
-        "tension_out_N": seen.tension_out,
-        "elongation_m": seen.elongation,
-        "displacement_in_m": seen.displacement_in,
-        "displacement_out_m": seen.displacement_out,
-    }
+    if not isinstance(state.along, ActingState):
+        raise SettingsError("no effect acted in the last step: sensors read what `transmit` tells")
+    return acting.readings(state.along, _setup_of(rig))
 
 
 def _before(state: TendonState, arcs: Arcs) -> Arcs:

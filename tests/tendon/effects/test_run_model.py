@@ -146,7 +146,7 @@ def test_backlash_is_lost_at_a_turn_and_found_at_the_next():
 
 @pytest.mark.parametrize(("at", "width"), [(0.0, 0.02), (0.25, 0.02), (0.5, 0.02), (0.2, 1e-6), (0.7, 0.02)])
 def test_a_hidden_bend_keeps_the_length_and_adds_its_angle(at, width):
-    length, angle = bent(ARCS, ((at, 0.6, width),))
+    length, angle = bent(ARCS.length, ARCS.angle, np.array([[at, 0.6, width]]))
     assert length.sum() == pytest.approx(0.5, rel=1e-14)
     assert angle.sum() == pytest.approx(ARCS.total_angle + 0.6, rel=1e-14)
     assert length.min() > 0.0
