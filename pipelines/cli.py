@@ -353,6 +353,23 @@ def remedy(
     raise typer.Exit(command.run(shape, chosen, design, out=out, as_json=json, quiet=quiet))
 
 
+@app.command()
+def discover(
+    campaign: Annotated[
+        Path, typer.Argument(help="Folder with campaign.toml: measured runs and their shapes.")
+    ],
+    out: Annotated[Path, typer.Option("--out", help="Folder for report, updated rig and recording.")],
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Of the simulated clean campaigns.")] = 0,
+    unit: Unit = None,
+    json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Find what the model lacks on measured runs, name it, put it into the rig, and show the gap shrink."""
+    from pipelines import discover as command
+
+    raise typer.Exit(command.run(campaign, out=out, seed=seed, unit=unit, as_json=json, quiet=quiet))
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the console script; each error is one line on stderr, and the exit status says how it went."""
     sys.exit(_status(arguments))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
@@ -102,3 +102,28 @@ def tracking(total: int, *, quiet: bool) -> Iterator[Tracker]:
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         yield Tracker(total, bar, quiet)
+
+
+@contextmanager
+def stepping(*, quiet: bool) -> Iterator[Callable[[str, float], None]]:
+    """Show the steps of one long work on stderr: yields what is told of each step and the share done [1]."""
+    if quiet or not sys.stderr.isatty():
+        yield _Steps(quiet).tell
+        return
+    columns = (BarColumn(), TextColumn("{task.percentage:>3.0f} %"), TextColumn("{task.description}"))
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("", total=1.0)
+        yield lambda step, share: bar.update(task, description=step, completed=share)
+
+
+@dataclass(slots=True)
+class _Steps:
+    """A plain line for each step."""
+
+    quiet: bool
+    last: str = ""
+
+    def tell(self, step: str, share: float) -> None:
+        if step != self.last and not self.quiet:
+            print(f"[{100 * share:3.0f} %] {step}", file=sys.stderr, flush=True)  # noqa: T201
+        self.last = step

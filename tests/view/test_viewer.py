@@ -88,5 +88,5 @@ def test_file_that_is_no_recording_is_refused(tmp_path: Path, content: bytes | N
 
 
 def test_picture_of_a_run_shows_the_moment_of_greatest_tension(moving_file: Path, still_file: Path) -> None:
-    assert moment_of_greatest_tension(moving_file) == pytest.approx(0.75)
+    assert moment_of_greatest_tension(moving_file) == ("time", pytest.approx(0.75))
     assert moment_of_greatest_tension(still_file) is None

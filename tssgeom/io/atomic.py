@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -39,3 +40,32 @@ def write_text(path: Path, text: str) -> None:
     """Write a text file whole or not at all."""
     with replacing(path) as draft:
         draft.write_text(text, encoding="utf-8", newline="\n")
+
+
+@contextmanager
+def replacing_all(folder: Path) -> Iterator[Path]:
+    """Yield a hidden folder to write files to; on leaving, all of them move to `folder` together.
+
+    Where the writing fails or is interrupted, `folder` is as it was before, or not there.
+
+    Raises
+    ------
+    SourceError
+        Where the disk refuses.
+    """
+    draft = folder / f".{os.getpid()}.draft"
+    fresh = not folder.exists()
+    try:
+        draft.mkdir(parents=True, exist_ok=True)
+        yield draft
+        for path in sorted(draft.iterdir()):
+            os.replace(path, folder / path.name)
+    except OSError as error:
+        raise SourceError(
+            f"{folder}: cannot be written ({error.strerror or error}): check the folder"
+        ) from error
+    finally:
+        shutil.rmtree(draft, ignore_errors=True)
+        if fresh:
+            with suppress(OSError):
+                folder.rmdir()  # only where nothing is in it

@@ -27,9 +27,13 @@ ANGLE = (230, 159, 0)
 PIECES = ((230, 159, 0), (86, 180, 233), (204, 121, 167), (240, 228, 66), (213, 94, 0), (0, 158, 115))
 """Colours of neighbouring pieces: a selection of Okabe and Ito, told apart by colour-blind people."""
 
+BEFORE, AFTER = (230, 159, 0), (86, 180, 233)
+"""What a model said before something was added to it, and after."""
+
 _DARKEST = 0.15
 _SHIFTS = np.array([2.0**24, 2.0**16, 2.0**8])
 _TABLE = np.asarray(colormaps["viridis"](np.linspace(_DARKEST, 1.0, 256)))[:, :3]
+_BLAME_TABLE = np.asarray(colormaps["inferno"](np.linspace(0.25, 0.95, 256)))[:, :3]
 
 
 def tension_rgb(tension: Vector, top: float) -> NDArray[np.float64]:
@@ -54,6 +58,13 @@ def tension_rgb(tension: Vector, top: float) -> NDArray[np.float64]:
 def tension_rgba32(tension: Vector, top: float) -> NDArray[np.uint32]:
     """Give the same colours as opaque 0xRRGGBBAA numbers, one for each tension [N]."""
     return (np.rint(255 * tension_rgb(tension, top)) @ _SHIFTS + 255).astype(np.uint32)
+
+
+def blame_rgba32(value: Vector, top: float) -> NDArray[np.uint32]:
+    """Give colours of what is missing, from 0 to `top`, as opaque 0xRRGGBBAA; unlike any tension's."""
+    place = np.clip(np.asarray(value, dtype=np.float64) / top, 0.0, 1.0)
+    rgb = _BLAME_TABLE[np.rint(place * (len(_BLAME_TABLE) - 1)).astype(np.intp)]
+    return (np.rint(255 * rgb) @ _SHIFTS + 255).astype(np.uint32)
 
 
 def piece_rgb(piece: int) -> tuple[int, int, int]:

@@ -11,6 +11,8 @@ import rerun as rr
 from numpy.typing import NDArray
 
 TIMELINE = "time"
+COUNT = "sample"
+"""Timeline of what is counted: runs of unlike length, one after the other."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,7 +21,8 @@ class Sender:
 
     recording: rr.RecordingStream
     time: NDArray[np.float64] | None
-    """Time of each row [s]; None for a static shape."""
+    """Time of each row [s], or its number on the timeline `COUNT`; None for a static shape."""
+    timeline: str = TIMELINE
 
     def send(
         self, entity: str, columns: rr.ComponentColumnList, lengths: Sequence[int] | None = None
@@ -33,7 +36,11 @@ class Sender:
         self.recording.log(entity, archetype, static=True, strict=True)
 
     def _indexes(self) -> list[rr.TimeColumn]:
-        return [] if self.time is None else [rr.TimeColumn(TIMELINE, duration=self.time)]
+        if self.time is None:
+            return []
+        if self.timeline == COUNT:
+            return [rr.TimeColumn(COUNT, sequence=self.time.astype(np.int64))]
+        return [rr.TimeColumn(self.timeline, duration=self.time)]
 
 
 def segments_3d(polylines: Sequence[NDArray[np.float64]]) -> pa.Array:

@@ -23,7 +23,7 @@ def send_tension_chart(
 ) -> None:
     """Draw the tension in its own colours, the bar that explains them as its axis, the pieces below."""
     chart = Chart(Axis(1e3 * limits.length, "mm"), Axis(limits.tension, "N"), box)
-    _send_axes(sender, "tension", chart)
+    send_axes(sender, "tension", chart)
     _send_colour_bar(sender, chart)
     nodes = [evenly(len(frame.s), _CHART_NODES) for frame in frames]
     heights = [frame.tension[chosen] for frame, chosen in zip(frames, nodes, strict=True)]
@@ -45,7 +45,7 @@ def send_curvature_chart(
 ) -> None:
     """Draw the sensed curvature with its standard error, and the pieces as a staircase."""
     chart = Chart(Axis(1e3 * limits.length, "mm"), Axis(limits.kappa, "/m"), box)
-    _send_axes(sender, "curvature", chart)
+    send_axes(sender, "curvature", chart)
     _send_error_bars(sender, chart, frames)
     nodes = [evenly(len(frame.s), _CHART_NODES) for frame in frames]
     lines = [
@@ -99,7 +99,8 @@ def _send_piece_lines(sender: Sender, entity: str, strips: Vector, pieces: Seque
     sender.send(entity, columns, counts)
 
 
-def _send_axes(sender: Sender, entity: str, chart: Chart) -> None:
+def send_axes(sender: Sender, entity: str, chart: Chart) -> None:
+    """Draw the grid of a chart and the numbers along its axes."""
     grid = rr.LineStrips2D(chart.grid(), colors=[colours.GRID], radii=rr.Radius.ui_points(0.6), draw_order=1)
     sender.constant(f"{entity}/grid", grid)
     places, texts = chart.numbers()

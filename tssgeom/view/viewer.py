@@ -19,8 +19,9 @@ import rerun_cli
 from rerun.chunk import RrdReader
 from rerun.experimental import ViewerClient
 
+from tssgeom.arrays import Vector
 from tssgeom.errors import SourceError
-from tssgeom.view.columns import TIMELINE
+from tssgeom.view.columns import COUNT, TIMELINE
 from tssgeom.view.drawn import last_peak
 
 _HOST = "127.0.0.1"
@@ -90,26 +91,39 @@ def screenshot(
     _require_recording(path)
     png.parent.mkdir(parents=True, exist_ok=True)
     png.unlink(missing_ok=True)
-    moment = moment_of_greatest_tension(path) if at is None else at
+    moment = moment_of_greatest_tension(path) if at is None else (TIMELINE, at)
     with _headless(path, size) as viewer:
         if moment is not None:
-            viewer.set_time(TIMELINE, duration=moment, play_state="paused")
+            _go_to(viewer, *moment)
         time.sleep(_SETTLE)
         viewer.save_screenshot(str(png.resolve()))
     if not png.is_file():
         raise SourceError(f"{png}: the viewer wrote no picture: check that the folder can be written")
 
 
-def moment_of_greatest_tension(path: Path) -> float | None:
-    """Time of the last of the greatest peaks of the proximal tension [s]; None for a static shape."""
-    times, tensions = [np.empty(0)], [np.empty(0)]
+def _go_to(viewer: ViewerClient, timeline: str, place: float) -> None:
+    if timeline == COUNT:
+        viewer.set_time(COUNT, sequence=int(place), play_state="paused")
+    else:
+        viewer.set_time(timeline, duration=place, play_state="paused")
+
+
+def moment_of_greatest_tension(path: Path) -> tuple[str, float] | None:
+    """Timeline and place [s, or number] of the last of the greatest peaks of the proximal tension.
+
+    None for a static shape.
+    """
+    found = dict[str, tuple[list[Vector], list[Vector]]]()
     for chunk in RrdReader(str(path)).stream().filter(content="/series/tension_in"):
         batch = chunk.to_record_batch()
-        if TIMELINE in batch.schema.names:
-            times.append(1e-9 * batch.column(TIMELINE).cast("int64").to_numpy())
-            tensions.append(batch.column("Scalars:scalars").flatten().to_numpy())
-    time_s, tension = np.concatenate(times), np.concatenate(tensions)
-    return float(time_s[last_peak(tension)]) if len(time_s) else None
+        for timeline, unit in ((TIMELINE, 1e-9), (COUNT, 1.0)):
+            if timeline in batch.schema.names:
+                places, tensions = found.setdefault(timeline, ([], []))
+                places.append(unit * batch.column(timeline).cast("int64").to_numpy())
+                tensions.append(batch.column("Scalars:scalars").flatten().to_numpy())
+    for timeline, (places, tensions) in found.items():
+        return timeline, float(np.concatenate(places)[last_peak(np.concatenate(tensions))])
+    return None
 
 
 def _require_recording(path: Path) -> None:

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from tssgeom.arrays import Vector
 from tssgeom.discrepancy.finding import Finding, Trace
 from tssgeom.view.finding import words
-from tssgeom.view.plots import BLUE, INK, ORANGE, PAGE, SOFT, figure, titles
+from tssgeom.view.plots import BLUE, INK, ORANGE, PAGE, figure, titles
 
 _BAND, _SPREAD = "#c9dcea", "#d9dee6"
 _HELD = "#f6f3e6"
@@ -70,11 +70,11 @@ def _draw_loops(axes: Axes, trace: Trace, name: str, drawn: Mapping[str, str]) -
         factor * trace.measured[name],
         linestyle="none",
         marker="o",
-        markersize=2.0,
-        color=SOFT,
+        markersize=1.8,
+        color=INK,
         markeredgewidth=0.0,
         label="measured",
-        zorder=3,
+        zorder=6,
     )
     across, after, spread = _across(trace, "after"), trace.after[name], _SIGMAS * trace.sigma[name]
     for start, stop in _strokes(across):

@@ -74,7 +74,7 @@ def _effect_rows(each: Candidate) -> list[list[str]]:
         [
             words.plain(name),
             words.meaning(name),
-            "; ".join(f"{words.parameter(key)} = {words.shown(value)}" for key, value in told.items()) or "–",
+            "\n".join(f"{words.parameter(key)} = {words.shown(value)}" for key, value in told.items()) or "–",
             f"{seen.delta_bic:.0f} ({seen.threshold:.0f})",
             words.ratio(seen.size_over_guard),
             words.ratio(seen.heldout_ratio),

@@ -26,12 +26,13 @@ def heat_figure(finding: Finding) -> Figure:
         axes = drawing.subplots()
         axes.grid(visible=False)
         scale = LogNorm(1.0, float(np.clip(np.nanmax(power, initial=10.0), 10.0, _MOST)))
-        image = axes.imshow(np.maximum(power, 1.0), cmap="cividis", norm=scale, aspect="auto")
+        image = axes.pcolormesh(np.maximum(power, 1.0), cmap="cividis", norm=scale)
+        axes.invert_yaxis()
         for i, j in zip(*np.nonzero(np.isfinite(power)), strict=True):
             value = float(power[i, j])
             shade = INK if float(scale(max(value, 1.0))) > _LIGHT else "white"
-            axes.text(j, i, _digits(value), ha="center", va="center", fontsize=6.5, color=shade)
-        axes.set_yticks(range(rows), [words.renamed(label) for label in heat.rows])
+            axes.text(j + 0.5, i + 0.5, _digits(value), ha="center", va="center", fontsize=6.5, color=shade)
+        axes.set_yticks(np.arange(rows) + 0.5, [words.renamed(label) for label in heat.rows])
         axes.set_xticks(
             range(columns), [words.renamed(heat.columns[k]) for k in used], rotation=35, ha="right"
         )

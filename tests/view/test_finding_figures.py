@@ -1,0 +1,108 @@
+"""Figures of a finding: what is drawn is what was found, with units, and partial data have figures too."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from tests.worked_finding import worked_finding
+from tssgeom.discrepancy.finding import Finding
+from tssgeom.view.finding.figures import judged, missing_figure, residual_figure, transmission_figure
+from tssgeom.view.finding.places import along_figure, heat_figure
+from tssgeom.view.finding.ranking import ranking_figure
+from tssgeom.view.plots import BLUE
+
+
+def only(finding: Finding, *channels: str) -> Finding:
+    """Return a finding whose runs measured these channels only."""
+    kept = [
+        replace(
+            trace,
+            **{
+                name: {key: values for key, values in getattr(trace, name).items() if key in channels}
+                for name in ("measured", "before", "after", "sigma")
+            },
+        )
+        for trace in finding.traces
+    ]
+    return replace(finding, traces=tuple(kept))
+
+
+def lines(drawing: Figure, axes: int = 0) -> dict[str, np.ndarray]:
+    return {str(line.get_label()): line.get_xydata() for line in drawing.axes[axes].lines}
+
+
+def test_loops_show_measured_before_and_after_of_the_held_out_run():
+    finding = worked_finding()
+    trace = judged(finding)
+    assert trace.held_out
+    drawing = transmission_figure(finding)
+    output, elongation = (lines(drawing, k) for k in (0, 1))
+    for when in ("measured", "before", "after"):
+        told = getattr(trace, when)
+        np.testing.assert_array_equal(output[when].T, [told["tension_in_N"], told["tension_out_N"]])
+        np.testing.assert_allclose(elongation[when][:, 1], 1e3 * told["elongation_m"], rtol=1e-12)
+    assert [axes.get_ylabel() for axes in drawing.axes] == ["T_out [N]", "δ [mm]"]
+
+
+def test_where_the_input_tension_is_not_measured_the_models_stands_in():
+    finding = only(worked_finding(), "elongation_m")
+    (axes,) = transmission_figure(finding).axes
+    measured = next(line for line in axes.lines if line.get_label() == "measured")
+    np.testing.assert_array_equal(measured.get_xdata(), judged(finding).tension_in)
+
+
+@pytest.mark.parametrize("channel", ["tension_in_N", "tension_out_N", "elongation_m"])
+def test_one_channel_is_enough_for_every_figure(channel):
+    finding = only(worked_finding(), channel)
+    assert len(transmission_figure(finding).axes) == 1
+    assert len(residual_figure(finding).axes) == 1
+
+
+def test_residuals_are_measured_less_simulated_in_shown_units():
+    finding = worked_finding()
+    drawing = residual_figure(finding)
+    assert [axes.get_ylabel() for axes in drawing.axes] == ["ΔT_in [N]", "ΔT_out [N]", "Δδ [mm]"]
+    first = finding.traces[0]
+    left = 1e3 * (first.measured["elongation_m"] - first.after["elongation_m"])
+    np.testing.assert_allclose(lines(drawing, 2)["after"][:, 1], left, rtol=1e-12)
+
+
+def test_without_an_effect_only_one_model_is_drawn():
+    assert set(lines(transmission_figure(worked_finding("none")))) == {"measured", "model"}
+
+
+def test_the_heat_map_leaves_out_what_never_occurs_and_keeps_the_rest():
+    finding = worked_finding()
+    empty = np.hstack([finding.heat.power, np.full((len(finding.heat.rows), 1), np.nan)])
+    heat = replace(finding.heat, columns=(*finding.heat.columns, "hold 0.0–8.0 N"), power=empty)
+    axes = heat_figure(replace(finding, heat=heat)).axes[0]
+    assert len(axes.get_xticks()) == len(finding.heat.columns)
+    assert axes.get_yticklabels()[0].get_text() == "T_in half_slow"
+    assert len(axes.texts) == np.isfinite(finding.heat.power).sum()
+
+
+def test_blame_is_drawn_for_every_route_with_the_bend_that_was_found():
+    drawn = lines(along_figure(worked_finding()))
+    assert {"half_circle", "setup_a", "chain", "bend found"} <= set(drawn)
+    assert drawn["bend found"][0, 0] == pytest.approx(210.0)
+    assert "bend found" not in lines(along_figure(worked_finding("unknown")))
+
+
+def test_the_ranking_marks_what_was_chosen_and_the_threshold():
+    axes = ranking_figure(worked_finding()).axes[0]
+    shades = [patch.get_facecolor() for patch in axes.patches]
+    assert [patch.get_width() for patch in axes.patches] == [412.3, 31.0, 12.0]
+    assert sum(np.allclose(shade, to_rgba(BLUE)) for shade in shades) == 1
+    assert lines(ranking_figure(worked_finding()))["threshold"][0, 0] == 41.5
+
+
+def to_rgba(text: str) -> tuple[float, ...]:
+    return (*(int(text[k : k + 2], 16) / 255 for k in (1, 3, 5)), 1.0)
+
+
+def test_the_shape_of_what_is_missing_has_its_unit():
+    axes = missing_figure(worked_finding("unknown")).axes[0]
+    assert axes.get_xlabel() == "tension [N]"
+    assert "62 %" in axes.get_title(loc="left")

@@ -1,0 +1,133 @@
+"""The report of discover: the answer first, everything in it, nothing from elsewhere."""
+
+from collections import Counter
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+from tests.worked_finding import without_held_out, worked_finding
+from tssgeom.errors import SourceError
+from tssgeom.view.finding.page import write_finding_report
+from tssgeom.view.page import write_page
+
+VOID = {"meta", "br", "link", "img", "input", "hr"}
+VERDICTS = ("none", "effect", "tie", "unknown")
+
+
+class Page(HTMLParser):
+    """Headings, text and addresses of a page; fails where tags do not match."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.tags: Counter[str] = Counter()
+        self.addresses: list[str] = []
+        self.headings: list[str] = []
+        self.text = ""
+        self.open: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags[tag] += 1
+        self.addresses += [value or "" for name, value in attrs if name in ("href", "src", "xlink:href")]
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.handle_starttag(tag, attrs)
+        self.handle_endtag(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        if tag not in VOID:
+            assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        if self.open and self.open[-1] == "style":
+            return
+        self.text += data
+        if self.open and self.open[-1] == "h2":
+            self.headings.append(data)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A page for each verdict."""
+    folder = tmp_path_factory.mktemp("finding")
+    for verdict in VERDICTS:
+        write_finding_report(folder / f"{verdict}.html", worked_finding(verdict))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def pages(folder: Path) -> dict[str, Page]:
+    return {verdict: Page((folder / f"{verdict}.html").read_text("utf-8")) for verdict in VERDICTS}
+
+
+@pytest.mark.parametrize("verdict", VERDICTS)
+def test_the_verdict_comes_before_every_heading(pages: dict[str, Page], verdict: str) -> None:
+    page = pages[verdict]
+    sentence = page.text.index(worked_finding(verdict).sentence)
+    assert sentence < page.text.index(page.headings[0])
+
+
+@pytest.mark.parametrize("verdict", VERDICTS)
+def test_the_page_needs_nothing_beside_itself(pages: dict[str, Page], verdict: str) -> None:
+    page = pages[verdict]
+    assert page.tags.keys().isdisjoint({"link", "img", "iframe", "script"})
+    assert not [address for address in page.addresses if "//" in address]
+
+
+def test_a_found_effect_stands_with_interval_evidence_and_gap(pages: dict[str, Page]) -> None:
+    text = pages["effect"].text
+    assert "angle = 0.598 [0.571, 0.627] rad" in text
+    assert "at = 210.4 [206.1, 214.9] mm" in text
+    assert "width = 20 mm (held)" in text
+    assert "412 (42)" in text
+    finding = worked_finding()
+    for when in (finding.gap.before, finding.gap.after):
+        assert f"{1e3 * when['held_out']['elongation_m']:.3g}" in text
+
+
+def test_runners_up_say_why_not_and_blind_spots_why(pages: dict[str, Page]) -> None:
+    text = pages["effect"].text
+    assert "it leaves 2.1 times the gap" in text
+    assert "no run has temperature_C" in text
+    assert "half_slow: tension_out_N is missing in 4 of 240 rows" in text
+
+
+def test_a_tie_says_what_it_is_and_how_to_break_it(pages: dict[str, Page]) -> None:
+    text = pages["tie"].text
+    assert "These data cannot tell apart hidden bend and load dependent friction (G4)" in text
+    assert "a second route of other radii" in text
+
+
+def test_only_what_is_unknown_shows_a_shape(pages: dict[str, Page]) -> None:
+    title = "The shape of what is missing"
+    assert [verdict for verdict in VERDICTS if title in pages[verdict].headings] == ["unknown"]
+
+
+def test_without_an_effect_no_before_and_after_is_shown(pages: dict[str, Page]) -> None:
+    assert "The gap" in pages["none"].headings
+    assert "What acts" not in pages["none"].headings
+    assert pages["none"].tags["svg"] == pages["effect"].tags["svg"]
+
+
+def test_where_nothing_was_held_out_the_fitted_runs_judge(tmp_path: Path) -> None:
+    write_finding_report(tmp_path / "report.html", without_held_out(worked_finding()))
+    text = Page((tmp_path / "report.html").read_text("utf-8")).text
+    assert "none held out" in text
+    assert "none was held out, what is left" in text
+
+
+def test_a_page_is_the_same_for_the_same_finding(folder: Path, tmp_path: Path) -> None:
+    write_finding_report(tmp_path / "again.html", worked_finding())
+    assert (tmp_path / "again.html").read_bytes() == (folder / "effect.html").read_bytes()
+
+
+def test_a_page_that_cannot_be_written_is_told_and_leaves_nothing(tmp_path: Path) -> None:
+    with pytest.raises(SourceError, match="check the folder"):
+        write_page(tmp_path / "none" / "report.html", "page")
+    (tmp_path / "report.html").mkdir()
+    with pytest.raises(SourceError, match="check the folder"):
+        write_page(tmp_path / "report.html", "page")
+    assert [path.name for path in tmp_path.iterdir()] == ["report.html"]

@@ -1,0 +1,128 @@
+"""The recording of `discover`: the tendon through every run, what it misses, and what was measured."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from uuid import uuid4
+
+import numpy as np
+import rerun as rr
+
+from tssgeom.discrepancy.finding import Finding
+from tssgeom.errors import SourceError
+from tssgeom.view import colours
+from tssgeom.view.columns import COUNT, Sender, segments_3d
+from tssgeom.view.drawn import Ranges
+from tssgeom.view.finding.layout import BLAME_BOX, TENSION_BOX, blueprint
+from tssgeom.view.finding.places import bends
+from tssgeom.view.finding.replay import Replay, replay
+from tssgeom.view.finding.rerun_blame import send_blame_chart
+from tssgeom.view.finding.rerun_lines import send_lines
+from tssgeom.view.finding.rerun_words import send_words
+from tssgeom.view.rerun_charts import send_tension_chart
+
+
+def write_finding_recording(path: Path, finding: Finding) -> None:
+    """Write the recording; an older file gives way only when it is done.
+
+    Raises
+    ------
+    SourceError
+        Where the file cannot be written.
+    """
+    unfinished = path.with_name(f".{path.name}.part")
+    try:
+        unfinished.touch()
+        _write(unfinished, finding)
+        os.replace(unfinished, path)
+    except OSError as error:
+        raise SourceError(f"{path}: cannot write the recording ({error}): check the folder") from error
+    finally:
+        unfinished.unlink(missing_ok=True)
+
+
+def _write(path: Path, finding: Finding) -> None:
+    shown = replay(finding)
+    name = finding.campaign.name
+    with rr.RecordingStream(f"tssgeom discover: {name}", recording_id=uuid4()) as recording:
+        recording.save(path, default_blueprint=blueprint(finding, shown))
+        recording.send_recording_name(name)
+        runs = Sender(recording, np.array([float(each.first) for each in shown.stretches]), COUNT)
+        rows = np.concatenate([each.first + each.rows for each in shown.stretches]).astype(float)
+        moments = Sender(recording, rows, COUNT)
+        samples = Sender(recording, np.arange(float(sum(len(t.time) for t in finding.traces))), COUNT)
+        _send_route(runs, moments, shown)
+        _send_ends(moments, shown)
+        _send_blame(runs, finding, shown)
+        _send_charts(runs, moments, shown)
+        send_lines(samples, finding)
+        send_words(runs, finding)
+
+
+def _send_route(runs: Sender, moments: Sender, shown: Replay) -> None:
+    """Draw the route in the colours of its tension: where it is once a run, the colours at every row."""
+    each = shown.stretches
+    runs.constant("route", rr.LineStrips3D.from_fields(radii=rr.Radius.ui_points(3.5)))
+    strips = rr.LineStrips3D.columns(strips=segments_3d([stretch.position for stretch in each]))
+    runs.send("route", strips, [len(stretch.s) - 1 for stretch in each])
+    frames = [frame for stretch in each for frame in stretch.frames()]
+    middles = [0.5 * (frame.tension[:-1] + frame.tension[1:]) for frame in frames]
+    shades = colours.tension_rgba32(np.concatenate(middles), shown.tension)
+    moments.send("route", rr.LineStrips3D.columns(colors=shades), [len(middle) for middle in middles])
+    bar, text = shown.camera.scale_bar(shown.camera.room_below)
+    for space in ("route", "blame"):
+        line = rr.LineStrips3D([bar], colors=[colours.AXIS], radii=rr.Radius.ui_points(1.5))
+        runs.constant(f"{space}/scale", line)
+        label = rr.Points3D(
+            [bar.mean(axis=0)], radii=0.0, labels=[text], colors=[colours.WHITE], show_labels=True
+        )
+        runs.constant(f"{space}/scale/length", label)
+
+
+def _send_ends(moments: Sender, shown: Replay) -> None:
+    style = rr.Points3D.from_fields(radii=0.0, colors=colours.WHITE, show_labels=True)
+    moments.constant("route/ends", style)
+    ends, texts = [], []
+    for stretch in shown.stretches:
+        for frame in stretch.frames():
+            ends.append(stretch.position[[0, -1]])
+            texts += [f"T_in {frame.tension[0]:.1f} N", f"T_out {frame.tension[-1]:.1f} N"]
+    columns = rr.Points3D.columns(positions=np.concatenate(ends), labels=texts)
+    moments.send("route/ends", columns, [2] * len(ends))
+
+
+def _send_blame(runs: Sender, finding: Finding, shown: Replay) -> None:
+    """Draw the route in the colours of what it misses, and mark the bends that were found."""
+    each = shown.stretches
+    runs.constant("blame/route", rr.LineStrips3D.from_fields(radii=rr.Radius.ui_points(3.5)))
+    middles = np.concatenate([0.5 * (stretch.blame[:-1] + stretch.blame[1:]) for stretch in each])
+    columns = rr.LineStrips3D.columns(
+        strips=segments_3d([stretch.position for stretch in each]),
+        colors=colours.blame_rgba32(middles, shown.blame),
+    )
+    runs.send("blame/route", columns, [len(stretch.s) - 1 for stretch in each])
+    found = bends(finding.effects)
+    if found:
+        style = rr.Points3D.from_fields(
+            radii=rr.Radius.ui_points(8.0), colors=colours.AFTER, show_labels=True
+        )
+        runs.constant("blame/found", style)
+        places = [
+            np.column_stack([np.interp(found, stretch.s, axis) for axis in stretch.position.T])
+            for stretch in each
+        ]
+        texts = [f"hidden bend, s = {1e3 * at:.0f} mm" for _ in each for at in found]
+        marks = rr.Points3D.columns(positions=np.concatenate(places), labels=texts)
+        runs.send("blame/found", marks, [len(found)] * len(each))
+
+
+def _send_charts(runs: Sender, moments: Sender, shown: Replay) -> None:
+    frames = [frame for stretch in shown.stretches for frame in stretch.frames()]
+    pieces = [stretch.arcs for stretch in shown.stretches for _ in stretch.rows]
+    limits = Ranges(shown.tension, shown.length, 1.0)
+    most = max(len(arcs.length) for arcs in pieces)
+    names = [(number, f"piece {number + 1}", colours.piece_rgb(number)) for number in range(most)]
+    runs.constant("/", rr.AnnotationContext(names))
+    send_tension_chart(moments, frames, pieces, limits, TENSION_BOX)
+    send_blame_chart(runs, shown, BLAME_BOX)
