@@ -34,7 +34,7 @@ def heat_figure(finding: Finding) -> Figure:
             axes.text(j + 0.5, i + 0.5, _digits(value), ha="center", va="center", fontsize=6.5, color=shade)
         axes.set_yticks(np.arange(rows) + 0.5, [words.renamed(label) for label in heat.rows])
         axes.set_xticks(
-            range(columns), [words.renamed(heat.columns[k]) for k in used], rotation=35, ha="right"
+            np.arange(columns) + 0.5, [words.renamed(heat.columns[k]) for k in used], rotation=35, ha="right"
         )
         axes.tick_params(length=0)
         axes.set_title("Mean square of the residual over that of the sensors, before; 1 is noise alone")

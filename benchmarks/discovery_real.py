@@ -1,0 +1,227 @@
+"""What the workflow makes of real measurements, and of the paper's own story.
+
+    python -m benchmarks.discovery_real [--quick] [--out DIR]
+
+The first campaign is a cable-driven instrument of a surgical robot (O'Neill, Stephens, Kowalewski, IEEE RA-L
+3(4), 2018, doi 10.1109/LRA.2018.2849862; Open Database License), read from ../shared/data/davinci_tool. The
+second is the paper's figure 5: the model's elongation with the 1.69 mm that were measured above it, nonlinear
+below 4 N. `--quick` takes the second only.
+"""
+
+from __future__ import annotations
+
+import argparse
+import gzip
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from benchmarks.tables import machine
+from tssgeom.arrays import Points, Vector
+from tssgeom.discrepancy.finding import Finding
+from tssgeom.discrepancy.workflow import discover
+from tssgeom.io.campaigns import read_campaign
+from tssgeom.io.findings import write_report
+from tssgeom.io.rigs import write_rig
+from tssgeom.settings import Friction, Load, Rig, Sensor, ShapeSensor, Tendon
+from tssgeom.shape.synthetic import chain, half_circle, places
+from tssgeom.tendon import paper
+from tssgeom.tendon.run_model import predict
+
+TOOL = Path(__file__).resolve().parents[2] / "shared" / "data" / "davinci_tool"
+_TORQUE = 0.000039811  # N·m for each count
+_ARM = 0.01  # m; twice an assumed radius of the spindle of 5 mm: a pair of cables shares the torque
+_PRELOAD = 11.0  # N in each cable; assumed, so that no cable goes slack
+_BACK, _FRONT = 2.0 * np.pi / 8192, 2.0 * np.pi / 4000  # rad for each count
+_MEAN_OF = 25  # samples of 1 ms
+_SECONDS = 7.0  # two cycles
+_PITCHES = {1: 60.0, 2: 30.0, 3: 0.0}  # degrees of the wrist, by the number in the file's name
+
+
+def write_tool_campaign(folder: Path, source: Path = TOOL, *, with_positions: bool = True) -> None:
+    """Write the instrument as a campaign: twelve runs of four loads and three pitches of the wrist.
+
+    Torque over radius is taken as the tension of the pulling cable of a preloaded pair. Radius, preload,
+    route and compliance are assumed, as the data set does not tell them. The pitch in the middle is held out.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    listing = []
+    for pitch, degrees in _PITCHES.items():
+        _table(folder / f"pitch_{pitch}_shape.csv", _points(1e3 * _tool_route(degrees), "mm"))
+        for load in range(4):
+            name = f"pitch_{pitch}_load_{load + 1}"
+            _table(
+                folder / f"{name}.csv", _tool_run(source / f"Pitch_{pitch}_00{load}.TXT.gz", with_positions)
+            )
+            listing.append(_entry(name, f"pitch_{pitch}_shape.csv", held_out=pitch == 2))
+    noise = Sensor(noise=0.05, resolution=_TORQUE / _ARM, full_scale=50.0, nonlinearity=1e-3)
+    rig = Rig(
+        tendon=Tendon(compliance_per_N=1e-4, pretension_N=_PRELOAD),
+        friction=Friction(coefficient=0.1),
+        load=Load(stiffness_N_per_m=100.0),
+        sensors={
+            "tension_in_N": noise,
+            "tension_out_N": noise,
+            "elongation_m": Sensor(noise=1e-5, resolution=1e-5),
+        },
+        shape=ShapeSensor(noise_mm=0.01, angle_gain_sd=0.02),
+    )
+    write_rig(folder / "rig.toml", rig, ["Assumed, but for the noise of the torques."])
+    (folder / "campaign.toml").write_text("".join(listing), encoding="utf-8")
+
+
+def _tool_run(path: Path, with_positions: bool) -> dict[str, Vector]:
+    with gzip.open(path, "rt") as stream:
+        table = np.loadtxt(stream, delimiter=",", comments="%")
+    table = table[table[:, 0] < _SECONDS]
+    rows = len(table) // _MEAN_OF
+    time, back, pull, front, held = (
+        table[: rows * _MEAN_OF, k].reshape(rows, _MEAN_OF).mean(axis=1) for k in (0, 1, 2, 4, 5)
+    )
+    columns = {
+        "time_s": time,
+        "tension_in_N": _PRELOAD + _TORQUE * pull / _ARM,
+        "tension_out_N": _PRELOAD - _TORQUE * held / _ARM,
+    }
+    if with_positions:
+        turned = -_BACK * (back - back[0]) - _FRONT * (front - front[0])
+        columns["elongation_m"] = 0.5 * _ARM * turned
+    return columns
+
+
+def _tool_route(pitch: float) -> Points:
+    """Return a straight shaft, the pulleys of the wrist, and its pitch; the angles are assumed [m]."""
+    wrist = np.pi + np.radians(pitch)
+    course = chain(np.array([0.42, 0.03]), np.array([0.0, wrist / 0.03]))
+    return places(course, np.linspace(0.0, course.total_length, 200))
+
+
+def write_paper_campaign(folder: Path) -> None:
+    """Write the paper's figure 5: three runs on the half circle with 1.69 mm more than the model, above 4 N.
+
+    How the offset grows below 4 N is not printed; here it is a cubic that ends level at 4 N, which is none of
+    the library's laws.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    course = half_circle()
+    points = places(course, np.linspace(0.0, course.total_length, 150))
+    rng = np.random.default_rng(5)
+    _table(folder / "half_circle.csv", _points(1e3 * points, "mm"))
+    listing = []
+    for name, levels in _PAPER_RUNS.items():
+        _table(folder / f"{name}.csv", _paper_run(levels, rng))
+        listing.append(_entry(name, "half_circle.csv", held_out=name == "third"))
+    write_rig(folder / "rig.toml", _PAPER_RIG, ["The paper's rig; sensors assumed."])
+    (folder / "campaign.toml").write_text("".join(listing), encoding="utf-8")
+
+
+_PAPER_RUNS = {
+    "first": (15.0, 0.3, 15.0, 0.3),
+    "second": (8.0, 1.0, 12.0, 0.3),
+    "third": (12.0, 2.0, 15.0, 0.3),
+}
+_PAPER_RIG = Rig(
+    sensors={
+        "tension_in_N": Sensor(noise=0.02, resolution=0.01, full_scale=30.0, nonlinearity=1e-3),
+        "tension_out_N": Sensor(noise=0.02, resolution=0.01, full_scale=30.0, nonlinearity=1e-3),
+        "elongation_m": Sensor(noise=1e-5, resolution=1e-6, full_scale=0.05),
+    },
+    shape=ShapeSensor(noise_mm=0.05),
+)
+
+
+def _paper_run(levels: Sequence[float], rng: np.random.Generator) -> dict[str, Vector]:
+    """Return a run at 1 N/s, driven by tension."""
+    turns = np.array([0.05, *levels])
+    ends = np.cumsum([0.0, *np.abs(np.diff(turns))])
+    time = np.linspace(0.0, ends[-1], 300)
+    pull = np.interp(time, ends, turns)
+    seen = predict({"time_s": time, "tension_in_N": pull}, paper.HALF_CIRCLE, paper.RIG, bars=240)
+    taken_up = paper.OFFSET * (1.0 - np.clip(1.0 - pull / paper.LINEAR_FROM, 0.0, 1.0) ** 3)
+    columns = {
+        "tension_in_N": pull,
+        "tension_out_N": seen["tension_out_N"],
+        "elongation_m": seen["elongation_m"] + taken_up,
+    }
+    read = {name: _PAPER_RIG.sensors[name] for name in columns}
+    noisy = {
+        name: values + read[name].noise * rng.standard_normal(len(time)) for name, values in columns.items()
+    }
+    return {"time_s": time, **noisy}
+
+
+def _entry(name: str, shape: str, *, held_out: bool) -> str:
+    held = str(held_out).lower()
+    return f'[[run]]\nname = "{name}"\ndata = "{name}.csv"\nshape = "{shape}"\nheld_out = {held}\n\n'
+
+
+def _points(points: Points, unit: str) -> dict[str, Vector]:
+    return dict(zip((f"x_{unit}", f"y_{unit}", f"z_{unit}"), points.T, strict=True))
+
+
+def _table(path: Path, columns: Mapping[str, Vector]) -> None:
+    cells = np.column_stack(list(columns.values()))
+    np.savetxt(
+        path, cells, delimiter=",", header=",".join(columns), comments="", fmt="%.9g", encoding="utf-8"
+    )
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the workflow on both campaigns, print what it found, and return the exit code."""
+    options = _options(arguments)
+    print(machine())
+    with TemporaryDirectory(prefix="discovery-real-") as room:
+        folder = Path(room)
+        write_paper_campaign(folder / "paper_figure_5")
+        _show(folder / "paper_figure_5", options.out)
+        if options.quick:
+            return 0
+        if not TOOL.is_dir():
+            print(f"{TOOL}: not there; the instrument is left out")
+            return 0
+        for positions, name in ((False, "tool_torques"), (True, "tool_torques_and_positions")):
+            write_tool_campaign(folder / name, with_positions=positions)
+            _show(folder / name, options.out)
+    return 0
+
+
+def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.discovery_real", description=(__doc__ or "").split("\n")[0]
+    )
+    parser.add_argument("--quick", action="store_true", help="the paper's story only")
+    parser.add_argument("--out", type=Path, help="folder for report.json of each campaign")
+    return parser.parse_args(arguments)
+
+
+def _show(campaign: Path, out: Path | None) -> None:
+    finding = discover(read_campaign(campaign))
+    print(f"\n{campaign.name}: {finding.verdict}, {finding.seconds:.1f} s\n  {finding.sentence}")
+    for each in finding.effects:
+        for name, told in zip(each.names, each.parameters, strict=True):
+            values = ", ".join(f"{key} {v.value:.4g} [{v.low:.4g}, {v.high:.4g}]" for key, v in told.items())
+            print(f"  {name}: {values}")
+    for line in _lines(finding):
+        print(f"  {line}")
+    if out is not None:
+        write_report(out / campaign.name, finding, "benchmark")
+
+
+def _lines(finding: Finding) -> list[str]:
+    judged = "held_out" if finding.gap.before["held_out"] else "fitted"
+    lines = [
+        f"{channel}: rms {before:.3g} → {finding.gap.after[judged][channel]:.3g} ({judged})"
+        for channel, before in finding.gap.before[judged].items()
+    ]
+    lines += [
+        f"base {name}: {each.value:.4g} [{each.low:.4g}, {each.high:.4g}]"
+        for name, each in finding.base.items()
+    ]
+    lines += [f"tie {tie.gauge}: {', '.join(tie.names)}: {tie.why}" for tie in finding.ties]
+    return [*lines, *(f"next: {each.experiment}" for each in finding.breaks_tie), *finding.notes]
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

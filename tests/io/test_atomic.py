@@ -1,0 +1,46 @@
+"""Files and folders of files are whole or as they were."""
+
+from pathlib import Path
+
+import pytest
+
+from tssgeom.errors import SourceError
+from tssgeom.io.atomic import replacing_all
+
+
+def written(folder: Path) -> dict[str, str]:
+    return {path.name: path.read_text() for path in folder.iterdir()}
+
+
+def test_files_of_a_folder_arrive_together(tmp_path):
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "a").write_text("old")
+    (tmp_path / "out" / "other").write_text("kept")
+    with replacing_all(tmp_path / "out") as draft:
+        (draft / "a").write_text("new")
+        (draft / "b").write_text("new")
+        assert (tmp_path / "out" / "a").read_text() == "old"
+    assert written(tmp_path / "out") == {"a": "new", "b": "new", "other": "kept"}
+
+
+def write_half(folder: Path, stop: type[BaseException]) -> None:
+    with replacing_all(folder) as draft:
+        (draft / "a").write_text("half")
+        raise stop
+
+
+@pytest.mark.parametrize("stop", [KeyboardInterrupt, RuntimeError])
+def test_an_interruption_leaves_the_folder_as_it_was(tmp_path, stop):
+    (tmp_path / "old").mkdir()
+    (tmp_path / "old" / "a").write_text("old")
+    for folder in (tmp_path / "old", tmp_path / "fresh"):
+        with pytest.raises(stop):
+            write_half(folder, stop)
+    assert written(tmp_path / "old") == {"a": "old"}
+    assert not (tmp_path / "fresh").exists()
+
+
+def test_a_folder_that_cannot_be_made_is_told(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(SourceError, match="check the folder"), replacing_all(tmp_path / "file"):
+        pass
