@@ -61,9 +61,12 @@ def columns_of(path: Path, names: Sequence[str], given_unit: str | None) -> Colu
     Raises
     ------
     ShapeError
-        Where a coordinate is missing or there twice, where units are missing or mixed, or where two
-        columns tell the same measurement.
+        Where a coordinate is missing or there twice, where units are missing or mixed, where two columns
+        tell the same measurement, or where a name cannot be read.
     """
+    odd = [name for name in names if not name.isprintable()]
+    if odd:
+        raise ShapeError(f"{path}: column {odd[0]!r} has characters that cannot be seen: write plain names")
     twice = [name for name, count in Counter(names).items() if count > 1]
     if twice:
         raise ShapeError(f"{path}: column {twice[0]!r} is there twice: keep one")

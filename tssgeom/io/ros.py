@@ -130,7 +130,7 @@ def _opened(bag: Path) -> Iterator[AnyReader]:
 
 
 def _told(error: Exception) -> str:
-    return str(error).partition("\n")[0] or type(error).__name__
+    return " ".join(str(error).split()) or type(error).__name__
 
 
 def _bare(pose: Any) -> Any:

@@ -76,7 +76,7 @@ def read_parquet(path: Path, given_unit: str | None) -> Table:
         with papq.ParquetFile(path) as file:
             columns = columns_of(path, file.schema_arrow.names, given_unit)
             table = file.read(columns=list(columns.names))
-    except (OSError, pa.ArrowException) as error:
+    except (OSError, pa.ArrowException, UnicodeDecodeError) as error:
         raise SourceError(
             f"{path}: cannot be read as Parquet ({_first_line(error)}): write the file anew"
         ) from error
@@ -190,4 +190,4 @@ def _is_number(cell: str) -> bool:
 
 
 def _first_line(error: Exception) -> str:
-    return str(error).partition("\n")[0]
+    return " ".join(str(error).partition("\n")[0].split())
