@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tssgeom.errors import ShapeError
+from tssgeom.errors import ShapeError, SourceError
 from tssgeom.io.files import find_inputs, open_recording
 from tssgeom.stream import Frame, Rejected
 
@@ -73,6 +73,18 @@ def test_a_file_that_ends_early_rejects_the_frames_behind_it(folder):
     (folder / "X.txt").write_bytes(b"".join(lines[:2]) + b"\n\n\n\n")
     found = [isinstance(item, Frame) for item in open_recording(folder, "mm").frames]
     assert found == [True, True, False, False]
+
+
+def test_a_folder_that_lost_a_file_is_found_and_refused(folder):
+    (folder / "T.txt").unlink()
+    assert find_inputs([folder.parent]) == [folder]
+    with pytest.raises(SourceError, match=r"no T\.txt in it: a recording has X\.txt, Y\.txt, Z\.txt, T\.txt"):
+        open_recording(folder, "mm")
+
+
+def test_one_of_the_files_is_no_recording_by_itself(folder):
+    with pytest.raises(SourceError, match="a part of a recording: name the folder"):
+        open_recording(folder / "X.txt", "mm")
 
 
 def test_empty_files_are_refused(folder):

@@ -28,8 +28,8 @@ _MISSING = (b"", b"nan", b"NaN")
 
 
 def is_colonoscope(folder: Path) -> bool:
-    """Whether a folder holds the four files of a recording."""
-    return all((folder / name).is_file() for name in FILES)
+    """Whether a folder holds a recording; one of which Z.txt or T.txt is lost still counts, to be told."""
+    return all((folder / name).is_file() for name in FILES[:2])
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,8 +71,11 @@ def open_colonoscope(path: Path, unit: str | None) -> Recording:
     ShapeError
         Where no unit is given, since the files state none, or where there is no line.
     SourceError
-        Where a file cannot be read.
+        Where a file is missing or cannot be read.
     """
+    lost = [name for name in FILES if not (path / name).is_file()]
+    if lost:
+        raise SourceError(f"{path}: no {lost[0]} in it: a recording has {', '.join(FILES)}")
     agreed = given_unit(path, unit, "a folder of X.txt, Y.txt, Z.txt and T.txt")
     count = sum(1 for _ in _lines(path))
     if not count:

@@ -98,6 +98,8 @@ def _reader(file: Path) -> Reader:
                 return reader
         raise SourceError(f"{file}: a folder, not a file: name the files in it")
     reader = READERS.get(ending(file))
+    if reader is None and _is_recording(file.parent):
+        raise SourceError(f"{file}: a part of a recording: name the folder, {file.parent}")
     if reader is None:
         raise SourceError(
             f"{file}: no reader takes {file.suffix or 'a file without ending'!r}: use {_endings()}"
