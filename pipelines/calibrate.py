@@ -8,7 +8,7 @@ from typing import Any
 
 from pipelines.console import complain, say, show
 from pipelines.version import tssgeom_version
-from pipelines.work import Options, analysis_of
+from pipelines.work import Options, analysis_of, geometry_alone
 from tssgeom.errors import SettingsError
 from tssgeom.io.rigs import write_rig
 from tssgeom.io.run_record import sha256_of
@@ -49,7 +49,7 @@ def run(
     if out.is_dir():
         raise SettingsError(f"--out {out} is a folder: name the rig file, such as {out / 'rig.toml'}")
     measured = read_run(run_file)
-    analysis = analysis_of(shape.stem, shape, chosen)
+    analysis = analysis_of(shape.stem, shape, geometry_alone(chosen))
     route = analysis.results[-1].arcs
     found = calibrate(_columns(measured), route, chosen.rig, from_tension=from_tension)
     fresh = {name for name in ("friction", "compliance") if found.estimates[name].observable}

@@ -24,7 +24,7 @@ from tssgeom.shape.spline import fit
 from tssgeom.stream import Frame, Rejected
 
 _MOST_FAULTS = 5
-_MEASURED = ("tension_in", "tension_out", "displacement_in", "elongation")
+_MEASURED = ("tension_in", "tension_out", "displacement_in", "elongation", "temperature")
 
 
 def run(files: Sequence[Path], unit: str | None, *, as_json: bool) -> int:

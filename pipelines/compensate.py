@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from pipelines.console import say, show, tracking
-from pipelines.runs import sensed_route
+from pipelines.runs import sensed_route, temperature_of
+from pipelines.summary_table import acting
 from pipelines.work import Options
 from tssgeom.io.run_tables import write_commands
 from tssgeom.io.runs import CHANNELS, read_run
@@ -33,7 +34,8 @@ def run(shapes: Path, target: Path, chosen: Options, *, out: Path, as_json: bool
     found = list[Command]()
     with tracking(1, quiet=quiet or as_json) as tracker:
         tracker.begin(f"{sensed.name} follows {wanted.name}")
-        for command in commands(wanted.time, sensed.route, chosen.rig, **{CHANNELS[name][0]: values}):
+        warm, targets = temperature_of(wanted, chosen), {CHANNELS[name][0]: values}
+        for command in commands(wanted.time, sensed.route, chosen.rig, temperature=warm, **targets):
             found.append(command)
             tracker.frame(len(values))
         tracker.end(str(target))
@@ -55,7 +57,7 @@ def run(shapes: Path, target: Path, chosen: Options, *, out: Path, as_json: bool
         }
         say(json.dumps(summary, indent=1, ensure_ascii=False))
     elif not quiet:
-        title = f"{sensed.name} follows {name} of {wanted.name}: {len(found)} commands"
+        title = f"{sensed.name} follows {name} of {wanted.name}: {len(found)} commands" + acting(chosen)
         drive = f"{1e3 * places.min():.3f}–{1e3 * places.max():.3f}"
         pull = f"{tensions.min():.2f}–{tensions.max():.2f}"
         show(title, ("target", "drive [mm]", "T_in [N]"), [(name, drive, pull)])

@@ -14,6 +14,7 @@ from pipelines.work import Options, analysis_of
 from tssgeom.errors import SettingsError
 from tssgeom.io.atomic import write_text
 from tssgeom.shape.arcs import Arcs
+from tssgeom.tendon.effects import named
 from tssgeom.tendon.remedy import (
     Advice,
     Curve,
@@ -55,6 +56,11 @@ def run(shape: Path, chosen: Options, design: Design, *, out: Path | None, as_js
         Where an option or the shape cannot be used, or the disk refuses.
     """
     _check(design)
+    if chosen.rig.effects:
+        raise SettingsError(
+            f"{chosen.rig_file}: Theorem 3 knows no effects, but the rig has {named(chosen.rig.effects)}: "
+            "leave [[effects]] out of the rig for this command"
+        )
     result = analysis_of(shape.stem, shape, chosen).results[-1]
     for warning in result.warnings:
         complain(f"{shape}: warning: {warning}")

@@ -9,15 +9,18 @@ from pathlib import Path
 import numpy as np
 
 from pipelines.console import complain
-from pipelines.work import Options
+from pipelines.work import Options, geometry_alone
+from tssgeom.arrays import Vector
 from tssgeom.errors import ShapeError
 from tssgeom.io.files import open_recording
 from tssgeom.io.runs import MeasuredRun
 from tssgeom.stream import Frame, FrameResult, Rejected, process
+from tssgeom.tendon.effects import named
 from tssgeom.tendon.moving import MovingRoute
 from tssgeom.tendon.simulation import Moment
 from tssgeom.view.drawn import evenly
 
+TEMPERATURE = "temperature_C"
 MOST_DRAWN = 400
 """A picture shows no more moments of a run than this."""
 
@@ -52,7 +55,7 @@ def sensed_route(path: Path, chosen: Options) -> SensedRoute:
         Where the file cannot be used, or none of its frames.
     """
     recording = open_recording(path, chosen.unit)
-    rig = chosen.rig
+    rig = geometry_alone(chosen).rig
     items = list(process(_shapes_only(recording.frames), rig, tension_in=rig.tendon.pretension_N))
     rejected = [item for item in items if isinstance(item, Rejected)]
     results = [item for item in items if isinstance(item, FrameResult)]
@@ -70,6 +73,20 @@ def _shapes_only(frames: Iterable[Frame | Rejected]) -> Iterator[Frame | Rejecte
     """Yield the frames without their drives: the run brings its own."""
     for frame in frames:
         yield frame if isinstance(frame, Rejected) else Frame(frame.points, frame.time, frame.stations)
+
+
+def temperature_of(run: MeasuredRun, chosen: Options) -> Vector | None:
+    """Return the temperature of a run where effects ask for it, and say where it is missing [°C].
+
+    Raises
+    ------
+    SettingsError
+        Where the column lacks a sample.
+    """
+    asking = [effect for effect in chosen.rig.effects if TEMPERATURE in effect.needs]
+    if asking and run.temperature is None:
+        complain(f"{run.path}: warning: no {TEMPERATURE}: {named(asking)} does nothing")
+    return run.channel((TEMPERATURE,))[1] if asking and run.temperature is not None else None
 
 
 def draw(path: Path, sensed: SensedRoute, run: MeasuredRun, moments: Sequence[Moment]) -> None:

@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any, get_args
 
 from pipelines.console import say, show, tracking
-from pipelines.runs import SensedRoute, draw, sensed_route
+from pipelines.runs import SensedRoute, draw, sensed_route, temperature_of
+from pipelines.summary_table import acting
 from pipelines.work import Options
 from tssgeom.io.run_tables import write_simulation
 from tssgeom.io.runs import MeasuredRun, read_run
@@ -41,6 +42,7 @@ def run(shapes: Path, drive: Path, chosen: Options, *, out: Path, as_json: bool,
             chosen.rig,
             tension_in=values if by_force else None,
             displacement_in=None if by_force else values,
+            temperature=temperature_of(measured, chosen),
         )
         for moment in driven:
             moments.append(moment)
@@ -48,7 +50,7 @@ def run(shapes: Path, drive: Path, chosen: Options, *, out: Path, as_json: bool,
         tracker.end(str(drive))
     write_simulation(out / TABLE, moments)
     draw(out / PICTURE, sensed, measured, moments)
-    _tell(sensed, measured, name, moments, out, as_json=as_json, quiet=quiet)
+    _tell(sensed, measured, name, moments, chosen, out, as_json=as_json, quiet=quiet)
     return 1 if sensed.rejected else 0
 
 
@@ -57,6 +59,7 @@ def _tell(
     measured: MeasuredRun,
     drive: str,
     moments: Sequence[Moment],
+    chosen: Options,
     out: Path,
     *,
     as_json: bool,
@@ -65,7 +68,7 @@ def _tell(
     if as_json:
         say(json.dumps(summary(sensed, measured, drive, moments, out), indent=1, ensure_ascii=False))
     elif not quiet:
-        title = f"{sensed.name} driven by {drive} of {measured.name}: {len(moments)} rows"
+        title = f"{sensed.name} driven by {drive} of {measured.name}: {len(moments)} rows" + acting(chosen)
         show(title, _COLUMNS, _rows(moments))
         say(f"table: {out / TABLE}   picture: tssgeom view {out / PICTURE}")
 

@@ -8,6 +8,7 @@ from typing import Any
 
 from pipelines.console import show
 from pipelines.work import Options
+from tssgeom.tendon.effects import named
 
 RADIANS, WARNINGS = "Φ ± s.e.\n[rad]", "warnings"
 COLUMNS = (
@@ -33,12 +34,17 @@ def show_summary(rows: Sequence[dict[str, Any]], chosen: Options) -> None:
     show(_title(chosen), COLUMNS, [_cells(row) for row in rows], notes=notes, optional=(RADIANS, WARNINGS))
 
 
+def acting(chosen: Options) -> str:
+    """Say which effects act, as the end of a title."""
+    return f"; with {named(chosen.rig.effects)}" if chosen.rig.effects else ""
+
+
 def _title(chosen: Options) -> str:
     rig = "the paper's rig" if chosen.rig_file is None else str(chosen.rig_file)
     friction, compliance = chosen.rig.friction.coefficient, chosen.rig.tendon.compliance_per_N
     return (
         f"T_in = {chosen.tension_in:g} N where the file tells none; "
-        f"{rig}: μ = {friction:g}, ρ = {compliance:g} /N"
+        f"{rig}: μ = {friction:g}, ρ = {compliance:g} /N" + acting(chosen)
     )
 
 

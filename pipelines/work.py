@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
 import trimesh
+from msgspec.structs import replace as changed
 
 from pipelines.console import complain, tracking
 from tssgeom.errors import SettingsError, ShapeError, TssgeomError
@@ -56,11 +57,12 @@ def options(rig: Path | None, tension_in: float, unit: str | None, lumen: Path |
     if not math.isfinite(tension_in) or tension_in < 0:
         raise SettingsError(f"--tension-in is {tension_in:g} N: give a finite tension >= 0 N")
     held = Rig() if rig is None else read_rig(rig)
-    if held.effects:
-        raise SettingsError(
-            f"{rig}: [[effects]] act in `tssgeom.tendon.run_model` only so far: leave them out here"
-        )
     return Options(held, rig, tension_in, unit, lumen)
+
+
+def geometry_alone(chosen: Options) -> Options:
+    """Return the options for finding a route on which the tendon does not matter: no effects act."""
+    return replace(chosen, rig=changed(chosen.rig, effects=()))
 
 
 def inputs_of(paths: Iterable[Path], besides: Collection[Path] = ()) -> Iterator[Path | Refusal]:

@@ -15,6 +15,7 @@ from tssgeom.shape.following import Followed, follow, reconsidered
 from tssgeom.shape.points import Shape, clean
 from tssgeom.shape.route import Route
 from tssgeom.tendon.compensation import Command, compensate
+from tssgeom.tendon.effects import named
 from tssgeom.tendon.state import TendonState, pretensioned, step, transmit, true_tension
 from tssgeom.tendon.transmission import Transmission
 
@@ -152,10 +153,18 @@ def advance(
         followed=followed,
         state=moved,
         transmission=transmit(moved, rig),
-        warnings=shape.warnings + geometry.route.warnings,
+        warnings=shape.warnings + geometry.route.warnings + _unfelt(rig, frame),
         displacement_command=None if command is None else command.displacement_in,
         tension_command=None if command is None else command.tension_in,
     )
+
+
+def _unfelt(rig: Rig, frame: Frame) -> tuple[str, ...]:
+    """Say which effects do nothing in a frame because it tells no temperature."""
+    if frame.temperature is not None or not rig.effects:
+        return ()
+    asking = named(effect for effect in rig.effects if "temperature_C" in effect.needs)
+    return (f"no temperature_C: {asking} does nothing",) if asking else ()
 
 
 def _followed(frame: Frame, rig: Rig, last: Followed | None) -> tuple[Shape, Followed]:

@@ -21,11 +21,12 @@ MEASURED = {
     "displacement_in_m": ("displacement_in", 1.0),
     "elongation_m": ("elongation", 1.0),
     "elongation_mm": ("elongation", 1000.0),
+    "temperature_C": ("temperature", 1.0),
 }
 """Measured columns: the field of `Frame` that each one fills, and how many of its unit make one in SI."""
 
-_OF_RUNS = {"displacement_out_m", "temperature_C"}
-_LOOK_MEASURED = ("tension", "displacement", "elongation", "time")
+_OF_RUNS = {"displacement_out_m"}
+_LOOK_MEASURED = ("tension", "displacement", "elongation", "temperature", "time")
 _EXPECTED = "the first line must be a header such as x_mm,y_mm,z_mm"
 
 

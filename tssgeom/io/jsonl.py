@@ -42,6 +42,7 @@ class Line(msgspec.Struct, frozen=True):
     tension_out_target_N: float | None = None
     directions: list[Coordinates | None] | None = None
     length_m: float | None = None
+    temperature_C: float | None = None
 
 
 class _Heading(msgspec.Struct, frozen=True):
@@ -118,6 +119,7 @@ def _frame(line: Line, unit: str | None, time: float | None) -> Frame:
         line.tension_out_target_N,
         directions=_directions(line),
         length=line.length_m,
+        temperature=line.temperature_C,
     )
 
 

@@ -36,7 +36,7 @@ SIMULATE = pa.schema(
         _field("dead_zone_N", "change of the proximal tension until the distal end answers, 0 where it does"),
     ]
 )
-"""A row for each row of the run."""
+"""A row for each row of the run; where effects spoil sensors, `read_` columns tell what they read."""
 
 COMPENSATE = pa.schema(
     [
@@ -56,7 +56,9 @@ def write_simulation(path: Path, moments: Sequence[Moment]) -> None:
     SourceError
         Where the disk refuses.
     """
-    _write(path, SIMULATE, [simulation_row(moment) for moment in moments])
+    read = moments[0].readings if moments else {}
+    fields = [_field(f"read_{name}", f"{name} as its sensor reads it") for name in read]
+    _write(path, pa.schema([*SIMULATE, *fields]), [simulation_row(moment) for moment in moments])
 
 
 def simulation_row(moment: Moment) -> dict[str, Any]:
@@ -72,6 +74,7 @@ def simulation_row(moment: Moment) -> dict[str, Any]:
         "phase": moment.phase,
         "direction_index": seen.direction_index,
         "dead_zone_N": seen.dead_zone_width,
+        **{f"read_{name}": value for name, value in moment.readings.items()},
     }
 
 

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from tssgeom.settings import Rig
+from tssgeom.tendon.effects import named
 from tssgeom.view.page import filled, program_version, write_page
 from tssgeom.view.report_entry import ReportEntry
 from tssgeom.view.report_section import COLUMNS, row, section
@@ -67,6 +68,7 @@ def _statement(entries: Sequence[ReportEntry], rig: Rig, tension_in: float) -> s
             f"compliance ρ = {rig.tendon.compliance_per_N:.3g} per N, "
             f"pretension T_0 = {rig.tendon.pretension_N:g} N"
         ),
+        "Effects": named(rig.effects) or "none beside the base model",
         "Sensor noise": "estimated from the points"
         if rig.shape.noise_mm is None
         else f"{rig.shape.noise_mm:g} mm, as the rig says",

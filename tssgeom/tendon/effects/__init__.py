@@ -74,6 +74,11 @@ KINDS: dict[str, type[Library]] = {snake(kind.__name__): kind for kind in get_ar
 _MAY_REPEAT = (HiddenBend, ChannelLag, SlackTakeUp)
 
 
+def named(effects: Iterable[Library]) -> str:
+    """Return the names of effects as they stand in a rig file, for a sentence."""
+    return ", ".join(snake(type(effect).__name__) for effect in effects)
+
+
 def with_size(kind: type[Library], size: float = 1.0) -> Library:
     """Return the effect at `size` times what is typical; 0 switches it off, scales stay typical."""
     told = kind.parameters.items()
@@ -132,6 +137,7 @@ __all__ = [
     "ToeRegion",
     "VelocityDependentFriction",
     "ViscousDrag",
+    "named",
     "snake",
     "together",
     "with_size",
