@@ -72,7 +72,11 @@ def sensed_route(path: Path, chosen: Options) -> SensedRoute:
 def _shapes_only(frames: Iterable[Frame | Rejected]) -> Iterator[Frame | Rejected]:
     """Yield the frames without their drives: the run brings its own."""
     for frame in frames:
-        yield frame if isinstance(frame, Rejected) else Frame(frame.points, frame.time, frame.stations)
+        yield (
+            frame
+            if isinstance(frame, Rejected)
+            else Frame(frame.points, frame.time, frame.stations, noise=frame.noise)
+        )
 
 
 def temperature_of(run: MeasuredRun, chosen: Options) -> Vector | None:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 from tssgeom.arrays import Matrix, Points, Vector
-from tssgeom.errors import TssgeomError
+from tssgeom.errors import ShapeError, TssgeomError
 from tssgeom.settings import Rig
 from tssgeom.shape.arcs import Arcs
 from tssgeom.shape.curvature import CurvatureProfile
@@ -52,6 +53,8 @@ class Frame:
     """Known length of the route from the first to the last point [m]."""
     temperature: float | None = None
     """Measured temperature [°C]."""
+    noise: float | None = None
+    """Standard deviation of each coordinate across the route, where the sensor tells it [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,7 +178,14 @@ def _followed(frame: Frame, rig: Rig, last: Followed | None) -> tuple[Shape, Fol
         return sensed_shape(fibre, geometry), Followed(geometry, fibre.index)
     shape = sensed_points(frame, rig)
     of_points = last is not None and (last.geometry.chain is not None or last.geometry.spline is not None)
-    return shape, follow(shape, rig.shape.noise, last if of_points else None)
+    return shape, follow(shape, _noise(frame, rig), last if of_points else None)
+
+
+def _noise(frame: Frame, rig: Rig) -> float | None:
+    """Return the noise of a coordinate [m]: that of the rig, else that of the frame, else None."""
+    if frame.noise is not None and not (math.isfinite(frame.noise) and frame.noise > 0.0):
+        raise ShapeError(f"the noise is {frame.noise:g} m: give a finite value > 0 m, or leave it out")
+    return frame.noise if rig.shape.noise is None else rig.shape.noise
 
 
 def _moved(

@@ -22,6 +22,7 @@ MEASURED = {
     "elongation_m": ("elongation", 1.0),
     "elongation_mm": ("elongation", 1000.0),
     "temperature_C": ("temperature", 1.0),
+    "noise_m": ("noise", 1.0),
 }
 """Measured columns: the field of `Frame` that each one fills, and how many of its unit make one in SI."""
 

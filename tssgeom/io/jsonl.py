@@ -43,6 +43,7 @@ class Line(msgspec.Struct, frozen=True):
     directions: list[Coordinates | None] | None = None
     length_m: float | None = None
     temperature_C: float | None = None
+    noise_m: float | None = None
 
 
 class _Heading(msgspec.Struct, frozen=True):
@@ -120,6 +121,7 @@ def _frame(line: Line, unit: str | None, time: float | None) -> Frame:
         directions=_directions(line),
         length=line.length_m,
         temperature=line.temperature_C,
+        noise=line.noise_m,
     )
 
 
