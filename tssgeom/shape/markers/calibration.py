@@ -1,0 +1,150 @@
+"""Cameras calibrated from a board that they see together; docs/model.md (140)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+
+from tssgeom.arrays import Points, Vector
+from tssgeom.errors import FitError, ShapeError
+from tssgeom.shape.markers.boards import Board, BoardSeen
+from tssgeom.shape.markers.bundle import LENS, Fitted, Sighted, fit_all
+from tssgeom.shape.markers.poses import STILL, Pose, after, backwards, pose_of
+from tssgeom.shape.markers.quality import Calibration, told
+
+_FEWEST = 4  # views of a camera
+_MOST = 60  # frames that are fitted
+_WILD = 4.0  # times the usual error of a view, beyond which the view is left out
+
+
+def calibrated(
+    board: Board,
+    names: Sequence[str],
+    sizes: Sequence[tuple[int, int]],
+    seen: Sequence[Sequence[BoardSeen | None]],
+    board_frame: int | None = None,
+) -> Calibration:
+    """Calibrate cameras.
+
+    Parameters
+    ----------
+    board
+        The board.
+    names, sizes
+        Name, and width and height [px], of each camera.
+    seen
+        For each frame what each camera saw of the board.
+    board_frame
+        Number of a frame whose board is to be the plane z = 0 of the common frame; the frame of the first
+        camera by default.
+
+    Raises
+    ------
+    ShapeError
+        Where a camera sees too few boards, or none together with the others.
+    FitError
+        Where the boards do not tell the cameras.
+    """
+    chosen = _chosen(seen, board_frame)
+    sighted = [
+        Sighted(v, frame, one) for frame in chosen for v, one in enumerate(seen[frame]) if one is not None
+    ]
+    views = [sum(one.camera == v for one in sighted) for v in range(len(names))]
+    for name, count in zip(names, views, strict=True):
+        if count < _FEWEST:
+            raise ShapeError(
+                f"camera {name!r} sees the board in {count} images: film it in at least {_FEWEST} poses, "
+                "and check --board and the size of its squares"
+            )
+    corners = board.corners
+    starts = [
+        _alone(corners, [one for one in sighted if one.camera == v], sizes[v]) for v in range(len(names))
+    ]
+    lens, free = np.array([one[0] for one in starts]), np.array([one[1] for one in starts])
+    in_camera = {key: pose for _, _, poses in starts for key, pose in poses.items()}
+    pose, boards = _placed(names, in_camera)
+    fitted = fit_all(corners, sighted, lens, pose, boards, free)
+    kept = _tame(sighted, fitted)
+    if len(kept) < len(sighted):
+        boards = {one.frame: fitted.boards[one.frame] for one in kept}
+        fitted = fit_all(corners, kept, fitted.lens, fitted.pose, boards, free)
+    if board_frame is not None and board_frame not in fitted.boards:
+        raise ShapeError(f"no board is seen in frame {board_frame}: name another --board-frame")
+    return told(corners, names, sizes, kept, fitted, board_frame)
+
+
+def _chosen(seen: Sequence[Sequence[BoardSeen | None]], board_frame: int | None) -> list[int]:
+    """Choose frames with boards, evenly where there are many."""
+    frames = [k for k, row in enumerate(seen) if any(one is not None for one in row)]
+    shared = [k for k in frames if sum(one is not None for one in seen[k]) > 1] or frames
+    pool = shared if len(shared) >= _MOST else frames
+    picked = {pool[int(k)] for k in np.linspace(0, len(pool) - 1, min(len(pool), _MOST)).round()}
+    return sorted(picked | {frame for frame in frames if frame == board_frame})
+
+
+def _alone(
+    corners: Points, sighted: Sequence[Sighted], size: tuple[int, int]
+) -> tuple[Vector, np.ndarray, dict[tuple[int, int], Pose]]:
+    """Calibrate one camera: lens [9], which parameters count [9], and the pose of each board before it.
+
+    Whether the lens needs a third radial coefficient is what its errors say (Schwarz's criterion).
+    """
+    places = [corners[one.seen.corners].astype(np.float32) for one in sighted]
+    pixels = [one.seen.pixels.astype(np.float32) for one in sighted]
+    values = 2 * sum(map(len, pixels))
+    best, least = None, np.inf
+    for fixed in (cv2.CALIB_FIX_K3, 0):
+        rms, matrix, distortion, turns, shifts = cv2.calibrateCamera(
+            places, pixels, size, None, None, flags=fixed
+        )
+        score = values * np.log(max(rms, 1e-9) ** 2) + (0 if fixed else np.log(values))
+        if np.isfinite(rms) and score < least:
+            best, least = (matrix, distortion, turns, shifts, fixed), score
+    if best is None:
+        raise FitError("the boards give no finite camera: check --board and the size of its squares")
+    matrix, distortion, turns, shifts, fixed = best
+    lens = np.array([matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2], *np.ravel(distortion)[:5]])
+    free = np.ones(LENS, np.bool_)
+    free[-1] = not fixed
+    poses = [pose_of(turn, shift) for turn, shift in zip(turns, shifts, strict=True)]
+    return lens, free, {(one.camera, one.frame): pose for one, pose in zip(sighted, poses, strict=True)}
+
+
+def _placed(
+    names: Sequence[str], in_camera: dict[tuple[int, int], Pose]
+) -> tuple[list[Pose], dict[int, Pose]]:
+    """Place cameras and boards in the frame of the first camera, one after the other by shared boards."""
+    pose, boards = {0: STILL}, dict[int, Pose]()
+    while True:
+        for (v, frame), seen in in_camera.items():
+            if v in pose and frame not in boards:
+                boards[frame] = after(seen, backwards(pose[v]))
+        left = [v for v in range(len(names)) if v not in pose]
+        if not left:
+            return [pose[v] for v in range(len(names))], boards
+        shared = {v: [f for (u, f) in in_camera if u == v and f in boards] for v in left}
+        following = max(left, key=lambda v: len(shared[v]))
+        if not shared[following]:
+            raise ShapeError(
+                f"camera {names[following]!r} sees no board together with others: film it with all in step"
+            )
+        ways = [after(backwards(boards[f]), in_camera[following, f]) for f in shared[following]]
+        pose[following] = _middle(ways)
+
+
+def _middle(ways: Sequence[Pose]) -> Pose:
+    """Return the pose that is nearest to all others."""
+    turns, shifts = np.array([one.rotation.ravel() for one in ways]), np.array([one.shift for one in ways])
+    apart = np.abs(turns[:, None] - turns[None]).sum(axis=(1, 2)) / len(ways)
+    size = np.linalg.norm(shifts, axis=1).mean() + 1e-9
+    apart += np.abs(shifts[:, None] - shifts[None]).sum(axis=(1, 2)) / size / len(ways)
+    return ways[int(np.argmin(apart))]
+
+
+def _tame(sighted: Sequence[Sighted], fitted: Fitted) -> list[Sighted]:
+    """Leave out views that are far worse than the others."""
+    rms = np.array([np.sqrt(np.mean(part**2)) for part in fitted.residual])
+    good = rms <= _WILD * np.median(rms)
+    return [one for one, kept in zip(sighted, good, strict=True) if kept]

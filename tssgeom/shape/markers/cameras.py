@@ -1,0 +1,143 @@
+"""Calibrated cameras: where a point is seen, and along which ray a pixel looks; docs/model.md (130)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from tssgeom.arrays import Matrix, Points, Vector
+from tssgeom.errors import SettingsError
+
+DISTORTIONS = ("k1", "k2", "p1", "p2", "k3")
+"""Coefficients of the lens, radial and tangential, in the order of OpenCV."""
+
+_UNDISTORT = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 100, 1e-12)
+_BEHIND = 1e-6  # depth below which a point is not in front of a camera [m]
+
+
+@dataclass(frozen=True, slots=True)
+class Camera:
+    """One camera with its place in the common frame."""
+
+    name: str
+    width: int
+    """[px]."""
+    height: int
+    """[px]."""
+    matrix: Matrix
+    """Focal lengths and principal point, [3, 3] [px]."""
+    distortion: Vector
+    """Coefficients of `DISTORTIONS` [5] [1]."""
+    turn: Vector
+    """Rotation vector from the common frame into the camera's [3] [rad]."""
+    shift: Vector
+    """Place of the common origin in the camera's frame [3] [m]."""
+
+    @property
+    def rotation(self) -> Matrix:
+        """Rotation from the common frame into the camera's [3, 3]."""
+        return np.asarray(cv2.Rodrigues(self.turn)[0], dtype=np.float64)
+
+    @property
+    def place(self) -> Vector:
+        """Centre of the camera in the common frame [3] [m]."""
+        return -self.rotation.T @ self.shift
+
+
+@dataclass(frozen=True, slots=True)
+class Eyes:
+    """The poses of several cameras as arrays, for triangulation."""
+
+    rotation: np.ndarray
+    """[v, 3, 3]."""
+    shift: Matrix
+    """[v, 3] [m]."""
+
+
+def eyes(cameras: tuple[Camera, ...]) -> Eyes:
+    """Stack the poses of cameras."""
+    return Eyes(np.array([one.rotation for one in cameras]), np.array([one.shift for one in cameras]))
+
+
+def project(camera: Camera, points: Points) -> Matrix:
+    """Return where points are seen, NaN for a point behind the camera; docs/model.md (130).
+
+    Parameters
+    ----------
+    camera
+        The camera.
+    points
+        Places in the common frame [n, 3] [m].
+
+    Returns
+    -------
+    Matrix
+        Pixels [n, 2], the centre of the first pixel at 0, 0 [px].
+    """
+    if not len(points):
+        return np.zeros((0, 2))
+    ahead = points @ camera.rotation[2] + camera.shift[2] > _BEHIND
+    safe = np.where(ahead[:, None], points, camera.place + camera.rotation[2])
+    pixels, _ = cv2.projectPoints(
+        np.ascontiguousarray(safe[:, None]), camera.turn, camera.shift, camera.matrix, camera.distortion
+    )
+    return np.where(ahead[:, None], pixels[:, 0], np.nan)
+
+
+def sight(camera: Camera, pixels: Matrix) -> tuple[Matrix, np.ndarray]:
+    """Return the directions in which pixels look, without the distortion of the lens.
+
+    Parameters
+    ----------
+    camera
+        The camera.
+    pixels
+        [n, 2] [px].
+
+    Returns
+    -------
+    Matrix
+        x/z and y/z in the camera's frame [n, 2].
+    ndarray
+        Their derivatives by the pixel [n, 2, 2] [1/px].
+    """
+    if not len(pixels):
+        return np.zeros((0, 2)), np.zeros((0, 2, 2))
+    given = np.ascontiguousarray(pixels[:, None], dtype=np.float64)
+    slope = np.asarray(
+        cv2.undistortPoints(given, camera.matrix, camera.distortion, criteria=_UNDISTORT), dtype=np.float64
+    ).reshape(-1, 2)
+    return slope, np.linalg.inv(pixels_by_slope(camera, slope))
+
+
+def pixels_by_slope(camera: Camera, slope: Matrix) -> np.ndarray:
+    """Return the derivative of the pixel by x/z and y/z, [n, 2, 2] [px]; docs/model.md (130)."""
+    k1, k2, p1, p2, k3 = camera.distortion
+    x, y = slope.T
+    square = x * x + y * y
+    radial = 1.0 + square * (k1 + square * (k2 + square * k3))
+    rate = 2.0 * (k1 + square * (2.0 * k2 + 3.0 * k3 * square))
+    cross = rate * x * y + 2.0 * (p1 * x + p2 * y)
+    out = np.empty((len(slope), 2, 2))
+    out[:, 0, 0] = radial + rate * x * x + 2.0 * p1 * y + 6.0 * p2 * x
+    out[:, 0, 1] = out[:, 1, 0] = cross
+    out[:, 1, 1] = radial + rate * y * y + 6.0 * p1 * y + 2.0 * p2 * x
+    return camera.matrix[:2, :2] @ out
+
+
+def refuse_other_size(camera: Camera, image: np.ndarray, source: str) -> None:
+    """Refuse an image of another size than the camera was calibrated at.
+
+    Raises
+    ------
+    SettingsError
+        Where the sizes differ.
+    """
+    height, width = image.shape[:2]
+    if (width, height) != (camera.width, camera.height):
+        raise SettingsError(
+            f"{source}: the images are {width} x {height} px, camera {camera.name!r} was calibrated at "
+            f"{camera.width} x {camera.height} px: calibrate at the size that is used"
+        )

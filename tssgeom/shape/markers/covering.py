@@ -1,0 +1,57 @@
+"""Blobs that something covers in part: their area falls, their centre is off; docs/model.md (139)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numba import njit
+
+from tssgeom.shape.markers.cameras import Camera
+from tssgeom.shape.markers.looks import Located, Look
+
+_WHOLE = 0.75  # of the usual area, below which a blob is covered in part
+_HALF = 15  # frames before and after, over which the usual area is taken
+_FEWEST = 5
+
+
+def uncovered(
+    cameras: tuple[Camera, ...], looks: Sequence[Look], frames: Sequence[Located]
+) -> list[np.ndarray]:
+    """Return the sightings of every marker without those that are covered in part.
+
+    Parameters
+    ----------
+    cameras
+        The cameras.
+    looks, frames
+        What they saw, and where the markers were placed by it.
+
+    Returns
+    -------
+    list of ndarray
+        For each frame the sighting of each camera, -1 for none [n, v].
+    """
+    which = np.array([one.which for one in frames])
+    size = np.full(which.shape, np.nan)
+    for f, (seen, one) in enumerate(zip(looks, frames, strict=True)):
+        for v, camera in enumerate(cameras):
+            here = which[f, :, v] >= 0
+            depth = one.points[here] @ camera.rotation[2] + camera.shift[2]
+            size[f, here, v] = seen.seen[v].size[which[f, here, v]] * depth**2
+    return list(np.where(size < _WHOLE * _usual(size), -1, which))
+
+
+@njit(cache=True, nogil=True)
+def _usual(size: np.ndarray) -> np.ndarray:
+    """Median over the frames around, 0 where too few of them tell it [f, n, v]."""
+    out = np.zeros_like(size)
+    for f in range(size.shape[0]):
+        around = size[max(f - _HALF, 0) : f + _HALF + 1]
+        for n in range(size.shape[1]):
+            for v in range(size.shape[2]):
+                one = around[:, n, v]
+                seen = one[np.isfinite(one)]
+                if len(seen) >= _FEWEST:
+                    out[f, n, v] = np.median(seen)
+    return out
