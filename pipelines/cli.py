@@ -13,6 +13,7 @@ from typing import Annotated, Literal
 
 import typer
 
+from pipelines.track_options import track
 from pipelines.version import tssgeom_version
 
 TENSION_IN = 15.0
@@ -27,6 +28,8 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+
+app.command()(track)
 
 Inputs = Annotated[list[Path], typer.Argument(help="Files or folders of shapes and recordings.")]
 RigFile = Annotated[Path | None, typer.Option("--rig", help="Rig file (TOML); the paper's rig by default.")]

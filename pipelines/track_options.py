@@ -1,0 +1,94 @@
+"""Options of `tssgeom track`; what it needs is imported when it runs, so that `--help` is quick."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+Json = Annotated[bool, typer.Option("--json", help="Print JSON on stdout instead of a table.")]
+Quiet = Annotated[bool, typer.Option("--quiet", help="Print nothing on stdout and no progress.")]
+
+
+def track(
+    videos: Annotated[
+        list[str],
+        typer.Argument(
+            help="A video, a folder of images or the number of a camera for each camera, in step."
+        ),
+    ],
+    out: Annotated[
+        Path, typer.Option("--out", help="Recording (.jsonl, .npz), or with --calibrate .toml or .json.")
+    ],
+    calibration: Annotated[
+        Path | None, typer.Option("--calibration", help="Calibration file of the cameras.")
+    ] = None,
+    tags: Annotated[
+        str | None, typer.Option("--tags", help="Family of the tags, such as 4x4_50 or apriltag_36h11.")
+    ] = None,
+    blobs: Annotated[
+        str | None, typer.Option("--blobs", help="Look of plain markers: bright, dark, or a colour #RRGGBB.")
+    ] = None,
+    ids: Annotated[
+        str | None, typer.Option("--ids", help="Tags from proximal to distal, 4,7,2; rising by default.")
+    ] = None,
+    count: Annotated[int | None, typer.Option("--count", min=4, help="How many blobs there are.")] = None,
+    proximal: Annotated[
+        str | None, typer.Option("--proximal", help="X,Y: pixel of the first camera near the proximal end.")
+    ] = None,
+    area_px: Annotated[
+        tuple[float, float], typer.Option("--area-px", help="Smallest and largest area of a blob in px².")
+    ] = (6.0, 5000.0),
+    fps: Annotated[
+        float | None, typer.Option("--fps", help="Frames each second, where the source tells none.")
+    ] = None,
+    frames: Annotated[int | None, typer.Option("--frames", min=1, help="Stop after so many frames.")] = None,
+    plane_mm: Annotated[
+        float | None,
+        typer.Option("--plane-mm", help="One camera: the route lies in the plane z = this, in mm."),
+    ] = None,
+    tag_mm: Annotated[
+        float | None,
+        typer.Option("--tag-mm", help="Side of the tags: for one camera, or a ChArUco board, in mm."),
+    ] = None,
+    overlay: Annotated[
+        Path | None, typer.Option("--overlay", help="Folder for images with what was found.")
+    ] = None,
+    calibrate: Annotated[
+        bool, typer.Option("--calibrate", help="Calibrate the cameras from images of a board instead.")
+    ] = False,
+    board: Annotated[
+        str, typer.Option("--board", help="Inner corners of the board, along x across.")
+    ] = "9x6",
+    square_mm: Annotated[
+        float | None, typer.Option("--square-mm", help="Side of a square of the board, in mm.")
+    ] = None,
+    board_frame: Annotated[
+        int | None, typer.Option("--board-frame", min=0, help="Frame whose board is the plane z = 0.")
+    ] = None,
+    json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Turn videos of markers into a recording, or with --calibrate images of a board into cameras.
+
+    With --calibrate, --tags names the family of a ChArUco board; without it the board is a checkerboard.
+    """
+    if calibrate:
+        from pipelines import track_calibrate as command
+
+        made = command.board_of(board, square_mm, tags, tag_mm)
+        status = command.run(
+            videos, made, out=out, board_frame=board_frame, overlay=overlay, as_json=json, quiet=quiet
+        )
+        raise typer.Exit(status)
+    from pipelines import track as tracker
+
+    asked = tracker.asked(tags, blobs, area_px, fps, frames)
+    wanted = tracker.wanted(
+        tags=tags is not None, ids=ids, count=count, proximal=proximal, plane_mm=plane_mm, tag_mm=tag_mm
+    )
+    status = tracker.run(
+        videos, calibration, asked, wanted, out=out, overlay=overlay, as_json=json, quiet=quiet
+    )
+    raise typer.Exit(status)
