@@ -88,13 +88,6 @@ def gap_of(told: Sequence[Trace]) -> Gap:
     )
 
 
-def gap(rms: Mapping[str, float], noise: Mapping[str, float]) -> float:
-    """Return the gap: root mean over channels of what is beyond the noise, in units of it; (112)."""
-    if not rms:
-        return float("nan")
-    return float(np.sqrt(np.mean([max((rms[name] / noise[name]) ** 2 - 1.0, 0.0) for name in rms])))
-
-
 def _channels(told: Sequence[Trace]) -> list[str]:
     return list(dict.fromkeys(name for trace in told for name in trace.measured))
 

@@ -177,7 +177,7 @@ def refined(problem: Problem, start: Point, base: Matrix | None = None, passes: 
     chi2 = _chi2(problem, at, residual)
     damping, jacobian = 1e-3, np.zeros((0, 0))
     for _ in range(passes):
-        own = columns(problem, at, left, 0 if base is None else 2)
+        own = columns(problem, at, left, 0 if base is None else base.shape[1])
         jacobian = own if base is None else np.column_stack([base, own])
         found = _better(problem, at, (residual, jacobian, chi2), damping)
         if found is None:

@@ -79,14 +79,22 @@ def _worst(cells: list[tuple[float, Blame]], power: float) -> tuple[Blame, ...]:
     return tuple(out)
 
 
-def along_routes(problem: Problem, at: Point, base: Matrix) -> tuple[RouteBlame, ...]:
-    """Return the curve angle that the readings want beyond the model, by stretches of each route; (109)."""
+def along_routes(
+    problem: Problem, at: Point, base: Matrix
+) -> tuple[tuple[RouteBlame, ...], tuple[float, ...]]:
+    """Return the curve angle that readings want beyond the model, by stretches of each route; (109).
+
+    With it how much χ² falls by that of each route.
+    """
     residual = problem.weighing.weighed(problem.left(at))
     names = list(dict.fromkeys(reading.route.name for reading in problem.stack.readings))
-    return tuple(_along(problem, at, base, residual, name) for name in names)
+    told = [_along(problem, at, base, residual, name) for name in names]
+    return tuple(blame for blame, _ in told), tuple(gain for _, gain in told)
 
 
-def _along(problem: Problem, at: Point, base: Matrix, residual: Vector, name: str) -> RouteBlame:
+def _along(
+    problem: Problem, at: Point, base: Matrix, residual: Vector, name: str
+) -> tuple[RouteBlame, float]:
     readings = problem.stack.readings
     route = next(reading.route for reading in readings if reading.route.name == name)
     length = route.arcs.total_length
@@ -112,7 +120,9 @@ def _along(problem: Problem, at: Point, base: Matrix, residual: Vector, name: st
     covariance = np.linalg.inv(jacobian.T @ jacobian + precision)
     wanted = covariance @ (jacobian.T @ residual)
     spread = np.sqrt(np.diag(covariance))
-    return RouteBlame(name, read_only(middle), read_only(wanted[2:]), read_only(spread[2:]))
+    gone = residual - jacobian @ wanted
+    gain = float(residual @ residual - gone @ gone)
+    return RouteBlame(name, read_only(middle), read_only(wanted[2:]), read_only(spread[2:])), gain
 
 
 def _channels(
