@@ -80,7 +80,7 @@ def draw(analysis: Analysis, chosen: Options, out: Path, endings: Sequence[str])
     )
     last = analysis.results[-1]
     radius = last.profile.length / _SLENDERNESS
-    pull = tension(last.state, last.profile.phi)
+    pull = tension(last.state, last.profile.phi, last.profile.s)
     line = tension_line(analysis.name, analysis.unit, last, pull)
     mesh = tube(last.route.position, last.route.tangent, pull, radius, carried=line.values)
     with replacing(out / f"{analysis.name}.glb") as draft:

@@ -72,7 +72,9 @@ def _columns(run: MeasuredRun) -> Measured:
     elongation = run.elongation
     if elongation is None and run.displacement_in is not None and run.displacement_out is not None:
         elongation = run.displacement_in - run.displacement_out  # docs/model.md (44)
-    return Measured(run.time, run.tension_in, run.displacement_in, run.tension_out, elongation)
+    return Measured(
+        run.time, run.tension_in, run.displacement_in, run.tension_out, elongation, run.temperature
+    )
 
 
 def _told(found: Calibration) -> list[Estimate]:

@@ -46,6 +46,7 @@ COMPENSATE = pa.schema(
     ]
 )
 """A row for each row of the run."""
+_READING = _field("read_tension_in_N", "what the sensor of that tension reads, where effects spoil it")
 
 
 def write_simulation(path: Path, moments: Sequence[Moment]) -> None:
@@ -87,10 +88,16 @@ def write_commands(path: Path, time: Sequence[float], commands: Sequence[Command
         Where the disk refuses.
     """
     rows = [
-        {"time_s": moment, "displacement_in_m": one.displacement_in, "tension_in_N": one.tension_in}
+        {
+            "time_s": moment,
+            "displacement_in_m": one.displacement_in,
+            "tension_in_N": one.tension_in,
+            _READING.name: one.reading_in,
+        }
         for moment, one in zip(time, commands, strict=True)
     ]
-    _write(path, COMPENSATE, rows)
+    spoilt = any(one.reading_in != one.tension_in for one in commands)
+    _write(path, COMPENSATE.append(_READING) if spoilt else COMPENSATE, rows)
 
 
 def _write(path: Path, schema: pa.Schema, rows: Sequence[Mapping[str, Any]]) -> None:

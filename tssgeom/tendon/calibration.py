@@ -246,7 +246,7 @@ def _told(model: Forward, fit: _Fit, of_route: Matrix) -> Calibration:
     )
     for name in model.missing:
         estimates[name] = Estimate(name, math.nan, model.unit_of(name), math.nan, math.nan, False)
-    return Calibration(estimates, channels, model.warnings, model.time, model.predicted(fit.at))
+    return Calibration(estimates, channels, model.warnings, model.clock.time, model.predicted(fit.at))
 
 
 def _estimate(model: Forward, k: int, at: float, half: float, observable: bool) -> Estimate:

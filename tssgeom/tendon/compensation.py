@@ -15,7 +15,15 @@ from scipy.optimize import brentq
 from tssgeom.errors import SettingsError
 from tssgeom.settings import Rig
 from tssgeom.shape.arcs import Arcs
-from tssgeom.tendon.state import TendonState, acts_by_speed, answering, rest_tension, step, transmit
+from tssgeom.tendon.state import (
+    TendonState,
+    acts_by_speed,
+    answering,
+    reading_of,
+    rest_tension,
+    step,
+    transmit,
+)
 
 ACCURACY = 1e-10
 """Distal tension that counts as reached, relative to the greater of target and present tension [1]."""
@@ -33,6 +41,8 @@ class Command:
     tension_in: float
     """Tension at the proximal end [N]."""
     state: TendonState
+    reading_in: float
+    """What the sensor of the proximal tension reads there [N]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +121,7 @@ def compensate(
         if acts_by_speed(rig):
             answer = _by_place(move, answer)
     seen = transmit(answer, rig)
-    return Command(seen.displacement_in, seen.tension_in, answer)
+    return Command(seen.displacement_in, seen.tension_in, answer, reading_of(rig, seen.tension_in))
 
 
 def _target(rig: Rig, tension_out: float | None, displacement_out: float | None) -> float:

@@ -13,12 +13,15 @@ from numpy.typing import NDArray
 
 from tssgeom.arrays import Vector
 from tssgeom.errors import SettingsError
-from tssgeom.settings import Rig
+from tssgeom.settings import Friction, Rig, Tendon
 from tssgeom.shape.arcs import Arcs
+from tssgeom.tendon.acting import setup_acting
 from tssgeom.tendon.history import driven
 from tssgeom.tendon.incremental import step as bar_step
 from tssgeom.tendon.material import pretensioned_bars
 from tssgeom.tendon.measured import Measured
+from tssgeom.tendon.run_model import predict
+from tssgeom.tendon.state import rest_tension
 from tssgeom.tendon.turning import Legs, legs
 
 _MOST_READINGS = {True: 1500, False: 200}  # driven by force, by position
@@ -43,25 +46,61 @@ class Channel:
 
 
 Play = Callable[..., tuple[Vector, Vector, Vector]]
-"""Of a friction coefficient [1] and shifts of the turning points [N]: proximal and distal tension [N],
-and the elongation over the compliance [N·m]."""
+"""Of a rig and shifts of the turning points [N]: proximal and distal tension [N], and the elongation [m]."""
 
 
-def _player(drive: Legs, arcs: Arcs, rig: Rig) -> Play:
+@dataclass(frozen=True, slots=True)
+class Clock:
+    """When the readings of a drive were taken, and at which temperature."""
+
+    time: Vector
+    """[n] [s]."""
+    temperature: Vector
+    """[n] [°C]."""
+
+
+def _player(drive: Legs, arcs: Arcs, clock: Clock) -> Play:
     """Return what drives the tendon through a run; it remembers its last answers, as fits ask twice."""
-    unit = changed(rig, tendon=changed(rig.tendon, compliance_per_N=1.0))
 
     @lru_cache(maxsize=4)
-    def play(friction: float, *shifts: float) -> tuple[Vector, Vector, Vector]:
-        at = np.maximum(drive.turn_values + np.array(shifts), 0.0)
-        tension_in = _bounded(drive, at)
-        sequence = np.insert(tension_in, drive.turns, at)
-        run = driven(sequence, arcs, changed(unit, friction=changed(rig.friction, coefficient=friction)))
-        kept = np.ones(len(sequence), dtype=bool)
-        kept[drive.turns + np.arange(len(at))] = False
+    def unit(friction: Friction, pretension: float, *shifts: float) -> tuple[Vector, Vector, Vector]:
+        tension_in, sequence, kept = _turned(drive, shifts)
+        tendon = Tendon(compliance_per_N=1.0, pretension_N=pretension)
+        run = driven(sequence, arcs, Rig(tendon=tendon, friction=friction))
         return tension_in, run.tension_out[kept], run.elongation[kept]
 
+    def play(rig: Rig, *shifts: float) -> tuple[Vector, Vector, Vector]:
+        if setup_acting(rig) is not None:
+            return _played(drive, arcs, clock, rig, shifts)
+        tension_in, out, stretch = unit(rig.friction, rig.tendon.pretension_N, *shifts)
+        return tension_in, out, rig.tendon.compliance_per_N * stretch
+
     return play
+
+
+def _played(
+    drive: Legs, arcs: Arcs, clock: Clock, rig: Rig, shifts: tuple[float, ...]
+) -> tuple[Vector, Vector, Vector]:
+    """Go through the run with the effects of the rig; a turn lies halfway to the reading before it."""
+    tension_in, sequence, kept = _turned(drive, shifts)
+    turns = drive.turns
+    run = {
+        "time_s": np.insert(clock.time, turns, 0.5 * (clock.time[turns - 1] + clock.time[turns])),
+        "tension_in_N": sequence,
+        "temperature_C": np.insert(clock.temperature, turns, clock.temperature[turns]),
+    }
+    seen = predict(run, arcs, rig, drive="tension_in_N")
+    return tension_in, seen["tension_out_N"][kept], seen["elongation_m"][kept]
+
+
+def _turned(drive: Legs, shifts: tuple[float, ...]) -> tuple[Vector, Vector, NDArray[np.bool_]]:
+    """Return the tension at each reading [N], the same with the turns between, and which are readings."""
+    at = np.maximum(drive.turn_values + np.array(shifts), 0.0)
+    tension_in = _bounded(drive, at)
+    sequence = np.insert(tension_in, drive.turns, at)
+    kept = np.ones(len(sequence), dtype=bool)
+    kept[drive.turns + np.arange(len(at))] = False
+    return tension_in, sequence, kept
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +115,7 @@ class Forward:
     missing: tuple[str, ...]
     """Names of what the columns of the run cannot tell."""
     warnings: tuple[str, ...]
-    time: Vector
+    clock: Clock
     drive: Legs
     by_force: bool
     spring_counts: bool
@@ -87,7 +126,7 @@ class Forward:
 
     def on(self, arcs: Arcs) -> Forward:
         """Return the same run on another route."""
-        return replace(self, arcs=arcs, play=_player(self.drive, arcs, self.rig))
+        return replace(self, arcs=arcs, play=_player(self.drive, arcs, self.clock))
 
     def natural(self, k: int, value: float) -> float:
         """Parameter number `k` in its own unit."""
@@ -118,7 +157,7 @@ class Forward:
             self._by_force(rig, value) if self.by_force else self._by_position(rig, offset)
         )
         if self.spring_counts:
-            elongation = elongation + (out - rig.tendon.pretension_N) / rig.load.stiffness_N_per_m
+            elongation = elongation + (out - rest_tension(rig)) / rig.load.stiffness_N_per_m
         slack = value.get("take_up", 0.0) * np.exp(-tension_in / value.get("take_up_tension", 1.0))
         return {
             "tension_in": tension_in,
@@ -128,16 +167,26 @@ class Forward:
 
     def _by_force(self, rig: Rig, value: dict[str, float]) -> tuple[Vector, Vector, Vector]:
         shifts = [value.get(f"turn_{k + 1}", 0.0) for k in range(len(self.drive.turns))]
-        tension_in, out, stretch = self.play(rig.friction.coefficient, *shifts)
-        return tension_in, out, rig.tendon.compliance_per_N * stretch
+        return self.play(rig, *shifts)
 
     def _by_position(self, rig: Rig, offset: float) -> tuple[Vector, Vector, Vector]:
+        if setup_acting(rig) is not None:
+            return self._placed(rig, offset)
         state = pretensioned_bars(rig, self.arcs, _BARS)
         rows = np.empty((len(self.drive.values), 3))
         for k, place in enumerate(self.drive.values):
             state = bar_step(state, self.arcs, rig, displacement_in=float(place - offset))
             rows[k] = state.tension_in, state.tension_out, state.elongation
         return rows[:, 0], rows[:, 1], rows[:, 2]
+
+    def _placed(self, rig: Rig, offset: float) -> tuple[Vector, Vector, Vector]:
+        run = {
+            "time_s": self.clock.time,
+            "displacement_in_m": self.drive.values - offset,
+            "temperature_C": self.clock.temperature,
+        }
+        seen = predict(run, self.arcs, rig, drive="displacement_in_m")
+        return seen["tension_in_N"], seen["tension_out_N"], seen["elongation_m"]
 
 
 def _bounded(drive: Legs, at: Vector) -> Vector:
@@ -167,7 +216,7 @@ def forward_model(measured: Measured, arcs: Arcs, rig: Rig, from_tension: float)
     kept = kept[:: max(1, -(-len(kept) // _MOST_READINGS[by_force]))]
     if len(kept) < 20:
         raise SettingsError(f"the run has {len(kept)} readings of its drive: give at least 20")
-    drive = legs(readings[kept])
+    drive, clock = legs(readings[kept]), _clock(measured, kept)
     floor = min(from_tension, 0.4 * float(drive.values.max())) if by_force else 0.0
     spring = by_force and measured.elongation is None and measured.displacement_in is not None
     channels = _channels(measured, kept, drive.values, floor, spring, by_force)
@@ -180,14 +229,22 @@ def forward_model(measured: Measured, arcs: Arcs, rig: Rig, from_tension: float)
         first_sigma=np.array([max(0.01 * float(np.ptp(each.readings)), 1e-9) for each in channels]),
         missing=tuple(name for name in _WANTED if name not in names),
         warnings=tuple(_warnings(measured, drive, arcs, rig, spring, by_force)),
-        time=measured.time[kept],
+        clock=clock,
         drive=drive,
         by_force=by_force,
         spring_counts=spring,
-        play=_player(drive, arcs, rig),
+        play=_player(drive, arcs, clock),
         arcs=arcs,
         rig=rig,
     )
+
+
+def _clock(measured: Measured, kept: NDArray[np.intp]) -> Clock:
+    time, told = measured.time[kept], measured.temperature
+    if told is None or not np.isfinite(told).any():
+        return Clock(time, np.zeros(len(time)))
+    seen = np.isfinite(told)
+    return Clock(time, np.interp(time, measured.time[seen], told[seen]))
 
 
 def _channels(

@@ -21,3 +21,5 @@ class Measured:
     """[n] Total tension at the distal end [N]."""
     elongation: Vector | None = None
     """[n] Displacement of the proximal less that of the distal end [m]."""
+    temperature: Vector | None = None
+    """[n] Temperature [°C]."""

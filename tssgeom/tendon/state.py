@@ -248,6 +248,14 @@ def true_tension(rig: Rig, reading: float) -> float:
     return max((reading - setup.tension_in_offset_N) / setup.tension_in_gain, 0.0)
 
 
+def reading_of(rig: Rig, tension_in: float) -> float:
+    """Return what the sensor of the proximal tension reads [N] of a tension [N]; docs/model.md (61)."""
+    setup = setup_acting(rig)
+    if setup is None:
+        return tension_in
+    return tension_in * setup.tension_in_gain + setup.tension_in_offset_N
+
+
 def sensors_err(rig: Rig) -> bool:
     """Whether effects make any sensor read what is not."""
     setup = setup_acting(rig)

@@ -54,7 +54,7 @@ def drawn(result: FrameResult, most: int = MOST_NODES) -> Drawn:
     return Drawn(
         s=route.s[chosen],
         position=route.position[chosen],
-        tension=tension(result.state, phi),
+        tension=tension(result.state, phi, route.s[chosen]),
         phi=phi,
         kappa=profile.kappa[chosen],
         kappa_se=profile.kappa_se[chosen],
