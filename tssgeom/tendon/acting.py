@@ -123,11 +123,8 @@ def cut(along: Corners, arcs: Arcs, setup: Setup) -> ActingState:
 
 def _put(model: Model, memory: Memory) -> None:
     """Put every contact, and the drive, where the tensions of the bars have it; docs/model.md (51)."""
-    rest = model.plant.pretension
-    gained = [
-        stretch_of(model.plant, j, float(pull)) - stretch_of(model.plant, j, rest)
-        for j, pull in enumerate(memory.tension)
-    ]
+    plant = model.plant
+    gained = [stretch_of(plant, j, float(pull)) - plant.rest[j] for j, pull in enumerate(memory.tension)]
     lead = np.cumsum(gained[::-1])[::-1]
     memory.place[:] = lead[1:]
     memory.drive[0], memory.drive[2], memory.drive[4] = memory.tension[0], lead[0], lead[0]

@@ -39,9 +39,7 @@ def march(plant, memory, by_force, spans, drive, warmth, parts, out, profile):
     cone = (plant.pulling.copy(), plant.releasing.copy(), plant.low.copy(), plant.high.copy())
     wide, narrow = np.empty((4, k + 1)), np.empty((2, k))
     room = (wide[0], wide[1], wide[2], plant.force.copy(), narrow[0], wide[3], narrow[1])
-    rest, whole = np.empty(k + 1), np.ones(1)
-    for j in range(k + 1):
-        rest[j] = stretch_of(plant, j, plant.pretension)
+    rest, whole = plant.rest, np.ones(1)
     for g in range(drive.size):
         first, cold, done = kept[0], kept[1], 0.0
         rate = (drive[g] - first) / max(spans[g], _TINY_TIME)

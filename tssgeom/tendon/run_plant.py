@@ -13,6 +13,7 @@ from tssgeom.arrays import Vector
 from tssgeom.shape.arcs import Arcs
 from tssgeom.tendon.effects.setup import Setup
 from tssgeom.tendon.material import Bed, lay
+from tssgeom.tendon.run_laws import stretched
 
 _GRADING = 1.5  # bars grow from the drive on, where fronts start
 _FIRST = 0.1  # and the first is smaller still: what its contact holds, a position does not tell
@@ -30,6 +31,7 @@ class Plant(NamedTuple):
     creep_soft: np.ndarray  # [b] creep per tension in the end [m/N]
     creep_time: float  # s
     warm: np.ndarray  # [b] m/K
+    rest: np.ndarray  # [b] stretch under the pretension, before the run and on its first route [m]
     pulling: np.ndarray  # [k] exponent of the cone, before load, wear and speed
     releasing: np.ndarray  # [k]
     fitting: np.ndarray  # [k] exponent whatever load, wear and speed
@@ -141,21 +143,26 @@ def plant(setup: Setup, arcs: Arcs, edge: Vector) -> Plant:
     rho_l = setup.compliance * bed.length
     load = 1.0 / setup.load_stiffness if setup.load_stiffness > 0.0 else 0.0
     by_speed = setup.speed_gain != 0.0
+    soft = _ended(
+        rho_l,
+        max(setup.series_in_m_per_N, _LEAST if setup.take_up_in_m else 0.0),
+        max(setup.series_out_m_per_N + load, _LEAST if setup.take_up_out_m else 0.0),
+    )
+    toe = _ended(setup.toe_strain * bed.length, setup.take_up_in_m, setup.take_up_out_m)
+    toe_scale = _ended(
+        np.full(len(rho_l), setup.toe_scale_N), setup.take_up_in_scale_N, setup.take_up_out_scale_N
+    )
+    gap_scale, pretension = float(setup.clearance_scale_N), float(setup.pretension)
     return Plant(
-        soft=_ended(
-            rho_l,
-            max(setup.series_in_m_per_N, _LEAST if setup.take_up_in_m else 0.0),
-            max(setup.series_out_m_per_N + load, _LEAST if setup.take_up_out_m else 0.0),
-        ),
-        toe=_ended(setup.toe_strain * bed.length, setup.take_up_in_m, setup.take_up_out_m),
-        toe_scale=_ended(
-            np.full(len(rho_l), setup.toe_scale_N), setup.take_up_in_scale_N, setup.take_up_out_scale_N
-        ),
+        soft=soft,
+        toe=toe,
+        toe_scale=toe_scale,
         gap=sides.gap,
-        gap_scale=float(setup.clearance_scale_N),
+        gap_scale=gap_scale,
         creep_soft=_ended(setup.creep_ratio * rho_l, 0.0, 0.0),
         creep_time=float(setup.creep_time_s),
         warm=_ended(setup.expansion_per_K * bed.length, 0.0, 0.0),
+        rest=_rest(soft, toe, toe_scale, sides.gap, gap_scale, pretension),
         pulling=sides.pulling,
         releasing=sides.releasing,
         fitting=fitting,
@@ -170,7 +177,7 @@ def plant(setup: Setup, arcs: Arcs, edge: Vector) -> Plant:
         speed_gain=float(setup.speed_gain),
         speed_reference=float(setup.speed_reference_m_per_s),
         backlash=float(setup.backlash_m),
-        pretension=float(setup.pretension),
+        pretension=pretension,
         load=float(setup.load_stiffness),
         curved=bool(
             setup.toe_strain or setup.take_up_in_m or setup.take_up_out_m or setup.clearance_m_per_rad
@@ -182,6 +189,15 @@ def plant(setup: Setup, arcs: Arcs, edge: Vector) -> Plant:
             and not (by_speed or setup.drag_Ns_per_m2 or setup.creep_ratio or setup.expansion_per_K)
         ),
     )
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _rest(soft, toe, toe_scale, gap, gap_scale, pretension):
+    """Return the stretch of each bar under the pretension [m]; docs/model.md (50)."""
+    rest = np.empty(soft.size)
+    for j in range(soft.size):
+        rest[j] = stretched(pretension, soft[j], toe[j], toe_scale[j], gap[j], gap_scale)[0]
+    return rest
 
 
 def _turns(edge: Vector, arcs: Arcs) -> Vector:
