@@ -87,10 +87,11 @@ def _notes(finding: Finding) -> list[str]:
     from tssgeom.view.finding import words
 
     notes = [
-        f"tied ({tie.gauge}): {', '.join(map(words.plain, tie.names))}: {tie.why}" for tie in finding.ties
+        f"tied ({tie.gauge}): {', '.join(map(words.plain, tie.names))}: {tie.why}"
+        for tie in words.effect_ties(finding)
     ]
     notes += [
-        f"next: {each.experiment} (ΔBIC {each.expected_delta_bic:.0f})"
+        f"next: {each.experiment} (expected ΔBIC {words.expected(each)})"
         for each in finding.breaks_tie[:_MOST_TOLD]
     ]
     notes += [

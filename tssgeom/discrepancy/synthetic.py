@@ -162,7 +162,10 @@ def _recorded(
 
 
 def _drive(pull: Pull, arcs: Arcs) -> tuple[Vector, Vector]:
-    """Return times [s] and positions [m] that lead the believed rig through the tensions of a plan."""
+    """Return times [s] and positions [m] that lead the believed rig through the tensions of a plan.
+
+    The drive turns at samples: a turn between two is not recorded, and costs more than all noise.
+    """
     levels = np.array([BELIEVED.tendon.pretension_N, *pull.levels])
     order = np.arange(len(levels), dtype=float)
     believed = predict({"time_s": order, "tension_in_N": levels}, arcs, BELIEVED, bars=_BARS)
@@ -172,7 +175,7 @@ def _drive(pull: Pull, arcs: Arcs) -> tuple[Vector, Vector]:
     step = (ends[-1] + rest) / (_SAMPLES - 1)
     step = round(step, 6 if step < 0.1 else 4)
     time = step / _STEPS * np.arange(_STEPS * (_SAMPLES - 1) + 1)
-    return time, np.interp(time, rest + ends, turns)
+    return time, np.interp(time, step * np.round((rest + ends) / step), turns)
 
 
 def _read(truth: Vector, sensor: Sensor, bend: float, rng: np.random.Generator) -> Vector:

@@ -13,6 +13,7 @@ import numpy as np
 from tssgeom.discrepancy.finding import Blame, Candidate, Estimate, Evidence, Finding, Gap, RouteBlame, Shape
 from tssgeom.io.atomic import write_text
 from tssgeom.io.rigs import write_rig
+from tssgeom.tendon.effects import chosen
 
 REPORT, RIG = "report.json", "rig.updated.toml"
 
@@ -78,22 +79,24 @@ def report_object(finding: Finding, version: str) -> dict[str, Any]:
 
 
 def _effects(each: Candidate) -> list[dict[str, Any]]:
-    return [
-        {"name": name, "parameters": _parameters(parameters), "evidence": _evidence(each.evidence)}
-        for name, parameters in zip(each.names, each.parameters, strict=True)
-    ]
+    return [effect | {"evidence": _evidence(each.evidence)} for effect in _named(each)]
 
 
 def _ranked(each: Candidate) -> dict[str, Any]:
     return {
         "name": " + ".join(each.names),
-        "effects": [
-            {"name": name, "parameters": _parameters(parameters)}
-            for name, parameters in zip(each.names, each.parameters, strict=True)
-        ],
+        "effects": _named(each),
         "evidence": _evidence(each.evidence),
         "why_not": each.why_not,
     }
+
+
+def _named(each: Candidate) -> list[dict[str, Any]]:
+    """Return name, numbers and choices (such as the end at which it acts) of each effect."""
+    return [
+        {"name": name, "parameters": _parameters(parameters), "choices": chosen(effect)}
+        for name, effect, parameters in zip(each.names, each.effects, each.parameters, strict=True)
+    ]
 
 
 def _parameters(parameters: Mapping[str, Estimate]) -> dict[str, Any]:

@@ -31,7 +31,7 @@ def write_rig(path: Path, rig: Rig, provenance: Sequence[str] = ()) -> None:
         Where the disk refuses.
     """
     comments = "".join(f"# {' '.join(line.split())}\n" for line in provenance)
-    tables = _without_none(msgspec.to_builtins(rig))
+    tables = _without_none(msgspec.to_builtins(rig, enc_hook=float))  # fits give numpy's floats
     write_text(path, comments + "\n" * bool(comments) + tomli_w.dumps(tables))
 
 

@@ -86,6 +86,12 @@ def with_size(kind: type[Library], size: float = 1.0) -> Library:
     return kind(**numbers)
 
 
+def chosen(effect: Library) -> dict[str, str]:
+    """Return what of an effect is a choice and no number, such as the end at which it acts."""
+    values = {key: getattr(effect, key) for key in effect.__struct_fields__}
+    return {key: value for key, value in values.items() if isinstance(value, str)}
+
+
 def together(setup: Setup, effects: Iterable[Library]) -> Setup:
     """Return the setup with all effects in it.
 
@@ -137,6 +143,7 @@ __all__ = [
     "ToeRegion",
     "VelocityDependentFriction",
     "ViscousDrag",
+    "chosen",
     "named",
     "snake",
     "together",

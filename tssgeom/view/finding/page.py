@@ -18,6 +18,7 @@ from tssgeom.view.page import filled, program_version, write_page
 from tssgeom.view.plots import markup
 
 _ACCENTS = {"none": "#009e73", "effect": "#0072b2", "tie": "#a35c00", "unknown": "#a3508a"}
+_MOST_PLACES = 5
 _NOTHING = 0.05  # of the noise; less is left by chance
 
 
@@ -74,12 +75,12 @@ def _effect_rows(each: Candidate) -> list[list[str]]:
         [
             words.plain(name),
             words.meaning(name),
-            "\n".join(f"{words.parameter(key)} = {words.shown(value)}" for key, value in told.items()) or "–",
+            "\n".join([*(f"{key} = {value}" for key, value in words.told(effect, told).items())]) or "–",
             f"{seen.delta_bic:.0f} ({seen.threshold:.0f})",
             words.ratio(seen.size_over_guard),
             words.ratio(seen.heldout_ratio),
         ]
-        for name, told in zip(each.names, each.parameters, strict=True)
+        for name, effect, told in zip(each.names, each.effects, each.parameters, strict=True)
     ]
 
 
@@ -87,7 +88,7 @@ def _tie_words(finding: Finding) -> str:
     lines = [
         f"These data cannot tell apart {' and '.join(words.plain(name) for name in tie.names)} "
         f"({tie.gauge}): {tie.why}"
-        for tie in finding.ties
+        for tie in words.effect_ties(finding)
     ]
     return "".join(f'<p class="warning">{html.escape(line)}</p>' for line in lines)
 
@@ -150,18 +151,24 @@ _ADVICE = {
 
 def _experiment(each: Experiment) -> tuple[str, str, str]:
     apart = ", ".join(words.plain(name) for name in each.separates)
-    return each.experiment, apart, f"{each.expected_delta_bic:.0f}"
+    return each.experiment, apart, words.expected(each)
 
 
 def _where(finding: Finding) -> str:
-    items = "".join(f"<li>{html.escape(words.place(each))}</li>" for each in finding.where)
+    items = "".join(f"<li>{html.escape(words.place(each))}</li>" for each in finding.where[:_MOST_PLACES])
     told = (
         f"<p>Of all that the sensors do not explain, before:</p><ul>{items}</ul>"
         if items
         else "<p>Nowhere beyond what the sensors explain.</p>"
     )
-    along = _figure(along_figure, finding, "") if finding.along else ""
+    along = _figure(along_figure, finding, _ALONG) if finding.along else ""
     return _section("Where it was", told, along, _figure(heat_figure, finding, ""))
+
+
+_ALONG = (
+    "What each stretch of a route would have to turn more, were the gap all friction there. "
+    "A peak at one place on every route speaks for a bend; waves that differ speak against it."
+)
 
 
 def _residuals(finding: Finding) -> str:

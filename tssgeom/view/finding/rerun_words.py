@@ -25,7 +25,10 @@ def verdict_words(finding: Finding) -> str:
         for name, told in zip(each.names, each.parameters, strict=True):
             numbers = ", ".join(f"{words.parameter(key)} {words.shown(value)}" for key, value in told.items())
             lines.append(f"- **{words.plain(name)}**: {numbers}")
-    lines += [f"- tied ({tie.gauge}): {', '.join(map(words.plain, tie.names))}" for tie in finding.ties]
+    lines += [
+        f"- tied ({tie.gauge}): {', '.join(map(words.plain, tie.names))}"
+        for tie in words.effect_ties(finding)
+    ]
     lines += [f"- next: {each.experiment}" for each in finding.breaks_tie[:2]]
     return "\n\n".join(lines)
 

@@ -8,8 +8,8 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from tssgeom.discrepancy.finding import Blame, Candidate, Estimate, Gap
-from tssgeom.tendon.effects import KINDS
+from tssgeom.discrepancy.finding import Blame, Candidate, Estimate, Experiment, Finding, Gap, Tie
+from tssgeom.tendon.effects import KINDS, Library, chosen
 
 VERDICTS = {
     "none": "nothing is missing",
@@ -74,6 +74,12 @@ def parameter(key: str) -> str:
     return plain(_UNIT_AT_END.sub("", key))
 
 
+def told(effect: Library, estimates: Mapping[str, Estimate]) -> dict[str, str]:
+    """Write the numbers of an effect by name, then what was chosen, such as the end at which it acts."""
+    numbers = {parameter(key): shown(each) for key, each in estimates.items()}
+    return numbers | {plain(key): plain(choice) for key, choice in chosen(effect).items()}
+
+
 def meaning(name: str) -> str:
     """Say in a clause what an effect is."""
     first = (inspect.getdoc(KINDS[name]) or "").split("\n")[0]
@@ -133,6 +139,16 @@ def place(blame: Blame) -> str:
 def candidate(each: Candidate) -> str:
     """Write the names of a candidate."""
     return " + ".join(plain(name) for name in each.names)
+
+
+def effect_ties(finding: Finding) -> list[Tie]:
+    """Return the ties between effects; those of friction and compliance are told with their refit."""
+    return [tie for tie in finding.ties if all(name in KINDS for name in tie.names)]
+
+
+def expected(each: Experiment) -> str:
+    """Write what an experiment is expected to bring; a dash where that cannot be told beforehand."""
+    return f"{each.expected_delta_bic:.0f}" if each.expected_delta_bic >= 1.0 else "–"
 
 
 def judged_runs(gap: Gap) -> str:
