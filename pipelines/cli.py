@@ -137,6 +137,12 @@ def live(
     stats: Annotated[
         bool, typer.Option("--stats", help="Tell the numbers each second as JSON on stderr.")
     ] = False,
+    state: Annotated[
+        Path | None, typer.Option("--state", help="Where the tendon's state is kept from start to start.")
+    ] = None,
+    record: Annotated[Path | None, typer.Option("--record", help="Rerun recording (.rrd) to write.")] = None,
+    view: Annotated[bool, typer.Option("--view", help="Host the picture for Rerun viewers.")] = False,
+    view_port: Annotated[int, typer.Option("--view-port", min=1, max=65535, help="Port for viewers.")] = 9876,
     allow_remote: Annotated[
         bool, typer.Option("--allow-remote", help="Let sockets take other addresses than loopback.")
     ] = False,
@@ -158,6 +164,9 @@ def live(
         access=access(allow_remote=allow_remote, token_file=token_file),
         stale_after=stale_after,
         stats=stats,
+        state=state,
+        record=record,
+        view_port=view_port if view else None,
     )
     raise typer.Exit(command.run(stream, options(rig, tension_in, unit, None)))
 

@@ -10,18 +10,24 @@ import socket
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from types import FrameType
 
 from pipelines.live_numbers import StatusLine
-from pipelines.live_session import Session
+from pipelines.live_session import Beside, Session
 from pipelines.live_warm import warm_up
+from pipelines.live_workers import Allowance, Artist, Keeper, Worker, await_ready, finished
 from pipelines.work import Options
 from tssgeom.io.network.addresses import Access, Endpoint
 from tssgeom.io.network.channel import READ, Pipe
 from tssgeom.io.network.mailbox import Mailbox
 from tssgeom.io.network.sinks import Nowhere, Sink, StandardOutput, TcpSink, UdpSink
 from tssgeom.io.network.sources import Replay, Source, StandardInput, TcpSource, UdpSource
+from tssgeom.io.states import read_state
 from tssgeom.stream import process
+
+_RECORDED = (100.0, 200.0)  # pictures in a recording: so many a second, so many at once
+_VIEWED = (25.0, 50.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +41,12 @@ class Stream:
     """Time without a good frame after which that is said [s]."""
     stats: bool
     """Whether the numbers are told once a second as JSON on stderr."""
+    state: Path | None = None
+    """Where the tendon's state is kept from one start to the next."""
+    record: Path | None = None
+    """Recording to write."""
+    view_port: int | None = None
+    """Port at which viewers may connect; None: no picture."""
 
 
 def run(stream: Stream, chosen: Options) -> int:
@@ -57,24 +69,48 @@ def run(stream: Stream, chosen: Options) -> int:
             stream.stale_after,
             lambda: None,
         )
-        session.ticked, finish = _told(session, errors, stats=stream.stats)
-        warm_up(chosen.rig)
-        _stopped_by_signals(session)
-        errors.send(f"ready: {_addresses(session)}\n".encode())
-        gc.collect()
-        gc.freeze()
-        gc.disable()
-        for result in process(session.frames(), chosen.rig, tension_in=chosen.tension_in):
-            session.answer(result)
-        session.close()
+        state = read_state(stream.state) if stream.state is not None and stream.state.exists() else None
+        besides, workers = _besides(stream, selector, tell)
+        session.besides = besides
+        session.ticked, finish = _told(session, workers, errors, stats=stream.stats)
+        try:
+            warm_up(chosen.rig)
+            await_ready(selector, workers)
+            _stopped_by_signals(session)
+            errors.send(f"ready: {_addresses(session, workers)}\n".encode())
+            gc.collect()
+            gc.freeze()
+            gc.disable()
+            for result in process(session.frames(), chosen.rig, tension_in=chosen.tension_in, state=state):
+                session.answer(result)
+        finally:
+            session.close()
+            sound = finished(selector, workers)
         finish()
-    return 0
+    return 0 if sound else 1
 
 
-def _addresses(session: Session) -> str:
+def _besides(
+    stream: Stream, selector: selectors.BaseSelector, tell: Callable[[str], None]
+) -> tuple[list[Beside], list[Worker]]:
+    """Start the processes beside the stream."""
+    besides = list[Beside]()
+    if stream.state is not None:
+        besides.append(Keeper(Worker(selector, "save", str(stream.state), tell)))
+    if stream.record is not None:
+        worker = Worker(selector, "record", str(stream.record), tell)
+        besides.append(Artist(worker, Allowance(*_RECORDED)))
+    if stream.view_port is not None:
+        worker = Worker(selector, "view", str(stream.view_port), tell)
+        besides.append(Artist(worker, Allowance(*_VIEWED)))
+    return besides, [one.worker for one in besides if isinstance(one, Artist | Keeper)]
+
+
+def _addresses(session: Session, workers: Sequence[Worker]) -> str:
     sources = (f"source {source.text}" for source in session.sources)
     sinks = (f"sink {sink.text}" for sink in session.sinks)
-    return ", ".join([*sources, *sinks])
+    views = (f"view {worker.address}" for worker in workers if worker.address)
+    return ", ".join([*sources, *sinks, *views])
 
 
 def _teller(errors: Pipe) -> Callable[[str], None]:
@@ -96,6 +132,10 @@ def _source(
         return TcpSource(selector, mailbox, endpoint, access, unit, tell)
     if endpoint.scheme == "udp":
         return UdpSource(selector, mailbox, endpoint, access, unit)
+    if endpoint.scheme == "igtl":
+        from tssgeom.io.network.igtl_peers import IgtlSource  # here, since few need it
+
+        return IgtlSource(selector, mailbox, endpoint, access, tell)
     if endpoint.scheme == "replay":
         return Replay(mailbox, endpoint, unit)
     return StandardInput(selector, mailbox, unit)
@@ -108,10 +148,16 @@ def _sink(
         return TcpSink(selector, endpoint, access, tell)
     if endpoint.scheme == "udp":
         return UdpSink(endpoint, access)
+    if endpoint.scheme == "igtl":
+        from tssgeom.io.network.igtl_peers import IgtlSink
+
+        return IgtlSink(selector, endpoint, access, tell)
     return Nowhere() if endpoint.scheme == "none" else StandardOutput(selector)
 
 
-def _told(session: Session, errors: Pipe, *, stats: bool) -> tuple[Callable[[], None], Callable[[], None]]:
+def _told(
+    session: Session, workers: Sequence[Worker], errors: Pipe, *, stats: bool
+) -> tuple[Callable[[], None], Callable[[], None]]:
     """Return what tells the numbers once a second, and what ends that."""
     status = StatusLine() if sys.stderr.isatty() and not stats else None
 
@@ -119,7 +165,7 @@ def _told(session: Session, errors: Pipe, *, stats: bool) -> tuple[Callable[[], 
         counts = {
             "dropped": session.mailbox.dropped,
             "unsent": sum(sink.unsent for sink in session.sinks),
-        }
+        } | {f"{worker.role}_lost": worker.lost for worker in workers}
         numbers = session.numbers.told(counts)
         if stats:
             errors.send(json.dumps(numbers).encode() + b"\n")

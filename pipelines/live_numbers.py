@@ -28,6 +28,10 @@ class Numbers:
     """From the last byte of a frame until its answer was sent [µs]."""
     _since: float = field(default_factory=monotonic)
 
+    def begin(self) -> None:
+        """Begin the first interval."""
+        self._since = monotonic()
+
     def add(self, result: FrameResult, latency_us: float) -> None:
         """Count an answered frame."""
         self.answered += 1

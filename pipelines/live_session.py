@@ -8,6 +8,7 @@ import selectors
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from time import monotonic, perf_counter_ns
+from typing import Protocol
 
 from pipelines.live_numbers import Numbers
 from tssgeom.io import answers
@@ -19,6 +20,18 @@ from tssgeom.stream import Frame, FrameResult, Rejected
 TICK = 1.0
 """Time from one round of housekeeping to the next [s]."""
 _FLUSH = 1.0  # s in which sinks may take what still waits for them at the end
+
+
+class Beside(Protocol):
+    """Who takes in answered frames when their answers are out."""
+
+    def take(self, result: FrameResult, now: float) -> None:
+        """Take in a frame answered `now` [s]."""
+        ...
+
+    def flush(self) -> None:
+        """Hand on what has been kept back."""
+        ...
 
 
 @dataclass(slots=True)
@@ -33,6 +46,8 @@ class Session:
     """Time without a good frame after which that is said [s]."""
     ticked: Callable[[], object]
     """Called once a second."""
+    besides: Sequence[Beside] = ()
+    """Who takes in answered frames beside the sinks."""
     numbers: Numbers = field(default_factory=Numbers)
     stopping: bool = False
     _present: Arrival | None = None
@@ -42,6 +57,7 @@ class Session:
 
     def frames(self) -> Iterator[Frame]:
         """Yield the newest good frame when the last one has been answered, until all sources end."""
+        self.numbers.begin()
         self._next_tick = monotonic() + TICK
         while not self.stopping:
             if not len(self.mailbox) and all(source.ended for source in self.sources):
@@ -69,6 +85,8 @@ class Session:
         for sink in self.sinks:
             sink.publish(line, result)
         self.numbers.add(result, (perf_counter_ns() - arrival.arrived) / 1e3)
+        for one in self.besides:
+            one.take(result, self._heard)
 
     def stop(self) -> None:
         """Take no further frame."""
@@ -83,6 +101,8 @@ class Session:
             self._call_back(left)
         for sink in self.sinks:
             sink.close()
+        for one in self.besides:
+            one.flush()
 
     def _refuse(self, rejected: Rejected) -> None:
         self.numbers.rejected += 1
@@ -129,6 +149,8 @@ class Session:
     def _tick(self) -> None:
         for part in (*self.sources, *self.sinks):
             part.tick()
+        for one in self.besides:
+            one.flush()
         self.sinks[:] = [sink for sink in self.sinks if not sink.broken]
         if not self.sinks:
             self.stop()

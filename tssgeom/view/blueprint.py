@@ -26,22 +26,24 @@ def chart_boxes(*, timed: bool) -> ChartBoxes:
     return ChartBoxes(Box(width=1.75, text=0.065), Box(width=1.75, text=0.065))
 
 
-def blueprint(name: str, camera: Camera, *, timed: bool) -> rrb.Blueprint:
-    """Lay out the views of a shape, or of a run with its series and its timeline."""
+def blueprint(name: str, camera: Camera, *, timed: bool, live: bool = False) -> rrb.Blueprint:
+    """Lay out the views of a shape, or of a run with its series and its timeline; `live` shows the newest."""
     views = _run_layout(name, camera) if timed else _shape_layout(name, camera)
     return rrb.Blueprint(
         views,
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
-        _time_panel(timed),
+        _time_panel(timed, live),
         auto_views=False,
         auto_layout=False,
     )
 
 
-def _time_panel(timed: bool) -> rrb.TimePanel:
+def _time_panel(timed: bool, live: bool) -> rrb.TimePanel:
     if not timed:
         return rrb.TimePanel(state="hidden")
+    if live:
+        return rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="following")
     return rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="paused", loop_mode="all")
 
 

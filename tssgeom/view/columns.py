@@ -23,6 +23,10 @@ class Sender:
     time: NDArray[np.float64] | None
     """Time of each row [s], or its number on the timeline `COUNT`; None for a static shape."""
     timeline: str = TIMELINE
+    since: float | None = None
+    """Time from which on holds what is the same in every frame [s]; None: always."""
+    repeats: bool = True
+    """Whether that is sent at all; otherwise it was sent before and holds still."""
 
     def send(
         self, entity: str, columns: rr.ComponentColumnList, lengths: Sequence[int] | None = None
@@ -33,7 +37,11 @@ class Sender:
 
     def constant(self, entity: str, archetype: rr.AsComponents) -> None:
         """Send what is the same in every frame."""
-        self.recording.log(entity, archetype, static=True, strict=True)
+        if not self.repeats:
+            return
+        if self.since is not None:
+            self.recording.set_time(TIMELINE, duration=self.since)
+        self.recording.log(entity, archetype, static=self.since is None, strict=True)
 
     def _indexes(self) -> list[rr.TimeColumn]:
         if self.time is None:

@@ -71,14 +71,18 @@ def _write(path: Path, run: Run, lumen: trimesh.Trimesh | None) -> None:
     with rr.RecordingStream(f"tssgeom: {run.name}", recording_id=uuid4()) as recording:
         recording.save(path, default_blueprint=blueprint(run.name, run.camera, timed=run.timed))
         recording.send_recording_name(run.name)
-        _send(Sender(recording, _times(run)), run, lumen)
+        sender = Sender(recording, _times(run))
+        send_pictures(sender, run, lumen)
+        if run.timed:
+            send_series(sender, run.results)
 
 
 def _times(run: Run) -> NDArray[np.float64] | None:
     return np.array([result.frame.time for result in run.results]) if run.timed else None
 
 
-def _send(sender: Sender, run: Run, lumen: trimesh.Trimesh | None) -> None:
+def send_pictures(sender: Sender, run: Run, lumen: trimesh.Trimesh | None) -> None:
+    """Send everything but the numbers against time."""
     send_space(sender, run, lumen)
     _send_words(sender, run)
     pieces = [result.arcs for result in run.results]
@@ -87,7 +91,6 @@ def _send(sender: Sender, run: Run, lumen: trimesh.Trimesh | None) -> None:
     send_curvature_chart(sender, run.frames, pieces, run.ranges, boxes.curvature)
     if run.timed:
         send_slip_front(sender, run, boxes.tension)
-        send_series(sender, run.results)
 
 
 def _send_words(sender: Sender, run: Run) -> None:

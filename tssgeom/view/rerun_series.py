@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import rerun as rr
 
-from tssgeom.arrays import Vector
+from tssgeom.arrays import Matrix, Vector
 from tssgeom.stream import FrameResult
 from tssgeom.view import colours
 from tssgeom.view.columns import Sender
@@ -15,19 +15,23 @@ from tssgeom.view.columns import Sender
 
 def send_series(sender: Sender, results: Sequence[FrameResult]) -> None:
     """Send what changes from frame to frame, in the units of the plots' titles."""
-    seen = [result.transmission for result in results]
-    _line(sender, "tension_in", "T_in [N]", colours.TENSION_IN, [each.tension_in for each in seen])
-    _line(sender, "tension_out", "T_out [N]", colours.TENSION_OUT, [each.tension_out for each in seen])
-    _line(
-        sender,
-        "elongation",
-        "elongation δ [mm]",
-        colours.ELONGATION,
-        [1e3 * each.elongation for each in seen],
-    )
-    angles = np.degrees([result.profile.total_angle for result in results])
-    _line(sender, "angle", "curve angle Φ [°]", colours.ANGLE, angles)
+    send_numbers(sender, np.array([numbers_of(result) for result in results]))
     _send_measured(sender, results)
+
+
+def numbers_of(result: FrameResult) -> tuple[float, float, float, float]:
+    """T_in [N], T_out [N], elongation [m] and accumulated curve angle [rad] of one frame."""
+    seen = result.transmission
+    return seen.tension_in, seen.tension_out, seen.elongation, result.profile.total_angle
+
+
+def send_numbers(sender: Sender, numbers: Matrix) -> None:
+    """Send the `numbers_of` many frames [m, 4], in the units of the plots' titles."""
+    tension_in, tension_out, elongation, angle = numbers.T
+    _line(sender, "tension_in", "T_in [N]", colours.TENSION_IN, tension_in)
+    _line(sender, "tension_out", "T_out [N]", colours.TENSION_OUT, tension_out)
+    _line(sender, "elongation", "elongation δ [mm]", colours.ELONGATION, 1e3 * elongation)
+    _line(sender, "angle", "curve angle Φ [°]", colours.ANGLE, np.degrees(angle))
 
 
 def _send_measured(sender: Sender, results: Sequence[FrameResult]) -> None:

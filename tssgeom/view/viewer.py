@@ -62,7 +62,7 @@ def open_viewer(
     files = [str(path) for path in paths]
     options = _web_options(announce) if web else ["--port", "auto"]
     try:
-        return subprocess.run([_binary(), *files, "--bind", _HOST, *options], check=False).returncode
+        return subprocess.run([binary(), *files, "--bind", _HOST, *options], check=False).returncode
     except KeyboardInterrupt:
         return 0
 
@@ -136,7 +136,7 @@ def _require_recording(path: Path) -> None:
         raise SourceError(f"{path}: no Rerun recording: give a .rrd file that tssgeom wrote")
 
 
-def _binary() -> str:
+def binary() -> str:
     """Path of the viewer itself; the `rerun` command beside Python only starts it."""
     name = "rerun.exe" if os.name == "nt" else "rerun"
     return str(Path(rerun_cli.__file__).parent / name)
@@ -161,7 +161,7 @@ def _headless(path: Path, size: tuple[int, int]) -> Iterator[ViewerClient]:
     """Run a viewer without a window on a recording that is loaded, and end it afterwards."""
     port, began = _free_port(), time.monotonic()
     options = ["--headless", "--hide-welcome-screen", "--window-size", f"{size[0]}x{size[1]}"]
-    command = [_binary(), str(path), *options, "--bind", _HOST, "--port", str(port)]
+    command = [binary(), str(path), *options, "--bind", _HOST, "--port", str(port)]
     # With CI set the viewer reports nothing about its use to its makers.
     with tempfile.TemporaryFile() as log:
         environment = {**os.environ, "CI": "true", "RUST_LOG": "error"}

@@ -30,9 +30,11 @@ class Channel:
         Called with what came in.
     gone
         Called once, when the peer has closed or broken the connection.
+    backlog
+        Bytes that wait for the peer at most.
     """
 
-    __slots__ = ("_gone", "_received", "_selector", "_waiting", "sock")
+    __slots__ = ("_backlog", "_gone", "_received", "_selector", "_waiting", "sock")
 
     def __init__(
         self,
@@ -40,11 +42,12 @@ class Channel:
         sock: socket.socket,
         received: Callable[[bytes], object],
         gone: Callable[[], object],
+        backlog: int = BACKLOG,
     ) -> None:
         sock.setblocking(False)
         self.sock, self._selector = sock, selector
         self._received, self._gone = received, gone
-        self._waiting = bytearray()
+        self._waiting, self._backlog = bytearray(), backlog
         selector.register(sock, READ, self._ready)
 
     @property
@@ -62,7 +65,7 @@ class Channel:
         if not self.open:
             return False
         if self._waiting:
-            if len(self._waiting) + len(data) > BACKLOG:
+            if len(self._waiting) + len(data) > self._backlog:
                 return False
             self._waiting += data
             return True

@@ -56,12 +56,12 @@ class Listener:
         Who may connect.
     connected
         Called with each client that is admitted; it sets `received`.
-    gone
-        Called with an admitted client that is no longer there.
     tell
         Called with a sentence for the user.
     shown
         Finds the token in the first bytes of a client, with what follows it; None as long as it is not whole.
+    farewell
+        Packs the line that says why a client is cut off, where it is not sent as it is.
     """
 
     def __init__(
@@ -71,9 +71,9 @@ class Listener:
         allowed: Access,
         *,
         connected: Callable[[Peer], object],
-        gone: Callable[[Peer], object],
         tell: Callable[[str], object],
-        shown: Callable[[bytes], tuple[bytes, bytes] | None] | None = None,
+        shown: Callable[[bytes], tuple[bytes, bytes] | None],
+        farewell: Callable[[bytes], bytes] = bytes,
     ) -> None:
         family, address = resolved(endpoint, allowed, socket.SOCK_STREAM)
         try:
@@ -84,7 +84,7 @@ class Listener:
         self.text = endpoint.at(self._socket.getsockname())
         self.peers = list[Peer]()
         self._selector, self._allowed, self._tell = selector, allowed, tell
-        self._connected, self._gone, self._shown = connected, gone, shown or first_line
+        self._connected, self._shown, self._packed = connected, shown, farewell
         self._second, self._new = 0.0, 0
         selector.register(self._socket, READ, self._accept)
 
@@ -96,7 +96,7 @@ class Listener:
     def cut(self, peer: Peer, reason: str) -> None:
         """Tell a client, if it listens, and the user why it is cut off, and do it."""
         self._tell(f"{self.text}: {peer.name} cut off: {reason}")
-        peer.channel.send(_farewell(reason))
+        peer.channel.send(self._farewell(reason))
         peer.channel.close()
         self._forget(peer)
 
@@ -123,7 +123,7 @@ class Listener:
             self._tell(f"{self.text}: {name} refused: {reason}")
             sock.setblocking(False)
             with suppress(OSError):
-                sock.send(_farewell(reason))
+                sock.send(self._farewell(reason))
             sock.close()
             return
         with suppress(OSError):
@@ -166,15 +166,12 @@ class Listener:
 
     def _forget(self, peer: Peer) -> None:
         self.peers.remove(peer)
-        if peer.admitted:
-            self._gone(peer)
+
+    def _farewell(self, reason: str) -> bytes:
+        return self._packed(json.dumps({"closed": reason}).encode() + b"\n")
 
 
 def first_line(greeting: bytes) -> tuple[bytes, bytes] | None:
     """Split the first line from what follows; None as long as it has not ended."""
     line, end, rest = greeting.partition(b"\n")
     return (line, rest) if end else None
-
-
-def _farewell(reason: str) -> bytes:
-    return json.dumps({"closed": reason}).encode() + b"\n"

@@ -10,7 +10,7 @@ from typing import Protocol
 
 from tssgeom.io.network.addresses import Access, Endpoint, resolved
 from tssgeom.io.network.channel import BACKLOG, Pipe
-from tssgeom.io.network.listener import Listener, Peer
+from tssgeom.io.network.listener import Listener, Peer, first_line
 from tssgeom.stream import FrameResult
 
 _LARGEST = 65_507  # bytes that a datagram carries
@@ -22,8 +22,11 @@ class Sink(Protocol):
 
     text: str
     """Its address, as it is told to the user."""
-    unsent: int
-    """Lines that found no room."""
+
+    @property
+    def unsent(self) -> int:
+        """Lines that found no room."""
+        ...
 
     def publish(self, line: bytes, result: FrameResult | None) -> None:
         """Send one line; `result` is what it tells, where it is the answer to a good frame."""
@@ -106,9 +109,18 @@ class TcpSink:
         endpoint: Endpoint,
         allowed: Access,
         tell: Callable[[str], object],
+        *,
+        shown: Callable[[bytes], tuple[bytes, bytes] | None] = first_line,
+        farewell: Callable[[bytes], bytes] = bytes,
     ) -> None:
         self._listener = Listener(
-            selector, endpoint, allowed, connected=lambda peer: None, gone=lambda peer: None, tell=tell
+            selector,
+            endpoint,
+            allowed,
+            connected=lambda peer: None,
+            tell=tell,
+            shown=shown,
+            farewell=farewell,
         )
         self.text = self._listener.text
         self.unsent = 0

@@ -23,7 +23,7 @@ from tssgeom.io.jsonl import frame_or_refusal
 from tssgeom.io.network.addresses import Access, Endpoint, resolved
 from tssgeom.io.network.channel import READ
 from tssgeom.io.network.lines import LOOKED_AT, Lines
-from tssgeom.io.network.listener import Listener, Peer, socket_error
+from tssgeom.io.network.listener import Listener, Peer, first_line, socket_error
 from tssgeom.io.network.mailbox import Clock, Mailbox
 from tssgeom.stream import Frame, Rejected
 
@@ -155,7 +155,7 @@ class TcpSource:
     ) -> None:
         self._mailbox, self._unit = mailbox, unit
         self._listener = Listener(
-            selector, endpoint, allowed, connected=self._connected, gone=lambda peer: None, tell=tell
+            selector, endpoint, allowed, connected=self._connected, tell=tell, shown=first_line
         )
         self.text = self._listener.text
         self.tick, self.close = self._listener.tick, self._listener.close

@@ -1,0 +1,189 @@
+"""A process beside the stream that draws, records or saves, so that neither disk nor viewer slows the stream.
+
+    python -P -m pipelines.live_worker ROLE ARGUMENT, with the socket of the stream as standard input
+
+It reads messages until the stream closes the socket, whether that ends well or not, and then finishes.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import pickle
+import select
+import signal
+import socket
+import struct
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from pathlib import Path
+from time import monotonic
+from typing import Any, Protocol
+
+import numpy as np
+
+from tssgeom.errors import TssgeomError
+from tssgeom.io.states import write_state
+from tssgeom.stream import FrameResult
+from tssgeom.tendon.state import TendonState
+from tssgeom.view.rerun_growing import GrowingFile
+from tssgeom.view.rerun_live import LivePicture, hosted, warm_up
+
+LENGTH = struct.Struct("!I")
+"""Before each message stands its length in bytes."""
+
+_FLUSH = {"record": 0.5, "view": 0.04, "save": 0.1}  # s between two batches
+_NICER = 10
+_CHUNK = 1 << 18
+
+
+class Role(Protocol):
+    """What a worker does with what it is sent."""
+
+    def take(self, kind: str, content: Any) -> None:
+        """Take in one message."""
+        ...
+
+    def flush(self) -> None:
+        """Do what is to be done with the messages since the last time."""
+        ...
+
+    def finish(self) -> None:
+        """Do it for the last time."""
+        ...
+
+
+class Saver:
+    """Keeps the newest state of the tendon on disk."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._state: TendonState | None = None
+
+    def take(self, kind: str, content: Any) -> None:
+        """Take in a state."""
+        self._state = content
+
+    def flush(self) -> None:
+        """Write the newest state, whole or not at all."""
+        if self._state is not None:
+            write_state(self._path, self._state)
+            self._state = None
+
+    finish = flush
+
+
+class Artist:
+    """Draws frames into a picture that viewers look at."""
+
+    def __init__(self, picture: LivePicture) -> None:
+        self._picture = picture
+        self._results = list[FrameResult]()
+        self._numbers = list[np.ndarray]()
+
+    def take(self, kind: str, content: Any) -> None:
+        """Take in a frame to be drawn, or the numbers of many."""
+        (self._results if kind == "picture" else self._numbers).append(content)
+
+    def flush(self) -> None:
+        """Draw what has come."""
+        if self._results:
+            self._picture.draw(self._results)
+            self._results.clear()
+        if self._numbers:
+            numbers = np.concatenate(self._numbers)
+            self._picture.number(numbers[:, 0], numbers[:, 1:])
+            self._numbers.clear()
+
+    def finish(self) -> None:
+        """Draw the rest."""
+        self.flush()
+
+
+class Recorder(Artist):
+    """Draws into a file."""
+
+    def __init__(self, path: Path) -> None:
+        self._file = GrowingFile(path)
+        super().__init__(LivePicture(self._file.recording, path.stem))
+
+    def flush(self) -> None:
+        """Draw what has come, and write it."""
+        super().flush()
+        self._file.write()
+
+    def finish(self) -> None:
+        """Draw and write the rest, and put the file in its place."""
+        super().flush()
+        self._file.finish()
+
+
+def _role(name: str, argument: str) -> tuple[Role, dict[str, Any]]:
+    """Return the worker of a role, and what it has to say when it is ready."""
+    if name == "save":
+        return Saver(Path(argument)), {}
+    if name == "record":
+        recorder = Recorder(Path(argument))
+        warm_up()
+        return recorder, {}
+    recording, address = hosted("live", int(argument))
+    warm_up()
+    return Artist(LivePicture(recording, "live")), {"address": address}
+
+
+def _messages(sock: socket.socket, flush: Callable[[], None], pause: float) -> Iterator[tuple[str, Any]]:
+    """Yield messages until the stream closes the socket, flushing every so often."""
+    data, due = bytearray(), monotonic() + pause
+    while True:
+        if select.select([sock], [], [], max(due - monotonic(), 0.0))[0]:
+            chunk = sock.recv(_CHUNK)
+            if not chunk:
+                return
+            data += chunk
+        while len(data) >= LENGTH.size and len(data) >= (end := LENGTH.size + LENGTH.unpack_from(data)[0]):
+            with memoryview(data) as view:
+                message = pickle.loads(view[LENGTH.size : end])  # from the parent process alone
+            del data[:end]
+            yield message
+        if monotonic() >= due:
+            flush()
+            due = monotonic() + pause
+
+
+def main(role_name: str, argument: str) -> int:
+    """Serve the stream until it ends; return the exit status."""
+    for number in (signal.SIGINT, signal.SIGTERM):  # the stream tells the end by closing the socket
+        signal.signal(number, signal.SIG_IGN)
+    with suppress(OSError):
+        os.nice(_NICER)
+    sock = socket.socket(fileno=0)
+
+    def say(what: dict[str, Any]) -> None:
+        with suppress(OSError):
+            sock.sendall(json.dumps(what).encode() + b"\n")
+
+    try:
+        role, said = _role(role_name, argument)
+    except TssgeomError as error:
+        say({"failed": str(error)})
+        return 1
+    say({"ready": True} | said)
+
+    failures = list[str]()
+
+    def guarded(work: Callable[[], None]) -> None:
+        try:
+            work()
+        except TssgeomError as error:
+            failures.append(str(error))
+            say({"failed": str(error)})
+
+    for kind, content in _messages(sock, lambda: guarded(role.flush), _FLUSH[role_name]):
+        role.take(kind, content)
+    guarded(role.finish)
+    return 1 if failures else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1], sys.argv[2]))

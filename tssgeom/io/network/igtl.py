@@ -1,0 +1,165 @@
+"""OpenIGTLink messages: shapes out of POINT, POLYDATA, POSITION and TRANSFORM, results into POLYDATA, STRING.
+
+Header, checksum, metadata and packing are pyigtl's; the contents are read here, checked and as arrays.
+Lengths are millimetres, as the protocol's users have them.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from pyigtl.messages import CRC64, MessageBase, PolyDataMessage, StringMessage
+
+from tssgeom.arrays import Points
+from tssgeom.errors import ShapeError
+from tssgeom.io.units import PER_METRE
+
+HEADER = MessageBase.IGTL_HEADER_SIZE
+"""Bytes of a header."""
+LARGEST = 1 << 20
+"""Bytes of the largest body that is read, 1 MiB."""
+
+_POINT = np.dtype([("about", "S100"), ("place", ">f4", 3), ("more", "S24")])
+_POSITIONS = np.dtype([("about", "S100"), ("place", ">f4", 3), ("turn", ">f4", 4), ("more", "S24")])
+_POLYDATA = 40  # bytes that tell the numbers of points and cells
+_PLACE = ">f4"
+_CHECKSUM = slice(50, 58)
+_KINDS = ("POINT", "POLYDATA", "POSITION", "TRANSFORM", "STRING")
+_VERSIONS = (1, 2)
+
+
+@dataclass(frozen=True, slots=True)
+class Header:
+    """What the first bytes of a message tell."""
+
+    kind: str
+    device: str
+    time: float
+    """Time of the sender since 1970 [s]; 0 where it tells none."""
+    size: int
+    """Bytes of the body."""
+    fields: dict[str, Any]
+    """As pyigtl has them."""
+    checksum: int
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """One message with its content."""
+
+    header: Header
+    places: Points
+    """Places that it tells [n, 3], of one sensor or of a whole route [m]."""
+    metadata: dict[str, str]
+    text: str = ""
+    """Of a STRING."""
+
+
+class _Raw(MessageBase):
+    """A message whose content is left as bytes."""
+
+    content: bytes = b""
+
+    def _unpack_content(self, content: bytes) -> None:
+        self.content = content
+
+
+def header_of(data: bytes | bytearray) -> Header:
+    """Read a header.
+
+    Raises
+    ------
+    ShapeError
+        Where it is none, or announces a body that is too large.
+    """
+    try:
+        fields = MessageBase.parse_header(data[:HEADER])
+    except (struct.error, UnicodeDecodeError) as error:
+        raise ShapeError(f"no OpenIGTLink header ({error}): check what listens on this port") from error
+    if fields["header_version"] not in _VERSIONS:
+        raise ShapeError(
+            f"OpenIGTLink header of version {fields['header_version']}: only 1 and 2 are known; "
+            "a body of a wrong length looks like this too"
+        )
+    if fields["body_size"] > LARGEST:
+        raise ShapeError(f"a body of {fields['body_size']} bytes: send {LARGEST} (1 MiB) at most")
+    checksum = int.from_bytes(data[_CHECKSUM], "big")
+    kind, device, time = fields["message_type"], fields["device_name"], fields["timestamp"]
+    return Header(kind, device, time, fields["body_size"], fields, checksum)
+
+
+def message_of(header: Header, body: bytes) -> Message | None:
+    """Read the body of a message; None where it is of a kind that tells no shape.
+
+    Raises
+    ------
+    ShapeError
+        Where checksum, length or content are wrong.
+    """
+    if header.kind not in _KINDS:
+        return None
+    if CRC64(body) != header.checksum:
+        raise ShapeError(f"{header.kind} of {header.device!r}: wrong checksum: the message is damaged")
+    raw = _Raw()
+    try:
+        raw.unpack(header.fields, body)
+    except (struct.error, UnicodeDecodeError, TypeError) as error:
+        raise ShapeError(f"{header.kind} of {header.device!r}: broken extended header ({error})") from error
+    if header.kind == "STRING":
+        return Message(header, np.empty((0, 3)), raw.metadata, _text(raw.content))
+    places = _places(header, raw.content)
+    return Message(header, places.astype(np.float64) / PER_METRE["mm"], raw.metadata)
+
+
+def _places(header: Header, content: bytes) -> np.ndarray:
+    if header.kind == "POINT":
+        return _rows(header, content, _POINT)
+    if header.kind == "POLYDATA":
+        return _polydata(header, content)
+    if header.kind == "TRANSFORM":
+        _require(header, content, len(content) == 48)
+        return np.frombuffer(content, _PLACE)[None, 9:12]
+    if len(content) in (12, 24, 28):  # the protocol's own: one place, with a quaternion of 3 or 4 numbers
+        return np.frombuffer(content, _PLACE, 3)[None]
+    return _rows(header, content, _POSITIONS)  # pyigtl's: a list of named places
+
+
+def _rows(header: Header, content: bytes, row: np.dtype) -> np.ndarray:
+    _require(header, content, len(content) % row.itemsize == 0)
+    return np.frombuffer(content, row)["place"]
+
+
+def _polydata(header: Header, content: bytes) -> np.ndarray:
+    _require(header, content, len(content) >= _POLYDATA)
+    points, *cells = np.frombuffer(content, ">u4", 10).tolist()
+    _require(header, content, _POLYDATA + 12 * points + sum(cells[1:8:2]) <= len(content))
+    return np.frombuffer(content, _PLACE, 3 * points, _POLYDATA).reshape(-1, 3)
+
+
+def _require(header: Header, content: bytes, sound: bool) -> None:
+    if not sound:
+        raise ShapeError(
+            f"{header.kind} of {header.device!r}: {len(content)} bytes do not hold what it announces"
+        )
+
+
+def _text(content: bytes) -> str:
+    """Text of a STRING; empty where its length is wrong."""
+    if len(content) < 4 or len(content) - 4 != int.from_bytes(content[2:4], "big"):
+        return ""
+    return content[4:].decode("utf-8", "replace")
+
+
+def route_message(position: Points, time: float) -> bytes:
+    """Write a route [m] as one line of a POLYDATA, in mm."""
+    line = np.concatenate(([len(position)], np.arange(len(position)))).astype(np.uint32)
+    points = np.asarray(PER_METRE["mm"] * position, np.float32)
+    return PolyDataMessage(points=points, lines=line, timestamp=time, device_name="tssgeom_route").pack()
+
+
+def text_message(line: str, time: float) -> bytes:
+    """Write a line of JSON as a STRING."""
+    return StringMessage(line, timestamp=time, device_name="tssgeom").pack()
