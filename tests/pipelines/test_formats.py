@@ -69,18 +69,6 @@ def test_batch_takes_a_folder_of_all_and_records_where_each_came_from(run, tmp_p
     assert len({each["sha256"] for each in inputs}) == 4  # both lines are of one file
 
 
-def test_a_folder_s_digest_changes_with_any_of_its_files(run, tmp_path):
-    folder = Path(shutil.copytree(CORPUS / "colonoscope", tmp_path / "case"))
-    digests = []
-    for line in (b"", b"400.0;\n"):
-        with (folder / "T.txt").open("ab") as file:
-            file.write(line)
-        run("batch", folder, "--unit", "mm", "--out", tmp_path / "out", "--fresh")
-        (told,) = json.loads((tmp_path / "out/run.json").read_text())["inputs"]
-        digests.append(told["sha256"])
-    assert digests[0] != digests[1]
-
-
 def test_export_writes_beside_the_results_and_never_over_the_input(run, half):
     before = half.read_bytes()
     outcome = run("analyse", half, "--out", half.parent, "--export", "mrk.json,vtp,ply,csv", "--quiet")
