@@ -63,7 +63,7 @@ def as_text(objects: Sequence[dict[str, Any]], *, one_file: bool) -> str:
 
 
 def draw(analysis: Analysis, chosen: Options, out: Path, endings: Sequence[str]) -> None:
-    """Write the Rerun recording of an input, the tube of its last good frame, and that for other programs.
+    """Write the Rerun recording of an input, the tube of the frame that is told, and that for other programs.
 
     Raises
     ------
@@ -74,15 +74,15 @@ def draw(analysis: Analysis, chosen: Options, out: Path, endings: Sequence[str])
     from tssgeom.view.rerun_log import write_recording
 
     out.mkdir(parents=True, exist_ok=True)
-    lumen = lumen_of(analysis.source, analysis.unit, chosen)
+    lumen = lumen_of(Path(analysis.source), analysis.unit, chosen)
     write_recording(
         out / f"{analysis.name}.rrd", analysis.name, analysis.results, timed=analysis.timed, lumen=lumen
     )
-    last = analysis.results[-1]
-    radius = last.profile.length / _SLENDERNESS
-    pull = tension(last.state, last.profile.phi, last.profile.s)
-    line = tension_line(analysis.name, analysis.unit, last, pull)
-    mesh = tube(last.route.position, last.route.tangent, pull, radius, carried=line.values)
+    told = analysis.told
+    radius = told.profile.length / _SLENDERNESS
+    pull = tension(told.state, told.profile.phi, told.profile.s)
+    line = tension_line(analysis.name, analysis.unit, told, pull)
+    mesh = tube(told.route.position, told.route.tangent, pull, radius, carried=line.values)
     with replacing(out / f"{analysis.name}.glb") as draft:
         mesh.export(draft)
     write_exports(out, endings, line, mesh)

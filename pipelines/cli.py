@@ -86,22 +86,44 @@ def analyse(
 
 @app.command()
 def batch(
-    inputs: Inputs,
-    out: Annotated[Path, typer.Option("--out", help="Folder for tables, report and recordings.")],
+    inputs: Annotated[
+        list[str], typer.Argument(help="Files or folders of shapes and recordings; paths, or addresses.")
+    ],
+    out: Annotated[
+        str, typer.Option("--out", help="Folder for tables, report and recordings; a path or an address.")
+    ],
     rig: RigFile = None,
     tension_in: TensionIn = TENSION_IN,
     unit: Unit = None,
-    workers: Annotated[int, typer.Option("--workers", min=1, max=1, help="Processes; one for now.")] = 1,
+    workers: Annotated[
+        int | None, typer.Option("--workers", min=1, help="Processes; as many as are worth it by default.")
+    ] = None,
+    scheduler: Annotated[
+        str | None, typer.Option("--scheduler", help="Dask scheduler, tcp://HOST:PORT, instead of processes.")
+    ] = None,
+    geometry_only: Annotated[
+        bool,
+        typer.Option("--geometry-only", help="Each frame is a first pull; frames spread over the workers."),
+    ] = False,
+    pictures: Annotated[
+        bool, typer.Option("--pictures/--no-pictures", help="Write recordings and figures.")
+    ] = True,
     fresh: Annotated[bool, typer.Option("--fresh", help="First remove an earlier batch from DIR.")] = False,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Analyse every shape and recording in files and folders, and write tables, report and recordings."""
+    """Analyse every shape and recording in files and folders, and write tables, report and recordings.
+
+    What was done before with the same settings is not done again, so a batch that was stopped goes on.
+    """
     from pipelines import batch as command
     from pipelines.work import options
 
-    chosen = options(rig, tension_in, unit, None)
-    raise typer.Exit(command.run(inputs, chosen, out=out, fresh=fresh, as_json=json, quiet=quiet))
+    if workers is not None and scheduler is not None:
+        raise typer.BadParameter("give --workers or --scheduler: a scheduler has workers of its own")
+    chosen = options(rig, tension_in, unit, None, geometry_only=geometry_only)
+    how = command.How(workers, scheduler, fresh, pictures)
+    raise typer.Exit(command.run(inputs, chosen, how, out=out, as_json=json, quiet=quiet))
 
 
 @app.command()

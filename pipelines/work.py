@@ -12,13 +12,15 @@ from typing import TypeVar
 import trimesh
 from msgspec.structs import replace as changed
 
-from pipelines.console import complain, tracking
-from tssgeom.errors import SettingsError, ShapeError, TssgeomError
+from pipelines.console import complain
+from pipelines.progress import progressing
+from tssgeom.errors import SettingsError, ShapeError, SpaceError, TssgeomError
+from tssgeom.io.account import Account
 from tssgeom.io.files import Recording, find_inputs, open_recording, output_names
 from tssgeom.io.meshes import lumen_beside, read_lumen
-from tssgeom.io.results import Analysis
+from tssgeom.io.results import Analysis, frame_row, relative
 from tssgeom.settings import Rig, read_rig
-from tssgeom.stream import FrameResult, Rejected, process
+from tssgeom.stream import process
 
 Done = TypeVar("Done")
 
@@ -35,18 +37,27 @@ class Options:
     """Proximal tension for frames that bring none [N]."""
     unit: str | None
     lumen: Path | None
+    geometry_only: bool = False
+    """Whether each frame is the first pull of its tendon, whatever came before it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Refusal:
     """An input that could not be used."""
 
-    source: Path
+    source: str
     reason: str
     """One line that names the input."""
 
 
-def options(rig: Path | None, tension_in: float, unit: str | None, lumen: Path | None) -> Options:
+def options(
+    rig: Path | None,
+    tension_in: float,
+    unit: str | None,
+    lumen: Path | None,
+    *,
+    geometry_only: bool = False,
+) -> Options:
     """Check what the user chose.
 
     Raises
@@ -57,7 +68,7 @@ def options(rig: Path | None, tension_in: float, unit: str | None, lumen: Path |
     if not math.isfinite(tension_in) or tension_in < 0:
         raise SettingsError(f"--tension-in is {tension_in:g} N: give a finite tension >= 0 N")
     held = Rig() if rig is None else read_rig(rig)
-    return Options(held, rig, tension_in, unit, lumen)
+    return Options(held, rig, tension_in, unit, lumen, geometry_only)
 
 
 def geometry_alone(chosen: Options) -> Options:
@@ -77,19 +88,21 @@ def inputs_of(paths: Iterable[Path], besides: Collection[Path] = ()) -> Iterator
                 seen.add(item.resolve())
 
 
-def guarded(source: Path, work: Callable[[], Done]) -> Done | Refusal:
+def guarded(source: str | Path, work: Callable[[], Done]) -> Done | Refusal:
     """Do the work for one input, so that whatever goes wrong stays with that input."""
     try:
         return work()
+    except SpaceError:
+        raise  # nothing else could be written either
     except TssgeomError as error:
-        return Refusal(source, _one_line(str(error)))
+        return Refusal(str(source), one_line(str(error)))
     except Exception as error:  # a mistake of ours must not take the other inputs down
-        what = _one_line(f"{type(error).__name__}: {error}")
-        return Refusal(source, f"{source}: unexpected {what}: please report it with the file")
+        what = one_line(f"{type(error).__name__}: {error}")
+        return Refusal(str(source), f"{source}: unexpected {what}: please report it with the file")
 
 
 def analysis_of(
-    name: str, path: Path, chosen: Options, step: Callable[[int], None] = lambda total: None
+    name: str, path: Path, chosen: Options, step: Callable[[int, float], None] = lambda frames, size: None
 ) -> Analysis:
     """Read and process one input.
 
@@ -102,7 +115,7 @@ def analysis_of(
     chosen
         Rig, tension and unit.
     step
-        Called after each frame with the number of frames in the file.
+        Called after each frame with 1 and the share of the file that the frame is [B].
 
     Raises
     ------
@@ -110,21 +123,27 @@ def analysis_of(
         Where the file cannot be used, or none of its frames.
     """
     recording = open_recording(path, chosen.unit)
-    items = list[FrameResult | Rejected]()
+    account = Account.of(recording.frame_count)
+    share = _size(path) / max(recording.frame_count, 1)
     for item in process(recording.frames, chosen.rig, tension_in=chosen.tension_in):
-        items.append(item)
-        step(recording.frame_count)
-    return _useful(name, recording, items)
+        account.add(item, frame_row(item))
+        step(1, share)
+    return useful(name, relative(path), recording, account.close())
 
 
-def _useful(name: str, recording: Recording, items: list[FrameResult | Rejected]) -> Analysis:
-    analysis = Analysis(
-        name, recording.path, recording.unit, recording.kind, recording.timed, items, recording.warnings
-    )
-    if analysis.results:
-        return analysis
-    first = f"{analysis.rejected[0].reason}" if items else "it holds no frame"
-    where = f"none of {len(items)} frames can be used; the first: " if len(items) > 1 else ""
+def useful(name: str, source: str, recording: Recording, account: Account) -> Analysis:
+    """Return the analysis of an input of which some frames could be used.
+
+    Raises
+    ------
+    ShapeError
+        Where none could.
+    """
+    if account.used:
+        kind, timed = recording.kind, recording.timed
+        return Analysis(name, source, recording.unit, kind, timed, account, recording.warnings)
+    first = f"{account.rejected[0].reason}" if account.rejected else "it holds no frame"
+    where = f"none of {account.frames} frames can be used; the first: " if account.frames > 1 else ""
     raise ShapeError(f"{recording.path}: {where}{first}")
 
 
@@ -140,16 +159,13 @@ def lumen_of(path: Path, unit: str, chosen: Options) -> trimesh.Trimesh | None:
     return None if mesh is None else read_lumen(mesh, unit)
 
 
-def frame_refusals(analysis: Analysis) -> list[str]:
+def frame_refusals(analysis: Analysis, source: str) -> list[str]:
     """Return a line for each frame that was rejected; of many, the first few and a count."""
-    rejected = analysis.rejected
-    lines = [
-        f"{analysis.source}: frame {item.seq}: {_one_line(item.reason)}"
-        for item in rejected[:_MOST_FRAMES_TOLD]
-    ]
-    more = len(rejected) - len(lines)
+    told = analysis.account.rejected[:_MOST_FRAMES_TOLD]
+    lines = [f"{source}: frame {item.seq}: {one_line(item.reason)}" for item in told]
+    more = analysis.account.refused - len(lines)
     if more:
-        lines.append(f"{analysis.source}: {more} more frames rejected: see tssgeom check")
+        lines.append(f"{source}: {more} more frames rejected: see tssgeom check")
     return lines
 
 
@@ -192,33 +208,37 @@ def each_analysis(
     """
     tally = Tally()
     names = output_names([item for item in found if isinstance(item, Path)])
-    with tracking(len(found), quiet=quiet) as tracker:
+    total = sum(_size(item) for item in found if isinstance(item, Path))
+    with progressing(len(found), total, quiet=quiet) as progress:
         for item in found:
             if isinstance(item, Refusal):
                 tally.refuse(item)
             else:
-                tracker.begin(names[item])
-                _count(
-                    tally,
-                    item,
-                    guarded(item, partial(analysis_of, names[item], item, chosen, tracker.frame)),
-                    finish,
-                )
-                tracker.end(str(item))
+                work = partial(analysis_of, names[item], item, chosen, progress.more)
+                frames = _count(tally, item, guarded(item, work), finish)
+                progress.end(str(item), frames, _size(item))
     return tally
 
 
-def _count(tally: Tally, path: Path, outcome: Analysis | Refusal, finish: Callable[[Analysis], None]) -> None:
+def _size(path: Path) -> int:
+    """Size of a file [B]; 0 where there is none, which whoever reads it will tell."""
+    return path.stat().st_size if path.is_file() else 0
+
+
+def _count(tally: Tally, path: Path, outcome: Analysis | Refusal, finish: Callable[[Analysis], None]) -> int:
+    """Count an input, and return how many frames it had."""
     if isinstance(outcome, Refusal):
         tally.refuse(outcome)
-        return
+        return 0
     tally.done += 1
-    tally.frames_refused += len(outcome.rejected)
-    for line in frame_refusals(outcome):
+    tally.frames_refused += outcome.account.refused
+    for line in frame_refusals(outcome, str(path)):
         complain(line)
     if isinstance(failure := guarded(path, partial(finish, outcome)), Refusal):
         tally.refuse(failure)
+    return outcome.account.frames
 
 
-def _one_line(text: str) -> str:
+def one_line(text: str) -> str:
+    """Return a text without its line breaks."""
     return " ".join(text.split())

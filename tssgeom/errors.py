@@ -1,5 +1,10 @@
 """Errors of tssgeom: each message says what is wrong, the value with its unit, and the remedy."""
 
+import errno
+import os
+
+_FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
+
 
 class TssgeomError(Exception):
     """Root of every error that tssgeom raises on purpose."""
@@ -19,3 +24,14 @@ class FitError(TssgeomError):
 
 class SourceError(TssgeomError):
     """A file or stream that cannot be read or written."""
+
+
+class SpaceError(SourceError):
+    """No room is left where results are written."""
+
+
+def unwritable(what: object, error: OSError) -> SourceError:
+    """Return the error to raise where `what` could not be written; a full disk has a kind of its own."""
+    if error.errno in _FULL:
+        return SpaceError(f"{what}: no room left ({os.strerror(error.errno)}): free space and run again")
+    return SourceError(f"{what}: cannot be written ({error.strerror or error}): check the folder")

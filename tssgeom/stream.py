@@ -229,3 +229,36 @@ def sensed_points(frame: Frame, rig: Rig) -> Shape:
         frame.length,
         given.length_noise,
     )
+
+
+def alone(
+    frames: Iterable[Frame | Rejected], rig: Rig, *, tension_in: float, first: int = 0
+) -> Iterator[FrameResult | Rejected]:
+    """Turn frames into results as if each were the first pull of its tendon; only the fit goes on.
+
+    What one frame tells of the tendon does not depend on those before it, so a recording may be cut anywhere.
+
+    Parameters
+    ----------
+    frames
+        Sensed shapes, in order.
+    rig
+        Tendon, friction and sensors.
+    tension_in
+        Total tension at the proximal end for frames that bring no drive and no target [N].
+    first
+        Count of the first of these frames in its recording.
+    """
+    rest = pretensioned(rig)
+    last: Followed | None = None
+    for seq, frame in enumerate(frames, first):
+        if isinstance(frame, Rejected):
+            yield replace(frame, seq=seq)
+            continue
+        try:
+            result = advance(seq, frame, rest, rig, tension_in, last)
+        except TssgeomError as error:
+            yield Rejected(seq, frame.time, str(error), frame.id)
+        else:
+            last = result.followed
+            yield result

@@ -1,19 +1,23 @@
 """What is told and written about an analysis."""
 
+import dataclasses
 import json
 import math
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as papq
 import pytest
 
 from tssgeom.errors import SourceError
-from tssgeom.io.result_tables import FRAMES, SUMMARY, write_frames, write_summary
-from tssgeom.io.results import Analysis, analysis_object, shape_summary, summary_row
+from tssgeom.io.account import MOST_KEPT, Account
+from tssgeom.io.places import Folder
+from tssgeom.io.result_tables import FRAMES, SEGMENTS, SUMMARY, parts, write_parts, write_summary
+from tssgeom.io.results import Analysis, analysis_object, frame_row, shape_summary, summary_row
 from tssgeom.io.run_record import Input, RunRecord, Settings, remove_earlier_run, sha256_of, write_run
 from tssgeom.settings import Rig
-from tssgeom.stream import Frame, process
+from tssgeom.stream import Frame, FrameResult, Rejected, process
 
 TENSIONS = [5.0, 15.0, 10.0]
 
@@ -28,8 +32,11 @@ def s_bend() -> np.ndarray:
     return np.concatenate([first, 2 * first[-1] - first[-2::-1]])
 
 
+Items = list[FrameResult | Rejected]
+
+
 @pytest.fixture(scope="module")
-def analysis() -> Analysis:
+def items() -> Items:
     gap = half_circle()
     gap[20] = np.nan
     shapes = [half_circle(), gap, half_circle()[:3], half_circle()]
@@ -38,8 +45,28 @@ def analysis() -> Analysis:
         Frame(points, time / 2, tension_in=tension, elongation=0.001, id=str(time))
         for time, (points, tension) in enumerate(zip(shapes, tensions, strict=True))
     ]
-    items = list(process(frames, Rig(), tension_in=1.0))
-    return Analysis("bend", Path("bend.jsonl"), "mm", "jsonl", timed=True, items=items, notes=("a note",))
+    return list(process(frames, Rig(), tension_in=1.0))
+
+
+def accounted(items: Items) -> Account:
+    account = Account.of(len(items))
+    for item in items:
+        account.add(item, frame_row(item))
+    return account.close()
+
+
+@pytest.fixture(scope="module")
+def analysis(items: Items) -> Analysis:
+    return Analysis(
+        "bend", "bend.jsonl", "mm", "jsonl", timed=True, account=accounted(items), notes=("a note",)
+    )
+
+
+def written(items: Items, folder: Path) -> tuple[pa.Table, pa.Table, Account]:
+    folder.mkdir(exist_ok=True)
+    account = Account.of(len(items))
+    write_parts(folder / "frames", folder / "segments", parts("bend", items, account.stride), account)
+    return papq.read_table(folder / "frames"), papq.read_table(folder / "segments"), account
 
 
 def test_one_shape_is_told_with_the_promised_keys():
@@ -73,18 +100,21 @@ def test_segments_add_up_to_length_and_angle():
     np.testing.assert_allclose([piece["s_start_m"] for piece in told["segments"]], starts, atol=1e-12)
 
 
-def test_a_recording_is_told_by_its_last_good_frame_and_by_ranges(analysis):
+def test_a_recording_is_told_by_its_last_good_frame_and_by_ranges(analysis, items):
     told = analysis_object(analysis)
-    assert (told["frames"], told["rejected"], told["time_s"], told["tension_in_N"]) == (
-        4,
-        1,
-        1.5,
-        pytest.approx(10),
-    )
+    assert (told["frames"], told["rejected"], told["time_s"]) == (4, 1, 1.5)
+    assert told["tension_in_N"] == pytest.approx(10)
     assert told["range"]["tension_in_N"] == pytest.approx([5, 15])
-    assert told["range"]["elongation_m"][1] == max(r.transmission.elongation for r in analysis.results)
+    good = [item for item in items if isinstance(item, FrameResult)]
+    assert told["range"]["elongation_m"][1] == max(result.transmission.elongation for result in good)
     assert told["warnings"][0] == "a note"
     assert told["warnings"][1].endswith("(1 of 3 frames)")
+
+
+def test_the_summary_tells_the_last_peak_of_tension(analysis):
+    row = summary_row(analysis)
+    assert (row["time_s"], row["tension_in_N"]) == (0.5, pytest.approx(15))
+    assert row["tension_out_N"] == analysis.told.transmission.tension_out
 
 
 def test_summary_comes_back_with_units(analysis, tmp_path):
@@ -100,20 +130,49 @@ def test_summary_comes_back_with_units(analysis, tmp_path):
     assert row["duration_s"] == 1.5
 
 
-def test_frames_come_back_with_a_row_for_each_and_the_reason_where_rejected(analysis, tmp_path):
-    write_frames(tmp_path / "frames" / "bend.parquet", analysis)
-    table = papq.read_table(tmp_path / "frames" / "bend.parquet")
+def test_frames_come_back_with_a_row_for_each_and_the_reason_where_rejected(items, tmp_path):
+    table, _, _ = written(items, tmp_path)
     rows = table.to_pylist()
-    assert table.schema.equals(FRAMES)
+    assert table.schema.equals(FRAMES, check_metadata=True)
     assert [row["seq"] for row in rows] == [0, 1, 2, 3]
     assert [row["id"] for row in rows] == ["0", "1", "2", "3"]
     assert [row["rejected"] is None for row in rows] == [True, True, False, True]
     assert rows[2]["elongation_m"] is None
     assert "a route needs at least 4" in rows[2]["rejected"]
-    assert sum(piece["angle_rad"] for piece in rows[0]["segments"]) == pytest.approx(
-        rows[0]["total_angle_rad"]
-    )
     assert (rows[0]["measured_elongation_m"], rows[0]["measured_tension_out_N"]) == (0.001, None)
+    assert {row["name"] for row in rows} == {"bend"}
+
+
+def test_segments_come_back_with_units_and_add_up_to_their_frame(items, tmp_path):
+    frames, table, _ = written(items, tmp_path)
+    assert table.schema.equals(SEGMENTS, check_metadata=True)
+    assert table.schema.field("kappa_per_m").metadata[b"unit"] == b"1/m"
+    pieces = [row for row in table.to_pylist() if row["seq"] == 3]
+    assert [row["piece"] for row in pieces] == list(range(len(pieces)))
+    total = frames.to_pylist()[3]["total_angle_rad"]
+    assert sum(row["angle_rad"] for row in pieces) == pytest.approx(total, abs=1e-12)  # rounding of a sum
+    assert {row["seq"] for row in table.to_pylist()} == {0, 1, 3}
+
+
+def test_accounts_of_parts_add_up_to_that_of_the_whole(items):
+    whole, joined = accounted(items * 3), Account.of(12)
+    for k in range(3):
+        joined.join(accounted(items))
+        assert joined.frames == 4 * (k + 1)
+    assert (joined.used, joined.refused, joined.warned) == (whole.used, whole.refused, whole.warned)
+    assert (joined.low, joined.high, joined.warnings) == (whole.low, whole.high, whole.warnings)
+    assert joined.noise == pytest.approx(whole.noise, rel=1e-12)  # sums in another order
+    assert [result.seq for result in joined.results] == [result.seq for result in whole.results]
+
+
+def test_of_many_frames_so_many_are_kept_evenly_and_the_last(items):
+    good = items[0]
+    assert isinstance(good, FrameResult)
+    many = 2 * MOST_KEPT + 2
+    account = accounted([dataclasses.replace(good, seq=seq) for seq in range(many)])
+    kept = [result.seq for result in account.results]
+    assert kept == [*range(0, many - 1, 3), many - 1]
+    assert len(kept) <= MOST_KEPT + 1
 
 
 def record(folder: Path, *files: str) -> RunRecord:
@@ -127,7 +186,7 @@ def record(folder: Path, *files: str) -> RunRecord:
 
 
 def test_the_record_of_a_run_tells_settings_inputs_and_counts(tmp_path):
-    write_run(tmp_path, record(tmp_path, "summary.parquet"))
+    write_run(Folder.of(str(tmp_path)), record(tmp_path, "summary.parquet"))
     told = json.loads((tmp_path / "run.json").read_text())
     assert told["settings"]["rig"]["friction"]["coefficient"] == 0.145
     assert told["inputs"][0]["sha256"] == "2d711642b726b04401627ca9fbac32f5c8530fb1903cc4db02258717921a4881"
@@ -139,8 +198,8 @@ def test_an_earlier_run_is_removed_and_nothing_else(tmp_path):
     out.mkdir()
     for name in ("mine.txt", "summary.parquet", "../outside.csv"):
         (out / name).write_text("x")
-    write_run(out, record(tmp_path, "summary.parquet", "gone.rrd", "../outside.csv"))
-    remove_earlier_run(out)
+    write_run(Folder.of(str(out)), record(tmp_path, "summary.parquet", "gone.rrd", "../outside.csv"))
+    remove_earlier_run(Folder.of(str(out)))
     assert [path.name for path in out.iterdir()] == ["mine.txt"]
     assert (tmp_path / "outside.csv").exists()
 
@@ -149,12 +208,12 @@ def test_a_run_json_of_another_program_is_left_alone(tmp_path):
     (tmp_path / "run.json").write_text('{"files": ["a.csv"]}')
     (tmp_path / "a.csv").touch()
     with pytest.raises(SourceError, match="no record of a run"):
-        remove_earlier_run(tmp_path)
+        remove_earlier_run(Folder.of(str(tmp_path)))
     assert (tmp_path / "a.csv").exists()
 
 
 def test_a_folder_without_an_earlier_run_is_left_alone(tmp_path):
     (tmp_path / "a.csv").touch()
-    remove_earlier_run(tmp_path)
-    remove_earlier_run(tmp_path / "missing")
+    remove_earlier_run(Folder.of(str(tmp_path)))
+    remove_earlier_run(Folder.of(str(tmp_path / "missing")))
     assert (tmp_path / "a.csv").exists()

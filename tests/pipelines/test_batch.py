@@ -18,7 +18,9 @@ def half_circle(count: int = 30) -> np.ndarray:
 
 
 def files_in(folder: Path) -> list[str]:
-    return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
+    """Files of results; the notes of the batch itself are in a hidden folder."""
+    found = (path.relative_to(folder) for path in folder.rglob("*") if path.is_file())
+    return sorted(path.as_posix() for path in found if path.parts[0] != ".batch")
 
 
 @pytest.fixture
@@ -42,7 +44,7 @@ def test_every_result_is_written_and_what_is_bad_is_rejected(run, inputs, tmp_pa
     ]
     assert files_in(out) == [
         *("frames/half.parquet", "frames/pull.parquet", "recordings/half.rrd", "recordings/pull.rrd"),
-        *("report.html", "run.json", "summary.parquet"),
+        *("report.html", "run.json", "segments/half.parquet", "segments/pull.parquet", "summary.parquet"),
     ]
     summary = papq.read_table(out / "summary.parquet").to_pylist()
     assert [(row["name"], row["frames"], row["rejected"]) for row in summary] == [

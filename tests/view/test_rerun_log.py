@@ -225,7 +225,7 @@ def test_recording_of_nothing_is_refused(tmp_path: Path) -> None:
 
 
 def test_folder_that_is_not_there_is_an_error_with_its_path(still: list[FrameResult], tmp_path: Path) -> None:
-    with pytest.raises(SourceError, match=r"nowhere.*cannot write the recording"):
+    with pytest.raises(SourceError, match=r"nowhere.*cannot be written"):
         write_recording(tmp_path / "nowhere" / "still.rrd", "still", still, timed=False)
 
 

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from tssgeom.errors import SourceError
+from tssgeom.errors import unwritable
+
+_DRAFT = re.compile(r"\..+\.\d+\.[a-z]+|\.\..+\.part")  # of replacing, and of a writer's own draft beside it
 
 
 @contextmanager
@@ -20,7 +23,7 @@ def replacing(path: Path) -> Iterator[Path]:
     Raises
     ------
     SourceError
-        Where the disk refuses.
+        Where the disk refuses; SpaceError where it is full.
     """
     draft = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
     try:
@@ -28,9 +31,7 @@ def replacing(path: Path) -> Iterator[Path]:
         yield draft
         os.replace(draft, path)
     except OSError as error:
-        raise SourceError(
-            f"{path}: cannot be written ({error.strerror or error}): check the folder"
-        ) from error
+        raise unwritable(path, error) from error
     finally:
         with suppress(OSError):
             draft.unlink(missing_ok=True)
@@ -61,11 +62,17 @@ def replacing_all(folder: Path) -> Iterator[Path]:
         for path in sorted(draft.iterdir()):
             os.replace(path, folder / path.name)
     except OSError as error:
-        raise SourceError(
-            f"{folder}: cannot be written ({error.strerror or error}): check the folder"
-        ) from error
+        raise unwritable(folder, error) from error
     finally:
         shutil.rmtree(draft, ignore_errors=True)
         if fresh:
             with suppress(OSError):
                 folder.rmdir()  # only where nothing is in it
+
+
+def remove_drafts(folder: Path) -> None:
+    """Remove from one folder what `replacing` left there when its process was killed."""
+    with suppress(OSError):
+        for file in folder.iterdir():
+            if _DRAFT.fullmatch(file.name):
+                file.unlink(missing_ok=True)

@@ -57,11 +57,13 @@ _CHOOSING = (open_bag, open_markups, open_vtp)
 
 RESULTS_MARK = "run.json"
 """A folder that holds this file holds results, no shapes."""
-CAMPAIGN = "campaign.toml"
-"""A folder that holds this file holds a campaign: measured runs beside shapes."""
-
 ANALYSIS_MARK = "result.json"
 """So does one that holds this file."""
+UNFINISHED_MARK = ".batch"
+"""So does one that holds this folder, even where a batch was stopped there."""
+CAMPAIGN = "campaign.toml"
+"""A folder that holds this file holds a campaign: measured runs beside shapes."""
+_MARKS = {RESULTS_MARK, ANALYSIS_MARK, CAMPAIGN}
 
 
 def open_recording(path: str | Path, unit: str | None = None) -> Recording:
@@ -198,7 +200,7 @@ def _numbered(names: dict[Path, str]) -> dict[Path, str]:
 def _shapes_in(folder: Path, left_out: Collection[Path]) -> Iterator[Path]:
     for where, folders, names in os.walk(folder):
         here = Path(where)
-        if here.resolve() in left_out or {RESULTS_MARK, CAMPAIGN, ANALYSIS_MARK} & set(names):
+        if here.resolve() in left_out or _MARKS & set(names) or UNFINISHED_MARK in folders:
             folders.clear()
             continue
         if _is_recording(here):

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from tssgeom.io.account import RANGED, Account
 from tssgeom.shape.arcs import Arcs
 from tssgeom.stream import FrameResult, Rejected
 
@@ -21,32 +22,31 @@ class Analysis:
 
     name: str
     """Name of its outputs, different for each input of a run."""
-    source: Path
+    source: str
+    """Where it was read, as a path seen from the working folder, or an address."""
     unit: str
     """Unit of length in the source."""
     kind: str
     """Format of the source."""
     timed: bool
-    items: Sequence[FrameResult | Rejected]
-    """One for each frame, in order."""
+    account: Account
     notes: tuple[str, ...] = ()
     """Warnings of the reader about the file as a whole."""
 
     @property
     def results(self) -> list[FrameResult]:
-        """The frames that could be used."""
-        return [item for item in self.items if isinstance(item, FrameResult)]
+        """Frames that could be used: all of them, or so many evenly spread ones and the last."""
+        return self.account.results
 
     @property
-    def rejected(self) -> list[Rejected]:
-        """The frames that could not be used."""
-        return [item for item in self.items if isinstance(item, Rejected)]
+    def told(self) -> FrameResult:
+        """The frame that stands for the input."""
+        return self.account.told
 
     @property
     def warnings(self) -> list[str]:
         """Warnings of the file, then those of its frames, the most frequent first."""
-        counts = Counter(warning for result in self.results for warning in result.warnings)
-        return [*self.notes, *_shortened(counts, len(self.results))]
+        return [*self.notes, *_shortened(self.account.warnings, self.account.used)]
 
 
 def _shortened(counts: Counter[str], frames: int) -> list[str]:
@@ -66,18 +66,25 @@ def shape_summary(name: str, result: FrameResult, notes: Iterable[str] = ()) -> 
     transmission = result.transmission
     return {
         "shape": name,
-        "points": len(result.shape.points),
-        "length_m": result.arcs.total_length,
-        "total_angle_rad": result.arcs.total_angle,
-        "total_angle_se_rad": result.arcs.total_angle_se,
-        "noise_m": float(result.route.noise),
-        "method": result.arcs.method,
+        **_geometry(result),
         "segments": segments(result.arcs),
         "tension_in_N": transmission.tension_in,
         "tension_out_N": transmission.tension_out,
         "elongation_m": transmission.elongation,
         "elongation_se_m": transmission.elongation_se,
         "warnings": [*notes, *result.warnings],
+    }
+
+
+def _geometry(result: FrameResult) -> dict[str, Any]:
+    arcs = result.arcs
+    return {
+        "points": len(result.shape.points),
+        "length_m": arcs.total_length,
+        "total_angle_rad": arcs.total_angle,
+        "total_angle_se_rad": arcs.total_angle_se,
+        "noise_m": float(result.route.noise),
+        "method": arcs.method,
     }
 
 
@@ -89,57 +96,62 @@ def segments(arcs: Arcs) -> list[dict[str, float]]:
 
 
 def analysis_object(analysis: Analysis) -> dict[str, Any]:
-    """Return the object of one input: its shape or, for a recording, the last good frame and the ranges.
+    """Return the object of one input: its shape or, for a recording, how it ended, and ranges.
 
-    A recording has the keys of a shape, and `frames`, `rejected`, `time_s` of the last good frame, and
-    `range` with the smallest and the largest value of each quantity over all good frames.
+    A recording has the keys of a shape for its last good frame, and `frames`, `rejected`, `time_s` of that
+    frame, and `range` with the smallest and the largest value of each quantity over all good frames.
     """
-    results = analysis.results
-    summary = shape_summary(analysis.name, results[-1], analysis.notes)
+    last, account = analysis.results[-1], analysis.account
+    summary = shape_summary(analysis.name, last, analysis.notes)
     if not analysis.timed:
         return summary
     return summary | {
-        "frames": len(analysis.items),
-        "rejected": len(analysis.rejected),
-        "time_s": results[-1].frame.time,
-        "range": {key: list(_range(results, pick)) for key, pick in RANGED.items()},
+        "frames": account.frames,
+        "rejected": account.refused,
+        "time_s": last.frame.time,
+        "range": {key: [account.low[key], account.high[key]] for key in RANGED},
         "warnings": analysis.warnings,
     }
-
-
-RANGED: dict[str, Callable[[FrameResult], float]] = {
-    "length_m": lambda result: result.arcs.total_length,
-    "total_angle_rad": lambda result: result.arcs.total_angle,
-    "tension_in_N": lambda result: result.transmission.tension_in,
-    "tension_out_N": lambda result: result.transmission.tension_out,
-    "elongation_m": lambda result: result.transmission.elongation,
-}
-"""Quantities that are told as a range over a recording."""
-
-
-def _range(results: Sequence[FrameResult], pick: Callable[[FrameResult], float]) -> tuple[float, float]:
-    values = [pick(result) for result in results]
-    return min(values), max(values)
 
 
 def summary_row(analysis: Analysis) -> dict[str, Any]:
-    """Return the row of one input in `summary.parquet`; see `tssgeom.io.result_tables.SUMMARY`."""
-    results = analysis.results
-    row = shape_summary(analysis.name, results[-1]) | {
-        "name": analysis.name,
-        "source": relative(analysis.source),
-        "timed": analysis.timed,
-        "frames": len(analysis.items),
-        "rejected": len(analysis.rejected),
-        "duration_s": results[-1].frame.time - results[0].frame.time,
-        "pieces": len(results[-1].arcs.length),
-        "tension_out_se_N": results[-1].transmission.tension_out_se,
-        "warnings": analysis.warnings,
-    }
-    for key, pick in RANGED.items():
+    """Return the row of one input in `summary.parquet`; see `tssgeom.io.result_tables.SUMMARY`.
+
+    It tells the frame that stands for the input, the same as every picture.
+    """
+    told, account = analysis.told, analysis.account
+    row = (
+        _geometry(told)
+        | _tendon(told)
+        | {
+            "name": analysis.name,
+            "source": analysis.source,
+            "timed": analysis.timed,
+            "frames": account.frames,
+            "rejected": account.refused,
+            "warned": account.warned,
+            "duration_s": analysis.results[-1].frame.time - account.begin,
+            "time_s": told.frame.time,
+            "noise_rms_m": account.noise,
+            "pieces": len(told.arcs.length),
+            "warnings": analysis.warnings,
+        }
+    )
+    for key in RANGED:
         quantity, _, unit = key.rpartition("_")
-        row[f"{quantity}_min_{unit}"], row[f"{quantity}_max_{unit}"] = _range(results, pick)
+        row[f"{quantity}_min_{unit}"], row[f"{quantity}_max_{unit}"] = account.low[key], account.high[key]
     return row
+
+
+def _tendon(result: FrameResult) -> dict[str, Any]:
+    transmission = result.transmission
+    return {
+        "tension_in_N": transmission.tension_in,
+        "tension_out_N": transmission.tension_out,
+        "tension_out_se_N": transmission.tension_out_se,
+        "elongation_m": transmission.elongation,
+        "elongation_se_m": transmission.elongation_se,
+    }
 
 
 def frame_row(item: FrameResult | Rejected) -> dict[str, Any]:
@@ -147,21 +159,25 @@ def frame_row(item: FrameResult | Rejected) -> dict[str, Any]:
     if isinstance(item, Rejected):
         return {"seq": item.seq, "time_s": item.time, "id": str(item.id), "rejected": item.reason}
     frame, transmission = item.frame, item.transmission
-    return shape_summary("", item) | {
+    return {
         "seq": item.seq,
         "time_s": frame.time,
         "id": str(frame.id),
+        **_geometry(item),
         "pieces": len(item.arcs.length),
-        "tension_out_se_N": transmission.tension_out_se,
+        **_tendon(item),
         "direction_index": transmission.direction_index,
         "dead_zone": transmission.dead_zone,
         "dead_zone_width_N": transmission.dead_zone_width,
         "measured_tension_out_N": frame.tension_out,
         "measured_displacement_in_m": frame.displacement_in,
         "measured_elongation_m": frame.elongation,
+        "warnings": item.warnings,
     }
 
 
-def relative(path: Path) -> str:
-    """Return a path as seen from the working folder, with forward slashes."""
+def relative(path: str | Path) -> str:
+    """Return a path as seen from the working folder, with forward slashes; an address as it is."""
+    if "://" in str(path):
+        return str(path)
     return Path(os.path.relpath(path)).as_posix()

@@ -10,9 +10,9 @@ from typing import Any
 import msgspec
 
 from tssgeom.errors import SourceError
-from tssgeom.io.atomic import write_text
 from tssgeom.io.files import RESULTS_MARK
 from tssgeom.io.parts import split
+from tssgeom.io.places import Folder
 from tssgeom.settings import Rig
 
 
@@ -23,6 +23,8 @@ class Settings(msgspec.Struct, frozen=True, kw_only=True):
     unit: str | None
     rig_file: str | None
     rig: Rig
+    geometry_only: bool = False
+    pictures: bool = True
 
 
 class Input(msgspec.Struct, frozen=True, kw_only=True):
@@ -65,7 +67,7 @@ class RunRecord(msgspec.Struct, frozen=True, kw_only=True):
         }
 
 
-def write_run(folder: Path, record: RunRecord) -> None:
+def write_run(folder: Folder, record: RunRecord) -> None:
     """Write `run.json`, whole or not at all.
 
     Raises
@@ -75,10 +77,11 @@ def write_run(folder: Path, record: RunRecord) -> None:
     """
     content: dict[str, Any] = {**msgspec.to_builtins(record), "counts": record.counts}
     text = msgspec.json.format(msgspec.json.encode(content), indent=2).decode()
-    write_text(folder / RESULTS_MARK, text + "\n")
+    with folder.replacing(RESULTS_MARK) as draft:
+        draft.write_text(text + "\n", encoding="utf-8", newline="\n")
 
 
-def remove_earlier_run(folder: Path) -> None:
+def remove_earlier_run(folder: Folder) -> None:
     """Remove the files that `run.json` of an earlier run lists, and `run.json` itself; nothing else.
 
     Raises
@@ -86,18 +89,16 @@ def remove_earlier_run(folder: Path) -> None:
     SourceError
         Where there is a `run.json` that is no record of a run, or the disk refuses.
     """
-    mark = folder / RESULTS_MARK
-    if not mark.exists():
+    text = folder.read(RESULTS_MARK)
+    if text is None:
         return
     try:
-        record = msgspec.json.decode(mark.read_bytes(), type=RunRecord)
-        for file in [*map(folder.joinpath, record.files), mark]:
-            if file.resolve().is_relative_to(folder.resolve()):
-                file.unlink(missing_ok=True)
+        record = msgspec.json.decode(text, type=RunRecord)
     except msgspec.MsgspecError as error:
-        raise SourceError(f"{mark}: no record of a run ({error}): remove it yourself") from error
-    except OSError as error:
-        raise SourceError(f"{folder}: cannot be cleared ({error.strerror}): check the folder") from error
+        raise SourceError(
+            f"{folder.address}/{RESULTS_MARK}: no record of a run ({error}): remove it yourself"
+        ) from error
+    folder.remove([*record.files, RESULTS_MARK])
 
 
 def sha256_of(path: Path) -> str:

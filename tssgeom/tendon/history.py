@@ -17,6 +17,8 @@ from tssgeom.shape.arcs import Arcs
 from tssgeom.tendon.pieces import means_on_pieces
 from tssgeom.tendon.profile import pretensioned, step, tension
 
+_ROUNDING = 1e-12  # of a tension that is held
+
 
 @dataclass(frozen=True, slots=True)
 class History:
@@ -73,3 +75,11 @@ def joined(*routes: Arcs) -> Arcs:
         covariance[np.ix_(here, here)] = route.covariance
         at += k
     return Arcs(read_only(length), read_only(angle), read_only(covariance), routes[-1].method)
+
+
+def last_peak(tension: Vector) -> int:
+    """Index of the last peak within 1 % of the greatest of these tensions [N]; where it is held, the end."""
+    high = np.flatnonzero(tension >= 0.99 * tension.max())
+    last_visit = np.split(high, np.flatnonzero(np.diff(high) > 1) + 1)[-1]
+    top = tension[last_visit].max()
+    return int(last_visit[np.flatnonzero(tension[last_visit] >= top * (1 - _ROUNDING))[-1]])

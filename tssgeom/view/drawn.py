@@ -74,13 +74,6 @@ def evenly(count: int, most: int) -> NDArray[np.intp]:
     return np.unique(np.rint(np.linspace(0, count - 1, min(count, most))).astype(np.intp))
 
 
-def last_peak(tension: Vector) -> int:
-    """Index of the last peak that comes within 1 % of the greatest of these tensions [N]."""
-    high = np.flatnonzero(tension >= 0.99 * tension.max())
-    last_visit = np.split(high, np.flatnonzero(np.diff(high) > 1) + 1)[-1]
-    return int(last_visit[np.argmax(tension[last_visit])])
-
-
 def outliers(result: FrameResult) -> Points:
     """Sensed places that the route does not follow: left out as stray, or given no weight by the fit [m]."""
     points, kept = result.frame.points, result.shape.points

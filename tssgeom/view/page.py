@@ -8,7 +8,7 @@ from importlib.resources import files
 from pathlib import Path
 from string import Template
 
-from tssgeom.errors import SourceError
+from tssgeom.errors import unwritable
 
 
 def filled(template: str, **parts: str) -> str:
@@ -31,7 +31,7 @@ def write_page(path: Path, page: str) -> None:
         unfinished.write_text(page, encoding="utf-8")
         os.replace(unfinished, path)
     except OSError as error:
-        raise SourceError(f"{path}: cannot write the report ({error.strerror}): check the folder") from error
+        raise unwritable(path, error) from error
     finally:
         unfinished.unlink(missing_ok=True)
 

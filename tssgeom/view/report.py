@@ -4,24 +4,27 @@ from __future__ import annotations
 
 import html
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 from tssgeom.settings import Rig
 from tssgeom.tendon.effects import named
+from tssgeom.view.oddest import Oddity
 from tssgeom.view.page import filled, program_version, write_page
 from tssgeom.view.report_entry import ReportEntry
-from tssgeom.view.report_section import COLUMNS, row, section
+from tssgeom.view.report_section import COLUMNS, Rendered, anchor, rendered
 
-__all__ = ["ReportEntry", "write_report"]
+__all__ = ["Rendered", "ReportEntry", "rendered", "write_report"]
 
 
 def write_report(
     path: Path,
-    entries: Sequence[ReportEntry],
+    entries: Sequence[Rendered],
     *,
     rig: Rig,
     tension_in: float,
+    odd: Sequence[Oddity] = (),
+    notes: Sequence[str] = (),
     title: str = "Tension along the sensed routes",
 ) -> None:
     """Write a page that needs nothing beside itself; an older one gives way only when it is done.
@@ -36,6 +39,10 @@ def write_report(
         Tendon, friction and sensors that were used.
     tension_in
         Tension at the proximal end of frames that bring none [N].
+    odd
+        Inputs that stand out, the oddest first.
+    notes
+        What else is to be said at the head.
     title
         Heading of the page.
 
@@ -47,20 +54,17 @@ def write_report(
     page = filled(
         "report.html",
         title=html.escape(title),
-        statement=_statement(entries, rig, tension_in),
+        statement=_statement(entries, rig, tension_in, notes),
         head="".join(f"<th><button>{html.escape(column)}</button></th>" for column in COLUMNS),
-        rows="\n".join(row(number, entry) for number, entry in enumerate(entries)),
+        rows="\n".join(entry.row for entry in entries),
+        odd=_oddities(odd, entries),
         rejected=_rejections(entries),
-        sections="\n".join(
-            section(number, entry, entry.shown)
-            for number, entry in enumerate(entries)
-            if entry.shown is not None
-        ),
+        sections="\n".join(entry.section for entry in entries if entry.section),
     )
     write_page(path, page)
 
 
-def _statement(entries: Sequence[ReportEntry], rig: Rig, tension_in: float) -> str:
+def _statement(entries: Sequence[Rendered], rig: Rig, tension_in: float, notes: Sequence[str]) -> str:
     facts = {
         "Proximal tension": f"as recorded; T_in = {tension_in:g} N where an input brings none",
         "Friction": f"μ = {rig.friction.coefficient:g}",
@@ -75,19 +79,21 @@ def _statement(entries: Sequence[ReportEntry], rig: Rig, tension_in: float) -> s
         "Program": f"tssgeom {program_version()}",
     }
     lines = "".join(f"<dt>{name}</dt><dd>{html.escape(text)}</dd>" for name, text in facts.items())
-    return f"<p>{html.escape(_counts(entries))}</p>\n<dl>{lines}</dl>"
+    said = "".join(f"<p>{html.escape(text)}</p>\n" for text in (_counts(entries), *notes))
+    return f"{said}<dl>{lines}</dl>"
 
 
-def _counts(entries: Sequence[ReportEntry]) -> str:
-    runs = sum(entry.series is not None for entry in entries)
-    lost = [entry for entry in entries if entry.shown is None]
+def _counts(entries: Sequence[Rendered]) -> str:
+    kinds = Counter(entry.kind for entry in entries)
     used = _many(sum(entry.used for entry in entries), "frame")
-    shapes, recordings = _many(len(entries) - runs - len(lost), "shape"), _many(runs, "recording")
-    return f"{shapes} and {recordings} were analysed, {used} in all. {_rejected_count(entries, len(lost))}"
+    shapes, recordings = _many(kinds["shape"], "shape"), _many(kinds["recording"], "recording")
+    return (
+        f"{shapes} and {recordings} were analysed, {used} in all. {_rejected_count(entries, kinds['lost'])}"
+    )
 
 
-def _rejected_count(entries: Sequence[ReportEntry], lost: int) -> str:
-    frames = sum(len(entry.rejected) for entry in entries if entry.shown is not None)
+def _rejected_count(entries: Sequence[Rendered], lost: int) -> str:
+    frames = sum(entry.refused for entry in entries if entry.kind != "lost")
     if frames + lost == 0:
         return "Nothing was rejected."
     what = [_many(count, noun) for count, noun in ((lost, "input"), (frames, "single frame")) if count]
@@ -98,22 +104,19 @@ def _many(count: int, noun: str) -> str:
     return f"{count} {noun}" + ("" if count == 1 else "s")
 
 
-def _rejections(entries: Sequence[ReportEntry]) -> str:
-    items = [item for entry in entries for item in _rejection_items(entry)]
-    return f"<h3>Rejected</h3>\n<ul>{''.join(items)}</ul>" if items else ""
+def _rejections(entries: Sequence[Rendered]) -> str:
+    items = "".join(entry.rejections for entry in entries)
+    return f"<h3>Rejected</h3>\n<ul>{items}</ul>" if items else ""
 
 
-def _rejection_items(entry: ReportEntry) -> list[str]:
-    reasons = Counter(each.reason for each in entry.rejected)
-    first = {each.reason: each.seq for each in reversed(entry.rejected)}
-    return [
-        f"<li><b>{html.escape(entry.name)}</b>{_which(entry, count, first[reason])}: "
-        f"{html.escape(reason)}</li>"
-        for reason, count in reasons.items()
-    ]
+def _oddities(odd: Sequence[Oddity], entries: Sequence[Rendered]) -> str:
+    drawn = {entry.name for entry in entries if entry.section}
+    items = "".join(
+        f"<li>{_name(each, drawn)}: {html.escape(each.words)} (z = {each.z:.0f})</li>" for each in odd
+    )
+    return f"<h3>Furthest from the others</h3>\n<ul>{items}</ul>" if items else ""
 
 
-def _which(entry: ReportEntry, count: int, first: int) -> str:
-    if entry.series is None:
-        return ""
-    return f", frame {first}" if count == 1 else f", {count} frames from frame {first}"
+def _name(odd: Oddity, drawn: Collection[str]) -> str:
+    name = html.escape(odd.name)
+    return f'<a href="#{anchor(odd.name)}">{name}</a>' if odd.name in drawn else f"<b>{name}</b>"

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tssgeom.arrays import Vector
 from tssgeom.stream import FrameResult, Rejected
-from tssgeom.view.drawn import last_peak
+from tssgeom.tendon.history import last_peak
 
 
 @dataclass(frozen=True, slots=True)
 class Series:
-    """Numbers of a recording against time, one for each used frame."""
+    """Numbers of a recording against time, one for each frame that is drawn."""
 
     time: Vector
     """[s]."""
@@ -33,12 +33,14 @@ class ReportEntry:
 
     name: str
     shown: FrameResult | None
-    """The frame that is drawn, at the last peak of the tension; None where no frame could be used."""
+    """The frame that stands for all, at the last of the highest peaks of T_in; None where none is good."""
     used: int
     """Number of frames that were used."""
     rejected: tuple[Rejected, ...] = ()
     series: Series | None = None
     """None for a static shape."""
+    lost: int = 0
+    """Number of frames that were rejected; `rejected` holds the first of them."""
     recording: str = ""
     """Address of the Rerun recording relative to the report; empty where there is none."""
     warnings: tuple[tuple[str, int], ...] = ()
@@ -54,16 +56,44 @@ class ReportEntry:
         rejected: Sequence[Rejected] = (),
         recording: str = "",
     ) -> ReportEntry:
-        """Take from the results of one input what the report needs."""
-        series = _series(results) if timed and results else None
+        """Take from the results of all frames of one input what the report needs."""
         counted = Counter(warning for result in results for warning in result.warnings)
-        warnings = tuple(counted.most_common())
-        return cls(name, _shown(results), len(results), tuple(rejected), series, recording, warnings)
+        entry = cls.of_some(name, results, timed=timed, rejected=rejected, recording=recording)
+        return replace(entry, used=len(results), lost=len(rejected), warnings=_ranked(counted))
+
+    @classmethod
+    def of_some(
+        cls,
+        name: str,
+        results: Sequence[FrameResult],
+        *,
+        timed: bool,
+        rejected: Sequence[Rejected] = (),
+        recording: str = "",
+        used: int = 0,
+        lost: int = 0,
+        warnings: Mapping[str, int] | None = None,
+    ) -> ReportEntry:
+        """Take what the report needs from some of the results of an input, and the counts over all."""
+        return cls(
+            name,
+            _shown(results),
+            used,
+            tuple(rejected),
+            _series(results) if timed and results else None,
+            lost,
+            recording,
+            _ranked(warnings or {}),
+        )
 
     @classmethod
     def refused(cls, name: str, reason: str) -> ReportEntry:
         """Stand for an input that could not even be opened."""
-        return cls(name, None, 0, (Rejected(0, 0.0, reason),))
+        return cls(name, None, 0, (Rejected(0, 0.0, reason),), lost=1)
+
+
+def _ranked(counts: Mapping[str, int]) -> tuple[tuple[str, int], ...]:
+    return tuple(Counter(counts).most_common())
 
 
 def _shown(results: Sequence[FrameResult]) -> FrameResult | None:

@@ -5,7 +5,10 @@ from __future__ import annotations
 import html
 import math
 import re
+from collections import Counter
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
 from urllib.parse import quote
 
 from tssgeom.stream import FrameResult
@@ -15,9 +18,12 @@ from tssgeom.view.report_entry import ReportEntry
 
 _MOST_WARNINGS = 5
 """So many different warnings of one input are written out."""
+_MOST_REASONS = 10
+"""So many different reasons of rejected frames of one input are written out."""
 COLUMNS = (
     "name",
     "frames",
+    "rejected",
     "L [mm]",
     "Φ ± s.e. [°]",
     "pieces",
@@ -29,18 +35,51 @@ COLUMNS = (
 )
 
 
-def row(number: int, entry: ReportEntry) -> str:
-    """Write the row of the input of this number in the table of all."""
+@dataclass(frozen=True, slots=True)
+class Rendered:
+    """The part of one input in the report, as HTML, and what the statement at the head counts."""
+
+    name: str
+    kind: Literal["shape", "recording", "lost"]
+    used: int
+    refused: int
+    row: str
+    section: str
+    """Empty where no figures are drawn."""
+    rejections: str
+
+
+def rendered(entry: ReportEntry, *, figures: bool = True) -> Rendered:
+    """Write everything that the report says of one input; figures take most of the time and room."""
+    drawn = figures and entry.shown is not None
+    kind = "lost" if entry.shown is None else "shape" if entry.series is None else "recording"
+    text = section(entry, entry.shown) if figures and entry.shown is not None else ""
+    told = "".join(_rejection_items(entry))
+    return Rendered(entry.name, kind, entry.used, entry.lost, row(entry, linked=drawn), text, told)
+
+
+def anchor(name: str) -> str:
+    """Return the place of an input on the page."""
+    return f"input-{quote(name, safe='')}"
+
+
+def row(entry: ReportEntry, *, linked: bool = True) -> str:
+    """Write the row of an input in the table of all."""
     shown = entry.shown
     if shown is None:
         cells = [(entry.name, html.escape(entry.name)), *[("-1", "–")] * (len(COLUMNS) - 2)]
         return _cells([*cells, (1e9, '<span class="warning">rejected</span>')])
+    name = html.escape(entry.name)
     seen, arcs = shown.transmission, shown.arcs
     angle, angle_se = math.degrees(arcs.total_angle), math.degrees(arcs.total_angle_se)
     return _cells(
         [
-            (entry.name, f'<a href="#input-{number}">{html.escape(entry.name)}</a>'),
+            (
+                entry.name,
+                f'<a href="#{anchor(entry.name)}">{name}</a>' if linked else _recording(entry, name),
+            ),
             (entry.used, f"{entry.used}"),
+            (entry.lost, _warned(entry.lost)),
             (arcs.total_length, f"{1e3 * arcs.total_length:.1f}"),
             (angle, f"{angle:.1f} ± {angle_se:.1f}"),
             (len(arcs.length), f"{len(arcs.length)}"),
@@ -48,13 +87,21 @@ def row(number: int, entry: ReportEntry) -> str:
             (seen.tension_out, f"{seen.tension_out:.2f}"),
             (seen.elongation, f"{1e3 * seen.elongation:.3f} ± {1e3 * seen.elongation_se:.3f}"),
             (shown.route.noise, html.escape(words.noise(shown))),
-            (len(entry.warnings), _warning_count(entry)),
+            (len(entry.warnings), _warned(len(entry.warnings))),
         ]
     )
 
 
-def _warning_count(entry: ReportEntry) -> str:
-    return f'<span class="warning">{len(entry.warnings)}</span>' if entry.warnings else "–"
+def _link_to(place: str, text: str) -> str:
+    return f'<a href="#{place}">{text}</a>'
+
+
+def _warned(count: int) -> str:
+    return f'<span class="warning">{count}</span>' if count else "–"
+
+
+def _recording(entry: ReportEntry, text: str) -> str:
+    return f'<a href="{quote(entry.recording)}">{text}</a>' if entry.recording else text
 
 
 def _cells(cells: Sequence[tuple[object, str]]) -> str:
@@ -62,15 +109,15 @@ def _cells(cells: Sequence[tuple[object, str]]) -> str:
     return f"<tr>{''.join(texts)}</tr>"
 
 
-def section(number: int, entry: ReportEntry, shown: FrameResult) -> str:
-    """Write the words, figures and pieces of the input of this number; `shown` is drawn."""
+def section(entry: ReportEntry, shown: FrameResult) -> str:
+    """Write the words, figures and pieces of an input; `shown` is drawn."""
     moment = (
         f" at {shown.frame.time:.2f} s, the last of its highest peaks of T_in"
         if entry.series is not None
         else ""
     )
     parts = [
-        f'<section id="input-{number}">',
+        f'<section id="{anchor(entry.name)}">',
         f'<h2>{html.escape(entry.name)}<span class="soft">{moment}</span></h2>',
         *(_paragraph(sentence) for sentence in words.sentences(shown)),
         *_warnings(entry),
@@ -118,3 +165,21 @@ def _link(entry: ReportEntry) -> str:
         f'<p class="soft">In three dimensions: <a href="{quote(entry.recording)}">{address}</a> '
         f"(<code>tssgeom view {address}</code>)</p>"
     )
+
+
+def _rejection_items(entry: ReportEntry) -> list[str]:
+    """Write each reason once, with the first frame it applies to; of many different ones, the first."""
+    reasons = Counter(each.reason for each in entry.rejected)
+    first = {each.reason: each.seq for each in reversed(entry.rejected)}
+    told = list(reasons.items())[:_MOST_REASONS]
+    rest = entry.lost - sum(count for _, count in told)
+    items = [f"{_which(entry, count, first[reason])}: {html.escape(reason)}" for reason, count in told] + (
+        [f", {rest} more frames"] if rest > 0 else []
+    )
+    return [f"<li><b>{html.escape(entry.name)}</b>{item}</li>" for item in items]
+
+
+def _which(entry: ReportEntry, count: int, first: int) -> str:
+    if entry.series is None:
+        return ""
+    return f", frame {first}" if count == 1 else f", {count} frames from frame {first}"

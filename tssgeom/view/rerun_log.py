@@ -12,7 +12,7 @@ import rerun as rr
 import trimesh
 from numpy.typing import NDArray
 
-from tssgeom.errors import SourceError
+from tssgeom.errors import SourceError, SpaceError, unwritable
 from tssgeom.stream import FrameResult
 from tssgeom.view import words
 from tssgeom.view.blueprint import blueprint, chart_boxes
@@ -60,7 +60,9 @@ def write_recording(
         _write(unfinished, run, lumen)
         os.replace(unfinished, path)
     except OSError as error:
-        raise SourceError(f"{path}: cannot write the recording ({error}): check the folder") from error
+        raise unwritable(path, error) from error
+    except RuntimeError as error:  # the file was there: its writer stopped on the way
+        raise SpaceError(f"{path}: the recording ends early ({error}): free space and run again") from error
     finally:
         unfinished.unlink(missing_ok=True)
 

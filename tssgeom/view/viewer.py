@@ -21,8 +21,8 @@ from rerun.experimental import ViewerClient
 
 from tssgeom.arrays import Vector
 from tssgeom.errors import SourceError
+from tssgeom.tendon.history import last_peak
 from tssgeom.view.columns import COUNT, TIMELINE
-from tssgeom.view.drawn import last_peak
 
 _HOST = "127.0.0.1"
 _START_LIMIT = 20.0

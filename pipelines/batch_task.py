@@ -1,0 +1,217 @@
+"""What a worker of a batch does: one input, from its file to its tables, recording and part of the report."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass
+from itertools import islice
+from pathlib import Path
+
+import msgspec
+from threadpoolctl import threadpool_limits
+
+from pipelines.work import Options, frame_refusals, guarded, lumen_of, one_line, useful
+from pipelines.workers import tell
+from tssgeom.errors import SpaceError, TssgeomError
+from tssgeom.io.account import Account
+from tssgeom.io.files import open_recording
+from tssgeom.io.ledger import ANY_SIZE, Done, forget, intact, key_of, note, noted
+from tssgeom.io.meshes import lumen_beside
+from tssgeom.io.places import Folder, fetched, local
+from tssgeom.io.recording import Recording
+from tssgeom.io.result_tables import CHUNK, Part, part_of, parts, write_parts
+from tssgeom.io.results import Analysis, analysis_object, summary_row
+from tssgeom.io.run_record import Input, Settings, sha256_of
+from tssgeom.stream import Frame, Rejected, alone, process
+from tssgeom.view.report import ReportEntry, rendered
+from tssgeom.view.rerun_log import write_recording
+
+_FORMAT = 1  # of the files: where it changes, nothing older is taken for done
+_drawing = threading.Lock()  # the settings of a figure belong to the process
+
+Spread = Callable[[Callable[..., Part], Iterator[tuple[object, ...]]], Iterator[Part]]
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """One input of a batch, and all that a worker elsewhere needs to know."""
+
+    name: str
+    """Name of its outputs."""
+    address: str
+    """Where to read it."""
+    given: str
+    """As the user wrote it, for messages."""
+    source: str
+    """As the tables name it."""
+    size: int
+    """[B]."""
+    chosen: Options
+    settings: Settings
+    version: str
+    out: Folder
+    figures: bool
+    """Whether the report draws it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What became of an input: done, or refused for a reason."""
+
+    done: Done | None
+    reason: str = ""
+    full: bool = False
+    """No room was left where the results go."""
+    unchanged: bool = False
+    """It was done before, by a run with the same settings, and its files are still there."""
+
+
+def work(task: Task, spread: Spread | None = None) -> Outcome:
+    """Do one input, or find that it is done; whatever goes wrong stays with it."""
+    try:
+        with threadpool_limits(1), fetched(task.address) as path:
+            try:
+                return _worked(task, path, spread)
+            except TssgeomError as error:
+                reason = one_line(str(error)).replace(str(path), task.given)
+                return Outcome(None, reason, full=isinstance(error, SpaceError))
+    except TssgeomError as error:
+        return Outcome(None, one_line(str(error)))
+    except Exception as error:  # a mistake of ours must not take the other inputs down
+        what = one_line(f"{type(error).__name__}: {error}")
+        return Outcome(None, f"{task.given}: unexpected {what}: please report it with the file")
+
+
+def _worked(task: Task, path: Path, spread: Spread | None) -> Outcome:
+    digest = sha256_of(path)
+    key = _key(task, digest)
+    before = noted(task.out, task.name)
+    if before is not None and before.key == key and intact(task.out, before):
+        return Outcome(before, unchanged=True)
+    forget(task.out, task.name)
+    done = _done(task, path, digest, key, spread)
+    note(task.out, task.name, done)
+    return Outcome(done)
+
+
+def _key(task: Task, digest: str) -> str:
+    lumen = _lumen(task)
+    parts_of_it = {
+        "format": _FORMAT,
+        "version": task.version,
+        "settings": task.settings,
+        "name": task.name,
+        "source": task.source,
+        "figures": task.figures,
+        "sha256": digest,
+        "lumen": None if lumen is None else sha256_of(lumen),
+    }
+    return key_of(msgspec.to_builtins(parts_of_it))
+
+
+def _lumen(task: Task) -> Path | None:
+    here = local(task.address)
+    return task.chosen.lumen or (None if here is None else lumen_beside(here))
+
+
+def _done(task: Task, path: Path, digest: str, key: str, spread: Spread | None) -> Done:
+    name, out = task.name, task.out
+    recording = open_recording(path, task.chosen.unit)
+    account = Account.of(recording.frame_count)
+    tables = (f"frames/{name}.parquet", f"segments/{name}.parquet")
+    with out.replacing(tables[0]) as frames, out.replacing(tables[1]) as segments:
+        write_parts(frames, segments, _parts(task, recording, account.stride, spread), account)
+        analysis = useful(name, task.source, recording, account)
+    lines = [line.replace(str(path), task.given) for line in frame_refusals(analysis, task.given)]
+    files, failures = list(tables), list[str]()
+    if task.settings.pictures:
+        files, failures = _drawn(task, analysis, files)
+    report = _reported(task, analysis, drawn=len(files) > len(tables))
+    return Done(
+        key=key,
+        input=_input(analysis, digest),
+        row=summary_row(analysis),
+        told=analysis_object(analysis),
+        lines=lines,
+        failures=failures,
+        report=report,
+        files={file: ANY_SIZE if file.endswith(".rrd") else out.size(file) or 0 for file in files},
+    )
+
+
+def _parts(task: Task, recording: Recording, stride: int, spread: Spread | None) -> Iterator[Part]:
+    """Analyse a recording chunk by chunk; where its frames stand alone, wherever there is a worker."""
+    chosen, share = task.chosen, task.size / max(recording.frame_count, 1)
+    if chosen.geometry_only:
+        calls = _chunks(task.name, recording, stride, chosen, share)
+        yield from spread(part_alone, calls) if spread else (part_alone(*call) for call in calls)
+        return
+    results = process(recording.frames, chosen.rig, tension_in=chosen.tension_in)
+    for part in parts(task.name, results, stride):
+        tell(part.account.frames, share * part.account.frames)
+        yield part
+
+
+def _chunks(
+    name: str, recording: Recording, stride: int, chosen: Options, share: float
+) -> Iterator[tuple[str, int, list[Frame | Rejected], int, Options, float]]:
+    frames, first = iter(recording.frames), 0
+    while chunk := list(islice(frames, CHUNK)):
+        yield name, first, chunk, stride, chosen, share
+        first += len(chunk)
+
+
+def part_alone(
+    name: str, first: int, frames: list[Frame | Rejected], stride: int, chosen: Options, share: float
+) -> Part:
+    """Analyse the frames of one chunk, each for itself; the fit starts anew with the chunk."""
+    with threadpool_limits(1):
+        results = alone(frames, chosen.rig, tension_in=chosen.tension_in, first=first)
+        part = part_of(name, results, stride)
+    tell(len(frames), share * len(frames))
+    return part
+
+
+def _input(analysis: Analysis, digest: str) -> Input:
+    return Input(
+        name=analysis.name,
+        source=analysis.source,
+        sha256=digest,
+        kind=analysis.kind,
+        unit=analysis.unit,
+        frames=analysis.account.frames,
+        rejected=analysis.account.refused,
+    )
+
+
+def _drawn(task: Task, analysis: Analysis, files: list[str]) -> tuple[list[str], list[str]]:
+    """Write the recording; return all files, and what went wrong."""
+    file = f"recordings/{task.name}.rrd"
+    failure = guarded(task.given, lambda: _draw(task, analysis, file))
+    if failure is None:
+        return [*files, file], []
+    return files, [failure.reason]
+
+
+def _draw(task: Task, analysis: Analysis, file: str) -> None:
+    here = local(task.address)
+    lumen = None if here is None else lumen_of(here, analysis.unit, task.chosen)
+    with task.out.replacing(file) as draft:
+        write_recording(draft, analysis.name, analysis.results, timed=analysis.timed, lumen=lumen)
+
+
+def _reported(task: Task, analysis: Analysis, *, drawn: bool) -> dict[str, object]:
+    account = analysis.account
+    entry = ReportEntry.of_some(
+        analysis.name,
+        account.results,
+        timed=analysis.timed,
+        rejected=account.rejected,
+        recording=f"recordings/{task.name}.rrd" if drawn else "",
+        used=account.used,
+        lost=account.refused,
+        warnings=account.warnings,
+    )
+    with _drawing:
+        return asdict(rendered(entry, figures=task.figures))
