@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+import pyarrow as pa
 from numpy.typing import NDArray
 
 from tssgeom.arrays import Points, Vector, read_only
 from tssgeom.errors import ShapeError
+from tssgeom.io.blocks import Blocks, CsvBlocks, csv_blocks, joined, parquet_blocks, rows_from
 from tssgeom.io.columns import MEASURED, POINT, TIME
 from tssgeom.io.recording import Recording, in_order
-from tssgeom.io.tables import Table, read_csv, read_parquet
+from tssgeom.io.tables import NO_ROW, Table, read_csv, read_parquet
 from tssgeom.io.units import PER_METRE
 from tssgeom.stream import Frame, Rejected
 
+MOST_AT_ONCE = 64 << 20
+"""Files up to this size are read at once [B]; a larger one is read twice, in blocks."""
 MOST_POINTS = 100_000
 """The highest point number within a frame; beyond it the column is taken for something else."""
 
@@ -36,7 +40,11 @@ class LongFrames:
 
     def __iter__(self) -> Iterator[Frame | Rejected]:
         """Yield the frames in order."""
-        return in_order(self._frame_or_reason(rows) for rows in self.runs)
+        return in_order(self.one_by_one())
+
+    def one_by_one(self, runs: Sequence[Rows] | None = None) -> Iterator[Frame | Rejected]:
+        """Yield the frames of some runs, or of all, as they stand there."""
+        return (self._frame_or_reason(rows) for rows in (self.runs if runs is None else runs))
 
     def _frame_or_reason(self, rows: Rows) -> Frame | Rejected:
         try:
@@ -115,24 +123,108 @@ class LongFrames:
 
 def open_csv(path: Path, unit: str | None) -> Recording:
     """Open a comma-separated file; see `read_csv` for the errors."""
-    return _recording(path, "csv", read_csv(path, unit))
+    if _size(path) <= MOST_AT_ONCE:
+        return _recording(path, "csv", read_csv(path, unit))
+    return _large(path, "csv", csv_blocks(path, unit))
 
 
 def open_parquet(path: Path, unit: str | None) -> Recording:
     """Open a Parquet file; see `read_parquet` for the errors."""
-    return _recording(path, "parquet", read_parquet(path, unit))
+    if _size(path) <= MOST_AT_ONCE:
+        return _recording(path, "parquet", read_parquet(path, unit))
+    return _large(path, "parquet", parquet_blocks(path, unit))
+
+
+def _size(path: Path) -> int:
+    return path.stat().st_size if path.is_file() else 0
 
 
 def _recording(path: Path, kind: str, table: Table) -> Recording:
     columns = table.columns
     if table.faults and not columns.timed:
         raise ShapeError(f"{path}: {next(iter(table.faults.values()))}{_more(len(table.faults) - 1)}")
-    numbers = table.values[POINT] if columns.numbered else np.zeros(0)
-    lowest = float(np.min(numbers[np.isfinite(numbers)], initial=np.inf))
-    frames = LongFrames(table, _runs(table), lowest)
+    frames = LongFrames(table, _runs(table), _lowest(table))
     return Recording(
         path.stem, path, columns.unit, kind, columns.timed, len(frames.runs), frames, columns.warnings
     )
+
+
+def _lowest(table: Table) -> float:
+    numbers = table.values[POINT] if table.columns.numbered else np.zeros(0)
+    return float(np.min(numbers[np.isfinite(numbers)], initial=np.inf))
+
+
+@dataclass(frozen=True, slots=True)
+class BlockFrames:
+    """The frames of a table too large for the memory, of which a few blocks are held at a time."""
+
+    source: Blocks
+    lowest: float
+    """The lowest point number of the file."""
+
+    def __iter__(self) -> Iterator[Frame | Rejected]:
+        """Yield the frames in order."""
+        return in_order(self._frames())
+
+    def _frames(self) -> Iterator[Frame | Rejected]:
+        rest: Table | None = None
+        for block in self.source.blocks(self.source.columns.names):
+            table = joined(rest, block)
+            found = LongFrames(table, _runs(table), self.lowest)
+            yield from found.one_by_one(found.runs[:-1])
+            rest = rows_from(table, int(found.runs[-1].min()))
+        if rest is not None:
+            yield from LongFrames(rest, _runs(rest), self.lowest).one_by_one()
+
+
+def _large(path: Path, kind: str, source: Blocks) -> Recording:
+    """Open a large table; a first pass over it counts the frames and looks for what is wrong.
+
+    Raises
+    ------
+    ShapeError
+        Where it is one shape, or its points are numbered and their rows not in the order of time.
+    """
+    columns = source.columns
+    if not columns.timed:
+        raise ShapeError(
+            f"{path}: one shape of more than {MOST_AT_ONCE >> 20} MiB: name the time of its frames {TIME}"
+        )
+    try:
+        survey = _survey(source)
+    except pa.ArrowInvalid:  # only the slow way tells what is wrong where
+        if not isinstance(source, CsvBlocks):
+            raise
+        source = replace(source, clean=False)
+        survey = _survey(source)
+    if columns.numbered and not survey.ordered:
+        raise ShapeError(f"{path}: the rows are not in the order of {TIME}: sort so large a file by it first")
+    if not survey.frames:
+        raise ShapeError(f"{path}: {NO_ROW}")
+    frames = BlockFrames(source, survey.lowest)
+    return Recording(path.stem, path, columns.unit, kind, True, survey.frames, frames, columns.warnings)
+
+
+class _Survey(NamedTuple):
+    frames: int
+    ordered: bool
+    """Whether time never decreases, and is told from the first row on."""
+    lowest: float
+
+
+def _survey(source: Blocks) -> _Survey:
+    wanted = [TIME, POINT] if source.columns.numbered else [TIME]
+    frames, ordered, lowest, latest = 0, True, np.inf, np.nan
+    for table in source.blocks(wanted):
+        if not len(table):
+            continue
+        time = _filled(np.concatenate(([latest], table.values[TIME])))
+        step = np.nan_to_num(time, nan=-np.inf)
+        frames += int(np.count_nonzero(step[1:] != step[:-1])) + (frames == 0 and step[1] == step[0])
+        ordered &= not np.isnan(time[1:]).any() and bool((step[1:] >= step[:-1]).all())
+        lowest = min(lowest, _lowest(table))
+        latest = time[-1]
+    return _Survey(frames, ordered, lowest)
 
 
 def _more(count: int) -> str:

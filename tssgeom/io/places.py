@@ -195,7 +195,9 @@ class Folder:
     def tidy(self, below: Iterable[str]) -> None:
         """Remove from some of its folders what a killed process left unfinished, and those that are empty."""
         here = self.here
-        for name in below if here is not None else ():
+        if here is None:
+            return
+        for name in below:
             remove_drafts(here / name)
             with suppress(OSError):
                 (here / name).rmdir()  # leaves a folder that holds anything

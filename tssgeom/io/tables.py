@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 import pyarrow as pa
@@ -18,6 +19,7 @@ from tssgeom.arrays import Vector
 from tssgeom.errors import ShapeError, SourceError
 from tssgeom.io.columns import Columns, columns_of
 
+NO_ROW = "no row of points: write one row for each point"
 _MISSING = ["", "nan", "NaN", "NAN", "null", "NA"]
 
 
@@ -52,7 +54,7 @@ def read_csv(path: Path, given_unit: str | None) -> Table:
         Where the file cannot be read.
     """
     raw = bytes_of(path)
-    names = _header(path, raw)
+    names = header_of(path, raw)
     columns = columns_of(path, names, given_unit)
     if b"\n\n" not in raw.rstrip() and b"\n\r\n" not in raw.rstrip():
         try:
@@ -78,15 +80,26 @@ def read_parquet(path: Path, given_unit: str | None) -> Table:
             table = file.read(columns=list(columns.names))
     except (OSError, pa.ArrowException, UnicodeDecodeError) as error:
         raise SourceError(
-            f"{path}: cannot be read as Parquet ({_first_line(error)}): write the file anew"
+            f"{path}: cannot be read as Parquet ({first_line(error)}): write the file anew"
         ) from error
+    return _table(path, columns, as_numbers(path, table), "row", 1)
+
+
+_Columns = TypeVar("_Columns", pa.Table, pa.RecordBatch)
+
+
+def as_numbers(path: Path, found: _Columns) -> _Columns:
+    """Return columns of any kind of number as float64.
+
+    Raises
+    ------
+    ShapeError
+        Where a column holds something else.
+    """
     try:
-        numbers = table.cast(pa.schema([(name, pa.float64()) for name in table.column_names]))
+        return found.cast(pa.schema([(name, pa.float64()) for name in found.schema.names]))
     except pa.ArrowException as error:
-        raise ShapeError(
-            f"{path}: a column holds no numbers ({_first_line(error)}): write float64"
-        ) from error
-    return _table(path, columns, numbers, "row", 1)
+        raise ShapeError(f"{path}: a column holds no numbers ({first_line(error)}): write float64") from error
 
 
 def bytes_of(path: Path) -> bytes:
@@ -103,7 +116,14 @@ def bytes_of(path: Path) -> bytes:
         raise SourceError(f"{path}: cannot be read ({error.strerror}): check the path") from error
 
 
-def _header(path: Path, raw: bytes) -> list[str]:
+def header_of(path: Path, raw: bytes) -> list[str]:
+    """Return the names of the columns from the beginning of a file.
+
+    Raises
+    ------
+    ShapeError
+        Where line 1 is no header, or its names are not set apart by commas.
+    """
     first = raw.removeprefix(b"\xef\xbb\xbf").partition(b"\n")[0]
     try:
         line = first.decode().strip()
@@ -122,30 +142,55 @@ def _header(path: Path, raw: bytes) -> list[str]:
 
 
 def _fast(raw: bytes, names: list[str], columns: Columns) -> pa.Table:
-    return pacsv.read_csv(
-        BytesIO(raw),
-        read_options=pacsv.ReadOptions(use_threads=False, skip_rows=1, column_names=names),
-        convert_options=pacsv.ConvertOptions(
-            column_types={name: pa.float64() for name in columns.names},
-            include_columns=list(columns.names),
-            null_values=_MISSING,
-        ),
-    )
+    options = {"read_options": read_options(names), "convert_options": convert_options(columns.names)}
+    return pacsv.read_csv(BytesIO(raw), **options)
+
+
+def read_options(names: Sequence[str], block: int | None = None) -> pacsv.ReadOptions:
+    """Options of pyarrow to read a table under its header, `block` bytes at a time."""
+    return pacsv.ReadOptions(use_threads=False, skip_rows=1, column_names=list(names), block_size=block)
+
+
+def convert_options(wanted: Sequence[str]) -> pacsv.ConvertOptions:
+    """Options of pyarrow to take the wanted columns, and them alone, as numbers."""
+    kinds = {name: pa.float64() for name in wanted}
+    return pacsv.ConvertOptions(column_types=kinds, include_columns=list(wanted), null_values=_MISSING)
 
 
 def _table(path: Path, columns: Columns, table: pa.Table, place_name: str, first: int) -> Table:
     if len(table) == 0:
-        raise ShapeError(f"{path}: no row of points: write one row for each point")
-    values = {name: np.asarray(table[name].to_numpy(), dtype=np.float64) for name in columns.names}
-    return Table(columns, values, np.arange(first, first + len(table)), place_name, {})
+        raise ShapeError(f"{path}: {NO_ROW}")
+    return table_of(columns, table, place_name, first)
+
+
+def table_of(columns: Columns, found: pa.Table | pa.RecordBatch, place_name: str, first: int) -> Table:
+    """Take columns of numbers that stand in a file from row `first` on; those that are not there are NaN."""
+    here = set(found.schema.names)
+    missing = np.full(found.num_rows, np.nan)
+    values = {name: _numbers(found[name]) if name in here else missing for name in columns.names}
+    return Table(columns, values, np.arange(first, first + found.num_rows), place_name, {})
+
+
+def _numbers(column: pa.ChunkedArray | pa.Array) -> Vector:
+    plain = column.combine_chunks() if isinstance(column, pa.ChunkedArray) else column
+    return np.asarray(plain.to_numpy(zero_copy_only=False), dtype=np.float64)
 
 
 def _slow(path: Path, raw: bytes, names: list[str], columns: Columns) -> Table:
+    lines = raw.decode("utf-8", errors="replace").splitlines()[1:]
+    table = slow_table(enumerate(lines, start=2), names, columns)
+    if not len(table):
+        raise ShapeError(f"{path}: {NO_ROW}")
+    return table
+
+
+def slow_table(lines: Iterable[tuple[int, str]], names: Sequence[str], columns: Columns) -> Table:
+    """Read numbered lines one by one, and tell what is wrong with which."""
     rows: list[list[float]] = []
     places: list[int] = []
     faults: dict[int, str] = {}
     wanted = [names.index(name) for name in columns.names]
-    for line, text in enumerate(raw.decode("utf-8", errors="replace").splitlines()[1:], start=2):
+    for line, text in lines:
         if not text.strip():
             continue
         cells = _cells(text)
@@ -161,10 +206,9 @@ def _slow(path: Path, raw: bytes, names: list[str], columns: Columns) -> Table:
                 )
         rows.append([np.nan if number is None else number for number in numbers])
         places.append(line)
-    if not rows:
-        raise ShapeError(f"{path}: no row of points: write one row for each point")
-    values = dict(zip(columns.names, np.array(rows, dtype=np.float64).T, strict=True))
-    return Table(columns, values, np.array(places), "line", faults)
+    numbers_by_column = np.array(rows, dtype=np.float64).reshape(-1, len(columns.names)).T
+    values = dict(zip(columns.names, numbers_by_column, strict=True))
+    return Table(columns, values, np.array(places, dtype=np.int64), "line", faults)
 
 
 def _cells(text: str) -> list[str]:
@@ -189,5 +233,6 @@ def _is_number(cell: str) -> bool:
     return bool(cell) and _number(cell) is not None
 
 
-def _first_line(error: Exception) -> str:
+def first_line(error: Exception) -> str:
+    """Return what an error says first."""
     return " ".join(str(error).partition("\n")[0].split())
