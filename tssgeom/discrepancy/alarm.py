@@ -19,7 +19,7 @@ from tssgeom.settings import Sensor
 DRAWS = 400
 """Clean campaigns that are drawn."""
 _RATE = 0.01  # of clean campaigns that may pass
-_LEAST = 6.0  # of the threshold: ΔBIC that would not convince of anything
+_LEAST = 10.0  # of the threshold: ΔBIC that would not convince of anything
 
 
 def threshold(problem: Problem, errors: Errors, screen: Screen, seed: int) -> float:

@@ -28,7 +28,8 @@ _WAVES = (1, 2)  # half waves of that within a run
 _BENDS = (0.7, 0.5, 0.3, 0.15)  # of the nonlinearity: sine waves of what a cell bends over its scale
 _ARC_MODES = 4  # directions of the covariance of a route that count
 _STEEP = 3.0  # noise of the drive below which two samples tell no slope
-_BETWEEN = 0.3  # of a sample's step: what a sharp turn may lie beyond the outermost sample
+_BETWEEN = 0.05  # of a sample's step: what a sharp turn may lie beyond where it was put
+_LEVEL = 0.3  # of the noise of the drive: what the level of a hold is off for its shape
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,9 +132,9 @@ def _turn(drive: Vector, place: int, noise: float) -> tuple[Vector, float]:
     plateau = np.zeros(len(drive))
     plateau[start:stop] = 1.0
     sharp = 0.0
-    if stop - start <= 2:
+    if stop - start == 1 and 0 < place < len(drive) - 1:
         sharp = _BETWEEN * min(abs(drive[place] - drive[place - 1]), abs(drive[place + 1] - drive[place]))
-    return plateau, math.hypot(noise / math.sqrt(stop - start), sharp)
+    return plateau, noise * math.hypot(1.0 / math.sqrt(stop - start), _LEVEL) + sharp
 
 
 def _moved(stack: Stack, k: int, rig: Rig, effects: Sequence[Library], by: Vector) -> Vector:

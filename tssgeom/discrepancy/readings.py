@@ -15,7 +15,7 @@ from tssgeom.arrays import Vector, read_only
 from tssgeom.discrepancy.campaign import Campaign, Route, Run
 from tssgeom.errors import SettingsError
 from tssgeom.settings import Rig, Sensor
-from tssgeom.tendon.run_drive import calmed
+from tssgeom.tendon.run_drive import calmed, with_corners
 from tssgeom.tendon.run_model import Drive
 from tssgeom.tendon.turning import reading_noise
 
@@ -141,9 +141,11 @@ def _read(run: Run, rig: Rig, drive: Drive) -> tuple[Reading, list[str]]:
     notes += _said_of_noise(run.name, rig, noise)
     calm, odd = _zeroed(calmed(columns[drive][kept], noise[drive]), drive, noise[drive])
     notes += [f"{run.name}: {each}" for each in odd]
-    given = {"time_s": columns["time_s"][kept], drive: calm}
+    time, calm, added = with_corners(columns["time_s"][kept], calm, noise[drive])
+    given = {"time_s": time, drive: calm}
+    measured = {name: read_only(_opened(column, added)) for name, column in measured.items()}
     if "temperature_C" in columns and np.isfinite(columns["temperature_C"]).sum() > 1:
-        given["temperature_C"] = _bridged(columns["time_s"], columns["temperature_C"], kept)
+        given["temperature_C"] = _bridged(columns["time_s"], columns["temperature_C"], time)
     told = {name: read_only(column) for name, column in given.items()}
     return Reading(run.name, run.route, run.held_out, drive, told, measured, noise), notes
 
@@ -189,6 +191,13 @@ def _said_of_noise(name: str, rig: Rig, noise: Mapping[str, float]) -> list[str]
     return out
 
 
-def _bridged(time: Vector, column: Vector, kept: np.ndarray) -> Vector:
+def _opened(column: Vector, added: np.ndarray) -> Vector:
+    """Return a column with no reading where a corner was added."""
+    out = np.full(len(added), np.nan)
+    out[~added] = column
+    return out
+
+
+def _bridged(time: Vector, column: Vector, wanted: Vector) -> Vector:
     there = np.isfinite(column) & np.isfinite(time)
-    return np.interp(time[kept], time[there], column[there])
+    return np.interp(wanted, time[there], column[there])

@@ -13,7 +13,7 @@ from tssgeom.discrepancy.alarm import threshold
 from tssgeom.discrepancy.base import posed
 from tssgeom.discrepancy.errors import Errors
 from tssgeom.discrepancy.guards import guards, size_over_guard
-from tssgeom.discrepancy.heldout import HeldOut
+from tssgeom.discrepancy.heldout import GAP, HeldOut
 from tssgeom.discrepancy.problem import Fit, Point, Problem, refined
 from tssgeom.discrepancy.search import Look, Screen, refit, screen
 from tssgeom.discrepancy.variants import Variant
@@ -158,6 +158,11 @@ def _settled(few: list[Tried], held: HeldOut | None) -> list[Tried]:
     return sorted(close, key=lambda one: held.ratio(one.fit.at)) + few[len(close) :]
 
 
+def _worse(before: Fit, after: Fit, held: HeldOut | None) -> bool:
+    """Whether one more effect makes the gap of what was held out wider than that already is."""
+    return held is not None and held.gap(after.at) > max(held.gap(before.at), GAP)
+
+
 @dataclass(frozen=True, slots=True)
 class Selection:
     """What was chosen, and how."""
@@ -186,7 +191,7 @@ def selected(
             break
         now = reposed(now, held)
         steps.append(now)
-        if not now.passes(now.tried[0]):
+        if not now.passes(now.tried[0]) or (steps[1:] and _worse(fit, now.tried[0].fit, held)):
             break
         problem, errors, fit = now.problem, now.errors, now.tried[0].fit
         if len(fit.at.effects) > 1:

@@ -124,7 +124,7 @@ def _alike(one: Look, other: Look) -> bool:
 
 def _absorbed(look: Look, small: bool) -> bool:
     """Whether a refit of friction and compliance takes a signature up, but for what is too small to count."""
-    return look.raw > _FAINT and look.size < _ABSORBED * look.raw and (small or look.size < _FAINT)
+    return look.raw > _FAINT and (small or (look.size < _FAINT and look.size < _ABSORBED * look.raw))
 
 
 def unobservable(view: Screen, absent: Mapping[str, str], named: Sequence[str]) -> dict[str, str]:

@@ -17,6 +17,8 @@ _PLATEAU = 6.0  # standard deviations below a peak in which its hold lies; the u
 _HOLD = 4.5  # standard deviations about the level of a hold in which its readings lie
 _FLAT = 3.5  # standard errors of slope and bend below which a plateau is a hold
 _FEWEST = 4  # readings of a hold
+_STRAIGHT = 0.2  # of a step: what one may differ from the one before on a straight leg
+_SAME = 0.02  # of a step: a corner this near to a sample is that sample
 
 
 def calmed(drive: Vector, noise: float) -> Vector:
@@ -41,8 +43,58 @@ def calmed(drive: Vector, noise: float) -> Vector:
     for turn in turns:
         start, stop = hold(drive, int(turn), noise)
         if stop - start >= _FEWEST:
-            out[start:stop] = np.mean(drive[start:stop])
+            _level(out, start, stop, float(np.mean(drive[start:stop])), noise)
     return out
+
+
+def _level(out: Vector, start: int, stop: int, level: float, noise: float) -> None:
+    """Write a hold into a drive, and keep its noise from reaching beyond it on either side."""
+    out[start:stop] = level
+    first, last = _around(np.abs(out - level) < _HOLD * noise, start)
+    outside = out[last] if last < len(out) else out[first - 1] if first > 0 else level
+    bound = np.minimum if outside < level else np.maximum
+    out[first:last] = bound(out[first:last], level)
+
+
+def with_corners(time: Vector, drive: Vector, noise: float) -> tuple[Vector, Vector, np.ndarray]:
+    """Return times and drive with points added where it turned between two samples, and which they are.
+
+    A sharp turn lies where the straight lines before and behind it meet, a round one at the top of the
+    parabola through three samples; docs/model.md (66).
+    """
+    where, when, what = list[int](), list[float](), list[float]()
+    for turn in turning_points(drive, noise):
+        start, stop = hold(drive, turn, noise)
+        if stop - start == 1 and 2 < turn < len(drive) - 3:
+            at, peak = _corner(time[turn - 2 : turn + 3], drive[turn - 2 : turn + 3])
+            beyond = abs(peak - drive[turn])
+            if (
+                time[turn - 1] < at < time[turn + 1]
+                and beyond > noise
+                and abs(at - time[turn]) > _SAME * (time[turn + 1] - time[turn])
+            ):
+                where.append(turn + int(at > time[turn]))
+                when.append(at)
+                what.append(peak)
+    added = np.zeros(len(drive) + len(where), dtype=bool)
+    added[np.array(where, dtype=int) + np.arange(len(where))] = True
+    return np.insert(time, where, when), np.insert(drive, where, what), added
+
+
+def _corner(time: Vector, drive: Vector) -> tuple[float, float]:
+    """Return when and where the drive turned, from five samples of which the third is the outermost."""
+    before, behind = ((drive[i + 1] - drive[i]) / (time[i + 1] - time[i]) for i in (0, 3))
+    near = [(drive[i + 1] - drive[i]) / (time[i + 1] - time[i]) for i in (1, 2)]
+    straight = max(min(abs(near[0] - before), abs(near[1] - behind)), 0.0) < _STRAIGHT * max(
+        abs(before), abs(behind)
+    )
+    if straight and before * behind < 0.0:
+        at = (drive[3] - drive[1] + before * time[1] - behind * time[3]) / (before - behind)
+        return float(at), float(drive[1] + before * (at - time[1]))
+    middle = 0.5 * (time[1] + time[2]), 0.5 * (time[2] + time[3])
+    bend = (near[1] - near[0]) / (middle[1] - middle[0])
+    at = middle[0] - near[0] / bend if bend != 0.0 else time[2]
+    return float(at), float(drive[2] - 0.5 * bend * (time[2] - at) ** 2)
 
 
 def turning_points(drive: Vector, noise: float) -> list[int]:
@@ -62,7 +114,15 @@ def hold(drive: Vector, turn: int, noise: float) -> tuple[int, int]:
     near = np.abs(drive[turn] - sign * 0.5 * _PLATEAU * noise - drive) < 0.5 * _PLATEAU * noise
     start, stop = _around(near | (np.arange(len(drive)) == turn), turn)
     start, stop = _around(np.abs(drive - np.median(drive[start:stop])) < _HOLD * noise, turn)
-    return (start, stop) if _flat(drive[start:stop], noise) else (turn, turn + 1)
+    while stop - start >= _FEWEST and not _flat(drive[start:stop], noise):
+        cut, middle = max((stop - start) // 10, 1), np.mean(drive[start:stop])
+        if abs(np.mean(drive[start : start + cut]) - middle) > abs(
+            np.mean(drive[stop - cut : stop]) - middle
+        ):
+            start += cut
+        else:
+            stop -= cut
+    return (start, stop) if stop - start >= _FEWEST and start <= turn < stop else (turn, turn + 1)
 
 
 def _around(inside: np.ndarray, at: int) -> tuple[int, int]:
