@@ -19,7 +19,7 @@ from tssgeom.errors import FitError, SettingsError
 from tssgeom.settings import Friction, Load, Rig, Tendon
 from tssgeom.shape.arcs import Arcs
 from tssgeom.tendon.effects import Library, Setup
-from tssgeom.tendon.material import Signs, lay
+from tssgeom.tendon.material import lay
 from tssgeom.tendon.profile import Corners, tension
 from tssgeom.tendon.run_kernel import march
 from tssgeom.tendon.run_laws import Memory, stretch_of
@@ -50,8 +50,6 @@ class ActingState:
     """The first temperature that was told [°C]; NaN before it."""
     lags: Lags
     """What each lagging sensor was given and showed last."""
-    slid: Signs
-    """[n+1] What each contact did when it last slid: +1 on a pull, −1 on a release; 0 where it never did."""
     front: int
     """Contacts, from the proximal end on, that slid when the drive last moved."""
     direction_index: int
@@ -98,7 +96,7 @@ def cut(along: Corners, arcs: Arcs, setup: Setup) -> ActingState:
     crept, and backlash is engaged for pulling; docs/model.md (120).
     """
     model = laid(setup, arcs, "tension_in_N", edges(arcs, BARS))
-    memory, k = begin(model).memory, len(model.plant.force)
+    memory = begin(model).memory
     if len(along.angle) > 1 or along.tension_in != setup.pretension:
         place = lay(model.edge, arcs).place
         memory.tension[:] = tension(along, np.concatenate(([0.0], place, [arcs.total_angle])))
@@ -112,7 +110,6 @@ def cut(along: Corners, arcs: Arcs, setup: Setup) -> ActingState:
         span=UNTIMED,
         temperature=math.nan,
         lags=unread(setup),
-        slid=np.zeros(k, dtype=np.int8),
         front=0,
         direction_index=along.direction_index,
         displacement_in=float(memory.drive[4]),
@@ -171,7 +168,6 @@ def driven(
     if done == 0:
         what = f"tension_in {drive:g} N" if by_force else f"displacement_in {drive:g} m"
         raise FitError(f"no equilibrium of the tendon was found at {what}: take smaller steps")
-    slid, front = _slid(memory.slip, state.slid, state.front, drive == before)
     return ActingState(
         cut=state.cut,
         edge=state.edge,
@@ -180,8 +176,7 @@ def driven(
         span=span,
         temperature=first,
         lags=_late(model.setup, out, spans, state.lags),
-        slid=slid,
-        front=front,
+        front=_front(memory.slip, state.front, drive == before),
         direction_index=_direction(int(memory.slip[0]), drive - before, state.direction_index),
         displacement_in=float(out[2, 0]),
         displacement_out=float(out[3, 0]),
@@ -227,12 +222,11 @@ def _direction(slip: int, moved_by: float, before: int) -> int:
 
 
 @njit(cache=True, nogil=True)
-def _slid(slip, before, front, stands):
-    """Return what each contact did when it last slid, and how many from the drive on slid one way."""
-    slid, ahead = before.copy(), 0
-    for i in range(slip.size):
-        if slip[i] != 0:
-            slid[i] = slip[i]
-        if slip[0] != 0 and slip[i] == slip[0] and ahead == i:
-            ahead += 1
-    return slid, front if slip[0] == 0 and stands else ahead
+def _front(slip, before, stands):
+    """Return how many contacts from the drive on slid one way; as before where nothing moved there."""
+    if slip[0] == 0:
+        return before if stands else 0
+    ahead = 1
+    while ahead < slip.size and slip[ahead] == slip[0]:
+        ahead += 1
+    return ahead

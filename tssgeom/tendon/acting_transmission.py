@@ -18,6 +18,7 @@ from tssgeom.tendon.transmission import Transmission
 _ANSWERS = 1e-7  # of the greater end's tension, or N: bars are balanced to so much
 _CLOSE = 1e-15  # of ln T in the search for the tension before a contact
 _PASSES = 60
+_STRAIGHT = 1e-9  # exponent below which a contact tells nothing of what friction does
 
 
 def transmit(state: ActingState, model: Model, route: Arcs) -> Transmission:
@@ -26,7 +27,6 @@ def transmit(state: ActingState, model: Model, route: Arcs) -> Transmission:
     variance, angle_variance, slope_out = _spread(
         model.plant,
         state.memory,
-        state.slid,
         _frictions(model),
         model.edge,
         (route.length, 1.0 + 2.0 * model.setup.curvature_gain_m * route.kappa, route.covariance),
@@ -64,7 +64,7 @@ def _frictions(model: Model) -> tuple[float, float]:
 
 def _front(state: ActingState, route: Arcs) -> float:
     """Return the curve angle up to which the tendon slid when the drive last moved [rad]."""
-    if state.front == len(state.slid):
+    if state.front == len(state.memory.slip):
         return route.total_angle
     return float(lay(state.edge, route).place[state.front - 1]) if state.front > 0 else 0.0
 
@@ -94,32 +94,48 @@ def _answering(plant, travel, tension_out, pull):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _spread(plant, memory, slid, frictions, edge, pieces):
+def _used(plant, memory, i):
+    """Return how much of its cone a contact uses, −1 pulled to +1 released, and its exponent then [1]."""
+    near, far = memory.tension[i], memory.tension[i + 1]
+    factor = load_factor(0.5 * (near + far), plant.load_exponent, plant.load_reference)
+    factor *= _worn(plant, memory.travel[i])
+    exponent = (plant.pulling[i] if far < near else plant.releasing[i]) * factor
+    whole = math.expm1(exponent + plant.fitting[i])
+    if far < near:
+        whole = -math.expm1(-exponent - plant.fitting[i])
+    share = (far - near) / max(whole * near + plant.force[i], 1e-300)
+    return share if plant.speed_gain != 0.0 else min(max(share, -1.0), 1.0), exponent
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _spread(plant, memory, frictions, edge, pieces):
     """Return the variances of δ and of what presses, and d ln T_out over the latter; docs/model.md (123)."""
     length, pressed, covariance = pieces  # what an angle adds to ψ of (53), for each piece [1]
     n, k = edge.size - 1, length.size
     whole = np.sum(length)
-    gradient = np.zeros(2 * k)
+    gradient, used = np.zeros(2 * k), 0.0
     slope = 0.0
     for j in range(1, n + 2):  # bars in the sheath, then what lies between sheath and load
-        pull, way = memory.tension[j], slid[j - 1]
+        pull = memory.tension[j]
+        share, exponent = _used(plant, memory, j - 1)
+        used = share if exponent > _STRAIGHT else used  # on a straight stretch as before it
         factor = load_factor(pull, plant.load_exponent, plant.load_reference)
-        friction = frictions[0] if way > 0 else frictions[1]
-        slope = -way * friction * factor * _worn(plant, memory.travel[j - 1])
-        _, rise = stretched(
-            pull, plant.soft[j], plant.toe[j], plant.toe_scale[j], plant.gap[j], plant.gap_scale
-        )
+        friction = frictions[0] if used < 0.0 else frictions[1]
+        slope = used * friction * factor * _worn(plant, memory.travel[j - 1])
+        soft, toe, toe_scale, gap = plant.soft[j], plant.toe[j], plant.toe_scale[j], plant.gap[j]
+        _, rise = stretched(pull, soft, toe, toe_scale, gap, plant.gap_scale)
         if j == n + 1 and plant.load > 0.0:
             rise -= 1.0 / plant.load
         begin, end = (edge[j - 1] * whole, edge[j] * whole) if j <= n else (whole, whole)
         strain = (memory.place[j - 1] - memory.place[j]) / (end - begin) if j <= n else 0.0
+        taut = math.exp(-plant.pretension / plant.gap_scale) - math.exp(-pull / plant.gap_scale)
         start = 0.0
         for i in range(k):
             stop = start + length[i]
             overlap = max(min(end, stop) - max(begin, start), 0.0) / length[i]
             passed = min(max((0.5 * (begin + end) - start) / length[i], 0.0), 1.0)
             gradient[i] += strain * overlap
-            gradient[k + i] += rise * pull * slope * passed * pressed[i]
+            gradient[k + i] += rise * pull * slope * passed * pressed[i] + plant.clearance * taut * overlap
             start = stop
     variance, angle_variance = 0.0, 0.0
     for i in range(2 * k):

@@ -28,6 +28,7 @@ class Plant(NamedTuple):
     toe_scale: np.ndarray  # [b] N
     gap: np.ndarray  # [b] path saved when taut [m]
     gap_scale: float  # N
+    clearance: float  # path saved for each radian when taut [m/rad]
     creep_soft: np.ndarray  # [b] creep per tension in the end [m/N]
     creep_time: float  # s
     warm: np.ndarray  # [b] m/K
@@ -159,6 +160,7 @@ def plant(setup: Setup, arcs: Arcs, edge: Vector) -> Plant:
         toe_scale=toe_scale,
         gap=sides.gap,
         gap_scale=gap_scale,
+        clearance=float(setup.clearance_m_per_rad),
         creep_soft=_ended(setup.creep_ratio * rho_l, 0.0, 0.0),
         creep_time=float(setup.creep_time_s),
         warm=_ended(setup.expansion_per_K * bed.length, 0.0, 0.0),

@@ -21,7 +21,6 @@ from tssgeom.tendon.state import TendonState
 VERSION = 2
 """Version of the objects that `state_object` writes."""
 _KINDS = {"corners": Corners, "bars": MaterialState, "acting": ActingState}
-_SIGNS = ("slip", "slid")  # arrays of whole numbers
 _Part = TypeVar("_Part", Corners, MaterialState, ActingState, Arcs)
 
 
@@ -102,7 +101,7 @@ def _acting(saved: Mapping[str, Any], route: Arcs | None) -> ActingState:
 
 
 def _array(name: str, numbers: list[Any]) -> Any:
-    if name not in _SIGNS:
+    if name != "slip":
         return read_only(np.array(numbers, dtype=np.float64))
     signs = np.array(numbers, dtype=np.int8)
     signs.setflags(write=False)
