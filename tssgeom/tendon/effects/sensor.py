@@ -124,6 +124,8 @@ class ChannelLag(Effect, frozen=True):
         """
         if any(channel == self.channel for channel, _ in setup.lags):
             raise SettingsError(f"effects.channel_lag: {self.channel} lags twice; give one lag_s [s]")
+        if self.lag_s == 0.0:
+            return setup
         return replace(setup, lags=(*setup.lags, (self.channel, self.lag_s)))
 
 
