@@ -5,11 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from msgspec.structs import replace as changed
 
 from tssgeom.settings import Rig, ShapeSensor
-from tssgeom.stream import Frame, FrameResult, Rejected, process
+from tssgeom.stream import Frame, FrameResult, Rejected, advance, process
+from tssgeom.tendon.effects import Creep, HiddenBend, ThermalDrift
 from tssgeom.tendon.material import MaterialState
 from tssgeom.tendon.profile import Corners
+from tssgeom.tendon.state import pretensioned
 
 RIG = Rig(shape=ShapeSensor(noise_mm=0.1))
 
@@ -113,3 +116,52 @@ def test_a_target_out_of_reach_leaves_the_tendon_as_it_was():
     assert "only pulls" in bad.reason
     assert isinstance(last, FrameResult)
     assert last.transmission == first.transmission
+
+
+# --- effects ------------------------------------------------------------------------------------------------
+
+SOME = (HiddenBend(at_m=0.2, angle_rad=0.6), Creep(ratio=0.1), ThermalDrift(expansion_per_K=1e-5))
+ACTING = changed(RIG, effects=SOME)
+
+
+def warmed_run():
+    return [replace(frame, temperature=20.0 + frame.time) for frame in moving_run()]
+
+
+def test_live_equals_batch_with_effects():
+    frames = warmed_run()
+    batch = list(process(frames, ACTING, tension_in=15.0))
+    coming = process(iter(frames), ACTING, tension_in=15.0)
+    assert [next(coming).transmission for _ in frames] == [one.transmission for one in batch]
+    half = list(process(frames[:3], ACTING, tension_in=15.0))[-1]
+    by_hand, last = half.state, half.followed
+    for seq, frame in enumerate(frames[3:], 3):
+        result = advance(seq, frame, by_hand, ACTING, 15.0, last)
+        by_hand, last = result.state, result.followed
+        assert result.transmission == batch[seq].transmission
+
+
+def test_a_hidden_bend_takes_its_share_on_a_route_that_moves():
+    bent = changed(RIG, effects=(HiddenBend(at_m=0.2, angle_rad=0.6),))
+    frames = moving_run()[:3]  # a pull while the bend opens
+    for one, other in zip(process(frames, bent, tension_in=15.0), results(frames), strict=True):
+        share = one.transmission.tension_out / other.transmission.tension_out
+        # the distal end slides on all three frames, through the bend as well
+        assert share == pytest.approx(math.exp(-0.145 * 0.6), rel=1e-6)
+
+
+def test_a_frame_without_temperature_says_what_does_nothing():
+    warm, cold = (list(process(run(), ACTING, tension_in=15.0)) for run in (warmed_run, moving_run))
+    assert not any("temperature" in text for one in warm for text in one.warnings)
+    assert all("no temperature_C: thermal_drift does nothing" in one.warnings for one in cold)
+
+
+def test_a_target_beside_a_drive_is_advice_with_effects_too():
+    frame = Frame(bend(), 1.0, tension_in=10.0, tension_out_target=7.0, temperature=20.0)
+    (result,) = process([frame], ACTING, tension_in=15.0)
+    assert result.transmission.tension_in == 10.0
+    (followed,) = process(
+        [replace(frame, tension_in=None)], ACTING, tension_in=15.0, state=pretensioned(ACTING, 0.0)
+    )
+    assert followed.transmission.tension_out == pytest.approx(7.0, rel=1e-9)
+    assert followed.tension_command == followed.transmission.tension_in
