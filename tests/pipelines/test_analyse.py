@@ -155,11 +155,3 @@ def test_a_recording_whose_frames_are_all_bad_is_refused(run, write_csv):
     (error,) = outcome.errors
     assert outcome.status == 2
     assert "none of 2 frames can be used; the first: 3 distinct points" in error
-
-
-def test_effects_that_a_command_cannot_apply_are_refused_and_not_left_out_unseen(run, half, tmp_path):
-    (tmp_path / "rig.toml").write_text('[[effects]]\nname = "hidden_bend"\nat_m = 0.2\nangle_rad = 0.4\n')
-    outcome = run("analyse", half, "--rig", tmp_path / "rig.toml")
-    assert outcome.status == 2
-    assert "[[effects]]" in outcome.errors[0]
-    assert "leave them out" in outcome.errors[0]
