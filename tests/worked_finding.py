@@ -37,9 +37,13 @@ CHANNELS = ("tension_in_N", "tension_out_N", "elongation_m")
 BEND = HiddenBend(at_m=0.21, angle_rad=0.6)
 
 
-@cache
 def worked_finding(verdict: Verdict = "effect") -> Finding:
     """Return a finding with this verdict; the data have a hidden bend."""
+    return _made(verdict)
+
+
+@cache
+def _made(verdict: Verdict) -> Finding:
     campaign = _campaign()
     effects = (BEND,) if verdict in ("effect", "tie") else ()
     rig = msgspec.structs.replace(TRUE, effects=effects)
