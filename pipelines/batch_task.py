@@ -25,7 +25,6 @@ from tssgeom.io.results import Analysis, analysis_object, summary_row
 from tssgeom.io.run_record import Input, Settings, sha256_of
 from tssgeom.stream import Frame, Rejected, alone, process
 from tssgeom.view.report import ReportEntry, rendered
-from tssgeom.view.rerun_log import write_recording
 
 _FORMAT = 1  # of the files: where it changes, nothing older is taken for done
 _drawing = threading.Lock()  # the settings of a figure belong to the process
@@ -195,6 +194,10 @@ def _drawn(task: Task, analysis: Analysis, files: list[str]) -> tuple[list[str],
 
 
 def _draw(task: Task, analysis: Analysis, file: str) -> None:
+    from tssgeom.view.rerun_log import (
+        write_recording,  # here, since a worker that draws nothing starts faster
+    )
+
     here = local(task.address)
     lumen = None if here is None else lumen_of(here, analysis.unit, task.chosen)
     with task.out.replacing(file) as draft:

@@ -12,6 +12,8 @@ from dataclasses import dataclass, field
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn
 
+_TELLING = 0.02  # share of the work from which on it tells how long the rest will take
+_SOON = 0.5  # s
 _SILENCE = 10.0  # s after which a long input is told how far it is
 
 
@@ -71,7 +73,8 @@ class Progression:
         if not self.frames or passed <= 0:
             return ""
         left = passed * (self.size - self.read) / fresh if fresh else math.inf
-        ahead = f", {_duration(left)} left" if 0.5 < left < math.inf else ""
+        told = fresh > _TELLING * (self.size - self._skipped) and left > _SOON
+        ahead = f", {_duration(left)} left" if told else ""
         return f"{self.frames / passed:.3g} frames/s{ahead}"
 
     def _draw(self, bar: Progress) -> None:

@@ -7,9 +7,8 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
-import trimesh
 from msgspec.structs import replace as changed
 
 from pipelines.console import complain
@@ -21,6 +20,9 @@ from tssgeom.io.meshes import lumen_beside, read_lumen
 from tssgeom.io.results import Analysis, frame_row, relative
 from tssgeom.settings import Rig, read_rig
 from tssgeom.stream import process
+
+if TYPE_CHECKING:
+    import trimesh
 
 Done = TypeVar("Done")
 

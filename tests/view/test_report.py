@@ -1,4 +1,8 @@
 import dataclasses
+import html
+import re
+import shutil
+import subprocess
 from collections import Counter
 from html.parser import HTMLParser
 from pathlib import Path
@@ -88,7 +92,7 @@ def test_tags_match_and_every_inner_link_has_its_place(page: Page) -> None:
 
 def test_each_input_has_a_row_and_each_good_one_its_figures(page: Page) -> None:
     rows = [value for tag, name, value in page.attributes if tag == "td" and name == "data-value"]
-    assert len(rows) == 3 * 11
+    assert len(rows) == 3 * 12
     assert page.tags["section"] == 2
     assert page.tags["svg"] == 3  # one of each shape and one more of the run
 
@@ -148,3 +152,30 @@ def test_same_results_give_the_same_page(path: Path, entries: list[ReportEntry],
 def test_folder_that_is_not_there_is_an_error_with_its_path(tmp_path: Path) -> None:
     with pytest.raises(SourceError, match=r"nowhere.*cannot be written"):
         write_report(tmp_path / "nowhere" / "report.html", [], rig=Rig(), tension_in=15.0)
+
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+CLICK = "<script>document.querySelectorAll('.overview th button')[1].click()</script>"
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here to open the page in")
+def test_a_real_browser_sorts_the_table_both_ways_by_clicks(path: Path, tmp_path: Path) -> None:
+    by_frames = ["bad <script>", "still", "moving run"]
+    for clicks, order in ((1, by_frames), (2, by_frames[::-1])):
+        page = tmp_path / f"{clicks}.html"
+        page.write_text(path.read_text("utf-8") + clicks * CLICK, "utf-8")
+        rows = re.findall(r'<tr><td data-value="([^"]*)">', browsed(page, tmp_path))
+        assert [html.unescape(row) for row in rows] == order
+
+
+def browsed(page: Path, profile: Path) -> str:
+    """Return the document as the browser holds it once its scripts have run."""
+    command = [
+        str(CHROMIUM),
+        "--headless",
+        "--no-sandbox",
+        "--disable-gpu",
+        f"--user-data-dir={profile}/user",
+    ]
+    done = subprocess.run([*command, "--dump-dom", page.as_uri()], capture_output=True, text=True, check=True)
+    return done.stdout

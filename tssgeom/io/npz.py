@@ -22,6 +22,7 @@ from tssgeom.stream import Frame, Rejected
 _BLOCK = 1 << 22
 """Of an array that are read at a time [B]."""
 _LARGE = ("points", "s")
+_ARRAY = b"\x93NUMPY"
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,10 +169,14 @@ def _read(path: Path) -> Iterator[None]:
 
 @contextmanager
 def _archive(path: Path) -> Iterator[np.lib.npyio.NpzFile]:
-    with _read(path), path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
-        if not isinstance(archive, np.lib.npyio.NpzFile):
+    with _read(path), path.open("rb") as file:
+        if file.read(len(_ARRAY)) == _ARRAY:
             raise ShapeError(f"{path}: one bare array: save points, time_s and unit with numpy.savez")
-        yield archive
+        if not zipfile.is_zipfile(file):
+            raise ValueError("it is no ZIP archive, or not all of it")
+        file.seek(0)
+        with np.load(file, allow_pickle=False) as archive:
+            yield archive
 
 
 @contextmanager

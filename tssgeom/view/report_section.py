@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import Literal
 from urllib.parse import quote
 
-from tssgeom.stream import FrameResult
-from tssgeom.view import figures, words
+from tssgeom.stream import FrameResult, Rejected
+from tssgeom.view import words
 from tssgeom.view.drawn import drawn
 from tssgeom.view.report_entry import ReportEntry
 
@@ -32,6 +32,7 @@ COLUMNS = (
     "δ ± s.e. [mm]",
     "noise [mm]",
     "warnings",
+    "in 3-D",
 )
 
 
@@ -67,17 +68,14 @@ def row(entry: ReportEntry, *, linked: bool = True) -> str:
     """Write the row of an input in the table of all."""
     shown = entry.shown
     if shown is None:
-        cells = [(entry.name, html.escape(entry.name)), *[("-1", "–")] * (len(COLUMNS) - 2)]
-        return _cells([*cells, (1e9, '<span class="warning">rejected</span>')])
+        cells = [(entry.name, html.escape(entry.name)), *[("-1", "–")] * (len(COLUMNS) - 3)]
+        return _cells([*cells, (1e9, '<span class="warning">rejected</span>'), ("", "–")])
     name = html.escape(entry.name)
     seen, arcs = shown.transmission, shown.arcs
     angle, angle_se = math.degrees(arcs.total_angle), math.degrees(arcs.total_angle_se)
     return _cells(
         [
-            (
-                entry.name,
-                f'<a href="#{anchor(entry.name)}">{name}</a>' if linked else _recording(entry, name),
-            ),
+            (entry.name, _link_to(f"#{anchor(entry.name)}", name) if linked else name),
             (entry.used, f"{entry.used}"),
             (entry.lost, _warned(entry.lost)),
             (arcs.total_length, f"{1e3 * arcs.total_length:.1f}"),
@@ -88,20 +86,17 @@ def row(entry: ReportEntry, *, linked: bool = True) -> str:
             (seen.elongation, f"{1e3 * seen.elongation:.3f} ± {1e3 * seen.elongation_se:.3f}"),
             (shown.route.noise, html.escape(words.noise(shown))),
             (len(entry.warnings), _warned(len(entry.warnings))),
+            (entry.name, _link_to(quote(entry.recording), "recording") if entry.recording else "–"),
         ]
     )
 
 
 def _link_to(place: str, text: str) -> str:
-    return f'<a href="#{place}">{text}</a>'
+    return f'<a href="{place}">{text}</a>'
 
 
 def _warned(count: int) -> str:
     return f'<span class="warning">{count}</span>' if count else "–"
-
-
-def _recording(entry: ReportEntry, text: str) -> str:
-    return f'<a href="{quote(entry.recording)}">{text}</a>' if entry.recording else text
 
 
 def _cells(cells: Sequence[tuple[object, str]]) -> str:
@@ -111,6 +106,8 @@ def _cells(cells: Sequence[tuple[object, str]]) -> str:
 
 def section(entry: ReportEntry, shown: FrameResult) -> str:
     """Write the words, figures and pieces of an input; `shown` is drawn."""
+    from tssgeom.view import figures  # here, since a page of numbers alone needs no matplotlib
+
     moment = (
         f" at {shown.frame.time:.2f} s, the last of its highest peaks of T_in"
         if entry.series is not None
@@ -169,14 +166,19 @@ def _link(entry: ReportEntry) -> str:
 
 def _rejection_items(entry: ReportEntry) -> list[str]:
     """Write each reason once, with the first frame it applies to; of many different ones, the first."""
-    reasons = Counter(each.reason for each in entry.rejected)
-    first = {each.reason: each.seq for each in reversed(entry.rejected)}
+    reasons = Counter(_reason(each) for each in entry.rejected)
+    first = {_reason(each): each.seq for each in reversed(entry.rejected)}
     told = list(reasons.items())[:_MOST_REASONS]
     rest = entry.lost - sum(count for _, count in told)
     items = [f"{_which(entry, count, first[reason])}: {html.escape(reason)}" for reason, count in told] + (
         [f", {rest} more frames"] if rest > 0 else []
     )
     return [f"<li><b>{html.escape(entry.name)}</b>{item}</li>" for item in items]
+
+
+def _reason(rejected: Rejected) -> str:
+    """Leave out the place in the file, which is another for each frame."""
+    return re.sub(r"^(line|row) \d+: ", "", rejected.reason)
 
 
 def _which(entry: ReportEntry, count: int, first: int) -> str:
