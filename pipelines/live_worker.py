@@ -21,14 +21,9 @@ from pathlib import Path
 from time import monotonic
 from typing import Any, Protocol
 
-import numpy as np
-
 from tssgeom.errors import TssgeomError
 from tssgeom.io.states import write_state
-from tssgeom.stream import FrameResult
 from tssgeom.tendon.state import TendonState
-from tssgeom.view.rerun_growing import GrowingFile
-from tssgeom.view.rerun_live import LivePicture, hosted, warm_up
 
 LENGTH = struct.Struct("!I")
 """Before each message stands its length in bytes."""
@@ -74,62 +69,15 @@ class Saver:
     finish = flush
 
 
-class Artist:
-    """Draws frames into a picture that viewers look at."""
-
-    def __init__(self, picture: LivePicture) -> None:
-        self._picture = picture
-        self._results = list[FrameResult]()
-        self._numbers = list[np.ndarray]()
-
-    def take(self, kind: str, content: Any) -> None:
-        """Take in a frame to be drawn, or the numbers of many."""
-        (self._results if kind == "picture" else self._numbers).append(content)
-
-    def flush(self) -> None:
-        """Draw what has come."""
-        if self._results:
-            self._picture.draw(self._results)
-            self._results.clear()
-        if self._numbers:
-            numbers = np.concatenate(self._numbers)
-            self._picture.number(numbers[:, 0], numbers[:, 1:])
-            self._numbers.clear()
-
-    def finish(self) -> None:
-        """Draw the rest."""
-        self.flush()
-
-
-class Recorder(Artist):
-    """Draws into a file."""
-
-    def __init__(self, path: Path) -> None:
-        self._file = GrowingFile(path)
-        super().__init__(LivePicture(self._file.recording, path.stem))
-
-    def flush(self) -> None:
-        """Draw what has come, and write it."""
-        super().flush()
-        self._file.write()
-
-    def finish(self) -> None:
-        """Draw and write the rest, and put the file in its place."""
-        super().flush()
-        self._file.finish()
-
-
 def _role(name: str, argument: str) -> tuple[Role, dict[str, Any]]:
     """Return the worker of a role, and what it has to say when it is ready."""
     if name == "save":
         return Saver(Path(argument)), {}
+    from pipelines import live_artist  # here, since it takes long to load
+
     if name == "record":
-        recorder = Recorder(Path(argument))
-        warm_up()
-        return recorder, {}
-    recording, address = hosted("live", int(argument))
-    warm_up()
-    return Artist(LivePicture(recording, "live")), {"address": address}
+        return live_artist.recorder(Path(argument)), {}
+    return live_artist.viewed(int(argument))
 
 
 def _messages(sock: socket.socket, flush: Callable[[], None], pause: float) -> Iterator[tuple[str, Any]]:

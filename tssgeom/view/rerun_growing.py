@@ -26,6 +26,7 @@ class GrowingFile:
     """A recording that is written piece by piece beside its place, and moved there when it is finished.
 
     Rerun's own file sink blocks for ever once the disk is full; here what was written before stays whole.
+    Where there is no room even to put it in order, it has no table of contents, and can be read all the same.
     """
 
     def __init__(self, path: Path) -> None:
@@ -71,7 +72,7 @@ class GrowingFile:
             self.write()
         finally:
             self._file.close()
-            if self._full or self._size > _TIDY or not self._tidied():
+            if self._size > _TIDY or not self._tidied():
                 os.replace(self._part, self._path)
 
     def _append(self, data: bytes) -> None:

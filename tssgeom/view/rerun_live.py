@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 import rerun as rr
@@ -12,15 +12,13 @@ import trimesh
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.errors import SourceError
 from tssgeom.settings import Rig
-from tssgeom.shape.following import Followed
-from tssgeom.shape.geometry import Geometry
 from tssgeom.stream import Frame, FrameResult, process
 from tssgeom.view.blueprint import blueprint
 from tssgeom.view.camera import Camera, camera
 from tssgeom.view.columns import Sender
-from tssgeom.view.drawn import Drawn, Ranges, drawn, ranges, round_up
+from tssgeom.view.drawn import Drawn, Ranges, drawn, numbers_of, ranges, round_up
 from tssgeom.view.rerun_log import send_pictures
-from tssgeom.view.rerun_series import numbers_of, send_numbers
+from tssgeom.view.rerun_series import send_numbers
 from tssgeom.view.run import Run
 
 _MEMORY = "256MiB"  # of frames that a viewer which comes late is shown
@@ -43,12 +41,6 @@ def hosted(name: str, port: int) -> tuple[rr.RecordingStream, str]:
         raise SourceError(f"--view: port {port}: {error}: choose another with --view-port") from error
     recording.send_recording_name(name)
     return recording, sink.uri
-
-
-def lean(result: FrameResult) -> FrameResult:
-    """Return a result without what only the next fit needs, to be sent to another process."""
-    geometry = Geometry(result.route, result.profile, result.arcs)
-    return replace(result, followed=Followed(geometry, result.shape.index))
 
 
 def warm_up() -> None:

@@ -11,18 +11,13 @@ from tssgeom.arrays import Matrix, Vector
 from tssgeom.stream import FrameResult
 from tssgeom.view import colours
 from tssgeom.view.columns import Sender
+from tssgeom.view.drawn import numbers_of
 
 
 def send_series(sender: Sender, results: Sequence[FrameResult]) -> None:
     """Send what changes from frame to frame, in the units of the plots' titles."""
     send_numbers(sender, np.array([numbers_of(result) for result in results]))
     _send_measured(sender, results)
-
-
-def numbers_of(result: FrameResult) -> tuple[float, float, float, float]:
-    """T_in [N], T_out [N], elongation [m] and accumulated curve angle [rad] of one frame."""
-    seen = result.transmission
-    return seen.tension_in, seen.tension_out, seen.elongation, result.profile.total_angle
 
 
 def send_numbers(sender: Sender, numbers: Matrix) -> None:

@@ -21,6 +21,7 @@ MOST_NEW = 50
 PATIENCE = 5.0
 """Time in which a client has to show the token [s]."""
 
+_HELD = 1 << 17  # bytes that the system holds for a client, so that a slow one is noticed
 _LONGEST_GREETING = 2048  # bytes in which the token has to come
 
 
@@ -128,6 +129,7 @@ class Listener:
             return
         with suppress(OSError):
             sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _HELD)
         channel = Channel(
             self._selector, sock, lambda data: self._received(peer, data), lambda: self._forget(peer)
         )

@@ -1,0 +1,165 @@
+"""`tssgeom live` as a process of its own, and the peers that talk to it."""
+
+from __future__ import annotations
+
+import json
+import queue
+import re
+import signal
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from time import monotonic
+from typing import IO, Any
+
+PATIENCE = 60.0
+"""Longest wait for anything that has to come [s]."""
+START = [sys.executable, "-c", "from pipelines.cli import main; main()", "live"]
+
+_ADDRESS = re.compile(r"(source|sink|view) (\S+?)(?:,|$)")
+
+
+class Live:
+    """A running stream, and what it says on stderr."""
+
+    def __init__(self, process: subprocess.Popen[bytes]) -> None:
+        self.process = process
+        self.errors: list[str] = []
+        self._lines: queue.Queue[str | None] = queue.Queue()
+        self._listener = threading.Thread(target=self._listen, daemon=True)
+        self._listener.start()
+        self.addresses: list[tuple[str, str]] = []
+
+    def await_ready(self) -> None:
+        """Wait until it is ready, and note its addresses."""
+        self.addresses = _ADDRESS.findall(self.said("ready").removeprefix("ready: "))
+
+    def said(self, text: str) -> str:
+        """Wait for the next line on stderr that holds `text`, and return it."""
+        end = monotonic() + PATIENCE
+        while monotonic() < end:
+            line = self._lines.get(timeout=PATIENCE)
+            if line is None:
+                break
+            if text in line:
+                return line
+        raise AssertionError(f"{text!r} was not said: {self.errors[-5:]}")
+
+    def port(self, what: str, scheme: str) -> int:
+        """Port of a source or a sink."""
+        found = [text for kind, text in self.addresses if kind == what and text.startswith(scheme)]
+        return int(found[0].rpartition(":")[2])
+
+    def source(self, scheme: str = "tcp") -> socket.socket:
+        """Connect to a source."""
+        kind = socket.SOCK_STREAM if scheme == "tcp" else socket.SOCK_DGRAM
+        sock = socket.socket(socket.AF_INET, kind)
+        sock.connect(("127.0.0.1", self.port("source", scheme)))
+        if scheme == "tcp":
+            sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        return sock
+
+    def reader(self) -> Reader:
+        """Connect to the TCP sink."""
+        return Reader(socket.create_connection(("127.0.0.1", self.port("sink", "tcp")), PATIENCE))
+
+    @property
+    def output(self) -> IO[bytes]:
+        """Its standard output."""
+        assert self.process.stdout is not None
+        return self.process.stdout
+
+    @property
+    def input(self) -> IO[bytes]:
+        """Its standard input."""
+        assert self.process.stdin is not None
+        return self.process.stdin
+
+    @property
+    def alive(self) -> bool:
+        """Whether it still runs."""
+        return self.process.poll() is None
+
+    def memory(self) -> float:
+        """Resident memory [MiB]."""
+        status = Path(f"/proc/{self.process.pid}/status").read_text()
+        found = re.search(r"VmRSS:\s+(\d+) kB", status)
+        return int(found[1]) / 1024 if found else 0.0
+
+    def children(self) -> list[int]:
+        """Process ids of the processes beside the stream."""
+        text = Path(f"/proc/{self.process.pid}/task/{self.process.pid}/children").read_text()
+        return [int(number) for number in text.split()]
+
+    def stop(self, number: int = signal.SIGTERM) -> int:
+        """End it with a signal; return its exit status."""
+        self.process.send_signal(number)
+        return self.process.wait(PATIENCE)
+
+    def close(self) -> None:
+        """End it, if it still runs, and let go of its pipes."""
+        if self.alive:
+            self.process.kill()
+        self.process.wait(PATIENCE)
+        self._listener.join(PATIENCE)
+        for pipe in (self.process.stdin, self.process.stdout):
+            if pipe is not None:
+                with suppress(BrokenPipeError):
+                    pipe.close()
+
+    def _listen(self) -> None:
+        assert self.process.stderr is not None
+        with self.process.stderr as errors:
+            for line in errors:
+                self.errors.append(line.decode().rstrip("\n"))
+                self._lines.put(self.errors[-1])
+        self._lines.put(None)
+
+
+class Reader:
+    """A client that reads answers."""
+
+    def __init__(self, sock: socket.socket) -> None:
+        self.sock = sock
+        self._data = b""
+
+    def next(self) -> dict[str, Any]:
+        """Wait for the next line, whatever it tells."""
+        while b"\n" not in self._data:
+            chunk = self.sock.recv(1 << 18)
+            if not chunk:
+                raise EOFError
+            self._data += chunk
+        line, _, self._data = self._data.partition(b"\n")
+        return json.loads(line)
+
+    def answer(self) -> dict[str, Any]:
+        """Wait for the next line that answers a frame."""
+        while (told := self.next()).get("stale") is True:
+            pass
+        return told
+
+    def until(self, key: str, value: Any) -> list[dict[str, Any]]:
+        """Read lines up to the one in which `key` is `value`; it is the last of them."""
+        lines = [self.next()]
+        while lines[-1].get(key) != value:
+            lines.append(self.next())
+        return lines
+
+
+@contextmanager
+def live(*arguments: str | Path, **options: Any) -> Iterator[Live]:
+    """Start a stream, wait until it is ready, and end it whatever happens."""
+    pipes: dict[str, Any] = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    command: Sequence[str] = [*START, *map(str, arguments)]
+    process: Any = subprocess.Popen(command, **(pipes | options))
+    stream = Live(process)
+    try:
+        stream.await_ready()
+        yield stream
+    finally:
+        stream.close()

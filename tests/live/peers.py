@@ -1,0 +1,35 @@
+"""Frames that tests send, and a reader that misses none of them."""
+
+from itertools import count
+
+import numpy as np
+
+from benchmarks.live_frames import line, points_mm
+from benchmarks.live_process import PATIENCE, Live, Reader
+
+_marks = count()
+
+
+def synchronised(stream: Live, reader: Reader) -> None:
+    """Send frames until the reader sees one: then all that is sent after it will be seen too."""
+    found = None
+    while found is None:
+        mark = f"mark {next(_marks)}"
+        with stream.source() as sock:
+            sock.sendall(frame(0.0, id=mark))
+            reader.sock.settimeout(2.0)
+            try:
+                found = reader.until("id", mark)
+            except TimeoutError:
+                continue
+    reader.sock.settimeout(PATIENCE)
+
+
+def frame(time: float, n: int = 30, **more: object) -> bytes:
+    return line(points_mm(n, 0.0), time, **more)
+
+
+def half_circle(n: int = 40) -> np.ndarray:
+    """Points on a half circle of 0.5 m [mm]."""
+    turn = np.linspace(0.0, np.pi, n)
+    return 500.0 / np.pi * np.column_stack((np.sin(turn), 1 - np.cos(turn), 0 * turn))

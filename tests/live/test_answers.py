@@ -1,0 +1,135 @@
+"""What a stream answers to frames, good and bad, one after the other."""
+
+import json
+import math
+
+import pytest
+
+from benchmarks.live_frames import line, malformed
+from tests.live.peers import frame, half_circle
+
+KEYS = {
+    "t",
+    "seq",
+    "length_m",
+    "total_angle_rad",
+    "total_angle_se_rad",
+    "tension_out_N",
+    "elongation_m",
+    "direction_index",
+    "dead_zone",
+    "segments",
+    "latency_us",
+    "dropped",
+    "stale",
+}
+
+
+def test_a_frame_is_answered_with_its_geometry_tension_and_elongation(source, reader):
+    source.sendall(line(half_circle(), 1.0, tension_in_N=10.0, id="a7"))
+    told = reader.until("id", "a7")[-1]
+    assert set(told) >= KEYS
+    assert told["t"] == 1.0
+    assert told["length_m"] == pytest.approx(0.5, rel=1e-6)  # coordinates are rounded to 1e-4 mm
+    assert told["total_angle_rad"] == pytest.approx(math.pi, rel=1e-5)
+    assert sum(piece["angle_rad"] for piece in told["segments"]) == pytest.approx(
+        told["total_angle_rad"], abs=1e-12
+    )
+    assert 0 < told["tension_out_N"] < 10.0
+    assert told["latency_us"] > 0
+    assert told["stale"] is False
+    assert "displacement_command_m" not in told
+
+
+def test_an_id_comes_back_as_it_was_given(source, reader):
+    source.sendall(frame(1.0, id=7))
+    assert reader.until("id", 7)[-1]["id"] == 7
+
+
+def test_a_target_is_answered_with_the_command_that_reaches_it(source, reader):
+    source.sendall(line(half_circle(), 1.0, tension_in_N=None, tension_out_target_N=4.0, id="wanted"))
+    told = reader.until("id", "wanted")[-1]
+    assert told["tension_out_N"] == pytest.approx(4.0, rel=1e-9)
+    assert told["displacement_command_m"] > 0
+
+
+def test_every_kind_of_bad_line_is_rejected_with_its_reason_and_leaves_the_tendon_alone(source, reader):
+    source.sendall(frame(1.0, tension_in_N=9.0, id="before"))
+    before = reader.until("id", "before")[-1]
+    for seq, (name, text) in enumerate(malformed(), start=before["seq"] + 1):
+        source.sendall(text + b"\n")
+        told = reader.answer()
+        assert set(told) - {"id"} == {"t", "seq", "rejected"}, name
+        assert told["seq"] == seq, name
+        assert len(told["rejected"]) < 400, name
+        assert "\n" not in told["rejected"], name
+    source.sendall(frame(2.0, tension_in_N=9.0, id="after"))
+    after = reader.until("id", "after")[-1]
+    assert after["tension_out_N"] == before["tension_out_N"]
+    assert after["direction_index"] == before["direction_index"]
+
+
+def test_a_refused_frame_is_named_by_its_time_and_id(source, reader):
+    source.sendall(b'{"t": 3.5, "id": "x1", "unit": "km", "points": [[1,2,3]]}\n')
+    told = reader.until("id", "x1")[-1]
+    assert told["t"] == 3.5
+    assert "km" in told["rejected"]
+
+
+def test_frames_out_of_order_or_repeated_are_rejected(source, reader):
+    for time, name in ((5.0, "first"), (5.0, "again"), (4.0, "back"), (5.1, "next")):
+        source.sendall(frame(time, id=name))
+        told = reader.until("id", name)[-1]
+        assert ("rejected" in told) == (name in ("again", "back"))
+
+
+def test_a_sender_that_connects_anew_has_a_clock_of_its_own(stream, source, reader):
+    source.sendall(frame(1000.0, id="old"))
+    reader.until("id", "old")
+    with stream.source() as other:
+        other.sendall(frame(1.0, id="new"))
+        assert "rejected" not in reader.until("id", "new")[-1]
+
+
+def test_the_number_of_points_may_change_with_each_frame(source, reader):
+    for i, n in enumerate((30, 200, 12, 80, 7, 500)):
+        source.sendall(frame(float(i), n, id=f"n{n}"))
+        assert "rejected" not in reader.until("id", f"n{n}")[-1]
+
+
+def test_of_frames_that_come_at_once_the_newest_is_answered_and_the_others_are_counted(source, reader):
+    source.sendall(frame(0.0, id="start"))
+    start = reader.until("id", "start")[-1]
+    burst = b"".join(frame(1.0 + i, id=f"b{i}") for i in range(200))
+    source.sendall(burst)
+    told = reader.until("id", "b199")
+    answered = [one for one in told if "segments" in one]
+    assert told[-1]["seq"] == start["seq"] + 200
+    assert len(answered) + told[-1]["dropped"] - start["dropped"] == 200
+    assert told[-1]["dropped"] > start["dropped"]
+
+
+def test_silence_is_said_once_until_frames_return(source, reader):
+    source.sendall(frame(0.0, id="last"))
+    last = reader.until("id", "last")[-1]
+    stale = reader.next()
+    assert stale["stale"] is True
+    assert (stale["t"], stale["seq"]) == (last["t"], last["seq"])
+    assert stale["silent_s"] >= 0.2
+    reader.sock.settimeout(0.6)  # three times the silence after which it is said
+    with pytest.raises(TimeoutError):
+        reader.next()
+    reader.sock.settimeout(60.0)
+    source.sendall(frame(1.0, id="back"))
+    assert reader.until("id", "back")[-1]["stale"] is False
+
+
+def test_datagrams_are_frames_and_answers_are_datagrams(shared):
+    with shared.stream.source("udp") as sock:
+        told = {}
+        time = 0.0
+        while told.get("id") != "by udp" or "rejected" in told:
+            time += 1.0
+            sock.send(frame(time, id="by udp"))
+            told = json.loads(shared.datagrams.recv(1 << 16))
+    assert told["total_angle_rad"] > 0

@@ -1,0 +1,173 @@
+"""Whatever breaks beside the stream, the stream goes on, and nothing that was finished is lost."""
+
+import json
+import os
+import resource
+import select
+import signal
+import subprocess
+from pathlib import Path
+
+import pytest
+import rerun_cli
+from rerun.chunk import RrdReader
+
+from benchmarks.live_frames import line
+from benchmarks.live_process import PATIENCE, Reader, live
+from tests.live.peers import frame, half_circle
+from tssgeom.io.files import open_recording
+from tssgeom.io.states import read_state
+from tssgeom.settings import Rig
+from tssgeom.stream import FrameResult, process
+
+SAMPLE = Path(__file__).parents[2] / "sample_shapes" / "insertion.jsonl"
+HERE = "127.0.0.1"
+
+
+def head(count: int) -> bytes:
+    return b"".join(SAMPLE.read_bytes().splitlines(keepends=True)[:count])
+
+
+def rerun(*arguments: str | Path) -> None:
+    program = Path(rerun_cli.__file__).parent / "rerun"
+    subprocess.run([program, "rrd", *arguments], check=True, capture_output=True, timeout=PATIENCE)
+
+
+def rows(recording: Path, entity: str, component: str) -> int:
+    """Rows of an entity over time that hold a component."""
+    chunks = RrdReader(str(recording)).stream().filter(content=entity)
+    batches = [chunk.to_record_batch() for chunk in chunks]
+    found = [batch.column(component) for batch in batches if component in batch.schema.names]
+    return sum(len(column) - column.null_count for column in found)
+
+
+def test_standard_input_is_answered_frame_by_frame_as_batch_answers_it(tmp_path):
+    count = 60
+    state, recording = tmp_path / "tendon.json", tmp_path / "live.rrd"
+    expected = [
+        one
+        for one in process(list(open_recording(SAMPLE).frames)[:count], Rig(), tension_in=15.0)
+        if isinstance(one, FrameResult)
+    ]
+    with live("--state", state, "--record", recording) as stream:
+        stream.input.write(head(count))
+        stream.input.close()
+        out = stream.output.read()
+        assert stream.process.wait(PATIENCE) == 0
+    told = [json.loads(text) for text in out.splitlines()]
+    answers = [one for one in told if "segments" in one]
+    assert [one["seq"] for one in answers] == list(range(count))
+    assert [one["tension_out_N"] for one in answers] == [one.transmission.tension_out for one in expected]
+    assert [one["total_angle_rad"] for one in answers] == [one.arcs.total_angle for one in expected]
+    assert read_state(state).tension_out == expected[-1].state.tension_out
+    rerun("verify", recording)
+    assert rows(recording, "/route", "LineStrips3D:strips") == count
+    assert rows(recording, "/series/tension_out", "Scalars:scalars") == count
+
+
+def test_a_tendon_is_found_again_as_it_was_left(tmp_path):
+    state = tmp_path / "tendon.json"
+    for tension, name in ((12.0, "pulled"), (9.0, "released")):
+        with live("--state", state) as stream:
+            stream.input.write(line(half_circle(), 1.0, tension_in_N=tension, id=name))
+            stream.input.close()
+            told = json.loads(stream.output.readline())
+            assert stream.process.wait(PATIENCE) == 0
+    assert told["direction_index"] == -1
+    assert told["dead_zone"] is True
+
+
+def test_a_killed_stream_leaves_a_whole_state_and_a_whole_recording(tmp_path):
+    state, recording = tmp_path / "tendon.json", tmp_path / "killed.rrd"
+    with live("--state", state, "--record", recording, "--sink", "-") as stream:
+        beside = stream.children()
+        for i in range(20):
+            stream.input.write(frame(float(i), tension_in_N=5.0 + 0.1 * i))
+            stream.input.flush()
+            stream.output.readline()
+        stream.stop(signal.SIGKILL)
+    for number in beside:
+        _await_end(number)
+    assert 5.0 <= read_state(state).tension_in <= 6.9 + 1e-9
+    rerun("verify", recording)
+
+
+def test_a_killed_or_stopped_picture_and_a_killed_saver_change_no_answer(tmp_path, free_port):
+    state = tmp_path / "tendon.json"
+    with live("--view", "--view-port", str(free_port), "--state", state) as stream:
+        saver, viewer = stream.children()
+        times = iter(range(1000))
+
+        def answered() -> bool:
+            stream.input.write(frame(float(next(times))))
+            stream.input.flush()
+            return "segments" in json.loads(stream.output.readline())
+
+        assert answered()
+        os.kill(viewer, signal.SIGSTOP)
+        assert all(answered() for _ in range(100))
+        os.kill(viewer, signal.SIGKILL)
+        os.kill(saver, signal.SIGKILL)
+        stream.said("goes on without it")
+        stream.said("goes on without it")
+        assert all(answered() for _ in range(20))
+        assert stream.stop() == 1
+
+
+def test_a_full_disk_ends_the_recording_with_the_reason_and_not_the_stream(tmp_path):
+    recording = tmp_path / "full.rrd"
+    limit = 400_000  # bytes of any file, a few dozen frames
+
+    def limited() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+
+    with live("--record", recording, preexec_fn=limited) as stream:
+        time = 0.0
+        while not any("full.rrd" in said for said in stream.errors):
+            for _ in range(20):
+                time += 1.0
+                stream.input.write(frame(time))
+                stream.input.flush()
+                assert "segments" in json.loads(stream.output.readline())
+        assert "make room" in stream.said("full.rrd")
+        stream.input.close()
+        assert stream.process.wait(PATIENCE) == 1
+    assert 0 < recording.stat().st_size <= limit
+    ordered = tmp_path / "ordered.rrd"
+    rerun("optimize", recording, "-o", ordered)
+    assert 0 < rows(ordered, "/route", "LineStrips3D:strips") <= time
+
+
+def test_a_source_that_dies_and_returns_is_served_again(shared):
+    stream = shared.stream
+    for i in range(3):
+        with stream.source() as source, stream.reader().sock as sock:
+            reader, told, time = Reader(sock), {}, 0.0
+            sock.settimeout(PATIENCE)
+            while told.get("id") != i:
+                time += 1.0
+                source.sendall(frame(time, id=i))
+                told = reader.answer()
+            assert "segments" in told
+            source.sendall(frame(time + 1.0)[:100])  # dies in the middle of a line
+
+
+@pytest.mark.parametrize("content", ["", "{", '{"version": 1, "kind": "bars"}', "[]"])
+def test_a_broken_state_is_refused_with_the_remedy(run, tmp_path, content):
+    state = tmp_path / "tendon.json"
+    state.write_text(content)
+    outcome = run("live", "--sink", "none", "--state", state)
+    assert outcome.status == 2
+    assert "start anew" in outcome.errors[0]
+
+
+def _await_end(number: int) -> None:
+    """Wait until a process that is no child of ours has ended."""
+    try:
+        descriptor = os.pidfd_open(number)
+    except ProcessLookupError:
+        return
+    try:
+        assert select.select([descriptor], [], [], PATIENCE)[0]
+    finally:
+        os.close(descriptor)

@@ -1,0 +1,127 @@
+"""Who sends too much, reads too little or has no business here is cut off, and nobody else notices."""
+
+import json
+import signal
+import socket
+from contextlib import ExitStack
+from itertools import count
+
+import pytest
+
+from benchmarks.live_frames import malformed
+from benchmarks.live_process import PATIENCE, Reader, live
+from tests.live.peers import frame
+from tssgeom.io.network.lines import LOOKED_AT
+from tssgeom.io.network.listener import MOST_PEERS
+
+_times = count(10_000)
+
+
+def answered(source, reader, name):
+    """Send one good frame, later than all before it, and return its answer."""
+    source.sendall(frame(float(next(_times)), id=name))
+    return reader.until("id", name)[-1]
+
+
+def test_a_line_over_a_mebibyte_is_refused_and_its_sender_cut_off(stream, source, reader):
+    with stream.source() as huge:
+        huge.sendall(b"[" * ((1 << 20) + 1))
+        told = reader.answer()
+        assert b"1048576 bytes" in huge.recv(1000)
+        assert huge.recv(1000) == b""
+    assert "1048576 bytes" in told["rejected"]
+    assert "cut off" in stream.said("1 MiB")
+    assert answered(source, reader, "still here")["total_angle_rad"] > 0
+
+
+def test_a_reader_that_never_reads_is_cut_off_and_the_others_are_not(stream, source, reader):
+    with stream.reader().sock as deaf:
+        deaf.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        long = b'{"t":1,"unit":"km","points":[],"id":"%s"}\n' % (b"x" * 250)
+        while not any("has not read" in said for said in stream.errors):
+            source.sendall(long * LOOKED_AT)
+            assert answered(source, reader, "in between")["total_angle_rad"] > 0
+    assert answered(source, reader, "unharmed")["total_angle_rad"] > 0
+
+
+def test_one_client_too_many_is_refused_with_the_reason(stream, source, reader):
+    with ExitStack() as stack:
+        port = stream.port("sink", "tcp")
+        clients = [
+            stack.enter_context(socket.create_connection(("127.0.0.1", port), PATIENCE))
+            for _ in range(MOST_PEERS)
+        ]
+        told = json.loads(clients[-1].recv(1000))
+        assert str(MOST_PEERS) in told["closed"]
+        assert clients[-1].recv(1000) == b""
+        assert answered(source, reader, "among many")["total_angle_rad"] > 0
+
+
+def test_good_frames_among_many_bad_ones_are_answered_or_counted(source, reader):
+    bad = [text for _, text in malformed() if len(text) < 1000]
+    start = answered(source, reader, "go")
+    rounds, sent = 20, 0
+    for i in range(rounds):
+        lines = [*bad * 5, frame(float(next(_times)), id=i).rstrip()]
+        sent += len(lines)
+        source.sendall(b"\n".join(lines) + b"\n")
+    told = reader.until("id", rounds - 1)
+    counts = {
+        "answered": sum("segments" in one for one in told),
+        "rejected": sum("rejected" in one for one in told),
+        "dropped": told[-1]["dropped"] - start["dropped"],
+    }
+    assert told[-1]["seq"] - start["seq"] == sent
+    assert sum(counts.values()) == sent, counts
+
+
+@pytest.mark.parametrize(
+    "uri", ["tcp://0.0.0.0:0", "udp://0.0.0.0:0", "tcp://[::]:0", "igtl://192.0.2.1:18944"]
+)
+def test_no_address_of_another_machine_is_taken(run, uri):
+    outcome = run("live", "--source", uri, "--sink", "none")
+    assert outcome.status == 2
+    assert "--allow-remote" in outcome.errors[0]
+
+
+def test_remote_access_needs_a_token_that_cannot_be_guessed(run, tmp_path):
+    alone = run("live", "--source", "tcp://0.0.0.0:0", "--allow-remote")
+    assert "--token-file" in alone.errors[0]
+    weak = tmp_path / "token"
+    weak.write_text("hunter2\n")
+    outcome = run("live", "--source", "tcp://0.0.0.0:0", "--allow-remote", "--token-file", weak)
+    assert outcome.status == 2
+    assert "7 bytes" in outcome.errors[0]
+    assert "hunter2" not in outcome.errors[0]
+
+
+def test_who_does_not_show_the_token_gets_nothing_and_who_does_is_served(tmp_path):
+    token = tmp_path / "token"
+    token.write_text("0123456789abcdef0123456789abcdef\n")
+    here = "127.0.0.1"
+    ends = ("--source", f"tcp://{here}:0", "--source", f"udp://{here}:0", "--sink", f"tcp://{here}:0")
+    with live(*ends, "--token-file", token) as stream:
+        port = stream.port("sink", "tcp")
+        with socket.create_connection((here, port), PATIENCE) as wrong:
+            wrong.sendall(b"0123456789abcdef0123456789abcdeX\n")
+            assert b"wrong token" in wrong.recv(1000)
+            assert wrong.recv(1000) == b""
+        with (
+            socket.create_connection((here, port), PATIENCE) as right,
+            stream.source() as source,
+            stream.source("udp") as datagrams,
+        ):
+            right.sendall(token.read_bytes())
+            datagrams.send(frame(1.0, id="without"))
+            reader, told, time = Reader(right), {}, 0.0
+            right.settimeout(2.0)
+            source.sendall(token.read_bytes())
+            while told.get("id") != "with":
+                time += 1.0
+                source.sendall(frame(time, id="with"))
+                told = reader.answer()
+                assert told["id"] != "without"
+            datagrams.send(token.read_bytes() + frame(1.0, id="datagram"))
+            assert reader.until("id", "datagram")
+        assert stream.stop(signal.SIGINT) == 0
+        assert not any("0123456789abcdef" in said for said in stream.errors)
