@@ -50,6 +50,8 @@ class Work:
     chosen: Selection
     held: HeldOut | None
     judged: Judged
+    absent: Mapping[str, str]
+    """Effects that could not be tried, and why."""
 
 
 def base_estimates(fit: Fit, nominal: Rig) -> dict[str, Estimate]:

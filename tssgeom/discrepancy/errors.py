@@ -28,6 +28,8 @@ _WAVES = (1, 2)  # half waves of that within a run
 _BENDS = (0.7, 0.5, 0.3, 0.15)  # of the nonlinearity: sine waves of what a cell bends over its scale
 _ARC_MODES = 4  # directions of the covariance of a route that count
 _STEEP = 3.0  # noise of the drive below which two samples tell no slope
+_UNSURE = 0.2  # of the change from sample to sample: what a channel is off beside a turn of the drive
+_BESIDE = 3  # samples behind a turn that are off
 _BETWEEN = 0.05  # of a sample's step: what a sharp turn may lie beyond where it was put
 _LEVEL = 0.3  # of the noise of the drive: what the level of a hold is off for its shape
 
@@ -60,11 +62,22 @@ def errors_of(stack: Stack, rig: Rig, effects: Sequence[Library] = ()) -> Errors
 def _from_drive(reading: Reading, channels: dict[str, Vector]) -> dict[str, Vector]:
     """Return white noise of the drive as each channel shows it; docs/model.md (100)."""
     noise, drive = reading.noise[reading.drive], reading.given[reading.drive]
-    step = np.abs(np.gradient(drive))
+    step, near = np.abs(np.gradient(drive)), _near_turns(drive, noise)
     out = {}
     for name in reading.measured:
-        slope = np.abs(np.gradient(channels[name])) / np.maximum(step, _STEEP * noise)
-        out[name] = noise * slope * (step > _STEEP * noise)
+        rise = np.abs(np.gradient(channels[name]))
+        white = noise * rise / np.maximum(step, _STEEP * noise) * (step > _STEEP * noise)
+        out[name] = np.hypot(white, _UNSURE * near * rise)
+    return out
+
+
+def _near_turns(drive: Vector, noise: float) -> Vector:
+    """Return 1 where a sample stands beside a turn or the end of a hold there, else 0."""
+    out = np.zeros(len(drive))
+    for place in turning_points(drive, noise):
+        start, stop = hold(drive, place, noise)
+        for edge in (start, stop - 1):
+            out[max(edge - 1, 0) : edge + _BESIDE] = 1.0
     return out
 
 

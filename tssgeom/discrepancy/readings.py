@@ -49,8 +49,10 @@ class Reading:
         return self.given["time_s"]
 
 
-def readings(campaign: Campaign) -> tuple[tuple[Reading, ...], tuple[str, ...]]:
+def readings(campaign: Campaign, drive: Drive | None = None) -> tuple[tuple[Reading, ...], tuple[str, ...]]:
     """Return the runs, one at least to be fitted, and what is odd about them, a sentence each.
+
+    Without a `drive` it is the position, unless that is missing or far noisier than the proximal tension.
 
     Raises
     ------
@@ -62,7 +64,7 @@ def readings(campaign: Campaign) -> tuple[tuple[Reading, ...], tuple[str, ...]]:
     notes = list(campaign.notes)
     runs, note = _with_held_out(campaign.runs)
     notes += note
-    drive = _drive(campaign.rig, runs)
+    drive = drive or _drive(campaign.rig, runs)
     made = []
     for run in runs:
         reading, odd = _read(run, campaign.rig, drive)

@@ -6,8 +6,8 @@ Steps and constants: docs/discovery.md, "How it decides"; equations: docs/model.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 from tssgeom.discrepancy.assembly import (
     Places,
@@ -21,10 +21,11 @@ from tssgeom.discrepancy.assembly import (
 )
 from tssgeom.discrepancy.base import base_fit, posed
 from tssgeom.discrepancy.campaign import Campaign
+from tssgeom.discrepancy.errors import Errors
 from tssgeom.discrepancy.finding import Finding
 from tssgeom.discrepancy.heldout import held_out
 from tssgeom.discrepancy.outcome import gap_of, traces
-from tssgeom.discrepancy.problem import Fit, columns
+from tssgeom.discrepancy.problem import Fit, Problem, columns
 from tssgeom.discrepancy.readings import Reading, readings
 from tssgeom.discrepancy.select import name_of, selected
 from tssgeom.discrepancy.shapes import missing_shapes
@@ -34,8 +35,11 @@ from tssgeom.discrepancy.variants import variants
 from tssgeom.discrepancy.verdict import judged
 from tssgeom.discrepancy.where import along_routes, heat_map, pointed
 from tssgeom.discrepancy.words import sentence
+from tssgeom.tendon.run_model import Drive
 
-Progress = Callable[[str, float], None]
+_SUSPECT = 1.3  # χ² for each reading from which another drive is tried
+_PLAINLY = 0.4  # of it: then the tension drives
+_EXPLAINED = 1.2  # χ² for each reading of a base model that leaves nothing to be found
 
 
 def discover(
@@ -60,22 +64,65 @@ def discover(
     begun = time.perf_counter()
     tell = progress or _silent
     tell("reading the runs", 0.0)
-    runs, notes = readings(campaign)
+    started = _started(campaign, None)
     tell("fitting friction and compliance", 0.05)
-    problem, errors, base = base_fit([run for run in runs if not run.held_out], campaign.rig)
-    tell("mapping where they disagree", 0.15)
-    places = _places(runs, campaign, base)
+    other = _by_tension(campaign, started)
+    if other is not None and other.misfit < _PLAINLY * started.misfit:
+        started, other = other, None
     tell("refitting each effect of the library", 0.25)
-    tried, absent = variants(problem.stack)
-    held = held_out(runs, campaign.rig, base.at)
-    chosen = selected((problem, errors, base), tried, held, seed)
-    tell("judging", 0.8)
-    verdict = judged((problem, base), chosen, chosen.errors.names, held)
-    work = Work(problem, base, chosen, held, verdict)
+    work = _worked(campaign, started, seed)
+    if other is not None and work.judged.verdict == "unknown" and other.misfit < _EXPLAINED:
+        started = other
+        work = _worked(campaign, started, seed)
+    tell("mapping where they disagree", 0.8)
+    places = _places(started.runs, campaign, started.base)
     tell("putting it together", 0.9)
-    finding = _finding(campaign, (runs, notes), work, places, absent)
+    finding = _finding(campaign, started, work, places)
     tell("done", 1.0)
     return _timed(finding, time.perf_counter() - begun)
+
+
+@dataclass(frozen=True, slots=True)
+class _Started:
+    """Runs read with one drive, and the base fit to them."""
+
+    runs: tuple[Reading, ...]
+    notes: tuple[str, ...]
+    problem: Problem
+    errors: Errors
+    base: Fit
+
+    @property
+    def misfit(self) -> float:
+        """χ² for each reading [1]."""
+        return self.base.chi2 / self.problem.stack.size
+
+
+def _started(campaign: Campaign, drive: Drive | None) -> _Started:
+    runs, notes = readings(campaign, drive)
+    problem, errors, base = base_fit([run for run in runs if not run.held_out], campaign.rig)
+    return _Started(runs, notes, problem, errors, base)
+
+
+def _by_tension(campaign: Campaign, started: _Started) -> _Started | None:
+    """Start from the tension as drive where the position leaves more than the sensors explain."""
+    runs = started.runs
+    if started.misfit < _SUSPECT or runs[0].drive == "tension_in_N":
+        return None
+    if any("tension_in_N" not in run.measured or len(run.measured) < 2 for run in runs):
+        return None
+    told = _started(campaign, "tension_in_N")
+    note = "The proximal tension drives the model: it explains the readings far better than the position."
+    return replace(told, notes=(*told.notes, note))
+
+
+def _worked(campaign: Campaign, started: _Started, seed: int) -> Work:
+    tried, absent = variants(started.problem.stack)
+    held = held_out(started.runs, campaign.rig, started.base.at)
+    first = (started.problem, started.errors, started.base)
+    chosen = selected(first, tried, held, seed)
+    verdict = judged((started.problem, started.base), chosen, chosen.errors.names, held)
+    return Work(started.problem, started.base, chosen, held, verdict, absent)
 
 
 def _silent(step: str, share: float) -> None:
@@ -95,14 +142,8 @@ def _places(runs: tuple[Reading, ...], campaign: Campaign, base: Fit) -> Places:
     return Places(heat, pointed(where, along, routes), along, gains)
 
 
-def _finding(
-    campaign: Campaign,
-    read: tuple[tuple[Reading, ...], tuple[str, ...]],
-    work: Work,
-    places: Places,
-    absent: Mapping[str, str],
-) -> Finding:
-    runs, notes = read
+def _finding(campaign: Campaign, started: _Started, work: Work, places: Places) -> Finding:
+    runs, notes = started.runs, started.notes
     chosen, verdict = work.chosen, work.judged
     unknown = verdict.verdict == "unknown"
     fit = work.base if unknown else chosen.fit
@@ -120,7 +161,7 @@ def _finding(
         effects=effects,
         ties=tuple(one.tie for one in tied),
         breaks_tie=experiments(work, tied),
-        unobservable=unobservable(chosen.steps[0].screen, absent, named),
+        unobservable=unobservable(chosen.steps[0].screen, work.absent, named),
         where=places.where,
         heat=places.heat,
         along=places.along,
