@@ -3,10 +3,12 @@
 import math
 
 import pytest
+from msgspec.structs import replace as changed
 
 from tssgeom.errors import SettingsError
 from tssgeom.settings import Friction, Rig, Tendon
 from tssgeom.shape.arcs import Arcs
+from tssgeom.tendon.effects import HiddenBend
 from tssgeom.tendon.pair import HALVINGS, Both, Joint, Routes, pretensioned_pair, step
 
 PI, MU, RHO = math.pi, 0.145, 3.16e-4
@@ -115,3 +117,9 @@ def test_impossible_joints_and_loads_are_refused():
             tension_in=Both(5.0, 5.0),
             torque=math.nan,
         )
+
+
+def test_a_pair_refuses_effects_that_it_does_not_know():
+    bent = changed(rig(), effects=(HiddenBend(at_m=0.2, angle_rad=0.5),))
+    with pytest.raises(SettingsError, match="the rig has hidden_bend"):
+        pretensioned_pair(bent, ROUTES)

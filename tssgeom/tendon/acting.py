@@ -24,11 +24,13 @@ from tssgeom.tendon.profile import Corners, tension
 from tssgeom.tendon.run_kernel import march
 from tssgeom.tendon.run_laws import Memory, stretch_of
 from tssgeom.tendon.run_model import BARS, Model, begin, laid, moved, setup_of
-from tssgeom.tendon.run_plant import edges
+from tssgeom.tendon.run_plant import edges, with_bends
 from tssgeom.tendon.run_sensors import Lags, late, shown, unread
 
 UNTIMED = 1.0
 """A step without a time, and the first one of a stream, is taken to last so long [s]."""
+_BY_LENGTH = 1e-4  # rad along the whole route, so that places on straight pieces have an order
+_SLACK = 1e-9  # N that stand for no tension in a logarithm
 _ONE, _NO_PROFILE = np.ones(1, dtype=np.int64), np.empty((0, 0))
 
 
@@ -189,6 +191,25 @@ def readings(state: ActingState, setup: Setup) -> dict[str, float]:
     true = (state.tension_in, state.tension_out, state.displacement_in, state.displacement_out)
     seen = {name: float(value[0]) for name, value in shown(setup, np.array(true)[:, None]).items()}
     return seen | {channel: last for (channel, _), (_, last) in zip(setup.lags, state.lags, strict=True)}
+
+
+def tension_along(state: ActingState, route: Arcs, s: Vector) -> Vector:
+    """Return the tension [N] at arc lengths `s` [m].
+
+    Between the places of the bars ln T is straight over the angle that presses, or over the length where none
+    does.
+    """
+    felt = route if state.model is None else with_bends(state.model.setup, route)
+    whole = route.total_length
+    ends = np.concatenate(([0.0], np.cumsum(felt.length)))
+    phi = np.concatenate(([0.0], np.cumsum(felt.angle)))
+    middle = 0.5 * (state.edge[1:] + state.edge[:-1])
+    places = np.concatenate(
+        ([0.0], lay(state.edge, felt).place + _BY_LENGTH * middle, [phi[-1] + _BY_LENGTH])
+    )
+    at = np.interp(s, ends, phi) + _BY_LENGTH * s / whole
+    held = np.maximum(state.memory.tension, _SLACK)
+    return np.exp(np.interp(at, places, np.log(held)))
 
 
 def _switch(memory: Memory, displacement_in: float, by_force: bool) -> None:

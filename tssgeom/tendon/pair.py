@@ -14,6 +14,7 @@ from tssgeom.errors import FitError, SettingsError
 from tssgeom.settings import Rig
 from tssgeom.shape.arcs import Arcs
 from tssgeom.tendon import incremental
+from tssgeom.tendon.effects import named
 from tssgeom.tendon.incremental import coulomb, line
 from tssgeom.tendon.material import BARS, MaterialState, lay, pretensioned_bars
 
@@ -66,7 +67,15 @@ class PairState:
 
 
 def pretensioned_pair(rig: Rig, routes: Routes, bars: int = BARS) -> PairState:
-    """Return the joint at rest between two tendons with the rig's pretension."""
+    """Return the joint at rest between two tendons with the rig's pretension.
+
+    Raises
+    ------
+    SettingsError
+        Where the rig has effects, which pairs do not know.
+    """
+    if rig.effects:
+        raise SettingsError(f"a pair knows no effects, but the rig has {named(rig.effects)}: leave them out")
     agonist, antagonist = (pretensioned_bars(rig, arcs, bars, halvings=HALVINGS) for arcs in routes)
     return PairState(agonist, antagonist, 0.0, 0.0)
 

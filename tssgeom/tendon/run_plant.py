@@ -92,7 +92,8 @@ def bent(length, angle, bends):
     return length, angle
 
 
-def _with_bends(setup: Setup, arcs: Arcs) -> Arcs:
+def with_bends(setup: Setup, arcs: Arcs) -> Arcs:
+    """Return the route as the tendon feels it, hidden bends included; docs/model.md (60)."""
     if not setup.bends:
         return arcs
     return Arcs.exact(*bent(arcs.length, arcs.angle, np.array(setup.bends)))
@@ -127,14 +128,14 @@ def _sides(setup: Setup, arcs: Arcs, edge: Vector, bed: Bed, fitting: Vector) ->
 
 def moved_plant(held: Plant, setup: Setup, arcs: Arcs, edge: Vector) -> Plant:
     """Lay the tendon of a plant on another route: its bars keep their lengths, its contacts do not."""
-    arcs = _with_bends(setup, arcs)
+    arcs = with_bends(setup, arcs)
     sides = _sides(setup, arcs, edge, lay(edge, arcs), held.fitting)
     return held._replace(**sides._asdict(), swift=False)
 
 
 def plant(setup: Setup, arcs: Arcs, edge: Vector) -> Plant:
     """Lay tendon, friction and ends on a route, with bars cut at the fractions `edge`."""
-    arcs = _with_bends(setup, arcs)
+    arcs = with_bends(setup, arcs)
     bed = lay(edge, arcs)
     k = len(bed.angle)
     fitting = _at_ends(k, setup.fitting_in_exponent, setup.fitting_out_exponent)

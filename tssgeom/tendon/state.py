@@ -198,9 +198,7 @@ def tension(state: TendonState, phi: Vector, s: Vector | None = None) -> Vector:
     along = state.along
     if s is None or not isinstance(along, ActingState):
         return profile.tension(corners(state), phi)
-    middle = 0.5 * (along.edge[1:] + along.edge[:-1])
-    places = np.concatenate(([0.0], middle, [1.0])) * _route(state).total_length
-    return np.interp(s, places, along.memory.tension)
+    return acting.tension_along(along, _route(state), s)
 
 
 def transmit(state: TendonState, rig: Rig) -> Transmission:

@@ -205,9 +205,10 @@ def test_tension_is_drawn_over_the_length_where_a_hidden_bend_lies_on_a_straight
     straight = Arcs.exact(np.array([0.2, 0.2, 0.1]), np.array([1.0, 0.0, 1.0]))
     rig = changed(Rig(), effects=(HiddenBend(at_m=0.3, angle_rad=1.0),))
     state = driven(rig, (10.0,), straight)
-    before, behind = tension(state, np.array([1.0, 1.0]), np.array([0.25, 0.36]))
-    assert before == pytest.approx(10.0 * math.exp(-0.145), rel=0.01)  # bars of 20 mm
-    assert behind == pytest.approx(10.0 * math.exp(-0.29), rel=0.01)
+    before, behind, end = tension(state, np.array([1.0, 1.0, 1.5]), np.array([0.25, 0.36, 0.45]))
+    assert before == pytest.approx(10.0 * math.exp(-0.145), rel=1e-3)  # bars stand for their mean angle
+    assert behind == pytest.approx(10.0 * math.exp(-0.29), rel=1e-3)
+    assert end == pytest.approx(10.0 * math.exp(-0.145 * 2.5), rel=1e-3)
 
 
 def test_the_last_step_sets_how_long_one_at_the_same_time_takes():
