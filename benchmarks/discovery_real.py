@@ -43,13 +43,13 @@ _PITCHES = {1: 60.0, 2: 30.0, 3: 0.0}  # degrees of the wrist, by the number in 
 
 
 def write_tool_campaign(folder: Path, load: int, source: Path = TOOL) -> None:
-    """Write the instrument at one load, from 1 (20 % of the motor's torque) to 4 (80 %), at three pitches.
+    """Write the instrument at one load, 1 (20 % of the motor's torque) to 4 (80 %), and three pitches.
 
-    Torque over radius is taken as the tension of the pulling cable of a preloaded pair, which the motor at the
-    distal end loads by a constant torque: a spring of no stiffness under the mean distal tension. Radius, route
-    and compliance are assumed, as the data set does not tell them; preload and zero are read from the loops. The
-    position of the distal end is left out: beside the cable it holds the gearing of the wrist. The pitch in the
-    middle is held out.
+    Torque over radius is taken as the tension of the pulling cable of a preloaded pair, which the motor
+    at the distal end loads by a constant torque: hardly a spring under the mean distal tension. Radius,
+    route and compliance are assumed, as the data set does not tell them; preload and zero are read from
+    the loops. The position of the distal end is left out: beside the cable it holds the gearing of the
+    wrist. The pitch in the middle is held out.
     """
     folder.mkdir(parents=True, exist_ok=True)
     runs = {pitch: _tool_run(source / f"Pitch_{pitch}_00{load - 1}.TXT.gz") for pitch in _PITCHES}
@@ -69,7 +69,7 @@ def _tool_rig(pretension: float) -> Rig:
     return Rig(
         tendon=Tendon(compliance_per_N=1e-4, pretension_N=round(pretension, 2)),
         friction=Friction(coefficient=0.1),
-        load=Load(stiffness_N_per_m=0.0),
+        load=Load(stiffness_N_per_m=20.0),
         sensors={
             "tension_in_N": cell,
             "tension_out_N": cell,
