@@ -1,0 +1,139 @@
+"""OpenIGTLink as its own library speaks it, and as no one should."""
+
+import json
+import socket
+from collections.abc import Iterator
+
+import numpy as np
+import pyigtl
+import pytest
+from pyigtl.messages import MessageBase
+
+from benchmarks.live_process import PATIENCE, Reader
+from tests.live.conftest import Shared
+from tests.live.peers import half_circle
+
+PLACES = half_circle(30)
+
+
+@pytest.fixture
+def peer(shared: Shared, reader: Reader) -> Iterator[socket.socket]:
+    """The server's end of the connection that the stream's OpenIGTLink source has made."""
+    sock, _ = shared.server.accept()
+    with sock:
+        yield sock
+
+
+def told(reader: Reader, time: float) -> dict:
+    """Return the answer to the frame of a time."""
+    return reader.until("t", time)[-1]
+
+
+def transform(name: str, place: np.ndarray, time: float) -> bytes:
+    matrix = np.eye(4)
+    matrix[:3, 3] = place
+    return pyigtl.TransformMessage(matrix, timestamp=time, device_name=name).pack()
+
+
+def own_position(name: str, place: np.ndarray, time: float) -> bytes:
+    """The protocol's own POSITION: a place and a quaternion."""
+    message = pyigtl.StringMessage("", timestamp=time, device_name=name)
+    message._message_type = "POSITION"
+    message._pack_content = lambda: np.array([*place, 0, 0, 0, 1], ">f4").tobytes()
+    return message.pack()
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        pyigtl.PointMessage(PLACES, timestamp=10.0, device_name="route"),
+        pyigtl.PolyDataMessage(points=PLACES.astype(np.float32), timestamp=10.0, device_name="route"),
+        pyigtl.PositionMessage(PLACES, np.zeros((30, 4)), timestamp=10.0, device_name="route"),
+    ],
+    ids=["POINT", "POLYDATA", "POSITION"],
+)
+def test_a_message_with_a_whole_route_is_a_frame(peer, reader, message):
+    peer.sendall(message.pack())
+    assert told(reader, 10.0)["length_m"] == pytest.approx(0.5, rel=1e-5)  # single precision
+
+
+@pytest.mark.parametrize("one", [transform, own_position], ids=["TRANSFORM", "POSITION"])
+def test_sensors_that_tell_one_place_each_make_frames_in_the_order_of_their_names(peer, reader, one):
+    for time in (20.0, 21.0, 22.0):
+        order = np.random.default_rng(int(time)).permutation(12)
+        for i in order:
+            peer.sendall(one(f"Sensor{i + 1}", PLACES[2 * i], time))
+    found = told(reader, 22.0)
+    assert found["total_angle_rad"] == pytest.approx(np.pi * 22 / 29, rel=1e-3)  # of the part that is sensed
+
+
+def test_numbers_in_the_metadata_drive_the_tendon(peer, reader):
+    message = pyigtl.PointMessage(PLACES, timestamp=30.0, device_name="route")
+    message.header_version = 2
+    message.metadata = {"tension_in_N": "7.5", "id": "with metadata"}
+    peer.sendall(message.pack())
+    found = told(reader, 30.0)
+    assert found["tension_in_N"] == pytest.approx(7.5)
+    assert found["id"] == "with metadata"
+
+
+def test_damaged_messages_are_rejected_and_the_next_good_one_is_answered(peer, reader):
+    good = pyigtl.PointMessage(PLACES, timestamp=40.0, device_name="route").pack()
+    peer.sendall(good[:-1] + bytes([good[-1] ^ 1]))
+    assert "checksum" in reader.answer()["rejected"]
+    peer.sendall(good)
+    assert "segments" in told(reader, 40.0)
+
+
+def test_after_a_wrong_length_the_server_is_called_anew(shared, peer, reader):
+    good = pyigtl.PointMessage(PLACES, timestamp=50.0, device_name="route").pack()
+    peer.sendall(good[:42] + (len(good) - 58 - 9).to_bytes(8, "big") + good[50:] + good)
+    assert "rejected" in reader.answer()
+    again, _ = shared.server.accept()
+    with again:
+        again.sendall(good)
+        assert "segments" in told(reader, 50.0)
+
+
+def test_messages_of_other_kinds_are_passed_over(peer, reader):
+    peer.sendall(pyigtl.StringMessage("hello", timestamp=1.0, device_name="chat").pack())
+    peer.sendall(pyigtl.ImageMessage(np.zeros((2, 2, 2), np.uint8), timestamp=1.0, device_name="us").pack())
+    peer.sendall(pyigtl.PointMessage(PLACES, timestamp=60.0, device_name="route").pack())
+    assert told(reader, 60.0)["seq"] > 0
+
+
+def test_clients_of_the_server_get_each_answer_as_text_and_each_route_as_lines(shared, peer, reader):
+    port = shared.stream.port("sink", "igtl")
+    with socket.create_connection(("127.0.0.1", port), PATIENCE) as client:
+        time, kinds = 70.0, dict[str, bytes]()
+        client.settimeout(1.0)
+        while len(kinds) < 2:
+            time += 1.0
+            peer.sendall(pyigtl.PointMessage(PLACES, timestamp=time, device_name="route").pack())
+            told(reader, time)
+            try:
+                while len(kinds) < 2:
+                    kind, content = received(client)
+                    kinds[kind] = content
+            except TimeoutError:
+                continue
+    text = pyigtl.StringMessage()
+    text._unpack_content(kinds["STRING"])
+    assert "rejected" in json.loads(text.string) or json.loads(text.string)["length_m"] == pytest.approx(0.5)
+    count = int.from_bytes(kinds["POLYDATA"][:4], "big")
+    first = np.frombuffer(kinds["POLYDATA"], ">f4", 3, 40)
+    assert count > 2
+    assert first == pytest.approx(PLACES[0], abs=1.0)  # mm; the fit smooths
+
+
+def received(client: socket.socket) -> tuple[str, bytes]:
+    """Read one message as the library reads it."""
+    header = MessageBase.parse_header(exactly(client, 58))
+    return header["message_type"], exactly(client, header["body_size"])
+
+
+def exactly(client: socket.socket, size: int) -> bytes:
+    data = b""
+    while len(data) < size:
+        data += client.recv(size - len(data))
+    return data
