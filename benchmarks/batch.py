@@ -16,7 +16,6 @@ import argparse
 import math
 import multiprocessing
 import os
-import resource
 import subprocess
 import sys
 import tempfile
@@ -224,8 +223,9 @@ def one(file: str, out: str) -> None:
 
 
 def _peak() -> float:
-    """Greatest resident memory of this process so far [MiB]; Linux counts in KiB."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    """Greatest resident memory of this process so far [MiB], as Linux counts it; what started it counts not."""
+    lines = Path("/proc/self/status").read_text().splitlines()
+    return next(float(line.split()[1]) for line in lines if line.startswith("VmHWM")) / 1024
 
 
 if __name__ == "__main__":
