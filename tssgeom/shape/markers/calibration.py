@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from tssgeom.arrays import Points, Vector
 from tssgeom.errors import FitError, ShapeError
 from tssgeom.shape.markers.boards import Board, BoardSeen
-from tssgeom.shape.markers.bundle import LENS, Fitted, Sighted, fit_all
+from tssgeom.shape.markers.bundle import LENS, Sighted, fit_all
 from tssgeom.shape.markers.poses import STILL, Pose, after, backwards, pose_of
 from tssgeom.shape.markers.quality import Calibration, told
 
@@ -64,15 +65,12 @@ def calibrated(
     ]
     lens, free = np.array([one[0] for one in starts]), np.array([one[1] for one in starts])
     in_camera = {key: pose for _, _, poses in starts for key, pose in poses.items()}
+    sighted = [one for one in sighted if (one.camera, one.frame) in in_camera]
     pose, boards = _placed(names, in_camera)
     fitted = fit_all(corners, sighted, lens, pose, boards, free)
-    kept = _tame(sighted, fitted)
-    if len(kept) < len(sighted):
-        boards = {one.frame: fitted.boards[one.frame] for one in kept}
-        fitted = fit_all(corners, kept, fitted.lens, fitted.pose, boards, free)
     if board_frame is not None and board_frame not in fitted.boards:
         raise ShapeError(f"no board is seen in frame {board_frame}: name another --board-frame")
-    return told(corners, names, sizes, kept, fitted, board_frame)
+    return told(corners, names, sizes, sighted, fitted, board_frame)
 
 
 def _chosen(seen: Sequence[Sequence[BoardSeen | None]], board_frame: int | None) -> list[int]:
@@ -89,27 +87,41 @@ def _alone(
 ) -> tuple[Vector, np.ndarray, dict[tuple[int, int], Pose]]:
     """Calibrate one camera: lens [9], which parameters count [9], and the pose of each board before it.
 
-    Whether the lens needs a third radial coefficient is what its errors say (Schwarz's criterion).
+    Views that are far worse than the others are left out. Whether the lens needs a third radial coefficient
+    is what its errors say (Schwarz's criterion).
     """
+    found = _fitted_lens(corners, sighted, size, cv2.CALIB_FIX_K3)
+    kept = [one for one, rms in zip(sighted, found.rms, strict=True) if rms <= _WILD * np.median(found.rms)]
+    if len(kept) < len(sighted):
+        sighted, found = kept, _fitted_lens(corners, kept, size, cv2.CALIB_FIX_K3)
+    richer = _fitted_lens(corners, sighted, size, 0)
+    values = sum(2 * len(one.seen.corners) for one in sighted)
+    needed = values * np.log(richer.square / found.square) + np.log(values) < 0
+    free = np.ones(LENS, np.bool_)
+    free[-1] = needed
+    taken = richer if needed else found
+    return taken.lens, free, {(s.camera, s.frame): pose for s, pose in zip(sighted, taken.poses, strict=True)}
+
+
+class _Lens(NamedTuple):
+    lens: Vector
+    poses: list[Pose]
+    rms: Vector
+    """Error of each view [px]."""
+    square: float
+    """Mean square error of all [px²]."""
+
+
+def _fitted_lens(corners: Points, sighted: Sequence[Sighted], size: tuple[int, int], flags: int) -> _Lens:
     places = [corners[one.seen.corners].astype(np.float32) for one in sighted]
     pixels = [one.seen.pixels.astype(np.float32) for one in sighted]
-    values = 2 * sum(map(len, pixels))
-    best, least = None, np.inf
-    for fixed in (cv2.CALIB_FIX_K3, 0):
-        rms, matrix, distortion, turns, shifts = cv2.calibrateCamera(
-            places, pixels, size, None, None, flags=fixed
-        )
-        score = values * np.log(max(rms, 1e-9) ** 2) + (0 if fixed else np.log(values))
-        if np.isfinite(rms) and score < least:
-            best, least = (matrix, distortion, turns, shifts, fixed), score
-    if best is None:
-        raise FitError("the boards give no finite camera: check --board and the size of its squares")
-    matrix, distortion, turns, shifts, fixed = best
+    found = cv2.calibrateCameraExtended(places, pixels, size, None, None, flags=flags)  # pyright: ignore[reportCallIssue, reportArgumentType]
+    rms, matrix, distortion, turns, shifts, _, _, each = found
     lens = np.array([matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2], *np.ravel(distortion)[:5]])
-    free = np.ones(LENS, np.bool_)
-    free[-1] = not fixed
+    if not (np.isfinite(rms) and np.isfinite(lens).all()):
+        raise FitError("the boards give no finite camera: check --board and the size of its squares")
     poses = [pose_of(turn, shift) for turn, shift in zip(turns, shifts, strict=True)]
-    return lens, free, {(one.camera, one.frame): pose for one, pose in zip(sighted, poses, strict=True)}
+    return _Lens(lens, poses, np.ravel(each), max(rms, 1e-9) ** 2)
 
 
 def _placed(
@@ -141,10 +153,3 @@ def _middle(ways: Sequence[Pose]) -> Pose:
     size = np.linalg.norm(shifts, axis=1).mean() + 1e-9
     apart += np.abs(shifts[:, None] - shifts[None]).sum(axis=(1, 2)) / size / len(ways)
     return ways[int(np.argmin(apart))]
-
-
-def _tame(sighted: Sequence[Sighted], fitted: Fitted) -> list[Sighted]:
-    """Leave out views that are far worse than the others."""
-    rms = np.array([np.sqrt(np.mean(part**2)) for part in fitted.residual])
-    good = rms <= _WILD * np.median(rms)
-    return [one for one, kept in zip(sighted, good, strict=True) if kept]

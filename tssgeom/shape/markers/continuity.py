@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,13 +12,12 @@ from scipy.spatial.distance import cdist
 from tssgeom.arrays import Points, Vector
 from tssgeom.errors import ShapeError
 from tssgeom.shape.markers.matching import Matches, sure
-from tssgeom.shape.markers.ordering import FEWEST, belonging, chained
+from tssgeom.shape.markers.neighbours import chain_of
+from tssgeom.shape.markers.ordering import FEWEST
 
 _REACH = 0.45  # of the spacing: how far a marker may be from where it is expected
-_NEIGHBOUR = 1.8  # spacings within which an open match belongs to the chain
 _ELSEWHERE = 1.5  # times the distance to its own place that the next place has to be off
 _LEAST_SHARE = 0.4  # of the markers: a frame with fewer is lost
-_TRIALS = 40  # frames that are tried as a beginning
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +29,8 @@ class Beginning:
     """Its matches in the order of the route [n, v]."""
     points: Points
     """[n, 3] [m]."""
+    reach: float
+    """Distance within which the next marker lies [m]."""
 
     @property
     def spacing(self) -> float:
@@ -40,13 +41,15 @@ class Beginning:
 Off = Callable[[Points], Vector]
 
 
-def beginning(matches: Sequence[Matches], off: Off | None, count: int | None) -> Beginning:
+def beginning(matches: Sequence[Matches], reach: float, off: Off | None, count: int | None) -> Beginning:
     """Choose the first of the frames that show most markers, and order them along the route.
 
     Parameters
     ----------
     matches
         Possible points of every frame.
+    reach
+        Distance within which the next marker lies [m].
     off
         How far places [n, 3] [m] are from where the proximal end is; without it the route begins at the end
         with the smaller x.
@@ -58,52 +61,41 @@ def beginning(matches: Sequence[Matches], off: Off | None, count: int | None) ->
     ShapeError
         Where no frame shows markers enough in a clear order.
     """
-    clear = [_clear(found) for found in matches]
-    many = np.array([len(one.points) if count is None else min(len(one.points), count) for one in clear])
-    most = int(many.max(initial=0))
-    if most < FEWEST or (count is not None and most < count):
-        wanted = FEWEST if count is None else count
-        raise ShapeError(
-            f"at most {most} markers are seen at once by two cameras, {wanted} are needed: "
-            "mend light, threshold or calibration, or look at the images of --overlay"
-        )
-    reason = ShapeError("")
-    for frame in np.flatnonzero(many == most)[:_TRIALS]:
+    chains, reasons = dict[int, np.ndarray](), dict[int, str]()
+    for frame, found in enumerate(matches):
         try:
-            return _ordered(int(frame), clear[frame], off, count)
+            chains[frame] = chain_of(found, reach)
         except ShapeError as error:
-            reason = ShapeError(f"frame {frame}: {error}")
-    raise reason
+            reasons[frame] = str(error)
+    wanted = FEWEST if count is None else count
+    fitting = {frame: chain for frame, chain in chains.items() if count is None or len(chain) <= count}
+    most = max(map(len, fitting.values()), default=0)
+    if most < wanted:
+        raise ShapeError(_too_few(wanted, most, reasons))
+    frame = next(frame for frame, chain in fitting.items() if len(chain) == most)
+    return _beginning(frame, matches[frame].take(fitting[frame]), reach, off)
 
 
-def _clear(found: Matches) -> Matches:
-    """Return matches that are sure, and open ones that only the chain of the sure ones decides."""
-    certain, _ = sure(found)
-    grouped = certain[belonging(found.points[certain])]
-    if len(grouped) < FEWEST:
-        return found.take(grouped)
-    near = found.points[grouped]
-    distance = cdist(near, near)
-    np.fill_diagonal(distance, np.inf)
-    reach = _NEIGHBOUR * float(np.median(distance.min(axis=1)))
-    return found.take(_decided(found, near, reach))
+def _too_few(wanted: int, most: int, reasons: Mapping[int, str]) -> str:
+    first = next((f"; frame {frame}: {reason}" for frame, reason in reasons.items()), "")
+    return (
+        f"at most {most} markers are placed in one frame, {wanted} are needed: look at light, area and "
+        f"calibration{first}"
+    )
 
 
-def _decided(found: Matches, near: Points, reach: float) -> np.ndarray:
-    """Return which matches are within reach of known places, and no rival that is as well seen."""
-    close = cdist(found.points, near).min(axis=1, initial=np.inf) <= reach
+def _beginning(frame: int, found: Matches, reach: float, off: Off | None) -> Beginning:
+    ends = found.points[[0, -1]]
+    first, last = ends[:, 0] if off is None else off(ends)
+    way = slice(None, None, -1) if first > last else slice(None)
+    return Beginning(frame, found.blobs[way], found.points[way], reach)
+
+
+def _decided(found: Matches, near: Points, within: float) -> np.ndarray:
+    """Return which matches are within a distance of known places, and no rival that is as well seen."""
+    close = cdist(found.points, near).min(axis=1, initial=np.inf) <= within
     kept, _ = sure(found.take(np.flatnonzero(close)))
     return np.flatnonzero(close)[kept]
-
-
-def _ordered(frame: int, found: Matches, off: Off | None, count: int | None) -> Beginning:
-    if count is not None and len(found.points) > count:
-        raise ShapeError(f"{len(found.points)} markers are seen, {count} were announced: mend --count")
-    order = chained(found.points)
-    ends = found.points[order[[0, -1]]]
-    first, last = ends[:, 0] if off is None else off(ends)
-    order = order[::-1] if first > last else order
-    return Beginning(frame, found.blobs[order], found.points[order])
 
 
 def followed(matches: Sequence[Matches], begin: Beginning) -> Iterator[tuple[int, np.ndarray]]:
@@ -134,7 +126,7 @@ def _one_way(
         found = matches[frame]
         match_of = _assigned(found, believed + moving, begin.spacing)
         if np.count_nonzero(match_of >= 0) < _LEAST_SHARE * len(believed):
-            match_of = _found_again(found, believed)
+            match_of = _found_again(found, believed, begin.reach)
         seen = match_of >= 0
         blobs = np.full((len(believed), begin.blobs.shape[1]), -1)
         blobs[seen] = found.blobs[match_of[seen]]
@@ -177,16 +169,14 @@ def _spread(moved: Points, seen: np.ndarray) -> Points:
     return np.column_stack([np.interp(places, places[seen], moved[:, c]) for c in range(3)])
 
 
-def _found_again(found: Matches, believed: Points) -> np.ndarray:
+def _found_again(found: Matches, believed: Points, reach: float) -> np.ndarray:
     """Order a frame anew in which the markers are not where they were expected; all of them must be seen."""
     lost = np.full(len(believed), -1)
-    certain, _ = sure(found)
-    usable = certain[belonging(found.points[certain])]
-    if len(usable) != len(believed):
-        return lost
     try:
-        order = usable[chained(found.points[usable])]
+        order = chain_of(found, reach)
     except ShapeError:
+        return lost
+    if len(order) != len(believed):
         return lost
     ways = order, order[::-1]
     off = [float(np.linalg.norm(found.points[way] - believed, axis=1).mean()) for way in ways]

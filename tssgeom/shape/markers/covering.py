@@ -1,4 +1,4 @@
-"""Blobs that something covers in part: their area falls, their centre is off; docs/model.md (139)."""
+"""Blobs covered in part or run into another: their area jumps, their centre is off; docs/model.md (139)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numba import njit
 from tssgeom.shape.markers.cameras import Camera
 from tssgeom.shape.markers.looks import Located, Look
 
-_WHOLE = 0.75  # of the usual area, below which a blob is covered in part
+_WHOLE = (0.75, 1.35)  # of the usual area: smaller is covered in part, larger is two in one
 _HALF = 15  # frames before and after, over which the usual area is taken
 _FEWEST = 5
 
@@ -18,7 +18,7 @@ _FEWEST = 5
 def uncovered(
     cameras: tuple[Camera, ...], looks: Sequence[Look], frames: Sequence[Located]
 ) -> list[np.ndarray]:
-    """Return the sightings of every marker without those that are covered in part.
+    """Return the sightings of every marker without those that are covered in part or two in one.
 
     Parameters
     ----------
@@ -39,13 +39,14 @@ def uncovered(
             here = which[f, :, v] >= 0
             depth = one.points[here] @ camera.rotation[2] + camera.shift[2]
             size[f, here, v] = seen.seen[v].size[which[f, here, v]] * depth**2
-    return list(np.where(size < _WHOLE * _usual(size), -1, which))
+    share = size / _usual(size)
+    return list(np.where((share < _WHOLE[0]) | (share > _WHOLE[1]), -1, which))
 
 
 @njit(cache=True, nogil=True)
 def _usual(size: np.ndarray) -> np.ndarray:
-    """Median over the frames around, 0 where too few of them tell it [f, n, v]."""
-    out = np.zeros_like(size)
+    """Median over the frames around, NaN where too few of them tell it [f, n, v]."""
+    out = np.full_like(size, np.nan)
     for f in range(size.shape[0]):
         around = size[max(f - _HALF, 0) : f + _HALF + 1]
         for n in range(size.shape[1]):

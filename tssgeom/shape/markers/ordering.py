@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial.distance import cdist
 
 from tssgeom.arrays import Points
 from tssgeom.errors import ShapeError
 
 FEWEST = 4
-_LONGEST = 2.6  # median links: a longer one has more than one marker missing, or joins what does not belong
+_LONGEST = 4.6  # median links: a longer one has many markers missing, or joins what does not belong
+_FEWEST_TOGETHER = 3
 _RIVAL = 1.15  # another chain less than this longer is as likely
 _ROUNDS = 50
 
@@ -40,21 +43,21 @@ def chained(points: Points) -> np.ndarray:
     return order
 
 
-def belonging(points: Points) -> np.ndarray:
-    """Mark the points that lie in the largest group of neighbours; a lone point far off is none of them."""
+def belonging(points: Points, reach: float) -> np.ndarray:
+    """Mark the points that have at least two others around; a lone point far off is none of the markers.
+
+    Parameters
+    ----------
+    points
+        Places [n, 3] [m].
+    reach
+        Distance within which the next marker lies [m].
+    """
     if len(points) < FEWEST:
         return np.ones(len(points), np.bool_)
-    distance = cdist(points, points)
-    np.fill_diagonal(distance, np.inf)
-    reach = _LONGEST * float(np.median(distance.min(axis=1)))
-    group = np.arange(len(points))
-    for _ in range(len(points)):
-        joined = np.where(distance <= reach, group[None], len(points)).min(axis=1)
-        if np.array_equal(smaller := np.minimum(group, joined), group):
-            break
-        group = smaller
-    names, count = np.unique(group, return_counts=True)
-    return group == names[np.argmax(count)]
+    near = csr_array(cdist(points, points) <= reach)
+    _, group = connected_components(near, directed=False)
+    return np.bincount(group)[group] >= _FEWEST_TOGETHER
 
 
 def _linked(distance: np.ndarray) -> np.ndarray:

@@ -8,12 +8,10 @@ import cv2
 import numpy as np
 
 from tssgeom.errors import SettingsError
+from tssgeom.shape.markers.edges import sharpened
 from tssgeom.shape.markers.sightings import Sightings, nothing
 
 CORNERS = 4
-_NOISE = 0.1
-"""Standard deviation of a corner before the views have told it [px]."""
-_MOST_WINDOW, _SHARE_OF_CELL = 5, 0.4
 
 DICTIONARIES = {
     **{f"{n}x{n}_{size}": f"DICT_{n}X{n}_{size}" for n in (4, 5, 6, 7) for size in (50, 100, 250, 1000)},
@@ -48,25 +46,21 @@ def tag_finder(name: str) -> Callable[[np.ndarray], Sightings]:
     """
     family = dictionary(name)
     settings = cv2.aruco.DetectorParameters()
-    settings.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
-    settings.cornerRefinementWinSize = _MOST_WINDOW
-    settings.relativeCornerRefinmentWinSize = _SHARE_OF_CELL
-    settings.cornerRefinementMinAccuracy = 0.005
-    settings.cornerRefinementMaxIterations = 100
+    settings.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_CONTOUR
     detector = cv2.aruco.ArucoDetector(family, settings)
-    return lambda image: _tags(detector, image)
+    return lambda image: _tags(detector, grey(image))
 
 
 def _tags(detector: cv2.aruco.ArucoDetector, image: np.ndarray) -> Sightings:
     """Find tags; an id that is there twice tells nothing and is left out."""
-    corners, ids, _ = detector.detectMarkers(grey(image))
+    corners, ids, _ = detector.detectMarkers(image)
     if ids is None or not len(ids):
         return nothing(CORNERS)
     numbers, where, count = np.unique(np.ravel(ids), return_index=True, return_counts=True)
-    once = where[count == 1]
-    pixels = np.array([np.reshape(corners[i], (CORNERS, 2)) for i in once], dtype=np.float64)
-    pixels = pixels.reshape(-1, CORNERS, 2)
-    return Sightings(pixels, np.full(len(once), _NOISE), numbers[count == 1].astype(np.int64), _areas(pixels))
+    guess = np.array([np.reshape(corners[i], (CORNERS, 2)) for i in where], dtype=np.float64)
+    pixels, noise = sharpened(image, guess)
+    good = (count == 1) & np.isfinite(noise)
+    return Sightings(pixels[good], noise[good], numbers[good].astype(np.int64), _areas(pixels[good]))
 
 
 def _areas(pixels: np.ndarray) -> np.ndarray:

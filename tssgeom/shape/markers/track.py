@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -13,14 +13,18 @@ from tssgeom.shape.markers.cameras import Camera, project
 from tssgeom.shape.markers.continuity import Off, beginning, followed
 from tssgeom.shape.markers.covering import uncovered
 from tssgeom.shape.markers.looks import Located, Look, look, nowhere
-from tssgeom.shape.markers.matching import matches_of, sure
+from tssgeom.shape.markers.matching import Matches, matches_of
+from tssgeom.shape.markers.neighbours import reach_of, settled
 from tssgeom.shape.markers.placing import Alone, located, refuse_one_camera
 from tssgeom.shape.markers.sightings import Sightings
+from tssgeom.shape.markers.sizes import of_one_size
 from tssgeom.shape.markers.triangulation import gates, pixel_scale
 
 _GENEROUS = 5.0  # times the stated pixel noise, before the views have told it
 _PROBED = 60  # frames from which the pixel noise is told before anything is refused
 _FEW = 30.0  # degrees of freedom that the stated pixel noise weighs beside those of the views
+_UNUSED = 0.1  # of the blobs of a camera, above which more than chance is wrong
+_DOUBTFUL, _DOUBTFUL_PIXELS = 3.0, 0.2  # times the stated noise, and pixels
 _SELDOM = 0.02  # of the frames: a tag placed in fewer is a misreading
 
 
@@ -133,12 +137,9 @@ def _rows(one: Located, keep: np.ndarray) -> Located:
 
 
 def _of_blobs(cameras: tuple[Camera, ...], looks: Sequence[Look], wanted: Wanted) -> Track:
-    probes = _probes(looks)
-    wide = gates(len(cameras), _GENEROUS)
-    scale = _scale([_surely(cameras, looks[k], wide, wanted.alone) for k in probes])
-    gate = gates(len(cameras), max(scale, 1.0))
-    matches = [matches_of(cameras, one, gate, wanted.alone) for one in looks]
-    begin = beginning(matches, _off_end(cameras[0], wanted.proximal), wanted.count)
+    gate = gates(len(cameras), max(_scale_of_blobs(cameras, looks, wanted.alone), 1.0))
+    matches, reach = _possible(cameras, looks, gate, wanted.alone)
+    begin = beginning(matches, reach, _off_end(cameras[0], wanted.proximal), wanted.count)
     frames = [nowhere(len(begin.points), len(cameras))] * len(looks)
     for k, which in followed(matches, begin):
         frames[k] = located(cameras, looks[k], which, gate, wanted.alone)
@@ -148,17 +149,42 @@ def _of_blobs(cameras: tuple[Camera, ...], looks: Sequence[Look], wanted: Wanted
         for seen, one, which in zip(looks, frames, whole, strict=True)
     ]
     notes = () if wanted.proximal else (_taken_end(begin.points[0]),)
+    notes += tuple(_unused(cameras, looks, frames))
     return _track(cameras, looks, tuple(range(len(begin.points))), frames, notes)
+
+
+def _possible(
+    cameras: tuple[Camera, ...], looks: Sequence[Look], gate: Vector, alone: Alone
+) -> tuple[list[Matches], float]:
+    """Return the points that each frame may show, and the distance within which the next marker lies [m]."""
+    matches = [matches_of(cameras, one, gate, alone) for one in looks]
+    matches = of_one_size(cameras, looks, matches)
+    return matches, reach_of(cameras, looks, matches)
+
+
+def _scale_of_blobs(cameras: tuple[Camera, ...], looks: Sequence[Look], alone: Alone) -> float:
+    """Return the pixel noise that clear matches of a few frames show, over the stated one [1]."""
+    gate, few = gates(len(cameras), _GENEROUS), [looks[k] for k in _probes(looks)]
+    matches, reach = _possible(cameras, few, gate, alone)
+    clear = [found.blobs[settled(found, reach)] for found in matches]
+    return _scale([located(cameras, one, which, gate, alone) for one, which in zip(few, clear, strict=True)])
+
+
+def _unused(cameras: tuple[Camera, ...], looks: Sequence[Look], frames: Sequence[Located]) -> Iterator[str]:
+    """Say of which camera many blobs are not used."""
+    for v, camera in enumerate(cameras):
+        total = sum(len(one.seen[v]) for one in looks)
+        used = sum(int((one.which[:, v] >= 0).sum()) for one in frames)
+        if total - used > _UNUSED * total:
+            yield (
+                f"camera {camera.name!r}: {100 * (total - used) / total:.0f} % of its blobs are not placed "
+                "(red in the images of --overlay): check calibration, look and area of the blobs"
+            )
 
 
 def _taken_end(place: Vector) -> str:
     at = ", ".join(f"{1e3 * x:.0f}" for x in place)
     return f"the end at ({at}) mm is taken for the proximal one: give --proximal X,Y where it is the other"
-
-
-def _surely(cameras: tuple[Camera, ...], one: Look, gate: Vector, alone: Alone) -> Located:
-    found = matches_of(cameras, one, gate, alone)
-    return located(cameras, one, found.blobs[sure(found)[0]], gate, alone)
 
 
 def _off_end(camera: Camera, pixel: tuple[float, float] | None) -> Off | None:
@@ -193,7 +219,13 @@ def _track(
         replace(one, points=read_only(one.points), covariance=read_only(one.covariance * scale**2))
         for one in frames
     )
-    return Track(ids, scaled, scale, _reprojection(cameras, looks, scaled), notes)
+    off = _reprojection(cameras, looks, scaled)
+    if scale > _DOUBTFUL and np.nanmax(off) > _DOUBTFUL_PIXELS:
+        notes += (
+            f"views miss each other by {np.nanmax(off):.2f} px, {scale:.1f} times what images allow: check "
+            "that the calibration is of these cameras, in this order, and that they film in step",
+        )
+    return Track(ids, scaled, scale, off, notes)
 
 
 def _reprojection(cameras: tuple[Camera, ...], looks: Sequence[Look], frames: Sequence[Located]) -> Vector:
