@@ -165,3 +165,20 @@ def test_a_target_beside_a_drive_is_advice_with_effects_too():
     )
     assert followed.transmission.tension_out == pytest.approx(7.0, rel=1e-9)
     assert followed.tension_command == followed.transmission.tension_in
+
+
+def test_the_noise_of_a_frame_counts_unless_the_rig_states_its_own():
+    told = next(process([Frame(bend(), noise=3e-4)], Rig(), tension_in=15.0))
+    of_the_rig = next(process([Frame(bend(), noise=3e-4)], RIG, tension_in=15.0))
+    assert isinstance(told, FrameResult)
+    assert isinstance(of_the_rig, FrameResult)
+    assert told.route.noise == pytest.approx(3e-4)
+    assert of_the_rig.route.noise == pytest.approx(1e-4)
+    assert told.arcs.total_angle_se > 1.5 * of_the_rig.arcs.total_angle_se
+
+
+@pytest.mark.parametrize("noise", [0.0, -1e-4, math.nan, math.inf])
+def test_a_noise_that_is_none_is_refused(noise):
+    refused = next(process([Frame(bend(), noise=noise)], Rig(), tension_in=15.0))
+    assert isinstance(refused, Rejected)
+    assert "the noise is" in refused.reason

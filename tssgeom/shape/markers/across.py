@@ -1,4 +1,4 @@
-"""The noise of a whole route of markers, from the covariance of each; docs/model.md (142)."""
+"""The noise of a whole route of markers, from the covariance of each; docs/model.md (143)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""All cameras and all boards fitted at once to every corner that was seen; docs/model.md (140)."""
+"""All cameras and all boards fitted at once to every corner that was seen; docs/model.md (141)."""
 
 from __future__ import annotations
 

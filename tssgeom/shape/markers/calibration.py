@@ -1,4 +1,4 @@
-"""Cameras calibrated from a board that they see together; docs/model.md (140)."""
+"""Cameras calibrated from a board that they see together; docs/model.md (141)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Nameless markers through time: each keeps its place on the chain, or is a gap; docs/model.md (138)."""
+"""Nameless markers through time: each keeps its place on the chain, or is a gap; docs/model.md (139)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The four sides of a tag found to a fraction of a pixel, and their corners; docs/model.md (134)."""
+"""The four sides of a tag found to a fraction of a pixel, and their corners; docs/model.md (135)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which blob of one view is which of another, where one answer is left; docs/model.md (135)."""
+"""Which blob of one view is which of another, where one answer is left; docs/model.md (136)."""
 
 from __future__ import annotations
 

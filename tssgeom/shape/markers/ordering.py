@@ -1,4 +1,4 @@
-"""The order of nameless markers along a sheath: the one chain that links neighbours; docs/model.md (136)."""
+"""The order of nameless markers along a sheath: the one chain that links neighbours; docs/model.md (138)."""
 
 from __future__ import annotations
 

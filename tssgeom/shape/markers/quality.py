@@ -1,4 +1,4 @@
-"""How good a calibration is: errors of its parameters and of points that it places; docs/model.md (141)."""
+"""How good a calibration is: errors of its parameters and of points that it places; docs/model.md (142)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Points from one camera where something else tells the depth, a plane or the side of a tag; (137)."""
+"""Points from one camera where something else tells the depth, a plane or the side of a tag; (140)."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def _tag(camera: Camera, corners: Matrix, noise: float, side: float) -> tuple[Ve
     information = jacobian.T @ jacobian / noise**2
     if off > _FIT or np.linalg.cond(information) > 1e14:
         return unseen
-    spread = np.linalg.inv(information)[3:, 3:]  # docs/model.md (137)
+    spread = np.linalg.inv(information)[3:, 3:]  # docs/model.md (140)
     if not np.sqrt(spread[2, 2]) < _MOST_SHARE * shift[2, 0]:
         return unseen
     rotation = camera.rotation

@@ -1,4 +1,4 @@
-"""Markers of one make have one size: a match at the wrong depth shows another; docs/model.md (136)."""
+"""Markers of one make have one size: a match at the wrong depth shows another; docs/model.md (137)."""
 
 from __future__ import annotations
 
