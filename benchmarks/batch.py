@@ -223,7 +223,7 @@ def one(file: str, out: str) -> None:
 
 
 def _peak() -> float:
-    """Greatest resident memory of this process so far [MiB], as Linux counts it."""
+    """Greatest resident memory of this process so far [MiB]; what started it counts not."""
     lines = Path("/proc/self/status").read_text().splitlines()
     return next(float(line.split()[1]) for line in lines if line.startswith("VmHWM")) / 1024
 
