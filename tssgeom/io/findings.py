@@ -13,7 +13,7 @@ import numpy as np
 from tssgeom.discrepancy.finding import Blame, Candidate, Estimate, Evidence, Finding, Gap, RouteBlame, Shape
 from tssgeom.io.atomic import write_text
 from tssgeom.io.rigs import write_rig
-from tssgeom.tendon.effects import chosen
+from tssgeom.tendon.effects import KINDS, chosen
 
 REPORT, RIG = "report.json", "rig.updated.toml"
 
@@ -186,7 +186,11 @@ def _provenance(finding: Finding, version: str) -> list[str]:
         "Friction and compliance, nominal to refitted, with 95 % intervals:",
         *(f"  {name}: {_change(name, each, finding.nominal)}" for name, each in finding.base.items()),
         *_gap_lines(finding.gap),
-        *(f"Tied: {', '.join(tie.names)}. {tie.why}" for tie in finding.ties),
+        *(
+            f"Tied: {', '.join(tie.names)}: {tie.why}"
+            for tie in finding.ties
+            if KINDS.keys() >= set(tie.names)
+        ),
         *([finding.base_tie] if finding.base_tie else []),
     ]
 
