@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from benchmarks.routes import arc_places, truth
-from tssgeom.shape.following import follow
+from tssgeom.shape.following import follow, reconsidered
 from tssgeom.shape.geometry import measure
 from tssgeom.shape.points import clean
 from tssgeom.shape.synthetic import Course, chain
@@ -125,3 +125,19 @@ def test_a_chain_that_takes_over_says_at_once_that_the_spline_may_be_right():
     assert seen[taken].doubt > 5e-4  # rad²: the call was close
     first, second = (seen[i].geometry.arcs.total_angle_se ** 2 for i in (taken, taken + 1))
     assert first == pytest.approx(second, rel=0.1)  # the same doubt; without it 0.6
+
+
+@pytest.mark.parametrize("course", [_swaying, _arriving], ids=["joints wander", "a piece comes and goes"])
+def test_what_is_asked_between_two_frames_is_what_the_next_frame_would_ask(course):
+    rng, asked = np.random.default_rng(9), 0
+    at_once, later = None, None
+    for i in range(FRAMES):
+        shape = clean(_points(course(i / FRAMES), 120, rng))
+        later = follow(shape, NOISE, later)
+        found = follow(shape, NOISE, at_once)
+        asked += found.question is not None
+        at_once = reconsidered(found)
+        assert at_once.question is None
+        np.testing.assert_array_equal(found.geometry.arcs.angle, later.geometry.arcs.angle)
+        np.testing.assert_array_equal(found.geometry.arcs.covariance, later.geometry.arcs.covariance)
+    assert asked >= 3  # every eighth or sixteenth frame, counted anew when the other was tried
