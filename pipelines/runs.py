@@ -69,14 +69,13 @@ def sensed_route(path: Path, chosen: Options) -> SensedRoute:
     return SensedRoute(path.stem, results, len(rejected))
 
 
+_NO_DRIVE = dict.fromkeys(("tension_in", "displacement_in", "displacement_target", "tension_out_target"))
+
+
 def _shapes_only(frames: Iterable[Frame | Rejected]) -> Iterator[Frame | Rejected]:
     """Yield the frames without their drives: the run brings its own."""
     for frame in frames:
-        yield (
-            frame
-            if isinstance(frame, Rejected)
-            else Frame(frame.points, frame.time, frame.stations, noise=frame.noise)
-        )
+        yield frame if isinstance(frame, Rejected) else replace(frame, **_NO_DRIVE)
 
 
 def temperature_of(run: MeasuredRun, chosen: Options) -> Vector | None:

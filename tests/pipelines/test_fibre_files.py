@@ -40,3 +40,13 @@ def test_check_tells_gratings_and_noise(run, fibre):
     assert "length 500.0 mm" in outcome.out
     (told,) = json.loads(run("check", fibre, "--json").out)
     assert told["curvature_noise_per_m"] == pytest.approx(0.05, rel=0.5)  # 34 values tell it to 12 %
+
+
+def test_simulate_drives_a_tendon_on_the_route_of_a_fibre(run, fibre, tmp_path):
+    drive = tmp_path / "drive.csv"
+    drive.write_text("time_s,tension_in_N\n0,5\n1,15\n")
+    outcome = run("simulate", fibre, "--drive", drive, "--out", tmp_path / "out", "--json")
+    assert outcome.status == 0, outcome.errors
+    low, high = json.loads(outcome.out)["range"]["tension_out_N"]
+    # 3 standard errors of the angle, see above
+    assert [low, high] == pytest.approx(np.array([5.0, 15.0]) * np.exp(-0.145 * np.pi), rel=0.145 * 0.09)

@@ -1,5 +1,8 @@
 """A moving route is followed: each fit starts from the last one, and ends where a fit from nothing does."""
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -141,3 +144,12 @@ def test_what_is_asked_between_two_frames_is_what_the_next_frame_would_ask(cours
         np.testing.assert_array_equal(found.geometry.arcs.angle, later.geometry.arcs.angle)
         np.testing.assert_array_equal(found.geometry.arcs.covariance, later.geometry.arcs.covariance)
     assert asked >= 3  # every eighth or sixteenth frame, counted anew when the other was tried
+
+
+def test_one_point_beyond_a_last_joint_is_no_bend():
+    """The last point of this frame is off by some standard deviations: a bend for it alone could be any."""
+    samples = Path(__file__).parents[2] / "sample_shapes" / "insertion.jsonl"
+    frame = json.loads(samples.read_text().splitlines()[116])
+    found = measure(clean(1e-3 * np.array(frame["points"])), None)
+    assert found.arcs.method == "arcs"
+    assert found.profile.total_angle_se < 0.1  # rad; with a piece of that point 24 000

@@ -14,7 +14,7 @@ from tssgeom.shape.arcs import Arcs, constant_curvature_pieces, normals, paralle
 from tssgeom.shape.chain.account import chain_geometry
 from tssgeom.shape.chain.facing import faced, off_directions, reweighed, without_short
 from tssgeom.shape.chain.fit import Chain, Data, direction_count, settle
-from tssgeom.shape.chain.moves import fit_chain, slopes
+from tssgeom.shape.chain.moves import fit_chain, left_out, slopes
 from tssgeom.shape.chain.places import off_chain
 from tssgeom.shape.chain.strays import without_strays
 from tssgeom.shape.curvature import CurvatureProfile, curvature_profile
@@ -35,6 +35,8 @@ _VALUES_A_PARAMETER = 2.5  # fewer cannot tell a staircase from a smooth route
 _QUICK_MOVES = 8
 _CLOSE_CALL = 12.0  # -2 ln evidence within which the loser still counts for the standard error
 _CLOSE_BY_JOINT = 0.3  # by which that grows with every joint
+_SHORT = 3.0  # spacings: pieces shorter than this hold too few points for a bend, if they hold it badly
+_UNTOLD = 0.3  # standard error of the bend of such a piece from which on it is none [rad]
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +109,17 @@ def by_chain(shape: Shape, data: Data, chain: Chain) -> Geometry:
         aim, _, blur = data.told
         used = np.where(blur[:, None] > 0.0, aim, np.nan)
         warnings += direction_warnings(shape.directions, used, shape.index)
-    return Geometry(*chain_geometry(data, chain, warnings), chain=chain)
+    found = Geometry(*chain_geometry(data, chain, warnings), chain=chain)
+    untold = _untold(data, found.arcs)
+    return found if untold is None else by_chain(shape, data, left_out(data, chain, untold))
+
+
+def _untold(data: Data, arcs: Arcs) -> int | None:
+    """Return a short piece whose bend its points do not tell, such as the one point beyond a last joint."""
+    k = len(arcs.length)
+    error = np.sqrt(np.diagonal(arcs.covariance)[k:]) * (arcs.length < _SHORT * data.gap)
+    j = int(np.argmax(error))
+    return j if k > 1 and not error[j] < _UNTOLD else None
 
 
 def fit_data(shape: Shape, noise: float | None, spline: Spline) -> Data:

@@ -173,6 +173,17 @@ def _simplified(chain: Chain, kind: int, j: int) -> Chain:
     )
 
 
+def left_out(data: Data, chain: Chain, j: int) -> Chain:
+    """Return the chain without piece j, dropped or made one with a neighbour, whichever fits best."""
+    ways = [(_DROPPED, j), (_MERGED, j), (_MERGED, j + 1)]
+    tried = [
+        settle(data, _simplified(chain, kind, i))
+        for kind, i in ways
+        if kind == _DROPPED or 0 < i < len(chain.bend)
+    ]
+    return min(tried, key=lambda one: one.cost)
+
+
 def _split(chain: Chain, j: int, where: float) -> Chain:
     """Piece j cut at arc length `where`, both parts curved as it was."""
     curved = np.insert(chain.curved, j + 1, True)
