@@ -151,13 +151,21 @@ def _prior(problem: Problem, at: Point) -> Vector:
 
 def columns(problem: Problem, at: Point, left: Vector, first: int = 0) -> Matrix:
     """Return derivatives of the weighed prediction by free numbers from the `first` on, one-sided."""
-    out = []
-    for k in range(first, 2 + len(at.free)):
-        by = np.zeros(2 + len(at.free))
-        by[k] = _step(at, k)
-        out.append((left - problem.left(at.moved(by))) / by[k])
+    out = [_slope(problem, at, left, k) for k in range(first, 2 + len(at.free))]
     rows = problem.weighing.basis.shape[0]
     return problem.weighing.weighed(np.column_stack(out)) if out else np.zeros((rows, 0))
+
+
+def _slope(problem: Problem, at: Point, left: Vector, k: int) -> Vector:
+    """Return the derivative of the prediction by one number; zero where neither side has an equilibrium."""
+    for sign in (1.0, -1.0):
+        by = np.zeros(2 + len(at.free))
+        by[k] = sign * _step(at, k)
+        try:
+            return (left - problem.left(at.moved(by))) / by[k]
+        except FitError:
+            continue
+    return np.zeros_like(left)
 
 
 def _step(at: Point, k: int) -> float:

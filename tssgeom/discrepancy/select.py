@@ -17,6 +17,7 @@ from tssgeom.discrepancy.heldout import GAP, HeldOut
 from tssgeom.discrepancy.problem import Fit, Point, Problem, refined
 from tssgeom.discrepancy.search import Look, Screen, refit, screen
 from tssgeom.discrepancy.variants import Variant
+from tssgeom.errors import FitError
 from tssgeom.tendon.effects import Library, snake
 
 CLOSE = 6.0
@@ -26,6 +27,7 @@ MOST = 3
 _RIVALS = 5  # of the best, refitted with the error model about it
 _QUICK, _WHOLE = 2, 8  # passes of a first refit and of a last one
 _CLEAR = 4.0  # standard deviations of χ² beyond which a model leaves more than the sensors explain
+_HALF = 0.5  # of χ² beyond what the sensors explain
 _MARGIN = 3.0  # of ΔBIC, for what a straight line does not see
 _EXCHANGED = 6  # effects that are tried in the place of one
 _CONTINUED = 7  # candidates whose refit goes on
@@ -137,8 +139,10 @@ def _told(problem: Problem, before: Fit, look: Look, fit: Fit, guard: Mapping[st
 
 def reposed(first: Step, held: HeldOut | None) -> Step:
     """Refit the best few, and the model without them, with the errors about the best."""
-    best = first.tried[0]
-    problem, errors = posed(first.problem.stack, first.problem.rig, best.fit.at)
+    told = _posed_about(first)
+    if told is None:
+        return replace(first, threshold=math.inf)
+    problem, errors, tried = told
     before = refined(problem, first.before.at)
     guard = guards(problem.stack, problem.rig)
     few = [
@@ -146,8 +150,19 @@ def reposed(first: Step, held: HeldOut | None) -> Step:
     ]
     few.sort(key=lambda one: -one.delta_bic)
     few = _settled(few, held)
-    rest = first.tried[_RIVALS:]
+    rest = tried[_RIVALS:]
     return replace(first, problem=problem, errors=errors, before=before, tried=(*few, *rest))
+
+
+def _posed_about(first: Step) -> tuple[Problem, Errors, tuple[Tried, ...]] | None:
+    """Return the problem about the best candidate that also fine bars bear, and the candidates from it on."""
+    for k, one in enumerate(first.tried[:_RIVALS]):
+        try:
+            problem, errors = posed(first.problem.stack, first.problem.rig, one.fit.at)
+        except FitError:
+            continue
+        return problem, errors, first.tried[k:]
+    return None
 
 
 def _settled(few: list[Tried], held: HeldOut | None) -> list[Tried]:
@@ -156,6 +171,12 @@ def _settled(few: list[Tried], held: HeldOut | None) -> list[Tried]:
         return few
     close = [one for one in few if few[0].delta_bic - one.delta_bic < CLOSE]
     return sorted(close, key=lambda one: held.ratio(one.fit.at)) + few[len(close) :]
+
+
+def _hopeless(base: Fit, problem: Problem, fit: Fit) -> bool:
+    """Whether two effects have left more than half of what was to be explained: no third will."""
+    beyond = [one.chi2 / problem.stack.size - 1.0 for one in (base, fit)]
+    return len(fit.at.effects) > 1 and beyond[1] > max(_HALF * beyond[0], _HALF)
 
 
 def _worse(before: Fit, after: Fit, held: HeldOut | None) -> bool:
@@ -184,16 +205,17 @@ def selected(
     """Choose effects as long as one passes; docs/model.md (114)."""
     problem, errors, base = first
     steps, fit = list[Step](), base
-    while len(fit.at.effects) < MOST:
+    while len(fit.at.effects) < MOST and not _hopeless(base, problem, fit):
         now = step(problem, errors, fit, tried, seed + len(steps))
         if not now.tried or not now.passes(now.tried[0]):
             steps.append(now)
             break
         now = reposed(now, held)
         steps.append(now)
-        if not now.passes(now.tried[0]) or (steps[1:] and _worse(fit, now.tried[0].fit, held)):
+        best = now.tried[0]
+        if not now.passes(best) or (steps[1:] and _worse(fit, best.fit, held)):
             break
-        problem, errors, fit = now.problem, now.errors, now.tried[0].fit
+        problem, errors, fit = now.problem, now.errors, best.fit
         if len(fit.at.effects) > 1:
             problem, errors, fit = exchanged(problem, errors, fit, tried, seed)
     return Selection(
@@ -222,7 +244,9 @@ def exchanged(
             fit = rest
             break
         if best.fit.chi2 < fit.chi2 - 1.0 and best.name != name_of(fit.at.effects[which]):
-            problem, errors = posed(problem.stack, problem.rig, best.fit.at)
-            fit = refined(problem, best.fit.at)
+            told = _posed_about(now)
+            if told is not None:
+                problem, errors, (best, *_) = told
+                fit = refined(problem, best.fit.at)
             break
     return problem, errors, fit

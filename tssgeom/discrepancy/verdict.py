@@ -20,6 +20,8 @@ from tssgeom.discrepancy.ties import close_rivals
 _LEFT = 0.5  # of the guard, rms: what may be left of any channel
 _SHARE = 0.3  # of what was left before: more means that no name explains it
 _HELD = 0.8  # of the held-out gap: more means that the name does not carry over
+_WIDE = 2.0  # times the noise: a held-out gap that no right name leaves
+_HELD_SHARE = 0.2  # of it before: less is a name that is right but not to the last digit
 _BENT = 4.5  # standard deviations that a cell may be bent beyond its specification
 
 
@@ -46,7 +48,8 @@ def judged(
     before = max(leftover(problem, base, guard).values())
     after = max(leftover(chosen.problem, chosen.fit, guard).values())
     ratio = math.nan if held is None else held.ratio(chosen.fit.at)
-    reason = _unknown(chosen, (before, after), names, ratio)
+    gap = 0.0 if held is None else held.gap(chosen.fit.at)
+    reason = _unknown(chosen, (before, after), names, (gap, ratio))
     if reason:
         return Judged("unknown", reason, before, after, ratio)
     if not chosen.fit.at.effects:
@@ -59,11 +62,13 @@ def judged(
     return Judged("tie" if tied else "effect", "", before, after, ratio)
 
 
-def _unknown(chosen: Selection, left: tuple[float, float], names: tuple[str, ...], ratio: float) -> str:
-    before, after = left
+def _unknown(
+    chosen: Selection, left: tuple[float, float], names: tuple[str, ...], held: tuple[float, float]
+) -> str:
+    (before, after), (gap, ratio) = left, held
     if after > _LEFT and after > _SHARE * before:
         return f"what is left is {after:.2g} of what the sensors could fake, {before:.2g} before"
-    if chosen.fit.at.effects and ratio > _HELD:
+    if chosen.fit.at.effects and (ratio > _HELD or (gap > _WIDE and ratio > _HELD_SHARE)):
         return f"on what was held out, the gap is {ratio:.2f} of what it was"
     bent = _bent(chosen, names)
     if bent:

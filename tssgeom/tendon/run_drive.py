@@ -18,6 +18,7 @@ _HOLD = 4.5  # standard deviations about the level of a hold in which its readin
 _FLAT = 3.5  # standard errors of slope and bend below which a plateau is a hold
 _FEWEST = 4  # readings of a hold
 _STRAIGHT = 0.2  # of a step: what one may differ from the one before on a straight leg
+_UNLIKE = 4.0  # standard deviations by which two steps of one slope may differ
 _SAME = 0.02  # of a step: a corner this near to a sample is that sample
 
 
@@ -66,7 +67,7 @@ def with_corners(time: Vector, drive: Vector, noise: float) -> tuple[Vector, Vec
     for turn in turning_points(drive, noise):
         start, stop = hold(drive, turn, noise)
         if stop - start == 1 and 2 < turn < len(drive) - 3:
-            at, peak = _corner(time[turn - 2 : turn + 3], drive[turn - 2 : turn + 3])
+            at, peak = _corner(time[turn - 2 : turn + 3], drive[turn - 2 : turn + 3], noise)
             beyond = abs(peak - drive[turn])
             if (
                 time[turn - 1] < at < time[turn + 1]
@@ -81,13 +82,13 @@ def with_corners(time: Vector, drive: Vector, noise: float) -> tuple[Vector, Vec
     return np.insert(time, where, when), np.insert(drive, where, what), added
 
 
-def _corner(time: Vector, drive: Vector) -> tuple[float, float]:
+def _corner(time: Vector, drive: Vector, noise: float) -> tuple[float, float]:
     """Return when and where the drive turned, from five samples of which the third is the outermost."""
     before, behind = ((drive[i + 1] - drive[i]) / (time[i + 1] - time[i]) for i in (0, 3))
     near = [(drive[i + 1] - drive[i]) / (time[i + 1] - time[i]) for i in (1, 2)]
-    straight = max(min(abs(near[0] - before), abs(near[1] - behind)), 0.0) < _STRAIGHT * max(
-        abs(before), abs(behind)
-    )
+    least = _UNLIKE * noise / float(np.mean(np.diff(time)))
+    off = min(abs(near[0] - before), abs(near[1] - behind))
+    straight = off < max(_STRAIGHT * max(abs(before), abs(behind)), least)
     if straight and before * behind < 0.0:
         at = (drive[3] - drive[1] + before * time[1] - behind * time[3]) / (before - behind)
         return float(at), float(drive[1] + before * (at - time[1]))
