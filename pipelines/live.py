@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import json
+import math
 import selectors
 import signal
 import socket
@@ -70,6 +71,8 @@ def run(stream: Stream, chosen: Options) -> int:
             lambda: None,
         )
         state = read_state(stream.state) if stream.state is not None and stream.state.exists() else None
+        if state is not None and math.isfinite(state.time):
+            session.time = state.time
         besides, workers = _besides(stream, selector, tell)
         session.besides = besides
         session.ticked, finish = _told(session, workers, errors, stats=stream.stats)

@@ -6,19 +6,20 @@ import gc
 import math
 import selectors
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from time import monotonic, perf_counter_ns
 from typing import Protocol
 
 from pipelines.live_numbers import Numbers
 from tssgeom.io import answers
-from tssgeom.io.network.mailbox import Arrival, Mailbox
+from tssgeom.io.network.mailbox import Arrival, Clock, Mailbox
 from tssgeom.io.network.sinks import Sink
 from tssgeom.io.network.sources import Source
 from tssgeom.stream import Frame, FrameResult, Rejected
 
 TICK = 1.0
 """Time from one round of housekeeping to the next [s]."""
+_LEAST, _MOST = 1e-3, 60.0  # s that pass from the last frame of one clock to the first of another
 _FLUSH = 1.0  # s in which sinks may take what still waits for them at the end
 
 
@@ -48,11 +49,15 @@ class Session:
     """Called once a second."""
     besides: Sequence[Beside] = ()
     """Who takes in answered frames beside the sinks."""
+    time: float = -math.inf
+    """Time of the last frame, as the tendon has it [s]."""
     numbers: Numbers = field(default_factory=Numbers)
     stopping: bool = False
     _present: Arrival | None = None
     _heard: float = math.inf
     """When the last good frame was answered [s]; infinite where that was said to be long ago, or never."""
+    _answered: float = field(default_factory=monotonic)
+    """When the last good frame was answered [s]; before the first one, when the session began."""
     _next_tick: float = 0.0
 
     def frames(self) -> Iterator[Frame]:
@@ -68,20 +73,33 @@ class Session:
             arrival = self.mailbox.newest()
             if arrival.frame is not None:
                 self._present = arrival
-                yield arrival.frame
+                yield self._in_stream_time(arrival.frame, arrival.clock)
             for rejected in arrival.rejected:
                 self._refuse(rejected)
+
+    def _in_stream_time(self, frame: Frame, clock: Clock) -> Frame:
+        """Put a frame after all before it, though its sender's clock may have begun anew.
+
+        The tendon's own time never goes back: what creeps goes on creeping when a sender is replaced.
+        """
+        if not frame.time + clock.ahead > self.time:
+            passed = min(max(monotonic() - self._answered, _LEAST), _MOST)
+            clock.ahead = self.time + passed - frame.time
+        self.time = frame.time + clock.ahead
+        return frame if clock.ahead == 0.0 else replace(frame, time=self.time)
 
     def answer(self, result: FrameResult | Rejected) -> None:
         """Tell all sinks what the engine made of the frame that was yielded last."""
         arrival = self._present
         assert arrival is not None
-        self._heard = monotonic()
+        frame = arrival.frame
+        assert frame is not None
+        self._heard = self._answered = monotonic()
         if isinstance(result, Rejected):
-            self._refuse(Rejected(arrival.seq, result.time, result.reason, result.id))
+            self._refuse(Rejected(arrival.seq, frame.time, result.reason, result.id))
             return
         waited = (perf_counter_ns() - arrival.arrived) / 1e3
-        line = answers.answer(result, arrival.seq, round(waited, 1), self.mailbox.dropped)
+        line = answers.answer(result, frame.time, arrival.seq, round(waited, 1), self.mailbox.dropped)
         for sink in self.sinks:
             sink.publish(line, result)
         self.numbers.add(result, (perf_counter_ns() - arrival.arrived) / 1e3)

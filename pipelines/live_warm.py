@@ -22,7 +22,7 @@ def warm_up(rig: Rig) -> None:
         frames = list(_frames(route))
         for result in process(frames, rig, tension_in=10.0):
             if isinstance(result, FrameResult):
-                answers.answer(result, 0, 0.0, 0)
+                answers.answer(result, 0.0, 0, 0.0, 0)
             else:
                 answers.refusal(result)
     answers.refusal(Rejected(0, math.nan, "warm"))

@@ -65,14 +65,16 @@ def test_standard_input_is_answered_frame_by_frame_as_batch_answers_it(tmp_path)
     assert rows(recording, "/series/tension_out", "Scalars:scalars") == count
 
 
-def test_a_tendon_is_found_again_as_it_was_left(tmp_path):
-    state = tmp_path / "tendon.json"
-    for tension, name in ((12.0, "pulled"), (9.0, "released")):
-        with live("--state", state) as stream:
-            stream.input.write(line(half_circle(), 1.0, tension_in_N=tension, id=name))
+def test_a_tendon_that_creeps_is_found_again_as_it_was_left_though_the_clock_began_anew(tmp_path):
+    state, rig = tmp_path / "tendon.json", tmp_path / "rig.toml"
+    rig.write_text('[[effects]]\nname = "creep"\nratio = 0.1\ntime_s = 10.0\n')
+    for tension, time in ((12.0, 1000.0), (9.0, 1.0)):
+        with live("--state", state, "--rig", rig) as stream:
+            stream.input.write(line(half_circle(), time, tension_in_N=tension))
             stream.input.close()
             told = json.loads(stream.output.readline())
             assert stream.process.wait(PATIENCE) == 0
+    assert told["t"] == 1.0
     assert told["direction_index"] == -1
     assert told["dead_zone"] is True
 

@@ -70,12 +70,12 @@ class Stale(msgspec.Struct, frozen=True):
 _encoder = msgspec.json.Encoder()
 
 
-def answer(result: FrameResult, seq: int, latency_us: float, dropped: int) -> bytes:
-    """Write the answer to a good frame."""
+def answer(result: FrameResult, time: float, seq: int, latency_us: float, dropped: int) -> bytes:
+    """Write the answer to a good frame of a `time` by its sender's clock [s]."""
     arcs, seen = result.arcs, result.transmission
     return _line(
         Answer(
-            t=result.frame.time,
+            t=time,
             seq=seq,
             length_m=arcs.total_length,
             total_angle_rad=arcs.total_angle,

@@ -22,6 +22,8 @@ class Clock:
     """Time of the last good frame of one sender; a sender that connects anew has a new one."""
 
     latest: float = -math.inf
+    ahead: float = 0.0
+    """Time of the stream less that of this sender [s]."""
 
     def refusal(self, frame: Frame) -> str:
         """Say why a frame is not later than all before it; where it is, nothing, and it is the latest now."""
@@ -52,6 +54,7 @@ class Arrival:
     arrived: int
     frame: Frame | None
     """None where all that came were bad."""
+    clock: Clock
     rejected: tuple[Rejected, ...]
 
 
@@ -96,8 +99,8 @@ class Mailbox:
                 continue
             self.dropped += len(self._letters)
             self._letters.clear()
-            return Arrival(letter.seq, letter.arrived, frame, tuple(reversed(rejected)))
-        return Arrival(-1, 0, None, tuple(reversed(rejected)))
+            return Arrival(letter.seq, letter.arrived, frame, letter.clock, tuple(reversed(rejected)))
+        return Arrival(-1, 0, None, Clock(), tuple(reversed(rejected)))
 
 
 def _too_much(frame: Frame) -> str:
