@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import trimesh
 
 from tssgeom.errors import ShapeError, SourceError
 from tssgeom.io.parts import split
 from tssgeom.io.units import PER_METRE
+from tssgeom.shape.wall import Wall
 
 ENDINGS = (".ply", ".stl", ".obj", ".glb")
 _MARK = "_lumen"
@@ -58,6 +60,12 @@ def read_lumen(path: str | Path, unit: str) -> trimesh.Trimesh:
         raise ShapeError(f"{path}: the mesh has no triangles: export a surface")
     mesh.apply_scale(1.0 / PER_METRE[unit])
     return mesh
+
+
+def wall_of(mesh: trimesh.Trimesh) -> Wall:
+    """Return the triangles of a mesh; a closed one says itself which side is inside."""
+    corners = np.ascontiguousarray(mesh.vertices[mesh.faces], dtype=np.float64)
+    return Wall(corners, bool(mesh.volume > 0) if mesh.is_watertight else None)
 
 
 def _loaded(path: Path) -> trimesh.Trimesh:
