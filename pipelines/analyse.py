@@ -9,7 +9,8 @@ from typing import Any
 
 from pipelines.console import say
 from pipelines.summary_table import show_summary
-from pipelines.work import Options, each_analysis, inputs_of, lumen_of
+from pipelines.surroundings import Surroundings, surroundings, tell_clearance
+from pipelines.work import Options, each_analysis, inputs_of
 from tssgeom.errors import SettingsError
 from tssgeom.io.atomic import replacing, write_text
 from tssgeom.io.exports import chosen_endings, write_exports
@@ -19,7 +20,7 @@ from tssgeom.io.tension_line import tension_line
 from tssgeom.tendon.state import tension
 
 _SLENDERNESS = 150
-"""Length of a route over the radius of its tube, so that the tube looks well at any size."""
+"""Length of a route over the radius of its tube where none is given, so that it looks well at any size."""
 
 
 def run(
@@ -30,10 +31,8 @@ def run(
     Raises
     ------
     SettingsError
-        Where a mesh or an export is asked for but no folder for it, or an export that is not known.
+        Where an export is asked for but no folder for it, or one that is not known.
     """
-    if chosen.lumen is not None and out is None:
-        raise SettingsError(f"--lumen {chosen.lumen}: the mesh is for the picture: give --out DIR too")
     if export and out is None:
         raise SettingsError(f"--export {export}: there is no folder to write to: give --out DIR too")
     endings = chosen_endings(export)
@@ -42,8 +41,11 @@ def run(
     def finish(analysis: Analysis) -> None:
         objects.append(analysis_object(analysis))
         rows.append(summary_row(analysis))
+        around = surroundings(Path(analysis.source), analysis.unit, chosen)
+        if around is not None:
+            tell_clearance(objects[-1], rows[-1], analysis, around)
         if out is not None:
-            draw(analysis, chosen, out, endings)
+            draw(analysis, chosen, out, endings, around)
 
     found = list(inputs_of(shapes, besides=[] if out is None else [out]))
     tally = each_analysis(found, chosen, finish, quiet=quiet or as_json)
@@ -62,24 +64,30 @@ def as_text(objects: Sequence[dict[str, Any]], *, one_file: bool) -> str:
     return json.dumps(objects[0] if one_file else objects, indent=1, ensure_ascii=False, allow_nan=False)
 
 
-def draw(analysis: Analysis, chosen: Options, out: Path, endings: Sequence[str]) -> None:
+def draw(
+    analysis: Analysis, chosen: Options, out: Path, endings: Sequence[str], around: Surroundings | None
+) -> None:
     """Write the Rerun recording of an input, the tube of the frame that is told, and that for other programs.
 
     Raises
     ------
-    ShapeError, SourceError
-        Where the mesh around the route cannot be read, the disk refuses, or what a format needs is missing.
+    SourceError
+        Where the disk refuses, or what a format needs is missing.
     """
     from tssgeom.view.mesh import tube
     from tssgeom.view.rerun_log import write_recording
 
     out.mkdir(parents=True, exist_ok=True)
-    lumen = lumen_of(Path(analysis.source), analysis.unit, chosen)
     write_recording(
-        out / f"{analysis.name}.rrd", analysis.name, analysis.results, timed=analysis.timed, lumen=lumen
+        out / f"{analysis.name}.rrd",
+        analysis.name,
+        analysis.results,
+        timed=analysis.timed,
+        lumen=None if around is None else around.mesh,
+        clearance=None if around is None else around.sketch,
     )
     told = analysis.told
-    radius = told.profile.length / _SLENDERNESS
+    radius = chosen.tube_radius or told.profile.length / _SLENDERNESS
     pull = tension(told.state, told.profile.phi, told.profile.s)
     line = tension_line(analysis.name, analysis.unit, told, pull)
     mesh = tube(told.route.position, told.route.tangent, pull, radius, carried=line.values)

@@ -161,6 +161,7 @@ def _settings(chosen: Options, how: How) -> Settings:
         rig=chosen.rig,
         geometry_only=chosen.geometry_only,
         pictures=how.pictures,
+        tube_radius_m=chosen.tube_radius,
     )
 
 

@@ -11,7 +11,8 @@ from pathlib import Path
 import msgspec
 from threadpoolctl import threadpool_limits
 
-from pipelines.work import Options, frame_refusals, guarded, lumen_of, one_line, useful
+from pipelines.surroundings import Surroundings, surroundings, tell_clearance
+from pipelines.work import Options, Refusal, frame_refusals, guarded, one_line, useful
 from pipelines.workers import tell
 from tssgeom.errors import SpaceError, TssgeomError
 from tssgeom.io.account import Account
@@ -26,7 +27,7 @@ from tssgeom.io.run_record import Input, Settings, sha256_of
 from tssgeom.stream import Frame, Rejected, alone, process
 from tssgeom.view.report import ReportEntry, rendered
 
-_FORMAT = 1  # of the files: where it changes, nothing older is taken for done
+_FORMAT = 2  # of the files: where it changes, nothing older is taken for done
 _drawing = threading.Lock()  # the settings of a figure belong to the process
 
 Spread = Callable[[Callable[..., Part], Iterator[tuple[object, ...]]], Iterator[Part]]
@@ -122,16 +123,21 @@ def _done(task: Task, path: Path, digest: str, key: str, spread: Spread | None) 
     with out.replacing(tables[0]) as frames, out.replacing(tables[1]) as segments:
         write_parts(frames, segments, _parts(task, recording, account.stride, spread), account)
         analysis = useful(name, task.source, recording, account)
+    told, row = analysis_object(analysis), summary_row(analysis)
+    around, failures = _around(task, analysis)
+    if around is not None:
+        tell_clearance(told, row, analysis, around)
     lines = [line.replace(str(path), task.given) for line in frame_refusals(analysis, task.given)]
-    files, failures = list(tables), list[str]()
+    files = list(tables)
     if task.settings.pictures:
-        files, failures = _drawn(task, analysis, files)
+        files, undrawn = _drawn(task, analysis, files, around)
+        failures += undrawn
     report = _reported(task, analysis, drawn=len(files) > len(tables))
     return Done(
         key=key,
         input=_input(analysis, digest),
-        row=summary_row(analysis),
-        told=analysis_object(analysis),
+        row=row,
+        told=told,
         lines=lines,
         failures=failures,
         report=report,
@@ -184,24 +190,40 @@ def _input(analysis: Analysis, digest: str) -> Input:
     )
 
 
-def _drawn(task: Task, analysis: Analysis, files: list[str]) -> tuple[list[str], list[str]]:
+def _around(task: Task, analysis: Analysis) -> tuple[Surroundings | None, list[str]]:
+    """Read the lumen around an input, where there is one; and return what went wrong."""
+    here = local(task.address)
+    if here is None:
+        return None, []
+    found = guarded(task.given, lambda: surroundings(here, analysis.unit, task.chosen))
+    return (None, [found.reason]) if isinstance(found, Refusal) else (found, [])
+
+
+def _drawn(
+    task: Task, analysis: Analysis, files: list[str], around: Surroundings | None
+) -> tuple[list[str], list[str]]:
     """Write the recording; return all files, and what went wrong."""
     file = f"recordings/{task.name}.rrd"
-    failure = guarded(task.given, lambda: _draw(task, analysis, file))
+    failure = guarded(task.given, lambda: _draw(task, analysis, file, around))
     if failure is None:
         return [*files, file], []
     return files, [failure.reason]
 
 
-def _draw(task: Task, analysis: Analysis, file: str) -> None:
+def _draw(task: Task, analysis: Analysis, file: str, around: Surroundings | None) -> None:
     from tssgeom.view.rerun_log import (
         write_recording,  # here, since a worker that draws nothing starts faster
     )
 
-    here = local(task.address)
-    lumen = None if here is None else lumen_of(here, analysis.unit, task.chosen)
     with task.out.replacing(file) as draft:
-        write_recording(draft, analysis.name, analysis.results, timed=analysis.timed, lumen=lumen)
+        write_recording(
+            draft,
+            analysis.name,
+            analysis.results,
+            timed=analysis.timed,
+            lumen=None if around is None else around.mesh,
+            clearance=None if around is None else around.sketch,
+        )
 
 
 def _reported(task: Task, analysis: Analysis, *, drawn: bool) -> dict[str, object]:

@@ -39,6 +39,10 @@ TensionIn = Annotated[
 Unit = Annotated[
     Literal["mm", "m"] | None, typer.Option("--unit", help="Unit of files that state none in their header.")
 ]
+TubeMm = Annotated[
+    float | None,
+    typer.Option("--tube-mm", help="Outer diameter of the tube in mm, for its clearance and its mesh."),
+]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON on stdout instead of a table.")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Print nothing on stdout and no progress.")]
 
@@ -74,13 +78,14 @@ def analyse(
     lumen: Annotated[
         Path | None, typer.Option("--lumen", help="Mesh around the route; NAME_lumen.* beside it by default.")
     ] = None,
+    tube_mm: TubeMm = None,
     quiet: Quiet = False,
 ) -> None:
     """Tell length, angle, pieces, distal tension and elongation of each shape."""
     from pipelines import analyse as command
     from pipelines.work import options
 
-    chosen = options(rig, tension_in, unit, lumen)
+    chosen = options(rig, tension_in, unit, lumen, tube_mm=tube_mm)
     raise typer.Exit(command.run(shapes, chosen, out=out, export=export, as_json=json, quiet=quiet))
 
 
@@ -109,6 +114,7 @@ def batch(
         bool, typer.Option("--pictures/--no-pictures", help="Write recordings and figures.")
     ] = True,
     fresh: Annotated[bool, typer.Option("--fresh", help="First remove an earlier batch from DIR.")] = False,
+    tube_mm: TubeMm = None,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
@@ -121,7 +127,7 @@ def batch(
 
     if workers is not None and scheduler is not None:
         raise typer.BadParameter("give --workers or --scheduler: a scheduler has workers of its own")
-    chosen = options(rig, tension_in, unit, None, geometry_only=geometry_only)
+    chosen = options(rig, tension_in, unit, None, geometry_only=geometry_only, tube_mm=tube_mm)
     how = command.How(workers, scheduler, fresh, pictures)
     raise typer.Exit(command.run(inputs, chosen, how, out=out, as_json=json, quiet=quiet))
 

@@ -11,6 +11,7 @@ from pipelines.work import Options
 from tssgeom.tendon.effects import named
 
 RADIANS, WARNINGS = "Φ ± s.e.\n[rad]", "warnings"
+CLEARANCE = "clearance\n[mm]"
 COLUMNS = (
     "shape",
     "points",
@@ -30,8 +31,13 @@ def show_summary(rows: Sequence[dict[str, Any]], chosen: Options) -> None:
 
     A recording is told by the range over its frames; the standard errors are those of its last good frame.
     """
+    measured = any(row.get("clearance_m") is not None for row in rows)
     notes = [f"{row['name']}: {warning}" for row in rows for warning in row["warnings"]]
-    show(_title(chosen), COLUMNS, [_cells(row) for row in rows], notes=notes, optional=(RADIANS, WARNINGS))
+    columns = (*COLUMNS[:-1], CLEARANCE, WARNINGS) if measured else COLUMNS
+    cells = [_cells(row) for row in rows]
+    if measured:
+        cells = [(*some, _clearance(row), last) for row, (*some, last) in zip(rows, cells, strict=True)]
+    show(_title(chosen), columns, cells, notes=notes, optional=(RADIANS, WARNINGS))
 
 
 def acting(chosen: Options) -> str:
@@ -63,6 +69,11 @@ def _cells(row: dict[str, Any]) -> tuple[str, ...]:
         f"{_range(row, 'elongation_m', 1e3, 3)} ± {row['elongation_se_m'] * 1e3:.3f}",
         str(len(row["warnings"]) or ""),
     )
+
+
+def _clearance(row: dict[str, Any]) -> str:
+    least = row.get("clearance_m")
+    return "" if least is None else f"{1e3 * least:.1f}"
 
 
 def _range(row: dict[str, Any], key: str, factor: float, digits: int) -> str:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 from msgspec.structs import replace as changed
 
@@ -16,13 +16,9 @@ from pipelines.progress import progressing
 from tssgeom.errors import SettingsError, ShapeError, SpaceError, TssgeomError
 from tssgeom.io.account import Account
 from tssgeom.io.files import Recording, find_inputs, open_recording, output_names
-from tssgeom.io.meshes import lumen_beside, read_lumen
 from tssgeom.io.results import Analysis, frame_row, relative
 from tssgeom.settings import Rig, read_rig
 from tssgeom.stream import process
-
-if TYPE_CHECKING:
-    import trimesh
 
 Done = TypeVar("Done")
 
@@ -41,6 +37,8 @@ class Options:
     lumen: Path | None
     geometry_only: bool = False
     """Whether each frame is the first pull of its tendon, whatever came before it."""
+    tube_radius: float = 0.0
+    """Radius of the tube along the route, for its clearance [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,18 +57,21 @@ def options(
     lumen: Path | None,
     *,
     geometry_only: bool = False,
+    tube_mm: float | None = None,
 ) -> Options:
     """Check what the user chose.
 
     Raises
     ------
     SettingsError
-        Where the rig file or the tension cannot be used.
+        Where the rig file, the tension or the tube cannot be used.
     """
     if not math.isfinite(tension_in) or tension_in < 0:
         raise SettingsError(f"--tension-in is {tension_in:g} N: give a finite tension >= 0 N")
     held = Rig() if rig is None else read_rig(rig)
-    return Options(held, rig, tension_in, unit, lumen, geometry_only)
+    if tube_mm is not None and not 0 < tube_mm < math.inf:
+        raise SettingsError(f"--tube-mm is {tube_mm:g} mm: give the outer diameter of the tube, > 0 mm")
+    return Options(held, rig, tension_in, unit, lumen, geometry_only, 0.5e-3 * (tube_mm or 0.0))
 
 
 def geometry_alone(chosen: Options) -> Options:
@@ -147,18 +148,6 @@ def useful(name: str, source: str, recording: Recording, account: Account) -> An
     first = f"{account.rejected[0].reason}" if account.rejected else "it holds no frame"
     where = f"none of {account.frames} frames can be used; the first: " if account.frames > 1 else ""
     raise ShapeError(f"{recording.path}: {where}{first}")
-
-
-def lumen_of(path: Path, unit: str, chosen: Options) -> trimesh.Trimesh | None:
-    """Read the mesh around a shape: the one that was asked for, else the one beside it.
-
-    Raises
-    ------
-    ShapeError, SourceError
-        Where the mesh cannot be used.
-    """
-    mesh = chosen.lumen or lumen_beside(path)
-    return None if mesh is None else read_lumen(mesh, unit)
 
 
 def frame_refusals(analysis: Analysis, source: str) -> list[str]:

@@ -155,3 +155,36 @@ def test_a_recording_whose_frames_are_all_bad_is_refused(run, write_csv):
     (error,) = outcome.errors
     assert outcome.status == 2
     assert "none of 2 frames can be used; the first: 3 distinct points" in error
+
+
+def test_the_clearance_to_a_closed_lumen_counts_the_tube(run, half, tmp_path):
+    """A half circle of 500 mm in the plane z = 0, in a flat box of 40 mm, and of 20 mm."""
+    lumen = tmp_path / "half_lumen.ply"
+    trimesh.creation.box((400.0, 400.0, 40.0)).export(lumen)
+    told = json.loads(run("analyse", half, "--tube-mm", "10", "--json").out)["clearance"]
+    assert told["lumen"] == "half_lumen.ply"
+    assert told["tube_radius_m"] == 0.005
+    assert told["least_m"] == pytest.approx(0.015, abs=1e-6)  # the route fits exact points
+    assert told["contacts"] == told["outside"] == []
+    trimesh.creation.box((400.0, 400.0, 9.0)).export(lumen)
+    outcome = run("analyse", half, "--tube-mm", "10", "--json")
+    touching = json.loads(outcome.out)["clearance"]
+    assert [one["least_m"] for one in touching["contacts"]] == [pytest.approx(-0.0005, abs=1e-6)]
+    assert touching["contacts"][0]["s_end_m"] == pytest.approx(0.5, rel=1e-3)
+    assert outcome.status == 0
+
+
+def test_a_route_out_of_its_lumen_is_warned_of(run, half, tmp_path):
+    mesh = trimesh.creation.box((400.0, 400.0, 40.0))
+    mesh.apply_translation((0.0, 0.0, 50.0))
+    mesh.export(tmp_path / "half_lumen.ply")
+    told = json.loads(run("analyse", half, "--json").out)
+    assert told["clearance"]["least_m"] == pytest.approx(-0.03, abs=1e-6)
+    assert any("out of the lumen from s = 0.0 to 500.0 mm, by up to 30" in one for one in told["warnings"])
+
+
+def test_the_tube_of_the_mesh_has_the_true_radius_and_is_watertight(run, half, tmp_path):
+    assert run("analyse", half, "--tube-mm", "8", "--out", tmp_path / "out", "--quiet").status == 0
+    tube = trimesh.load_mesh(tmp_path / "out" / "half.glb")
+    assert tube.is_watertight
+    assert tube.extents.min() == pytest.approx(0.008, rel=0.02)  # sixteen sides

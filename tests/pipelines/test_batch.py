@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as papq
 import pytest
+import trimesh
 
 
 def half_circle(count: int = 30) -> np.ndarray:
@@ -128,3 +129,17 @@ def test_an_interruption_leaves_whole_files_and_no_drafts(write_csv, tmp_path):
     for name in written:
         if name.endswith(".parquet"):
             assert papq.read_table(tmp_path / "out" / name).num_rows == 1
+
+
+def test_the_summary_tells_the_clearance_where_there_is_a_lumen(run, half, write_csv, tmp_path):
+    trimesh.creation.box((400.0, 400.0, 40.0)).export(tmp_path / "half_lumen.ply")
+    other = write_csv("other.csv", half_circle())
+    out = tmp_path / "out"
+    assert run("batch", half, other, "--out", out, "--tube-mm", "10", "--no-pictures", "--quiet").status == 0
+    rows = {row["name"]: row for row in papq.read_table(out / "summary.parquet").to_pylist()}
+    assert rows["half"]["clearance_m"] == pytest.approx(0.015, abs=1e-6)
+    assert (rows["half"]["contact_length_m"], rows["half"]["outside_length_m"]) == (0.0, 0.0)
+    assert rows["other"]["clearance_m"] is None
+    assert run("batch", half, other, "--out", out, "--tube-mm", "20", "--no-pictures", "--quiet").status == 0
+    rows = {row["name"]: row for row in papq.read_table(out / "summary.parquet").to_pylist()}
+    assert rows["half"]["clearance_m"] == pytest.approx(0.010, abs=1e-6)  # another tube is done anew

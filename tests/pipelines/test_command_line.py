@@ -53,7 +53,7 @@ def test_help_of_analyse_tells_the_default_tension(run):
         (["analyse", "a.csv", "--tension-in", "inf"], "finite"),
         (["analyse", "a.csv", "--no-such-option"], "--no-such-option"),
         (["analyse", "a.csv", "--rig", "missing.toml"], "missing.toml: cannot read the rig file"),
-        (["analyse", "a.csv", "--lumen", "a.ply"], "give --out DIR too"),
+        (["analyse", "a.csv", "--tube-mm", "-1"], "--tube-mm is -1 mm"),
         (["analyse", "missing.csv"], "missing.csv: no such file: check the path"),
         (["batch", "a.csv"], "--out"),
         (["check", "missing.csv"], "missing.csv: no such file"),

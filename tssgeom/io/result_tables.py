@@ -68,6 +68,10 @@ SUMMARY = pa.schema(
         *_TENDON,
         *_RANGES,
         _field("noise_rms_m", _NUMBER, "m", "root mean square of the noise over the good frames"),
+        _field("clearance_m", _NUMBER, "m", "least clearance of the tube to the lumen; null without one"),
+        _field("clearance_at_m", _NUMBER, "m", "arc length of the least clearance"),
+        _field("contact_length_m", _NUMBER, "m", "length of the route on which the tube touches the lumen"),
+        _field("outside_length_m", _NUMBER, "m", "length of the route outside the lumen"),
         _field("warnings", _TEXTS, "", "what is worth knowing about the input"),
     ]
 )

@@ -25,6 +25,7 @@ class Settings(msgspec.Struct, frozen=True, kw_only=True):
     rig: Rig
     geometry_only: bool = False
     pictures: bool = True
+    tube_radius_m: float = 0.0
 
 
 class Input(msgspec.Struct, frozen=True, kw_only=True):

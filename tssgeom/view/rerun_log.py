@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from uuid import uuid4
 
@@ -13,11 +13,13 @@ import trimesh
 from numpy.typing import NDArray
 
 from tssgeom.errors import SourceError, SpaceError, unwritable
+from tssgeom.shape.clearance import Clearance
 from tssgeom.stream import FrameResult
 from tssgeom.view import words
 from tssgeom.view.blueprint import blueprint, chart_boxes
 from tssgeom.view.columns import Sender
 from tssgeom.view.rerun_charts import send_curvature_chart, send_tension_chart
+from tssgeom.view.rerun_clearance import clearance_words, send_clearance
 from tssgeom.view.rerun_front import send_slip_front
 from tssgeom.view.rerun_series import send_series
 from tssgeom.view.rerun_space import send_space
@@ -31,6 +33,7 @@ def write_recording(
     *,
     timed: bool,
     lumen: trimesh.Trimesh | None = None,
+    clearance: Callable[[FrameResult], Clearance] | None = None,
 ) -> None:
     """Write a Rerun recording of one shape or of one run; an older file gives way only when it is done.
 
@@ -46,6 +49,8 @@ def write_recording(
         True: the frames are rows of the timeline `time` [s]. False: the last frame is shown without time.
     lumen
         Wall around the route [m].
+    clearance
+        What measures the clearance of a frame; the wall is marked where the tube touches it.
 
     Raises
     ------
@@ -57,7 +62,7 @@ def write_recording(
     run = run_of(name, results if timed else results[-1:], timed)
     unfinished = path.with_name(f".{path.name}.part")
     try:
-        _write(unfinished, run, lumen)
+        _write(unfinished, run, lumen, [clearance(one) for one in run.results] if clearance else [])
         os.replace(unfinished, path)
     except OSError as error:
         raise unwritable(path, error) from error
@@ -67,14 +72,14 @@ def write_recording(
         unfinished.unlink(missing_ok=True)
 
 
-def _write(path: Path, run: Run, lumen: trimesh.Trimesh | None) -> None:
+def _write(path: Path, run: Run, lumen: trimesh.Trimesh | None, measured: Sequence[Clearance]) -> None:
     path.touch()
     # The viewer keeps one layout for each application: a name of its own lets each file keep its camera.
     with rr.RecordingStream(f"tssgeom: {run.name}", recording_id=uuid4()) as recording:
         recording.save(path, default_blueprint=blueprint(run.name, run.camera, timed=run.timed))
         recording.send_recording_name(run.name)
         sender = Sender(recording, _times(run))
-        send_pictures(sender, run, lumen)
+        send_pictures(sender, run, lumen, measured)
         if run.timed:
             send_series(sender, run.results)
 
@@ -83,10 +88,14 @@ def _times(run: Run) -> NDArray[np.float64] | None:
     return np.array([result.frame.time for result in run.results]) if run.timed else None
 
 
-def send_pictures(sender: Sender, run: Run, lumen: trimesh.Trimesh | None) -> None:
-    """Send everything but the numbers against time."""
+def send_pictures(
+    sender: Sender, run: Run, lumen: trimesh.Trimesh | None, measured: Sequence[Clearance] = ()
+) -> None:
+    """Send everything but the numbers against time; `measured` is the clearance of each frame, or nothing."""
     send_space(sender, run, lumen)
-    _send_words(sender, run)
+    if measured:
+        send_clearance(sender, run, measured)
+    _send_words(sender, run, measured)
     pieces = [result.arcs for result in run.results]
     boxes = chart_boxes(timed=run.timed)
     send_tension_chart(sender, run.frames, pieces, run.ranges, boxes.tension)
@@ -95,9 +104,12 @@ def send_pictures(sender: Sender, run: Run, lumen: trimesh.Trimesh | None) -> No
         send_slip_front(sender, run, boxes.tension)
 
 
-def _send_words(sender: Sender, run: Run) -> None:
+def _send_words(sender: Sender, run: Run, measured: Sequence[Clearance]) -> None:
     pairs = zip(run.results, run.frames, strict=True)
     summaries = [words.summary(run.name, result, run.timed) for result in run.results]
+    if measured:
+        told = zip(summaries, measured, strict=True)
+        summaries = [f"{text}\n\n{clearance_words(one)}" for text, one in told]
     tables = [words.piece_table(result.arcs, frame) for result, frame in pairs]
     for entity, texts in (("summary", summaries), ("table", tables)):
         sender.constant(entity, rr.TextDocument.from_fields(media_type=rr.MediaType.MARKDOWN))
