@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import multiprocessing
+import sys
 import time
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -17,10 +18,11 @@ from functools import partial
 
 from benchmarks import discovery_report as report
 from benchmarks.discovery_cases import cases, outcome
-from benchmarks.discovery_scores import Outcome
+from benchmarks.discovery_scores import Outcome, both_named, verdict
 from benchmarks.tables import machine
 
 _SEEDS = 4
+_QUICK_WRONG = 1  # of seven campaigns: where 97 % are right, more are wrong once in 60 runs
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -37,7 +39,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     begin = time.perf_counter()
     outcomes = _outcomes(chosen, options)
     print(f"done in {time.perf_counter() - begin:.0f} s\n\n{_printed(outcomes, options)}")
-    return int(any(one.report is None for one in outcomes))
+    wrong = sum(not _right(one) for one in outcomes)
+    return int(any(one.report is None for one in outcomes) or (options.quick and wrong > _QUICK_WRONG))
+
+
+def _right(outcome: Outcome) -> bool:
+    """Tell whether the verdict is the one that the cause asks for."""
+    if outcome.group == "clean":
+        return verdict(outcome.report) == "none"
+    if outcome.group == "outside":
+        return verdict(outcome.report) == "unknown"
+    return both_named(outcome)
 
 
 def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
@@ -70,3 +82,7 @@ def _printed(outcomes: Sequence[Outcome], options: argparse.Namespace) -> str:
         for draw in (report.targets, report.confusions, report.limits, report.peers)
     ]
     return "\n\n".join([*parts, report.failures(outcomes)]).rstrip()
+
+
+if __name__ == "__main__":
+    sys.exit(main())
