@@ -53,6 +53,11 @@ class Work:
     absent: Mapping[str, str]
     """Effects that could not be tried, and why."""
 
+    @property
+    def misfit(self) -> float:
+        """χ² for each reading of what was chosen [1]."""
+        return self.chosen.fit.chi2 / self.chosen.problem.stack.size
+
 
 def base_estimates(fit: Fit, nominal: Rig) -> dict[str, Estimate]:
     """Return friction and compliance with their 95 % intervals; the angle gain blurs friction."""

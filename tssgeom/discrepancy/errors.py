@@ -62,22 +62,32 @@ def errors_of(stack: Stack, rig: Rig, effects: Sequence[Library] = ()) -> Errors
 def _from_drive(reading: Reading, channels: dict[str, Vector]) -> dict[str, Vector]:
     """Return white noise of the drive as each channel shows it; docs/model.md (100)."""
     noise, drive = reading.noise[reading.drive], reading.given[reading.drive]
-    step, near = np.abs(np.gradient(drive)), _near_turns(drive, noise)
+    moving = np.abs(np.diff(drive))
+    usual = float(np.median(moving[moving > 0.0])) if (moving > 0.0).any() else noise
+    width = int(np.clip(math.ceil(_STEEP * noise / usual), 1, len(drive) // 20 + 1))
+    step, near = _rise(drive, width), _near_turns(drive, noise, width)
     out = {}
     for name in reading.measured:
-        rise = np.abs(np.gradient(channels[name]))
+        rise = _rise(channels[name], width)
         white = noise * rise / np.maximum(step, _STEEP * noise) * (step > _STEEP * noise)
         out[name] = np.hypot(white, _UNSURE * near * rise)
     return out
 
 
-def _near_turns(drive: Vector, noise: float) -> Vector:
+def _rise(values: Vector, width: int) -> Vector:
+    """Return how much values change over `width` samples, the mean to both sides."""
+    at = np.arange(len(values))
+    first, last = np.maximum(at - width, 0), np.minimum(at + width, len(values) - 1)
+    return np.abs(values[last] - values[first]) * width / (last - first)
+
+
+def _near_turns(drive: Vector, noise: float, width: int) -> Vector:
     """Return 1 where a sample stands beside a turn or the end of a hold there, else 0."""
     out = np.zeros(len(drive))
     for place in turning_points(drive, noise):
         start, stop = hold(drive, place, noise)
         for edge in (start, stop - 1):
-            out[max(edge - 1, 0) : edge + _BESIDE] = 1.0
+            out[max(edge - width, 0) : edge + _BESIDE * width] = 1.0
     return out
 
 

@@ -39,7 +39,7 @@ from tssgeom.tendon.run_model import Drive
 
 _SUSPECT = 1.3  # χ² for each reading from which another drive is tried
 _PLAINLY = 0.4  # of it: then the tension drives
-_EXPLAINED = 1.2  # χ² for each reading of a base model that leaves nothing to be found
+_EXPLAINED = 1.2  # χ² for each reading of a model that leaves nothing to be found
 
 
 def discover(
@@ -71,9 +71,10 @@ def discover(
         started, other = other, None
     tell("refitting each effect of the library", 0.25)
     work = _worked(campaign, started, seed)
-    if other is not None and work.judged.verdict == "unknown" and other.misfit < _EXPLAINED:
-        started = other
-        work = _worked(campaign, started, seed)
+    if other is not None and work.judged.verdict == "unknown" and not work.judged.bent:
+        told = _worked(campaign, other, seed)
+        if told.judged.verdict != "unknown" and told.misfit < _EXPLAINED:
+            started, work = other, told
     tell("mapping where they disagree", 0.8)
     places = _places(started.runs, campaign, started.base)
     tell("putting it together", 0.9)
