@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
@@ -126,8 +127,14 @@ def _frame(line: Line, unit: str | None, time: float | None) -> Frame:
 
 
 def _rows(given: list[Coordinates | None]) -> np.ndarray:
-    rows = np.array([row or _UNSEEN for row in given], dtype=np.float64).reshape(-1, 3)
-    rows[np.isnan(rows).any(axis=1)] = np.nan
+    try:
+        flat = np.fromiter(chain.from_iterable(given), np.float64, 3 * len(given))  # type: ignore[arg-type]
+    except TypeError:  # a point that was not seen
+        flat = np.array([row or _UNSEEN for row in given], dtype=np.float64)
+    rows = flat.reshape(-1, 3)
+    unseen = np.isnan(rows)
+    if unseen.any():
+        rows[unseen.any(axis=1)] = np.nan
     return rows
 
 
