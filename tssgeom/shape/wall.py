@@ -8,14 +8,13 @@ from functools import cached_property
 
 import numpy as np
 from numba import njit
-from scipy.spatial import KDTree
 
 from tssgeom.arrays import Points, Vector, read_only
+from tssgeom.shape.boxes import Boxes, box_gap, boxed
 
-_FIRST = 8  # triangles whose centres are nearest, which tell how far to look at most
-_LARGE = 6.0  # times the usual radius: triangles that are looked at one by one
 _SAME = 1e-7  # of the distance and of the size of a triangle: places that are one
 _FLAT = 1e-12  # of the squared sides: less area is none
+_MOST_AROUND = 256  # triangles that meet in one place
 
 
 @dataclass(frozen=True)
@@ -28,48 +27,9 @@ class Wall:
     """Whether the normals point out of the lumen; None where only a route inside can tell."""
 
     @cached_property
-    def centre(self) -> Points:
-        """Middle of each triangle [f, 3] [m]."""
-        return self.corners.mean(axis=1)
-
-    @cached_property
-    def radius(self) -> Vector:
-        """Distance of the farthest corner from the middle of each triangle [f] [m]."""
-        off = self.corners - self.centre[:, None]
-        return np.sqrt(np.einsum("fij,fij->fi", off, off).max(axis=1))
-
-    @cached_property
-    def _reach(self) -> float:
-        return _LARGE * float(np.median(self.radius))
-
-    @cached_property
-    def _large(self) -> np.ndarray:
-        return np.flatnonzero(self.radius > self._reach)
-
-    @cached_property
-    def _tree(self) -> KDTree:
-        return KDTree(self.centre, balanced_tree=False, compact_nodes=False)
-
-    def near(self, points: Points) -> tuple[np.ndarray, np.ndarray]:
-        """Return the triangles that may hold the nearest place of each point, one point after the other.
-
-        Returns
-        -------
-        tuple of ndarray
-            Indices of triangles, and where those of each point begin [n + 1].
-        """
-        first = np.atleast_2d(
-            self._tree.query(points, min(_FIRST, len(self.corners)))[1].reshape(len(points), -1)
-        )
-        most = _least_distance(points, self.corners, first)
-        small = self.radius[self.radius <= self._reach].max(initial=0.0)
-        around = self._tree.query_ball_point(points, (most + small) * (1 + 1e-9))
-        lists = (
-            [np.union1d(one, self._large).astype(np.int64) for one in around] if len(self._large) else around
-        )
-        counts = np.array([len(one) for one in lists])
-        flat = np.concatenate([np.asarray(one, dtype=np.int64) for one in lists])
-        return flat, np.concatenate(([0], np.cumsum(counts)))
+    def boxes(self) -> Boxes:
+        """Boxes around groups of triangles, and around groups of boxes."""
+        return boxed(self.corners.min(axis=1), self.corners.max(axis=1))
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,58 +49,105 @@ class Nearest:
 def nearest(wall: Wall, points: Points) -> Nearest:
     """Find the nearest place on a wall for each point [n, 3] [m]; docs/model.md (144)."""
     points = np.ascontiguousarray(points, dtype=np.float64)
-    triangles, begin = wall.near(points)
-    place, distance, side, rim = _nearest(points, wall.corners, wall.centre, wall.radius, triangles, begin)
+    boxes = wall.boxes
+    place, distance, side, rim = _nearest(points, wall.corners, boxes.order, boxes.low, boxes.high)
     return Nearest(read_only(place), read_only(distance), read_only(side), rim)
 
 
 @njit(cache=True, nogil=True)
-def _least_distance(points: np.ndarray, corners: np.ndarray, first: np.ndarray) -> np.ndarray:
-    out = np.full(len(points), math.inf)
-    for i in range(len(points)):
-        for k in range(first.shape[1]):
-            out[i] = min(out[i], math.sqrt(_foot(points[i], corners[first[i, k]])[3]))
-    return out
-
-
-@njit(cache=True, nogil=True)
 def _nearest(
-    points: np.ndarray,
-    corners: np.ndarray,
-    centre: np.ndarray,
-    radius: np.ndarray,
-    triangles: np.ndarray,
-    begin: np.ndarray,
+    points: np.ndarray, corners: np.ndarray, order: np.ndarray, low: np.ndarray, high: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Nearest places, and the normal there: the mean of all triangles that hold it, by their angle."""
     count = len(points)
     place, distance = np.empty((count, 3)), np.empty(count)
     side, rim = np.empty(count), np.zeros(count, np.bool_)
+    stack, around, q = np.empty(128, np.int64), np.empty(_MOST_AROUND, np.int64), np.empty(3)
     for i in range(count):
-        p, least, best, q = points[i], math.inf, place[i], np.empty(3)
-        here = triangles[begin[i] : begin[i + 1]]
-        for k in here:
-            if _apart(p, centre[k]) - radius[k] >= least:
-                continue
-            x, y, z, square = _foot(p, corners[k])
-            if square < least * least:
-                least = math.sqrt(square)
-                best[0], best[1], best[2] = x, y, z
+        p, best = points[i], place[i]
+        least = math.sqrt(_search(p, corners, order, low, high, stack, best))
+        near = _SAME * (least + 1e-6)
+        held = _holding(best, near, corners, order, low, high, stack, around)
         normal, angle = np.zeros(3), 0.0
-        for k in here:
-            if _apart(best, centre[k]) > radius[k] * (1.0 + 1e-6):
-                continue
-            t = corners[k]
-            q[0], q[1], q[2], _ = _foot(p, t)
-            size = math.sqrt(np.sum((t[1] - t[0]) ** 2)) + math.sqrt(np.sum((t[2] - t[0]) ** 2))
-            if _apart(q, best) <= _SAME * (size + least):
-                part = _angle_at(t, q, _SAME * (size + least) * 10)
-                angle += part
-                normal += part * _normal(t)
+        for k in around[:held]:
+            q[0], q[1], q[2], _ = _foot(best, corners[k])
+            part = _angle_at(corners[k], q, 10 * near + _SAME * _apart(corners[k, 0], corners[k, 1]))
+            angle += part
+            normal += part * _normal(corners[k])
         distance[i] = least
         side[i] = 1.0 if np.sum((p - best) * normal) >= 0.0 else -1.0
-        rim[i] = angle < 2 * math.pi and _is_rim(corners, here, best, _SAME)
+        rim[i] = angle < 2 * math.pi and _is_rim(corners, around[:held], best, _SAME)
     return place, distance, side, rim
+
+
+@njit(cache=True, nogil=True)
+def _search(
+    p: np.ndarray,
+    corners: np.ndarray,
+    order: np.ndarray,
+    low: np.ndarray,
+    high: np.ndarray,
+    stack: np.ndarray,
+    best: np.ndarray,
+) -> float:
+    """Put the nearest place into `best` and return the square of its distance."""
+    leaves = (len(low) + 1) // 2
+    group = len(order) // leaves
+    least, top = math.inf, 0
+    stack[0] = 0
+    while top >= 0:
+        node = stack[top]
+        top -= 1
+        if box_gap(p, low[node], high[node]) >= least:
+            continue
+        if node >= leaves - 1:
+            start = (node - leaves + 1) * group
+            for k in order[start : start + group]:
+                if k >= 0:
+                    x, y, z, square = _foot(p, corners[k])
+                    if square < least:
+                        least = square
+                        best[0], best[1], best[2] = x, y, z
+            continue
+        one, two = 2 * node + 1, 2 * node + 2
+        if box_gap(p, low[one], high[one]) < box_gap(p, low[two], high[two]):
+            one, two = two, one
+        stack[top + 1], stack[top + 2] = one, two
+        top += 2
+    return least
+
+
+@njit(cache=True, nogil=True)
+def _holding(
+    place: np.ndarray,
+    near: float,
+    corners: np.ndarray,
+    order: np.ndarray,
+    low: np.ndarray,
+    high: np.ndarray,
+    stack: np.ndarray,
+    around: np.ndarray,
+) -> int:
+    """Gather the triangles that hold a place, and return how many there are."""
+    leaves = (len(low) + 1) // 2
+    group = len(order) // leaves
+    held, top = 0, 0
+    stack[0] = 0
+    while top >= 0:
+        node = stack[top]
+        top -= 1
+        if box_gap(place, low[node], high[node]) > near * near:
+            continue
+        if node < leaves - 1:
+            stack[top + 1], stack[top + 2] = 2 * node + 1, 2 * node + 2
+            top += 2
+            continue
+        start = (node - leaves + 1) * group
+        for k in order[start : start + group]:
+            if k >= 0 and held < len(around) and _foot(place, corners[k])[3] <= near * near:
+                around[held] = k
+                held += 1
+    return held
 
 
 @njit(cache=True, nogil=True)
