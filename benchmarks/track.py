@@ -4,8 +4,8 @@
 
 Films are rendered ray by ray with lenses that distort, blur and noise (tests/scenes), so that the truth is
 known. Errors stand beside the bound: the noise of the centres as found, carried into space by the true
-cameras. Angles come from sightings with noise of their own, in scenes of different cameras and routes. No time
-is asserted.
+cameras. Angles come from sightings with noise of their own, in scenes of different cameras and routes.
+No time is asserted.
 """
 
 from __future__ import annotations
