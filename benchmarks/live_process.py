@@ -16,7 +16,7 @@ from pathlib import Path
 from time import monotonic
 from typing import IO, Any
 
-PATIENCE = 60.0
+PATIENCE = 120.0
 """Longest wait for anything that has to come [s]."""
 START = [sys.executable, "-c", "from pipelines.cli import main; main()", "live"]
 

@@ -119,6 +119,9 @@ def test_a_killed_or_stopped_picture_and_a_killed_saver_change_no_answer(tmp_pat
 def test_a_full_disk_ends_the_recording_with_the_reason_and_not_the_stream(tmp_path):
     recording = tmp_path / "full.rrd"
     limit = 400_000  # bytes of any file, a few dozen frames
+    with live("--record", tmp_path / "warm.rrd") as warm:  # compiled code is larger, and is stored only once
+        warm.input.close()
+        assert warm.process.wait(PATIENCE) == 0
 
     def limited() -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
