@@ -16,9 +16,9 @@ from benchmarks.live_frames import line
 from benchmarks.live_process import PATIENCE, Reader, live
 from tests.live.peers import frame, half_circle
 from tssgeom.io.files import open_recording
-from tssgeom.io.states import read_state
-from tssgeom.settings import Rig
-from tssgeom.stream import FrameResult, process
+from tssgeom.io.states import read_state, write_state
+from tssgeom.settings import Rig, read_rig
+from tssgeom.stream import Frame, FrameResult, process
 
 SAMPLE = Path(__file__).parents[2] / "sample_shapes" / "insertion.jsonl"
 HERE = "127.0.0.1"
@@ -68,12 +68,15 @@ def test_standard_input_is_answered_frame_by_frame_as_batch_answers_it(tmp_path)
 def test_a_tendon_that_creeps_is_found_again_as_it_was_left_though_the_clock_began_anew(tmp_path):
     state, rig = tmp_path / "tendon.json", tmp_path / "rig.toml"
     rig.write_text('[[effects]]\nname = "creep"\nratio = 0.1\ntime_s = 10.0\n')
-    for tension, time in ((12.0, 1000.0), (9.0, 1.0)):
-        with live("--state", state, "--rig", rig) as stream:
-            stream.input.write(line(half_circle(), time, tension_in_N=tension))
-            stream.input.close()
-            told = json.loads(stream.output.readline())
-            assert stream.process.wait(PATIENCE) == 0
+    pulled = Frame(1e-3 * half_circle(), 1000.0, tension_in=12.0)
+    (before,) = process([pulled], read_rig(rig), tension_in=0.0)
+    write_state(state, before.state)
+    with live("--state", state, "--rig", rig) as stream:
+        stream.input.write(line(half_circle(), 1.0, tension_in_N=9.0))
+        stream.input.close()
+        told = json.loads(stream.output.readline())
+        assert stream.process.wait(PATIENCE) == 0
+    assert read_state(state).time > 1000.0
     assert told["t"] == 1.0
     assert told["direction_index"] == -1
     assert told["dead_zone"] is True

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import struct
 import subprocess
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from uuid import uuid4
@@ -53,11 +54,9 @@ class GrowingFile:
         if self._full:
             return
         try:
-            self._append(data if self._size else _START + data)
+            self._append(data)
         except OSError as error:
             self._full = True
-            with suppress(OSError):
-                self._file.truncate(self._size)
             raise self._unwritten(error) from error
 
     def finish(self) -> None:
@@ -72,15 +71,26 @@ class GrowingFile:
             self.write()
         finally:
             self._file.close()
-            if self._size > _TIDY or not self._tidied():
+            if not self._size:
+                self._part.unlink(missing_ok=True)
+            elif self._size > _TIDY or not self._tidied():
                 os.replace(self._part, self._path)
 
     def _append(self, data: bytes) -> None:
-        with memoryview(data) as view:
-            written = 0
-            while written < len(view):
-                written += self._file.write(view[written:]) or 0
-        self._size += len(data)
+        """Write messages; of those that find no room, none is written in part."""
+        data, begin = (data, 0) if self._size else (_START + data, len(_START))
+        written = 0
+        try:
+            with memoryview(data) as view:
+                while written < len(view):
+                    written += self._file.write(view[written:]) or 0
+        except OSError:
+            written = max((end for end in _ends(data, begin) if end <= written), default=0)
+            with suppress(OSError):
+                self._file.truncate(self._size + written)
+            raise
+        finally:
+            self._size += written
 
     def _tidied(self) -> bool:
         """Join the many small pieces and add a table of contents; False where that did not work."""
@@ -106,10 +116,14 @@ def logged(data: bytes) -> bytes:
     Each reading is a file of its own; what lies between start and end of all of them makes one file, which
     needs no table of contents.
     """
-    at = len(_START)
+    return data[len(_START) : max(_ends(data, len(_START)), default=0)]
+
+
+def _ends(data: bytes, at: int) -> Iterator[int]:
+    """Yield where each of the messages that begin at `at` ends, up to what ends a file."""
     while at + _MESSAGE.size <= len(data):
         kind, size = _MESSAGE.unpack_from(data, at)
         if kind == _END:
-            break
+            return
         at += _MESSAGE.size + size
-    return data[len(_START) : at]
+        yield at
