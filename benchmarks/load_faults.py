@@ -237,6 +237,9 @@ def killed_while_saving(quick: bool) -> Verdict:
         for i in range(rounds):
             with live("--source", _HERE, "--sink", _HERE, "--state", state) as stream:
                 exchange = Exchange(stream)
+                end = monotonic() + PATIENCE
+                while not state.exists() and monotonic() < end:  # the first save makes the file
+                    exchange.ask()
                 for _ in range(40 + 17 * i):
                     exchange.ask()
                 for number in (*stream.children(), stream.process.pid):

@@ -267,6 +267,6 @@ def test_a_calmed_drive_is_monotone_between_its_turns_and_a_clean_one_stays_as_i
     calm = calmed(read, 0.05)
     for start, stop, sign in ((0.0, 3.9, 1), (6.5, 8.8, -1), (9.3, 11.7, 1), (12.4, 14.7, -1)):
         assert (sign * np.diff(calm[(time > start) & (time < stop)])).min() >= 0.0
-    assert np.abs(calm - pulls).max() < 0.25  # five standard deviations: legs meet between the samples at a turn
+    assert np.abs(calm - pulls).max() < 0.25  # five standard deviations: legs meet between samples
     assert calmed(pulls, 0.0) is pulls
     assert calmed(pulls, 1e-9) == pytest.approx(pulls, abs=1e-8)
