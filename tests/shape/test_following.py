@@ -153,3 +153,16 @@ def test_one_point_beyond_a_last_joint_is_no_bend():
     found = measure(clean(1e-3 * np.array(frame["points"])), None)
     assert found.arcs.method == "arcs"
     assert found.profile.total_angle_se < 0.1  # rad; with a piece of that point 24 000
+
+
+def test_a_route_that_is_carried_away_takes_its_start_along():
+    """Unknown stations leave the start free along the route; it must not fall behind for ever."""
+    rng, last = np.random.default_rng(7), None
+    here = _points(_swaying(0.0), 60, rng)
+    ahead = (here[1] - here[0]) / np.linalg.norm(here[1] - here[0])
+    for i in range(200):
+        last = follow(clean(here + 1e-3 * i * ahead), None, last)
+    stations = last.geometry.chain.stations
+    # a foot goes farther than a noisy point's own error only where the start has stayed behind
+    assert abs(stations[0]) < 5 * NOISE
+    assert stations[-1] - stations[0] == pytest.approx(LENGTH.sum(), rel=0.01)

@@ -14,7 +14,7 @@ import numpy as np
 from tssgeom.arrays import Vector
 from tssgeom.errors import FitError
 from tssgeom.shape.chain.facing import curvature_at_points, faced, without_stray_directions
-from tssgeom.shape.chain.fit import Chain, Data, settle, values
+from tssgeom.shape.chain.fit import Chain, Data, begun_anew, settle, values
 from tssgeom.shape.chain.moves import fit_chain
 from tssgeom.shape.chain.strays import weighed
 from tssgeom.shape.geometry import (
@@ -151,6 +151,7 @@ def _follow_chain(
     )
     age = last.age + 1
     variance = last.geometry.route.noise**2
+    chain = begun_anew(chain) if data.free else chain
     chain = chain._replace(stations=_stations(shape, last, chain))
     if shape.directions is not None:
         kappa = curvature_at_points(chain)

@@ -11,7 +11,7 @@ from numba import njit
 from tssgeom.arrays import Matrix, Points, Vector
 from tssgeom.shape.chain.dense import factor, inverse, solve
 from tssgeom.shape.chain.equations import normal_equations
-from tssgeom.shape.chain.places import project
+from tssgeom.shape.chain.places import joint_frames, project
 
 _SETTLED = 1e-3  # of the noise variance: a step that saves less of the cost is the last
 _MOST_STEPS = 40
@@ -127,6 +127,21 @@ def parameter_covariance(data: Data, chain: Chain) -> np.ndarray:
     """Covariance [m, m] of the parameters, in the order of `equations.normal_equations`."""
     lower, unit = factor(chain.matrix, _LEAST_INFORMATION)
     return noise_variance(data, chain) * inverse(lower, unit)
+
+
+def begun_anew(chain: Chain) -> Chain:
+    """Return a chain of unknown stations with its start at the foot of the first point.
+
+    The start moves only across itself in a fit, so the ends of a route that moves would run away from it.
+    """
+    begin = float(chain.stations[0])
+    if len(chain.bend) > 1 and not begin < chain.joints[1]:
+        return chain
+    there = np.array([chain.joints[0], begin])
+    place, frame = joint_frames(chain.start, chain.axes, there, chain.bend[[0, 0]])
+    joints = chain.joints - begin
+    joints[0] = 0.0
+    return chain._replace(start=place[1], axes=frame[1], joints=joints, stations=chain.stations - begin)
 
 
 def settle(data: Data, chain: Chain, least: float = math.inf) -> Chain:
