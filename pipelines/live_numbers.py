@@ -86,18 +86,15 @@ class StatusLine:
 def status_text(numbers: dict[str, Any]) -> Text:
     """Return the status line of some numbers."""
     text = Text()
+    if "t" in numbers:
+        angle, tension = math.degrees(numbers["total_angle_rad"]), numbers["tension_out_N"]
+        text.append(f"Φ {angle:.1f}° T_out {tension:.2f} N δ {1e3 * numbers['elongation_m']:.3f} mm", "cyan")
     if numbers["stale"]:
-        text.append("stale", "bold red")
+        text.append(" | stale", "bold red")
     else:
-        text.append(f"{numbers['rate_hz']:.0f} Hz", "bold")
+        text.append(f" | {numbers['rate_hz']:.0f} Hz", "bold")
     if numbers["latency_p50_us"] is not None:
         middle, high = 1e-3 * numbers["latency_p50_us"], 1e-3 * numbers["latency_p99_us"]
-        text.append(f"  latency p50 {middle:.2f} p99 {high:.2f} ms")
-    text.append(f"  dropped {numbers['dropped']}  rejected {numbers['rejected']}")
-    if "t" in numbers:
-        text.append(
-            f"  Φ {math.degrees(numbers['total_angle_rad']):.1f}°  T_out {numbers['tension_out_N']:.2f} N"
-            f"  δ {1e3 * numbers['elongation_m']:.3f} mm",
-            "cyan",
-        )
+        text.append(f" {middle:.2f}/{high:.2f} ms")
+    text.append(f" | dropped {numbers['dropped']} rejected {numbers['rejected']}")
     return text

@@ -5,11 +5,12 @@ import re
 import socket
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from benchmarks.live_process import PATIENCE, live
+from benchmarks.live_process import PATIENCE, Live, live
 
 TEXT = (Path(__file__).parents[2] / "docs" / "live.md").read_text()
 EXAMPLES = dict(re.findall(r"<!-- test: (\w+) -->\n```python\n(.*?)```", TEXT, re.DOTALL))
@@ -50,32 +51,43 @@ def test_the_source_is_short_and_each_of_its_frames_is_answered(stream, reader):
     assert answered[-1]["total_angle_rad"] == pytest.approx(1.99, rel=1e-3)
 
 
-def test_the_robot_gets_a_command_for_each_target(free_port):
-    ending = "\nprint(len(moves), min(moves), max(moves))"
-    port = _free_datagram_port()
-    ends = ("--source", f"udp://127.0.0.1:{free_port}", "--sink", f"udp://127.0.0.1:{port}")
-    with live(*ends) as stream:
-        code = ported(SENSOR + EXAMPLES["robot"] + ending, _5001=free_port, _5002=port)
-        out, _ = started(code.replace("settimeout(0.01)", "settimeout(5)")).communicate(timeout=PATIENCE)
+@pytest.fixture(scope="module")
+def ports() -> dict[str, int]:
+    """Ports that nothing is bound to, each under the number that the examples have."""
+    with (
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as frames,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as answers,
+        socket.create_server(("127.0.0.1", 0)) as server,
+    ):
+        frames.bind(("127.0.0.1", 0))
+        answers.bind(("127.0.0.1", 0))
+        socks = {"_5001": frames, "_5002": answers, "_18944": server}
+        return {number: sock.getsockname()[1] for number, sock in socks.items()}
+
+
+@pytest.fixture(scope="module")
+def served(ports: dict[str, int]) -> Iterator[Live]:
+    """A stream with the ends that the examples of OpenIGTLink and of the robot want."""
+    frames, answers, server = ports.values()
+    sources = ("--source", f"igtl://127.0.0.1:{server}", "--source", f"udp://127.0.0.1:{frames}")
+    with live(*sources, "--sink", "-", "--sink", f"udp://127.0.0.1:{answers}") as stream:
+        yield stream
         assert stream.stop() == 0
+
+
+def test_a_server_of_pyigtl_is_found_and_its_route_answered(served, ports):
+    process = started(ported(EXAMPLES["igtl"], **ports))
+    told = json.loads(served.output.readline())
+    assert told["total_angle_rad"] == pytest.approx(2.0, rel=1e-3)
+    process.communicate(timeout=PATIENCE)
+    assert process.returncode == 0
+    served.said("the server has gone")
+
+
+def test_the_robot_gets_a_command_for_each_target(served, ports):
+    code = SENSOR + EXAMPLES["robot"] + "\nprint(len(moves), min(moves), max(moves))"
+    patient = code.replace("settimeout(0.01)", "settimeout(5)")  # a test machine may be busy
+    out, _ = started(ported(patient, **ports)).communicate(timeout=PATIENCE)
     count, least, most = out.split()
-    assert int(count) >= 190  # of 200; a stale line may stand in for an answer on a busy machine
+    assert int(count) >= 190  # of 200; a stale line may stand in for an answer
     assert 2e-3 < float(least) < float(most)
-
-
-def test_a_server_of_pyigtl_is_found_and_its_route_answered(free_port):
-    code = ported(EXAMPLES["igtl"], _18944=free_port)
-    with live("--source", f"igtl://127.0.0.1:{free_port}", "--sink", "-") as stream:
-        process = started(code)
-        told = json.loads(stream.output.readline())
-        assert told["total_angle_rad"] == pytest.approx(2.0, rel=1e-3)
-        process.communicate(timeout=PATIENCE)
-        assert process.returncode == 0
-        stream.said("the server has gone")
-        assert stream.stop() == 0
-
-
-def _free_datagram_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
-        sock.bind(("127.0.0.1", 0))
-        return sock.getsockname()[1]

@@ -12,6 +12,8 @@ from pyigtl.messages import MessageBase
 from benchmarks.live_process import PATIENCE, Reader
 from tests.live.conftest import Shared
 from tests.live.peers import half_circle
+from tssgeom.io.network.igtl import HEADER, Message, header_of, message_of
+from tssgeom.io.network.igtl_peers import Rounds
 
 PLACES = half_circle(30)
 
@@ -65,6 +67,26 @@ def test_sensors_that_tell_one_place_each_make_frames_in_the_order_of_their_name
             peer.sendall(one(f"Sensor{i + 1}", PLACES[2 * i], time))
     found = told(reader, 22.0)
     assert found["total_angle_rad"] == pytest.approx(np.pi * 22 / 29, rel=1e-3)  # of the part that is sensed
+
+
+def test_named_sensors_make_a_frame_in_the_order_named_and_one_that_is_silent_is_a_gap():
+    rounds = Rounds(("base", "middle", "tip"), learning=False)
+
+    def sensed(name: str, x: float) -> tuple[Message, np.ndarray] | None:
+        data = transform(name, np.array([x, 0.0, 0.0]), 1.0)
+        message = message_of(header_of(data), data[HEADER:])
+        assert message is not None
+        return rounds.shape(message)
+
+    assert sensed("tip", 3.0) is None
+    assert sensed("elsewhere", 9.0) is None
+    assert sensed("base", 1.0) is None
+    _, places = sensed("middle", 2.0)
+    np.testing.assert_allclose(1e3 * places[:, 0], (1.0, 2.0, 3.0), rtol=1e-6)  # single precision
+    assert sensed("base", 1.0) is None
+    assert sensed("tip", 3.0) is None
+    _, places = sensed("base", 1.5)
+    np.testing.assert_allclose(1e3 * places[:, 0], (1.0, np.nan, 3.0), rtol=1e-6)
 
 
 def test_numbers_in_the_metadata_drive_the_tendon(peer, reader):

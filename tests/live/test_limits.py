@@ -100,7 +100,7 @@ def test_who_does_not_show_the_token_gets_nothing_and_who_does_is_served(tmp_pat
     token.write_text("0123456789abcdef0123456789abcdef\n")
     here = "127.0.0.1"
     ends = ("--source", f"tcp://{here}:0", "--source", f"udp://{here}:0", "--sink", f"tcp://{here}:0")
-    with live(*ends, "--token-file", token) as stream:
+    with live(*ends, "--token-file", token, "--stats") as stream:
         port = stream.port("sink", "tcp")
         with socket.create_connection((here, port), PATIENCE) as wrong:
             wrong.sendall(b"0123456789abcdef0123456789abcdeX\n")
@@ -123,5 +123,14 @@ def test_who_does_not_show_the_token_gets_nothing_and_who_does_is_served(tmp_pat
                 assert told["id"] != "without"
             datagrams.send(token.read_bytes() + frame(1.0, id="datagram"))
             assert reader.until("id", "datagram")
+        numbers = json.loads(stream.said('"rate_hz"'))
+        assert set(numbers) >= {
+            "latency_p50_us",
+            "latency_p99_us",
+            "answered",
+            "rejected",
+            "dropped",
+            "stale",
+        }
         assert stream.stop(signal.SIGINT) == 0
         assert not any("0123456789abcdef" in said for said in stream.errors)
