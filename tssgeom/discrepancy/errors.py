@@ -94,14 +94,17 @@ def _near_turns(drive: Vector, noise: float, width: int) -> Vector:
 def _all_modes(
     stack: Stack, rig: Rig, effects: Sequence[Library], base: Vector
 ) -> Iterator[tuple[str, Vector]]:
-    yield from _of_sensors(stack, rig)
+    yield from _of_sensors(stack, rig, base)
     for k in range(len(stack.readings)):
         yield from _of_drive(stack, k, rig, effects)
     yield from _of_routes(stack, rig, effects, base)
 
 
-def _of_sensors(stack: Stack, rig: Rig) -> Iterator[tuple[str, Vector]]:
-    """Yield zero, drift and bend of each channel; docs/model.md (101)."""
+def _of_sensors(stack: Stack, rig: Rig, base: Vector) -> Iterator[tuple[str, Vector]]:
+    """Yield zero, drift and bend of each channel; docs/model.md (101).
+
+    Bends lie where the model is, not where a reading is: a mode that held its noise would tilt the fit.
+    """
     for block in stack.blocks:
         reading = stack.readings[block.run]
         noise = reading.noise[block.channel]
@@ -117,7 +120,7 @@ def _of_sensors(stack: Stack, rig: Rig) -> Iterator[tuple[str, Vector]]:
             yield f"drift {k} of {label}", _put(stack, block.rows, wave)
         told = rig.sensors.get(block.channel, Sensor())
         if told.nonlinearity > 0.0 and told.full_scale > 0.0:
-            part = np.clip(stack.measured[block.rows] / told.full_scale, -1.0, 1.0)
+            part = np.clip(base[block.rows] / told.full_scale, -1.0, 1.0)
             for k, size in enumerate(_BENDS, start=1):
                 bow = size * told.nonlinearity * told.full_scale * np.sin(k * math.pi * part)
                 yield f"bend {k} of {block.channel}", _put(stack, block.rows, bow)
