@@ -1,9 +1,9 @@
-"""`tssgeom check`: what a file holds, in which units, and what is wrong with it."""
+"""`tssgeom check`: what a file or a campaign holds, in which units, and what is wrong with it."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -15,6 +15,7 @@ from pipelines.console import complain, say
 from pipelines.work import Refusal, guarded, inputs_of
 from tssgeom.arrays import Matrix
 from tssgeom.errors import ShapeError
+from tssgeom.io.campaigns import is_campaign, read_campaign
 from tssgeom.io.files import Recording, open_recording
 from tssgeom.io.meshes import ENDINGS, read_lumen
 from tssgeom.settings import read_rig
@@ -30,7 +31,7 @@ _MEASURED = ("tension_in", "tension_out", "displacement_in", "elongation", "temp
 def run(files: Sequence[Path], unit: str | None, *, as_json: bool) -> int:
     """Check the files and return the exit status."""
     reports = list[dict[str, Any]]()
-    for item in inputs_of(files):
+    for item in _inputs(files):
         report = item if isinstance(item, Refusal) else guarded(item, partial(checked, item, unit))
         if isinstance(report, Refusal):
             complain(report.reason)
@@ -48,14 +49,23 @@ def run(files: Sequence[Path], unit: str | None, *, as_json: bool) -> int:
     return 2 if not usable else int(any(report["wrong"] for report in reports))
 
 
+def _inputs(files: Sequence[Path]) -> Iterator[Path | Refusal]:
+    """Yield campaigns whole, then all else file by file."""
+    campaigns = [path for path in files if is_campaign(path)]
+    yield from campaigns
+    yield from inputs_of(path for path in files if path not in campaigns)
+
+
 def checked(path: Path, unit: str | None) -> dict[str, Any]:
-    """Tell what is in a file: a rig, a mesh, a shape or a recording.
+    """Tell what is in a file or folder: a campaign, a rig, a mesh, a shape or a recording.
 
     Raises
     ------
     ShapeError, SourceError, SettingsError
         Where the file as a whole cannot be used.
     """
+    if is_campaign(path):
+        return _checked_campaign(path, unit)
     if path.suffix.lower() == ".toml":
         rig = read_rig(path)
         told = f"friction {rig.friction.coefficient:g}, compliance {rig.tendon.compliance_per_N:g} /N"
@@ -66,6 +76,30 @@ def checked(path: Path, unit: str | None) -> dict[str, Any]:
         told = f"{len(mesh.faces)} triangles, {size} mm if it is in {unit or 'mm'}; a mesh states no unit"
         return {"file": str(path), "holds": "mesh", "told": told, "wrong": []}
     return _checked_recording(open_recording(path, unit))
+
+
+def _checked_campaign(path: Path, unit: str | None) -> dict[str, Any]:
+    campaign = read_campaign(path, unit)
+    runs = [
+        {
+            "name": run.name,
+            "route": run.route.name,
+            "samples": len(run.columns["time_s"]),
+            "duration_s": float(np.ptp(run.columns["time_s"])),
+            "measured": [name for name in run.columns if name != "time_s"],
+            "held_out": run.held_out,
+        }
+        for run in campaign.runs
+    ]
+    routes = {run.route.name: float(run.route.arcs.total_length) for run in campaign.runs}
+    return {
+        "file": str(path),
+        "holds": "campaign",
+        "runs": runs,
+        "length_m": routes,
+        "warnings": list(campaign.notes),
+        "wrong": [],
+    }
 
 
 @dataclass(slots=True)
@@ -162,6 +196,8 @@ def _sensed_fibre(fibre: Fibre, notes: Iterable[str]) -> dict[str, Any]:
 def _as_text(report: dict[str, Any]) -> str:
     if "told" in report:
         return f"{report['file']}: {report['holds']}, {report['told']}"
+    if "runs" in report:
+        return _campaign_as_text(report)
     low, high = report["points"]
     timed = f", {report['frames']} frames in {report['duration_s']:.4g} s" if "duration_s" in report else ""
     lines = [
@@ -176,6 +212,18 @@ def _as_text(report: dict[str, Any]) -> str:
     ]
     more = len(report["wrong"]) - _MOST_FAULTS
     return "\n".join([*lines, f"  wrong: {more} more frames"] if more > 0 else lines)
+
+
+def _campaign_as_text(report: dict[str, Any]) -> str:
+    routes = ", ".join(f"{name} {length * 1e3:.1f} mm" for name, length in report["length_m"].items())
+    lines = [f"{report['file']}: campaign of {len(report['runs'])} runs on {routes}"]
+    for run in report["runs"]:
+        held = ", held out" if run["held_out"] else ""
+        lines.append(
+            f"  {run['name']} on {run['route']}: {run['samples']} samples in {run['duration_s']:.4g} s: "
+            f"{', '.join(run['measured'])}{held}"
+        )
+    return "\n".join([*lines, *(f"  warning: {warning}" for warning in report["warnings"])])
 
 
 def _what(report: dict[str, Any]) -> str:

@@ -1,5 +1,7 @@
 """The workflow on campaigns whose cause it does not know: names, pairs, none, unknown, what does not show."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -29,6 +31,7 @@ def test_a_cause_of_half_its_usual_size_is_named_with_its_numbers(found, campaig
         assert told.value == pytest.approx(value, rel=0.15)  # three standard errors at this size
     assert finding.rig.effects == finding.effects[0].effects
     assert finding.ranking[0].names == (name,)
+    assert not re.search(r"_(m|rad|N|s)\b", finding.sentence)  # units stand beside numbers, not in names
     assert all(one.why_not for one in finding.ranking[1:])
 
 

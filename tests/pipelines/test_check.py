@@ -1,6 +1,8 @@
 """`tssgeom check`: what a file holds, and what is wrong with it."""
 
 import json
+import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -71,3 +73,17 @@ def test_unit_option_is_heard(run, write_csv):
     path = write_csv("bare.csv", points, "x,y,z")
     assert run("check", path, "--unit", "m").status == 0
     assert run("check", path).status == 2
+
+
+def test_a_campaign_is_told_run_by_run_and_what_is_wrong_with_one_in_a_line(run, tmp_path):
+    sample = Path(__file__).parents[2] / "sample_shapes" / "campaign_clean"
+    outcome = run("check", sample)
+    assert outcome.status == 0
+    assert "campaign of 5 runs on route_half_circle" in outcome.out
+    assert "held out" in outcome.out
+    broken = shutil.copytree(sample, tmp_path / "broken")
+    (broken / "loop_fast.csv").unlink()
+    outcome = run("check", broken)
+    assert outcome.status == 2
+    assert len(outcome.errors) == 1
+    assert "loop_fast.csv" in outcome.errors[0]

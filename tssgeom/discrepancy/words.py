@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 
 from tssgeom.discrepancy.finding import Candidate, Estimate
 from tssgeom.discrepancy.verdict import Judged
 
+_UNIT_AT_END = re.compile(r"(_(m|rad|N|Ns|s))?(_per_\w+)?$")
 _PREFIXES = ((1e-6, "µ"), (1e-3, "m"), (1.0, ""), (1e3, "k"))
 
 
@@ -32,10 +34,20 @@ def sentence(
     return told + "."
 
 
+def plain(name: str) -> str:
+    """Write a name of the library or of a phase as words."""
+    return name.replace("_", " ")
+
+
+def parameter(key: str) -> str:
+    """Write the name of a parameter without the unit at its end."""
+    return plain(_UNIT_AT_END.sub("", key))
+
+
 def _effect(one: Candidate) -> str:
-    told = ", ".join(f"{key} {number(value)}" for key, value in one.parameters[0].items())
+    told = ", ".join(f"{parameter(key)} {number(value)}" for key, value in one.parameters[0].items())
     choice = "".join(
-        f", {key} {getattr(one.effects[0], key)}"
+        f", {key} {plain(getattr(one.effects[0], key))}"
         for key in ("channel", "end")
         if hasattr(one.effects[0], key)
     )

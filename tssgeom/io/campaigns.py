@@ -32,6 +32,11 @@ class _Plan(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     rig: str = "rig.toml"
 
 
+def is_campaign(path: Path) -> bool:
+    """Whether a path is the folder of a campaign, or the `campaign.toml` in it."""
+    return path.name == CAMPAIGN or (path / CAMPAIGN).is_file()
+
+
 def read_campaign(folder: Path, unit: str | None = None) -> Campaign:
     """Read a campaign, and fit the route of every shape in it.
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import inspect
 import math
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 from tssgeom.discrepancy.finding import Blame, Candidate, Estimate, Experiment, Finding, Gap, Tie
+from tssgeom.discrepancy.words import parameter, plain
 from tssgeom.tendon.effects import KINDS, Library, chosen
 
 VERDICTS = {
@@ -48,17 +48,11 @@ _UNITS = {
     "m/rad": ("mm/rad", 1e3),
     "m/s": ("mm/s", 1e3),
 }
-_UNIT_AT_END = re.compile(r"(_(m|rad|N|Ns|s))?(_per_\w+)?$")
 
 
 def channel(name: str) -> Channel:
     """Return how a channel is shown."""
     return CHANNELS[name]
-
-
-def plain(name: str) -> str:
-    """Write a name of the library or of a phase as words."""
-    return name.replace("_", " ")
 
 
 def renamed(label: str) -> str:
@@ -67,11 +61,6 @@ def renamed(label: str) -> str:
         if label.startswith(name):
             return f"{shown.symbol}{label.removeprefix(name)}"
     return plain(label)
-
-
-def parameter(key: str) -> str:
-    """Write the name of a parameter without the unit at its end."""
-    return plain(_UNIT_AT_END.sub("", key))
 
 
 def told(effect: Library, estimates: Mapping[str, Estimate]) -> dict[str, str]:
