@@ -22,6 +22,7 @@ from tssgeom.tendon.turning import reading_noise
 RESPONSES = ("tension_in_N", "tension_out_N", "elongation_m", "displacement_out_m")
 """Channels that a run may answer in, in the order of reports."""
 UNITS = {"tension_in_N": "N", "tension_out_N": "N", "elongation_m": "m", "displacement_out_m": "m"}
+_FEW = 8  # readings that tell no noise
 _FEWEST = 20  # readings that a run needs
 _NOISIER = 1.5  # than specified: then the data's own noise is taken
 _AT_REST = 20.0  # times its noise within which the first position is the zero
@@ -94,8 +95,9 @@ def _drive(rig: Rig, runs: tuple[Run, ...]) -> Drive:
     if all("displacement_in_m" in run.columns for run in runs):
         if not all("tension_in_N" in run.columns for run in runs):
             return "displacement_in_m"
-        place = _noise(rig, "displacement_in_m", runs[0].columns["displacement_in_m"])
-        force = _noise(rig, "tension_in_N", runs[0].columns["tension_in_N"])
+        time = runs[0].columns["time_s"]
+        place = _noise(rig, "displacement_in_m", time, runs[0].columns["displacement_in_m"])
+        force = _noise(rig, "tension_in_N", time, runs[0].columns["tension_in_N"])
         stiffness = 1.0 / max(rig.tendon.compliance_per_N * runs[0].route.arcs.total_length, 1e-9)
         return "displacement_in_m" if place * stiffness <= _WORTH * force else "tension_in_N"
     if all("tension_in_N" in run.columns for run in runs):
@@ -105,12 +107,13 @@ def _drive(rig: Rig, runs: tuple[Run, ...]) -> Drive:
     )
 
 
-def _noise(rig: Rig, channel: str, column: Vector) -> float:
+def _noise(rig: Rig, channel: str, time: Vector, column: Vector) -> float:
     """Return white noise with digits: as specified, or as the readings show where that is much more."""
     told = rig.sensors.get(channel, Sensor())
     stated = math.hypot(told.noise, told.resolution / math.sqrt(12.0))
-    finite = column[np.isfinite(column)]
-    seen = float(reading_noise(finite)) if len(finite) > 8 else 0.0
+    there = np.isfinite(column) & np.isfinite(time)
+    there[there] = np.concatenate(([True], np.diff(np.maximum.accumulate(time[there])) > 0.0))
+    seen = reading_noise(column[there], time[there]) if np.count_nonzero(there) > _FEW else 0.0
     if stated == 0.0 or seen > _NOISIER * stated:
         return max(seen, 1e-12)
     return stated
@@ -138,8 +141,9 @@ def _read(run: Run, rig: Rig, drive: Drive) -> tuple[Reading, list[str]]:
                 del measured[name]
     if not measured:
         raise SettingsError(f"{run.name}: nothing answers the drive; measure one of {', '.join(RESPONSES)}")
-    noise = {name: _noise(rig, name, column) for name, column in measured.items()}
-    noise[drive] = _noise(rig, drive, columns[drive][kept])
+    time = columns["time_s"][kept]
+    noise = {name: _noise(rig, name, time, column) for name, column in measured.items()}
+    noise[drive] = _noise(rig, drive, time, columns[drive][kept])
     notes += _said_of_noise(run.name, rig, noise)
     calm, odd = _zeroed(calmed(columns[drive][kept], noise[drive]), drive, noise[drive])
     notes += [f"{run.name}: {each}" for each in odd]

@@ -19,6 +19,7 @@ from tssgeom.arrays import Vector, read_only
 _REVERSAL = 6.0  # standard deviations of the noise: less is not a reversal
 _LEAST_REVERSAL = 0.02  # share of the range of the drive: less is ripple
 _LONGEST_STAIR = 8  # readings: longer ones are holds of the drive
+_THROUGH = (3, 5, 7)  # readings whose differences show the noise
 _NEAR_TURN = 15  # readings beside a turning point that tell its value
 
 
@@ -70,13 +71,34 @@ def _without_stairs(leg: Vector) -> Vector:
     return np.interp(np.arange(len(leg)), nodes[order], np.tile(leg[first], 2)[order])
 
 
-def reading_noise(readings: Vector) -> float:
-    """Return the standard deviation of the noise of slowly changing readings, from their bends."""
-    bend = np.abs(np.diff(readings, 2))
+def reading_noise(readings: Vector, time: Vector | None = None) -> float:
+    """Return the standard deviation of the white noise of readings [n].
+
+    Each reading is held against polynomials through its neighbours, the smoothest of which counts: a drive
+    that swings like a sine bends more from sample to sample than a good encoder's noise.
+
+    Parameters
+    ----------
+    readings
+        [n] Changing slowly from one to the next.
+    time
+        [n] Increasing; left out, the readings are evenly spaced.
+    """
+    when = np.arange(len(readings), dtype=float) if time is None else time
+    spread = [_off_polynomial(when, readings, points) for points in _THROUGH if len(readings) > points]
+    if spread and spread[0] > 0.0:
+        return min(each for each in spread if each > 0.0)
     steps = np.abs(np.diff(readings))
-    resolution = float(steps[steps > 0].min()) if (steps > 0).any() else 0.0
-    spread = 1.4826 * float(np.median(bend)) / np.sqrt(6.0) if len(bend) else 0.0
-    return spread if spread > 0.0 else resolution / np.sqrt(12.0)
+    return float(steps[steps > 0].min()) / np.sqrt(12.0) if (steps > 0).any() else 0.0
+
+
+def _off_polynomial(time: Vector, readings: Vector, points: int) -> float:
+    """Return the noise that divided differences of so many readings show, by their median."""
+    when, what = (np.lib.stride_tricks.sliding_window_view(values, points) for values in (time, readings))
+    apart = when[:, :, None] - when[:, None, :] + np.eye(points)
+    weight = 1.0 / np.prod(apart / np.abs(apart).max(axis=(1, 2), keepdims=True), axis=2)
+    off = np.abs(np.sum(weight * what, axis=1)) / np.linalg.norm(weight, axis=1)
+    return 1.4826 * float(np.median(off))
 
 
 def _turns(readings: Vector, threshold: float) -> NDArray[np.intp]:
