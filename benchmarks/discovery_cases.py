@@ -24,6 +24,9 @@ _TIED = {
     "G5": ("viscous_drag", "one_rate"),
     "G6": ("curvature_dependent_friction", "one_route"),
 }
+_PARTIAL = (("no_tension_out", "tension_out_offset"), ("displacement_only", "backlash"))
+_DRIVES = ("round_turns", "force_driven")
+_DRIVEN = ("hidden_bend", "slack_take_up", "load_dependent_friction", "creep", "viscous_drag", "backlash")
 _QUICK = ("hidden_bend", "backlash", "tension_out_offset")
 _KEYS = ("verdict", "effects", "tie", "breaks_tie", "unobservable", "gap", "base")
 _PATIENCE_S = 300.0
@@ -34,7 +37,7 @@ class Case:
     """One campaign to be made."""
 
     group: str
-    """clean, single, half, quarter, pair, outside, partial, or a tie."""
+    """clean, single, half, quarter, pair, outside, partial, other drive, or a tie."""
     effects: tuple[str, ...]
     size: float
     plan: str
@@ -56,8 +59,10 @@ def cases(names: Sequence[str], seeds: int, split: str, *, quick: bool) -> list[
         made += [Case("pair", pair, 1.0, "full", seed, split) for pair in pairs]
         if not quick:
             made += [Case(tie, (name,), 1.0, plan, seed, split) for tie, (name, plan) in _TIED.items()]
-            partial = (("no_tension_out", "tension_out_offset"), ("displacement_only", "backlash"))
-            made += [Case("partial", (name,), 1.0, plan, seed, split) for plan, name in partial]
+            made += [Case("partial", (name,), 1.0, plan, seed, split) for plan, name in _PARTIAL]
+            made += [
+                Case("other drive", (name,), 1.0, plan, seed, split) for plan in _DRIVES for name in _DRIVEN
+            ]
     return [case for case in made if not names or _asked(case, names)]
 
 

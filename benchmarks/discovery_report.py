@@ -44,6 +44,11 @@ def target_rows(outcomes: Sequence[Outcome]) -> list[Row]:
         _least(
             "channels missing: named, tied or unobservable", counted(map(scores.honest, of("partial"))), 0.9
         ),
+        _least(
+            "round turns, driven by force: right name",
+            counted(map(scores.right_first, of("other drive"))),
+            0.9,
+        ),
         *_gap_rows([scores.held_out_ratio(one.report) for one in of("single", "half", "pair")]),
         *_number_rows(of("single", "half", "pair"), of("clean")),
         *(

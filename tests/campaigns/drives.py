@@ -8,6 +8,7 @@ from tests.lumped import Distal, Drive, Path, Physics, simulate
 
 SLOW, MIDDLE, FAST = 3e-4, 1e-3, 3e-3  # m/s
 _SAMPLES = 300
+_FINER = 8  # steps of a drive with round turns from sample to sample
 _REST = 0.04  # of the time in motion, before the first pull
 
 
@@ -31,10 +32,23 @@ COURSES = (
 )
 
 
-def positions(course: Course, path: Path, believed: Physics, distal: Distal) -> tuple[np.ndarray, np.ndarray]:
-    """Return times [s] and positions [m] that lead a rig as it is believed to be through the levels.
+@dataclass(frozen=True, slots=True)
+class Timed:
+    """A course with its times."""
 
-    Turns and dwells begin at samples, so that none is cut off between two.
+    times: np.ndarray
+    """[n] s, of the samples."""
+    at: np.ndarray
+    """[k] s, of the values."""
+    values: np.ndarray
+    """[k] m or N, straight lines in between."""
+
+
+def timed(course: Course, path: Path, believed: Physics, distal: Distal, plan: str) -> Timed:
+    """Return times and values that lead a rig as it is believed to be through the levels.
+
+    Turns and dwells begin at samples, so that none is cut off between two; with "round_turns", each leg is
+    half a cosine. The values are positions [m], with "force_driven" proximal tensions [N].
     """
     levels = np.array([believed.pretension_N, *course.levels])
     order = np.arange(len(levels), dtype=float)
@@ -45,11 +59,20 @@ def positions(course: Course, path: Path, believed: Physics, distal: Distal) -> 
     ends = rest + np.cumsum(spans + np.array([0.0, *course.dwells[:-1]]))
     total = ends[-1] + course.dwells[-1]
     step = round(total / (_SAMPLES - 1), 6)
-    dwell = np.array(course.dwells)
-    knots, values = [0.0, rest], [0.0, 0.0]
-    for end, stay, value in zip(ends, dwell, there[1:], strict=True):
+    wanted = levels if plan == "force_driven" else there
+    knots, values = [0.0, rest], [wanted[0], wanted[0]]
+    for end, stay, value in zip(ends, course.dwells, wanted[1:], strict=True):
         knots += [end, end + stay] if stay else [end]
         values += [value, value] if stay else [value]
     times = np.round(step * np.arange(_SAMPLES), 6)
-    course = np.interp(times, np.round(step * np.rint(np.array(knots) / step), 6), values)
-    return times, np.round(course, 9)  # rounding in a dwell would be a turn
+    at, what = np.round(step * np.rint(np.array(knots) / step), 6), np.array(values)
+    if plan == "round_turns":
+        fine = np.linspace(0.0, times[-1], _FINER * (_SAMPLES - 1) + 1)
+        return Timed(times, fine, _half_cosines(fine, at, what))
+    return Timed(times, times, np.round(np.interp(times, at, what), 9))  # rounding in a dwell would be a turn
+
+
+def _half_cosines(times: np.ndarray, at: np.ndarray, values: np.ndarray) -> np.ndarray:
+    before = np.clip(np.searchsorted(at, times, side="right") - 1, 0, len(at) - 2)
+    share = np.clip((times - at[before]) / (at[before + 1] - at[before]), 0.0, 1.0)
+    return values[before] + (values[before + 1] - values[before]) * 0.5 * (1.0 - np.cos(np.pi * share))

@@ -9,7 +9,7 @@ from pathlib import Path as File
 import numpy as np
 
 from tests.campaigns.causes import INSIDE, OUTSIDE, Change
-from tests.campaigns.drives import COURSES, SLOW, positions
+from tests.campaigns.drives import COURSES, SLOW, timed
 from tests.campaigns.files import write
 from tests.campaigns.instruments import SPECIFIED, seen
 from tests.campaigns.routes import Route, chain, half_and_loop, half_circle, path, places
@@ -18,8 +18,17 @@ from tests.lumped.simulate import Run
 
 SEEDS = {"development": 71_000_000, "test": 93_000_000}
 """Where the seeds of a split begin; each has a million. Frozen: thresholds rest on them."""
-PLANS = ("full", "no_tension_out", "displacement_only", "one_route", "one_rate")
-"""What is measured, and how: all; two with channels that are missing; two that cannot break a tie."""
+PLANS = (
+    "full",
+    "no_tension_out",
+    "displacement_only",
+    "one_route",
+    "one_rate",
+    "round_turns",
+    "force_driven",
+)
+"""What is measured, and how: all; two with channels that are missing; two that cannot break a tie; all again,
+with legs like half a cosine, and driven by force."""
 _RATES = ("viscous_drag_Ns_per_m2", "speed_gain", "stribeck_gain", "creep_ratios", "wear_gain")
 
 
@@ -172,13 +181,14 @@ def _run(rig: Rig, day: int, plan: str) -> Run:
     course = _courses(plan)[day]
     route = rig.routes[course.route]
     still = path(route, np.array([0.0]), 0.0)
-    times, there = positions(course, still, rig.believed, rig.distal)
-    rng = np.random.default_rng((rig.seed, day, 5))
-    drive = Drive("displacement", times, there, _warmth(times, rng))
+    course = timed(course, still, rig.believed, rig.distal, plan)
+    times, rng = course.times, np.random.default_rng((rig.seed, day, 5))
+    warmth = np.interp(course.at, times, _warmth(times, rng))
+    drive = Drive("force" if plan == "force_driven" else "displacement", course.at, course.values, warmth)
     moved = path(route, times, sum(change.sway_rad for change in rig.changes))
     curved = any(law in change.physics for change in rig.changes for law in _RATES)
-    step = times[1] - times[0]
-    return simulate(moved, rig.physics, drive, rig.distal, times, 0.5 * step if curved else step)
+    parts = 8 if plan == "round_turns" else 2 if curved else 1
+    return simulate(moved, rig.physics, drive, rig.distal, times, (times[1] - times[0]) / parts)
 
 
 def _warmth(times: np.ndarray, rng: np.random.Generator) -> np.ndarray:

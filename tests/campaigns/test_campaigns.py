@@ -96,7 +96,14 @@ def test_a_plan_measures_what_it_says(clean, tmp_path):
     assert len(list((tmp_path / "one_route").glob("route_*.csv"))) == 1
     with pytest.raises(ValueError, match="one_rate"):
         make_campaign(tmp_path / "no", 4, plan="none")
-    assert len(PLANS) == 5
+    make_campaign(tmp_path / "round_turns", 4, plan="round_turns")
+    for name, most in (("round_turns", 0.4), ("one_route", 2.1)):  # of the largest step, at its turns
+        drive = columns(tmp_path / name / "run_1.csv")["displacement_in_m"]
+        assert np.abs(np.diff(drive, 2)).max() < most * np.abs(np.diff(drive)).max()
+    make_campaign(tmp_path / "force_driven", 4, plan="force_driven")
+    ramp = columns(tmp_path / "force_driven" / "run_1.csv")["tension_in_N"][15:25]
+    assert np.abs(np.diff(ramp, 2)).max() < 0.25  # noise of 0.02 N, six standard deviations
+    assert len(PLANS) == 7
 
 
 def test_a_full_plan_has_two_speeds_ten_times_apart_dwells_and_no_slack(clean):

@@ -42,6 +42,14 @@ def test_the_gap_of_the_held_out_run_falls_with_the_cause_in_the_model(found):
     assert after < 0.35 * before  # the project's target
 
 
+@pytest.mark.parametrize(("plan", "name"), [("round_turns", "slack_take_up"), ("force_driven", "backlash")])
+def test_a_cause_is_named_whatever_the_drive(found, campaign, plan, name):
+    finding, truth = found(0, name, 1.0, plan), campaign(0, name, 1.0, plan)[1]
+    assert [one.names for one in finding.effects] == [(name,)]
+    for key, value in truth.parameters[name].items():
+        assert finding.effects[0].parameters[0][key].value == pytest.approx(value, rel=0.1)
+
+
 def test_both_of_a_pair_are_named(found):
     pair = ("creep", "tension_out_offset")
     assert {one.names[0] for one in found(0, pair).effects} == {*pair}

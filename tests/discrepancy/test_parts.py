@@ -13,6 +13,7 @@ from tssgeom.discrepancy.stack import stacked
 from tssgeom.discrepancy.variants import variants
 from tssgeom.errors import SettingsError
 from tssgeom.tendon.run_drive import calmed, turning_points, with_corners
+from tssgeom.tendon.turning import reading_noise
 
 
 @pytest.fixture(scope="module")
@@ -103,6 +104,28 @@ def test_a_turn_between_two_samples_is_put_where_the_legs_meet():
     assert when[added] == pytest.approx([1.0], abs=1e-3)  # the noise that is allowed for over the speed
     assert what[added] == pytest.approx([1e-3], abs=1e-6)
     assert turning_points(what, noise) == [int(np.flatnonzero(added)[0])]
+
+
+def test_a_round_turn_is_followed_to_within_its_noise():
+    rng, time = np.random.default_rng(6), np.linspace(0.0, 3.0, 301)
+    drive = 1e-3 * np.sin(2 * np.pi * time / 1.5)
+    calm = calmed(drive + 1e-6 * rng.standard_normal(len(drive)), 1e-6, time)
+    near = np.abs(drive) > 0.99e-3  # some seven readings about each of four turns
+    assert near.sum() > 20
+    assert np.sqrt(np.mean((calm - drive)[near] ** 2)) < 0.8e-6  # less than the readings' own noise
+    assert np.abs(calm - drive)[near].max() < 2.5e-6
+
+
+def test_a_drive_that_swings_like_a_sine_is_no_noise():
+    rng, time = np.random.default_rng(3), np.linspace(0.0, 30.0, 300)
+    drive = 3e-3 * np.sin(2 * np.pi * time / 10.0)
+    uneven = np.sort(time + rng.uniform(-0.04, 0.04, 300))
+    for when in (time, uneven):
+        swing = 3e-3 * np.sin(2 * np.pi * when / 10.0)
+        seen = reading_noise(swing + 1e-6 * rng.standard_normal(300), when)
+        assert seen == pytest.approx(1e-6, rel=0.35)  # the median of 300 tells it to 8 %
+    assert reading_noise(drive, time) < 1e-9
+    assert reading_noise(np.round(np.linspace(0.0, 1.0, 300), 1), time) == pytest.approx(0.1 / np.sqrt(12))
 
 
 def test_a_hold_at_a_turn_is_level():

@@ -17,7 +17,7 @@ from tssgeom.discrepancy.stack import Stack, run_channels
 from tssgeom.settings import Rig, Sensor
 from tssgeom.shape.arcs import Arcs
 from tssgeom.tendon.effects import Library
-from tssgeom.tendon.run_drive import hold, turning_points
+from tssgeom.tendon.run_drive import calmed, hold, turning_points
 
 CELLS = ("tension_in_N", "tension_out_N")
 """Channels of load cells, whose zero and drift are small beside their noise."""
@@ -27,9 +27,10 @@ _DRIFT = 0.3  # of its noise: what a channel wanders within a run
 _WAVES = (1, 2)  # half waves of that within a run
 _BENDS = (0.7, 0.5, 0.3, 0.15)  # of the nonlinearity: sine waves of what a cell bends over its scale
 _ARC_MODES = 4  # directions of the covariance of a route that count
-_STEEP = 3.0  # noise of the drive below which two samples tell no slope
-_UNSURE = 0.2  # of the change from sample to sample: what a channel is off beside a turn of the drive
-_BESIDE = 3  # samples behind a turn that are off
+_DRAWS = 8  # of the noise of the drive
+_SEED = 20  # of these: the same in all fits of a campaign
+_UNSURE = 0.3  # of the change over the samples about a sharp turn: what a channel is off there
+_SOFT = 3  # samples over which a hold may begin and end
 _BETWEEN = 0.05  # of a sample's step: what a sharp turn may lie beyond where it was put
 _LEVEL = 0.3  # of the noise of the drive: what the level of a hold is off for its shape
 
@@ -50,7 +51,7 @@ def errors_of(stack: Stack, rig: Rig, effects: Sequence[Library] = ()) -> Errors
     """Return what sensors of this specification may read off the truth, about this model."""
     channels = [run_channels(reading, rig, effects) for reading in stack.readings]
     base = stack.flat(channels)
-    drive = stack.flat([_from_drive(r, c) for r, c in zip(stack.readings, channels, strict=True)])
+    drive = stack.flat([_from_drive(reading, rig, effects) for reading in stack.readings])
     sigma = np.hypot(stack.noise, drive)
     shared: dict[str, Vector] = {}
     for name, mode in _all_modes(stack, rig, effects, base):
@@ -59,35 +60,70 @@ def errors_of(stack: Stack, rig: Rig, effects: Sequence[Library] = ()) -> Errors
     return Errors(read_only(sigma), modes, tuple(shared))
 
 
-def _from_drive(reading: Reading, channels: dict[str, Vector]) -> dict[str, Vector]:
-    """Return white noise of the drive as each channel shows it; docs/model.md (100)."""
-    noise, drive = reading.noise[reading.drive], reading.given[reading.drive]
-    moving = np.abs(np.diff(drive))
-    usual = float(np.median(moving[moving > 0.0])) if (moving > 0.0).any() else noise
-    width = int(np.clip(math.ceil(_STEEP * noise / usual), 1, len(drive) // 20 + 1))
-    step, near = _rise(drive, width), _near_turns(drive, noise, width)
-    out = {}
-    for name in reading.measured:
-        rise = _rise(channels[name], width)
-        white = noise * rise / np.maximum(step, _STEEP * noise) * (step > _STEEP * noise)
-        out[name] = np.hypot(white, _UNSURE * near * rise)
-    return out
+def _from_drive(reading: Reading, rig: Rig, effects: Sequence[Library]) -> dict[str, Vector]:
+    """Return what a channel is off for the noise of the drive, drawn and calmed anew; docs/model.md (100)."""
+    drive, noise = reading.given[reading.drive], reading.noise[reading.drive]
+    rng, soft, blunt = np.random.default_rng(_SEED), _softened(drive, noise) - drive, _blunted(drive, noise)
+    square = {name: np.zeros(len(drive)) for name in reading.measured}
+    for _ in range(_DRAWS):
+        read = drive + rng.uniform() * soft
+        truth = run_channels(reading, rig, effects, drive=read + rng.uniform() * blunt)
+        again = calmed(read + noise * rng.standard_normal(len(drive)), noise, reading.time)
+        seen = run_channels(reading, rig, effects, drive=again + (drive[0] - again[0]))
+        for name in square:
+            square[name] += np.square(seen[name] - truth[name]) / _DRAWS
+    beside = _beside_turns(drive, noise)
+    return {
+        name: np.hypot(np.sqrt(_spread(each)), _UNSURE * beside * _jump(truth[name]))
+        for name, each in square.items()
+    }
 
 
-def _rise(values: Vector, width: int) -> Vector:
-    """Return how much values change over `width` samples, the mean to both sides."""
-    at = np.arange(len(values))
-    first, last = np.maximum(at - width, 0), np.minimum(at + width, len(values) - 1)
-    return np.abs(values[last] - values[first]) * width / (last - first)
-
-
-def _near_turns(drive: Vector, noise: float, width: int) -> Vector:
-    """Return 1 where a sample stands beside a turn or the end of a hold there, else 0."""
+def _beside_turns(drive: Vector, noise: float) -> Vector:
+    """Return 1 at each sharp turn and its neighbours, else 0: between which samples it lies is unsure."""
     out = np.zeros(len(drive))
     for place in turning_points(drive, noise):
         start, stop = hold(drive, place, noise)
-        for edge in (start, stop - 1):
-            out[max(edge - width, 0) : edge + _BESIDE * width] = 1.0
+        if stop - start == 1:
+            out[max(place - 1, 0) : place + 2] = 1.0
+    return out
+
+
+def _jump(values: Vector) -> Vector:
+    """Return how far a channel goes from two samples before to two behind."""
+    around = np.lib.stride_tricks.sliding_window_view(np.pad(values, 2, "edge"), 5)
+    return np.ptp(around, axis=1)
+
+
+def _spread(values: Vector) -> Vector:
+    """Return means over neighbouring samples: a few draws tell each of them badly."""
+    return np.convolve(np.pad(values, 1, "edge"), np.full(3, 1.0 / 3.0), "valid")
+
+
+def _softened(drive: Vector, noise: float) -> Vector:
+    """Return a drive whose holds begin late and end early by less than its noise would tell.
+
+    After a turn friction answers to a motion of a tenth of a micrometre, which no reading shows.
+    """
+    out = drive.copy()
+    means = np.convolve(np.pad(drive, _SOFT, "edge"), np.full(2 * _SOFT + 1, 1.0 / (2 * _SOFT + 1)), "valid")
+    for place in (0, *turning_points(drive, noise)):
+        start, stop = hold(drive, place, noise)
+        if stop - start > 2 * _SOFT:
+            for edge in (start, stop):
+                near = slice(max(edge - _SOFT, 0), edge + _SOFT)
+                out[near] = means[near]
+    return out
+
+
+def _blunted(drive: Vector, noise: float) -> Vector:
+    """Return how much lower each sharp turn may be: between two samples, it may be round."""
+    out = np.zeros(len(drive))
+    for place in turning_points(drive, noise):
+        start, stop = hold(drive, place, noise)
+        if stop - start == 1 and 0 < place < len(drive) - 1:
+            steps = drive[[place - 1, place + 1]] - drive[place]
+            out[place] = 2.0 * _BETWEEN * steps[np.argmin(np.abs(steps))]
     return out
 
 

@@ -19,9 +19,9 @@ from tssgeom.tendon.run_drive import calmed, with_corners
 from tssgeom.tendon.run_model import Drive
 from tssgeom.tendon.turning import reading_noise
 
-RESPONSES = ("tension_in_N", "tension_out_N", "elongation_m", "displacement_out_m")
+RESPONSES = ("tension_in_N", "tension_out_N", "displacement_in_m", "elongation_m", "displacement_out_m")
 """Channels that a run may answer in, in the order of reports."""
-UNITS = {"tension_in_N": "N", "tension_out_N": "N", "elongation_m": "m", "displacement_out_m": "m"}
+UNITS = {name: name.rpartition("_")[2] for name in RESPONSES}
 _FEW = 8  # readings that tell no noise
 _FEWEST = 20  # readings that a run needs
 _NOISIER = 1.5  # than specified: then the data's own noise is taken
@@ -145,9 +145,9 @@ def _read(run: Run, rig: Rig, drive: Drive) -> tuple[Reading, list[str]]:
     noise = {name: _noise(rig, name, time, column) for name, column in measured.items()}
     noise[drive] = _noise(rig, drive, time, columns[drive][kept])
     notes += _said_of_noise(run.name, rig, noise)
-    calm, odd = _zeroed(calmed(columns[drive][kept], noise[drive]), drive, noise[drive])
+    calm, odd = _zeroed(calmed(columns[drive][kept], noise[drive], time), drive, noise[drive])
     notes += [f"{run.name}: {each}" for each in odd]
-    time, calm, added = with_corners(columns["time_s"][kept], calm, noise[drive])
+    time, calm, added = with_corners(time, calm, noise[drive])
     given = {"time_s": time, drive: calm}
     measured = {name: read_only(_opened(column, added)) for name, column in measured.items()}
     if "temperature_C" in columns and np.isfinite(columns["temperature_C"]).sum() > 1:

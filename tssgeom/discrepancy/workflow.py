@@ -38,7 +38,6 @@ from tssgeom.discrepancy.words import sentence
 from tssgeom.tendon.run_model import Drive
 
 _SUSPECT = 1.3  # χ² for each reading from which another drive is tried
-_PLAINLY = 0.4  # of it: then the tension drives
 _EXPLAINED = 1.2  # χ² for each reading of a model that leaves nothing to be found
 
 
@@ -66,14 +65,13 @@ def discover(
     tell("reading the runs", 0.0)
     started = _started(campaign, None)
     tell("fitting friction and compliance", 0.05)
-    other = _by_tension(campaign, started)
-    if other is not None and other.misfit < _PLAINLY * started.misfit:
-        started, other = other, None
     tell("refitting each effect of the library", 0.25)
     work = _worked(campaign, started, seed)
-    if other is not None and work.judged.verdict == "unknown" and not work.judged.bent:
-        told = _worked(campaign, other, seed)
-        if told.judged.verdict != "unknown" and told.misfit < _EXPLAINED:
+    if work.judged.verdict == "unknown" and not work.judged.bent:
+        tell("trying the tension as drive", 0.6)
+        other = _by_tension(campaign, started)
+        told = None if other is None else _worked(campaign, other, seed)
+        if other is not None and told is not None and _explains(told):
             started, work = other, told
     tell("mapping where they disagree", 0.8)
     places = _places(started.runs, campaign, started.base)
@@ -81,6 +79,10 @@ def discover(
     finding = _finding(campaign, started, work, places)
     tell("done", 1.0)
     return _timed(finding, time.perf_counter() - begun)
+
+
+def _explains(work: Work) -> bool:
+    return work.judged.verdict != "unknown" and work.misfit < _EXPLAINED
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,7 +115,7 @@ def _by_tension(campaign: Campaign, started: _Started) -> _Started | None:
     if any("tension_in_N" not in run.measured or len(run.measured) < 2 for run in runs):
         return None
     told = _started(campaign, "tension_in_N")
-    note = "The proximal tension drives the model: it explains the readings far better than the position."
+    note = "The proximal tension drives the model: with the position as drive, no name explains the readings."
     return replace(told, notes=(*told.notes, note))
 
 

@@ -19,11 +19,17 @@ _FLAT = 3.5  # standard errors of slope and bend below which a plateau is a hold
 _FEWEST = 4  # readings of a hold
 _STRAIGHT = 0.2  # of a step: what one may differ from the one before on a straight leg
 _UNLIKE = 4.0  # standard deviations by which two steps of one slope may differ
+_ROUND = 40.0  # standard deviations below a turn in which its readings tell whether it is round
+_HALF_ROUND = 3  # readings on each side, off the plateau, that tell it
+_FEWEST_ROUND = 7  # readings in all, five numbers being fitted
+_ABOUT = 2  # readings beside those, which the fit has to meet as well
+_VERTICES = 33  # places in there at which the halves may end
+_LOOSE = 3.0  # standard deviations of what is left beyond which a turn is not round
 _SAME = 0.02  # of a step: a corner this near to a sample is that sample
 
 
-def calmed(drive: Vector, noise: float) -> Vector:
-    """Return the drive monotone from turn to turn and level in holds at a turn or an end.
+def calmed(drive: Vector, noise: float, time: Vector | None = None) -> Vector:
+    """Return the drive monotone between turns, round in round turns, and level in holds at turns and ends.
 
     Parameters
     ----------
@@ -31,21 +37,111 @@ def calmed(drive: Vector, noise: float) -> Vector:
         [m] Readings of the drive, N or m.
     noise
         Standard deviation of their white noise, in the same unit; 0 returns the readings.
+    time
+        [m] Increasing; left out, the readings are evenly spaced.
     """
     if noise <= 0.0 or len(drive) < 3:
         return drive
     drive = np.asarray(drive, dtype=float)
+    when = np.arange(len(drive), dtype=float) if time is None else time
     turns = _turns(drive, _TURN * noise)
     ends = [_extreme(drive, turns, k, noise) for k in range(len(turns))]
     out = np.empty(len(drive))
     for (first, last), (here, there) in zip(pairwise(turns), pairwise(ends), strict=True):
-        smooth = isotonic_regression(drive[first : last + 1], increasing=bool(there >= here)).x
-        out[first : last + 1] = np.clip(smooth, min(here, there), max(here, there))
-    for turn in turns:
+        out[first : last + 1] = np.clip(
+            _monotone(drive[first : last + 1], there - here), min(here, there), max(here, there)
+        )
+    for k, turn in enumerate(turns):
+        told = _rounded(when, drive, turns, k, noise) if k < len(turns) - 1 else None
         start, stop = hold(drive, int(turn), noise)
-        if stop - start >= _FEWEST:
+        if told is not None:
+            turns[k] = _write_round(out, turns, k, told)
+        elif stop - start >= _FEWEST:
             _level(out, start, stop, float(np.mean(drive[start:stop])), noise)
     return out
+
+
+def _monotone(values: Vector, way: float) -> Vector:
+    return isotonic_regression(values, increasing=way >= 0.0).x
+
+
+def _rounded(
+    time: Vector, drive: Vector, turns: np.ndarray, k: int, noise: float
+) -> tuple[int, Vector] | None:
+    """Return the first sample and the values of a turn that is round; None where it is sharp or a hold.
+
+    It comes in along half of a parabola, may rest, and leaves along half of another; so may the drive leave
+    where it began.
+    """
+    here = int(turns[k])
+    near = np.abs(drive - drive[here]) < _ROUND * noise
+    start, stop = _around(near | (np.arange(len(drive)) == here), here)
+    first = int(turns[k - 1]) + 1 if start > 0 else 0
+    start, stop = max(start, first), min(stop, int(turns[k + 1]))
+    sloping = np.abs(drive[start:stop] - drive[here]) > _PLATEAU * noise
+    came = start == 0 or sloping[: here - start].sum() >= _HALF_ROUND
+    if not came or sloping[here - start :].sum() < _HALF_ROUND or stop - start < _FEWEST_ROUND:
+        return None
+    when, what = time[start:stop], drive[start:stop]
+    when, what = time[start:stop], drive[start:stop]
+    scale = float(when[-1] - when[0])
+    places = np.linspace(0.0, 1.0, _VERTICES)
+    fitted = _rounds((when - when[0]) / scale, what, places)
+    told = np.convolve(sloping, np.ones(2 * _ABOUT + 1), "same") > 0.0  # a long rest would hide a bad fit
+    freedom = max(int(told.sum()) - 5, 1)
+    if np.sum(np.square(what - fitted)[told]) > noise**2 * (freedom + _LOOSE * np.sqrt(2.0 * freedom)):
+        return None
+    return start, fitted
+
+
+@njit(cache=True, nogil=True)
+def _rounds(time, drive, places):
+    """Fit a half of a parabola, a level and another half, the joints tried at all pairs of places.
+
+    Returns the fitted values [n].
+    """
+    n, best = drive.size, np.inf
+    fitted = np.empty(n)
+    shape, found = np.empty((3, n)), np.empty(3)
+    matrix, right = np.empty((3, 3)), np.empty(3)
+    for i in range(places.size):
+        for j in range(i, places.size):
+            for k in range(n):
+                before, behind = min(time[k] - places[i], 0.0), max(time[k] - places[j], 0.0)
+                shape[0, k], shape[1, k], shape[2, k] = 1.0, before * before, behind * behind
+            for a in range(3):
+                right[a] = np.dot(shape[a], drive)
+                for b in range(3):
+                    matrix[a, b] = np.dot(shape[a], shape[b])
+                matrix[a, a] *= 1.0 + 1e-12  # a half without readings
+                matrix[a, a] += 1e-300
+            found[:] = np.linalg.solve(matrix, right)
+            if found[1] * found[2] <= 0.0:  # an inflection is no turn
+                continue
+            left = 0.0
+            for k in range(n):
+                off = drive[k] - found[0] - found[1] * shape[1, k] - found[2] * shape[2, k]
+                left += off * off
+            if left < best:
+                best = left
+                for k in range(n):
+                    fitted[k] = found[0] + found[1] * shape[1, k] + found[2] * shape[2, k]
+    return fitted
+
+
+def _write_round(out: Vector, turns: np.ndarray, k: int, told: tuple[int, Vector]) -> int:
+    """Write a round turn into a drive, both legs still monotone; returns where it turns then."""
+    start, fitted = told
+    before, here, after = int(turns[k - 1]) if k > 0 else 0, int(turns[k]), int(turns[k + 1])
+    way = out[here] - out[after]
+    out[start : start + len(fitted)] = fitted
+    if start == 0:
+        out[:after] = _monotone(out[:after], -way)
+        return here
+    top = start + int(np.argmax(fitted if way >= 0.0 else -fitted))
+    out[before : top + 1] = _monotone(out[before : top + 1], way)
+    out[top : after + 1] = _monotone(out[top : after + 1], -way)
+    return top
 
 
 def _level(out: Vector, start: int, stop: int, level: float, noise: float) -> None:
@@ -66,12 +162,13 @@ def with_corners(time: Vector, drive: Vector, noise: float) -> tuple[Vector, Vec
     where, when, what = list[int](), list[float](), list[float]()
     for turn in turning_points(drive, noise):
         start, stop = hold(drive, turn, noise)
-        if stop - start == 1 and 2 < turn < len(drive) - 3:
+        level = bool(np.ptp(drive[start:stop]) == 0.0)  # what is calm is level in a hold and nowhere else
+        if (stop - start == 1 or not level) and 2 < turn < len(drive) - 3:
             at, peak = _corner(time[turn - 2 : turn + 3], drive[turn - 2 : turn + 3], noise)
             beyond = abs(peak - drive[turn])
             if (
                 time[turn - 1] < at < time[turn + 1]
-                and beyond > noise
+                and beyond > (noise if stop - start == 1 else _SAME * noise)
                 and abs(at - time[turn]) > _SAME * (time[turn + 1] - time[turn])
             ):
                 where.append(turn + int(at > time[turn]))
