@@ -64,7 +64,7 @@ def _from_drive(reading: Reading, rig: Rig, effects: Sequence[Library]) -> dict[
     """Return what a channel is off for the noise of the drive, drawn and calmed anew; docs/model.md (100)."""
     drive, noise = reading.given[reading.drive], reading.noise[reading.drive]
     rng, soft, blunt = np.random.default_rng(_SEED), _softened(drive, noise) - drive, _blunted(drive, noise)
-    square = {name: np.zeros(len(drive)) for name in reading.measured}
+    square, jump = ({name: np.zeros(len(drive)) for name in reading.measured} for _ in range(2))
     for _ in range(_DRAWS):
         read = drive + rng.uniform() * soft
         truth = run_channels(reading, rig, effects, drive=read + rng.uniform() * blunt)
@@ -72,10 +72,10 @@ def _from_drive(reading: Reading, rig: Rig, effects: Sequence[Library]) -> dict[
         seen = run_channels(reading, rig, effects, drive=again + (drive[0] - again[0]))
         for name in square:
             square[name] += np.square(seen[name] - truth[name]) / _DRAWS
+            jump[name] = np.maximum(jump[name], _jump(truth[name]))
     beside = _beside_turns(drive, noise)
     return {
-        name: np.hypot(np.sqrt(_spread(each)), _UNSURE * beside * _jump(truth[name]))
-        for name, each in square.items()
+        name: np.hypot(np.sqrt(_spread(each)), _UNSURE * beside * jump[name]) for name, each in square.items()
     }
 
 
