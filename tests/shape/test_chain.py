@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tssgeom.shape.chain.equations import normal_equations
-from tssgeom.shape.chain.places import along, project
+from tssgeom.shape.chain.places import along, off_chain
 from tssgeom.shape.geometry import measure
 from tssgeom.shape.points import clean
 from tssgeom.shape.synthetic import chain, colon, half_circle, setup_a
@@ -63,7 +63,8 @@ def test_normal_equations_are_those_of_finite_differences(start, free):
         jacobian[:, :, i] = (ahead - behind) / 2e-6
     across = np.eye(3) - (tangent[:, :, None] * tangent[:, None, :] if free else 0.0)
     metric = across * weight[:, None, None] if free else np.eye(3) * weight[:, None, None]
-    matrix, gradient, cost = normal_equations(points, weight, s, *start, JOINTS, BEND, CURVED, free)
+    given = (points, weight, s, *start, JOINTS, BEND, CURVED, free)
+    matrix, gradient, cost, square = normal_equations(*given)
     expected = np.einsum("nia,nij,njb->ab", jacobian, metric, jacobian)
     scale = np.sqrt(np.diag(expected))
     # central differences with a step of 1e-6 are good to 1e-9 of curvatures up to 20/m
@@ -71,6 +72,8 @@ def test_normal_equations_are_those_of_finite_differences(start, free):
     slope = np.einsum("nia,nij,nj->a", jacobian, metric, points - here)
     np.testing.assert_allclose(gradient / scale, slope / scale, atol=1e-9)
     assert cost == pytest.approx(np.einsum("ni,nij,nj->", points - here, metric, points - here), rel=1e-12)
+    distance = off_chain(points, s, *start, JOINTS, BEND, free)
+    np.testing.assert_allclose(square, distance, rtol=1e-9)  # of 1 mm, to the rounding of places of 0.1 m
 
 
 @pytest.mark.parametrize("free", [False, True])
@@ -89,8 +92,8 @@ def test_rows_of_directions_are_those_of_finite_differences(start, free):
     metric = (np.eye(3) - tangent[:, :, None] * tangent[:, None, :]) * heft[:, None, None]
     # points on the chain have no residual; their share is taken off again
     given = (here, np.ones(60), s, *start, JOINTS, BEND, CURVED, free)
-    without, level, _ = normal_equations(*given)
-    matrix, gradient, cost = normal_equations(*given, (aim, heft, heft))
+    without, level, _, _ = normal_equations(*given)
+    matrix, gradient, cost, _ = normal_equations(*given, (aim, heft, heft))
     expected = np.einsum("nia,nij,njb->ab", jacobian, metric, jacobian)
     # central differences with a step of 1e-6 are good to 1e-9 of curvatures up to 20/m
     size = np.abs(expected).max()
@@ -109,7 +112,7 @@ def test_feet_are_where_the_distance_is_least(start):
     points = x + 2e-3 * rng.normal(size=(40, 3))
     foot = s.copy()
     for _ in range(6):
-        project(points, foot, *start, JOINTS, BEND, 0.01)
+        normal_equations(points, np.ones(40), foot, *start, JOINTS, BEND, CURVED, True, None, 0.01)
     fine = np.linspace(0.0, 0.4, 40001)
     curve, _, _ = along(fine, *start, JOINTS, BEND)
     nearest = np.array([fine[np.argmin(np.sum((curve - p) ** 2, axis=1))] for p in points])

@@ -169,6 +169,7 @@ def _first_chain(route: Route, arcs: Arcs) -> Chain:
         stations=np.array(route.station),
         matrix=np.zeros((0, 0)),
         cost=0.0,
+        square=np.zeros(0),
     )
 
 

@@ -1,8 +1,8 @@
 """The normal equations of fitting a chain of arcs to points, exactly and in linear time.
 
 Changing anything before a point moves the point by a rigid twist (a, θ): δx = a + θ × x. The normal equations
-therefore need of each piece only the moments of its points, gathered in the piece's own axes and carried to
-the world once, and cost O(points + pieces²); see docs/model.md (30) to (32).
+therefore need of each piece only the moments of its points, and cost O(points + pieces²); see docs/model.md
+(30) to (32).
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from tssgeom.shape.chain.moments import moments_across, moments_known
 from tssgeom.shape.chain.places import arc_functions, fill_local, joint_frames, piece_of
 
 
@@ -113,59 +114,6 @@ def twists(
 
 
 @njit(cache=True, nogil=True)
-def _moments(
-    p: np.ndarray,
-    weight: np.ndarray,
-    s: np.ndarray,
-    place: np.ndarray,
-    frame: np.ndarray,
-    joints: np.ndarray,
-    bend: np.ndarray,
-    free: bool,
-) -> tuple[np.ndarray, float]:
-    """Moments [k, 9, 9] of the rows (n, x × n, n·dx/dK, residual) of each piece's points, and the cost.
-
-    The rows are written in the piece's own axes, and only the upper triangle is filled.
-    """
-    moments = np.zeros((len(bend), 9, 9))
-    row, local, by = np.empty(9), np.empty((4, 3)), np.empty((2, 3))
-    off = np.empty(3)
-    unit = np.zeros((4, 3))
-    unit[1, 0], unit[2, 1], unit[3, 2] = 1.0, 1.0, 1.0
-    cost = 0.0
-    j = 0
-    for i in range(len(s)):
-        w = weight[i]
-        if w <= 0.0:
-            continue
-        j = piece_of(joints, s[i], j)
-        here = s[i] - joints[j]
-        k0, k1 = bend[j, 0], bend[j, 1]
-        a_of, b_of, _, da, db = arc_functions((k0 * k0 + k1 * k1) * here * here)
-        fill_local(a_of, b_of, k0, k1, here, local)
-        _fill_slope(b_of, da, db, k0, k1, here, by)
-        d0, d1, d2 = p[i, 0] - place[j, 0], p[i, 1] - place[j, 1], p[i, 2] - place[j, 2]
-        for c in range(3):
-            off[c] = d0 * frame[j, c, 0] + d1 * frame[j, c, 1] + d2 * frame[j, c, 2] - local[0, c]
-        x0, x1, x2 = local[0, 0], local[0, 1], local[0, 2]
-        ways = local if free else unit
-        own = moments[j]
-        for part in range(2 if free else 1, 4):
-            n0, n1, n2 = ways[part, 0], ways[part, 1], ways[part, 2]
-            row[0], row[1], row[2] = n0, n1, n2
-            row[3], row[4], row[5] = x1 * n2 - x2 * n1, x2 * n0 - x0 * n2, x0 * n1 - x1 * n0
-            row[6] = by[0, 0] * n0 + by[0, 1] * n1 + by[0, 2] * n2
-            row[7] = by[1, 0] * n0 + by[1, 1] * n1 + by[1, 2] * n2
-            row[8] = off[0] * n0 + off[1] * n1 + off[2] * n2
-            cost += w * row[8] * row[8]
-            for a in range(8):
-                wa = w * row[a]
-                for b in range(a, 9):
-                    own[a, b] += wa * row[b]
-    return moments, cost
-
-
-@njit(cache=True, nogil=True)
 def _add_directions(
     moments: np.ndarray,
     aim: np.ndarray,
@@ -249,8 +197,9 @@ def normal_equations(
     curved: np.ndarray,
     free: bool,
     told: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None,
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """Gauss-Newton matrix [m, m] and gradient [m] of the fit, and its cost; docs/model.md (31), (32).
+    reach: float = 0.0,
+) -> tuple[np.ndarray, np.ndarray, float, np.ndarray]:
+    """Return the equations of the fit; docs/model.md (31), (32).
 
     Parameters
     ----------
@@ -263,13 +212,29 @@ def normal_equations(
         True where stations are unknown: only distances across the chain count.
     told
         Sensed directions [n, 3], their weights against the points' [n] [m²], and their variances.
+    reach
+        Unknown stations are first moved, in place, towards the feet of their points, by so much at a time [m].
+
+    Returns
+    -------
+    matrix, gradient
+        Of Gauss and Newton, [m, m] and [m].
+    cost
+        Weighted sum of squares [m²].
+    square
+        Squared distance of each point, across the chain where stations are unknown [n] [m²].
     """
     place, frame = joint_frames(start, axes, joints, bend)
     twist, first, own = twists(place, frame, joints, bend, curved, free)
-    moments, cost = _moments(p, weight, s, place, frame, joints, bend, free)
+    if free:
+        moments, square, cost = moments_across(p, weight, s, place, frame, joints, bend, reach)
+    else:
+        moments, square, cost = moments_known(p, weight, s, place, frame, joints, bend)
     if told is not None:
-        cost += _add_directions(moments, told[0], told[1], s, frame, joints, bend)
-    _to_world(moments, place, frame)
+        of_directions = np.zeros(moments.shape)
+        cost += _add_directions(of_directions, told[0], told[1], s, frame, joints, bend)
+        _to_world(of_directions, place, frame)
+        moments += of_directions
     m, k = len(twist), len(bend)
     beyond = np.zeros((k + 1, 6, 7))  # moments, and those with the residual, of a piece and all that follow
     for j in range(k - 1, -1, -1):
@@ -305,4 +270,4 @@ def normal_equations(
                     value += moments[of, side if a == b else 6, side]
             matrix[a, b] = value
             matrix[b, a] = value
-    return matrix, gradient, cost
+    return matrix, gradient, cost, square

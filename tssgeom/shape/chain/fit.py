@@ -11,7 +11,7 @@ from numba import njit
 from tssgeom.arrays import Matrix, Points, Vector
 from tssgeom.shape.chain.dense import factor, inverse, solve
 from tssgeom.shape.chain.equations import normal_equations
-from tssgeom.shape.chain.places import joint_frames, project
+from tssgeom.shape.chain.places import joint_frames
 
 _SETTLED = 1e-3  # of the noise variance: a step that saves less of the cost is the last
 _MOST_STEPS = 40
@@ -20,7 +20,6 @@ _FIRST_DAMPING = 1e-9
 _STEPS_OF_GRACE = 2  # before a fit is given up
 _HOPE = 4.0  # times what the next step promises may still come
 _LEAST_INFORMATION = 1e-13  # of a parameter's own, where the others tell nearly all of it
-_NEAR = 0.3  # of a shortest piece: a station that moved less is at the foot
 _MOST_TURN = 2.0  # from point to point [rad]
 _MOST_TURN_UNSEEN = 4.0  # where points between them were not seen [rad]
 _WIDE = 3.0  # mean spacings: points farther apart have others between them that were not seen
@@ -53,6 +52,8 @@ class Chain(NamedTuple):
     stations: Vector
     matrix: Matrix
     cost: float
+    square: Vector
+    """Squared distance of each point, across the chain where stations are free [n] [m²]."""
 
 
 @njit(cache=True, nogil=True)
@@ -154,38 +155,33 @@ def settle(data: Data, chain: Chain, least: float = math.inf) -> Chain:
 
 @njit(cache=True, nogil=True)
 def _settled(data: Data, chain: Chain, goal: float) -> Chain:
-    s, n = chain.stations.copy(), values(data)
-    if data.free:
-        _put_at_feet(data, s, chain.start, chain.axes, chain.joints, chain.bend)
-    now = _evaluated(data, s, chain.start, chain.axes, chain.joints, chain.bend, chain.curved)
-    gradient, damping = now[1], _FIRST_DAMPING
-    now_chain = Chain(chain.start, chain.axes, chain.joints, chain.bend, chain.curved, s, now[0], now[2])
+    n = values(data)
+    now, gradient = _evaluated(
+        data, chain.stations, chain.start, chain.axes, chain.joints, chain.bend, chain.curved
+    )
+    damping = _FIRST_DAMPING
     for count in range(_MOST_STEPS):
-        lower, unit = factor(now_chain.matrix, damping)
+        lower, unit = factor(now.matrix, damping)
         step = solve(lower, unit, gradient)
-        enough = _SETTLED * (data.variance if data.variance > 0.0 else now_chain.cost / n)
+        enough = _SETTLED * (data.variance if data.variance > 0.0 else now.cost / n)
         promised = 0.0
         for a in range(len(step)):
             promised += step[a] * gradient[a]
         if not promised >= enough or damping > 1e6:
             break
-        if count >= _STEPS_OF_GRACE and now_chain.cost - _HOPE * promised > goal:
+        if count >= _STEPS_OF_GRACE and now.cost - _HOPE * promised > goal:
             break
-        start, axes, joints, bend = _moved(step, now_chain, data.free, data.gap)
-        s = now_chain.stations.copy()
-        if data.free:
-            _put_at_feet(data, s, start, axes, joints, bend)
-        matrix, ahead, cost = _evaluated(data, s, start, axes, joints, bend, chain.curved)
-        if cost < now_chain.cost and _tame(data, s, joints, bend):
-            saved = now_chain.cost - cost
-            now_chain = Chain(start, axes, joints, bend, chain.curved, s, matrix, cost)
-            gradient = ahead
+        start, axes, joints, bend = _moved(step, now, data.free, data.gap)
+        tried, ahead = _evaluated(data, now.stations, start, axes, joints, bend, chain.curved)
+        if tried.cost < now.cost and _tame(data, tried.stations, joints, bend):
+            saved = now.cost - tried.cost
+            now, gradient = tried, ahead
             if saved < enough and damping <= 1e-6:
                 break
             damping = max(0.03 * damping, 1e-13)
         else:
             damping = max(30.0 * damping, 1e-6)
-    return now_chain
+    return now
 
 
 @njit(cache=True, nogil=True)
@@ -207,16 +203,6 @@ def _tame(data: Data, s: np.ndarray, joints: np.ndarray, bend: np.ndarray) -> bo
 
 
 @njit(cache=True, nogil=True)
-def _put_at_feet(
-    data: Data, s: np.ndarray, start: np.ndarray, axes: np.ndarray, joints: np.ndarray, bend: np.ndarray
-) -> None:
-    """Put stations at the feet of the points; a second time where the first took them far."""
-    for _ in range(2):
-        if project(data.points, s, start, axes, joints, bend, 2 * data.gap) < _NEAR * data.gap:
-            break
-
-
-@njit(cache=True, nogil=True)
 def _evaluated(
     data: Data,
     s: np.ndarray,
@@ -225,10 +211,13 @@ def _evaluated(
     joints: np.ndarray,
     bend: np.ndarray,
     curved: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray, float]:
-    return normal_equations(
-        data.points, data.weight, s, start, axes, joints, bend, curved, data.free, data.told
+) -> tuple[Chain, np.ndarray]:
+    """Return the chain with its equations, free stations put at the feet of the points, and the gradient."""
+    s, reach = s.copy(), 2 * data.gap
+    matrix, gradient, cost, square = normal_equations(
+        data.points, data.weight, s, start, axes, joints, bend, curved, data.free, data.told, reach
     )
+    return Chain(start, axes, joints, bend, curved, s, matrix, cost, square), gradient
 
 
 @njit(cache=True, nogil=True)

@@ -220,7 +220,7 @@ def _parts(data: Data, chain: Chain) -> tuple[np.ndarray, np.ndarray, np.ndarray
     length = np.diff(chain.joints, append=chain.stations[-1])
     at = (chain.joints[:, None] + length[:, None] * np.arange(_SPLITS) / _SPLITS).ravel()
     bend, curved = np.repeat(chain.bend, _SPLITS, axis=0), np.ones(k * _SPLITS, np.bool_)
-    matrix, gradient, _ = normal_equations(
+    matrix, gradient, _, _ = normal_equations(
         data.points,
         data.weight,
         chain.stations,

@@ -1,4 +1,4 @@
-"""A chain of circular arcs: its places, and the feet of points on it.
+"""A chain of circular arcs: its places, and how far points are from it.
 
 The chain starts at a place with axes (tangent and two normals, carried along without twist). Piece j runs
 from arc length b_j to b_j+1 with constant curvature components K_j on the normals, so a straight piece and a
@@ -96,41 +96,6 @@ def along(
             second = local[3, 0] * f0 + local[3, 1] * f1 + local[3, 2] * f2
             curvature[i, c] = bend[j, 0] * first + bend[j, 1] * second
     return x, t, curvature
-
-
-@njit(cache=True, nogil=True)
-def project(
-    p: np.ndarray,
-    s: np.ndarray,
-    start: np.ndarray,
-    axes: np.ndarray,
-    joints: np.ndarray,
-    bend: np.ndarray,
-    reach: float,
-) -> float:
-    """Move the stations `s` [n], in place, towards the feet of the points [n, 3], by at most `reach`.
-
-    Returns
-    -------
-    farthest
-        How far a station went at most [m].
-    """
-    place, frame = joint_frames(start, axes, joints, bend)
-    local = np.empty((4, 3))
-    j, farthest = 0, 0.0
-    for i in range(len(s)):
-        j = piece_of(joints, s[i], j)
-        _local(bend[j, 0], bend[j, 1], s[i] - joints[j], local)
-        d0, d1, d2 = p[i, 0] - place[j, 0], p[i, 1] - place[j, 1], p[i, 2] - place[j, 2]
-        ahead, aside = 0.0, 0.0
-        for c in range(3):
-            off = d0 * frame[j, c, 0] + d1 * frame[j, c, 1] + d2 * frame[j, c, 2] - local[0, c]
-            ahead += off * local[1, c]
-            aside += off * (bend[j, 0] * local[2, c] + bend[j, 1] * local[3, c])
-        move = min(max(ahead / max(1.0 - aside, 0.3), -reach), reach)
-        s[i] += move
-        farthest = max(farthest, abs(move))
-    return farthest
 
 
 @njit(cache=True, nogil=True)
