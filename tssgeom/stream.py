@@ -65,8 +65,6 @@ class FrameResult:
     """Count of the frame on arrival, from 0."""
     frame: Frame
     shape: Shape
-    route: Route
-    profile: CurvatureProfile
     arcs: Arcs
     followed: Followed
     """Where the fit of the next frame starts."""
@@ -77,6 +75,16 @@ class FrameResult:
     """Position of the drive at which the frame's target is reached, where it has one [m]."""
     tension_command: float | None = None
     """Proximal tension at which the frame's target is reached, where it has one [N]."""
+
+    @property
+    def route(self) -> Route:
+        """The route on its nodes."""
+        return self.followed.geometry.route
+
+    @property
+    def profile(self) -> CurvatureProfile:
+        """Curvature on the same nodes."""
+        return self.followed.geometry.profile
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,13 +158,11 @@ def advance(
         seq=seq,
         frame=frame,
         shape=shape,
-        route=geometry.route,
-        profile=geometry.profile,
         arcs=geometry.arcs,
         followed=followed,
         state=moved,
         transmission=transmit(moved, rig),
-        warnings=shape.warnings + geometry.route.warnings + _unfelt(rig, frame),
+        warnings=shape.warnings + geometry.outline.warnings + _unfelt(rig, frame),
         displacement_command=None if command is None else command.displacement_in,
         tension_command=None if command is None else command.tension_in,
     )

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from tssgeom.shape.following import Followed
-from tssgeom.shape.geometry import Geometry
 from tssgeom.stream import FrameResult, Rejected
 from tssgeom.tendon.history import last_peak
 
@@ -131,5 +130,4 @@ class Account:
 
 def _light(result: FrameResult) -> FrameResult:
     """Leave out what only the fit of the next frame needs, which is most of a result."""
-    geometry = Geometry(result.route, result.profile, result.arcs)
-    return replace(result, followed=Followed(geometry, result.followed.index))
+    return replace(result, followed=Followed(result.followed.geometry.bare(), result.followed.index))

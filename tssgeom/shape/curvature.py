@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit
@@ -53,6 +53,13 @@ class CurvatureProfile:
     def total_angle_se(self) -> float:
         """Standard error of Φ [rad]."""
         return float(self.phi_se[-1])
+
+    def doubted(self, variance: float) -> CurvatureProfile:
+        """Add a variance of Φ [rad²], spread as the angle is."""
+        if variance == 0.0:
+            return self
+        share = self.phi / max(self.total_angle, 1e-300)
+        return replace(self, phi_se=read_only(np.sqrt(self.phi_se**2 + variance * share**2)))
 
 
 def curvature_profile(spline: Spline) -> CurvatureProfile:

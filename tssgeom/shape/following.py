@@ -150,7 +150,7 @@ def _follow_chain(
         float(chain.stations[-1] - chain.stations[0]) / len(shape.points),
     )
     age = last.age + 1
-    variance = last.geometry.route.noise**2
+    variance = last.geometry.outline.noise**2
     chain = begun_anew(chain) if data.free else chain
     chain = chain._replace(stations=_stations(shape, last, chain))
     if shape.directions is not None:

@@ -8,10 +8,11 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+from numba import njit
 
 from tssgeom.arrays import read_only
 from tssgeom.shape.arcs import Arcs, constant_curvature_pieces, normals, parallel_components
-from tssgeom.shape.chain.account import chain_geometry
+from tssgeom.shape.chain.account import ChainOutline, chain_pieces
 from tssgeom.shape.chain.facing import faced, off_directions, reweighed, without_short
 from tssgeom.shape.chain.fit import Chain, Data, direction_count, settle
 from tssgeom.shape.chain.moves import fit_chain, left_out, slopes
@@ -20,6 +21,7 @@ from tssgeom.shape.chain.strays import without_strays
 from tssgeom.shape.curvature import CurvatureProfile, curvature_profile
 from tssgeom.shape.directions import direction_warnings
 from tssgeom.shape.known_length import of_known_length
+from tssgeom.shape.outline import Outline
 from tssgeom.shape.points import Shape, stray_warnings
 from tssgeom.shape.route import Route
 from tssgeom.shape.spline import Spline, fit
@@ -43,13 +45,26 @@ _UNTOLD = 0.3  # standard error of the bend of such a piece from which on it is 
 class Geometry:
     """What was found out about one route."""
 
-    route: Route
-    profile: CurvatureProfile
+    outline: Outline | ChainOutline
     arcs: Arcs
     spline: Spline | None = None
     """The smooth fit, where one was made."""
     chain: Chain | None = None
     """The chain of arcs, where it was taken."""
+
+    @property
+    def route(self) -> Route:
+        """The route on its nodes."""
+        return self.outline.route
+
+    @property
+    def profile(self) -> CurvatureProfile:
+        """Curvature on the same nodes."""
+        return self.outline.profile
+
+    def bare(self) -> Geometry:
+        """Return it without what only the next fit needs."""
+        return Geometry(self.outline, self.arcs)
 
 
 def measure(shape: Shape, noise: float | None = None, method: Method = "auto") -> Geometry:
@@ -78,7 +93,7 @@ def told_length(geometry: Geometry, shape: Shape) -> Geometry:
         return geometry
     found = (geometry.route, geometry.profile, geometry.arcs)
     route, profile, arcs = of_known_length(*found, shape.length, shape.length_noise)
-    return replace(geometry, route=route, profile=profile, arcs=arcs)
+    return replace(geometry, outline=Outline(route, profile), arcs=arcs)
 
 
 def _measured(shape: Shape, noise: float | None, method: Method) -> Geometry:
@@ -99,7 +114,7 @@ def _measured(shape: Shape, noise: float | None, method: Method) -> Geometry:
 def by_spline(spline: Spline) -> Geometry:
     """Profile and pieces of a smooth fit."""
     profile = curvature_profile(spline)
-    return Geometry(spline.route, profile, constant_curvature_pieces(spline, profile), spline)
+    return Geometry(Outline(spline.route, profile), constant_curvature_pieces(spline, profile), spline)
 
 
 def by_chain(shape: Shape, data: Data, chain: Chain) -> Geometry:
@@ -109,17 +124,22 @@ def by_chain(shape: Shape, data: Data, chain: Chain) -> Geometry:
         aim, _, blur = data.told
         used = np.where(blur[:, None] > 0.0, aim, np.nan)
         warnings += direction_warnings(shape.directions, used, shape.index)
-    found = Geometry(*chain_geometry(data, chain, warnings), chain=chain)
-    untold = _untold(data, found.arcs)
-    return found if untold is None else by_chain(shape, data, left_out(data, chain, untold))
+    arcs, noise = chain_pieces(data, chain)
+    untold = _untold(arcs.length, arcs.covariance, data.gap)
+    if untold >= 0:
+        return by_chain(shape, data, left_out(data, chain, untold))
+    return Geometry(ChainOutline(data, chain, noise, warnings), arcs, chain=chain)
 
 
-def _untold(data: Data, arcs: Arcs) -> int | None:
-    """Return a short piece whose bend its points do not tell, such as the one point beyond a last joint."""
-    k = len(arcs.length)
-    error = np.sqrt(np.diagonal(arcs.covariance)[k:]) * (arcs.length < _SHORT * data.gap)
-    j = int(np.argmax(error))
-    return j if k > 1 and not error[j] < _UNTOLD else None
+@njit(cache=True, nogil=True)
+def _untold(length: np.ndarray, covariance: np.ndarray, gap: float) -> int:
+    """Return a short piece whose bend its points do not tell, such as the one beyond a last joint, or -1."""
+    k, worst, error = len(length), -1, _UNTOLD
+    for j in range(k):
+        variance = covariance[k + j, k + j]
+        if length[j] < _SHORT * gap and not math.sqrt(max(variance, 0.0)) < error:
+            worst, error = j, math.sqrt(max(variance, 0.0))
+    return worst if k > 1 else -1
 
 
 def fit_data(shape: Shape, noise: float | None, spline: Spline) -> Data:
@@ -227,14 +247,13 @@ def doubted(geometry: Geometry, variance: float) -> Geometry:
     """Add a variance of Φ [rad²], spread over profile and pieces as the angle is."""
     if variance == 0.0:
         return geometry
-    profile, arcs = geometry.profile, geometry.arcs
-    share = profile.phi / max(profile.total_angle, 1e-300)
+    arcs = geometry.arcs
     k = len(arcs.length)
     part = arcs.angle / max(arcs.total_angle, 1e-300)
     covariance = np.array(arcs.covariance)
     covariance[k:, k:] += variance * np.outer(part, part)
     return replace(
         geometry,
-        profile=replace(profile, phi_se=read_only(np.sqrt(profile.phi_se**2 + variance * share**2))),
+        outline=geometry.outline.doubted(variance),
         arcs=replace(arcs, covariance=read_only(covariance)),
     )

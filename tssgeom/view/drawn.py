@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from tssgeom.arrays import Points, Vector
 from tssgeom.shape.arcs import Arcs
 from tssgeom.shape.following import Followed
-from tssgeom.shape.geometry import Geometry
 from tssgeom.stream import FrameResult
 from tssgeom.tendon.state import tension
 
@@ -65,14 +64,13 @@ def drawn(result: FrameResult, most: int = MOST_NODES) -> Drawn:
 
 def lean(result: FrameResult) -> FrameResult:
     """Return a result without what only the next fit needs, to be sent to another process."""
-    geometry = Geometry(result.route, result.profile, result.arcs)
-    return replace(result, followed=Followed(geometry, result.shape.index))
+    return replace(result, followed=Followed(result.followed.geometry.bare(), result.shape.index))
 
 
 def numbers_of(result: FrameResult) -> tuple[float, float, float, float]:
     """T_in [N], T_out [N], elongation [m] and accumulated curve angle [rad] of one frame."""
     seen = result.transmission
-    return seen.tension_in, seen.tension_out, seen.elongation, result.profile.total_angle
+    return seen.tension_in, seen.tension_out, seen.elongation, result.arcs.total_angle
 
 
 def front(result: FrameResult, frame: Drawn) -> float:

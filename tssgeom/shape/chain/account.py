@@ -1,16 +1,24 @@
-"""What a fitted chain of arcs says of the route: places, curvature, angle and pieces, with their errors."""
+"""What a fitted chain of arcs says of the route: places, curvature, angle and pieces, with their errors.
+
+A stream needs no more than the pieces of most frames; places and curvature on nodes cost more than those and
+are written out when they are asked for.
+"""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numba import njit
 
 from tssgeom.arrays import read_only
 from tssgeom.shape.arcs import Arcs
+from tssgeom.shape.chain.dense import carried, factor
 from tssgeom.shape.chain.equations import place_by_kappa, twists
 from tssgeom.shape.chain.fit import (
+    LEAST_INFORMATION,
     Chain,
     Data,
     curvature_columns,
@@ -25,34 +33,107 @@ from tssgeom.shape.route import Route
 _NODES = 161  # beside the joints
 
 
-def chain_geometry(
-    data: Data, chain: Chain, warnings: tuple[str, ...]
-) -> tuple[Route, CurvatureProfile, Arcs]:
-    """Return the route, the profile and the pieces of a fitted chain."""
-    along_nodes, on_points, of_pieces, noise = _written_out(data, chain)
-    for block in (along_nodes, on_points, of_pieces):
-        block.flags.writeable = False
-    vectors, k = along_nodes[9:], len(chain.bend)
-    s = vectors[0]
-    n = len(s)
-    places = along_nodes[:9].reshape(-1)  # three [n, 3] blocks, one after the other
-    route = Route(
-        s=s,
-        position=places[: 3 * n].reshape(n, 3),
-        tangent=places[3 * n : 6 * n].reshape(n, 3),
-        curvature_vector=places[6 * n :].reshape(n, 3),
-        noise=noise,
-        weight=read_only(data.weight),
-        station=on_points[0],
-        residual=on_points[1:].reshape(-1).reshape(-1, 3),
-        warnings=warnings,
-    )
-    profile = CurvatureProfile(s=s, kappa=vectors[1], phi=vectors[3], kappa_se=vectors[2], phi_se=vectors[4])
-    return route, profile, Arcs(of_pieces[0, :k], of_pieces[0, k:], of_pieces[1:], "arcs")
+@dataclass(frozen=True)  # without slots: what was written out once is kept
+class ChainOutline:
+    """Route and profile of a fitted chain, written out on nodes when they are asked for."""
+
+    data: Data
+    chain: Chain
+    noise: float
+    """Standard deviation of a coordinate [m]."""
+    warnings: tuple[str, ...] = ()
+    doubt: float = 0.0
+    """Variance of Φ from the choice of the estimator [rad²]."""
+
+    @property
+    def route(self) -> Route:
+        """The route on its nodes."""
+        return self._written[0]
+
+    @property
+    def profile(self) -> CurvatureProfile:
+        """Curvature on the same nodes."""
+        return self._written[1]
+
+    def doubted(self, variance: float) -> ChainOutline:
+        """Add a variance of Φ [rad²]."""
+        return replace(self, doubt=self.doubt + variance)
+
+    @cached_property
+    def _written(self) -> tuple[Route, CurvatureProfile]:
+        along_nodes, on_points = _written_out(self.data, self.chain)
+        for block in (along_nodes, on_points):
+            block.flags.writeable = False
+        vectors = along_nodes[9:]
+        s = vectors[0]
+        places = along_nodes[:9].reshape(3, len(s), 3)
+        route = Route(
+            s=s,
+            position=places[0],
+            tangent=places[1],
+            curvature_vector=places[2],
+            noise=self.noise,
+            weight=read_only(self.data.weight),
+            station=on_points[0],
+            residual=on_points[1:].reshape(-1, 3),
+            warnings=self.warnings,
+        )
+        profile = CurvatureProfile(
+            s=s, kappa=vectors[1], phi=vectors[3], kappa_se=vectors[2], phi_se=vectors[4]
+        )
+        return route, profile.doubted(self.doubt)
+
+
+def chain_pieces(data: Data, chain: Chain) -> tuple[Arcs, float]:
+    """Return the pieces of a fitted chain and the noise of a coordinate [m]; docs/model.md (33)."""
+    sizes, covariance, noise = _pieces(data, chain)
+    sizes.flags.writeable = covariance.flags.writeable = False
+    k = len(chain.bend)
+    return Arcs(sizes[:k], sizes[k:], covariance, "arcs"), noise
 
 
 @njit(cache=True, nogil=True)
-def _written_out(data: Data, chain: Chain) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+def _pieces(data: Data, chain: Chain) -> tuple[np.ndarray, np.ndarray, float]:
+    """Lengths and angles [2k] of the pieces, their covariance [2k, 2k], and the noise [m]."""
+    k, m = len(chain.bend), len(chain.matrix)
+    variance = noise_variance(data, chain)
+    column, joint = curvature_columns(chain.curved, data.free), first_joint_column(data.free) - 1
+    sizes, gradient = np.empty(2 * k), np.zeros((2 * k, m))
+    for j in range(k):
+        k0, k1 = chain.bend[j, 0], chain.bend[j, 1]
+        kappa = math.sqrt(k0 * k0 + k1 * k1)
+        begin = chain.joints[j] if j > 0 else chain.stations[0]
+        length = (chain.joints[j + 1] if j + 1 < k else chain.stations[-1]) - begin
+        sizes[j], sizes[k + j] = length, kappa * length
+        if column[j] >= 0 and kappa > 0.0:
+            gradient[k + j, column[j]] = length * k0 / kappa
+            gradient[k + j, column[j] + 1] = length * k1 / kappa
+        if j > 0:
+            gradient[j, joint + j], gradient[k + j, joint + j] = -1.0, -kappa
+        if j + 1 < k:
+            gradient[j, joint + j + 1], gradient[k + j, joint + j + 1] = 1.0, kappa
+        if j == k - 1 and data.free:
+            slide = _slide_of_end(chain)
+            for a in range(m):
+                gradient[j, a] += slide[a]
+                gradient[k + j, a] += kappa * slide[a]
+    lower, unit = factor(chain.matrix, LEAST_INFORMATION)
+    covariance = carried(lower, unit, gradient)
+    for a in range(2 * k):
+        for b in range(2 * k):
+            covariance[a, b] *= variance
+    if data.free:  # an unknown station of an end takes its angle along
+        for j in (0, k - 1):
+            kappa = sizes[k + j] / sizes[j]
+            covariance[j, j] += variance
+            covariance[j, k + j] += variance * kappa
+            covariance[k + j, j] += variance * kappa
+            covariance[k + j, k + j] += variance * kappa * kappa
+    return sizes, covariance, math.sqrt(variance)
+
+
+@njit(cache=True, nogil=True)
+def _written_out(data: Data, chain: Chain) -> tuple[np.ndarray, np.ndarray]:
     """Write a chain out on its nodes and joints, with all standard errors; docs/model.md (33).
 
     Returns
@@ -62,10 +143,6 @@ def _written_out(data: Data, chain: Chain) -> tuple[np.ndarray, np.ndarray, np.n
         curvature and its standard error, angle and its standard error [14, n].
     on_points
         A row of stations, then the block [points, 3] of residuals in 3 rows [4, points].
-    of_pieces
-        A row of lengths and angles, then the covariance of both [1 + 2k, 2k].
-    noise
-        Standard deviation of a coordinate [m].
     """
     k, m = len(chain.bend), len(chain.matrix)
     begin, end = chain.stations[0], chain.stations[-1]
@@ -77,14 +154,9 @@ def _written_out(data: Data, chain: Chain) -> tuple[np.ndarray, np.ndarray, np.n
     n = len(at)
     out = np.empty((14, n))
     blocks = out[:9].reshape((3, n, 3))
-    position, tangent, curvature = along(at, chain.start, chain.axes, chain.joints, chain.bend)
-    for i in range(n):
-        for c in range(3):
-            blocks[0, i, c], blocks[1, i, c] = position[i, c], tangent[i, c]
-            blocks[2, i, c] = curvature[i, c]
+    blocks[0], blocks[1], blocks[2] = along(at, chain.start, chain.axes, chain.joints, chain.bend)
     covariance = parameter_covariance(data, chain)
-    variance = noise_variance(data, chain)
-    at_ends = variance if data.free else 0.0  # an unknown station of an end takes its angle along
+    at_ends = noise_variance(data, chain) if data.free else 0.0
     kappa, way = np.empty(k), np.zeros((k, 2))
     for j in range(k):
         kappa[j] = math.sqrt(chain.bend[j, 0] ** 2 + chain.bend[j, 1] ** 2)
@@ -92,8 +164,6 @@ def _written_out(data: Data, chain: Chain) -> tuple[np.ndarray, np.ndarray, np.n
             way[j, 0], way[j, 1] = chain.bend[j, 0] / kappa[j], chain.bend[j, 1] / kappa[j]
     column, joint = curvature_columns(chain.curved, data.free), first_joint_column(data.free) - 1
     gradient, own = np.zeros(m), np.zeros(m)  # of φ where a piece begins, and along it
-    piece_gradient = np.zeros((2 * k, m))
-    pieces = np.zeros((1 + 2 * k, 2 * k))
     turned, i = 0.0, 0
     for j in range(k):
         own[:] = 0.0
@@ -101,13 +171,9 @@ def _written_out(data: Data, chain: Chain) -> tuple[np.ndarray, np.ndarray, np.n
             own[column[j]], own[column[j] + 1] = way[j, 0], way[j, 1]
         if j > 0:
             gradient[joint + j] = kappa[j - 1] - kappa[j]
-            piece_gradient[j, joint + j], piece_gradient[k + j, joint + j] = -1.0, -kappa[j]
-        if j + 1 < k:
-            piece_gradient[j, joint + j + 1], piece_gradient[k + j, joint + j + 1] = 1.0, kappa[j]
         length = ends[j + 1] - ends[j]
         level, tilt, square = 0.0, 0.0, 0.0
         for a in range(m):
-            piece_gradient[k + j, a] += length * own[a]
             for b in range(m):
                 level += gradient[a] * covariance[a, b] * gradient[b]
                 tilt += gradient[a] * covariance[a, b] * own[b]
@@ -123,34 +189,21 @@ def _written_out(data: Data, chain: Chain) -> tuple[np.ndarray, np.ndarray, np.n
         for a in range(m):
             gradient[a] += length * own[a]
         turned += kappa[j] * length
-        pieces[0, j], pieces[0, k + j] = length, kappa[j] * length
-    if data.free:
-        slide = _slide_of_end(chain, position[n - 1], tangent[n - 1])
-        for a in range(m):
-            piece_gradient[k - 1, a] += slide[a]
-            piece_gradient[2 * k - 1, a] += kappa[k - 1] * slide[a]
-    _congruence(piece_gradient, covariance, pieces[1:])
-    for j in (0, k - 1):
-        pieces[1 + j, j] += at_ends
-        pieces[1 + j, k + j] += at_ends * kappa[j]
-        pieces[1 + k + j, j] += at_ends * kappa[j]
-        pieces[1 + k + j, k + j] += at_ends * kappa[j] ** 2
-    whole = 0.0
-    for a in range(k):
-        for b in range(k):
-            whole += pieces[1 + k + a, k + b]
-    out[13, n - 1] = math.sqrt(max(whole, 0.0))
-    return out, _on_points(data, chain), pieces, math.sqrt(variance)
+    _, of_pieces, _ = _pieces(data, chain)
+    out[13, n - 1] = math.sqrt(max(np.sum(of_pieces[k:, k:]), 0.0))
+    return out, _on_points(data, chain)
 
 
 @njit(cache=True, nogil=True)
-def _slide_of_end(chain: Chain, place: np.ndarray, tangent: np.ndarray) -> np.ndarray:
+def _slide_of_end(chain: Chain) -> np.ndarray:
     """How the foot of the last point moves along the chain with each parameter [m]; docs/model.md (31).
 
     A parameter that carries the end forwards leaves the point behind it.
     """
     k = len(chain.bend)
     start, frame = joint_frames(chain.start, chain.axes, chain.joints, chain.bend)
+    places, tangents, _ = along(chain.stations[-1:], chain.start, chain.axes, chain.joints, chain.bend)
+    place, tangent = places[0], tangents[0]
     twist, first, own = twists(start, frame, chain.joints, chain.bend, chain.curved, True)
     by = np.empty((2, 3))
     length = chain.stations[-1] - chain.joints[k - 1]
@@ -169,24 +222,6 @@ def _slide_of_end(chain: Chain, place: np.ndarray, tangent: np.ndarray) -> np.nd
                 moved = 0.0
             slide[a] -= tangent[c] * moved
     return slide
-
-
-@njit(cache=True, nogil=True)
-def _congruence(g: np.ndarray, covariance: np.ndarray, out: np.ndarray) -> None:
-    """Write g C g' [r, r] for g [r, m]."""
-    r, m = g.shape
-    half = np.empty(m)
-    for a in range(r):
-        for b in range(m):
-            total = 0.0
-            for c in range(m):
-                total += g[a, c] * covariance[c, b]
-            half[b] = total
-        for b in range(r):
-            total = 0.0
-            for c in range(m):
-                total += half[c] * g[b, c]
-            out[a, b] = total
 
 
 @njit(cache=True, nogil=True)

@@ -72,6 +72,27 @@ def inverse(lower: np.ndarray, unit: np.ndarray) -> np.ndarray:
 
 
 @njit(cache=True, nogil=True)
+def carried(lower: np.ndarray, unit: np.ndarray, gradient: np.ndarray) -> np.ndarray:
+    """Inverse of the factored matrix [m, m] carried to r values of gradient [r, m], [r, r]."""
+    r, m = gradient.shape
+    half, share = np.empty((r, m)), 1.0 / np.diag(lower)
+    for i in range(r):
+        for a in range(m):
+            value = gradient[i, a] * unit[a]
+            for c in range(a):
+                value -= lower[a, c] * half[i, c]
+            half[i, a] = value * share[a]
+    out = np.empty((r, r))
+    for i in range(r):
+        for j in range(i + 1):
+            total = 0.0
+            for a in range(m):
+                total += half[i, a] * half[j, a]
+            out[i, j] = out[j, i] = total
+    return out
+
+
+@njit(cache=True, nogil=True)
 def explained(
     lower: np.ndarray,
     unit: np.ndarray,

@@ -213,7 +213,7 @@ def normal_equations(
     told
         Sensed directions [n, 3], their weights against the points' [n] [m²], and their variances.
     reach
-        Unknown stations are first moved, in place, towards the feet of their points, by so much at a time [m].
+        Unknown stations are first moved, in place, towards the feet of their points, so far at a time [m].
 
     Returns
     -------

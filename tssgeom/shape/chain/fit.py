@@ -13,13 +13,15 @@ from tssgeom.shape.chain.dense import factor, inverse, solve
 from tssgeom.shape.chain.equations import normal_equations
 from tssgeom.shape.chain.places import joint_frames
 
+LEAST_INFORMATION = 1e-13
+"""Of a parameter's own, where the others tell nearly all of it [1]."""
+
 _SETTLED = 1e-3  # of the noise variance: a step that saves less of the cost is the last
 _MOST_STEPS = 40
 _LEAST_VARIANCE = 1e-26  # rounding of coordinates [m²]
 _FIRST_DAMPING = 1e-9
 _STEPS_OF_GRACE = 2  # before a fit is given up
 _HOPE = 4.0  # times what the next step promises may still come
-_LEAST_INFORMATION = 1e-13  # of a parameter's own, where the others tell nearly all of it
 _MOST_TURN = 2.0  # from point to point [rad]
 _MOST_TURN_UNSEEN = 4.0  # where points between them were not seen [rad]
 _WIDE = 3.0  # mean spacings: points farther apart have others between them that were not seen
@@ -126,7 +128,7 @@ def noise_variance(data: Data, chain: Chain) -> float:
 @njit(cache=True, nogil=True)
 def parameter_covariance(data: Data, chain: Chain) -> np.ndarray:
     """Covariance [m, m] of the parameters, in the order of `equations.normal_equations`."""
-    lower, unit = factor(chain.matrix, _LEAST_INFORMATION)
+    lower, unit = factor(chain.matrix, LEAST_INFORMATION)
     return noise_variance(data, chain) * inverse(lower, unit)
 
 

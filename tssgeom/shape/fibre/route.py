@@ -15,6 +15,7 @@ from tssgeom.shape.fibre.bends import piece_curvature, wander_nodes
 from tssgeom.shape.fibre.partitions import Partition, Sensed, joint_spread, piece_means
 from tssgeom.shape.fibre.wander import Prior, magnitude, posterior
 from tssgeom.shape.geometry import Geometry
+from tssgeom.shape.outline import Outline
 from tssgeom.shape.route import Route
 from tssgeom.shape.stations import accumulated
 
@@ -79,7 +80,7 @@ def of_partition(sensed: Sensed, found: Partition, noise: float, told: Evidence)
     profile = _profile(s, kappa[piece], travelled @ kappa, np.sqrt(spread[piece]), variance, told.variance)
     at, axes = joint_frames(np.zeros(3), AXES, s, mean[piece])
     laid = Laid(s, at, axes, mean[piece], spread[piece][:, None] * (piece[:, None] == piece))
-    return Geometry(_route(laid, told), profile, arcs)
+    return Geometry(Outline(_route(laid, told), profile), arcs)
 
 
 def _partition_arcs(kappa: Vector, spread: Vector, length: Vector, shift: Vector, variance: float) -> Arcs:
@@ -111,7 +112,7 @@ def of_wander(sensed: Sensed, prior: Prior, told: Evidence) -> Geometry:
     laid = Laid(nodes, at, axes, found.mean, found.covariance)
     joints = _staircase(laid, freedom, len(told.stations))
     arcs = _wander_arcs(nodes[joints], phi[joints], of_phi[np.ix_(joints, joints)], told.variance)
-    return Geometry(_route(laid, told), profile, arcs)
+    return Geometry(Outline(_route(laid, told), profile), arcs)
 
 
 def _integrals(s: Vector) -> Matrix:

@@ -1,0 +1,30 @@
+"""A route and its curvature on nodes, as estimators write them out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from tssgeom.shape.curvature import CurvatureProfile
+from tssgeom.shape.route import Route
+
+
+@dataclass(frozen=True, slots=True)
+class Outline:
+    """A route and its curvature, written out."""
+
+    route: Route
+    profile: CurvatureProfile
+
+    @property
+    def noise(self) -> float:
+        """Standard deviation of a coordinate of the points [m]."""
+        return self.route.noise
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What is to be said of the fit."""
+        return self.route.warnings
+
+    def doubted(self, variance: float) -> Outline:
+        """Add a variance of Φ [rad²]."""
+        return replace(self, profile=self.profile.doubted(variance))
