@@ -156,20 +156,29 @@ def _equilibrium_at(
     before = state.length if tendon.stretches_with_route else -1.0
     old = (state.tension, state.slack, state.inelastic)
     friction = (cone.pulling, cone.releasing, cone.force, cone.drag)
-    chain, gained, whole = _chain(
-        old, bed.length, before, tendon.compliance, strain, friction, ends, amount, by_force
-    )
     hanging = tendon.load_stiffness == 0.0
     if by_force and hanging:
-        _check_balance(drive, state.tension_out, chain)
-    w, tension, slip, iterations, residual = _solved(
-        chain, hanging, state.slip, held=by_force and drive > 0.0
+        _check_balance(drive, state.tension_out, cone)
+    held = by_force and drive > 0.0
+    tension, loose, gained, slip, whole, moved_in, moved_out, elongation, iterations, residual = _advanced(
+        old,
+        bed.length,
+        before,
+        tendon.compliance,
+        strain,
+        friction,
+        ends,
+        amount,
+        by_force,
+        hanging,
+        state.slip,
+        held,
+        tendon.pretension,
     )
     if not residual <= ACCEPTED:
         raise FitError(
             f"no equilibrium of the tendon was found, {residual:.3g} N are left over: take smaller steps"
         )
-    loose, moved_in, moved_out, elongation = _moved(old, chain, gained, w, tension, ends, tendon.pretension)
     for array in (tension, loose, gained, slip):
         array.setflags(write=False)
     return MaterialState(
@@ -208,9 +217,8 @@ def one_drive(tension_in: float | None, displacement_in: float | None) -> tuple[
     return float(drive), by_force
 
 
-def _check_balance(drive: float, weight: float, chain: tuple) -> None:
-    _, _, low, high, force, *_ = chain
-    least, most = range_of_drive(weight, low, high, force)
+def _check_balance(drive: float, weight: float, cone: Cone) -> None:
+    least, most = range_of_drive(weight, np.exp(-cone.pulling), np.exp(cone.releasing), cone.force)
     if not least * (1 - _ROUNDING) <= drive <= most * (1 + _ROUNDING):
         raise SettingsError(
             f"tension_in is {drive:g} N: a dead weight of {weight:g} N would run away outside of "
@@ -222,6 +230,31 @@ def _direction(slip: int, moved: float, before: int) -> int:
     if slip == 0 and moved == 0.0:
         return before
     return 1 if slip > 0 or (slip == 0 and moved > 0.0) else -1
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _advanced(
+    old,
+    length,
+    length_before,
+    compliance,
+    strain,
+    friction,
+    ends,
+    amount,
+    by_force,
+    hanging,
+    before,
+    held,
+    pretension,
+):
+    """Return the bars after a step: tension, slack, inelastic length and slip; numbers; and the residual."""
+    chain, gained, whole = _chain(
+        old, length, length_before, compliance, strain, friction, ends, amount, by_force
+    )
+    w, tension, slip, iterations, residual = _solved(chain, hanging, before, held)
+    loose, moved_in, moved_out, elongation = _moved(old, chain, gained, w, tension, ends, pretension)
+    return tension, loose, gained, slip, whole, moved_in, moved_out, elongation, iterations, residual
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

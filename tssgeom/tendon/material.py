@@ -130,9 +130,7 @@ def to_corners(edge: Vector, held: Vector, direction_index: int, arcs: Arcs) -> 
     The bars are cut at the fractions `edge` [n+1] and have the tensions `held` [n+2] [N]. The list knows
     neither slack nor displacement, and friction that bounds the slope of ln T over φ; docs/model.md (49).
     """
-    bed = lay(edge, arcs)
-    beyond = arcs.total_angle * (1.0 + 0.1 * RESOLUTION)  # rounding leaves no gap before the distal end
-    angle, log_tension = _profile(bed.place, beyond, held)
+    angle, log_tension = through_bars(edge, held, arcs.length, arcs.angle, arcs.total_angle)
     return Corners(read_only(angle), read_only(log_tension), direction_index, float(held[0]))
 
 
@@ -164,6 +162,14 @@ def _corners(phi, log_tension):
             last = i
     keep[-1] = phi[-1] > phi[last]
     return keep
+
+
+@njit(cache=True, nogil=True)
+def through_bars(edge, held, piece_length, piece_angle, turned):
+    """Return φ and ln T of the corners through bars on a route that turns by `turned` [rad], [ln N]."""
+    _, place, _, _ = _lay(edge, piece_length, piece_angle)
+    beyond = turned * (1.0 + 0.1 * RESOLUTION)  # rounding leaves no gap before the distal end
+    return _profile(place, beyond, held)
 
 
 @njit(cache=True, nogil=True)

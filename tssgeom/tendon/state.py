@@ -17,7 +17,7 @@ from tssgeom.arrays import Vector
 from tssgeom.errors import SettingsError
 from tssgeom.settings import Load, Rig, Tendon
 from tssgeom.shape.arcs import Arcs
-from tssgeom.tendon import acting, acting_transmission, incremental, profile, transmission
+from tssgeom.tendon import acting, acting_transmission, bar_transmission, incremental, profile, transmission
 from tssgeom.tendon.acting import ActingState, setup_acting
 from tssgeom.tendon.effects import Setup
 from tssgeom.tendon.incremental import Line
@@ -30,7 +30,6 @@ from tssgeom.tendon.transmission import Transmission
 HALVINGS = 4
 """The first bar is halved so often: just after a reversal T_in is known to half of that bar."""
 _SHARPER = 0.5  # of the old standard error of Φ: so much better known, a route is laid anew
-_SOLVED = 1e-8  # ln T of bars within which the front has come through: they are solved to 1e-10
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,18 +211,9 @@ def transmit(state: TendonState, rig: Rig) -> Transmission:
     route, along = _route(state), state.along
     if isinstance(along, ActingState):
         return acting_transmission.transmit(along, acting.model_on(along, route, _setup_of(rig)), route)
-    found = transmission.transmit(corners(state), route, rig)
     if isinstance(along, Corners):
-        return found
-    return replace(
-        found,
-        tension_in=along.tension_in,
-        tension_out=along.tension_out,
-        elongation=along.elongation,
-        displacement_in=along.displacement_in,
-        displacement_out=along.displacement_out,
-        **_dead_zone(found),
-    )
+        return transmission.transmit(along, route, rig)
+    return bar_transmission.transmit(along, route, rig)
 
 
 def answering(state: TendonState, rig: Rig, tension_out: float, way: int) -> float:
@@ -295,12 +285,6 @@ def _setup_of(rig: Rig) -> Setup:
     if setup is None:
         raise SettingsError("effects acted in the last step that the rig lacks: step the tendon with the rig")
     return setup
-
-
-def _dead_zone(found: Transmission) -> dict[str, bool | float]:
-    """Return the dead zone with the accuracy of bars instead of that of corners."""
-    inside = found.dead_zone_width > _SOLVED * max(found.tension_in, found.tension_out)
-    return {"dead_zone": inside, "dead_zone_width": found.dead_zone_width if inside else 0.0}
 
 
 @lru_cache(maxsize=64)

@@ -60,27 +60,64 @@ class Sensitivity:
 
 def transmit(state: Corners, arcs: Arcs, rig: Rig) -> Transmission:
     """Return tension, elongation and dead zone of a tendon in `state` on the route `arcs`."""
-    means, log_tension_out, slope_out = means_on_pieces(arcs.angle, state.angle, state.log_tension)
-    tension_out = math.exp(log_tension_out)  # docs/model.md (5)
-    friction, tendon = rig.friction.coefficient, rig.tendon
-    elongation, variance, reach, angle_variance = _elongated(
-        means, arcs.length, arcs.angle, arcs.covariance, tendon.compliance_per_N, tendon.pretension_N
-    )
-    width = _dead_zone_width(state, log_tension_out, friction * reach)
+    tendon, way = rig.tendon, state.direction_index
+    pieces = (arcs.length, arcs.angle, arcs.covariance)
+    elastic = (tendon.compliance_per_N, tendon.pretension_N, rig.friction.coefficient)
+    seen = on_pieces(state.angle, state.log_tension, pieces, elastic, way)
+    tension_out, tension_out_se, elongation, elongation_se, width, front = seen
     moved_out = load_moved(tension_out, rig)
     return Transmission(
         tension_in=state.tension_in,
         tension_out=tension_out,
         elongation=elongation,
-        elongation_se=math.sqrt(variance),
-        tension_out_se=tension_out * abs(slope_out) * math.sqrt(angle_variance),  # docs/model.md (14)
-        direction_index=state.direction_index,
+        elongation_se=elongation_se,
+        tension_out_se=tension_out_se,
+        direction_index=way,
         dead_zone=width > 0.0,
         dead_zone_width=width,
-        slip_front=min(_front(state, friction), reach),
+        slip_front=front,
         displacement_in=elongation + moved_out,
         displacement_out=moved_out,
     )
+
+
+@njit(cache=True, nogil=True)
+def on_pieces(
+    angle: np.ndarray,
+    log_tension: np.ndarray,
+    pieces: tuple[np.ndarray, np.ndarray, np.ndarray],
+    elastic: tuple[float, float, float],
+    way: int,
+) -> tuple[float, float, float, float, float, float]:
+    """Return what corners [c], [c] mean on a route.
+
+    Parameters
+    ----------
+    angle, log_tension
+        The corners of the profile [rad], [ln N].
+    pieces
+        Lengths [k] [m], angles [k] [rad] and the covariance of both [2k, 2k].
+    elastic
+        Compliance [1/N], pretension [N] and coefficient of friction [1].
+    way
+        Direction index ζ.
+
+    Returns
+    -------
+    tuple
+        Distal tension and its standard error [N], elongation and its standard error [m], width of the dead
+        zone [N], curve angle of the slip front [rad].
+    """
+    compliance, pretension, friction = elastic
+    means, log_tension_out, slope_out = means_on_pieces(pieces[1], angle, log_tension)
+    tension_out = math.exp(log_tension_out)  # docs/model.md (5)
+    elongation, variance, reach, angle_variance = _elongated(
+        means, pieces[0], pieces[1], pieces[2], compliance, pretension
+    )
+    tension_out_se = tension_out * abs(slope_out) * math.sqrt(angle_variance)  # docs/model.md (14)
+    width = _dead_zone_width(log_tension[0], log_tension_out, way, friction * reach)
+    front = min(_front(angle, log_tension, way * friction), reach)
+    return tension_out, tension_out_se, elongation, math.sqrt(variance), width, front
 
 
 def load_moved(tension_out: float, rig: Rig) -> float:
@@ -134,24 +171,24 @@ def _elongated(
     return elongation, max(variance, 0.0), turned, max(angle_variance, 0.0)
 
 
-def _dead_zone_width(state: Corners, log_tension_out: float, reach: float) -> float:
+@njit(cache=True, nogil=True)
+def _dead_zone_width(log_tension_in: float, log_tension_out: float, way: int, reach: float) -> float:
     """Return how far the proximal tension is from moving the distal end [N]; `reach` is μΦ."""
-    needed = log_tension_out + state.direction_index * reach  # docs/model.md (6)
-    ahead = state.direction_index * (needed - state.log_tension[0])
-    if ahead <= RESOLUTION:
+    needed = log_tension_out + way * reach  # docs/model.md (6)
+    if way * (needed - log_tension_in) <= RESOLUTION:
         return 0.0
-    return abs(_exp(needed) - _exp(state.log_tension[0]))
+    return abs(_exp(needed) - _exp(log_tension_in))
 
 
-def _front(state: Corners, friction: float) -> float:
+@njit(cache=True, nogil=True)
+def _front(angle: np.ndarray, log_tension: np.ndarray, slope: float) -> float:
     """Return where the run that starts at the proximal end with the slope of sliding ends [rad]."""
-    if len(state.angle) == 1:
+    if len(angle) == 1:
         return math.inf
-    drop = float(state.log_tension[0] - state.log_tension[1])
-    reach = float(state.angle[1])
-    slides = abs(drop - state.direction_index * friction * reach) <= _SLIDES
-    return reach if slides else 0.0  # docs/model.md (4)
+    slides = abs(log_tension[0] - log_tension[1] - slope * angle[1]) <= _SLIDES
+    return angle[1] if slides else 0.0  # docs/model.md (4)
 
 
+@njit(cache=True, nogil=True)
 def _exp(exponent: float) -> float:
     return math.exp(min(exponent, 700.0))  # beyond it float64 ends: 1e304 N stands for out of reach
