@@ -14,7 +14,7 @@ import numpy as np
 from tssgeom.arrays import Vector
 from tssgeom.errors import FitError
 from tssgeom.shape.chain.facing import curvature_at_points, faced, without_stray_directions
-from tssgeom.shape.chain.fit import Chain, Data, begun_anew, settle, values
+from tssgeom.shape.chain.fit import Chain, Data, settle, values
 from tssgeom.shape.chain.moves import fit_chain
 from tssgeom.shape.chain.strays import weighed
 from tssgeom.shape.geometry import (
@@ -151,13 +151,12 @@ def _follow_chain(
     )
     age = last.age + 1
     variance = last.geometry.outline.noise**2
-    chain = begun_anew(chain) if data.free else chain
     chain = chain._replace(stations=_stations(shape, last, chain))
     if shape.directions is not None:
         kappa = curvature_at_points(chain)
         data = faced(data, shape.directions, shape.direction_noise**2, kappa, variance)
-        data = without_stray_directions(data, settle(data, chain))
-    chain = settle(data, chain)
+        data = without_stray_directions(data, settle(data, chain, anew=True))
+    chain = settle(data, chain, anew=True)
     weight = weighed(data, chain, variance)
     if weight is not None:
         data = data._replace(weight=weight)
@@ -178,6 +177,8 @@ def _stations(shape: Shape, last: Followed, chain: Chain) -> Vector:
     """Where the points are on the last chain, as near as can be told before the fit."""
     if shape.stations is not None:
         return shape.stations.copy()
+    if shape.index is last.index:
+        return chain.stations
     if shape.index[-1] == last.index[-1] and shape.index[0] == last.index[0]:
         return np.interp(shape.index, last.index, chain.stations)
     steps = np.linalg.norm(np.diff(shape.points, axis=0), axis=1)

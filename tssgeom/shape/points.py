@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numba import njit
@@ -11,7 +12,7 @@ from numba import njit
 from tssgeom.arrays import Points, Vector, read_only
 from tssgeom.errors import ShapeError
 from tssgeom.shape.directions import checked_directions
-from tssgeom.shape.stray import FEWEST, out_of_order, stray, worst
+from tssgeom.shape.stray import FEWEST, out_of_order, stray, well_behaved, worst
 
 MIN_POINTS = 4
 _LEAST_EXTENT = 1e-6  # [m]
@@ -73,17 +74,14 @@ def clean(
         raise ShapeError(f"points have shape {points.shape}: give one row of x, y, z for each point")
     known = _checked_stations(points, stations)
     warnings: tuple[str, ...] = ()
-    index, found = np.arange(len(points)), points
+    index, counts, found = None, _counts(len(points)), points
     if not _sound(points) or (known is not None and np.isnan(known).any()):
         index, warnings = _usable(points, known)
-        found = points[index]
+        found, counts = points[index], read_only(index.astype(np.float64))
+        known = None if known is None else known[index]
         _refuse_unusable(found, ordered=known is not None)
-    shape = Shape(
-        read_only(found),
-        read_only(index.astype(np.float64)),
-        None if known is None else read_only(known[index] - known[index[0]]),
-        warnings,
-    )
+    begun = None if known is None else read_only(known - known[0])
+    shape = Shape(read_only(found), counts, begun, warnings)
     if directions is not None:
         shape = _with_directions(shape, directions, direction_noise, points, index)
     if length is not None:
@@ -92,13 +90,13 @@ def clean(
 
 
 def _with_directions(
-    shape: Shape, directions: Points, noise: float | None, points: Points, index: np.ndarray
+    shape: Shape, directions: Points, noise: float | None, points: Points, index: np.ndarray | None
 ) -> Shape:
     if not noise:
         unused = "directions are not used: state their noise, [shape] direction_noise_deg"
         return replace(shape, warnings=(*shape.warnings, unused))
     unit, warnings = checked_directions(directions, points)
-    unit = unit[index]
+    unit = unit if index is None else unit[index]
     told = None if np.isnan(unit).any(axis=1).all() else read_only(unit)
     return replace(shape, directions=told, direction_noise=noise, warnings=shape.warnings + warnings)
 
@@ -112,11 +110,25 @@ def _with_length(shape: Shape, length: float, noise: float, sensed: int) -> Shap
     return replace(shape, length=length, length_noise=noise)
 
 
+@lru_cache(maxsize=64)
+def _counts(n: int) -> Vector:
+    """Count n points from 0; the same array each time, so that two frames tell that they sensed the same."""
+    return read_only(np.arange(n, dtype=np.float64))
+
+
 def _sound(points: Points) -> bool:
     """Whether every point may be used as it is, at one glance."""
-    if len(points) < FEWEST or not _plain(points):
+    if len(points) < FEWEST:
         return False
-    return not out_of_order(points) and worst(points) < 0
+    if _beyond_doubt(points):
+        return True
+    return _plain(points) and not out_of_order(points) and worst(points) < 0
+
+
+@njit(cache=True, nogil=True)
+def _beyond_doubt(points: np.ndarray) -> bool:
+    """Whether the usual points are as they should be; where they are not, others look more closely."""
+    return _plain(points) and well_behaved(points)
 
 
 @njit(cache=True, nogil=True)

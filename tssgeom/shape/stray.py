@@ -72,24 +72,77 @@ def _unmark_ends(points: Points, mark: np.ndarray) -> None:
 @njit(cache=True, nogil=True)
 def worst(p: np.ndarray) -> int:
     """Return the point that is off most beyond doubt, the ends first; -1 if there is none."""
+    return _worst(p, np.median(_lengths(p)))
+
+
+@njit(cache=True, nogil=True)
+def well_behaved(p: np.ndarray) -> bool:
+    """Whether a few bounds tell that the points are in order and none is off; false where they do not."""
+    steps = _lengths(p)
+    spacing = np.median(steps)
+    if np.max(steps) > _LEAP[0] * spacing or not _wide(p, spacing / _WILD):
+        return False
+    return _worst(p, spacing) < 0
+
+
+@njit(cache=True, nogil=True)
+def _lengths(p: np.ndarray) -> np.ndarray:
+    """Measure the steps from point to point [n - 1] [m]."""
     steps = np.empty(len(p) - 1)
     for i in range(len(steps)):
         steps[i] = _distance(p[i + 1], p[i])
-    spacing = np.median(steps)
-    every = 1 + len(p) // 20
-    windows = np.empty((len(p) - 5) // every + 1)
-    for w in range(len(windows)):
-        windows[w] = _off_parabola(p, w * every, w * every + 5, -1)
-    typical = np.median(windows)
-    ends = np.empty((2, 6, 3))
+    return steps
+
+
+@njit(cache=True, nogil=True)
+def _wide(p: np.ndarray, far: float) -> bool:
+    """Whether more than half of the points are at least so far from their mean [m]."""
+    mean, beyond = _mean(p), 0
+    for i in range(len(p)):
+        beyond += 1 if _distance(p[i], mean) >= far else 0
+    return beyond > len(p) // 2 + 1
+
+
+@njit(cache=True, nogil=True)
+def _mean(p: np.ndarray) -> np.ndarray:
+    mean = np.zeros(3)
+    for i in range(len(p)):
+        for c in range(3):
+            mean[c] += p[i, c] / len(p)
+    return mean
+
+
+@njit(cache=True, nogil=True)
+def _worst(p: np.ndarray, spacing: float) -> int:
+    """Return what `worst` does, of points of a known spacing [m]."""
+    ends, typical = np.empty((2, 6, 3)), -1.0
     for i in range(6):
         for c in range(3):
             ends[0, i, c], ends[1, i, c] = p[i, c], p[len(p) - 1 - i, c]
     for side in range(2):
+        if _smooth_end(ends[side], spacing):
+            continue
+        typical = _typical(p) if typical < 0.0 else typical
         off = _worst_of_end(ends[side], spacing, typical)
         if off >= 0:
             return off if side == 0 else len(p) - 1 - off
     return _worst_inside(p, spacing)
+
+
+@njit(cache=True, nogil=True)
+def _typical(p: np.ndarray) -> float:
+    """Median over the route of how far five points lie from a parabola [m]."""
+    every = 1 + len(p) // 20
+    windows = np.empty((len(p) - 5) // every + 1)
+    for w in range(len(windows)):
+        windows[w] = _off_parabola(p, w * every, w * every + 5, -1)
+    return np.median(windows)
+
+
+@njit(cache=True, nogil=True)
+def _smooth_end(p: np.ndarray, spacing: float) -> bool:
+    """Whether no end point would be doubted, whatever is typical of the route."""
+    return _off_parabola(p, 0, 5, -1) <= _END_OFF * spacing and _off_direction(p, spacing) <= 0.0
 
 
 @njit(cache=True, nogil=True)
@@ -105,6 +158,8 @@ def _worst_inside(p: np.ndarray, spacing: float) -> int:
     next but one, or straight on from either side. What leaps ahead of the next point or back behind the last
     counts as off by as much.
     """
+    if not _any_off_middle(p, spacing):
+        return -1
     size = np.empty(len(p) - 4)
     for i in range(2, len(p) - 2):
         far, before, after, farther = p[i - 2], p[i - 1], p[i + 1], p[i + 2]
@@ -115,6 +170,18 @@ def _worst_inside(p: np.ndarray, spacing: float) -> int:
         size[i - 2] = max(math.sqrt(square), _backwards(before, p[i], after))
     most = int(np.argmax(size))
     return most + 2 if size[most] > max(_OFF * np.median(size), spacing) else -1
+
+
+@njit(cache=True, nogil=True)
+def _any_off_middle(p: np.ndarray, spacing: float) -> bool:
+    """Whether any inner point is off the middle of its neighbours by more than a spacing."""
+    for i in range(2, len(p) - 2):
+        before, after = p[i - 1], p[i + 1]
+        if not _off_line(p[i], before, 0.5, after, 0.5, before, after) <= spacing * spacing:
+            return True
+        if not _backwards(before, p[i], after) <= spacing:
+            return True
+    return False
 
 
 @njit(cache=True, nogil=True)
@@ -238,15 +305,9 @@ def out_of_order(points: Points) -> bool:
 @njit(cache=True, nogil=True)
 def _steps(points: np.ndarray) -> tuple[np.ndarray, float, float]:
     """Measure steps from point to point [n - 1], their median, and the median distance from the mean [m]."""
-    n = len(points)
-    steps, far, mean = np.empty(n - 1), np.empty(n), np.zeros(3)
-    for i in range(n):
-        for c in range(3):
-            mean[c] += points[i, c] / n
-    for i in range(n):
+    steps, far, mean = _lengths(points), np.empty(len(points)), _mean(points)
+    for i in range(len(points)):
         far[i] = _distance(points[i], mean)
-        if i > 0:
-            steps[i - 1] = _distance(points[i], points[i - 1])
     return steps, np.median(steps), np.median(far)
 
 

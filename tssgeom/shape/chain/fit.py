@@ -132,35 +132,37 @@ def parameter_covariance(data: Data, chain: Chain) -> np.ndarray:
     return noise_variance(data, chain) * inverse(lower, unit)
 
 
-def begun_anew(chain: Chain) -> Chain:
-    """Return a chain of unknown stations with its start at the foot of the first point.
-
-    The start moves only across itself in a fit, so the ends of a route that moves would run away from it.
-    """
-    begin = float(chain.stations[0])
-    if len(chain.bend) > 1 and not begin < chain.joints[1]:
-        return chain
-    there = np.array([chain.joints[0], begin])
-    place, frame = joint_frames(chain.start, chain.axes, there, chain.bend[[0, 0]])
-    joints = chain.joints - begin
-    joints[0] = 0.0
-    return chain._replace(start=place[1], axes=frame[1], joints=joints, stations=chain.stations - begin)
-
-
-def settle(data: Data, chain: Chain, least: float = math.inf) -> Chain:
+def settle(data: Data, chain: Chain, least: float = math.inf, *, anew: bool = False) -> Chain:
     """Fit a chain of as many pieces by Levenberg and Marquardt; its matrix and cost are not used.
 
-    The fit is given up, unfinished, where its cost is not going to come down to `least` [m²].
+    The fit is given up, unfinished, where its cost is not going to come down to `least` [m²]. `anew` lets the
+    chain begin at the foot of the first point, where stations are free: its start moves only across itself in
+    a fit, so the ends of a route that moves would run away from it.
     """
-    return _settled(data, chain, least)  # a default would be compiled a second time
+    return _settled(data, chain, least, anew and data.free)  # a default would be compiled a second time
 
 
 @njit(cache=True, nogil=True)
-def _settled(data: Data, chain: Chain, goal: float) -> Chain:
+def _begun_anew(chain: Chain) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Start, axes, joints and stations of a chain that begins at the foot of the first point."""
+    begin = chain.stations[0]
+    if len(chain.bend) > 1 and not begin < chain.joints[1]:
+        return chain.start, chain.axes, chain.joints, chain.stations
+    there, bend = np.array([chain.joints[0], begin]), np.empty((2, 2))
+    bend[:] = chain.bend[0]
+    place, frame = joint_frames(chain.start, chain.axes, there, bend)
+    joints = chain.joints - begin
+    joints[0] = 0.0
+    return place[1], frame[1], joints, chain.stations - begin
+
+
+@njit(cache=True, nogil=True)
+def _settled(data: Data, chain: Chain, goal: float, anew: bool) -> Chain:
     n = values(data)
-    now, gradient = _evaluated(
-        data, chain.stations, chain.start, chain.axes, chain.joints, chain.bend, chain.curved
-    )
+    start, axes, joints, stations = chain.start, chain.axes, chain.joints, chain.stations
+    if anew:
+        start, axes, joints, stations = _begun_anew(chain)
+    now, gradient = _evaluated(data, stations, start, axes, joints, chain.bend, chain.curved)
     damping = _FIRST_DAMPING
     for count in range(_MOST_STEPS):
         lower, unit = factor(now.matrix, damping)

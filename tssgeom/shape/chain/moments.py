@@ -41,7 +41,7 @@ def bending_planes(frame: np.ndarray, bend: np.ndarray) -> tuple[np.ndarray, np.
     return kappa, way, flat
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, fastmath={"contract"})
 def _gone_on(square: float, x: float, g: float, move: float) -> tuple[float, float]:
     """x₀ and g farther on by `move` along an arc of squared curvature `square`."""
     q = square * move * move
@@ -55,7 +55,7 @@ def _gone_on(square: float, x: float, g: float, move: float) -> tuple[float, flo
     return x + tangent * ahead - square * x * bow, g + x * ahead + tangent * bow
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, fastmath={"contract"})
 def moments_across(
     p: np.ndarray,
     weight: np.ndarray,
@@ -90,17 +90,18 @@ def moments_across(
     kappa, way, flat = bending_planes(frame, bend)
     sums, square = np.zeros((len(bend), 12)), np.empty(len(s))  # of products with 1, x₀ and g
     cost, near = 0.0, _NEAR * reach
-    j, here, x, g = 0, joints[0], 0.0, 0.0
+    # each point goes on from where the last one was before it moved, so that both may be worked on at once
+    base, base_at, base_x, base_g = 0, joints[0], 0.0, 0.0
     for i in range(len(s)):
         turns = _TIMES if reach > 0.0 else 0
+        j = piece_of(joints, s[i], base)
+        if j != base:
+            base, base_at, base_x, base_g = j, joints[j], 0.0, 0.0
+        base_x, base_g = _gone_on(kappa[j] * kappa[j], base_x, base_g, s[i] - base_at)
+        base_at = s[i]
+        x, g = base_x, base_g
         while True:
-            before = j
-            j = piece_of(joints, s[i], j)
-            if j != before:
-                here, x, g = joints[j], 0.0, 0.0
             k = kappa[j]
-            x, g = _gone_on(k * k, x, g, s[i] - here)
-            here = s[i]
             o0, o1, r2 = -x, -k * g, 0.0
             for c in range(3):
                 d = p[i, c] - place[j, c]
@@ -112,8 +113,13 @@ def moments_across(
             if turns == 0:
                 break
             move = min(max((t0 * o0 + t1 * o1) / max(1.0 - k * r1, 0.3), -reach), reach)
-            s[i] += move
             turns = turns - 1 if abs(move) >= near else 0
+            s[i] += move
+            before, j = j, piece_of(joints, s[i], j)
+            if j == before:
+                x, g = _gone_on(k * k, x, g, move)
+            else:
+                x, g = _gone_on(kappa[j] * kappa[j], 0.0, 0.0, s[i] - joints[j])
         square[i] = r1 * r1 + r2 * r2
         w = weight[i]
         if w > 0.0:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numba import njit
 
 from tssgeom.arrays import Vector
 from tssgeom.shape.chain.fit import Chain, Data, settle
 from tssgeom.shape.chain.moves import fit_chain
-from tssgeom.shape.chain.places import off_chain
 
 _STRAY = 16.0  # squared distance in noise variances, with 2 ln n added, beyond which a point is an outlier
 _MOST_STRAY = 0.1  # of all points: where more are off, the chain is wrong
@@ -28,16 +28,25 @@ def weighed(data: Data, chain: Chain, variance: float = 0.0) -> Vector | None:
     variance
         Noise variance where `data` knows none: so much is believed before the distances are looked at [m²].
     """
-    square = off_chain(data.points, chain.stations, *chain[:4], data.free)
+    square = chain.square
     least = max(data.variance or variance, (_ROUNDING * data.gap) ** 2)
     limit = (_STRAY + 2.0 * math.log(len(square))) * least
-    if square.max() <= limit and data.weight.all():
+    if not _any_off(square, data.weight, limit):
         return None
     if not data.variance:
         limit *= max(float(np.median(square)) / (_MEDIAN[2 if data.free else 3] * least), 1.0)
     weight = np.where(square > limit, 0.0, 1.0)
     few = np.count_nonzero(weight == 0.0) <= _MOST_STRAY * len(weight)
     return weight if few and not np.array_equal(weight, data.weight) else None
+
+
+@njit(cache=True, nogil=True)
+def _any_off(square: np.ndarray, weight: np.ndarray, limit: float) -> bool:
+    """Whether any point is beyond the limit or has no weight."""
+    off = False
+    for i in range(len(square)):
+        off |= not square[i] <= limit or weight[i] == 0.0
+    return off
 
 
 def without_strays(data: Data, chain: Chain) -> tuple[Data, Chain]:
