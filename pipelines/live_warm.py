@@ -12,6 +12,7 @@ from tssgeom.io.jsonl import frame_of
 from tssgeom.settings import Rig
 from tssgeom.stream import Frame, FrameResult, Rejected, process
 
+_LINE = b'{"t": 0, "points": [[0, 0, 0], %s, [1, 0, 0.5]], "unit": "mm", "s": [0, 1, 2]}'
 _COUNT = 60
 _NOISE = 2e-4  # m
 
@@ -23,11 +24,13 @@ def warm_up(rig: Rig) -> None:
         for result in process(frames, rig, tension_in=10.0):
             if isinstance(result, FrameResult):
                 answers.answer(result, 0.0, 0, 0.0, 0)
+                result.followed.geometry.route.position.sum()  # written out when it is asked for
             else:
                 answers.refusal(result)
     answers.refusal(Rejected(0, math.nan, "warm"))
     answers.stale(0.0, 0, 0.2, 0)
-    frame_of(b'{"t": 0, "points": [[0, 0, 0], null, [1, 0, 0.5]], "unit": "mm", "s": [0, 1, 2]}', None)
+    for point in (b"null", b"[0.5, null, 1]"):  # read straight from the text, and by the JSON library
+        frame_of(_LINE % point, None)
 
 
 def _pieces(part: np.ndarray, sway: float) -> np.ndarray:

@@ -7,13 +7,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
-from typing import BinaryIO, NamedTuple
+from typing import Any, BinaryIO, Generic, NamedTuple, TypeVar
 
 import msgspec
 import numpy as np
 
 from tssgeom.arrays import read_only
 from tssgeom.errors import ShapeError, SourceError
+from tssgeom.io.coordinates import points_of
 from tssgeom.io.recording import UNTIMED, Recording, in_order
 from tssgeom.io.units import PER_METRE, agreed_unit
 from tssgeom.stream import Frame, Rejected
@@ -27,10 +28,14 @@ _STATE_UNIT = 'write "unit": "mm" or "unit": "m" in each line'
 Coordinates = tuple[float | None, float | None, float | None]
 
 
-class Line(msgspec.Struct, frozen=True):
+_Listed = list[Coordinates | None]
+_Points = TypeVar("_Points")
+
+
+class Line(msgspec.Struct, Generic[_Points], frozen=True):
     """One line as it is written; fields that are not named here are passed over."""
 
-    points: list[Coordinates | None]
+    points: _Points
     t: float | None = None
     unit: str | None = None
     s: list[float | None] | None = None
@@ -41,7 +46,7 @@ class Line(msgspec.Struct, frozen=True):
     id: str | int | None = None
     displacement_target_m: float | None = None
     tension_out_target_N: float | None = None
-    directions: list[Coordinates | None] | None = None
+    directions: _Listed | None = None
     length_m: float | None = None
     temperature_C: float | None = None
     noise_m: float | None = None
@@ -55,7 +60,8 @@ class _Heading(msgspec.Struct, frozen=True):
     id: str | int | None = None
 
 
-_line_decoder = msgspec.json.Decoder(Line)
+_quick_decoder = msgspec.json.Decoder(Line[msgspec.Raw])
+_line_decoder = msgspec.json.Decoder(Line[_Listed])
 _heading_decoder = msgspec.json.Decoder(_Heading)
 
 
@@ -79,12 +85,24 @@ def frame_of(text: bytes, unit: str | None, time: float | None = None) -> Frame:
     if len(text) > LONGEST_LINE:
         raise ShapeError(f"the line is longer than {LONGEST_LINE} bytes (1 MiB): send fewer points")
     try:
+        if found := _usual(text):
+            return _frame(*found, unit, time)
         line = _line_decoder.decode(text)
     except msgspec.ValidationError as error:
         raise ShapeError(f"{error}: write each point as [x,y,z], or null where it was not seen") from error
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise ShapeError(f"{error}: write one JSON object a line, null for a point not seen") from error
-    return _frame(line, unit, time)
+    return _frame(line, _rows(line.points), unit, time)
+
+
+def _usual(text: bytes) -> tuple[Line[msgspec.Raw], np.ndarray] | None:
+    """Decode a line with plain points; None where it has others, or where it is to be looked at again."""
+    try:
+        line = _quick_decoder.decode(text)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+        return None
+    points = points_of(np.frombuffer(line.points, np.uint8))
+    return (line, points) if len(points) else None
 
 
 def frame_or_refusal(text: bytes, unit: str | None) -> Frame | Rejected:
@@ -97,7 +115,7 @@ def frame_or_refusal(text: bytes, unit: str | None) -> Frame | Rejected:
         return Rejected(0, time, " ".join(str(error).split()), "" if heading.id is None else heading.id)
 
 
-def _frame(line: Line, unit: str | None, time: float | None) -> Frame:
+def _frame(line: Line[Any], points: np.ndarray, unit: str | None, time: float | None) -> Frame:
     stated = line.unit or unit
     if stated not in PER_METRE:
         raise ShapeError(f"the unit is {stated!r}: {_STATE_UNIT}, or give --unit mm|m")
@@ -107,11 +125,10 @@ def _frame(line: Line, unit: str | None, time: float | None) -> Frame:
     if moment is None:
         raise ShapeError('the line has no time: write "t" in s')
     per_metre = PER_METRE[stated]
-    points = _rows(line.points)
     return Frame(
         read_only(points / per_metre),
         moment,
-        _stations(line, per_metre),
+        _stations(line, len(points), per_metre),
         line.tension_in_N,
         line.tension_out_N,
         line.displacement_in_m,
@@ -119,14 +136,14 @@ def _frame(line: Line, unit: str | None, time: float | None) -> Frame:
         "" if line.id is None else line.id,
         line.displacement_target_m,
         line.tension_out_target_N,
-        directions=_directions(line),
+        directions=_directions(line, len(points)),
         length=line.length_m,
         temperature=line.temperature_C,
         noise=line.noise_m,
     )
 
 
-def _rows(given: list[Coordinates | None]) -> np.ndarray:
+def _rows(given: _Listed) -> np.ndarray:
     try:
         flat = np.fromiter(chain.from_iterable(given), np.float64, 3 * len(given))  # type: ignore[arg-type]
     except TypeError:  # a point that was not seen
@@ -138,22 +155,22 @@ def _rows(given: list[Coordinates | None]) -> np.ndarray:
     return rows
 
 
-def _directions(line: Line) -> np.ndarray | None:
+def _directions(line: Line[Any], count: int) -> np.ndarray | None:
     if line.directions is None:
         return None
-    if len(line.directions) != len(line.points):
+    if len(line.directions) != count:
         raise ShapeError(
-            f"{len(line.directions)} directions for {len(line.points)} points: "
+            f"{len(line.directions)} directions for {count} points: "
             "give one for each, null where none was sensed"
         )
     return read_only(_rows(line.directions))
 
 
-def _stations(line: Line, per_metre: float) -> np.ndarray | None:
+def _stations(line: Line[Any], count: int, per_metre: float) -> np.ndarray | None:
     if line.s is None:
         return None
-    if len(line.s) != len(line.points):
-        raise ShapeError(f"{len(line.s)} stations for {len(line.points)} points: give one for each, or none")
+    if len(line.s) != count:
+        raise ShapeError(f"{len(line.s)} stations for {count} points: give one for each, or none")
     return read_only(np.array(line.s, dtype=np.float64) / per_metre)
 
 
