@@ -101,7 +101,8 @@ def _messages(sock: socket.socket, flush: Callable[[], None], pause: float) -> I
 
 def main(role_name: str, argument: str) -> int:
     """Serve the stream until it ends; return the exit status."""
-    for number in (signal.SIGINT, signal.SIGTERM):  # the stream tells the end by closing the socket
+    # the stream tells the end by closing the socket; a terminal may not stop what is told on it
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGTTOU):
         signal.signal(number, signal.SIG_IGN)
     with suppress(OSError):
         os.nice(_NICER)

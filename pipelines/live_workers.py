@@ -48,8 +48,9 @@ class Worker:
         ours, theirs = socket.socketpair()
         with theirs:
             command = [sys.executable, "-P", "-m", "pipelines.live_worker", role, argument]
+            # not in a session of its own: Linux shares cores between sessions, whatever their niceness
             self._process = subprocess.Popen(
-                command, stdin=theirs.fileno(), stdout=subprocess.DEVNULL, start_new_session=True
+                command, stdin=theirs.fileno(), stdout=subprocess.DEVNULL, process_group=0
             )
         self.role, self.address = role, ""
         self.ready, self.failure, self.ended = False, "", False
