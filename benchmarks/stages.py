@@ -14,7 +14,10 @@ from typing import TypeVar
 import numpy as np
 
 from benchmarks.elongation import RIG
+from benchmarks.live_frames import line
 from benchmarks.routes import PIECEWISE, of_arcs, truth
+from tssgeom.io.answers import answer
+from tssgeom.io.jsonl import frame_of
 from tssgeom.settings import Rig, ShapeSensor
 from tssgeom.shape.arcs import Arcs, constant_curvature_pieces
 from tssgeom.shape.curvature import CurvatureProfile, curvature_profile
@@ -23,7 +26,7 @@ from tssgeom.shape.geometry import Geometry, Method, measure
 from tssgeom.shape.points import Shape, clean
 from tssgeom.shape.spline import Spline, fit
 from tssgeom.shape.synthetic import Course
-from tssgeom.stream import Frame, process
+from tssgeom.stream import Frame, FrameResult, process
 from tssgeom.tendon import incremental
 from tssgeom.tendon.material import BARS, MaterialState, pretensioned_bars
 from tssgeom.tendon.profile import Corners, pretensioned, step
@@ -158,7 +161,24 @@ def _streamed(*, stations: bool) -> _Calls:
     return calls
 
 
+def _line(frame: Frame) -> bytes:
+    return line(1e3 * frame.points, frame.time)
+
+
+def _result(frame: Frame) -> FrameResult:
+    rig = Rig(shape=ShapeSensor(noise_mm=1e3 * NOISE))
+    found = next(process([frame], rig, tension_in=_TENSIONS[0]))
+    if not isinstance(found, FrameResult):
+        raise TypeError(found.reason)
+    return found
+
+
+def _answered(result: FrameResult) -> bytes:
+    return answer(result, result.frame.time, result.seq, 0.0, 0)
+
+
 STAGES = (
+    _stage("line of JSON read", _line, partial(frame_of, unit=None)),
     _stage("clean, stations not told", _frame, _clean),
     _stage("clean, stations known", _frame, _known),
     _stage("spline fit, stations known", _known, partial(fit, noise=NOISE)),
@@ -176,6 +196,7 @@ STAGES = (
     _stage("tendon step", _moving, _stepped),
     _stage(f"tendon step, moving route, {BARS} bars", _bent, _moved),
     _stage("transmit", _loaded, lambda given: transmit(*given, RIG)),
+    _stage("line of JSON answered", _result, _answered),
     Stage("whole frame, stations known", _streamed(stations=True)),
     Stage("whole frame, stations not told", _streamed(stations=False)),
 )
