@@ -3,7 +3,7 @@
 In the plane of its bending an arc of curvature κ is at x = (x₀, κg) with tangent (1 - κ²g, κx₀), where
 x₀ = sin κh/κ and g = (1 - cos κh)/κ² are regular for a straight piece too. Every row of the fit is a sum of
 few such functions of arc length, so a piece's moments follow from sums of their products over its points;
-docs/model.md (31).
+docs/model.md (32).
 """
 
 from __future__ import annotations
