@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tssgeom.shape.chain.dense import carried, factor
 from tssgeom.shape.chain.equations import normal_equations
 from tssgeom.shape.chain.places import along, off_chain
 from tssgeom.shape.geometry import measure
@@ -191,3 +192,13 @@ def test_the_error_of_the_length_holds_what_the_turned_end_adds(sensed):
         k = len(arcs.length)
         off.append((arcs.total_length - SIX.total_length) / np.sqrt(arcs.covariance[:k, :k].sum()))
     assert 0.75 < np.sqrt(np.mean(np.square(off))) < 1.3  # chance of 40 draws: 0.78 to 1.22 in 95 of 100
+
+
+def test_a_covariance_is_carried_to_what_follows_from_the_parameters():
+    rng = np.random.default_rng(0)
+    root, gradient = rng.standard_normal((12, 12)), rng.standard_normal((5, 12))
+    matrix = root @ root.T + np.diag(10.0 ** rng.uniform(-3, 3, 12))
+    expected = gradient @ np.linalg.solve(matrix, gradient.T)
+    found = carried(*factor(matrix, 0.0), gradient)
+    # the condition of the scaled matrix is some hundreds
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())

@@ -1,6 +1,7 @@
 """A moving route is followed: each fit starts from the last one, and ends where a fit from nothing does."""
 
 import json
+import pickle
 from pathlib import Path
 
 import numpy as np
@@ -166,3 +167,20 @@ def test_a_route_that_is_carried_away_takes_its_start_along():
     # a foot goes farther than a noisy point's own error only where the start has stayed behind
     assert abs(stations[0]) < 5 * NOISE
     assert stations[-1] - stations[0] == pytest.approx(LENGTH.sum(), rel=0.01)
+
+
+def test_nodes_of_a_followed_chain_are_written_out_when_they_are_asked_for():
+    rng, last = np.random.default_rng(0), None
+    for i in range(3):
+        last = follow(clean(_points(_swaying(0.01 * i), 120, rng)), NOISE, last)
+    assert last is not None
+    outline, arcs = last.geometry.outline, last.geometry.arcs
+    assert last.geometry.chain is not None
+    assert "_written" not in vars(outline)
+    sent = pickle.loads(pickle.dumps(last.geometry.bare()))
+    route = last.geometry.route
+    assert last.geometry.route is route
+    np.testing.assert_array_equal(sent.route.position, route.position)
+    assert outline.noise == route.noise == NOISE
+    assert last.geometry.profile.total_angle == pytest.approx(arcs.total_angle, rel=1e-12)
+    assert last.geometry.profile.total_angle_se == pytest.approx(arcs.total_angle_se, rel=1e-9)

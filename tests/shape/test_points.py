@@ -3,6 +3,7 @@ import pytest
 
 from tssgeom.errors import ShapeError
 from tssgeom.shape.points import clean
+from tssgeom.shape.stray import out_of_order, well_behaved, worst
 from tssgeom.shape.synthetic import half_circle, places, setup_a
 
 
@@ -101,3 +102,19 @@ def test_known_stations_count_from_the_first_seen_point():
 def test_the_shape_cannot_be_written_to():
     with pytest.raises(ValueError, match="read-only"):
         clean(_arc()).points[0] = 0.0
+
+
+def test_points_that_pass_at_a_glance_pass_a_closer_look():
+    rng, passed = np.random.default_rng(0), 0
+    for i in range(300):
+        points = _arc(int(rng.integers(8, 60))) + 2e-3 * rng.random() * rng.standard_normal((1, 3))
+        points = points + 1e-3 * rng.random() * rng.standard_normal(points.shape)
+        if i % 3 == 0:
+            points[rng.integers(len(points))] += 0.05 * rng.standard_normal(3)
+        if i % 5 == 0:
+            points = points[rng.permutation(len(points))] if i % 2 else np.roll(points, len(points) // 2, 0)
+        if well_behaved(points):
+            passed += 1
+            assert not out_of_order(points)
+            assert worst(points) < 0
+    assert 50 < passed < 250  # otherwise one of both sides would not be tried
