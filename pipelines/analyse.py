@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from pipelines.console import say
+from pipelines.drawing import write_shape_figures
 from pipelines.summary_table import show_summary
 from pipelines.surroundings import Surroundings, surroundings, tell_clearance
 from pipelines.work import Options, each_analysis, inputs_of
@@ -24,7 +25,14 @@ _SLENDERNESS = 150
 
 
 def run(
-    shapes: Sequence[Path], chosen: Options, *, out: Path | None, export: str, as_json: bool, quiet: bool
+    shapes: Sequence[Path],
+    chosen: Options,
+    *,
+    out: Path | None,
+    export: str,
+    figures: Path | None,
+    as_json: bool,
+    quiet: bool,
 ) -> int:
     """Analyse the shapes and return the exit status.
 
@@ -46,6 +54,8 @@ def run(
             tell_clearance(objects[-1], rows[-1], analysis, around)
         if out is not None:
             draw(analysis, chosen, out, endings, around)
+        if figures is not None:
+            write_shape_figures(figures, analysis.name, analysis.results, timed=analysis.timed)
 
     found = list(inputs_of(shapes, besides=[] if out is None else [out]))
     tally = each_analysis(found, chosen, finish, quiet=quiet or as_json)

@@ -47,6 +47,8 @@ class How:
     scheduler: str | None = None
     fresh: bool = False
     pictures: bool = True
+    figures: str | None = None
+    """Folder for figures for print."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,6 +150,7 @@ def _tasks(sources: Sequence[Source], chosen: Options, how: How, out: Folder) ->
             version=tssgeom_version(),
             out=out,
             figures=how.pictures and number < MOST_FIGURES,
+            printed=None if how.figures is None else Folder.of(how.figures),
         )
         for number, source in enumerate(sources)
     ]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shutil
+import tempfile
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
@@ -11,6 +13,7 @@ from pathlib import Path
 import msgspec
 from threadpoolctl import threadpool_limits
 
+from pipelines.drawing import write_shape_figures
 from pipelines.surroundings import Surroundings, surroundings, tell_clearance
 from pipelines.work import Options, Refusal, frame_refusals, guarded, one_line, useful
 from pipelines.workers import tell
@@ -53,6 +56,8 @@ class Task:
     out: Folder
     figures: bool
     """Whether the report draws it."""
+    printed: Folder | None = None
+    """Where its figures for print go."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,12 +92,17 @@ def _worked(task: Task, path: Path, spread: Spread | None) -> Outcome:
     digest = sha256_of(path)
     key = _key(task, digest)
     before = noted(task.out, task.name)
-    if before is not None and before.key == key and intact(task.out, before):
+    if before is not None and before.key == key and _intact(task, before):
         return Outcome(before, unchanged=True)
     forget(task.out, task.name)
     done = _done(task, path, digest, key, spread)
     note(task.out, task.name, done)
     return Outcome(done)
+
+
+def _intact(task: Task, done: Done) -> bool:
+    figures = task.printed is None or intact(task.printed, done.figures)
+    return intact(task.out, done.files) and figures
 
 
 def _key(task: Task, digest: str) -> str:
@@ -104,6 +114,7 @@ def _key(task: Task, digest: str) -> str:
         "name": task.name,
         "source": task.source,
         "figures": task.figures,
+        "printed": None if task.printed is None else task.printed.address,
         "sha256": digest,
         "lumen": None if lumen is None else sha256_of(lumen),
     }
@@ -132,6 +143,9 @@ def _done(task: Task, path: Path, digest: str, key: str, spread: Spread | None) 
     if task.settings.pictures:
         files, undrawn = _drawn(task, analysis, files, around)
         failures += undrawn
+    figures = guarded(task.given, lambda: _printed(task, analysis))
+    if isinstance(figures, Refusal):
+        failures, figures = [*failures, figures.reason], dict[str, int]()
     report = _reported(task, analysis, drawn=len(files) > len(tables))
     return Done(
         key=key,
@@ -142,6 +156,7 @@ def _done(task: Task, path: Path, digest: str, key: str, spread: Spread | None) 
         failures=failures,
         report=report,
         files={file: ANY_SIZE if file.endswith(".rrd") else out.size(file) or 0 for file in files},
+        figures=figures,
     )
 
 
@@ -224,6 +239,18 @@ def _draw(task: Task, analysis: Analysis, file: str, around: Surroundings | None
             lumen=None if around is None else around.mesh,
             clearance=None if around is None else around.sketch,
         )
+
+
+def _printed(task: Task, analysis: Analysis) -> dict[str, int]:
+    """Write the figures for print, and return their names and sizes."""
+    if task.printed is None:
+        return {}
+    with tempfile.TemporaryDirectory() as here, _drawing:
+        written = write_shape_figures(Path(here), task.name, analysis.results, timed=analysis.timed)
+        for file in written:
+            with task.printed.replacing(file) as draft:
+                shutil.move(Path(here) / file, draft)
+    return {file: task.printed.size(file) or 0 for file in written}
 
 
 def _reported(task: Task, analysis: Analysis, *, drawn: bool) -> dict[str, object]:

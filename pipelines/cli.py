@@ -43,6 +43,9 @@ TubeMm = Annotated[
     float | None,
     typer.Option("--tube-mm", help="Outer diameter of the tube in mm, for its clearance and its mesh."),
 ]
+Figures = Annotated[
+    Path | None, typer.Option("--figures", help="Folder for figures for print, as PDF and SVG.")
+]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON on stdout instead of a table.")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Print nothing on stdout and no progress.")]
 
@@ -79,6 +82,7 @@ def analyse(
         Path | None, typer.Option("--lumen", help="Mesh around the route; NAME_lumen.* beside it by default.")
     ] = None,
     tube_mm: TubeMm = None,
+    figures: Figures = None,
     quiet: Quiet = False,
 ) -> None:
     """Tell length, angle, pieces, distal tension and elongation of each shape."""
@@ -86,7 +90,9 @@ def analyse(
     from pipelines.work import options
 
     chosen = options(rig, tension_in, unit, lumen, tube_mm=tube_mm)
-    raise typer.Exit(command.run(shapes, chosen, out=out, export=export, as_json=json, quiet=quiet))
+    raise typer.Exit(
+        command.run(shapes, chosen, out=out, export=export, figures=figures, as_json=json, quiet=quiet)
+    )
 
 
 @app.command()
@@ -113,6 +119,10 @@ def batch(
     pictures: Annotated[
         bool, typer.Option("--pictures/--no-pictures", help="Write recordings and figures.")
     ] = True,
+    figures: Annotated[
+        str | None,
+        typer.Option("--figures", help="Folder for figures of each input for print, as PDF and SVG."),
+    ] = None,
     fresh: Annotated[bool, typer.Option("--fresh", help="First remove an earlier batch from DIR.")] = False,
     tube_mm: TubeMm = None,
     quiet: Quiet = False,
@@ -128,7 +138,7 @@ def batch(
     if workers is not None and scheduler is not None:
         raise typer.BadParameter("give --workers or --scheduler: a scheduler has workers of its own")
     chosen = options(rig, tension_in, unit, None, geometry_only=geometry_only, tube_mm=tube_mm)
-    how = command.How(workers, scheduler, fresh, pictures)
+    how = command.How(workers, scheduler, fresh, pictures, figures)
     raise typer.Exit(command.run(inputs, chosen, how, out=out, as_json=json, quiet=quiet))
 
 
@@ -236,6 +246,7 @@ def simulate(
     out: Annotated[Path, typer.Option("--out", help="Folder for simulate.parquet and simulate.rrd.")],
     rig: RigFile = None,
     unit: Unit = None,
+    figures: Figures = None,
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -244,7 +255,7 @@ def simulate(
     from pipelines.work import options
 
     chosen = options(rig, TENSION_IN, unit, None)
-    raise typer.Exit(command.run(shapes, drive, chosen, out=out, as_json=json, quiet=quiet))
+    raise typer.Exit(command.run(shapes, drive, chosen, out=out, figures=figures, as_json=json, quiet=quiet))
 
 
 @app.command()
@@ -401,13 +412,16 @@ def discover(
     out: Annotated[Path, typer.Option("--out", help="Folder for report, updated rig and recording.")],
     seed: Annotated[int, typer.Option("--seed", min=0, help="Of the simulated clean campaigns.")] = 0,
     unit: Unit = None,
+    figures: Figures = None,
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
     """Find what the model lacks on measured runs, name it, put it into the rig, and show the gap shrink."""
     from pipelines import discover as command
 
-    raise typer.Exit(command.run(campaign, out=out, seed=seed, unit=unit, as_json=json, quiet=quiet))
+    raise typer.Exit(
+        command.run(campaign, out=out, seed=seed, unit=unit, figures=figures, as_json=json, quiet=quiet)
+    )
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

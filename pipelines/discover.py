@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from pipelines.console import say, show, stepping
+from pipelines.drawing import write_figures
 from pipelines.version import tssgeom_version
 from tssgeom.discrepancy.finding import Finding
 from tssgeom.discrepancy.workflow import discover
@@ -20,7 +21,16 @@ _MOST_TOLD = 3
 _FOUND, _READ = 0.92, 0.03  # share of the work that is done when the search has ended, and begins
 
 
-def run(campaign: Path, *, out: Path, seed: int, unit: str | None, as_json: bool, quiet: bool) -> int:
+def run(
+    campaign: Path,
+    *,
+    out: Path,
+    seed: int,
+    unit: str | None,
+    figures: Path | None,
+    as_json: bool,
+    quiet: bool,
+) -> int:
     """Find what is missing, write report, page, rig and recording, and return the exit status.
 
     Raises
@@ -36,6 +46,10 @@ def run(campaign: Path, *, out: Path, seed: int, unit: str | None, as_json: bool
         finding = discover(given, seed=seed, progress=lambda step, share: tell(step, _overall(share)))
         tell("writing the report", _FOUND)
         files = _write(out, finding)
+        if figures is not None:
+            from tssgeom.view.finding.page import figures_of
+
+            write_figures(figures, finding.campaign.name, figures_of(finding))
         tell("done", 1.0)
     if as_json:
         report = report_object(finding, tssgeom_version())

@@ -2,26 +2,64 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tssgeom.io.atomic import replacing
 
 if TYPE_CHECKING:
+    from tssgeom.stream import FrameResult
     from tssgeom.view.plots import Figure
 
 
-def write_figure(drawing: Figure, folder: Path, name: str) -> list[str]:
-    """Write a figure as PDF, SVG and PNG, and return the names of the files.
+def write_figure(
+    drawing: Figure, folder: Path, name: str, formats: Sequence[str] = ("pdf", "svg", "png")
+) -> list[str]:
+    """Write a figure in each of the formats, and return the names of the files.
 
     Raises
     ------
     SourceError
         Where the disk refuses.
     """
-    from tssgeom.view.plots import FORMATS, save
+    from tssgeom.view.plots import save
 
-    for ending in FORMATS:
+    for ending in formats:
         with replacing(folder / f"{name}.{ending}") as draft:
             save(drawing, draft)
-    return [f"{name}.{ending}" for ending in FORMATS]
+    return [f"{name}.{ending}" for ending in formats]
+
+
+def write_figures(folder: Path, name: str, figures: Mapping[str, Callable[[], Figure]]) -> list[str]:
+    """Draw figures and write each as PDF and SVG, `NAME_FIGURE`; return the names of the files.
+
+    Raises
+    ------
+    SourceError
+        Where the disk refuses.
+    """
+    from tssgeom.view.plots import VECTOR
+
+    return [
+        file
+        for figure, draw in figures.items()
+        for file in write_figure(draw(), folder, f"{name}_{figure}", VECTOR)
+    ]
+
+
+def write_shape_figures(folder: Path, name: str, results: Sequence[FrameResult], *, timed: bool) -> list[str]:
+    """Draw what the report draws of a shape or a recording, and return the names of the files.
+
+    Raises
+    ------
+    SourceError
+        Where the disk refuses.
+    """
+    from tssgeom.view.figures import figures_of
+    from tssgeom.view.report_entry import series_of, shown_of
+
+    shown = shown_of(results)
+    if shown is None:
+        return []
+    return write_figures(folder, name, figures_of(shown, series_of(results) if timed else None))

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from pipelines.console import complain
+from pipelines.drawing import write_figures
 from pipelines.work import Options, geometry_alone
 from tssgeom.arrays import Vector
 from tssgeom.errors import ShapeError
@@ -16,6 +17,7 @@ from tssgeom.io.files import open_recording
 from tssgeom.io.runs import MeasuredRun
 from tssgeom.stream import Frame, FrameResult, Rejected, process
 from tssgeom.tendon.effects import named
+from tssgeom.tendon.history import last_peak
 from tssgeom.tendon.moving import MovingRoute
 from tssgeom.tendon.simulation import Moment
 from tssgeom.view.drawn import evenly
@@ -105,6 +107,30 @@ def draw(path: Path, sensed: SensedRoute, run: MeasuredRun, moments: Sequence[Mo
     path.parent.mkdir(parents=True, exist_ok=True)
     shown = [_shown(sensed, run, moments[k], int(k)) for k in evenly(len(moments), MOST_DRAWN)]
     write_recording(path, f"{sensed.name} driven by {run.name}", shown, timed=True)
+
+
+def draw_figures(folder: Path, sensed: SensedRoute, run: MeasuredRun, moments: Sequence[Moment]) -> list[str]:
+    """Write the figures of a run, those of one frame at the last of its highest peaks of T_in.
+
+    Raises
+    ------
+    SourceError
+        Where the disk refuses.
+    """
+    from tssgeom.view.figures import figures_of
+    from tssgeom.view.report_entry import Series
+
+    seen = [moment.transmission for moment in moments]
+    peak = last_peak(np.array([each.tension_in for each in seen]))
+    rows = range(len(moments))
+    series = Series.of(
+        [moment.time for moment in moments],
+        seen,
+        [_measured(run.tension_out, row) for row in rows],
+        [_measured(run.elongation, row) for row in rows],
+    )
+    shown = _shown(sensed, run, moments[peak], peak)
+    return write_figures(folder, f"{sensed.name}_{run.name}", figures_of(shown, series))
 
 
 def _shown(sensed: SensedRoute, run: MeasuredRun, moment: Moment, row: int) -> FrameResult:

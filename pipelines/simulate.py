@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 from pipelines.console import say, show, tracking
-from pipelines.runs import SensedRoute, draw, sensed_route, temperature_of
+from pipelines.runs import SensedRoute, draw, draw_figures, sensed_route, temperature_of
 from pipelines.summary_table import acting
 from pipelines.work import Options
 from tssgeom.io.run_tables import write_simulation
@@ -21,7 +21,16 @@ _DRIVES = ("tension_in_N", "displacement_in_m")
 _COLUMNS = ("phase", "rows", "T_in\n[N]", "T_out\n[N]", "δ\n[mm]", "dead zone\n[N]")
 
 
-def run(shapes: Path, drive: Path, chosen: Options, *, out: Path, as_json: bool, quiet: bool) -> int:
+def run(
+    shapes: Path,
+    drive: Path,
+    chosen: Options,
+    *,
+    out: Path,
+    figures: Path | None,
+    as_json: bool,
+    quiet: bool,
+) -> int:
     """Simulate a run and return the exit status.
 
     Raises
@@ -50,6 +59,8 @@ def run(shapes: Path, drive: Path, chosen: Options, *, out: Path, as_json: bool,
         tracker.end(str(drive))
     write_simulation(out / TABLE, moments)
     draw(out / PICTURE, sensed, measured, moments)
+    if figures is not None:
+        draw_figures(figures, sensed, measured, moments)
     _tell(sensed, measured, name, moments, chosen, out, as_json=as_json, quiet=quiet)
     return 1 if sensed.rejected else 0
 

@@ -25,7 +25,7 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """What the command writes of the sample with a hidden bend."""
     out = tmp_path_factory.mktemp("found") / "out"
     with pytest.raises(SystemExit) as ended:
-        main(["discover", str(BEND), "--out", str(out), "--quiet"])
+        main(["discover", str(BEND), "--out", str(out), "--figures", str(out.parent / "figures"), "--quiet"])
     assert not ended.value.code
     return out
 
@@ -36,6 +36,12 @@ def report(out: Path) -> dict[str, Any]:
 
 def test_all_files_are_written_and_no_other(found):
     assert sorted(path.name for path in found.iterdir()) == FILES
+
+
+def test_the_figures_of_the_page_are_written_for_print(found):
+    figures = ("along", "heat", "ranking", "residual", "transmission")
+    written = sorted(path.name for path in (found.parent / "figures").iterdir())
+    assert written == [f"{BEND.name}_{name}.{ending}" for name in figures for ending in ("pdf", "svg")]
 
 
 def test_the_hidden_bend_is_named_with_an_interval_that_holds_it(found):

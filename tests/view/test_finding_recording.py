@@ -8,9 +8,9 @@ import pytest
 from rerun.chunk import RrdReader
 
 from tests.worked_finding import worked_finding
-from tssgeom.view.columns import COUNT
 from tssgeom.view.finding.recording import write_finding_recording
 from tssgeom.view.finding.replay import MOST_NODES, MOST_ROWS, replay
+from tssgeom.view.language import COUNT
 from tssgeom.view.viewer import moment_of_greatest_tension
 
 

@@ -41,6 +41,8 @@ class Done(msgspec.Struct, frozen=True, kw_only=True):
     """Its part of the report."""
     files: Mapping[str, int]
     """What was written, with the sizes [B] or `ANY_SIZE`."""
+    figures: Mapping[str, int] = {}
+    """The same of the folder for figures, where there is one."""
 
 
 def key_of(parts: Mapping[str, Any]) -> str:
@@ -59,12 +61,10 @@ def noted(folder: Folder, name: str) -> Done | None:
         return None
 
 
-def intact(folder: Folder, done: Done) -> bool:
+def intact(folder: Folder, files: Mapping[str, int]) -> bool:
     """Whether the files of an input are there, each of the size that it was written with."""
-    sizes = {name: folder.size(name) for name in done.files}
-    return all(
-        sizes[name] is not None and size in (ANY_SIZE, sizes[name]) for name, size in done.files.items()
-    )
+    sizes = {name: folder.size(name) for name in files}
+    return all(sizes[name] is not None and size in (ANY_SIZE, sizes[name]) for name, size in files.items())
 
 
 def note(folder: Folder, name: str, done: Done) -> None:

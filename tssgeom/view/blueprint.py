@@ -9,7 +9,7 @@ import rerun.blueprint as rrb
 from tssgeom.view import colours
 from tssgeom.view.camera import Camera
 from tssgeom.view.chart import Box
-from tssgeom.view.columns import TIMELINE
+from tssgeom.view.language import TIMELINE
 
 
 class ChartBoxes(NamedTuple):

@@ -10,9 +10,7 @@ import pyarrow as pa
 import rerun as rr
 from numpy.typing import NDArray
 
-TIMELINE = "time"
-COUNT = "sample"
-"""Timeline of what is counted: runs of unlike length, one after the other."""
+from tssgeom.view.language import COUNT, TIMELINE
 
 
 @dataclass(frozen=True, slots=True)

@@ -37,6 +37,8 @@ class Drawn:
     """Curvature [1/m]."""
     kappa_se: Vector
     """Standard error of the curvature [1/m]."""
+    phi_se: Vector
+    """Standard error of the accumulated curve angle [rad]."""
 
     def at(self, s: Vector) -> Points:
         """Places at arc lengths `s` [m], between nodes along the chord."""
@@ -59,7 +61,18 @@ def drawn(result: FrameResult, most: int = MOST_NODES) -> Drawn:
         phi=phi,
         kappa=profile.kappa[chosen],
         kappa_se=profile.kappa_se[chosen],
+        phi_se=profile.phi_se[chosen],
     )
+
+
+def tension_se(result: FrameResult, frame: Drawn) -> Vector:
+    """Return the standard error of the tension that comes from that of the curve angle [N]."""
+    sure, more, less = (
+        tension(result.state, np.maximum(frame.phi + side * frame.phi_se, 0.0)) for side in (0.0, 1.0, -1.0)
+    )
+    return np.maximum(
+        np.abs(more - sure), np.abs(sure - less)
+    )  # the profile ends at Φ, its corners are sharp
 
 
 def lean(result: FrameResult) -> FrameResult:

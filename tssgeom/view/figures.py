@@ -1,13 +1,15 @@
-"""Figures of the report as small SVG texts: route, tension, curvature, and a run against time."""
+"""Figures of a shape or a run, each drawn alike in the report and for print."""
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable, Mapping
+from functools import partial
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
+from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.figure import Figure
 
 from tssgeom.arrays import Vector
@@ -15,102 +17,81 @@ from tssgeom.shape.arcs import Arcs
 from tssgeom.stream import FrameResult
 from tssgeom.view import colours
 from tssgeom.view.camera import camera
-from tssgeom.view.drawn import Drawn, Ranges, drawn, evenly, ranges, staircase
-from tssgeom.view.plots import inline_svg
+from tssgeom.view.drawn import Drawn, drawn, ranges, round_up, staircase, tension_se
+from tssgeom.view.language import ANGLE, ARC_LENGTH, CURVATURE_AT, TENSION_AT
+from tssgeom.view.plots import COLUMN, INK, PAGE, SOFT, figure, note, titles
 from tssgeom.view.report_entry import Series
+from tssgeom.view.run_figures import time_figure, transmission_figure
 
 _NODES = 128
-_MOMENTS = 500
-_WIDTH = 11.4
-_INK = "#1d2330"
-_SOFT = "#8a93a3"
-_TENSION = "#26828e"
-_ELONGATION = "#d55e00"
-_RC: Any = {
-    "svg.fonttype": "none",
-    "svg.hashsalt": "tssgeom",
-    "font.family": "sans-serif",
-    "font.size": 9.0,
-    "axes.edgecolor": _SOFT,
-    "axes.labelcolor": _INK,
-    "axes.titlesize": 9.5,
-    "axes.titlelocation": "left",
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "grid.color": "#e8ebf0",
-    "xtick.color": _SOFT,
-    "ytick.color": _SOFT,
-    "xtick.labelcolor": _INK,
-    "ytick.labelcolor": _INK,
-    "path.simplify_threshold": 0.3,
-}
+_HEIGHT = 2.3  # inch
+_SHADES = 64
+_BAND, _SENSED = "#d5dae3", "#5b6474"
 
 
-def shape_figure(result: FrameResult) -> str:
-    """Draw a route coloured by tension, and its tension and curvature along arc length, as SVG."""
+def figures_of(shown: FrameResult, series: Series | None) -> Mapping[str, Callable[[], Figure]]:
+    """Return what draws each figure, by name: those of one frame, and of a run those over its history."""
+    figures = {
+        "route": partial(route_figure, shown),
+        "tension": partial(tension_figure, shown),
+        "curvature": partial(curvature_figure, shown),
+    }
+    if series is None or len(series.time) < 2:
+        return figures
+    return figures | {
+        "transmission": partial(transmission_figure, series),
+        "time": partial(time_figure, series),
+    }
+
+
+def route_figure(result: FrameResult) -> Figure:
+    """Draw a route coloured by tension, as seen square to the plane in which it spreads most."""
     frame = drawn(result, _NODES)
-    limits = ranges([frame], [result.arcs])
-    with mpl.rc_context(_RC):
-        figure = Figure(figsize=(_WIDTH, 3.1), layout="constrained")
-        route, tension, curvature = figure.subplots(1, 3, width_ratios=[1.25, 1.0, 1.0])
-        _draw_route(route, frame, result.arcs, limits)
-        _draw_tension(tension, frame, limits)
-        _draw_curvature(curvature, frame, result.arcs, limits)
-        return inline_svg(figure)
+    top = round_up(float(frame.tension.max()))
+    with figure((COLUMN, _HEIGHT)) as drawing:
+        axes = drawing.subplots()
+        _draw_route(axes, frame, result.arcs, top)
+        _draw_colour_bar(drawing, axes, top)
+    return drawing
 
 
-def run_figure(run: Series) -> str:
-    """Draw tensions and elongation against time, and both against the proximal tension, as SVG."""
-    chosen = evenly(len(run.time), _MOMENTS)
-    time, tension_in, tension_out = run.time[chosen], run.tension_in[chosen], run.tension_out[chosen]
-    elongation = 1e3 * run.elongation[chosen]
-    with mpl.rc_context(_RC):
-        figure = Figure(figsize=(_WIDTH, 2.5), layout="constrained")
-        axes = figure.subplots(1, 4, width_ratios=[1.5, 1.5, 1.0, 1.0])
-        _line(axes[0], time, tension_in, "T_in", _INK)
-        _line(axes[0], time, tension_out, "T_out", _TENSION)
-        axes[0].legend(frameon=False, loc="upper right", ncols=2, borderaxespad=0.0)
-        axes[0].margins(y=0.2)
-        _line(axes[1], time, elongation, "δ", _ELONGATION)
-        _line(axes[2], tension_in, tension_out, "T_out", _TENSION)
-        _line(axes[3], tension_in, elongation, "δ", _ELONGATION)
-        _titles(axes[0], "Tension over time", "time [s]", "tension [N]")
-        _titles(axes[1], "Elongation over time", "time [s]", "δ [mm]")
-        _titles(axes[2], "Transmission", "T_in [N]", "T_out [N]")
-        _titles(axes[3], "Elongation", "T_in [N]", "δ [mm]")
-        return inline_svg(figure)
+def _draw_colour_bar(drawing: Figure, axes: Axes, top: float) -> None:
+    """Explain the colours of tension; few enough of them that the bar stays lines and no image."""
+    colour_map = ListedColormap(colours.tension_rgb(np.linspace(0.0, top, _SHADES), top))
+    bar = drawing.colorbar(
+        ScalarMappable(Normalize(0.0, top), colour_map),
+        ax=axes,
+        location="bottom",
+        fraction=0.05,
+        pad=0.02,
+        aspect=40,
+    )
+    bar.set_label(TENSION_AT.title)
+    bar.solids.set(rasterized=False, edgecolor="face")  # pyright: ignore[reportOptionalMemberAccess]
+    bar.outline.set_visible(False)  # pyright: ignore[reportCallIssue, reportAttributeAccessIssue]
 
 
-def _line(axes: Axes, x: Vector, y: Vector, label: str, colour: str) -> None:
-    axes.plot(x, y, color=colour, linewidth=1.2, label=label)
-
-
-def _titles(axes: Axes, title: str, x: str, y: str) -> None:
-    axes.set_title(title)
-    axes.set_xlabel(x)
-    axes.set_ylabel(y)
-
-
-def _draw_route(axes: Axes, frame: Drawn, arcs: Arcs, limits: Ranges) -> None:
-    """Draw the route as seen square to the plane in which it spreads most, with a bar for its size."""
+def _draw_route(axes: Axes, frame: Drawn, arcs: Arcs, brightest: float) -> None:
+    """Draw the line, where its pieces begin, the names of its ends, and a bar for its size."""
     view = camera(frame.position, frame.position[-1] - frame.position[0])
-    screen = 1e3 * np.column_stack([view.across, view.up])
+    screen = ARC_LENGTH.factor * np.column_stack([view.across, view.up])
     flat = frame.position @ screen
-    _coloured(axes, flat, frame.tension, limits.tension, 4.0)
+    high = ARC_LENGTH.factor * view.view_height
+    _coloured(axes, flat, frame.tension, brightest, 3.2)
     joints = frame.at(arcs.s_start) @ screen
-    shades = [colours.css(colours.piece_rgb(number)) for number in range(len(joints))]
-    axes.scatter(*joints.T, s=34, c=shades, edgecolors=_INK, linewidths=0.6, zorder=4)
+    _draw_dots(axes, joints)
     _name_ends(axes, flat)
-    bar, length = view.scale_bar(below=0.14)
-    axes.plot(*(bar @ screen).T, color=_SOFT, linewidth=1.5)
+    bar, length = view.scale_bar(below=0.18)
+    axes.plot(*(bar @ screen).T, color=SOFT, linewidth=1.5)
     axes.annotate(
         length, bar.mean(axis=0) @ screen, xytext=(0, -3), textcoords="offset points", ha="center", va="top"
     )
     axes.set_aspect("equal", adjustable="datalim")
-    axes.margins(0.12)
+    low, top = (bar[0] @ screen)[1] - 0.06 * high, flat[:, 1].max() + 0.14 * high
+    axes.update_datalim([(flat[0, 0], low), (flat[0, 0], top)])  # room for the names
+    axes.margins(x=0.1, y=0.0)
     axes.set_axis_off()
-    axes.set_title("Route coloured by tension, pieces begin at the dots")
+    axes.set_title("Route; its pieces begin at the dots")
 
 
 def _name_ends(axes: Axes, flat: Vector) -> None:
@@ -118,7 +99,7 @@ def _name_ends(axes: Axes, flat: Vector) -> None:
     inner = min(8, len(flat) - 1)
     ways = flat[[0, -1]] - flat[[inner, -1 - inner]]
     for text, place, way in zip(("proximal", "distal"), flat[[0, -1]], ways, strict=True):
-        across, up = 9.0 * way / max(float(np.linalg.norm(way)), 1e-300)
+        across, up = 7.0 * way / max(float(np.linalg.norm(way)), 1e-300)
         side = "left" if across > 3 else "right" if across < -3 else "center"
         level = "bottom" if up > 3 else "top" if up < -3 else "center"
         axes.annotate(
@@ -126,7 +107,7 @@ def _name_ends(axes: Axes, flat: Vector) -> None:
             place,
             xytext=(across, up),
             textcoords="offset points",
-            color=_INK,
+            color=INK,
             ha=side,
             va=level,
             zorder=5,
@@ -134,36 +115,71 @@ def _name_ends(axes: Axes, flat: Vector) -> None:
         )
 
 
-def _draw_tension(axes: Axes, frame: Drawn, limits: Ranges) -> None:
-    _coloured(axes, np.column_stack([1e3 * frame.s, frame.tension]), frame.tension, limits.tension, 3.2)
-    steps = np.linspace(0.0, limits.tension, 41)
-    left = np.column_stack([np.full(len(steps), -0.035e3 * limits.length), steps])
-    _coloured(axes, left, steps, limits.tension, 6.0, outline=0.0)
-    axes.set_xlim(-0.05e3 * limits.length, 1.02e3 * limits.length)
-    axes.set_ylim(0.0, 1.06 * limits.tension)
-    _titles(axes, "Tension along the tendon", "arc length s [mm]", "tension T [N]")
+def tension_figure(result: FrameResult) -> Figure:
+    """Draw the tension along the tendon, with the standard error that comes from the geometry."""
+    frame = drawn(result, _NODES)
+    seen, top = result.transmission, round_up(float(frame.tension.max()))
+    s, spread = ARC_LENGTH.factor * frame.s, tension_se(result, frame)
+    with figure((COLUMN, _HEIGHT)) as drawing:
+        axes = drawing.subplots()
+        axes.fill_between(s, frame.tension - spread, frame.tension + spread, color=_BAND, linewidth=0)
+        _coloured(axes, np.column_stack([s, frame.tension]), frame.tension, top, 1.5, outline=0.8)
+        text = f"T_out = {seen.tension_out:.2f} ± {seen.tension_out_se:.2f} N"
+        free = 0.06 if frame.tension[-1] > 0.5 * top else 0.96
+        note(axes, text, (s[-1], free * top), ha="right", color=INK)
+        axes.set_xlim(-0.02 * s[-1], 1.02 * s[-1])
+        axes.set_ylim(0.0, 1.06 * top)
+        titles(axes, "Tension ± s.e. along the tendon", ARC_LENGTH.title, TENSION_AT.title)
+    return drawing
 
 
-def _draw_curvature(axes: Axes, frame: Drawn, arcs: Arcs, limits: Ranges) -> None:
-    s, low, high = 1e3 * frame.s, frame.kappa - frame.kappa_se, frame.kappa + frame.kappa_se
-    axes.fill_between(s, np.maximum(low, 0.0), high, color="#d5dae3", linewidth=0)
-    axes.plot(s, frame.kappa, color="#5b6474", linewidth=1.0)
-    along, height = staircase(arcs)
-    steps = np.column_stack([1e3 * along, height]).reshape(-1, 2, 2)
-    shades = [colours.css(colours.piece_rgb(number)) for number in range(len(steps))]
-    axes.add_collection(LineCollection(list(steps), colors=_INK, linewidths=4.0, zorder=3))
-    axes.add_collection(LineCollection(list(steps), colors=shades, linewidths=2.6, zorder=4))
-    axes.set_xlim(-0.02e3 * limits.length, 1.02e3 * limits.length)
-    axes.set_ylim(0.0, limits.kappa)
-    _titles(axes, "Curvature ± s.e. and pieces", "arc length s [mm]", "curvature κ [1/m]")
+def curvature_figure(result: FrameResult) -> Figure:
+    """Draw curvature and accumulated curve angle, both with their standard errors, and the pieces."""
+    frame, arcs = drawn(result, _NODES), result.arcs
+    s = ARC_LENGTH.factor * frame.s
+    with figure((PAGE, _HEIGHT)) as drawing:
+        curvature, angle = drawing.subplots(1, 2)
+        _draw_band(curvature, s, frame.kappa, frame.kappa_se)
+        along, height = staircase(arcs)
+        _draw_pieces(curvature, np.column_stack([ARC_LENGTH.factor * along, height]).reshape(-1, 2, 2))
+        curvature.set_ylim(0.0, ranges([frame], [arcs]).kappa)
+        titles(curvature, "Curvature ± s.e. and pieces", ARC_LENGTH.title, CURVATURE_AT.title)
+        _draw_band(angle, s, ANGLE.factor * frame.phi, ANGLE.factor * frame.phi_se)
+        joints = ANGLE.factor * np.cumsum([0.0, *arcs.angle[:-1]])
+        _draw_dots(angle, np.column_stack([ARC_LENGTH.factor * arcs.s_start, joints]))
+        angle.set_ylim(0.0, None)
+        total, error = (ANGLE.factor * value for value in (arcs.total_angle, arcs.total_angle_se))
+        titles(angle, f"Curve angle ± s.e.; Φ = {total:.1f}° ± {error:.1f}°", ARC_LENGTH.title, ANGLE.title)
+        for axes in (curvature, angle):
+            axes.set_xlim(-0.02 * s[-1], 1.02 * s[-1])
+    return drawing
+
+
+def _draw_band(axes: Axes, s: Vector, value: Vector, error: Vector) -> None:
+    axes.fill_between(s, np.maximum(value - error, 0.0), value + error, color=_BAND, linewidth=0)
+    axes.plot(s, value, color=_SENSED, linewidth=1.0)
+
+
+def _draw_pieces(axes: Axes, steps: Vector) -> None:
+    lines = list(steps)
+    axes.add_collection(LineCollection(lines, colors=INK, linewidths=3.0, zorder=3))
+    axes.add_collection(LineCollection(lines, colors=_shades(len(lines)), linewidths=2.0, zorder=4))
+
+
+def _draw_dots(axes: Axes, joints: Vector) -> None:
+    """Mark where each piece begins, in its colour."""
+    axes.scatter(*joints.T, s=20, c=_shades(len(joints)), edgecolors=INK, linewidths=0.6, zorder=4)
+
+
+def _shades(count: int) -> list[str]:
+    return [colours.css(colours.piece_rgb(number)) for number in range(count)]
 
 
 def _coloured(
     axes: Axes, line: Vector, tension: Vector, top: float, width: float, *, outline: float = 1.4
 ) -> None:
     """Draw a line in the colours of its tension, with a dark outline that keeps yellow visible on white."""
-    if outline:
-        axes.plot(*line.T, color=_INK, linewidth=width + outline, solid_capstyle="round", zorder=2)
+    axes.plot(*line.T, color=INK, linewidth=width + outline, solid_capstyle="round", zorder=2)
     strips = list(np.stack([line[:-1], line[1:]], axis=1))
     shades = colours.tension_rgb(0.5 * (tension[:-1] + tension[1:]), top)
     axes.add_collection(LineCollection(strips, colors=shades, linewidths=width, capstyle="round", zorder=3))

@@ -17,8 +17,9 @@ from tssgeom.tendon.history import History, driven, profiles
 from tssgeom.view import colours
 from tssgeom.view.camera import Camera, camera
 from tssgeom.view.chart import Axis, Box, Chart
-from tssgeom.view.columns import TIMELINE, Sender, segments_3d
+from tssgeom.view.columns import Sender, segments_3d
 from tssgeom.view.drawn import evenly
+from tssgeom.view.language import TIMELINE
 
 _NODES = 160
 _MOMENTS = 240

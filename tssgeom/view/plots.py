@@ -17,20 +17,23 @@ INK, SOFT, FAINT = "#1d2330", "#697386", "#e8ebf0"
 BLUE, ORANGE, GREEN, PURPLE, SKY = "#0072b2", "#d55e00", "#009e73", "#a3508a", "#56b4e9"
 """Colours of Okabe and Ito (purple darkened), which colour-blind people tell apart on white."""
 
-COLUMN, PAGE = 3.5, 7.2
-"""Widths of a column and of a page of a journal [inch]."""
+COLUMN, PAGE = 85 / 25.4, 170 / 25.4
+"""Widths of a column and of a page of a journal, 85 mm and 170 mm [inch]."""
 
 FORMATS = ("pdf", "svg", "png")
+VECTOR = FORMATS[:2]
+SMALLEST = 7.0
+"""No text of a figure is smaller [pt]."""
 _DPI = 200
 _RC: Any = {
     "pdf.fonttype": 42,
     "svg.fonttype": "none",
     "svg.hashsalt": "tssgeom",
     "font.family": "sans-serif",
-    "font.size": 8.5,
+    "font.size": 8.0,
     "axes.edgecolor": SOFT,
     "axes.labelcolor": INK,
-    "axes.titlesize": 9.0,
+    "axes.titlesize": 8.5,
     "axes.titlelocation": "left",
     "axes.spines.top": False,
     "axes.spines.right": False,
@@ -39,12 +42,15 @@ _RC: Any = {
     "grid.color": FAINT,
     "grid.linewidth": 0.7,
     "legend.frameon": False,
-    "legend.fontsize": 8.0,
+    "legend.fontsize": 7.5,
     "legend.handlelength": 2.4,
     "lines.linewidth": 1.6,
+    "path.simplify_threshold": 0.3,
     "text.color": INK,
     "xtick.color": SOFT,
+    "xtick.labelsize": 7.5,
     "ytick.color": SOFT,
+    "ytick.labelsize": 7.5,
     "xtick.labelcolor": INK,
     "ytick.labelcolor": INK,
 }
@@ -58,8 +64,11 @@ def figure(size: tuple[float, float]) -> Iterator[Figure]:
 
 
 def save(drawing: Figure, path: Path) -> None:
-    """Write a figure in the format that the ending tells; the same figure gives the same bytes."""
-    with mpl.rc_context(_RC):
+    """Write a figure in the format that the ending tells; the same figure gives the same bytes.
+
+    A PDF holds its fonts, and the letters of an SVG are outlines, so that both look alike everywhere.
+    """
+    with mpl.rc_context({**_RC, "svg.fonttype": "path"}):
         drawing.savefig(path, dpi=_DPI, metadata=_METADATA[path.suffix[1:]])
 
 

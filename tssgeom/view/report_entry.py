@@ -11,6 +11,7 @@ import numpy as np
 from tssgeom.arrays import Vector
 from tssgeom.stream import FrameResult, Rejected
 from tssgeom.tendon.history import last_peak
+from tssgeom.tendon.transmission import Transmission
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,8 +24,41 @@ class Series:
     """[N]."""
     tension_out: Vector
     """[N]."""
+    tension_out_se: Vector
+    """Standard error from that of the geometry [N]."""
     elongation: Vector
     """[m]."""
+    elongation_se: Vector
+    """[m]."""
+    tension_out_measured: Vector | None = None
+    """Where the run brings it, NaN where a frame does not [N]."""
+    elongation_measured: Vector | None = None
+    """[m]."""
+
+    @classmethod
+    def of(
+        cls,
+        time: Sequence[float],
+        seen: Sequence[Transmission],
+        tension_out: Sequence[float | None] = (),
+        elongation: Sequence[float | None] = (),
+    ) -> Series:
+        """Take the numbers of the tendon at each time [s], and what was measured then [N, m]."""
+        return cls(
+            time=np.array(time),
+            tension_in=np.array([each.tension_in for each in seen]),
+            tension_out=np.array([each.tension_out for each in seen]),
+            tension_out_se=np.array([each.tension_out_se for each in seen]),
+            elongation=np.array([each.elongation for each in seen]),
+            elongation_se=np.array([each.elongation_se for each in seen]),
+            tension_out_measured=_measured(tension_out),
+            elongation_measured=_measured(elongation),
+        )
+
+
+def _measured(values: Sequence[float | None]) -> Vector | None:
+    found = np.array([np.nan if value is None else value for value in values])
+    return found if np.isfinite(found).any() else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,10 +111,10 @@ class ReportEntry:
         """Take what the report needs from some of the results of an input, and the counts over all."""
         return cls(
             name,
-            _shown(results),
+            shown_of(results),
             used,
             tuple(rejected),
-            _series(results) if timed and results else None,
+            series_of(results) if timed and results else None,
             lost,
             recording,
             _ranked(warnings or {}),
@@ -96,17 +130,19 @@ def _ranked(counts: Mapping[str, int]) -> tuple[tuple[str, int], ...]:
     return tuple(Counter(counts).most_common())
 
 
-def _shown(results: Sequence[FrameResult]) -> FrameResult | None:
+def shown_of(results: Sequence[FrameResult]) -> FrameResult | None:
+    """Return the frame that stands for all, at the last of the highest peaks of T_in; None of none."""
     if not results:
         return None
     return results[last_peak(np.array([result.transmission.tension_in for result in results]))]
 
 
-def _series(results: Sequence[FrameResult]) -> Series:
-    seen = [result.transmission for result in results]
-    return Series(
-        time=np.array([result.frame.time for result in results]),
-        tension_in=np.array([each.tension_in for each in seen]),
-        tension_out=np.array([each.tension_out for each in seen]),
-        elongation=np.array([each.elongation for each in seen]),
+def series_of(results: Sequence[FrameResult]) -> Series:
+    """Take the numbers of frames against time."""
+    frames = [result.frame for result in results]
+    return Series.of(
+        [frame.time for frame in frames],
+        [result.transmission for result in results],
+        [frame.tension_out for frame in frames],
+        [frame.elongation for frame in frames],
     )

@@ -20,6 +20,7 @@ _MOST_WARNINGS = 5
 """So many different warnings of one input are written out."""
 _MOST_REASONS = 10
 """So many different reasons of rejected frames of one input are written out."""
+_PER_INCH = 88  # pixels of a page for an inch of a figure: four columns of print stand side by side
 COLUMNS = (
     "name",
     "frames",
@@ -106,8 +107,6 @@ def _cells(cells: Sequence[tuple[object, str]]) -> str:
 
 def section(entry: ReportEntry, shown: FrameResult) -> str:
     """Write the words, figures and pieces of an input; `shown` is drawn."""
-    from tssgeom.view import figures  # here, since a page of numbers alone needs no matplotlib
-
     moment = (
         f" at {shown.frame.time:.2f} s, the last of its highest peaks of T_in"
         if entry.series is not None
@@ -118,13 +117,26 @@ def section(entry: ReportEntry, shown: FrameResult) -> str:
         f'<h2>{html.escape(entry.name)}<span class="soft">{moment}</span></h2>',
         *(_paragraph(sentence) for sentence in words.sentences(shown)),
         *_warnings(entry),
-        figures.shape_figure(shown),
-        figures.run_figure(entry.series) if entry.series is not None else "",
+        _figures(entry, shown),
         _piece_table(shown),
         _link(entry),
         "</section>",
     ]
     return "\n".join(part for part in parts if part)
+
+
+def _figures(entry: ReportEntry, shown: FrameResult) -> str:
+    """Draw what `figures_of` names, each as wide on the page as it is in print."""
+    from tssgeom.view.figures import figures_of  # here: a page of numbers alone needs no matplotlib
+    from tssgeom.view.plots import markup
+
+    drawings = [draw() for draw in figures_of(shown, entry.series).values()]
+    widths = [drawing.get_figwidth() for drawing in drawings]
+    parts = [
+        f'<figure style="flex: {width:.2f} 1 {_PER_INCH * width:.0f}px">{markup(drawing)}</figure>'
+        for width, drawing in zip(widths, drawings, strict=True)
+    ]
+    return f'<div class="figures">{"".join(parts)}</div>'
 
 
 def _paragraph(text: str) -> str:

@@ -12,6 +12,7 @@ from tssgeom.stream import FrameResult
 from tssgeom.view import colours
 from tssgeom.view.columns import Sender
 from tssgeom.view.drawn import numbers_of
+from tssgeom.view.language import ANGLE, ELONGATION, TENSION_IN, TENSION_OUT, Quantity
 
 
 def send_series(sender: Sender, results: Sequence[FrameResult]) -> None:
@@ -23,30 +24,43 @@ def send_series(sender: Sender, results: Sequence[FrameResult]) -> None:
 def send_numbers(sender: Sender, numbers: Matrix) -> None:
     """Send the `numbers_of` many frames [m, 4], in the units of the plots' titles."""
     tension_in, tension_out, elongation, angle = numbers.T
-    _line(sender, "tension_in", "T_in [N]", colours.TENSION_IN, tension_in)
-    _line(sender, "tension_out", "T_out [N]", colours.TENSION_OUT, tension_out)
-    _line(sender, "elongation", "elongation δ [mm]", colours.ELONGATION, 1e3 * elongation)
-    _line(sender, "angle", "curve angle Φ [°]", colours.ANGLE, np.degrees(angle))
+    send_line(sender, "tension_in", TENSION_IN, tension_in)
+    send_line(sender, "tension_out", TENSION_OUT, tension_out)
+    send_line(sender, "elongation", ELONGATION, elongation)
+    send_line(sender, "angle", ANGLE, angle)
 
 
 def _send_measured(sender: Sender, results: Sequence[FrameResult]) -> None:
     """Send what was measured, where every frame brings it."""
     outs = [result.frame.tension_out for result in results]
     if all(value is not None for value in outs):
-        _line(sender, "tension_out_measured", "T_out measured [N]", colours.MEASURED, outs)
+        _send_reading(sender, "tension_out", TENSION_OUT, np.array(outs, dtype=np.float64))
     elongations = [result.frame.elongation for result in results]
     if all(value is not None for value in elongations):
-        values = 1e3 * np.array(elongations, dtype=np.float64)
-        _line(sender, "elongation_measured", "δ measured [mm]", colours.MEASURED, values)
+        _send_reading(sender, "elongation", ELONGATION, np.array(elongations, dtype=np.float64))
 
 
-def _line(
+def _send_reading(sender: Sender, entity: str, told: Quantity, values: Vector) -> None:
+    send_line(
+        sender,
+        f"{entity}_measured",
+        told,
+        values,
+        name=f"{told.symbol} measured [{told.unit}]",
+        colour=colours.MEASURED,
+    )
+
+
+def send_line(
     sender: Sender,
     entity: str,
-    name: str,
-    colour: tuple[int, int, int],
-    values: Sequence[float | None] | Vector,
+    told: Quantity,
+    values: Vector,
+    *,
+    name: str = "",
+    colour: tuple[int, int, int] | None = None,
 ) -> None:
-    style = rr.SeriesLines(names=name, colors=[colour], widths=[2.0])
+    """Send a quantity [SI] against time, in its own unit; name and colour are its own unless given."""
+    style = rr.SeriesLines(names=name or told.label, colors=[colour or told.rgb], widths=[2.0])
     sender.constant(f"series/{entity}", style)
-    sender.send(f"series/{entity}", rr.Scalars.columns(scalars=np.asarray(values, dtype=np.float64)))
+    sender.send(f"series/{entity}", rr.Scalars.columns(scalars=told.factor * np.asarray(values, np.float64)))

@@ -22,7 +22,7 @@ from rerun.experimental import ViewerClient
 from tssgeom.arrays import Vector
 from tssgeom.errors import SourceError
 from tssgeom.tendon.history import last_peak
-from tssgeom.view.columns import COUNT, TIMELINE
+from tssgeom.view.language import COUNT, TIMELINE
 
 _HOST = "127.0.0.1"
 _START_LIMIT = 20.0

@@ -7,10 +7,10 @@ import rerun.blueprint as rrb
 from tssgeom.discrepancy.finding import Finding
 from tssgeom.view import colours
 from tssgeom.view.chart import Box
-from tssgeom.view.columns import COUNT
 from tssgeom.view.finding import words
 from tssgeom.view.finding.replay import Replay
 from tssgeom.view.finding.rerun_lines import shown_channels
+from tssgeom.view.language import COUNT
 
 TENSION_BOX = BLAME_BOX = Box(width=1.9, text=0.1)
 

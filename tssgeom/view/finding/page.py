@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 from matplotlib.figure import Figure
@@ -238,6 +239,20 @@ def _notes(finding: Finding) -> str:
         return ""
     return _section("Notes", f"<ul>{''.join(f'<li>{html.escape(note)}</li>' for note in notes)}</ul>")
 
+
+def figures_of(finding: Finding) -> Mapping[str, Callable[[], Figure]]:
+    """Return what draws each figure of the page, by name."""
+    return {name: partial(draw, finding) for name, (draw, there) in _FIGURES.items() if there(finding)}
+
+
+_FIGURES: Mapping[str, tuple[Callable[[Finding], Figure], Callable[[Finding], object]]] = {
+    "transmission": (transmission_figure, lambda finding: finding.traces),
+    "residual": (residual_figure, lambda finding: finding.traces),
+    "along": (along_figure, lambda finding: finding.along),
+    "heat": (heat_figure, lambda finding: finding.traces),
+    "ranking": (ranking_figure, shown_candidates),
+    "missing": (missing_figure, lambda finding: finding.missing_shapes),
+}
 
 _SECTIONS: tuple[Callable[[Finding], str], ...] = (
     _effects,

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from tssgeom.discrepancy.finding import Candidate, Finding
 from tssgeom.tendon.effects import HiddenBend
 from tssgeom.view.finding import words
-from tssgeom.view.plots import BLUE, GREEN, INK, ORANGE, PAGE, PURPLE, SKY, SOFT, figure, titles
+from tssgeom.view.plots import BLUE, GREEN, INK, ORANGE, PAGE, PURPLE, SKY, SMALLEST, SOFT, figure, titles
 
 _LINES = (BLUE, ORANGE, GREEN, PURPLE, SKY)
 _MOST = 1e3
@@ -31,14 +31,17 @@ def heat_figure(finding: Finding) -> Figure:
         for i, j in zip(*np.nonzero(np.isfinite(power)), strict=True):
             value = float(power[i, j])
             shade = INK if float(scale(max(value, 1.0))) > _LIGHT else "white"
-            axes.text(j + 0.5, i + 0.5, _digits(value), ha="center", va="center", fontsize=6.5, color=shade)
+            axes.text(
+                j + 0.5, i + 0.5, _digits(value), ha="center", va="center", fontsize=SMALLEST, color=shade
+            )
         axes.set_yticks(np.arange(rows) + 0.5, [words.renamed(label) for label in heat.rows])
         axes.set_xticks(
             np.arange(columns) + 0.5, [words.renamed(heat.columns[k]) for k in used], rotation=35, ha="right"
         )
         axes.tick_params(length=0)
         axes.set_title("Mean square of the residual over that of the sensors, before; 1 is noise alone")
-        drawing.colorbar(image, ax=axes, pad=0.01, fraction=0.04, format="%g")
+        bar = drawing.colorbar(image, ax=axes, pad=0.01, fraction=0.04, format="%g")
+        bar.solids.set(rasterized=False, edgecolor="face")  # pyright: ignore[reportOptionalMemberAccess]
     return drawing
 
 

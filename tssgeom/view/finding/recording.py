@@ -12,7 +12,7 @@ import rerun as rr
 from tssgeom.discrepancy.finding import Finding
 from tssgeom.errors import SourceError
 from tssgeom.view import colours
-from tssgeom.view.columns import COUNT, Sender, segments_3d
+from tssgeom.view.columns import Sender, segments_3d
 from tssgeom.view.drawn import Ranges
 from tssgeom.view.finding.layout import BLAME_BOX, TENSION_BOX, blueprint
 from tssgeom.view.finding.places import bends
@@ -20,6 +20,7 @@ from tssgeom.view.finding.replay import Replay, replay
 from tssgeom.view.finding.rerun_blame import send_blame_chart
 from tssgeom.view.finding.rerun_lines import send_lines
 from tssgeom.view.finding.rerun_words import send_words
+from tssgeom.view.language import COUNT
 from tssgeom.view.rerun_charts import send_tension_chart
 
 

@@ -46,7 +46,7 @@ class Stretch:
         nothing = np.zeros(len(self.s))
         tension = self.trace.tension[:, self.nodes]
         return [
-            Drawn(self.s, self.position, tension[row], nothing, nothing, nothing)
+            Drawn(self.s, self.position, tension[row], nothing, nothing, nothing, nothing)
             for row in self.rows.tolist()
         ]
 

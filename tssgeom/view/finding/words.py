@@ -5,11 +5,11 @@ from __future__ import annotations
 import inspect
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 from tssgeom.discrepancy.finding import Blame, Candidate, Estimate, Experiment, Finding, Gap, Tie
 from tssgeom.discrepancy.words import parameter, plain
 from tssgeom.tendon.effects import KINDS, Library, chosen
+from tssgeom.view.language import CHANNELS, Quantity
 
 VERDICTS = {
     "none": "nothing is missing",
@@ -19,28 +19,6 @@ VERDICTS = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class Channel:
-    """How a channel is shown."""
-
-    symbol: str
-    unit: str
-    factor: float
-    """Units shown for each SI unit [1]."""
-
-    @property
-    def label(self) -> str:
-        """Symbol and unit."""
-        return f"{self.symbol} [{self.unit}]"
-
-
-CHANNELS = {
-    "tension_in_N": Channel("T_in", "N", 1.0),
-    "tension_out_N": Channel("T_out", "N", 1.0),
-    "elongation_m": Channel("δ", "mm", 1e3),
-    "displacement_in_m": Channel("x_in", "mm", 1e3),
-    "displacement_out_m": Channel("x_out", "mm", 1e3),
-}
 _UNITS = {
     "m": ("mm", 1e3),
     "m/N": ("µm/N", 1e6),
@@ -50,7 +28,7 @@ _UNITS = {
 }
 
 
-def channel(name: str) -> Channel:
+def channel(name: str) -> Quantity:
     """Return how a channel is shown."""
     return CHANNELS[name]
 

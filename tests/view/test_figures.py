@@ -1,0 +1,145 @@
+"""Figures for print: their widths, fonts and units, and that bands and strokes are those of the results."""
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from matplotlib.text import Text
+
+from tests.worked_finding import worked_finding
+from tssgeom.stream import FrameResult
+from tssgeom.view.drawn import drawn, tension_se
+from tssgeom.view.figures import figures_of
+from tssgeom.view.finding.page import figures_of as figures_of_finding
+from tssgeom.view.paper_figures import paper_figures
+from tssgeom.view.plots import SMALLEST, VECTOR, save
+from tssgeom.view.report_entry import ReportEntry, series_of
+from tssgeom.view.report_section import section
+from tssgeom.view.run_figures import moments, strokes, transmission_figure
+
+_POINTS_PER_MM = 72 / 25.4
+
+
+@pytest.fixture(scope="module")
+def figures(still: list[FrameResult], moving: list[FrameResult]) -> dict[str, Callable[[], Figure]]:
+    """Every figure that a command draws, by name."""
+    of_run = figures_of(moving[3], series_of(moving))
+    finding = replace(worked_finding("unknown"), effects=())
+    return {
+        **{f"still {name}": draw for name, draw in figures_of(still[0], None).items()},
+        **{f"run {name}": draw for name, draw in of_run.items()},
+        **{f"found {name}": draw for name, draw in figures_of_finding(finding).items()},
+        **{f"paper {name}": draw for name, draw in paper_figures().items()},
+    }
+
+
+def test_a_shape_has_three_figures_and_a_run_those_of_its_history_too(figures):
+    assert [name.split()[1] for name in figures if name.startswith("still")] == [
+        "route",
+        "tension",
+        "curvature",
+    ]
+    assert {"run transmission", "run time", "found missing", "found ranking"} <= figures.keys()
+
+
+def test_every_figure_fits_a_column_or_a_page_and_is_legible(figures):
+    for name, draw in figures.items():
+        drawing = draw()
+        assert drawing.get_figwidth() * 25.4 == pytest.approx(85) or drawing.get_figwidth() * 25.4 == (
+            pytest.approx(170)
+        ), name
+        texts = [text for text in drawing.findobj(Text) if text.get_visible() and text.get_text().strip()]
+        assert min(text.get_fontsize() for text in texts) >= SMALLEST, name
+
+
+def test_every_axis_that_is_shown_has_a_unit(figures):
+    unitless = {"found residual", "found heat", "found ranking", "found missing"}  # runs, words and ratios
+    for name in figures.keys() - unitless:
+        for axes in figures[name]().axes:
+            labels = [axes.get_xlabel(), axes.get_ylabel()] if axes.axison else []
+            assert all(re.search(r"\[.+\]$", label) for label in labels if label), (name, labels)
+            assert not labels or any(labels), name
+
+
+@pytest.mark.parametrize("name", ["still route", "run transmission", "found heat"])
+def test_a_pdf_holds_its_fonts_at_its_true_width_and_an_svg_needs_none(figures, name, tmp_path):
+    for ending in VECTOR:
+        save(figures[name](), tmp_path / f"figure.{ending}")
+    page = (tmp_path / "figure.pdf").read_bytes()
+    width = 85 if name == "still route" else 170
+    box = re.search(rb"/MediaBox \[ ?0 0 ([\d.]+)", page)
+    assert box is not None
+    assert float(box[1]) == pytest.approx(width * _POINTS_PER_MM, abs=0.01)
+    assert b"/FontFile2" in page
+    assert b"/Type3" not in page
+    picture = (tmp_path / "figure.svg").read_text("utf-8")
+    assert "<text" not in picture
+    assert "<image" not in picture
+    assert f'width="{width * _POINTS_PER_MM:.2f}'[:10] in picture
+
+
+def test_the_band_of_the_tension_ends_at_the_error_that_is_told(
+    still: list[FrameResult], moving: list[FrameResult]
+) -> None:
+    for result in (still[0], moving[2], moving[3]):
+        spread = tension_se(result, drawn(result))
+        assert spread[0] == pytest.approx(0.0, abs=1e-2 * result.transmission.tension_in)
+        # the error that is told is that of the pieces, the band that of the profile along the route
+        told = result.transmission.tension_out_se
+        assert spread[-1] == pytest.approx(told, rel=0.35)
+
+
+def test_what_did_not_slide_yet_is_as_uncertain_as_what_held_it(moving: list[FrameResult]) -> None:
+    released = moving[4]
+    spread = tension_se(released, drawn(released))
+    assert np.isfinite(spread).all()
+    assert (spread >= 0).all()
+
+
+def test_strokes_cut_a_run_at_each_turn_of_its_drive():
+    drive = np.array([0.0, 2.0, 5.0, 5.0, 3.0, 1.0, 1.0, 4.0])
+    assert strokes(drive) == [(0, 3), (3, 6), (6, 7)]
+    assert strokes(np.array([1.0])) == []
+    assert strokes(np.ones(4)) == [(0, 3)]
+
+
+def test_every_turn_of_a_long_run_is_drawn(moving: list[FrameResult]) -> None:
+    run = series_of(moving)
+    long = replace(
+        run,
+        **{
+            name: np.repeat(getattr(run, name), 700)
+            for name in ("time", "tension_in", "tension_out", "tension_out_se", "elongation", "elongation_se")
+        },
+    )
+    drawn_ones = moments(long)
+    assert len(drawn_ones) <= 520
+    assert long.tension_in[drawn_ones].max() == run.tension_in.max()
+    turns = {edge for edge, _ in strokes(long.tension_in)}
+    assert turns <= set(drawn_ones.tolist())
+
+
+def test_pulls_and_releases_have_a_name_each_and_measured_values_stand_beside(
+    moving: list[FrameResult],
+) -> None:
+    run = replace(series_of(moving), tension_out_measured=np.linspace(1.0, 2.0, len(moving)))
+    output, elongation = transmission_figure(run).axes
+    labels = [str(line.get_label()) for line in output.lines]
+    assert labels == ["pulling", "releasing", "measured"]
+    assert "measured" not in [str(line.get_label()) for line in elongation.lines]
+    pulled = output.lines[0].get_xydata()
+    np.testing.assert_allclose(pulled[:, 0], [2.0, 6.0, 10.0, 12.0])
+
+
+def test_the_report_shows_the_figures_that_are_printed(moving: list[FrameResult], tmp_path: Path) -> None:
+    entry = ReportEntry.of("run", moving, timed=True)
+    assert entry.shown is not None
+    page = section(entry, entry.shown)
+    for draw in figures_of(entry.shown, entry.series).values():
+        for axes in draw().axes:
+            assert axes.get_title(loc="left") in page
+    assert page.count("<svg") == len(figures_of(entry.shown, entry.series))

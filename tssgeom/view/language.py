@@ -1,0 +1,61 @@
+"""One visual language: how quantities, entities and time are called and coloured in every picture.
+
+The palette itself is in `colours`; what draws takes its names, units and colours from here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from tssgeom.view import colours
+
+TIMELINE = "time"
+"""Timeline of seconds."""
+COUNT = "sample"
+"""Timeline of what is counted: runs of unlike length, one after the other."""
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """How a quantity is called and drawn."""
+
+    symbol: str
+    words: str
+    unit: str
+    factor: float
+    """Units shown for each SI unit [1]."""
+    rgb: tuple[int, int, int]
+    """Its colour on the dark ground of a recording."""
+    ink: str
+    """Its colour on paper."""
+
+    @property
+    def label(self) -> str:
+        """Symbol and unit."""
+        return f"{self.symbol} [{self.unit}]"
+
+    @property
+    def title(self) -> str:
+        """Words, symbol and unit, as an axis is called."""
+        return f"{self.words} {self.label}"
+
+
+TENSION_IN = Quantity("T_in", "input tension", "N", 1.0, colours.TENSION_IN, "#1d2330")
+TENSION_OUT = Quantity("T_out", "output tension", "N", 1.0, colours.TENSION_OUT, "#0072b2")
+ELONGATION = Quantity("δ", "elongation", "mm", 1e3, colours.ELONGATION, "#d55e00")
+DISPLACEMENT_IN = Quantity("x_in", "input displacement", "mm", 1e3, colours.TENSION_IN, "#1d2330")
+DISPLACEMENT_OUT = Quantity("x_out", "output displacement", "mm", 1e3, colours.TENSION_OUT, "#0072b2")
+ANGLE = Quantity("Φ", "curve angle", "°", 57.29577951308232, colours.ANGLE, "#a3508a")
+ARC_LENGTH = Quantity("s", "arc length", "mm", 1e3, colours.AXIS, "#697386")
+CURVATURE_AT = Quantity("κ", "curvature", "1/m", 1.0, colours.SENSED, "#5b6474")
+TENSION_AT = Quantity("T", "tension", "N", 1.0, colours.TENSION_OUT, "#0072b2")
+TIME = Quantity("t", "time", "s", 1.0, colours.AXIS, "#697386")
+
+CHANNELS = {
+    "tension_in_N": TENSION_IN,
+    "tension_out_N": TENSION_OUT,
+    "elongation_m": ELONGATION,
+    "displacement_in_m": DISPLACEMENT_IN,
+    "displacement_out_m": DISPLACEMENT_OUT,
+}
+"""Quantities that runs measure, by the names of their columns."""
