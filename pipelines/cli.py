@@ -221,16 +221,25 @@ def samples(
 
 @app.command()
 def view(
-    path: Annotated[Path, typer.Argument(help="What a command wrote: a recording, or a folder of results.")],
+    paths: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="PATH [PATH]",
+            help="What a command wrote, a recording or a folder; two are compared side by side.",
+        ),
+    ],
     screenshot: Annotated[
         Path | None, typer.Option("--screenshot", help="Write a PNG instead; works with no display.")
     ] = None,
     web: Annotated[bool, typer.Option("--web", help="Open in the web browser.")] = False,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Write the recording of a comparison into DIR instead.")
+    ] = None,
 ) -> None:
-    """Open the Rerun viewer on what a command wrote."""
+    """Open the Rerun viewer on what a command wrote, or on two of them side by side."""
     from pipelines import view as command
 
-    raise typer.Exit(command.run(path, screenshot_to=screenshot, web=web))
+    raise typer.Exit(command.run(paths, screenshot_to=screenshot, web=web, out=out))
 
 
 Shapes = Annotated[Path, typer.Argument(help="A shape, or a recording of a route that moves.")]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from pipelines.view import recordings_in
+from pipelines.view import pairs, recordings_in
 from tssgeom.errors import SourceError
 from tssgeom.io.files import open_recording
 from tssgeom.io.meshes import lumen_beside, read_lumen
@@ -88,3 +88,40 @@ def test_view_of_what_is_no_recording_is_one_line(run, half, tmp_path):
     outcome = run("view", half, "--screenshot", tmp_path / "picture.png")
     assert outcome.status == 2
     assert "no Rerun recording" in outcome.errors[0]
+
+
+def touched(folder: Path, *names: str) -> Path:
+    folder.mkdir()
+    for name in names:
+        (folder / f"{name}.rrd").touch()
+    return folder
+
+
+def test_two_folders_are_compared_by_the_names_that_both_have(tmp_path):
+    a = touched(tmp_path / "a", "route", "loop", "more")
+    b = touched(tmp_path / "b", "loop", "route", "other")
+    assert pairs(a, b) == {name: (a / f"{name}.rrd", b / f"{name}.rrd") for name in ("loop", "route")}
+    assert pairs(a / "more.rrd", touched(tmp_path / "c", "else")).keys() == {"more_and_else"}
+    with pytest.raises(SourceError, match=r"no recording has its like by name: name two \.rrd files"):
+        pairs(a, touched(tmp_path / "d", "x", "y"))
+
+
+def test_view_of_two_results_writes_their_comparison(run, half, tmp_path):
+    for name, pull in (("a", 10), ("b", 15)):
+        run("analyse", half, "--out", tmp_path / name, "--tension-in", pull, "--quiet")
+    outcome = run("view", tmp_path / "a", tmp_path / "b", "--out", tmp_path / "both")
+    assert outcome.status == 0
+    assert [path.name for path in (tmp_path / "both").iterdir()] == ["half.rrd"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("a", "b", "c"), "3 paths: give one to look at, or two"),
+        (("a", "--out", "d"), "two recordings or folders"),
+    ],
+)
+def test_view_says_how_many_paths_it_takes(run, arguments, words):
+    outcome = run("view", *arguments)
+    assert outcome.status == 2
+    assert words in outcome.errors[0]

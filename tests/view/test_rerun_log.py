@@ -1,13 +1,12 @@
-import subprocess
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 import pytest
-import rerun_cli
 import trimesh
 from rerun.chunk import RrdReader
 
+from tests.view.recorded import columns, entities, verify, views
 from tssgeom.errors import SourceError
 from tssgeom.stream import FrameResult
 from tssgeom.view.colours import tension_rgba32
@@ -41,40 +40,11 @@ SERIES = {"/series/tension_in", "/series/tension_out", "/series/elongation", "/s
 FRONT = {"/route/slip_front", "/tension/slip_front"}
 
 
-def columns(path: Path, entity: str, *, timed: bool) -> dict[str, list]:
-    """Columns of an entity's rows, without or with time."""
-    found: dict[str, list] = {}
-    for chunk in RrdReader(str(path)).stream().filter(content=entity):
-        batch = chunk.to_record_batch()
-        if ("time" in batch.schema.names) == timed:
-            for name in batch.schema.names:
-                found.setdefault(name, []).extend(batch.column(name).to_pylist())
-    return found
-
-
-def entities(path: Path) -> set[str]:
-    chunks = RrdReader(str(path)).stream()
-    return {str(chunk.entity_path) for chunk in chunks if not str(chunk.entity_path).startswith("/__")}
-
-
 def floats(array: pa.Array) -> np.ndarray:
     """All floating-point numbers of an Arrow array, however deep they lie."""
     while pa.types.is_list(array.type) or pa.types.is_fixed_size_list(array.type):
         array = array.flatten()
     return array.to_numpy(zero_copy_only=False) if pa.types.is_floating(array.type) else np.empty(0)
-
-
-def views(path: Path) -> list[str]:
-    """Kinds of the views that the recording's own layout shows."""
-    reader = RrdReader(str(path))
-    kinds: list[str] = []
-    for entry in reader.blueprints():
-        for chunk in reader.stream(store=entry):
-            batch = chunk.to_record_batch()
-            for name in batch.schema.names:
-                if name == "ViewBlueprint:class_identifier":
-                    kinds += [kind for row in batch.column(name).to_pylist() for kind in row or []]
-    return kinds
 
 
 def test_still_recording_holds_every_part_of_the_picture_and_no_series(still_file: Path) -> None:
@@ -198,9 +168,8 @@ def test_layout_of_a_still_shape_has_no_time_series_and_that_of_a_run_has_three(
 
 
 def test_rerun_itself_finds_no_error(still_file: Path, moving_file: Path) -> None:
-    binary = Path(rerun_cli.__file__).parent / "rerun"
     for path in (still_file, moving_file):
-        subprocess.run([binary, "rrd", "verify", path], check=True, capture_output=True)
+        verify(path)
 
 
 @pytest.mark.parametrize("inverted", [False, True])

@@ -21,6 +21,8 @@ class Box:
     """Width over height."""
     text: float
     """Height of a line of text over the height of the box."""
+    bare: bool = False
+    """Whether the numbers stand without their unit, where there is little room and the title has it."""
 
     @property
     def x_range(self) -> list[float]:
@@ -79,4 +81,5 @@ class Chart:
         text = self.box.text
         below = self.place(self.x.ticks, 0.0) + np.array([0.0, 0.35 * text])
         beside = self.place(0.0, self.y.ticks) - np.array([1.9 * text, _LABEL_DROP * text])
-        return np.vstack([below, beside]), [*self.x.labels, *self.y.labels]
+        texts = [*self.x.labels, *self.y.labels]
+        return np.vstack([below, beside]), [text.split()[0] for text in texts] if self.box.bare else texts

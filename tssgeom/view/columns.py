@@ -25,13 +25,15 @@ class Sender:
     """Time from which on holds what is the same in every frame [s]; None: always."""
     repeats: bool = True
     """Whether that is sent at all; otherwise it was sent before and holds still."""
+    below: str = ""
+    """What every entity is put below, with a slash at its end."""
 
     def send(
         self, entity: str, columns: rr.ComponentColumnList, lengths: Sequence[int] | None = None
     ) -> None:
         """Send `columns`, of which each row takes the next of `lengths` (by default one) instances."""
         rows = columns if lengths is None else columns.partition(lengths)
-        self.recording.send_columns(entity, indexes=self._indexes(), columns=rows, strict=True)
+        self.recording.send_columns(self.below + entity, indexes=self._indexes(), columns=rows, strict=True)
 
     def constant(self, entity: str, archetype: rr.AsComponents) -> None:
         """Send what is the same in every frame."""
@@ -39,7 +41,7 @@ class Sender:
             return
         if self.since is not None:
             self.recording.set_time(TIMELINE, duration=self.since)
-        self.recording.log(entity, archetype, static=self.since is None, strict=True)
+        self.recording.log(self.below + entity, archetype, static=self.since is None, strict=True)
 
     def _indexes(self) -> list[rr.TimeColumn]:
         if self.time is None:

@@ -51,6 +51,9 @@ CURVATURE_AT = Quantity("κ", "curvature", "1/m", 1.0, colours.SENSED, "#5b6474"
 TENSION_AT = Quantity("T", "tension", "N", 1.0, colours.TENSION_OUT, "#0072b2")
 TIME = Quantity("t", "time", "s", 1.0, colours.AXIS, "#697386")
 
+FIRST, SECOND = colours.ELONGATION, colours.ANGLE
+"""Colours of two things that are compared: A and B."""
+
 CHANNELS = {
     "tension_in_N": TENSION_IN,
     "tension_out_N": TENSION_OUT,

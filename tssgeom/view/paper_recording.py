@@ -19,13 +19,12 @@ from tssgeom.view.camera import Camera, camera
 from tssgeom.view.chart import Axis, Box, Chart
 from tssgeom.view.columns import Sender, segments_3d
 from tssgeom.view.drawn import evenly
-from tssgeom.view.language import TIMELINE
+from tssgeom.view.language import FIRST, SECOND, TIMELINE
 
 _NODES = 160
 _MOMENTS = 240
 _BOX = Box(width=1.55, text=0.095)
-_COLOUR_A, _COLOUR_B = colours.ELONGATION, colours.ANGLE
-_FORCES = {"a": ("A", _COLOUR_A), "b": ("B", _COLOUR_B)}
+_FORCES = {"a": ("A", FIRST), "b": ("B", SECOND)}
 
 
 def write_paper_recording(path: Path) -> None:

@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import pyarrow as pa
 import rerun as rr
 import trimesh
 from scipy.spatial import KDTree
 
-from tssgeom.arrays import Points, Vector
+from tssgeom.arrays import Points
 from tssgeom.stream import FrameResult
 from tssgeom.view import colours, words
 from tssgeom.view.columns import Sender, segments_3d
 from tssgeom.view.drawn import outliers
 from tssgeom.view.labels import label_places
+from tssgeom.view.rerun_numbers import send_numbers_of_route
 from tssgeom.view.run import Run
 
 _FEW_POINTS = 40
@@ -32,6 +32,7 @@ def send_space(sender: Sender, run: Run, lumen: trimesh.Trimesh | None) -> None:
     _send_sensed(sender, run)
     _send_joints(sender, run)
     _send_labels(sender, run)
+    send_numbers_of_route(sender, run)
 
 
 def _send_piece_names(sender: Sender, run: Run) -> None:
@@ -81,24 +82,6 @@ def _send_route(sender: Sender, run: Run) -> None:
     )
     sender.constant("route", rr.LineStrips3D.from_fields(radii=rr.Radius.ui_points(3.5)))
     sender.send("route", columns, strips)
-    _send_raw_numbers(sender, run)
-
-
-def _send_raw_numbers(sender: Sender, run: Run) -> None:
-    """Send the numbers behind the picture in single precision, for a selection of the route to show."""
-    frames, lengths = run.frames, [len(frame.s) for frame in run.frames]
-    numbers = rr.AnyValues.columns(
-        s_m=_joined([frame.s for frame in frames]),
-        tension_N=_joined([frame.tension for frame in frames]),
-        phi_rad=_joined([frame.phi for frame in frames]),
-        kappa_per_m=_joined([frame.kappa for frame in frames]),
-        kappa_se_per_m=_joined([frame.kappa_se for frame in frames]),
-    )
-    sender.send("route", numbers, lengths)
-
-
-def _joined(values: Sequence[Vector]) -> pa.Array:
-    return pa.array(np.concatenate(values).astype(np.float32))
 
 
 def _send_sensed(sender: Sender, run: Run) -> None:

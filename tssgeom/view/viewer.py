@@ -25,6 +25,7 @@ from tssgeom.tendon.history import last_peak
 from tssgeom.view.language import COUNT, TIMELINE
 
 _HOST = "127.0.0.1"
+_DRIVES = ["/series/tension_in", "/a/series/tension_in"]
 _START_LIMIT = 20.0
 """Longest wait for the viewer to start [s]."""
 _NOTICES = 3.5
@@ -58,7 +59,7 @@ def open_viewer(
         Where a file is missing or is no recording.
     """
     for path in paths:
-        _require_recording(path)
+        require_recording(path)
     files = [str(path) for path in paths]
     options = _web_options(announce) if web else ["--port", "auto"]
     try:
@@ -88,7 +89,7 @@ def screenshot(
     SourceError
         Where the file is no recording, the picture cannot be written, or there is no graphics driver.
     """
-    _require_recording(path)
+    require_recording(path)
     png.parent.mkdir(parents=True, exist_ok=True)
     png.unlink(missing_ok=True)
     moment = moment_of_greatest_tension(path) if at is None else (TIMELINE, at)
@@ -114,7 +115,7 @@ def moment_of_greatest_tension(path: Path) -> tuple[str, float] | None:
     None for a static shape.
     """
     found = dict[str, tuple[list[Vector], list[Vector]]]()
-    for chunk in RrdReader(str(path)).stream().filter(content="/series/tension_in"):
+    for chunk in RrdReader(str(path)).stream().filter(content=_DRIVES):
         batch = chunk.to_record_batch()
         for timeline, unit in ((TIMELINE, 1e-9), (COUNT, 1.0)):
             if timeline in batch.schema.names:
@@ -126,7 +127,14 @@ def moment_of_greatest_tension(path: Path) -> tuple[str, float] | None:
     return None
 
 
-def _require_recording(path: Path) -> None:
+def require_recording(path: Path) -> None:
+    """Refuse what is no recording.
+
+    Raises
+    ------
+    SourceError
+        Where the file is missing or is none.
+    """
     try:
         with path.open("rb") as stream:
             magic = stream.read(3)

@@ -1,0 +1,46 @@
+"""What a Rerun recording holds, read back by Rerun's own reader."""
+
+import subprocess
+from pathlib import Path
+
+import rerun_cli
+from rerun.chunk import RrdReader
+
+
+def columns(path: Path, entity: str, *, timed: bool, timeline: str = "time") -> dict[str, list]:
+    """Columns of an entity's rows, without or with time."""
+    found: dict[str, list] = {}
+    for chunk in RrdReader(str(path)).stream().filter(content=entity):
+        batch = chunk.to_record_batch()
+        if (timeline in batch.schema.names) == timed:
+            for name in batch.schema.names:
+                found.setdefault(name, []).extend(batch.column(name).to_pylist())
+    return found
+
+
+def entities(path: Path) -> set[str]:
+    chunks = RrdReader(str(path)).stream()
+    return {str(chunk.entity_path) for chunk in chunks if not str(chunk.entity_path).startswith("/__")}
+
+
+def timelines(path: Path) -> set[str]:
+    return {name for chunk in RrdReader(str(path)).stream() for name in chunk.timeline_names}
+
+
+def views(path: Path) -> list[str]:
+    """Kinds of the views that the recording's own layout shows."""
+    reader = RrdReader(str(path))
+    kinds: list[str] = []
+    for entry in reader.blueprints():
+        for chunk in reader.stream(store=entry):
+            batch = chunk.to_record_batch()
+            for name in batch.schema.names:
+                if name == "ViewBlueprint:class_identifier":
+                    kinds += [kind for row in batch.column(name).to_pylist() for kind in row or []]
+    return kinds
+
+
+def verify(path: Path) -> None:
+    """Let Rerun itself look for errors in a recording."""
+    binary = Path(rerun_cli.__file__).parent / "rerun"
+    subprocess.run([binary, "rrd", "verify", path], check=True, capture_output=True)

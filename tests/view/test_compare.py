@@ -1,0 +1,158 @@
+"""Two recordings side by side: one scale, one time, and a difference that is that of the results."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.view.conftest import analysed, arc
+from tests.view.recorded import columns, entities, verify, views
+from tssgeom.errors import SourceError
+from tssgeom.settings import Friction, Rig
+from tssgeom.stream import Frame, FrameResult, process
+from tssgeom.view.colours import tension_rgba32
+from tssgeom.view.compare.difference import aligned, difference, parting
+from tssgeom.view.compare.reading import Side, read_side
+from tssgeom.view.compare.recording import write_comparison
+from tssgeom.view.compare.words import comparison, table
+from tssgeom.view.drawn import drawn
+from tssgeom.view.paper_recording import write_paper_recording
+from tssgeom.view.rerun_log import write_recording
+
+ROUGH = Rig(friction=Friction(coefficient=0.3))
+
+
+def rougher(results: list[FrameResult], later: float = 0.0) -> list[FrameResult]:
+    """The same frames with more friction, and at later times [s]."""
+    frames = [replace(one.frame, time=one.frame.time + later) for one in results]
+    found = process(frames, ROUGH, tension_in=15.0)
+    return [one for one in found if isinstance(one, FrameResult)]
+
+
+@pytest.fixture(scope="module")
+def rough(moving: list[FrameResult]) -> list[FrameResult]:
+    return rougher(moving)
+
+
+@pytest.fixture(scope="module")
+def rough_file(rough: list[FrameResult], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("rough") / "rough.rrd"
+    write_recording(path, "rough", rough, timed=True)
+    return path
+
+
+@pytest.fixture(scope="module")
+def both(moving_file: Path, rough_file: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("both") / "both.rrd"
+    write_comparison(path, moving_file, rough_file)
+    return path
+
+
+def test_a_recording_is_read_back_as_the_results_it_shows(moving_file: Path, moving: list[FrameResult]):
+    side = read_side(moving_file)
+    assert side.time is not None
+    np.testing.assert_allclose(side.time, [one.frame.time for one in moving], atol=1e-9)
+    for seen, pieces, result in zip(side.frames, side.pieces, moving, strict=True):
+        told = drawn(result)
+        for name in ("s", "position", "tension", "phi", "kappa", "kappa_se", "phi_se"):
+            # single precision
+            np.testing.assert_allclose(getattr(seen, name), getattr(told, name), rtol=1e-6, atol=1e-7)
+        np.testing.assert_array_equal(pieces.angle, result.arcs.angle)
+    outs = [one.transmission.tension_out for one in moving]
+    np.testing.assert_array_equal(side.numbers["tension_out_N"], outs)
+
+
+def test_each_side_has_the_same_parts_and_the_views_are_in_pairs(both: Path):
+    seen = entities(both)
+    sides = [{name[2:] for name in seen if name.startswith(f"/{side}/")} for side in "ab"]
+    assert sides[0] == sides[1]
+    assert {"/route", "/labels", "/joints", "/sensed", "/tension/curve", "/curvature/pieces"} <= sides[0]
+    assert {"/series/tension_in", "/series/tension_out", "/series/elongation"} <= sides[0]
+    kinds = views(both)
+    assert (kinds.count("3D"), kinds.count("2D")) == (2, 4)
+    assert (kinds.count("TimeSeries"), kinds.count("TextDocument")) == (4, 2)
+    verify(both)
+
+
+def test_one_tension_has_one_colour_on_both_sides(both: Path, moving, rough):
+    top = 12.0  # the greatest tension of both, itself a plain number
+    for side, results in (("a", moving), ("b", rough)):
+        rows = columns(both, f"/{side}/route", timed=True)["LineStrips3D:colors"]
+        for shades, result in zip(rows, results, strict=True):
+            tension = drawn(result).tension.astype(np.float32).astype(float)
+            expected = tension_rgba32(0.5 * (tension[:-1] + tension[1:]), top)
+            np.testing.assert_array_equal(shades, expected)
+
+
+def test_the_difference_is_that_of_the_results_at_every_moment(both: Path, moving, rough):
+    for entity, field, factor in (("tension_out", "tension_out", 1.0), ("elongation", "elongation", 1e3)):
+        rows = columns(both, f"/difference/{entity}", timed=True)
+        expected = [
+            factor * (getattr(b.transmission, field) - getattr(a.transmission, field))
+            for a, b in zip(moving, rough, strict=True)
+        ]
+        np.testing.assert_allclose(np.ravel(rows["Scalars:scalars"]), expected, rtol=1e-12)
+
+
+def test_the_words_say_the_numbers_of_the_greatest_pull(both: Path, moving, rough):
+    a, b = moving[3].transmission, rough[3].transmission
+    (text,) = columns(both, "/difference/words", timed=False)["TextDocument:text"][0]
+    assert f"**{b.tension_out - a.tension_out:+.2f} ± " in text
+    assert f"({a.tension_out:.2f} to {b.tension_out:.2f} N" in text
+    assert "the drives are the same" in text
+    assert "turn alike" in text
+    (cells,) = columns(both, "/difference/table", timed=False)["TextDocument:text"][0]
+    assert f"| T_out [N] | {a.tension_out:.2f} | {b.tension_out:.2f} |" in cells
+
+
+def test_recordings_of_other_times_both_begin_at_zero(moving_file: Path, moving, tmp_path: Path):
+    late = tmp_path / "late.rrd"
+    write_recording(late, "late", rougher(moving, later=1.7e9), timed=True)
+    a, b = aligned(read_side(moving_file), read_side(late))
+    assert a.time is not None
+    assert b.time is not None
+    assert b.since == pytest.approx(1.7e9)
+    np.testing.assert_allclose(a.time, b.time, atol=1e-6)  # seconds since 1970 in double precision
+    write_comparison(tmp_path / "both.rrd", moving_file, late)
+    for entity in ("/b/route", "/b/sensed", "/b/labels", "/b/series/tension_out"):
+        times = columns(tmp_path / "both.rrd", entity, timed=True)["time"]
+        assert {round(row.total_seconds(), 6) for row in times} == set(a.time)
+    assert "time from its beginning" in comparison(a, b, difference(a, b))
+
+
+def test_two_shapes_have_no_time_and_one_chart_for_both(still_file: Path, tmp_path: Path):
+    write_recording(tmp_path / "bent.rrd", "bent", analysed([Frame(arc(60, 2.5))]), timed=False)
+    write_comparison(tmp_path / "both.rrd", still_file, tmp_path / "bent.rrd")
+    assert {"/difference/tension/a", "/difference/tension/b"} <= entities(tmp_path / "both.rrd")
+    assert "TimeSeries" not in views(tmp_path / "both.rrd")
+    a, b = read_side(still_file), read_side(tmp_path / "bent.rrd")
+    assert difference(a, b) is None
+    less = np.degrees(a.numbers["total_angle_rad"][0] - b.numbers["total_angle_rad"][0])
+    assert f"turns **{less:.1f}° ± " in comparison(a, b, None)
+    assert "less**" in comparison(a, b, None)
+    assert table(a, b).count("\n") == 7
+
+
+def test_a_shape_stands_beside_a_run(still_file: Path, moving_file: Path, tmp_path: Path):
+    write_comparison(tmp_path / "both.rrd", still_file, moving_file)
+    assert "/b/series/tension_out" in entities(tmp_path / "both.rrd")
+    assert columns(tmp_path / "both.rrd", "/a/route", timed=True) == {}
+
+
+def test_tensions_part_where_the_routes_begin_to_differ(moving_file: Path):
+    side = read_side(moving_file)
+    assert parting(side, side) is None
+    bent = side.frames[side.peak]
+    changed = replace(bent, tension=np.where(bent.s > 0.1, 0.9, 1.0) * bent.tension)
+    other: Side = replace(side, frames=[*side.frames[: side.peak], changed, *side.frames[side.peak + 1 :]])
+    found = parting(side, other)
+    assert found == pytest.approx(0.1, abs=0.005)  # the steps in which it is looked for
+
+
+def test_a_recording_of_something_else_is_refused_with_what_can_be_compared(still_file: Path, tmp_path: Path):
+    write_paper_recording(tmp_path / "paper.rrd")
+    with pytest.raises(
+        SourceError, match=r"paper\.rrd: no numbers of a route to compare: give recordings of"
+    ):
+        write_comparison(tmp_path / "both.rrd", still_file, tmp_path / "paper.rrd")

@@ -1,0 +1,1 @@
+"""Two recordings side by side: what they show alike, and by how much they differ."""
