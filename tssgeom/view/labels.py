@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from tssgeom.arrays import Points, Vector
@@ -30,42 +29,53 @@ _COARSE = 4
 
 @dataclass(frozen=True, slots=True)
 class Candidates:
-    """Where one label may go, the best first: near `place` and `shift` away from it on the screen."""
+    """Where n labels may go, m places for each, the best first: near `place`, `shift` away on the screen."""
 
-    place: Points
-    """[m, 3] [m]."""
-    shift: Vector
-    """[m, 2] in heights of the view."""
+    place: NDArray[np.float64]
+    """[n, m, 3] [m]."""
+    shift: NDArray[np.float64]
+    """[n, m, 2] in heights of the view."""
 
 
-def label_places(camera: Camera, frame: Drawn, arcs: Arcs) -> Points:
-    """Places [2 + k, 3] from which Rerun hangs the labels of both ends and of the k pieces [m]."""
-    candidates = [*_at_ends(camera, frame), *_at_pieces(camera, frame, arcs)]
+def label_places(camera: Camera, frame: Drawn, arcs: Arcs, larger: float = 1.0) -> Points:
+    """Places [2 + k, 3] from which Rerun hangs the labels of both ends and of the k pieces [m].
+
+    In a low view text is `larger` beside the route than in one of common height.
+    """
+    half = larger * _HALF_SIZE
+    groups = [
+        _around(*_at_ends(camera, frame), half, larger * _GAP),
+        _around(*_at_pieces(camera, frame, arcs), half, larger * _GAP),
+    ]
+    place = np.concatenate([group.place.reshape(-1, 3) for group in groups])
+    shift = np.concatenate([group.shift.reshape(-1, 2) for group in groups])
+    counts = np.repeat([group.shift.shape[1] for group in groups], [len(group.shift) for group in groups])
     bar, _ = camera.scale_bar(camera.room_below)
     taken = camera.project(np.vstack([frame.position[::_COARSE], bar]))
-    return np.vstack(_chosen(camera, candidates, taken))
+    chosen = _chosen(camera.project(place) + shift, counts, taken, half, _EDGE - half)
+    return camera.label_anchor(place[chosen], shift[chosen])
 
 
-def _at_ends(camera: Camera, frame: Drawn) -> list[Candidates]:
+def _at_ends(camera: Camera, frame: Drawn) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the places [2, m, 3] beside both ends, and the directions [2, m, 2] from there."""
     reach = min(0.1 * camera.half_width, 0.5 * frame.s[-1])
     ends, inner = frame.position[[0, -1]], frame.at(np.array([reach, frame.s[-1] - reach]))
     onwards = _unit(camera.project(ends) - camera.project(inner))
-    return [_around(end, _turned(way)) for end, way in zip(ends, onwards, strict=True)]
+    turned = np.arctan2(onwards[:, 1], onwards[:, 0])[:, None] + _TURNS
+    ways = np.stack([np.cos(turned), np.sin(turned)], axis=2)
+    return np.repeat(ends[:, None], len(_TURNS), axis=1), ways
 
 
-def _at_pieces(camera: Camera, frame: Drawn, arcs: Arcs) -> list[Candidates]:
-    """Candidates on the outer side of each bend, on the inner side, and beside other parts of the piece."""
+def _at_pieces(camera: Camera, frame: Drawn, arcs: Arcs) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the same on the outer side of each bend, then on its inner side, beside parts of the piece."""
     part = np.array(_ALONG_PIECE)
     s = arcs.s_start[:, None] + arcs.length[:, None] * part
     reach = np.minimum(0.25 * arcs.length, 0.15 * camera.half_width)[:, None]
-    before, here, after = (frame.at((s + step).ravel()) for step in (-reach, 0.0, reach))
-    seen = [camera.project(places) for places in (before, here, after)]
-    outward = _outward(_unit(seen[2] - seen[0]), seen[2] + seen[0] - 2 * seen[1])
-    places, ways = here.reshape(-1, len(part), 3), outward.reshape(-1, len(part), 2)
-    return [
-        _around(np.tile(place, (2, 1)), np.vstack([way, -way]))
-        for place, way in zip(places, ways, strict=True)
-    ]
+    steps = frame.at(np.concatenate([(s + step).ravel() for step in (-reach, 0.0, reach)]))
+    before, here, after = camera.project(steps).reshape(3, -1, 2)
+    outward = _outward(_unit(after - before), after + before - 2 * here).reshape(*s.shape, 2)
+    places = steps.reshape(3, *s.shape, 3)[1]
+    return np.tile(places, (1, 2, 1)), np.concatenate([outward, -outward], axis=1)
 
 
 def _outward(along: Vector, bend: Vector) -> Vector:
@@ -75,41 +85,44 @@ def _outward(along: Vector, bend: Vector) -> Vector:
     return np.where(inward[:, None], -left, left)
 
 
-def _turned(way: Vector) -> Vector:
-    """Return copies of a direction, turned by all of `_TURNS` [m, 2]."""
-    start = math.atan2(way[1], way[0])
-    return np.column_stack([np.cos(start + _TURNS), np.sin(start + _TURNS)])
-
-
 def _unit(ways: Vector) -> Vector:
     return ways / np.maximum(np.linalg.norm(ways, axis=1, keepdims=True), 1e-300)
 
 
-def _around(place: Points, ways: Vector) -> Candidates:
+def _around(place: NDArray[np.float64], ways: NDArray[np.float64], half: Vector, gap: float) -> Candidates:
     """Candidates in each direction, just clear of the place, and then the same farther off."""
-    shift = ways * (np.abs(ways) @ _HALF_SIZE + _GAP)[:, None]
-    places = np.broadcast_to(place, (len(ways), 3))
-    return Candidates(np.vstack([places, places]), np.vstack([shift, _FARTHER * shift]))
+    shift = ways * (np.abs(ways) @ half + gap)[:, :, None]
+    return Candidates(np.tile(place, (1, 2, 1)), np.concatenate([shift, _FARTHER * shift], axis=1))
 
 
-def _chosen(camera: Camera, labels: Sequence[Candidates], taken: Vector) -> list[Points]:
-    """Take for each label in turn the first free candidate, or else the one that is least in the way."""
-    chosen, centres = [], np.empty((0, 2))
-    for label in labels:
-        here = camera.project(label.place) + label.shift
-        room = np.minimum(_room(here, taken), 0.5 * _room(here, centres))
-        room = np.where(_inside(here), room, 0.1 * room)
-        best = int(np.argmax(room >= 1.0)) if (room >= 1.0).any() else int(np.argmax(room))
-        centres = np.vstack([centres, here[best]])
-        chosen.append(camera.label_anchor(label.place[[best]], label.shift[[best]]))
+@njit(cache=True, nogil=True)
+def _chosen(
+    centres: Points, counts: NDArray[np.intp], taken: Points, half: Vector, edge: Vector
+) -> NDArray[np.intp]:
+    """Take for each label in turn the first free candidate, or else the one that is least in the way.
+
+    Room is the distance to the nearest of what is `taken`, and half of that to another label, in half sizes
+    of a label; a place beyond the `edge` has a tenth of it.
+    """
+    chosen = np.empty(len(counts), np.intp)
+    first = 0
+    for label in range(len(counts)):
+        best, most = first, -1.0
+        for candidate in range(first, first + counts[label]):
+            x, y = centres[candidate]
+            room = np.inf
+            for k in range(len(taken)):
+                room = min(room, max(abs(x - taken[k, 0]) / half[0], abs(y - taken[k, 1]) / half[1]))
+            for k in range(label):
+                other = centres[chosen[k]]
+                room = min(room, 0.5 * max(abs(x - other[0]) / half[0], abs(y - other[1]) / half[1]))
+            if abs(x) > edge[0] or abs(y) > edge[1]:
+                room *= 0.1
+            if room > most:
+                best, most = candidate, room
+            if room >= 1.0:
+                best = candidate
+                break
+        chosen[label] = best
+        first += counts[label]
     return chosen
-
-
-def _inside(centres: Vector) -> NDArray[np.bool_]:
-    return np.all(np.abs(centres) <= _EDGE - _HALF_SIZE, axis=1)
-
-
-def _room(centres: Vector, others: Vector) -> Vector:
-    """Distance from each centre to the nearest of `others`, in half sizes of a label."""
-    apart = np.abs(centres[:, None] - others[None]) / _HALF_SIZE
-    return apart.max(axis=2).min(axis=1, initial=np.inf)

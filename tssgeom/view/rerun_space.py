@@ -31,7 +31,9 @@ def send_space(sender: Sender, run: Run, lumen: trimesh.Trimesh | None) -> None:
     _send_route(sender, run)
     _send_sensed(sender, run)
     _send_joints(sender, run)
-    _send_labels(sender, run)
+    pairs = list(zip(run.frames, run.results, strict=True))
+    places = [label_places(run.camera, frame, result.arcs) for frame, result in pairs]
+    send_labels(sender, places, [_label_texts(result) for result in run.results])
     send_numbers_of_route(sender, run)
 
 
@@ -114,16 +116,14 @@ def _send_joints(sender: Sender, run: Run) -> None:
     sender.send("joints", columns, counts)
 
 
-def _send_labels(sender: Sender, run: Run) -> None:
+def send_labels(sender: Sender, places: Sequence[Points], texts: Sequence[Sequence[str]]) -> None:
     """Write the tension beside each end, and the angle and radius beside each piece."""
-    pairs = list(zip(run.frames, run.results, strict=True))
-    columns = rr.Points3D.columns(
-        positions=np.concatenate([label_places(run.camera, frame, result.arcs) for frame, result in pairs]),
-        labels=[text for _, result in pairs for text in _label_texts(result)],
-    )
     style = rr.Points3D.from_fields(radii=0.0, colors=colours.WHITE, show_labels=True)
     sender.constant("labels", style)
-    sender.send("labels", columns, [2 + len(result.arcs.length) for result in run.results])
+    columns = rr.Points3D.columns(
+        positions=np.concatenate(places), labels=[text for row in texts for text in row]
+    )
+    sender.send("labels", columns, [len(row) for row in texts])
 
 
 def _label_texts(result: FrameResult) -> list[str]:

@@ -18,8 +18,9 @@ from tssgeom.view.language import TIMELINE
 from tssgeom.view.rerun_numbers import NUMBERS, ON_JOINTS, ON_ROUTE
 from tssgeom.view.viewer import require_recording
 
-COPIED = ("/sensed", "/joints", "/labels", "/lumen", "/scale", "/route/slip_front", "/table")
+COPIED = ("/sensed", "/joints", "/lumen", "/scale", "/route/slip_front", "/table")
 """Entities, and those below them, that a comparison shows as they are."""
+_READ = ("/route", "/joints", "/summary", "/labels")
 _NS = 1e-9  # s
 
 
@@ -32,6 +33,8 @@ class Side:
     """Time of each frame [s]; None for a static shape."""
     frames: Sequence[Drawn]
     pieces: Sequence[Arcs]
+    labels: Sequence[Sequence[str]]
+    """What is written beside the ends and the pieces."""
     numbers: Mapping[str, Vector]
     """`NUMBERS` of each frame [SI]."""
     parts: Sequence[Chunk]
@@ -67,8 +70,8 @@ def read_side(path: Path) -> Side:
     """
     require_recording(path)
     chunks = [chunk for chunk in RrdReader(str(path)).stream() if not chunk.is_empty]
-    frames = {entity: _rows(chunks, entity) for entity in ("/route", "/joints", "/summary")}
-    route, joints, summary = frames.values()
+    frames = {entity: _rows(chunks, entity) for entity in _READ}
+    route, joints, summary, labels = frames.values()
     if not {*ON_ROUTE, "LineStrips3D:strips"} <= route.keys() or not {*NUMBERS} <= summary.keys():
         raise SourceError(
             f"{path}: no numbers of a route to compare: give recordings of analyse, batch, simulate or live"
@@ -82,6 +85,7 @@ def read_side(path: Path) -> Side:
             Arcs.exact(np.asarray(length, np.float64), np.asarray(angle, np.float64))
             for length, angle in zip(*(joints[name].values for name in ON_JOINTS), strict=True)
         ],
+        labels=[row.tolist() for row in labels["Points3D:labels"].values],
         numbers={name: np.concatenate(summary[name].values).astype(np.float64) for name in NUMBERS},
         parts=[chunk for chunk in chunks if _is_copied(str(chunk.entity_path))],
     )

@@ -19,6 +19,7 @@ from tssgeom.view.compare.layout import BOTH_BOX, CHART_BOX, blueprint
 from tssgeom.view.compare.reading import Side, read_side
 from tssgeom.view.compare.words import comparison, table
 from tssgeom.view.drawn import Ranges, ranges
+from tssgeom.view.labels import label_places
 from tssgeom.view.language import (
     ELONGATION,
     FIRST,
@@ -29,7 +30,9 @@ from tssgeom.view.language import (
 )
 from tssgeom.view.rerun_charts import send_axes, send_curvature_chart, send_tension_chart
 from tssgeom.view.rerun_series import send_line
+from tssgeom.view.rerun_space import send_labels
 
+_LARGER = 1.6  # text beside the route, as the views of both are lower than one alone
 _COLOURS = {"a": FIRST, "b": SECOND}
 
 
@@ -60,6 +63,7 @@ def write_comparison(path: Path, first: Path, second: Path) -> None:
         _send_piece_names(Sender(recording, None), a, b)
         for key, side in sides.items():
             _send_side(recording, key, side, limits)
+            _send_labels(Sender(recording, side.time, below=f"{key}/"), side, cameras[key])
         _send_difference(recording, a, b, gap, limits)
 
 
@@ -112,6 +116,14 @@ def _send_side(recording: rr.RecordingStream, key: str, side: Side, limits: Rang
         ):
             title = f"{told.symbol} of {name} [{told.unit}]"
             send_line(sender, entity, told, side.numbers[column], name=title, colour=colour)
+
+
+def _send_labels(sender: Sender, side: Side, seen: Camera) -> None:
+    """Write the labels anew: in a lower view they need more room."""
+    places = [
+        label_places(seen, frame, arcs, _LARGER) for frame, arcs in zip(side.frames, side.pieces, strict=True)
+    ]
+    send_labels(sender, places, side.labels)
 
 
 def _send_difference(
