@@ -121,6 +121,18 @@ def test_recordings_of_other_times_both_begin_at_zero(moving_file: Path, moving,
     assert "time from its beginning" in comparison(a, b, difference(a, b))
 
 
+def test_recordings_of_one_name_are_told_apart_by_their_folders(moving_file: Path, tmp_path: Path):
+    other = tmp_path / "elsewhere" / moving_file.name
+    other.parent.mkdir()
+    other.write_bytes(moving_file.read_bytes())
+    write_comparison(tmp_path / "both.rrd", moving_file, other)
+    (text,) = columns(tmp_path / "both.rrd", "/difference/words", timed=False)["TextDocument:text"][0]
+    assert "moving of elsewhere" in text
+    write_comparison(tmp_path / "both.rrd", moving_file, moving_file)  # even with itself
+    (text,) = columns(tmp_path / "both.rrd", "/difference/words", timed=False)["TextDocument:text"][0]
+    assert "**A** is moving (7 frames), **B** is moving (7 frames)" in text
+
+
 def test_two_shapes_have_no_time_and_one_chart_for_both(still_file: Path, tmp_path: Path):
     write_recording(tmp_path / "bent.rrd", "bent", analysed([Frame(arc(60, 2.5))]), timed=False)
     write_comparison(tmp_path / "both.rrd", still_file, tmp_path / "bent.rrd")

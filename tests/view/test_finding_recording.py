@@ -76,9 +76,9 @@ def test_blame_marks_the_bend_that_was_found(path):
 
 
 def test_words_tell_the_verdict_and_which_run_is_seen(path):
-    (verdict,) = columns(path, "verdict")["TextDocument:text"]
+    (verdict,) = columns(path, "summary")["TextDocument:text"]
     assert "hidden bend" in verdict[0].as_py()[0]
-    texts = [row.as_py()[0] for part in columns(path, "run")["TextDocument:text"] for row in part]
+    texts = [row.as_py()[0] for part in columns(path, "table")["TextDocument:text"] for row in part]
     assert len(texts) == len(worked_finding().traces)
     assert "Run chain" in texts[-1]
     assert "held out" in texts[-1]

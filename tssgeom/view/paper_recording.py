@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from uuid import uuid4
 
@@ -10,21 +11,36 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from tssgeom.arrays import Points, Vector
+from tssgeom.arrays import Vector
+from tssgeom.shape.arcs import Arcs
 from tssgeom.shape.synthetic import Course, places, setup_a, setup_b
 from tssgeom.tendon import paper
 from tssgeom.tendon.history import History, driven, profiles
-from tssgeom.view import colours
+from tssgeom.view import colours, words
 from tssgeom.view.camera import Camera, camera
 from tssgeom.view.chart import Axis, Box, Chart
-from tssgeom.view.columns import Sender, segments_3d
-from tssgeom.view.drawn import evenly
-from tssgeom.view.language import FIRST, SECOND, TIMELINE
+from tssgeom.view.columns import Sender
+from tssgeom.view.drawn import Drawn, Ranges, evenly
+from tssgeom.view.labels import label_places
+from tssgeom.view.language import ELONGATION, FIRST, SECOND, TENSION_IN, TENSION_OUT, TIMELINE
+from tssgeom.view.rerun_charts import send_axes, send_tension_chart
+from tssgeom.view.rerun_front import send_slip_front, slid_up_to
+from tssgeom.view.rerun_series import send_line
+from tssgeom.view.rerun_space import (
+    send_joints,
+    send_labels,
+    send_piece_names,
+    send_route,
+    send_scale_bar,
+)
 
 _NODES = 160
 _MOMENTS = 240
 _BOX = Box(width=1.55, text=0.095)
+_ALONG = Box(width=1.55, text=0.095, bare=True)
+_LARGER = 1.7  # text beside the route, as the views of both setups are lower than one alone
 _FORCES = {"a": ("A", FIRST), "b": ("B", SECOND)}
+_LIMITS = Ranges(tension=paper.PEAK, length=0.5, kappa=1.0)
 
 
 def write_paper_recording(path: Path) -> None:
@@ -38,91 +54,91 @@ def write_paper_recording(path: Path) -> None:
     cycle = paper.cycle()
     chosen = cycle[np.union1d(evenly(len(cycle), _MOMENTS), [np.argmax(cycle)])]
     time = np.concatenate(([0.0], np.cumsum(np.abs(np.diff(chosen)))))  # 1 N/s
-    routes = {"a": setup_a(), "b": setup_b()}
+    routes = {"a": (setup_a(), paper.SETUP_A), "b": (setup_b(), paper.SETUP_B)}
     with rr.RecordingStream("tssgeom: paper", recording_id=uuid4()) as recording:
         path.touch()
         sender = Sender(recording, time)
-        cameras = {name: _send_route(sender, name, course, chosen) for name, course in routes.items()}
+        send_piece_names(sender, [arcs for _, arcs in routes.values()])
+        cameras = {
+            name: _send_route(replace(sender, below=f"{name}/"), course, arcs, chosen)
+            for name, (course, arcs) in routes.items()
+        }
         recording.save(path, default_blueprint=_blueprint(cameras))
         recording.send_recording_name("paper, figures 4 to 8")
-        for name, route in (("a", paper.SETUP_A), ("b", paper.SETUP_B)):
-            _send_ends(sender, name, driven(chosen, route, paper.RIG))
+        runs = {name: driven(chosen, arcs, paper.RIG) for name, (_, arcs) in routes.items()}
+        for name, run in runs.items():
+            _send_ends(sender, name, run)
         _send_half_circle(sender, driven(chosen, paper.HALF_CIRCLE, paper.RIG), time)
         _send_scaling(sender)
+        text = rr.TextDocument(_words(runs["a"], runs["b"]), media_type=rr.MediaType.MARKDOWN)
+        sender.constant("summary", text)
 
 
-def _send_route(sender: Sender, name: str, course: Course, tension_in: Vector) -> Camera:
-    """Draw a route in the colours of its tension at every moment."""
+def _send_route(sender: Sender, course: Course, arcs: Arcs, tension_in: Vector) -> Camera:
+    """Draw a route and its tension at every moment, as every command does."""
     s = np.linspace(0.0, course.total_length, _NODES)
-    line = places(course, s)
-    kappa = np.linalg.norm(course.bend, axis=1)
-    edges = np.concatenate(([0.0], np.cumsum(course.length)))
-    phi = np.interp(s, edges, np.concatenate(([0.0], np.cumsum(kappa * course.length))))
+    phi = np.interp(s, np.append(arcs.s_start, arcs.total_length), np.cumsum([0.0, *arcs.angle]))
     tension = profiles(tension_in, phi, paper.RIG)
-    middles = 0.5 * (tension[:, :-1] + tension[:, 1:])
+    line, nothing = places(course, s), np.zeros(_NODES)
+    frames = [Drawn(s, line, row, phi, nothing, nothing, nothing) for row in tension]
+    pieces = [arcs] * len(frames)
     seen = camera(line, line[-1] - line[0])
-    sender.constant(
-        f"{name}/route",
-        rr.LineStrips3D.from_fields(strips=segments_3d([line]), radii=rr.Radius.ui_points(4.0)),
-    )
-    shades = rr.LineStrips3D.columns(colors=colours.tension_rgba32(middles.ravel(), paper.PEAK))
-    sender.send(f"{name}/route", shades, [_NODES - 1] * len(tension_in))
-    _send_names(sender, name, line, tension[:, -1], tension_in)
-    bar, text = seen.scale_bar(0.02)
-    bar = bar + 0.5 * seen.half_width * seen.across  # beside the name of the proximal end
-    sender.constant(
-        f"{name}/scale", rr.LineStrips3D([bar], colors=[colours.AXIS], radii=rr.Radius.ui_points(1.5))
-    )
-    sender.constant(f"{name}/scale/length", _text_3d(bar.mean(axis=0, keepdims=True), [text]))
+    still = replace(sender, time=None)
+    send_scale_bar(still, seen)
+    send_joints(still, frames[:1], pieces[:1])
+    send_route(sender, frames, paper.PEAK)
+    ends = tension[:, [0, -1]]
+    where = label_places(seen, frames[0], arcs, _LARGER)
+    texts = [[*words.end_labels(*row), *words.piece_labels(arcs)] for row in ends.tolist()]
+    send_labels(sender, [where] * len(frames), texts)
+    send_tension_chart(sender, frames, pieces, _LIMITS, _ALONG)
+    send_slip_front(sender, frames, slid_up_to(tension, s), _LIMITS, _ALONG)
     return seen
 
 
-def _send_names(sender: Sender, name: str, line: Points, out: Vector, tension_in: Vector) -> None:
-    texts = [
-        text
-        for t_in, t_out in zip(tension_in, out, strict=True)
-        for text in (f"proximal · T_in {t_in:.1f} N", f"distal · T_out {t_out:.1f} N")
-    ]
-    sender.constant(
-        f"{name}/ends", rr.Points3D.from_fields(radii=0.0, colors=colours.WHITE, show_labels=True)
+def _words(a: History, b: History) -> str:
+    """Say what is seen, as markdown."""
+    peak = int(np.argmax(a.tension_in))
+    out, first, second = a.tension_out[peak], 1e3 * a.elongation[peak], 1e3 * b.elongation[peak]
+    return "\n\n".join(
+        [
+            "Setups **A** and **B** have the same bends in another order: a half circle and a loop, "
+            f"Φ = 540° in both. Pulled to T_in = {paper.PEAK:.0f} N, both give T_out = {out:.2f} N "
+            "at every moment, as only Φ counts.",
+            f"The elongation depends on the order: **δ = {first:.3f} mm in A and {second:.3f} mm in B**, as "
+            "the gentle bend at the beginning of A keeps more of the tendon at a high tension.",
+            "Pink: up to there the tendon slides at this moment; beyond, it sticks. Until the front of a "
+            "release comes through, T_out stands still. Green: the half circle alone.",
+        ]
     )
-    moments = len(tension_in)
-    columns = rr.Points3D.columns(positions=np.tile(line[[0, -1]], (moments, 1)), labels=texts)
-    sender.send(f"{name}/ends", columns, [2] * moments)
-
-
-def _text_3d(where: Points, texts: list[str]) -> rr.Points3D:
-    return rr.Points3D(where, radii=0.0, labels=texts, colors=[colours.WHITE], show_labels=True)
 
 
 def _send_ends(sender: Sender, name: str, run: History) -> None:
     word, colour = _FORCES[name]
-    _series(sender, f"tension_out_{name}", f"T_out of {word} [N]", colour, run.tension_out)
-    _series(sender, f"elongation_{name}", f"δ of {word} [mm]", colour, 1e3 * run.elongation)
+    _send_answer(sender, name, word, colour, run)
     chart = Chart(Axis(16.0, "N"), Axis(1.6, "mm"), _BOX)
     if name == "a":
-        _send_axes(sender, "figure_6", chart)
+        send_axes(sender, "figure_6", chart)
     _send_curve(sender, f"figure_6/{name}", chart.place(run.tension_in, 1e3 * run.elongation), colour)
 
 
 def _send_half_circle(sender: Sender, run: History, time: Vector) -> None:
     """Send what figures 4 and 5 show."""
-    _series(sender, "tension_in", "T_in [N]", colours.TENSION_IN, run.tension_in)
-    _series(sender, "tension_out_half", "T_out of the half circle [N]", colours.TENSION_OUT, run.tension_out)
-    _series(sender, "elongation_half", "δ of the half circle [mm]", colours.TENSION_OUT, 1e3 * run.elongation)
+    send_line(sender, "tension_in", TENSION_IN, run.tension_in)
+    _send_answer(sender, "half", "the half circle", colours.TENSION_OUT, run)
     for name, values, top, unit in (
         ("figure_5a", run.tension_out, 10.0, "N"),
         ("figure_5b", 1e3 * run.elongation, 2.0, "mm"),
     ):
         chart = Chart(Axis(16.0, "N"), Axis(top, unit), _BOX)
-        _send_axes(sender, name, chart)
+        send_axes(sender, name, chart)
         _send_curve(sender, f"{name}/curve", chart.place(run.tension_in, values), colours.TENSION_OUT)
 
 
 def _send_scaling(sender: Sender) -> None:
     """Send S over the angle of the added curve, as figure 8 shows it."""
     chart = Chart(Axis(720.0, "°"), Axis(1.0, ""), _BOX)
-    _send_axes(sender, "figure_8", chart)
+    send_axes(sender, "figure_8", chart)
     angle = np.linspace(0.0, 4 * math.pi, 120)
     for number, friction in enumerate(paper.FRICTIONS):
         line = chart.place(np.degrees(angle), paper.scaling_factor(angle, friction))
@@ -141,16 +157,6 @@ def _send_scaling(sender: Sender) -> None:
         sender.constant(f"figure_8/mu_{1e3 * friction:.0f}/name", name)
 
 
-def _send_axes(sender: Sender, entity: str, chart: Chart) -> None:
-    grid = rr.LineStrips2D(chart.grid(), colors=[colours.GRID], radii=rr.Radius.ui_points(0.6), draw_order=1)
-    sender.constant(f"{entity}/grid", grid)
-    where, texts = chart.numbers()
-    numbers = rr.Points2D(
-        where, radii=0.0, labels=texts, colors=[colours.WHITE], show_labels=True, draw_order=30
-    )
-    sender.constant(f"{entity}/numbers", numbers)
-
-
 def _send_curve(sender: Sender, entity: str, line: Vector, colour: tuple[int, int, int]) -> None:
     """Draw a whole curve, and a dot on it that moves with the time."""
     drawing = rr.LineStrips2D([line], colors=[colour], radii=rr.Radius.ui_points(1.6), draw_order=10)
@@ -160,28 +166,38 @@ def _send_curve(sender: Sender, entity: str, line: Vector, colour: tuple[int, in
     sender.send(f"{entity}/now", rr.Points2D.columns(positions=line))
 
 
-def _series(sender: Sender, entity: str, name: str, colour: tuple[int, int, int], values: Vector) -> None:
-    sender.constant(f"series/{entity}", rr.SeriesLines(names=name, colors=[colour], widths=[2.0]))
-    sender.send(f"series/{entity}", rr.Scalars.columns(scalars=values))
+def _send_answer(sender: Sender, name: str, word: str, colour: tuple[int, int, int], run: History) -> None:
+    """Send output tension and elongation of one route against time."""
+    for entity, told, values in (
+        ("tension_out", TENSION_OUT, run.tension_out),
+        ("elongation", ELONGATION, run.elongation),
+    ):
+        title = f"{told.symbol} of {word} [{told.unit}]"
+        send_line(sender, f"{entity}_{name}", told, values, name=title, colour=colour)
 
 
 def _blueprint(cameras: dict[str, Camera]) -> rrb.Blueprint:
     spaces = rrb.Horizontal(*(_space(name, seen) for name, seen in cameras.items()))
+    along = [
+        _chart(f"{name}/tension", f"{name.upper()}: tension T [N] against s [mm]", _ALONG) for name in cameras
+    ]
     charts = (
         _chart("figure_6", "Fig. 6: δ [mm] against T_in [N]; A blue, B orange"),
         _chart("figure_5a", "Fig. 5a: T_out [N] against T_in [N], half circle"),
         _chart("figure_5b", "Fig. 5b: δ [mm] against T_in [N], half circle"),
         _chart("figure_8", "Fig. 8: S [1] against β [°] of the added curve"),
     )
-    series = rrb.Horizontal(
+    series = rrb.Vertical(
         _plot(
-            "Tension [N] against time [s], 1 N/s",
+            "T [N] over time [s]: T_in yellow, A blue, B orange",
             ["tension_in", "tension_out_a", "tension_out_b", "tension_out_half"],
         ),
-        _plot("Elongation δ [mm]", ["elongation_a", "elongation_b", "elongation_half"]),
+        _plot("δ [mm] over time [s]", ["elongation_a", "elongation_b", "elongation_half"]),
     )
+    text = rrb.TextDocumentView(origin="summary", name="What is seen")
+    middle, last = rrb.Horizontal(*along, charts[0], charts[3]), rrb.Horizontal(text, series, *charts[1:3])
     return rrb.Blueprint(
-        rrb.Vertical(spaces, rrb.Horizontal(*charts), series, row_shares=[46, 29, 25]),
+        rrb.Vertical(spaces, middle, last, row_shares=[40, 29, 31]),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
         rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="paused", loop_mode="all"),
@@ -191,10 +207,10 @@ def _blueprint(cameras: dict[str, Camera]) -> rrb.Blueprint:
 
 
 def _space(name: str, seen: Camera) -> rrb.Spatial3DView:
-    words = {"a": "Setup A: half circle, then loop", "b": "Setup B: loop, then half circle"}
+    titles = {"a": "Setup A: half circle, then loop", "b": "Setup B: loop, then half circle"}
     return rrb.Spatial3DView(
-        origin=name,
-        name=f"{words[name]}; tension 0 (dark) to 15 N (yellow)",
+        name=f"{titles[name]}: route coloured by tension [N]",
+        contents=[f"{name}/{part}/**" for part in ("route", "joints", "labels", "scale")],
         background=rrb.Background(color=colours.BACKGROUND),
         line_grid=False,
         eye_controls=rrb.EyeControls3D(
@@ -203,15 +219,15 @@ def _space(name: str, seen: Camera) -> rrb.Spatial3DView:
     )
 
 
-def _chart(entity: str, title: str) -> rrb.Spatial2DView:
+def _chart(entity: str, title: str, box: Box = _BOX) -> rrb.Spatial2DView:
     return rrb.Spatial2DView(
         origin=entity,
         name=title,
         background=rrb.Background(color=colours.BACKGROUND),
-        visual_bounds=rrb.VisualBounds2D(x_range=_BOX.x_range, y_range=_BOX.y_range),
+        visual_bounds=rrb.VisualBounds2D(x_range=box.x_range, y_range=box.y_range),
     )
 
 
 def _plot(title: str, names: list[str]) -> rrb.TimeSeriesView:
-    legend = rrb.PlotLegend(corner=rrb.Corner2D.LeftTop)
+    legend = rrb.PlotLegend(corner=rrb.Corner2D.LeftTop, visible=False)
     return rrb.TimeSeriesView(name=title, contents=[f"series/{name}" for name in names], plot_legend=legend)

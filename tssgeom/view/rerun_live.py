@@ -69,6 +69,9 @@ class LivePicture:
     _pieces: int = 0
     """The most pieces that have a name and a colour so far."""
 
+    def __post_init__(self) -> None:
+        self.recording.set_log_time_enabled(False)  # one time for all: that of the frames
+
     def draw(self, results: Sequence[FrameResult]) -> None:
         """Draw frames, one row each; axes and camera grow where they leave them."""
         frames = [drawn(result) for result in results]

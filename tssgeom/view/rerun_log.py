@@ -101,7 +101,7 @@ def send_pictures(
     send_tension_chart(sender, run.frames, pieces, run.ranges, boxes.tension)
     send_curvature_chart(sender, run.frames, pieces, run.ranges, boxes.curvature)
     if run.timed:
-        send_slip_front(sender, run, boxes.tension)
+        send_slip_front(sender, run.frames, run.fronts, run.ranges, boxes.tension)
 
 
 def _send_words(sender: Sender, run: Run, measured: Sequence[Clearance]) -> None:

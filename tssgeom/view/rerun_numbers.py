@@ -27,6 +27,7 @@ NUMBERS = (
     "tension_out_se_N",
     "elongation_m",
     "elongation_se_m",
+    "slip_front_m",
 )
 """Numbers of the frame as a whole."""
 
@@ -46,7 +47,8 @@ def send_numbers_of_route(sender: Sender, run: Run) -> None:
         for name, column in zip(ON_JOINTS, ("length", "angle"), strict=True)
     }
     sender.send("joints", _values(pieces), [len(one.length) for one in arcs])
-    whole = np.array([_whole(result) for result in run.results])
+    pairs = zip(run.results, run.fronts, strict=True)
+    whole = np.array([(*_whole(result), front) for result, front in pairs])
     told = dict[str, Vector](zip(NUMBERS, whole.T, strict=True))
     sender.send("summary", _values(told))
 

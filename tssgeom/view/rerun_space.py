@@ -10,10 +10,12 @@ import trimesh
 from scipy.spatial import KDTree
 
 from tssgeom.arrays import Points
+from tssgeom.shape.arcs import Arcs
 from tssgeom.stream import FrameResult
 from tssgeom.view import colours, words
+from tssgeom.view.camera import Camera
 from tssgeom.view.columns import Sender, segments_3d
-from tssgeom.view.drawn import outliers
+from tssgeom.view.drawn import Drawn, outliers
 from tssgeom.view.labels import label_places
 from tssgeom.view.rerun_numbers import send_numbers_of_route
 from tssgeom.view.run import Run
@@ -24,27 +26,29 @@ _FEW_POINTS = 40
 
 def send_space(sender: Sender, run: Run, lumen: trimesh.Trimesh | None) -> None:
     """Send everything that stands in space; the lumen only where there is one."""
-    _send_piece_names(sender, run)
-    _send_scale_bar(sender, run)
+    pieces = [result.arcs for result in run.results]
+    send_piece_names(sender, pieces)
+    send_scale_bar(sender, run.camera)
     if lumen is not None:
         _send_lumen(sender, run, lumen)
-    _send_route(sender, run)
+    send_route(sender, run.frames, run.ranges.tension)
     _send_sensed(sender, run)
-    _send_joints(sender, run)
-    pairs = list(zip(run.frames, run.results, strict=True))
-    places = [label_places(run.camera, frame, result.arcs) for frame, result in pairs]
+    send_joints(sender, run.frames, pieces)
+    places = [label_places(run.camera, frame, arcs) for frame, arcs in zip(run.frames, pieces, strict=True)]
     send_labels(sender, places, [_label_texts(result) for result in run.results])
     send_numbers_of_route(sender, run)
 
 
-def _send_piece_names(sender: Sender, run: Run) -> None:
-    most = max(len(result.arcs.length) for result in run.results)
+def send_piece_names(sender: Sender, pieces: Sequence[Arcs]) -> None:
+    """Give every piece its name and colour; they hold for the whole recording."""
+    most = max(len(arcs.length) for arcs in pieces)
     names = [(number, f"piece {number + 1}", colours.piece_rgb(number)) for number in range(most)]
     sender.constant("/", rr.AnnotationContext(names))
 
 
-def _send_scale_bar(sender: Sender, run: Run) -> None:
-    bar, text = run.camera.scale_bar(run.camera.room_below)
+def send_scale_bar(sender: Sender, seen: Camera) -> None:
+    """Draw a bar of a plain length below the route."""
+    bar, text = seen.scale_bar(seen.room_below)
     sender.constant("scale", rr.LineStrips3D([bar], colors=[colours.AXIS], radii=rr.Radius.ui_points(1.5)))
     label = rr.Points3D(
         [bar.mean(axis=0)], radii=0.0, labels=[text], colors=[colours.WHITE], show_labels=True
@@ -75,15 +79,15 @@ def _outward(lumen: trimesh.Trimesh, route: Points) -> trimesh.Trimesh:
     return trimesh.Trimesh(lumen.vertices, lumen.faces if away else lumen.faces[:, ::-1], process=False)
 
 
-def _send_route(sender: Sender, run: Run) -> None:
-    strips = [len(frame.s) - 1 for frame in run.frames]
-    middles = np.concatenate([0.5 * (frame.tension[:-1] + frame.tension[1:]) for frame in run.frames])
+def send_route(sender: Sender, frames: Sequence[Drawn], top: float) -> None:
+    """Draw routes in the colours of their tension, of which the brightest is that of `top` [N]."""
+    middles = np.concatenate([0.5 * (frame.tension[:-1] + frame.tension[1:]) for frame in frames])
     columns = rr.LineStrips3D.columns(
-        strips=segments_3d([frame.position for frame in run.frames]),
-        colors=colours.tension_rgba32(middles, run.ranges.tension),
+        strips=segments_3d([frame.position for frame in frames]),
+        colors=colours.tension_rgba32(middles, top),
     )
     sender.constant("route", rr.LineStrips3D.from_fields(radii=rr.Radius.ui_points(3.5)))
-    sender.send("route", columns, strips)
+    sender.send("route", columns, [len(frame.s) - 1 for frame in frames])
 
 
 def _send_sensed(sender: Sender, run: Run) -> None:
@@ -104,12 +108,12 @@ def _send_points(
     sender.send(entity, columns, [len(cloud) for cloud in clouds])
 
 
-def _send_joints(sender: Sender, run: Run) -> None:
+def send_joints(sender: Sender, frames: Sequence[Drawn], pieces: Sequence[Arcs]) -> None:
     """Mark where each piece begins, in the colour of the piece."""
-    counts = [len(result.arcs.length) for result in run.results]
-    pairs = zip(run.frames, run.results, strict=True)
+    counts = [len(arcs.length) for arcs in pieces]
+    pairs = zip(frames, pieces, strict=True)
     columns = rr.Points3D.columns(
-        positions=np.concatenate([frame.at(result.arcs.s_start) for frame, result in pairs]),
+        positions=np.concatenate([frame.at(arcs.s_start) for frame, arcs in pairs]),
         class_ids=np.concatenate([np.arange(count) for count in counts]),
     )
     sender.constant("joints", rr.Points3D.from_fields(radii=rr.Radius.ui_points(7.0), show_labels=False))
@@ -127,4 +131,5 @@ def send_labels(sender: Sender, places: Sequence[Points], texts: Sequence[Sequen
 
 
 def _label_texts(result: FrameResult) -> list[str]:
-    return [*words.end_labels(result), *words.piece_labels(result.arcs)]
+    seen = result.transmission
+    return [*words.end_labels(seen.tension_in, seen.tension_out), *words.piece_labels(result.arcs)]

@@ -39,13 +39,9 @@ def _piece_label(number: int, angle: float, kappa: float) -> str:
     return f"{number} · {degrees(angle)} · {radius(kappa)}"
 
 
-def end_labels(result: FrameResult) -> list[str]:
-    """Labels of the proximal and the distal end, each with its tension."""
-    transmission = result.transmission
-    return [
-        f"proximal · T_in {transmission.tension_in:.2f} N",
-        f"distal · T_out {transmission.tension_out:.2f} N",
-    ]
+def end_labels(tension_in: float, tension_out: float) -> list[str]:
+    """Labels of the proximal and the distal end, each with its tension [N]."""
+    return [f"proximal · T_in {tension_in:.2f} N", f"distal · T_out {tension_out:.2f} N"]
 
 
 def summary(name: str, result: FrameResult, timed: bool) -> str:

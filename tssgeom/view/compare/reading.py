@@ -18,7 +18,7 @@ from tssgeom.view.language import TIMELINE
 from tssgeom.view.rerun_numbers import NUMBERS, ON_JOINTS, ON_ROUTE
 from tssgeom.view.viewer import require_recording
 
-COPIED = ("/sensed", "/joints", "/lumen", "/scale", "/route/slip_front", "/table")
+COPIED = ("/sensed", "/joints", "/lumen", "/scale")
 """Entities, and those below them, that a comparison shows as they are."""
 _READ = ("/route", "/joints", "/summary", "/labels")
 _NS = 1e-9  # s
@@ -46,6 +46,11 @@ class Side:
     def peak(self) -> int:
         """Frame of the greatest proximal tension."""
         return int(np.argmax(self.numbers["tension_in_N"]))
+
+    @property
+    def fronts(self) -> Sequence[float]:
+        """Arc length up to which the tendon slid in each frame [m]."""
+        return self.numbers["slip_front_m"].tolist()
 
     def begun_at_zero(self) -> Side:
         """Return the same with its first frame at 0 s."""

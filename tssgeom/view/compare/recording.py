@@ -13,7 +13,7 @@ from tssgeom.arrays import Vector
 from tssgeom.view import colours
 from tssgeom.view.camera import Camera, camera
 from tssgeom.view.chart import Axis, Chart
-from tssgeom.view.columns import Sender, segments_3d
+from tssgeom.view.columns import Sender
 from tssgeom.view.compare.difference import Difference, aligned, difference
 from tssgeom.view.compare.layout import BOTH_BOX, CHART_BOX, blueprint
 from tssgeom.view.compare.reading import Side, read_side
@@ -29,8 +29,9 @@ from tssgeom.view.language import (
     Quantity,
 )
 from tssgeom.view.rerun_charts import send_axes, send_curvature_chart, send_tension_chart
+from tssgeom.view.rerun_front import send_slip_front
 from tssgeom.view.rerun_series import send_line
-from tssgeom.view.rerun_space import send_labels
+from tssgeom.view.rerun_space import send_labels, send_piece_names, send_route
 
 _LARGER = 1.6  # text beside the route, as the views of both are lower than one alone
 _COLOURS = {"a": FIRST, "b": SECOND}
@@ -60,7 +61,7 @@ def write_comparison(path: Path, first: Path, second: Path) -> None:
     with rr.RecordingStream(f"tssgeom: {a.name} and {b.name}", recording_id=uuid4()) as recording:
         recording.save(path, default_blueprint=blueprint(names, cameras, gap))
         recording.send_recording_name(f"{a.name} and {b.name}")
-        _send_piece_names(Sender(recording, None), a, b)
+        send_piece_names(Sender(recording, None), [*a.pieces, *b.pieces])
         for key, side in sides.items():
             _send_side(recording, key, side, limits)
             _send_labels(Sender(recording, side.time, below=f"{key}/"), side, cameras[key])
@@ -68,14 +69,14 @@ def write_comparison(path: Path, first: Path, second: Path) -> None:
 
 
 def _told_apart(a: Side, b: Side, first: Path, second: Path) -> tuple[Side, Side]:
-    """Name sides of one name by their folders too."""
+    """Name sides of one name by the folders in which they differ too."""
     if a.name != b.name:
         return a, b
-    names = [path.resolve() for path in (first, second)]
-    above = next((k for k in range(2, 9) if len({path.parts[-k] for path in names}) == 2), 2)
-    return replace(a, name=f"{a.name} of {names[0].parts[-above]}"), replace(
-        b, name=f"{b.name} of {names[1].parts[-above]}"
-    )
+    folders = zip(first.resolve().parts[-2::-1], second.resolve().parts[-2::-1], strict=False)
+    one, other = next(((one, other) for one, other in folders if one != other), ("", ""))
+    if not one:
+        return a, b
+    return replace(a, name=f"{a.name} of {one}"), replace(b, name=f"{b.name} of {other}")
 
 
 def _camera(side: Side) -> Camera:
@@ -88,23 +89,13 @@ def _common(a: Side, b: Side) -> Ranges:
     return ranges([*a.frames, *b.frames], [*a.pieces, *b.pieces])
 
 
-def _send_piece_names(sender: Sender, a: Side, b: Side) -> None:
-    most = max(len(arcs.length) for arcs in (*a.pieces, *b.pieces))
-    names = [(number, f"piece {number + 1}", colours.piece_rgb(number)) for number in range(most)]
-    sender.constant("/", rr.AnnotationContext(names))
-
-
 def _send_side(recording: rr.RecordingStream, key: str, side: Side, limits: Ranges) -> None:
     """Send what is shown as it was, and again what hangs on the scales that both have now."""
     recording.send_chunks([part.with_entity_path(f"/{key}{part.entity_path}") for part in side.parts])
     sender = Sender(recording, side.time, below=f"{key}/")
-    middles = [0.5 * (frame.tension[:-1] + frame.tension[1:]) for frame in side.frames]
-    columns = rr.LineStrips3D.columns(
-        strips=segments_3d([frame.position for frame in side.frames]),
-        colors=colours.tension_rgba32(np.concatenate(middles), limits.tension),
-    )
-    sender.constant("route", rr.LineStrips3D.from_fields(radii=rr.Radius.ui_points(3.5)))
-    sender.send("route", columns, [len(middle) for middle in middles])
+    send_route(sender, side.frames, limits.tension)
+    if side.time is not None:
+        send_slip_front(sender, side.frames, side.fronts, limits, CHART_BOX)
     send_tension_chart(sender, side.frames, side.pieces, limits, CHART_BOX)
     send_curvature_chart(sender, side.frames, side.pieces, limits, CHART_BOX)
     if side.time is not None:

@@ -15,19 +15,22 @@ from tssgeom.view.language import COUNT
 TENSION_BOX = BLAME_BOX = Box(width=1.9, text=0.1)
 
 
+_ROUTE = ["route/**", "joints/**", "labels/**", "scale/**"]
+
+
 def blueprint(finding: Finding, shown: Replay) -> rrb.Blueprint:
     """Lay out the views; one slider over the samples of all runs moves them together."""
     spaces = rrb.Horizontal(
-        _space("route", "Tension [N] along the route of this run", shown),
-        _space("blame", "What this route misses, before [rad/m]", shown),
+        _space(_ROUTE, "Route coloured by tension [N]; slip front in pink", shown),
+        _space(["blame/**"], "What this route misses, before [rad/m]", shown),
     )
     charts = rrb.Horizontal(
         _chart("tension", "Tension T [N] against arc length s [mm]", TENSION_BOX),
         _chart("missing", "Missing curve angle ± s.e. [rad/m] against s [mm]", BLAME_BOX),
     )
     text = rrb.Horizontal(
-        rrb.TextDocumentView(origin="verdict", name="What is missing"),
-        rrb.TextDocumentView(origin="run", name="Which run this is"),
+        rrb.TextDocumentView(origin="summary", name="What is missing"),
+        rrb.TextDocumentView(origin="table", name="Which run this is"),
         column_shares=[6, 5],
     )
     left = rrb.Vertical(spaces, charts, text, row_shares=[38, 30, 32])
@@ -42,10 +45,10 @@ def blueprint(finding: Finding, shown: Replay) -> rrb.Blueprint:
     )
 
 
-def _space(origin: str, title: str, shown: Replay) -> rrb.Spatial3DView:
+def _space(contents: list[str], title: str, shown: Replay) -> rrb.Spatial3DView:
     seen = shown.camera
     return rrb.Spatial3DView(
-        origin=origin,
+        contents=contents,
         name=title,
         background=rrb.Background(color=colours.BACKGROUND),
         line_grid=False,

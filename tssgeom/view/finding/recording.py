@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 from uuid import uuid4
 
@@ -11,7 +12,7 @@ import rerun as rr
 
 from tssgeom.discrepancy.finding import Finding
 from tssgeom.errors import SourceError
-from tssgeom.view import colours
+from tssgeom.view import colours, words
 from tssgeom.view.columns import Sender, segments_3d
 from tssgeom.view.drawn import Ranges
 from tssgeom.view.finding.layout import BLAME_BOX, TENSION_BOX, blueprint
@@ -20,8 +21,13 @@ from tssgeom.view.finding.replay import Replay, replay
 from tssgeom.view.finding.rerun_blame import send_blame_chart
 from tssgeom.view.finding.rerun_lines import send_lines
 from tssgeom.view.finding.rerun_words import send_words
+from tssgeom.view.labels import label_places
 from tssgeom.view.language import COUNT
 from tssgeom.view.rerun_charts import send_tension_chart
+from tssgeom.view.rerun_front import send_slip_front
+from tssgeom.view.rerun_space import send_joints, send_labels, send_piece_names, send_scale_bar
+
+_LARGER = 2.0  # text beside the route, in views that are lower than one alone
 
 
 def write_finding_recording(path: Path, finding: Finding) -> None:
@@ -54,7 +60,6 @@ def _write(path: Path, finding: Finding) -> None:
         moments = Sender(recording, rows, COUNT)
         samples = Sender(recording, np.arange(float(sum(len(t.time) for t in finding.traces))), COUNT)
         _send_route(runs, moments, shown)
-        _send_ends(moments, shown)
         _send_blame(runs, finding, shown)
         _send_charts(runs, moments, shown)
         send_lines(samples, finding)
@@ -71,26 +76,16 @@ def _send_route(runs: Sender, moments: Sender, shown: Replay) -> None:
     middles = [0.5 * (frame.tension[:-1] + frame.tension[1:]) for frame in frames]
     shades = colours.tension_rgba32(np.concatenate(middles), shown.tension)
     moments.send("route", rr.LineStrips3D.columns(colors=shades), [len(middle) for middle in middles])
-    bar, text = shown.camera.scale_bar(shown.camera.room_below)
-    for space in ("route", "blame"):
-        line = rr.LineStrips3D([bar], colors=[colours.AXIS], radii=rr.Radius.ui_points(1.5))
-        runs.constant(f"{space}/scale", line)
-        label = rr.Points3D(
-            [bar.mean(axis=0)], radii=0.0, labels=[text], colors=[colours.WHITE], show_labels=True
-        )
-        runs.constant(f"{space}/scale/length", label)
-
-
-def _send_ends(moments: Sender, shown: Replay) -> None:
-    style = rr.Points3D.from_fields(radii=0.0, colors=colours.WHITE, show_labels=True)
-    moments.constant("route/ends", style)
-    ends, texts = [], []
-    for stretch in shown.stretches:
-        for frame in stretch.frames():
-            ends.append(stretch.position[[0, -1]])
-            texts += [f"T_in {frame.tension[0]:.1f} N", f"T_out {frame.tension[-1]:.1f} N"]
-    columns = rr.Points3D.columns(positions=np.concatenate(ends), labels=texts)
-    moments.send("route/ends", columns, [2] * len(ends))
+    places = [label_places(shown.camera, one.frames()[0], one.arcs, _LARGER) for one in each]
+    send_joints(runs, [one.frames()[0] for one in each], [one.arcs for one in each])
+    for sender in (runs, replace(runs, below="blame/")):
+        send_scale_bar(sender, shown.camera)
+    rows = [
+        (place, [*words.end_labels(*ends), *words.piece_labels(one.arcs)])
+        for one, place in zip(each, places, strict=True)
+        for ends in one.trace.tension[one.rows][:, [0, -1]].tolist()
+    ]
+    send_labels(moments, [place for place, _ in rows], [texts for _, texts in rows])
 
 
 def _send_blame(runs: Sender, finding: Finding, shown: Replay) -> None:
@@ -122,8 +117,8 @@ def _send_charts(runs: Sender, moments: Sender, shown: Replay) -> None:
     frames = [frame for stretch in shown.stretches for frame in stretch.frames()]
     pieces = [stretch.arcs for stretch in shown.stretches for _ in stretch.rows]
     limits = Ranges(shown.tension, shown.length, 1.0)
-    most = max(len(arcs.length) for arcs in pieces)
-    names = [(number, f"piece {number + 1}", colours.piece_rgb(number)) for number in range(most)]
-    runs.constant("/", rr.AnnotationContext(names))
+    send_piece_names(runs, pieces)
     send_tension_chart(moments, frames, pieces, limits, TENSION_BOX)
+    fronts = [front for stretch in shown.stretches for front in stretch.fronts()]
+    send_slip_front(moments, frames, fronts, limits, TENSION_BOX)
     send_blame_chart(runs, shown, BLAME_BOX)

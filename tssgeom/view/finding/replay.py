@@ -14,6 +14,7 @@ from tssgeom.discrepancy.finding import Finding, RouteBlame, Trace
 from tssgeom.shape.arcs import Arcs
 from tssgeom.view.camera import Camera, camera
 from tssgeom.view.drawn import Drawn, evenly, round_up
+from tssgeom.view.rerun_front import slid_up_to
 
 MOST_ROWS = 240
 """Pictures of the route over the whole campaign."""
@@ -49,6 +50,11 @@ class Stretch:
             Drawn(self.s, self.position, tension[row], nothing, nothing, nothing, nothing)
             for row in self.rows.tolist()
         ]
+
+    def fronts(self) -> list[float]:
+        """Return up to where the tendon slid at each row, since the sample before it [m]."""
+        along = self.trace.tension[:, self.nodes]
+        return np.array(slid_up_to(along, self.s))[self.rows].tolist()
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,9 +13,9 @@ from tssgeom.view.finding import words
 def send_words(runs: Sender, finding: Finding) -> None:
     """Send the verdict for all time, and for each run what it is and what its channels leave."""
     verdict = rr.TextDocument(verdict_words(finding), media_type=rr.MediaType.MARKDOWN)
-    runs.constant("verdict", verdict)
-    runs.constant("run", rr.TextDocument.from_fields(media_type=rr.MediaType.MARKDOWN))
-    runs.send("run", rr.TextDocument.columns(text=[run_words(trace) for trace in finding.traces]))
+    runs.constant("summary", verdict)
+    runs.constant("table", rr.TextDocument.from_fields(media_type=rr.MediaType.MARKDOWN))
+    runs.send("table", rr.TextDocument.columns(text=[run_words(trace) for trace in finding.traces]))
 
 
 def verdict_words(finding: Finding) -> str:

@@ -1,0 +1,192 @@
+"""What every command draws is drawn alike: entities, units, colours, words, time, and seen by its camera."""
+
+import math
+import re
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from rerun.chunk import RrdReader
+
+from pipelines.cli import main
+from pipelines.live_artist import Recorder
+from tests.view.recorded import entities, timelines, verify, views
+from tests.worked_finding import worked_finding
+from tssgeom.stream import FrameResult
+from tssgeom.view import colours
+from tssgeom.view.camera import ASPECT
+from tssgeom.view.compare.recording import write_comparison
+from tssgeom.view.drawn import numbers_of
+from tssgeom.view.finding.recording import write_finding_recording
+from tssgeom.view.language import COUNT, TIMELINE
+from tssgeom.view.paper_recording import write_paper_recording
+
+SAMPLES = Path(__file__).resolve().parents[2] / "sample_shapes"
+CHAIN = SAMPLES / "campaign_clean"
+
+ROUTE = {"route", "joints", "labels", "scale", "scale/length"}
+CHART = {f"tension/{part}" for part in ("grid", "numbers", "colour_bar", "curve", "pieces")}
+MOVED = {"route/slip_front", "tension/slip_front"}
+
+
+class Shown(NamedTuple):
+    """What a command's recording has to hold."""
+
+    timeline: str | None
+    words: str = "summary"
+    below: tuple[str, ...] = ("",)
+    """What the routes are put below."""
+
+
+TABLE = {
+    "analyse": Shown(None),
+    "batch": Shown(TIMELINE),
+    "simulate": Shown(TIMELINE),
+    "live": Shown(TIMELINE),
+    "discover": Shown(COUNT),
+    "paper": Shown(TIMELINE, below=("a/", "b/")),
+    "view": Shown(TIMELINE, words="difference/words", below=("a/", "b/")),
+}
+
+
+@pytest.fixture(scope="module")
+def recordings(
+    moving: list[FrameResult], moving_file: Path, tmp_path_factory: pytest.TempPathFactory
+) -> dict[str, Path]:
+    """A recording of each command."""
+    folder = tmp_path_factory.mktemp("commands")
+    pulled = folder / "pulled.jsonl"
+    lines = (SAMPLES / "insertion.jsonl").read_text("utf-8").splitlines()
+    pulled.write_text("\n".join(lines[100:112]) + "\n", "utf-8")
+    half = SAMPLES / "half_circle.csv"
+    drive = ("--drive", CHAIN / "chain.csv", "--rig", CHAIN / "rig.toml")
+    tssgeom("analyse", half, "--out", folder / "analyse")
+    tssgeom("batch", pulled, "--out", folder / "batch", "--workers", 1)
+    tssgeom("simulate", CHAIN / "route_chain.csv", *drive, "--out", folder / "simulate")
+    recorded = Recorder(folder / "live.rrd")
+    for result in moving:
+        recorded.take("picture", result)
+    recorded.take("numbers", np.array([[one.frame.time, *numbers_of(one)] for one in moving]))
+    recorded.finish()
+    write_finding_recording(folder / "discover.rrd", worked_finding())
+    write_paper_recording(folder / "paper.rrd")
+    write_comparison(folder / "view.rrd", moving_file, moving_file)
+    return {
+        "analyse": folder / "analyse" / "half_circle.rrd",
+        "batch": folder / "batch" / "recordings" / "pulled.rrd",
+        "simulate": folder / "simulate" / "simulate.rrd",
+        **{name: folder / f"{name}.rrd" for name in ("live", "discover", "paper", "view")},
+    }
+
+
+def tssgeom(*arguments: object) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main([*map(str, arguments), "--quiet"])
+    assert not ended.value.code
+
+
+command = pytest.mark.parametrize("command", TABLE)
+
+
+@command
+def test_it_has_the_shared_entities_on_its_timeline_and_nothing_wrong(command: str, recordings):
+    path, shown = recordings[command], TABLE[command]
+    seen = entities(path)
+    wanted = ROUTE | CHART | (MOVED if shown.timeline else set())
+    for below in shown.below:
+        assert {f"/{below}{name}" for name in wanted} <= seen
+    assert f"/{shown.words}" in seen
+    assert timelines(path) == ({shown.timeline} if shown.timeline else set())
+    verify(path)
+
+
+@command
+def test_its_words_and_labels_have_numbers_with_units(command: str, recordings):
+    path, shown = recordings[command], TABLE[command]
+    texts = rows(path, shown.words, "TextDocument:text")
+    assert all(len(text.split()) > 5 for row in texts for text in row)
+    for below in shown.below:
+        for row in rows(path, f"{below}labels", "Points3D:labels"):
+            assert re.fullmatch(r"proximal · T_in \d+\.\d\d N", row[0])
+            assert re.fullmatch(r"distal · T_out \d+\.\d\d N", row[1])
+            for number, text in enumerate(row[2:], start=1):
+                assert re.fullmatch(rf"{number} · (straight|[\d.]+° · r [\d.]+ m?m)", text)
+            assert len(row) > 2
+
+
+@command
+def test_one_tension_has_the_same_colour_on_its_bar_as_everywhere(command: str, recordings):
+    for below in TABLE[command].below:
+        bar = rows(recordings[command], f"{below}tension/colour_bar", "LineStrips2D:colors")[-1]
+        places = (np.arange(len(bar)) + 0.5) / len(bar)
+        np.testing.assert_array_equal(bar, colours.tension_rgba32(places, 1.0))
+        shades = {
+            shade
+            for row in rows(recordings[command], f"{below}route", "LineStrips3D:colors")
+            for shade in row
+        }
+        assert shades <= set(colours.tension_rgba32(np.linspace(0.0, 1.0, 5001), 1.0).tolist())
+
+
+@pytest.mark.parametrize("command", [name for name, shown in TABLE.items() if shown.timeline])
+def test_every_line_over_time_has_a_name_with_its_unit(command: str, recordings):
+    path = recordings[command]
+    series = [entity for entity in entities(path) if "/series/" in entity]
+    assert any(entity.endswith("series/tension_in") for entity in series)
+    for entity in series:
+        (name,) = rows(path, entity[1:], "SeriesLines:names")[-1]
+        assert re.search(r"\[(N|mm|°)\]$", name), entity
+
+
+@command
+def test_the_camera_sees_the_whole_route_and_not_from_afar(command: str, recordings):
+    path = recordings[command]
+    assert "3D" in views(path)
+    routes = [
+        np.concatenate(
+            [np.reshape(row, (-1, 3)) for row in rows(path, f"{below}route", "LineStrips3D:strips")]
+        )
+        for below in TABLE[command].below
+    ]
+    seen = eyes(path)
+    assert len(seen) >= len(routes)
+    for eye, target, up in seen:
+        fits = [extent(route, eye, target, up) for route in routes]
+        assert any(0.35 < most <= 1.0 for most in fits), fits
+
+
+def rows(path: Path, entity: str, column: str) -> list:
+    """Every row of a column that is not empty, with or without a time."""
+    found = []
+    for chunk in RrdReader(str(path)).stream().filter(content=f"/{entity}"):
+        batch = chunk.to_record_batch()
+        if column in batch.schema.names:
+            found += [row for row in batch.column(column).to_pylist() if row]
+    return found
+
+
+def eyes(path: Path) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Place of each eye, what it looks at, and what is up."""
+    reader, found = RrdReader(str(path)), dict[str, dict[str, np.ndarray]]()
+    for entry in reader.blueprints():
+        for chunk in reader.stream(store=entry):
+            batch = chunk.to_record_batch()
+            for name in batch.schema.names:
+                if name.startswith("EyeControls3D:") and batch.column(name)[0].as_py():
+                    value = batch.column(name).to_pylist()[-1][0]
+                    found.setdefault(str(chunk.entity_path), {})[name.split(":")[1]] = np.array(value)
+    return [(eye["position"], eye["look_target"], eye["eye_up"]) for eye in found.values()]
+
+
+def extent(route: np.ndarray, eye: np.ndarray, target: np.ndarray, up: np.ndarray) -> float:
+    """How much of the view a route takes, to its edge; above 1 it leaves the view."""
+    ahead = (target - eye) / np.linalg.norm(target - eye)
+    upright = up - (up @ ahead) * ahead
+    upright /= np.linalg.norm(upright)
+    across = np.cross(ahead, upright)
+    depth = (route - eye) @ ahead
+    half = math.tan(math.radians(27.5)) * depth
+    high = np.abs((route - eye) @ upright) / half
+    wide = np.abs((route - eye) @ across) / (ASPECT * half)
+    return float(np.maximum(high, wide).max())
