@@ -104,6 +104,7 @@ def run(
     *,
     out: Path,
     overlay: Path | None,
+    picture: Path | None,
     as_json: bool,
     quiet: bool,
 ) -> int:
@@ -119,8 +120,10 @@ def run(
     write = recording_writer(out)
     footage = open_footage(videos, made.rate)
     cameras = matched(read_cameras(calibration), footage)
-    if overlay is not None and footage.live:
-        raise SettingsError("--overlay needs images that can be read twice: record the cameras first")
+    if (overlay or picture) is not None and footage.live:
+        raise SettingsError(
+            "--overlay and --picture need images that can be read twice: record the cameras first"
+        )
     begin = time.perf_counter()
     seen = _detected(footage, cameras, made, quiet=quiet or as_json)
     middle = time.perf_counter()
@@ -133,6 +136,12 @@ def run(
         from pipelines.track_overlay import write_overlays
 
         files += write_overlays(overlay, footage, cameras, seen, found, frames, quiet=quiet or as_json)
+    if picture is not None:
+        from pipelines.track_overlay import write_picture
+
+        told = _words(_summary(cameras, footage, found, frames, files))
+        quietly = quiet or as_json
+        files.append(write_picture(picture, footage, cameras, seen, found, frames, told, quiet=quietly))
     summary = _summary(cameras, footage, found, frames, files) | {
         "frames_per_s": {
             "detection": len(seen) / max(middle - begin, 1e-9),
@@ -225,6 +234,22 @@ def _summary(
         "warnings": [*footage.warnings, *counted, *found.warnings],
         "files": list(files),
     }
+
+
+def _words(summary: dict[str, Any]) -> str:
+    """Say what was found, as markdown."""
+    off = [
+        f"{name} {value:.2f} px" for name, value in summary["reprojection_px"].items() if value is not None
+    ]
+    noise = summary["noise_mm"]
+    parts = [
+        f"**{summary['markers']} markers** along the sheath in {summary['frames']} frames; "
+        f"{100 * summary['seen']:.1f} % of them were placed.",
+        "" if noise is None else f"Noise of a coordinate across the route: **{noise:.2g} mm** (median).",
+        f"Distance from where each point should be seen (rms): {', '.join(off)}." if off else "",
+        *(f"⚠ {warning}" for warning in summary["warnings"]),
+    ]
+    return "\n\n".join(part for part in parts if part)
 
 
 def _tell(summary: dict[str, Any], *, as_json: bool, quiet: bool) -> None:

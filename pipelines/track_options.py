@@ -55,6 +55,9 @@ def track(
     overlay: Annotated[
         Path | None, typer.Option("--overlay", help="Folder for images with what was found.")
     ] = None,
+    picture: Annotated[
+        Path | None, typer.Option("--picture", help="Rerun recording (.rrd) of images and markers.")
+    ] = None,
     calibrate: Annotated[
         bool, typer.Option("--calibrate", help="Calibrate the cameras from images of a board instead.")
     ] = False,
@@ -89,6 +92,14 @@ def track(
         tags=tags is not None, ids=ids, count=count, proximal=proximal, plane_mm=plane_mm, tag_mm=tag_mm
     )
     status = tracker.run(
-        videos, calibration, asked, wanted, out=out, overlay=overlay, as_json=json, quiet=quiet
+        videos,
+        calibration,
+        asked,
+        wanted,
+        out=out,
+        overlay=overlay,
+        picture=picture,
+        as_json=json,
+        quiet=quiet,
     )
     raise typer.Exit(status)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from pipelines.console import tracking
+from pipelines.console import Tracker, tracking
 from tssgeom.io.atomic import replacing
 from tssgeom.shape.markers.boards import BoardSeen
 from tssgeom.shape.markers.cameras import Camera
@@ -39,25 +39,80 @@ def write_overlays(
     SourceError
         Where the disk refuses.
     """
-    wanted = set(evenly(len(frames), _MOST).tolist())
     written = list[str]()
     with tracking(1, quiet=quiet) as tracker:
         tracker.begin("drawing")
-        for k, images in enumerate(footage):
-            if k >= len(frames):
-                break
-            if k in wanted:
-                one, shown = found.frames[k], []
-                for v, (image, camera) in enumerate(zip(images, cameras, strict=True)):
-                    canvas = _blank(camera) if image is None else image
-                    heading = (
-                        f"{camera.name}   frame {k}   t = {frames[k].time:.3f} s   {_count(one.which[:, v])}"
-                    )
-                    shown.append(drawn(canvas, camera, seen[k][v], one, v, found.ids, heading))
-                written.append(_write(folder / f"frame_{k:06d}.jpg", shown))
-            tracker.frame(len(frames))
+        for k, shown in _shown(footage, cameras, seen, found, frames, tracker):
+            written.append(_write(folder / f"frame_{k:06d}.jpg", shown))
         tracker.end("drawing")
     return written
+
+
+def write_picture(
+    path: Path,
+    footage: Footage,
+    cameras: tuple[Camera, ...],
+    seen: Sequence[Sequence[Sightings]],
+    found: Track,
+    frames: Sequence[Frame],
+    summary: str,
+    *,
+    quiet: bool,
+) -> str:
+    """Write a Rerun recording with the images, what was found in them, and the markers in space.
+
+    Raises
+    ------
+    SourceError
+        Where the disk refuses.
+    """
+    from tssgeom.view.track_recording import Tracked, write_track_recording
+
+    images: dict[str, list[tuple[float, bytes]]] = {camera.name: [] for camera in cameras}
+    with tracking(1, quiet=quiet) as tracker:
+        tracker.begin("drawing")
+        for k, shown in _shown(footage, cameras, seen, found, frames, tracker):
+            for image, shots in zip(shown, images.values(), strict=True):
+                shots.append((frames[k].time, encoded(image)))
+        tracker.end("drawing")
+    noise = [np.nan if frame.noise is None else frame.noise for frame in frames]
+    tracked = Tracked(
+        name=path.stem,
+        time=np.array([frame.time for frame in frames]),
+        points=np.array([frame.points for frame in frames]),
+        ids=found.ids,
+        noise=np.array(noise),
+        words=summary,
+        images=images,
+    )
+    with replacing(path) as draft:
+        write_track_recording(draft, tracked)
+    return path.as_posix()
+
+
+def _shown(
+    footage: Footage,
+    cameras: tuple[Camera, ...],
+    seen: Sequence[Sequence[Sightings]],
+    found: Track,
+    frames: Sequence[Frame],
+    tracker: Tracker,
+) -> Iterator[tuple[int, list[np.ndarray]]]:
+    """Yield some frames evenly, each with its number and the images of all cameras, markers drawn in."""
+    wanted = set(evenly(len(frames), _MOST).tolist())
+    for k, images in enumerate(footage):
+        if k >= len(frames):
+            return
+        if k in wanted:
+            one, shown = found.frames[k], []
+            for v, (image, camera) in enumerate(zip(images, cameras, strict=True)):
+                canvas = _blank(camera) if image is None else image
+                heading = (
+                    f"{camera.name}   frame {k}   t = {frames[k].time:.3f} s   {_count(one.which[:, v])}"
+                )
+                shown.append(drawn(canvas, camera, seen[k][v], one, v, found.ids, heading))
+            yield k, shown
+        tracker.frame(len(frames))
 
 
 def write_board_overlays(

@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 
 from tests.scenes import Ball, Scene, arch, board_images, board_poses, checkerboard, render, ring
+from tests.view.recorded import columns, entities, timelines, verify, views
 from tssgeom.io.cameras import read_cameras
 from tssgeom.io.files import open_recording
 
 COUNT, FRAMES = 14, 5
+HEADING = 18  # rows above each image that say which it is
 LENSES = [
     replace(lens, focal=tuple(0.75 * f for f in lens.focal), centre=(238.0, 182.0), width=480, height=360)
     for lens in ring(2)
@@ -92,6 +94,30 @@ def test_films_become_a_recording_that_analyse_reads_with_the_angle_in_its_error
     angle = routes()[-1][1]
     # three standard errors of the markers, and 3 ‰ that the calibration from eight small boards leaves
     assert abs(shape["total_angle_rad"] - angle) < 3 * shape["total_angle_se_rad"] + 3e-3 * angle
+
+
+def test_the_picture_has_each_image_the_markers_in_space_and_how_sure_they_are(
+    filmed, calibration, run, tmp_path
+):
+    picture = tmp_path / "seen.rrd"
+    command = ("track", *films(filmed), "--calibration", calibration, "--blobs", "bright", "--quiet")
+    assert run(*command, "--out", tmp_path / "run.jsonl", "--picture", picture).status == 0
+    verify(picture)
+    assert {"/sensed", "/route", "/scale", "/summary", "/series/seen", "/series/noise"} <= entities(picture)
+    assert timelines(picture) == {"time"}
+    for camera in ("cam0", "cam1"):
+        images = columns(picture, f"/camera/{camera}", timed=True)["EncodedImage:blob"]
+        assert len(images) == FRAMES
+        shape = cv2.imdecode(np.array(images[0][0], np.uint8), cv2.IMREAD_COLOR).shape
+        assert shape == (360 + HEADING, 480, 3)
+    placed = columns(picture, "/sensed", timed=True)
+    counts = [COUNT - (f == 2) for f in range(FRAMES)]  # one marker is hidden once
+    assert [len(row) for row in placed["Points3D:positions"]] == counts
+    points = [frame.points for frame in open_recording(tmp_path / "run.jsonl").frames]
+    np.testing.assert_allclose(placed["Points3D:positions"][0], points[0], atol=1e-6)  # single precision
+    (text,) = columns(picture, "/summary", timed=False)["TextDocument:text"][0]
+    assert f"**{COUNT} markers** along the sheath in {FRAMES} frames" in text
+    assert views(picture).count("2D") == 2
 
 
 def test_covariances_stand_beside_the_points_in_both_formats(filmed, calibration, run, tmp_path):
