@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import pickle
 import selectors
 import socket
 import subprocess
@@ -15,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from pipelines.live_messages import packed
 from pipelines.live_worker import LENGTH
 from tssgeom.errors import SourceError
 from tssgeom.io.network.channel import Channel
@@ -62,7 +62,7 @@ class Worker:
         """Send a message if there is room for it; otherwise it is lost, and counted."""
         if self.ended:
             return
-        data = pickle.dumps((kind, content), pickle.HIGHEST_PROTOCOL)
+        data = packed(kind, content)
         self.lost += not self._channel.send(LENGTH.pack(len(data)) + data)
 
     @property
