@@ -19,7 +19,7 @@ from tssgeom.view import colours
 from tssgeom.view.camera import camera
 from tssgeom.view.drawn import Drawn, drawn, ranges, round_up, staircase, tension_se
 from tssgeom.view.language import ANGLE, ARC_LENGTH, CURVATURE_AT, TENSION_AT
-from tssgeom.view.plots import COLUMN, INK, PAGE, SOFT, figure, note, titles
+from tssgeom.view.plots import COLUMN, INK, PAGE, SOFT, figure, note, panels, titles
 from tssgeom.view.report_entry import Series
 from tssgeom.view.run_figures import time_figure, transmission_figure
 
@@ -49,22 +49,20 @@ def route_figure(result: FrameResult) -> Figure:
     frame = drawn(result, _NODES)
     top = round_up(float(frame.tension.max()))
     with figure((COLUMN, _HEIGHT)) as drawing:
-        axes = drawing.subplots()
+        drawing.set_layout_engine("none")
+        axes = drawing.add_axes((0.02, 0.28, 0.96, 0.62))
         _draw_route(axes, frame, result.arcs, top)
-        _draw_colour_bar(drawing, axes, top)
+        _draw_colour_bar(drawing, top)
     return drawing
 
 
-def _draw_colour_bar(drawing: Figure, axes: Axes, top: float) -> None:
+def _draw_colour_bar(drawing: Figure, top: float) -> None:
     """Explain the colours of tension; few enough of them that the bar stays lines and no image."""
     colour_map = ListedColormap(colours.tension_rgb(np.linspace(0.0, top, _SHADES), top))
     bar = drawing.colorbar(
         ScalarMappable(Normalize(0.0, top), colour_map),
-        ax=axes,
-        location="bottom",
-        fraction=0.05,
-        pad=0.02,
-        aspect=40,
+        cax=drawing.add_axes((0.07, 0.18, 0.86, 0.03)),
+        orientation="horizontal",
     )
     bar.set_label(TENSION_AT.title)
     bar.solids.set(rasterized=False, edgecolor="face")  # pyright: ignore[reportOptionalMemberAccess]
@@ -120,8 +118,7 @@ def tension_figure(result: FrameResult) -> Figure:
     frame = drawn(result, _NODES)
     seen, top = result.transmission, round_up(float(frame.tension.max()))
     s, spread = ARC_LENGTH.factor * frame.s, tension_se(result, frame)
-    with figure((COLUMN, _HEIGHT)) as drawing:
-        axes = drawing.subplots()
+    with panels((COLUMN, _HEIGHT), 1) as (drawing, (axes,)):
         axes.fill_between(s, frame.tension - spread, frame.tension + spread, color=_BAND, linewidth=0)
         _coloured(axes, np.column_stack([s, frame.tension]), frame.tension, top, 1.5, outline=0.8)
         text = f"T_out = {seen.tension_out:.2f} ± {seen.tension_out_se:.2f} N"
@@ -137,8 +134,7 @@ def curvature_figure(result: FrameResult) -> Figure:
     """Draw curvature and accumulated curve angle, both with their standard errors, and the pieces."""
     frame, arcs = drawn(result, _NODES), result.arcs
     s = ARC_LENGTH.factor * frame.s
-    with figure((PAGE, _HEIGHT)) as drawing:
-        curvature, angle = drawing.subplots(1, 2)
+    with panels((PAGE, _HEIGHT), 2) as (drawing, (curvature, angle)):
         _draw_band(curvature, s, frame.kappa, frame.kappa_se)
         along, height = staircase(arcs)
         _draw_pieces(curvature, np.column_stack([ARC_LENGTH.factor * along, height]).reshape(-1, 2, 2))

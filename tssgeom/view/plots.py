@@ -25,6 +25,8 @@ VECTOR = FORMATS[:2]
 SMALLEST = 7.0
 """No text of a figure is smaller [pt]."""
 _DPI = 200
+_LEFT, _RIGHT, _GAP, _BELOW, _ABOVE = 0.5, 0.1, 0.08, 0.42, 0.26
+"""Room for numbers and titles around axes [inch]."""
 _RC: Any = {
     "pdf.fonttype": 42,
     "svg.fonttype": "none",
@@ -61,6 +63,27 @@ def figure(size: tuple[float, float]) -> Iterator[Figure]:
     """Yield a figure of `size` [inch] to draw on, in the look of all of them."""
     with mpl.rc_context(_RC):
         yield Figure(figsize=size, layout="constrained")
+
+
+@contextmanager
+def panels(size: tuple[float, float], count: int) -> Iterator[tuple[Figure, list[Axes]]]:
+    """Yield a figure of `size` [inch] with axes side by side, at fixed margins.
+
+    A layout that is worked out from every letter takes longer than the drawing itself.
+    """
+    width, height = size
+    with mpl.rc_context(_RC):
+        drawing = Figure(figsize=size)
+        each = (width - count * _LEFT - (count - 1) * _GAP - _RIGHT) / count
+        row = drawing.subplots(1, count, squeeze=False)[0].tolist()
+        drawing.subplots_adjust(
+            left=_LEFT / width,
+            right=1 - _RIGHT / width,
+            bottom=_BELOW / height,
+            top=1 - _ABOVE / height,
+            wspace=(_LEFT + _GAP) / each,
+        )
+        yield drawing, row
 
 
 def save(drawing: Figure, path: Path) -> None:

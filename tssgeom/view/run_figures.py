@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from tssgeom.arrays import Vector
 from tssgeom.view.drawn import evenly
 from tssgeom.view.language import ELONGATION, TENSION_IN, TENSION_OUT, TIME, Quantity
-from tssgeom.view.plots import BLUE, INK, ORANGE, PAGE, figure, titles
+from tssgeom.view.plots import BLUE, INK, ORANGE, PAGE, panels, titles
 from tssgeom.view.report_entry import Series
 
 _HEIGHT = 2.4  # inch
@@ -24,8 +24,7 @@ def transmission_figure(run: Series) -> Figure:
     """Draw output tension and elongation over input tension, with their standard errors."""
     chosen = moments(run)
     across = run.tension_in[chosen]
-    with figure((PAGE, _HEIGHT)) as drawing:
-        row = drawing.subplots(1, 2)
+    with panels((PAGE, _HEIGHT), 2) as (drawing, row):
         for axes, (told, value, error, measured) in zip(row, _answers(run), strict=True):
             _draw_strokes(axes, across, told.factor * value[chosen], told.factor * error[chosen])
             if measured is not None:
@@ -41,8 +40,7 @@ def time_figure(run: Series) -> Figure:
     """Draw tensions and elongation against time, with their standard errors."""
     chosen = moments(run)
     time = run.time[chosen]
-    with figure((PAGE, _HEIGHT)) as drawing:
-        tension, stretch = drawing.subplots(1, 2)
+    with panels((PAGE, _HEIGHT), 2) as (drawing, (tension, stretch)):
         tension.plot(time, run.tension_in[chosen], color=TENSION_IN.ink, linewidth=1.1, label="T_in")
         for axes, (told, value, error, measured) in zip((tension, stretch), _answers(run), strict=True):
             middle, spread = told.factor * value[chosen], told.factor * error[chosen]
