@@ -37,6 +37,7 @@ from tssgeom.shape.points import Shape
 from tssgeom.shape.spline import fit
 
 _LOOK = 8  # frames after which a chain is asked whether it needs other joints
+_SEARCH = 64  # frames after which unlikely ones are tried as well
 _CHALLENGE = 16  # frames after which the other estimator is tried
 _LONGEST_WAIT = 512  # frames, where the other was far behind again and again
 _SURE = 10.0  # -2 ln evidence that the other must be ahead to take over
@@ -132,7 +133,7 @@ def _answered(asked: Question, last: Followed) -> Followed:
         return _with_chain_tried(asked, replace(last, question=None), geometry)
     chain = geometry.chain
     if last.age % _LOOK == 0:
-        chain = fit_chain(asked.data, chain, _MOVES)
+        chain = fit_chain(asked.data, chain, _MOVES, sure=last.age % _SEARCH != 0)
     if asked.against_other:
         return _against_spline(asked, asked.data, chain, last)
     return replace(last, geometry=replace(geometry, chain=chain), question=None)

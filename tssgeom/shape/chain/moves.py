@@ -29,12 +29,13 @@ _MOST_MOVES = 120
 _MOST_TRIES = 6  # of simpler chains
 _MOST_SPLITS = 3  # tried
 _SHORT = 8.0  # shortest pieces: one so short may be dropped whole
+_OF_A_JOINT = 3.0  # parameters: the joint and the curvature behind it
 _LATEST = 3.0  # ln n by which a simpler chain may promise to be worse and still be tried
 
 _STRAIGHTENED, _MERGED, _DROPPED = 0, 1, 2
 
 
-def fit_chain(data: Data, first: Chain, most: int = _MOST_MOVES) -> Chain:
+def fit_chain(data: Data, first: Chain, most: int = _MOST_MOVES, *, sure: bool = False) -> Chain:
     """Merge, straighten and split pieces as long as the Bayesian information criterion falls.
 
     Parameters
@@ -45,10 +46,13 @@ def fit_chain(data: Data, first: Chain, most: int = _MOST_MOVES) -> Chain:
         Where to start, as `settle` leaves it.
     most
         How many moves to make at most.
+    sure
+        Whether to try only what straight lines promise to lower the criterion, which costs a third.
     """
-    best = first
+    best, price = first, math.log(values(data))
+    latest, least = (0.0, _OF_A_JOINT * price) if sure else (_LATEST * price, price)
     for _ in range(most):
-        found = simpler(data, best, _LATEST * math.log(values(data)), _MOST_TRIES) or _finer(data, best)
+        found = simpler(data, best, latest, _MOST_TRIES) or _finer(data, best, least)
         if found is None:
             break
         best = found
@@ -80,13 +84,13 @@ def _seen(data: Data, chain: Chain) -> bool:
     return len(np.unique(piece)) == len(chain.joints)
 
 
-def _finer(data: Data, chain: Chain) -> Chain | None:
-    """Try one joint more where the residuals ask for it most."""
+def _finer(data: Data, chain: Chain, least: float) -> Chain | None:
+    """Try one joint more where the residuals ask for it most, and by more than `least` noise variances."""
     k = len(chain.bend)
     if k >= _MOST_PIECES:
         return None
     saved = _saved_by_joints(data, chain)
-    now, least = criterion(data, chain), math.log(values(data))
+    now = criterion(data, chain)
     for j in np.argsort(-saved.max(axis=1))[:_MOST_SPLITS]:
         cut = int(np.argmax(saved[j]))
         if not saved[j, cut] > least:
