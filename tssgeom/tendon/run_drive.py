@@ -101,7 +101,7 @@ def _rounds(time, drive, places):
     Returns the fitted values [n].
     """
     n, best = drive.size, np.inf
-    fitted = np.empty(n)
+    fitted = np.full(n, np.inf)  # none is found where all are inflections
     shape, found = np.empty((3, n)), np.empty(3)
     matrix, right = np.empty((3, 3)), np.empty(3)
     for i in range(places.size):
