@@ -19,7 +19,13 @@ from tssgeom.tendon.run_drive import calmed, with_corners
 from tssgeom.tendon.run_model import Drive
 from tssgeom.tendon.turning import reading_noise
 
-RESPONSES = ("tension_in_N", "tension_out_N", "displacement_in_m", "elongation_m", "displacement_out_m")
+RESPONSES = (
+    "tension_in_N",
+    "tension_out_N",
+    "displacement_in_m",
+    "elongation_m",
+    "displacement_out_m",
+)
 """Channels that a run may answer in, in the order of reports."""
 UNITS = {name: name.rpartition("_")[2] for name in RESPONSES}
 _FEW = 8  # readings that tell no noise

@@ -2,16 +2,16 @@
 
 import math
 from collections.abc import Mapping
-from typing import Literal, TypeAlias
+from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.errors import SettingsError
-from tssgeom.tendon.effects import Setup
+from tssgeom.tendon.effects import Channel, Setup
 from tssgeom.tendon.run_laws import lagged
 
-CHANNELS = ("tension_in_N", "tension_out_N", "elongation_m", "displacement_in_m", "displacement_out_m")
+CHANNELS: tuple[Channel, ...] = get_args(Channel)
 """What sensors read of a run."""
 Drive = Literal["tension_in_N", "displacement_in_m"]
 Lags: TypeAlias = tuple[tuple[float, float], ...]

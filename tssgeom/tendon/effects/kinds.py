@@ -10,13 +10,29 @@ import msgspec
 from tssgeom.errors import SettingsError
 
 Hook = Literal["friction cone", "route", "bar law", "eigenstrain", "boundary", "observation"]
-Channel = Literal["tension_in_N", "tension_out_N", "elongation_m", "displacement_in_m", "displacement_out_m"]
+Channel = Literal[
+    "tension_in_N",
+    "tension_out_N",
+    "elongation_m",
+    "displacement_in_m",
+    "displacement_out_m",
+]
 
-LOSSES: tuple[Channel, ...] = ("tension_out_N", "elongation_m", "displacement_in_m", "displacement_out_m")
+LOSSES: tuple[Channel, ...] = (
+    "tension_out_N",
+    "elongation_m",
+    "displacement_in_m",
+    "displacement_out_m",
+)
 """Channels that answer to friction when the proximal tension is given."""
 PATHS: tuple[Channel, ...] = ("elongation_m", "displacement_in_m")
 """Channels that answer to added stretch when the proximal tension is given."""
-ANSWERS: tuple[Channel, ...] = ("tension_in_N", "tension_out_N", "elongation_m", "displacement_out_m")
+ANSWERS: tuple[Channel, ...] = (
+    "tension_in_N",
+    "tension_out_N",
+    "elongation_m",
+    "displacement_out_m",
+)
 """Channels that answer when the proximal position is given."""
 
 

@@ -1,0 +1,136 @@
+"""CONTRIBUTING.md is done as it stands: its blocks are applied to a copy of the code, and that is tried.
+
+One campaign takes all three: its route is in the new format, its rig has the new effect and the sensor of the
+new channel, its run holds that channel.
+"""
+
+import ast
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+TEXT = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+BLOCKS = re.findall(r"<!-- apply: (\S+) -->\n```(\w+)\n(.*?)```", TEXT, re.DOTALL)
+NEEDED = ("tssgeom", "pipelines", "tests/io", "tests/tendon", "tests/lumped", "pyproject.toml")
+
+ROUTE = "mm\n" + "".join(f"{10 * k} 0 0\n" for k in range(31))
+RIG = (
+    "friction.coefficient = 0.0\n[tendon]\npretension_N = 2.0\n"
+    '[[effects]]\nname = "sealed_ends"\nforce_N = 0.3\n'
+)
+RUN = "time_s,tension_in_N,tension_lost_N\n" + "".join(f"{k},{2 + 0.25 * k},0.6\n" for k in range(40))
+PLAN = '[[run]]\ndata = "run.csv"\nshape = "bench.stylus"\n'
+
+CAMPAIGN = """
+from pathlib import Path
+from tssgeom.discrepancy.readings import readings
+from tssgeom.discrepancy.stack import run_channels
+from tssgeom.io.campaigns import read_campaign
+
+campaign = read_campaign(Path("campaign"))
+(run,), _ = readings(campaign)
+(length,) = {round(one.route.arcs.total_length, 9) for one in campaign.runs}
+lost = run_channels(run, campaign.rig)["tension_lost_N"]
+print(length, run.noise["tension_lost_N"], *run.measured, abs(lost[-1] - 0.6) < 1e-9, *campaign.notes)
+"""
+
+
+def changed(text: str, block: str) -> str:
+    """Return a file's text with a block of lines that stay, go and come."""
+    lines = block.splitlines(keepends=True)
+    old = "".join(line[1:] for line in lines if line[0] != "+")
+    new = "".join(line[1:] for line in lines if line[0] != "-")
+    assert text.count(old) == 1, f"it is not clear where this belongs:\n{block}"
+    return text.replace(old, new)
+
+
+@pytest.fixture(scope="module")
+def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The code with all that CONTRIBUTING.md adds, compiled kernels included where there are any."""
+    home = tmp_path_factory.mktemp("contributed")
+    for name in NEEDED:
+        (shutil.copytree if (ROOT / name).is_dir() else shutil.copy2)(ROOT / name, home / name)
+    (home / "rig.toml").write_text(RIG, encoding="utf-8")
+    for name, kind, block in BLOCKS:
+        path = home / name
+        old = path.read_text(encoding="utf-8") if path.exists() else ""
+        path.write_text(changed(old, block) if kind == "diff" else old + block, encoding="utf-8")
+    (home / "tests" / "io" / "corpus" / "shape.stylus").write_text(ROUTE, encoding="utf-8")
+    return home
+
+
+def told(copy: Path, *words: str) -> str:
+    """Run a module or a program of Python in the copy, and return what it says; it has to succeed."""
+    done = subprocess.run(
+        [sys.executable, *words],
+        cwd=copy,
+        env={**os.environ, "PYTHONPATH": str(copy)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def counted(copy: Path, *words: str) -> int:
+    """Run tests in the copy, and return how many passed; none may fail."""
+    said = told(copy, "-m", "pytest", "-q", "-p", "no:cacheprovider", *words)
+    return int(re.findall(r"(\d+) passed", said)[-1])
+
+
+def test_an_effect_as_contributed_keeps_the_contract_of_all_effects(copy):
+    """Among the tests: size zero is the base model bit for bit, and any other size shows in each drive."""
+    assert counted(copy, "tests/tendon/effects/test_contract.py", "-k", "sealed_ends") == 9
+    assert counted(copy, "tests/tendon/effects/test_rig_effects.py", "-k", "sealed_ends") == 1
+
+
+def test_a_format_as_contributed_is_read_and_survives_the_fuzz_tests(copy):
+    chosen = "stylus or corpus_has_a_file"
+    assert counted(copy, "tests/io/test_fuzz.py", "-k", chosen) == 4
+
+
+def test_a_channel_as_contributed_shows_every_effect_that_says_so_and_no_other(copy):
+    counted(copy, "tests/tendon/effects/test_contract.py", "-k", "shows_in_its_channels")
+
+
+def test_effect_format_and_sensor_as_contributed_work_together_in_a_campaign(copy):
+    folder = copy / "campaign"
+    folder.mkdir()
+    shutil.copy(copy / "rig.toml", folder)
+    for name, text in (("bench.stylus", ROUTE), ("run.csv", RUN), ("campaign.toml", PLAN)):
+        (folder / name).write_text(text, encoding="utf-8")
+    length, noise, *rest = told(copy, "-c", CAMPAIGN).splitlines()[0].split()
+    assert float(length) == pytest.approx(0.3, abs=1e-9)
+    assert float(noise) == pytest.approx((0.02**2 + 0.005**2 / 12) ** 0.5)
+    assert rest[:2] == ["tension_lost_N", "True"]
+    assert "no channel that a run can have" not in " ".join(rest)
+
+
+def test_what_is_contributed_has_the_style_and_the_layers_of_the_rest(copy):
+    paths = [name for name, kind, _ in BLOCKS if kind != "toml"]
+    told(copy, "-m", "ruff", "check", *paths)
+    told(copy, "-m", "ruff", "format", "--check", *paths)
+    told(copy, "-c", "import sys; from importlinter.cli import lint_imports; sys.exit(lint_imports())")
+
+
+def statements(code: str) -> int:
+    """Return the statements of a module, its imports and docstrings aside."""
+    aside = (ast.Import, ast.ImportFrom, ast.Expr)
+    return sum(
+        isinstance(node, ast.stmt) and not isinstance(node, aside) for node in ast.walk(ast.parse(code))
+    )
+
+
+@pytest.mark.parametrize("heading", ["An effect", "A format", "A sensor"])
+def test_each_addition_takes_about_ten_lines(heading):
+    part = TEXT.partition(f"## {heading}")[2].partition("\n## ")[0]
+    written = sum(statements(code) for code in re.findall(r"```python\n(.*?)```", part, re.DOTALL))
+    put_in = sum(block.count("\n+") for block in re.findall(r"```diff(\n.*?)```", part, re.DOTALL))
+    assert 5 < written + put_in <= 11
