@@ -1,0 +1,54 @@
+"""The picture of the layers in README is that of the contract, and the code keeps it."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+from PIL import Image
+
+ROOT = Path(__file__).parents[1]
+SCRIPT = ROOT / "docs" / "architecture.py"
+
+
+def checked(script: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, script, "--check"], capture_output=True, text=True, check=False)
+
+
+def a_copy(folder: Path, contract: str, code: str) -> Path:
+    """Write a project of one upper and one lower room beside the picture of this one."""
+    (folder / "docs").mkdir()
+    (folder / "tssgeom").mkdir()
+    (folder / "pyproject.toml").write_text(contract)
+    (folder / "tssgeom" / "upper.py").write_text("")
+    (folder / "tssgeom" / "lower.py").write_text(code)
+    script = folder / "docs" / SCRIPT.name
+    script.write_bytes(SCRIPT.read_bytes())
+    return script
+
+
+CONTRACT = """
+[[tool.importlinter.contracts]]
+type = "layers"
+layers = ["tssgeom.upper", "tssgeom.lower"]
+ignore_imports = []
+"""
+
+
+def test_the_picture_shows_the_layers_of_the_contract_and_the_code_keeps_them():
+    done = checked(SCRIPT)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_a_picture_of_other_layers_and_an_import_upwards_are_told(tmp_path):
+    script = a_copy(tmp_path, CONTRACT, "from tssgeom import upper\n")
+    (script.parent / "architecture.png").write_bytes(SCRIPT.with_suffix(".png").read_bytes())
+    done = checked(script)
+    assert done.returncode == 1
+    assert "the contract has [['tssgeom.upper'], ['tssgeom.lower']]" in done.stderr
+    assert "tssgeom.lower imports tssgeom.upper, which is no layer below it" in done.stderr
+
+
+def test_the_picture_knows_its_layers_by_itself():
+    with Image.open(SCRIPT.with_suffix(".png")) as picture:
+        assert json.loads(picture.info["layers"])[-1] == ["tssgeom.errors"]
