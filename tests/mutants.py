@@ -1,0 +1,310 @@
+"""Break the core in small ways, one at a time, and tell which of them the tests named beside each do not see.
+
+    python -m tests.mutants            # all; a table, the share that is caught, exit status 1 below 95 %
+    python -m tests.mutants gradient   # those whose file, text or tests hold a word
+
+Each is put into a copy of the code. Its tests have to pass there without it, else it proves nothing; a test
+that does not end in time counts as one that fails. Kernels run uncompiled, since compiling them anew would
+take longer than the tests.
+"""
+
+import argparse
+import os
+import shlex
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+COPIED = ("tssgeom", "pipelines", "tests", "benchmarks", "sample_shapes", "pyproject.toml")
+PATIENCE = 120.0
+"""Time that the tests of one mutant may take [s]."""
+TARGET = 0.95
+
+STATE = "tests/tendon/test_state.py"
+PROFILE = "tests/tendon/test_profile.py"
+CLOSED = "tests/tendon/test_transmission.py"
+REMEDY = "tests/tendon/test_remedy.py"
+ACTING = "tests/tendon/effects/test_acting.py"
+INVERSE = "tests/tendon/test_compensation.py -k fixed_route"
+ARCS = "tests/shape/test_arcs.py -k 'partition or parallel or given'"
+DIRECTIONS = "tests/shape/test_directions.py -k 'not covers and not stream'"
+TABLES = "tests/io/test_tables_of_points.py"
+
+
+@dataclass(frozen=True, slots=True)
+class Mutant:
+    """One small fault, and the tests that are to see it."""
+
+    file: str
+    old: str
+    new: str
+    tests: str
+
+    @property
+    def shown(self) -> str:
+        """The change in one line."""
+        return f"{self.file.removeprefix('tssgeom/')}: {self.old.strip()} → {self.new.strip()}"
+
+
+MUTANTS = (
+    # the capstan law along the tendon
+    Mutant(
+        "tssgeom/tendon/profile.py",
+        "drive - direction_index * friction * meeting",
+        "drive + direction_index * friction * meeting",
+        PROFILE,
+    ),
+    Mutant("tssgeom/tendon/profile.py", "1 if change > 0.0 else -1", "-1 if change > 0.0 else 1", PROFILE),
+    Mutant("tssgeom/tendon/profile.py", "* ahead / (ahead - gap)", "* ahead / (ahead + gap)", PROFILE),
+    Mutant("tssgeom/tendon/profile.py", "angle[-1] + ahead / friction", "angle[-1] + ahead", PROFILE),
+    Mutant("tssgeom/tendon/profile.py", "np.exp(np.interp(phi,", "np.exp(-np.interp(phi,", PROFILE),
+    # closed forms and their standard errors
+    Mutant(
+        "tssgeom/tendon/pieces.py",
+        "(mean_decay(x) - math.exp(-x)) / x",
+        "(mean_decay(x) + math.exp(-x)) / x",
+        CLOSED,
+    ),
+    Mutant(
+        "tssgeom/tendon/transmission.py",
+        "later += length[i] * means[1, i]",
+        "later += length[i] * means[2, i]",
+        CLOSED,
+    ),
+    Mutant(
+        "tssgeom/tendon/transmission.py",
+        "gradient[i] = compliance * (means[0, i] - pretension)",
+        "gradient[i] = compliance * means[0, i]",
+        CLOSED,
+    ),
+    Mutant(
+        "tssgeom/tendon/transmission.py",
+        "covariance[i, j] * gradient[j]",
+        "covariance[i, j] * gradient[i]",
+        CLOSED,
+    ),
+    Mutant("tssgeom/tendon/transmission.py", "math.sqrt(angle_variance)", "angle_variance", CLOSED),
+    Mutant("tssgeom/tendon/transmission.py", "covariance[k + i, k + j]", "covariance[i, j]", CLOSED),
+    Mutant(
+        "tssgeom/tendon/transmission.py",
+        "log_tension_out + way * reach",
+        "log_tension_out - way * reach",
+        CLOSED,
+    ),
+    Mutant(
+        "tssgeom/tendon/transmission.py",
+        "(tension_out - rig.tendon.pretension_N) / stiffness",
+        "tension_out / stiffness",
+        INVERSE,
+    ),
+    # histories, remedy, calibration, inverse
+    Mutant(
+        "tssgeom/tendon/history.py",
+        "columns[2] - rig.tendon.pretension_N * arcs.total_length",
+        "columns[2]",
+        f"tests/tendon/test_history.py {REMEDY}",
+    ),
+    Mutant(
+        "tssgeom/tendon/history.py",
+        "len(length) + np.arange(at, at + k)",
+        "k + np.arange(at, at + k)",
+        "tests/tendon/test_history.py",
+    ),
+    Mutant(
+        "tssgeom/tendon/remedy.py",
+        "release_reaches_below=out / grown",
+        "release_reaches_below=out * grown",
+        REMEDY,
+    ),
+    Mutant(
+        "tssgeom/tendon/remedy.py",
+        "rig.tendon.pretension_N * grown",
+        "rig.tendon.pretension_N / grown",
+        REMEDY,
+    ),
+    Mutant(
+        "tssgeom/tendon/remedy.py",
+        "Cycle(cycle.tension_in * grown,",
+        "Cycle(cycle.tension_in / grown,",
+        REMEDY,
+    ),
+    Mutant("tssgeom/tendon/remedy.py", "self.angle / self.kappa", "self.angle * self.kappa", REMEDY),
+    Mutant("tssgeom/tendon/state.py", "math.exp(way * rig.friction", "math.exp(-way * rig.friction", INVERSE),
+    Mutant(
+        "tssgeom/tendon/compensation.py",
+        "rest_tension(rig) + stiffness * (displacement_out or 0.0)",
+        "stiffness * (displacement_out or 0.0)",
+        INVERSE,
+    ),
+    # a tendon of bars
+    Mutant(
+        "tssgeom/tendon/material.py",
+        "displacement_in=elongation + moved",
+        "displacement_in=elongation - moved",
+        STATE,
+    ),
+    Mutant(
+        "tssgeom/tendon/equilibrium.py",
+        "right = -slip[i] * force[i]",
+        "right = slip[i] * force[i]",
+        "tests/tendon/test_incremental.py -k 'each_number_of_the_cone or obeys'",
+    ),
+    # effects and sensors
+    Mutant(
+        "tssgeom/tendon/run_plant.py",
+        "base * (1.0 - setup.asymmetry)",
+        "base * (1.0 + setup.asymmetry)",
+        "tests/tendon/effects/test_against_lumped.py -k 'asymmetric and tension_in_N'",
+    ),
+    Mutant(
+        "tssgeom/tendon/run_plant.py",
+        "np.exp(-pulling - fitting)",
+        "np.exp(pulling - fitting)",
+        "tests/tendon/effects/test_run_model.py -k the_base_is",
+    ),
+    Mutant(
+        "tssgeom/tendon/run_sensors.py",
+        "(given - setup.tension_in_offset_N) / setup.tension_in_gain",
+        "(given + setup.tension_in_offset_N) / setup.tension_in_gain",
+        f"{ACTING} tests/tendon/effects/test_ties.py -k 'errs or G1 or gain'",
+    ),
+    Mutant(
+        "tssgeom/tendon/run_sensors.py",
+        '"elongation_m": out[2] - out[3]',
+        '"elongation_m": out[2] + out[3]',
+        "tests/tendon/effects/test_run_model.py -k the_base_is",
+    ),
+    Mutant(
+        "tssgeom/tendon/state.py",
+        "(reading - setup.tension_in_offset_N) / setup.tension_in_gain",
+        "(reading + setup.tension_in_offset_N) / setup.tension_in_gain",
+        f"{ACTING} -k errs",
+    ),
+    # the route
+    Mutant("tssgeom/shape/arcs.py", "first[c] -= turned * middle", "first[c] += turned * middle", ARCS),
+    Mutant("tssgeom/shape/arcs.py", "if so_far[k] + penalty < cost[j]:", "if so_far[k] < cost[j]:", ARCS),
+    Mutant(
+        "tssgeom/shape/arcs.py",
+        "self.covariance[k:, k:].sum()",
+        "self.covariance[:k, :k].sum()",
+        f"tests/tendon/test_history.py {CLOSED} {STATE}",
+    ),
+    Mutant(
+        "tssgeom/shape/directions.py",
+        "cosine[sensed].mean() < 0.0",
+        "cosine[sensed].mean() > 0.0",
+        DIRECTIONS,
+    ),
+    Mutant(
+        "tssgeom/settings.py",
+        "return None if self.noise_mm is None else 1e-3 * self.noise_mm",
+        "return self.noise_mm",
+        "tests/test_settings.py",
+    ),
+    # units and order at the boundary
+    Mutant("tssgeom/io/units.py", '"mm": 1000.0', '"mm": 100.0', TABLES),
+    Mutant(
+        "tssgeom/io/columns.py",
+        '"elongation_mm": ("elongation", 1000.0)',
+        '"elongation_mm": ("elongation", 1.0)',
+        f"{TABLES} tests/io/test_npz.py",
+    ),
+    Mutant(
+        "tssgeom/io/runs.py",
+        '"elongation_mm": ("elongation", 1000.0)',
+        '"elongation_mm": ("elongation", 1.0)',
+        "tests/io/test_runs.py",
+    ),
+    Mutant(
+        "tssgeom/io/slicer.py",
+        '"RAS": (-1.0, -1.0, 1.0)',
+        '"RAS": (-1.0, 1.0, 1.0)',
+        "tests/io/test_slicer.py",
+    ),
+    Mutant(
+        "tssgeom/io/recording.py",
+        "latest < item.time < math.inf",
+        "latest <= item.time < math.inf",
+        f"{TABLES} tests/io/test_json_lines.py",
+    ),
+    Mutant("tssgeom/io/longform.py", "float(seen[0]) / per_unit", "float(seen[0]) * per_unit", TABLES),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What the tests said of a mutant."""
+
+    mutant: Mutant
+    caught: bool
+    by: str
+    """The first test that failed, or why there is none."""
+    took: float
+    """Time that the tests took [s]."""
+
+
+def tried(copy: Path, tests: str) -> tuple[bool, str]:
+    """Run tests in the copy; return whether all pass, and the first that does not."""
+    words = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *shlex.split(tests)]
+    env = {**os.environ, "PYTHONPATH": str(copy), "NUMBA_DISABLE_JIT": "1", "PYTHONDONTWRITEBYTECODE": "1"}
+    try:
+        done = subprocess.run(
+            words, cwd=copy, env=env, capture_output=True, text=True, timeout=PATIENCE, check=False
+        )
+    except subprocess.TimeoutExpired:
+        return False, f"no end within {PATIENCE:g} s"
+    if done.returncode not in (0, 1):
+        raise RuntimeError(f"{tests}: pytest could not run them:\n{done.stdout[-2000:]}{done.stderr[-2000:]}")
+    failed = [line for line in done.stdout.splitlines() if line.startswith(("FAILED ", "ERROR "))]
+    return done.returncode == 0, failed[0].split(" - ")[0].rpartition("::")[2] if failed else ""
+
+
+def judged(copy: Path, mutants: Sequence[Mutant]) -> Iterator[Verdict]:
+    """Put each mutant into the copy, try its tests, and take it out again."""
+    sound = dict[str, bool]()
+    for mutant in mutants:
+        path = copy / mutant.file
+        text = path.read_text(encoding="utf-8")
+        if text.count(mutant.old) != 1:
+            raise RuntimeError(f"{mutant.shown}: the text is there {text.count(mutant.old)} times")
+        if mutant.tests not in sound:
+            sound[mutant.tests] = tried(copy, mutant.tests)[0]
+        if not sound[mutant.tests]:
+            raise RuntimeError(f"{mutant.tests}: they fail without any mutant")
+        begun = time.monotonic()
+        path.write_text(text.replace(mutant.old, mutant.new), encoding="utf-8")
+        passed, by = tried(copy, mutant.tests)
+        path.write_text(text, encoding="utf-8")
+        yield Verdict(mutant, not passed, by or "no test", time.monotonic() - begun)
+
+
+def main() -> int:
+    """Try the mutants and print what came of each."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("word", nargs="?", default="")
+    word = parser.parse_args().word
+    chosen = [each for each in MUTANTS if word in f"{each.shown} {each.tests}"]
+    verdicts = list[Verdict]()
+    with tempfile.TemporaryDirectory() as folder:
+        copy = Path(folder)
+        for name in COPIED:
+            whole = (ROOT / name).is_dir()
+            (shutil.copytree if whole else shutil.copy2)(ROOT / name, copy / name)
+        for each in judged(copy, chosen):
+            verdicts.append(each)
+            mark = "caught  " if each.caught else "SURVIVED"
+            sys.stdout.write(f"{mark} {each.took:5.1f} s  {each.mutant.shown}\n{'':18}by {each.by}\n")
+            sys.stdout.flush()
+    caught = sum(each.caught for each in verdicts)
+    sys.stdout.write(f"{caught} of {len(verdicts)} mutants caught, {caught / max(len(verdicts), 1):.0%}\n")
+    return int(caught < TARGET * len(verdicts))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
