@@ -1,7 +1,7 @@
 """Break the core in small ways, one at a time, and tell which of them the tests named beside each do not see.
 
     python -m tests.mutants            # all; a table, the share that is caught, exit status 1 below 95 %
-    python -m tests.mutants gradient   # those whose file, text or tests hold a word
+    python -m tests.mutants gradient   # those whose file, text or tests hold one of the words
 
 Each is put into a copy of the code. Its tests have to pass there without it, else it proves nothing; a test
 that does not end in time counts as one that fails. Kernels run uncompiled, since compiling them anew would
@@ -32,8 +32,9 @@ CLOSED = "tests/tendon/test_transmission.py"
 REMEDY = "tests/tendon/test_remedy.py"
 ACTING = "tests/tendon/effects/test_acting.py"
 INVERSE = "tests/tendon/test_compensation.py -k fixed_route"
+COMMANDS = "tests/tendon/effects/test_commands.py -k place_of_the_load"
 ARCS = "tests/shape/test_arcs.py -k 'partition or parallel or given'"
-DIRECTIONS = "tests/shape/test_directions.py -k 'not covers and not stream'"
+DIRECTIONS = "tests/shape/test_directions.py -k 'refused or flipped'"
 TABLES = "tests/io/test_tables_of_points.py"
 
 
@@ -101,7 +102,7 @@ MUTANTS = (
         "tssgeom/tendon/transmission.py",
         "(tension_out - rig.tendon.pretension_N) / stiffness",
         "tension_out / stiffness",
-        INVERSE,
+        f"{STATE} tests/tendon/test_incremental.py -k 'exchanged or loose or bars'",
     ),
     # histories, remedy, calibration, inverse
     Mutant(
@@ -135,12 +136,17 @@ MUTANTS = (
         REMEDY,
     ),
     Mutant("tssgeom/tendon/remedy.py", "self.angle / self.kappa", "self.angle * self.kappa", REMEDY),
-    Mutant("tssgeom/tendon/state.py", "math.exp(way * rig.friction", "math.exp(-way * rig.friction", INVERSE),
+    Mutant(
+        "tssgeom/tendon/compensation.py",
+        "sign = 1 if move.target > held.tension_out else -1",
+        "sign = -1 if move.target > held.tension_out else 1",
+        INVERSE,
+    ),
     Mutant(
         "tssgeom/tendon/compensation.py",
         "rest_tension(rig) + stiffness * (displacement_out or 0.0)",
         "stiffness * (displacement_out or 0.0)",
-        INVERSE,
+        COMMANDS,
     ),
     # a tendon of bars
     Mutant(
@@ -153,7 +159,7 @@ MUTANTS = (
         "tssgeom/tendon/equilibrium.py",
         "right = -slip[i] * force[i]",
         "right = slip[i] * force[i]",
-        "tests/tendon/test_incremental.py -k 'each_number_of_the_cone or obeys'",
+        "tests/tendon/test_incremental.py -k each_number_of_the_cone",
     ),
     # effects and sensors
     Mutant(
@@ -184,7 +190,7 @@ MUTANTS = (
         "tssgeom/tendon/state.py",
         "(reading - setup.tension_in_offset_N) / setup.tension_in_gain",
         "(reading + setup.tension_in_offset_N) / setup.tension_in_gain",
-        f"{ACTING} -k errs",
+        f"{ACTING} -k 'simulated and tension_in_offset'",
     ),
     # the route
     Mutant("tssgeom/shape/arcs.py", "first[c] -= turned * middle", "first[c] += turned * middle", ARCS),
@@ -287,9 +293,9 @@ def judged(copy: Path, mutants: Sequence[Mutant]) -> Iterator[Verdict]:
 def main() -> int:
     """Try the mutants and print what came of each."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("word", nargs="?", default="")
-    word = parser.parse_args().word
-    chosen = [each for each in MUTANTS if word in f"{each.shown} {each.tests}"]
+    parser.add_argument("words", nargs="*", default=[""])
+    words = parser.parse_args().words
+    chosen = [each for each in MUTANTS if any(word in f"{each.shown} {each.tests}" for word in words)]
     verdicts = list[Verdict]()
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder)
