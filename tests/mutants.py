@@ -102,7 +102,7 @@ MUTANTS = (
         "tssgeom/tendon/transmission.py",
         "(tension_out - rig.tendon.pretension_N) / stiffness",
         "tension_out / stiffness",
-        f"{STATE} tests/tendon/test_incremental.py -k 'exchanged or loose or bars'",
+        "tests/tendon/test_load.py",
     ),
     # histories, remedy, calibration, inverse
     Mutant(
