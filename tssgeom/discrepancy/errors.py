@@ -27,6 +27,7 @@ _DRIFT = 0.3  # of its noise: what a channel wanders within a run
 _WAVES = (1, 2)  # half waves of that within a run
 _BENDS = (0.7, 0.5, 0.3, 0.15)  # of the nonlinearity: sine waves of what a cell bends over its scale
 _ARC_MODES = 4  # directions of the covariance of a route that count
+_BLURRED = 3.0  # times its median, from which an error is left out where a channel is told in one number
 _DRAWS = 8  # of the noise of the drive
 _SEED = 20  # of these: the same in all fits of a campaign
 _UNSURE = 0.3  # of the change over the samples about a sharp turn: what a channel is off there
@@ -248,3 +249,8 @@ def _stepped(arcs: Arcs, by: Vector) -> Arcs:
 def total_sigma(errors: Errors) -> Vector:
     """Return the standard deviation of all that the sensors may read off the truth [rows] [N, m]."""
     return errors.sigma * np.sqrt(1.0 + np.square(errors.modes).sum(axis=1))
+
+
+def telling(sigma: Vector) -> np.ndarray:
+    """Return which readings of a channel tell most of what its sensor can: not those beside a turn, (112)."""
+    return sigma <= _BLURRED * np.nanmedian(sigma)

@@ -13,7 +13,7 @@ import numpy as np
 
 from tssgeom.arrays import Vector
 from tssgeom.discrepancy.base import posed
-from tssgeom.discrepancy.errors import total_sigma
+from tssgeom.discrepancy.errors import telling, total_sigma
 from tssgeom.discrepancy.problem import Point, Problem
 from tssgeom.discrepancy.readings import Reading
 from tssgeom.discrepancy.stack import stacked
@@ -29,6 +29,8 @@ class HeldOut:
     """The runs that nothing was fitted to."""
 
     problem: Problem
+    told: np.ndarray
+    """[rows] bool: readings that count."""
     noise: Mapping[str, float]
     """Rms of what the sensors explain, by channel [N, m]."""
     before: float
@@ -40,7 +42,7 @@ class HeldOut:
             left = self.problem.left(at)
         except FitError:
             return math.inf
-        return gap(_rms(self.problem, left), self.noise)
+        return gap(_rms(self.problem, left, self.told), self.noise)
 
     def ratio(self, at: Point) -> float:
         """Return the gap over that of the base model [1]; NaN where that shows none."""
@@ -53,15 +55,26 @@ def held_out(runs: tuple[Reading, ...], rig: Rig, base: Point) -> HeldOut | None
     if not kept:
         return None
     problem, errors = posed(stacked(kept), rig, base)
-    noise = _rms(problem, total_sigma(errors))
-    before = gap(_rms(problem, problem.left(base)), noise)
-    return HeldOut(problem, noise, before)
+    sigma = total_sigma(errors)
+    told = _telling(problem, sigma)
+    noise = _rms(problem, sigma, told)
+    before = gap(_rms(problem, problem.left(base), told), noise)
+    return HeldOut(problem, told, noise, before)
 
 
-def _rms(problem: Problem, left: Vector) -> dict[str, float]:
+def _telling(problem: Problem, sigma: Vector) -> np.ndarray:
+    out = np.zeros(len(sigma), dtype=bool)
+    for name in {block.channel for block in problem.stack.blocks}:
+        rows = [block.rows for block in problem.stack.blocks if block.channel == name]
+        told = telling(np.concatenate([sigma[part] for part in rows]))
+        out[np.concatenate([np.arange(part.start, part.stop) for part in rows])] = told
+    return out
+
+
+def _rms(problem: Problem, left: Vector, told: np.ndarray) -> dict[str, float]:
     out = dict[str, list[Vector]]()
     for block in problem.stack.blocks:
-        out.setdefault(block.channel, []).append(left[block.rows])
+        out.setdefault(block.channel, []).append(left[block.rows][told[block.rows]])
     return {name: float(np.sqrt(np.mean(np.square(np.concatenate(parts))))) for name, parts in out.items()}
 
 

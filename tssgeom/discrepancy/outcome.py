@@ -9,7 +9,7 @@ import numpy as np
 
 from tssgeom.arrays import Matrix, Vector, read_only
 from tssgeom.discrepancy.base import posed
-from tssgeom.discrepancy.errors import total_sigma
+from tssgeom.discrepancy.errors import telling, total_sigma
 from tssgeom.discrepancy.finding import PHASES, Gap, Trace
 from tssgeom.discrepancy.phases import phases
 from tssgeom.discrepancy.problem import Point
@@ -101,7 +101,8 @@ def _parts(told: Sequence[Trace], name: str, which: str) -> list[Vector]:
     for trace in told:
         if name in trace.measured:
             value = getattr(trace, which)[name]
-            parts.append(value if which == "sigma" else trace.measured[name] - value)
+            left = value if which == "sigma" else trace.measured[name] - value
+            parts.append(np.where(telling(trace.sigma[name]), left, np.nan))
     return parts
 
 
