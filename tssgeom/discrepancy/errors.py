@@ -13,7 +13,7 @@ import numpy as np
 
 from tssgeom.arrays import Matrix, Vector, read_only
 from tssgeom.discrepancy.readings import Reading
-from tssgeom.discrepancy.stack import Stack, run_channels
+from tssgeom.discrepancy.stack import Stack, run_channels, simulated
 from tssgeom.settings import Rig, Sensor
 from tssgeom.shape.arcs import Arcs
 from tssgeom.tendon.effects import Library
@@ -50,8 +50,7 @@ class Errors:
 
 def errors_of(stack: Stack, rig: Rig, effects: Sequence[Library] = ()) -> Errors:
     """Return what sensors of this specification may read off the truth, about this model."""
-    channels = [run_channels(reading, rig, effects) for reading in stack.readings]
-    base = stack.flat(channels)
+    base = simulated(stack, rig, effects)
     drive = stack.flat([_from_drive(reading, rig, effects) for reading in stack.readings])
     sigma = np.hypot(stack.noise, drive)
     shared: dict[str, Vector] = {}
@@ -64,7 +63,8 @@ def errors_of(stack: Stack, rig: Rig, effects: Sequence[Library] = ()) -> Errors
 def _from_drive(reading: Reading, rig: Rig, effects: Sequence[Library]) -> dict[str, Vector]:
     """Return what a channel is off for the noise of the drive, drawn and calmed anew; docs/model.md (100)."""
     drive, noise = reading.given[reading.drive], reading.noise[reading.drive]
-    rng, soft, blunt = np.random.default_rng(_SEED), _softened(drive, noise) - drive, _blunted(drive, noise)
+    rng, holds = np.random.default_rng(_SEED), _holds(drive, noise)
+    soft, blunt = _softened(drive, [hold(drive, 0, noise), *holds]) - drive, _blunted(drive, holds)
     square, jump = ({name: np.zeros(len(drive)) for name in reading.measured} for _ in range(2))
     for _ in range(_DRAWS):
         read = drive + rng.uniform() * soft
@@ -74,19 +74,23 @@ def _from_drive(reading: Reading, rig: Rig, effects: Sequence[Library]) -> dict[
         for name in square:
             square[name] += np.square(seen[name] - truth[name]) / _DRAWS
             jump[name] = np.maximum(jump[name], _jump(truth[name]))
-    beside = _beside_turns(drive, noise)
+    beside = _beside_turns(drive, holds)
     return {
         name: np.hypot(np.sqrt(_spread(each)), _UNSURE * beside * jump[name]) for name, each in square.items()
     }
 
 
-def _beside_turns(drive: Vector, noise: float) -> Vector:
+def _holds(drive: Vector, noise: float) -> list[tuple[int, int]]:
+    """Return the first sample of each turn and the one behind its last; a sharp turn is one sample long."""
+    return [hold(drive, place, noise) for place in turning_points(drive, noise)]
+
+
+def _beside_turns(drive: Vector, holds: Sequence[tuple[int, int]]) -> Vector:
     """Return 1 at each sharp turn and its neighbours, else 0: between which samples it lies is unsure."""
     out = np.zeros(len(drive))
-    for place in turning_points(drive, noise):
-        start, stop = hold(drive, place, noise)
+    for start, stop in holds:
         if stop - start == 1:
-            out[max(place - 1, 0) : place + 2] = 1.0
+            out[max(start - 1, 0) : start + 2] = 1.0
     return out
 
 
@@ -101,15 +105,14 @@ def _spread(values: Vector) -> Vector:
     return np.convolve(np.pad(values, 1, "edge"), np.full(3, 1.0 / 3.0), "valid")
 
 
-def _softened(drive: Vector, noise: float) -> Vector:
+def _softened(drive: Vector, holds: Sequence[tuple[int, int]]) -> Vector:
     """Return a drive whose holds begin late and end early by less than its noise would tell.
 
     After a turn friction answers to a motion of a tenth of a micrometre, which no reading shows.
     """
     out = drive.copy()
     means = np.convolve(np.pad(drive, _SOFT, "edge"), np.full(2 * _SOFT + 1, 1.0 / (2 * _SOFT + 1)), "valid")
-    for place in (0, *turning_points(drive, noise)):
-        start, stop = hold(drive, place, noise)
+    for start, stop in holds:
         if stop - start > 2 * _SOFT:
             for edge in (start, stop):
                 near = slice(max(edge - _SOFT, 0), edge + _SOFT)
@@ -117,15 +120,21 @@ def _softened(drive: Vector, noise: float) -> Vector:
     return out
 
 
-def _blunted(drive: Vector, noise: float) -> Vector:
+def _blunted(drive: Vector, holds: Sequence[tuple[int, int]]) -> Vector:
     """Return how much lower each sharp turn may be: between two samples, it may be round."""
     out = np.zeros(len(drive))
-    for place in turning_points(drive, noise):
-        start, stop = hold(drive, place, noise)
-        if stop - start == 1 and 0 < place < len(drive) - 1:
-            steps = drive[[place - 1, place + 1]] - drive[place]
-            out[place] = 2.0 * _BETWEEN * steps[np.argmin(np.abs(steps))]
+    for start, stop in holds:
+        if stop - start == 1:
+            out[start] = 2.0 * _BETWEEN * _lesser_step(drive, start)
     return out
+
+
+def _lesser_step(drive: Vector, place: int) -> float:
+    """Return the smaller of the steps from a sample to its neighbours; 0 at an end of the run."""
+    if not 0 < place < len(drive) - 1:
+        return 0.0
+    steps = drive[[place - 1, place + 1]] - drive[place]
+    return float(steps[np.argmin(np.abs(steps))])
 
 
 def _all_modes(
@@ -185,18 +194,16 @@ def _of_drive(stack: Stack, k: int, rig: Rig, effects: Sequence[Library]) -> Ite
     drive, noise = reading.given[reading.drive], reading.noise[reading.drive]
     yield f"zero of the drive of {reading.name}", _moved(stack, k, rig, effects, np.full(len(drive), noise))
     for place in turning_points(drive, noise):
-        plateau, sd = _turn(drive, place, noise)
+        plateau, sd = _turn(drive, hold(drive, place, noise), noise)
         yield f"turn {place} of {reading.name}", _moved(stack, k, rig, effects, sd * plateau)
 
 
-def _turn(drive: Vector, place: int, noise: float) -> tuple[Vector, float]:
+def _turn(drive: Vector, held: tuple[int, int], noise: float) -> tuple[Vector, float]:
     """Return which samples move with a turn, [n], and the standard deviation of its level."""
-    start, stop = hold(drive, place, noise)
+    start, stop = held
     plateau = np.zeros(len(drive))
     plateau[start:stop] = 1.0
-    sharp = 0.0
-    if stop - start == 1 and 0 < place < len(drive) - 1:
-        sharp = _BETWEEN * min(abs(drive[place] - drive[place - 1]), abs(drive[place + 1] - drive[place]))
+    sharp = _BETWEEN * abs(_lesser_step(drive, start)) if stop - start == 1 else 0.0
     return plateau, noise * math.hypot(1.0 / math.sqrt(stop - start), _LEVEL) + sharp
 
 

@@ -63,11 +63,10 @@ def held_out(runs: tuple[Reading, ...], rig: Rig, base: Point) -> HeldOut | None
 
 
 def _telling(problem: Problem, sigma: Vector) -> np.ndarray:
+    """Return which readings count, by run and channel [rows] bool."""
     out = np.zeros(len(sigma), dtype=bool)
-    for name in {block.channel for block in problem.stack.blocks}:
-        rows = [block.rows for block in problem.stack.blocks if block.channel == name]
-        told = telling(np.concatenate([sigma[part] for part in rows]))
-        out[np.concatenate([np.arange(part.start, part.stop) for part in rows])] = told
+    for block in problem.stack.blocks:
+        out[block.rows] = telling(sigma[block.rows])
     return out
 
 

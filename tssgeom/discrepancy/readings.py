@@ -117,20 +117,25 @@ def _noise(rig: Rig, channel: str, time: Vector, column: Vector) -> float:
     """Return white noise with digits: as specified, or as the readings show where that is much more."""
     told = rig.sensors.get(channel, Sensor())
     stated = math.hypot(told.noise, told.resolution / math.sqrt(12.0))
-    there = np.isfinite(column) & np.isfinite(time)
-    there[there] = np.concatenate(([True], np.diff(np.maximum.accumulate(time[there])) > 0.0))
+    there = _in_order(time, column)
     seen = reading_noise(column[there], time[there]) if np.count_nonzero(there) > _FEW else 0.0
     if stated == 0.0 or seen > _NOISIER * stated:
         return max(seen, 1e-12)
     return stated
 
 
+def _in_order(time: Vector, column: Vector) -> np.ndarray:
+    """Return which rows have a time, later than all before, and a reading [n] bool."""
+    there = np.isfinite(time) & np.isfinite(column)
+    there[there] = np.concatenate(([True], np.diff(np.maximum.accumulate(time[there])) > 0.0))
+    return there
+
+
 def _read(run: Run, rig: Rig, drive: Drive) -> tuple[Reading, list[str]]:
     columns, notes = run.columns, list[str]()
     if drive not in columns:
         raise SettingsError(f"{run.name}: {drive} drives the other runs and is missing here; add it")
-    kept = np.isfinite(columns["time_s"]) & np.isfinite(columns[drive])
-    kept[kept] = np.concatenate(([True], np.diff(np.maximum.accumulate(columns["time_s"][kept])) > 0.0))
+    kept = _in_order(columns["time_s"], columns[drive])
     lost = len(kept) - int(kept.sum())
     if lost:
         notes.append(

@@ -53,10 +53,11 @@ def calmed(drive: Vector, noise: float, time: Vector | None = None) -> Vector:
         )
     for k, turn in enumerate(turns):
         told = _rounded(when, drive, turns, k, noise) if k < len(turns) - 1 else None
-        start, stop = hold(drive, int(turn), noise)
         if told is not None:
             turns[k] = _write_round(out, turns, k, told)
-        elif stop - start >= _FEWEST:
+            continue
+        start, stop = hold(drive, int(turn), noise)
+        if stop - start >= _FEWEST:
             _level(out, start, stop, float(np.mean(drive[start:stop])), noise)
     return out
 
@@ -82,7 +83,6 @@ def _rounded(
     came = start == 0 or sloping[: here - start].sum() >= _HALF_ROUND
     if not came or sloping[here - start :].sum() < _HALF_ROUND or stop - start < _FEWEST_ROUND:
         return None
-    when, what = time[start:stop], drive[start:stop]
     when, what = time[start:stop], drive[start:stop]
     scale = float(when[-1] - when[0])
     places = np.linspace(0.0, 1.0, _VERTICES)

@@ -74,12 +74,13 @@ def _space(name: str, camera: Camera, more: str = "") -> rrb.Spatial3DView:
 def _charts(*, timed: bool) -> tuple[rrb.Spatial2DView, rrb.Spatial2DView]:
     boxes = chart_boxes(timed=timed)
     return (
-        _chart("tension", "Tension T [N] against arc length s [mm]", boxes.tension),
-        _chart("curvature", "Curvature κ ± s.e. [1/m] and pieces against arc length s [mm]", boxes.curvature),
+        chart("tension", "Tension T [N] against arc length s [mm]", boxes.tension),
+        chart("curvature", "Curvature κ ± s.e. [1/m] and pieces against arc length s [mm]", boxes.curvature),
     )
 
 
-def _chart(entity: str, title: str, box: Box) -> rrb.Spatial2DView:
+def chart(entity: str, title: str, box: Box) -> rrb.Spatial2DView:
+    """Return the view of a chart that is drawn in a box."""
     return rrb.Spatial2DView(
         origin=entity,
         name=title,

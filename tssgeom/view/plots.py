@@ -17,6 +17,16 @@ INK, SOFT, FAINT = "#1d2330", "#697386", "#e8ebf0"
 BLUE, ORANGE, GREEN, PURPLE, SKY = "#0072b2", "#d55e00", "#009e73", "#a3508a", "#56b4e9"
 """Colours of Okabe and Ito (purple darkened), which colour-blind people tell apart on white."""
 
+MEASURED: Any = {
+    "linestyle": "none",
+    "marker": "o",
+    "markersize": 1.8,
+    "color": INK,
+    "markeredgewidth": 0.0,
+    "label": "measured",
+}
+"""Dots of what was measured, for `Axes.plot`."""
+
 COLUMN, PAGE = 85 / 25.4, 170 / 25.4
 """Widths of a column and of a page of a journal, 85 mm and 170 mm [inch]."""
 

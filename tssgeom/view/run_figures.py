@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from tssgeom.arrays import Vector
 from tssgeom.view.drawn import evenly
 from tssgeom.view.language import ELONGATION, TENSION_IN, TENSION_OUT, TIME, Quantity
-from tssgeom.view.plots import BLUE, INK, ORANGE, PAGE, panels, titles
+from tssgeom.view.plots import BLUE, MEASURED, ORANGE, PAGE, panels, titles
 from tssgeom.view.report_entry import Series
 
 _HEIGHT = 2.4  # inch
@@ -102,11 +102,6 @@ def _draw_measured(axes: Axes, across: Vector, value: Vector) -> None:
     axes.plot(
         across,
         value,
-        linestyle="none",
-        marker="o",
-        markersize=1.8,
-        color=INK,
-        markeredgewidth=0.0,
-        label="measured",
         zorder=2,
+        **MEASURED,
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import rerun.blueprint as rrb
 
 from tssgeom.view import colours
+from tssgeom.view.blueprint import chart
 from tssgeom.view.camera import Camera
 from tssgeom.view.chart import Box
 from tssgeom.view.compare.difference import Difference
@@ -46,24 +47,15 @@ def _column(side: str, name: str, seen: Camera) -> rrb.Container:
         ),
     )
     charts = rrb.Horizontal(
-        _chart(f"{side}/tension", "Tension T [N] against s [mm]", CHART_BOX),
-        _chart(f"{side}/curvature", "Curvature κ ± s.e. [1/m] against s [mm]", CHART_BOX),
+        chart(f"{side}/tension", "Tension T [N] against s [mm]", CHART_BOX),
+        chart(f"{side}/curvature", "Curvature κ ± s.e. [1/m] against s [mm]", CHART_BOX),
     )
     return rrb.Vertical(space, charts, row_shares=[66, 34])
 
 
-def _chart(origin: str, title: str, box: Box) -> rrb.Spatial2DView:
-    return rrb.Spatial2DView(
-        origin=origin,
-        name=title,
-        background=rrb.Background(color=colours.BACKGROUND),
-        visual_bounds=rrb.VisualBounds2D(x_range=box.x_range, y_range=box.y_range),
-    )
-
-
 def _both() -> rrb.Spatial2DView:
     title = "Tension T [N] against arc length s [mm]: A blue, B orange, difference white"
-    return _chart("difference/tension", title, BOTH_BOX)
+    return chart("difference/tension", title, BOTH_BOX)
 
 
 def _plots() -> list[rrb.Container]:

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from tssgeom.arrays import Vector
 from tssgeom.discrepancy.finding import Finding, Trace
 from tssgeom.view.finding import words
-from tssgeom.view.plots import BLUE, INK, ORANGE, PAGE, figure, titles
+from tssgeom.view.plots import BLUE, INK, MEASURED, ORANGE, PAGE, figure, titles
 
 _BAND, _SPREAD = "#c9dcea", "#d9dee6"
 _HELD = "#f6f3e6"
@@ -68,13 +68,8 @@ def _draw_loops(axes: Axes, trace: Trace, name: str, drawn: Mapping[str, str]) -
     axes.plot(
         _across(trace, "measured"),
         factor * trace.measured[name],
-        linestyle="none",
-        marker="o",
-        markersize=1.8,
-        color=INK,
-        markeredgewidth=0.0,
-        label="measured",
         zorder=6,
+        **MEASURED,
     )
     across, after, spread = _across(trace, "after"), trace.after[name], _SIGMAS * trace.sigma[name]
     for start, stop in _strokes(across):
