@@ -1,4 +1,7 @@
-"""Options of `tssgeom track`; what it needs is imported when it runs, so that `--help` is quick."""
+"""Options of `tssgeom track`.
+
+What a command needs is imported when it runs, so that `--help` is quick.
+"""
 
 from __future__ import annotations
 
@@ -7,8 +10,7 @@ from typing import Annotated
 
 import typer
 
-Json = Annotated[bool, typer.Option("--json", help="Print JSON on stdout instead of a table.")]
-Quiet = Annotated[bool, typer.Option("--quiet", help="Print nothing on stdout and no progress.")]
+from pipelines.common_options import Json, Quiet
 
 
 def track(

@@ -1,0 +1,30 @@
+"""Options that several commands share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+TENSION_IN = 15.0
+"""Tension at the proximal end where neither the file nor the user tells it [N]."""
+
+Inputs = Annotated[list[Path], typer.Argument(help="Files or folders of shapes and recordings.")]
+Shapes = Annotated[Path, typer.Argument(help="A shape, or a recording of a route that moves.")]
+RigFile = Annotated[Path | None, typer.Option("--rig", help="Rig file (TOML); the paper's rig by default.")]
+TensionIn = Annotated[
+    float, typer.Option("--tension-in", min=0.0, help="Proximal tension for frames that bring none [N].")
+]
+Unit = Annotated[
+    Literal["mm", "m"] | None, typer.Option("--unit", help="Unit of files that state none in their header.")
+]
+TubeMm = Annotated[
+    float | None,
+    typer.Option("--tube-mm", help="Outer diameter of the tube in mm, for its clearance and its mesh."),
+]
+Figures = Annotated[
+    Path | None, typer.Option("--figures", help="Folder for figures for print, as PDF and SVG.")
+]
+Json = Annotated[bool, typer.Option("--json", help="Print JSON on stdout instead of a table.")]
+Quiet = Annotated[bool, typer.Option("--quiet", help="Print nothing on stdout and no progress.")]

@@ -1,0 +1,67 @@
+"""Options of `tssgeom live`.
+
+What a command needs is imported when it runs, so that `--help` is quick.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from pipelines.common_options import TENSION_IN, RigFile, TensionIn, Unit
+
+
+def live(
+    source: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--source", help="-, tcp://127.0.0.1:PORT, udp://…, igtl://HOST:18944, replay:FILE[?speed=2]."
+        ),
+    ] = None,
+    sink: Annotated[
+        list[str] | None,
+        typer.Option("--sink", help="-, tcp://127.0.0.1:PORT, udp://…, igtl://127.0.0.1:PORT, none."),
+    ] = None,
+    rig: RigFile = None,
+    tension_in: TensionIn = TENSION_IN,
+    unit: Unit = None,
+    stale_after: Annotated[
+        float, typer.Option("--stale-after", min=0.001, help="Silence after which a stale line is sent [s].")
+    ] = 0.2,
+    stats: Annotated[
+        bool, typer.Option("--stats", help="Tell the numbers each second as JSON on stderr.")
+    ] = False,
+    state: Annotated[
+        Path | None, typer.Option("--state", help="Where the tendon's state is kept from start to start.")
+    ] = None,
+    record: Annotated[Path | None, typer.Option("--record", help="Rerun recording (.rrd) to write.")] = None,
+    view: Annotated[bool, typer.Option("--view", help="Host the picture for Rerun viewers.")] = False,
+    view_port: Annotated[int, typer.Option("--view-port", min=1, max=65535, help="Port for viewers.")] = 9876,
+    allow_remote: Annotated[
+        bool, typer.Option("--allow-remote", help="Let sockets take other addresses than loopback.")
+    ] = False,
+    token_file: Annotated[
+        Path | None, typer.Option("--token-file", help="File with the token that clients have to show first.")
+    ] = None,
+) -> None:
+    """Answer each shape as it is sensed with tension, elongation and the command that reaches its target.
+
+    --source and --sink may be given more than once; both are - (standard input and output) by default.
+    """
+    from pipelines import live as command
+    from pipelines.work import options
+    from tssgeom.io.network.addresses import access, sink_of, source_of
+
+    stream = command.Stream(
+        sources=[source_of(one) for one in source or ["-"]],
+        sinks=[sink_of(one) for one in sink or ["-"]],
+        access=access(allow_remote=allow_remote, token_file=token_file),
+        stale_after=stale_after,
+        stats=stats,
+        state=state,
+        record=record,
+        view_port=view_port if view else None,
+    )
+    raise typer.Exit(command.run(stream, options(rig, tension_in, unit, None)))
