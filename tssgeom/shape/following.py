@@ -1,13 +1,14 @@
 """A route that moves, followed from frame to frame: each fit starts from the last one; docs/model.md (34).
 
 What a frame needs is found by `follow`. Whether the estimator behind it is still the right one is asked by
-`reconsidered`, after the result is out, so that a stream answers each frame as quickly as any other.
+`reconsidered`, after the result is out and a little at a time, so that no frame waits for it.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from tssgeom.arrays import Vector
 from tssgeom.errors import FitError
 from tssgeom.shape.chain.facing import curvature_at_points, faced, without_stray_directions
 from tssgeom.shape.chain.fit import Chain, Data, settle, values
-from tssgeom.shape.chain.moves import fit_chain
+from tssgeom.shape.chain.moves import finer, fit_chain, simpler
 from tssgeom.shape.chain.strays import weighed
 from tssgeom.shape.geometry import (
     HOPELESS,
@@ -32,12 +33,14 @@ from tssgeom.shape.geometry import (
     measure,
     started,
     told_length,
+    undecided,
 )
 from tssgeom.shape.points import Shape
-from tssgeom.shape.spline import fit
+from tssgeom.shape.spline import Spline, fit
 
-_LOOK = 8  # frames after which a chain is asked whether it needs other joints
-_SEARCH = 64  # frames after which unlikely ones are tried as well
+_LOOK = 4  # frames after which a chain is asked whether it needs fewer joints, or more, in turn
+_SEARCH = 4  # looks of a kind after which an unlikely joint is tried as well
+_TURNS = 4  # so many of them in turn
 _CHALLENGE = 16  # frames after which the other estimator is tried
 _LONGEST_WAIT = 512  # frames, where the other was far behind again and again
 _SURE = 10.0  # -2 ln evidence that the other must be ahead to take over
@@ -56,10 +59,10 @@ class Question:
     shape: Shape
     noise: float | None
     """Known standard deviation of each coordinate [m]."""
-    data: Data | None
+    about: Literal["spline", "chain", "joints"]
+    """What is tried: a spline, a chain, or other joints of the chain that is followed."""
+    data: Data | None = None
     """The points as the chain sees them; None where a spline was followed."""
-    against_other: bool
-    """Whether the other estimator is tried; otherwise the chain is asked for other joints."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,8 +76,10 @@ class Followed:
     """Frames since the other estimator was tried."""
     wait: int = _CHALLENGE
     """Frames after which it is tried again."""
-    rival: Chain | None = None
-    """A chain that may take over from the spline."""
+    looks: int = 2
+    """How often a chain was asked for other joints since they changed."""
+    rival: Chain | Spline | None = None
+    """What may take over: a chain under trial, or the spline of the last trial."""
     doubt: float = 0.0
     """Variance of Φ from the choice between the two [rad²]."""
     question: Question | None = None
@@ -128,15 +133,19 @@ def reconsidered(last: Followed) -> Followed:
 
 
 def _answered(asked: Question, last: Followed) -> Followed:
-    geometry = last.geometry
-    if geometry.chain is None or asked.data is None:
-        return _with_chain_tried(asked, replace(last, question=None), geometry)
-    chain = geometry.chain
-    if last.age % _LOOK == 0:
-        chain = fit_chain(asked.data, chain, _MOVES, sure=last.age % _SEARCH != 0)
-    if asked.against_other:
-        return _against_spline(asked, asked.data, chain, last)
-    return replace(last, geometry=replace(geometry, chain=chain), question=None)
+    chain, last = last.geometry.chain, replace(last, question=None)
+    if asked.data is None or chain is None:
+        return _with_chain_tried(asked, last)
+    if asked.about == "spline":
+        return _with_spline_tried(asked, asked.data, chain, last)
+    round_of, look = divmod(last.looks, 2)
+    turn, now = divmod(round_of, _SEARCH)
+    turn %= _TURNS
+    better = (finer if look else simpler)(asked.data, chain, slice(turn, turn if now else turn + 1))
+    if better is None:
+        return replace(last, looks=last.looks + 1)
+    better = fit_chain(asked.data, better, _MOVES - 1)
+    return replace(last, geometry=replace(last.geometry, chain=better), looks=0)
 
 
 def _follow_chain(
@@ -167,10 +176,20 @@ def _follow_chain(
         if _unfit(data, chain, variance):
             return None
     geometry = by_chain(shape, data, chain)
-    tried = method == "auto" and age >= last.wait
-    asked = Question(shape, noise, data, tried) if tried or age % _LOOK == 0 else None
+    asked = None
+    if method == "auto" and age >= last.wait:
+        asked = Question(shape, noise, "spline", data)
+    elif age % _LOOK == 0 or last.looks < 2:
+        asked = Question(shape, noise, "joints", data)
     return Followed(
-        doubted(geometry, last.doubt), shape.index, age, last.wait, doubt=last.doubt, question=asked
+        doubted(geometry, last.doubt),
+        shape.index,
+        age,
+        last.wait,
+        last.looks,
+        last.rival or last.geometry.spline,
+        last.doubt,
+        asked,
     )
 
 
@@ -196,15 +215,23 @@ def _unfit(data: Data, chain: Chain, variance: float) -> bool:
     return not chain.cost < max(_NOISIER, 1.5 * most) * max(variance, (_ROUNDING * data.gap) ** 2) * freedom
 
 
-def _against_spline(asked: Question, data: Data, chain: Chain, last: Followed) -> Followed:
-    """Try the spline where a chain is followed."""
-    spline = fit(asked.shape, asked.noise)
-    ahead, smooth = margin(data, chain, spline), by_spline(spline)
-    arcs = by_chain(asked.shape, data, chain)
-    unsure = doubt(smooth, arcs, ahead)
+def _with_spline_tried(asked: Question, data: Data, chain: Chain, last: Followed) -> Followed:
+    """Let a spline take over from a chain, or drop it for the time being.
+
+    It starts from the last one, which may be old: its first fit only brings it up to date.
+    """
+    before = last.rival if isinstance(last.rival, Spline) else None
+    spline = fit(asked.shape, asked.noise, before)
+    if before is not None and last.age == last.wait:
+        return replace(last, rival=spline)
+    ahead = margin(data, chain, spline)
+    if ahead > 0.0 and not undecided(ahead, len(chain.bend)):
+        return replace(last, age=0, wait=_next_wait(last.wait, -ahead), rival=spline, doubt=0.0)
+    smooth = by_spline(spline)
+    unsure = doubt(smooth, last.geometry, ahead)
     if ahead < -_SURE:
         return Followed(smooth, last.index, doubt=unsure)
-    return Followed(arcs, last.index, wait=_next_wait(last.wait, -ahead), doubt=unsure)
+    return replace(last, age=0, wait=_next_wait(last.wait, -ahead), rival=spline, doubt=unsure)
 
 
 def _follow_spline(shape: Shape, noise: float | None, last: Followed, method: Method) -> Followed:
@@ -212,21 +239,21 @@ def _follow_spline(shape: Shape, noise: float | None, last: Followed, method: Me
     spline = fit(shape, noise, last.geometry.spline)
     age = last.age + 1
     tried = method == "auto" and (last.rival is not None or age >= last.wait) and may_be_chain(shape, spline)
-    asked = Question(shape, noise, None, against_other=True) if tried else None
+    asked = Question(shape, noise, "chain") if tried else None
     geometry = doubted(by_spline(spline), last.doubt)
     return replace(last, geometry=geometry, index=shape.index, age=age, question=asked)
 
 
-def _with_chain_tried(asked: Question, last: Followed, smooth: Geometry) -> Followed:
+def _with_chain_tried(asked: Question, last: Followed) -> Followed:
     """Let a chain take over from a spline, give it a few more moves, or drop it for the time being."""
-    spline = smooth.spline
+    smooth, spline = last.geometry, last.geometry.spline
     if spline is None:
         return last
     data = fit_data(asked.shape, asked.noise, spline)
-    if last.rival is None:
-        rival = settle(data, started(data, smooth))
-    else:
+    if isinstance(last.rival, Chain):
         rival = settle(data, last.rival._replace(stations=np.array(spline.route.station)))
+    else:
+        rival = settle(data, started(data, smooth))
     moved = fit_chain(data, rival, _MOVES)
     ahead = lead(data, moved, spline)
     settled = len(moved.bend) == len(rival.bend)
@@ -237,7 +264,7 @@ def _with_chain_tried(asked: Question, last: Followed, smooth: Geometry) -> Foll
     arcs, ahead = by_chain(asked.shape, data, moved), margin(data, moved, spline)
     unsure = doubt(smooth, arcs, ahead)
     if ahead > _SURE:
-        return Followed(arcs, last.index, doubt=unsure)
+        return Followed(arcs, last.index, rival=spline, doubt=unsure)
     return replace(last, rival=None, age=0, wait=_next_wait(last.wait, ahead), doubt=unsure)
 
 

@@ -233,12 +233,21 @@ def chosen(smooth: Geometry, arcs: Geometry, ahead: float) -> Geometry:
     return doubted(taken, doubt(smooth, arcs, ahead))
 
 
+def undecided(ahead: float, pieces: int) -> bool:
+    """Whether a lead is so small that the loser still counts, for a chain of so many pieces."""
+    return abs(ahead) <= _CLOSE_CALL * _blur(pieces)
+
+
+def _blur(pieces: int) -> float:
+    return 1.0 + _CLOSE_BY_JOINT * (pieces - 1)
+
+
 def doubt(smooth: Geometry, arcs: Geometry, ahead: float) -> float:
     """Return the variance of Φ that comes from not knowing which of the two is right [rad²]."""
-    scale = 1.0 + _CLOSE_BY_JOINT * (len(arcs.arcs.length) - 1)
-    if abs(ahead) > _CLOSE_CALL * scale:
+    pieces = len(arcs.arcs.length)
+    if not undecided(ahead, pieces):
         return 0.0
-    weight = 1.0 / (1.0 + math.exp(0.5 * abs(ahead) / scale))
+    weight = 1.0 / (1.0 + math.exp(0.5 * abs(ahead) / _blur(pieces)))
     gap = smooth.profile.total_angle - arcs.profile.total_angle
     return weight * gap * gap
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numba import njit
@@ -32,10 +33,11 @@ _SHORT = 8.0  # shortest pieces: one so short may be dropped whole
 _OF_A_JOINT = 3.0  # parameters: the joint and the curvature behind it
 _LATEST = 3.0  # ln n by which a simpler chain may promise to be worse and still be tried
 
+_ALL = slice(None)
 _STRAIGHTENED, _MERGED, _DROPPED = 0, 1, 2
 
 
-def fit_chain(data: Data, first: Chain, most: int = _MOST_MOVES, *, sure: bool = False) -> Chain:
+def fit_chain(data: Data, first: Chain, most: int = _MOST_MOVES) -> Chain:
     """Merge, straighten and split pieces as long as the Bayesian information criterion falls.
 
     Parameters
@@ -46,29 +48,39 @@ def fit_chain(data: Data, first: Chain, most: int = _MOST_MOVES, *, sure: bool =
         Where to start, as `settle` leaves it.
     most
         How many moves to make at most.
-    sure
-        Whether to try only what straight lines promise to lower the criterion, which costs a third.
     """
-    best, price = first, math.log(values(data))
-    latest, least = (0.0, _OF_A_JOINT * price) if sure else (_LATEST * price, price)
+    best = first
     for _ in range(most):
-        found = simpler(data, best, latest, _MOST_TRIES) or _finer(data, best, least)
+        found = simpler(data, best) or finer(data, best)
         if found is None:
             break
         best = found
     return best
 
 
-def simpler(data: Data, chain: Chain, latest: float, most: int) -> Chain | None:
-    """Try one piece straightened, dropped or merged: the best `most` that promise less than `latest`."""
+def simpler(data: Data, chain: Chain, unlikely: slice = _ALL) -> Chain | None:
+    """Try one piece straightened, dropped or merged, those first that promise most.
+
+    Parameters
+    ----------
+    data, chain
+        The points, and the chain as `settle` leaves it.
+    unlikely
+        Which ones to try of those that straight lines do not promise to help, the likeliest first.
+    """
     promise, kind, piece = _simplifications(data, chain)
-    now = criterion(data, chain)
-    for i in np.argsort(promise)[:most]:
-        if promise[i] >= latest:
-            break
+    now, latest = criterion(data, chain), _LATEST * math.log(values(data))
+    order = [i for i in np.argsort(promise)[:_MOST_TRIES] if promise[i] < latest]
+    for i in _tried(order, [bool(promise[i] < 0.0) for i in order], unlikely):
         if tried := _improved(data, _simplified(chain, int(kind[i]), int(piece[i])), now):
             return tried
     return None
+
+
+def _tried(order: Sequence[int], sure: Sequence[bool], unlikely: slice) -> list[int]:
+    """Return what is sure to be worth a trial, and some of the rest; both are in order."""
+    count = sum(sure)
+    return [*order[:count], *order[count:][unlikely]]
 
 
 def _improved(data: Data, candidate: Chain, least: float) -> Chain | None:
@@ -84,34 +96,42 @@ def _seen(data: Data, chain: Chain) -> bool:
     return len(np.unique(piece)) == len(chain.joints)
 
 
-def _finer(data: Data, chain: Chain, least: float) -> Chain | None:
-    """Try one joint more where the residuals ask for it most, and by more than `least` noise variances."""
-    k = len(chain.bend)
-    if k >= _MOST_PIECES:
+def finer(data: Data, chain: Chain, unlikely: slice = _ALL) -> Chain | None:
+    """Try one joint more where the residuals ask for it most; parameters as in `simpler`."""
+    if len(chain.bend) >= _MOST_PIECES:
         return None
     saved = _saved_by_joints(data, chain)
+    best, price = saved.max(axis=1), math.log(values(data))
     now = criterion(data, chain)
-    for j in np.argsort(-saved.max(axis=1))[:_MOST_SPLITS]:
-        cut = int(np.argmax(saved[j]))
-        if not saved[j, cut] > least:
-            break
-        where = float(chain.joints[j]) + _length(chain, int(j)) * cut / _SPLITS
+    order = [j for j in np.argsort(-best)[:_MOST_SPLITS] if best[j] > price]
+    for j in _tried(order, [bool(best[j] > _OF_A_JOINT * price) for j in order], unlikely):
+        where = float(chain.joints[j]) + _length(chain, int(j)) * int(np.argmax(saved[j])) / _SPLITS
         if tried := _improved(data, _split(chain, int(j), where), now):
             return tried
     return None
 
 
+@njit(cache=True, nogil=True)
 def slopes(data: Data, chain: Chain) -> float:
     """Return what sloping curvature in every piece would save beyond chance, in noise variances.
 
     A staircase that stands for a smooth route wants its steps to slope; true pieces do not.
     """
+    lower, unit = factor(chain.matrix, 1e-12)
     gradient, cross, own, slope = _parts(data, chain)
-    way, n = np.arange(_SPLITS) - 0.5 * (_SPLITS - 1), 2 * len(chain.bend)
-    ramp_cross = np.einsum("mjic,i->mjc", cross, way).reshape(-1, n)
-    ramp_own = np.einsum("jickld,i,l->jckd", own, way, way, optimize=True).reshape(n, n)
-    ramp_slope = np.einsum("jic,i->jc", slope, way).reshape(n)
-    saved = explained(*factor(chain.matrix, 1e-12), gradient, ramp_cross, ramp_own, ramp_slope)
+    m, n = len(gradient), 2 * len(chain.bend)
+    ramp_cross, ramp_own, ramp_slope = np.zeros((m, n)), np.zeros((n, n)), np.zeros(n)
+    for e in range(n):
+        j, c = e // 2, e % 2
+        for i in range(_SPLITS):
+            way = i - 0.5 * (_SPLITS - 1)
+            ramp_slope[e] += way * slope[j, i, c]
+            for a in range(m):
+                ramp_cross[a, e] += way * cross[a, j, i, c]
+            for f in range(n):
+                for h in range(_SPLITS):
+                    ramp_own[e, f] += way * (h - 0.5 * (_SPLITS - 1)) * own[j, i, c, f // 2, h, f % 2]
+    saved = explained(lower, unit, gradient, ramp_cross, ramp_own, ramp_slope)
     return saved / noise_variance(data, chain) - n
 
 
@@ -205,6 +225,7 @@ def _length(chain: Chain, j: int) -> float:
     return float(end - chain.joints[j])
 
 
+@njit(cache=True, nogil=True)
 def _parts(data: Data, chain: Chain) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Cut every piece into equal parts with curvatures of their own, and write the normal equations of these.
 
@@ -219,11 +240,13 @@ def _parts(data: Data, chain: Chain) -> tuple[np.ndarray, np.ndarray, np.ndarray
     slope
         Gradient of the curvatures of the parts, [k, parts, 2].
     """
-    k = len(chain.bend)
-    shape = (k, _SPLITS, 2)
-    length = np.diff(chain.joints, append=chain.stations[-1])
-    at = (chain.joints[:, None] + length[:, None] * np.arange(_SPLITS) / _SPLITS).ravel()
-    bend, curved = np.repeat(chain.bend, _SPLITS, axis=0), np.ones(k * _SPLITS, np.bool_)
+    k, n = len(chain.bend), _SPLITS * len(chain.bend)
+    at, bend, curved = np.empty(n), np.empty((n, 2)), np.ones(n, np.bool_)
+    for j in range(k):
+        end = chain.joints[j + 1] if j + 1 < k else chain.stations[-1]
+        for i in range(_SPLITS):
+            at[_SPLITS * j + i] = chain.joints[j] + (end - chain.joints[j]) * i / _SPLITS
+            bend[_SPLITS * j + i] = chain.bend[j]
     matrix, gradient, _, _ = normal_equations(
         data.points,
         data.weight,
@@ -235,24 +258,41 @@ def _parts(data: Data, chain: Chain) -> tuple[np.ndarray, np.ndarray, np.ndarray
         curved,
         data.free,
         data.told,
+        0.0,
     )
     base = first_joint_column(data.free)
-    first = base + k * _SPLITS - 1
+    first = base + n - 1
+    m = base + k - 1
+    cross, mine = np.zeros((m + 2 * chain.curved.sum(), 2 * n)), np.zeros(m + 2 * chain.curved.sum())
     # the joints inside a piece have no effect, the curvature being the same; a piece's is that of its parts
-    before = np.concatenate((np.arange(base), base + _SPLITS * np.arange(1, k) - 1))
-    own = matrix[first:, first:].reshape(shape + shape)
-    level = own[chain.curved].sum(axis=1).reshape(-1, *shape)
-    cross = np.concatenate((matrix[before, first:].reshape(-1, *shape), level))
-    slope = gradient[first:].reshape(shape)
-    mine = np.concatenate((gradient[before], slope[chain.curved].sum(axis=1).ravel()))
-    return mine, cross, own, slope
+    for row in range(m):
+        source = row if row < base else base + _SPLITS * (row - base + 1) - 1
+        mine[row] = gradient[source]
+        cross[row] = matrix[source, first:]
+    for j in range(k):
+        if chain.curved[j]:
+            for i in range(_SPLITS):
+                for c in range(2):
+                    part = first + 2 * (_SPLITS * j + i) + c
+                    mine[m + c] += gradient[part]
+                    cross[m + c] += matrix[part, first:]
+            m += 2
+    own = matrix[first:, first:].copy().reshape((k, _SPLITS, 2, k, _SPLITS, 2))
+    slope = gradient[first:].copy().reshape((k, _SPLITS, 2))
+    return mine, cross.reshape((len(mine), k, _SPLITS, 2)), own, slope
 
 
+@njit(cache=True, nogil=True)
 def _saved_by_joints(data: Data, chain: Chain) -> np.ndarray:
     """Return what a joint at each quarter of each piece [k, parts] would save, in noise variances."""
-    long = np.diff(chain.joints, append=chain.stations[-1]) >= 4 * data.gap
+    long = np.empty(len(chain.joints), np.bool_)
+    for j in range(len(long)):
+        end = chain.joints[j + 1] if j + 1 < len(long) else chain.stations[-1]
+        long[j] = end - chain.joints[j] >= 4 * data.gap
     lower, unit = factor(chain.matrix, 1e-12)
-    return _saved(lower, unit, *_parts(data, chain), chain.curved, long) / noise_variance(data, chain)
+    gradient, cross, own, slope = _parts(data, chain)
+    saved = _saved(lower, unit, gradient, cross, own, slope, chain.curved, long)
+    return saved / noise_variance(data, chain)
 
 
 @njit(cache=True, nogil=True)
