@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import json
 import math
+import os
 import selectors
 import signal
 import socket
@@ -17,7 +18,7 @@ from types import FrameType
 from pipelines.live_numbers import StatusLine
 from pipelines.live_session import Beside, Session
 from pipelines.live_warm import warm_up
-from pipelines.live_workers import Allowance, Artist, Keeper, Worker, await_ready, finished
+from pipelines.live_workers import Allowance, Artists, Keeper, Worker, await_ready, finished
 from pipelines.work import Options
 from tssgeom.io.network.addresses import Access, Endpoint
 from tssgeom.io.network.channel import READ, Pipe
@@ -40,6 +41,8 @@ class Stream:
     access: Access
     stale_after: float
     """Time without a good frame after which that is said [s]."""
+    spin: bool
+    """Whether to await the next frame without sleep while frames come fast, which takes a core."""
     stats: bool
     """Whether the numbers are told once a second as JSON on stderr."""
     state: Path | None = None
@@ -69,6 +72,7 @@ def run(stream: Stream, chosen: Options) -> int:
             [_sink(one, selector, stream.access, tell) for one in stream.sinks],
             stream.stale_after,
             lambda: None,
+            spin=stream.spin and (os.cpu_count() or 1) > 1,
         )
         state = read_state(stream.state) if stream.state is not None and stream.state.exists() else None
         if state is not None and math.isfinite(state.time):
@@ -100,13 +104,15 @@ def _besides(
     besides = list[Beside]()
     if stream.state is not None:
         besides.append(Keeper(Worker(selector, "save", str(stream.state), tell)))
+    artists = list[tuple[Worker, Allowance]]()
     if stream.record is not None:
-        worker = Worker(selector, "record", str(stream.record), tell)
-        besides.append(Artist(worker, Allowance(*_RECORDED)))
+        artists.append((Worker(selector, "record", str(stream.record), tell), Allowance(*_RECORDED)))
     if stream.view_port is not None:
-        worker = Worker(selector, "view", str(stream.view_port), tell)
-        besides.append(Artist(worker, Allowance(*_VIEWED)))
-    return besides, [one.worker for one in besides if isinstance(one, Artist | Keeper)]
+        artists.append((Worker(selector, "view", str(stream.view_port), tell), Allowance(*_VIEWED)))
+    if artists:
+        besides.append(Artists(artists))
+    keepers = [one.worker for one in besides if isinstance(one, Keeper)]
+    return besides, [*keepers, *(worker for worker, _ in artists)]
 
 
 def _addresses(session: Session, workers: Sequence[Worker]) -> str:

@@ -5,9 +5,13 @@ from __future__ import annotations
 import copyreg
 import io
 import pickle
+import struct
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
+
+_LENGTH = struct.Struct("!I")  # of a message in bytes, before it
 
 
 def unpacked_array(data: bytes, kind: str, shape: tuple[int, ...]) -> np.ndarray:
@@ -26,7 +30,19 @@ class _Packer(pickle.Pickler):
 
 
 def packed(kind: str, content: object) -> bytes:
-    """Pack one message, to be unpacked by `pickle.loads`."""
+    """Pack one message, to be taken out by `unpacked`."""
     file = io.BytesIO()
+    file.seek(_LENGTH.size)
     _Packer(file, pickle.HIGHEST_PROTOCOL).dump((kind, content))
+    file.seek(0)
+    file.write(_LENGTH.pack(len(file.getbuffer()) - _LENGTH.size))
     return file.getvalue()
+
+
+def unpacked(data: bytearray) -> Iterator[tuple[str, Any]]:
+    """Take all whole messages out of what has come from the parent process, and from nobody else."""
+    while len(data) >= _LENGTH.size and len(data) >= (end := _LENGTH.size + _LENGTH.unpack_from(data)[0]):
+        with memoryview(data) as view:
+            message = pickle.loads(view[_LENGTH.size : end])
+        del data[:end]
+        yield message

@@ -30,6 +30,10 @@ def live(
     stale_after: Annotated[
         float, typer.Option("--stale-after", min=0.001, help="Silence after which a stale line is sent [s].")
     ] = 0.2,
+    spin: Annotated[
+        bool,
+        typer.Option(help="Above 500 frames a second, await the next without sleep: that takes a core."),
+    ] = True,
     stats: Annotated[
         bool, typer.Option("--stats", help="Tell the numbers each second as JSON on stderr.")
     ] = False,
@@ -59,6 +63,7 @@ def live(
         sinks=[sink_of(one) for one in sink or ["-"]],
         access=access(allow_remote=allow_remote, token_file=token_file),
         stale_after=stale_after,
+        spin=spin,
         stats=stats,
         state=state,
         record=record,

@@ -20,6 +20,9 @@ from tssgeom.stream import Frame, FrameResult, Rejected
 TICK = 1.0
 """Time from one round of housekeeping to the next [s]."""
 _LEAST, _MOST = 1e-3, 60.0  # s that pass from the last frame of one clock to the first of another
+_SOON = 2e-3
+"""Time between frames up to which the next one is awaited without sleep [s]."""
+_SMOOTHED = 16  # frames over which that time is taken
 _FLUSH = 1.0  # s in which sinks may take what still waits for them at the end
 
 
@@ -47,6 +50,8 @@ class Session:
     """Time without a good frame after which that is said [s]."""
     ticked: Callable[[], object]
     """Called once a second."""
+    spin: bool = False
+    """Whether to await the next frame without sleep while frames come fast."""
     besides: Sequence[Beside] = ()
     """Who takes in answered frames beside the sinks."""
     time: float = -math.inf
@@ -59,6 +64,8 @@ class Session:
     _answered: float = field(default_factory=monotonic)
     """When the last good frame was answered [s]; before the first one, when the session began."""
     _next_tick: float = 0.0
+    _gap: float = math.inf
+    """Time between frames, as it was of late [s]."""
 
     def frames(self) -> Iterator[Frame]:
         """Yield the newest good frame when the last one has been answered, until all sources end."""
@@ -72,6 +79,7 @@ class Session:
                 continue
             arrival = self.mailbox.newest()
             if arrival.frame is not None:
+                self._note_gap(arrival)
                 self._present = arrival
                 yield self._in_stream_time(arrival.frame, arrival.clock)
             for rejected in arrival.rejected:
@@ -87,6 +95,11 @@ class Session:
             clock.ahead = self.time + passed - frame.time
         self.time = frame.time + clock.ahead
         return frame if clock.ahead == 0.0 else replace(frame, time=self.time)
+
+    def _note_gap(self, arrival: Arrival) -> None:
+        if self._present is not None:
+            gap = min(1e-9 * (arrival.arrived - self._present.arrived), 1.0)
+            self._gap = gap if math.isinf(self._gap) else self._gap + (gap - self._gap) / _SMOOTHED
 
     def answer(self, result: FrameResult | Rejected) -> None:
         """Tell all sinks what the engine made of the frame that was yielded last."""
@@ -152,8 +165,17 @@ class Session:
         return due
 
     def _call_back(self, timeout: float) -> None:
-        for key, events in self.selector.select(timeout):
+        for key, events in self._heard_from(timeout):
             key.data(events)
+
+    def _heard_from(self, timeout: float) -> list[tuple[selectors.SelectorKey, int]]:
+        """Wait for peers; without sleep where the next frame is due soon, as to be woken takes time."""
+        if timeout > 0.0 and self.spin and self._gap < _SOON:
+            end = monotonic() + min(timeout, _SOON)
+            while monotonic() < end:
+                if ready := self.selector.select(0.0):
+                    return ready
+        return self.selector.select(timeout)
 
     def _say_stale(self, now: float) -> None:
         arrival = self._present

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from pipelines.background import keep_back
 from pipelines.live_messages import packed
-from pipelines.live_worker import LENGTH
 from tssgeom.errors import SourceError
 from tssgeom.io.network.channel import Channel
 from tssgeom.stream import FrameResult
@@ -25,6 +25,7 @@ from tssgeom.view.drawn import lean, numbers_of
 _START_LIMIT = 60.0  # s in which a process has to be ready
 _END_LIMIT = 30.0  # s in which it has to finish
 _BACKLOG = 1 << 23  # bytes that wait for a process at most
+_BEHIND = 1 << 18  # bytes that wait for a process which falls behind
 _STATES = 5.0  # per second, saved at most
 _NUMBERS = 0.05  # s of numbers in one message
 
@@ -55,15 +56,22 @@ class Worker:
         self.role, self.address = role, ""
         self.ready, self.failure, self.ended = False, "", False
         self.lost = 0
+        self._kept_back, self._may_wait = False, role != "save"
         self._tell, self._said = tell, b""
         self._channel = Channel(selector, ours, self._heard, self._gone, _BACKLOG)
 
-    def offer(self, kind: str, content: object) -> None:
+    def offer(self, message: bytes) -> None:
         """Send a message if there is room for it; otherwise it is lost, and counted."""
         if self.ended:
             return
-        data = packed(kind, content)
-        self.lost += not self._channel.send(LENGTH.pack(len(data)) + data)
+        self.lost += not self._channel.send(message)
+        self.keep_back(self._channel.waiting < (_BEHIND if self._kept_back else 1))
+
+    def keep_back(self, wanted: bool) -> None:
+        """Let it run only where a core is idle, or as any other."""
+        if self._may_wait and wanted != self._kept_back:
+            self._kept_back = wanted
+            keep_back(self._process.pid, wanted)
 
     @property
     def waiting(self) -> bool:
@@ -72,6 +80,7 @@ class Worker:
 
     def hang_up(self) -> None:
         """Let it finish: no message follows."""
+        self.keep_back(False)
         if self._channel.open:
             self._channel.sock.shutdown(socket.SHUT_WR)
 
@@ -127,25 +136,23 @@ class Allowance:
 
 
 @dataclass(slots=True)
-class Artist:
-    """A worker that draws: numbers of every frame, and as many pictures as it is allowed."""
+class Artists:
+    """Workers that draw: numbers of every frame, and as many pictures as each is allowed."""
 
-    worker: Worker
-    allowance: Allowance
-    skipped: int = 0
-    """Frames without a picture."""
+    workers: Sequence[tuple[Worker, Allowance]]
+    """Those who are allowed more first: the others get some of the same pictures."""
     _numbers: list[tuple[float, ...]] = field(default_factory=list)
     _due: float = 0.0
 
     def take(self, result: FrameResult, now: float) -> None:
         """Take in an answered frame."""
-        if self.worker.ended:
-            return
         self._numbers.append((result.frame.time, *numbers_of(result)))
-        if self.allowance.granted(now):
-            self.worker.offer("picture", lean(result))
-        else:
-            self.skipped += 1
+        chosen = list[Worker]()
+        for worker, allowance in self.workers:
+            if not allowance.granted(now):
+                break
+            chosen.append(worker)
+        _offer(chosen, "picture", lean(result))
         if now >= self._due:
             self.flush()
             self._due = now + _NUMBERS
@@ -153,7 +160,7 @@ class Artist:
     def flush(self) -> None:
         """Send the numbers that have come together."""
         if self._numbers:
-            self.worker.offer("numbers", np.array(self._numbers))
+            _offer([worker for worker, _ in self.workers], "numbers", np.array(self._numbers))
             self._numbers.clear()
 
 
@@ -175,8 +182,16 @@ class Keeper:
     def flush(self) -> None:
         """Send the newest state."""
         if self._newest is not None:
-            self.worker.offer("state", self._newest)
+            _offer([self.worker], "state", self._newest)
             self._newest = None
+
+
+def _offer(workers: Sequence[Worker], kind: str, content: object) -> None:
+    """Offer one message to all of them, packed once."""
+    if any(not worker.ended for worker in workers):
+        message = packed(kind, content)
+        for worker in workers:
+            worker.offer(message)
 
 
 def await_ready(selector: selectors.BaseSelector, workers: Sequence[Worker]) -> None:

@@ -101,6 +101,8 @@ def _send_piece_lines(sender: Sender, entity: str, strips: Vector, pieces: Seque
 
 def send_axes(sender: Sender, entity: str, chart: Chart) -> None:
     """Draw the grid of a chart and the numbers along its axes."""
+    if not sender.repeats:
+        return
     grid = rr.LineStrips2D(chart.grid(), colors=[colours.GRID], radii=rr.Radius.ui_points(0.6), draw_order=1)
     sender.constant(f"{entity}/grid", grid)
     places, texts = chart.numbers()
@@ -112,6 +114,8 @@ def send_axes(sender: Sender, entity: str, chart: Chart) -> None:
 
 def _send_colour_bar(sender: Sender, chart: Chart) -> None:
     """Draw the bar of colours along the tension axis, so that its numbers are the bar's too."""
+    if not sender.repeats:
+        return
     edges = np.linspace(0.0, chart.y.top, _BAR_STEPS + 1)
     line = chart.place(0.0, edges) - [0.32 * chart.box.text, 0.0]
     bar = rr.LineStrips2D(

@@ -41,6 +41,8 @@ def send_space(sender: Sender, run: Run, lumen: trimesh.Trimesh | None) -> None:
 
 def send_piece_names(sender: Sender, pieces: Sequence[Arcs]) -> None:
     """Give every piece its name and colour; they hold for the whole recording."""
+    if not sender.repeats:
+        return
     most = max(len(arcs.length) for arcs in pieces)
     names = [(number, f"piece {number + 1}", colours.piece_rgb(number)) for number in range(most)]
     sender.constant("/", rr.AnnotationContext(names))
@@ -48,6 +50,8 @@ def send_piece_names(sender: Sender, pieces: Sequence[Arcs]) -> None:
 
 def send_scale_bar(sender: Sender, seen: Camera) -> None:
     """Draw a bar of a plain length below the route."""
+    if not sender.repeats:
+        return
     bar, text = seen.scale_bar(seen.room_below)
     sender.constant("scale", rr.LineStrips3D([bar], colors=[colours.AXIS], radii=rr.Radius.ui_points(1.5)))
     label = rr.Points3D(
