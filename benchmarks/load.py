@@ -3,7 +3,7 @@
     python -m benchmarks.load [--quick] [--minutes M] [--rate HZ] [--points N] [--faults-only] [--markdown]
 
 The route is seven pieces that sway, the noise half a millimetre and not told; the tension pulls and releases.
-A frame's latency runs from when its last byte was sent to when the first byte of its answer arrived. `--view`
+A frame's latency runs from just before it was sent to when the first byte of its answer arrived. `--view`
 and `--record` are on, as said in each row. The load of the machine is told, since what else runs on it is
 seen in every number. The faults end with exit status 1 where one of them is not borne.
 """

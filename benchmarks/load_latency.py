@@ -1,4 +1,7 @@
-"""Latency of a stream, from the last byte of a frame sent to the first byte of its answer received."""
+"""Latency of a stream, from just before a frame is sent to when the first byte of its answer is received.
+
+A time after the sending would not do: on a shared core the answer may be there before the sender goes on.
+"""
 
 from __future__ import annotations
 
@@ -96,8 +99,8 @@ def paced(stream: Live, lines: Sequence[bytes], rate: float, count: int) -> Late
         line = _numbered(lines[i % len(lines)], i / rate, i)
         while (left := begin + i / rate - perf_counter()) > 0:
             peer.listen(left)
-        peer.source.sendall(line)
         sent[i] = perf_counter()
+        peer.source.sendall(line)
     seconds = perf_counter() - begin
     end = perf_counter() + _AFTER
     while count - 1 not in peer.answers and perf_counter() < end:
@@ -114,8 +117,9 @@ def flooded(stream: Live, lines: Sequence[bytes], seconds: float) -> Latencies:
     begin = perf_counter()
     while perf_counter() < begin + seconds:
         i = len(sent)
-        peer.source.sendall(_numbered(lines[i % len(lines)], 1e-3 * i, i))
+        line = _numbered(lines[i % len(lines)], 1e-3 * i, i)
         sent.append(perf_counter())
+        peer.source.sendall(line)
         while i not in peer.answers:
             peer.listen(PATIENCE)
     peer.close()
