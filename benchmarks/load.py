@@ -36,7 +36,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the benchmark and return the exit code."""
     options = _options(arguments)
     begin = time.perf_counter()
-    print(f"{machine()}; load {os.getloadavg()[0]:.1f} before the start")
+    print(machine())
     if not options.faults_only:
         print(f"\n== latency [ms], {options.points} points, {options.rate:g} frames/s ({_TARGETS})\n")
         print(_latency_table(options), flush=True)

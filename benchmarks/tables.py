@@ -6,7 +6,9 @@ import math
 import os
 import platform
 from collections.abc import Sequence
+from contextlib import suppress
 from importlib.metadata import version
+from pathlib import Path
 
 ABSENT = "—"
 
@@ -18,8 +20,17 @@ def machine() -> str:
     except OSError:
         load = ""
     packages = ", ".join(f"{name} {version(name)}" for name in ("numpy", "scipy", "numba"))
-    system = f"{platform.system()} {platform.machine()}"
-    return f"machine: {system}, {os.cpu_count()} cores{load}, Python {platform.python_version()}, {packages}"
+    system = f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores ({_processor()})"
+    return f"machine: {system}{load}, Python {platform.python_version()}, {packages}"
+
+
+def _processor() -> str:
+    """Return the make of the processor, as far as the system tells it."""
+    with suppress(OSError):
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+        told = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+        return told[0] if told else "unknown processor"
+    return platform.processor() or "unknown processor"
 
 
 def number(value: float, digits: int = 3) -> str:
