@@ -36,6 +36,9 @@ COMMANDS = "tests/tendon/effects/test_commands.py -k place_of_the_load"
 ARCS = "tests/shape/test_arcs.py -k 'partition or parallel or given'"
 DIRECTIONS = "tests/shape/test_directions.py -k 'refused or flipped'"
 TABLES = "tests/io/test_tables_of_points.py"
+CHAIN = "tests/shape/test_chain.py -k 'finite_differences or feet or carried or right_angles'"
+DRIVE = "tests/discrepancy/test_parts.py -k"
+LEGS = "tests/tendon/test_calibration.py -k 'monotone or flatter'"
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,6 +215,59 @@ MUTANTS = (
         "return None if self.noise_mm is None else 1e-3 * self.noise_mm",
         "return self.noise_mm",
         "tests/test_settings.py",
+    ),
+    # the chain of arcs
+    Mutant(
+        "tssgeom/shape/chain/equations.py",
+        "theta[i] = d0 * frame[j, 2, i] - d1 * frame[j, 1, i]",
+        "theta[i] = d0 * frame[j, 2, i] + d1 * frame[j, 1, i]",
+        CHAIN,
+    ),
+    Mutant(
+        "tssgeom/shape/chain/equations.py",
+        "sign = 1.0 if part == 2 else -1.0",
+        "sign = 1.0",
+        CHAIN,
+    ),
+    Mutant("tssgeom/shape/chain/places.py", "b = (1 - cos) / q", "b = (1 + cos) / q", CHAIN),
+    Mutant("tssgeom/shape/chain/dense.py", "value -= lower[a, c] * half[i, c]", "pass", CHAIN),
+    Mutant(
+        "tssgeom/shape/chain/fit.py",
+        "bow = unit[c] * ahead - axes[i, c]",
+        "bow = unit[c] * ahead + axes[i, c]",
+        CHAIN,
+    ),
+    Mutant(
+        "tssgeom/shape/chain/account.py",
+        "slide[a] -= tangent[c] * moved",
+        "slide[a] += tangent[c] * moved",
+        CHAIN,
+    ),
+    # what drives, and what is read
+    Mutant(
+        "tssgeom/tendon/turning.py",
+        "return 1.4826 * float(np.median(off))",
+        "return float(np.median(off))",
+        f"{DRIVE} sine",
+    ),
+    Mutant("tssgeom/tendon/turning.py", "_THROUGH = (3, 5, 7)", "_THROUGH = (3,)", DRIVE),
+    Mutant(
+        "tssgeom/tendon/turning.py",
+        "min(sides, key=lambda side: abs(side[1]))",
+        "max(sides, key=lambda side: abs(side[1]))",
+        LEGS,
+    ),
+    Mutant(
+        "tssgeom/tendon/run_drive.py",
+        "told = _rounded(when, drive, turns, k, noise) if k < len(turns) - 1 else None",
+        "told = None",
+        f"{DRIVE} sine",
+    ),
+    Mutant(
+        "tssgeom/discrepancy/readings.py",
+        "over = np.abs(out) >= told.full_scale",
+        "over = np.abs(out) > 2.0 * told.full_scale",
+        f"{DRIVE} round_turn",
     ),
     # units and order at the boundary
     Mutant("tssgeom/io/units.py", '"mm": 1000.0', '"mm": 100.0', TABLES),

@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
+from tssgeom.shape.chain.account import slide_of_end
 from tssgeom.shape.chain.dense import carried, factor
 from tssgeom.shape.chain.equations import normal_equations
+from tssgeom.shape.chain.fit import Chain, Data, settle
 from tssgeom.shape.chain.places import along, off_chain
 from tssgeom.shape.geometry import measure
 from tssgeom.shape.points import clean
@@ -192,6 +194,42 @@ def test_the_error_of_the_length_holds_what_the_turned_end_adds(sensed):
         k = len(arcs.length)
         off.append((arcs.total_length - SIX.total_length) / np.sqrt(arcs.covariance[:k, :k].sum()))
     assert 0.75 < np.sqrt(np.mean(np.square(off))) < 1.3  # chance of 40 draws: 0.78 to 1.22 in 95 of 100
+
+
+def _chain(start, axes, joints, bend, stations):
+    nothing = np.zeros((0, 0))
+    return Chain(start, axes, joints, bend, CURVED, stations, nothing, 0.0, np.zeros(len(stations)))
+
+
+def test_the_foot_of_the_last_point_slides_as_finite_differences_say(start):
+    """A parameter that carries the end of the chain forwards leaves the foot behind."""
+    end, step = 0.4, 1e-6
+    point = along(np.array([end]), *start, JOINTS, BEND)[0][0]
+    found = slide_of_end(_chain(*start, JOINTS, BEND, np.array([0.0, end])))
+
+    def foot(values):
+        moved, s = _moved(values, start, True), end
+        for _ in range(5):
+            place, tangent, _ = along(np.array([s]), *moved)
+            s -= float((place[0] - point) @ tangent[0])
+        return s
+
+    for a in range(len(found)):
+        way = np.zeros(len(found))
+        way[a] = step
+        # second differences of the foot are some units of the parameters
+        assert found[a] == pytest.approx((foot(way) - foot(-way)) / (2 * step), rel=1e-5, abs=1e-7)
+
+
+def test_a_chain_that_has_turned_far_keeps_its_axes_at_right_angles(start):
+    place, axes = start
+    s = np.linspace(0.0, 0.4, 60)
+    points = along(s, place, axes, JOINTS, BEND)[0]
+    astray = _chain(place, _turned(axes, 0.3 * axes[1]), JOINTS, BEND, s)
+    data = Data(points, np.ones(60), False, 0.0, 0.4 / 60)
+    found = settle(data, astray)
+    assert found.cost < 1e-12  # exact points are met
+    np.testing.assert_allclose(found.axes @ found.axes.T, np.eye(3), atol=1e-12)  # rounding
 
 
 def test_a_covariance_is_carried_to_what_follows_from_the_parameters():

@@ -117,6 +117,14 @@ def test_the_drive_between_turns_is_monotone_and_its_peak_is_not_that_of_the_noi
     assert abs(np.mean(peaks)) < 3 * 0.05 / math.sqrt(20) + 0.02
 
 
+def test_a_turn_is_told_by_its_flatter_side():
+    place = np.arange(120.0)
+    drive = np.where(place < 90.4, 5.0 + 0.02 * place, 5.0 + 0.02 * 90.4 - 0.5 * (place - 90.4))
+    (found,) = legs(drive).turn_values
+    # the flatter side is off by what it rises in a part of a step; the other by some 0.2 N
+    assert found == pytest.approx(5.0 + 0.02 * 90.4, abs=0.02)
+
+
 def test_the_paper_s_rig_is_found_from_a_rig_that_is_twice_off():
     """Section III-B: μ = 0.145, ρ = 3.16e-4 /N, and 1.69 mm of elongation beyond the model above 4 N."""
     tension, rng = TENSION, np.random.default_rng(5)

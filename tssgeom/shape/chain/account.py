@@ -113,7 +113,7 @@ def _pieces(data: Data, chain: Chain) -> tuple[np.ndarray, np.ndarray, float]:
         if j + 1 < k:
             gradient[j, joint + j + 1], gradient[k + j, joint + j + 1] = 1.0, kappa
         if j == k - 1 and data.free:
-            slide = _slide_of_end(chain)
+            slide = slide_of_end(chain)
             for a in range(m):
                 gradient[j, a] += slide[a]
                 gradient[k + j, a] += kappa * slide[a]
@@ -195,7 +195,7 @@ def _written_out(data: Data, chain: Chain) -> tuple[np.ndarray, np.ndarray]:
 
 
 @njit(cache=True, nogil=True)
-def _slide_of_end(chain: Chain) -> np.ndarray:
+def slide_of_end(chain: Chain) -> np.ndarray:
     """How the foot of the last point moves along the chain with each parameter [m]; docs/model.md (31).
 
     A parameter that carries the end forwards leaves the point behind it.
