@@ -14,13 +14,15 @@ import numpy as np
 _LENGTH = struct.Struct("!I")  # of a message in bytes, before it
 
 
-def unpacked_array(data: bytes, kind: str, shape: tuple[int, ...]) -> np.ndarray:
-    """Return an array from its bytes, type and shape; it refuses writes, as do those of results."""
+def unpacked_array(data: bytes | bytearray, kind: str, shape: tuple[int, ...]) -> np.ndarray:
+    """Return an array from its bytes, type and shape; it refuses writes unless they are a bytearray."""
     return np.frombuffer(data, kind).reshape(shape)
 
 
 def _array(array: np.ndarray) -> tuple[Any, ...]:
-    return unpacked_array, (array.tobytes(), array.dtype.str, array.shape)
+    """Say how to make an array anew, as it is: for one that refuses writes, kernels are compiled anew."""
+    data = bytearray(array.tobytes()) if array.flags.writeable else array.tobytes()
+    return unpacked_array, (data, array.dtype.str, array.shape)
 
 
 class _Packer(pickle.Pickler):

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tssgeom.arrays import read_only
 from tssgeom.shape.chain.account import slide_of_end
 from tssgeom.shape.chain.dense import carried, factor
 from tssgeom.shape.chain.equations import normal_equations
@@ -57,7 +58,7 @@ def test_normal_equations_are_those_of_finite_differences(start, free):
     s = np.sort(rng.uniform(0, 0.4, 60))
     m = (2 if free else 3) + 2 + 3 + 6
     here, tangent, _ = along(s, *_moved(np.zeros(m), start, free))
-    points = here + 1e-3 * rng.normal(size=(60, 3))
+    points = read_only(here + 1e-3 * rng.normal(size=(60, 3)))
     weight = rng.uniform(0.5, 2.0, 60)
     jacobian = np.empty((60, 3, m))
     for i in range(m):
@@ -67,7 +68,7 @@ def test_normal_equations_are_those_of_finite_differences(start, free):
     across = np.eye(3) - (tangent[:, :, None] * tangent[:, None, :] if free else 0.0)
     metric = across * weight[:, None, None] if free else np.eye(3) * weight[:, None, None]
     given = (points, weight, s, *start, JOINTS, BEND, CURVED, free)
-    matrix, gradient, cost, square = normal_equations(*given)
+    matrix, gradient, cost, square = normal_equations(*given, None, 0.0)
     expected = np.einsum("nia,nij,njb->ab", jacobian, metric, jacobian)
     scale = np.sqrt(np.diag(expected))
     # central differences with a step of 1e-6 are good to 1e-9 of curvatures up to 20/m
@@ -94,9 +95,9 @@ def test_rows_of_directions_are_those_of_finite_differences(start, free):
         jacobian[:, :, i] = (ahead - behind) / 2e-6
     metric = (np.eye(3) - tangent[:, :, None] * tangent[:, None, :]) * heft[:, None, None]
     # points on the chain have no residual; their share is taken off again
-    given = (here, np.ones(60), s, *start, JOINTS, BEND, CURVED, free)
-    without, level, _, _ = normal_equations(*given)
-    matrix, gradient, cost, _ = normal_equations(*given, (aim, heft, heft))
+    given = (read_only(here), np.ones(60), s, *start, JOINTS, BEND, CURVED, free)
+    without, level, _, _ = normal_equations(*given, None, 0.0)
+    matrix, gradient, cost, _ = normal_equations(*given, (aim, heft, heft), 0.0)
     expected = np.einsum("nia,nij,njb->ab", jacobian, metric, jacobian)
     # central differences with a step of 1e-6 are good to 1e-9 of curvatures up to 20/m
     size = np.abs(expected).max()
@@ -112,7 +113,7 @@ def test_feet_are_where_the_distance_is_least(start):
     rng = np.random.default_rng(2)
     s = np.linspace(0.02, 0.38, 40)
     x, _, _ = along(s, *start, JOINTS, BEND)
-    points = x + 2e-3 * rng.normal(size=(40, 3))
+    points = read_only(x + 2e-3 * rng.normal(size=(40, 3)))
     foot = s.copy()
     for _ in range(6):
         normal_equations(points, np.ones(40), foot, *start, JOINTS, BEND, CURVED, True, None, 0.01)

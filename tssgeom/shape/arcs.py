@@ -140,7 +140,11 @@ def normals(tangent: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     first[np.argmin(np.abs(tangent))] = 1.0
     first -= np.dot(first, tangent) * tangent
     first /= np.linalg.norm(first)
-    return first, np.cross(tangent, first)
+    second = np.empty(3)
+    for c in range(3):
+        d, e = (c + 1) % 3, (c + 2) % 3
+        second[c] = tangent[d] * first[e] - tangent[e] * first[d]
+    return first, second
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -185,7 +189,8 @@ def best_partition(value: np.ndarray, weight: np.ndarray, penalty: float) -> np.
     mass, first, square = np.zeros(n + 1), np.zeros((n + 1, 2)), np.zeros(n + 1)
     for i in range(n):
         mass[i + 1] = mass[i] + weight[i]
-        first[i + 1] = first[i] + weight[i] * value[i]
+        for c in range(2):
+            first[i + 1, c] = first[i, c] + weight[i] * value[i, c]
         square[i + 1] = square[i] + weight[i] * (value[i, 0] ** 2 + value[i, 1] ** 2)
     cost, begin = np.zeros(n + 1), np.zeros(n + 1, dtype=np.int64)
     cost[0] = -penalty

@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numba import njit
 
+from tssgeom.shape.median import median
 from tssgeom.shape.stations import isotonic
 
 SHARPEST = 1.5  # turn from point to point that the prior follows [rad]
@@ -139,7 +140,7 @@ def stray_points(
         sizes[used] = size[i]
         used += 1
     stray = np.zeros(n, dtype=np.bool_)
-    scale = max(np.median(sizes[:used]) / 1.177, math.sqrt(variance), _EXACT)
+    scale = max(median(sizes[:used]) / 1.177, math.sqrt(variance), _EXACT)
     beyond_chance = scale * math.sqrt(16.0 + 2.0 * math.log(n))
     sharpest = min(math.sqrt(sharpest), _SHARPEST_BELIEVED)
     count = 0

@@ -69,7 +69,7 @@ def clean(
         points that are not in order along the route; directions that are no unit vectors or run backwards; a
         length that is not positive.
     """
-    points = np.ascontiguousarray(points, dtype=np.float64)
+    points = read_only(points)
     if points.ndim != 2 or points.shape[1] != 3:
         raise ShapeError(f"points have shape {points.shape}: give one row of x, y, z for each point")
     known = _checked_stations(points, stations)
@@ -185,7 +185,7 @@ def _usable(points: Points, known: Vector | None) -> tuple[np.ndarray, tuple[str
 def _checked_stations(points: Points, stations: Vector | None) -> Vector | None:
     if stations is None:
         return None
-    known = np.asarray(stations, dtype=np.float64)
+    known = read_only(stations)
     if known.shape != (len(points),):
         raise ShapeError(f"{known.size} stations for {len(points)} points: give one station for each point")
     if _increasing(known):

@@ -137,7 +137,9 @@ def smooth(
     n = len(u)
     m = np.empty((n, 3, 4))
     covariance, ahead = np.empty((n, 10)), np.empty((n, 10))
-    m[0] = start
+    for c in range(3):
+        for j in range(4):
+            m[0, c, j] = start[c, j]
     p = at_start(ends, ratio)
     for i in range(n):
         if i > 0:

@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 
 from tssgeom.arrays import Points, Vector
+from tssgeom.shape.median import median
 
 
 @njit(cache=True, nogil=True)
@@ -60,4 +61,4 @@ def mean_spacing(points: np.ndarray) -> float:
         step[i] = np.sqrt(square)
     for c in range(3):
         chord += (points[n, c] - points[0, c]) ** 2
-    return max(np.median(step), np.sqrt(chord) / n)
+    return max(median(step), np.sqrt(chord) / n)

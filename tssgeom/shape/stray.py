@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from typing import cast
 
 import numpy as np
 from numba import njit
 from scipy.spatial import KDTree
 
-from tssgeom.arrays import Points, Vector
+from tssgeom.arrays import Points, Vector, read_only
+from tssgeom.shape.median import median
 
 FEWEST = 8
 """Fewest points whose order, and whose place among their neighbours, can be judged."""
@@ -24,20 +26,21 @@ _MOST_STRAY = 0.1  # of all points: where more are off, the trouble is another
 _WILD = 0.9  # of the spread of all points: steps typically longer wander
 _LEAP = (10.0, 0.4)  # typical steps, and of the spread: a longer step leaps
 _MAX_LEAPS = 20
+_NONE = cast(int, np.int64(-1))  # no literal, for which a kernel would be compiled once more
 _NEIGHBOURS = 5  # so near in the sequence, points are near in space too
 
 
 def stray(points: Points) -> np.ndarray:
     """Mark points [n] that stand off the curve through their neighbours by more than a spacing."""
     n = len(points)
-    mark, index, kept = np.zeros(n, np.bool_), np.arange(n), points
+    mark, index, kept = np.zeros(n, np.bool_), np.arange(n), read_only(points)
     for _ in range(max(1, n // 6)):
         off = worst(kept) if len(kept) >= FEWEST else -1
         if off < 0:
             break
         mark[index[off]] = True
         index = np.delete(index, off)
-        kept = points[index]
+        kept = read_only(points[index])
     if mark.any():
         _unmark_long_runs(mark)
         _unmark_ends(points, mark)
@@ -72,14 +75,14 @@ def _unmark_ends(points: Points, mark: np.ndarray) -> None:
 @njit(cache=True, nogil=True)
 def worst(p: np.ndarray) -> int:
     """Return the point that is off most beyond doubt, the ends first; -1 if there is none."""
-    return _worst(p, np.median(_lengths(p)))
+    return _worst(p, median(_lengths(p)))
 
 
 @njit(cache=True, nogil=True)
 def well_behaved(p: np.ndarray) -> bool:
     """Whether a few bounds tell that the points are in order and none is off; false where they do not."""
     steps = _lengths(p)
-    spacing = np.median(steps)
+    spacing = median(steps)
     if np.max(steps) > _LEAP[0] * spacing or not _wide(p, spacing / _WILD):
         return False
     return _worst(p, spacing) < 0
@@ -133,16 +136,19 @@ def _worst(p: np.ndarray, spacing: float) -> int:
 def _typical(p: np.ndarray) -> float:
     """Median over the route of how far five points lie from a parabola [m]."""
     every = 1 + len(p) // 20
-    windows = np.empty((len(p) - 5) // every + 1)
+    windows, window = np.empty((len(p) - 5) // every + 1), np.empty((5, 3))
     for w in range(len(windows)):
-        windows[w] = _off_parabola(p, w * every, w * every + 5, -1)
-    return np.median(windows)
+        for i in range(5):
+            for c in range(3):
+                window[i, c] = p[w * every + i, c]
+        windows[w] = _off_parabola(window, _NONE)
+    return median(windows)
 
 
 @njit(cache=True, nogil=True)
 def _smooth_end(p: np.ndarray, spacing: float) -> bool:
     """Whether no end point would be doubted, whatever is typical of the route."""
-    return _off_parabola(p, 0, 5, -1) <= _END_OFF * spacing and _off_direction(p, spacing) <= 0.0
+    return _off_parabola(p[:5], _NONE) <= _END_OFF * spacing and _off_direction(p, spacing) <= 0.0
 
 
 @njit(cache=True, nogil=True)
@@ -169,7 +175,7 @@ def _worst_inside(p: np.ndarray, spacing: float) -> int:
         square = min(square, _off_line(p[i], after, 2.0, farther, -1.0, farther, after))
         size[i - 2] = max(math.sqrt(square), _backwards(before, p[i], after))
     most = int(np.argmax(size))
-    return most + 2 if size[most] > max(_OFF * np.median(size), spacing) else -1
+    return most + 2 if size[most] > max(_OFF * median(size), spacing) else -1
 
 
 @njit(cache=True, nogil=True)
@@ -213,11 +219,11 @@ def _backwards(before: np.ndarray, here: np.ndarray, after: np.ndarray) -> float
 @njit(cache=True, nogil=True)
 def _worst_of_end(p: np.ndarray, spacing: float, typical: float) -> int:
     """Return which of the first three points keeps the others from lying on a parabola, or -1."""
-    whole = _off_parabola(p, 0, 5, -1)
+    whole = _off_parabola(p[:5], _NONE)
     if whole > max(_OFF * typical, _END_OFF * spacing):
         best, least = -1, _END_BETTER * whole
         for i in range(3):
-            off = _off_parabola(p, 0, 6, i)
+            off = _off_parabola(p, i)
             if off < least:
                 best, least = i, off
         if best >= 0:
@@ -240,14 +246,14 @@ def _off_direction(p: np.ndarray, spacing: float) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _off_parabola(p: np.ndarray, begin: int, end: int, without: int) -> float:
-    """Root mean square distance of points begin to end from their parabola over chord length [m].
+def _off_parabola(p: np.ndarray, without: int) -> float:
+    """Root mean square distance of points from their parabola over chord length [m].
 
     `without` is a point to leave out, or -1.
     """
-    n, k, last = end - begin - (1 if without >= 0 else 0), 0, -1
+    n, k, last = len(p) - (1 if without >= 0 else 0), 0, -1
     which, chord = np.empty(n, np.int64), np.zeros(n)
-    for i in range(begin, end):
+    for i in range(len(p)):
         if i == without:
             continue
         which[k] = i
@@ -308,7 +314,7 @@ def _steps(points: np.ndarray) -> tuple[np.ndarray, float, float]:
     steps, far, mean = _lengths(points), np.empty(len(points)), _mean(points)
     for i in range(len(points)):
         far[i] = _distance(points[i], mean)
-    return steps, np.median(steps), np.median(far)
+    return steps, median(steps), median(far)
 
 
 def _elsewhere(tree: KDTree, point: Vector, index: int, radius: float) -> bool:

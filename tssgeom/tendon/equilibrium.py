@@ -18,7 +18,7 @@ from tssgeom.tendon.fixed_route import PULLED, RELEASED, STUCK, guess
 
 ACCURACY = 1e-10
 """Largest residual of an accepted equilibrium, relative to the greatest tension [1]."""
-PATIENCE = (6, 10)
+PATIENCE = (np.int64(6), np.int64(10))  # no literals, for each of which a kernel would be compiled anew
 """Newton iterations from what slid last, then from what would slide on a fixed route; few steps need many."""
 _REMARKS = 10  # times that slack bars are marked anew before the movements are relaxed
 _ROUNDS = 7  # of relaxation, each four times as long as the one before

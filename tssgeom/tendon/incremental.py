@@ -264,7 +264,9 @@ def _solved(chain, hanging, before, held):
         loose, w, tension, slip = _loose(chain)
         if loose:
             return w, tension, slip, 1, 0.0
-    return equilibrium(chain, hanging, before, PATIENCE)
+    return equilibrium(
+        chain, hanging, before.copy(), PATIENCE
+    )  # `before` refuses writes, other callers' do not
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -199,7 +199,7 @@ def carry_on(
         parts = np.maximum(np.ceil(spans / longest_step_s - 1e-9), 1.0).astype(np.int64)
     temperature = np.asarray(run.get("temperature_C", np.zeros(len(time))), dtype=float)
     coldest = temperature[0] if math.isnan(state.temperature) else state.temperature
-    given = np.asarray(run[model.drive], dtype=float)
+    given = np.array(run[model.drive], dtype=float)  # one that refuses writes would compile `march` anew
     _check(time, spans, given, temperature, model.drive)
     by_force = model.drive == "tension_in_N"
     memory = Memory(*(array.copy() for array in state.memory))

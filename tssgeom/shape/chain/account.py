@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import cast
 
 import numpy as np
 from numba import njit
@@ -31,6 +32,7 @@ from tssgeom.shape.curvature import CurvatureProfile
 from tssgeom.shape.route import Route
 
 _NODES = 161  # beside the joints
+_FREE = cast(bool, np.bool_(True))  # no literal, for which `twists` would be compiled once more
 
 
 @dataclass(frozen=True)  # without slots: what was written out once is kept
@@ -61,7 +63,8 @@ class ChainOutline:
 
     @cached_property
     def _written(self) -> tuple[Route, CurvatureProfile]:
-        along_nodes, on_points = _written_out(self.data, self.chain)
+        data = self.data._replace(points=read_only(self.data.points))  # as sensed, also after a pickle
+        along_nodes, on_points = _written_out(data, self.chain)
         for block in (along_nodes, on_points):
             block.flags.writeable = False
         vectors = along_nodes[9:]
@@ -204,7 +207,7 @@ def slide_of_end(chain: Chain) -> np.ndarray:
     start, frame = joint_frames(chain.start, chain.axes, chain.joints, chain.bend)
     places, tangents, _ = along(chain.stations[-1:], chain.start, chain.axes, chain.joints, chain.bend)
     place, tangent = places[0], tangents[0]
-    twist, first, own = twists(start, frame, chain.joints, chain.bend, chain.curved, True)
+    twist, first, own = twists(start, frame, chain.joints, chain.bend, chain.curved, _FREE)
     by = np.empty((2, 3))
     length = chain.stations[-1] - chain.joints[k - 1]
     place_by_kappa(chain.bend[k - 1, 0], chain.bend[k - 1, 1], length, by)

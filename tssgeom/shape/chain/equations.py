@@ -39,7 +39,7 @@ def _twist_of_turn(theta: np.ndarray, centre: np.ndarray, out: np.ndarray) -> No
     out[0] = -(theta[1] * centre[2] - theta[2] * centre[1])
     out[1] = -(theta[2] * centre[0] - theta[0] * centre[2])
     out[2] = -(theta[0] * centre[1] - theta[1] * centre[0])
-    out[3:6] = theta
+    out[3], out[4], out[5] = theta[0], theta[1], theta[2]
 
 
 @njit(cache=True, nogil=True)
@@ -77,7 +77,7 @@ def twists(
     first, own = np.zeros(m, dtype=np.int64), np.full(m, -1)
     for c in range(shifts):
         if free:
-            twist[c, :3] = frame[0, 1 + c]
+            twist[c, 0], twist[c, 1], twist[c, 2] = frame[0, 1 + c, 0], frame[0, 1 + c, 1], frame[0, 1 + c, 2]
         else:
             twist[c, c] = 1.0
     for c in range(2):

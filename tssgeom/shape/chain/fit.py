@@ -149,7 +149,8 @@ def _begun_anew(chain: Chain) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.nd
     if len(chain.bend) > 1 and not begin < chain.joints[1]:
         return chain.start, chain.axes, chain.joints, chain.stations
     there, bend = np.array([chain.joints[0], begin]), np.empty((2, 2))
-    bend[:] = chain.bend[0]
+    for i in range(2):
+        bend[i, 0], bend[i, 1] = chain.bend[0, 0], chain.bend[0, 1]
     place, frame = joint_frames(chain.start, chain.axes, there, bend)
     joints = chain.joints - begin
     joints[0] = 0.0

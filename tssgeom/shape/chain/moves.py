@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import cast
 
 import numpy as np
 from numba import njit
@@ -35,6 +36,7 @@ _LATEST = 3.0  # ln n by which a simpler chain may promise to be worse and still
 
 _ALL = slice(None)
 _STRAIGHTENED, _MERGED, _DROPPED = 0, 1, 2
+_NONE = cast(int, np.int64(-1))  # no literal, for which a kernel would be compiled once more
 
 
 def fit_chain(data: Data, first: Chain, most: int = _MOST_MOVES) -> Chain:
@@ -145,7 +147,7 @@ def _simplifications(data: Data, chain: Chain) -> tuple[np.ndarray, np.ndarray, 
     count = 0
     for j in range(k):
         if column[j] >= 0:
-            promise[count] = _worth(chain.bend[j], covariance, column[j], -1) - 2 * price
+            promise[count] = _worth(chain.bend[j], covariance, column[j], _NONE) - 2 * price
             kind[count], piece[count] = _STRAIGHTENED, j
             count += 1
         if j > 0:
@@ -246,7 +248,7 @@ def _parts(data: Data, chain: Chain) -> tuple[np.ndarray, np.ndarray, np.ndarray
         end = chain.joints[j + 1] if j + 1 < k else chain.stations[-1]
         for i in range(_SPLITS):
             at[_SPLITS * j + i] = chain.joints[j] + (end - chain.joints[j]) * i / _SPLITS
-            bend[_SPLITS * j + i] = chain.bend[j]
+            bend[_SPLITS * j + i, 0], bend[_SPLITS * j + i, 1] = chain.bend[j, 0], chain.bend[j, 1]
     matrix, gradient, _, _ = normal_equations(
         data.points,
         data.weight,

@@ -53,7 +53,10 @@ def joint_frames(
     """Place [k, 3] and axes [k, 3, 3] at the start of every piece."""
     k = len(bend)
     place, frame = np.empty((k, 3)), np.empty((k, 3, 3))
-    place[0], frame[0] = start, axes
+    for i in range(3):
+        place[0, i] = start[i]
+        for c in range(3):
+            frame[0, c, i] = axes[c, i]
     local = np.empty((4, 3))
     for j in range(1, k):
         _local(bend[j - 1, 0], bend[j - 1, 1], joints[j] - joints[j - 1], local)
