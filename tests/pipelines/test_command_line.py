@@ -1,9 +1,13 @@
 """The console script: help, usage errors, exit status, one line for each error."""
 
+import re
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
+
+ROOT = Path(__file__).parents[2]
 
 
 def console(*arguments, **options) -> subprocess.CompletedProcess[str]:
@@ -37,6 +41,14 @@ def test_version_is_told(run):
     outcome = run("--version")
     assert outcome.status == 0
     assert outcome.out.startswith("tssgeom ")
+
+
+def test_the_newest_entry_of_the_changelog_is_the_version():
+    said = re.search(r"^version: (\S+)$", (ROOT / "CITATION.cff").read_text(), re.MULTILINE)
+    newest = re.search(r"^## (\S+)", (ROOT / "CHANGELOG.md").read_text("utf-8"), re.MULTILINE)
+    assert said is not None
+    assert newest is not None
+    assert newest[1] == said[1]
 
 
 def test_help_of_analyse_tells_the_default_tension(run):
