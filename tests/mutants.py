@@ -313,7 +313,7 @@ class Verdict:
 
 def tried(copy: Path, tests: str) -> tuple[bool, str]:
     """Run tests in the copy; return whether all pass, and the first that does not."""
-    words = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *shlex.split(tests)]
+    words = [sys.executable, "-m", "pytest", "-x", "-q", "-n0", "-p", "no:cacheprovider", *shlex.split(tests)]
     env = {**os.environ, "PYTHONPATH": str(copy), "NUMBA_DISABLE_JIT": "1", "PYTHONDONTWRITEBYTECODE": "1"}
     try:
         done = subprocess.run(
