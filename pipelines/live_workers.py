@@ -8,6 +8,7 @@ import socket
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from time import monotonic
 from typing import Any
@@ -26,6 +27,7 @@ _START_LIMIT = 60.0  # s in which a process has to be ready
 _END_LIMIT = 30.0  # s in which it has to finish
 _BACKLOG = 1 << 23  # bytes that wait for a process at most
 _BEHIND = 1 << 18  # bytes that wait for a process which falls behind
+_CHUNK = 1 << 16
 _STATES = 5.0  # per second, saved at most
 _NUMBERS = 0.05  # s of numbers in one message
 
@@ -91,8 +93,15 @@ class Worker:
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._tell(f"{self.role}: did not finish within {_END_LIMIT:g} s and was ended")
+        self._hear_out()
         self._channel.close()
         return self._process.returncode == 0
+
+    def _hear_out(self) -> None:
+        """Take in what a process that has ended said last."""
+        with suppress(OSError):  # also where nothing is left
+            while self._channel.open and (data := self._channel.sock.recv(_CHUNK)):
+                self._heard(data)
 
     def _heard(self, data: bytes) -> None:
         *lines, self._said = (self._said + data).split(b"\n")
