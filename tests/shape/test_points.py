@@ -77,10 +77,41 @@ def test_a_gap_is_kept_as_a_hole_in_the_count():
     assert shape.warnings == ("3 points not seen, bridged",)
 
 
-def test_points_not_seen_at_the_ends_are_no_gap():
+def test_points_not_seen_at_the_ends_are_no_gap_but_the_route_is_shorter():
     arc = _arc()
     arc[:2] = arc[-3:] = np.nan
-    assert clean(arc).warnings == ()
+    assert clean(arc).warnings == (
+        "the first 2 points not seen: the route is told without them",
+        "the last 3 points not seen: the route is told without them",
+    )
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1e3])
+def test_a_route_of_unlikely_size_is_taken_with_a_doubt_about_the_unit(scale):
+    assert any("check the unit" in said for said in clean(scale * _arc()).warnings)
+
+
+@pytest.mark.parametrize("scale", [0.0064, 1.0, 100.0])
+def test_routes_from_a_few_millimetres_to_tens_of_metres_are_not_doubted(scale):
+    assert clean(scale * _arc()).warnings == ()
+
+
+def test_places_too_far_out_to_be_told_apart_are_refused():
+    with pytest.raises(ShapeError, match="check the unit of the coordinates"):
+        clean(1e300 * _arc())
+
+
+@pytest.mark.parametrize("scale", [1e-3, 0.3, 3.0, 1e3])
+def test_stations_that_cannot_belong_to_the_points_are_refused(scale):
+    with pytest.raises(ShapeError, match="check the unit of the stations"):
+        clean(_arc(), scale * np.linspace(0.0, 0.5, 50))
+
+
+def test_stations_a_tenth_too_short_are_worth_a_warning():
+    noisy = _arc() + 1e-3 * np.random.default_rng(0).standard_normal((50, 3))
+    assert clean(noisy, np.linspace(0.0, 0.5, 50)).warnings == ()
+    (said,) = clean(noisy, np.linspace(0.0, 0.45, 50)).warnings
+    assert "farther apart than their stations" in said
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,7 @@ import numpy as np
 
 from tssgeom.arrays import Vector
 from tssgeom.errors import FitError
+from tssgeom.shape.agreement import refuse_lost
 from tssgeom.shape.chain.facing import curvature_at_points, faced, without_stray_directions
 from tssgeom.shape.chain.fit import Chain, Data, settle, values
 from tssgeom.shape.chain.moves import finer, fit_chain, simpler
@@ -114,8 +115,15 @@ def follow(shape: Shape, noise: float | None, last: Followed | None, method: Met
     elif last is not None:
         found = _follow_spline(shape, noise, last, method)
     if found is None:
-        return Followed(measure(shape, noise, method), shape.index)
-    return found if shape.length is None else replace(found, geometry=told_length(found.geometry, shape))
+        found = Followed(measure(shape, noise, method), shape.index)
+    elif shape.length is not None:
+        found = replace(found, geometry=told_length(found.geometry, shape))
+    outline, spline = found.geometry.outline, found.geometry.spline
+    if (
+        spline is None or spline.angle_doubt == 0.0
+    ):  # else neighbours share errors, which are longer than noise
+        refuse_lost(shape.points, outline.weight, outline.noise, found.geometry.arcs)
+    return found
 
 
 def reconsidered(last: Followed) -> Followed:

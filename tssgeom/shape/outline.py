@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from tssgeom.arrays import Vector
 from tssgeom.shape.curvature import CurvatureProfile
 from tssgeom.shape.route import Route
 
@@ -19,6 +20,11 @@ class Outline:
     def noise(self) -> float:
         """Standard deviation of a coordinate of the points [m]."""
         return self.route.noise
+
+    @property
+    def weight(self) -> Vector:
+        """Weight of each point; 0 where it was ignored [1]."""
+        return self.route.weight
 
     @property
     def warnings(self) -> tuple[str, ...]:

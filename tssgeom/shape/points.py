@@ -12,10 +12,13 @@ from numba import njit
 from tssgeom.arrays import Points, Vector, read_only
 from tssgeom.errors import ShapeError
 from tssgeom.shape.directions import checked_directions
+from tssgeom.shape.stations import station_warnings
 from tssgeom.shape.stray import FEWEST, out_of_order, stray, well_behaved, worst
 
 MIN_POINTS = 4
 _LEAST_EXTENT = 1e-6  # [m]
+_USUAL = (1e-3, 100.0)  # extents beyond which the unit is doubted [m]
+_FARTHEST = 1e6  # from the origin: beyond it places within a route cannot be told apart [m]
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +84,8 @@ def clean(
         known = None if known is None else known[index]
         _refuse_unusable(found, ordered=known is not None)
     begun = None if known is None else read_only(known - known[0])
+    if begun is not None:
+        warnings += station_warnings(found, begun)
     shape = Shape(read_only(found), counts, begun, warnings)
     if directions is not None:
         shape = _with_directions(shape, directions, direction_noise, points, index)
@@ -133,14 +138,14 @@ def _beyond_doubt(points: np.ndarray) -> bool:
 
 @njit(cache=True, nogil=True)
 def _plain(points: np.ndarray) -> bool:
-    """Whether points are finite, differ from the one before and four from each other, and span something."""
+    """Whether points are finite, differ from the one before and four from each other, and span as usual."""
     square, distinct = 0.0, 0
     others = np.empty(MIN_POINTS, np.int64)
     for c in range(3):
         least, most = points[0, c], points[0, c]
         for i in range(len(points)):
             x = points[i, c]
-            if not math.isfinite(x):
+            if not abs(x) <= _FARTHEST:
                 return False
             least, most = min(least, x), max(most, x)
         square += (most - least) ** 2
@@ -153,7 +158,7 @@ def _plain(points: np.ndarray) -> bool:
         if new:
             others[distinct] = i
             distinct += 1
-    return distinct == MIN_POINTS and square >= _LEAST_EXTENT**2
+    return distinct == MIN_POINTS and _USUAL[0] ** 2 <= square <= _USUAL[1] ** 2
 
 
 @njit(cache=True, nogil=True)
@@ -166,6 +171,10 @@ def _usable(points: Points, known: Vector | None) -> tuple[np.ndarray, tuple[str
     if np.isinf(points).any():
         row = int(np.argmax(np.isinf(points).any(axis=1)))
         raise ShapeError(f"point {row} is infinite: leave a point that was not seen empty or NaN")
+    far = (np.abs(points) > _FARTHEST).any(axis=1)
+    if far.any():
+        most, row = np.nanmax(np.abs(points)), int(np.argmax(far))
+        raise ShapeError(f"point {row} of {most:g} m is too far out: check the unit of the coordinates")
     seen = np.asarray(~np.isnan(points).any(axis=1))
     if known is not None:
         seen &= ~np.isnan(known)
@@ -179,7 +188,19 @@ def _usable(points: Points, known: Vector | None) -> tuple[np.ndarray, tuple[str
     if off.any():
         named = ", ".join(str(i) for i in index[off])
         warnings += (f"{int(off.sum())} outlying points left out (count from 0: {named})",)
-    return index[~off], warnings
+    index = index[~off]
+    return index, warnings + _size_warnings(points[index])
+
+
+def _size_warnings(points: Points) -> tuple[str, ...]:
+    extent = _extent(points)
+    if not len(points) or _USUAL[0] <= extent <= _USUAL[1]:
+        return ()
+    return (f"the points span {extent * 1e3:.3g} mm: check the unit of the coordinates",)
+
+
+def _extent(points: Points) -> float:
+    return float(np.linalg.norm(np.ptp(points, axis=0))) if len(points) else 0.0
 
 
 def _checked_stations(points: Points, stations: Vector | None) -> Vector | None:
@@ -215,7 +236,10 @@ def _gap_warnings(seen: np.ndarray) -> tuple[str, ...]:
     if not inside.size:
         return ()
     missing = int((~seen[inside[0] : inside[-1] + 1]).sum())
-    return (f"{missing} points not seen, bridged",) if missing else ()
+    bridged = (f"{missing} points not seen, bridged",) if missing else ()
+    ends = (("first", int(inside[0])), ("last", len(seen) - 1 - int(inside[-1])))
+    lost = tuple(f"the {which} {n} points not seen: the route is told without them" for which, n in ends if n)
+    return bridged + lost
 
 
 def _distinct(points: Points) -> np.ndarray:
@@ -228,7 +252,7 @@ def _refuse_unusable(points: Points, *, ordered: bool) -> None:
     distinct = len(np.unique(points, axis=0))
     if distinct < MIN_POINTS:
         raise ShapeError(f"{distinct} distinct points: a route needs at least {MIN_POINTS}")
-    extent = float(np.linalg.norm(np.ptp(points, axis=0)))
+    extent = _extent(points)
     if extent < _LEAST_EXTENT:
         raise ShapeError(f"the points span {extent * 1e3:g} mm: check the unit of the coordinates")
     if not ordered and out_of_order(points):

@@ -1,12 +1,19 @@
-"""Stations along a route: feet of the points where no sensor tells them, and nodes in between."""
+"""Stations along a route: feet of the points where no sensor tells them, checks where one does, and nodes."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 from numba import njit
 
 from tssgeom.arrays import Points, Vector
+from tssgeom.errors import ShapeError
 from tssgeom.shape.median import median
+
+_CHORDS = 8  # into which a route is cut to compare it with its stations: few, so that noise makes none longer
+_CHORDS_TOO_LONG = (1.05, 2.0)  # over their stations: where to warn, where to refuse
+_PATH_TOO_SHORT = 1 / 3  # of the stations: neighbours would be more than half a turn apart
 
 
 @njit(cache=True, nogil=True)
@@ -62,3 +69,40 @@ def mean_spacing(points: np.ndarray) -> float:
     for c in range(3):
         chord += (points[n, c] - points[0, c]) ** 2
     return max(median(step), np.sqrt(chord) / n)
+
+
+def station_warnings(points: Points, known: Vector) -> tuple[str, ...]:
+    """Compare stations, from 0 [m], with the way between the points, which is no longer than they say.
+
+    Raises
+    ------
+    ShapeError
+        Where they cannot belong to each other.
+    """
+    path, over = _against_stations(points, known)
+    if path < _PATH_TOO_SHORT * known[-1] or over > _CHORDS_TOO_LONG[1]:
+        raise ShapeError(
+            f"stations over {known[-1]:.3g} m for points along {path:.3g} m: check the unit of the stations"
+        )
+    if over > _CHORDS_TOO_LONG[0]:
+        return (f"the points lie {over - 1:.0%} farther apart than their stations: check both",)
+    return ()
+
+
+@njit(cache=True, nogil=True)
+def _against_stations(points: np.ndarray, known: np.ndarray) -> tuple[float, float]:
+    """Return the way from point to point [m], and that of a few chords over their stations [1]."""
+    n = len(points)
+    every, path, chords, last = max(n // _CHORDS, 1), 0.0, 0.0, 0
+    for i in range(1, n):
+        path += math.sqrt(squared(points[i], points[i - 1]))
+        if i - last == every:
+            chords += math.sqrt(squared(points[i], points[last]))
+            last = i
+    return path, chords / max(known[last], 1e-300)
+
+
+@njit(cache=True, nogil=True)
+def squared(a: np.ndarray, b: np.ndarray) -> float:
+    """Square of the distance of two places [m²]."""
+    return (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2

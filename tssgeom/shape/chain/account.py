@@ -14,7 +14,7 @@ from typing import cast
 import numpy as np
 from numba import njit
 
-from tssgeom.arrays import read_only
+from tssgeom.arrays import Vector, read_only
 from tssgeom.shape.arcs import Arcs
 from tssgeom.shape.chain.dense import carried, factor
 from tssgeom.shape.chain.equations import place_by_kappa, twists
@@ -56,6 +56,11 @@ class ChainOutline:
     def profile(self) -> CurvatureProfile:
         """Curvature on the same nodes."""
         return self._written[1]
+
+    @property
+    def weight(self) -> Vector:
+        """Weight of each point; 0 where it was ignored [1]."""
+        return self.data.weight
 
     def doubted(self, variance: float) -> ChainOutline:
         """Add a variance of Φ [rad²]."""

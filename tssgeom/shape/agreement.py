@@ -1,0 +1,61 @@
+"""Whether a route that was fitted to points still goes along them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from tssgeom.arrays import Points, Vector
+from tssgeom.errors import FitError
+from tssgeom.shape.arcs import Arcs
+from tssgeom.shape.stations import squared
+
+_MOST_IGNORED = 1 / 3  # of the points
+_LONGEST_WAY = 1.3  # from point to point over the length of a route, noise allowed for: chords are shorter
+_LEAST_KNOWN = 2 * math.pi  # standard error of Φ from which on it tells nothing [rad]
+
+
+def refuse_lost(points: Points, weight: Vector, noise: float, arcs: Arcs) -> None:
+    """Refuse a fit that lost its points on the way, as where a route turns back between two of them.
+
+    Parameters
+    ----------
+    points, weight
+        Sensed points [m], and the weight of each; 0 where it was ignored [1].
+    noise
+        Standard deviation of a coordinate [m].
+    arcs
+        The route that was fitted.
+
+    Raises
+    ------
+    FitError
+        Where a number is not finite, the angle is unknown, many points were ignored, or the way from point to
+        point is longer than the route.
+    """
+    if not math.isfinite(arcs.total_length + arcs.total_angle + arcs.covariance.sum()):
+        raise FitError("the points give no finite curve: check the unit and look for stray points")
+    ignored, way = _followed(points, weight)
+    chord = math.hypot(arcs.total_length / len(points), math.sqrt(6.0) * noise)
+    lost = ignored > _MOST_IGNORED * len(points) or way > _LONGEST_WAY * len(points) * chord
+    if lost or arcs.total_angle_se > _LEAST_KNOWN:
+        raise FitError(
+            f"no route fits the points, {ignored} of {len(points)} lie off it: sense it more densely where "
+            "it turns sharply, and look for points out of order"
+        )
+
+
+@njit(cache=True, nogil=True)
+def _followed(points: np.ndarray, weight: np.ndarray) -> tuple[int, float]:
+    """Return how many points were ignored, and the way from point to point of the others [m]."""
+    ignored, way, last = 0, 0.0, -1
+    for i in range(len(points)):
+        if weight[i] <= 0.0:
+            ignored += 1
+            continue
+        if last >= 0:
+            way += math.sqrt(squared(points[i], points[last]))
+        last = i
+    return ignored, way
