@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace as changed
 
-from tssgeom.settings import Rig, ShapeSensor
+from tssgeom.settings import Friction, Rig, ShapeSensor
 from tssgeom.stream import Frame, FrameResult, Rejected, advance, process
 from tssgeom.tendon.effects import Creep, HiddenBend, ThermalDrift
 from tssgeom.tendon.material import MaterialState
@@ -182,3 +182,24 @@ def test_a_noise_that_is_none_is_refused(noise):
     refused = next(process([Frame(bend(), noise=noise)], Rig(), tension_in=15.0))
     assert isinstance(refused, Rejected)
     assert "the noise is" in refused.reason
+
+
+def test_a_tension_beyond_all_measure_is_refused_and_a_strain_beyond_half_is_doubted():
+    refused, doubted = results([Frame(bend(), 0.0, tension_in=1e300), Frame(bend(), 1.0, tension_in=3000.0)])
+    assert isinstance(refused, Rejected)
+    assert "check its unit" in refused.reason
+    assert doubted.warnings == ("3000 N strain the tendon by 95%: check tension and compliance",)
+
+
+def test_a_hidden_bend_beyond_the_route_is_told():
+    rig = changed(RIG, effects=(HiddenBend(at_m=7.0, angle_rad=0.6),))
+    (result,) = process([Frame(bend())], rig, tension_in=15.0)
+    assert result.warnings == ("hidden_bend at 7 m is beyond the end of the route at 0.5 m",)
+
+
+@pytest.mark.parametrize("asked", [{"displacement_in": 1e-3}, {"displacement_target": 1e-3}])
+def test_friction_that_lets_nothing_through_is_refused_where_it_would_overflow(asked):
+    rig = changed(RIG, friction=Friction(coefficient=1e6))
+    (result,) = process([Frame(bend(), **asked)], rig, tension_in=15.0)
+    assert isinstance(result, Rejected)
+    assert "nothing gets through" in result.reason

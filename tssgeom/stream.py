@@ -16,9 +16,11 @@ from tssgeom.shape.following import Followed, follow, reconsidered
 from tssgeom.shape.points import Shape, clean
 from tssgeom.shape.route import Route
 from tssgeom.tendon.compensation import Command, compensate
-from tssgeom.tendon.effects import named
+from tssgeom.tendon.effects import HiddenBend, named
 from tssgeom.tendon.state import TendonState, pretensioned, step, transmit, true_tension
 from tssgeom.tendon.transmission import Transmission
+
+_MOST_STRAIN = 0.5  # of the tendon at its proximal end, before its numbers are doubted [1]
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,7 +164,10 @@ def advance(
         followed=followed,
         state=moved,
         transmission=transmit(moved, rig),
-        warnings=shape.warnings + geometry.outline.warnings + _unfelt(rig, frame),
+        warnings=shape.warnings
+        + geometry.outline.warnings
+        + _unfelt(rig, frame)
+        + _odd(rig, geometry.arcs, moved),
         displacement_command=None if command is None else command.displacement_in,
         tension_command=None if command is None else command.tension_in,
     )
@@ -174,6 +179,21 @@ def _unfelt(rig: Rig, frame: Frame) -> tuple[str, ...]:
         return ()
     asking = named(effect for effect in rig.effects if "temperature_C" in effect.needs)
     return (f"no temperature_C: {asking} does nothing",) if asking else ()
+
+
+def _odd(rig: Rig, arcs: Arcs, moved: TendonState) -> tuple[str, ...]:
+    """Say where rig, route and tension can hardly belong to each other."""
+    strain = rig.tendon.compliance_per_N * moved.tension_in
+    beyond = [
+        f"hidden_bend at {effect.at_m:g} m is beyond the end of the route at {arcs.total_length:.3g} m"
+        for effect in rig.effects
+        if isinstance(effect, HiddenBend) and effect.at_m > arcs.total_length
+    ]
+    if strain > _MOST_STRAIN:
+        beyond.append(
+            f"{moved.tension_in:g} N strain the tendon by {strain:.0%}: check tension and compliance"
+        )
+    return tuple(beyond)
 
 
 def _followed(frame: Frame, rig: Rig, last: Followed | None) -> tuple[Shape, Followed]:

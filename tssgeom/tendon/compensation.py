@@ -15,6 +15,7 @@ from scipy.optimize import brentq
 from tssgeom.errors import SettingsError
 from tssgeom.settings import Rig
 from tssgeom.shape.arcs import Arcs
+from tssgeom.tendon.profile import MOST_TENSION
 from tssgeom.tendon.state import (
     TendonState,
     acts_by_speed,
@@ -136,7 +137,7 @@ def _target(rig: Rig, tension_out: float | None, displacement_out: float | None)
             raise SettingsError("load.stiffness_N_per_m is 0: a dead weight's place has no tension: give it")
         target = rest_tension(rig) + stiffness * (displacement_out or 0.0)  # docs/model.md (82)
         said = f"displacement_out is {displacement_out:g} m, a distal tension of {target:g} N"
-    if not 0.0 <= target < math.inf:
+    if not 0.0 <= target <= MOST_TENSION:
         raise SettingsError(f"{said}: a tendon only pulls; choose a target with a finite tension >= 0 N")
     return target
 

@@ -3,7 +3,6 @@
 Each step solves for the equilibrium that friction allows, from the state before it; docs/model.md (40)-(49).
 """
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,10 +15,12 @@ from tssgeom.shape.arcs import Arcs
 from tssgeom.tendon.equilibrium import PATIENCE, equilibrium
 from tssgeom.tendon.fixed_route import range_of_drive
 from tssgeom.tendon.material import Bed, MaterialState, lay
+from tssgeom.tendon.profile import check_tension
 
 ACCEPTED = 1e-7
 """Largest residual of an equilibrium that is returned [N]."""
 _ROUNDING = 1e-9  # of a drive that just holds a dead weight [1]
+_FARTHEST = 1e6  # beyond it a position is taken for a mistake of units or of a sensor [m]
 _LEAST_COMPLIANCE = 1e-9  # strain per tension below which rounding would be more than stretch
 
 
@@ -208,12 +209,10 @@ def one_drive(tension_in: float | None, displacement_in: float | None) -> tuple[
     drive = tension_in if by_force else displacement_in
     if drive is None or (tension_in is not None and not by_force):
         raise SettingsError("a step needs one drive: give tension_in [N] or displacement_in [m], not both")
-    if by_force and not 0.0 <= drive < math.inf:
-        raise SettingsError(
-            f"tension_in is {drive:g} N: a tendon only pulls; give a finite total tension >= 0 N"
-        )
-    if not math.isfinite(drive):
-        raise SettingsError(f"displacement_in is {drive:g} m: give a finite position")
+    if by_force:
+        check_tension(drive)
+    elif not abs(drive) <= _FARTHEST:
+        raise SettingsError(f"displacement_in is {drive:g} m: give a finite position, and check its unit")
     return float(drive), by_force
 
 

@@ -20,6 +20,8 @@ SLACK = -2000.0
 """Stands for ln 0, so that every corner is finite: exp(−2000) is zero in float64 [1]."""
 RESOLUTION = 1e-12
 """Differences of ln T that count as rounding and not as motion [1]."""
+MOST_TENSION = 1e9
+"""Above it a tension is taken for a mistake of units or of a sensor [N]."""
 MAX_CORNERS = 512
 """Longest corner list; beyond it corners are dropped where they stand closest."""
 _FRICTIONLESS = 1e-100  # below this coefficient μφ is lost against any ln T, whatever the route
@@ -40,6 +42,21 @@ class Corners:
     """ζ: +1 where the tension was last raised, or never changed; −1 where it was last lowered."""
     tension_in: float
     """T at the proximal end as it was put there [N]; `log_tension` holds it but for rounding."""
+
+
+def check_tension(tension_in: float) -> None:
+    """Refuse what no tendon's proximal tension can be [N].
+
+    Raises
+    ------
+    SettingsError
+        Where it is negative, not finite, or beyond `MOST_TENSION`.
+    """
+    if not 0.0 <= tension_in <= MOST_TENSION:
+        raise SettingsError(
+            f"tension_in is {tension_in:g} N: a tendon only pulls; give a finite total tension >= 0 N, "
+            "and check its unit"
+        )
 
 
 def pretensioned(rig: Rig) -> Corners:
@@ -72,10 +89,7 @@ def step(state: Corners, tension_in: float, friction: float) -> Corners:
     SettingsError
         Where `tension_in` is negative or not finite.
     """
-    if not 0.0 <= tension_in < math.inf:
-        raise SettingsError(
-            f"tension_in is {tension_in:g} N: a tendon only pulls; give a finite total tension >= 0 N"
-        )
+    check_tension(tension_in)
     if tension_in == 0.0 or friction < _FRICTIONLESS:
         return _levelled(state, tension_in)
     corners, direction_index = _stepped(state.angle, state.log_tension, math.log(tension_in), friction)

@@ -29,6 +29,7 @@ from tssgeom.tendon.transmission import Transmission
 
 HALVINGS = 4
 """The first bar is halved so often: just after a reversal T_in is known to half of that bar."""
+_MOST_FRICTION = 500.0  # μΦ whose exponential can still be squared [1]
 _SHARPER = 0.5  # of the old standard error of Φ: so much better known, a route is laid anew
 
 
@@ -128,6 +129,7 @@ def step(
         raise SettingsError(
             "where effects act, a route cannot stretch the tendon: leave stretches_with_route"
         )
+    _check_friction(rig, route)
     drive, by_force = incremental.one_drive(tension_in, displacement_in)
     along = _acting(state, before, setup)
     model = acting.model_on(along, before, setup)
@@ -151,12 +153,22 @@ def _stepped(
         if route is before and displacement_in is None and tension_in is not None:
             return profile.step(along, tension_in, rig.friction.coefficient)
         along = to_bars(along, before, rig, halvings=HALVINGS)
+    _check_friction(rig, route)
     bed = lay(along.edge, route)
     tendon = _line(rig.tendon, rig.load, len(bed.length), stretches_with_route)
     cone = incremental.coulomb(bed, rig.friction.coefficient)
     return incremental.advance(
         along, bed, cone, tendon, tension_in=tension_in, displacement_in=displacement_in
     )
+
+
+def _check_friction(rig: Rig, route: Arcs) -> None:
+    """Refuse friction so large that no float holds what it makes of a tension [N]."""
+    if rig.friction.coefficient * route.total_angle > _MOST_FRICTION:
+        raise SettingsError(
+            f"friction.coefficient is {rig.friction.coefficient:g} on {route.total_angle:.3g} rad of route: "
+            "nothing gets through; check the coefficient"
+        )
 
 
 def _acting(state: TendonState, before: Arcs, setup: Setup) -> ActingState:
@@ -225,6 +237,7 @@ def answering(state: TendonState, rig: Rig, tension_out: float, way: int) -> flo
     if isinstance(along, ActingState):
         model = acting.model_on(along, route, _setup_of(rig))
         return acting_transmission.answering(along, model, tension_out, way)
+    _check_friction(rig, route)
     return tension_out * math.exp(way * rig.friction.coefficient * route.total_angle)
 
 
