@@ -20,7 +20,7 @@ from pipelines.version import tssgeom_version
 from pipelines.work import Options, Refusal, Tally, guarded, inputs_of
 from pipelines.workers import Crew, Died, hired
 from tssgeom.errors import SpaceError
-from tssgeom.io.files import READERS, RESULTS_MARK, output_names
+from tssgeom.io.files import READERS, RESULTS_MARK, output_names, real
 from tssgeom.io.ledger import HIDDEN, Done, forget_all, locked
 from tssgeom.io.places import Folder, files_at, local
 from tssgeom.io.result_tables import write_summary
@@ -132,7 +132,7 @@ def _here(path: Path) -> Source:
     size = 0
     with suppress(OSError):
         size = path.stat().st_size
-    return Source(str(path.resolve()), str(path), size)
+    return Source(str(real(path)), str(path), size)
 
 
 def _tasks(sources: Sequence[Source], chosen: Options, how: How, out: Folder) -> list[Task]:

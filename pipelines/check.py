@@ -14,15 +14,17 @@ import numpy as np
 from pipelines.console import complain, say
 from pipelines.work import Refusal, guarded, inputs_of
 from tssgeom.arrays import Matrix
-from tssgeom.errors import ShapeError
+from tssgeom.errors import ShapeError, TssgeomError
 from tssgeom.io.campaigns import is_campaign, read_campaign
 from tssgeom.io.files import Recording, open_recording
 from tssgeom.io.meshes import ENDINGS, read_lumen
+from tssgeom.io.runs import CHANNELS, holds_run, read_run
 from tssgeom.settings import read_rig
 from tssgeom.shape.fibre.sensed import Fibre, clean_fibre, fit_fibre
 from tssgeom.shape.points import clean
 from tssgeom.shape.spline import fit
 from tssgeom.stream import Frame, Rejected
+from tssgeom.tendon.profile import check_tension
 
 _MOST_FAULTS = 5
 _MEASURED = ("tension_in", "tension_out", "displacement_in", "elongation", "temperature")
@@ -57,7 +59,7 @@ def _inputs(files: Sequence[Path]) -> Iterator[Path | Refusal]:
 
 
 def checked(path: Path, unit: str | None) -> dict[str, Any]:
-    """Tell what is in a file or folder: a campaign, a rig, a mesh, a shape or a recording.
+    """Tell what is in a file or folder: a campaign, a rig, a mesh, a run, a shape or a recording.
 
     Raises
     ------
@@ -75,7 +77,20 @@ def checked(path: Path, unit: str | None) -> dict[str, Any]:
         size = " × ".join(f"{extent * 1e3:.1f}" for extent in mesh.extents)
         told = f"{len(mesh.faces)} triangles, {size} mm if it is in {unit or 'mm'}; a mesh states no unit"
         return {"file": str(path), "holds": "mesh", "told": told, "wrong": []}
-    return _checked_recording(open_recording(path, unit))
+    return _checked_run(path) if holds_run(path) else _checked_recording(open_recording(path, unit))
+
+
+def _checked_run(path: Path) -> dict[str, Any]:
+    run = read_run(path)
+    found = {name: getattr(run, name) for name, _ in CHANNELS.values()}
+    gaps = {name: int(np.isnan(values).sum()) for name, values in found.items() if values is not None}
+    told = ", ".join(f"{name} ({count} missing)" if count else name for name, count in gaps.items())
+    return {
+        "file": str(path),
+        "holds": "measured run",
+        "told": f"{len(run.time)} samples in {np.ptp(run.time):.4g} s: {told}",
+        "wrong": [],
+    }
 
 
 def _checked_campaign(path: Path, unit: str | None) -> dict[str, Any]:
@@ -131,7 +146,9 @@ class _Findings:
                 clean(item.points, item.stations)
             else:
                 clean_fibre(item.curvatures, item.stations)
-        except ShapeError as error:
+            if item.tension_in is not None:
+                check_tension(item.tension_in)
+        except TssgeomError as error:
             self.wrong.append(f"frame {seq}: {error}")
         else:
             self.good = self.good or item

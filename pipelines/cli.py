@@ -88,9 +88,10 @@ def _status(arguments: Sequence[str] | None) -> int:
 
 
 def _foreseen(error: Exception) -> int:
-    """Tell an error that was raised on purpose; raise any other again."""
-    from tssgeom.errors import TssgeomError  # here, since it brings the whole package
+    """Tell an error that was raised on purpose, or that the system raised; raise any other again."""
+    from tssgeom.errors import TssgeomError, refused  # here, since it brings the whole package
 
+    error = refused(error) if isinstance(error, OSError) else error
     if not isinstance(error, TssgeomError):
         raise error
     return _complain(str(error), 2)

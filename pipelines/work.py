@@ -13,9 +13,9 @@ from msgspec.structs import replace as changed
 
 from pipelines.console import complain
 from pipelines.progress import progressing
-from tssgeom.errors import SettingsError, ShapeError, SpaceError, TssgeomError
+from tssgeom.errors import SettingsError, ShapeError, SpaceError, TssgeomError, refused
 from tssgeom.io.account import Account
-from tssgeom.io.files import Recording, find_inputs, open_recording, output_names
+from tssgeom.io.files import Recording, find_inputs, open_recording, output_names, real
 from tssgeom.io.results import Analysis, frame_row, relative
 from tssgeom.settings import Rig, read_rig
 from tssgeom.stream import process
@@ -85,10 +85,10 @@ def inputs_of(paths: Iterable[Path], besides: Collection[Path] = ()) -> Iterator
     for path in paths:
         found = guarded(path, partial(find_inputs, [path], besides))
         for item in [found] if isinstance(found, Refusal) else found:
-            if isinstance(item, Refusal) or item.resolve() not in seen:
+            if isinstance(item, Refusal) or real(item) not in seen:
                 yield item
             if isinstance(item, Path):
-                seen.add(item.resolve())
+                seen.add(real(item))
 
 
 def guarded(source: str | Path, work: Callable[[], Done]) -> Done | Refusal:
@@ -99,6 +99,8 @@ def guarded(source: str | Path, work: Callable[[], Done]) -> Done | Refusal:
         raise  # nothing else could be written either
     except TssgeomError as error:
         return Refusal(str(source), one_line(str(error)))
+    except OSError as error:
+        return Refusal(str(source), one_line(f"{source}: {refused(error)}"))
     except Exception as error:  # a mistake of ours must not take the other inputs down
         what = one_line(f"{type(error).__name__}: {error}")
         return Refusal(str(source), f"{source}: unexpected {what}: please report it with the file")
@@ -147,7 +149,8 @@ def useful(name: str, source: str, recording: Recording, account: Account) -> An
         return Analysis(name, source, recording.unit, kind, timed, account, recording.warnings)
     first = f"{account.rejected[0].reason}" if account.rejected else "it holds no frame"
     where = f"none of {account.frames} frames can be used; the first: " if account.frames > 1 else ""
-    raise ShapeError(f"{recording.path}: {where}{first}")
+    hints = "".join(f" ({warning})" for warning in recording.warnings)
+    raise ShapeError(f"{recording.path}: {where}{first}{hints}")
 
 
 def frame_refusals(analysis: Analysis, source: str) -> list[str]:

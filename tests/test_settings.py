@@ -134,3 +134,8 @@ def test_a_file_that_is_not_text_is_refused(tmp_path):
 def test_a_rig_cannot_be_changed():
     with pytest.raises(AttributeError):
         Rig().tendon = Tendon()
+
+
+def test_a_rig_of_an_editor_that_marks_its_bytes_is_read(tmp_path):
+    (tmp_path / "rig.toml").write_bytes(b"\xef\xbb\xbf[friction]\ncoefficient = 0.2\n")
+    assert read_rig(tmp_path / "rig.toml").friction.coefficient == 0.2

@@ -30,6 +30,12 @@ class SpaceError(SourceError):
     """No room is left where results are written."""
 
 
+def refused(error: OSError) -> SourceError:
+    """Return the error to raise where the system refused a file that nobody foresaw."""
+    where = f"{error.filename}: " if error.filename else ""
+    return SourceError(f"{where}{error.strerror or error}: check the path and who may use it")
+
+
 def unwritable(what: object, error: OSError) -> SourceError:
     """Return the error to raise where `what` could not be written; a full disk has a kind of its own."""
     if error.errno in _FULL:

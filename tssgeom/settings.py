@@ -1,5 +1,6 @@
 """The rig: tendon, friction, load and sensors, held alike from Python and from a TOML file."""
 
+import codecs
 import math
 import tomllib
 from pathlib import Path
@@ -134,17 +135,17 @@ def read_rig(path: str | Path) -> Rig:
     content = b""
     try:
         content = Path(path).read_bytes()
-        return msgspec.toml.decode(content, type=Rig)
+        return msgspec.toml.decode(content.removeprefix(codecs.BOM_UTF8), type=Rig)
     except OSError as error:
         raise SettingsError(f"{path}: cannot read the rig file ({error.strerror}): check the path") from error
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         told = _wrong_effect(content) if "$.effects" in str(error) else str(error)
         raise SettingsError(f"{path}: {told}: mend the rig file (docs/formats.md, Rig)") from error
 
 
 def _wrong_effect(content: bytes) -> str:
     """Say which effect of a rig file is wrong, and what there is to choose from."""
-    tables = tomllib.loads(content.decode())["effects"]
+    tables = tomllib.loads(content.decode("utf-8-sig"))["effects"]
     for i, table in enumerate(tables if isinstance(tables, list) else []):
         try:
             msgspec.convert(table, type=Library)

@@ -1,5 +1,6 @@
 """Which files are inputs, what their outputs are called, and that a write is whole or not at all."""
 
+import os
 from pathlib import Path
 
 import pytest
@@ -107,3 +108,18 @@ def test_a_write_that_the_disk_refuses_is_one_line(tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(SourceError, match="cannot be written"):
         write_text(tmp_path / "file" / "a.json", "text")
+
+
+def test_a_pipe_is_refused_instead_of_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "pipe.csv")
+    with pytest.raises(SourceError, match="a pipe or a device"):
+        open_recording(tmp_path / "pipe.csv")
+
+
+def test_links_that_go_in_a_circle_are_no_file(tmp_path):
+    (tmp_path / "a.csv").symlink_to("b.csv")
+    (tmp_path / "b.csv").symlink_to("a.csv")
+    (tmp_path / "self").symlink_to(".")
+    (found, *_) = find_inputs([tmp_path / "a.csv", tmp_path])
+    with pytest.raises(SourceError, match="no such file"):
+        open_recording(found)

@@ -14,7 +14,7 @@ from tssgeom.stream import Frame, Rejected
 POINTS = [[0, 0, 0], [1, 0, 0], [2, 1, 0], [3, 1, 1]]
 
 
-def line(time: float, **fields: object) -> str:
+def line(time: float | str, **fields: object) -> str:
     return json.dumps({"t": time, "points": POINTS, "unit": "mm"} | fields)
 
 
@@ -141,7 +141,7 @@ def test_unit_option_serves_lines_without_one_and_no_others(tmp_path):
 @pytest.mark.parametrize("text", ["", "\n\n", "hello\nworld\n", "\x00\x01"])
 def test_a_file_without_any_frame_is_refused(tmp_path, text):
     (tmp_path / "run.jsonl").write_text(text)
-    with pytest.raises(ShapeError, match=r"the file is empty|no line is a JSON object"):
+    with pytest.raises(ShapeError, match=r"the file is empty|no line is a frame"):
         open_recording(tmp_path / "run.jsonl")
 
 
@@ -164,3 +164,17 @@ def test_directions_and_length_of_a_line_arrive():
     assert frame.length == 0.5
     with pytest.raises(ShapeError, match="1 directions for 2 points"):
         frame_of(line.replace(b",null]", b"]"), None)
+
+
+def test_a_byte_order_mark_is_passed_over(tmp_path):
+    (tmp_path / "run.jsonl").write_bytes(b"\xef\xbb\xbf" + line(0).encode())
+    (frame,) = open_recording(tmp_path / "run.jsonl").frames
+    assert isinstance(frame, Frame)
+
+
+def test_where_no_line_is_a_frame_the_first_fault_is_told(tmp_path):
+    not_json = line(0)[:-1] + ', "unit": NaN}'  # what Python writes, and JSON does not know
+    with pytest.raises(ShapeError, match=r"no line is a frame; the first: .*invalid character"):
+        opened(tmp_path, not_json)
+    with pytest.raises(ShapeError, match=r"Expected `float \| null`, got `str` - at `\$\.t`"):
+        opened(tmp_path, line("noon"))

@@ -7,7 +7,7 @@ import pyarrow as pa
 import pyarrow.parquet as papq
 import pytest
 
-from tssgeom.errors import SettingsError, SourceError
+from tssgeom.errors import SettingsError, ShapeError, SourceError
 from tssgeom.io.runs import read_run
 
 
@@ -39,7 +39,8 @@ def test_parquet_holds_the_same(tmp_path):
         ("tension_in_N\n1\n", "no column time_s"),
         ("time_s,force\n0,1\n", "no measured column"),
         ("time_s,tension_in_N\n", "no row"),
-        ("", "no column time_s"),
+        ("", "line 1 is empty: write a header such as time_s"),
+        ("time_s;tension_in_N\n0;1\n", "separated by semicolons: write a header such as time_s"),
         ("time_s,tension_in_N\n0,1\n0,2\n", "row 2: time_s is 0"),
         ("time_s,tension_in_N\nnan,1\n0,2\n", "row 1|row 2"),
         ("time_s,tension_in_N\n0,one\n", "line 2: tension_in_N is 'one'"),
@@ -49,7 +50,7 @@ def test_parquet_holds_the_same(tmp_path):
     ],
 )
 def test_a_fault_is_told_with_its_place(tmp_path, text, said):
-    with pytest.raises(SettingsError, match=said):
+    with pytest.raises((SettingsError, ShapeError), match=said):
         read_run(written(tmp_path, text))
 
 

@@ -188,3 +188,18 @@ def test_the_tube_of_the_mesh_has_the_true_radius_and_is_watertight(run, half, t
     tube = trimesh.load_mesh(tmp_path / "out" / "half.glb")
     assert tube.is_watertight
     assert tube.extents.min() == pytest.approx(0.008, rel=0.02)  # sixteen sides
+
+
+def test_results_that_cannot_be_written_are_told_in_plain_words(run, half, tmp_path):
+    (tmp_path / "taken").touch()
+    outcome = run("analyse", half, "--out", tmp_path / "taken")
+    assert outcome.status == 2
+    assert all("File exists" in error and "unexpected" not in error for error in outcome.errors)
+
+
+def test_a_time_in_another_unit_is_named_where_the_points_make_no_route(run, write_csv):
+    time = np.repeat(np.arange(3.0), 40)
+    rows = np.column_stack([np.tile(half_circle(), (3, 1)), time])
+    (error,) = run("analyse", write_csv("ms.csv", rows, "x_mm,y_mm,z_mm,time_ms")).errors
+    assert "not in order" in error
+    assert "column 'time_ms' is not read" in error

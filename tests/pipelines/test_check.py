@@ -87,3 +87,20 @@ def test_a_campaign_is_told_run_by_run_and_what_is_wrong_with_one_in_a_line(run,
     assert outcome.status == 2
     assert len(outcome.errors) == 1
     assert "loop_fast.csv" in outcome.errors[0]
+
+
+def test_a_measured_run_is_told(run, tmp_path):
+    path = tmp_path / "pull.csv"
+    path.write_text("time_s,tension_in_N,tension_out_N\n0,1,\n0.5,2,1\n")
+    outcome = run("check", path)
+    assert outcome.status == 0
+    assert "measured run, 2 samples in 0.5 s: tension_in, tension_out (1 missing)" in outcome.out
+    path.write_text("time_s,tension_in_kN\n0,1\n")
+    (error,) = run("check", path).errors
+    assert "column 'tension_in_kN' has the unit 'kN'" in error
+
+
+def test_a_frame_that_pushes_is_wrong(run, recording):
+    recording.write_text(recording.read_text().replace('"tension_in_N": 12.0', '"tension_in_N": -12.0'))
+    (told,) = json.loads(run("check", recording, "--json").out)
+    assert "frame 4: tension_in is -12 N: a tendon only pulls" in told["wrong"][1]

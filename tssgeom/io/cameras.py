@@ -82,7 +82,7 @@ def read_cameras(path: Path) -> tuple[Camera, ...]:
     decode = msgspec.json.decode if path.suffix.lower() == ".json" else msgspec.toml.decode
     try:
         held = decode(content, type=CalibrationFile)
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise SettingsError(f"{path}: {error}: write it with tssgeom track --calibrate") from error
     if not held.camera:
         raise SettingsError(f"{path}: no camera in it: write it with tssgeom track --calibrate")

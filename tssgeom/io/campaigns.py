@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
@@ -73,13 +74,14 @@ def _read_plan(listing: Path) -> _Plan:
     if not listing.parent.is_dir():
         raise SourceError(f"{listing.parent}: no such folder: name the folder of a campaign")
     try:
-        plan = msgspec.toml.decode(listing.read_bytes(), type=_Plan)
+        content = listing.read_bytes().removeprefix(codecs.BOM_UTF8)
+        plan = msgspec.toml.decode(content, type=_Plan)
     except OSError as error:
         raise SourceError(
             f"{listing}: cannot be read ({error.strerror}): a campaign is a folder with {CAMPAIGN} "
             "(docs/formats.md, Campaign)"
         ) from error
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise SettingsError(f"{listing}: {error}: mend it (docs/formats.md, Campaign)") from error
     if not plan.run:
         raise SettingsError(f"{listing}: no run: add a [[run]] with data and shape")

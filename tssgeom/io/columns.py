@@ -68,10 +68,10 @@ def columns_of(path: Path, names: Sequence[str], given_unit: str | None) -> Colu
     """
     odd = [name for name in names if not name.isprintable()]
     if odd:
-        raise ShapeError(f"{path}: column {odd[0]!r} has characters that cannot be seen: write plain names")
+        raise ShapeError(f"{path}: column {_shown(odd[:1])} has unseen characters: write plain names")
     twice = [name for name, count in Counter(names).items() if count > 1]
     if twice:
-        raise ShapeError(f"{path}: column {twice[0]!r} is there twice: keep one")
+        raise ShapeError(f"{path}: column {_shown(twice[:1])} is there twice: keep one")
     fibre = any(name.startswith(BENDS) for name in names)
     axes = () if fibre else tuple(_only(path, names, axis) for axis in AXES)
     stations = [name for name in names if _split(name)[0] == "s"]

@@ -87,6 +87,8 @@ def open_recording(path: str | Path, unit: str | None = None) -> Recording:
     file, part = split(path)
     if not file.exists():
         raise SourceError(f"{path}: no such file: check the path")
+    if not (file.is_file() or file.is_dir()):
+        raise SourceError(f"{path}: a pipe or a device, which cannot be read twice: save it as a file")
     reader = _reader(file)
     if part is not None and reader not in _CHOOSING:
         raise SourceError(f"{file}: it holds one recording, there is no #{part} in it: leave that out")
@@ -132,8 +134,13 @@ def find_inputs(paths: Iterable[str | Path], besides: Collection[Path] = ()) -> 
         if not files:
             raise SourceError(f"{path}: no shape file in this folder: put {_endings()} files there")
         for shape in (each for file in files for each in _shapes_of(file)):
-            found.setdefault(shape.resolve(), shape)
+            found.setdefault(real(shape), shape)
     return list(found.values())
+
+
+def real(path: Path) -> Path:
+    """Return the path without links; links that go in a circle stay, and whoever opens them is told."""
+    return Path(os.path.realpath(path))
 
 
 def _is_recording(folder: Path) -> bool:

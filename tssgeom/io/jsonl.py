@@ -22,6 +22,7 @@ from tssgeom.stream import Frame, Rejected
 LONGEST_LINE = 1 << 20
 """Bytes of the longest line that is decoded, 1 MiB."""
 
+_BYTE_ORDER = b"\xef\xbb\xbf"  # what some editors put before UTF-8 text
 _UNSEEN = (None, None, None)
 _STATE_UNIT = 'write "unit": "mm" or "unit": "m" in each line'
 
@@ -110,7 +111,8 @@ def frame_or_refusal(text: bytes, unit: str | None) -> Frame | Rejected:
     try:
         return frame_of(text, unit)
     except ShapeError as error:
-        heading = _heading(text) or _Heading()
+        heading = _heading(text)
+        heading = _Heading() if isinstance(heading, str) else heading
         time = math.nan if heading.t is None else heading.t
         return Rejected(0, time, " ".join(str(error).split()), "" if heading.id is None else heading.id)
 
@@ -221,29 +223,34 @@ class _Survey(NamedTuple):
 
 
 def _survey(path: Path) -> _Survey:
-    lines, unit, has_clock, readable = 0, None, False, False
+    lines, read, unit, has_clock, fault = 0, 0, None, False, ""
     for number, text in _lines(path):
         lines += 1
-        if (heading := _heading(text)) is None:
+        heading = _heading(text)
+        if isinstance(heading, str):
+            fault = fault or heading
             continue
-        readable = True
+        read += 1
         has_clock |= heading.t is not None
         if unit and heading.unit and heading.unit != unit:
             raise ShapeError(
                 f"{path}: line {number}: mixed units, {heading.unit} after {unit}: write all in one"
             )
         unit = unit or heading.unit
-    if not readable:
-        what = "no line is a JSON object" if lines else "the file is empty"
+    if not read:
+        what = f"no line is a frame; the first: {fault}" if lines else "the file is empty"
         raise ShapeError(f"{path}: {what}: write one frame a line (docs/formats.md)")
     return _Survey(lines, unit, has_clock)
 
 
-def _heading(text: bytes) -> _Heading | None:
+def _heading(text: bytes) -> _Heading | str:
+    """Return what a line tells of itself, or why it tells nothing."""
+    if len(text) > LONGEST_LINE:
+        return f"it is longer than {LONGEST_LINE} bytes (1 MiB)"
     try:
-        return _heading_decoder.decode(text) if len(text) <= LONGEST_LINE else None
-    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
-        return None
+        return _heading_decoder.decode(text)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        return str(error)
 
 
 def _lines(path: Path) -> Iterator[tuple[int, bytes]]:
@@ -255,6 +262,8 @@ def _lines(path: Path) -> Iterator[tuple[int, bytes]]:
                 number += 1
                 if len(text) > LONGEST_LINE and not text.endswith(b"\n"):
                     _skip_line(file)
+                if number == 1:
+                    text = text.removeprefix(_BYTE_ORDER)
                 if text.strip():
                     yield number, text.rstrip(b"\r\n")
     except OSError as error:

@@ -55,6 +55,8 @@ def read_lumen(path: str | Path, unit: str) -> trimesh.Trimesh:
         raise ShapeError(f"{path}: the unit is {unit!r}: give mm or m")
     if path.suffix.lower() not in ENDINGS:
         raise SourceError(f"{path}: no reader takes {path.suffix!r} as a mesh: use {', '.join(ENDINGS)}")
+    if not path.is_file():
+        raise SourceError(f"{path}: no such file: check the path")
     mesh = _loaded(path)
     if len(mesh.faces) == 0:
         raise ShapeError(f"{path}: the mesh has no triangles: export a surface")

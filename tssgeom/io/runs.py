@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +11,9 @@ import pyarrow as pa
 import pyarrow.parquet as papq
 
 from tssgeom.arrays import Vector, read_only
-from tssgeom.errors import SettingsError, SourceError
+from tssgeom.errors import SettingsError, SourceError, TssgeomError
+from tssgeom.io.columns import AXES, BENDS
+from tssgeom.io.tables import bytes_of, cells_of, header_of
 
 CHANNELS = {
     "tension_in_N": ("tension_in", 1.0),
@@ -25,6 +26,8 @@ CHANNELS = {
 }
 """Columns: the field of `MeasuredRun` that each one fills, and how many of its unit make one in SI."""
 TIME = "time_s"
+_HEADER = "time_s,tension_in_N,tension_out_N"
+_QUANTITIES = tuple({name.rpartition("_")[0] for name in CHANNELS})
 _MISSING = {"", "nan", "null", "na"}
 _KNOWN = ", ".join((TIME, *CHANNELS))
 
@@ -78,6 +81,8 @@ def read_run(path: Path) -> MeasuredRun:
     ------
     SourceError
         Where the file cannot be read, or has another ending than .csv or .parquet.
+    ShapeError
+        Where a CSV file has no header, or one that is not set apart by commas.
     SettingsError
         Where a column is missing or there twice, a cell is no number, or time does not increase.
     """
@@ -87,6 +92,19 @@ def read_run(path: Path) -> MeasuredRun:
     columns = readers[path.suffix.lower()](path)
     channels = _channels(path, columns)
     return MeasuredRun(path.stem, path, _times(path, columns[TIME]), **channels)
+
+
+def holds_run(path: Path) -> bool:
+    """Whether a table has measured columns and no points, so that a run was meant."""
+    try:
+        if path.suffix.lower() == ".parquet":
+            names = papq.read_schema(path).names
+        else:
+            names = header_of(path, bytes_of(path), _HEADER) if path.suffix.lower() == ".csv" else []
+    except (OSError, pa.ArrowException, UnicodeDecodeError, TssgeomError):
+        return False  # whoever reads it is told the reason
+    points = any(name.partition("_")[0] in AXES or name.startswith(BENDS) for name in names)
+    return not points and any(name.startswith(_QUANTITIES) for name in names)
 
 
 def _channels(path: Path, columns: Mapping[str, Vector]) -> dict[str, Vector]:
@@ -116,14 +134,9 @@ def _times(path: Path, time: Vector) -> Vector:
 
 
 def _csv(path: Path) -> dict[str, Vector]:
-    try:
-        text = path.read_bytes().decode("utf-8-sig")
-    except OSError as error:
-        raise SourceError(f"{path}: cannot be read ({error.strerror}): check the path") from error
-    except UnicodeDecodeError as error:
-        raise SettingsError(f"{path}: no UTF-8 text: save the table as plain CSV") from error
-    lines = text.splitlines()
-    names = [name.strip().strip('"') for name in lines[0].split(",")] if lines else []
+    raw = bytes_of(path)
+    names = header_of(path, raw, _HEADER)
+    lines = raw.decode(errors="replace").splitlines()
     wanted = _wanted(path, names)
     rows = [
         _numbers(path, line, text, names, wanted) for line, text in enumerate(lines[1:], 2) if text.strip()
@@ -156,7 +169,7 @@ def _refuse_other_unit(path: Path, name: str) -> None:
 
 
 def _numbers(path: Path, line: int, text: str, names: Sequence[str], wanted: Sequence[int]) -> list[float]:
-    cells = next(csv.reader([text]))
+    cells = cells_of(text)
     if len(cells) != len(names):
         raise SettingsError(
             f"{path}: line {line}: {len(cells)} columns, the header has {len(names)}: mend the line"
@@ -181,7 +194,7 @@ def _parquet(path: Path) -> dict[str, Vector]:
             names = file.schema_arrow.names
             table = file.read(columns=[names[k] for k in _wanted(path, names)])
         numbers = table.cast(pa.schema([(name, pa.float64()) for name in table.column_names]))
-    except (OSError, pa.ArrowException) as error:
+    except (OSError, pa.ArrowException, UnicodeDecodeError) as error:
         reason = str(error).partition("\n")[0]
         raise SourceError(
             f"{path}: cannot be read as a table of numbers ({reason}): write float64"

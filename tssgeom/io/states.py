@@ -36,7 +36,7 @@ def read_state(path: Path) -> TendonState:
         saved = json.loads(path.read_bytes())
     except OSError as error:
         raise SourceError(f"{path}: cannot be read ({error.strerror}): check the path") from error
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise SettingsError(f"{path}: no JSON ({error}): remove it and start anew") from error
     try:
         return state_of(saved if isinstance(saved, dict) else {})

@@ -116,8 +116,8 @@ def bytes_of(path: Path) -> bytes:
         raise SourceError(f"{path}: cannot be read ({error.strerror}): check the path") from error
 
 
-def header_of(path: Path, raw: bytes) -> list[str]:
-    """Return the names of the columns from the beginning of a file.
+def header_of(path: Path, raw: bytes, such_as: str = "x_mm,y_mm,z_mm") -> list[str]:
+    """Return the names of the columns from the beginning of a file; a refusal shows one `such_as`.
 
     Raises
     ------
@@ -128,8 +128,8 @@ def header_of(path: Path, raw: bytes) -> list[str]:
     try:
         line = first.decode().strip()
     except UnicodeDecodeError as error:
-        raise ShapeError(f"{path}: line 1 is no UTF-8 text: save the table as plain CSV") from error
-    expected = "write a header such as x_mm,y_mm,z_mm, comma-separated"
+        raise ShapeError(f"{path}: line 1 is no UTF-8 text: save the table as CSV in UTF-8") from error
+    expected = f"write a header such as {such_as}, comma-separated"
     if not line:
         raise ShapeError(f"{path}: line 1 is empty: {expected}")
     names = [name.strip().strip('"') for name in line.split(",")]
@@ -193,7 +193,7 @@ def slow_table(lines: Iterable[tuple[int, str]], names: Sequence[str], columns: 
     for line, text in lines:
         if not text.strip():
             continue
-        cells = _cells(text)
+        cells = cells_of(text)
         if len(cells) != len(names):
             faults[len(rows)] = (
                 f"line {line}: {len(cells)} columns, the header has {len(names)}: mend the line"
@@ -211,7 +211,8 @@ def slow_table(lines: Iterable[tuple[int, str]], names: Sequence[str], columns: 
     return Table(columns, values, np.array(places, dtype=np.int64), "line", faults)
 
 
-def _cells(text: str) -> list[str]:
+def cells_of(text: str) -> list[str]:
+    """Return the cells of a line; the line itself where it cannot be cut."""
     try:
         return next(csv.reader([text]))
     except csv.Error:
