@@ -14,13 +14,18 @@ from tssgeom.errors import SettingsError
 from tssgeom.shape.arcs import Arcs
 from tssgeom.tendon.acting import ActingState
 from tssgeom.tendon.material import MaterialState
-from tssgeom.tendon.profile import Corners
+from tssgeom.tendon.profile import MOST_TENSION, Corners, check_tension
 from tssgeom.tendon.run_laws import Memory
 from tssgeom.tendon.state import TendonState
 
 VERSION = 2
 """Version of the objects that `state_object` writes."""
 _KINDS = {"corners": Corners, "bars": MaterialState, "acting": ActingState}
+_OF_BARS = ("tension", "slack", "inelastic", "creep")
+_OF_CONTACTS = ("slip", "place", "speed", "travel")
+_SCALARS = {"length", "elongation", "displacement_in", "displacement_out", "span", "front", "iterations"}
+_DRIVE = 6  # numbers that the march keeps of the drive
+_MOST = 1e12  # of any number in a state
 _Part = TypeVar("_Part", Corners, MaterialState, ActingState, Arcs)
 
 
@@ -56,9 +61,84 @@ def state_of(saved: Mapping[str, Any]) -> TendonState:
         kind = _KINDS[saved["kind"]]
         route = None if saved["route"] is None else _revived(Arcs, saved["route"])
         along = _acting(saved["along"], route) if kind is ActingState else _revived(kind, saved["along"])
-        return TendonState(along, route, _untold(saved["time"]))
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        _check(along, route)
+        return TendonState(along, route, _time(saved["time"]))
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise SettingsError(f"the saved state is broken ({error!r}): remove it and start anew") from error
+
+
+def _check(along: Corners | MaterialState | ActingState, route: Arcs | None) -> None:
+    """Refuse a state that no step could have left: compiled code reads its arrays without a look at sizes.
+
+    Raises
+    ------
+    ValueError
+        With what is wrong.
+    """
+    for part in (route, along.cut if isinstance(along, ActingState) else None):
+        if part is not None:
+            _check_route(part)
+    if isinstance(along, Corners):
+        _check_corners(along)
+    else:
+        _check_bars(along)
+        _require(route is not None, "no route")
+    _require(along.direction_index in (-1, 1), "direction_index")
+
+
+def _check_route(route: Arcs) -> None:
+    pieces = len(route.length)
+    _require(_numbers(route.length, pieces) and pieces > 0 and route.length.min() > 0.0, "length of pieces")
+    _require(_numbers(route.angle, pieces) and route.angle.min() >= 0.0, "angle of pieces")
+    _require(_numbers(route.covariance, 2 * pieces, 2 * pieces), "covariance of pieces")
+
+
+def _check_corners(along: Corners) -> None:
+    corners = len(along.angle)
+    _require(_numbers(along.angle, corners) and corners > 0 and along.angle[0] == 0.0, "angle of corners")
+    _require(bool((np.diff(along.angle) >= 0.0).all()), "angle of corners")
+    _require(_numbers(along.log_tension, corners), "log_tension")
+    _require(along.log_tension.max() <= math.log(MOST_TENSION), "log_tension")
+    check_tension(along.tension_in)
+
+
+def _check_bars(along: MaterialState | ActingState) -> None:
+    contacts = len(along.edge)
+    _require(
+        _numbers(along.edge, contacts) and contacts > 1 and bool((np.diff(along.edge) > 0).all()), "edge"
+    )
+    held = along.memory._asdict() if isinstance(along, ActingState) else _parts(along)
+    sizes = {
+        **dict.fromkeys(_OF_BARS, contacts + 1),
+        **dict.fromkeys(_OF_CONTACTS, contacts),
+        "drive": _DRIVE,
+    }
+    for name in sizes.keys() & held.keys():
+        _require(_numbers(held[name], sizes[name]), name)
+    _require(held["tension"].min() >= 0.0 and held["tension"].max() <= MOST_TENSION, "tension")
+    for name in _SCALARS & _parts(along).keys():
+        _require(abs(getattr(along, name)) <= _MOST, name)
+    _require(not isinstance(along, ActingState) or isinstance(along.front, int), "front")
+
+
+def _parts(part: MaterialState | ActingState) -> dict[str, Any]:
+    return {field.name: getattr(part, field.name) for field in fields(part)}
+
+
+def _numbers(values: Any, *size: int) -> bool:
+    """Whether values are an array of a size, of numbers that may be."""
+    return isinstance(values, np.ndarray) and values.shape == size and bool((np.abs(values) <= _MOST).all())
+
+
+def _time(saved: Any) -> float:
+    time = _untold(saved)
+    _require(not math.isinf(time), "time")
+    return time
+
+
+def _require(sound: bool, name: str) -> None:
+    if not sound:
+        raise ValueError(name)
 
 
 def _plain(part: Corners | MaterialState | ActingState | Arcs | Memory) -> dict[str, Any]:
@@ -82,7 +162,7 @@ def _told(value: Any) -> Any:
 
 
 def _untold(value: float | None) -> float:
-    return math.nan if value is None else value
+    return math.nan if value is None else float(value)
 
 
 def _revived(kind: type[_Part], saved: Mapping[str, Any]) -> _Part:
