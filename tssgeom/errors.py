@@ -7,7 +7,10 @@ _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 
 
 class TssgeomError(Exception):
-    """Root of every error that tssgeom raises on purpose."""
+    """Root of every error that tssgeom raises on purpose; its message is one line, whatever a file holds."""
+
+    def __init__(self, message: object) -> None:
+        super().__init__(" ".join(str(message).splitlines()))
 
 
 class ShapeError(TssgeomError, ValueError):

@@ -14,6 +14,7 @@ from tssgeom.shape.wall import Wall
 
 ENDINGS = (".ply", ".stl", ".obj", ".glb")
 _MARK = "_lumen"
+_FARTHEST = 1e9  # of a corner, in the unit of the mesh
 
 
 def lumen_beside(path: str | Path) -> Path | None:
@@ -48,7 +49,7 @@ def read_lumen(path: str | Path, unit: str) -> trimesh.Trimesh:
     SourceError
         Where the file cannot be read as a mesh.
     ShapeError
-        Where it holds no triangles, or where the unit is none that is known.
+        Where it holds no triangles, or corners that cannot be, or where the unit is none that is known.
     """
     path = Path(path)
     if unit not in PER_METRE:
@@ -60,6 +61,10 @@ def read_lumen(path: str | Path, unit: str) -> trimesh.Trimesh:
     mesh = _loaded(path)
     if len(mesh.faces) == 0:
         raise ShapeError(f"{path}: the mesh has no triangles: export a surface")
+    if not (np.abs(mesh.vertices) <= _FARTHEST).all() or not 0 <= mesh.faces.min() <= mesh.faces.max() < len(
+        mesh.vertices
+    ):
+        raise ShapeError(f"{path}: the mesh has corners that are nowhere: export it anew")
     mesh.apply_scale(1.0 / PER_METRE[unit])
     return mesh
 
