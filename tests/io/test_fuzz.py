@@ -4,9 +4,10 @@ import shutil
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
+from tests.io.damage import damage, damaged, quick
 from tssgeom.errors import TssgeomError
 from tssgeom.io.files import READERS, open_recording
 from tssgeom.io.parts import ending
@@ -16,13 +17,6 @@ CORPUS = Path(__file__).parent / "corpus"
 FILES = sorted(path.name for path in CORPUS.iterdir() if path.is_file() and path.suffix != ".md")
 BARE = {"lines_ascii.vtp", "lines_binary.vtp", "lines_appended.vtp", "shape.mcap", "shape.db3"}
 MOST_FRAMES = 1000  # what a few kilobytes can hold; beyond it a reader would be making frames up
-
-quick = settings(
-    max_examples=40,
-    deadline=None,
-    derandomize=True,
-    suppress_health_check=[HealthCheck.function_scoped_fixture],
-)
 
 
 def survives(path: Path) -> None:
@@ -38,22 +32,6 @@ def survives(path: Path) -> None:
             assert 0 < len(items) <= MOST_FRAMES
             assert all(isinstance(item, Frame | Rejected) for item in items)
             assert all(len(item.reason.splitlines()) == 1 for item in items if isinstance(item, Rejected))
-
-
-@st.composite
-def damage(draw: st.DrawFn) -> tuple[float, float, bytes]:
-    """Where a file is cut open, how much of it goes, and what comes there."""
-    share = st.floats(0.0, 1.0, exclude_max=True)
-    words = st.sampled_from(
-        [b"", b",", b"\n", b"\x00", b"-", b"1e999", b"nan", b"9" * 30, b"[" * 50, b'"', b"\xff\xfe"]
-    )
-    return draw(share), draw(st.one_of(st.just(0.0), share)), draw(st.one_of(words, st.binary(max_size=12)))
-
-
-def damaged(raw: bytes, where: tuple[float, float, bytes]) -> bytes:
-    at = int(where[0] * len(raw))
-    gone = int(where[1] * (len(raw) - at))
-    return raw[:at] + where[2] + raw[at + gone :]
 
 
 def test_the_corpus_has_a_file_for_each_ending():
