@@ -24,6 +24,7 @@ from tssgeom.shape.geometry import (
     Geometry,
     Method,
     by_chain,
+    by_few,
     by_spline,
     doubt,
     doubted,
@@ -248,7 +249,7 @@ def _follow_spline(shape: Shape, noise: float | None, last: Followed, method: Me
     age = last.age + 1
     tried = method == "auto" and (last.rival is not None or age >= last.wait) and may_be_chain(shape, spline)
     asked = Question(shape, noise, "chain") if tried else None
-    geometry = doubted(by_spline(spline), last.doubt)
+    geometry = doubted(by_few(by_spline(spline), shape), last.doubt)
     return replace(last, geometry=geometry, index=shape.index, age=age, question=asked)
 
 

@@ -98,7 +98,7 @@ def told_length(geometry: Geometry, shape: Shape) -> Geometry:
 
 def _measured(shape: Shape, noise: float | None, method: Method) -> Geometry:
     spline = fit(shape, noise)
-    smooth = by_spline(spline)
+    smooth = by_few(by_spline(spline), shape)
     if method == "spline" or not may_be_chain(shape, spline):
         return smooth
     data = fit_data(shape, noise, spline)
@@ -115,6 +115,19 @@ def by_spline(spline: Spline) -> Geometry:
     """Profile and pieces of a smooth fit."""
     profile = curvature_profile(spline)
     return Geometry(Outline(spline.route, profile), constant_curvature_pieces(spline, profile), spline)
+
+
+def by_few(smooth: Geometry, shape: Shape) -> Geometry:
+    """Doubt a smooth fit to points too few for a chain by their turns; docs/model.md (34)."""
+    if len(shape.points) >= _FEWEST_FOR_CHAIN:
+        return smooth
+    step = np.diff(shape.points, axis=0)
+    size = np.linalg.norm(step, axis=1)
+    turns = np.arccos(np.clip(np.einsum("ij,ij->i", step[1:], step[:-1]) / (size[1:] * size[:-1]), -1.0, 1.0))
+    whole = (
+        turns.sum() * size.sum() / (size.sum() - 0.5 * (size[0] + size[-1]))
+    )  # the outer halves go on alike
+    return doubted(smooth, float(whole - smooth.arcs.total_angle) ** 2)
 
 
 def by_chain(shape: Shape, data: Data, chain: Chain) -> Geometry:
