@@ -1,0 +1,104 @@
+"""From points to tension and elongation: error bars hold, no frame is preferred, extremes are finite."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tssgeom.settings import Friction, Rig
+from tssgeom.shape.arcs import Arcs
+from tssgeom.shape.synthetic import chain, half_circle, places
+from tssgeom.stream import Frame, FrameResult, process
+from tssgeom.tendon.state import pretensioned, step, transmit
+
+PULL = 15.0
+
+
+def answer(points: np.ndarray, rig: Rig | None = None, **measured: float) -> FrameResult:
+    (result,) = process([Frame(points, **measured)], rig or Rig(), tension_in=PULL)
+    assert isinstance(result, FrameResult), result
+    return result
+
+
+def numbers(result: FrameResult) -> np.ndarray:
+    """Length, angle, its error, T_out and elongation with its error."""
+    sent, arcs = result.transmission, result.arcs
+    found = (arcs.total_length, arcs.total_angle, arcs.total_angle_se)
+    return np.array((*found, sent.tension_out, sent.elongation, sent.elongation_se))
+
+
+def drawn(rng: np.random.Generator):
+    """A route of two to five pieces in any planes, a quarter of them straight."""
+    k = int(rng.integers(2, 6))
+    kappa = np.where(rng.random(k) < 0.25, 0.0, rng.uniform(3.0, 25.0, k))
+    return chain(rng.uniform(0.05, 0.2, k), kappa, rng.uniform(0.0, 2 * np.pi, k))
+
+
+def sensed(course, n: int, noise: float, rng: np.random.Generator) -> np.ndarray:
+    s = np.linspace(0.0, course.total_length, n)
+    s[1:-1] += 0.2 * s[1] * rng.uniform(-1.0, 1.0, n - 2)
+    return places(course, s) + noise * rng.standard_normal((n, 3))
+
+
+def test_the_error_bar_of_the_elongation_holds_the_truth_as_often_as_it_says():
+    """Of 120 routes 95 % are meant to be within 1.96; fewer than 106, or all, is a chance of 1 in 200."""
+    rng, inside = np.random.default_rng(424_242), 0
+    for _ in range(120):
+        course = drawn(rng)
+        seen = answer(sensed(course, 100, 2e-4, rng)).transmission
+        route = Arcs.exact(course.length, course.length * np.linalg.norm(course.bend, axis=1))
+        truth = transmit(step(pretensioned(Rig()), route, Rig(), tension_in=PULL), Rig())
+        inside += abs(seen.elongation - truth.elongation) < 1.96 * seen.elongation_se
+    assert 106 <= inside <= 119
+
+
+@settings(max_examples=15, deadline=None, derandomize=True)
+@given(seed=st.integers(0, 2**32 - 1), shift=st.floats(-1e3, 1e3), mirrored=st.booleans())
+def test_tension_and_elongation_do_not_depend_on_place_attitude_or_hand(seed, shift, mirrored):
+    rng = np.random.default_rng(seed)
+    points = sensed(drawn(rng), 60, 1e-4, rng)
+    turn = np.linalg.qr(rng.standard_normal((3, 3)))[0]
+    if (np.linalg.det(turn) < 0.0) != mirrored:
+        turn[:, 0] *= -1.0
+    before, after = numbers(answer(points)), numbers(answer(points @ turn.T + shift))
+    # the search for joints ends within its own tolerance, whatever rounding at 1 km from the origin does
+    np.testing.assert_allclose(after, before, rtol=1e-4, atol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_from_the_other_end_the_route_is_the_same_within_its_error(seed):
+    rng = np.random.default_rng(seed)
+    points = sensed(drawn(rng), 80, 1e-4, rng)
+    there, back = answer(points), answer(points[::-1])
+    assert abs(there.arcs.total_angle - back.arcs.total_angle) < there.arcs.total_angle_se
+    assert there.arcs.total_length == pytest.approx(back.arcs.total_length, rel=1e-3)
+
+
+@pytest.mark.parametrize("n", [4, 5])
+def test_the_fewest_points_have_an_error_bar_that_holds_the_truth(n):
+    arcs = answer(places(half_circle(), np.linspace(0.0, 0.5, n))).arcs
+    assert abs(arcs.total_angle - np.pi) < 2 * arcs.total_angle_se
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-4])
+@pytest.mark.parametrize("friction", [0.0, 1e-300, 1e-12, 0.145])
+@pytest.mark.parametrize("drive", [{}, {"displacement_in": 1e-3}, {"displacement_target": 1e-3}])
+@pytest.mark.parametrize("angle", [0.0, 1e-8, 2 * np.pi, 100.0])
+def test_extreme_routes_and_friction_give_finite_numbers(angle, friction, drive, noise):
+    length = max(0.5, 0.03 * angle)
+    course = chain(np.array([length]), np.array([angle / length]))
+    s = np.linspace(0.0, length, max(60, int(6 * angle)))
+    points = places(course, s) + np.outer(s, [0.0, 0.0, 0.1])  # loops of a coil do not lie in each other
+    points += noise * np.random.default_rng(1).standard_normal(points.shape)
+    found = numbers(answer(points, Rig(friction=Friction(coefficient=friction)), **drive))
+    assert np.isfinite(found).all()
+    if not angle:
+        assert found[1] < 1e-3
+
+
+@pytest.mark.parametrize("length", [1e-3, 1.0, 50.0])
+def test_the_answer_scales_with_the_route_from_a_millimetre_to_fifty_metres(length):
+    points = places(half_circle(), np.linspace(0.0, 0.5, 60))
+    small, large = numbers(answer(points)), numbers(answer(points * length / 0.5))
+    np.testing.assert_allclose(large[[0, 4]], small[[0, 4]] * length / 0.5, rtol=1e-9)  # rounding of the fit
+    np.testing.assert_allclose(large[[1, 3]], small[[1, 3]], rtol=1e-9)
