@@ -203,3 +203,10 @@ def test_friction_that_lets_nothing_through_is_refused_where_it_would_overflow(a
     (result,) = process([Frame(bend(), **asked)], rig, tension_in=15.0)
     assert isinstance(result, Rejected)
     assert "nothing gets through" in result.reason
+
+
+def test_a_target_that_friction_keeps_out_of_reach_is_told_as_such():
+    rig = changed(RIG, friction=Friction(coefficient=10.0))
+    (result,) = process([Frame(bend(), displacement_target=1e-3)], rig, tension_in=15.0)
+    assert isinstance(result, Rejected)
+    assert "1 N at the distal end need" in result.reason

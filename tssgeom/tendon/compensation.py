@@ -147,6 +147,11 @@ def _reached(move: _Move, held: TendonState) -> TendonState:
     sign = 1 if move.target > held.tension_out else -1
     start = held.tension_in
     far = answering(held, move.rig, move.target, sign)  # docs/model.md (83): exact where all slides slowly
+    if far > MOST_TENSION:
+        raise SettingsError(
+            f"{move.target:g} N at the distal end need {far:.3g} N at the proximal end: "
+            "friction keeps the target out of reach"
+        )
     reach = max(sign * (far - start), _LEAST_REACH * max(start, move.target))
     far = start + sign * reach if sign * (far - start) <= 0.0 else far
     answer = move.pulled(far)
