@@ -1,0 +1,45 @@
+"""What README and docs show works as it stands there."""
+
+import re
+from pathlib import Path
+
+import msgspec
+import pytest
+from typer.main import get_command
+
+from pipelines.cli import app
+from tssgeom.settings import Rig
+
+HOME = Path(__file__).parents[1]
+DOCUMENTS = [HOME / "README.md", HOME / "CONTRIBUTING.md", *sorted((HOME / "docs").glob("*.md"))]
+COMMANDS = [
+    line.strip()
+    for document in DOCUMENTS
+    for line in document.read_text("utf-8").replace("\\\n", " ").splitlines()
+    if re.match(r"    (tssgeom|.*&& tssgeom) ", line)
+]
+
+
+def blocks(document: str, language: str) -> list[str]:
+    return re.findall(rf"```{language}\n(.*?)```", (HOME / document).read_text("utf-8"), re.DOTALL)
+
+
+def test_the_python_of_the_readme_prints_angle_and_tension_of_a_half_circle(capsys):
+    (example,) = blocks("README.md", "python")
+    exec(example, {})
+    first = capsys.readouterr().out.split()
+    assert float(first[0]) == pytest.approx(3.14159265, rel=1e-8)
+    assert float(first[2]) == pytest.approx(5.0 * 0.6341, rel=1e-4)  # the paper's ratio has four digits
+
+
+def test_the_effects_of_the_formats_are_a_rig():
+    _, example = blocks("docs/formats.md", "toml")
+    assert len(msgspec.toml.decode(example, type=Rig).effects) == 2
+
+
+@pytest.mark.parametrize("line", COMMANDS)
+def test_a_command_that_is_shown_has_the_options_that_are_shown(line):
+    words = line.partition("tssgeom ")[2].partition(" #")[0].split()
+    command = get_command(app).commands[words[0]]
+    known = {option for parameter in command.params for option in parameter.opts}
+    assert {word for word in words if word.startswith("--")} <= known
