@@ -28,7 +28,8 @@ def live(
     tension_in: TensionIn = TENSION_IN,
     unit: Unit = None,
     stale_after: Annotated[
-        float, typer.Option("--stale-after", min=0.001, help="Silence after which a stale line is sent [s].")
+        float,
+        typer.Option("--stale-after", min=0.001, help="Silence after which a stale line is sent, in s."),
     ] = 0.2,
     spin: Annotated[
         bool,

@@ -51,7 +51,7 @@ def remedy(
             "--tolerance-mm",
             "--tolerance",
             min=0.0,
-            help="Change of δ to stay below [mm]; recommends a curve.",
+            help="Change of δ to stay below, in mm; recommends a curve.",
         ),
     ] = None,
     tolerance_percent: Annotated[
@@ -65,7 +65,7 @@ def remedy(
         float, typer.Option("--bend-sd-deg", min=0.0, help="Standard deviation of their angles [°].")
     ] = 20.0,
     bend_width_mm: Annotated[
-        float, typer.Option("--bend-width-mm", min=0.0, help="Length of sheath that each takes [mm].")
+        float, typer.Option("--bend-width-mm", min=0.0, help="Length of sheath that each takes, in mm.")
     ] = 20.0,
     percentile: Annotated[
         float, typer.Option("--percentile", min=1.0, max=100.0, help="Of the changes over all perturbations.")

@@ -1,11 +1,15 @@
 """The console script: help, usage errors, exit status, one line for each error."""
 
+import inspect
 import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from rich.text import Text
+
+from pipelines.cli import app
 
 ROOT = Path(__file__).parents[2]
 
@@ -41,6 +45,17 @@ def test_version_is_told(run):
     outcome = run("--version")
     assert outcome.status == 0
     assert outcome.out.startswith("tssgeom ")
+
+
+def test_no_help_has_a_unit_that_the_terminal_takes_for_a_style():
+    helps = [
+        str(parameter.annotation.__metadata__[0].help)
+        for command in app.registered_commands
+        if command.callback is not None
+        for parameter in inspect.signature(command.callback, eval_str=True).parameters.values()
+    ]
+    assert len(helps) > 100
+    assert [said for said in helps if Text.from_markup(said).plain != said] == []
 
 
 def test_the_newest_entry_of_the_changelog_is_the_version():
