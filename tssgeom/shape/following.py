@@ -120,9 +120,7 @@ def follow(shape: Shape, noise: float | None, last: Followed | None, method: Met
     elif shape.length is not None:
         found = replace(found, geometry=told_length(found.geometry, shape))
     outline, spline = found.geometry.outline, found.geometry.spline
-    if (
-        spline is None or spline.angle_doubt == 0.0
-    ):  # else neighbours share errors, which are longer than noise
+    if spline is None or spline.angle_doubt == 0.0:  # else neighbours share errors, which noise does not tell
         refuse_lost(shape.points, outline.weight, outline.noise, found.geometry.arcs)
     return found
 
