@@ -13,7 +13,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from time import monotonic
+from time import monotonic, sleep
 
 import pyigtl
 import rerun_cli
@@ -21,6 +21,7 @@ import rerun_cli
 from benchmarks.live_frames import line, malformed, points_mm, retimed
 from benchmarks.live_process import PATIENCE, Live, Reader, live
 from tssgeom.errors import TssgeomError
+from tssgeom.io.network.listener import MOST_NEW
 from tssgeom.io.states import read_state
 
 _HERE = "tcp://127.0.0.1:0"
@@ -147,6 +148,7 @@ def source_returns(quick: bool) -> Verdict:
             with stream.source() as source:
                 source.sendall(retimed(_GOOD, 1.0)[:-2] + b',"id":"back %d"}\n' % i + _GOOD[:500])
                 answered += "segments" in exchange.reader.until("id", f"back {i}")[-1]
+            sleep(1.2 / MOST_NEW)  # who comes back more often is turned away
         exchange.close()
     return Verdict("source dies and returns", answered == count, f"{answered} of {count} times answered")
 

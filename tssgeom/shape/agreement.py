@@ -14,7 +14,7 @@ from tssgeom.shape.stations import squared
 
 _MOST_IGNORED = 1 / 3  # of the points
 _LONGEST_WAY = 1.3  # from point to point over the length of a route, noise allowed for: chords are shorter
-_LEAST_KNOWN = 2 * math.pi  # standard error of Φ from which on it tells nothing [rad]
+_LEAST_KNOWN = 20 * math.pi  # standard error of Φ beyond which the fit is no route at all [rad]
 
 
 def refuse_lost(points: Points, weight: Vector, noise: float, arcs: Arcs) -> None:
