@@ -12,6 +12,7 @@ from typing import TypeVar
 from msgspec.structs import replace as changed
 
 from pipelines.console import complain
+from pipelines.first_run import announce_compiling
 from pipelines.progress import progressing
 from tssgeom.errors import SettingsError, ShapeError, SpaceError, TssgeomError, refused
 from tssgeom.io.account import Account
@@ -71,6 +72,7 @@ def options(
     held = Rig() if rig is None else read_rig(rig)
     if tube_mm is not None and not 0 < tube_mm < math.inf:
         raise SettingsError(f"--tube-mm is {tube_mm:g} mm: give the outer diameter of the tube, > 0 mm")
+    announce_compiling()
     return Options(held, rig, tension_in, unit, lumen, geometry_only, 0.5e-3 * (tube_mm or 0.0))
 
 
