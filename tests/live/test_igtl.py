@@ -16,6 +16,8 @@ from tssgeom.io.network.igtl import HEADER, Message, header_of, message_of
 from tssgeom.io.network.igtl_peers import Rounds
 
 PLACES = half_circle(30)
+WHEN = 7000.0
+"""Time of a frame, which no other source tells: answers to all of them are read."""
 
 
 @pytest.fixture
@@ -48,15 +50,15 @@ def own_position(name: str, place: np.ndarray, time: float) -> bytes:
 @pytest.mark.parametrize(
     "message",
     [
-        pyigtl.PointMessage(PLACES, timestamp=10.0, device_name="route"),
-        pyigtl.PolyDataMessage(points=PLACES.astype(np.float32), timestamp=10.0, device_name="route"),
-        pyigtl.PositionMessage(PLACES, np.zeros((30, 4)), timestamp=10.0, device_name="route"),
+        pyigtl.PointMessage(PLACES, timestamp=WHEN, device_name="route"),
+        pyigtl.PolyDataMessage(points=PLACES.astype(np.float32), timestamp=WHEN, device_name="route"),
+        pyigtl.PositionMessage(PLACES, np.zeros((30, 4)), timestamp=WHEN, device_name="route"),
     ],
     ids=["POINT", "POLYDATA", "POSITION"],
 )
 def test_a_message_with_a_whole_route_is_a_frame(peer, reader, message):
     peer.sendall(message.pack())
-    assert told(reader, 10.0)["length_m"] == pytest.approx(0.5, rel=1e-5)  # single precision
+    assert told(reader, WHEN)["length_m"] == pytest.approx(0.5, rel=1e-5)  # single precision
 
 
 @pytest.mark.parametrize("one", [transform, own_position], ids=["TRANSFORM", "POSITION"])

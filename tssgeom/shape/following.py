@@ -7,6 +7,7 @@ What a frame needs is found by `follow`. Whether the estimator behind it is stil
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -16,7 +17,7 @@ from tssgeom.arrays import Vector
 from tssgeom.errors import FitError
 from tssgeom.shape.agreement import refuse_lost
 from tssgeom.shape.chain.facing import curvature_at_points, faced, without_stray_directions
-from tssgeom.shape.chain.fit import Chain, Data, settle, values
+from tssgeom.shape.chain.fit import Chain, Data, settle, tame, values
 from tssgeom.shape.chain.moves import finer, fit_chain, simpler
 from tssgeom.shape.chain.strays import weighed
 from tssgeom.shape.geometry import (
@@ -115,12 +116,19 @@ def follow(shape: Shape, noise: float | None, last: Followed | None, method: Met
         found = _follow_chain(shape, noise, last, last.geometry.chain, method)
     elif last is not None:
         found = _follow_spline(shape, noise, last, method)
-    if found is None:
-        found = Followed(measure(shape, noise, method), shape.index)
-    elif shape.length is not None:
-        found = replace(found, geometry=told_length(found.geometry, shape))
+    if found is not None:
+        with suppress(FitError):  # a route that leaps may be lost, and found again from nothing
+            return _checked(replace(found, geometry=told_length(found.geometry, shape)), shape)
+    return _checked(Followed(measure(shape, noise, method), shape.index), shape)
+
+
+def _checked(found: Followed, shape: Shape) -> Followed:
+    """Return what was found, unless it lost its points.
+
+    Points that share errors with their neighbours are left alone: those are longer than the noise tells.
+    """
     outline, spline = found.geometry.outline, found.geometry.spline
-    if spline is None or spline.angle_doubt == 0.0:  # else neighbours share errors, which noise does not tell
+    if spline is None or spline.angle_doubt == 0.0:
         refuse_lost(shape.points, outline.weight, outline.noise, found.geometry.arcs)
     return found
 
@@ -214,7 +222,12 @@ def _stations(shape: Shape, last: Followed, chain: Chain) -> Vector:
 
 
 def _unfit(data: Data, chain: Chain, variance: float) -> bool:
-    """Whether the points are off the chain by more than noise, of a variance as in the last frame [m²]."""
+    """Whether the points are off the chain by more than noise, of a variance as in the last frame [m²].
+
+    A chain that turns out of their sight fits nothing, however near it comes to those that are not strays.
+    """
+    if not tame(data, chain.stations, chain.joints, chain.bend):
+        return True
     freedom = max(values(data) - len(chain.matrix), 1)
     most = 1.0 + _UNFIT * math.sqrt(2.0 / freedom)
     if data.variance > 0.0:

@@ -178,7 +178,7 @@ def _settled(data: Data, chain: Chain, goal: float, anew: bool) -> Chain:
             break
         start, axes, joints, bend = _moved(step, now, data.free, data.gap)
         tried, ahead = _evaluated(data, now.stations, start, axes, joints, bend, chain.curved)
-        if tried.cost < now.cost and _tame(data, tried.stations, joints, bend):
+        if tried.cost < now.cost and tame(data, tried.stations, joints, bend):
             saved = now.cost - tried.cost
             now, gradient = tried, ahead
             if saved < enough and damping <= 1e-6:
@@ -190,7 +190,7 @@ def _settled(data: Data, chain: Chain, goal: float, anew: bool) -> Chain:
 
 
 @njit(cache=True, nogil=True)
-def _tame(data: Data, s: np.ndarray, joints: np.ndarray, bend: np.ndarray) -> bool:
+def tame(data: Data, s: np.ndarray, joints: np.ndarray, bend: np.ndarray) -> bool:
     """Whether the chain turns no more from one point to the next than anyone could tell."""
     j, before, here, turned = 0, -1, s[0], 0.0
     for i in range(len(s)):
@@ -204,7 +204,11 @@ def _tame(data: Data, s: np.ndarray, joints: np.ndarray, bend: np.ndarray) -> bo
         if before >= 0 and not turned < (_MOST_TURN_UNSEEN if wide else _MOST_TURN):
             return False
         before, here, turned = i, s[i], 0.0
-    return True
+    while j + 1 < len(joints):  # the end, if its points do not count
+        turned += max(joints[j + 1] - here, 0.0) * math.sqrt(bend[j, 0] ** 2 + bend[j, 1] ** 2)
+        here, j = max(joints[j + 1], here), j + 1
+    turned += max(s[-1] - here, 0.0) * math.sqrt(bend[j, 0] ** 2 + bend[j, 1] ** 2)
+    return turned < _MOST_TURN_UNSEEN
 
 
 @njit(cache=True, nogil=True)
