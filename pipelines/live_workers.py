@@ -161,7 +161,8 @@ class Artists:
             if not allowance.granted(now):
                 break
             chosen.append(worker)
-        _offer(chosen, "picture", lean(result))
+        if chosen:
+            _offer(chosen, "picture", lean(result))
         if now >= self._due:
             self.flush()
             self._due = now + _NUMBERS

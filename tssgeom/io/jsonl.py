@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -22,7 +23,6 @@ from tssgeom.stream import Frame, Rejected
 LONGEST_LINE = 1 << 20
 """Bytes of the longest line that is decoded, 1 MiB."""
 
-_BYTE_ORDER = b"\xef\xbb\xbf"  # what some editors put before UTF-8 text
 _UNSEEN = (None, None, None)
 _STATE_UNIT = 'write "unit": "mm" or "unit": "m" in each line'
 
@@ -263,7 +263,7 @@ def _lines(path: Path) -> Iterator[tuple[int, bytes]]:
                 if len(text) > LONGEST_LINE and not text.endswith(b"\n"):
                     _skip_line(file)
                 if number == 1:
-                    text = text.removeprefix(_BYTE_ORDER)
+                    text = text.removeprefix(codecs.BOM_UTF8)
                 if text.strip():
                     yield number, text.rstrip(b"\r\n")
     except OSError as error:

@@ -10,7 +10,7 @@ from numba import njit
 from tssgeom.arrays import Points, Vector
 from tssgeom.errors import FitError
 from tssgeom.shape.arcs import Arcs
-from tssgeom.shape.stations import squared
+from tssgeom.shape.stations import distance
 
 _MOST_IGNORED = 1 / 3  # of the points
 _LONGEST_WAY = 1.3  # from point to point over the length of a route, noise allowed for: chords are shorter
@@ -56,6 +56,6 @@ def _followed(points: np.ndarray, weight: np.ndarray) -> tuple[int, float]:
             ignored += 1
             continue
         if last >= 0:
-            way += math.sqrt(squared(points[i], points[last]))
+            way += distance(points[i], points[last])
         last = i
     return ignored, way

@@ -124,9 +124,8 @@ def by_few(smooth: Geometry, shape: Shape) -> Geometry:
     step = np.diff(shape.points, axis=0)
     size = np.linalg.norm(step, axis=1)
     turns = np.arccos(np.clip(np.einsum("ij,ij->i", step[1:], step[:-1]) / (size[1:] * size[:-1]), -1.0, 1.0))
-    whole = (
-        turns.sum() * size.sum() / (size.sum() - 0.5 * (size[0] + size[-1]))
-    )  # the outer halves go on alike
+    told = size.sum() - 0.5 * (size[0] + size[-1])  # the outer halves go on alike
+    whole = turns.sum() * size.sum() / told
     return doubted(smooth, float(whole - smooth.arcs.total_angle) ** 2)
 
 

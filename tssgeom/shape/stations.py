@@ -95,14 +95,14 @@ def _against_stations(points: np.ndarray, known: np.ndarray) -> tuple[float, flo
     n = len(points)
     every, path, chords, last = max(n // _CHORDS, 1), 0.0, 0.0, 0
     for i in range(1, n):
-        path += math.sqrt(squared(points[i], points[i - 1]))
+        path += distance(points[i], points[i - 1])
         if i - last == every:
-            chords += math.sqrt(squared(points[i], points[last]))
+            chords += distance(points[i], points[last])
             last = i
     return path, chords / max(known[last], 1e-300)
 
 
 @njit(cache=True, nogil=True)
-def squared(a: np.ndarray, b: np.ndarray) -> float:
-    """Square of the distance of two places [m²]."""
-    return (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2
+def distance(a: np.ndarray, b: np.ndarray) -> float:
+    """Distance of two places [m]."""
+    return math.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)

@@ -11,6 +11,7 @@ from scipy.spatial import KDTree
 
 from tssgeom.arrays import Points, Vector, read_only
 from tssgeom.shape.median import median
+from tssgeom.shape.stations import distance
 
 FEWEST = 8
 """Fewest points whose order, and whose place among their neighbours, can be judged."""
@@ -93,7 +94,7 @@ def _lengths(p: np.ndarray) -> np.ndarray:
     """Measure the steps from point to point [n - 1] [m]."""
     steps = np.empty(len(p) - 1)
     for i in range(len(steps)):
-        steps[i] = _distance(p[i + 1], p[i])
+        steps[i] = distance(p[i + 1], p[i])
     return steps
 
 
@@ -102,7 +103,7 @@ def _wide(p: np.ndarray, far: float) -> bool:
     """Whether more than half of the points are at least so far from their mean [m]."""
     mean, beyond = _mean(p), 0
     for i in range(len(p)):
-        beyond += 1 if _distance(p[i], mean) >= far else 0
+        beyond += 1 if distance(p[i], mean) >= far else 0
     return beyond > len(p) // 2 + 1
 
 
@@ -149,11 +150,6 @@ def _typical(p: np.ndarray) -> float:
 def _smooth_end(p: np.ndarray, spacing: float) -> bool:
     """Whether no end point would be doubted, whatever is typical of the route."""
     return _off_parabola(p[:5], _NONE) <= _END_OFF * spacing and _off_direction(p, spacing) <= 0.0
-
-
-@njit(cache=True, nogil=True)
-def _distance(a: np.ndarray, b: np.ndarray) -> float:
-    return math.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
 
 
 @njit(cache=True, nogil=True)
@@ -235,9 +231,9 @@ def _worst_of_end(p: np.ndarray, spacing: float, typical: float) -> int:
 def _off_direction(p: np.ndarray, spacing: float) -> float:
     """Distance of the first point from straight on from the next ones, where it leaps aside, else 0 [m]."""
     far = 3  # the point that shows the way: neighbours within the noise do not
-    while far < 5 and _distance(p[1], p[far]) < 2 * spacing:
+    while far < 5 and distance(p[1], p[far]) < 2 * spacing:
         far += 1
-    size, length = _distance(p[0], p[1]), _distance(p[1], p[far]) + 1e-300
+    size, length = distance(p[0], p[1]), distance(p[1], p[far]) + 1e-300
     square = 0.0
     for c in range(3):
         square += (p[0, c] - p[1, c] - size * (p[1, c] - p[far, c]) / length) ** 2
@@ -258,7 +254,7 @@ def _off_parabola(p: np.ndarray, without: int) -> float:
             continue
         which[k] = i
         if k > 0:
-            chord[k] = chord[k - 1] + _distance(p[i], p[last])
+            chord[k] = chord[k - 1] + distance(p[i], p[last])
         k, last = k + 1, i
     # orthonormal polynomials of degree 0, 1 and 2 over the chord lengths
     basis = np.ones((3, n))
@@ -313,7 +309,7 @@ def _steps(points: np.ndarray) -> tuple[np.ndarray, float, float]:
     """Measure steps from point to point [n - 1], their median, and the median distance from the mean [m]."""
     steps, far, mean = _lengths(points), np.empty(len(points)), _mean(points)
     for i in range(len(points)):
-        far[i] = _distance(points[i], mean)
+        far[i] = distance(points[i], mean)
     return steps, median(steps), median(far)
 
 

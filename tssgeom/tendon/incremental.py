@@ -263,9 +263,8 @@ def _solved(chain, hanging, before, held):
         loose, w, tension, slip = _loose(chain)
         if loose:
             return w, tension, slip, 1, 0.0
-    return equilibrium(
-        chain, hanging, before.copy(), PATIENCE
-    )  # `before` refuses writes, other callers' do not
+    own = before.copy()  # it refuses writes, unlike those of other callers, for which all is compiled
+    return equilibrium(chain, hanging, own, PATIENCE)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -192,23 +192,27 @@ def _settled(data: Data, chain: Chain, goal: float, anew: bool) -> Chain:
 @njit(cache=True, nogil=True)
 def tame(data: Data, s: np.ndarray, joints: np.ndarray, bend: np.ndarray) -> bool:
     """Whether the chain turns no more from one point to the next than anyone could tell."""
-    j, before, here, turned = 0, -1, s[0], 0.0
+    j, before, here = 0, -1, s[0]
     for i in range(len(s)):
         if data.weight[i] <= 0.0:
             continue
-        while j + 1 < len(joints) and joints[j + 1] <= s[i]:
-            turned += max(joints[j + 1] - here, 0.0) * math.sqrt(bend[j, 0] ** 2 + bend[j, 1] ** 2)
-            here, j = max(joints[j + 1], here), j + 1
-        turned += max(s[i] - here, 0.0) * math.sqrt(bend[j, 0] ** 2 + bend[j, 1] ** 2)
+        turned, j = _turned_to(s[i], here, j, joints, bend)
         wide = before >= 0 and s[i] - s[before] > _WIDE * data.gap
         if before >= 0 and not turned < (_MOST_TURN_UNSEEN if wide else _MOST_TURN):
             return False
-        before, here, turned = i, s[i], 0.0
-    while j + 1 < len(joints):  # the end, if its points do not count
+        before, here = i, s[i]
+    turned, _ = _turned_to(max(s[-1], joints[-1]), here, j, joints, bend)  # the end, where no point counts
+    return turned < _MOST_TURN_UNSEEN
+
+
+@njit(cache=True, nogil=True)
+def _turned_to(there: float, here: float, j: int, joints: np.ndarray, bend: np.ndarray) -> tuple[float, int]:
+    """Return the angle by which a chain turns from `here`, on piece j, to `there` [rad], and that piece."""
+    turned = 0.0
+    while j + 1 < len(joints) and joints[j + 1] <= there:
         turned += max(joints[j + 1] - here, 0.0) * math.sqrt(bend[j, 0] ** 2 + bend[j, 1] ** 2)
         here, j = max(joints[j + 1], here), j + 1
-    turned += max(s[-1] - here, 0.0) * math.sqrt(bend[j, 0] ** 2 + bend[j, 1] ** 2)
-    return turned < _MOST_TURN_UNSEEN
+    return turned + max(there - here, 0.0) * math.sqrt(bend[j, 0] ** 2 + bend[j, 1] ** 2), j
 
 
 @njit(cache=True, nogil=True)

@@ -155,8 +155,7 @@ def _simplifications(data: Data, chain: Chain) -> tuple[np.ndarray, np.ndarray, 
             promise[count] = _worth(step, covariance, column[j], column[j - 1]) - 3 * price
             kind[count], piece[count] = _MERGED, j
             count += 1
-        end = chain.joints[j + 1] if j + 1 < k else chain.stations[-1]
-        if k > 1 and end - chain.joints[j] < _SHORT * data.gap:
+        if k > 1 and _length(chain, j) < _SHORT * data.gap:
             promise[count], kind[count], piece[count] = -price, _DROPPED, j
             count += 1
     return promise[:count], kind[:count], piece[:count]
@@ -221,10 +220,11 @@ def _split(chain: Chain, j: int, where: float) -> Chain:
     )
 
 
+@njit(cache=True, nogil=True)
 def _length(chain: Chain, j: int) -> float:
     """Length of piece j [m]."""
     end = chain.joints[j + 1] if j + 1 < len(chain.joints) else chain.stations[-1]
-    return float(end - chain.joints[j])
+    return end - chain.joints[j]
 
 
 @njit(cache=True, nogil=True)
@@ -245,9 +245,9 @@ def _parts(data: Data, chain: Chain) -> tuple[np.ndarray, np.ndarray, np.ndarray
     k, n = len(chain.bend), _SPLITS * len(chain.bend)
     at, bend, curved = np.empty(n), np.empty((n, 2)), np.ones(n, np.bool_)
     for j in range(k):
-        end = chain.joints[j + 1] if j + 1 < k else chain.stations[-1]
+        length = _length(chain, j)
         for i in range(_SPLITS):
-            at[_SPLITS * j + i] = chain.joints[j] + (end - chain.joints[j]) * i / _SPLITS
+            at[_SPLITS * j + i] = chain.joints[j] + length * i / _SPLITS
             bend[_SPLITS * j + i, 0], bend[_SPLITS * j + i, 1] = chain.bend[j, 0], chain.bend[j, 1]
     matrix, gradient, _, _ = normal_equations(
         data.points,
@@ -289,8 +289,7 @@ def _saved_by_joints(data: Data, chain: Chain) -> np.ndarray:
     """Return what a joint at each quarter of each piece [k, parts] would save, in noise variances."""
     long = np.empty(len(chain.joints), np.bool_)
     for j in range(len(long)):
-        end = chain.joints[j + 1] if j + 1 < len(long) else chain.stations[-1]
-        long[j] = end - chain.joints[j] >= 4 * data.gap
+        long[j] = _length(chain, j) >= 4 * data.gap
     lower, unit = factor(chain.matrix, 1e-12)
     gradient, cross, own, slope = _parts(data, chain)
     saved = _saved(lower, unit, gradient, cross, own, slope, chain.curved, long)
