@@ -71,6 +71,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _status(arguments: Sequence[str] | None) -> int:
+    if "" in (sys.argv[1:] if arguments is None else arguments):
+        return _complain("an argument is empty: is a variable of the shell not set?", 2)
     try:
         status = app(args=arguments, prog_name="tssgeom", standalone_mode=False) or 0
     except typer.TyperException as error:

@@ -10,7 +10,10 @@ import typer
 TENSION_IN = 15.0
 """Tension at the proximal end where neither the file nor the user tells it [N]."""
 
-Inputs = Annotated[list[Path], typer.Argument(help="Files or folders of shapes and recordings.")]
+Inputs = Annotated[
+    list[Path], typer.Argument(help="Files or folders of shapes and recordings.", readable=False)
+]
+"""Whether each can be read is for the command to find, so that one that cannot takes no other down."""
 Shapes = Annotated[Path, typer.Argument(help="A shape, or a recording of a route that moves.")]
 RigFile = Annotated[Path | None, typer.Option("--rig", help="Rig file (TOML); the paper's rig by default.")]
 TensionIn = Annotated[

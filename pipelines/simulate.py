@@ -8,12 +8,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, get_args
 
-from pipelines.console import say, show, tracking
+from pipelines.console import complain, say, show, tracking
 from pipelines.runs import SensedRoute, draw, draw_figures, sensed_route, temperature_of
 from pipelines.summary_table import acting
 from pipelines.work import Options
 from tssgeom.io.run_tables import write_simulation
 from tssgeom.io.runs import MeasuredRun, read_run
+from tssgeom.stream import doubts
 from tssgeom.tendon.simulation import Moment, Phase, simulate
 
 TABLE, PICTURE = "simulate.parquet", "simulate.rrd"
@@ -57,6 +58,9 @@ def run(
             moments.append(moment)
             tracker.frame(len(values))
         tracker.end(str(drive))
+    longest = max(result.arcs.total_length for result in sensed.results)
+    for doubt in doubts(chosen.rig, longest, max(one.transmission.tension_in for one in moments)):
+        complain(f"{drive}: warning: {doubt}")
     write_simulation(out / TABLE, moments)
     draw(out / PICTURE, sensed, measured, moments)
     if figures is not None:

@@ -131,6 +131,11 @@ def test_a_file_that_is_not_text_is_refused(tmp_path):
         read_rig(path)
 
 
+def test_a_file_without_an_end_is_refused():
+    with pytest.raises(SettingsError, match=r"/dev/zero: .*: mend the rig file"):
+        read_rig("/dev/zero")
+
+
 def test_a_rig_cannot_be_changed():
     with pytest.raises(AttributeError):
         Rig().tendon = Tendon()

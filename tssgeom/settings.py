@@ -10,6 +10,8 @@ import msgspec
 from tssgeom.errors import SettingsError
 from tssgeom.tendon.effects import KINDS, Library
 
+_MOST_BYTES = 1 << 20  # of a rig file: more is none
+
 
 def _require(condition: bool, what: str, value: float, remedy: str) -> None:
     if not condition:
@@ -134,7 +136,8 @@ def read_rig(path: str | Path) -> Rig:
     """
     content = b""
     try:
-        content = Path(path).read_bytes()
+        with Path(path).open("rb") as file:
+            content = file.read(_MOST_BYTES)
         return msgspec.toml.decode(content.removeprefix(codecs.BOM_UTF8), type=Rig)
     except OSError as error:
         raise SettingsError(f"{path}: cannot read the rig file ({error.strerror}): check the path") from error

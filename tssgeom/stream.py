@@ -167,7 +167,7 @@ def advance(
         warnings=shape.warnings
         + geometry.outline.warnings
         + _unfelt(rig, frame)
-        + _odd(rig, geometry.arcs, moved),
+        + doubts(rig, geometry.arcs.total_length, moved.tension_in),
         displacement_command=None if command is None else command.displacement_in,
         tension_command=None if command is None else command.tension_in,
     )
@@ -181,18 +181,16 @@ def _unfelt(rig: Rig, frame: Frame) -> tuple[str, ...]:
     return (f"no temperature_C: {asking} does nothing",) if asking else ()
 
 
-def _odd(rig: Rig, arcs: Arcs, moved: TendonState) -> tuple[str, ...]:
-    """Say where rig, route and tension can hardly belong to each other."""
-    strain = rig.tendon.compliance_per_N * moved.tension_in
+def doubts(rig: Rig, length: float, tension_in: float) -> tuple[str, ...]:
+    """Say where a rig, the length of a route [m] and a tension [N] can hardly belong to each other."""
+    strain = rig.tendon.compliance_per_N * tension_in
     beyond = [
-        f"hidden_bend at {effect.at_m:g} m is beyond the end of the route at {arcs.total_length:.3g} m"
+        f"hidden_bend at {effect.at_m:g} m is beyond the end of the route at {length:.3g} m"
         for effect in rig.effects
-        if isinstance(effect, HiddenBend) and effect.at_m > arcs.total_length
+        if isinstance(effect, HiddenBend) and effect.at_m > length
     ]
     if strain > _MOST_STRAIN:
-        beyond.append(
-            f"{moved.tension_in:g} N strain the tendon by {strain:.0%}: check tension and compliance"
-        )
+        beyond.append(f"{tension_in:g} N strain the tendon by {strain:.0%}: check tension and compliance")
     return tuple(beyond)
 
 

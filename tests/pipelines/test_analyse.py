@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 
 import numpy as np
 import pytest
@@ -127,6 +128,18 @@ def test_a_bad_shape_does_not_take_the_others_down(run, write_csv, half, tmp_pat
     assert outcome.status == 1
     assert [told["shape"] for told in json.loads(outcome.out)] == ["half"]
     assert len(outcome.errors) == 2
+
+
+def test_a_file_that_may_not_be_read_does_not_take_the_others_down(run, write_csv, half):
+    locked = write_csv("locked.csv", GOOD)
+    locked.chmod(0)
+    if os.access(locked, os.R_OK):
+        pytest.skip("this user may read every file")
+    outcome = run("analyse", half, locked, "--json")
+    assert outcome.status == 1
+    assert [told["shape"] for told in json.loads(outcome.out)] == ["half"]
+    assert len(outcome.errors) == 1
+    assert "Permission denied" in outcome.errors[0]
 
 
 GAP = GOOD.copy()

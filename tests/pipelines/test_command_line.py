@@ -47,6 +47,13 @@ def test_version_is_told(run):
     assert outcome.out.startswith("tssgeom ")
 
 
+@pytest.mark.parametrize("words", [["analyse", ""], ["check", ""], ["analyse", "x.csv", "--out", ""]])
+def test_an_empty_argument_is_no_path_to_where_one_happens_to_be(run, words):
+    outcome = run(*words)
+    assert outcome.status == 2
+    assert outcome.errors == ["tssgeom: an argument is empty: is a variable of the shell not set?"]
+
+
 def test_no_help_has_a_unit_that_the_terminal_takes_for_a_style():
     helps = [
         str(parameter.annotation.__metadata__[0].help)

@@ -69,6 +69,14 @@ def test_simulate_gives_a_row_for_each_row_of_the_run(run: Run, half: Path, tmp_
     assert all(Path(file).is_file() for file in summary["files"])
 
 
+def test_a_run_that_the_rig_can_hardly_bear_is_warned_of(run: Run, half: Path, tmp_path: Path):
+    drive = write_run(tmp_path / "drive.csv", time_s=[0, 1], tension_in_N=[5.0, 3000.0])
+    done = run("simulate", half, "--drive", drive, "--out", tmp_path / "out", "--json")
+    assert done.status == 0
+    assert len(done.errors) == 1
+    assert "3000 N strain the tendon by 95%: check tension and compliance" in done.errors[0]
+
+
 def test_a_moving_route_is_taken_between_its_frames(run: Run, opening: Path, tmp_path: Path):
     times = [0.0, 0.5, 1.0, 2.5, 4.0, 9.0]
     drive = write_run(tmp_path / "drive.csv", time_s=times, tension_in_N=[10.0] * 6)
