@@ -19,6 +19,8 @@ _OFF = 6.0  # typical distances from the neighbours' curve, beyond which a point
 _END_OFF_DIRECTION = 15.0
 _END_OFF = 0.1  # spacings that the parabola of the last five points must be off before one is doubted
 _END_LEAP = 1.5  # spacings from an end to its neighbour that are too many
+_TOO_FAR = 6.0  # spacings from an end to its neighbour that no bend explains
+_LEAST_SURE = 4.0  # times the way that shows the direction, beyond which a leap counts no less
 _END_BETTER = 0.3  # what must be left of that without the outlier
 _LONGEST_RUN = 3
 _UNEVEN = 4.0  # steps by which uneven points may lie ahead or behind
@@ -229,7 +231,11 @@ def _worst_of_end(p: np.ndarray, spacing: float, typical: float) -> int:
 
 @njit(cache=True, nogil=True)
 def _off_direction(p: np.ndarray, spacing: float) -> float:
-    """Distance of the first point from straight on from the next ones, where it leaps aside, else 0 [m]."""
+    """Tell how far the first point leaps aside from straight on from the next ones, or 0 [m].
+
+    What the bend of these explains twice over is taken off, and the farther the leap beside the points that
+    show the way, the less it counts.
+    """
     far = 3  # the point that shows the way: neighbours within the noise do not
     while far < 5 and distance(p[1], p[far]) < 2 * spacing:
         far += 1
@@ -238,7 +244,21 @@ def _off_direction(p: np.ndarray, spacing: float) -> float:
     for c in range(3):
         square += (p[0, c] - p[1, c] - size * (p[1, c] - p[far, c]) / length) ** 2
     aside = math.sqrt(square)
-    return aside if size > _END_LEAP * spacing and aside > 0.6 * size else 0.0
+    if not (size > _END_LEAP * spacing and aside > 0.6 * size):
+        return 0.0
+    if size > _TOO_FAR * spacing:
+        return aside / min(size / length, _LEAST_SURE)
+    return max(aside - _bent_beyond(p, size * (size + length)), 0.0) / max(size / length, 1.0)
+
+
+@njit(cache=True, nogil=True)
+def _bent_beyond(p: np.ndarray, square: float) -> float:
+    """Return twice what the bend of points 1, 3 and 5 moves a route aside, for way times reach [m²]."""
+    first, second = distance(p[1], p[3]) + 1e-300, distance(p[3], p[5]) + 1e-300
+    change = 0.0
+    for c in range(3):
+        change += ((p[1, c] - p[3, c]) / first - (p[3, c] - p[5, c]) / second) ** 2
+    return 2.0 * math.sqrt(change) / (first + second) * square
 
 
 @njit(cache=True, nogil=True)
