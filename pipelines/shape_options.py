@@ -100,7 +100,8 @@ def batch(
 
 def check(
     files: Annotated[
-        list[Path], typer.Argument(help="Shapes, recordings, meshes or rig files, or folders.", readable=False)
+        list[Path],
+        typer.Argument(help="Shapes, recordings, meshes or rig files, or folders.", readable=False),
     ],
     unit: Unit = None,
     json: Json = False,

@@ -1,10 +1,13 @@
 """A fit that lost its points is refused: what comes out follows the points, or nothing comes out."""
 
+from contextlib import suppress
+
 import numpy as np
 import pytest
 
 from tssgeom.errors import FitError
 from tssgeom.shape.following import follow
+from tssgeom.shape.geometry import measure
 from tssgeom.shape.points import clean
 
 
@@ -17,9 +20,20 @@ def _hairpin(gap: float, noise: float) -> np.ndarray:
 
 @pytest.mark.parametrize("gap", [0.0, 5e-4, 5e-3])
 @pytest.mark.parametrize("noise", [0.0, 1e-4])
-def test_a_turn_back_between_two_points_is_refused(gap, noise):
-    with pytest.raises(FitError, match=r"sense it more densely where it turns sharply|no finite curve"):
-        follow(clean(_hairpin(gap, noise)), None, None)
+@pytest.mark.parametrize("known", [True, False])
+def test_a_turn_back_between_two_points_is_half_a_circle_or_refused(gap, noise, known):
+    points = _hairpin(gap, noise)
+    way = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
+    with suppress(FitError):
+        arcs = follow(clean(points, way if known else None), None, None).geometry.arcs
+        assert arcs.total_angle == pytest.approx(np.pi, rel=0.03)
+
+
+@pytest.mark.parametrize("method", ["auto", "spline", "arcs"])
+def test_a_route_is_not_straight_because_it_turns_straight_back(method):
+    points, s = _hairpin(0.0, 0.0), np.linspace(0.0, 0.2, 59)
+    with suppress(FitError):
+        assert measure(clean(points, s), None, method).arcs.total_angle > 3.0
 
 
 @pytest.mark.parametrize("corner", [0.5, 1.0, 1.6])

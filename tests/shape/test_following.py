@@ -123,8 +123,8 @@ def test_a_chain_that_takes_over_says_at_once_that_the_spline_may_be_right():
     rng, seen = np.random.default_rng(0), []
     for i in range(24):
         s = np.linspace(0.0, course.total_length, 60)
-        shape = clean(arc_places(course)(s) + 1.4e-3 * rng.standard_normal((60, 3)))
-        seen.append(follow(shape, 1.4e-3, seen[-1] if i else None, "auto" if i else "spline"))
+        shape = clean(arc_places(course)(s) + 1.75e-3 * rng.standard_normal((60, 3)))
+        seen.append(follow(shape, 1.75e-3, seen[-1] if i else None, "auto" if i else "spline"))
     taken = next(i for i, one in enumerate(seen) if one.geometry.chain is not None)
     assert seen[taken].doubt > 5e-4  # rad²: the call was close
     first, second = (seen[i].geometry.arcs.total_angle_se ** 2 for i in (taken, taken + 1))

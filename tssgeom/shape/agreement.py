@@ -10,11 +10,32 @@ from numba import njit
 from tssgeom.arrays import Points, Vector
 from tssgeom.errors import FitError
 from tssgeom.shape.arcs import Arcs
+from tssgeom.shape.route import Route
 from tssgeom.shape.stations import distance
 
 _MOST_IGNORED = 1 / 3  # of the points
 _LONGEST_WAY = 1.3  # from point to point over the length of a route, noise allowed for: chords are shorter
+_FOLDED = -0.5  # cosine between neighbouring tangents
+_LONGEST_DETOUR = 2.0  # length of a route over the way from point to point: an arc of 3.8 rad over its chord
 _LEAST_KNOWN = 20 * math.pi  # standard error of Φ beyond which the fit is no route at all [rad]
+
+
+def is_folded(route: Route) -> bool:
+    """Whether a route turns straight back between two nodes, which its curvature does not tell."""
+    tangent = route.tangent
+    return bool(np.einsum("ij,ij->i", tangent[1:], tangent[:-1]).min() < _FOLDED)
+
+
+def refuse_folded(route: Route) -> None:
+    """Refuse a route that turns straight back between two nodes.
+
+    Raises
+    ------
+    FitError
+        Where it does.
+    """
+    if is_folded(route):
+        raise FitError("the route turns straight back between two points: sense it more densely there")
 
 
 def refuse_lost(points: Points, weight: Vector, noise: float, arcs: Arcs) -> None:
@@ -33,18 +54,28 @@ def refuse_lost(points: Points, weight: Vector, noise: float, arcs: Arcs) -> Non
     ------
     FitError
         Where a number is not finite, the angle is unknown, many points were ignored, or the way from point to
-        point is longer than the route.
+        point is longer than the route, or far shorter.
     """
     if not math.isfinite(arcs.total_length + arcs.total_angle + arcs.covariance.sum()):
         raise FitError("the points give no finite curve: check the unit and look for stray points")
     ignored, way = _followed(points, weight)
     chord = math.hypot(arcs.total_length / len(points), math.sqrt(6.0) * noise)
     lost = ignored > _MOST_IGNORED * len(points) or way > _LONGEST_WAY * len(points) * chord
-    if lost or arcs.total_angle_se > _LEAST_KNOWN:
+    if lost or arcs.total_length > _LONGEST_DETOUR * way:
         raise FitError(
             f"no route fits the points, {ignored} of {len(points)} lie off it: sense it more densely where "
             "it turns sharply, and look for points out of order"
         )
+    if arcs.total_angle_se > _LEAST_KNOWN:
+        raise FitError(
+            f"{len(points)} points do not tell how far the route turns: sense it more densely where it turns "
+            "sharply, and look for points out of order"
+        )
+
+
+def winds(points: Points, weight: Vector, length: float) -> bool:
+    """Whether a route of a length [m] must wind out of sight between its points."""
+    return length > _LONGEST_DETOUR * _followed(points, weight)[1]
 
 
 @njit(cache=True, nogil=True)

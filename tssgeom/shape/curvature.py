@@ -16,6 +16,7 @@ _NATURAL_ENDS = (
     1e-3  # relative error of an exact circle over the fourth power of its turn from point to point
 )
 _ROUNDING = 1e-8
+_SPARSE = 0.1  # rad of Φ in doubt for each rad⁵ of uneven turns from point to point; see docs/model.md (26)
 _SINGULAR = 1e-13
 _TYPICAL = 2.0  # peak of the rate of curvature over its root mean square on smooth routes
 _LOST = 0.33
@@ -75,7 +76,7 @@ def curvature_profile(spline: Spline) -> CurvatureProfile:
         route.noise,
         spline.stations_known,
         spline.angle_doubt,
-        len(route.weight),
+        route.station,
         spline.facing,
     )
     _bridge(route.s, route.tangent, route.station, kappa, phi, variance)
@@ -107,7 +108,7 @@ def _profile(
     noise: float,
     known: bool,
     angle_doubt: float,
-    points: int,
+    station: np.ndarray,
     facing: float,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Curvature, angle, standard error of the curvature and variance of the angle at each node."""
@@ -131,8 +132,9 @@ def _profile(
                 peak, highest = i, rate
     window = s[n - 1] / max(freedom, _FEW)
     lost = _LOST * max(math.sqrt(highest) - _TYPICAL * math.sqrt(whole), 0.0) * window**2
-    turn = phi[n - 1] / (points - 1)
+    turn = phi[n - 1] / (len(station) - 1)
     relative = angle_doubt**2 + (_NATURAL_ENDS * turn**4 + _ROUNDING) ** 2
+    relative += (_SPARSE * _uneven_turns(s, phi, station) / max(phi[n - 1], 1e-300)) ** 2
     normal, slant = _sensitivity(bend, tangent, known)
     variance, _ = _angle_covariance(s, covariance, gain, normal, slant, np.array([0, n - 1]))
     factor = _prior_doubt(freedom)
@@ -143,6 +145,21 @@ def _profile(
         if i >= peak:
             variance[i] += lost**2
     return kappa, phi, se, variance
+
+
+@njit(**FAST)
+def _uneven_turns(s: np.ndarray, phi: np.ndarray, station: np.ndarray) -> float:
+    """Sum up what the turn from point to point changes by, times its fourth power [rad⁵]."""
+    total, before, reached, k = 0.0, -1.0, 0.0, 0
+    for i in range(1, len(station)):
+        while k < len(s) - 1 and s[k] < station[i]:
+            k += 1
+        turn, reached = phi[k] - reached, phi[k]
+        if before >= 0.0:
+            square = max(turn, before) ** 2
+            total += abs(turn - before) * square * square
+        before = turn
+    return total
 
 
 @njit(**FAST)

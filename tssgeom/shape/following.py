@@ -15,9 +15,8 @@ import numpy as np
 
 from tssgeom.arrays import Vector
 from tssgeom.errors import FitError
-from tssgeom.shape.agreement import refuse_lost
 from tssgeom.shape.chain.facing import curvature_at_points, faced, without_stray_directions
-from tssgeom.shape.chain.fit import Chain, Data, settle, tame, values
+from tssgeom.shape.chain.fit import KINK, Chain, Data, has_kink, settle, tame, values
 from tssgeom.shape.chain.moves import finer, fit_chain, simpler
 from tssgeom.shape.chain.strays import weighed
 from tssgeom.shape.geometry import (
@@ -27,6 +26,7 @@ from tssgeom.shape.geometry import (
     by_chain,
     by_few,
     by_spline,
+    checked,
     doubt,
     doubted,
     fit_data,
@@ -118,19 +118,8 @@ def follow(shape: Shape, noise: float | None, last: Followed | None, method: Met
         found = _follow_spline(shape, noise, last, method)
     if found is not None:
         with suppress(FitError):  # a route that leaps may be lost, and found again from nothing
-            return _checked(replace(found, geometry=told_length(found.geometry, shape)), shape)
-    return _checked(Followed(measure(shape, noise, method), shape.index), shape)
-
-
-def _checked(found: Followed, shape: Shape) -> Followed:
-    """Return what was found, unless it lost its points.
-
-    Points that share errors with their neighbours are left alone: those are longer than the noise tells.
-    """
-    outline, spline = found.geometry.outline, found.geometry.spline
-    if spline is None or spline.angle_doubt == 0.0:
-        refuse_lost(shape.points, outline.weight, outline.noise, found.geometry.arcs)
-    return found
+            return replace(found, geometry=checked(told_length(found.geometry, shape), shape))
+    return Followed(measure(shape, noise, method), shape.index)
 
 
 def reconsidered(last: Followed) -> Followed:
@@ -167,12 +156,14 @@ def _follow_chain(
     shape: Shape, noise: float | None, last: Followed, chain: Chain, method: Method
 ) -> Followed | None:
     """Go on with a chain; None where it fits no longer."""
+    spacing = float(chain.stations[-1] - chain.stations[0]) / len(shape.points)
     data = Data(
         shape.points,
         np.ones(len(shape.points)),
         shape.stations is None,
         0.0 if noise is None else noise * noise,
-        float(chain.stations[-1] - chain.stations[0]) / len(shape.points),
+        spacing,
+        shortest=KINK if has_kink(chain, spacing) else 1.0,
     )
     age = last.age + 1
     variance = last.geometry.outline.noise**2

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 from numba import njit
 
-from tssgeom.arrays import read_only
+from tssgeom.arrays import Vector, read_only
+from tssgeom.errors import FitError
+from tssgeom.shape.agreement import is_folded, refuse_folded, refuse_lost, winds
 from tssgeom.shape.arcs import Arcs, constant_curvature_pieces, normals, parallel_components
 from tssgeom.shape.chain.account import ChainOutline, chain_pieces
+from tssgeom.shape.chain.corners import cornered
 from tssgeom.shape.chain.facing import faced, off_directions, reweighed, without_short
 from tssgeom.shape.chain.fit import Chain, Data, direction_count, settle
 from tssgeom.shape.chain.moves import fit_chain, left_out, slopes
@@ -31,13 +35,20 @@ HOPELESS = -40.0
 """Lead of a first chain over the spline that merging and splitting will not make up [1]."""
 
 _FEWEST_FOR_CHAIN = 6
-_MARGIN_OF_ONE = 15.0
+_MARGIN_OF_ONE = 23.0
 _MARGIN_OF_JOINT = 18.0  # what a joint must save beyond its price: smooth routes look like staircases too
+_MANY, _MARGIN_OF_MORE = 7, 4.0  # pieces from which on each must save even more
 _VALUES_A_PARAMETER = 2.5  # fewer cannot tell a staircase from a smooth route
+_MOST_OVER_CHORD = 2.8  # turn for which a chord is made longer [rad]
+_FROM_CHORDS = "the points do not tell their stations: taken from the chords between them"
 _QUICK_MOVES = 8
+_DOUBTFUL = 0.03  # relative standard error of Φ above which a smooth fit may be one of kinks
+_FAR_OFF = 3.0  # spacings that points lie off a fit, above which it may have lost them
+_OFF_ALONG = 9.0  # times what they lie off across it
 _CLOSE_CALL = 12.0  # -2 ln evidence within which the loser still counts for the standard error
 _CLOSE_BY_JOINT = 0.3  # by which that grows with every joint
 _SHORT = 3.0  # spacings: pieces shorter than this hold too few points for a bend, if they hold it badly
+_UNKNOWN = 3.0  # the same of any piece [rad]
 _UNTOLD = 0.3  # standard error of the bend of such a piece from which on it is none [rad]
 
 
@@ -84,7 +95,42 @@ def measure(shape: Shape, noise: float | None = None, method: Method = "auto") -
     FitError
         Where the points give no finite curve.
     """
-    return told_length(_measured(shape, noise, method), shape)
+    try:
+        return checked(told_length(_measured(shape, noise, method), shape), shape)
+    except FitError:
+        if shape.stations is not None:
+            raise
+    stations = _arcs_over_chords(shape, noise)
+    sure = replace(shape, stations=stations)
+    found = checked(told_length(_measured(sure, noise, method), shape), shape)
+    return replace(found, outline=found.outline.warned(_FROM_CHORDS))
+
+
+def _arcs_over_chords(shape: Shape, noise: float | None) -> Vector:
+    """Stations by the chords between points, each made longer by the turn in a fit on chords alone [m]."""
+    chord = np.linalg.norm(np.diff(shape.points, axis=0), axis=1)
+    first = by_spline(fit(replace(shape, stations=_summed(chord)), noise))
+    turn = np.diff(np.interp(first.route.station, first.profile.s, first.profile.phi))
+    return _summed(chord / np.sinc(np.minimum(turn, _MOST_OVER_CHORD) / (2.0 * math.pi)))
+
+
+def _summed(step: Vector) -> Vector:
+    return read_only(np.append(0.0, np.cumsum(step)))
+
+
+def checked(geometry: Geometry, shape: Shape) -> Geometry:
+    """Return a geometry, unless its route lost its points.
+
+    Points that share errors with their neighbours are left alone: those are longer than the noise tells.
+
+    Raises
+    ------
+    FitError
+        Where it lost them.
+    """
+    if geometry.spline is None or geometry.spline.angle_doubt == 0.0:
+        refuse_lost(shape.points, geometry.outline.weight, geometry.outline.noise, geometry.arcs)
+    return geometry
 
 
 def told_length(geometry: Geometry, shape: Shape) -> Geometry:
@@ -100,15 +146,40 @@ def _measured(shape: Shape, noise: float | None, method: Method) -> Geometry:
     spline = fit(shape, noise)
     smooth = by_few(by_spline(spline), shape)
     if method == "spline" or not may_be_chain(shape, spline):
+        refuse_folded(spline.route)
         return smooth
     data = fit_data(shape, noise, spline)
-    chain: Chain | None = settle(data, started(data, smooth))
-    if method == "auto" and (chain := _worth_searching(data, chain, spline)) is None:
+    must = method == "arcs" or is_folded(spline.route)
+    found = list[tuple[Data, Chain]]()
+    for given, first in _starts(data, smooth):
+        chain: Chain | None = settle(given, first)
+        if not must and given is data:
+            chain = _promising(given, chain, spline)
+        if chain is not None:
+            each, chain = reweighed(given, fit_chain(given, chain))
+            found.append((each, _told(each, chain)[0]))
+    found = [(each, chain) for each, chain in found if must or not _winds(each, chain)]
+    if not found:
         return smooth
-    data, chain = reweighed(data, fit_chain(data, chain))
+    data, chain = max(found, key=lambda one: margin(*one, spline))
     ahead = margin(data, chain, spline)
     arcs = by_chain(shape, *without_strays(data, chain))
-    return arcs if method == "arcs" else chosen(smooth, arcs, ahead)
+    return arcs if must else chosen(smooth, arcs, ahead)
+
+
+def _winds(data: Data, chain: Chain) -> bool:
+    """Whether a chain winds out of sight between its points."""
+    return winds(data.points, data.weight, float(chain.stations[-1] - chain.stations[0]))
+
+
+def _starts(data: Data, smooth: Geometry) -> Iterator[tuple[Data, Chain]]:
+    """First guesses of a chain: the pieces of the smooth fit, and where that is in doubt, corners."""
+    yield data, started(data, smooth)
+    told = smooth.arcs.total_angle_se <= _DOUBTFUL * smooth.arcs.total_angle
+    if not told or smooth.route.noise > _FAR_OFF * data.gap:
+        guess = cornered(data, smooth.route)
+        if guess is not None:
+            yield guess
 
 
 def by_spline(spline: Spline) -> Geometry:
@@ -136,11 +207,18 @@ def by_chain(shape: Shape, data: Data, chain: Chain) -> Geometry:
         aim, _, blur = data.told
         used = np.where(blur[:, None] > 0.0, aim, np.nan)
         warnings += direction_warnings(shape.directions, used, shape.index)
-    arcs, noise = chain_pieces(data, chain)
-    untold = _untold(arcs.length, arcs.covariance, data.gap)
-    if untold >= 0:
-        return by_chain(shape, data, left_out(data, chain, untold))
+    chain, arcs, noise = _told(data, chain)
     return Geometry(ChainOutline(data, chain, noise, warnings), arcs, chain=chain)
+
+
+def _told(data: Data, chain: Chain) -> tuple[Chain, Arcs, float]:
+    """Leave out pieces whose bend the points do not tell; returns also the pieces, and the noise [m]."""
+    while True:
+        arcs, noise = chain_pieces(data, chain)
+        untold = _untold(arcs.length, arcs.covariance, data.gap)
+        if untold < 0:
+            return chain, arcs, noise
+        chain = left_out(data, chain, untold)
 
 
 @njit(cache=True, nogil=True)
@@ -149,7 +227,8 @@ def _untold(length: np.ndarray, covariance: np.ndarray, gap: float) -> int:
     k, worst, error = len(length), -1, _UNTOLD
     for j in range(k):
         variance = covariance[k + j, k + j]
-        if length[j] < _SHORT * gap and not math.sqrt(max(variance, 0.0)) < error:
+        least = error if length[j] < _SHORT * gap else max(error, _UNKNOWN)
+        if not math.sqrt(max(variance, 0.0)) < least:
             worst, error = j, math.sqrt(max(variance, 0.0))
     return worst if k > 1 else -1
 
@@ -170,7 +249,7 @@ def may_be_chain(shape: Shape, spline: Spline) -> bool:
     return len(shape.points) >= _FEWEST_FOR_CHAIN and spline.angle_doubt == 0.0
 
 
-def _worth_searching(data: Data, chain: Chain, spline: Spline) -> Chain | None:
+def _promising(data: Data, chain: Chain, spline: Spline) -> Chain | None:
     """Return the chain after a few moves, or None where it stays far behind the spline."""
     for _ in range(_QUICK_MOVES):
         if lead(data, chain, spline) >= HOPELESS:
@@ -212,9 +291,9 @@ def margin(data: Data, chain: Chain, spline: Spline) -> float:
 
 def lead(data: Data, chain: Chain, spline: Spline) -> float:
     """-2 ln evidence by which the chain beats the spline, after the extra price of its joints; (34)."""
-    return (
-        spline.deviance - _deviance(data, chain) + _MARGIN_OF_ONE - _MARGIN_OF_JOINT * (len(chain.bend) - 1)
-    )
+    pieces = len(chain.bend)
+    price = _MARGIN_OF_JOINT * (pieces - 1) + _MARGIN_OF_MORE * max(pieces - _MANY, 0)
+    return spline.deviance - _deviance(data, chain) + _MARGIN_OF_ONE - price
 
 
 def _deviance(data: Data, chain: Chain) -> float:
@@ -232,11 +311,17 @@ def _deviance_of_points(data: Data, chain: Chain) -> float:
     square = off_chain(data.points, chain.stations, *chain[:4], True)
     cost, values = float(data.weight @ square), 2 * int(np.count_nonzero(data.weight))
     fitted = values + 2 * direction_count(data.told)
-    if len(chain.matrix) * _VALUES_A_PARAMETER > fitted:
+    parameters = len(chain.matrix) - (0 if data.free else 1)
+    if parameters * _VALUES_A_PARAMETER > fitted or _off_along(data, chain, cost):
         return math.inf
     variance = data.variance if data.variance > 0.0 else max(cost / values, 1e-280)
-    parameters = len(chain.matrix) - (0 if data.free else 1)
     return values * math.log(variance) + cost / variance + parameters * math.log(fitted)
+
+
+def _off_along(data: Data, chain: Chain, across: float) -> bool:
+    """Whether points are far off their stations though near the chain, as where a route turns back."""
+    lost = chain.cost - across > _FAR_OFF**2 * float(data.weight.sum()) * data.gap**2
+    return not data.free and lost and chain.cost > _OFF_ALONG * across
 
 
 def chosen(smooth: Geometry, arcs: Geometry, ahead: float) -> Geometry:

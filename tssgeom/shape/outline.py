@@ -34,3 +34,7 @@ class Outline:
     def doubted(self, variance: float) -> Outline:
         """Add a variance of Φ [rad²]."""
         return replace(self, profile=self.profile.doubted(variance))
+
+    def warned(self, text: str) -> Outline:
+        """Add a warning."""
+        return replace(self, route=replace(self.route, warnings=(*self.warnings, text)))

@@ -85,14 +85,21 @@ def posterior(shape: Shape, spacing: float, noise: float | None) -> tuple[Proble
         Where the points give no finite curve.
     """
     problem, solution = _without_outliers(*_first(shape, spacing, noise))
+    best, least = (problem, solution), math.inf
     for _ in range(_MOST_PASSES):
         before, first = solution, problem.blur is None and problem.aim is not None
-        problem = _bent(problem, solution, known=shape.stations is not None)
-        solution = _solve(problem, 0.0 if first else solution.ratio)
-        problem, solution = _without_outliers(problem, solution)
-        if _settled(before, solution) and not first:
+        try:
+            problem = _bent(problem, solution, known=shape.stations is not None)
+            solution = _solve(problem, 0.0 if first else solution.ratio)
+            problem, solution = _without_outliers(problem, solution)
+        except FitError:
             break
-    return problem, solution
+        if _settled(before, solution) and not first:
+            return problem, solution
+        reached = deviance(problem, solution, spacing)
+        if reached < least:
+            best, least = (problem, solution), reached
+    return best  # at a kink the bend that is followed feeds on itself, and no pass is the last
 
 
 def _settled(before: Solution, solution: Solution) -> bool:

@@ -66,6 +66,10 @@ class ChainOutline:
         """Add a variance of Φ [rad²]."""
         return replace(self, doubt=self.doubt + variance)
 
+    def warned(self, text: str) -> ChainOutline:
+        """Add a warning."""
+        return replace(self, warnings=(*self.warnings, text))
+
     @cached_property
     def _written(self) -> tuple[Route, CurvatureProfile]:
         data = self.data._replace(points=read_only(self.data.points))  # as sensed, also after a pickle

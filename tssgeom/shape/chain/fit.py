@@ -13,6 +13,9 @@ from tssgeom.shape.chain.dense import factor, inverse, solve
 from tssgeom.shape.chain.equations import normal_equations
 from tssgeom.shape.chain.places import joint_frames
 
+KINK = 0.1
+"""Shortest piece of a chain with kinks, in spacings [1]."""
+
 LEAST_INFORMATION = 1e-13
 """Of a parameter's own, where the others tell nearly all of it [1]."""
 
@@ -22,6 +25,7 @@ _LEAST_VARIANCE = 1e-26  # rounding of coordinates [m²]
 _FIRST_DAMPING = 1e-9
 _STEPS_OF_GRACE = 2  # before a fit is given up
 _HOPE = 4.0  # times what the next step promises may still come
+_CLEARLY = 0.9
 _MOST_TURN = 2.0  # from point to point [rad]
 _MOST_TURN_UNSEEN = 4.0  # where points between them were not seen [rad]
 _WIDE = 3.0  # mean spacings: points farther apart have others between them that were not seen
@@ -37,10 +41,12 @@ class Data(NamedTuple):
     variance: float
     """Known noise variance of a coordinate, 0 where unknown [m²]."""
     gap: float
-    """Shortest piece [m]."""
+    """Mean spacing [m]."""
     told: tuple[Points, Vector, Vector] | None = None
     """Sensed directions [n, 3], the noise variance of the points over that of each direction [n] [m²], and
     that variance [n] [rad²], both 0 where none was sensed."""
+    shortest: float = 1.0
+    """Shortest piece, in spacings: `KINK` where there are kinks, or noise would look like them [1]."""
 
 
 class Chain(NamedTuple):
@@ -56,6 +62,15 @@ class Chain(NamedTuple):
     cost: float
     square: Vector
     """Squared distance of each point, across the chain where stations are free [n] [m²]."""
+
+
+@njit(cache=True, nogil=True)
+def has_kink(chain: Chain, spacing: float) -> bool:
+    """Whether an inner piece is clearly shorter than the mean spacing [m]."""
+    least, joints = math.inf, chain.joints
+    for j in range(1, len(joints) - 1):
+        least = min(least, joints[j + 1] - joints[j])
+    return least < _CLEARLY * spacing
 
 
 @njit(cache=True, nogil=True)
@@ -176,7 +191,7 @@ def _settled(data: Data, chain: Chain, goal: float, anew: bool) -> Chain:
             break
         if count >= _STEPS_OF_GRACE and now.cost - _HOPE * promised > goal:
             break
-        start, axes, joints, bend = _moved(step, now, data.free, data.gap)
+        start, axes, joints, bend = _moved(step, now, data.free, data.shortest * data.gap)
         tried, ahead = _evaluated(data, now.stations, start, axes, joints, bend, chain.curved)
         if tried.cost < now.cost and tame(data, tried.stations, joints, bend):
             saved = now.cost - tried.cost
@@ -235,22 +250,30 @@ def _evaluated(
 
 @njit(cache=True, nogil=True)
 def _moved(
-    step: np.ndarray, chain: Chain, free: bool, gap: float
+    step: np.ndarray, chain: Chain, free: bool, shortest: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Apply a parameter step, joints kept in order and at least `gap` apart."""
+    """Apply a parameter step, joints kept in order and at least `shortest` [m] apart.
+
+    Where joints move, the turn of a piece follows its step, not the curvature: that of a short piece would
+    need many steps along a bent valley.
+    """
     start, axes = _turned(step, chain.start, chain.axes, free)
     joints, bend = chain.joints.copy(), chain.bend.copy()
     k, row = len(bend), first_joint_column(free)
     for j in range(1, k):
-        joints[j] = max(joints[j] + step[row], joints[j - 1] + gap)
+        joints[j] = max(joints[j] + step[row], joints[j - 1] + shortest)
         row += 1
     for j in range(k - 1, 0, -1):
         limit = joints[j + 1] if j + 1 < k else chain.stations[-1]
-        joints[j] = min(joints[j], limit - gap)
+        joints[j] = min(joints[j], limit - shortest)
     for j in range(k):
         if chain.curved[j]:
-            bend[j, 0] += step[row]
-            bend[j, 1] += step[row + 1]
+            end = chain.stations[-1]
+            before = (chain.joints[j + 1] if j + 1 < k else end) - chain.joints[j]
+            after = (joints[j + 1] if j + 1 < k else end) - joints[j]
+            scale = max(before, shortest) / max(after, shortest)
+            bend[j, 0] += scale * step[row]
+            bend[j, 1] += scale * step[row + 1]
             row += 2
     return start, axes, joints, bend
 

@@ -28,7 +28,7 @@ from tssgeom.shape.chain.fit import (
 _SPLITS = 4  # parts into which a piece is cut to see where another joint would help
 _MOST_PIECES = 40
 _MOST_MOVES = 120
-_MOST_TRIES = 6  # of simpler chains
+_MOST_TRIES = 6, 12  # of simpler chains between two frames, and in a fit from nothing
 _MOST_SPLITS = 3  # tried
 _SHORT = 8.0  # shortest pieces: one so short may be dropped whole
 _OF_A_JOINT = 3.0  # parameters: the joint and the curvature behind it
@@ -72,7 +72,8 @@ def simpler(data: Data, chain: Chain, unlikely: slice = _ALL) -> Chain | None:
     """
     promise, kind, piece = _simplifications(data, chain)
     now, latest = criterion(data, chain), _LATEST * math.log(values(data))
-    order = [i for i in np.argsort(promise)[:_MOST_TRIES] if promise[i] < latest]
+    most = _MOST_TRIES[unlikely is _ALL]
+    order = [i for i in np.argsort(promise)[:most] if promise[i] < latest]
     for i in _tried(order, [bool(promise[i] < 0.0) for i in order], unlikely):
         if tried := _improved(data, _simplified(chain, int(kind[i]), int(piece[i])), now):
             return tried
@@ -93,9 +94,9 @@ def _improved(data: Data, candidate: Chain, least: float) -> Chain | None:
 
 
 def _seen(data: Data, chain: Chain) -> bool:
-    """Whether there is a point on every piece."""
+    """Whether there is a point on every piece, or it is a kink between two points."""
     piece = np.searchsorted(chain.joints[1:], chain.stations[data.weight > 0.0], side="right")
-    return len(np.unique(piece)) == len(chain.joints)
+    return all(_length(chain, j) < data.gap for j in set(range(len(chain.joints))) - set(piece.tolist()))
 
 
 def finer(data: Data, chain: Chain, unlikely: slice = _ALL) -> Chain | None:
