@@ -41,7 +41,7 @@ def test_the_status_line_fits_a_terminal_and_tells_all(result):
 
 
 def test_pictures_are_allowed_all_at_first_and_then_at_their_rate():
-    allowance = Allowance(rate=10.0, burst=5.0)
+    allowance = Allowance(rate=8.0, burst=5.0)
     now = allowance._since
     assert [allowance.granted(now) for _ in range(7)] == [True] * 5 + [False] * 2
-    assert [allowance.granted(now + 0.05 * k) for k in range(1, 9)].count(True) == 4
+    assert [allowance.granted(now + k / 16) for k in range(1, 9)].count(True) == 4
