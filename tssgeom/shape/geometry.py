@@ -156,8 +156,9 @@ def _measured(shape: Shape, noise: float | None, method: Method) -> Geometry:
         if not must and given is data:
             chain = _promising(given, chain, spline)
         if chain is not None:
-            each, chain = reweighed(given, fit_chain(given, chain))
-            found.append((each, _told(each, chain)[0]))
+            for one in (fit_chain(given, chain), chain):
+                each, one = reweighed(given, one)
+                found.append((each, _told(each, one)[0]))
     found = [(each, chain) for each, chain in found if must or not _winds(each, chain)]
     if not found:
         return smooth
