@@ -19,7 +19,8 @@ def by_gaussian_process(runs: Sequence[Residual]) -> Baseline:
     """Learn the residual of each channel over the drive, the model's tensions and the speed."""
     fitted = [run for run in runs if not run.held_out]
     table = np.concatenate([_features(run) for run in fitted])
-    centre, scale = table.mean(axis=0), table.std(axis=0)
+    centre, spread = table.mean(axis=0), table.std(axis=0)
+    scale = np.where(spread > 0.0, spread, 1.0)  # a tension may stay at zero
     some = np.linspace(0, len(table) - 1, _POINTS).astype(int)
     told: list[dict[str, np.ndarray]] = [{} for _ in runs]
     for channel in runs[0].left:
