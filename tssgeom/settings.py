@@ -137,7 +137,9 @@ def read_rig(path: str | Path) -> Rig:
     content = b""
     try:
         with Path(path).open("rb") as file:
-            content = file.read(_MOST_BYTES)
+            content = file.read(_MOST_BYTES + 1)
+        if len(content) > _MOST_BYTES:
+            raise SettingsError(f"{path}: longer than {_MOST_BYTES} bytes: mend the rig file")
         return msgspec.toml.decode(content.removeprefix(codecs.BOM_UTF8), type=Rig)
     except OSError as error:
         raise SettingsError(f"{path}: cannot read the rig file ({error.strerror}): check the path") from error

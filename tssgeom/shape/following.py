@@ -19,6 +19,7 @@ from tssgeom.shape.chain.facing import curvature_at_points, faced, without_stray
 from tssgeom.shape.chain.fit import KINK, Chain, Data, has_kink, settle, tame, values
 from tssgeom.shape.chain.moves import finer, fit_chain, simpler
 from tssgeom.shape.chain.strays import weighed
+from tssgeom.shape.evidence import lead, margin
 from tssgeom.shape.geometry import (
     HOPELESS,
     Geometry,
@@ -30,8 +31,6 @@ from tssgeom.shape.geometry import (
     doubt,
     doubted,
     fit_data,
-    lead,
-    margin,
     may_be_chain,
     measure,
     started,

@@ -6,6 +6,7 @@ import itertools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from operator import itemgetter
 from typing import Literal
 
 import numpy as np
@@ -17,34 +18,30 @@ from tssgeom.shape.agreement import is_folded, refuse_folded, refuse_lost, winds
 from tssgeom.shape.arcs import Arcs, constant_curvature_pieces, normals, parallel_components
 from tssgeom.shape.chain.account import ChainOutline, chain_pieces
 from tssgeom.shape.chain.corners import cornered
-from tssgeom.shape.chain.facing import faced, off_directions, reweighed, without_short
-from tssgeom.shape.chain.fit import Chain, Data, direction_count, settle
-from tssgeom.shape.chain.moves import fit_chain, left_out, slopes
-from tssgeom.shape.chain.places import off_chain
+from tssgeom.shape.chain.facing import faced, reweighed, without_short
+from tssgeom.shape.chain.fit import Chain, Data, settle
+from tssgeom.shape.chain.moves import fit_chain, left_out
 from tssgeom.shape.chain.strays import without_strays
 from tssgeom.shape.curvature import CurvatureProfile, curvature_profile
 from tssgeom.shape.directions import direction_warnings
+from tssgeom.shape.evidence import lead, margin
 from tssgeom.shape.known_length import of_known_length
 from tssgeom.shape.outline import Outline
 from tssgeom.shape.points import Shape, stray_warnings
 from tssgeom.shape.route import Route
 from tssgeom.shape.spline import Spline, fit
+from tssgeom.shape.stations import summed
 
 Method = Literal["auto", "spline", "arcs"]
 HOPELESS = -40.0
 """Lead of a first chain over the spline that merging and splitting will not make up [1]."""
 
 _FEWEST_FOR_CHAIN = 6
-_MARGIN_OF_ONE = 23.0
-_MARGIN_OF_JOINT = 18.0  # what a joint must save beyond its price: smooth routes look like staircases too
-_MANY, _MARGIN_OF_MORE = 7, 4.0  # pieces from which on each must save even more
-_VALUES_A_PARAMETER = 2.5  # fewer cannot tell a staircase from a smooth route
 _MOST_OVER_CHORD = 2.8  # turn for which a chord is made longer [rad]
 _FROM_CHORDS = "the points do not tell their stations: taken from the chords between them"
 _QUICK_MOVES = 8
 _DOUBTFUL = 0.03  # relative standard error of Φ above which a smooth fit may be one of kinks
 _FAR_OFF = 3.0  # spacings that points lie off a fit, above which it may have lost them
-_OFF_ALONG = 9.0  # times what they lie off across it
 _CLOSE_CALL = 12.0  # -2 ln evidence within which the loser still counts for the standard error
 _CLOSE_BY_JOINT = 0.3  # by which that grows with every joint
 _SHORT = 3.0  # spacings: pieces shorter than this hold too few points for a bend, if they hold it badly
@@ -109,13 +106,9 @@ def measure(shape: Shape, noise: float | None = None, method: Method = "auto") -
 def _arcs_over_chords(shape: Shape, noise: float | None) -> Vector:
     """Stations by the chords between points, each made longer by the turn in a fit on chords alone [m]."""
     chord = np.linalg.norm(np.diff(shape.points, axis=0), axis=1)
-    first = by_spline(fit(replace(shape, stations=_summed(chord)), noise))
+    first = by_spline(fit(replace(shape, stations=read_only(summed(chord))), noise))
     turn = np.diff(np.interp(first.route.station, first.profile.s, first.profile.phi))
-    return _summed(chord / np.sinc(np.minimum(turn, _MOST_OVER_CHORD) / (2.0 * math.pi)))
-
-
-def _summed(step: Vector) -> Vector:
-    return read_only(np.append(0.0, np.cumsum(step)))
+    return read_only(summed(chord / np.sinc(np.minimum(turn, _MOST_OVER_CHORD) / (2.0 * math.pi))))
 
 
 def checked(geometry: Geometry, shape: Shape) -> Geometry:
@@ -150,27 +143,25 @@ def _measured(shape: Shape, noise: float | None, method: Method) -> Geometry:
         return smooth
     data = fit_data(shape, noise, spline)
     must = method == "arcs" or is_folded(spline.route)
-    found = list[tuple[Data, Chain]]()
-    for given, first in _starts(data, smooth):
-        chain: Chain | None = settle(given, first)
-        if not must and given is data:
-            chain = _promising(given, chain, spline)
-        if chain is not None:
-            for one in (fit_chain(given, chain), chain):
-                each, one = reweighed(given, one)
-                found.append((each, _told(each, one)[0]))
-    found = [(each, chain) for each, chain in found if must or not _winds(each, chain)]
+    found = [(margin(*one, spline), *one) for one in _chains(data, smooth, spline, must=must)]
     if not found:
         return smooth
-    data, chain = max(found, key=lambda one: margin(*one, spline))
-    ahead = margin(data, chain, spline)
+    ahead, data, chain = max(found, key=itemgetter(0))
     arcs = by_chain(shape, *without_strays(data, chain))
     return arcs if must else chosen(smooth, arcs, ahead)
 
 
-def _winds(data: Data, chain: Chain) -> bool:
-    """Whether a chain winds out of sight between its points."""
-    return winds(data.points, data.weight, float(chain.stations[-1] - chain.stations[0]))
+def _chains(data: Data, smooth: Geometry, spline: Spline, *, must: bool) -> Iterator[tuple[Data, Chain]]:
+    """Chains from every first guess, before and after moves; none that winds, unless one must be used."""
+    for given, first in _starts(data, smooth):
+        chain: Chain | None = settle(given, first)
+        if not must and given is data:
+            chain = _promising(given, chain, spline)
+        for one in () if chain is None else (fit_chain(given, chain), chain):
+            weighed, fitted = reweighed(given, one)
+            fitted, _, _ = _told(weighed, fitted)
+            if must or not winds(weighed.points, weighed.weight, fitted.stations[-1] - fitted.stations[0]):
+                yield weighed, fitted
 
 
 def _starts(data: Data, smooth: Geometry) -> Iterator[tuple[Data, Chain]]:
@@ -283,46 +274,6 @@ def _first_chain(route: Route, arcs: Arcs) -> Chain:
         cost=0.0,
         square=np.zeros(0),
     )
-
-
-def margin(data: Data, chain: Chain, spline: Spline) -> float:
-    """-2 ln evidence by which the chain beats the spline, its joints and missing slopes paid for; (34)."""
-    return lead(data, chain, spline) - max(slopes(data, chain), 0.0)
-
-
-def lead(data: Data, chain: Chain, spline: Spline) -> float:
-    """-2 ln evidence by which the chain beats the spline, after the extra price of its joints; (34)."""
-    pieces = len(chain.bend)
-    price = _MARGIN_OF_JOINT * (pieces - 1) + _MARGIN_OF_MORE * max(pieces - _MANY, 0)
-    return spline.deviance - _deviance(data, chain) + _MARGIN_OF_ONE - price
-
-
-def _deviance(data: Data, chain: Chain) -> float:
-    """-2 ln evidence of points and directions normal to a chain; docs/model.md (34), (94)."""
-    fitted = _deviance_of_points(data, chain)
-    if data.told is None:
-        return fitted
-    used = data.told[2] > 0.0
-    blur = data.told[2][used]
-    return fitted + float(np.sum(2.0 * np.log(blur) + off_directions(data, chain)[used] / blur))
-
-
-def _deviance_of_points(data: Data, chain: Chain) -> float:
-    """-2 ln evidence of the points normal to a chain, infinite where it has too many parameters for them."""
-    square = off_chain(data.points, chain.stations, *chain[:4], True)
-    cost, values = float(data.weight @ square), 2 * int(np.count_nonzero(data.weight))
-    fitted = values + 2 * direction_count(data.told)
-    parameters = len(chain.matrix) - (0 if data.free else 1)
-    if parameters * _VALUES_A_PARAMETER > fitted or _off_along(data, chain, cost):
-        return math.inf
-    variance = data.variance if data.variance > 0.0 else max(cost / values, 1e-280)
-    return values * math.log(variance) + cost / variance + parameters * math.log(fitted)
-
-
-def _off_along(data: Data, chain: Chain, across: float) -> bool:
-    """Whether points are far off their stations though near the chain, as where a route turns back."""
-    lost = chain.cost - across > _FAR_OFF**2 * float(data.weight.sum()) * data.gap**2
-    return not data.free and lost and chain.cost > _OFF_ALONG * across
 
 
 def chosen(smooth: Geometry, arcs: Geometry, ahead: float) -> Geometry:

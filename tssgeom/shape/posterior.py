@@ -11,11 +11,11 @@ from tssgeom.arrays import Matrix, Points, Vector
 from tssgeom.errors import FitError
 from tssgeom.shape.bending import SHARPEST, bent_along, stray_points
 from tssgeom.shape.directions import may_drop, stray_direction, variances
-from tssgeom.shape.filtering import innovations, transitions
+from tssgeom.shape.filtering import transitions
 from tssgeom.shape.intensity import best_noise, best_ratio
 from tssgeom.shape.points import Shape
 from tssgeom.shape.smoother import smooth
-from tssgeom.shape.stations import across
+from tssgeom.shape.stations import across, summed
 
 _MOST_PASSES = 12
 _NEARBY = 4  # searches for λ from its last value
@@ -27,7 +27,6 @@ _FEW = 9  # points between which the first guess of the bend is taken
 _VAGUE = 1e4  # variance of place and direction at the first station over that of a first guess
 _LOOSE = 4.0  # variance of the bend in the first pass over that of a first guess
 _ROUNDS = 8  # of looking for outliers
-_LAGS = (1, 2, 3)
 _EXACT = 1e-6  # of the spacing: less is rounding, which a filter of four states must not take for truth
 _UNEVEN = 2.0  # ln likelihood a point by which chord lengths must beat even spacing as first stations
 
@@ -176,26 +175,6 @@ def deviance(problem: Problem, solution: Solution, spacing: float) -> float:
     return fitted + 4 * math.log(variance) - 2 * information + 6 * math.log(2 * n)
 
 
-def swings(problem: Problem, solution: Solution) -> float:
-    """How far the errors swing back and forth along the route, in standard deviations of chance.
-
-    The most negative autocorrelation of the innovations at lags 1 to 3 times the root of their number; white
-    errors give values above -3, errors that neighbours share give large negative ones.
-    """
-    e = np.zeros_like(problem.y)
-    if problem.blur is None:
-        innovations(*problem[:8], solution.ratio, e)
-    else:
-        per_q = 1.0 / solution.intensity
-        innovations(*problem[:8], solution.ratio, e, problem.aim, problem.blur, per_q)
-    e = e[np.any(e != 0.0, axis=1)]
-    if len(e) <= _LAGS[-1]:
-        return 0.0
-    e = np.clip(e / np.sqrt(np.mean(e * e)), -3.0, 3.0)
-    power = np.sum(e * e)
-    return float(min(np.sum(e[lag:] * e[:-lag]) for lag in _LAGS) / power * np.sqrt(2.0 * len(e)))
-
-
 def _first(shape: Shape, spacing: float, noise: float | None) -> tuple[Problem, Solution]:
     """Problem with known stations, or with the likelier of even spacing and chord lengths."""
     n = len(shape.points)
@@ -228,7 +207,7 @@ def _first(shape: Shape, spacing: float, noise: float | None) -> tuple[Problem, 
         problem = on(shape.stations / spacing)
         return problem, _solve(problem)
     even = on(shape.index - shape.index[0])
-    chord = on(np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(y, axis=0), axis=1)))))
+    chord = on(summed(np.linalg.norm(np.diff(y, axis=0), axis=1)))
     first, second = _solve(even), _solve(chord)
     if _deviance(second) < _deviance(first) - _UNEVEN * n:
         return chord, second

@@ -11,9 +11,9 @@ from numba import njit
 from tssgeom.arrays import Matrix, Vector, read_only
 from tssgeom.shape.clusters import clustered, merged
 from tssgeom.shape.directions import direction_warnings
-from tssgeom.shape.filtering import transitions
+from tssgeom.shape.filtering import innovations, transitions
 from tssgeom.shape.points import Shape, stray_warnings
-from tssgeom.shape.posterior import Problem, Solution, deviance, posterior, scaled_ends, swings, warmed
+from tssgeom.shape.posterior import Problem, Solution, deviance, posterior, scaled_ends, warmed
 from tssgeom.shape.route import Route
 from tssgeom.shape.smoother import smooth
 from tssgeom.shape.stations import insert_nodes, mean_spacing
@@ -21,6 +21,7 @@ from tssgeom.shape.stations import insert_nodes, mean_spacing
 _NODES = 120  # fewest nodes on which curvature is evaluated
 _SWING = -3.5  # standard deviations beyond which errors of clustered points are not white
 _SWING_OF_CELLS = -4.0
+_LAGS = (1, 2, 3)
 _CELL = 2.83  # mean spacings in the first cell tried
 _FEWEST_CELLS = 12
 
@@ -83,7 +84,24 @@ def _fit_white(shape: Shape, noise: float | None) -> Spline:
 
 
 def _swing(spline: Spline) -> float:
-    return swings(spline.memory[0], spline.memory[1])
+    """How far the errors swing back and forth along the route, in standard deviations of chance.
+
+    The most negative autocorrelation of the innovations at lags 1 to 3 times the root of their number; white
+    errors give values above -3, errors that neighbours share give large negative ones.
+    """
+    problem, solution, _ = spline.memory
+    e = np.zeros_like(problem.y)
+    if problem.blur is None:
+        innovations(*problem[:8], solution.ratio, e)
+    else:
+        per_q = 1.0 / solution.intensity
+        innovations(*problem[:8], solution.ratio, e, problem.aim, problem.blur, per_q)
+    e = e[np.any(e != 0.0, axis=1)]
+    if len(e) <= _LAGS[-1]:
+        return 0.0
+    e = np.clip(e / np.sqrt(np.mean(e * e)), -3.0, 3.0)
+    power = np.sum(e * e)
+    return float(min(np.sum(e[lag:] * e[:-lag]) for lag in _LAGS) / power * np.sqrt(2.0 * len(e)))
 
 
 def _mean_spacing(shape: Shape) -> float:

@@ -41,7 +41,12 @@ def isotonic(x: np.ndarray, weight: np.ndarray) -> np.ndarray:
 
 def accumulated(s: Vector, rate: Vector) -> Vector:
     """Integral of `rate` over `s` up to each node: arc length from speed, angle from curvature."""
-    return np.concatenate(([0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(s))))
+    return summed(0.5 * (rate[1:] + rate[:-1]) * np.diff(s))
+
+
+def summed(step: Vector) -> Vector:
+    """Sum of the steps up to each place, from 0."""
+    return np.concatenate(([0.0], np.cumsum(step)))
 
 
 def across(off: Points, unit: Points) -> Points:
