@@ -3,7 +3,8 @@
     python -m benchmarks.discovery [--quick] [--effects NAME…] [--seeds N] [--split test] [--jobs 2]
 
 The full run makes some 440 campaigns at four seeds; `--quick` makes seven. `--baselines` adds a sparse
-regression (pysindy) and a Gaussian process (scikit-learn) on the same files, where they are installed.
+regression (pysindy) and a Gaussian process (scikit-learn) on the files of single causes of typical size,
+where they are installed.
 """
 
 from __future__ import annotations
@@ -15,6 +16,9 @@ import time
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
+
+from rich.console import Console
+from rich.progress import track
 
 from benchmarks import discovery_report as report
 from benchmarks.discovery_cases import cases, outcome
@@ -62,18 +66,17 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     )
     parser.add_argument("--seeds", type=int, default=0, help="seeds of each cause (4; quick 1)")
     parser.add_argument("--split", choices=("development", "test"), default="development")
-    parser.add_argument("--baselines", action="store_true", help="pysindy and scikit-learn on the same files")
+    parser.add_argument("--baselines", action="store_true", help="pysindy and scikit-learn on single causes")
     parser.add_argument("--markdown", action="store_true", help="tables to paste into documents")
-    parser.add_argument("--jobs", type=int, default=2, help="processes; times are those of one core each")
+    parser.add_argument("--jobs", type=int, default=2, help="processes")
     return parser.parse_args(arguments)
 
 
 def _outcomes(chosen: Sequence, options: argparse.Namespace) -> list[Outcome]:
     work = partial(outcome, with_baselines=options.baselines)
-    if options.jobs == 1:
-        return [work(case) for case in chosen]
+    console = Console(stderr=True)
     with ProcessPoolExecutor(options.jobs, mp_context=multiprocessing.get_context("spawn")) as pool:
-        return list(pool.map(work, chosen))
+        return list(track(pool.map(work, chosen), "campaigns", len(chosen), console=console))
 
 
 def _printed(outcomes: Sequence[Outcome], options: argparse.Namespace) -> str:

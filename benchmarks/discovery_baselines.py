@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import sys
 from importlib.util import find_spec
 from pathlib import Path
+
+import numpy as np
 
 from benchmarks.discovery_process import by_gaussian_process
 from benchmarks.discovery_residuals import residuals
@@ -17,7 +20,13 @@ _PEERS = {
 
 
 def baselines(folder: Path) -> dict[str, Baseline]:
-    """Return what each installed peer makes of a campaign."""
+    """Return what each installed peer makes of a campaign; one that fails on it is told, and has no part."""
     installed = {name: work for name, (package, work) in _PEERS.items() if find_spec(package)}
     runs = residuals(folder) if installed else []
-    return {name: work(runs) for name, work in installed.items()}
+    told = dict[str, Baseline]()
+    for name, work in installed.items():
+        try:
+            told[name] = work(runs)
+        except (ValueError, ArithmeticError, np.linalg.LinAlgError) as error:
+            print(f"{name} fails on a campaign: {error}", file=sys.stderr)
+    return told

@@ -56,7 +56,10 @@ def target_rows(outcomes: Sequence[Outcome]) -> list[Row]:
             for tie in ("G1", "G4", "G5", "G6")
         ),
         _most(
-            "time of a campaign [s] (median)", [one.seconds for one in _told_of(outcomes)], 10.0, np.median
+            "processor time of a campaign [s] (median)",
+            [one.seconds for one in _told_of(outcomes)],
+            10.0,
+            np.median,
         ),
     ]
 

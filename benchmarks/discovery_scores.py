@@ -34,6 +34,7 @@ class Outcome:
     report: Report | None
     """None where the workflow wrote none."""
     seconds: float
+    """Processor time of the workflow."""
     failure: str = ""
     baselines: Mapping[str, Baseline] = field(default_factory=dict)
 
