@@ -19,14 +19,14 @@ from tssgeom.io.campaigns import is_campaign, read_campaign
 from tssgeom.io.files import Recording, open_recording
 from tssgeom.io.meshes import ENDINGS, read_lumen
 from tssgeom.io.runs import CHANNELS, holds_run, read_run
-from tssgeom.settings import read_rig
+from tssgeom.settings import Rig, read_rig
 from tssgeom.shape.fibre.sensed import Fibre, clean_fibre, fit_fibre
-from tssgeom.shape.points import clean
 from tssgeom.shape.spline import fit
-from tssgeom.stream import Frame, Rejected
+from tssgeom.stream import Frame, Rejected, noise_of, sensed_points
 from tssgeom.tendon.profile import check_tension
 
 _MOST_FAULTS = 5
+_ANY_RIG = Rig()
 _MEASURED = ("tension_in", "tension_out", "displacement_in", "elongation", "temperature")
 
 
@@ -143,9 +143,10 @@ class _Findings:
         self.stations |= item.stations is not None
         try:
             if item.curvatures is None:
-                clean(item.points, item.stations)
+                sensed_points(item, _ANY_RIG)
             else:
                 clean_fibre(item.curvatures, item.stations)
+            noise_of(item, _ANY_RIG)
             if item.tension_in is not None:
                 check_tension(item.tension_in)
         except TssgeomError as error:
@@ -190,7 +191,7 @@ def _sensed(frame: Frame, notes: Iterable[str]) -> dict[str, Any]:
     """Tell length and noise of the first good frame."""
     if frame.curvatures is not None:
         return _sensed_fibre(clean_fibre(frame.curvatures, frame.stations), notes)
-    shape = clean(frame.points, frame.stations)
+    shape = sensed_points(frame, _ANY_RIG)
     route = fit(shape).route
     return {
         "length_m": float(route.s[-1]),

@@ -12,6 +12,7 @@ from typing import Annotated
 
 import typer
 
+from pipelines.interruption import not_lost
 from pipelines.live_options import live
 from pipelines.paper_options import paper, remedy
 from pipelines.run_options import calibrate, compensate, discover, simulate
@@ -74,7 +75,8 @@ def _status(arguments: Sequence[str] | None) -> int:
     if "" in (sys.argv[1:] if arguments is None else arguments):
         return _complain("an argument is empty: is a variable of the shell not set?", 2)
     try:
-        status = app(args=arguments, prog_name="tssgeom", standalone_mode=False) or 0
+        with not_lost():
+            status = app(args=arguments, prog_name="tssgeom", standalone_mode=False) or 0
     except typer.TyperException as error:
         return _complain(f"{error.format_message().rstrip('.')}: see tssgeom --help", 2) if str(error) else 2
     except KeyboardInterrupt:

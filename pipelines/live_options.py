@@ -57,11 +57,11 @@ def live(
     """
     from pipelines import live as command
     from pipelines.work import options
-    from tssgeom.io.network.addresses import access, sink_of, source_of
+    from tssgeom.io.network.addresses import access, each_once, sink_of, source_of
 
     stream = command.Stream(
-        sources=[source_of(one) for one in source or ["-"]],
-        sinks=[sink_of(one) for one in sink or ["-"]],
+        sources=[source_of(one) for one in each_once(source or ["-"], "--source")],
+        sinks=[sink_of(one) for one in each_once(sink or ["-"], "--sink")],
         access=access(allow_remote=allow_remote, token_file=token_file),
         stale_after=stale_after,
         spin=spin,

@@ -107,10 +107,10 @@ class Session:
         assert arrival is not None
         frame = arrival.frame
         assert frame is not None
-        self._heard = self._answered = monotonic()
         if isinstance(result, Rejected):
             self._refuse(Rejected(arrival.seq, frame.time, result.reason, result.id))
             return
+        self._heard = self._answered = monotonic()
         waited = (perf_counter_ns() - arrival.arrived) / 1e3
         line = answers.answer(result, frame.time, arrival.seq, round(waited, 1), self.mailbox.dropped)
         for sink in self.sinks:

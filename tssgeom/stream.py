@@ -202,11 +202,17 @@ def _followed(frame: Frame, rig: Rig, last: Followed | None) -> tuple[Shape, Fol
         return sensed_shape(fibre, geometry), Followed(geometry, fibre.index)
     shape = sensed_points(frame, rig)
     of_points = last is not None and (last.geometry.chain is not None or last.geometry.spline is not None)
-    return shape, follow(shape, _noise(frame, rig), last if of_points else None)
+    return shape, follow(shape, noise_of(frame, rig), last if of_points else None)
 
 
-def _noise(frame: Frame, rig: Rig) -> float | None:
-    """Return the noise of a coordinate [m]: that of the rig, else that of the frame, else None."""
+def noise_of(frame: Frame, rig: Rig) -> float | None:
+    """Return the noise of a coordinate [m]: that of the rig, else that of the frame, else None.
+
+    Raises
+    ------
+    ShapeError
+        Where the frame tells one that cannot be.
+    """
     if frame.noise is not None and not (math.isfinite(frame.noise) and frame.noise > 0.0):
         raise ShapeError(f"the noise is {frame.noise:g} m: give a finite value > 0 m, or leave it out")
     return frame.noise if rig.shape.noise is None else rig.shape.noise

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+from typing import overload
 
 import msgspec
 
 from tssgeom.shape.arcs import Arcs
 from tssgeom.stream import FrameResult, Rejected
+
+_LONGEST = 512  # characters of a frame's own text in an answer
 
 
 class Segment(msgspec.Struct, frozen=True):
@@ -99,9 +102,17 @@ def answer(result: FrameResult, time: float, seq: int, latency_us: float, droppe
 
 
 def refusal(rejected: Rejected) -> bytes:
-    """Write the answer to a bad frame."""
+    """Write the answer to a bad frame; what it holds of the frame's own text is cut short."""
     time = rejected.time if math.isfinite(rejected.time) else None
-    return _line(Refusal(time, rejected.seq, rejected.reason, rejected.id))
+    return _line(Refusal(time, rejected.seq, _cut(rejected.reason), _cut(rejected.id)))
+
+
+@overload
+def _cut(given: str) -> str: ...
+@overload
+def _cut(given: str | int) -> str | int: ...
+def _cut(given: str | int) -> str | int:
+    return given[:_LONGEST] + "…" if isinstance(given, str) and len(given) > _LONGEST else given
 
 
 def stale(time: float, seq: int, silent: float, dropped: int) -> bytes:

@@ -37,11 +37,6 @@ def check_run(path: Path, run: Run, rig: Rig) -> list[str]:
     return [*_gaps(run), *_stretch(path, run, rig), *_beyond_scale(run, rig)]
 
 
-def sensor_of(rig: Rig, channel: str) -> Sensor:
-    """Return the specification of a channel, by its name with or without unit; empty where none is given."""
-    return rig.sensors.get(channel) or rig.sensors.get(channel.rpartition("_")[0]) or Sensor()
-
-
 def _check_channels(path: Path, run: Run) -> None:
     if not any(channel in run.columns for channel in DRIVES):
         raise SettingsError(f"{path}: no drive: add a column {' or '.join(DRIVES)}")
@@ -72,7 +67,7 @@ def _check_tensions(path: Path, run: Run, rig: Rig) -> None:
     for name in ("tension_in_N", "tension_out_N"):
         most = _most(run, name)
         strain = rig.tendon.compliance_per_N * most
-        scale = sensor_of(rig, name).full_scale
+        scale = rig.sensors.get(name, Sensor()).full_scale
         if strain > _LARGEST_STRAIN:
             raise SettingsError(
                 f"{path}: {name} reaches {most:g} N, which would stretch the tendon by {100 * strain:.0f} %: "
@@ -142,7 +137,7 @@ def _stretch_of(run: Run) -> Vector:
 def _beyond_scale(run: Run, rig: Rig) -> list[str]:
     told = []
     for name in ("tension_in_N", "tension_out_N"):
-        scale, most = sensor_of(rig, name).full_scale, _most(run, name)
+        scale, most = rig.sensors.get(name, Sensor()).full_scale, _most(run, name)
         if scale and most > scale:
             told.append(f"{run.name}: {name} reads up to {most:g} N, beyond its full scale of {scale:g} N")
     return told

@@ -12,9 +12,14 @@ from tssgeom.discrepancy.campaign import Campaign, Route, Run
 from tssgeom.errors import SettingsError, ShapeError, SourceError
 from tssgeom.io.campaign_checks import check_run
 from tssgeom.io.files import CAMPAIGN, open_recording, output_names
-from tssgeom.io.runs import CHANNELS, read_run
-from tssgeom.settings import Rig, read_rig
+from tssgeom.io.runs import CHANNELS, IN_SI, read_run
+from tssgeom.settings import Rig, Sensor, read_rig
 from tssgeom.stream import Frame, FrameResult, Rejected, process
+
+_SPECIFIED = {name.rpartition("_")[0]: (name, 1.0) for name in IN_SI.values()} | {
+    name: (IN_SI[field], per_si) for name, (field, per_si) in CHANNELS.items()
+}
+"""What `[sensors.NAME]` may be: the column of a run in SI, and how many of its unit make one of that."""
 
 
 class _Listed(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -58,9 +63,10 @@ def read_campaign(folder: Path, unit: str | None = None) -> Campaign:
     listing = folder if folder.name == CAMPAIGN else folder / CAMPAIGN
     home = listing.parent
     plan = _read_plan(listing)
-    rig = read_rig(home / plan.rig)
+    stated = read_rig(home / plan.rig)
+    rig = _specified_in_si(stated)
     names = _names(listing, plan.run)
-    notes = list(_unknown_sensors(home / plan.rig, rig))
+    notes = list(_unknown_sensors(home / plan.rig, stated))
     routes = _routes(home, plan.run, rig, unit, notes)
     runs = []
     for name, listed in zip(names, plan.run, strict=True):
@@ -98,10 +104,24 @@ def _names(listing: Path, runs: Sequence[_Listed]) -> list[str]:
     return names
 
 
+def _specified_in_si(rig: Rig) -> Rig:
+    """Name the specifications of channels as columns in SI; a full name goes before a short one."""
+    sensors = dict[str, Sensor]()
+    for name in sorted(rig.sensors, key=CHANNELS.__contains__):
+        whole, per_si = _SPECIFIED.get(name, (name, 1.0))
+        told = rig.sensors[name]
+        sensors[whole] = Sensor(
+            noise=told.noise / per_si,
+            resolution=told.resolution / per_si,
+            full_scale=told.full_scale / per_si,
+            nonlinearity=told.nonlinearity,
+        )
+    return msgspec.structs.replace(rig, sensors=sensors)
+
+
 def _unknown_sensors(path: Path, rig: Rig) -> list[str]:
     """Say which specifications belong to no channel, since they would count for nothing."""
-    fields = {channel.rpartition("_")[0] for channel in CHANNELS}
-    strange = [name for name in rig.sensors if name not in CHANNELS and name not in fields]
+    strange = [name for name in rig.sensors if name not in _SPECIFIED]
     return [f"{path.name}: [sensors.{name}] is no channel that a run can have: not used" for name in strange]
 
 

@@ -25,6 +25,8 @@ CHANNELS = {
     "temperature_C": ("temperature", 1.0),
 }
 """Columns: the field of `MeasuredRun` that each one fills, and how many of its unit make one in SI."""
+IN_SI = {field: name for name, (field, per_si) in CHANNELS.items() if per_si == 1.0}
+"""The column in SI of each field of `MeasuredRun`."""
 TIME = "time_s"
 _HEADER = "time_s,tension_in_N,tension_out_N"
 _QUANTITIES = tuple({name.rpartition("_")[0] for name in CHANNELS})

@@ -81,6 +81,8 @@ class XmlFile:
         at = 0
         for block, packed in enumerate(map(int, counts[3:])):
             size = last if last and block == blocks - 1 else full
+            if size <= 0:  # to a decompressor that is no limit
+                raise ValueError(f"a block says that it holds {size} bytes")
             try:
                 whole = _DECOMPRESSORS[self.compressor or ""]().decompress(body[at : at + packed], size)
             except (zlib.error, lzma.LZMAError, EOFError) as error:

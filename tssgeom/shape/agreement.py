@@ -53,10 +53,11 @@ def refuse_lost(points: Points, weight: Vector, noise: float, arcs: Arcs) -> Non
     Raises
     ------
     FitError
-        Where a number is not finite, the angle is unknown, many points were ignored, or the way from point to
-        point is longer than the route, or far shorter.
+        Where a number is not finite, a piece has no length, the angle is unknown, many points were ignored,
+        or the way from point to point is longer than the route, or far shorter.
     """
-    if not math.isfinite(arcs.total_length + arcs.total_angle + arcs.covariance.sum()):
+    finite = math.isfinite(arcs.total_length + arcs.total_angle + arcs.covariance.sum())
+    if not finite or arcs.length.min() <= 0.0:
         raise FitError("the points give no finite curve: check the unit and look for stray points")
     ignored, way = _followed(points, weight)
     chord = math.hypot(arcs.total_length / len(points), math.sqrt(6.0) * noise)

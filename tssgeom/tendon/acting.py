@@ -25,7 +25,7 @@ from tssgeom.tendon.run_kernel import march
 from tssgeom.tendon.run_laws import Memory, stretch_of
 from tssgeom.tendon.run_model import BARS, Model, begin, laid, moved, setup_of
 from tssgeom.tendon.run_plant import edges, with_bends
-from tssgeom.tendon.run_sensors import Lags, late, shown, unread
+from tssgeom.tendon.run_sensors import Lags, late, shown
 
 UNTIMED = 1.0
 """A step without a time, and the first one of a stream, is taken to last so long [s]."""
@@ -111,7 +111,7 @@ def cut(along: Corners, arcs: Arcs, setup: Setup) -> ActingState:
         by_force=True,
         span=UNTIMED,
         temperature=math.nan,
-        lags=unread(setup),
+        lags={},
         front=0,
         direction_index=along.direction_index,
         displacement_in=float(memory.drive[4]),
@@ -190,7 +190,7 @@ def readings(state: ActingState, setup: Setup) -> dict[str, float]:
     """Return what the sensors read after a step [N, m], by the names of `CHANNELS`; docs/model.md (61)."""
     true = (state.tension_in, state.tension_out, state.displacement_in, state.displacement_out)
     seen = {name: float(value[0]) for name, value in shown(setup, np.array(true)[:, None]).items()}
-    return seen | {channel: last for (channel, _), (_, last) in zip(setup.lags, state.lags, strict=True)}
+    return seen | {channel: last for channel, (_, last) in state.lags.items()}
 
 
 def tension_along(state: ActingState, route: Arcs, s: Vector) -> Vector:
@@ -233,7 +233,7 @@ def _warmth(state: ActingState, memory: Memory, temperature: float | None) -> tu
 
 
 def _late(setup: Setup, out: np.ndarray, spans: Vector, before: Lags) -> Lags:
-    return late(setup, shown(setup, out), spans, before)[1] if setup.lags else before
+    return late(setup, shown(setup, out), spans, before)[1] if setup.lags else {}
 
 
 def _direction(slip: int, moved_by: float, before: int) -> int:

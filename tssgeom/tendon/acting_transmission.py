@@ -97,6 +97,8 @@ def _answering(plant, travel, tension_out, pull):
 def _used(plant, memory, i):
     """Return how much of its cone a contact uses, −1 pulled to +1 released, and its exponent then [1]."""
     near, far = memory.tension[i], memory.tension[i + 1]
+    if max(near, far) < _ANSWERS:
+        return 0.0, 0.0  # a loose tendon uses nothing of it
     factor = load_factor(0.5 * (near + far), plant.load_exponent, plant.load_reference)
     factor *= _worn(plant, memory.travel[i])
     exponent = (plant.pulling[i] if far < near else plant.releasing[i]) * factor

@@ -219,6 +219,11 @@ def forward_model(measured: Measured, arcs: Arcs, rig: Rig, from_tension: float)
     drive, clock = legs(readings[kept]), _clock(measured, kept)
     floor = min(from_tension, 0.4 * float(drive.values.max())) if by_force else 0.0
     spring = by_force and measured.elongation is None and measured.displacement_in is not None
+    if spring and rig.load.stiffness_N_per_m == 0.0:
+        raise SettingsError(
+            "displacement_in_m holds the stretch of the load's spring, and load.stiffness_N_per_m is 0; "
+            "give the stiffness, or a column elongation_m or displacement_out_m"
+        )
     channels = _channels(measured, kept, drive.values, floor, spring, by_force)
     names, mean, sd = _parameters(channels, drive, rig, by_force)
     return Forward(

@@ -36,15 +36,18 @@ def _slope(angle, log_tension, segment):
 
 
 @njit(cache=True, nogil=True)
-def _run(tension_at_start, slope, span, before, share):
+def _run(log_tension_at_start, slope, span, before, share):
     """Return what one run adds to the means over its piece: of T, of dT/dφ, and of t·dT/dφ.
 
     `span` is the angle of the run [rad]; t goes from 0 to 1 along the piece, and the run lies between
     `before` and `before + share`.
     """
-    x = -slope * span
-    level = share * tension_at_start * mean_decay(x)  # docs/model.md (9)
-    moment = share * tension_at_start * mean_decay_moment(x)
+    x = abs(slope) * span  # from the end where the tension is greater: it may start from none
+    greatest = share * math.exp(log_tension_at_start + max(slope * span, 0.0))
+    level = greatest * mean_decay(x)  # docs/model.md (9)
+    moment = greatest * mean_decay_moment(x)
+    if slope > 0.0:
+        moment = level - moment
     return level, slope * level, slope * (before * level + share * moment)  # docs/model.md (9), (12)
 
 
@@ -82,7 +85,7 @@ def means_on_pieces(piece_angle, angle, log_tension):
                 before, share = (at - start) / (end - start), (stop - at) / (end - start)
             slope = _slope(angle, log_tension, segment)
             log_tension_here = log_tension[segment] + slope * (at - angle[segment])
-            level, drop, turn = _run(math.exp(log_tension_here), slope, stop - at, before, share)
+            level, drop, turn = _run(log_tension_here, slope, stop - at, before, share)
             means[0, piece] += level
             means[1, piece] += drop
             means[2, piece] += turn

@@ -19,7 +19,7 @@ from tssgeom.tendon.run_kernel import march
 from tssgeom.tendon.run_laws import Memory
 from tssgeom.tendon.run_plant import Plant, edges, moved_plant, plant
 from tssgeom.tendon.run_sensors import CHANNELS as CHANNELS
-from tssgeom.tendon.run_sensors import Drive, Lags, check_drive, late, shown, true_drive, unread
+from tssgeom.tendon.run_sensors import Drive, Lags, check_drive, late, shown, true_drive
 
 BARS = 30
 """Bars of the tendon where nothing else is asked for."""
@@ -169,7 +169,7 @@ def begin(model: Model) -> RunState:
         slip=np.zeros(k, dtype=np.int8),
         drive=np.array([model.plant.pretension if model.drive == "tension_in_N" else 0.0, 0, 0, 0, 0, 0]),
     )
-    return RunState(memory, math.nan, math.nan, unread(model.setup))
+    return RunState(memory, math.nan, math.nan, {})
 
 
 def carry_on(

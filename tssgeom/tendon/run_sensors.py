@@ -1,6 +1,5 @@
 """What the sensors of a rig make of what happens: gains, zeros, crosstalk, lags; docs/model.md (61), (62)."""
 
-import math
 from collections.abc import Mapping
 from typing import Literal, TypeAlias, get_args
 
@@ -14,13 +13,8 @@ from tssgeom.tendon.run_laws import lagged
 CHANNELS: tuple[Channel, ...] = get_args(Channel)
 """What sensors read of a run."""
 Drive = Literal["tension_in_N", "displacement_in_m"]
-Lags: TypeAlias = tuple[tuple[float, float], ...]
-"""What each lagging channel was given and showed last; NaN before the first sample."""
-
-
-def unread(setup: Setup) -> Lags:
-    """Return the lags of sensors that have read nothing yet."""
-    return ((math.nan, math.nan),) * len(setup.lags)
+Lags: TypeAlias = Mapping[Channel, tuple[float, float]]
+"""What each lagging channel was given and showed last; empty before the first sample."""
 
 
 def check_drive(setup: Setup, drive: Drive) -> None:
@@ -68,12 +62,11 @@ def late(
     setup: Setup, channels: Mapping[str, Vector], spans: Vector, before: Lags
 ) -> tuple[dict[str, Vector], Lags]:
     """Let the lagging channels lag, and return with them what they showed last; docs/model.md (62)."""
-    seen, lags = dict(channels), list[tuple[float, float]]()
-    for (channel, lag), (last, shows) in zip(setup.lags, before, strict=True):
+    seen, lags = dict(channels), dict[Channel, tuple[float, float]]()
+    for channel, lag in setup.lags:
         value = channels[channel]
-        if math.isnan(last):
-            last = shows = float(value[0])
+        first = float(value[0])
         if lag > 0.0:
-            seen[channel] = lagged(value, spans, lag, (last, shows))
-        lags.append((float(value[-1]), float(seen[channel][-1])))
-    return seen, tuple(lags)
+            seen[channel] = lagged(value, spans, lag, before.get(channel, (first, first)))
+        lags[channel] = (float(value[-1]), float(seen[channel][-1]))
+    return seen, lags

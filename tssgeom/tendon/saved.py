@@ -16,9 +16,10 @@ from tssgeom.tendon.acting import ActingState
 from tssgeom.tendon.material import MaterialState
 from tssgeom.tendon.profile import MOST_TENSION, Corners, check_tension
 from tssgeom.tendon.run_laws import Memory
+from tssgeom.tendon.run_sensors import CHANNELS
 from tssgeom.tendon.state import TendonState
 
-VERSION = 2
+VERSION = 3
 """Version of the objects that `state_object` writes."""
 _KINDS = {"corners": Corners, "bars": MaterialState, "acting": ActingState}
 _OF_BARS = ("tension", "slack", "inelastic", "creep")
@@ -118,7 +119,10 @@ def _check_bars(along: MaterialState | ActingState) -> None:
     _require(held["tension"].min() >= 0.0 and held["tension"].max() <= MOST_TENSION, "tension")
     for name in _SCALARS & _parts(along).keys():
         _require(abs(getattr(along, name)) <= _MOST, name)
-    _require(not isinstance(along, ActingState) or isinstance(along.front, int), "front")
+    if isinstance(along, ActingState):
+        _require(isinstance(along.front, int), "front")
+        shown = np.array(list(along.lags.values()))
+        _require(along.lags.keys() <= set(CHANNELS) and bool((np.abs(shown) <= _MOST).all()), "lags")
 
 
 def _parts(part: MaterialState | ActingState) -> dict[str, Any]:
@@ -151,8 +155,8 @@ def _written(value: Any) -> Any:
         return value.tolist()
     if isinstance(value, (Arcs, Memory)):
         return _plain(value)
-    if isinstance(value, tuple):
-        return [[_told(number) for number in pair] for pair in value]
+    if isinstance(value, Mapping):
+        return {name: list(pair) for name, pair in value.items()}
     return _told(value)
 
 
@@ -175,7 +179,7 @@ def _revived(kind: type[_Part], saved: Mapping[str, Any]) -> _Part:
 def _acting(saved: Mapping[str, Any], route: Arcs | None) -> ActingState:
     memory = Memory(**{name: _array(name, value) for name, value in saved["memory"].items()})
     cut = route if saved["cut"] is None else _revived(Arcs, saved["cut"])
-    lags = tuple((_untold(given), _untold(shows)) for given, shows in saved["lags"])
+    lags = {channel: (float(given), float(shows)) for channel, (given, shows) in saved["lags"].items()}
     rest = {"memory": memory, "cut": cut, "lags": lags, "temperature": _untold(saved["temperature"])}
     return _revived(ActingState, {**saved, **rest})
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hmac
 import ipaddress
 import socket
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from urllib.parse import parse_qsl, urlsplit
@@ -73,6 +73,20 @@ def source_of(text: str) -> Endpoint:
     if text.startswith("replay:"):
         return _file(text)
     return _socket(text, SOURCES, "source", {"igtl": ("sensors",)})
+
+
+def each_once(given: Sequence[str], option: str) -> Sequence[str]:
+    """Refuse what is given twice to an option.
+
+    Raises
+    ------
+    SettingsError
+        Where something is.
+    """
+    twice = [one for one in given if given.count(one) > 1]
+    if twice:
+        raise SettingsError(f"{option} {twice[0]} is given twice: give it once")
+    return given
 
 
 def sink_of(text: str) -> Endpoint:

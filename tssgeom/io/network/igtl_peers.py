@@ -43,6 +43,8 @@ _NUMBERS = {
     "displacement_target_m": "displacement_target",
     "tension_out_target_N": "tension_out_target",
     "length_m": "length",
+    "temperature_C": "temperature",
+    "noise_m": "noise",
 }
 
 

@@ -167,7 +167,8 @@ class Listener:
             peer.received(rest)
 
     def _forget(self, peer: Peer) -> None:
-        self.peers.remove(peer)
+        if peer in self.peers:  # a farewell may have found it gone
+            self.peers.remove(peer)
 
     def _farewell(self, reason: str) -> bytes:
         return self._packed(json.dumps({"closed": reason}).encode() + b"\n")

@@ -95,7 +95,7 @@ class Mailbox:
                 rejected.append(replace(frame, seq=letter.seq))
                 continue
             if reason := _too_much(frame) or letter.clock.refusal(frame):
-                rejected.append(Rejected(letter.seq, frame.time, reason, _short(frame.id)))
+                rejected.append(Rejected(letter.seq, frame.time, reason, frame.id))
                 continue
             self.dropped += len(self._letters)
             self._letters.clear()
@@ -110,7 +110,3 @@ def _too_much(frame: Frame) -> str:
     if isinstance(frame.id, str) and len(frame.id) > _LONGEST_ID:
         return f"the id has {len(frame.id)} characters: use {_LONGEST_ID} at most"
     return ""
-
-
-def _short(name: str | int) -> str | int:
-    return name[:_LONGEST_ID] if isinstance(name, str) else name

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from tssgeom.tendon.effects.kinds import Channel
+
 
 @dataclass(frozen=True, slots=True)
 class Setup:
@@ -63,5 +65,5 @@ class Setup:
     tension_in_offset_N: float = 0.0
     tension_out_offset_N: float = 0.0
     crosstalk: float = 0.0
-    lags: tuple[tuple[str, float], ...] = ()
+    lags: tuple[tuple[Channel, float], ...] = ()
     """Channel and time constant [s] of each lag."""
