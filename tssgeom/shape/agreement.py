@@ -17,6 +17,7 @@ _MOST_IGNORED = 1 / 3  # of the points
 _LONGEST_WAY = 1.3  # from point to point over the length of a route, noise allowed for: chords are shorter
 _FOLDED = -0.5  # cosine between neighbouring tangents
 _LONGEST_DETOUR = 2.0  # length of a route over the way from point to point: an arc of 3.8 rad over its chord
+_MOST_BETWEEN = 4.0  # turn between neighbouring points, more than straight back, that no point tells [rad]
 _LEAST_KNOWN = 20 * math.pi  # standard error of Φ beyond which the fit is no route at all [rad]
 
 
@@ -74,9 +75,19 @@ def refuse_lost(points: Points, weight: Vector, noise: float, arcs: Arcs) -> Non
         )
 
 
-def winds(points: Points, weight: Vector, length: float) -> bool:
-    """Whether a route of a length [m] must wind out of sight between its points."""
-    return length > _LONGEST_DETOUR * _followed(points, weight)[1]
+def winds(points: Points, weight: Vector, stations: Vector, turned: Vector) -> bool:
+    """Whether a route winds out of sight between its points.
+
+    Parameters
+    ----------
+    points, weight
+        Sensed points [m], and the weight of each; 0 where it was ignored [1].
+    stations, turned
+        Arc length [m] and accumulated angle [rad] of the route at the points.
+    """
+    length = stations[-1] - stations[0]
+    detour = length > _LONGEST_DETOUR * _followed(points, weight)[1]
+    return bool(detour or np.diff(turned[weight > 0.0]).max() > _MOST_BETWEEN)
 
 
 @njit(cache=True, nogil=True)

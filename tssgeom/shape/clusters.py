@@ -10,12 +10,17 @@ from tssgeom.shape.points import Shape
 
 _CLOSE = 0.25  # of the median spacing
 _MANY = 0.08  # of all spacings
+_QUIET = 0.01  # of the median spacing: errors so small do not lie in clusters
 
 
-def clustered(points: Points) -> bool:
-    """Whether many neighbours lie far closer together than the rest, as no even sensor puts them."""
+def clustered(points: Points, noise: float) -> bool:
+    """Whether many neighbours lie far closer together than the rest, as no even sensor puts them.
+
+    Points with hardly any noise [m] lie closer together because the route bends there.
+    """
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    return bool(np.mean(steps < _CLOSE * np.median(steps)) > _MANY)
+    usual = np.median(steps)
+    return bool(noise > _QUIET * usual and np.mean(steps < _CLOSE * usual) > _MANY)
 
 
 def merged(shape: Shape, cell: float) -> tuple[Shape, np.ndarray]:

@@ -143,7 +143,9 @@ def _measured(shape: Shape, noise: float | None, method: Method) -> Geometry:
         return smooth
     data = fit_data(shape, noise, spline)
     must = method == "arcs" or is_folded(spline.route)
-    found = [(margin(*one, spline), *one) for one in _chains(data, smooth, spline, must=must)]
+    tried = list(_chains(data, smooth, spline, must=must))
+    sound = [one for one in tried if not _winds(*one)]
+    found = [(margin(*one, spline), *one) for one in sound or (tried if method == "arcs" else ())]
     if not found:
         return smooth
     ahead, data, chain = max(found, key=itemgetter(0))
@@ -152,7 +154,7 @@ def _measured(shape: Shape, noise: float | None, method: Method) -> Geometry:
 
 
 def _chains(data: Data, smooth: Geometry, spline: Spline, *, must: bool) -> Iterator[tuple[Data, Chain]]:
-    """Chains from every first guess, before and after moves; none that winds, unless one must be used."""
+    """Chains from every first guess, before and after moves."""
     for given, first in _starts(data, smooth):
         chain: Chain | None = settle(given, first)
         if not must and given is data:
@@ -160,8 +162,14 @@ def _chains(data: Data, smooth: Geometry, spline: Spline, *, must: bool) -> Iter
         for one in () if chain is None else (fit_chain(given, chain), chain):
             weighed, fitted = reweighed(given, one)
             fitted, _, _ = _told(weighed, fitted)
-            if must or not winds(weighed.points, weighed.weight, fitted.stations[-1] - fitted.stations[0]):
-                yield weighed, fitted
+            yield weighed, fitted
+
+
+def _winds(data: Data, chain: Chain) -> bool:
+    """Whether a chain winds out of sight between its points."""
+    edge = np.append(chain.joints, chain.stations.max())  # the last piece has no joint behind it
+    turned = np.interp(chain.stations, edge, summed(np.linalg.norm(chain.bend, axis=1) * np.diff(edge)))
+    return winds(data.points, data.weight, chain.stations, turned)
 
 
 def _starts(data: Data, smooth: Geometry) -> Iterator[tuple[Data, Chain]]:

@@ -73,7 +73,7 @@ def fit(shape: Shape, noise: float | None = None, last: Spline | None = None) ->
             return _spline(shape, *found)
     spline = _fit_white(shape, noise)
     alone = shape.stations is None and shape.directions is None
-    if noise is None and alone and clustered(shape.points) and _swing(spline) < _SWING:
+    if noise is None and alone and clustered(shape.points, spline.route.noise) and _swing(spline) < _SWING:
         return _fit_merged(shape, spline)
     return spline
 
