@@ -59,6 +59,8 @@ class Session:
     numbers: Numbers = field(default_factory=Numbers)
     stopping: bool = False
     _present: Arrival | None = None
+    _good: Arrival | None = None
+    """The last one that was answered."""
     _heard: float = math.inf
     """When the last good frame was answered [s]; infinite where that was said to be long ago, or never."""
     _answered: float = field(default_factory=monotonic)
@@ -110,7 +112,8 @@ class Session:
         if isinstance(result, Rejected):
             self._refuse(Rejected(arrival.seq, frame.time, result.reason, result.id))
             return
-        self._heard = self._answered = monotonic()
+        self._good, self._heard = arrival, monotonic()
+        self._answered = self._heard
         waited = (perf_counter_ns() - arrival.arrived) / 1e3
         line = answers.answer(result, frame.time, arrival.seq, round(waited, 1), self.mailbox.dropped)
         for sink in self.sinks:
@@ -178,7 +181,7 @@ class Session:
         return self.selector.select(timeout)
 
     def _say_stale(self, now: float) -> None:
-        arrival = self._present
+        arrival = self._good
         if arrival is not None and arrival.frame is not None:
             silent = now - self._heard
             line = answers.stale(arrival.frame.time, arrival.seq, silent, self.mailbox.dropped)

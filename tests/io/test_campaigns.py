@@ -10,6 +10,7 @@ import pytest
 from tssgeom.errors import SettingsError, ShapeError, SourceError, TssgeomError
 from tssgeom.io.campaigns import read_campaign
 from tssgeom.io.files import find_inputs
+from tssgeom.settings import Sensor
 from tssgeom.tendon.effects import HiddenBend
 
 LISTED = '[[run]]\nname = "{name}"\ndata = "{name}.csv"\nshape = "{shape}"\n'
@@ -113,6 +114,21 @@ def test_gaps_and_strange_sensors_are_noted(folder):
     assert any("[sensors.tension] is no channel" in note for note in notes)
     assert "two: tension_out_N is missing in 4 of 60 rows" in notes
     assert "one: tension_in_N reads up to 15 N, beyond its full scale of 12 N" in notes
+
+
+def test_sensors_are_found_by_short_names_and_in_millimetres(folder):
+    (folder / "rig.toml").write_text(
+        "[sensors.tension_in]\nnoise = 0.1\nfull_scale = 20.0\n"
+        "[sensors.elongation_mm]\nnoise = 0.02\nresolution = 0.01\nnonlinearity = 0.001\n"
+        "[sensors.tension_out]\nnoise = 0.5\n[sensors.tension_out_N]\nnoise = 0.2\n"
+    )
+    campaign = read_campaign(folder)
+    assert campaign.notes == ()
+    assert campaign.rig.sensors == {
+        "tension_in_N": Sensor(noise=0.1, full_scale=20.0),
+        "elongation_m": Sensor(noise=0.02 / 1000.0, resolution=0.01 / 1000.0, nonlinearity=0.001),
+        "tension_out_N": Sensor(noise=0.2),
+    }
 
 
 def test_a_stretch_a_thousand_times_too_small_is_noted(folder):

@@ -2,6 +2,7 @@
 
 import json
 import math
+from time import sleep
 
 import pytest
 
@@ -122,6 +123,23 @@ def test_silence_is_said_once_until_frames_return(source, reader):
     reader.sock.settimeout(60.0)
     source.sendall(frame(1.0, id="back"))
     assert reader.until("id", "back")[-1]["stale"] is False
+
+
+def test_frames_that_cannot_be_fitted_do_not_hide_the_silence_of_good_ones(source, reader):
+    source.sendall(frame(0.0, id="good"))
+    good = reader.until("id", "good")[-1]
+    for i in range(1, 9):
+        source.sendall(line([[1.0, 1.0, 1.0]] * 5, float(i), id=f"bad {i}"))
+        sleep(0.05)
+    stale = [told for told in reader.until("id", "bad 8") if told.get("stale")]
+    assert [(told["t"], told["seq"]) for told in stale] == [(good["t"], good["seq"])]
+
+
+def test_a_long_text_of_a_bad_frame_is_cut_short(source, reader):
+    source.sendall(b'{"t":1,"unit":"%s","points":[[0,0,0]],"id":"%s"}\n' % (b"k" * 90_000, b"i" * 90_000))
+    told = reader.answer()
+    assert len(told["rejected"]) < 1000
+    assert len(told.get("id", "")) < 1000
 
 
 def test_datagrams_are_frames_and_answers_are_datagrams(shared):

@@ -94,7 +94,7 @@ def test_named_sensors_make_a_frame_in_the_order_named_and_one_that_is_silent_is
 def test_numbers_in_the_metadata_drive_the_tendon(peer, reader):
     message = pyigtl.PointMessage(PLACES, timestamp=30.0, device_name="route")
     message.header_version = 2
-    message.metadata = {"tension_in_N": "7.5", "id": "with metadata"}
+    message.metadata = {"tension_in_N": "7.5", "noise_m": "0.0004", "id": "with metadata"}
     peer.sendall(message.pack())
     found = told(reader, 30.0)
     assert found["tension_in_N"] == pytest.approx(7.5)

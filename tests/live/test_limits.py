@@ -3,6 +3,7 @@
 import json
 import signal
 import socket
+import struct
 from contextlib import ExitStack
 from itertools import count
 
@@ -106,6 +107,10 @@ def test_who_does_not_show_the_token_gets_nothing_and_who_does_is_served(tmp_pat
             wrong.sendall(b"0123456789abcdef0123456789abcdeX\n")
             assert b"wrong token" in wrong.recv(1000)
             assert wrong.recv(1000) == b""
+        for _ in range(3):  # who has gone, with a reset, when it is told
+            with socket.create_connection((here, port), PATIENCE) as reset:
+                reset.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+                reset.sendall(b"0123456789abcdef0123456789abcdeX\n")
         with (
             socket.create_connection((here, port), PATIENCE) as right,
             stream.source() as source,

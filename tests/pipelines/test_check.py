@@ -28,6 +28,15 @@ def test_a_recording_is_told_with_the_frames_that_are_wrong(run, recording):
     ]
 
 
+def test_what_analyse_refuses_of_a_frame_is_wrong(run, tmp_path):
+    points = [[float(x), 0.1 * x * x, 0.0] for x in range(12)]
+    frames = [{"t": 0.0, "noise_m": -1.0}, {"t": 1.0, "length_m": -2.0}, {"t": 2.0}]
+    lines = "".join(json.dumps(one | {"unit": "mm", "points": points}) + "\n" for one in frames)
+    (tmp_path / "bad.jsonl").write_text(lines)
+    (told,) = json.loads(run("check", tmp_path / "bad.jsonl", "--json").out)
+    assert [one.partition(":")[0] for one in told["wrong"]] == ["frame 0", "frame 1"]
+
+
 def test_gaps_and_stations_are_told(run, write_csv):
     angle = np.linspace(0.0, 2.0, 15)
     points = np.column_stack([np.cos(angle), np.sin(angle), 0 * angle, angle])

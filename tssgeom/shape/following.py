@@ -39,6 +39,7 @@ from tssgeom.shape.geometry import (
 )
 from tssgeom.shape.points import Shape
 from tssgeom.shape.spline import Spline, fit
+from tssgeom.shape.stations import spacing_of_pieces
 
 _LOOK = 4  # frames after which a chain is asked whether it needs fewer joints, or more, in turn
 _SEARCH = 4  # looks of a kind after which an unlikely joint is tried as well
@@ -155,7 +156,7 @@ def _follow_chain(
     shape: Shape, noise: float | None, last: Followed, chain: Chain, method: Method
 ) -> Followed | None:
     """Go on with a chain; None where it fits no longer."""
-    spacing = float(chain.stations[-1] - chain.stations[0]) / len(shape.points)
+    spacing = spacing_of_pieces(shape.points, float(chain.stations[-1] - chain.stations[0]))
     data = Data(
         shape.points,
         np.ones(len(shape.points)),

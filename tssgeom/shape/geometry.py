@@ -30,7 +30,7 @@ from tssgeom.shape.outline import Outline
 from tssgeom.shape.points import Shape, stray_warnings
 from tssgeom.shape.route import Route
 from tssgeom.shape.spline import Spline, fit
-from tssgeom.shape.stations import summed
+from tssgeom.shape.stations import spacing_of_pieces, summed
 
 Method = Literal["auto", "spline", "arcs"]
 HOPELESS = -40.0
@@ -236,7 +236,7 @@ def _untold(length: np.ndarray, covariance: np.ndarray, gap: float) -> int:
 def fit_data(shape: Shape, noise: float | None, spline: Spline) -> Data:
     """Points as the chain wants them, weighted as in a route that was fitted to them."""
     variance, route = 0.0 if noise is None else noise * noise, spline.route
-    spacing = float(route.s[-1]) / len(shape.points)
+    spacing = spacing_of_pieces(shape.points, float(route.s[-1]))
     data = Data(shape.points, np.array(route.weight), shape.stations is None, variance, spacing)
     if shape.directions is None:
         return data

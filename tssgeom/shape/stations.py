@@ -13,6 +13,7 @@ from tssgeom.shape.median import median
 
 _CHORDS = 8  # into which a route is cut to compare it with its stations: few, so that noise makes none longer
 _CHORDS_TOO_LONG = (1.05, 2.0)  # over their stations: where to warn, where to refuse
+_CROWD, _CROWDED = 0.3, 4.0  # share of the steps that make a crowd, and how many of theirs a spacing may be
 _PATH_TOO_SHORT = 1 / 3  # of the stations: neighbours would be more than half a turn apart
 
 
@@ -74,6 +75,20 @@ def mean_spacing(points: np.ndarray) -> float:
     for c in range(3):
         chord += (points[n, c] - points[0, c]) ** 2
     return max(median(step), np.sqrt(chord) / n)
+
+
+@njit(cache=True, nogil=True)
+def spacing_of_pieces(points: np.ndarray, length: float) -> float:
+    """Return the spacing by which the pieces of a route of a length [m] are told to be short [m].
+
+    It is the mean, but for points that crowd in a part of the route: a bend may lie among them.
+    """
+    n = len(points) - 1
+    step = np.empty(n)
+    for i in range(n):
+        step[i] = distance(points[i + 1], points[i])
+    nearer = int(_CROWD * n)
+    return min(length / (n + 1), _CROWDED * np.partition(step, nearer)[nearer])
 
 
 def station_warnings(points: Points, known: Vector) -> tuple[str, ...]:

@@ -20,6 +20,7 @@ from tssgeom.tendon.effects import (
     HiddenBend,
     TensionInGain,
     ThermalDrift,
+    VelocityDependentFriction,
     ViscousDrag,
     with_size,
 )
@@ -251,6 +252,23 @@ def test_a_step_that_effects_cannot_take_is_refused(drives, told):
     rig = with_effects(Creep(ratio=0.1))
     with pytest.raises(SettingsError, match=told):
         step(driven(rig, (3.0, 5.0)), ARCS, rig, **drives)
+
+
+def test_a_saved_state_goes_on_with_a_sensor_that_lags_since():
+    state = driven(with_effects(Creep(ratio=0.1)), (5.0, 8.0))
+    saved = state_of(json.loads(json.dumps(state_object(state))))
+    rig = with_effects(Creep(ratio=0.1), ChannelLag(lag_s=0.05))
+    after = step(saved, ARCS, rig, tension_in=9.0, time=2.0)
+    assert readings(after, rig)["tension_out_N"] == after.tension_out  # a sensor begins at its first reading
+    again = state_of(json.loads(json.dumps(state_object(after))))
+    assert step(again, ARCS, rig, tension_in=9.5, time=3.0).tension_out > after.tension_out
+
+
+def test_the_error_of_a_loose_tendon_is_none():
+    rig = changed(RIG, tendon=Tendon(pretension_N=1.5), effects=(VelocityDependentFriction(gain=0.3),))
+    seen = transmit(step(pretensioned(rig), ARCS, rig, tension_in=0.0, time=0.0), rig)
+    assert math.isfinite(seen.elongation_se)
+    assert seen.tension_out_se == 0.0
 
 
 def test_a_weight_that_runs_away_and_a_drive_that_lags_are_refused():

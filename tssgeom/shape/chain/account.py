@@ -28,6 +28,7 @@ from tssgeom.shape.chain.fit import (
     parameter_covariance,
 )
 from tssgeom.shape.chain.places import along, joint_frames
+from tssgeom.shape.chain.straight import hidden_bends
 from tssgeom.shape.curvature import CurvatureProfile
 from tssgeom.shape.route import Route
 
@@ -134,6 +135,9 @@ def _pieces(data: Data, chain: Chain) -> tuple[np.ndarray, np.ndarray, float]:
     for a in range(2 * k):
         for b in range(2 * k):
             covariance[a, b] *= variance
+    hidden = hidden_bends(data, chain)
+    for j in range(k):
+        covariance[k + j, k + j] += hidden[j] * sizes[j] ** 2
     if data.free:  # an unknown station of an end takes its angle along
         for j in (0, k - 1):
             kappa = sizes[k + j] / sizes[j]
@@ -176,7 +180,7 @@ def _written_out(data: Data, chain: Chain) -> tuple[np.ndarray, np.ndarray]:
             way[j, 0], way[j, 1] = chain.bend[j, 0] / kappa[j], chain.bend[j, 1] / kappa[j]
     column, joint = curvature_columns(chain.curved, data.free), first_joint_column(data.free) - 1
     gradient, own = np.zeros(m), np.zeros(m)  # of φ where a piece begins, and along it
-    turned, i = 0.0, 0
+    hidden, turned, before, i = hidden_bends(data, chain), 0.0, 0.0, 0
     for j in range(k):
         own[:] = 0.0
         if column[j] >= 0:
@@ -192,15 +196,17 @@ def _written_out(data: Data, chain: Chain) -> tuple[np.ndarray, np.ndarray]:
                 square += own[a] * covariance[a, b] * own[b]
         while i < n and (j == k - 1 or at[i] < ends[j + 1]):
             t = at[i] - ends[j]
-            spread = level + 2 * t * tilt + t * t * square + at_ends * (kappa[0] ** 2 + kappa[j] ** 2)
+            spread = level + 2 * t * tilt + t * t * (square + hidden[j]) + before
+            spread += at_ends * (kappa[0] ** 2 + kappa[j] ** 2)
             out[9, i] = at[i] - begin
-            out[10, i], out[11, i] = kappa[j], math.sqrt(max(square, 0.0))
+            out[10, i], out[11, i] = kappa[j], math.sqrt(max(square + hidden[j], 0.0))
             out[12, i] = turned + kappa[j] * t
             out[13, i] = math.sqrt(max(spread, 0.0)) if i > 0 else 0.0
             i += 1
         for a in range(m):
             gradient[a] += length * own[a]
         turned += kappa[j] * length
+        before += hidden[j] * length * length
     _, of_pieces, _ = _pieces(data, chain)
     out[13, n - 1] = math.sqrt(max(np.sum(of_pieces[k:, k:]), 0.0))
     return out, _on_points(data, chain)

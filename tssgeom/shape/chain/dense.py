@@ -111,6 +111,27 @@ def explained(
         Information between the m and the d parameters [m, d], of the d among themselves [d, d], and their
         gradient [d].
     """
+    left, rest = left_over(lower, unit, gradient, cross, own, slope)
+    step = solve(*factor(left, 1e-12), rest)
+    saved = 0.0
+    for e in range(len(rest)):
+        saved += step[e] * rest[e]
+    return saved
+
+
+@njit(cache=True, nogil=True)
+def left_over(
+    lower: np.ndarray,
+    unit: np.ndarray,
+    gradient: np.ndarray,
+    cross: np.ndarray,
+    own: np.ndarray,
+    slope: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return information [d, d] and gradient [d] of d more parameters, the m factored ones free to follow.
+
+    Parameters as in `explained`.
+    """
     m, d = cross.shape
     half, left, rest = np.empty((m, d + 1)), own.copy(), slope.copy()
     for e in range(d + 1):
@@ -125,8 +146,4 @@ def explained(
             for f in range(d):
                 left[e, f] -= half[a, e] * half[a, f]
         left[e, e] = max(left[e, e], 1e-12 * own[e, e])
-    step = solve(*factor(left, 1e-12), rest)
-    saved = 0.0
-    for e in range(d):
-        saved += step[e] * rest[e]
-    return saved
+    return left, rest
