@@ -184,6 +184,13 @@ def test_a_noise_that_is_none_is_refused(noise):
     assert "the noise is" in refused.reason
 
 
+def test_a_command_that_no_tendon_bears_is_doubted():
+    asked = Frame(bend(), 0.0, tension_in=5.0, displacement_target=2.0)  # millimetres, sent as metres
+    (told,) = results([asked])
+    assert told.tension_command > 1000.0
+    assert "strain the tendon by" in told.warnings[0]
+
+
 def test_a_tension_beyond_all_measure_is_refused_and_a_strain_beyond_half_is_doubted():
     refused, doubted = results([Frame(bend(), 0.0, tension_in=1e300), Frame(bend(), 1.0, tension_in=3000.0)])
     assert isinstance(refused, Rejected)

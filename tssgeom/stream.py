@@ -156,6 +156,7 @@ def advance(
     shape, followed = _followed(frame, rig, last)
     geometry = followed.geometry
     moved, command = _moved(state, geometry.arcs, rig, frame, tension_in)
+    most = moved.tension_in if command is None else max(moved.tension_in, command.tension_in)
     return FrameResult(
         seq=seq,
         frame=frame,
@@ -167,7 +168,7 @@ def advance(
         warnings=shape.warnings
         + geometry.outline.warnings
         + _unfelt(rig, frame)
-        + doubts(rig, geometry.arcs.total_length, moved.tension_in),
+        + doubts(rig, geometry.arcs.total_length, most),
         displacement_command=None if command is None else command.displacement_in,
         tension_command=None if command is None else command.tension_in,
     )

@@ -97,6 +97,14 @@ def test_a_run_with_no_response_is_one_line_and_writes_nothing(run, write_run, h
     assert not rig.exists()
 
 
+def test_an_elongation_in_millimetres_under_the_name_of_metres_is_refused(run, write_run, half, tmp_path):
+    path = write_run(*ALL)
+    path.write_text(path.read_text().replace("elongation_mm", "elongation_m", 1))
+    outcome = run("calibrate", path, "--shape", half, "--out", tmp_path / "rig.toml")
+    assert outcome.status == 2
+    assert "check its unit, elongation_m or elongation_mm" in outcome.errors[0]
+
+
 def test_every_rig_comes_back_from_its_file(tmp_path):
     rig = Rig(
         tendon=Tendon(compliance_per_N=1 / 3000.0, pretension_N=2.5),

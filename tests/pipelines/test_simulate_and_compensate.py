@@ -106,6 +106,13 @@ def test_the_commands_bring_the_distal_end_to_its_target(run: Run, opening: Path
         assert rows["displacement_out_m"] == pytest.approx(wanted, rel=1e-6 if exact else 2e-3, abs=1e-9)
 
 
+def test_commands_that_no_tendon_bears_are_warned_of(run: Run, half: Path, tmp_path: Path):
+    target = write_run(tmp_path / "target.csv", time_s=[0, 1], displacement_out_m=[0.0, 2.0])
+    done = run("compensate", half, "--target", target, "--out", tmp_path / "out")
+    assert done.status == 0
+    assert "strain the tendon by" in done.errors[0]
+
+
 def test_a_target_out_of_reach_is_one_line(run: Run, half: Path, tmp_path: Path):
     target = write_run(tmp_path / "target.csv", time_s=[0, 1], displacement_out_m=[1e-3, -1.0])
     done = run("compensate", half, "--target", target, "--out", tmp_path / "out")

@@ -24,6 +24,7 @@ from tssgeom.tendon.run_model import predict
 from tssgeom.tendon.state import rest_tension
 from tssgeom.tendon.turning import Legs, legs
 
+_MOST_STRAIN = 0.5  # of the route, before the unit of an elongation is doubted [1]
 _MOST_READINGS = {True: 1500, False: 200}  # driven by force, by position
 _MOST_TURNS = 8
 _BARS = 40
@@ -216,6 +217,7 @@ def forward_model(measured: Measured, arcs: Arcs, rig: Rig, from_tension: float)
     kept = kept[:: max(1, -(-len(kept) // _MOST_READINGS[by_force]))]
     if len(kept) < 20:
         raise SettingsError(f"the run has {len(kept)} readings of its drive: give at least 20")
+    _check_stretch(measured, arcs)
     drive, clock = legs(readings[kept]), _clock(measured, kept)
     floor = min(from_tension, 0.4 * float(drive.values.max())) if by_force else 0.0
     spring = by_force and measured.elongation is None and measured.displacement_in is not None
@@ -242,6 +244,17 @@ def forward_model(measured: Measured, arcs: Arcs, rig: Rig, from_tension: float)
         arcs=arcs,
         rig=rig,
     )
+
+
+def _check_stretch(measured: Measured, arcs: Arcs) -> None:
+    """Refuse a tendon that grows by half of its route, which none does."""
+    told = measured.elongation
+    most = 0.0 if told is None or not np.isfinite(told).any() else float(np.nanmax(np.abs(told)))
+    if most > _MOST_STRAIN * arcs.total_length:
+        raise SettingsError(
+            f"the elongation reaches {most:.3g} m on a route of {arcs.total_length:.3g} m: check its unit, "
+            "elongation_m or elongation_mm"
+        )
 
 
 def _clock(measured: Measured, kept: NDArray[np.intp]) -> Clock:
