@@ -22,8 +22,7 @@ from tssgeom.io.runs import CHANNELS, holds_run, read_run
 from tssgeom.settings import Rig, read_rig
 from tssgeom.shape.fibre.sensed import Fibre, clean_fibre, fit_fibre
 from tssgeom.shape.spline import fit
-from tssgeom.stream import Frame, Rejected, noise_of, sensed_points
-from tssgeom.tendon.profile import check_tension
+from tssgeom.stream import Frame, Rejected, require_usable, sensed_points
 
 _MOST_FAULTS = 5
 _ANY_RIG = Rig()
@@ -142,13 +141,7 @@ class _Findings:
         self.measured |= {name for name in _MEASURED if getattr(item, name) is not None}
         self.stations |= item.stations is not None
         try:
-            if item.curvatures is None:
-                sensed_points(item, _ANY_RIG)
-            else:
-                clean_fibre(item.curvatures, item.stations)
-            noise_of(item, _ANY_RIG)
-            if item.tension_in is not None:
-                check_tension(item.tension_in)
+            require_usable(item)
         except TssgeomError as error:
             self.wrong.append(f"frame {seq}: {error}")
         else:

@@ -14,6 +14,7 @@ from pipelines.work import Options, geometry_alone
 from tssgeom.arrays import Vector
 from tssgeom.errors import ShapeError
 from tssgeom.io.files import open_recording
+from tssgeom.io.recording import in_order
 from tssgeom.io.runs import MeasuredRun
 from tssgeom.stream import Frame, FrameResult, Rejected, process
 from tssgeom.tendon.effects import named
@@ -58,7 +59,8 @@ def sensed_route(path: Path, chosen: Options) -> SensedRoute:
     """
     recording = open_recording(path, chosen.unit)
     rig = geometry_alone(chosen).rig
-    items = list(process(_shapes_only(recording.frames), rig, tension_in=rig.tendon.pretension_N))
+    shapes = in_order(_shapes_only(recording.frames))  # anew: a frame may be usable without its drive
+    items = list(process(shapes, rig, tension_in=rig.tendon.pretension_N))
     rejected = [item for item in items if isinstance(item, Rejected)]
     results = [item for item in items if isinstance(item, FrameResult)]
     if not results:

@@ -17,6 +17,7 @@ from tssgeom.shape.points import Shape, clean
 from tssgeom.shape.route import Route
 from tssgeom.tendon.compensation import Command, compensate
 from tssgeom.tendon.effects import HiddenBend, named
+from tssgeom.tendon.profile import check_tension
 from tssgeom.tendon.state import TendonState, pretensioned, step, transmit, true_tension
 from tssgeom.tendon.transmission import Transmission
 
@@ -259,6 +260,26 @@ def sensed_points(frame: Frame, rig: Rig) -> Shape:
         frame.length,
         given.length_noise,
     )
+
+
+def require_usable(frame: Frame) -> None:
+    """Refuse what no tendon and no fit could use, without fitting anything.
+
+    Raises
+    ------
+    ShapeError
+        Where the points or the fibre cannot be a route, or the noise cannot be.
+    SettingsError
+        Where the tension is negative or not finite.
+    """
+    rig = Rig()
+    if frame.curvatures is None:
+        sensed_points(frame, rig)
+    else:
+        clean_fibre(frame.curvatures, frame.stations)
+    noise_of(frame, rig)
+    if frame.tension_in is not None:
+        check_tension(frame.tension_in)
 
 
 def alone(

@@ -83,6 +83,22 @@ def test_frames_out_of_order_or_repeated_are_rejected(source, reader):
         assert ("rejected" in told) == (name in ("again", "back"))
 
 
+def test_the_time_of_a_rejected_frame_does_not_count(source, reader):
+    source.sendall(frame(0.1, id="before"))
+    before = reader.until("id", "before")[-1]
+    told = []
+    for name, count, tension in (("two points", 2, 5.0), ("pushed", 30, -7.0)):
+        source.sendall(frame(1e9, count, tension_in_N=tension, id=name))
+        told += reader.until("id", name)
+        assert "rejected" in told[-1]
+    stale = next((one for one in told if "silent_s" in one), None) or reader.next()
+    assert (stale["t"], stale["seq"]) == (0.1, before["seq"])
+    for time, name in ((0.2, "after"), (0.15, "back")):
+        source.sendall(frame(time, id=name))
+        told = reader.until("id", name)[-1]
+        assert ("rejected" in told) == (name == "back")
+
+
 def test_a_sender_that_connects_anew_has_a_clock_of_its_own(stream, source, reader):
     source.sendall(frame(1000.0, id="old"))
     reader.until("id", "old")
