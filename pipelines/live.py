@@ -20,6 +20,7 @@ from pipelines.live_session import Beside, Session
 from pipelines.live_warm import warm_up
 from pipelines.live_workers import Allowance, Artists, Keeper, Worker, await_ready, finished
 from pipelines.work import Options
+from tssgeom.errors import require_replaceable
 from tssgeom.io.network.addresses import Access, Endpoint
 from tssgeom.io.network.channel import READ, Pipe
 from tssgeom.io.network.mailbox import Mailbox
@@ -61,6 +62,8 @@ def run(stream: Stream, chosen: Options) -> int:
     SettingsError, ShapeError, SourceError
         Where a source, a sink or a file cannot be opened.
     """
+    for path in filter(None, (stream.state, stream.record)):
+        require_replaceable(path)
     with selectors.DefaultSelector() as selector:
         errors = Pipe(selector, 2)
         tell = _teller(errors)

@@ -5,6 +5,7 @@ import os
 import resource
 import select
 import signal
+import stat
 import subprocess
 from pathlib import Path
 
@@ -182,6 +183,16 @@ def test_a_broken_state_is_refused_with_the_remedy(run, tmp_path, content):
     outcome = run("live", "--sink", "none", "--state", state)
     assert outcome.status == 2
     assert "start anew" in outcome.errors[0]
+
+
+@pytest.mark.parametrize("option", ["--record", "--state"])
+def test_what_is_no_file_is_not_replaced(run, tmp_path, option):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    outcome = run("live", "--sink", "none", option, pipe)
+    assert outcome.status == 2
+    assert "pipe: is no file" in outcome.errors[-1]
+    assert stat.S_ISFIFO(pipe.stat().st_mode)
 
 
 def _await_end(number: int) -> None:

@@ -20,7 +20,7 @@ from rerun.chunk import RrdReader
 from rerun.experimental import ViewerClient
 
 from tssgeom.arrays import Vector
-from tssgeom.errors import SourceError
+from tssgeom.errors import SourceError, require_replaceable
 from tssgeom.tendon.history import last_peak
 from tssgeom.view.language import COUNT, TIMELINE
 
@@ -90,6 +90,7 @@ def screenshot(
         Where the file is no recording, the picture cannot be written, or there is no graphics driver.
     """
     require_recording(path)
+    require_replaceable(png)
     png.parent.mkdir(parents=True, exist_ok=True)
     png.unlink(missing_ok=True)
     moment = moment_of_greatest_tension(path) if at is None else (TIMELINE, at)
