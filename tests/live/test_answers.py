@@ -107,6 +107,16 @@ def test_a_sender_that_connects_anew_has_a_clock_of_its_own(stream, source, read
         assert "rejected" not in reader.until("id", "new")[-1]
 
 
+def test_a_last_line_without_its_end_is_answered(stream, reader):
+    with stream.source() as other:
+        other.sendall(frame(1.0, id="whole") + frame(2.0, id="last").rstrip())
+    assert "segments" in reader.until("id", "last")[-1]
+    with stream.source() as other:
+        other.sendall(b'{"t": 3.0, "unit": "mm"')
+    told = reader.answer()
+    assert "write one JSON object a line" in told["rejected"]
+
+
 def test_the_number_of_points_may_change_with_each_frame(source, reader):
     for i, n in enumerate((30, 200, 12, 80, 7, 500)):
         source.sendall(frame(float(i), n, id=f"n{n}"))

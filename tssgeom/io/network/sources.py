@@ -170,6 +170,7 @@ class TcpSource:
 
     def _connected(self, peer: Peer) -> None:
         peer.received = partial(self._received, peer, Lines(), Clock())
+        peer.ended = partial(peer.received, b"\n")  # the last line may come without its end
 
     def _received(self, peer: Peer, lines: Lines, clock: Clock, data: bytes) -> None:
         now = perf_counter_ns()
