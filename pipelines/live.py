@@ -87,10 +87,10 @@ def run(stream: Stream, chosen: Options) -> int:
             warm_up(chosen.rig)
             await_ready(selector, workers)
             _stopped_by_signals(session)
-            errors.send(f"ready: {_addresses(session, workers)}\n".encode())
-            gc.collect()
+            gc.collect()  # before ready is said: it takes longer than many frames
             gc.freeze()
             gc.disable()
+            errors.send(f"ready: {_addresses(session, workers)}\n".encode())
             for result in process(session.frames(), chosen.rig, tension_in=chosen.tension_in, state=state):
                 session.answer(result)
         finally:

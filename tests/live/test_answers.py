@@ -2,10 +2,12 @@
 
 import json
 import math
+import os
 
 import pytest
 
 from benchmarks.live_frames import line, malformed
+from benchmarks.live_process import PATIENCE, live
 from tests.live.peers import frame, half_circle
 
 KEYS = {
@@ -23,6 +25,29 @@ KEYS = {
     "dropped",
     "stale",
 }
+
+TELLS_COLLECTIONS = """
+import gc, os
+
+def tell(phase, info):
+    if phase == "stop" and info["generation"] == 2 and gc.isenabled():
+        os.write(2, b"collected\\n")
+
+gc.callbacks.append(tell)
+"""
+
+
+def test_once_a_stream_is_ready_no_collection_keeps_its_first_frames_waiting(tmp_path):
+    (tmp_path / "sitecustomize.py").write_text(TELLS_COLLECTIONS)
+    path = os.pathsep.join(filter(None, (str(tmp_path), os.environ.get("PYTHONPATH"))))
+    with live(env={**os.environ, "PYTHONPATH": path}) as stream:
+        stream.input.write(frame(0.0))
+        stream.input.close()
+        assert "segments" in json.loads(stream.output.readline())
+        assert stream.process.wait(PATIENCE) == 0
+    (ready,) = (i for i, said in enumerate(stream.errors) if said.startswith("ready"))
+    assert "collected" in stream.errors[:ready]
+    assert "collected" not in stream.errors[ready:]
 
 
 def test_a_frame_is_answered_with_its_geometry_tension_and_elongation(source, reader):
