@@ -1,8 +1,9 @@
-"""What simulate and compensate share: a sensed route over time, and a picture of a run on it."""
+"""What commands on runs share: a sensed route over time, a picture of a run on it, and names in errors."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from pipelines.console import complain
 from pipelines.drawing import write_figures
 from pipelines.work import Options, geometry_alone
 from tssgeom.arrays import Vector
-from tssgeom.errors import ShapeError
+from tssgeom.errors import ShapeError, TssgeomError
 from tssgeom.io.files import open_recording
 from tssgeom.io.recording import in_order
 from tssgeom.io.runs import MeasuredRun
@@ -26,6 +27,15 @@ from tssgeom.view.drawn import evenly
 TEMPERATURE = "temperature_C"
 MOST_DRAWN = 400
 """A picture shows no more moments of a run than this."""
+
+
+@contextmanager
+def naming(run: Path, shape: Path) -> Iterator[None]:
+    """Name run and shape in errors of the model, which knows no files."""
+    try:
+        yield
+    except TssgeomError as error:
+        raise type(error)(f"{run} on {shape}: {error}") from error
 
 
 @dataclass(frozen=True, slots=True)
