@@ -222,7 +222,9 @@ def _as_text(report: dict[str, Any]) -> str:
         *(f"  wrong: {fault}" for fault in report["wrong"][:_MOST_FAULTS]),
     ]
     more = len(report["wrong"]) - _MOST_FAULTS
-    return "\n".join([*lines, f"  wrong: {more} more frames"] if more > 0 else lines)
+    if more > 0:
+        lines.append(f"  wrong: {more} more frames: see tssgeom check --json")
+    return "\n".join(lines)
 
 
 def _campaign_as_text(report: dict[str, Any]) -> str:

@@ -79,7 +79,7 @@ def sensed_route(path: Path, chosen: Options) -> SensedRoute:
     for item in rejected[:5]:
         complain(f"{path}: frame {item.seq}: {item.reason}")
     if len(rejected) > 5:
-        complain(f"{path}: {len(rejected) - 5} more frames rejected: see tssgeom check")
+        complain(f"{path}: {len(rejected) - 5} more frames rejected: see tssgeom check --json")
     return SensedRoute(path.stem, results, len(rejected))
 
 

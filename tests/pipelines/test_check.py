@@ -28,6 +28,16 @@ def test_a_recording_is_told_with_the_frames_that_are_wrong(run, recording):
     ]
 
 
+def test_frames_beyond_the_first_few_that_are_wrong_are_found_where_they_are_said_to_be(run, recording):
+    with recording.open("a") as file:
+        file.write('{"t": 9, "points": [[1,2\n' * 6)
+    for command in (run("analyse", recording).errors[-1], run("check", recording).out):
+        assert "2 more frames" in command
+        assert command.rstrip().endswith("see tssgeom check --json")
+    (told,) = json.loads(run("check", recording, "--json").out)
+    assert len(told["wrong"]) == 7
+
+
 def test_gaps_and_stations_are_told(run, write_csv):
     angle = np.linspace(0.0, 2.0, 15)
     points = np.column_stack([np.cos(angle), np.sin(angle), 0 * angle, angle])
