@@ -154,15 +154,15 @@ def advance(
     FitError
         Where the points give no finite curve, or the tendon no equilibrium.
     """
-    shape, followed = _followed(frame, rig, last)
-    geometry = followed.geometry
+    shape, found = followed(frame, rig, last)
+    geometry = found.geometry
     moved, command = _moved(state, geometry.arcs, rig, frame, tension_in)
     return FrameResult(
         seq=seq,
         frame=frame,
         shape=shape,
         arcs=geometry.arcs,
-        followed=followed,
+        followed=found,
         state=moved,
         transmission=transmit(moved, rig),
         warnings=shape.warnings
@@ -195,8 +195,16 @@ def doubts(rig: Rig, length: float, tension_in: float) -> tuple[str, ...]:
     return tuple(beyond)
 
 
-def _followed(frame: Frame, rig: Rig, last: Followed | None) -> tuple[Shape, Followed]:
-    """Geometry of a frame: of a fibre from its curvatures alone, of points from where the last frame was."""
+def followed(frame: Frame, rig: Rig, last: Followed | None = None) -> tuple[Shape, Followed]:
+    """Return points and geometry: of a fibre from its curvatures, of points from where the last frame was.
+
+    Raises
+    ------
+    ShapeError
+        Where the points cannot be a route.
+    FitError
+        Where they give no finite curve.
+    """
     if frame.curvatures is not None:
         fibre = clean_fibre(frame.curvatures, frame.stations)
         geometry = measure_fibre(fibre, rig.shape.curvature_noise_per_m)
