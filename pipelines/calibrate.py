@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from pipelines.console import complain, say, show
+from pipelines.runs import naming
 from pipelines.version import tssgeom_version
 from pipelines.work import Options, analysis_of, geometry_alone
-from tssgeom.errors import SettingsError
+from tssgeom.errors import SettingsError, require_replaceable
 from tssgeom.io.rigs import write_rig
 from tssgeom.io.run_record import sha256_of
 from tssgeom.io.runs import MeasuredRun, read_run
@@ -48,10 +49,12 @@ def run(
     """
     if out.is_dir():
         raise SettingsError(f"--out {out} is a folder: name the rig file, such as {out / 'rig.toml'}")
+    require_replaceable(out)
     measured = read_run(run_file)
     analysis = analysis_of(shape.stem, shape, geometry_alone(chosen))
     route = analysis.results[-1].arcs
-    found = calibrate(_columns(measured), route, chosen.rig, from_tension=from_tension)
+    with naming(run_file, shape):
+        found = calibrate(_columns(measured), route, chosen.rig, from_tension=from_tension)
     fresh = {name for name in ("friction", "compliance") if found.estimates[name].observable}
     if not fresh:
         raise SettingsError(

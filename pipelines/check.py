@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -21,9 +21,7 @@ from tssgeom.io.meshes import ENDINGS, read_lumen
 from tssgeom.io.runs import CHANNELS, holds_run, read_run
 from tssgeom.settings import Rig, read_rig
 from tssgeom.shape.fibre.sensed import Fibre, clean_fibre, fit_fibre
-from tssgeom.shape.spline import fit
-from tssgeom.stream import Frame, Rejected, noise_of, sensed_points
-from tssgeom.tendon.profile import check_tension
+from tssgeom.stream import Frame, Rejected, followed, require_usable
 
 _MOST_FAULTS = 5
 _ANY_RIG = Rig()
@@ -127,8 +125,8 @@ class _Findings:
     measured: set[str] = field(default_factory=set)
     stations: bool = False
     wrong: list[str] = field(default_factory=list)
-    good: Frame | None = None
-    """The first frame that can be used."""
+    sensed: dict[str, Any] | None = None
+    """Length, noise and warnings of the first frame that can be used."""
 
     def look(self, seq: int, item: Frame | Rejected) -> None:
         """Look at one frame."""
@@ -142,17 +140,10 @@ class _Findings:
         self.measured |= {name for name in _MEASURED if getattr(item, name) is not None}
         self.stations |= item.stations is not None
         try:
-            if item.curvatures is None:
-                sensed_points(item, _ANY_RIG)
-            else:
-                clean_fibre(item.curvatures, item.stations)
-            noise_of(item, _ANY_RIG)
-            if item.tension_in is not None:
-                check_tension(item.tension_in)
+            require_usable(item)
+            self.sensed = self.sensed or _sensed(item)
         except TssgeomError as error:
             self.wrong.append(f"frame {seq}: {error}")
-        else:
-            self.good = self.good or item
 
 
 def _rows(frame: Frame) -> Matrix:
@@ -167,7 +158,7 @@ def _checked_recording(recording: Recording) -> dict[str, Any]:
     findings = _Findings()
     for seq, item in enumerate(recording.frames):
         findings.look(seq, item)
-    if findings.good is None:
+    if findings.sensed is None:
         reason = findings.wrong[0].partition(": ")[2] if findings.wrong else "it holds no frame"
         raise ShapeError(f"{recording.path}: {reason}")
     report = {
@@ -184,30 +175,31 @@ def _checked_recording(recording: Recording) -> dict[str, Any]:
     }
     if recording.timed:
         report["duration_s"] = max(findings.times) - min(findings.times)
-    return report | _sensed(findings.good, recording.warnings)
+    warnings = [*recording.warnings, *findings.sensed["warnings"]]
+    return report | findings.sensed | {"warnings": warnings}
 
 
-def _sensed(frame: Frame, notes: Iterable[str]) -> dict[str, Any]:
-    """Tell length and noise of the first good frame."""
+def _sensed(frame: Frame) -> dict[str, Any]:
+    """Tell length, noise and warnings of a frame, as analyse does."""
     if frame.curvatures is not None:
-        return _sensed_fibre(clean_fibre(frame.curvatures, frame.stations), notes)
-    shape = sensed_points(frame, _ANY_RIG)
-    route = fit(shape).route
+        return _sensed_fibre(clean_fibre(frame.curvatures, frame.stations))
+    shape, found = followed(frame, _ANY_RIG)
+    geometry = found.geometry
     return {
-        "length_m": float(route.s[-1]),
-        "noise_m": float(route.noise),
-        "warnings": [*notes, *shape.warnings],
+        "length_m": geometry.arcs.total_length,
+        "noise_m": float(geometry.outline.noise),
+        "warnings": [*shape.warnings, *geometry.outline.warnings],
     }
 
 
-def _sensed_fibre(fibre: Fibre, notes: Iterable[str]) -> dict[str, Any]:
+def _sensed_fibre(fibre: Fibre) -> dict[str, Any]:
     """Tell length and noise of a fibre; that of its places is that of the distal end."""
     found = fit_fibre(fibre)
     return {
         "length_m": fibre.length,
         "noise_m": float(found.geometry.route.noise),
         "curvature_noise_per_m": float(found.curvature_noise),
-        "warnings": [*notes, *fibre.warnings],
+        "warnings": [*fibre.warnings, *found.geometry.outline.warnings],
     }
 
 
@@ -229,7 +221,9 @@ def _as_text(report: dict[str, Any]) -> str:
         *(f"  wrong: {fault}" for fault in report["wrong"][:_MOST_FAULTS]),
     ]
     more = len(report["wrong"]) - _MOST_FAULTS
-    return "\n".join([*lines, f"  wrong: {more} more frames"] if more > 0 else lines)
+    if more > 0:
+        lines.append(f"  wrong: {more} more frames: see tssgeom check --json")
+    return "\n".join(lines)
 
 
 def _campaign_as_text(report: dict[str, Any]) -> str:

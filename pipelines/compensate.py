@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from pipelines.console import complain, say, show, tracking
-from pipelines.runs import sensed_route, temperature_of
+from pipelines.runs import naming, sensed_route, temperature_of
 from pipelines.summary_table import acting
 from pipelines.work import Options
 from tssgeom.io.run_tables import write_commands
@@ -36,9 +36,10 @@ def run(shapes: Path, target: Path, chosen: Options, *, out: Path, as_json: bool
     with tracking(1, quiet=quiet or as_json) as tracker:
         tracker.begin(f"{sensed.name} follows {wanted.name}")
         warm, targets = temperature_of(wanted, chosen), {CHANNELS[name][0]: values}
-        for command in commands(wanted.time, sensed.route, chosen.rig, temperature=warm, **targets):
-            found.append(command)
-            tracker.frame(len(values))
+        with naming(target, shapes):
+            for command in commands(wanted.time, sensed.route, chosen.rig, temperature=warm, **targets):
+                found.append(command)
+                tracker.frame(len(values))
         tracker.end(str(target))
     longest = max(result.arcs.total_length for result in sensed.results)
     for doubt in doubts(chosen.rig, longest, max(one.tension_in for one in found)):

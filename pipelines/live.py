@@ -20,6 +20,7 @@ from pipelines.live_session import Beside, Session
 from pipelines.live_warm import warm_up
 from pipelines.live_workers import Allowance, Artists, Keeper, Worker, await_ready, finished
 from pipelines.work import Options
+from tssgeom.errors import require_replaceable
 from tssgeom.io.network.addresses import Access, Endpoint
 from tssgeom.io.network.channel import READ, Pipe
 from tssgeom.io.network.mailbox import Mailbox
@@ -61,6 +62,8 @@ def run(stream: Stream, chosen: Options) -> int:
     SettingsError, ShapeError, SourceError
         Where a source, a sink or a file cannot be opened.
     """
+    for path in filter(None, (stream.state, stream.record)):
+        require_replaceable(path)
     with selectors.DefaultSelector() as selector:
         errors = Pipe(selector, 2)
         tell = _teller(errors)
@@ -84,10 +87,10 @@ def run(stream: Stream, chosen: Options) -> int:
             warm_up(chosen.rig)
             await_ready(selector, workers)
             _stopped_by_signals(session)
-            errors.send(f"ready: {_addresses(session, workers)}\n".encode())
-            gc.collect()
+            gc.collect()  # before ready is said: it takes longer than many frames
             gc.freeze()
             gc.disable()
+            errors.send(f"ready: {_addresses(session, workers)}\n".encode())
             for result in process(session.frames(), chosen.rig, tension_in=chosen.tension_in, state=state):
                 session.answer(result)
         finally:

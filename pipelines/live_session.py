@@ -55,12 +55,15 @@ class Session:
     besides: Sequence[Beside] = ()
     """Who takes in answered frames beside the sinks."""
     time: float = -math.inf
-    """Time of the last frame, as the tendon has it [s]."""
+    """Time of the last answered frame, as the tendon has it [s]."""
     numbers: Numbers = field(default_factory=Numbers)
     stopping: bool = False
     _present: Arrival | None = None
+    """The frame that was yielded last."""
+    _ahead: float = 0.0
+    """Time of the stream less that of its sender [s]."""
     _good: Arrival | None = None
-    """The last one that was answered."""
+    """The last frame that was answered and not rejected."""
     _heard: float = math.inf
     """When the last good frame was answered [s]; infinite where that was said to be long ago, or never."""
     _answered: float = field(default_factory=monotonic)
@@ -90,13 +93,14 @@ class Session:
     def _in_stream_time(self, frame: Frame, clock: Clock) -> Frame:
         """Put a frame after all before it, though its sender's clock may have begun anew.
 
-        The tendon's own time never goes back: what creeps goes on creeping when a sender is replaced.
+        The tendon's own time never goes back: what creeps goes on creeping when a sender is replaced. The
+        time of the frame counts only once it is answered: it may yet be rejected.
         """
+        self._ahead = clock.ahead
         if not frame.time + clock.ahead > self.time:
             passed = min(max(monotonic() - self._answered, _LEAST), _MOST)
-            clock.ahead = self.time + passed - frame.time
-        self.time = frame.time + clock.ahead
-        return frame if clock.ahead == 0.0 else replace(frame, time=self.time)
+            self._ahead = self.time + passed - frame.time
+        return frame if self._ahead == 0.0 else replace(frame, time=frame.time + self._ahead)
 
     def _note_gap(self, arrival: Arrival) -> None:
         if self._present is not None:
@@ -112,8 +116,9 @@ class Session:
         if isinstance(result, Rejected):
             self._refuse(Rejected(arrival.seq, frame.time, result.reason, result.id))
             return
-        self._good, self._heard = arrival, monotonic()
-        self._answered = self._heard
+        self._good, self.time = arrival, frame.time + self._ahead
+        arrival.clock.latest, arrival.clock.ahead = frame.time, self._ahead
+        self._heard = self._answered = monotonic()
         waited = (perf_counter_ns() - arrival.arrived) / 1e3
         line = answers.answer(result, frame.time, arrival.seq, round(waited, 1), self.mailbox.dropped)
         for sink in self.sinks:

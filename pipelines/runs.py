@@ -1,8 +1,9 @@
-"""What simulate and compensate share: a sensed route over time, and a picture of a run on it."""
+"""What commands on runs share: a sensed route over time, a picture of a run on it, and names in errors."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -12,8 +13,9 @@ from pipelines.console import complain
 from pipelines.drawing import write_figures
 from pipelines.work import Options, geometry_alone
 from tssgeom.arrays import Vector
-from tssgeom.errors import ShapeError
+from tssgeom.errors import ShapeError, TssgeomError
 from tssgeom.io.files import open_recording
+from tssgeom.io.recording import in_order
 from tssgeom.io.runs import MeasuredRun
 from tssgeom.stream import Frame, FrameResult, Rejected, process
 from tssgeom.tendon.effects import named
@@ -25,6 +27,15 @@ from tssgeom.view.drawn import evenly
 TEMPERATURE = "temperature_C"
 MOST_DRAWN = 400
 """A picture shows no more moments of a run than this."""
+
+
+@contextmanager
+def naming(run: Path, shape: Path) -> Iterator[None]:
+    """Name run and shape in errors of the model, which knows no files."""
+    try:
+        yield
+    except TssgeomError as error:
+        raise type(error)(f"{run} on {shape}: {error}") from error
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +69,8 @@ def sensed_route(path: Path, chosen: Options) -> SensedRoute:
     """
     recording = open_recording(path, chosen.unit)
     rig = geometry_alone(chosen).rig
-    items = list(process(_shapes_only(recording.frames), rig, tension_in=rig.tendon.pretension_N))
+    shapes = in_order(_shapes_only(recording.frames))  # anew: a frame may be usable without its drive
+    items = list(process(shapes, rig, tension_in=rig.tendon.pretension_N))
     rejected = [item for item in items if isinstance(item, Rejected)]
     results = [item for item in items if isinstance(item, FrameResult)]
     if not results:
@@ -67,7 +79,7 @@ def sensed_route(path: Path, chosen: Options) -> SensedRoute:
     for item in rejected[:5]:
         complain(f"{path}: frame {item.seq}: {item.reason}")
     if len(rejected) > 5:
-        complain(f"{path}: {len(rejected) - 5} more frames rejected: see tssgeom check")
+        complain(f"{path}: {len(rejected) - 5} more frames rejected: see tssgeom check --json")
     return SensedRoute(path.stem, results, len(rejected))
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 from pipelines.console import complain, say, show, tracking
-from pipelines.runs import SensedRoute, draw, draw_figures, sensed_route, temperature_of
+from pipelines.runs import SensedRoute, draw, draw_figures, naming, sensed_route, temperature_of
 from pipelines.summary_table import acting
 from pipelines.work import Options
 from tssgeom.io.run_tables import write_simulation
@@ -54,9 +54,10 @@ def run(
             displacement_in=None if by_force else values,
             temperature=temperature_of(measured, chosen),
         )
-        for moment in driven:
-            moments.append(moment)
-            tracker.frame(len(values))
+        with naming(drive, shapes):
+            for moment in driven:
+                moments.append(moment)
+                tracker.frame(len(values))
         tracker.end(str(drive))
     longest = max(result.arcs.total_length for result in sensed.results)
     for doubt in doubts(chosen.rig, longest, max(one.transmission.tension_in for one in moments)):

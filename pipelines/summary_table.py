@@ -29,7 +29,8 @@ COLUMNS = (
 def show_summary(rows: Sequence[dict[str, Any]], chosen: Options) -> None:
     """Print summary rows as a table, with the settings above and the warnings below.
 
-    A recording is told by the range over its frames; the standard errors are those of its last good frame.
+    A recording is told by the range over its frames; the standard errors are those of the frame that stands
+    for it, at the last of the highest peaks of T_in.
     """
     measured = any(row.get("clearance_m") is not None for row in rows)
     notes = [f"{row['name']}: {warning}" for row in rows for warning in row["warnings"]]

@@ -161,7 +161,7 @@ def frame_refusals(analysis: Analysis, source: str) -> list[str]:
     lines = [f"{source}: frame {item.seq}: {one_line(item.reason)}" for item in told]
     more = analysis.account.refused - len(lines)
     if more:
-        lines.append(f"{source}: {more} more frames rejected: see tssgeom check")
+        lines.append(f"{source}: {more} more frames rejected: see tssgeom check --json")
     return lines
 
 

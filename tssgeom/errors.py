@@ -2,6 +2,7 @@
 
 import errno
 import os
+from pathlib import Path
 
 _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 
@@ -37,6 +38,18 @@ def refused(error: OSError) -> SourceError:
     """Return the error to raise where the system refused a file that nobody foresaw."""
     where = f"{error.filename}: " if error.filename else ""
     return SourceError(f"{where}{error.strerror or error}: check the path and who may use it")
+
+
+def require_replaceable(path: Path) -> None:
+    """Refuse to put a file in the place of what is none, such as a device, a pipe or a folder.
+
+    Raises
+    ------
+    SourceError
+        Where there is such a thing.
+    """
+    if path.exists() and not path.is_file():
+        raise SourceError(f"{path}: is no file but a device, a pipe or a folder: name another file to write")
 
 
 def unwritable(what: object, error: OSError) -> SourceError:

@@ -17,6 +17,7 @@ from tssgeom.shape.points import Shape, clean
 from tssgeom.shape.route import Route
 from tssgeom.tendon.compensation import Command, compensate
 from tssgeom.tendon.effects import HiddenBend, named
+from tssgeom.tendon.profile import check_tension
 from tssgeom.tendon.state import TendonState, pretensioned, step, transmit, true_tension
 from tssgeom.tendon.transmission import Transmission
 
@@ -153,8 +154,8 @@ def advance(
     FitError
         Where the points give no finite curve, or the tendon no equilibrium.
     """
-    shape, followed = _followed(frame, rig, last)
-    geometry = followed.geometry
+    shape, found = followed(frame, rig, last)
+    geometry = found.geometry
     moved, command = _moved(state, geometry.arcs, rig, frame, tension_in)
     most = moved.tension_in if command is None else max(moved.tension_in, command.tension_in)
     return FrameResult(
@@ -162,7 +163,7 @@ def advance(
         frame=frame,
         shape=shape,
         arcs=geometry.arcs,
-        followed=followed,
+        followed=found,
         state=moved,
         transmission=transmit(moved, rig),
         warnings=shape.warnings
@@ -195,8 +196,16 @@ def doubts(rig: Rig, length: float, tension_in: float) -> tuple[str, ...]:
     return tuple(beyond)
 
 
-def _followed(frame: Frame, rig: Rig, last: Followed | None) -> tuple[Shape, Followed]:
-    """Geometry of a frame: of a fibre from its curvatures alone, of points from where the last frame was."""
+def followed(frame: Frame, rig: Rig, last: Followed | None = None) -> tuple[Shape, Followed]:
+    """Return points and geometry: of a fibre from its curvatures, of points from where the last frame was.
+
+    Raises
+    ------
+    ShapeError
+        Where the points cannot be a route.
+    FitError
+        Where they give no finite curve.
+    """
     if frame.curvatures is not None:
         fibre = clean_fibre(frame.curvatures, frame.stations)
         geometry = measure_fibre(fibre, rig.shape.curvature_noise_per_m)
@@ -260,6 +269,26 @@ def sensed_points(frame: Frame, rig: Rig) -> Shape:
         frame.length,
         given.length_noise,
     )
+
+
+def require_usable(frame: Frame) -> None:
+    """Refuse what no tendon and no fit could use, without fitting anything.
+
+    Raises
+    ------
+    ShapeError
+        Where the points or the fibre cannot be a route, or the noise cannot be.
+    SettingsError
+        Where the tension is negative or not finite.
+    """
+    rig = Rig()
+    if frame.curvatures is None:
+        sensed_points(frame, rig)
+    else:
+        clean_fibre(frame.curvatures, frame.stations)
+    noise_of(frame, rig)
+    if frame.tension_in is not None:
+        check_tension(frame.tension_in)
 
 
 def alone(

@@ -1,11 +1,13 @@
 """Files and folders of files are whole or as they were."""
 
+import os
+import stat
 from pathlib import Path
 
 import pytest
 
 from tssgeom.errors import SourceError
-from tssgeom.io.atomic import replacing_all
+from tssgeom.io.atomic import replacing_all, write_text
 
 
 def written(folder: Path) -> dict[str, str]:
@@ -44,3 +46,28 @@ def test_a_folder_that_cannot_be_made_is_told(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(SourceError, match="check the folder"), replacing_all(tmp_path / "file"):
         pass
+
+
+def write_all(folder: Path, name: str) -> None:
+    with replacing_all(folder) as draft:
+        (draft / "a").write_text("new")
+        (draft / name).write_text("new")
+
+
+def test_what_is_no_file_is_not_replaced(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "link").symlink_to("pipe")
+    for name in ("pipe", "link"):
+        with pytest.raises(SourceError, match=rf"{name}: is no file.*name another file"):
+            write_text(tmp_path / name, "text")
+        with pytest.raises(SourceError, match=rf"{name}: is no file.*name another file"):
+            write_all(tmp_path, name)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["link", "pipe"]
+    assert stat.S_ISFIFO((tmp_path / "link").stat().st_mode)
+
+
+def test_a_link_to_a_file_is_replaced(tmp_path):
+    (tmp_path / "file").write_text("old")
+    (tmp_path / "link").symlink_to("file")
+    write_text(tmp_path / "link", "new")
+    assert (tmp_path / "link").read_text() == "new"

@@ -90,7 +90,12 @@ def test_null_is_a_point_that_was_not_seen(tmp_path):
         ('{"t":1,"points":[[1,2,3]]}', 'write "unit": "mm" or "unit": "m" in each line, or give --unit mm|m'),
         ('{"t":1,"points":[[1,2,3]],"s":[1,2],"unit":"mm"}', "2 stations for 1 points"),
         ('{"t":0,"points":[[1,2,3]],"unit":"mm"}', "time 0 s comes after 0 s"),
-        ("[1, 2]", "Expected `object`"),
+        ('{"t":1,"points":[[1,2,3]],"unit":"mm","tension_in_N":"eight"}', 'write "tension_in_N" as a number'),
+        ('{"t":"0.3","points":[[1,2,3]],"unit":"mm"}', '`$.t`: write "t" as a number'),
+        ('{"t":1,"points":[[1,2,3]],"unit":"mm","id":{}}', 'write "id" as text or a whole number'),
+        ('{"t":1,"points":[[1,2,3]],"unit":"mm","s":["a"]}', 'write "s" as a list of numbers'),
+        ('{"t":1,"points":[[1,2,3]],"unit":"mm","directions":[1]}', "write each direction as [x,y,z]"),
+        ("[1, 2]", "Expected `object`, got `array`: write one JSON object a line"),
         ("hello", "one JSON object a line"),
         ("{" + " " * LONGEST_LINE + "}", "longer than 1048576 bytes (1 MiB)"),
     ],
@@ -176,5 +181,5 @@ def test_where_no_line_is_a_frame_the_first_fault_is_told(tmp_path):
     not_json = line(0)[:-1] + ', "unit": NaN}'  # what Python writes, and JSON does not know
     with pytest.raises(ShapeError, match=r"no line is a frame; the first: .*invalid character"):
         opened(tmp_path, not_json)
-    with pytest.raises(ShapeError, match=r"Expected `float \| null`, got `str` - at `\$\.t`"):
+    with pytest.raises(ShapeError, match=r"Expected `float \| null`, got `str` - at `\$\.t`: write"):
         opened(tmp_path, line("noon"))

@@ -2,11 +2,13 @@
 
 import json
 import math
+import os
 from time import sleep
 
 import pytest
 
 from benchmarks.live_frames import line, malformed
+from benchmarks.live_process import PATIENCE, live
 from tests.live.peers import frame, half_circle
 
 KEYS = {
@@ -24,6 +26,29 @@ KEYS = {
     "dropped",
     "stale",
 }
+
+TELLS_COLLECTIONS = """
+import gc, os
+
+def tell(phase, info):
+    if phase == "stop" and info["generation"] == 2 and gc.isenabled():
+        os.write(2, b"collected\\n")
+
+gc.callbacks.append(tell)
+"""
+
+
+def test_once_a_stream_is_ready_no_collection_keeps_its_first_frames_waiting(tmp_path):
+    (tmp_path / "sitecustomize.py").write_text(TELLS_COLLECTIONS)
+    path = os.pathsep.join(filter(None, (str(tmp_path), os.environ.get("PYTHONPATH"))))
+    with live(env={**os.environ, "PYTHONPATH": path}) as stream:
+        stream.input.write(frame(0.0))
+        stream.input.close()
+        assert "segments" in json.loads(stream.output.readline())
+        assert stream.process.wait(PATIENCE) == 0
+    (ready,) = (i for i, said in enumerate(stream.errors) if said.startswith("ready"))
+    assert "collected" in stream.errors[:ready]
+    assert "collected" not in stream.errors[ready:]
 
 
 def test_a_frame_is_answered_with_its_geometry_tension_and_elongation(source, reader):
@@ -84,12 +109,38 @@ def test_frames_out_of_order_or_repeated_are_rejected(source, reader):
         assert ("rejected" in told) == (name in ("again", "back"))
 
 
+def test_the_time_of_a_rejected_frame_does_not_count(source, reader):
+    source.sendall(frame(0.1, id="before"))
+    before = reader.until("id", "before")[-1]
+    told = []
+    for name, count, tension in (("two points", 2, 5.0), ("pushed", 30, -7.0)):
+        source.sendall(frame(1e9, count, tension_in_N=tension, id=name))
+        told += reader.until("id", name)
+        assert "rejected" in told[-1]
+    stale = next((one for one in told if "silent_s" in one), None) or reader.next()
+    assert (stale["t"], stale["seq"]) == (0.1, before["seq"])
+    for time, name in ((0.2, "after"), (0.15, "back")):
+        source.sendall(frame(time, id=name))
+        told = reader.until("id", name)[-1]
+        assert ("rejected" in told) == (name == "back")
+
+
 def test_a_sender_that_connects_anew_has_a_clock_of_its_own(stream, source, reader):
     source.sendall(frame(1000.0, id="old"))
     reader.until("id", "old")
     with stream.source() as other:
         other.sendall(frame(1.0, id="new"))
         assert "rejected" not in reader.until("id", "new")[-1]
+
+
+def test_a_last_line_without_its_end_is_answered(stream, reader):
+    with stream.source() as other:
+        other.sendall(frame(1.0, id="whole") + frame(2.0, id="last").rstrip())
+    assert "segments" in reader.until("id", "last")[-1]
+    with stream.source() as other:
+        other.sendall(b'{"t": 3.0, "unit": "mm"')
+    told = reader.answer()
+    assert "write one JSON object a line" in told["rejected"]
 
 
 def test_the_number_of_points_may_change_with_each_frame(source, reader):

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.live_process import PATIENCE, Live, live
+from tssgeom.io.jsonl import Line
 
 TEXT = (Path(__file__).parents[2] / "docs" / "live.md").read_text()
 EXAMPLES = dict(re.findall(r"<!-- test: (\w+) -->\n```python\n(.*?)```", TEXT, re.DOTALL))
@@ -38,6 +39,12 @@ def started(code: str) -> subprocess.Popen[bytes]:
 @pytest.mark.parametrize("name", ["ros", "slicer"])
 def test_examples_for_other_programs_are_python(name):
     compile(EXAMPLES[name], name, "exec")
+
+
+def test_the_keys_of_a_frame_are_named():
+    keys = TEXT.partition("A frame is a line")[2].partition("The answer to a good frame")[0]
+    unused = {"tension_out_N", "elongation_m"}  # measured, of which a stream makes nothing
+    assert {key for key in Line.__struct_fields__ if not re.search(rf"[`\"]{key}[`\"]", keys)} == unused
 
 
 def test_the_source_is_short_and_each_of_its_frames_is_answered(stream, reader):

@@ -5,6 +5,7 @@ import os
 import resource
 import select
 import signal
+import stat
 import subprocess
 from pathlib import Path
 
@@ -73,11 +74,13 @@ def test_a_tendon_that_creeps_is_found_again_as_it_was_left_though_the_clock_beg
     (before,) = process([pulled], read_rig(rig), tension_in=0.0)
     write_state(state, before.state)
     with live("--state", state, "--rig", rig) as stream:
+        stream.input.write(line(half_circle(), -1e9, tension_in_N=-9.0))
         stream.input.write(line(half_circle(), 1.0, tension_in_N=9.0))
         stream.input.close()
+        assert "rejected" in json.loads(stream.output.readline())
         told = json.loads(stream.output.readline())
         assert stream.process.wait(PATIENCE) == 0
-    assert read_state(state).time > 1000.0
+    assert 1000.0 < read_state(state).time < 1100.0  # a minute has passed at most; the rejected time is none
     assert told["t"] == 1.0
     assert told["direction_index"] == -1
     assert told["dead_zone"] is True
@@ -180,6 +183,16 @@ def test_a_broken_state_is_refused_with_the_remedy(run, tmp_path, content):
     outcome = run("live", "--sink", "none", "--state", state)
     assert outcome.status == 2
     assert "start anew" in outcome.errors[0]
+
+
+@pytest.mark.parametrize("option", ["--record", "--state"])
+def test_what_is_no_file_is_not_replaced(run, tmp_path, option):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    outcome = run("live", "--sink", "none", option, pipe)
+    assert outcome.status == 2
+    assert "pipe: is no file" in outcome.errors[-1]
+    assert stat.S_ISFIFO(pipe.stat().st_mode)
 
 
 def _await_end(number: int) -> None:

@@ -94,6 +94,7 @@ def test_a_run_with_no_response_is_one_line_and_writes_nothing(run, write_run, h
     assert outcome.status == 2
     assert len(outcome.errors) == 1
     assert "tension_out_N" in outcome.errors[0]
+    assert "run.csv on " in outcome.errors[0]
     assert not rig.exists()
 
 

@@ -37,6 +37,16 @@ def test_what_analyse_refuses_of_a_frame_is_wrong(run, tmp_path):
     assert [one.partition(":")[0] for one in told["wrong"]] == ["frame 0", "frame 1"]
 
 
+def test_frames_beyond_the_first_few_that_are_wrong_are_found_where_they_are_said_to_be(run, recording):
+    with recording.open("a") as file:
+        file.write('{"t": 9, "points": [[1,2\n' * 6)
+    for command in (run("analyse", recording).errors[-1], run("check", recording).out):
+        assert "2 more frames" in command
+        assert command.rstrip().endswith("see tssgeom check --json")
+    (told,) = json.loads(run("check", recording, "--json").out)
+    assert len(told["wrong"]) == 7
+
+
 def test_gaps_and_stations_are_told(run, write_csv):
     angle = np.linspace(0.0, 2.0, 15)
     points = np.column_stack([np.cos(angle), np.sin(angle), 0 * angle, angle])
@@ -52,6 +62,33 @@ def test_the_noise_of_the_points_is_estimated(run, write_csv):
     )
     (told,) = json.loads(run("check", write_csv("noisy.csv", points), "--json").out)
     assert told["noise_m"] == pytest.approx(0.3e-3, rel=0.2)  # 200 points tell it to 5 %; 20 % is 4 s.e.
+
+
+def hairpin(count: int) -> np.ndarray:
+    """Out by 150 mm and back 5 mm beside it, the turn itself not sampled [mm]."""
+    x = np.linspace(0.0, 150.0, count)
+    out, back = np.column_stack([x, 0 * x, 0 * x]), np.column_stack([x, 0 * x + 5.0, 0 * x])
+    return np.vstack([out, back[::-1]])
+
+
+def test_length_noise_and_warnings_are_those_of_analyse(run, write_csv):
+    stray = hairpin(30)
+    stray[10, 2] = 40.0
+    for name, points in (("hairpin.csv", hairpin(30)), ("stray.csv", stray)):
+        path = write_csv(name, points)
+        (told,) = json.loads(run("check", path, "--json").out)
+        analysed = json.loads(run("analyse", path, "--json").out)
+        for key in ("length_m", "noise_m", "warnings"):
+            assert told[key] == analysed[key]
+
+
+def test_a_frame_whose_points_no_fit_follows_is_wrong_and_the_next_one_is_told(run, recording):
+    few = np.delete(hairpin(4), 4, axis=0)  # one point of the turn was not sensed
+    lost = {"t": -1.0, "points": few.tolist(), "unit": "mm"}
+    recording.write_text(f"{json.dumps(lost)}\n{recording.read_text()}")
+    (told,) = json.loads(run("check", recording, "--json").out)
+    assert "frame 0: 7 points do not tell how far the route turns" in told["wrong"][0]
+    assert told["length_m"] == pytest.approx(0.5, rel=1e-3)  # twelve points of the half circle
 
 
 def test_a_column_that_is_not_read_is_told(run, write_csv):

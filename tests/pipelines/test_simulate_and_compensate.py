@@ -119,7 +119,7 @@ def test_a_target_out_of_reach_is_one_line(run: Run, half: Path, tmp_path: Path)
     assert done.status == 2
     assert len(done.errors) == 1
     assert "only pulls" in done.errors[0]
-    assert "time_s = 1" in done.errors[0]
+    assert f"{target} on {half}: at time_s = 1: " in done.errors[0]
     assert not (tmp_path / "out" / "compensate.parquet").exists()
 
 
@@ -128,6 +128,13 @@ def test_a_run_without_a_drive_is_one_line(run: Run, half: Path, tmp_path: Path)
     done = run("simulate", half, "--drive", drive, "--out", tmp_path / "out")
     assert (done.status, len(done.errors)) == (2, 1)
     assert "tension_in_N or displacement_in_m" in done.errors[0]
+
+
+def test_a_drive_that_cannot_be_is_one_line_that_names_its_file(run: Run, half: Path, tmp_path: Path):
+    drive = write_run(tmp_path / "drive.csv", time_s=[0, 1], tension_in_N=[1.0, -2.0])
+    done = run("simulate", half, "--drive", drive, "--out", tmp_path / "out")
+    assert (done.status, len(done.errors)) == (2, 1)
+    assert f"{drive} on {half}: at time_s = 1: tension_in is -2 N" in done.errors[0]
 
 
 def test_a_bad_frame_is_told_and_the_rest_is_done(run: Run, opening: Path, tmp_path: Path):

@@ -128,6 +128,6 @@ def test_a_page_that_cannot_be_written_is_told_and_leaves_nothing(tmp_path: Path
     with pytest.raises(SourceError, match="check the folder"):
         write_page(tmp_path / "none" / "report.html", "page")
     (tmp_path / "report.html").mkdir()
-    with pytest.raises(SourceError, match="check the folder"):
+    with pytest.raises(SourceError, match="name another file"):
         write_page(tmp_path / "report.html", "page")
     assert [path.name for path in tmp_path.iterdir()] == ["report.html"]

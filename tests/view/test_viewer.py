@@ -11,6 +11,7 @@ import pytest
 from PIL import Image
 
 from tssgeom.errors import SourceError
+from tssgeom.view.compare.reading import read_side
 from tssgeom.view.viewer import moment_of_greatest_tension, open_viewer, screenshot
 
 ICD_FOLDERS = [Path("/usr/share/vulkan/icd.d"), Path("/etc/vulkan/icd.d")]
@@ -85,6 +86,18 @@ def test_file_that_is_no_recording_is_refused(tmp_path: Path, content: bytes | N
         screenshot(path, tmp_path / "picture.png")
     with pytest.raises(SourceError, match=r"shape\.rrd"):
         open_viewer([path])
+
+
+@pytest.mark.parametrize("size", [3, 12, 3000])
+@pytest.mark.filterwarnings("error")
+def test_a_recording_that_is_cut_short_is_one_line(moving_file: Path, tmp_path: Path, size: int) -> None:
+    cut, png = tmp_path / "cut.rrd", tmp_path / "picture.png"
+    cut.write_bytes(moving_file.read_bytes()[:size])
+    png.touch()
+    for read in (lambda: screenshot(cut, png), lambda: read_side(cut)):
+        with pytest.raises(SourceError, match=r"cut\.rrd: .* cut short or damaged .*: write it anew"):
+            read()
+    assert png.exists()
 
 
 def test_picture_of_a_run_shows_the_moment_of_greatest_tension(moving_file: Path, still_file: Path) -> None:

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from tssgeom.errors import unwritable
+from tssgeom.errors import require_replaceable, unwritable
 
 _DRAFT = re.compile(r"\..+\.\d+\.[a-z]+|\.\..+\.part")  # of replacing, and of a writer's own draft beside it
 
@@ -23,10 +23,11 @@ def replacing(path: Path) -> Iterator[Path]:
     Raises
     ------
     SourceError
-        Where the disk refuses; SpaceError where it is full.
+        Where `path` is no regular file, or the disk refuses; SpaceError where it is full.
     """
     draft = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
     try:
+        require_replaceable(path)
         path.parent.mkdir(parents=True, exist_ok=True)
         yield draft
         os.replace(draft, path)
@@ -52,14 +53,17 @@ def replacing_all(folder: Path) -> Iterator[Path]:
     Raises
     ------
     SourceError
-        Where the disk refuses.
+        Where a place is taken by no regular file, or the disk refuses.
     """
     draft = folder / f".{os.getpid()}.draft"
     fresh = not folder.exists()
     try:
         draft.mkdir(parents=True, exist_ok=True)
         yield draft
-        for path in sorted(draft.iterdir()):
+        written = sorted(draft.iterdir())
+        for path in written:
+            require_replaceable(folder / path.name)
+        for path in written:
             os.replace(path, folder / path.name)
     except OSError as error:
         raise unwritable(folder, error) from error

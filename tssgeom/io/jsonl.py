@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import codecs
 import math
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import chain
@@ -23,8 +24,17 @@ from tssgeom.stream import Frame, Rejected
 LONGEST_LINE = 1 << 20
 """Bytes of the longest line that is decoded, 1 MiB."""
 
+_TOO_LONG = f"the line is longer than {LONGEST_LINE} bytes (1 MiB): send fewer points"
 _UNSEEN = (None, None, None)
 _STATE_UNIT = 'write "unit": "mm" or "unit": "m" in each line'
+_KEY = re.compile(r"(?:\$\.|field `)(\w+)")  # that a decoder says to be wrong, or missing
+_TO_WRITE = {
+    "points": "write each point as [x,y,z], or null where it was not seen",
+    "directions": "write each direction as [x,y,z], or null where none was sensed",
+    "s": 'write "s" as a list of numbers',
+    "id": 'write "id" as text or a whole number',
+    "unit": _STATE_UNIT,
+}
 
 Coordinates = tuple[float | None, float | None, float | None]
 
@@ -84,16 +94,24 @@ def frame_of(text: bytes, unit: str | None, time: float | None = None) -> Frame:
         Where the line is too long, is no JSON, lacks its points, unit or time, or is ragged.
     """
     if len(text) > LONGEST_LINE:
-        raise ShapeError(f"the line is longer than {LONGEST_LINE} bytes (1 MiB): send fewer points")
+        raise ShapeError(_TOO_LONG)
     try:
         if found := _usual(text):
             return _frame(*found, unit, time)
         line = _line_decoder.decode(text)
-    except msgspec.ValidationError as error:
-        raise ShapeError(f"{error}: write each point as [x,y,z], or null where it was not seen") from error
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise ShapeError(f"{error}: write one JSON object a line, null for a point not seen") from error
+        raise ShapeError(_fault(error)) from error
     return _frame(line, _rows(line.points), unit, time)
+
+
+def _fault(error: Exception) -> str:
+    """Say what is wrong with a line that could not be decoded, and what to write instead."""
+    found = _KEY.search(str(error)) if isinstance(error, msgspec.ValidationError) else None
+    if found is None:
+        return f"{error}: write one JSON object a line, null for a point not seen"
+    key = found[1]
+    remedy = _TO_WRITE.get(key, f'write "{key}" as a number')
+    return f"{error}: {remedy}"
 
 
 def _usual(text: bytes) -> tuple[Line[msgspec.Raw], np.ndarray] | None:
@@ -238,19 +256,19 @@ def _survey(path: Path) -> _Survey:
             )
         unit = unit or heading.unit
     if not read:
-        what = f"no line is a frame; the first: {fault}" if lines else "the file is empty"
-        raise ShapeError(f"{path}: {what}: write one frame a line (docs/formats.md)")
+        empty = "the file is empty: write one frame a line (docs/formats.md)"
+        raise ShapeError(f"{path}: " + (f"no line is a frame; the first: {fault}" if lines else empty))
     return _Survey(lines, unit, has_clock)
 
 
 def _heading(text: bytes) -> _Heading | str:
     """Return what a line tells of itself, or why it tells nothing."""
     if len(text) > LONGEST_LINE:
-        return f"it is longer than {LONGEST_LINE} bytes (1 MiB)"
+        return _TOO_LONG
     try:
         return _heading_decoder.decode(text)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        return str(error)
+        return _fault(error)
 
 
 def _lines(path: Path) -> Iterator[tuple[int, bytes]]:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from tssgeom.errors import SourceError
+from tssgeom.errors import SourceError, require_replaceable
 from tssgeom.io.atomic import replacing, write_text
 from tssgeom.io.units import PER_METRE
 from tssgeom.stream import Frame
@@ -28,11 +28,12 @@ def recording_writer(path: Path) -> Writer:
     Raises
     ------
     SourceError
-        Where the ending is none that is written.
+        Where the ending is none that is written, or the path is taken by what is no file.
     """
     writer = {".jsonl": _write_lines, ".ndjson": _write_lines, ".npz": _write_arrays}.get(path.suffix.lower())
     if writer is None:
         raise SourceError(f"{path}: a recording is written as .jsonl, .ndjson or .npz: name --out so")
+    require_replaceable(path)
     return writer
 
 

@@ -7,7 +7,8 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from tssgeom.stream import Frame, Rejected
+from tssgeom.errors import TssgeomError
+from tssgeom.stream import Frame, Rejected, require_usable
 
 UNTIMED = "no time: the frames are counted, one a second"
 """Warning of a recording without a clock; the tendon does not depend on the rate."""
@@ -34,16 +35,28 @@ class Recording:
 
 
 def in_order(items: Iterable[Frame | Rejected]) -> Iterator[Frame | Rejected]:
-    """Yield the items numbered from 0, a frame not later than the last good one as a `Rejected`."""
+    """Yield the items numbered from 0, a frame not later than the last usable one as a `Rejected`.
+
+    The time of a frame that cannot be used does not count: it may be as wrong as the rest of it.
+    """
     latest = -math.inf
     for seq, item in enumerate(items):
         if isinstance(item, Rejected):
             yield replace(item, seq=seq)
         elif latest < item.time < math.inf:
-            latest = item.time
+            latest = item.time if usable(item) else latest
             yield item
         else:
             yield Rejected(seq, item.time, late(item.time, latest), item.id)
+
+
+def usable(frame: Frame) -> bool:
+    """Whether a frame can be used, as far as that is known before the fit."""
+    try:
+        require_usable(frame)
+    except TssgeomError:
+        return False
+    return True
 
 
 def late(time: float, latest: float) -> str:

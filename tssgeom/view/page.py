@@ -8,7 +8,7 @@ from importlib.resources import files
 from pathlib import Path
 from string import Template
 
-from tssgeom.errors import unwritable
+from tssgeom.errors import require_replaceable, unwritable
 
 
 def filled(template: str, **parts: str) -> str:
@@ -28,6 +28,7 @@ def write_page(path: Path, page: str) -> None:
     """
     unfinished = path.with_name(f".{path.name}.part")
     try:
+        require_replaceable(path)
         unfinished.write_text(page, encoding="utf-8")
         os.replace(unfinished, path)
     except OSError as error:

@@ -12,7 +12,7 @@ from uuid import uuid4
 
 import rerun as rr
 
-from tssgeom.errors import SourceError
+from tssgeom.errors import SourceError, require_replaceable
 from tssgeom.view.viewer import binary
 
 _START = b"RRF2\x00)\x00\x00\x01\x02\x00\x00"  # of every file: format, version, messages in protobuf
@@ -33,6 +33,7 @@ class GrowingFile:
     def __init__(self, path: Path) -> None:
         self._path, self._part = path, path.with_name(f".{path.name}.part")
         try:
+            require_replaceable(path)
             path.parent.mkdir(parents=True, exist_ok=True)
             self._file = self._part.open("wb", buffering=0)
         except OSError as error:

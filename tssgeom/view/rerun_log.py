@@ -12,7 +12,7 @@ import rerun as rr
 import trimesh
 from numpy.typing import NDArray
 
-from tssgeom.errors import SourceError, SpaceError, unwritable
+from tssgeom.errors import SourceError, SpaceError, require_replaceable, unwritable
 from tssgeom.shape.clearance import Clearance
 from tssgeom.stream import FrameResult
 from tssgeom.view import words
@@ -62,6 +62,7 @@ def write_recording(
     run = run_of(name, results if timed else results[-1:], timed)
     unfinished = path.with_name(f".{path.name}.part")
     try:
+        require_replaceable(path)
         _write(unfinished, run, lumen, [clearance(one) for one in run.results] if clearance else [])
         os.replace(unfinished, path)
     except OSError as error:

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,11 +17,11 @@ from typing import IO
 
 import numpy as np
 import rerun_cli
-from rerun.chunk import RrdReader
+from rerun.chunk import Chunk, RrdReader
 from rerun.experimental import ViewerClient
 
 from tssgeom.arrays import Vector
-from tssgeom.errors import SourceError
+from tssgeom.errors import SourceError, require_replaceable
 from tssgeom.tendon.history import last_peak
 from tssgeom.view.language import COUNT, TIMELINE
 
@@ -90,9 +91,10 @@ def screenshot(
         Where the file is no recording, the picture cannot be written, or there is no graphics driver.
     """
     require_recording(path)
+    require_replaceable(png)
+    moment = moment_of_greatest_tension(path) if at is None else (TIMELINE, at)
     png.parent.mkdir(parents=True, exist_ok=True)
     png.unlink(missing_ok=True)
-    moment = moment_of_greatest_tension(path) if at is None else (TIMELINE, at)
     with _headless(path, size) as viewer:
         if moment is not None:
             _go_to(viewer, *moment)
@@ -113,9 +115,14 @@ def moment_of_greatest_tension(path: Path) -> tuple[str, float] | None:
     """Timeline and place [s, or number] of the last of the greatest peaks of the proximal tension.
 
     None for a static shape.
+
+    Raises
+    ------
+    SourceError
+        Where the recording is cut short or damaged.
     """
     found = dict[str, tuple[list[Vector], list[Vector]]]()
-    for chunk in RrdReader(str(path)).stream().filter(content=_DRIVES):
+    for chunk in parts_of(path, _DRIVES):
         batch = chunk.to_record_batch()
         for timeline, unit in ((TIMELINE, 1e-9), (COUNT, 1.0)):
             if timeline in batch.schema.names:
@@ -125,6 +132,24 @@ def moment_of_greatest_tension(path: Path) -> tuple[str, float] | None:
     for timeline, (places, tensions) in found.items():
         return timeline, float(np.concatenate(places)[last_peak(np.concatenate(tensions))])
     return None
+
+
+def parts_of(path: Path, entities: Sequence[str] | None = None) -> Iterator[Chunk]:
+    """Yield the parts of a recording that belong to some entities, or all of them.
+
+    Raises
+    ------
+    SourceError
+        Where the recording is cut short or damaged.
+    """
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # a file without a table of contents is read all the same
+            parts = RrdReader(str(path)).stream()
+        yield from parts if entities is None else parts.filter(content=list(entities))
+    except (RuntimeError, ValueError) as error:
+        why = str(error).rpartition(": ")[2]
+        raise SourceError(f"{path}: the recording is cut short or damaged ({why}): write it anew") from error
 
 
 def require_recording(path: Path) -> None:

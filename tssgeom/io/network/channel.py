@@ -32,9 +32,11 @@ class Channel:
         Called once, when the peer has closed or broken the connection.
     backlog
         Bytes that wait for the peer at most.
+    ended
+        Called before `gone` where the peer has closed the connection in order: all that it sent has come.
     """
 
-    __slots__ = ("_backlog", "_gone", "_received", "_selector", "_waiting", "sock")
+    __slots__ = ("_backlog", "_ended", "_gone", "_received", "_selector", "_waiting", "sock")
 
     def __init__(
         self,
@@ -43,10 +45,11 @@ class Channel:
         received: Callable[[bytes], object],
         gone: Callable[[], object],
         backlog: int = BACKLOG,
+        ended: Callable[[], object] = lambda: None,
     ) -> None:
         sock.setblocking(False)
         self.sock, self._selector = sock, selector
-        self._received, self._gone = received, gone
+        self._received, self._gone, self._ended = received, gone, ended
         self._waiting, self._backlog = bytearray(), backlog
         selector.register(sock, READ, self._ready)
 
@@ -96,10 +99,12 @@ class Channel:
         except BlockingIOError:
             return
         except OSError:
-            data = b""
+            self._lost()
+            return
         if data:
             self._received(data)
         else:
+            self._ended()
             self._lost()
 
     def _sent(self, data: bytes | bytearray) -> int:

@@ -36,6 +36,8 @@ class Peer:
     greeting: bytes = b""
     received: Callable[[bytes], object] = field(default=len)
     """What to do with what it sends, once it is admitted."""
+    ended: Callable[[], object] = lambda: None
+    """What to do when it has closed the connection in order."""
 
 
 def socket_error(endpoint: Endpoint, error: OSError) -> SourceError:
@@ -56,7 +58,7 @@ class Listener:
     allowed
         Who may connect.
     connected
-        Called with each client that is admitted; it sets `received`.
+        Called with each client that is admitted; it sets `received`, and `ended` where that matters.
     tell
         Called with a sentence for the user.
     shown
@@ -131,7 +133,11 @@ class Listener:
             sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _HELD)
         channel = Channel(
-            self._selector, sock, lambda data: self._received(peer, data), lambda: self._forget(peer)
+            self._selector,
+            sock,
+            lambda data: self._received(peer, data),
+            lambda: self._forget(peer),
+            ended=lambda: peer.ended(),
         )
         peer = Peer(name, channel, monotonic(), admitted=not self._allowed.token)
         self.peers.append(peer)

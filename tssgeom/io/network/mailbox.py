@@ -19,18 +19,15 @@ _LONGEST_ID = 256
 
 @dataclass(slots=True)
 class Clock:
-    """Time of the last good frame of one sender; a sender that connects anew has a new one."""
+    """Time of the last answered frame of one sender; a sender that connects anew has a new one."""
 
     latest: float = -math.inf
     ahead: float = 0.0
     """Time of the stream less that of this sender [s]."""
 
     def refusal(self, frame: Frame) -> str:
-        """Say why a frame is not later than all before it; where it is, nothing, and it is the latest now."""
-        if not self.latest < frame.time < math.inf:
-            return late(frame.time, self.latest)
-        self.latest = frame.time
-        return ""
+        """Say why a frame is not later than all that were answered; nothing where it is."""
+        return "" if self.latest < frame.time < math.inf else late(frame.time, self.latest)
 
 
 @dataclass(frozen=True, slots=True)

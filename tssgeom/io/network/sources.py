@@ -25,6 +25,7 @@ from tssgeom.io.network.channel import READ
 from tssgeom.io.network.lines import LOOKED_AT, Lines
 from tssgeom.io.network.listener import Listener, Peer, first_line, socket_error
 from tssgeom.io.network.mailbox import Clock, Mailbox
+from tssgeom.io.recording import usable
 from tssgeom.stream import Frame, Rejected
 
 _CHUNK = 1 << 16  # bytes
@@ -169,6 +170,7 @@ class TcpSource:
 
     def _connected(self, peer: Peer) -> None:
         peer.received = partial(self._received, peer, Lines(), Clock())
+        peer.ended = partial(peer.received, b"\n")  # the last line may come without its end
 
     def _received(self, peer: Peer, lines: Lines, clock: Clock, data: bytes) -> None:
         now = perf_counter_ns()
@@ -284,7 +286,7 @@ class Replay:
         """When the next frame is to be answered, as `monotonic` tells time [s]."""
         if self._next is None:
             return None
-        if self._begun is None or isinstance(self._next, Rejected):
+        if self._begun is None or isinstance(self._next, Rejected) or not usable(self._next):
             return 0.0
         wall, time = self._begun
         return wall + (self._next.time - time) / self._speed
@@ -294,7 +296,7 @@ class Replay:
         item, due = self._next, self.due()
         if item is None or due is None or due > monotonic():
             return
-        if isinstance(item, Frame) and self._begun is None:
+        if self._begun is None and isinstance(item, Frame) and usable(item):
             self._begun = monotonic(), item.time
         self._mailbox.post(self._clock, lambda: item)
         try:

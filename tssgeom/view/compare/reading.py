@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
-from rerun.chunk import Chunk, RrdReader
+from rerun.chunk import Chunk
 
 from tssgeom.arrays import Points, Vector
 from tssgeom.errors import SourceError
@@ -16,7 +16,7 @@ from tssgeom.shape.arcs import Arcs
 from tssgeom.view.drawn import Drawn
 from tssgeom.view.language import TIMELINE
 from tssgeom.view.rerun_numbers import NUMBERS, ON_JOINTS, ON_ROUTE
-from tssgeom.view.viewer import require_recording
+from tssgeom.view.viewer import parts_of, require_recording
 
 COPIED = ("/sensed", "/joints", "/lumen", "/scale")
 """Entities, and those below them, that a comparison shows as they are."""
@@ -74,7 +74,7 @@ def read_side(path: Path) -> Side:
         Where it is none, or shows no route with its numbers.
     """
     require_recording(path)
-    chunks = [chunk for chunk in RrdReader(str(path)).stream() if not chunk.is_empty]
+    chunks = [chunk for chunk in parts_of(path) if not chunk.is_empty]
     frames = {entity: _rows(chunks, entity) for entity in _READ}
     route, joints, summary, labels = frames.values()
     if not {*ON_ROUTE, "LineStrips3D:strips"} <= route.keys() or not {*NUMBERS} <= summary.keys():

@@ -11,7 +11,7 @@ import numpy as np
 import rerun as rr
 
 from tssgeom.discrepancy.finding import Finding
-from tssgeom.errors import SourceError
+from tssgeom.errors import SourceError, require_replaceable
 from tssgeom.view import colours, words
 from tssgeom.view.columns import Sender, segments_3d
 from tssgeom.view.drawn import Ranges
@@ -40,6 +40,7 @@ def write_finding_recording(path: Path, finding: Finding) -> None:
     """
     unfinished = path.with_name(f".{path.name}.part")
     try:
+        require_replaceable(path)
         unfinished.touch()
         _write(unfinished, finding)
         os.replace(unfinished, path)

@@ -1,0 +1,34 @@
+"""Pictures and pages take the place of files, and of nothing else."""
+
+import os
+import stat
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from tests.worked_finding import worked_finding
+from tssgeom.errors import SourceError
+from tssgeom.stream import FrameResult
+from tssgeom.view.finding.recording import write_finding_recording
+from tssgeom.view.page import write_page
+from tssgeom.view.rerun_growing import GrowingFile
+from tssgeom.view.rerun_log import write_recording
+from tssgeom.view.viewer import screenshot
+
+
+def test_what_is_no_file_is_not_replaced(still: list[FrameResult], still_file: Path, tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    writers: list[Callable[[], object]] = [
+        lambda: GrowingFile(pipe),
+        lambda: write_recording(pipe, "still", still, timed=False),
+        lambda: write_finding_recording(pipe, worked_finding()),
+        lambda: write_page(pipe, "page"),
+        lambda: screenshot(still_file, pipe),
+    ]
+    for write in writers:
+        with pytest.raises(SourceError, match=r"is no file.*name another file"):
+            write()
+    assert stat.S_ISFIFO(pipe.stat().st_mode)
+    assert list(tmp_path.iterdir()) == [pipe]
