@@ -199,7 +199,7 @@ def test_two_values_of_one_measurement_in_a_frame_reject_it(tmp_path):
 
 def test_time_that_runs_back_rejects_the_late_frame(tmp_path):
     recording = opened(
-        tmp_path, "time_s,x_m,y_m,z_m\n" + "".join(f"{t},{k},0,0\n" for t in (0, 2, 1, 3) for k in (0, 1))
+        tmp_path, "time_s,x_m,y_m,z_m\n" + "".join(f"{t},{k},0,0\n" for t in (0, 2, 1, 3) for k in range(4))
     )
     assert list(reasons(recording)) == [2]
     assert "1 s comes after 2 s" in reasons(recording)[2]

@@ -4,7 +4,7 @@ import json
 import signal
 import socket
 import struct
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from itertools import count
 
 import pytest
@@ -124,8 +124,9 @@ def test_who_does_not_show_the_token_gets_nothing_and_who_does_is_served(tmp_pat
             while told.get("id") != "with":
                 time += 1.0
                 source.sendall(frame(time, id="with"))
-                told = reader.answer()
-                assert told["id"] != "without"
+                with suppress(TimeoutError):  # the reader may not have been let in yet
+                    told = reader.answer()
+                assert told.get("id") != "without"
             datagrams.send(token.read_bytes() + frame(1.0, id="datagram"))
             assert reader.until("id", "datagram")
         numbers = json.loads(stream.said('"rate_hz"'))

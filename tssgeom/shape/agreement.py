@@ -15,6 +15,7 @@ from tssgeom.shape.stations import distance
 
 _MOST_IGNORED = 1 / 3  # of the points
 _LONGEST_WAY = 1.3  # from point to point over the length of a route, noise allowed for: chords are shorter
+_OFF = 4.0  # noises, beside a spacing, that points are off their feet on the whole
 _FOLDED = -0.5  # cosine between neighbouring tangents
 _LONGEST_DETOUR = 2.0  # length of a route over the way from point to point: an arc of 3.8 rad over its chord
 _MOST_BETWEEN = 4.0  # turn between neighbouring points, more than straight back, that no point tells [rad]
@@ -22,9 +23,16 @@ _LEAST_KNOWN = 20 * math.pi  # standard error of Φ beyond which the fit is no r
 
 
 def is_folded(route: Route) -> bool:
-    """Whether a route turns straight back between two nodes, which its curvature does not tell."""
+    """Whether a route turns straight back between two nodes, which its curvature does not tell.
+
+    It may also go straight on there and lose the points, which then are far from their feet along the route.
+    """
     tangent = route.tangent
-    return bool(np.einsum("ij,ij->i", tangent[1:], tangent[:-1]).min() < _FOLDED)
+    if np.einsum("ij,ij->i", tangent[1:], tangent[:-1]).min() < _FOLDED:
+        return True
+    off = route.residual[route.weight > 0.0]
+    spacing = route.s[-1] / len(route.weight)
+    return bool(np.vdot(off, off) > len(off) * (spacing**2 + (_OFF * route.noise) ** 2))
 
 
 def refuse_folded(route: Route) -> None:

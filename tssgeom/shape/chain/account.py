@@ -140,7 +140,7 @@ def _pieces(data: Data, chain: Chain) -> tuple[np.ndarray, np.ndarray, float]:
         covariance[k + j, k + j] += hidden[j] * sizes[j] ** 2
     if data.free:  # an unknown station of an end takes its angle along
         for j in (0, k - 1):
-            kappa = sizes[k + j] / sizes[j]
+            kappa = math.sqrt(chain.bend[j, 0] ** 2 + chain.bend[j, 1] ** 2)
             covariance[j, j] += variance
             covariance[j, k + j] += variance * kappa
             covariance[k + j, j] += variance * kappa
