@@ -11,6 +11,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
 from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.figure import Figure
+from matplotlib.text import Annotation
 
 from tssgeom.arrays import Vector
 from tssgeom.shape.arcs import Arcs
@@ -78,7 +79,7 @@ def _draw_route(axes: Axes, frame: Drawn, arcs: Arcs, brightest: float) -> None:
     _coloured(axes, flat, frame.tension, brightest, 3.2)
     joints = frame.at(arcs.s_start) @ screen
     _draw_dots(axes, joints)
-    _name_ends(axes, flat)
+    names = _name_ends(axes, flat)
     bar, length = view.scale_bar(below=0.18)
     axes.plot(*(bar @ screen).T, color=SOFT, linewidth=1.5)
     axes.annotate(
@@ -86,21 +87,23 @@ def _draw_route(axes: Axes, frame: Drawn, arcs: Arcs, brightest: float) -> None:
     )
     axes.set_aspect("equal", adjustable="datalim")
     low, top = (bar[0] @ screen)[1] - 0.06 * high, flat[:, 1].max() + 0.14 * high
-    axes.update_datalim([(flat[0, 0], low), (flat[0, 0], top)])  # room for the names
-    axes.margins(x=0.1, y=0.0)
+    left, right = _room_across(axes, flat, names)
+    axes.update_datalim([(left, low), (right, top)])
+    axes.margins(x=0.02, y=0.0)
     axes.set_axis_off()
     axes.set_title("Route; its pieces begin at the dots")
 
 
-def _name_ends(axes: Axes, flat: Vector) -> None:
+def _name_ends(axes: Axes, flat: Vector) -> list[Annotation]:
     """Write the names of both ends beyond them, in the direction in which the route leaves."""
     inner = min(8, len(flat) - 1)
     ways = flat[[0, -1]] - flat[[inner, -1 - inner]]
+    names = list[Annotation]()
     for text, place, way in zip(("proximal", "distal"), flat[[0, -1]], ways, strict=True):
         across, up = 7.0 * way / max(float(np.linalg.norm(way)), 1e-300)
         side = "left" if across > 3 else "right" if across < -3 else "center"
         level = "bottom" if up > 3 else "top" if up < -3 else "center"
-        axes.annotate(
+        name = axes.annotate(
             text,
             place,
             xytext=(across, up),
@@ -111,6 +114,19 @@ def _name_ends(axes: Axes, flat: Vector) -> None:
             zorder=5,
             bbox={"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 1.0},
         )
+        names.append(name)
+    return names
+
+
+def _room_across(axes: Axes, flat: Vector, names: list[Annotation]) -> tuple[float, float]:
+    """Return from where to where the axes have to go, so that the names of both ends lie inside [mm]."""
+    ends, boxes = flat[[0, -1], 0], [name.get_window_extent() for name in names]
+    pixels = axes.transData.transform(flat[[0, -1]])[:, 0]
+    left, right = pixels - [box.x0 for box in boxes], [box.x1 for box in boxes] - pixels
+    low, high = float(flat[:, 0].min()), float(flat[:, 0].max())
+    free = axes.bbox.width - max(0.0, left.max()) - max(0.0, right.max())
+    pixel = (high - low) / free  # no smaller than it will be
+    return min(low, (ends - left * pixel).min()), max(high, (ends + right * pixel).max())
 
 
 def tension_figure(result: FrameResult) -> Figure:
