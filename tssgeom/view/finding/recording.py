@@ -79,7 +79,7 @@ def _send_route(runs: Sender, moments: Sender, shown: Replay) -> None:
     places = [label_places(shown.camera, one.frames()[0], one.arcs, _LARGER) for one in each]
     send_joints(runs, [one.frames()[0] for one in each], [one.arcs for one in each])
     for sender in (runs, replace(runs, below="blame/")):
-        send_scale_bar(sender, shown.camera)
+        send_scale_bar(sender, shown.camera, _LARGER)
     rows = [
         (place, [*words.end_labels(*ends), *words.piece_labels(one.arcs)])
         for one, place in zip(each, places, strict=True)
