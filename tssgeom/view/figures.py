@@ -23,6 +23,7 @@ from tssgeom.view.language import ANGLE, ARC_LENGTH, CURVATURE_AT, TENSION_AT
 from tssgeom.view.plots import COLUMN, INK, PAGE, SOFT, figure, note, panels, titles
 from tssgeom.view.report_entry import Series
 from tssgeom.view.run_figures import time_figure, transmission_figure
+from tssgeom.view.words import angle_with_error, with_error
 
 _NODES = 128
 _HEIGHT = 2.3  # inch
@@ -137,7 +138,7 @@ def tension_figure(result: FrameResult) -> Figure:
     with panels((COLUMN, _HEIGHT), 1) as (drawing, (axes,)):
         axes.fill_between(s, frame.tension - spread, frame.tension + spread, color=_BAND, linewidth=0)
         _coloured(axes, np.column_stack([s, frame.tension]), frame.tension, top, 1.5, outline=0.8)
-        text = f"T_out = {seen.tension_out:.2f} ± {seen.tension_out_se:.2f} N"
+        text = f"T_out = {with_error(seen.tension_out, seen.tension_out_se, 2)} N"
         free = 0.06 if frame.tension[-1] > 0.5 * top else 0.96
         note(axes, text, (s[-1], free * top), ha="right", color=INK)
         axes.set_xlim(-0.02 * s[-1], 1.02 * s[-1])
@@ -160,8 +161,8 @@ def curvature_figure(result: FrameResult) -> Figure:
         joints = ANGLE.factor * np.cumsum([0.0, *arcs.angle[:-1]])
         _draw_dots(angle, np.column_stack([ARC_LENGTH.factor * arcs.s_start, joints]))
         angle.set_ylim(0.0, None)
-        total, error = (ANGLE.factor * value for value in (arcs.total_angle, arcs.total_angle_se))
-        titles(angle, f"Curve angle ± s.e.; Φ = {total:.1f}° ± {error:.1f}°", ARC_LENGTH.title, ANGLE.title)
+        total = angle_with_error(arcs.total_angle, arcs.total_angle_se)
+        titles(angle, f"Curve angle ± s.e.; Φ = {total}", ARC_LENGTH.title, ANGLE.title)
         for axes in (curvature, angle):
             axes.set_xlim(-0.02 * s[-1], 1.02 * s[-1])
     return drawing
