@@ -59,7 +59,7 @@ def write_comparison(path: Path, first: Path, second: Path) -> None:
     limits = _common(a, b)
     path.touch()
     with rr.RecordingStream(f"tssgeom: {a.name} and {b.name}", recording_id=uuid4()) as recording:
-        recording.save(path, default_blueprint=blueprint(names, cameras, gap))
+        recording.save(path, default_blueprint=blueprint(names, cameras, gap, limits.tension))
         recording.send_recording_name(f"{a.name} and {b.name}")
         send_piece_names(Sender(recording, None), [*a.pieces, *b.pieces])
         for key, side in sides.items():
