@@ -57,17 +57,18 @@ def _title(chosen: Options) -> str:
 
 def _cells(row: dict[str, Any]) -> tuple[str, ...]:
     degrees = math.degrees(1.0)
+    angle = (row, "total_angle_rad", row["total_angle_se_rad"])
     times = f" × {row['frames'] - row['rejected']}" if row["timed"] else ""
     return (
         row["name"],
         f"{row['points']}{times}",
         _range(row, "length_m", 1e3, 1),
-        f"{_range(row, 'total_angle_rad', degrees, 1)} ± {row['total_angle_se_rad'] * degrees:.1f}",
-        f"{_range(row, 'total_angle_rad', 1.0, 3)} ± {row['total_angle_se_rad']:.3f}",
+        _with_error(*angle, degrees, 1),
+        _with_error(*angle, 1.0, 3),
         str(row["pieces"]),
         _range(row, "tension_in_N", 1.0, 2),
         _range(row, "tension_out_N", 1.0, 2),
-        f"{_range(row, 'elongation_m', 1e3, 3)} ± {row['elongation_se_m'] * 1e3:.3f}",
+        _with_error(row, "elongation_m", row["elongation_se_m"], 1e3, 3),
         str(len(row["warnings"]) or ""),
     )
 
@@ -75,6 +76,13 @@ def _cells(row: dict[str, Any]) -> tuple[str, ...]:
 def _clearance(row: dict[str, Any]) -> str:
     least = row.get("clearance_m")
     return "" if least is None else f"{1e3 * least:.1f}"
+
+
+def _with_error(row: dict[str, Any], key: str, error: float, factor: float, usual: int) -> str:
+    from tssgeom.view.words import decimals, plus_minus
+
+    digits = decimals(factor * error, usual)
+    return f"{_range(row, key, factor, digits)} {plus_minus(factor * error, usual)}"
 
 
 def _range(row: dict[str, Any], key: str, factor: float, digits: int) -> str:

@@ -138,6 +138,8 @@ def _summary(found: Calibration, files: Sequence[str]) -> dict[str, object]:
 
 
 def _show(found: Calibration, out: Path) -> None:
+    from tssgeom.view.words import with_error
+
     rows = []
     for v, camera in enumerate(found.cameras):
         focal, sd = camera.matrix[0, 0], found.sd[v, 0]
@@ -148,7 +150,7 @@ def _show(found: Calibration, out: Path) -> None:
                 str(found.views[v]),
                 f"{100 * found.covered[v]:.0f}",
                 f"{found.reprojection[v]:.3f}",
-                f"{focal:.1f} ± {sd:.1f}",
+                with_error(focal, sd, 1),
                 place,
             )
         )

@@ -3,6 +3,7 @@
 import json
 import math
 import os
+import re
 
 import numpy as np
 import pytest
@@ -46,8 +47,10 @@ def test_the_table_tells_the_numbers_and_the_tension_they_stand_for(run, half):
     outcome = run("analyse", half)
     assert "T_in = 15 N" in outcome.out
     row = next(line for line in outcome.out.splitlines() if line.startswith(" half "))
-    for cell in ("40", "500.0", "180.0 ± 0.0", "3.142 ± 0.000", "15.00", "9.51", "1.904 ± 0.000"):
+    for cell in ("40", "500.0", "15.00", "9.51"):
         assert f" {cell} " in f"{row} "
+    for value in ("180.0", "3.142", "1.904"):  # of exact points: the standard error is far below them
+        assert re.search(rf" {re.escape(value)} ± \de-\d+ ", f"{row} ")
 
 
 def test_quiet_leaves_stdout_empty(run, half):

@@ -29,15 +29,23 @@ def timelines(path: Path) -> set[str]:
 
 def views(path: Path) -> list[str]:
     """Kinds of the views that the recording's own layout shows."""
+    return _of_layout(path, "ViewBlueprint:class_identifier")
+
+
+def axes(path: Path) -> list[list[float]]:
+    """Where the upright axes of plots begin and end that the recording's own layout fixes."""
+    return _of_layout(path, "ScalarAxis:range")
+
+
+def _of_layout(path: Path, column: str) -> list:
     reader = RrdReader(str(path))
-    kinds: list[str] = []
+    found = list[object]()
     for entry in reader.blueprints():
         for chunk in reader.stream(store=entry):
             batch = chunk.to_record_batch()
-            for name in batch.schema.names:
-                if name == "ViewBlueprint:class_identifier":
-                    kinds += [kind for row in batch.column(name).to_pylist() for kind in row or []]
-    return kinds
+            if column in batch.schema.names:
+                found += [value for row in batch.column(column).to_pylist() for value in row or []]
+    return found
 
 
 def verify(path: Path) -> None:

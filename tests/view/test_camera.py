@@ -5,10 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tssgeom.stream import FrameResult
+from tests.view.conftest import analysed
+from tssgeom.stream import Frame, FrameResult
 from tssgeom.view.camera import ASPECT, Camera, camera
 from tssgeom.view.drawn import drawn
-from tssgeom.view.labels import label_places
+from tssgeom.view.labels import Placed, label_places, scale_label
 
 
 def helix(turns: float, pitch: float, size: float) -> np.ndarray:
@@ -63,10 +64,45 @@ def test_labels_cover_neither_one_another_nor_the_route(moving: list[FrameResult
     frames = [drawn(result) for result in moving]
     view = looking_at(np.concatenate([frame.position for frame in frames]))
     for frame, result in zip(frames, moving, strict=True):
-        # Rerun hangs a label below its anchor; these boxes are half as large as the room kept free.
-        places = view.project(label_places(view, frame, result.arcs)) - (0.0, 0.033)
-        apart = np.abs(places[:, None] - places[None]) / (0.13, 0.025)
-        np.fill_diagonal(apart[:, :, 0], np.inf)
-        assert (apart.max(axis=2) > 1.0).all()
-        route = np.abs(places[:, None] - view.project(frame.position)[None]) / (0.13, 0.025)
+        placed = label_places(view, frame, result.arcs)
+        assert placed.whole.all()
+        centre, half = boxes(view, placed, 1.0)
+        assert (apart(centre, half) > 1.0).all()
+        route = np.abs(centre[:, None] - view.project(frame.position)[None]) / half[:, None]
         assert (route.max(axis=2) > 0.5).all()
+
+
+@pytest.mark.parametrize("larger", [1.0, 1.6, 2.0])
+def test_in_a_crowd_labels_are_shortened_and_none_covers_an_end_or_the_scale(larger: float) -> None:
+    turn = np.linspace(0.0, 1.0, 200)
+    wave = 0.05 * np.column_stack([6 * turn, np.sin(12 * turn), np.sin(7 * turn)])
+    (result,) = analysed([Frame(wave + np.random.default_rng(1).normal(0.0, 1e-4, wave.shape))])
+    assert len(result.arcs.length) > 10
+    view = looking_at(result.route.position)
+    placed = label_places(view, drawn(result), result.arcs, larger)
+    assert placed.whole[:2].all()
+    if larger > 1.0:
+        assert not placed.whole.all()
+    centre, half = boxes(view, placed, larger)
+    _, _, anchor = scale_label(view, larger)
+    centre = np.vstack([centre, view.project(anchor) - (0.0, larger * RISE)])
+    half = np.vstack([half, larger * SCALE])
+    assert (apart(centre, half)[[0, 1, -1]] > 1.0).all()
+
+
+RISE = 0.025  # Rerun hangs a label below its anchor, by this part of the height of the view
+WHOLE, NUMBER, SCALE = np.array([[0.12, 0.0185], [0.025, 0.0185], [0.042, 0.0185]])
+"""Half of the size of labels as they are drawn in a view of common height, measured in a picture."""
+
+
+def boxes(view: Camera, placed: Placed, larger: float) -> tuple[np.ndarray, np.ndarray]:
+    """Centres of the labels and half of their sizes on the screen, each [n, 2]."""
+    centre = view.project(placed.place) - (0.0, larger * RISE)
+    return centre, larger * np.where(placed.whole[:, None], WHOLE, NUMBER)
+
+
+def apart(centre: np.ndarray, half: np.ndarray) -> np.ndarray:
+    """How far boxes are apart; up to 1 they overlap."""
+    room = np.abs(centre[:, None] - centre[None]) / (half[:, None] + half[None])
+    np.fill_diagonal(room[:, :, 0], np.inf)
+    return room.max(axis=2)

@@ -19,6 +19,7 @@ from tssgeom.view.compare.words import comparison, table
 from tssgeom.view.drawn import drawn
 from tssgeom.view.paper_recording import write_paper_recording
 from tssgeom.view.rerun_log import write_recording
+from tssgeom.view.words import angle_with_error, with_error
 
 ROUGH = Rig(friction=Friction(coefficient=0.3))
 
@@ -98,7 +99,8 @@ def test_the_difference_is_that_of_the_results_at_every_moment(both: Path, movin
 def test_the_words_say_the_numbers_of_the_greatest_pull(both: Path, moving, rough):
     a, b = moving[3].transmission, rough[3].transmission
     (text,) = columns(both, "/difference/words", timed=False)["TextDocument:text"][0]
-    assert f"**{b.tension_out - a.tension_out:+.2f} ± " in text
+    error = float(np.hypot(a.tension_out_se, b.tension_out_se))
+    assert f"**{with_error(b.tension_out - a.tension_out, error, 2, '+')} N**" in text
     assert f"({a.tension_out:.2f} to {b.tension_out:.2f} N" in text
     assert "the drives are the same" in text
     assert "turn alike" in text
@@ -140,9 +142,9 @@ def test_two_shapes_have_no_time_and_one_chart_for_both(still_file: Path, tmp_pa
     assert "TimeSeries" not in views(tmp_path / "both.rrd")
     a, b = read_side(still_file), read_side(tmp_path / "bent.rrd")
     assert difference(a, b) is None
-    less = np.degrees(a.numbers["total_angle_rad"][0] - b.numbers["total_angle_rad"][0])
-    assert f"turns **{less:.1f}° ± " in comparison(a, b, None)
-    assert "less**" in comparison(a, b, None)
+    less = a.numbers["total_angle_rad"][0] - b.numbers["total_angle_rad"][0]
+    error = np.hypot(a.numbers["total_angle_se_rad"][0], b.numbers["total_angle_se_rad"][0])
+    assert f"turns **{angle_with_error(less, error)} less**" in comparison(a, b, None)
     assert table(a, b).count("\n") == 7
 
 

@@ -7,13 +7,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
+from tests.view.conftest import analysed, arc
 from tests.worked_finding import worked_finding
-from tssgeom.stream import FrameResult
+from tssgeom.stream import Frame, FrameResult
 from tssgeom.view.drawn import drawn, tension_se
-from tssgeom.view.figures import figures_of
+from tssgeom.view.figures import figures_of, route_figure
 from tssgeom.view.finding.page import figures_of as figures_of_finding
 from tssgeom.view.paper_figures import paper_figures
 from tssgeom.view.plots import SMALLEST, VECTOR, save
@@ -63,6 +65,20 @@ def test_every_axis_that_is_shown_has_a_unit(figures):
             labels = [axes.get_xlabel(), axes.get_ylabel()] if axes.axison else []
             assert all(re.search(r"\[.+\]$", label) for label in labels if label), (name, labels)
             assert not labels or any(labels), name
+
+
+@pytest.mark.parametrize("angle", [0.001, 0.5, 1.6, -1.6, 3.1, 5.0])
+def test_the_names_of_both_ends_lie_inside_the_figure(angle: float) -> None:
+    drawing = route_figure(analysed([Frame(arc(80, angle, 0.5 / abs(angle)))])[0])
+    FigureCanvasAgg(drawing).draw()
+    names = [text for text in drawing.findobj(Text) if text.get_text() in ("proximal", "distal")]
+    assert len(names) == 2
+    for name in names:
+        box = name.get_window_extent()
+        assert box.x0 >= 0.0
+        assert box.x1 <= drawing.bbox.width
+        assert box.y0 >= 0.0
+        assert box.y1 <= drawing.bbox.height
 
 
 @pytest.mark.parametrize("name", ["still route", "run transmission", "found heat"])

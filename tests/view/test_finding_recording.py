@@ -8,6 +8,7 @@ import pytest
 from rerun.chunk import RrdReader
 
 from tests.worked_finding import worked_finding
+from tssgeom.view.finding.layout import BLAME_BOX
 from tssgeom.view.finding.recording import write_finding_recording
 from tssgeom.view.finding.replay import MOST_NODES, MOST_ROWS, replay
 from tssgeom.view.language import COUNT
@@ -73,6 +74,13 @@ def test_blame_marks_the_bend_that_was_found(path):
     place = np.array([np.interp(0.21, stretch.s, axis) for axis in stretch.position.T])
     first = found["Points3D:positions"][0][0].as_py()[0]
     np.testing.assert_allclose(first, place, atol=1e-6)  # sent in single precision
+
+
+def test_the_chart_of_what_is_missing_marks_the_same_place_by_its_arc_length(path):
+    length = 1e3 * replay(worked_finding()).length
+    ((strip,),) = columns(path, "missing/found")["LineStrips2D:strips"][0].to_pylist()
+    across = BLAME_BOX.width * 210.0 / length
+    np.testing.assert_allclose(strip, [[across, 1.0], [across, 0.0]], atol=1e-6)  # sent in single precision
 
 
 def test_words_tell_the_verdict_and_which_run_is_seen(path):

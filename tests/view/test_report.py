@@ -14,6 +14,7 @@ from tssgeom.settings import Rig
 from tssgeom.stream import FrameResult, Rejected
 from tssgeom.view.report import ReportEntry, rendered, write_report
 from tssgeom.view.report_section import section
+from tssgeom.view.words import with_error
 
 VOID = {"meta", "br", "link", "img", "input", "hr"}
 
@@ -108,7 +109,7 @@ def test_counts_and_rejections_come_first_and_give_the_reason(page: Page) -> Non
 def test_numbers_in_the_table_are_those_of_the_results(page: Page, still: list[FrameResult]) -> None:
     seen = still[0].transmission
     assert f"{seen.tension_out:.2f}" in page.text
-    assert f"{1e3 * seen.elongation:.3f} ± {1e3 * seen.elongation_se:.3f}" in page.text
+    assert with_error(1e3 * seen.elongation, 1e3 * seen.elongation_se, 3) in page.text
 
 
 def test_warnings_of_all_frames_are_counted_and_written_out(

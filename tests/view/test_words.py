@@ -4,7 +4,21 @@ from tssgeom.settings import Rig
 from tssgeom.shape.arcs import Arcs
 from tssgeom.stream import Frame, FrameResult, process
 from tssgeom.view.drawn import drawn
-from tssgeom.view.words import piece_labels, piece_table, summary
+from tssgeom.view.words import angle_with_error, piece_labels, piece_table, summary, with_error
+
+
+def test_a_standard_error_is_told_with_two_digits_and_its_value_to_the_same_decimals() -> None:
+    assert with_error(2.55123, 0.0041, 2) == "2.5512 ± 0.0041"
+    assert with_error(2.55123, 0.41, 2) == "2.55 ± 0.41"
+    assert with_error(180.04, 12.3, 1) == "180 ± 12"
+    assert with_error(0.25, 0.06, 2, "+") == "+0.250 ± 0.060"
+    assert angle_with_error(np.pi, np.radians(0.27)) == "180.00° ± 0.27°"
+
+
+def test_an_error_that_is_nothing_beside_the_value_is_told_with_one_digit() -> None:
+    assert with_error(9.51, 3.2e-7, 2) == "9.51 ± 3e-07"
+    assert with_error(9.51, 0.0, 2) == "9.51 ± 0"
+    assert with_error(9.51, np.inf, 2) == "9.51 ± inf"
 
 
 def test_pieces_are_labelled_by_number_angle_and_radius() -> None:
@@ -23,10 +37,10 @@ def test_summary_says_length_angle_tensions_elongation_and_warnings(still: list[
     seen = still[0].transmission
     for part in (
         f"L = {1e3 * still[0].arcs.total_length:.1f} mm",
-        f"Φ = {np.degrees(still[0].arcs.total_angle):.1f}° ± ",
+        f"Φ = {angle_with_error(still[0].arcs.total_angle, still[0].arcs.total_angle_se)}",
         "T_in = 15.00 N",
-        f"T_out = {seen.tension_out:.2f} ± {seen.tension_out_se:.2f} N",
-        f"δ = {1e3 * seen.elongation:.3f} ± ",
+        f"T_out = {with_error(seen.tension_out, seen.tension_out_se, 2)} N",
+        f"δ = {with_error(1e3 * seen.elongation, 1e3 * seen.elongation_se, 3)} mm",
         *still[0].warnings,
     ):
         assert part in text

@@ -26,9 +26,14 @@ def chart_boxes(*, timed: bool) -> ChartBoxes:
     return ChartBoxes(Box(width=1.75, text=0.065), Box(width=1.75, text=0.065))
 
 
-def blueprint(name: str, camera: Camera, *, timed: bool, live: bool = False) -> rrb.Blueprint:
-    """Lay out the views of a shape, or of a run with its series and its timeline; `live` shows the newest."""
-    views = _run_layout(name, camera) if timed else _shape_layout(name, camera)
+def blueprint(
+    name: str, camera: Camera, *, timed: bool, live: bool = False, tension: float | None = None
+) -> rrb.Blueprint:
+    """Lay out the views of a shape, or of a run with its series and its timeline; `live` shows the newest.
+
+    The plot of tensions ends at `tension` [N] where that is known.
+    """
+    views = _run_layout(name, camera, tension) if timed else _shape_layout(name, camera)
     return rrb.Blueprint(
         views,
         rrb.BlueprintPanel(state="collapsed"),
@@ -53,9 +58,9 @@ def _shape_layout(name: str, camera: Camera) -> rrb.Container:
     return rrb.Horizontal(left, right, column_shares=[6, 4])
 
 
-def _run_layout(name: str, camera: Camera) -> rrb.Container:
+def _run_layout(name: str, camera: Camera, tension: float | None) -> rrb.Container:
     left = rrb.Vertical(_space(name, camera, "; slip front in pink"), _words(), row_shares=[66, 34])
-    right = rrb.Vertical(*_charts(timed=True), *_series(), row_shares=[26, 22, 20, 16, 16])
+    right = rrb.Vertical(*_charts(timed=True), *_series(tension), row_shares=[26, 22, 20, 16, 16])
     return rrb.Horizontal(left, right, column_shares=[58, 42])
 
 
@@ -95,15 +100,25 @@ def _words() -> rrb.Container:
     return rrb.Horizontal(summary, table, column_shares=[5, 6])
 
 
-def _series() -> list[rrb.TimeSeriesView]:
+def from_zero(top: float | None) -> rrb.ScalarAxis | None:
+    """Return an axis from 0 to its top, so that 0 and a number stand at it; None for what the viewer fits.
+
+    The viewer writes few numbers, in steps of powers of ten: of 2 to 18 it writes 10 alone.
+    """
+    return None if top is None else rrb.ScalarAxis(range=(-0.05 * top, 1.05 * top))
+
+
+def _series(tension: float | None) -> list[rrb.TimeSeriesView]:
     tensions = ["series/tension_in", "series/tension_out", "series/tension_out_measured"]
     return [
-        _plot("Tension [N] against time [s]", tensions),
+        _plot("Tension [N] against time [s]", tensions, tension),
         _plot("Elongation δ [mm] against time [s]", ["series/elongation", "series/elongation_measured"]),
         _plot("Accumulated curve angle Φ [°] against time [s]", ["series/angle"]),
     ]
 
 
-def _plot(title: str, contents: list[str]) -> rrb.TimeSeriesView:
+def _plot(title: str, contents: list[str], top: float | None = None) -> rrb.TimeSeriesView:
     legend = rrb.PlotLegend(corner=rrb.Corner2D.LeftTop)
-    return rrb.TimeSeriesView(name=title, contents=contents, plot_legend=legend, titlebar=False)
+    return rrb.TimeSeriesView(
+        name=title, contents=contents, plot_legend=legend, titlebar=False, axis_y=from_zero(top)
+    )

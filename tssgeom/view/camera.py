@@ -18,7 +18,7 @@ ASPECT = 1.5
 """Width of the spatial view over its height, on a common screen."""
 _TIE = np.array([1e-6, 1e-7, 1e-8])
 """Decides which way round a route is seen whose ends lie one above the other."""
-_LABEL_RISE = 0.033
+_LABEL_RISE = 0.025
 """Rerun writes a label below its point; lifted by this part of the view's height it sits on it."""
 
 
@@ -79,9 +79,12 @@ class Camera:
         seen = (places - self.target) @ self.axes.T
         return seen[:, :2] / self._view_height_at(seen[:, 2])
 
-    def label_anchor(self, place: Points, shift: Vector) -> Points:
-        """Place from which Rerun hangs a label whose centre is `shift` away from `place` on the screen."""
-        lifted = shift + np.array([0.0, _LABEL_RISE])
+    def label_anchor(self, place: Points, shift: Vector, larger: float = 1.0) -> Points:
+        """Place from which Rerun hangs a label whose centre is `shift` away from `place` on the screen.
+
+        In a low view text is `larger` beside the route than in one of common height.
+        """
+        lifted = shift + np.array([0.0, larger * _LABEL_RISE])
         return place + self._view_height_at((place - self.target) @ self.axes[2]) * lifted @ self.axes[:2]
 
     def _view_height_at(self, nearer: Vector) -> Vector:

@@ -11,6 +11,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
 from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.figure import Figure
+from matplotlib.text import Annotation
 
 from tssgeom.arrays import Vector
 from tssgeom.shape.arcs import Arcs
@@ -22,6 +23,7 @@ from tssgeom.view.language import ANGLE, ARC_LENGTH, CURVATURE_AT, TENSION_AT
 from tssgeom.view.plots import COLUMN, INK, PAGE, SOFT, figure, note, panels, titles
 from tssgeom.view.report_entry import Series
 from tssgeom.view.run_figures import time_figure, transmission_figure
+from tssgeom.view.words import angle_with_error, with_error
 
 _NODES = 128
 _HEIGHT = 2.3  # inch
@@ -78,7 +80,7 @@ def _draw_route(axes: Axes, frame: Drawn, arcs: Arcs, brightest: float) -> None:
     _coloured(axes, flat, frame.tension, brightest, 3.2)
     joints = frame.at(arcs.s_start) @ screen
     _draw_dots(axes, joints)
-    _name_ends(axes, flat)
+    names = _name_ends(axes, flat)
     bar, length = view.scale_bar(below=0.18)
     axes.plot(*(bar @ screen).T, color=SOFT, linewidth=1.5)
     axes.annotate(
@@ -86,21 +88,23 @@ def _draw_route(axes: Axes, frame: Drawn, arcs: Arcs, brightest: float) -> None:
     )
     axes.set_aspect("equal", adjustable="datalim")
     low, top = (bar[0] @ screen)[1] - 0.06 * high, flat[:, 1].max() + 0.14 * high
-    axes.update_datalim([(flat[0, 0], low), (flat[0, 0], top)])  # room for the names
-    axes.margins(x=0.1, y=0.0)
+    left, right = _room_across(axes, flat, names)
+    axes.update_datalim([(left, low), (right, top)])
+    axes.margins(x=0.02, y=0.0)
     axes.set_axis_off()
     axes.set_title("Route; its pieces begin at the dots")
 
 
-def _name_ends(axes: Axes, flat: Vector) -> None:
+def _name_ends(axes: Axes, flat: Vector) -> list[Annotation]:
     """Write the names of both ends beyond them, in the direction in which the route leaves."""
     inner = min(8, len(flat) - 1)
     ways = flat[[0, -1]] - flat[[inner, -1 - inner]]
+    names = list[Annotation]()
     for text, place, way in zip(("proximal", "distal"), flat[[0, -1]], ways, strict=True):
         across, up = 7.0 * way / max(float(np.linalg.norm(way)), 1e-300)
         side = "left" if across > 3 else "right" if across < -3 else "center"
         level = "bottom" if up > 3 else "top" if up < -3 else "center"
-        axes.annotate(
+        name = axes.annotate(
             text,
             place,
             xytext=(across, up),
@@ -111,6 +115,19 @@ def _name_ends(axes: Axes, flat: Vector) -> None:
             zorder=5,
             bbox={"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 1.0},
         )
+        names.append(name)
+    return names
+
+
+def _room_across(axes: Axes, flat: Vector, names: list[Annotation]) -> tuple[float, float]:
+    """Return from where to where the axes have to go, so that the names of both ends lie inside [mm]."""
+    ends, boxes = flat[[0, -1], 0], [name.get_window_extent() for name in names]
+    pixels = axes.transData.transform(flat[[0, -1]])[:, 0]
+    left, right = pixels - [box.x0 for box in boxes], [box.x1 for box in boxes] - pixels
+    low, high = float(flat[:, 0].min()), float(flat[:, 0].max())
+    free = axes.bbox.width - max(0.0, left.max()) - max(0.0, right.max())
+    pixel = (high - low) / free  # no smaller than it will be
+    return min(low, (ends - left * pixel).min()), max(high, (ends + right * pixel).max())
 
 
 def tension_figure(result: FrameResult) -> Figure:
@@ -121,7 +138,7 @@ def tension_figure(result: FrameResult) -> Figure:
     with panels((COLUMN, _HEIGHT), 1) as (drawing, (axes,)):
         axes.fill_between(s, frame.tension - spread, frame.tension + spread, color=_BAND, linewidth=0)
         _coloured(axes, np.column_stack([s, frame.tension]), frame.tension, top, 1.5, outline=0.8)
-        text = f"T_out = {seen.tension_out:.2f} ± {seen.tension_out_se:.2f} N"
+        text = f"T_out = {with_error(seen.tension_out, seen.tension_out_se, 2)} N"
         free = 0.06 if frame.tension[-1] > 0.5 * top else 0.96
         note(axes, text, (s[-1], free * top), ha="right", color=INK)
         axes.set_xlim(-0.02 * s[-1], 1.02 * s[-1])
@@ -144,8 +161,8 @@ def curvature_figure(result: FrameResult) -> Figure:
         joints = ANGLE.factor * np.cumsum([0.0, *arcs.angle[:-1]])
         _draw_dots(angle, np.column_stack([ARC_LENGTH.factor * arcs.s_start, joints]))
         angle.set_ylim(0.0, None)
-        total, error = (ANGLE.factor * value for value in (arcs.total_angle, arcs.total_angle_se))
-        titles(angle, f"Curve angle ± s.e.; Φ = {total:.1f}° ± {error:.1f}°", ARC_LENGTH.title, ANGLE.title)
+        total = angle_with_error(arcs.total_angle, arcs.total_angle_se)
+        titles(angle, f"Curve angle ± s.e.; Φ = {total}", ARC_LENGTH.title, ANGLE.title)
         for axes in (curvature, angle):
             axes.set_xlim(-0.02 * s[-1], 1.02 * s[-1])
     return drawing

@@ -84,7 +84,7 @@ def _send_route(sender: Sender, course: Course, arcs: Arcs, tension_in: Vector) 
     pieces = [arcs] * len(frames)
     seen = camera(line, line[-1] - line[0])
     still = replace(sender, time=None)
-    send_scale_bar(still, seen)
+    send_scale_bar(still, seen, _LARGER)
     send_joints(still, frames[:1], pieces[:1])
     send_route(sender, frames, paper.PEAK)
     ends = tension[:, [0, -1]]

@@ -77,7 +77,9 @@ def _write(path: Path, run: Run, lumen: trimesh.Trimesh | None, measured: Sequen
     path.touch()
     # The viewer keeps one layout for each application: a name of its own lets each file keep its camera.
     with rr.RecordingStream(f"tssgeom: {run.name}", recording_id=uuid4()) as recording:
-        recording.save(path, default_blueprint=blueprint(run.name, run.camera, timed=run.timed))
+        top = max(run.ranges.tension, *(one.frame.tension_out or 0.0 for one in run.results))
+        layout = blueprint(run.name, run.camera, timed=run.timed, tension=top)
+        recording.save(path, default_blueprint=layout)
         recording.send_recording_name(run.name)
         sender = Sender(recording, _times(run))
         send_pictures(sender, run, lumen, measured)

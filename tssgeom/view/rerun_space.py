@@ -16,7 +16,7 @@ from tssgeom.view import colours, words
 from tssgeom.view.camera import Camera
 from tssgeom.view.columns import Sender, segments_3d
 from tssgeom.view.drawn import Drawn, outliers
-from tssgeom.view.labels import label_places
+from tssgeom.view.labels import Placed, label_places, scale_label
 from tssgeom.view.rerun_numbers import send_numbers_of_route
 from tssgeom.view.run import Run
 
@@ -48,15 +48,13 @@ def send_piece_names(sender: Sender, pieces: Sequence[Arcs]) -> None:
     sender.constant("/", rr.AnnotationContext(names))
 
 
-def send_scale_bar(sender: Sender, seen: Camera) -> None:
-    """Draw a bar of a plain length below the route."""
+def send_scale_bar(sender: Sender, seen: Camera, larger: float = 1.0) -> None:
+    """Draw a bar of a plain length below the route, with its length, `larger` in a low view."""
     if not sender.repeats:
         return
-    bar, text = seen.scale_bar(seen.room_below)
+    bar, text, place = scale_label(seen, larger)
     sender.constant("scale", rr.LineStrips3D([bar], colors=[colours.AXIS], radii=rr.Radius.ui_points(1.5)))
-    label = rr.Points3D(
-        [bar.mean(axis=0)], radii=0.0, labels=[text], colors=[colours.WHITE], show_labels=True
-    )
+    label = rr.Points3D(place, radii=0.0, labels=[text], colors=[colours.WHITE], show_labels=True)
     sender.constant("scale/length", label)
 
 
@@ -124,12 +122,17 @@ def send_joints(sender: Sender, frames: Sequence[Drawn], pieces: Sequence[Arcs])
     sender.send("joints", columns, counts)
 
 
-def send_labels(sender: Sender, places: Sequence[Points], texts: Sequence[Sequence[str]]) -> None:
-    """Write the tension beside each end, and the angle and radius beside each piece."""
+def send_labels(sender: Sender, placed: Sequence[Placed], texts: Sequence[Sequence[str]]) -> None:
+    """Write the tension beside each end, and the angle and radius beside each piece where there is room."""
     style = rr.Points3D.from_fields(radii=0.0, colors=colours.WHITE, show_labels=True)
     sender.constant("labels", style)
     columns = rr.Points3D.columns(
-        positions=np.concatenate(places), labels=[text for row in texts for text in row]
+        positions=np.concatenate([one.place for one in placed]),
+        labels=[
+            text if whole else text.partition(" · ")[0]
+            for one, row in zip(placed, texts, strict=True)
+            for text, whole in zip(row, one.whole.tolist(), strict=True)
+        ],
     )
     sender.send("labels", columns, [len(row) for row in texts])
 

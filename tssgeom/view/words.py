@@ -14,6 +14,34 @@ _STRAIGHT_RADIUS = 100.0
 """A piece of a larger radius than this is called straight [m]."""
 
 
+def decimals(error: float, usual: int) -> int:
+    """Return with how many decimals a value is told: so many that its standard error shows two digits.
+
+    The `usual` ones where the error is not known, or does not reach two decimals beyond them.
+    """
+    if not 10.0 ** -(usual + 2) <= error < math.inf:
+        return usual
+    return max(1 - math.floor(math.log10(error)), 0)
+
+
+def plus_minus(error: float, usual: int) -> str:
+    """Write "± 0.0041", with the decimals of its value, or with one digit where it is far below them."""
+    if 10.0 ** -(usual + 2) <= error < math.inf:
+        return f"± {error:.{decimals(error, usual)}f}"
+    return f"± {error:.1g}"
+
+
+def with_error(value: float, error: float, usual: int, sign: str = "") -> str:
+    """Write a value and its standard error, "2.5512 ± 0.0041"; `sign` "+" writes that of the value too."""
+    return f"{value:{sign}.{decimals(error, usual)}f} {plus_minus(error, usual)}"
+
+
+def angle_with_error(angle: float, error: float) -> str:
+    """Write an angle and its standard error [rad] in degrees."""
+    told, half = with_error(math.degrees(angle), math.degrees(error), 1).split(" ± ")
+    return f"{told}° ± {half}°"
+
+
 def degrees(angle: float) -> str:
     """Write an angle [rad] in degrees, with one digit where it is small."""
     value = math.degrees(angle)
@@ -61,7 +89,7 @@ def _route_words(result: FrameResult) -> str:
     pieces = "one piece" if len(arcs.length) == 1 else f"{len(arcs.length)} pieces"
     return (
         f"The route is **L = {1e3 * arcs.total_length:.1f} mm** long and turns through "
-        f"**Φ = {math.degrees(arcs.total_angle):.1f}° ± {math.degrees(arcs.total_angle_se):.1f}°** in all: "
+        f"**Φ = {angle_with_error(arcs.total_angle, arcs.total_angle_se)}** in all: "
         f"{pieces} of constant curvature (method: {arcs.method}; sensor noise {noise(result)} mm; "
         f"{_sharpest(float(profile.kappa.max()))})."
     )
@@ -83,8 +111,8 @@ def _tension_words(result: FrameResult) -> str:
     share = f" ({100 * seen.tension_out / seen.tension_in:.0f} %)" if seen.tension_in > 0 else ""
     return (
         f"{verb} to **T_in = {seen.tension_in:.2f} N**, the distal end feels "
-        f"**T_out = {seen.tension_out:.2f} ± {seen.tension_out_se:.2f} N**{share} and the tendon is "
-        f"stretched by **δ = {1e3 * seen.elongation:.3f} ± {1e3 * seen.elongation_se:.3f} mm**. "
+        f"**T_out = {with_error(seen.tension_out, seen.tension_out_se, 2)} N**{share} and the tendon is "
+        f"stretched by **δ = {with_error(1e3 * seen.elongation, 1e3 * seen.elongation_se, 3)} mm**. "
         + _dead_zone_words(result)
     )
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import rerun.blueprint as rrb
 
 from tssgeom.view import colours
-from tssgeom.view.blueprint import chart
+from tssgeom.view.blueprint import chart, from_zero
 from tssgeom.view.camera import Camera
 from tssgeom.view.chart import Box
 from tssgeom.view.compare.difference import Difference
@@ -15,15 +15,17 @@ CHART_BOX = Box(width=1.9, text=0.12, bare=True)
 BOTH_BOX = Box(width=3.1, text=0.115)
 
 
-def blueprint(names: dict[str, str], cameras: dict[str, Camera], gap: Difference | None) -> rrb.Blueprint:
-    """Lay out the views; one time line moves both columns."""
+def blueprint(
+    names: dict[str, str], cameras: dict[str, Camera], gap: Difference | None, tension: float
+) -> rrb.Blueprint:
+    """Lay out the views; one time line moves both columns. The plot of tensions ends at `tension` [N]."""
     columns = rrb.Horizontal(*(_column(side, names[side], cameras[side]) for side in ("a", "b")))
     words = rrb.TextDocumentView(origin="difference/words", name="What differs")
     table = rrb.TextDocumentView(origin="difference/table", name="At the greatest pull of each")
     below = (
         rrb.Horizontal(words, table, _both(), column_shares=[30, 20, 50])
         if gap is None
-        else rrb.Horizontal(words, table, *_plots(), column_shares=[26, 20, 27, 27])
+        else rrb.Horizontal(words, table, *_plots(tension), column_shares=[26, 20, 27, 27])
     )
     state = "hidden" if gap is None else "collapsed"
     return rrb.Blueprint(
@@ -58,12 +60,12 @@ def _both() -> rrb.Spatial2DView:
     return chart("difference/tension", title, BOTH_BOX)
 
 
-def _plots() -> list[rrb.Container]:
+def _plots(top: float) -> list[rrb.Container]:
     tension = [f"{side}/series/{name}" for name in ("tension_in", "tension_out") for side in ("a", "b")]
     stretch = [f"{side}/series/elongation" for side in ("a", "b")]
     return [
         rrb.Vertical(
-            _plot("T_out [N] over time: A blue, B orange; T_in grey", tension),
+            _plot("T_out [N] over time: A blue, B orange; T_in grey", tension, top),
             _plot("T_out of B less that of A [N]", ["difference/tension_out"]),
         ),
         rrb.Vertical(
@@ -73,6 +75,6 @@ def _plots() -> list[rrb.Container]:
     ]
 
 
-def _plot(title: str, contents: list[str]) -> rrb.TimeSeriesView:
+def _plot(title: str, contents: list[str], top: float | None = None) -> rrb.TimeSeriesView:
     legend = rrb.PlotLegend(corner=rrb.Corner2D.LeftTop, visible=False)
-    return rrb.TimeSeriesView(name=title, contents=contents, plot_legend=legend)
+    return rrb.TimeSeriesView(name=title, contents=contents, plot_legend=legend, axis_y=from_zero(top))

@@ -18,7 +18,7 @@ from tssgeom.view.language import TIMELINE
 from tssgeom.view.rerun_numbers import NUMBERS, ON_JOINTS, ON_ROUTE
 from tssgeom.view.viewer import parts_of, require_recording
 
-COPIED = ("/sensed", "/joints", "/lumen", "/scale")
+COPIED = ("/sensed", "/joints", "/lumen")
 """Entities, and those below them, that a comparison shows as they are."""
 _READ = ("/route", "/joints", "/summary", "/labels")
 _NS = 1e-9  # s

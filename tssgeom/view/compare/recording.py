@@ -31,7 +31,7 @@ from tssgeom.view.language import (
 from tssgeom.view.rerun_charts import send_axes, send_curvature_chart, send_tension_chart
 from tssgeom.view.rerun_front import send_slip_front
 from tssgeom.view.rerun_series import send_line
-from tssgeom.view.rerun_space import send_labels, send_piece_names, send_route
+from tssgeom.view.rerun_space import send_labels, send_piece_names, send_route, send_scale_bar
 
 _LARGER = 1.6  # text beside the route, as the views of both are lower than one alone
 _COLOURS = {"a": FIRST, "b": SECOND}
@@ -59,7 +59,7 @@ def write_comparison(path: Path, first: Path, second: Path) -> None:
     limits = _common(a, b)
     path.touch()
     with rr.RecordingStream(f"tssgeom: {a.name} and {b.name}", recording_id=uuid4()) as recording:
-        recording.save(path, default_blueprint=blueprint(names, cameras, gap))
+        recording.save(path, default_blueprint=blueprint(names, cameras, gap, limits.tension))
         recording.send_recording_name(f"{a.name} and {b.name}")
         send_piece_names(Sender(recording, None), [*a.pieces, *b.pieces])
         for key, side in sides.items():
@@ -110,7 +110,8 @@ def _send_side(recording: rr.RecordingStream, key: str, side: Side, limits: Rang
 
 
 def _send_labels(sender: Sender, side: Side, seen: Camera) -> None:
-    """Write the labels anew: in a lower view they need more room."""
+    """Write the labels anew, that of the scale too: in a lower view they need more room."""
+    send_scale_bar(sender, seen, _LARGER)
     places = [
         label_places(seen, frame, arcs, _LARGER) for frame, arcs in zip(side.frames, side.pieces, strict=True)
     ]

@@ -7,6 +7,7 @@ import math
 from tssgeom.view.compare.difference import Difference, parting
 from tssgeom.view.compare.reading import Side
 from tssgeom.view.language import CHANNELS
+from tssgeom.view.words import angle_with_error, with_error
 
 _SURE = 2.0  # standard errors beyond which a difference is none of chance
 _EARLY = 0.05  # of the length: tensions that part before it do so from the beginning
@@ -38,7 +39,7 @@ def _route_words(a: Side, b: Side) -> str:
     length = "as long" if abs(longer) < _LONG else length
     if abs(turn) <= _SURE * error or turn == 0.0:
         return f"The routes turn alike: Φ differs by {_degrees(turn)}, within its error. B is {length}."
-    return f"The route of B turns **{_degrees(abs(turn))} ± {_degrees(error)} {more}** and is {length}."
+    return f"The route of B turns **{angle_with_error(abs(turn), error)} {more}** and is {length}."
 
 
 def _degrees(angle: float) -> str:
@@ -56,9 +57,9 @@ def _peak_words(a: Side, b: Side) -> str:
     late = place is not None and place > _EARLY * _at_peak(a, "length_m")
     where = f" The tensions run apart from s = {1e3 * place:.0f} mm on." if place and late else ""
     return (
-        f"At the greatest pull, with {same}, the distal end of B feels **{out:+.2f} ± {error:.2f} N** "
-        f"({before:.2f} to {before + out:.2f} N{share}), and δ is "
-        f"**{1e3 * stretch:+.3f} ± {1e3 * stretch_error:.3f} mm** beside that of A.{where}"
+        f"At the greatest pull, with {same}, the distal end of B feels "
+        f"**{with_error(out, error, 2, '+')} N** ({before:.2f} to {before + out:.2f} N{share}), and δ is "
+        f"**{with_error(1e3 * stretch, 1e3 * stretch_error, 3, '+')} mm** beside that of A.{where}"
     )
 
 

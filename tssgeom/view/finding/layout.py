@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import numpy as np
 import rerun.blueprint as rrb
 
 from tssgeom.discrepancy.finding import Finding
 from tssgeom.view import colours
+from tssgeom.view.blueprint import from_zero
 from tssgeom.view.chart import Box
 from tssgeom.view.finding import words
 from tssgeom.view.finding.replay import Replay
@@ -34,7 +36,7 @@ def blueprint(finding: Finding, shown: Replay) -> rrb.Blueprint:
         column_shares=[6, 5],
     )
     left = rrb.Vertical(spaces, charts, text, row_shares=[38, 30, 32])
-    right = rrb.Vertical(*_plots(finding))
+    right = rrb.Vertical(*_plots(finding, shown.tension))
     return rrb.Blueprint(
         rrb.Horizontal(left, right, column_shares=[56, 44]),
         rrb.BlueprintPanel(state="collapsed"),
@@ -67,10 +69,13 @@ def _chart(origin: str, title: str, box: Box) -> rrb.Spatial2DView:
     )
 
 
-def _plots(finding: Finding) -> list[rrb.TimeSeriesView]:
+def _plots(finding: Finding, tension: float) -> list[rrb.TimeSeriesView]:
     """Lay out the channel with the widest gap, and below it what is left of each channel."""
     channels = [(name, words.channel(name)) for name in shown_channels(finding)]
-    first = _plot("channel", f"{channels[0][1].label} over the samples of all runs", legend=True)
+    name, widest = channels[0]
+    most = max(float(np.nanmax(each.measured.get(name, 0.0), initial=0.0)) for each in finding.traces)
+    top = max(tension, most) if widest.unit == "N" else None
+    first = _plot("channel", f"{widest.label} over the samples of all runs", legend=True, top=top)
     left = [
         _plot(f"left/{name}", f"Δ{told.label}, measured less simulated, ± 2σ of the sensors", legend=k == 0)
         for k, (name, told) in enumerate(channels)
@@ -78,6 +83,6 @@ def _plots(finding: Finding) -> list[rrb.TimeSeriesView]:
     return [first, *left]
 
 
-def _plot(origin: str, title: str, *, legend: bool) -> rrb.TimeSeriesView:
+def _plot(origin: str, title: str, *, legend: bool, top: float | None = None) -> rrb.TimeSeriesView:
     corner = rrb.PlotLegend(corner=rrb.Corner2D.LeftTop, visible=legend)
-    return rrb.TimeSeriesView(origin=origin, name=title, plot_legend=corner)
+    return rrb.TimeSeriesView(origin=origin, name=title, plot_legend=corner, axis_y=from_zero(top))

@@ -62,7 +62,7 @@ def _write(path: Path, finding: Finding) -> None:
         samples = Sender(recording, np.arange(float(sum(len(t.time) for t in finding.traces))), COUNT)
         _send_route(runs, moments, shown)
         _send_blame(runs, finding, shown)
-        _send_charts(runs, moments, shown)
+        _send_charts(runs, moments, finding, shown)
         send_lines(samples, finding)
         send_words(runs, finding)
 
@@ -80,7 +80,7 @@ def _send_route(runs: Sender, moments: Sender, shown: Replay) -> None:
     places = [label_places(shown.camera, one.frames()[0], one.arcs, _LARGER) for one in each]
     send_joints(runs, [one.frames()[0] for one in each], [one.arcs for one in each])
     for sender in (runs, replace(runs, below="blame/")):
-        send_scale_bar(sender, shown.camera)
+        send_scale_bar(sender, shown.camera, _LARGER)
     rows = [
         (place, [*words.end_labels(*ends), *words.piece_labels(one.arcs)])
         for one, place in zip(each, places, strict=True)
@@ -114,7 +114,7 @@ def _send_blame(runs: Sender, finding: Finding, shown: Replay) -> None:
         runs.send("blame/found", marks, [len(found)] * len(each))
 
 
-def _send_charts(runs: Sender, moments: Sender, shown: Replay) -> None:
+def _send_charts(runs: Sender, moments: Sender, finding: Finding, shown: Replay) -> None:
     frames = [frame for stretch in shown.stretches for frame in stretch.frames()]
     pieces = [stretch.arcs for stretch in shown.stretches for _ in stretch.rows]
     limits = Ranges(shown.tension, shown.length, 1.0)
@@ -122,4 +122,4 @@ def _send_charts(runs: Sender, moments: Sender, shown: Replay) -> None:
     send_tension_chart(moments, frames, pieces, limits, TENSION_BOX)
     fronts = [front for stretch in shown.stretches for front in stretch.fronts()]
     send_slip_front(moments, frames, fronts, limits, TENSION_BOX)
-    send_blame_chart(runs, shown, BLAME_BOX)
+    send_blame_chart(runs, shown, bends(finding.effects), BLAME_BOX)

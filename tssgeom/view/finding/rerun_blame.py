@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import rerun as rr
 
@@ -14,10 +16,19 @@ from tssgeom.view.rerun_charts import send_axes
 _STEPS = 48
 
 
-def send_blame_chart(runs: Sender, shown: Replay, box: Box) -> None:
-    """Draw what is missing with its standard error, in its own colours; what is too much lies at the foot."""
+def send_blame_chart(runs: Sender, shown: Replay, found: Sequence[float], box: Box) -> None:
+    """Draw what is missing with its standard error, in its own colours; what is too much lies at the foot.
+
+    Upright lines stand where bends were `found` [m].
+    """
     chart = Chart(Axis(1e3 * shown.length, "mm"), Axis(shown.blame, ""), box)
     send_axes(runs, "missing", chart)
+    if found:
+        uprights = [chart.place(1e3 * place, np.array([0.0, shown.blame])) for place in found]
+        line = rr.LineStrips2D(
+            uprights, colors=[colours.AFTER], radii=rr.Radius.ui_points(1.2), draw_order=15
+        )
+        runs.constant("missing/found", line)
     _send_colour_bar(runs, chart, shown.blame)
     each = shown.stretches
     bars = [
