@@ -72,7 +72,8 @@ def calibrate(
     """Find friction, compliance and sensor zeros, with 95 % intervals, from a run; write them as a rig.
 
     RUN has a column time_s, a drive (tension_in_N, or else displacement_in_m) and responses (tension_out_N,
-    elongation_m or _mm, displacement_out_m). Friction and compliance go into the rig; zeros are told only.
+    elongation_m or _mm, or displacement_in_m with displacement_out_m). Friction and compliance go into the
+    rig; zeros are told only.
     """
     from pipelines import calibrate as command
     from pipelines.work import options

@@ -18,8 +18,6 @@ from tssgeom.discrepancy.stack import FINE, stacked
 from tssgeom.settings import Rig
 from tssgeom.tendon.run_model import Model, RunTrace, begin, carry_on, prepare
 
-Groups = Mapping[str, Mapping[str, float]]
-
 
 @dataclass(frozen=True, slots=True)
 class Seen:

@@ -1,6 +1,6 @@
 """Runs made ready to be compared: which channel drives, which answer, and which readings are none.
 
-Source: docs/discovery.md, "How it decides", step 0.
+Source: docs/discovery.md, "How it decides", steps 1 and 2.
 """
 
 from __future__ import annotations

@@ -32,9 +32,6 @@ class Judged:
     verdict: Verdict
     reason: str
     """Why unknown, in words; else empty."""
-    left_before: float
-    """Worst channel, rms beyond noise over guard [1]."""
-    left_after: float
     bent: bool
     """Whether it is unknown only since a load cell is bent beyond its specification."""
     held_ratio: float
@@ -54,15 +51,15 @@ def judged(
     reason = _unknown(chosen, (before, after), (gap, ratio))
     bent = "" if reason else _bent(chosen, names)
     if reason or bent:
-        return Judged("unknown", reason or bent, before, after, bool(bent), ratio)
+        return Judged("unknown", reason or bent, bool(bent), ratio)
     if not chosen.fit.at.effects:
-        return Judged("none", "", before, after, False, ratio)
+        return Judged("none", "", False, ratio)
     named = {name_of(effect) for effect in chosen.fit.at.effects}
     tied = any(
         now.tried and now.tried[0].name in named and {one.name for one in close_rivals(now)} - named
         for now in chosen.steps
     )
-    return Judged("tie" if tied else "effect", "", before, after, False, ratio)
+    return Judged("tie" if tied else "effect", "", False, ratio)
 
 
 def _unknown(chosen: Selection, left: tuple[float, float], held: tuple[float, float]) -> str:

@@ -1,6 +1,6 @@
 """The workflow: base fit, error model, where, what, decision, ties, next experiment, updated rig.
 
-Steps and constants: docs/discovery.md, "How it decides"; equations: docs/model.md (100)-(119).
+Steps and constants: docs/discovery.md, "How it decides"; equations: docs/model.md (100)-(118).
 """
 
 from __future__ import annotations

@@ -37,26 +37,6 @@ def recording_writer(path: Path) -> Writer:
     return writer
 
 
-def write_points(path: Path, frames: Sequence[Frame], covariance: Sequence[np.ndarray]) -> None:
-    """Write a recording, whole or not at all.
-
-    Parameters
-    ----------
-    path
-        A .jsonl, .ndjson or .npz file.
-    frames
-        Points, time and noise of each frame, with as many points in each.
-    covariance
-        Of each point [n, 3, 3] [m²].
-
-    Raises
-    ------
-    SourceError
-        Where the ending is none that is written, or the disk refuses.
-    """
-    recording_writer(path)(path, frames, covariance)
-
-
 def _write_lines(path: Path, frames: Sequence[Frame], covariance: Sequence[np.ndarray]) -> None:
     lines = (_line(frame, spread) for frame, spread in zip(frames, covariance, strict=True))
     write_text(path, "".join(json.dumps(line, separators=(",", ":")) + "\n" for line in lines))

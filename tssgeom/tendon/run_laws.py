@@ -19,9 +19,8 @@ class Memory(NamedTuple):
     travel: np.ndarray  # [k] path slid so far, either way [m]
     creep: np.ndarray  # [b] m
     slip: np.ndarray  # [k] int8: +1 slid on a pull, 0 stuck, −1 slid on a release
-    drive: (
-        np.ndarray
-    )  # [5] last drive [N or m], warmth [K], position past the backlash [m], lag [m], lead [m]
+    drive: np.ndarray
+    """[6] last drive [N or m], warmth [K], position past the backlash [m], lag [m], lead [m], rate [m/s]"""
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -57,10 +57,8 @@ class RunTrace:
 
     channels: dict[str, Vector]
     """[m] What each of `CHANNELS` reads, the drive as it was given [N, m]."""
-    slip_in: Vector
-    """[m] What the first contact did: +1 slid on a pull, 0 stuck, −1 slid on a release."""
     slip_out: Vector
-    """[m] The same of the last contact: 0 is the dead zone."""
+    """[m] What the last contact did: +1 slid on a pull, −1 on a release, 0 stuck: the dead zone."""
     tension: Matrix
     """[m, bars + 2] Tension of each bar, from the drive to the load, where asked for; else no rows [N]."""
 
@@ -213,7 +211,7 @@ def carry_on(
         )
     seen = shown(model.setup, out) | {model.drive: given}
     channels, lags = late(model.setup, seen, spans, state.lags)
-    trace = RunTrace(channels, out[4], out[5], read_only(rows))
+    trace = RunTrace(channels, out[5], read_only(rows))
     return trace, RunState(memory, float(time[-1]), float(coldest), lags)
 
 
