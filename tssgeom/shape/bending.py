@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numba import njit
 
+from tssgeom.arrays import Vector
 from tssgeom.shape.median import median
 from tssgeom.shape.stations import isotonic
 
@@ -21,6 +22,8 @@ _LEAST_STEP = 1e-7  # of the mean spacing, between points whose feet coincide
 _SHARPEST_BELIEVED = 1.0  # from point to point [rad]: what turns more has been led astray
 _BEND_SHARE = 0.3  # of κh²: what a jump of curvature alone can move a point off its neighbours' curve
 _AT_END, _NEXT_TO_END = 2.0, 1.0  # the same at the last points, which have neighbours on one side only
+_MOST_AT_END = 4  # outliers side by side at an end, beyond which they are the end
+_MOST_WITHIN, _SHARE_WITHIN = 8, 0.1  # the same between two points that are none, of all points the second
 _REACH = 3  # points on either side among which only the worst is taken out at once
 
 
@@ -160,3 +163,12 @@ def stray_points(
             stray[i] = True
             count += 1
     return stray, count
+
+
+def is_stretch(weight: Vector) -> bool:
+    """Whether so many points side by side are left out that a stretch of the route is, not its outliers."""
+    used = np.flatnonzero(weight)
+    if len(used) < 2:
+        return True
+    ends, within = max(used[0], len(weight) - 1 - used[-1]), int(np.diff(used).max()) - 1
+    return bool(ends > _MOST_AT_END or within > max(_MOST_WITHIN, _SHARE_WITHIN * len(weight)))

@@ -9,7 +9,7 @@ import numpy as np
 
 from tssgeom.arrays import Matrix, Points, Vector
 from tssgeom.errors import FitError
-from tssgeom.shape.bending import SHARPEST, bent_along, stray_points
+from tssgeom.shape.bending import SHARPEST, bent_along, is_stretch, stray_points
 from tssgeom.shape.directions import may_drop, stray_direction, variances
 from tssgeom.shape.filtering import transitions
 from tssgeom.shape.intensity import best_noise, best_ratio
@@ -27,8 +27,6 @@ _FEW = 9  # points between which the first guess of the bend is taken
 _VAGUE = 1e4  # variance of place and direction at the first station over that of a first guess
 _LOOSE = 4.0  # variance of the bend in the first pass over that of a first guess
 _ROUNDS = 8  # of looking for outliers
-_MOST_AT_END = 4  # outliers side by side at an end, beyond which they are the end
-_MOST_WITHIN, _SHARE_WITHIN = 8, 0.1  # the same between two points that are none, of all points the second
 _EXACT = 1e-6  # of the spacing: less is rounding, which a filter of four states must not take for truth
 _UNEVEN = 2.0  # ln likelihood a point by which chord lengths must beat even spacing as first stations
 
@@ -334,19 +332,10 @@ def _without_outliers(problem: Problem, solution: Solution) -> tuple[Problem, So
         if not count:
             break
         weight = np.where(stray, 0.0, problem.weight)
-        if _is_stretch(weight):
+        if is_stretch(weight):
             weight = np.ones_like(weight)
         problem = problem._replace(weight=weight)
         solution = _solve(problem, solution.ratio)
         if weight.min() > 0.0:
             break
     return problem, solution
-
-
-def _is_stretch(weight: Vector) -> bool:
-    """Whether so many points side by side are left out that a stretch of the route is, not its outliers."""
-    used = np.flatnonzero(weight)
-    if len(used) < 2:
-        return True
-    ends, within = max(used[0], len(weight) - 1 - used[-1]), int(np.diff(used).max()) - 1
-    return bool(ends > _MOST_AT_END or within > max(_MOST_WITHIN, _SHARE_WITHIN * len(weight)))
