@@ -21,6 +21,7 @@ from tssgeom.tendon.profile import check_tension
 from tssgeom.tendon.state import TendonState, pretensioned, step, transmit, true_tension
 from tssgeom.tendon.transmission import Transmission
 
+_FAULTS = (TssgeomError, ArithmeticError)  # of one frame: the next may be sound
 _MOST_STRAIN = 0.5  # of the tendon at its proximal end, before its numbers are doubted [1]
 
 
@@ -127,12 +128,19 @@ def process(
             continue
         try:
             result = advance(seq, frame, current, rig, tension_in, last)
-        except TssgeomError as error:
-            yield Rejected(seq, frame.time, str(error), frame.id)
+        except _FAULTS as error:
+            yield Rejected(seq, frame.time, _reason(error), frame.id)
         else:
             yield result
             # the result is out: what now takes its time keeps no frame waiting that has arrived
             current, last = result.state, reconsidered(result.followed)
+
+
+def _reason(fault: Exception) -> str:
+    """Say why a frame has no result."""
+    if isinstance(fault, TssgeomError):
+        return str(fault)
+    return f"the points cannot be computed with ({fault}): look for points that coincide or run back"
 
 
 def advance(
@@ -317,8 +325,8 @@ def alone(
             continue
         try:
             result = advance(seq, frame, rest, rig, tension_in, last)
-        except TssgeomError as error:
-            yield Rejected(seq, frame.time, str(error), frame.id)
+        except _FAULTS as error:
+            yield Rejected(seq, frame.time, _reason(error), frame.id)
         else:
             last = result.followed
             yield result

@@ -99,3 +99,21 @@ def test_a_route_has_a_length_or_is_refused():
     )
     (told,) = process([Frame(points)], Rig(), tension_in=10.0)
     assert not isinstance(told, FrameResult) or told.arcs.length.min() > 0.0
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-4])
+def test_points_that_run_back_along_a_straight_route_are_warned_of(noise):
+    x = np.concatenate([np.linspace(0.0, 0.1, 41), np.linspace(0.1, 0.0875, 6)[1:]])
+    points = np.column_stack([x, 0 * x, 0 * x])
+    points += noise * np.random.default_rng(3).standard_normal(points.shape)
+    (told,) = process([Frame(points)], Rig(), tension_in=10.0)
+    assert isinstance(told, FrameResult)
+    turned = abs(told.arcs.total_angle - np.pi) < 3.0 * told.arcs.total_angle_se + 0.1
+    assert turned or any("run back" in text or "ignored" in text for text in told.warnings)
+
+
+def test_points_that_go_out_and_straight_back_stop_no_stream():
+    x = np.concatenate([np.linspace(0.0, 0.1, 4), np.linspace(0.1, 0.0, 4)[1:]])
+    frames = [Frame(np.column_stack([x, 0 * x, 0 * x]), 0.0), Frame(arc(1.0, 0.1, 20), 1.0)]
+    _, sound = process(frames, Rig(), tension_in=10.0)
+    assert sound.arcs.total_angle == pytest.approx(1.0, rel=1e-3)

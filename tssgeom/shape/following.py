@@ -51,8 +51,10 @@ _FAR = 60.0  # -2 ln evidence behind which it may wait longer for its next trial
 _MOVES = 2  # of a chain in one frame
 _PATIENCE = 4  # frames in which a chain that is far behind may still come up
 _UNFIT = 6.0  # standard deviations of the cost above which a chain does not fit
+_QUIETER = 100.0  # times less noise variance than in the last frame, where the fit begins anew
 _NOISIER = 2.0  # times the noise variance of the last frame: the same where noise is not known
 _ROUNDING = 1e-9  # of the spacing
+_EXACT = 1e-5  # of the spacing: what no sensor tells apart
 
 
 @dataclass(frozen=True, slots=True)
@@ -223,7 +225,10 @@ def _unfit(data: Data, chain: Chain, variance: float) -> bool:
     most = 1.0 + _UNFIT * math.sqrt(2.0 / freedom)
     if data.variance > 0.0:
         return not chain.cost < most * data.variance * freedom
-    return not chain.cost < max(_NOISIER, 1.5 * most) * max(variance, (_ROUNDING * data.gap) ** 2) * freedom
+    usual = max(variance, (_ROUNDING * data.gap) ** 2) * freedom
+    least = (_EXACT * data.gap) ** 2 * freedom
+    quieter = _QUIETER * max(chain.cost, least) < usual  # the last frame was none to measure by
+    return quieter or not chain.cost < max(_NOISIER, 1.5 * most) * usual
 
 
 def _with_spline_tried(asked: Question, data: Data, chain: Chain, last: Followed) -> Followed:

@@ -27,7 +27,7 @@ from tssgeom.shape.directions import direction_warnings
 from tssgeom.shape.evidence import lead, margin
 from tssgeom.shape.known_length import of_known_length
 from tssgeom.shape.outline import Outline
-from tssgeom.shape.points import Shape, stray_warnings
+from tssgeom.shape.points import Shape, order_warnings, stray_warnings
 from tssgeom.shape.route import Route
 from tssgeom.shape.spline import Spline, fit
 from tssgeom.shape.stations import spacing_of_pieces, summed
@@ -208,6 +208,8 @@ def by_chain(shape: Shape, data: Data, chain: Chain) -> Geometry:
         used = np.where(blur[:, None] > 0.0, aim, np.nan)
         warnings += direction_warnings(shape.directions, used, shape.index)
     chain, arcs, noise = _told(data, chain)
+    if data.free:
+        warnings += order_warnings(shape, data.weight, chain.stations, noise)
     return Geometry(ChainOutline(data, chain, noise, warnings), arcs, chain=chain)
 
 

@@ -17,6 +17,7 @@ from tssgeom.shape.stray import FEWEST, out_of_order, stray, well_behaved, worst
 
 MIN_POINTS = 4
 _LEAST_EXTENT = 1e-6  # [m]
+_FAR_BEHIND, _BEHIND = 10.0, 1e-6  # noises, and shares of the route, by which a point may lie behind others
 _USUAL = (1e-3, 100.0)  # extents beyond which the unit is doubted [m]
 _FARTHEST = 1e6  # from the origin: beyond it places within a route cannot be told apart [m]
 
@@ -265,7 +266,19 @@ def _refuse_unusable(points: Points, *, ordered: bool) -> None:
 def stray_warnings(shape: Shape, weight: Vector) -> tuple[str, ...]:
     """Name the points that a fit gave no weight."""
     stray = shape.index[weight <= 0.0].astype(int)
-    if not len(stray):
+    return (f"{len(stray)} outlying points ignored {_named(stray)}",) if len(stray) else ()
+
+
+def order_warnings(shape: Shape, weight: Vector, stations: Vector, noise: float) -> tuple[str, ...]:
+    """Name the points that lie behind one before them by more than the noise of both [m]."""
+    used = np.flatnonzero(weight > 0.0)
+    at = stations[used]
+    behind = used[np.maximum.accumulate(at) - at > _FAR_BEHIND * noise + _BEHIND * (at[-1] - at[0])]
+    if not len(behind):
         return ()
-    named = ", ".join(str(i) for i in stray[:5]) + (", ..." if len(stray) > 5 else "")
-    return (f"{len(stray)} outlying points ignored (count from 0: {named})",)
+    named = _named(shape.index[behind].astype(int))
+    return (f"{len(behind)} points run back along the route {named}: look for points out of order",)
+
+
+def _named(points: np.ndarray) -> str:
+    return f"(count from 0: {', '.join(str(i) for i in points[:5])}{', ...' if len(points) > 5 else ''})"
