@@ -85,6 +85,20 @@ def test_no_address_of_another_machine_is_taken(run, uri):
     assert "--allow-remote" in outcome.errors[0]
 
 
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        (("--sink", "udp://127.0.0.1:0"), "nobody is: give a port"),
+        (("--source", "-", "--source", "-"), "--source - is given twice"),
+        (("--sink", "none", "--sink", "none"), "--sink none is given twice"),
+    ],
+)
+def test_a_place_that_nothing_can_come_of_is_refused(run, given, said):
+    outcome = run("live", *given)
+    assert outcome.status == 2
+    assert said in outcome.errors[0]
+
+
 def test_remote_access_needs_a_token_that_cannot_be_guessed(run, tmp_path):
     alone = run("live", "--source", "tcp://0.0.0.0:0", "--allow-remote")
     assert "--token-file" in alone.errors[0]

@@ -99,7 +99,10 @@ def sink_of(text: str) -> Endpoint:
     """
     if text in ("-", "none"):
         return Endpoint(text, text)
-    return _socket(text, SINKS, "sink", {})
+    sink = _socket(text, SINKS, "sink", {})
+    if sink.scheme == "udp" and not sink.port:
+        raise SettingsError(f"--sink {text}: answers are sent to port 0, where nobody is: give a port")
+    return sink
 
 
 def _file(text: str) -> Endpoint:
