@@ -29,7 +29,7 @@ _DRIVES = ("round_turns", "force_driven")
 _DRIVEN = ("hidden_bend", "slack_take_up", "load_dependent_friction", "creep", "viscous_drag", "backlash")
 _QUICK = ("hidden_bend", "backlash", "tension_out_offset")
 _KEYS = ("verdict", "effects", "tie", "breaks_tie", "unobservable", "gap", "base")
-_PATIENCE_S = 300.0
+_PATIENCE_S = 1800.0  # the first ones compile, perhaps beside other work
 
 
 @dataclass(frozen=True, slots=True)

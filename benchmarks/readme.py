@@ -21,7 +21,6 @@ from benchmarks.tables import table
 from tssgeom.io.atomic import write_text
 
 ROOT = Path(__file__).parents[1]
-_LAST = 15  # lines that are shown of a benchmark that failed
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -61,7 +60,7 @@ def done(part: Part, root: Path, *, quick: bool) -> bool:
             raise LookupError(f"exit status {ended.returncode}")
         shown = part.shown(ended.stdout)
     except (LookupError, ValueError) as error:
-        print(*ended.stdout.splitlines()[-_LAST:], f"{part.name}: {error}", sep="\n", file=sys.stderr)
+        print(f"{ended.stdout}{part.name}: {error}", file=sys.stderr)
         return False
     machine = ended.stdout.splitlines()[0]
     if quick:

@@ -153,7 +153,7 @@ PARTS = (
     Part(
         "discovery",
         "`discover`: what the model lacks, named first",
-        ("--split", "test", "--baselines"),
+        ("--split", "test", "--seeds", "1", "--baselines"),
         ("--quick",),
         _discovery,
     ),
