@@ -113,7 +113,9 @@ def test_an_out_folder_that_cannot_be_written_is_one_line(run, inputs, tmp_path)
 def test_an_interruption_leaves_whole_files_and_no_drafts(write_csv, tmp_path):
     for number in range(200):
         write_csv(f"in/s{number:03d}.csv", half_circle())
-    code = "from pipelines.cli import main; main()"
+    # what a shell starts with & does not hear Ctrl-C, and neither would the program
+    heard = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
+    code = heard + "from pipelines.cli import main; main()"
     command = [sys.executable, "-c", code, "batch", str(tmp_path / "in"), "--out", str(tmp_path / "out")]
     with subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True) as batch:
         assert batch.stderr is not None
