@@ -2,7 +2,7 @@
 
     python -m benchmarks.discovery [--quick] [--effects NAME…] [--seeds N] [--split test] [--jobs 2]
 
-The full run makes some 440 campaigns at four seeds; `--quick` makes seven. `--baselines` adds a sparse
+The full run makes some 500 campaigns at four seeds; `--quick` makes seven. `--baselines` adds a sparse
 regression (pysindy) and a Gaussian process (scikit-learn) on the files of single causes of typical size,
 where they are installed.
 """

@@ -7,13 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from pipelines.console import complain, say, show, tracking
-from pipelines.runs import naming, sensed_route, temperature_of
+from pipelines.console import say, show, tracking
+from pipelines.runs import naming, sensed_route, temperature_of, warn_of_doubts
 from pipelines.summary_table import acting
 from pipelines.work import Options
 from tssgeom.io.run_tables import write_commands
 from tssgeom.io.runs import CHANNELS, read_run
-from tssgeom.stream import doubts
 from tssgeom.tendon.compensation import Command
 from tssgeom.tendon.simulation import commands
 
@@ -41,9 +40,7 @@ def run(shapes: Path, target: Path, chosen: Options, *, out: Path, as_json: bool
                 found.append(command)
                 tracker.frame(len(values))
         tracker.end(str(target))
-    longest = max(result.arcs.total_length for result in sensed.results)
-    for doubt in doubts(chosen.rig, longest, max(one.tension_in for one in found)):
-        complain(f"{target}: warning: {doubt}")
+    warn_of_doubts(target, sensed, chosen.rig, max(one.tension_in for one in found))
     write_commands(out / TABLE, wanted.time.tolist(), found)
     places = np.array([one.displacement_in for one in found])
     tensions = np.array([one.tension_in for one in found])

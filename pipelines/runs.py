@@ -17,7 +17,8 @@ from tssgeom.errors import ShapeError, TssgeomError
 from tssgeom.io.files import open_recording
 from tssgeom.io.recording import in_order
 from tssgeom.io.runs import MeasuredRun
-from tssgeom.stream import Frame, FrameResult, Rejected, process
+from tssgeom.settings import Rig
+from tssgeom.stream import Frame, FrameResult, Rejected, doubts, process
 from tssgeom.tendon.effects import named
 from tssgeom.tendon.history import last_peak
 from tssgeom.tendon.moving import MovingRoute
@@ -57,6 +58,13 @@ class SensedRoute:
         """Return the frame nearest to a time [s]."""
         times = np.array([result.frame.time for result in self.results])
         return self.results[int(np.argmin(np.abs(times - time)))]
+
+
+def warn_of_doubts(run: Path, sensed: SensedRoute, rig: Rig, tension_in: float) -> None:
+    """Say where a rig, the longest route and the greatest tension [N] of a run can hardly belong together."""
+    longest = max(result.arcs.total_length for result in sensed.results)
+    for doubt in doubts(rig, longest, tension_in):
+        complain(f"{run}: warning: {doubt}")
 
 
 def sensed_route(path: Path, chosen: Options) -> SensedRoute:

@@ -8,13 +8,20 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, get_args
 
-from pipelines.console import complain, say, show, tracking
-from pipelines.runs import SensedRoute, draw, draw_figures, naming, sensed_route, temperature_of
+from pipelines.console import say, show, tracking
+from pipelines.runs import (
+    SensedRoute,
+    draw,
+    draw_figures,
+    naming,
+    sensed_route,
+    temperature_of,
+    warn_of_doubts,
+)
 from pipelines.summary_table import acting
 from pipelines.work import Options
 from tssgeom.io.run_tables import write_simulation
 from tssgeom.io.runs import MeasuredRun, read_run
-from tssgeom.stream import doubts
 from tssgeom.tendon.simulation import Moment, Phase, simulate
 
 TABLE, PICTURE = "simulate.parquet", "simulate.rrd"
@@ -59,9 +66,7 @@ def run(
                 moments.append(moment)
                 tracker.frame(len(values))
         tracker.end(str(drive))
-    longest = max(result.arcs.total_length for result in sensed.results)
-    for doubt in doubts(chosen.rig, longest, max(one.transmission.tension_in for one in moments)):
-        complain(f"{drive}: warning: {doubt}")
+    warn_of_doubts(drive, sensed, chosen.rig, max(one.transmission.tension_in for one in moments))
     write_simulation(out / TABLE, moments)
     draw(out / PICTURE, sensed, measured, moments)
     if figures is not None:

@@ -11,12 +11,12 @@ from tssgeom.arrays import Vector
 from tssgeom.shape.median import median
 from tssgeom.shape.stations import isotonic
 
+FINE = 1e-4  # of the spacing: who is off by a few of these is no outlier, however exact the rest
 SHARPEST = 1.5  # turn from point to point that the prior follows [rad]
 _CHANGE = 0.5  # of the curvature, or turn of its plane [rad], from point to point that the prior follows
 _STRAIGHT = 1e-18  # least variance of bend and bend rate at the ends, in units of the spacing
 _NOISE_SHARE = 0.375  # of the posterior variance of the curvature; docs/model.md (24)
 _EXACT = 1e-6  # of the spacing: rounding, not noise
-_FINE = 1e-4  # of the spacing: who is off by a few of these is no outlier, however exact the rest
 _VAGUE = 1e4  # variance of place and direction at the first station over that of the last pass
 _LEAST_STEP = 1e-7  # of the mean spacing, between points whose feet coincide
 _SHARPEST_BELIEVED = 1.0  # from point to point [rad]: what turns more has been led astray
@@ -144,7 +144,7 @@ def stray_points(
         sizes[used] = size[i]
         used += 1
     stray = np.zeros(n, dtype=np.bool_)
-    scale = max(median(sizes[:used]) / 1.177, math.sqrt(variance), _FINE)
+    scale = max(median(sizes[:used]) / 1.177, math.sqrt(variance), FINE)
     beyond_chance = scale * math.sqrt(16.0 + 2.0 * math.log(n))
     sharpest = min(math.sqrt(sharpest), _SHARPEST_BELIEVED)
     count = 0

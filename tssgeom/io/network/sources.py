@@ -275,7 +275,14 @@ class Replay:
         self._mailbox, self._speed, self._clock = mailbox, endpoint.speed(), Clock()
         self._frames: Iterator[Frame | Rejected] = iter(open_recording(endpoint.path, unit).frames)
         self._begun: tuple[float, float] | None = None
-        self._next: Frame | Rejected | None = next(self._frames, None)
+        self._next: Frame | Rejected | None = None
+        self._paced = False
+        self._advance()
+
+    def _advance(self) -> None:
+        """Read the next frame; one that cannot be used has no time that counts."""
+        self._next = next(self._frames, None)
+        self._paced = isinstance(self._next, Frame) and usable(self._next)
 
     @property
     def ended(self) -> bool:
@@ -286,7 +293,7 @@ class Replay:
         """When the next frame is to be answered, as `monotonic` tells time [s]."""
         if self._next is None:
             return None
-        if self._begun is None or isinstance(self._next, Rejected) or not usable(self._next):
+        if self._begun is None or not self._paced:
             return 0.0
         wall, time = self._begun
         return wall + (self._next.time - time) / self._speed
@@ -296,11 +303,11 @@ class Replay:
         item, due = self._next, self.due()
         if item is None or due is None or due > monotonic():
             return
-        if self._begun is None and isinstance(item, Frame) and usable(item):
+        if self._begun is None and self._paced:
             self._begun = monotonic(), item.time
         self._mailbox.post(self._clock, lambda: item)
         try:
-            self._next = next(self._frames, None)
+            self._advance()
         except TssgeomError as error:  # the file has gone or changed meanwhile
             self._mailbox.post(self._clock, partial(_refused, error))
             self._next = None

@@ -99,15 +99,15 @@ class ChainOutline:
 
 def chain_pieces(data: Data, chain: Chain) -> tuple[Arcs, float]:
     """Return the pieces of a fitted chain and the noise of a coordinate [m]; docs/model.md (33)."""
-    sizes, covariance, noise = _pieces(data, chain)
+    sizes, covariance, noise, _ = _pieces(data, chain)
     sizes.flags.writeable = covariance.flags.writeable = False
     k = len(chain.bend)
     return Arcs(sizes[:k], sizes[k:], covariance, "arcs"), noise
 
 
 @njit(cache=True, nogil=True)
-def _pieces(data: Data, chain: Chain) -> tuple[np.ndarray, np.ndarray, float]:
-    """Lengths and angles [2k] of the pieces, their covariance [2k, 2k], and the noise [m]."""
+def _pieces(data: Data, chain: Chain) -> tuple[np.ndarray, np.ndarray, float, np.ndarray]:
+    """Lengths and angles [2k] of the pieces, their covariance [2k, 2k], noise [m], and hidden bends [k]."""
     k, m = len(chain.bend), len(chain.matrix)
     variance = noise_variance(data, chain)
     column, joint = curvature_columns(chain.curved, data.free), first_joint_column(data.free) - 1
@@ -145,7 +145,7 @@ def _pieces(data: Data, chain: Chain) -> tuple[np.ndarray, np.ndarray, float]:
             covariance[j, k + j] += variance * kappa
             covariance[k + j, j] += variance * kappa
             covariance[k + j, k + j] += variance * kappa * kappa
-    return sizes, covariance, math.sqrt(variance)
+    return sizes, covariance, math.sqrt(variance), hidden
 
 
 @njit(cache=True, nogil=True)
@@ -180,7 +180,8 @@ def _written_out(data: Data, chain: Chain) -> tuple[np.ndarray, np.ndarray]:
             way[j, 0], way[j, 1] = chain.bend[j, 0] / kappa[j], chain.bend[j, 1] / kappa[j]
     column, joint = curvature_columns(chain.curved, data.free), first_joint_column(data.free) - 1
     gradient, own = np.zeros(m), np.zeros(m)  # of φ where a piece begins, and along it
-    hidden, turned, before, i = hidden_bends(data, chain), 0.0, 0.0, 0
+    _, of_pieces, _, hidden = _pieces(data, chain)
+    turned, before, i = 0.0, 0.0, 0
     for j in range(k):
         own[:] = 0.0
         if column[j] >= 0:
@@ -207,7 +208,6 @@ def _written_out(data: Data, chain: Chain) -> tuple[np.ndarray, np.ndarray]:
             gradient[a] += length * own[a]
         turned += kappa[j] * length
         before += hidden[j] * length * length
-    _, of_pieces, _ = _pieces(data, chain)
     out[13, n - 1] = math.sqrt(max(np.sum(of_pieces[k:, k:]), 0.0))
     return out, _on_points(data, chain)
 

@@ -205,6 +205,27 @@ def _settled(data: Data, chain: Chain, goal: float, anew: bool) -> Chain:
 
 
 @njit(cache=True, nogil=True)
+def equations_of(
+    data: Data, chain: Chain, joints: np.ndarray, bend: np.ndarray, curved: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return matrix and gradient of the normal equations of other pieces on the curve of a chain."""
+    matrix, gradient, _, _ = normal_equations(
+        data.points,
+        data.weight,
+        chain.stations,
+        chain.start,
+        chain.axes,
+        joints,
+        bend,
+        curved,
+        data.free,
+        data.told,
+        0.0,
+    )
+    return matrix, gradient
+
+
+@njit(cache=True, nogil=True)
 def tame(data: Data, s: np.ndarray, joints: np.ndarray, bend: np.ndarray) -> bool:
     """Whether the chain turns no more from one point to the next than anyone could tell."""
     j, before, here = 0, -1, s[0]

@@ -10,12 +10,12 @@ import numpy as np
 from numba import njit
 
 from tssgeom.shape.chain.dense import explained, factor
-from tssgeom.shape.chain.equations import normal_equations
 from tssgeom.shape.chain.fit import (
     Chain,
     Data,
     criterion,
     curvature_columns,
+    equations_of,
     first_joint_column,
     goal,
     noise_variance,
@@ -250,19 +250,7 @@ def _parts(data: Data, chain: Chain) -> tuple[np.ndarray, np.ndarray, np.ndarray
         for i in range(_SPLITS):
             at[_SPLITS * j + i] = chain.joints[j] + length * i / _SPLITS
             bend[_SPLITS * j + i, 0], bend[_SPLITS * j + i, 1] = chain.bend[j, 0], chain.bend[j, 1]
-    matrix, gradient, _, _ = normal_equations(
-        data.points,
-        data.weight,
-        chain.stations,
-        chain.start,
-        chain.axes,
-        at,
-        bend,
-        curved,
-        data.free,
-        data.told,
-        0.0,
-    )
+    matrix, gradient = equations_of(data, chain, at, bend, curved)
     base = first_joint_column(data.free)
     first = base + n - 1
     m = base + k - 1

@@ -8,8 +8,15 @@ import numpy as np
 from numba import njit
 
 from tssgeom.shape.chain.dense import factor, inverse, left_over
-from tssgeom.shape.chain.equations import normal_equations
-from tssgeom.shape.chain.fit import LEAST_INFORMATION, Chain, Data, first_joint_column, noise_variance, values
+from tssgeom.shape.chain.fit import (
+    LEAST_INFORMATION,
+    Chain,
+    Data,
+    equations_of,
+    first_joint_column,
+    noise_variance,
+    values,
+)
 
 
 @njit(cache=True, nogil=True)
@@ -22,19 +29,7 @@ def hidden_bends(data: Data, chain: Chain) -> np.ndarray:
     k, hidden = len(chain.bend), np.zeros(len(chain.bend))
     if np.all(chain.curved):
         return hidden
-    matrix, gradient, _, _ = normal_equations(
-        data.points,
-        data.weight,
-        chain.stations,
-        chain.start,
-        chain.axes,
-        chain.joints,
-        chain.bend,
-        np.ones(k, np.bool_),
-        data.free,
-        data.told,
-        0.0,
-    )
+    matrix, gradient = equations_of(data, chain, chain.joints, chain.bend, np.ones(k, np.bool_))
     first = first_joint_column(data.free) + k - 1
     fitted = np.ones(len(matrix), np.bool_)
     for j in range(k):

@@ -8,13 +8,13 @@ import numpy as np
 from numba import njit
 
 from tssgeom.arrays import Vector
+from tssgeom.shape.bending import FINE
 from tssgeom.shape.chain.fit import Chain, Data, settle
 from tssgeom.shape.chain.moves import fit_chain
 
 _STRAY = 16.0  # squared distance in noise variances, with 2 ln n added, beyond which a point is an outlier
 _MOST_STRAY = 0.1  # of all points: where more are off, the chain is wrong
 _MEDIAN = {2: 1.386, 3: 2.366}  # of the sum of so many squared standard normal numbers
-_FINE = 1e-4  # of the spacing: who is off by a few of these is no outlier, however exact the rest
 _ROUNDS = 4
 
 
@@ -29,7 +29,7 @@ def weighed(data: Data, chain: Chain, variance: float = 0.0) -> Vector | None:
         Noise variance where `data` knows none: so much is believed before the distances are looked at [m²].
     """
     square = chain.square
-    least = max(data.variance or variance, (_FINE * data.gap) ** 2)
+    least = max(data.variance or variance, (FINE * data.gap) ** 2)
     limit = (_STRAY + 2.0 * math.log(len(square))) * least
     if not _any_off(square, data.weight, limit):
         return None
