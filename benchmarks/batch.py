@@ -34,9 +34,9 @@ from benchmarks.tables import machine, number, table
 from pipelines.batch_task import Task, work
 from pipelines.version import tssgeom_version
 from pipelines.work import Options
-from tssgeom.io.places import Folder
-from tssgeom.io.run_record import Settings
-from tssgeom.settings import Rig, ShapeSensor
+from tssgeom.io.results.run_record import Settings
+from tssgeom.io.storage import Folder
+from tssgeom.rig import Rig, ShapeSensor
 from tssgeom.stream import Frame
 
 POINTS = 200

@@ -21,7 +21,7 @@ from scipy.spatial.transform import Rotation
 from benchmarks.elongation import first_pull
 from benchmarks.routes import arc_places
 from tssgeom.arrays import Matrix, Points, Vector
-from tssgeom.shape.synthetic import Course
+from tssgeom.route.synthetic import Course
 
 _STEP = 1e-6  # of a length of the route, of an angle of 1, of a curvature of one over the length
 _SINGULAR = 1e-9  # smallest singular value over the largest, with columns of equal length

@@ -13,10 +13,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from tests.lumped import Distal, Drive, Physics, Sensor, from_pieces, measure, simulate
-from tssgeom.settings import Rig, ShapeSensor
-from tssgeom.shape.arcs import Arcs
-from tssgeom.tendon.calibration import Calibration, calibrate
-from tssgeom.tendon.measured import Measured
+from tssgeom.identify.calibration import Calibration, calibrate
+from tssgeom.identify.measured import Measured
+from tssgeom.rig import Rig, ShapeSensor
+from tssgeom.route.pieces import Arcs
 
 ROUTES = (
     ([0.5], [math.pi]),

@@ -20,15 +20,15 @@ import numpy as np
 
 from benchmarks.tables import machine
 from tssgeom.arrays import Points, Vector
-from tssgeom.discrepancy.finding import Finding
-from tssgeom.discrepancy.workflow import discover
-from tssgeom.io.campaigns import read_campaign
-from tssgeom.io.findings import write_report
-from tssgeom.io.rigs import write_rig
-from tssgeom.settings import Friction, Load, Rig, Sensor, ShapeSensor, Tendon
-from tssgeom.shape.synthetic import chain, half_circle, places
+from tssgeom.identify.finding import Finding
+from tssgeom.identify.workflow import discover
+from tssgeom.io.formats.campaigns import read_campaign
+from tssgeom.io.formats.rigs import write_rig
+from tssgeom.io.results.findings import write_report
+from tssgeom.rig import Friction, Load, Rig, Sensor, ShapeSensor, Tendon
+from tssgeom.route.synthetic import chain, half_circle, places
 from tssgeom.tendon import paper
-from tssgeom.tendon.run_model import predict
+from tssgeom.tendon.bars.model import predict
 
 TOOL = Path(__file__).resolve().parents[2] / "shared" / "data" / "davinci_tool"
 _TORQUE = 0.000039811  # N·m for each count

@@ -15,14 +15,14 @@ from scipy.optimize import isotonic_regression, least_squares
 
 from benchmarks.discovery_scores import gap
 from tssgeom.errors import ShapeError
-from tssgeom.io.files import open_recording
-from tssgeom.settings import Friction, Rig, Tendon, read_rig
-from tssgeom.shape.arcs import Arcs
-from tssgeom.shape.geometry import measure
-from tssgeom.shape.points import clean
+from tssgeom.io.formats.files import open_recording
+from tssgeom.rig import Friction, Rig, Tendon, read_rig
+from tssgeom.route.geometry import measure
+from tssgeom.route.observations import clean
+from tssgeom.route.pieces import Arcs
 from tssgeom.stream import Rejected
-from tssgeom.tendon.incremental import step
-from tssgeom.tendon.material import pretensioned_bars
+from tssgeom.tendon.bars.contact_grid import pretensioned_bars
+from tssgeom.tendon.bars.incremental import step
 
 _BARS = 30
 _TURN = 8.0  # times the noise of the drive: what a turn is

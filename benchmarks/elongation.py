@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tssgeom.arrays import Vector
-from tssgeom.settings import Rig
+from tssgeom.rig import Rig
 
 RIG = Rig()
 TENSION_IN = 15.0

@@ -11,9 +11,9 @@ import numpy as np
 
 from benchmarks.elongation import RIG, TENSION_IN, first_pull
 from tssgeom.arrays import Points, Vector
-from tssgeom.shape.geometry import Method, measure
-from tssgeom.shape.points import clean
-from tssgeom.tendon.profile import pretensioned, step
+from tssgeom.route.geometry import Method, measure
+from tssgeom.route.observations import clean
+from tssgeom.tendon.capstan import pretensioned, step
 from tssgeom.tendon.transmission import transmit
 
 

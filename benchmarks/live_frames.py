@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from benchmarks.routes import PIECEWISE, of_arcs, truth
-from tssgeom.shape.synthetic import Course
+from tssgeom.route.synthetic import Course
 
 _SWAY = 0.02  # of all curvatures, to both sides
 _PERIOD, _PULLS = 2.0, 3.0  # s of the route and of the tension

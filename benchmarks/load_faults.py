@@ -21,8 +21,8 @@ import rerun_cli
 from benchmarks.live_frames import line, malformed, points_mm, retimed
 from benchmarks.live_process import PATIENCE, Live, Reader, live
 from tssgeom.errors import TssgeomError
+from tssgeom.io.formats.states import read_state
 from tssgeom.io.network.listener import MOST_NEW
-from tssgeom.io.states import read_state
 
 _HERE = "tcp://127.0.0.1:0"
 _GOOD = line(points_mm(60, 0.0), 0.0)

@@ -18,7 +18,7 @@ from pathlib import Path
 
 from benchmarks.readme_parts import PARTS, Part, Shown, tables
 from benchmarks.tables import table
-from tssgeom.io.atomic import write_text
+from tssgeom.atomic import write_text
 
 ROOT = Path(__file__).parents[1]
 

@@ -9,8 +9,8 @@ from functools import cache
 import numpy as np
 
 from tssgeom.arrays import Points, Vector
-from tssgeom.shape import synthetic
-from tssgeom.shape.synthetic import Course, chain
+from tssgeom.route import synthetic
+from tssgeom.route.synthetic import Course, chain
 
 _CELLS = 800  # arcs that stand for one random route
 _HARMONICS = 4

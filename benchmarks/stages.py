@@ -16,20 +16,20 @@ import numpy as np
 from benchmarks.elongation import RIG
 from benchmarks.live_frames import line
 from benchmarks.routes import PIECEWISE, of_arcs, truth
-from tssgeom.io.answers import answer
-from tssgeom.io.jsonl import frame_of
-from tssgeom.settings import Rig, ShapeSensor
-from tssgeom.shape.arcs import Arcs, constant_curvature_pieces
-from tssgeom.shape.curvature import CurvatureProfile, curvature_profile
-from tssgeom.shape.following import Followed, follow
-from tssgeom.shape.geometry import Geometry, Method, measure
-from tssgeom.shape.points import Shape, clean
-from tssgeom.shape.spline import Spline, fit
-from tssgeom.shape.synthetic import Course
+from tssgeom.io.formats.jsonl import frame_of
+from tssgeom.io.results.answers import answer
+from tssgeom.rig import Rig, ShapeSensor
+from tssgeom.route.curvature import CurvatureProfile, curvature_profile
+from tssgeom.route.geometry import Geometry, Method, measure
+from tssgeom.route.observations import Shape, clean
+from tssgeom.route.pieces import Arcs, constant_curvature_pieces
+from tssgeom.route.spline.fit import Spline, fit
+from tssgeom.route.synthetic import Course
+from tssgeom.route.tracking import Followed, follow
 from tssgeom.stream import Frame, FrameResult, process
-from tssgeom.tendon import incremental
-from tssgeom.tendon.material import BARS, MaterialState, pretensioned_bars
-from tssgeom.tendon.profile import Corners, pretensioned, step
+from tssgeom.tendon.bars import incremental
+from tssgeom.tendon.bars.contact_grid import BARS, MaterialState, pretensioned_bars
+from tssgeom.tendon.capstan import Corners, pretensioned, step
 from tssgeom.tendon.transmission import transmit
 
 NOISE = 5e-4

@@ -17,10 +17,11 @@ from benchmarks.reference_tendon import Cells, Rod
 from benchmarks.routes import PIECEWISE, truth
 from benchmarks.tables import number, table
 from tssgeom.arrays import Vector
-from tssgeom.settings import Rig, Tendon
-from tssgeom.shape.arcs import Arcs
-from tssgeom.tendon import incremental, profile
-from tssgeom.tendon.material import MaterialState, pretensioned_bars
+from tssgeom.rig import Rig, Tendon
+from tssgeom.route.pieces import Arcs
+from tssgeom.tendon import capstan as profile
+from tssgeom.tendon.bars import incremental
+from tssgeom.tendon.bars.contact_grid import MaterialState, pretensioned_bars
 from tssgeom.tendon.transmission import transmit
 
 BARS = (15, 30, 60, 120, 240)

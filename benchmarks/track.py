@@ -21,16 +21,16 @@ import numpy as np
 from benchmarks.tables import machine, number, share, table
 from tests.scenes import Ball, Lens, Scene, TagAt, arch, loop, render, ring, tag_poses
 from tssgeom.errors import TssgeomError
-from tssgeom.settings import Rig
-from tssgeom.shape.markers.across import noise_across
-from tssgeom.shape.markers.blobs import BlobLook, blob_finder
-from tssgeom.shape.markers.cameras import Camera
-from tssgeom.shape.markers.sightings import Sightings
-from tssgeom.shape.markers.tags import dictionary, tag_finder
-from tssgeom.shape.markers.track import Wanted, track
-from tssgeom.shape.synthetic import colon, places
-from tssgeom.shape.wall import Wall, nearest
+from tssgeom.lumen.wall import Wall, nearest
+from tssgeom.rig import Rig
+from tssgeom.route.synthetic import colon, places
 from tssgeom.stream import Frame, FrameResult, process
+from tssgeom.vision.across import noise_across
+from tssgeom.vision.blobs import BlobLook, blob_finder
+from tssgeom.vision.cameras import Camera
+from tssgeom.vision.sightings import Sightings
+from tssgeom.vision.tags import dictionary, tag_finder
+from tssgeom.vision.track import Wanted, track
 
 _MARKERS = 16
 _STEP = 1e-6  # [m]

@@ -15,12 +15,12 @@ import numpy as np
 from benchmarks.routes import arc_places
 from tests.lumped import Distal, Drive, Physics, Run, from_pieces, simulate
 from tssgeom.arrays import Matrix, Points, Vector
-from tssgeom.settings import Friction, Load, Rig, ShapeSensor, Tendon
-from tssgeom.shape.following import Followed, follow
-from tssgeom.shape.points import clean
-from tssgeom.shape.synthetic import chain
+from tssgeom.rig import Friction, Load, Rig, ShapeSensor, Tendon
+from tssgeom.route.observations import clean
+from tssgeom.route.synthetic import chain
+from tssgeom.route.tracking import Followed, follow
 from tssgeom.stream import Frame, FrameResult, process
-from tssgeom.tendon import profile
+from tssgeom.tendon import capstan as profile
 from tssgeom.tendon.transmission import transmit
 
 MU, RHO, PRETENSION, STIFFNESS = 0.145, 3.16e-4, 3.0, 1000.0

@@ -25,14 +25,14 @@ import rerun as rr
 
 from benchmarks.live_frames import points_mm
 from benchmarks.tables import ABSENT, machine, number, table
-from tssgeom.settings import Rig
+from tssgeom.rig import Rig
 from tssgeom.stream import Frame, FrameResult, process
-from tssgeom.view.columns import Sender, segments_3d
-from tssgeom.view.drawn import Drawn, drawn, numbers_of
-from tssgeom.view.labels import label_places
-from tssgeom.view.rerun_live import LivePicture, warm_up
-from tssgeom.view.rerun_log import write_recording
-from tssgeom.view.run import run_of
+from tssgeom.view.samples import Drawn, drawn, numbers_of
+from tssgeom.view.scene.columns import Sender, segments_3d
+from tssgeom.view.scene.labels import label_places
+from tssgeom.view.scene.live import LivePicture, warm_up
+from tssgeom.view.scene.recording import write_recording
+from tssgeom.view.scene.run import run_of
 
 _RATE = 1000.0  # Hz of frames that come in
 _BATCH = 50  # frames that are sent at once, those of 50 ms

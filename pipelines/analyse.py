@@ -12,12 +12,12 @@ from pipelines.drawing import write_shape_figures
 from pipelines.summary_table import show_summary
 from pipelines.surroundings import Surroundings, surroundings, tell_clearance
 from pipelines.work import Options, each_analysis, inputs_of
+from tssgeom.atomic import replacing, write_text
 from tssgeom.errors import SettingsError
-from tssgeom.io.atomic import replacing, write_text
-from tssgeom.io.exports import chosen_endings, write_exports
-from tssgeom.io.files import ANALYSIS_MARK
-from tssgeom.io.results import Analysis, analysis_object, summary_row
-from tssgeom.io.tension_line import tension_line
+from tssgeom.io.formats.files import ANALYSIS_MARK
+from tssgeom.io.results.exports import chosen_endings, write_exports
+from tssgeom.io.results.shapes import Analysis, analysis_object, summary_row
+from tssgeom.io.results.tension_line import tension_line
 from tssgeom.tendon.state import tension
 
 _SLENDERNESS = 150
@@ -85,7 +85,7 @@ def draw(
         Where the disk refuses, or what a format needs is missing.
     """
     from tssgeom.view.mesh import tube
-    from tssgeom.view.rerun_log import write_recording
+    from tssgeom.view.scene.recording import write_recording
 
     out.mkdir(parents=True, exist_ok=True)
     write_recording(

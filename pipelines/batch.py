@@ -20,14 +20,14 @@ from pipelines.version import tssgeom_version
 from pipelines.work import Options, Refusal, Tally, guarded, inputs_of
 from pipelines.workers import Crew, Died, hired
 from tssgeom.errors import SpaceError
-from tssgeom.io.files import READERS, RESULTS_MARK, output_names, real
-from tssgeom.io.ledger import HIDDEN, Done, forget_all, locked
-from tssgeom.io.places import Folder, files_at, local
-from tssgeom.io.result_tables import write_summary
-from tssgeom.io.results import relative
-from tssgeom.io.run_record import Rejection, RunRecord, Settings, remove_earlier_run, write_run
-from tssgeom.view.oddest import Oddity, oddest
-from tssgeom.view.report import Rendered, ReportEntry, rendered, write_report
+from tssgeom.io.formats.files import READERS, RESULTS_MARK, output_names, real
+from tssgeom.io.results.ledger import HIDDEN, Done, forget_all, locked
+from tssgeom.io.results.result_tables import write_summary
+from tssgeom.io.results.run_record import Rejection, RunRecord, Settings, remove_earlier_run, write_run
+from tssgeom.io.results.shapes import relative
+from tssgeom.io.storage import Folder, files_at, local
+from tssgeom.view.report.outlying_inputs import Oddity, oddest
+from tssgeom.view.report.report import Rendered, ReportEntry, rendered, write_report
 
 SUMMARY, REPORT = "summary.parquet", "report.html"
 MOST_FIGURES = 200

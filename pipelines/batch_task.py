@@ -18,17 +18,17 @@ from pipelines.surroundings import Surroundings, surroundings, tell_clearance
 from pipelines.work import Options, Refusal, frame_refusals, guarded, one_line, useful
 from pipelines.workers import tell
 from tssgeom.errors import SpaceError, TssgeomError
-from tssgeom.io.account import Account
-from tssgeom.io.files import open_recording
-from tssgeom.io.ledger import ANY_SIZE, Done, forget, intact, key_of, note, noted
-from tssgeom.io.meshes import lumen_beside
-from tssgeom.io.places import Folder, fetched, local
-from tssgeom.io.recording import Recording
-from tssgeom.io.result_tables import CHUNK, Part, part_of, parts, write_parts
-from tssgeom.io.results import Analysis, analysis_object, summary_row
-from tssgeom.io.run_record import Input, Settings, sha256_of
+from tssgeom.io.formats.files import open_recording
+from tssgeom.io.formats.meshes import lumen_beside
+from tssgeom.io.formats.recording import Recording
+from tssgeom.io.results.ledger import ANY_SIZE, Done, forget, intact, key_of, note, noted
+from tssgeom.io.results.result_tables import CHUNK, Part, part_of, parts, write_parts
+from tssgeom.io.results.run_record import Input, Settings, sha256_of
+from tssgeom.io.results.shapes import Analysis, analysis_object, summary_row
+from tssgeom.io.storage import Folder, fetched, local
 from tssgeom.stream import Frame, Rejected, alone, process
-from tssgeom.view.report import ReportEntry, rendered
+from tssgeom.summary import Account
+from tssgeom.view.report.report import ReportEntry, rendered
 
 _FORMAT = 2  # of the files: where it changes, nothing older is taken for done
 _drawing = threading.Lock()  # the settings of a figure belong to the process
@@ -226,7 +226,7 @@ def _drawn(
 
 
 def _draw(task: Task, analysis: Analysis, file: str, around: Surroundings | None) -> None:
-    from tssgeom.view.rerun_log import (
+    from tssgeom.view.scene.recording import (
         write_recording,  # here, since a worker that draws nothing starts faster
     )
 

@@ -11,13 +11,13 @@ from pipelines.runs import naming
 from pipelines.version import tssgeom_version
 from pipelines.work import Options, analysis_of, geometry_alone
 from tssgeom.errors import SettingsError, require_replaceable
-from tssgeom.io.rigs import write_rig
-from tssgeom.io.run_record import sha256_of
-from tssgeom.io.runs import MeasuredRun, read_run
-from tssgeom.settings import Rig
-from tssgeom.shape.arcs import Arcs
-from tssgeom.tendon.calibration import Calibration, Estimate, calibrate
-from tssgeom.tendon.measured import Measured
+from tssgeom.identify.calibration import Calibration, Estimate, calibrate
+from tssgeom.identify.measured import Measured
+from tssgeom.io.formats.rigs import write_rig
+from tssgeom.io.formats.runs import MeasuredRun, read_run
+from tssgeom.io.results.run_record import sha256_of
+from tssgeom.rig import Rig
+from tssgeom.route.pieces import Arcs
 
 _TITLES = {
     "friction": "friction coefficient μ",

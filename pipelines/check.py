@@ -15,12 +15,12 @@ from pipelines.console import complain, say
 from pipelines.work import Refusal, guarded, inputs_of
 from tssgeom.arrays import Matrix
 from tssgeom.errors import ShapeError, TssgeomError
-from tssgeom.io.campaigns import is_campaign, read_campaign
-from tssgeom.io.files import Recording, open_recording
-from tssgeom.io.meshes import ENDINGS, read_lumen
-from tssgeom.io.runs import CHANNELS, holds_run, read_run
-from tssgeom.settings import Rig, read_rig
-from tssgeom.shape.fibre.sensed import Fibre, clean_fibre, fit_fibre
+from tssgeom.io.formats.campaigns import is_campaign, read_campaign
+from tssgeom.io.formats.files import Recording, open_recording
+from tssgeom.io.formats.meshes import ENDINGS, read_lumen
+from tssgeom.io.formats.runs import CHANNELS, holds_run, read_run
+from tssgeom.rig import Rig, read_rig
+from tssgeom.route.fibre.sensed import Fibre, clean_fibre, fit_fibre
 from tssgeom.stream import Frame, Rejected, followed, require_usable
 
 _MOST_FAULTS = 5

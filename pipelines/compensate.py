@@ -11,9 +11,9 @@ from pipelines.console import say, show, tracking
 from pipelines.runs import naming, sensed_route, temperature_of, warn_of_doubts
 from pipelines.summary_table import acting
 from pipelines.work import Options
-from tssgeom.io.run_tables import write_commands
-from tssgeom.io.runs import CHANNELS, read_run
-from tssgeom.tendon.compensation import Command
+from tssgeom.io.formats.runs import CHANNELS, read_run
+from tssgeom.io.results.run_tables import write_commands
+from tssgeom.tendon.command import Command
 from tssgeom.tendon.simulation import commands
 
 TABLE = "compensate.parquet"

@@ -9,12 +9,12 @@ from pathlib import Path
 from pipelines.console import say, show, stepping
 from pipelines.drawing import write_figures
 from pipelines.version import tssgeom_version
-from tssgeom.discrepancy.finding import Finding
-from tssgeom.discrepancy.workflow import discover
+from tssgeom.atomic import replacing_all
 from tssgeom.errors import SettingsError
-from tssgeom.io.atomic import replacing_all
-from tssgeom.io.campaigns import read_campaign
-from tssgeom.io.findings import report_object, write_report, write_updated_rig
+from tssgeom.identify.finding import Finding
+from tssgeom.identify.workflow import discover
+from tssgeom.io.formats.campaigns import read_campaign
+from tssgeom.io.results.findings import report_object, write_report, write_updated_rig
 
 PAGE, PICTURE = "report.html", "discover.rrd"
 _MOST_TOLD = 3
@@ -47,7 +47,7 @@ def run(
         tell("writing the report", _FOUND)
         files = _write(out, finding)
         if figures is not None:
-            from tssgeom.view.finding.page import figures_of
+            from tssgeom.view.report.finding import figures_of
 
             write_figures(figures, finding.campaign.name, figures_of(finding))
         tell("done", 1.0)
@@ -65,8 +65,8 @@ def _overall(share: float) -> float:
 
 def _write(out: Path, finding: Finding) -> list[str]:
     """Write all files together, so that a report never stands beside the rig of another."""
-    from tssgeom.view.finding.page import write_finding_report
-    from tssgeom.view.finding.recording import write_finding_recording
+    from tssgeom.view.report.finding import write_finding_report
+    from tssgeom.view.scene.finding.recording import write_finding_recording
 
     with replacing_all(out) as draft:
         write_report(draft, finding, tssgeom_version())
@@ -77,7 +77,7 @@ def _write(out: Path, finding: Finding) -> list[str]:
 
 
 def _tell(finding: Finding, out: Path, files: Sequence[str]) -> None:
-    from tssgeom.view.finding import words
+    from tssgeom.view import finding_wording as words
 
     say(f"{words.VERDICTS[finding.verdict]}: {finding.sentence}")
     judged = words.judged_runs(finding.gap)
@@ -98,7 +98,7 @@ _RUNS = {"held_out": "runs held out", "fitted": "fitted runs"}
 
 def _notes(finding: Finding) -> list[str]:
     """Return ties, what to measure, the refitted base, and what is odd about the data, a line each."""
-    from tssgeom.view.finding import words
+    from tssgeom.view import finding_wording as words
 
     notes = [
         f"tied ({tie.gauge}): {', '.join(map(words.plain, tie.names))}: {tie.why}"

@@ -6,11 +6,11 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tssgeom.io.atomic import replacing
+from tssgeom.atomic import replacing
 
 if TYPE_CHECKING:
     from tssgeom.stream import FrameResult
-    from tssgeom.view.plots import Figure
+    from tssgeom.view.figures.plots import Figure
 
 
 def write_figure(
@@ -23,7 +23,7 @@ def write_figure(
     SourceError
         Where the disk refuses.
     """
-    from tssgeom.view.plots import save
+    from tssgeom.view.figures.plots import save
 
     for ending in formats:
         with replacing(folder / f"{name}.{ending}") as draft:
@@ -39,7 +39,7 @@ def write_figures(folder: Path, name: str, figures: Mapping[str, Callable[[], Fi
     SourceError
         Where the disk refuses.
     """
-    from tssgeom.view.plots import VECTOR
+    from tssgeom.view.figures.plots import VECTOR
 
     return [
         file
@@ -56,8 +56,8 @@ def write_shape_figures(folder: Path, name: str, results: Sequence[FrameResult],
     SourceError
         Where the disk refuses.
     """
-    from tssgeom.view.figures import figures_of
-    from tssgeom.view.report_entry import series_of, shown_of
+    from tssgeom.view.figures.shapes import figures_of
+    from tssgeom.view.report.entry import series_of, shown_of
 
     shown = shown_of(results)
     if shown is None:

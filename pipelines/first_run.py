@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from tssgeom.shape.chain.equations import normal_equations
+from tssgeom.route.arcs.equations import normal_equations
 
 
 def announce_compiling() -> None:

@@ -21,12 +21,12 @@ from pipelines.live_warm import warm_up
 from pipelines.live_workers import Allowance, Artists, Keeper, Worker, await_ready, finished
 from pipelines.work import Options
 from tssgeom.errors import require_replaceable
+from tssgeom.io.formats.states import read_state
 from tssgeom.io.network.addresses import Access, Endpoint
 from tssgeom.io.network.channel import READ, Pipe
 from tssgeom.io.network.mailbox import Mailbox
 from tssgeom.io.network.sinks import Nowhere, Sink, StandardOutput, TcpSink, UdpSink
 from tssgeom.io.network.sources import Replay, Source, StandardInput, TcpSource, UdpSource
-from tssgeom.io.states import read_state
 from tssgeom.stream import process
 
 _RECORDED = (100.0, 200.0)  # pictures in a recording: so many a second, so many at once

@@ -11,10 +11,10 @@ from time import monotonic, perf_counter_ns
 from typing import Protocol
 
 from pipelines.live_numbers import Numbers
-from tssgeom.io import answers
 from tssgeom.io.network.mailbox import Arrival, Clock, Mailbox
 from tssgeom.io.network.sinks import Sink
 from tssgeom.io.network.sources import Source
+from tssgeom.io.results import answers
 from tssgeom.stream import Frame, FrameResult, Rejected
 
 TICK = 1.0

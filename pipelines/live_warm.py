@@ -7,9 +7,9 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from tssgeom.io import answers
-from tssgeom.io.jsonl import frame_of
-from tssgeom.settings import Rig
+from tssgeom.io.formats.jsonl import frame_of
+from tssgeom.io.results import answers
+from tssgeom.rig import Rig
 from tssgeom.stream import Frame, FrameResult, Rejected, process
 
 _LINE = b'{"t": 0, "points": [[0, 0, 0], %s, [1, 0, 0.5]], "unit": "mm", "s": [0, 1, 2]}'

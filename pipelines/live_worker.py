@@ -21,7 +21,7 @@ from typing import Any, Protocol
 
 from pipelines.live_messages import unpacked
 from tssgeom.errors import TssgeomError
-from tssgeom.io.states import write_state
+from tssgeom.io.formats.states import write_state
 from tssgeom.tendon.state import TendonState
 
 _FLUSH = {"record": 0.5, "view": 0.08, "save": 0.1}  # s between two batches: one costs as much as four

@@ -21,7 +21,7 @@ from tssgeom.errors import SourceError
 from tssgeom.io.network.channel import Channel
 from tssgeom.stream import FrameResult
 from tssgeom.tendon.state import TendonState
-from tssgeom.view.drawn import lean, numbers_of
+from tssgeom.view.samples import lean, numbers_of
 
 _START_LIMIT = 60.0  # s in which a process has to be ready
 _END_LIMIT = 30.0  # s in which it has to finish

@@ -8,7 +8,7 @@ from typing import Any
 
 from pipelines.console import say, show, tracking
 from pipelines.drawing import write_figure
-from tssgeom.io.atomic import replacing, write_text
+from tssgeom.atomic import replacing, write_text
 from tssgeom.tendon.paper import EXACT, Row, rows
 
 _TITLE = "Sun, Wang and Phee 2014: the paper's numbers and ours"
@@ -40,8 +40,8 @@ def run(out: Path, *, as_json: bool, quiet: bool) -> int:
 
 
 def _draw(out: Path, *, quiet: bool) -> list[str]:
-    from tssgeom.view.paper_figures import paper_figures
-    from tssgeom.view.paper_recording import write_paper_recording
+    from tssgeom.view.figures.paper import paper_figures
+    from tssgeom.view.scene.paper import write_paper_recording
 
     written = list[str]()
     figures = paper_figures()

@@ -89,7 +89,7 @@ def remedy(
 
     from pipelines import remedy as command
     from pipelines.work import options
-    from tssgeom.tendon.remedy import Curve, Cycle, Perturbation
+    from tssgeom.tendon.design import Curve, Cycle, Perturbation
 
     design = command.Design(
         curve=Curve(radians(beta_deg), curvature_per_m),

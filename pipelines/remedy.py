@@ -11,11 +11,11 @@ from typing import Any
 from pipelines.console import complain, say, show, tracking
 from pipelines.drawing import write_figure
 from pipelines.work import Options, analysis_of
+from tssgeom.atomic import write_text
+from tssgeom.effects import named
 from tssgeom.errors import SettingsError
-from tssgeom.io.atomic import write_text
-from tssgeom.shape.arcs import Arcs
-from tssgeom.tendon.effects import named
-from tssgeom.tendon.remedy import (
+from tssgeom.route.pieces import Arcs
+from tssgeom.tendon.design import (
     Advice,
     Curve,
     Cycle,
@@ -26,7 +26,7 @@ from tssgeom.tendon.remedy import (
     perturbed_routes,
     sweep,
 )
-from tssgeom.tendon.remedy_table import Case, cases
+from tssgeom.tendon.design_table import Case, cases
 
 
 @dataclass(frozen=True, slots=True)
@@ -228,7 +228,7 @@ def _write(
     design: Design,
     words: list[str],
 ) -> None:
-    from tssgeom.view.remedy_figure import remedy_figure
+    from tssgeom.view.figures.remedy import remedy_figure
 
     write_figure(remedy_figure(tried, tolerance, design.percentile), out, "remedy")
     write_text(out / "remedy.json", json.dumps(told, indent=1, ensure_ascii=False, allow_nan=False) + "\n")

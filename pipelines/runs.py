@@ -13,17 +13,17 @@ from pipelines.console import complain
 from pipelines.drawing import write_figures
 from pipelines.work import Options, geometry_alone
 from tssgeom.arrays import Vector
+from tssgeom.effects import named
 from tssgeom.errors import ShapeError, TssgeomError
-from tssgeom.io.files import open_recording
-from tssgeom.io.recording import in_order
-from tssgeom.io.runs import MeasuredRun
-from tssgeom.settings import Rig
+from tssgeom.io.formats.files import open_recording
+from tssgeom.io.formats.recording import in_order
+from tssgeom.io.formats.runs import MeasuredRun
+from tssgeom.rig import Rig
 from tssgeom.stream import Frame, FrameResult, Rejected, doubts, process
-from tssgeom.tendon.effects import named
 from tssgeom.tendon.history import last_peak
 from tssgeom.tendon.moving import MovingRoute
 from tssgeom.tendon.simulation import Moment
-from tssgeom.view.drawn import evenly
+from tssgeom.view.samples import evenly
 
 TEMPERATURE = "temperature_C"
 MOST_DRAWN = 400
@@ -122,7 +122,7 @@ def draw(path: Path, sensed: SensedRoute, run: MeasuredRun, moments: Sequence[Mo
     SourceError
         Where the disk refuses.
     """
-    from tssgeom.view.rerun_log import write_recording
+    from tssgeom.view.scene.recording import write_recording
 
     path.parent.mkdir(parents=True, exist_ok=True)
     shown = [_shown(sensed, run, moments[k], int(k)) for k in evenly(len(moments), MOST_DRAWN)]
@@ -137,8 +137,8 @@ def draw_figures(folder: Path, sensed: SensedRoute, run: MeasuredRun, moments: S
     SourceError
         Where the disk refuses.
     """
-    from tssgeom.view.figures import figures_of
-    from tssgeom.view.report_entry import Series
+    from tssgeom.view.figures.shapes import figures_of
+    from tssgeom.view.report.entry import Series
 
     seen = [moment.transmission for moment in moments]
     peak = last_peak(np.array([each.tension_in for each in seen]))

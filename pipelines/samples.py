@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from pipelines.console import say
-from tssgeom.discrepancy.synthetic import sample_campaigns
-from tssgeom.io.samples import write_samples
-from tssgeom.shape.synthetic import colon_lumen, samples
+from tssgeom.identify.synthetic import sample_campaigns
+from tssgeom.io.results.samples import write_samples
+from tssgeom.route.synthetic import colon_lumen, samples
 
 
 def run(out: Path) -> int:

@@ -8,7 +8,7 @@ from typing import Any
 
 from pipelines.console import show
 from pipelines.work import Options
-from tssgeom.tendon.effects import named
+from tssgeom.effects import named
 
 RADIANS, WARNINGS = "Φ ± s.e.\n[rad]", "warnings"
 CLEARANCE = "clearance\n[mm]"
@@ -79,7 +79,7 @@ def _clearance(row: dict[str, Any]) -> str:
 
 
 def _with_error(row: dict[str, Any], key: str, error: float, factor: float, usual: int) -> str:
-    from tssgeom.view.words import decimals, plus_minus
+    from tssgeom.view.wording import decimals, plus_minus
 
     digits = decimals(factor * error, usual)
     return f"{_range(row, key, factor, digits)} {plus_minus(factor * error, usual)}"

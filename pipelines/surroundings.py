@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipelines.work import Options
-from tssgeom.io.clearances import clearance_columns, clearance_object
-from tssgeom.io.meshes import lumen_beside, read_lumen, wall_of
-from tssgeom.io.results import Analysis
-from tssgeom.shape.clearance import Clearance, clearance
-from tssgeom.shape.wall import Wall
+from tssgeom.io.formats.meshes import lumen_beside, read_lumen, wall_of
+from tssgeom.io.results.clearances import clearance_columns, clearance_object
+from tssgeom.io.results.shapes import Analysis
+from tssgeom.lumen.clearance import Clearance, clearance
+from tssgeom.lumen.wall import Wall
 from tssgeom.stream import FrameResult
 
 if TYPE_CHECKING:

@@ -14,18 +14,18 @@ import numpy as np
 
 from pipelines.console import Tracker, complain, say, show, tracking
 from tssgeom.errors import SettingsError
-from tssgeom.io.cameras import read_cameras
-from tssgeom.io.recorded import recording_writer
-from tssgeom.shape.markers.across import noise_across
-from tssgeom.shape.markers.blobs import BlobLook, blob_finder
-from tssgeom.shape.markers.cameras import Camera, refuse_other_size
-from tssgeom.shape.markers.footage import Footage, open_footage
-from tssgeom.shape.markers.placing import Alone
-from tssgeom.shape.markers.sightings import Sightings, nothing
-from tssgeom.shape.markers.tags import CORNERS, tag_finder
-from tssgeom.shape.markers.track import Track, Wanted, track
-from tssgeom.shape.points import MIN_POINTS
+from tssgeom.io.formats.cameras import read_cameras
+from tssgeom.io.results.recorded import recording_writer
+from tssgeom.route.observations import MIN_POINTS
 from tssgeom.stream import Frame
+from tssgeom.vision.across import noise_across
+from tssgeom.vision.blobs import BlobLook, blob_finder
+from tssgeom.vision.cameras import Camera, refuse_other_size
+from tssgeom.vision.footage import Footage, open_footage
+from tssgeom.vision.localisation import Alone
+from tssgeom.vision.sightings import Sightings, nothing
+from tssgeom.vision.tags import CORNERS, tag_finder
+from tssgeom.vision.track import Track, Wanted, track
 
 _MOST_TOLD = 5
 

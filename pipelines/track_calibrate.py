@@ -8,11 +8,11 @@ from pathlib import Path
 
 from pipelines.console import say, show, tracking
 from tssgeom.errors import SettingsError, ShapeError
-from tssgeom.io.cameras import write_calibration
-from tssgeom.shape.markers.boards import Board, BoardSeen, board_finder
-from tssgeom.shape.markers.calibration import calibrated
-from tssgeom.shape.markers.footage import Footage, open_footage
-from tssgeom.shape.markers.quality import Calibration
+from tssgeom.io.formats.cameras import write_calibration
+from tssgeom.vision.boards import Board, BoardSeen, board_finder
+from tssgeom.vision.calibration import calibrated
+from tssgeom.vision.footage import Footage, open_footage
+from tssgeom.vision.quality import Calibration
 
 _MOST = 400
 """Of more frames than these, so many are searched for the board, evenly."""
@@ -138,7 +138,7 @@ def _summary(found: Calibration, files: Sequence[str]) -> dict[str, object]:
 
 
 def _show(found: Calibration, out: Path) -> None:
-    from tssgeom.view.words import with_error
+    from tssgeom.view.wording import with_error
 
     rows = []
     for v, camera in enumerate(found.cameras):

@@ -8,15 +8,15 @@ from pathlib import Path
 import numpy as np
 
 from pipelines.console import Tracker, tracking
-from tssgeom.io.atomic import replacing
-from tssgeom.shape.markers.boards import BoardSeen
-from tssgeom.shape.markers.cameras import Camera
-from tssgeom.shape.markers.footage import Footage
-from tssgeom.shape.markers.overlay import beside, drawn, drawn_board, encoded
-from tssgeom.shape.markers.sightings import Sightings
-from tssgeom.shape.markers.track import Track
+from tssgeom.atomic import replacing
 from tssgeom.stream import Frame
-from tssgeom.view.drawn import evenly
+from tssgeom.view.samples import evenly
+from tssgeom.vision.boards import BoardSeen
+from tssgeom.vision.cameras import Camera
+from tssgeom.vision.footage import Footage
+from tssgeom.vision.overlay import beside, drawn, drawn_board, encoded
+from tssgeom.vision.sightings import Sightings
+from tssgeom.vision.track import Track
 
 _MOST = 500
 """Of more frames than these, so many are drawn, evenly."""
@@ -66,7 +66,7 @@ def write_picture(
     SourceError
         Where the disk refuses.
     """
-    from tssgeom.view.track_recording import Tracked, write_track_recording
+    from tssgeom.view.scene.track import Tracked, write_track_recording
 
     images: dict[str, list[tuple[float, bytes]]] = {camera.name: [] for camera in cameras}
     with tracking(1, quiet=quiet) as tracker:

@@ -7,9 +7,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from pipelines.console import complain, say
+from tssgeom.atomic import replacing
 from tssgeom.errors import SettingsError, SourceError
-from tssgeom.io.atomic import replacing
-from tssgeom.view.viewer import open_viewer, screenshot
+from tssgeom.view.scene.viewer import open_viewer, screenshot
 
 
 def run(paths: Sequence[Path], *, screenshot_to: Path | None, web: bool, out: Path | None) -> int:
@@ -87,7 +87,7 @@ def pairs(first: Path, second: Path) -> dict[str, tuple[Path, Path]]:
 
 
 def _compared(asked: dict[str, tuple[Path, Path]], folder: Path) -> list[Path]:
-    from tssgeom.view.compare.recording import write_comparison
+    from tssgeom.view.scene.compare.recording import write_comparison
 
     written = list[Path]()
     for name, (a, b) in asked.items():

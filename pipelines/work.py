@@ -15,11 +15,11 @@ from pipelines.console import complain
 from pipelines.first_run import announce_compiling
 from pipelines.progress import progressing
 from tssgeom.errors import SettingsError, ShapeError, SpaceError, TssgeomError, refused
-from tssgeom.io.account import Account
-from tssgeom.io.files import Recording, find_inputs, open_recording, output_names, real
-from tssgeom.io.results import Analysis, frame_row, relative
-from tssgeom.settings import Rig, read_rig
+from tssgeom.io.formats.files import Recording, find_inputs, open_recording, output_names, real
+from tssgeom.io.results.shapes import Analysis, frame_row, relative
+from tssgeom.rig import Rig, read_rig
 from tssgeom.stream import process
+from tssgeom.summary import Account
 
 Done = TypeVar("Done")
 

@@ -27,18 +27,18 @@ PATIENCE = 120.0
 TARGET = 0.95
 
 STATE = "tests/tendon/test_state.py"
-PROFILE = "tests/tendon/test_profile.py"
+PROFILE = "tests/tendon/test_capstan.py"
 CLOSED = "tests/tendon/test_transmission.py"
-REMEDY = "tests/tendon/test_remedy.py"
-ACTING = "tests/tendon/effects/test_acting.py"
-INVERSE = "tests/tendon/test_compensation.py -k fixed_route"
-COMMANDS = "tests/tendon/effects/test_commands.py -k place_of_the_load"
-ARCS = "tests/shape/test_arcs.py -k 'partition or parallel or given'"
-DIRECTIONS = "tests/shape/test_directions.py -k 'refused or flipped'"
+REMEDY = "tests/tendon/test_design.py"
+ACTING = "tests/effects/test_acting.py"
+INVERSE = "tests/tendon/test_command.py -k fixed_route"
+COMMANDS = "tests/effects/test_commands.py -k place_of_the_load"
+ARCS = "tests/route/test_arcs.py -k 'partition or parallel or given'"
+DIRECTIONS = "tests/route/test_directions.py -k 'refused or flipped'"
 TABLES = "tests/io/test_tables_of_points.py"
-CHAIN = "tests/shape/test_chain.py -k 'finite_differences or feet or carried or right_angles'"
-DRIVE = "tests/discrepancy/test_parts.py -k"
-LEGS = "tests/tendon/test_calibration.py -k 'monotone or flatter'"
+CHAIN = "tests/route/test_chain.py -k 'finite_differences or feet or carried or right_angles'"
+DRIVE = "tests/identify/test_parts.py -k"
+LEGS = "tests/identify/test_calibration.py -k 'monotone or flatter'"
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,18 +59,18 @@ class Mutant:
 MUTANTS = (
     # the capstan law along the tendon
     Mutant(
-        "tssgeom/tendon/profile.py",
+        "tssgeom/tendon/capstan.py",
         "drive - direction_index * friction * meeting",
         "drive + direction_index * friction * meeting",
         PROFILE,
     ),
-    Mutant("tssgeom/tendon/profile.py", "1 if change > 0.0 else -1", "-1 if change > 0.0 else 1", PROFILE),
-    Mutant("tssgeom/tendon/profile.py", "* ahead / (ahead - gap)", "* ahead / (ahead + gap)", PROFILE),
-    Mutant("tssgeom/tendon/profile.py", "angle[-1] + ahead / friction", "angle[-1] + ahead", PROFILE),
-    Mutant("tssgeom/tendon/profile.py", "np.exp(np.interp(phi,", "np.exp(-np.interp(phi,", PROFILE),
+    Mutant("tssgeom/tendon/capstan.py", "1 if change > 0.0 else -1", "-1 if change > 0.0 else 1", PROFILE),
+    Mutant("tssgeom/tendon/capstan.py", "* ahead / (ahead - gap)", "* ahead / (ahead + gap)", PROFILE),
+    Mutant("tssgeom/tendon/capstan.py", "angle[-1] + ahead / friction", "angle[-1] + ahead", PROFILE),
+    Mutant("tssgeom/tendon/capstan.py", "np.exp(np.interp(phi,", "np.exp(-np.interp(phi,", PROFILE),
     # closed forms and their standard errors
     Mutant(
-        "tssgeom/tendon/pieces.py",
+        "tssgeom/tendon/mean_tension.py",
         "(mean_decay(x) - math.exp(-x)) / x",
         "(mean_decay(x) + math.exp(-x)) / x",
         CLOSED,
@@ -121,73 +121,73 @@ MUTANTS = (
         "tests/tendon/test_history.py",
     ),
     Mutant(
-        "tssgeom/tendon/remedy.py",
+        "tssgeom/tendon/design.py",
         "release_reaches_below=out / grown",
         "release_reaches_below=out * grown",
         REMEDY,
     ),
     Mutant(
-        "tssgeom/tendon/remedy.py",
+        "tssgeom/tendon/design.py",
         "rig.tendon.pretension_N * grown",
         "rig.tendon.pretension_N / grown",
         REMEDY,
     ),
     Mutant(
-        "tssgeom/tendon/remedy.py",
+        "tssgeom/tendon/design.py",
         "Cycle(cycle.tension_in * grown,",
         "Cycle(cycle.tension_in / grown,",
         REMEDY,
     ),
-    Mutant("tssgeom/tendon/remedy.py", "self.angle / self.kappa", "self.angle * self.kappa", REMEDY),
+    Mutant("tssgeom/tendon/design.py", "self.angle / self.kappa", "self.angle * self.kappa", REMEDY),
     Mutant(
-        "tssgeom/tendon/compensation.py",
+        "tssgeom/tendon/command.py",
         "sign = 1 if move.target > held.tension_out else -1",
         "sign = -1 if move.target > held.tension_out else 1",
         INVERSE,
     ),
     Mutant(
-        "tssgeom/tendon/compensation.py",
+        "tssgeom/tendon/command.py",
         "rest_tension(rig) + stiffness * (displacement_out or 0.0)",
         "stiffness * (displacement_out or 0.0)",
         COMMANDS,
     ),
     # a tendon of bars
     Mutant(
-        "tssgeom/tendon/material.py",
+        "tssgeom/tendon/bars/contact_grid.py",
         "displacement_in=elongation + moved",
         "displacement_in=elongation - moved",
         STATE,
     ),
     Mutant(
-        "tssgeom/tendon/equilibrium.py",
+        "tssgeom/tendon/bars/equilibrium.py",
         "right = -slip[i] * force[i]",
         "right = slip[i] * force[i]",
         "tests/tendon/test_incremental.py -k each_number_of_the_cone",
     ),
     # effects and sensors
     Mutant(
-        "tssgeom/tendon/run_plant.py",
+        "tssgeom/tendon/bars/plant.py",
         "base * (1.0 - setup.asymmetry)",
         "base * (1.0 + setup.asymmetry)",
-        "tests/tendon/effects/test_against_lumped.py -k 'asymmetric and tension_in_N'",
+        "tests/effects/test_against_lumped.py -k 'asymmetric and tension_in_N'",
     ),
     Mutant(
-        "tssgeom/tendon/run_plant.py",
+        "tssgeom/tendon/bars/plant.py",
         "np.exp(-pulling - fitting)",
         "np.exp(pulling - fitting)",
-        "tests/tendon/effects/test_run_model.py -k the_base_is",
+        "tests/effects/test_run_model.py -k the_base_is",
     ),
     Mutant(
-        "tssgeom/tendon/run_sensors.py",
+        "tssgeom/tendon/bars/sensors.py",
         "(given - setup.tension_in_offset_N) / setup.tension_in_gain",
         "(given + setup.tension_in_offset_N) / setup.tension_in_gain",
-        f"{ACTING} tests/tendon/effects/test_ties.py -k 'errs or G1 or gain'",
+        f"{ACTING} tests/effects/test_ties.py -k 'errs or G1 or gain'",
     ),
     Mutant(
-        "tssgeom/tendon/run_sensors.py",
+        "tssgeom/tendon/bars/sensors.py",
         '"elongation_m": out[2] - out[3]',
         '"elongation_m": out[2] + out[3]',
-        "tests/tendon/effects/test_run_model.py -k the_base_is",
+        "tests/effects/test_run_model.py -k the_base_is",
     ),
     Mutant(
         "tssgeom/tendon/state.py",
@@ -196,106 +196,108 @@ MUTANTS = (
         f"{ACTING} -k 'simulated and tension_in_offset'",
     ),
     # the route
-    Mutant("tssgeom/shape/arcs.py", "first[c] -= turned * middle", "first[c] += turned * middle", ARCS),
-    Mutant("tssgeom/shape/arcs.py", "if so_far[k] + penalty < cost[j]:", "if so_far[k] < cost[j]:", ARCS),
+    Mutant("tssgeom/route/pieces.py", "first[c] -= turned * middle", "first[c] += turned * middle", ARCS),
+    Mutant("tssgeom/route/pieces.py", "if so_far[k] + penalty < cost[j]:", "if so_far[k] < cost[j]:", ARCS),
     Mutant(
-        "tssgeom/shape/arcs.py",
+        "tssgeom/route/pieces.py",
         "self.covariance[k:, k:].sum()",
         "self.covariance[:k, :k].sum()",
         f"tests/tendon/test_history.py {CLOSED} {STATE}",
     ),
     Mutant(
-        "tssgeom/shape/directions.py",
+        "tssgeom/route/directions.py",
         "cosine[sensed].mean() < 0.0",
         "cosine[sensed].mean() > 0.0",
         DIRECTIONS,
     ),
     Mutant(
-        "tssgeom/settings.py",
+        "tssgeom/rig.py",
         "return None if self.noise_mm is None else 1e-3 * self.noise_mm",
         "return self.noise_mm",
-        "tests/test_settings.py",
+        "tests/test_rig.py",
     ),
     # the chain of arcs
     Mutant(
-        "tssgeom/shape/chain/equations.py",
+        "tssgeom/route/arcs/equations.py",
         "theta[i] = d0 * frame[j, 2, i] - d1 * frame[j, 1, i]",
         "theta[i] = d0 * frame[j, 2, i] + d1 * frame[j, 1, i]",
         CHAIN,
     ),
     Mutant(
-        "tssgeom/shape/chain/equations.py",
+        "tssgeom/route/arcs/equations.py",
         "sign = 1.0 if part == 2 else -1.0",
         "sign = 1.0",
         CHAIN,
     ),
-    Mutant("tssgeom/shape/chain/places.py", "b = (1 - cos) / q", "b = (1 + cos) / q", CHAIN),
-    Mutant("tssgeom/shape/chain/dense.py", "value -= lower[a, c] * half[i, c]", "pass", CHAIN),
+    Mutant("tssgeom/route/arcs/positions.py", "b = (1 - cos) / q", "b = (1 + cos) / q", CHAIN),
+    Mutant("tssgeom/route/arcs/dense.py", "value -= lower[a, c] * half[i, c]", "pass", CHAIN),
     Mutant(
-        "tssgeom/shape/chain/fit.py",
+        "tssgeom/route/arcs/fit.py",
         "bow = unit[c] * ahead - axes[i, c]",
         "bow = unit[c] * ahead + axes[i, c]",
         CHAIN,
     ),
     Mutant(
-        "tssgeom/shape/chain/account.py",
+        "tssgeom/route/arcs/summary.py",
         "slide[a] -= tangent[c] * moved",
         "slide[a] += tangent[c] * moved",
         CHAIN,
     ),
     # what drives, and what is read
     Mutant(
-        "tssgeom/tendon/turning.py",
+        "tssgeom/identify/turning.py",
         "return 1.4826 * float(np.median(off))",
         "return float(np.median(off))",
         f"{DRIVE} sine",
     ),
-    Mutant("tssgeom/tendon/turning.py", "_THROUGH = (3, 5, 7)", "_THROUGH = (3,)", DRIVE),
+    Mutant("tssgeom/identify/turning.py", "_THROUGH = (3, 5, 7)", "_THROUGH = (3,)", DRIVE),
     Mutant(
-        "tssgeom/tendon/turning.py",
+        "tssgeom/identify/turning.py",
         "min(sides, key=lambda side: abs(side[1]))",
         "max(sides, key=lambda side: abs(side[1]))",
         LEGS,
     ),
     Mutant(
-        "tssgeom/tendon/run_drive.py",
+        "tssgeom/identify/drive.py",
         "told = _rounded(when, drive, turns, k, noise) if k < len(turns) - 1 else None",
         "told = None",
         f"{DRIVE} sine",
     ),
     Mutant(
-        "tssgeom/discrepancy/readings.py",
+        "tssgeom/identify/readings.py",
         "over = np.abs(out) >= told.full_scale",
         "over = np.abs(out) > 2.0 * told.full_scale",
         f"{DRIVE} round_turn",
     ),
     # units and order at the boundary
-    Mutant("tssgeom/io/units.py", '"mm": 1000.0', '"mm": 100.0', TABLES),
+    Mutant("tssgeom/io/formats/units.py", '"mm": 1000.0', '"mm": 100.0', TABLES),
     Mutant(
-        "tssgeom/io/columns.py",
+        "tssgeom/io/formats/columns.py",
         '"elongation_mm": ("elongation", 1000.0)',
         '"elongation_mm": ("elongation", 1.0)',
         f"{TABLES} tests/io/test_npz.py",
     ),
     Mutant(
-        "tssgeom/io/runs.py",
+        "tssgeom/io/formats/runs.py",
         '"elongation_mm": ("elongation", 1000.0)',
         '"elongation_mm": ("elongation", 1.0)',
         "tests/io/test_runs.py",
     ),
     Mutant(
-        "tssgeom/io/slicer.py",
+        "tssgeom/io/formats/slicer.py",
         '"RAS": (-1.0, -1.0, 1.0)',
         '"RAS": (-1.0, 1.0, 1.0)',
         "tests/io/test_slicer.py",
     ),
     Mutant(
-        "tssgeom/io/recording.py",
+        "tssgeom/io/formats/recording.py",
         "latest < item.time < math.inf",
         "latest <= item.time < math.inf",
         f"{TABLES} tests/io/test_json_lines.py",
     ),
-    Mutant("tssgeom/io/longform.py", "float(seen[0]) / per_unit", "float(seen[0]) * per_unit", TABLES),
+    Mutant(
+        "tssgeom/io/formats/longform.py", "float(seen[0]) / per_unit", "float(seen[0]) * per_unit", TABLES
+    ),
 )
 
 

@@ -30,12 +30,12 @@ CAMPAIGN = """
 from pathlib import Path
 import numpy as np
 from tssgeom import Arcs, read_rig
-from tssgeom.discrepancy.campaign import Campaign, Route, Run
-from tssgeom.discrepancy.readings import readings
-from tssgeom.discrepancy.stack import run_channels
-from tssgeom.io.campaign_checks import check_run
-from tssgeom.io.files import open_recording
-from tssgeom.io.runs import read_run
+from tssgeom.identify.campaign import Campaign, Route, Run
+from tssgeom.identify.readings import readings
+from tssgeom.identify.stack import run_channels
+from tssgeom.io.formats.campaign_checks import check_run
+from tssgeom.io.formats.files import open_recording
+from tssgeom.io.formats.runs import read_run
 
 (frame,) = open_recording("bench.stylus").frames
 s = np.linalg.norm(frame.points - frame.points[0], axis=1)
@@ -96,8 +96,8 @@ def counted(copy: Path, *words: str) -> int:
 
 def test_an_effect_as_contributed_keeps_the_contract_of_all_effects(copy):
     """Among the tests: size zero is the base model bit for bit, and any other size shows in each drive."""
-    assert counted(copy, "tests/tendon/effects/test_contract.py", "-k", "sealed_ends") == 9
-    assert counted(copy, "tests/tendon/effects/test_rig_effects.py", "-k", "sealed_ends") == 1
+    assert counted(copy, "tests/effects/test_contract.py", "-k", "sealed_ends") == 9
+    assert counted(copy, "tests/effects/test_rig_effects.py", "-k", "sealed_ends") == 1
 
 
 def test_a_format_as_contributed_is_read_and_survives_the_fuzz_tests(copy):
@@ -108,7 +108,7 @@ def test_a_format_as_contributed_is_read_and_survives_the_fuzz_tests(copy):
 def test_a_channel_as_contributed_shows_the_effects_that_say_so_and_no_others(copy):
     """One that moves it, one that does not, one of another sensor."""
     few = "shows_in_its_channels and tension_in_N and (viscous_drag or backlash or crosstalk)"
-    assert counted(copy, "tests/tendon/effects/test_contract.py", "-k", few) == 3
+    assert counted(copy, "tests/effects/test_contract.py", "-k", few) == 3
 
 
 def test_effect_format_and_sensor_as_contributed_work_together(copy):

@@ -8,7 +8,7 @@ import pytest
 from typer.main import get_command
 
 from pipelines.cli import app
-from tssgeom.settings import Rig
+from tssgeom.rig import Rig
 
 HOME = Path(__file__).parents[1]
 DOCUMENTS = [HOME / "README.md", HOME / "CONTRIBUTING.md", *sorted((HOME / "docs").glob("*.md"))]

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tssgeom.settings import Friction, Rig
-from tssgeom.shape.arcs import Arcs
-from tssgeom.shape.synthetic import chain, half_circle, places
+from tssgeom.rig import Friction, Rig
+from tssgeom.route.pieces import Arcs
+from tssgeom.route.synthetic import chain, half_circle, places
 from tssgeom.stream import Frame, FrameResult, process
 from tssgeom.tendon.state import pretensioned, step, transmit
 

@@ -7,7 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from pipelines.cli import app
-from tssgeom.shape.synthetic import samples
+from tssgeom.route.synthetic import samples
 
 SAMPLES = Path(__file__).resolve().parents[1] / "sample_shapes"
 STILL = [sample for sample in samples() if sample.time is None]

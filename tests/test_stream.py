@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from msgspec.structs import replace as changed
 
-from tssgeom.settings import Friction, Rig, ShapeSensor
+from tssgeom.effects import Creep, HiddenBend, ThermalDrift
+from tssgeom.rig import Friction, Rig, ShapeSensor
 from tssgeom.stream import Frame, FrameResult, Rejected, advance, process
-from tssgeom.tendon.effects import Creep, HiddenBend, ThermalDrift
-from tssgeom.tendon.material import MaterialState
-from tssgeom.tendon.profile import Corners
+from tssgeom.tendon.bars.contact_grid import MaterialState
+from tssgeom.tendon.capstan import Corners
 from tssgeom.tendon.state import pretensioned
 
 RIG = Rig(shape=ShapeSensor(noise_mm=0.1))

@@ -10,8 +10,10 @@ from functools import cache
 import msgspec
 import numpy as np
 
-from tssgeom.discrepancy.campaign import Campaign, Route, Run
-from tssgeom.discrepancy.finding import (
+from tssgeom.effects import EndFittingFrictionDistal, HiddenBend, LoadDependentFriction
+from tssgeom.identify.campaign import Campaign, Route, Run
+from tssgeom.identify.drive import calmed
+from tssgeom.identify.finding import (
     PHASES,
     Blame,
     Candidate,
@@ -27,11 +29,9 @@ from tssgeom.discrepancy.finding import (
     Trace,
     Verdict,
 )
-from tssgeom.discrepancy.synthetic import BELIEVED, COURSES, TRUE, SampleRun, arcs_of, sample_campaigns
-from tssgeom.shape.synthetic import places
-from tssgeom.tendon.effects import EndFittingFrictionDistal, HiddenBend, LoadDependentFriction
-from tssgeom.tendon.run_drive import calmed
-from tssgeom.tendon.run_model import begin, carry_on, prepare
+from tssgeom.identify.synthetic import BELIEVED, COURSES, TRUE, SampleRun, arcs_of, sample_campaigns
+from tssgeom.route.synthetic import places
+from tssgeom.tendon.bars.model import begin, carry_on, prepare
 
 CHANNELS = ("tension_in_N", "tension_out_N", "elongation_m")
 BEND = HiddenBend(at_m=0.21, angle_rad=0.6)

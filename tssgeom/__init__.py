@@ -1,13 +1,13 @@
 """Tension and elongation of tendon-sheath transmissions on sensed three-dimensional routes."""
 
 from tssgeom.errors import FitError, SettingsError, ShapeError, SourceError, TssgeomError
-from tssgeom.settings import Rig, read_rig
-from tssgeom.shape.arcs import Arcs, constant_curvature_pieces
-from tssgeom.shape.curvature import CurvatureProfile, curvature_profile
-from tssgeom.shape.geometry import Geometry, measure
-from tssgeom.shape.points import Shape, clean
-from tssgeom.shape.route import Route
-from tssgeom.shape.spline import Spline, fit
+from tssgeom.rig import Rig, read_rig
+from tssgeom.route.curvature import CurvatureProfile, curvature_profile
+from tssgeom.route.geometry import Geometry, measure
+from tssgeom.route.observations import Shape, clean
+from tssgeom.route.pieces import Arcs, constant_curvature_pieces
+from tssgeom.route.route import Route
+from tssgeom.route.spline.fit import Spline, fit
 from tssgeom.stream import Frame, FrameResult, Rejected, process
 from tssgeom.tendon.state import TendonState, pretensioned, step, tension, transmit
 from tssgeom.tendon.transmission import Transmission

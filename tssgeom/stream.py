@@ -7,17 +7,17 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 from tssgeom.arrays import Matrix, Points, Vector
+from tssgeom.effects import HiddenBend, named
 from tssgeom.errors import ShapeError, TssgeomError
-from tssgeom.settings import Rig
-from tssgeom.shape.arcs import Arcs
-from tssgeom.shape.curvature import CurvatureProfile
-from tssgeom.shape.fibre.sensed import clean_fibre, measure_fibre, sensed_shape
-from tssgeom.shape.following import Followed, follow, reconsidered
-from tssgeom.shape.points import Shape, clean
-from tssgeom.shape.route import Route
-from tssgeom.tendon.compensation import Command, compensate
-from tssgeom.tendon.effects import HiddenBend, named
-from tssgeom.tendon.profile import check_tension
+from tssgeom.rig import Rig
+from tssgeom.route.curvature import CurvatureProfile
+from tssgeom.route.fibre.sensed import clean_fibre, measure_fibre, sensed_shape
+from tssgeom.route.observations import Shape, clean
+from tssgeom.route.pieces import Arcs
+from tssgeom.route.route import Route
+from tssgeom.route.tracking import Followed, follow, reconsidered
+from tssgeom.tendon.capstan import check_tension
+from tssgeom.tendon.command import Command, compensate
 from tssgeom.tendon.state import TendonState, pretensioned, step, transmit, true_tension
 from tssgeom.tendon.transmission import Transmission
 

@@ -8,9 +8,9 @@ from scipy.spatial.transform import Rotation
 from benchmarks.bound import cramer_rao
 from benchmarks.elongation import RIG, TENSION_IN, first_pull
 from benchmarks.routes import truth
-from tssgeom.shape.arcs import Arcs
-from tssgeom.shape.synthetic import chain, half_circle, setup_a
-from tssgeom.tendon.profile import pretensioned, step
+from tssgeom.route.pieces import Arcs
+from tssgeom.route.synthetic import chain, half_circle, setup_a
+from tssgeom.tendon.capstan import pretensioned, step
 from tssgeom.tendon.transmission import transmit
 
 SEVEN = truth("7 pieces", np.random.default_rng(0)).course

@@ -3,8 +3,8 @@
 import pytest
 
 from benchmarks.discovery_real import TOOL, write_paper_campaign, write_tool_campaign
-from tssgeom.discrepancy.workflow import discover
-from tssgeom.io.campaigns import read_campaign
+from tssgeom.identify.workflow import discover
+from tssgeom.io.formats.campaigns import read_campaign
 from tssgeom.tendon import paper
 
 needs_tool = pytest.mark.skipif(not TOOL.is_dir(), reason="needs the torques of the cable-driven instrument")

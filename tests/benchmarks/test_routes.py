@@ -5,7 +5,7 @@ import pytest
 
 from benchmarks.cells import Cell, catalogue, draw, quick
 from benchmarks.routes import PIECEWISE, SMOOTH, truth
-from tssgeom.shape import synthetic
+from tssgeom.route import synthetic
 
 
 @pytest.mark.parametrize("name", [*PIECEWISE, *SMOOTH])

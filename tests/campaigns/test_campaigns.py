@@ -14,10 +14,10 @@ from tests.campaigns import INSIDE, OUTSIDE, PAIRS, PLANS, SEEDS, make_campaign
 from tests.campaigns.instruments import SPECIFIED
 from tests.campaigns.make import _rig, _run
 from tests.campaigns.routes import places
-from tssgeom.settings import Friction, Load, Rig, Tendon, read_rig
-from tssgeom.shape.arcs import Arcs
-from tssgeom.tendon.incremental import step
-from tssgeom.tendon.material import pretensioned_bars
+from tssgeom.rig import Friction, Load, Rig, Tendon, read_rig
+from tssgeom.route.pieces import Arcs
+from tssgeom.tendon.bars.contact_grid import pretensioned_bars
+from tssgeom.tendon.bars.incremental import step
 
 
 def contents(folder):

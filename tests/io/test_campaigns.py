@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tssgeom.effects import HiddenBend
 from tssgeom.errors import SettingsError, ShapeError, SourceError, TssgeomError
-from tssgeom.io.campaigns import read_campaign
-from tssgeom.io.files import find_inputs
-from tssgeom.settings import Sensor
-from tssgeom.tendon.effects import HiddenBend
+from tssgeom.io.formats.campaigns import read_campaign
+from tssgeom.io.formats.files import find_inputs
+from tssgeom.rig import Sensor
 
 LISTED = '[[run]]\nname = "{name}"\ndata = "{name}.csv"\nshape = "{shape}"\n'
 ROWS = 60

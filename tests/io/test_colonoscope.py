@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tssgeom.errors import ShapeError, SourceError
-from tssgeom.io.files import find_inputs, open_recording
+from tssgeom.io.formats.files import find_inputs, open_recording
 from tssgeom.stream import Frame, Rejected
 
 SOURCE = Path(__file__).parent / "corpus" / "colonoscope"

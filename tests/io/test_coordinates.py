@@ -6,7 +6,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from tssgeom.io.coordinates import points_of
+from tssgeom.io.formats.coordinates import points_of
 
 
 def _read(text: str) -> np.ndarray:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from tssgeom.errors import SourceError
-from tssgeom.io.run_record import sha256_of
+from tssgeom.io.results.run_record import sha256_of
 
 CORPUS = Path(__file__).parent / "corpus"
 

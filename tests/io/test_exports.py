@@ -11,9 +11,9 @@ from vtkmodules.vtkFiltersCore import vtkFeatureEdges
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
 from tssgeom.errors import SettingsError, SourceError
-from tssgeom.io.exports import WRITERS, chosen_endings, write_exports
-from tssgeom.io.files import open_recording
-from tssgeom.io.tension_line import TensionLine
+from tssgeom.io.formats.files import open_recording
+from tssgeom.io.results.exports import WRITERS, chosen_endings, write_exports
+from tssgeom.io.results.tension_line import TensionLine
 from tssgeom.view.mesh import SIDES, tube
 
 NODES = 300

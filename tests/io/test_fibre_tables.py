@@ -8,7 +8,7 @@ import pyarrow.parquet as papq
 import pytest
 
 from tssgeom.errors import ShapeError
-from tssgeom.io.files import Recording, open_recording
+from tssgeom.io.formats.files import Recording, open_recording
 from tssgeom.stream import Frame
 
 S = np.array([10.0, 20, 30, 40])

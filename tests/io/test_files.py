@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
+from tssgeom.atomic import replacing, write_text
 from tssgeom.errors import SourceError
-from tssgeom.io.atomic import replacing, write_text
-from tssgeom.io.files import find_inputs, open_recording, output_names
+from tssgeom.io.formats.files import find_inputs, open_recording, output_names
 
 
 def touch(folder: Path, *names: str) -> None:

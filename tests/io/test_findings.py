@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from tests.worked_finding import BEND, CHANNELS, without_held_out, worked_finding
-from tssgeom.io.findings import report_object, write_report, write_updated_rig
-from tssgeom.settings import read_rig
+from tssgeom.io.results.findings import report_object, write_report, write_updated_rig
+from tssgeom.rig import read_rig
 
 VERDICTS = ("none", "effect", "tie", "unknown")
 PROMISED = {

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from tests.io.damage import damage, damaged, quick
 from tssgeom.errors import TssgeomError
-from tssgeom.io.files import READERS, open_recording
-from tssgeom.io.parts import ending
+from tssgeom.io.formats.files import READERS, open_recording
+from tssgeom.io.formats.names import ending
 from tssgeom.stream import Frame, Rejected
 
 CORPUS = Path(__file__).parent / "corpus"

@@ -17,15 +17,15 @@ from hypothesis import strategies as st
 
 from tests.io.damage import damage, damaged, quick
 from tssgeom.errors import TssgeomError
-from tssgeom.io.cameras import read_cameras
-from tssgeom.io.campaigns import read_campaign
-from tssgeom.io.meshes import read_lumen, wall_of
+from tssgeom.io.formats.cameras import read_cameras
+from tssgeom.io.formats.campaigns import read_campaign
+from tssgeom.io.formats.meshes import read_lumen, wall_of
+from tssgeom.io.formats.runs import holds_run, read_run
+from tssgeom.io.formats.states import read_state
 from tssgeom.io.network.addresses import access
-from tssgeom.io.runs import holds_run, read_run
-from tssgeom.io.states import read_state
-from tssgeom.settings import read_rig
-from tssgeom.shape.clearance import clearance
-from tssgeom.shape.synthetic import half_circle, places
+from tssgeom.lumen.clearance import clearance
+from tssgeom.rig import read_rig
+from tssgeom.route.synthetic import half_circle, places
 from tssgeom.stream import Frame, FrameResult, process
 
 CORPUS = Path(__file__).parent / "corpus" / "settings"

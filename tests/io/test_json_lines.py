@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from tssgeom.errors import ShapeError
-from tssgeom.io.files import Recording, open_recording
-from tssgeom.io.jsonl import LONGEST_LINE, frame_of
+from tssgeom.io.formats.files import Recording, open_recording
+from tssgeom.io.formats.jsonl import LONGEST_LINE, frame_of
 from tssgeom.stream import Frame, Rejected
 
 POINTS = [[0, 0, 0], [1, 0, 0], [2, 1, 0], [3, 1, 1]]

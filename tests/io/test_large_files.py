@@ -9,8 +9,8 @@ import pyarrow.parquet as papq
 import pytest
 
 from tssgeom.errors import ShapeError, SourceError
-from tssgeom.io import blocks, longform, npz
-from tssgeom.io.files import open_recording
+from tssgeom.io.formats import blocks, longform, npz
+from tssgeom.io.formats.files import open_recording
 from tssgeom.stream import Frame, Rejected
 
 FRAMES, POINTS = 40, 12

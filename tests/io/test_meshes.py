@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from tssgeom.errors import ShapeError, SourceError
-from tssgeom.io.meshes import ENDINGS, lumen_beside, read_lumen
+from tssgeom.io.formats.meshes import ENDINGS, lumen_beside, read_lumen
 
 
 @pytest.mark.parametrize("ending", ENDINGS)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tssgeom.errors import ShapeError
-from tssgeom.io.files import Recording, open_recording
+from tssgeom.io.formats.files import Recording, open_recording
 from tssgeom.stream import Frame, Rejected
 
 CORPUS = Path(__file__).parent / "corpus"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tssgeom.errors import ShapeError, SourceError
-from tssgeom.io.files import Recording, open_recording
+from tssgeom.io.formats.files import Recording, open_recording
 from tssgeom.stream import Frame, Rejected
 
 POINTS = np.random.default_rng(2).normal(size=(3, 6, 3))

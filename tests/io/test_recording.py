@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tssgeom.io.recording import in_order
+from tssgeom.io.formats.recording import in_order
 from tssgeom.stream import Frame, Rejected
 
 POINTS = np.column_stack((np.arange(5.0), np.zeros(5), np.zeros(5)))

@@ -11,7 +11,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from tssgeom.errors import ShapeError, SourceError
-from tssgeom.io.files import Recording, find_inputs, open_recording
+from tssgeom.io.formats.files import Recording, find_inputs, open_recording
 from tssgeom.stream import Frame, Rejected
 
 CORPUS = Path(__file__).parent / "corpus"

@@ -8,7 +8,7 @@ import pyarrow.parquet as papq
 import pytest
 
 from tssgeom.errors import SettingsError, ShapeError, SourceError
-from tssgeom.io.runs import read_run
+from tssgeom.io.formats.runs import read_run
 
 
 def written(tmp_path: Path, text: str) -> Path:

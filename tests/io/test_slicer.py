@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tssgeom.errors import ShapeError, SourceError, TssgeomError
-from tssgeom.io.files import Recording, find_inputs, open_recording
+from tssgeom.io.formats.files import Recording, find_inputs, open_recording
 from tssgeom.stream import Frame
 
 CORPUS = Path(__file__).parent / "corpus"

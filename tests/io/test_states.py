@@ -3,9 +3,9 @@
 import pytest
 
 from tssgeom.errors import SettingsError, SourceError
-from tssgeom.io.states import read_state, write_state
-from tssgeom.settings import Rig
-from tssgeom.shape.arcs import Arcs
+from tssgeom.io.formats.states import read_state, write_state
+from tssgeom.rig import Rig
+from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.saved import state_object
 from tssgeom.tendon.state import pretensioned, step
 

@@ -8,7 +8,7 @@ import pyarrow.parquet as papq
 import pytest
 
 from tssgeom.errors import ShapeError, SourceError
-from tssgeom.io.files import Recording, open_recording
+from tssgeom.io.formats.files import Recording, open_recording
 from tssgeom.stream import Frame, Rejected
 
 ROWS = "0,0,0\n1,0,0\n2,1,0\n3,1,1\n4,2,1\n"

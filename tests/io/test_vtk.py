@@ -9,7 +9,7 @@ from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
 from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
 
 from tssgeom.errors import ShapeError, SourceError, TssgeomError
-from tssgeom.io.files import Recording, find_inputs, open_recording
+from tssgeom.io.formats.files import Recording, find_inputs, open_recording
 from tssgeom.stream import Frame
 
 CORPUS = Path(__file__).parent / "corpus"

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.live_process import PATIENCE, Live, live
-from tssgeom.io.jsonl import Line
+from tssgeom.io.formats.jsonl import Line
 
 TEXT = (Path(__file__).parents[2] / "docs" / "live.md").read_text()
 EXAMPLES = dict(re.findall(r"<!-- test: (\w+) -->\n```python\n(.*?)```", TEXT, re.DOTALL))

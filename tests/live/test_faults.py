@@ -17,9 +17,9 @@ from rerun.chunk import RrdReader
 from benchmarks.live_frames import line
 from benchmarks.live_process import PATIENCE, Reader, live
 from tests.live.peers import frame, half_circle
-from tssgeom.io.files import open_recording
-from tssgeom.io.states import read_state, write_state
-from tssgeom.settings import Rig, read_rig
+from tssgeom.io.formats.files import open_recording
+from tssgeom.io.formats.states import read_state, write_state
+from tssgeom.rig import Rig, read_rig
 from tssgeom.stream import Frame, FrameResult, process
 
 SAMPLE = Path(__file__).parents[2] / "sample_shapes" / "insertion.jsonl"

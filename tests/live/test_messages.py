@@ -4,9 +4,9 @@ import numpy as np
 
 from pipelines.live_messages import packed, unpacked
 from tests.live.peers import half_circle
-from tssgeom.settings import Rig
+from tssgeom.rig import Rig
 from tssgeom.stream import Frame, FrameResult, process
-from tssgeom.view.drawn import lean
+from tssgeom.view.samples import lean
 
 
 def test_a_picture_arrives_as_it_was_sent():

@@ -5,7 +5,7 @@ import pytest
 
 from pipelines.live_numbers import Numbers, status_text
 from pipelines.live_workers import Allowance
-from tssgeom.settings import Rig
+from tssgeom.rig import Rig
 from tssgeom.stream import Frame, FrameResult, process
 
 TURN = np.linspace(0.0, np.pi, 40)

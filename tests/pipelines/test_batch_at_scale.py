@@ -16,8 +16,8 @@ import pytest
 
 from pipelines.workers import Died, hired
 from tests.pipelines.alike import alike
-from tssgeom.io.ledger import locked
-from tssgeom.io.places import Folder
+from tssgeom.io.results.ledger import locked
+from tssgeom.io.storage import Folder
 
 TSSGEOM = (sys.executable, "-c", "from pipelines.cli import main; main()")
 PLAIN = ("--workers", "1", "--no-pictures", "--quiet")

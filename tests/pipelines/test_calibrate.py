@@ -6,9 +6,9 @@ import math
 import numpy as np
 import pytest
 
-from tssgeom.io.rigs import write_rig
-from tssgeom.settings import Friction, Load, Rig, Sensor, ShapeSensor, Tendon, read_rig
-from tssgeom.shape.arcs import Arcs
+from tssgeom.io.formats.rigs import write_rig
+from tssgeom.rig import Friction, Load, Rig, Sensor, ShapeSensor, Tendon, read_rig
+from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.history import driven
 
 MU, RHO = 0.2, 4e-4

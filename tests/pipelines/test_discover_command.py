@@ -12,8 +12,8 @@ import pytest
 
 from pipelines.cli import main
 from tests.pipelines.conftest import Run
-from tssgeom.settings import read_rig
-from tssgeom.tendon.effects import HiddenBend
+from tssgeom.effects import HiddenBend
+from tssgeom.rig import read_rig
 
 SAMPLES = Path(__file__).resolve().parents[2] / "sample_shapes"
 BEND = SAMPLES / "campaign_hidden_bend"

@@ -10,9 +10,9 @@ import numpy as np
 import pyarrow.parquet as papq
 import pytest
 
-from tssgeom.settings import read_rig
-from tssgeom.shape.arcs import Arcs
-from tssgeom.tendon.run_model import predict
+from tssgeom.rig import read_rig
+from tssgeom.route.pieces import Arcs
+from tssgeom.tendon.bars.model import predict
 
 Run = Callable[..., Any]
 

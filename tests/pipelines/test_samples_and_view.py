@@ -10,10 +10,10 @@ import trimesh
 
 from pipelines.view import pairs, recordings_in
 from tssgeom.errors import SourceError
-from tssgeom.io.files import open_recording
-from tssgeom.io.meshes import lumen_beside, read_lumen
-from tssgeom.io.samples import write_samples
-from tssgeom.shape.synthetic import Sample, Tube, half_circle, places
+from tssgeom.io.formats.files import open_recording
+from tssgeom.io.formats.meshes import lumen_beside, read_lumen
+from tssgeom.io.results.samples import write_samples
+from tssgeom.route.synthetic import Sample, Tube, half_circle, places
 from tssgeom.stream import Frame
 
 POINTS = places(half_circle(), np.linspace(0.0, 0.5, 25))

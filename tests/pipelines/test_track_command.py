@@ -10,8 +10,8 @@ import pytest
 
 from tests.scenes import Ball, Scene, arch, board_images, board_poses, checkerboard, render, ring
 from tests.view.recorded import columns, entities, timelines, verify, views
-from tssgeom.io.cameras import read_cameras
-from tssgeom.io.files import open_recording
+from tssgeom.io.formats.cameras import read_cameras
+from tssgeom.io.formats.files import open_recording
 
 COUNT, FRAMES = 14, 5
 HEADING = 18  # rows above each image that say which it is

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from tests.lumped import Distal, Drive, Physics, from_pieces, simulate
-from tssgeom.settings import Rig, Tendon
-from tssgeom.shape.arcs import Arcs
-from tssgeom.tendon import profile
-from tssgeom.tendon.incremental import Line, advance, coulomb
-from tssgeom.tendon.material import lay, pretensioned_bars
+from tssgeom.rig import Rig, Tendon
+from tssgeom.route.pieces import Arcs
+from tssgeom.tendon import capstan as profile
+from tssgeom.tendon.bars.contact_grid import lay, pretensioned_bars
+from tssgeom.tendon.bars.incremental import Line, advance, coulomb
 from tssgeom.tendon.transmission import transmit
 
 MU, RHO, PI = 0.145, 3.16e-4, math.pi  # the paper's tendon and sheath, section III-B
@@ -80,7 +80,7 @@ def by_lumped(case, asked, max_step=0.02, cells=160):
 
 
 def by_bars(case, asked, max_step=0.02, bars=60):
-    """[5, len(asked)] `ROWS`, from `tssgeom.tendon.incremental`."""
+    """[5, len(asked)] `ROWS`, from `tssgeom.tendon.bars.incremental`."""
     stiffness = {"spring": case.end.stiffness_N_per_m, "blocked": math.inf, "weight": 0.0}[case.end.kind]
     line = Line(np.full(bars, RHO), case.pretension, stiffness, *case.series)
     state = pretensioned_bars(_rig(case), _arcs(case, 0.0), bars)

@@ -21,9 +21,9 @@ from tests.tendon.lumped_pair import (
     by_lumped,
     on_wander,
 )
-from tssgeom.settings import Rig, Tendon
-from tssgeom.shape.arcs import Arcs
-from tssgeom.tendon.profile import pretensioned, step
+from tssgeom.rig import Rig, Tendon
+from tssgeom.route.pieces import Arcs
+from tssgeom.tendon.capstan import pretensioned, step
 from tssgeom.tendon.transmission import transmit
 
 TENSION_IN, TENSION_OUT, ELONGATION = 0, 1, 2  # rows of a run

@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from tssgeom.settings import Rig, Tendon
-from tssgeom.shape.arcs import Arcs
+from tssgeom.rig import Rig, Tendon
+from tssgeom.route.pieces import Arcs
+from tssgeom.tendon.capstan import pretensioned, step
 from tssgeom.tendon.history import driven, joined, profiles
-from tssgeom.tendon.profile import pretensioned, step
 from tssgeom.tendon.transmission import transmit
 
 ROUTE = Arcs.exact([0.1, 0.3, 0.1], [0.0, math.pi, 0.7])

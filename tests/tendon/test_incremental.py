@@ -8,12 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tssgeom.errors import SettingsError
-from tssgeom.settings import Friction, Load, Rig, Tendon
-from tssgeom.shape.arcs import Arcs
-from tssgeom.tendon import profile
-from tssgeom.tendon.equilibrium import equilibrium
-from tssgeom.tendon.incremental import Cone, Line, advance, coulomb, line, step
-from tssgeom.tendon.material import lay, pretensioned_bars, to_bars, to_corners
+from tssgeom.rig import Friction, Load, Rig, Tendon
+from tssgeom.route.pieces import Arcs
+from tssgeom.tendon import capstan as profile
+from tssgeom.tendon.bars.contact_grid import lay, pretensioned_bars, to_bars, to_corners
+from tssgeom.tendon.bars.equilibrium import equilibrium
+from tssgeom.tendon.bars.incremental import Cone, Line, advance, coulomb, line, step
 from tssgeom.tendon.transmission import transmit
 
 MU, RHO, PI = 0.145, 3.16e-4, math.pi  # the paper's tendon and sheath, section III-B

@@ -3,8 +3,8 @@
 import msgspec
 import pytest
 
-from tssgeom.settings import Load, Rig, Tendon
-from tssgeom.shape.arcs import Arcs
+from tssgeom.rig import Load, Rig, Tendon
+from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.state import pretensioned, step, transmit
 
 STRAIGHT = Arcs.exact([0.5], [0.0])

@@ -5,10 +5,10 @@ import math
 import pytest
 from msgspec.structs import replace as changed
 
+from tssgeom.effects import HiddenBend
 from tssgeom.errors import SettingsError
-from tssgeom.settings import Friction, Rig, Tendon
-from tssgeom.shape.arcs import Arcs
-from tssgeom.tendon.effects import HiddenBend
+from tssgeom.rig import Friction, Rig, Tendon
+from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.pair import HALVINGS, Both, Joint, Routes, pretensioned_pair, step
 
 PI, MU, RHO = math.pi, 0.145, 3.16e-4

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from tssgeom.settings import Rig, Tendon
-from tssgeom.shape.arcs import Arcs
-from tssgeom.tendon.profile import pretensioned, step
+from tssgeom.rig import Rig, Tendon
+from tssgeom.route.pieces import Arcs
+from tssgeom.tendon.capstan import pretensioned, step
 from tssgeom.tendon.transmission import transmit
 
 MU, RHO, PI = 0.145, 3.16e-4, math.pi  # the paper's tendon and sheath, section III-B

@@ -9,12 +9,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tssgeom.errors import SettingsError, ShapeError
-from tssgeom.settings import Load, Rig, Tendon
-from tssgeom.shape.arcs import Arcs
-from tssgeom.tendon import profile, transmission
-from tssgeom.tendon.material import MaterialState
+from tssgeom.rig import Load, Rig, Tendon
+from tssgeom.route.pieces import Arcs
+from tssgeom.tendon import capstan as profile
+from tssgeom.tendon import transmission
+from tssgeom.tendon.bars.contact_grid import MaterialState
+from tssgeom.tendon.capstan import Corners
 from tssgeom.tendon.moving import MovingRoute, between, unmoved
-from tssgeom.tendon.profile import Corners
 from tssgeom.tendon.saved import state_object, state_of
 from tssgeom.tendon.state import (
     HALVINGS,

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from tssgeom.settings import Friction, Rig, Tendon
-from tssgeom.shape.arcs import Arcs
-from tssgeom.tendon.pieces import mean_decay, mean_decay_moment
-from tssgeom.tendon.profile import pretensioned, step
+from tssgeom.rig import Friction, Rig, Tendon
+from tssgeom.route.pieces import Arcs
+from tssgeom.tendon.capstan import pretensioned, step
+from tssgeom.tendon.mean_tension import mean_decay, mean_decay_moment
 from tssgeom.tendon.transmission import sensitivity, transmit
 
 MU, RHO, PI = 0.145, 3.16e-4, math.pi  # the paper's tendon and sheath, section III-B

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import rerun as rr
 
-from tssgeom.settings import Rig
+from tssgeom.rig import Rig
 from tssgeom.stream import Frame, FrameResult, process
-from tssgeom.view.rerun_log import write_recording
+from tssgeom.view.scene.recording import write_recording
 
 NOISE = 1e-4
 

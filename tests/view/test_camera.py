@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 
 from tests.view.conftest import analysed
 from tssgeom.stream import Frame, FrameResult
-from tssgeom.view.camera import ASPECT, Camera, camera
-from tssgeom.view.drawn import drawn
-from tssgeom.view.labels import Placed, label_places, scale_label
+from tssgeom.view.samples import drawn
+from tssgeom.view.scene.camera import ASPECT, Camera, camera
+from tssgeom.view.scene.labels import Placed, label_places, scale_label
 
 
 def helix(turns: float, pitch: float, size: float) -> np.ndarray:

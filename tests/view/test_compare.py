@@ -9,17 +9,17 @@ import pytest
 from tests.view.conftest import analysed, arc
 from tests.view.recorded import columns, entities, verify, views
 from tssgeom.errors import SourceError
-from tssgeom.settings import Friction, Rig
+from tssgeom.rig import Friction, Rig
 from tssgeom.stream import Frame, FrameResult, process
 from tssgeom.view.colours import tension_rgba32
-from tssgeom.view.compare.difference import aligned, difference, parting
-from tssgeom.view.compare.reading import Side, read_side
-from tssgeom.view.compare.recording import write_comparison
-from tssgeom.view.compare.words import comparison, table
-from tssgeom.view.drawn import drawn
-from tssgeom.view.paper_recording import write_paper_recording
-from tssgeom.view.rerun_log import write_recording
-from tssgeom.view.words import angle_with_error, with_error
+from tssgeom.view.samples import drawn
+from tssgeom.view.scene.compare.difference import aligned, difference, parting
+from tssgeom.view.scene.compare.reading import Side, read_side
+from tssgeom.view.scene.compare.recording import write_comparison
+from tssgeom.view.scene.compare.wording import comparison, table
+from tssgeom.view.scene.paper import write_paper_recording
+from tssgeom.view.scene.recording import write_recording
+from tssgeom.view.wording import angle_with_error, with_error
 
 ROUGH = Rig(friction=Friction(coefficient=0.3))
 

@@ -3,11 +3,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tssgeom.settings import Rig
-from tssgeom.shape.arcs import Arcs
+from tssgeom.rig import Rig
+from tssgeom.route.pieces import Arcs
 from tssgeom.stream import Frame, FrameResult, process
 from tssgeom.tendon.history import last_peak
-from tssgeom.view.drawn import drawn, evenly, outliers, ranges, round_down, round_up, staircase
+from tssgeom.view.samples import drawn, evenly, outliers, ranges, round_down, round_up, staircase
 
 
 @given(st.integers(2, 5000), st.integers(2, 300))

@@ -7,11 +7,11 @@ import pytest
 from matplotlib.figure import Figure
 
 from tests.worked_finding import worked_finding
-from tssgeom.discrepancy.finding import Finding
-from tssgeom.view.finding.figures import judged, missing_figure, residual_figure, transmission_figure
-from tssgeom.view.finding.places import along_figure, heat_figure
-from tssgeom.view.finding.ranking import ranking_figure
-from tssgeom.view.plots import BLUE
+from tssgeom.identify.finding import Finding
+from tssgeom.view.figures.finding import judged, missing_figure, residual_figure, transmission_figure
+from tssgeom.view.figures.heat_map import along_figure, heat_figure
+from tssgeom.view.figures.plots import BLUE
+from tssgeom.view.figures.ranking import ranking_figure
 
 
 def only(finding: Finding, *channels: str) -> Finding:

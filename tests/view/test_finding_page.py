@@ -8,8 +8,8 @@ import pytest
 
 from tests.worked_finding import without_held_out, worked_finding
 from tssgeom.errors import SourceError
-from tssgeom.view.finding.page import write_finding_report
-from tssgeom.view.page import write_page
+from tssgeom.view.report.finding import write_finding_report
+from tssgeom.view.report.page import write_page
 
 VOID = {"meta", "br", "link", "img", "input", "hr"}
 VERDICTS = ("none", "effect", "tie", "unknown")

@@ -8,11 +8,11 @@ import pytest
 from rerun.chunk import RrdReader
 
 from tests.worked_finding import worked_finding
-from tssgeom.view.finding.layout import BLAME_BOX
-from tssgeom.view.finding.recording import write_finding_recording
-from tssgeom.view.finding.replay import MOST_NODES, MOST_ROWS, replay
-from tssgeom.view.language import COUNT
-from tssgeom.view.viewer import moment_of_greatest_tension
+from tssgeom.view.quantities import COUNT
+from tssgeom.view.scene.finding.layout import BLAME_BOX
+from tssgeom.view.scene.finding.recording import write_finding_recording
+from tssgeom.view.scene.finding.replay import MOST_NODES, MOST_ROWS, replay
+from tssgeom.view.scene.viewer import moment_of_greatest_tension
 
 
 @pytest.fixture(scope="module")

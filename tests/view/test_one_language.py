@@ -15,12 +15,12 @@ from tests.view.recorded import axes, entities, timelines, verify, views
 from tests.worked_finding import worked_finding
 from tssgeom.stream import FrameResult
 from tssgeom.view import colours
-from tssgeom.view.camera import ASPECT
-from tssgeom.view.compare.recording import write_comparison
-from tssgeom.view.drawn import numbers_of
-from tssgeom.view.finding.recording import write_finding_recording
-from tssgeom.view.language import COUNT, TIMELINE
-from tssgeom.view.paper_recording import write_paper_recording
+from tssgeom.view.quantities import COUNT, TIMELINE
+from tssgeom.view.samples import numbers_of
+from tssgeom.view.scene.camera import ASPECT
+from tssgeom.view.scene.compare.recording import write_comparison
+from tssgeom.view.scene.finding.recording import write_finding_recording
+from tssgeom.view.scene.paper import write_paper_recording
 
 SAMPLES = Path(__file__).resolve().parents[2] / "sample_shapes"
 CHAIN = SAMPLES / "campaign_clean"

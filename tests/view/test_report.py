@@ -10,11 +10,11 @@ from pathlib import Path
 import pytest
 
 from tssgeom.errors import SourceError
-from tssgeom.settings import Rig
+from tssgeom.rig import Rig
 from tssgeom.stream import FrameResult, Rejected
-from tssgeom.view.report import ReportEntry, rendered, write_report
-from tssgeom.view.report_section import section
-from tssgeom.view.words import with_error
+from tssgeom.view.report.report import ReportEntry, rendered, write_report
+from tssgeom.view.report.section import section
+from tssgeom.view.wording import with_error
 
 VOID = {"meta", "br", "link", "img", "input", "hr"}
 

@@ -10,10 +10,10 @@ from tests.view.recorded import columns, entities, verify, views
 from tssgeom.errors import SourceError
 from tssgeom.stream import FrameResult
 from tssgeom.view.colours import tension_rgba32
-from tssgeom.view.drawn import drawn
 from tssgeom.view.mesh import tube
-from tssgeom.view.rerun_log import write_recording
-from tssgeom.view.words import piece_labels
+from tssgeom.view.samples import drawn
+from tssgeom.view.scene.recording import write_recording
+from tssgeom.view.wording import piece_labels
 
 ENTITIES = {
     "/route",

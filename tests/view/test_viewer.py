@@ -11,8 +11,8 @@ import pytest
 from PIL import Image
 
 from tssgeom.errors import SourceError
-from tssgeom.view.compare.reading import read_side
-from tssgeom.view.viewer import moment_of_greatest_tension, open_viewer, screenshot
+from tssgeom.view.scene.compare.reading import read_side
+from tssgeom.view.scene.viewer import moment_of_greatest_tension, open_viewer, screenshot
 
 ICD_FOLDERS = [Path("/usr/share/vulkan/icd.d"), Path("/etc/vulkan/icd.d")]
 needs_vulkan = pytest.mark.skipif(
@@ -45,7 +45,7 @@ def test_missing_graphics_driver_is_named_with_its_remedy(
 
 @pytest.mark.skipif(sys.platform != "linux", reason="ends a process group")
 def test_web_viewer_answers_at_the_address_it_prints(still_file: Path) -> None:
-    program = "import sys, pathlib; from tssgeom.view.viewer import open_viewer; "
+    program = "import sys, pathlib; from tssgeom.view.scene.viewer import open_viewer; "
     program += "open_viewer([pathlib.Path(sys.argv[1])], web=True)"
     server = subprocess.Popen(
         [sys.executable, "-c", program, still_file],

@@ -1,10 +1,10 @@
 import numpy as np
 
-from tssgeom.settings import Rig
-from tssgeom.shape.arcs import Arcs
+from tssgeom.rig import Rig
+from tssgeom.route.pieces import Arcs
 from tssgeom.stream import Frame, FrameResult, process
-from tssgeom.view.drawn import drawn
-from tssgeom.view.words import angle_with_error, piece_labels, piece_table, summary, with_error
+from tssgeom.view.samples import drawn
+from tssgeom.view.wording import angle_with_error, piece_labels, piece_table, summary, with_error
 
 
 def test_a_standard_error_is_told_with_two_digits_and_its_value_to_the_same_decimals() -> None:

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from tssgeom.arrays import Matrix, Vector, read_only
-from tssgeom.settings import Rig
-from tssgeom.shape.arcs import Arcs
-from tssgeom.tendon.pieces import means_on_pieces
-from tssgeom.tendon.profile import pretensioned, step, tension
+from tssgeom.rig import Rig
+from tssgeom.route.pieces import Arcs
+from tssgeom.tendon.capstan import pretensioned, step, tension
+from tssgeom.tendon.mean_tension import means_on_pieces
 
 _ROUNDING = 1e-12  # of a tension that is held
 

@@ -10,7 +10,7 @@ from numba import njit
 
 from tssgeom.arrays import Matrix, Vector, read_only
 from tssgeom.errors import ShapeError
-from tssgeom.shape.arcs import Arcs
+from tssgeom.route.pieces import Arcs
 
 PLACES = 8
 """Even shares of the length at which two routes are compared."""

@@ -10,13 +10,13 @@ from typing import Any, NamedTuple
 from scipy.optimize import brentq
 
 from tssgeom.arrays import read_only
+from tssgeom.effects import named
 from tssgeom.errors import FitError, SettingsError
-from tssgeom.settings import Rig
-from tssgeom.shape.arcs import Arcs
-from tssgeom.tendon import incremental
-from tssgeom.tendon.effects import named
-from tssgeom.tendon.incremental import coulomb, line
-from tssgeom.tendon.material import BARS, MaterialState, lay, pretensioned_bars
+from tssgeom.rig import Rig
+from tssgeom.route.pieces import Arcs
+from tssgeom.tendon.bars import incremental
+from tssgeom.tendon.bars.contact_grid import BARS, MaterialState, lay, pretensioned_bars
+from tssgeom.tendon.bars.incremental import coulomb, line
 
 HALVINGS = 4
 """The bars at both ends are halved so often: the tension at a held end is known to half of the last bar."""

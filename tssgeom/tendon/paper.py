@@ -12,8 +12,8 @@ import numpy as np
 from scipy.optimize import root_scalar
 
 from tssgeom.arrays import Vector
-from tssgeom.settings import Rig
-from tssgeom.shape.arcs import Arcs
+from tssgeom.rig import Rig
+from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.history import History, driven, joined
 
 RIG = Rig()

@@ -11,12 +11,12 @@ import numpy as np
 
 from tssgeom.arrays import read_only
 from tssgeom.errors import SettingsError
-from tssgeom.shape.arcs import Arcs
-from tssgeom.tendon.acting import ActingState
-from tssgeom.tendon.material import MaterialState
-from tssgeom.tendon.profile import MOST_TENSION, Corners, check_tension
-from tssgeom.tendon.run_laws import Memory
-from tssgeom.tendon.run_sensors import CHANNELS
+from tssgeom.route.pieces import Arcs
+from tssgeom.tendon.bars.contact_grid import MaterialState
+from tssgeom.tendon.bars.laws import Memory
+from tssgeom.tendon.bars.sensors import CHANNELS
+from tssgeom.tendon.bars.with_effects import ActingState
+from tssgeom.tendon.capstan import MOST_TENSION, Corners, check_tension
 from tssgeom.tendon.state import TendonState
 
 VERSION = 3

@@ -11,12 +11,12 @@ from typing import Literal
 
 from tssgeom.arrays import Vector
 from tssgeom.errors import TssgeomError
-from tssgeom.settings import Rig
-from tssgeom.tendon.compensation import Command, compensate
+from tssgeom.rig import Rig
+from tssgeom.tendon.bars.model import setup_of
+from tssgeom.tendon.bars.sensors import Drive, check_drive
+from tssgeom.tendon.capstan import RESOLUTION
+from tssgeom.tendon.command import Command, compensate
 from tssgeom.tendon.moving import MovingRoute
-from tssgeom.tendon.profile import RESOLUTION
-from tssgeom.tendon.run_model import setup_of
-from tssgeom.tendon.run_sensors import Drive, check_drive
 from tssgeom.tendon.state import (
     TendonState,
     pretensioned,

@@ -14,17 +14,22 @@ from functools import lru_cache
 import numpy as np
 
 from tssgeom.arrays import Vector
+from tssgeom.effects import Setup
 from tssgeom.errors import SettingsError
-from tssgeom.settings import Load, Rig, Tendon
-from tssgeom.shape.arcs import Arcs
-from tssgeom.tendon import acting, acting_transmission, bar_transmission, incremental, profile, transmission
-from tssgeom.tendon.acting import ActingState, setup_acting
-from tssgeom.tendon.effects import Setup
-from tssgeom.tendon.incremental import Line
-from tssgeom.tendon.material import MaterialState, lay, to_bars, to_corners
+from tssgeom.rig import Load, Rig, Tendon
+from tssgeom.route.pieces import Arcs
+from tssgeom.tendon import capstan as profile
+from tssgeom.tendon import transmission
+from tssgeom.tendon.bars import incremental
+from tssgeom.tendon.bars import transmission as bar_transmission
+from tssgeom.tendon.bars import with_effects as acting
+from tssgeom.tendon.bars import with_effects_transmission as acting_transmission
+from tssgeom.tendon.bars.contact_grid import MaterialState, lay, to_bars, to_corners
+from tssgeom.tendon.bars.incremental import Line
+from tssgeom.tendon.bars.sensors import err
+from tssgeom.tendon.bars.with_effects import ActingState, setup_acting
+from tssgeom.tendon.capstan import Corners
 from tssgeom.tendon.moving import unmoved
-from tssgeom.tendon.profile import Corners
-from tssgeom.tendon.run_sensors import err
 from tssgeom.tendon.transmission import Transmission
 
 HALVINGS = 4

@@ -10,10 +10,10 @@ import numpy as np
 from numba import njit
 
 from tssgeom.arrays import Matrix, Vector, read_only
-from tssgeom.settings import Rig
-from tssgeom.shape.arcs import Arcs
-from tssgeom.tendon.pieces import means_on_pieces
-from tssgeom.tendon.profile import RESOLUTION, Corners
+from tssgeom.rig import Rig
+from tssgeom.route.pieces import Arcs
+from tssgeom.tendon.capstan import RESOLUTION, Corners
+from tssgeom.tendon.mean_tension import means_on_pieces
 
 _SLIDES = 1e-6  # of ln T: bars are solved to 1e-10, and points on one line within 1e-9 are left out
 

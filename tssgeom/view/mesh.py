@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tssgeom.arrays import Points, Vector
 from tssgeom.errors import ShapeError
 from tssgeom.view.colours import tension_rgb
-from tssgeom.view.drawn import round_up
+from tssgeom.view.samples import round_up
 
 SIDES = 16
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from tssgeom.errors import ShapeError
-from tssgeom.io.jsonl import LONGEST_LINE
+from tssgeom.io.formats.jsonl import LONGEST_LINE
 
 LOOKED_AT = 16
 """Of the lines that arrive at once, so many of the last are looked at; the others are dropped."""

@@ -8,8 +8,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from time import perf_counter_ns
 
+from tssgeom.io.formats.recording import late
 from tssgeom.io.network.lines import LOOKED_AT
-from tssgeom.io.recording import late
 from tssgeom.stream import Frame, Rejected
 
 MOST_POINTS = 10_000

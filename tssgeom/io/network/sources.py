@@ -18,14 +18,14 @@ from time import monotonic, perf_counter_ns
 from typing import Protocol
 
 from tssgeom.errors import ShapeError, TssgeomError
-from tssgeom.io.files import open_recording
-from tssgeom.io.jsonl import frame_or_refusal
+from tssgeom.io.formats.files import open_recording
+from tssgeom.io.formats.jsonl import frame_or_refusal
+from tssgeom.io.formats.recording import usable
 from tssgeom.io.network.addresses import Access, Endpoint, resolved
 from tssgeom.io.network.channel import READ
 from tssgeom.io.network.lines import LOOKED_AT, Lines
 from tssgeom.io.network.listener import Listener, Peer, first_line, socket_error
 from tssgeom.io.network.mailbox import Clock, Mailbox
-from tssgeom.io.recording import usable
 from tssgeom.stream import Frame, Rejected
 
 _CHUNK = 1 << 16  # bytes

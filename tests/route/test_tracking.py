@@ -1,0 +1,209 @@
+"""A moving route is followed: each fit starts from the last one, and ends where a fit from nothing does."""
+
+import json
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.routes import arc_places, truth
+from tssgeom.route.geometry import measure
+from tssgeom.route.observations import clean
+from tssgeom.route.synthetic import Course, chain
+from tssgeom.route.tracking import follow, reconsidered
+
+NOISE = 5e-4
+LENGTH = np.array([0.07, 0.09, 0.05, 0.08, 0.06, 0.10, 0.05])
+KAPPA = np.array([5.0, 25.0, 0.0, 15.0, 40.0, 10.0, 0.0])
+PLANE = np.array([0.0, 1.2, 0.0, -0.8, 2.0, 0.5, 0.0])
+FRAMES = 48
+
+
+def _swaying(part: float) -> Course:
+    """Seven pieces whose bends sway by a tenth and whose joints wander."""
+    sway = np.sin(2 * np.pi * part)
+    length = LENGTH * (1.0 + 0.1 * sway * np.array([1, -1, 1, -1, 1, -1, 1]))
+    return chain(length, KAPPA * (1.0 + 0.1 * sway), PLANE)
+
+
+def _arriving(part: float) -> Course:
+    """A straight middle piece that bends until it is a bend like the others, and back."""
+    return chain(
+        LENGTH[:5], np.where(np.arange(5) == 2, 15.0 * np.sin(np.pi * part) ** 2, KAPPA[:5]), PLANE[:5]
+    )
+
+
+def _points(course: Course, n: int, rng: np.random.Generator) -> np.ndarray:
+    s = np.linspace(0.0, course.total_length, n)
+    return arc_places(course)(s) + NOISE * rng.standard_normal((n, 3))
+
+
+@pytest.mark.parametrize("known", [True, False], ids=["known noise", "unknown noise"])
+def test_a_followed_route_is_that_of_a_fit_from_nothing(known):
+    rng, last, apart = np.random.default_rng(3), None, []
+    noise = NOISE if known else None
+    for i in range(24):
+        shape = clean(_points(_swaying(i / 24), 120, rng))
+        last = follow(shape, noise, last)
+        fresh = measure(shape, noise).profile
+        assert last.geometry.arcs.method == "arcs"
+        apart.append((last.geometry.profile.total_angle - fresh.total_angle) / fresh.total_angle_se)
+    # both stop where a step would save a thousandth of the noise variance: 0.03 standard errors
+    assert np.median(np.abs(apart)) < 0.05
+    assert np.max(np.abs(apart)) < 1.0  # where one of them has a piece more
+
+
+@pytest.mark.parametrize("course", [_swaying, _arriving], ids=["joints wander", "a piece comes and goes"])
+def test_the_angle_does_not_jump_where_pieces_come_and_go(course):
+    """With errors that stay the same from frame to frame, a jump of the angle is the estimator's doing."""
+    last, before = None, None
+    for i in range(FRAMES):
+        part = i / (FRAMES - 1)
+        shape = clean(_points(course(part), 120, np.random.default_rng(8)))
+        last = follow(shape, NOISE, last)
+        found, true = last.geometry.profile, course(part).total_angle
+        assert abs(found.total_angle - true) < 4 * found.total_angle_se
+        if before is not None:
+            assert abs(found.total_angle - true - before) < found.total_angle_se
+        before = found.total_angle - true
+
+
+def test_the_number_of_points_may_change_from_frame_to_frame():
+    rng, last = np.random.default_rng(1), None
+    for i in range(30):
+        course = _swaying(i / 30)
+        last = follow(clean(_points(course, 80 + 7 * (i % 5), rng)), NOISE, last)
+        found = last.geometry.profile
+        assert last.geometry.arcs.method == "arcs"
+        assert abs(found.total_angle - course.total_angle) < 4 * found.total_angle_se
+
+
+def test_a_point_that_strays_for_one_frame_is_left_out_and_named():
+    rng, last = np.random.default_rng(4), None
+    for i in range(12):
+        points = _points(_swaying(0.0), 120, rng)
+        if i == 7:
+            points[60] += 0.004 * np.array([0.6, 0.0, 0.8])
+        last = follow(clean(points), NOISE, last)
+        found = last.geometry
+        assert bool(found.route.warnings) == (i == 7), (i, found.route.warnings)
+        assert abs(found.profile.total_angle - _swaying(0.0).total_angle) < 4 * found.profile.total_angle_se
+    assert "60" in str(found.route.warnings) or not found.route.warnings
+
+
+def test_a_route_that_leaps_is_measured_anew():
+    rng = np.random.default_rng(6)
+    last = follow(clean(_points(_swaying(0.0), 120, rng)), NOISE, None)
+    shape = clean(_points(chain(np.array([0.5]), np.array([4.0])), 120, rng))
+    found, fresh = follow(shape, NOISE, last).geometry, measure(shape, NOISE)
+    assert len(found.arcs.length) == len(fresh.arcs.length) == 1
+    assert found.profile.total_angle == pytest.approx(
+        fresh.profile.total_angle, abs=fresh.profile.total_angle_se
+    )
+
+
+def test_a_smooth_route_stays_smooth_and_a_staircase_takes_over():
+    """Half a clothoid's frames, then seven pieces: each is told for what it is after the waiting time."""
+    rng, last = np.random.default_rng(2), None
+    clothoid = truth("clothoid", rng)
+    for _ in range(20):
+        points = clothoid.place(np.linspace(0.0, clothoid.length, 120)) + NOISE * rng.standard_normal(
+            (120, 3)
+        )
+        last = follow(clean(points), NOISE, last)
+        assert last.geometry.arcs.method == "spline"
+    for _ in range(60):
+        last = follow(clean(_points(_swaying(0.0), 120, rng)), NOISE, last)
+    assert last.geometry.arcs.method == "arcs"
+
+
+def test_a_chain_that_takes_over_says_at_once_that_the_spline_may_be_right():
+    course = chain(np.array([0.15, 0.2, 0.15]), np.array([2.0, 9.0, 3.0]), np.zeros(3))
+    rng, seen = np.random.default_rng(0), []
+    for i in range(24):
+        s = np.linspace(0.0, course.total_length, 60)
+        shape = clean(arc_places(course)(s) + 1.75e-3 * rng.standard_normal((60, 3)))
+        seen.append(follow(shape, 1.75e-3, seen[-1] if i else None, "auto" if i else "spline"))
+    taken = next(i for i, one in enumerate(seen) if one.geometry.chain is not None)
+    assert seen[taken].doubt > 5e-4  # rad²: the call was close
+    first, second = (seen[i].geometry.arcs.total_angle_se ** 2 for i in (taken, taken + 1))
+    assert first == pytest.approx(second, rel=0.1)  # the same doubt; without it 0.6
+
+
+@pytest.mark.parametrize("course", [_swaying, _arriving], ids=["joints wander", "a piece comes and goes"])
+def test_what_is_asked_between_two_frames_is_what_the_next_frame_would_ask(course):
+    rng, asked = np.random.default_rng(9), 0
+    at_once, later = None, None
+    for i in range(FRAMES):
+        shape = clean(_points(course(i / FRAMES), 120, rng))
+        later = follow(shape, NOISE, later)
+        found = follow(shape, NOISE, at_once)
+        asked += found.question is not None
+        at_once = reconsidered(found)
+        assert at_once.question is None
+        np.testing.assert_array_equal(found.geometry.arcs.angle, later.geometry.arcs.angle)
+        np.testing.assert_array_equal(found.geometry.arcs.covariance, later.geometry.arcs.covariance)
+    assert asked >= 3  # every eighth or sixteenth frame, counted anew when the other was tried
+
+
+def test_one_point_beyond_a_last_joint_is_no_bend():
+    """The last point of this frame is off by some standard deviations: a bend for it alone could be any."""
+    samples = Path(__file__).parents[2] / "sample_shapes" / "insertion.jsonl"
+    frame = json.loads(samples.read_text().splitlines()[116])
+    found = measure(clean(1e-3 * np.array(frame["points"])), None)
+    assert found.arcs.method == "arcs"
+    assert found.profile.total_angle_se < 0.1  # rad; with a piece of that point 24 000
+
+
+def test_a_route_that_is_carried_away_takes_its_start_along():
+    """Unknown stations leave the start free along the route; it must not fall behind for ever."""
+    rng, last = np.random.default_rng(7), None
+    here = _points(_swaying(0.0), 60, rng)
+    ahead = (here[1] - here[0]) / np.linalg.norm(here[1] - here[0])
+    for i in range(200):
+        last = follow(clean(here + 1e-3 * i * ahead), None, last)
+    stations = last.geometry.chain.stations
+    # a foot goes farther than a noisy point's own error only where the start has stayed behind
+    assert abs(stations[0]) < 5 * NOISE
+    assert stations[-1] - stations[0] == pytest.approx(LENGTH.sum(), rel=0.01)
+
+
+def test_nodes_of_a_followed_chain_are_written_out_when_they_are_asked_for():
+    rng, last = np.random.default_rng(0), None
+    for i in range(3):
+        last = follow(clean(_points(_swaying(0.01 * i), 120, rng)), NOISE, last)
+    assert last is not None
+    outline, arcs = last.geometry.outline, last.geometry.arcs
+    assert last.geometry.chain is not None
+    assert "_written" not in vars(outline)
+    sent = pickle.loads(pickle.dumps(last.geometry.bare()))
+    route = last.geometry.route
+    assert last.geometry.route is route
+    np.testing.assert_array_equal(sent.route.position, route.position)
+    assert outline.noise == route.noise == NOISE
+    assert last.geometry.profile.total_angle == pytest.approx(arcs.total_angle, rel=1e-12)
+    assert last.geometry.profile.total_angle_se == pytest.approx(arcs.total_angle_se, rel=1e-9)
+
+
+def test_a_route_that_leaps_is_fitted_as_if_from_nothing():
+    """Any chain after any other, in as many points or fewer, noisy or exact."""
+    for seed in range(24):
+        rng, last = np.random.default_rng(seed), None
+        for _ in range(4):
+            k = rng.integers(1, 8)
+            straight = rng.random(k) > 0.7
+            course = chain(
+                rng.uniform(0.05, 0.12, k),
+                np.where(straight, 0.0, rng.uniform(0, 30, k)),
+                rng.uniform(0, 6, k),
+            )
+            n, noise = int(rng.choice([30, 60, 120])), rng.choice([0.0, 1e-8, 1e-4])
+            s = np.linspace(0.0, course.total_length, n)
+            shape = clean(arc_places(course)(s) + noise * rng.standard_normal((n, 3)))
+            for _ in range(rng.integers(1, 7)):
+                last = follow(shape, None, last)
+            found, fresh = last.geometry.profile, measure(shape).profile
+            # exact points leave rounding; where a chain has a piece more it is off by its error at most
+            off = abs(found.total_angle - course.total_angle)
+            assert off < max(4 * found.total_angle_se, 2 * abs(fresh.total_angle - course.total_angle), 1e-5)

@@ -1,0 +1,151 @@
+"""The library of effects that the base model lacks: a closed union, each selected by its name.
+
+To add one: write its class and name it in `Library`. It then loads from rig files, and the contract tests
+hold it.
+"""
+
+from collections.abc import Iterable
+from typing import Any, TypeAlias, get_args
+
+from tssgeom.effects.boundary import Backlash, PretensionError
+from tssgeom.effects.elastic import (
+    Creep,
+    SeriesComplianceDistal,
+    SeriesComplianceProximal,
+    SlackTakeUp,
+    ThermalDrift,
+    ToeRegion,
+)
+from tssgeom.effects.friction import (
+    AsymmetricFriction,
+    CurvatureDependentFriction,
+    EndFittingFrictionDistal,
+    EndFittingFrictionProximal,
+    FrictionDrift,
+    LoadDependentFriction,
+    StraightSectionFriction,
+    VelocityDependentFriction,
+    ViscousDrag,
+)
+from tssgeom.effects.kinds import Channel, Effect, Parameter, Tie, snake
+from tssgeom.effects.route import HiddenBend, SheathClearance
+from tssgeom.effects.sensor import (
+    ChannelLag,
+    LoadCellCrosstalk,
+    TensionInGain,
+    TensionInOffset,
+    TensionOutGain,
+    TensionOutOffset,
+)
+from tssgeom.effects.setup import Setup
+from tssgeom.errors import SettingsError
+
+Library: TypeAlias = (
+    LoadDependentFriction
+    | VelocityDependentFriction
+    | ViscousDrag
+    | StraightSectionFriction
+    | CurvatureDependentFriction
+    | AsymmetricFriction
+    | FrictionDrift
+    | EndFittingFrictionProximal
+    | EndFittingFrictionDistal
+    | HiddenBend
+    | SheathClearance
+    | SlackTakeUp
+    | ToeRegion
+    | Creep
+    | SeriesComplianceProximal
+    | SeriesComplianceDistal
+    | ThermalDrift
+    | PretensionError
+    | Backlash
+    | TensionInGain
+    | TensionOutGain
+    | TensionInOffset
+    | TensionOutOffset
+    | ChannelLag
+    | LoadCellCrosstalk
+)
+"""Any effect; `name` in a rig file selects which."""
+
+KINDS: dict[str, type[Library]] = {snake(kind.__name__): kind for kind in get_args(Library)}
+"""Every effect by its name, in the order of the reports."""
+_MAY_REPEAT = (HiddenBend, ChannelLag, SlackTakeUp)
+
+
+def named(effects: Iterable[Library]) -> str:
+    """Return the names of effects as they stand in a rig file, for a sentence."""
+    return ", ".join(snake(type(effect).__name__) for effect in effects)
+
+
+def with_size(kind: type[Library], size: float = 1.0) -> Library:
+    """Return the effect at `size` times what is typical; 0 switches it off, scales stay typical."""
+    told = kind.parameters.items()
+    numbers: dict[str, Any] = {key: p.typical * size if p.switch else p.typical for key, p in told}
+    return kind(**numbers)
+
+
+def chosen(effect: Library) -> dict[str, str]:
+    """Return what of an effect is a choice and no number, such as the end at which it acts."""
+    values = {key: getattr(effect, key) for key in effect.__struct_fields__}
+    return {key: value for key, value in values.items() if isinstance(value, str)}
+
+
+def together(setup: Setup, effects: Iterable[Library]) -> Setup:
+    """Return the setup with all effects in it.
+
+    Raises
+    ------
+    SettingsError
+        Where an effect that can act once is given twice.
+    """
+    once = set()
+    for effect in effects:
+        if type(effect) in once:
+            raise SettingsError(f"effects: {snake(type(effect).__name__)} is given twice; keep one of them")
+        if not isinstance(effect, _MAY_REPEAT):
+            once.add(type(effect))
+        setup = effect.on(setup)
+    return setup
+
+
+__all__ = [
+    "KINDS",
+    "AsymmetricFriction",
+    "Backlash",
+    "Channel",
+    "ChannelLag",
+    "Creep",
+    "CurvatureDependentFriction",
+    "Effect",
+    "EndFittingFrictionDistal",
+    "EndFittingFrictionProximal",
+    "FrictionDrift",
+    "HiddenBend",
+    "Library",
+    "LoadCellCrosstalk",
+    "LoadDependentFriction",
+    "Parameter",
+    "PretensionError",
+    "SeriesComplianceDistal",
+    "SeriesComplianceProximal",
+    "Setup",
+    "SheathClearance",
+    "SlackTakeUp",
+    "StraightSectionFriction",
+    "TensionInGain",
+    "TensionInOffset",
+    "TensionOutGain",
+    "TensionOutOffset",
+    "ThermalDrift",
+    "Tie",
+    "ToeRegion",
+    "VelocityDependentFriction",
+    "ViscousDrag",
+    "chosen",
+    "named",
+    "snake",
+    "together",
+    "with_size",
+]

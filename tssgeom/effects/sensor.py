@@ -1,0 +1,156 @@
+"""Effects of the sensors: what was measured is not what happened. Source: docs/model.md (61), (62)."""
+
+from dataclasses import replace
+from typing import ClassVar
+
+from tssgeom.effects.kinds import ANSWERS, LOSSES, Channel, Effect, Hook, Parameter, Tie
+from tssgeom.effects.setup import Setup
+from tssgeom.errors import SettingsError
+
+_GAIN = Parameter("1", -0.5, 1.0, 0.03, 0.03)
+_OFFSET = Parameter("N", -20.0, 20.0, 0.25, 0.3)
+_WEIGHT = "hang a known weight on each load cell"
+_ONE_WAY = "only tensions were measured, and the whole tendon slides in one direction"
+_NO_LOSS = "a sheath without friction, the zero of displacement unknown"
+
+
+def _scale_of_force(other: str) -> tuple[Tie, ...]:
+    partners = (other, "rig.tendon.compliance_per_N")
+    return (
+        Tie("G1", partners, "pretension and load stiffness are known through the same cells", _WEIGHT),
+        Tie("G8", (other, "rig.friction.coefficient"), _ONE_WAY, _WEIGHT),
+    )
+
+
+class TensionInGain(Effect, frozen=True):
+    """The proximal load cell reads (1 + e) T.
+
+    Equation: docs/model.md (61). Source: calibration error of a load cell.
+    """
+
+    gain_error: float
+    """Relative error e [1]."""
+
+    hook: ClassVar[Hook] = "observation"
+    by_position: ClassVar[tuple[Channel, ...]] = ("tension_in_N",)
+    parameters: ClassVar[dict[str, Parameter]] = {"gain_error": _GAIN}
+    ties: ClassVar[tuple[Tie, ...]] = _scale_of_force("tension_out_gain")
+
+    def on(self, setup: Setup) -> Setup:
+        """Return the setup with this effect in it."""
+        return replace(setup, tension_in_gain=setup.tension_in_gain * (1.0 + self.gain_error))
+
+
+class TensionOutGain(Effect, frozen=True):
+    """The distal load cell reads (1 + e) T; docs/model.md (61). Source: calibration error of a load cell."""
+
+    gain_error: float
+    """Relative error e [1]."""
+
+    hook: ClassVar[Hook] = "observation"
+    by_force: ClassVar[tuple[Channel, ...]] = ("tension_out_N",)
+    by_position: ClassVar[tuple[Channel, ...]] = ("tension_out_N",)
+    parameters: ClassVar[dict[str, Parameter]] = {"gain_error": _GAIN}
+    ties: ClassVar[tuple[Tie, ...]] = _scale_of_force("tension_in_gain")
+
+    def on(self, setup: Setup) -> Setup:
+        """Return the setup with this effect in it."""
+        return replace(setup, tension_out_gain=setup.tension_out_gain * (1.0 + self.gain_error))
+
+
+class TensionInOffset(Effect, frozen=True):
+    """The proximal load cell reads T plus a constant.
+
+    Equation: docs/model.md (61). Source: zero drift of a load cell.
+    """
+
+    offset_N: float
+    """What it reads at no load [N]."""
+
+    hook: ClassVar[Hook] = "observation"
+    by_position: ClassVar[tuple[Channel, ...]] = ("tension_in_N",)
+    parameters: ClassVar[dict[str, Parameter]] = {"offset_N": _OFFSET}
+    ties: ClassVar[tuple[Tie, ...]] = (
+        Tie("G1", ("tension_out_offset",), _NO_LOSS, "read both cells unloaded"),
+    )
+
+    def on(self, setup: Setup) -> Setup:
+        """Return the setup with this effect in it."""
+        return replace(setup, tension_in_offset_N=setup.tension_in_offset_N + self.offset_N)
+
+
+class TensionOutOffset(Effect, frozen=True):
+    """The distal load cell reads T plus a constant; docs/model.md (61). Source: zero drift of a load cell."""
+
+    offset_N: float
+    """What it reads at no load [N]."""
+
+    hook: ClassVar[Hook] = "observation"
+    by_force: ClassVar[tuple[Channel, ...]] = ("tension_out_N",)
+    by_position: ClassVar[tuple[Channel, ...]] = ("tension_out_N",)
+    parameters: ClassVar[dict[str, Parameter]] = {"offset_N": _OFFSET}
+    ties: ClassVar[tuple[Tie, ...]] = (
+        Tie("G1", ("tension_in_offset",), _NO_LOSS, "read both cells unloaded"),
+    )
+
+    def on(self, setup: Setup) -> Setup:
+        """Return the setup with this effect in it."""
+        return replace(setup, tension_out_offset_N=setup.tension_out_offset_N + self.offset_N)
+
+
+class ChannelLag(Effect, frozen=True):
+    """One channel passes a first-order filter before it is stored; docs/model.md (62).
+
+    Source: low-pass filter of an amplifier. The drive's own channel cannot lag: what it reads is what drives.
+    """
+
+    lag_s: float
+    """Time constant [s]."""
+    channel: Channel = "tension_out_N"
+    """The channel that lags."""
+
+    hook: ClassVar[Hook] = "observation"
+    by_force: ClassVar[tuple[Channel, ...]] = LOSSES
+    by_position: ClassVar[tuple[Channel, ...]] = ANSWERS
+    parameters: ClassVar[dict[str, Parameter]] = {"lag_s": Parameter("s", 0.0, 100.0, 0.05, 0.1)}
+
+    def on(self, setup: Setup) -> Setup:
+        """Return the setup with this effect in it.
+
+        Raises
+        ------
+        SettingsError
+            Where the channel lags already.
+        """
+        if any(channel == self.channel for channel, _ in setup.lags):
+            raise SettingsError(f"effects.channel_lag: {self.channel} lags twice; give one lag_s [s]")
+        if self.lag_s == 0.0:
+            return setup
+        return replace(setup, lags=(*setup.lags, (self.channel, self.lag_s)))
+
+
+class LoadCellCrosstalk(Effect, frozen=True):
+    """The distal load cell reads a share of the proximal tension; docs/model.md (61).
+
+    Source: two cells on one frame that gives way.
+    """
+
+    share: float
+    """Share of T_in in the distal reading [1]."""
+
+    hook: ClassVar[Hook] = "observation"
+    by_force: ClassVar[tuple[Channel, ...]] = ("tension_out_N",)
+    by_position: ClassVar[tuple[Channel, ...]] = ("tension_out_N",)
+    parameters: ClassVar[dict[str, Parameter]] = {"share": Parameter("1", -0.5, 0.5, 0.02, 0.03)}
+    ties: ClassVar[tuple[Tie, ...]] = (
+        Tie(
+            "G1",
+            ("tension_out_gain",),
+            "there is no friction, or the whole tendon slides in one direction",
+            "load one cell alone",
+        ),
+    )
+
+    def on(self, setup: Setup) -> Setup:
+        """Return the setup with this effect in it."""
+        return replace(setup, crosstalk=setup.crosstalk + self.share)

@@ -1,0 +1,199 @@
+"""What the workflow found, whole: report, figures and recording are made from this and nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from tssgeom.arrays import Vector
+from tssgeom.effects import Library
+from tssgeom.identify.campaign import Campaign
+from tssgeom.rig import Rig
+
+Verdict = Literal["none", "effect", "tie", "unknown"]
+PHASES = ("pull", "pull_to_release", "release", "release_to_pull", "hold")
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """A number with its 95 % interval."""
+
+    value: float
+    unit: str
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """Why an effect is believed, or not."""
+
+    delta_bic: float
+    """How much the Bayesian information criterion falls with the effect [1]."""
+    threshold: float
+    """What `delta_bic` has to pass: what the best of the library reaches on 1 % of clean campaigns [1]."""
+    size_over_guard: float
+    """Largest change of a channel by the effect over what the sensor specification alone can fake [1]."""
+    heldout_ratio: float
+    """Held-out gap with the effect over that without [1]; NaN where nothing was held out or no gap was."""
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """One effect of the library, or a set of them, refitted through the model."""
+
+    names: tuple[str, ...]
+    effects: tuple[Library, ...]
+    parameters: tuple[Mapping[str, Estimate], ...]
+    """Of each effect."""
+    evidence: Evidence
+    why_not: str
+    """One sentence: why it was passed over; empty for what was chosen."""
+
+
+@dataclass(frozen=True, slots=True)
+class Blame:
+    """A place where measured and simulated disagree."""
+
+    channel: str
+    phase: str
+    run: str
+    tension_range_N: tuple[float, float]
+    route_range_m: tuple[float, float] | None
+    """Stretch of the route that the residual points at, where it points at one [m]."""
+    share: float
+    """Of all calibrated residual power [1]."""
+
+
+@dataclass(frozen=True, slots=True)
+class HeatMap:
+    """Calibrated residual power: 1 is what the sensors explain."""
+
+    rows: tuple[str, ...]
+    """Channel and run."""
+    columns: tuple[str, ...]
+    """Phase and tension bin."""
+    power: np.ndarray
+    """[rows, columns] Mean square of residual over noise [1]; NaN where no sample falls."""
+
+
+@dataclass(frozen=True, slots=True)
+class RouteBlame:
+    """How much friction a route wants beyond the model, along its length."""
+
+    route: str
+    s: Vector
+    """[k] [m]."""
+    extra_angle_rad_per_m: Vector
+    """[k] Curve angle that is missing, per length [rad/m]."""
+    se: Vector
+    """[k] [rad/m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Tie:
+    """Effects that the data cannot tell apart."""
+
+    names: tuple[str, ...]
+    gauge: str
+    """Its name in docs/model.md, or "profile" where only these data cannot tell them apart."""
+    why: str
+
+
+@dataclass(frozen=True, slots=True)
+class Experiment:
+    """What to measure next."""
+
+    experiment: str
+    expected_delta_bic: float
+    separates: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Gap:
+    """Root mean squares of measured less simulated, by channel [N, m]."""
+
+    noise: Mapping[str, float]
+    before: Mapping[str, Mapping[str, float]]
+    """`fitted` and `held_out`, each by channel."""
+    after: Mapping[str, Mapping[str, float]]
+    by_phase: Mapping[str, Mapping[str, tuple[float, float]]]
+    """Before and after by channel and phase, over the held-out runs, or all where none is held out."""
+
+
+@dataclass(frozen=True, slots=True)
+class Trace:
+    """One run, measured and simulated."""
+
+    run: str
+    route: str
+    held_out: bool
+    time: Vector
+    """[n] Samples that were used [s]."""
+    phase: np.ndarray
+    """[n] Index into `PHASES`."""
+    tension_in: Vector
+    """[n] The model's, after [N]."""
+    measured: Mapping[str, Vector]
+    """[n] By channel; NaN where missing."""
+    before: Mapping[str, Vector]
+    """[n] Base model, refitted."""
+    after: Mapping[str, Vector]
+    """[n] Model with the effects found; the same as before where none was."""
+    sigma: Mapping[str, Vector]
+    """[n] Standard deviation of what the sensors may read off the truth, by channel."""
+    tension: np.ndarray
+    """[n, nodes of the route] Tension along the tendon, after [N]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """What is missing where no name fits: friction over what it depends on."""
+
+    over: str
+    """tension_N, speed_m_per_s, curvature_per_m, s_m or cycle."""
+    x: Vector
+    friction: Vector
+    """[k] Coefficient of friction that the data want there [1]."""
+    se: Vector
+    explains: float
+    """Share of the gap that it closes [1]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """The answer."""
+
+    campaign: Campaign
+    verdict: Verdict
+    sentence: str
+    """The verdict in words, with its numbers."""
+    effects: tuple[Candidate, ...]
+    """What was found, the strongest first; each a candidate of one effect, with the evidence it adds."""
+    ties: tuple[Tie, ...]
+    breaks_tie: tuple[Experiment, ...]
+    unobservable: Mapping[str, str]
+    """Effects without signature in what was measured, and why."""
+    where: tuple[Blame, ...]
+    heat: HeatMap
+    along: tuple[RouteBlame, ...]
+    gap: Gap
+    base: Mapping[str, Estimate]
+    """`friction` and `compliance_per_N`, refitted, and zeros of channels by run."""
+    nominal: Mapping[str, float]
+    """`friction` and `compliance_per_N` as the rig file had them."""
+    base_tie: str
+    """What a refit of friction and compliance may stand for (G2, G3), in words; empty where they held."""
+    ranking: tuple[Candidate, ...]
+    """All candidates, the best first."""
+    missing_shapes: tuple[Shape, ...]
+    """Only where the verdict is unknown."""
+    rig: Rig
+    """With what was found."""
+    traces: tuple[Trace, ...]
+    notes: tuple[str, ...]
+    """What to know of the data and the fit: dropouts, skew, saturation, which run was held out."""
+    seconds: float

@@ -1,0 +1,220 @@
+"""Runs made ready to be compared: which channel drives, which answer, and which readings are none.
+
+Source: docs/discovery.md, "How it decides", steps 1 and 2.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tssgeom.arrays import Vector, read_only
+from tssgeom.errors import SettingsError
+from tssgeom.identify.campaign import Campaign, Route, Run
+from tssgeom.identify.drive import calmed, with_corners
+from tssgeom.identify.turning import reading_noise
+from tssgeom.rig import Rig, Sensor
+from tssgeom.tendon.bars.model import Drive
+
+RESPONSES = (
+    "tension_in_N",
+    "tension_out_N",
+    "displacement_in_m",
+    "elongation_m",
+    "displacement_out_m",
+)
+"""Channels that a run may answer in, in the order of reports."""
+UNITS = {name: name.rpartition("_")[2] for name in RESPONSES}
+_FEW = 8  # readings that tell no noise
+_FEWEST = 20  # readings that a run needs
+_NOISIER = 1.5  # than specified: then the data's own noise is taken
+_AT_REST = 20.0  # times its noise within which the first position is the zero
+_WORTH = 5.0  # times the noise of T_in that the position's may make of it before the tension drives
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """One run as the workflow uses it; rows without time or drive are gone."""
+
+    name: str
+    route: Route
+    held_out: bool
+    drive: Drive
+    given: Mapping[str, Vector]
+    """What the model is given: `time_s`, the drive without its noise, `temperature_C` where measured."""
+    measured: Mapping[str, Vector]
+    """[n] The channels that answer; NaN where a reading is missing or saturated."""
+    noise: Mapping[str, float]
+    """Standard deviation of white noise, digits included, of answers and drive [N, m]."""
+
+    @property
+    def time(self) -> Vector:
+        """[n] [s]."""
+        return self.given["time_s"]
+
+
+def readings(campaign: Campaign, drive: Drive | None = None) -> tuple[tuple[Reading, ...], tuple[str, ...]]:
+    """Return the runs, one at least to be fitted, and what is odd about them, a sentence each.
+
+    Without a `drive` it is the position, unless that is missing or far noisier than the proximal tension.
+
+    Raises
+    ------
+    SettingsError
+        Where a run cannot be used: no drive, no answer, too few readings.
+    """
+    if not campaign.runs:
+        raise SettingsError(f"{campaign.name}: no runs; list at least one [[run]]")
+    notes = list(campaign.notes)
+    runs, note = _with_held_out(campaign.runs)
+    notes += note
+    drive = drive or _drive(campaign.rig, runs)
+    made = []
+    for run in runs:
+        reading, odd = _read(run, campaign.rig, drive)
+        made.append(reading)
+        notes += odd
+    return tuple(made), tuple(notes)
+
+
+def _with_held_out(runs: tuple[Run, ...]) -> tuple[tuple[Run, ...], list[str]]:
+    """Hold a run out where none is: one whose route no other run has, if there is one."""
+    if all(run.held_out for run in runs):
+        raise SettingsError("all runs are held out: leave at least one to be fitted")
+    if any(run.held_out for run in runs):
+        return runs, []
+    if len(runs) == 1:
+        return runs, ["There is one run only, so nothing is held out: what is found was not checked."]
+    routes = [run.route.name for run in runs]
+    alone = [k for k, name in enumerate(routes) if routes.count(name) == 1]
+    chosen = alone[-1] if alone and len(set(routes)) > 1 else len(runs) - 1
+    why = "no other run is on its route" if chosen in alone else "it is the last"
+    note = f"{runs[chosen].name} was held out before anything was fitted, as {why}."
+    return tuple(replace(run, held_out=k == chosen) for k, run in enumerate(runs)), [note]
+
+
+def _drive(rig: Rig, runs: tuple[Run, ...]) -> Drive:
+    """Return the channel that drives: the position, unless that is missing or far noisier than T_in."""
+    if all("displacement_in_m" in run.columns for run in runs):
+        if not all("tension_in_N" in run.columns for run in runs):
+            return "displacement_in_m"
+        time = runs[0].columns["time_s"]
+        place = _noise(rig, "displacement_in_m", time, runs[0].columns["displacement_in_m"])
+        force = _noise(rig, "tension_in_N", time, runs[0].columns["tension_in_N"])
+        stiffness = 1.0 / max(rig.tendon.compliance_per_N * runs[0].route.arcs.total_length, 1e-9)
+        return "displacement_in_m" if place * stiffness <= _WORTH * force else "tension_in_N"
+    if all("tension_in_N" in run.columns for run in runs):
+        return "tension_in_N"
+    raise SettingsError(
+        "the runs have no drive in common: each needs displacement_in_m [m], or each tension_in_N [N]"
+    )
+
+
+def _noise(rig: Rig, channel: str, time: Vector, column: Vector) -> float:
+    """Return white noise with digits: as specified, or as the readings show where that is much more."""
+    told = rig.sensors.get(channel, Sensor())
+    stated = math.hypot(told.noise, told.resolution / math.sqrt(12.0))
+    there = _in_order(time, column)
+    seen = reading_noise(column[there], time[there]) if np.count_nonzero(there) > _FEW else 0.0
+    if stated == 0.0 or seen > _NOISIER * stated:
+        return max(seen, 1e-12)
+    return stated
+
+
+def _in_order(time: Vector, column: Vector) -> np.ndarray:
+    """Return which rows have a time, later than all before, and a reading [n] bool."""
+    there = np.isfinite(time) & np.isfinite(column)
+    there[there] = np.concatenate(([True], np.diff(np.maximum.accumulate(time[there])) > 0.0))
+    return there
+
+
+def _read(run: Run, rig: Rig, drive: Drive) -> tuple[Reading, list[str]]:
+    columns, notes = run.columns, list[str]()
+    if drive not in columns:
+        raise SettingsError(f"{run.name}: {drive} drives the other runs and is missing here; add it")
+    kept = _in_order(columns["time_s"], columns[drive])
+    lost = len(kept) - int(kept.sum())
+    if lost:
+        notes.append(
+            f"{run.name}: {lost} of {len(kept)} samples have no time or no {drive} and are left out."
+        )
+    if kept.sum() < _FEWEST:
+        raise SettingsError(f"{run.name}: {int(kept.sum())} usable samples; give {_FEWEST} or more")
+    measured = {}
+    for name in RESPONSES:
+        if name in columns and name != drive:
+            measured[name], odd = _clean(columns[name][kept], rig.sensors.get(name, Sensor()))
+            notes += [f"{run.name}: {name}: {each}" for each in odd]
+            if not np.isfinite(measured[name]).any():
+                del measured[name]
+    if not measured:
+        raise SettingsError(f"{run.name}: nothing answers the drive; measure one of {', '.join(RESPONSES)}")
+    time = columns["time_s"][kept]
+    noise = {name: _noise(rig, name, time, column) for name, column in measured.items()}
+    noise[drive] = _noise(rig, drive, time, columns[drive][kept])
+    notes += _said_of_noise(run.name, rig, noise)
+    calm, odd = _zeroed(calmed(columns[drive][kept], noise[drive], time), drive, noise[drive])
+    notes += [f"{run.name}: {each}" for each in odd]
+    time, calm, added = with_corners(time, calm, noise[drive])
+    given = {"time_s": time, drive: calm}
+    measured = {name: read_only(_opened(column, added)) for name, column in measured.items()}
+    if "temperature_C" in columns and np.isfinite(columns["temperature_C"]).sum() > 1:
+        given["temperature_C"] = _bridged(columns["time_s"], columns["temperature_C"], time)
+    told = {name: read_only(column) for name, column in given.items()}
+    return Reading(run.name, run.route, run.held_out, drive, told, measured, noise), notes
+
+
+def _zeroed(calm: Vector, drive: Drive, noise: float) -> tuple[Vector, list[str]]:
+    """Let a position begin at rest at zero, where it plainly does but for the noise of one reading."""
+    if drive != "displacement_in_m" or calm[0] == 0.0:
+        return calm, []
+    if abs(calm[0]) < _AT_REST * noise:
+        return calm - calm[0], []
+    return calm, [f"the drive begins at {calm[0]:.3g} m, taken as a pull from rest in the first sample."]
+
+
+def _clean(column: Vector, told: Sensor) -> tuple[Vector, list[str]]:
+    """Take out readings at the end of the scale."""
+    out, notes = np.array(column, dtype=float), list[str]()
+    missing = int(np.isnan(out).sum())
+    if missing:
+        notes.append(f"{missing} readings are missing.")
+    if told.full_scale > 0.0:
+        over = np.abs(out) >= told.full_scale * (1.0 - 1e-9)
+        if over.any():
+            notes.append(f"{int(over.sum())} readings are at the end of the scale and are left out.")
+            out[over] = np.nan
+    return read_only(out), notes
+
+
+def _said_of_noise(name: str, rig: Rig, noise: Mapping[str, float]) -> list[str]:
+    out = []
+    for channel, seen in noise.items():
+        told = rig.sensors.get(channel, Sensor())
+        stated = math.hypot(told.noise, told.resolution / math.sqrt(12.0))
+        unit = UNITS.get(channel, "m")
+        if stated == 0.0:
+            out.append(
+                f"{name}: {channel} has no noise stated in the rig; its readings show {seen:.2g} {unit}."
+            )
+        elif seen > stated:
+            out.append(
+                f"{name}: {channel} is noisier than stated, {seen:.2g} {unit} and not {stated:.2g} {unit}; "
+                "the former counts."
+            )
+    return out
+
+
+def _opened(column: Vector, added: np.ndarray) -> Vector:
+    """Return a column with no reading where a corner was added."""
+    out = np.full(len(added), np.nan)
+    out[~added] = column
+    return out
+
+
+def _bridged(time: Vector, column: Vector, wanted: Vector) -> Vector:
+    there = np.isfinite(column) & np.isfinite(time)
+    return np.interp(wanted, time[there], column[there])

@@ -1,0 +1,1 @@
+"""Files to frames, runs, rigs and campaigns: one module for each format."""

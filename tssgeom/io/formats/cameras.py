@@ -1,0 +1,147 @@
+"""Calibration files: cameras in one frame, with how well each number is known; TOML or JSON."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import tomli_w
+
+from tssgeom.atomic import write_text
+from tssgeom.errors import SettingsError, SourceError
+from tssgeom.vision.cameras import DISTORTIONS, Camera
+from tssgeom.vision.quality import Calibration
+
+Pair = tuple[float, float]
+Triple = tuple[float, float, float]
+Five = tuple[float, float, float, float, float]
+
+
+class Uncertain(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Standard deviations of the numbers of one camera."""
+
+    focal_px: Pair
+    centre_px: Pair
+    distortion: Five
+    turn_rad: Triple
+    shift_m: Triple
+
+
+class CameraFile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """One camera as it is written."""
+
+    name: str
+    size_px: tuple[int, int]
+    focal_px: Pair
+    centre_px: Pair
+    distortion: Five = (0.0, 0.0, 0.0, 0.0, 0.0)
+    """k1, k2, p1, p2, k3."""
+    turn_rad: Triple = (0.0, 0.0, 0.0)
+    """Rotation vector from the common frame into the camera's."""
+    shift_m: Triple = (0.0, 0.0, 0.0)
+    """Place of the common origin in the camera's frame."""
+    reprojection_px: float | None = None
+    views: int | None = None
+    covered: float | None = None
+    sd: Uncertain | None = None
+
+    def __post_init__(self) -> None:
+        numbers = (*self.focal_px, *self.centre_px, *self.distortion, *self.turn_rad, *self.shift_m)
+        if not all(map(math.isfinite, numbers)):
+            raise SettingsError(f"camera {self.name!r} has a number that is not finite: calibrate again")
+        if min(self.size_px) < 1 or min(self.focal_px) <= 0:
+            raise SettingsError(f"camera {self.name!r} has a size or focal length <= 0 px: calibrate again")
+
+
+class CalibrationFile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """All cameras as they are written."""
+
+    camera: list[CameraFile]
+    corner_noise_px: float | None = None
+    point_sd_mm: float | None = None
+
+
+def read_cameras(path: Path) -> tuple[Camera, ...]:
+    """Read the cameras of a calibration file.
+
+    Raises
+    ------
+    SettingsError
+        Where the file holds an unknown key, a value out of bounds, or no camera.
+    SourceError
+        Where it cannot be read.
+    """
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise SourceError(
+            f"{path}: cannot be read ({error.strerror or error}): check --calibration"
+        ) from error
+    decode = msgspec.json.decode if path.suffix.lower() == ".json" else msgspec.toml.decode
+    try:
+        held = decode(content, type=CalibrationFile)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise SettingsError(f"{path}: {error}: write it with tssgeom track --calibrate") from error
+    if not held.camera:
+        raise SettingsError(f"{path}: no camera in it: write it with tssgeom track --calibrate")
+    names = [one.name for one in held.camera]
+    if len(set(names)) < len(names):
+        raise SettingsError(f"{path}: two cameras have one name: give each its own")
+    return tuple(_camera(one) for one in held.camera)
+
+
+def _camera(one: CameraFile) -> Camera:
+    (fx, fy), (cx, cy) = one.focal_px, one.centre_px
+    matrix = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+    numbers = (np.array(values) for values in (one.distortion, one.turn_rad, one.shift_m))
+    return Camera(one.name, *one.size_px, matrix, *numbers)
+
+
+def write_calibration(path: Path, found: Calibration) -> None:
+    """Write a calibration, which `read_cameras` reads back; TOML, or JSON where the ending says so.
+
+    Raises
+    ------
+    SourceError
+        Where the disk refuses.
+    """
+    held = CalibrationFile(
+        camera=[_written(found, v) for v in range(len(found.cameras))],
+        corner_noise_px=found.noise,
+        point_sd_mm=1e3 * found.point_sd,
+    )
+    if path.suffix.lower() == ".json":
+        write_text(path, msgspec.json.format(msgspec.json.encode(held), indent=1).decode() + "\n")
+        return
+    comment = (
+        f"# Lengths in m, angles in rad; distortion is {', '.join(DISTORTIONS)}; sd: standard deviations.\n\n"
+    )
+    tables = msgspec.to_builtins(held)
+    cameras = tables.pop("camera")
+    write_text(path, comment + tomli_w.dumps({**tables, "camera": cameras}))
+
+
+def _written(found: Calibration, v: int) -> CameraFile:
+    camera, sd = found.cameras[v], found.sd[v].tolist()
+    matrix = camera.matrix
+    return CameraFile(
+        name=camera.name,
+        size_px=(camera.width, camera.height),
+        focal_px=(float(matrix[0, 0]), float(matrix[1, 1])),
+        centre_px=(float(matrix[0, 2]), float(matrix[1, 2])),
+        distortion=tuple(camera.distortion.tolist()),
+        turn_rad=tuple(camera.turn.tolist()),
+        shift_m=tuple(camera.shift.tolist()),
+        reprojection_px=float(found.reprojection[v]),
+        views=found.views[v],
+        covered=float(found.covered[v]),
+        sd=Uncertain(
+            focal_px=tuple(sd[:2]),
+            centre_px=tuple(sd[2:4]),
+            distortion=tuple(sd[4:9]),
+            turn_rad=tuple(sd[9:12]),
+            shift_m=tuple(sd[12:]),
+        ),
+    )

@@ -1,0 +1,185 @@
+"""Campaigns: a folder whose `campaign.toml` lists measured runs, the shape of each, and the rig."""
+
+from __future__ import annotations
+
+import codecs
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import msgspec
+
+from tssgeom.errors import SettingsError, ShapeError, SourceError
+from tssgeom.identify.campaign import Campaign, Route, Run
+from tssgeom.io.formats.campaign_checks import check_run
+from tssgeom.io.formats.files import CAMPAIGN, open_recording, output_names
+from tssgeom.io.formats.runs import CHANNELS, IN_SI, read_run
+from tssgeom.rig import Rig, Sensor, read_rig
+from tssgeom.stream import Frame, FrameResult, Rejected, process
+
+_SPECIFIED = {name.rpartition("_")[0]: (name, 1.0) for name in IN_SI.values()} | {
+    name: (IN_SI[field], per_si) for name, (field, per_si) in CHANNELS.items()
+}
+"""What `[sensors.NAME]` may be: the column of a run in SI, and how many of its unit make one of that."""
+
+
+class _Listed(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """One `[[run]]`; files are named as seen from the folder."""
+
+    data: str
+    shape: str
+    name: str = ""
+    held_out: bool = False
+
+
+class _Plan(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What `campaign.toml` says."""
+
+    run: tuple[_Listed, ...]
+    rig: str = "rig.toml"
+
+
+def is_campaign(path: Path) -> bool:
+    """Whether a path is the folder of a campaign, or the `campaign.toml` in it."""
+    return path.name == CAMPAIGN or (path / CAMPAIGN).is_file()
+
+
+def read_campaign(folder: Path, unit: str | None = None) -> Campaign:
+    """Read a campaign, and fit the route of every shape in it.
+
+    Parameters
+    ----------
+    folder
+        The folder, or the `campaign.toml` in it.
+    unit
+        Unit of length, "mm" or "m", of shapes that state none.
+
+    Raises
+    ------
+    SettingsError
+        Where `campaign.toml`, the rig or a run cannot be used.
+    ShapeError, SourceError
+        Where a file is missing or cannot be used.
+    """
+    listing = folder if folder.name == CAMPAIGN else folder / CAMPAIGN
+    home = listing.parent
+    plan = _read_plan(listing)
+    stated = read_rig(home / plan.rig)
+    rig = _specified_in_si(stated)
+    names = _names(listing, plan.run)
+    notes = list(_unknown_sensors(home / plan.rig, stated))
+    routes = _routes(home, plan.run, rig, unit, notes)
+    runs = []
+    for name, listed in zip(names, plan.run, strict=True):
+        run = _run(home / listed.data, name, routes[listed.shape], held_out=listed.held_out)
+        notes += check_run(home / listed.data, run, rig)
+        runs.append(run)
+    return Campaign(home.resolve().name, rig, tuple(runs), tuple(notes))
+
+
+def _read_plan(listing: Path) -> _Plan:
+    if not listing.parent.is_dir():
+        raise SourceError(f"{listing.parent}: no such folder: name the folder of a campaign")
+    try:
+        content = listing.read_bytes().removeprefix(codecs.BOM_UTF8)
+        plan = msgspec.toml.decode(content, type=_Plan)
+    except OSError as error:
+        raise SourceError(
+            f"{listing}: cannot be read ({error.strerror}): a campaign is a folder with {CAMPAIGN} "
+            "(docs/formats.md, Campaign)"
+        ) from error
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise SettingsError(f"{listing}: {error}: mend it (docs/formats.md, Campaign)") from error
+    if not plan.run:
+        raise SettingsError(f"{listing}: no run: add a [[run]] with data and shape")
+    if all(listed.held_out for listed in plan.run):
+        raise SettingsError(f"{listing}: every run is held out: leave at least one to fit")
+    return plan
+
+
+def _names(listing: Path, runs: Sequence[_Listed]) -> list[str]:
+    names = [listed.name or Path(listed.data).stem for listed in runs]
+    twice = [name for name in names if names.count(name) > 1]
+    if twice:
+        raise SettingsError(f"{listing}: two runs are called {twice[0]!r}: give each a name of its own")
+    return names
+
+
+def _specified_in_si(rig: Rig) -> Rig:
+    """Name the specifications of channels as columns in SI; a full name goes before a short one."""
+    sensors = dict[str, Sensor]()
+    for name in sorted(rig.sensors, key=CHANNELS.__contains__):
+        whole, per_si = _SPECIFIED.get(name, (name, 1.0))
+        told = rig.sensors[name]
+        sensors[whole] = Sensor(
+            noise=told.noise / per_si,
+            resolution=told.resolution / per_si,
+            full_scale=told.full_scale / per_si,
+            nonlinearity=told.nonlinearity,
+        )
+    return msgspec.structs.replace(rig, sensors=sensors)
+
+
+def _unknown_sensors(path: Path, rig: Rig) -> list[str]:
+    """Say which specifications belong to no channel, since they would count for nothing."""
+    strange = [name for name in rig.sensors if name not in _SPECIFIED]
+    return [f"{path.name}: [sensors.{name}] is no channel that a run can have: not used" for name in strange]
+
+
+def _routes(
+    home: Path, runs: Sequence[_Listed], rig: Rig, unit: str | None, notes: list[str]
+) -> dict[str, Route]:
+    """Return the route of each shape; runs that share a shape share the route."""
+    files = {listed.shape: home / listed.shape for listed in runs}
+    named = output_names(list(dict.fromkeys(files.values())))
+    return {shape: _route(path, named[path], rig, unit, notes) for shape, path in files.items()}
+
+
+def _route(path: Path, name: str, rig: Rig, unit: str | None, notes: list[str]) -> Route:
+    recording = open_recording(path, unit)
+    result, reasons = _first_usable(recording.frames, rig)
+    if result is None:
+        raise ShapeError(f"{path}: {reasons[0] if reasons else 'no frame in it: give a shape'}")
+    if recording.frame_count > 1:
+        notes.append(
+            f"{path.name} has {recording.frame_count} frames: the route is taken to stand, "
+            f"as frame {result.seq} shows it"
+        )
+    notes += [f"{path.name}: {warning}" for warning in (*recording.warnings, *result.warnings)]
+    return Route(name, result.arcs, result.route.position, result.route.s)
+
+
+def _first_usable(frames: Iterable[Frame | Rejected], rig: Rig) -> tuple[FrameResult | None, list[str]]:
+    """Return the first frame that gives a route, and why those before it gave none."""
+    base = msgspec.structs.replace(rig, effects=())
+    reasons = list[str]()
+    for item in process(map(_shape_alone, frames), base, tension_in=rig.tendon.pretension_N):
+        if isinstance(item, FrameResult):
+            return item, reasons
+        reasons.append(item.reason)
+    return None, reasons
+
+
+def _shape_alone(frame: Frame | Rejected) -> Frame | Rejected:
+    """Return a frame without what was measured with it: the run brings its own."""
+    if isinstance(frame, Rejected):
+        return frame
+    return Frame(
+        frame.points,
+        frame.time,
+        frame.stations,
+        curvatures=frame.curvatures,
+        directions=frame.directions,
+        length=frame.length,
+    )
+
+
+def _run(path: Path, name: str, route: Route, *, held_out: bool) -> Run:
+    if not path.is_file():
+        raise SourceError(f"{path}: no such file: mend data in {CAMPAIGN}")
+    measured = read_run(path)
+    columns = {"time_s": measured.time}
+    for channel, (field, per_unit) in CHANNELS.items():
+        values = getattr(measured, field)
+        if values is not None and per_unit == 1.0:
+            columns[channel] = values
+    return Run(name, route, columns, held_out)

@@ -1,0 +1,224 @@
+"""Files of sensed shapes: which reader takes which, and which files of a folder are shapes."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from pathlib import Path
+
+from tssgeom.errors import SourceError, TssgeomError
+from tssgeom.io.formats.colonoscope import is_colonoscope, open_colonoscope
+from tssgeom.io.formats.fcsv import open_fcsv
+from tssgeom.io.formats.jsonl import open_jsonl
+from tssgeom.io.formats.longform import open_csv, open_parquet
+from tssgeom.io.formats.names import MARKUPS, ending, part_of, split, stem
+from tssgeom.io.formats.ndi import is_ndi, open_ndi
+from tssgeom.io.formats.npz import open_npz
+from tssgeom.io.formats.recording import Recording
+from tssgeom.io.formats.ros import is_bag, open_bag
+from tssgeom.io.formats.slicer import markup_names, open_markups
+from tssgeom.io.formats.vtk import line_names, open_vtp
+
+__all__ = ["READERS", "Recording", "find_inputs", "open_recording", "output_names"]
+
+Reader = Callable[[Path, str | None], Recording]
+
+
+def _open_table(path: Path, unit: str | None) -> Recording:
+    """Open a comma-separated file: of tracked tools where its header says so, else of points."""
+    return open_ndi(path, unit) if is_ndi(path) else open_csv(path, unit)
+
+
+READERS: dict[str, Reader] = {
+    ".csv": _open_table,
+    ".jsonl": open_jsonl,
+    ".ndjson": open_jsonl,
+    ".npz": open_npz,
+    ".parquet": open_parquet,
+    MARKUPS: open_markups,
+    ".fcsv": open_fcsv,
+    ".vtp": open_vtp,
+    ".mcap": open_bag,
+    ".db3": open_bag,
+}
+"""The reader of each ending."""
+
+FOLDERS: tuple[tuple[Callable[[Path], bool], Reader], ...] = (
+    (is_bag, open_bag),
+    (is_colonoscope, open_colonoscope),
+)
+"""What makes a folder a recording, and its reader."""
+
+_PARTS: dict[str, Callable[[Path], list[str]]] = {MARKUPS: markup_names, ".vtp": line_names}
+"""Endings of files that may hold several shapes, and the names of these."""
+
+_CHOOSING = (open_bag, open_markups, open_vtp)
+"""Readers that take one part of a file."""
+
+RESULTS_MARK = "run.json"
+"""A folder that holds this file holds results, no shapes."""
+ANALYSIS_MARK = "result.json"
+"""So does one that holds this file."""
+UNFINISHED_MARK = ".batch"
+"""So does one that holds this folder, even where a batch was stopped there."""
+CAMPAIGN = "campaign.toml"
+"""A folder that holds this file holds a campaign: measured runs beside shapes."""
+_MARKS = {RESULTS_MARK, ANALYSIS_MARK, CAMPAIGN}
+
+
+def open_recording(path: str | Path, unit: str | None = None) -> Recording:
+    """Open a file of sensed shapes.
+
+    Parameters
+    ----------
+    path
+        A file or folder that a reader takes, or one part of a file as `FILE#PART`.
+    unit
+        Unit of length, "mm" or "m", where the file states none.
+
+    Raises
+    ------
+    ShapeError
+        Where the file as a whole cannot be used: unit or columns missing or mixed, no points.
+    SourceError
+        Where the file cannot be read, or has an ending that no reader takes.
+    """
+    path = Path(path)
+    file, part = split(path)
+    if not file.exists():
+        raise SourceError(f"{path}: no such file: check the path")
+    if not (file.is_file() or file.is_dir()):
+        raise SourceError(f"{path}: a pipe or a device, which cannot be read twice: save it as a file")
+    reader = _reader(file)
+    if part is not None and reader not in _CHOOSING:
+        raise SourceError(f"{file}: it holds one recording, there is no #{part} in it: leave that out")
+    return reader(path, unit)
+
+
+def _reader(file: Path) -> Reader:
+    if file.is_dir():
+        for fits, reader in FOLDERS:
+            if fits(file):
+                return reader
+        raise SourceError(f"{file}: a folder, not a file: name the files in it")
+    reader = READERS.get(ending(file))
+    if reader is None and _is_recording(file.parent):
+        raise SourceError(f"{file}: a part of a recording: name the folder, {file.parent}")
+    if reader is None:
+        raise SourceError(
+            f"{file}: no reader takes {file.suffix or 'a file without ending'!r}: use {_endings()}"
+        )
+    return reader
+
+
+def find_inputs(paths: Iterable[str | Path], besides: Collection[Path] = ()) -> list[Path]:
+    """Return the given files, and the shape files and recordings inside given folders, each once.
+
+    Of a file with several shapes each is returned by itself, as `FILE#PART`. Folders are searched in depth
+    and in the order of names. Hidden files and folders, campaigns, folders of results and those in `besides`
+    are left out.
+
+    Raises
+    ------
+    SourceError
+        Where a folder holds no shape file.
+    """
+    left_out = {path.resolve() for path in besides}
+    found: dict[Path, Path] = {}
+    for path in map(Path, paths):
+        folder, part = split(path)
+        files = [path]
+        if folder.is_dir() and not _is_recording(folder):
+            files = sorted(_shapes_in(folder, left_out))
+            files = [file if part is None else part_of(file, part) for file in files]
+        if not files:
+            raise SourceError(f"{path}: no shape file in this folder: put {_endings()} files there")
+        for shape in (each for file in files for each in _shapes_of(file)):
+            found.setdefault(real(shape), shape)
+    return list(found.values())
+
+
+def real(path: Path) -> Path:
+    """Return the path without links; links that go in a circle stay, and whoever opens them is told."""
+    return Path(os.path.realpath(path))
+
+
+def _is_recording(folder: Path) -> bool:
+    return any(fits(folder) for fits, _ in FOLDERS)
+
+
+def _shapes_of(path: Path) -> list[Path]:
+    """Return the shapes in a file: the path itself, but for a file of several of which it names none."""
+    names = _PARTS.get(ending(path))
+    if names is None or split(path)[1] is not None or not path.exists():
+        return [path]
+    try:
+        found = names(path)
+    except TssgeomError:
+        return [path]  # whoever opens it is told the reason
+    return [path] if len(found) == 1 else [part_of(path, name) for name in found]
+
+
+def output_names(paths: Sequence[Path]) -> dict[Path, str]:
+    """Return a name for the outputs of each file: its stem, made longer where another file has it too.
+
+    A part of a file adds its own name. Added further is what tells the files apart: the ending (`loop-csv`),
+    the folder (`left-loop`), both, or a number. Letter case does not tell names apart, since some disks
+    ignore it.
+    """
+    groups = dict[str, list[Path]]()
+    for path in paths:
+        groups.setdefault(stem(path).casefold(), []).append(path)
+    names = {path: name for group in groups.values() for path, name in _told_apart(group).items()}
+    return _numbered({path: names[path] for path in paths})
+
+
+def _told_apart(paths: Sequence[Path]) -> dict[Path, str]:
+    names = {path: stem(path) for path in paths}
+    ways: list[Callable[[Path], str]] = [
+        lambda path: f"{stem(path)}-{_kind(path)}",
+        lambda path: f"{_home(path)}-{stem(path)}",
+        lambda path: f"{_home(path)}-{stem(path)}-{_kind(path)}",
+    ]
+    while ways and len({name.casefold() for name in names.values()}) < len(paths):
+        names = dict(zip(paths, map(ways.pop(0), paths), strict=True))
+    return names
+
+
+def _kind(path: Path) -> str:
+    return ending(path).strip(".").partition(".")[0] or "folder"
+
+
+def _home(path: Path) -> str:
+    return split(path)[0].resolve().parent.name
+
+
+def _numbered(names: dict[Path, str]) -> dict[Path, str]:
+    """Add a number to every name that an earlier path has taken."""
+    taken = set[str]()
+    numbered = dict[Path, str]()
+    for path, name in names.items():
+        free = (name, *(f"{name}-{number}" for number in range(2, len(names) + 2)))
+        numbered[path] = next(one for one in free if one.casefold() not in taken)
+        taken.add(numbered[path].casefold())
+    return numbered
+
+
+def _shapes_in(folder: Path, left_out: Collection[Path]) -> Iterator[Path]:
+    for where, folders, names in os.walk(folder):
+        here = Path(where)
+        if here.resolve() in left_out or _MARKS & set(names) or UNFINISHED_MARK in folders:
+            folders.clear()
+            continue
+        if _is_recording(here):
+            folders.clear()
+            yield here
+            continue
+        folders[:] = [name for name in folders if not name.startswith(".")]
+        for name in names:
+            if not name.startswith(".") and ending(Path(name)) in READERS:
+                yield here / name
+
+
+def _endings() -> str:
+    return ", ".join(READERS)

@@ -1,0 +1,293 @@
+"""JSON lines: one frame a line, decoded one at a time."""
+
+from __future__ import annotations
+
+import codecs
+import math
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import chain
+from pathlib import Path
+from typing import Any, BinaryIO, Generic, NamedTuple, TypeVar
+
+import msgspec
+import numpy as np
+
+from tssgeom.arrays import read_only
+from tssgeom.errors import ShapeError, SourceError
+from tssgeom.io.formats.coordinates import points_of
+from tssgeom.io.formats.recording import UNTIMED, Recording, in_order
+from tssgeom.io.formats.units import PER_METRE, agreed_unit
+from tssgeom.stream import Frame, Rejected
+
+LONGEST_LINE = 1 << 20
+"""Bytes of the longest line that is decoded, 1 MiB."""
+
+_TOO_LONG = f"the line is longer than {LONGEST_LINE} bytes (1 MiB): send fewer points"
+_UNSEEN = (None, None, None)
+_STATE_UNIT = 'write "unit": "mm" or "unit": "m" in each line'
+_KEY = re.compile(r"(?:\$\.|field `)(\w+)")  # that a decoder says to be wrong, or missing
+_TO_WRITE = {
+    "points": "write each point as [x,y,z], or null where it was not seen",
+    "directions": "write each direction as [x,y,z], or null where none was sensed",
+    "s": 'write "s" as a list of numbers',
+    "id": 'write "id" as text or a whole number',
+    "unit": _STATE_UNIT,
+}
+
+Coordinates = tuple[float | None, float | None, float | None]
+
+
+_Listed = list[Coordinates | None]
+_Points = TypeVar("_Points")
+
+
+class Line(msgspec.Struct, Generic[_Points], frozen=True):
+    """One line as it is written; fields that are not named here are passed over."""
+
+    points: _Points
+    t: float | None = None
+    unit: str | None = None
+    s: list[float | None] | None = None
+    tension_in_N: float | None = None
+    tension_out_N: float | None = None
+    displacement_in_m: float | None = None
+    elongation_m: float | None = None
+    id: str | int | None = None
+    displacement_target_m: float | None = None
+    tension_out_target_N: float | None = None
+    directions: _Listed | None = None
+    length_m: float | None = None
+    temperature_C: float | None = None
+    noise_m: float | None = None
+
+
+class _Heading(msgspec.Struct, frozen=True):
+    """What a first pass over a file looks at, and what names a frame that is refused."""
+
+    t: float | None = None
+    unit: str | None = None
+    id: str | int | None = None
+
+
+_quick_decoder = msgspec.json.Decoder(Line[msgspec.Raw])
+_line_decoder = msgspec.json.Decoder(Line[_Listed])
+_heading_decoder = msgspec.json.Decoder(_Heading)
+
+
+def frame_of(text: bytes, unit: str | None, time: float | None = None) -> Frame:
+    """Decode one line.
+
+    Parameters
+    ----------
+    text
+        The line.
+    unit
+        Unit for a line that states none; a line that states another one is refused.
+    time
+        Time for a line that states none [s].
+
+    Raises
+    ------
+    ShapeError
+        Where the line is too long, is no JSON, lacks its points, unit or time, or is ragged.
+    """
+    if len(text) > LONGEST_LINE:
+        raise ShapeError(_TOO_LONG)
+    try:
+        if found := _usual(text):
+            return _frame(*found, unit, time)
+        line = _line_decoder.decode(text)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise ShapeError(_fault(error)) from error
+    return _frame(line, _rows(line.points), unit, time)
+
+
+def _fault(error: Exception) -> str:
+    """Say what is wrong with a line that could not be decoded, and what to write instead."""
+    found = _KEY.search(str(error)) if isinstance(error, msgspec.ValidationError) else None
+    if found is None:
+        return f"{error}: write one JSON object a line, null for a point not seen"
+    key = found[1]
+    remedy = _TO_WRITE.get(key, f'write "{key}" as a number')
+    return f"{error}: {remedy}"
+
+
+def _usual(text: bytes) -> tuple[Line[msgspec.Raw], np.ndarray] | None:
+    """Decode a line with plain points; None where it has others, or where it is to be looked at again."""
+    try:
+        line = _quick_decoder.decode(text)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+        return None
+    points = points_of(np.frombuffer(line.points, np.uint8))
+    return (line, points) if len(points) else None
+
+
+def frame_or_refusal(text: bytes, unit: str | None) -> Frame | Rejected:
+    """Decode one line of a stream; where it cannot be used, say so with what it tells of itself."""
+    try:
+        return frame_of(text, unit)
+    except ShapeError as error:
+        heading = _heading(text)
+        heading = _Heading() if isinstance(heading, str) else heading
+        time = math.nan if heading.t is None else heading.t
+        return Rejected(0, time, " ".join(str(error).split()), "" if heading.id is None else heading.id)
+
+
+def _frame(line: Line[Any], points: np.ndarray, unit: str | None, time: float | None) -> Frame:
+    stated = line.unit or unit
+    if stated not in PER_METRE:
+        raise ShapeError(f"the unit is {stated!r}: {_STATE_UNIT}, or give --unit mm|m")
+    if unit is not None and stated != unit:
+        raise ShapeError(f"the line is in {stated}, --unit says {unit}: leave --unit out")
+    moment = line.t if line.t is not None else time
+    if moment is None:
+        raise ShapeError('the line has no time: write "t" in s')
+    per_metre = PER_METRE[stated]
+    return Frame(
+        read_only(points / per_metre),
+        moment,
+        _stations(line, len(points), per_metre),
+        line.tension_in_N,
+        line.tension_out_N,
+        line.displacement_in_m,
+        line.elongation_m,
+        "" if line.id is None else line.id,
+        line.displacement_target_m,
+        line.tension_out_target_N,
+        directions=_directions(line, len(points)),
+        length=line.length_m,
+        temperature=line.temperature_C,
+        noise=line.noise_m,
+    )
+
+
+def _rows(given: _Listed) -> np.ndarray:
+    try:
+        flat = np.fromiter(chain.from_iterable(given), np.float64, 3 * len(given))  # type: ignore[arg-type]
+    except TypeError:  # a point that was not seen
+        flat = np.array([row or _UNSEEN for row in given], dtype=np.float64)
+    rows = flat.reshape(-1, 3)
+    unseen = np.isnan(rows)
+    if unseen.any():
+        rows[unseen.any(axis=1)] = np.nan
+    return rows
+
+
+def _directions(line: Line[Any], count: int) -> np.ndarray | None:
+    if line.directions is None:
+        return None
+    if len(line.directions) != count:
+        raise ShapeError(
+            f"{len(line.directions)} directions for {count} points: "
+            "give one for each, null where none was sensed"
+        )
+    return read_only(_rows(line.directions))
+
+
+def _stations(line: Line[Any], count: int, per_metre: float) -> np.ndarray | None:
+    if line.s is None:
+        return None
+    if len(line.s) != count:
+        raise ShapeError(f"{len(line.s)} stations for {count} points: give one for each, or none")
+    return read_only(np.array(line.s, dtype=np.float64) / per_metre)
+
+
+@dataclass(frozen=True, slots=True)
+class JsonFrames:
+    """The frames of a file, read one at a time each time they are asked for."""
+
+    path: Path
+    unit: str | None
+    """Unit for lines that state none."""
+    counted: bool
+    """True where the lines tell no time and are counted instead."""
+
+    def __iter__(self) -> Iterator[Frame | Rejected]:
+        """Yield the frames in order."""
+        return in_order(self._frames())
+
+    def _frames(self) -> Iterator[Frame | Rejected]:
+        for seq, (number, text) in enumerate(_lines(self.path)):
+            try:
+                yield frame_of(text, self.unit, float(seq) if self.counted else None)
+            except ShapeError as error:
+                yield Rejected(seq, 0.0, f"line {number}: {error}")
+
+
+def open_jsonl(path: Path, unit: str | None) -> Recording:
+    """Open a file of JSON lines; a first pass finds its unit, its length and whether it has a clock.
+
+    Raises
+    ------
+    ShapeError
+        Where no line is a frame, or where the unit is missing or mixed.
+    SourceError
+        Where the file cannot be read.
+    """
+    survey = _survey(path)
+    agreed = agreed_unit(path, survey.unit, unit, _STATE_UNIT)
+    timed = survey.has_clock or survey.lines > 1
+    warnings = (UNTIMED,) if timed and not survey.has_clock else ()
+    frames = JsonFrames(path, unit, counted=not survey.has_clock)
+    return Recording(path.stem, path, agreed, "jsonl", timed, survey.lines, frames, warnings)
+
+
+class _Survey(NamedTuple):
+    lines: int
+    unit: str | None
+    has_clock: bool
+
+
+def _survey(path: Path) -> _Survey:
+    lines, read, unit, has_clock, fault = 0, 0, None, False, ""
+    for number, text in _lines(path):
+        lines += 1
+        heading = _heading(text)
+        if isinstance(heading, str):
+            fault = fault or heading
+            continue
+        read += 1
+        has_clock |= heading.t is not None
+        if unit and heading.unit and heading.unit != unit:
+            raise ShapeError(
+                f"{path}: line {number}: mixed units, {heading.unit} after {unit}: write all in one"
+            )
+        unit = unit or heading.unit
+    if not read:
+        empty = "the file is empty: write one frame a line (docs/formats.md)"
+        raise ShapeError(f"{path}: " + (f"no line is a frame; the first: {fault}" if lines else empty))
+    return _Survey(lines, unit, has_clock)
+
+
+def _heading(text: bytes) -> _Heading | str:
+    """Return what a line tells of itself, or why it tells nothing."""
+    if len(text) > LONGEST_LINE:
+        return _TOO_LONG
+    try:
+        return _heading_decoder.decode(text)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        return _fault(error)
+
+
+def _lines(path: Path) -> Iterator[tuple[int, bytes]]:
+    """Yield number and text of each line that is not blank; of a line too long, just enough to tell."""
+    try:
+        with path.open("rb") as file:
+            number = 0
+            while text := file.readline(LONGEST_LINE + 1):
+                number += 1
+                if len(text) > LONGEST_LINE and not text.endswith(b"\n"):
+                    _skip_line(file)
+                if number == 1:
+                    text = text.removeprefix(codecs.BOM_UTF8)
+                if text.strip():
+                    yield number, text.rstrip(b"\r\n")
+    except OSError as error:
+        raise SourceError(f"{path}: cannot be read ({error.strerror}): check the path") from error
+
+
+def _skip_line(file: BinaryIO) -> None:
+    while (rest := file.readline(LONGEST_LINE)) and not rest.endswith(b"\n"):
+        pass

@@ -1,0 +1,258 @@
+"""Frames from a long-form table: a row for each point, the rows of one time being one frame."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from tssgeom.arrays import Points, Vector, read_only
+from tssgeom.errors import ShapeError
+from tssgeom.io.formats.blocks import Blocks, CsvBlocks, csv_blocks, joined, parquet_blocks, rows_from
+from tssgeom.io.formats.columns import MEASURED, POINT, TIME
+from tssgeom.io.formats.recording import Recording, in_order
+from tssgeom.io.formats.tables import NO_ROW, Table, read_csv, read_parquet
+from tssgeom.io.formats.units import PER_METRE
+from tssgeom.stream import Frame, Rejected
+
+MOST_AT_ONCE = 64 << 20
+"""Files up to this size are read at once [B]; a larger one is read twice, in blocks."""
+MOST_POINTS = 100_000
+"""The highest point number within a frame; beyond it the column is taken for something else."""
+
+Rows = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True)
+class LongFrames:
+    """The frames of a table, built one at a time each time they are asked for."""
+
+    table: Table
+    runs: tuple[Rows, ...]
+    """Rows of each frame."""
+    lowest: float
+    """The lowest point number of the file."""
+
+    def __iter__(self) -> Iterator[Frame | Rejected]:
+        """Yield the frames in order."""
+        return in_order(self.one_by_one())
+
+    def one_by_one(self, runs: Sequence[Rows] | None = None) -> Iterator[Frame | Rejected]:
+        """Yield the frames of some runs, or of all, as they stand there."""
+        return (self._frame_or_reason(rows) for rows in (self.runs if runs is None else runs))
+
+    def _frame_or_reason(self, rows: Rows) -> Frame | Rejected:
+        try:
+            return self._frame(rows)
+        except ShapeError as error:
+            return Rejected(0, self._time(rows), str(error))
+
+    def _frame(self, rows: Rows) -> Frame:
+        for row in rows if self.table.faults else ():
+            if row in self.table.faults:
+                raise ShapeError(self.table.faults[row])
+        columns = self.table.columns
+        if columns.timed and np.isnan(self.table.values[TIME][rows]).any():
+            missing = rows[np.isnan(self.table.values[TIME][rows])][0]
+            raise ShapeError(f"{self._where(missing)}: {TIME} is empty: write the time of the frame in s")
+        place = self._place_of_points(rows)
+        per_metre = PER_METRE[columns.unit]
+        sensed = np.column_stack([self.table.values[axis][rows] for axis in columns.axes])
+        sensed[np.isnan(sensed).any(axis=1)] = np.nan
+        stations = None
+        if columns.station:
+            stations = _spread(self.table.values[columns.station][rows] / per_metre, place)
+        measured = self._measured(rows)
+        if columns.bend_unit is None:
+            points = _spread(sensed / per_metre, place)
+            told = self._directions(rows, place)
+            return Frame(points, self._time(rows), stations, directions=told, **measured)
+        bends = _spread(sensed * PER_METRE[columns.bend_unit], place)
+        unseen = read_only(np.full((len(bends), 3), np.nan))
+        return Frame(unseen, self._time(rows), stations, curvatures=bends, **measured)
+
+    def _directions(self, rows: Rows, place: Rows) -> Points | None:
+        if not self.table.columns.directions:
+            return None
+        told = np.column_stack([self.table.values[name][rows] for name in self.table.columns.directions])
+        told[np.isnan(told).any(axis=1)] = np.nan
+        return _spread(told, place)
+
+    def _time(self, rows: Rows) -> float:
+        return float(self.table.values[TIME][rows[0]]) if self.table.columns.timed else 0.0
+
+    def _place_of_points(self, rows: Rows) -> Rows:
+        """Return the place of each row in its frame; numbers left out are points that were not seen."""
+        if not self.table.columns.numbered:
+            return np.arange(len(rows))
+        numbers = self.table.values[POINT][rows] - self.lowest
+        good = (numbers >= 0) & (numbers <= MOST_POINTS) & (numbers == np.floor(numbers))
+        if not good.all():
+            where = self._where(rows[int(np.argmin(good))])
+            raise ShapeError(f"{where}: point is no whole number from 0 to {MOST_POINTS}: number the points")
+        again = np.flatnonzero(np.diff(numbers) == 0)
+        if len(again):
+            where = self._where(rows[int(again[0]) + 1])
+            raise ShapeError(f"{where}: point {numbers[again[0]] + self.lowest:g} is there twice: keep one")
+        return numbers.astype(np.int64)
+
+    def _measured(self, rows: Rows) -> dict[str, Any]:
+        """Return what was measured with the frame, in SI; a column of empty cells was not measured."""
+        found: dict[str, Any] = {}
+        for name in self.table.columns.measured:
+            values = self.table.values[name][rows]
+            seen = values[~np.isnan(values)]
+            if len(seen) and (seen != seen[0]).any():
+                other = float(seen[seen != seen[0]][0])
+                raise ShapeError(
+                    f"{self._where(rows[0])}: {name} is {seen[0]:g} and {other:g} in one frame: give one"
+                )
+            if len(seen):
+                field, per_unit = MEASURED[name]
+                found[field] = float(seen[0]) / per_unit
+        return found
+
+    def _where(self, row: int) -> str:
+        return f"{self.table.place_name} {self.table.place[row]}"
+
+
+def open_csv(path: Path, unit: str | None) -> Recording:
+    """Open a comma-separated file; see `read_csv` for the errors."""
+    if _size(path) <= MOST_AT_ONCE:
+        return _recording(path, "csv", read_csv(path, unit))
+    return _large(path, "csv", csv_blocks(path, unit))
+
+
+def open_parquet(path: Path, unit: str | None) -> Recording:
+    """Open a Parquet file; see `read_parquet` for the errors."""
+    if _size(path) <= MOST_AT_ONCE:
+        return _recording(path, "parquet", read_parquet(path, unit))
+    return _large(path, "parquet", parquet_blocks(path, unit))
+
+
+def _size(path: Path) -> int:
+    return path.stat().st_size if path.is_file() else 0
+
+
+def _recording(path: Path, kind: str, table: Table) -> Recording:
+    columns = table.columns
+    if table.faults and not columns.timed:
+        raise ShapeError(f"{path}: {next(iter(table.faults.values()))}{_more(len(table.faults) - 1)}")
+    frames = LongFrames(table, _runs(table), _lowest(table))
+    return Recording(
+        path.stem, path, columns.unit, kind, columns.timed, len(frames.runs), frames, columns.warnings
+    )
+
+
+def _lowest(table: Table) -> float:
+    numbers = table.values[POINT] if table.columns.numbered else np.zeros(0)
+    return float(np.min(numbers[np.isfinite(numbers)], initial=np.inf))
+
+
+@dataclass(frozen=True, slots=True)
+class BlockFrames:
+    """The frames of a table too large for the memory, of which a few blocks are held at a time."""
+
+    source: Blocks
+    lowest: float
+    """The lowest point number of the file."""
+
+    def __iter__(self) -> Iterator[Frame | Rejected]:
+        """Yield the frames in order."""
+        return in_order(self._frames())
+
+    def _frames(self) -> Iterator[Frame | Rejected]:
+        rest: Table | None = None
+        for block in self.source.blocks(self.source.columns.names):
+            table = joined(rest, block)
+            found = LongFrames(table, _runs(table), self.lowest)
+            yield from found.one_by_one(found.runs[:-1])
+            rest = rows_from(table, int(found.runs[-1].min()))
+        if rest is not None:
+            yield from LongFrames(rest, _runs(rest), self.lowest).one_by_one()
+
+
+def _large(path: Path, kind: str, source: Blocks) -> Recording:
+    """Open a large table; a first pass over it counts the frames and looks for what is wrong.
+
+    Raises
+    ------
+    ShapeError
+        Where it is one shape, or its points are numbered and their rows not in the order of time.
+    """
+    columns = source.columns
+    if not columns.timed:
+        raise ShapeError(
+            f"{path}: one shape of more than {MOST_AT_ONCE >> 20} MiB: name the time of its frames {TIME}"
+        )
+    try:
+        survey = _survey(source)
+    except pa.ArrowInvalid:  # only the slow way tells what is wrong where
+        if not isinstance(source, CsvBlocks):
+            raise
+        source = replace(source, clean=False)
+        survey = _survey(source)
+    if columns.numbered and not survey.ordered:
+        raise ShapeError(f"{path}: the rows are not in the order of {TIME}: sort so large a file by it first")
+    if not survey.frames:
+        raise ShapeError(f"{path}: {NO_ROW}")
+    frames = BlockFrames(source, survey.lowest)
+    return Recording(path.stem, path, columns.unit, kind, True, survey.frames, frames, columns.warnings)
+
+
+class _Survey(NamedTuple):
+    frames: int
+    ordered: bool
+    """Whether time never decreases, and is told from the first row on."""
+    lowest: float
+
+
+def _survey(source: Blocks) -> _Survey:
+    wanted = [TIME, POINT] if source.columns.numbered else [TIME]
+    frames, ordered, lowest, latest = 0, True, np.inf, np.nan
+    for table in source.blocks(wanted):
+        if not len(table):
+            continue
+        time = _filled(np.concatenate(([latest], table.values[TIME])))
+        step = np.nan_to_num(time, nan=-np.inf)
+        frames += int(np.count_nonzero(step[1:] != step[:-1])) + (frames == 0 and step[1] == step[0])
+        ordered &= not np.isnan(time[1:]).any() and bool((step[1:] >= step[:-1]).all())
+        lowest = min(lowest, _lowest(table))
+        latest = time[-1]
+    return _Survey(frames, ordered, lowest)
+
+
+def _more(count: int) -> str:
+    return f" (and {count} more such lines)" if count else ""
+
+
+def _runs(table: Table) -> tuple[Rows, ...]:
+    """Return the rows of each frame: of one time each, sorted where the points are numbered."""
+    time = _filled(table.values[TIME]) if table.columns.timed else np.zeros(len(table))
+    order = np.arange(len(table))
+    if table.columns.numbered:
+        order = np.lexsort((table.values[POINT], time))
+    # NaN times left over (the first rows) differ from each other: one run is made of them.
+    step = np.nan_to_num(time[order], nan=-np.inf)
+    return tuple(np.split(order, np.flatnonzero(step[1:] != step[:-1]) + 1))
+
+
+def _filled(time: Vector) -> Vector:
+    """Give each row without a time the time of the row before it, so that its frame is told as one."""
+    known = np.where(np.isnan(time), -1, np.arange(len(time)))
+    latest = np.maximum.accumulate(known)
+    return np.where(latest < 0, np.nan, time[latest])
+
+
+def _spread(values: Points | Vector, place: Rows) -> Points | Vector:
+    """Put values at their places; places left out are NaN."""
+    if place[-1] == len(place) - 1:
+        return read_only(values)
+    spread = np.full((int(place[-1]) + 1, *values.shape[1:]), np.nan)
+    spread[place] = values
+    return read_only(spread)

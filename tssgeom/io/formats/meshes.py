@@ -1,0 +1,100 @@
+"""Meshes of the lumen around a route, in metres."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import trimesh
+
+from tssgeom.errors import ShapeError, SourceError
+from tssgeom.io.formats.names import split
+from tssgeom.io.formats.units import PER_METRE
+from tssgeom.lumen.wall import Wall
+
+ENDINGS = (".ply", ".stl", ".obj", ".glb")
+_MARK = "_lumen"
+_FARTHEST = 1e9  # of a corner, in the unit of the mesh
+
+
+def lumen_beside(path: str | Path) -> Path | None:
+    """Return the mesh NAME_lumen.* beside a shape file whose stem is NAME or begins with NAME and a mark.
+
+    Of several names that fit, the longest counts; of several endings the first of .ply .stl .obj .glb.
+    """
+    path, _ = split(Path(path))
+    fitting = [mesh for mesh in _meshes_in(path.parent) if _belongs(path.stem, _name(mesh))]
+    if not fitting:
+        return None
+    return min(fitting, key=lambda mesh: (-len(_name(mesh)), ENDINGS.index(mesh.suffix.lower()), mesh.name))
+
+
+def read_lumen(path: str | Path, unit: str) -> trimesh.Trimesh:
+    """Read a mesh.
+
+    Parameters
+    ----------
+    path
+        An .stl, .obj, .ply or .glb file; a mesh states no unit.
+    unit
+        Unit of its coordinates, "mm" or "m".
+
+    Returns
+    -------
+    trimesh.Trimesh
+        The mesh, coordinates in metres.
+
+    Raises
+    ------
+    SourceError
+        Where the file cannot be read as a mesh.
+    ShapeError
+        Where it holds no triangles, or corners that cannot be, or where the unit is none that is known.
+    """
+    path = Path(path)
+    if unit not in PER_METRE:
+        raise ShapeError(f"{path}: the unit is {unit!r}: give mm or m")
+    if path.suffix.lower() not in ENDINGS:
+        raise SourceError(f"{path}: no reader takes {path.suffix!r} as a mesh: use {', '.join(ENDINGS)}")
+    if not path.is_file():
+        raise SourceError(f"{path}: no such file: check the path")
+    mesh = _loaded(path)
+    if len(mesh.faces) == 0:
+        raise ShapeError(f"{path}: the mesh has no triangles: export a surface")
+    if not (np.abs(mesh.vertices) <= _FARTHEST).all() or not 0 <= mesh.faces.min() <= mesh.faces.max() < len(
+        mesh.vertices
+    ):
+        raise ShapeError(f"{path}: the mesh has corners that are nowhere: export it anew")
+    mesh.apply_scale(1.0 / PER_METRE[unit])
+    return mesh
+
+
+def wall_of(mesh: trimesh.Trimesh) -> Wall:
+    """Return the triangles of a mesh; a closed one says itself which side is inside."""
+    corners = np.ascontiguousarray(mesh.vertices[mesh.faces], dtype=np.float64)
+    return Wall(corners, bool(mesh.volume > 0) if mesh.is_watertight else None)
+
+
+def _loaded(path: Path) -> trimesh.Trimesh:
+    try:
+        return trimesh.load_mesh(path)
+    except OSError as error:
+        raise SourceError(f"{path}: cannot be read ({error.strerror or error}): check the path") from error
+    except Exception as error:  # the loaders of trimesh raise whatever a broken file makes them meet
+        reason = str(error).partition("\n")[0] or type(error).__name__
+        raise SourceError(f"{path}: cannot be read as a mesh ({reason}): export it anew") from error
+
+
+def _meshes_in(folder: Path) -> list[Path]:
+    if not folder.is_dir():
+        return []
+    return [file for file in folder.iterdir() if file.suffix.lower() in ENDINGS and file.stem.endswith(_MARK)]
+
+
+def _name(mesh: Path) -> str:
+    return mesh.stem.removesuffix(_MARK)
+
+
+def _belongs(stem: str, name: str) -> bool:
+    rest = stem.removeprefix(name)
+    return bool(name) and stem.startswith(name) and not rest[:1].isalnum()

@@ -1,0 +1,222 @@
+"""Tables that NDI's programs write of tracked tools, `.csv`: a row for each frame, the tools side by side.
+
+Lengths are in mm, the quaternion of a tool is scalar-first and turns its own axes into the tracker's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from tssgeom.arrays import Matrix, Points, read_only
+from tssgeom.errors import ShapeError, SourceError
+from tssgeom.io.formats.names import stem
+from tssgeom.io.formats.recording import UNTIMED, Recording, in_order
+from tssgeom.io.formats.units import PER_METRE, agreed_unit
+from tssgeom.stream import Frame, Rejected
+
+POSE = ("q0", "qx", "qy", "qz", "tx", "ty", "tz")
+_STATES = ("state", "transformstatus", "status")
+_FRAMES = ("frame", "frame#")
+_MARKERS = ("markers", "#markers")
+_UNSEEN_STATES = ("missing", "disabled")
+_FARTHEST = 1e6  # mm; NDI writes -3.7e28 where it has no number
+_LONGEST_LINE = 1 << 20  # bytes
+_BY_FRAME = "no time column: the frame numbers are taken as time, one a second"
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """Where in a row of numbers everything stands."""
+
+    tools: tuple[tuple[int, int | None], ...]
+    """First column of the pose, and column of the state, of each tool that the header names."""
+    seconds: int | None
+    nanoseconds: int | None
+    frame: int | None
+    markers: int | None
+    """Column with the number of markers, the last before the markers themselves."""
+
+    def places(self, cells: Sequence[str]) -> list[tuple[int, int | None]]:
+        """Return pose and state columns of each tool in a row.
+
+        Where the header names one tool and the row says that it holds several, they follow each other.
+        """
+        count = int(cells[0]) if cells[0].strip().isdecimal() else 1
+        if len(self.tools) > 1 or self.markers is None or count < 2:
+            return list(self.tools)
+        pose, state = next(iter(self.tools))
+        found, shift = list[tuple[int, int | None]](), 0
+        for _ in range(count):
+            found.append((pose + shift, None if state is None else state + shift))
+            shift += self.markers + 4 * int(cells[self.markers + shift])
+        return found
+
+
+def is_ndi(path: Path) -> bool:
+    """Whether the first line of a table names a pose as NDI's programs do."""
+    try:
+        with path.open("rb") as file:
+            return _layout(file.readline(_LONGEST_LINE)) is not None
+    except OSError:
+        return False
+
+
+@dataclass(frozen=True, slots=True)
+class ToolFrames:
+    """The frames of a table, read a row at a time each time they are asked for."""
+
+    path: Path
+    layout: Layout
+    sense: float
+    """-1 where the third axes of the tools look from the distal to the proximal end, else 1."""
+
+    def __iter__(self) -> Iterator[Frame | Rejected]:
+        """Yield the frames in order."""
+        return in_order(self._frames())
+
+    def _frames(self) -> Iterator[Frame | Rejected]:
+        for seq, (number, line) in enumerate(_rows(self.path)):
+            try:
+                yield self._frame(seq, line)
+            except (ValueError, IndexError) as error:
+                yield Rejected(seq, 0.0, f"line {number}: {error}: mend the row, or leave it out")
+
+    def _frame(self, seq: int, line: str) -> Frame:
+        cells = line.split(",")
+        points, axes = _sensed(cells, self.layout)
+        time = _time(cells, self.layout)
+        per_metre = PER_METRE["mm"]
+        return Frame(
+            read_only(points / per_metre),
+            float(seq) if time is None else time,
+            directions=read_only(self.sense * axes),
+        )
+
+
+def open_ndi(path: Path, unit: str | None) -> Recording:
+    """Open a table of tracked tools.
+
+    Raises
+    ------
+    ShapeError
+        Where there is no pose in the header or no row, or where the unit is said to be another one.
+    SourceError
+        Where the file cannot be read.
+    """
+    agreed = agreed_unit(path, "mm", unit, "")
+    layout = _layout(_head(path))
+    if layout is None:
+        raise ShapeError(
+            f"{path}: no columns {','.join(POSE)} in the header: save it from NDI's program anew"
+        )
+    count, sense = _survey(path, layout)
+    if not count:
+        raise ShapeError(f"{path}: no row of tools: record at least one frame")
+    warnings = () if layout.seconds is not None else (_BY_FRAME if layout.frame is not None else UNTIMED,)
+    return Recording(
+        stem(path), path, agreed, "ndi", count > 1, count, ToolFrames(path, layout, sense), warnings
+    )
+
+
+def _layout(header: bytes) -> Layout | None:
+    names = [
+        name.strip().strip('"').lower() for name in header.decode("utf-8-sig", errors="replace").split(",")
+    ]
+    poses = [k for k in range(len(names)) if tuple(names[k : k + len(POSE)]) == POSE]
+    if not poses:
+        return None
+    first, begins = poses[0], [0, *(k + len(POSE) for k in poses[:-1])]
+    return Layout(
+        tuple(
+            (pose, _before(names, begin, pose, _STATES)) for begin, pose in zip(begins, poses, strict=True)
+        ),
+        _before(names, 0, first, ("time [sec]", "time [s]", "timespec_s")),
+        _before(names, 0, first, ("timespec_ns",)),
+        _before(names, 0, first, _FRAMES),
+        next((k for k in range(first, len(names)) if names[k] in _MARKERS), None),
+    )
+
+
+def _before(names: Sequence[str], begin: int, end: int, wanted: Sequence[str]) -> int | None:
+    """Return the last column from `begin` to before `end` with one of the wanted names."""
+    return next((k for k in range(end - 1, begin - 1, -1) if names[k] in wanted), None)
+
+
+def _sensed(cells: Sequence[str], layout: Layout) -> tuple[Points, Points]:
+    """Return places [mm] and third axes of the tools in a row, NaN for those that were not seen."""
+    poses = np.array(
+        [
+            _pose(cells[at : at + len(POSE)], "" if state is None else cells[state])
+            for at, state in layout.places(cells)
+        ]
+    )
+    return poses[:, 4:], _third_axes(poses[:, :4])
+
+
+def _pose(cells: Sequence[str], state: str) -> list[float]:
+    unseen = [np.nan] * len(POSE)
+    if state.strip().lower() in _UNSEEN_STATES or not any(cell.strip() for cell in cells):
+        return unseen
+    if len(cells) < len(POSE):
+        raise ValueError(f"a tool has {len(cells)} of its {len(POSE)} numbers")
+    pose = [float(cell) for cell in cells]
+    return pose if all(abs(number) < _FARTHEST for number in pose) else unseen
+
+
+def _third_axes(quaternions: Matrix) -> Points:
+    """Turn the third axis by unit quaternions [n, 4], scalar first."""
+    size = np.linalg.norm(quaternions, axis=1)
+    w, x, y, z = np.where(size > 0, quaternions.T / np.where(size > 0, size, 1.0), np.nan)
+    return np.column_stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)])
+
+
+def _time(cells: Sequence[str], layout: Layout) -> float | None:
+    """Return the time of a row [s]; without a clock, the number of its frame."""
+    if layout.seconds is not None:
+        fraction = 0.0 if layout.nanoseconds is None else 1e-9 * float(cells[layout.nanoseconds])
+        return float(cells[layout.seconds]) + fraction
+    return None if layout.frame is None else float(cells[layout.frame])
+
+
+def _survey(path: Path, layout: Layout) -> tuple[int, float]:
+    """Count the rows, and tell from the first that shows it which way the third axes look."""
+    count, along = 0, 0.0
+    for _, line in _rows(path):
+        count += 1
+        if along == 0.0:
+            along = _along(line, layout)
+    return count, -1.0 if along < 0 else 1.0
+
+
+def _along(line: str, layout: Layout) -> float:
+    """Sum the third axes along the way to the next tool that was seen; 0 where a row cannot tell."""
+    try:
+        points, axes = _sensed(line.split(","), layout)
+    except (ValueError, IndexError):
+        return 0.0
+    seen = ~np.isnan(points).any(axis=1)
+    return float(np.nansum(axes[seen][:-1] * np.diff(points[seen], axis=0)))
+
+
+def _head(path: Path) -> bytes:
+    try:
+        with path.open("rb") as file:
+            return file.readline(_LONGEST_LINE)
+    except OSError as error:
+        raise SourceError(f"{path}: cannot be read ({error.strerror}): check the path") from error
+
+
+def _rows(path: Path) -> Iterator[tuple[int, str]]:
+    """Yield number and text of each line below the header that is not blank."""
+    try:
+        with path.open("rb") as file:
+            file.readline(_LONGEST_LINE)
+            for number, line in enumerate(iter(lambda: file.readline(_LONGEST_LINE), b""), start=2):
+                if line.strip():
+                    yield number, line.decode("utf-8", errors="replace").strip()
+    except OSError as error:
+        raise SourceError(f"{path}: cannot be read ({error.strerror}): check the path") from error

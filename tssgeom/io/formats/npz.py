@@ -1,0 +1,234 @@
+"""NumPy archives: `points[F,N,3]`, `time_s[F]` and `unit`, or one shape `points[N,3]`."""
+
+from __future__ import annotations
+
+import zipfile
+import zlib
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+
+from tssgeom.arrays import Vector, read_only
+from tssgeom.errors import ShapeError, SourceError
+from tssgeom.io.formats.columns import MEASURED, TIME
+from tssgeom.io.formats.recording import UNTIMED, Recording, in_order
+from tssgeom.io.formats.units import PER_METRE, agreed_unit
+from tssgeom.stream import Frame, Rejected
+
+_BLOCK = 1 << 22
+"""Of an array that are read at a time [B]."""
+_LARGE = ("points", "s")
+_ARRAY = b"\x93NUMPY"
+
+
+@dataclass(frozen=True, slots=True)
+class ArrayFrames:
+    """The frames of an archive, in SI; of the points a block is in memory at a time."""
+
+    path: Path
+    per_metre: float
+    points: Stored
+    """[F,N,3], in the unit of the file."""
+    time: Vector
+    """[F] [s]."""
+    stations: Stored | Vector | None
+    """[F,N], or [N] for all [m]; stored ones in the unit of the file."""
+    measured: Mapping[str, Vector]
+    """[F] each, by field of `Frame`; NaN where nothing was measured."""
+
+    def __iter__(self) -> Iterator[Frame | Rejected]:
+        """Yield the frames in order."""
+        return in_order(self._frames())
+
+    def _frames(self) -> Iterator[Frame]:
+        stations: Iterator[Vector] | None = None
+        if isinstance(self.stations, Stored):
+            stations = (read_only(row / self.per_metre) for row in rows_of(self.path, self.stations))
+        fixed = self.stations if isinstance(self.stations, np.ndarray) else None
+        for k, points in enumerate(rows_of(self.path, self.points)):
+            seen: dict[str, Any] = {
+                field: float(values[k]) for field, values in self.measured.items() if not np.isnan(values[k])
+            }
+            scaled = points / self.per_metre
+            scaled[np.isnan(scaled).any(axis=1)] = np.nan
+            told = fixed if stations is None else next(stations)
+            yield Frame(read_only(scaled), float(self.time[k]), told, **seen)
+
+
+@dataclass(frozen=True, slots=True)
+class Stored:
+    """An array in the archive, which stays there until it is asked for."""
+
+    name: str
+    shape: tuple[int, ...]
+    dtype: np.dtype
+    columns_first: bool
+    """Stored with the first axis running fastest; such an array is read at once."""
+    begin: int
+    """Length of its header [B]."""
+
+
+def rows_of(path: Path, array: Stored) -> Iterator[np.ndarray]:
+    """Yield an array along its first axis, as float64.
+
+    Raises
+    ------
+    SourceError
+        Where the archive ends early or is corrupt.
+    """
+    if array.columns_first:
+        with _archive(path) as archive:
+            yield from np.asarray(archive[array.name], dtype=np.float64).reshape(array.shape)
+        return
+    inner = array.shape[1:]
+    width = int(np.prod(inner)) * array.dtype.itemsize
+    most = max(1, _BLOCK // max(width, 1))
+    with _member(path, array.name) as file:
+        file.read(array.begin)
+        for first in range(0, array.shape[0], most):
+            count = min(most, array.shape[0] - first)
+            raw = file.read(count * width)
+            if len(raw) < count * width:
+                raise EOFError(f"{array.name} ends early")
+            yield from np.frombuffer(raw, array.dtype).reshape(count, *inner).astype(np.float64)
+
+
+def open_npz(path: Path, unit: str | None) -> Recording:
+    """Open a NumPy archive; nothing in it is ever unpickled.
+
+    Raises
+    ------
+    ShapeError
+        Where arrays are missing, have the wrong size or hold no numbers, or where the unit is missing.
+    SourceError
+        Where the file cannot be read.
+    """
+    stored = {name: array for name in _LARGE if (array := _stored(path, name)) is not None}
+    arrays = _arrays(path)
+    if "points" not in stored:
+        raise ShapeError(
+            f"{path}: no array 'points' among {sorted({*arrays, *stored})}: save points[F,N,3] or points[N,3]"
+        )
+    found = str(_text(arrays["unit"])) if "unit" in arrays else None
+    agreed = agreed_unit(path, found, unit, 'save unit="mm" or unit="m" with the points')
+    points = _of_numbers(path, stored["points"])
+    if len(points.shape) not in (2, 3) or points.shape[-1] != 3 or 0 in points.shape:
+        raise ShapeError(f"{path}: points has the size {points.shape}: save points[F,N,3] or points[N,3]")
+    timed = len(points.shape) == 3
+    frames = _frames(path, arrays, stored, PER_METRE[agreed])
+    warnings = (UNTIMED,) if timed and TIME not in arrays else ()
+    return Recording(path.stem, path, agreed, "npz", timed, len(frames.time), frames, warnings)
+
+
+def _frames(
+    path: Path, arrays: Mapping[str, Any], stored: Mapping[str, Stored], per_metre: float
+) -> ArrayFrames:
+    points = stored["points"]
+    if len(points.shape) == 2:
+        points = replace(points, shape=(1, *points.shape))
+    count = points.shape[0]
+    time = _per_frame(path, arrays, TIME, count) if TIME in arrays else np.arange(count, dtype=np.float64)
+    measured = {
+        field: read_only(_per_frame(path, arrays, name, count) / per_unit)
+        for name, (field, per_unit) in MEASURED.items()
+        if name in arrays
+    }
+    return ArrayFrames(path, per_metre, points, time, _stations(path, stored, points, per_metre), measured)
+
+
+def _stations(
+    path: Path, stored: Mapping[str, Stored], points: Stored, per_metre: float
+) -> Stored | Vector | None:
+    if "s" not in stored:
+        return None
+    stations = _of_numbers(path, stored["s"])
+    if stations.shape == points.shape[1:2]:
+        return read_only(np.array(list(rows_of(path, stations))) / per_metre)
+    if stations.shape != points.shape[:2]:
+        raise ShapeError(
+            f"{path}: s has the size {stations.shape} for points {points.shape}: save s[N] or s[F,N]"
+        )
+    return stations
+
+
+@contextmanager
+def _read(path: Path) -> Iterator[None]:
+    """Tell what goes wrong in reading the archive as an error of the source."""
+    try:
+        yield
+    except ShapeError:
+        raise
+    except (OSError, ValueError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
+        reason = str(error).partition("\n")[0]
+        raise SourceError(f"{path}: cannot be read as NPZ ({reason}): write it with numpy.savez") from error
+
+
+@contextmanager
+def _archive(path: Path) -> Iterator[np.lib.npyio.NpzFile]:
+    with _read(path), path.open("rb") as file:
+        if file.read(len(_ARRAY)) == _ARRAY:
+            raise ShapeError(f"{path}: one bare array: save points, time_s and unit with numpy.savez")
+        if not zipfile.is_zipfile(file):
+            raise ValueError("it is no ZIP archive, or not all of it")
+        file.seek(0)
+        with np.load(file, allow_pickle=False) as archive:
+            yield archive
+
+
+@contextmanager
+def _member(path: Path, name: str) -> Iterator[IO[bytes]]:
+    with _read(path), zipfile.ZipFile(path) as archive, archive.open(f"{name}.npy") as file:
+        yield file
+
+
+def _stored(path: Path, name: str) -> Stored | None:
+    """Read the header of an array; None where there is none of this name."""
+    with _archive(path) as archive:
+        if name not in archive.files:
+            return None
+    with _member(path, name) as file:
+        version = np.lib.format.read_magic(file)
+        read = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+        if version not in read:
+            raise ValueError(f"{name} has the array format {version}")
+        shape, columns_first, dtype = read[version](file)
+        if dtype.hasobject:
+            raise ValueError(f"{name} holds Python objects, which are never unpickled")
+        return Stored(name, shape, dtype, columns_first and len(shape) > 1, file.tell())
+
+
+def _arrays(path: Path) -> dict[str, Any]:
+    """Return all arrays but the large ones."""
+    with _archive(path) as archive:
+        return {name: archive[name] for name in archive.files if name not in _LARGE}
+
+
+def _of_numbers(path: Path, array: Stored) -> Stored:
+    if array.dtype.kind not in "fiub":
+        raise ShapeError(f"{path}: {array.name} holds no numbers but {array.dtype}: save float64")
+    return array
+
+
+def _text(unit: Any) -> str:
+    value = np.asarray(unit).reshape(-1)[0] if np.size(unit) else ""
+    return value.decode(errors="replace") if isinstance(value, bytes) else str(value)
+
+
+def _numbers(path: Path, arrays: Mapping[str, Any], name: str) -> np.ndarray:
+    try:
+        return np.array(arrays[name], dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ShapeError(f"{path}: {name} holds no numbers but {arrays[name].dtype}: save float64") from error
+
+
+def _per_frame(path: Path, arrays: Mapping[str, Any], name: str, count: int) -> Vector:
+    values = np.atleast_1d(_numbers(path, arrays, name))
+    if values.shape != (count,):
+        raise ShapeError(
+            f"{path}: {name} has the size {values.shape} for {count} frames: save one value a frame"
+        )
+    return values

@@ -1,0 +1,239 @@
+"""CSV and Parquet files as columns of numbers, with the place of every cell that is none."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv as pacsv
+import pyarrow.parquet as papq
+from numpy.typing import NDArray
+
+from tssgeom.arrays import Vector
+from tssgeom.errors import ShapeError, SourceError
+from tssgeom.io.formats.columns import Columns, columns_of
+
+NO_ROW = "no row of points: write one row for each point"
+_MISSING = ["", "nan", "NaN", "NAN", "null", "NA"]
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """Numbers of the columns that are read, in the file's units."""
+
+    columns: Columns
+    values: Mapping[str, Vector]
+    """A column each; NaN where a cell is empty or could not be read."""
+    place: NDArray[np.int64]
+    """Where each row stands in the file: line or row, from 1."""
+    place_name: str
+    """"line" or "row"."""
+    faults: Mapping[int, str]
+    """What is wrong with a row, by its index."""
+
+    def __len__(self) -> int:
+        return len(self.place)
+
+
+def read_csv(path: Path, given_unit: str | None) -> Table:
+    """Read a comma-separated file with a header.
+
+    A table that is clean is read by pyarrow; any other one line by line, to tell what is wrong where.
+
+    Raises
+    ------
+    ShapeError
+        Where the header is missing or unclear, or where there is no row.
+    SourceError
+        Where the file cannot be read.
+    """
+    raw = bytes_of(path)
+    names = header_of(path, raw)
+    columns = columns_of(path, names, given_unit)
+    if b"\n\n" not in raw.rstrip() and b"\n\r\n" not in raw.rstrip():
+        try:
+            return _table(path, columns, _fast(raw, names, columns), "line", 2)
+        except pa.ArrowInvalid:
+            pass
+    return _slow(path, raw, names, columns)
+
+
+def read_parquet(path: Path, given_unit: str | None) -> Table:
+    """Read a Parquet file of the same columns.
+
+    Raises
+    ------
+    ShapeError
+        Where columns are missing or unclear or hold no numbers, or where there is no row.
+    SourceError
+        Where the file cannot be read.
+    """
+    try:
+        with papq.ParquetFile(path) as file:
+            columns = columns_of(path, file.schema_arrow.names, given_unit)
+            table = file.read(columns=list(columns.names))
+    except (OSError, pa.ArrowException, UnicodeDecodeError) as error:
+        raise SourceError(
+            f"{path}: cannot be read as Parquet ({first_line(error)}): write the file anew"
+        ) from error
+    return _table(path, columns, as_numbers(path, table), "row", 1)
+
+
+_Columns = TypeVar("_Columns", pa.Table, pa.RecordBatch)
+
+
+def as_numbers(path: Path, found: _Columns) -> _Columns:
+    """Return columns of any kind of number as float64.
+
+    Raises
+    ------
+    ShapeError
+        Where a column holds something else.
+    """
+    try:
+        return found.cast(pa.schema([(name, pa.float64()) for name in found.schema.names]))
+    except pa.ArrowException as error:
+        raise ShapeError(f"{path}: a column holds no numbers ({first_line(error)}): write float64") from error
+
+
+def bytes_of(path: Path) -> bytes:
+    """Return what a file holds.
+
+    Raises
+    ------
+    SourceError
+        Where the file cannot be read.
+    """
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise SourceError(f"{path}: cannot be read ({error.strerror}): check the path") from error
+
+
+def header_of(path: Path, raw: bytes, such_as: str = "x_mm,y_mm,z_mm") -> list[str]:
+    """Return the names of the columns from the beginning of a file; a refusal shows one `such_as`.
+
+    Raises
+    ------
+    ShapeError
+        Where line 1 is no header, or its names are not set apart by commas.
+    """
+    first = raw.removeprefix(b"\xef\xbb\xbf").partition(b"\n")[0]
+    try:
+        line = first.decode().strip()
+    except UnicodeDecodeError as error:
+        raise ShapeError(f"{path}: line 1 is no UTF-8 text: save the table as CSV in UTF-8") from error
+    expected = f"write a header such as {such_as}, comma-separated"
+    if not line:
+        raise ShapeError(f"{path}: line 1 is empty: {expected}")
+    names = [name.strip().strip('"') for name in line.split(",")]
+    if any(_is_number(name) for name in names):
+        raise ShapeError(f"{path}: line 1 holds numbers, no header: {expected}")
+    for mark, word in ((";", "semicolons"), ("\t", "tabs"), (" ", "spaces")):
+        if len(names) == 1 and mark in line:
+            raise ShapeError(f"{path}: line 1 is separated by {word}: {expected}")
+    return names
+
+
+def _fast(raw: bytes, names: list[str], columns: Columns) -> pa.Table:
+    options = {"read_options": read_options(names), "convert_options": convert_options(columns.names)}
+    return pacsv.read_csv(BytesIO(raw), **options)
+
+
+def read_options(names: Sequence[str], block: int | None = None) -> pacsv.ReadOptions:
+    """Options of pyarrow to read a table under its header, `block` bytes at a time."""
+    return pacsv.ReadOptions(use_threads=False, skip_rows=1, column_names=list(names), block_size=block)
+
+
+def convert_options(wanted: Sequence[str]) -> pacsv.ConvertOptions:
+    """Options of pyarrow to take the wanted columns, and them alone, as numbers."""
+    kinds = {name: pa.float64() for name in wanted}
+    return pacsv.ConvertOptions(column_types=kinds, include_columns=list(wanted), null_values=_MISSING)
+
+
+def _table(path: Path, columns: Columns, table: pa.Table, place_name: str, first: int) -> Table:
+    if len(table) == 0:
+        raise ShapeError(f"{path}: {NO_ROW}")
+    return table_of(columns, table, place_name, first)
+
+
+def table_of(columns: Columns, found: pa.Table | pa.RecordBatch, place_name: str, first: int) -> Table:
+    """Take columns of numbers that stand in a file from row `first` on; those that are not there are NaN."""
+    here = set(found.schema.names)
+    missing = np.full(found.num_rows, np.nan)
+    values = {name: _numbers(found[name]) if name in here else missing for name in columns.names}
+    return Table(columns, values, np.arange(first, first + found.num_rows), place_name, {})
+
+
+def _numbers(column: pa.ChunkedArray | pa.Array) -> Vector:
+    plain = column.combine_chunks() if isinstance(column, pa.ChunkedArray) else column
+    return np.asarray(plain.to_numpy(zero_copy_only=False), dtype=np.float64)
+
+
+def _slow(path: Path, raw: bytes, names: list[str], columns: Columns) -> Table:
+    lines = raw.decode("utf-8", errors="replace").splitlines()[1:]
+    table = slow_table(enumerate(lines, start=2), names, columns)
+    if not len(table):
+        raise ShapeError(f"{path}: {NO_ROW}")
+    return table
+
+
+def slow_table(lines: Iterable[tuple[int, str]], names: Sequence[str], columns: Columns) -> Table:
+    """Read numbered lines one by one, and tell what is wrong with which."""
+    rows: list[list[float]] = []
+    places: list[int] = []
+    faults: dict[int, str] = {}
+    wanted = [names.index(name) for name in columns.names]
+    for line, text in lines:
+        if not text.strip():
+            continue
+        cells = cells_of(text)
+        if len(cells) != len(names):
+            faults[len(rows)] = (
+                f"line {line}: {len(cells)} columns, the header has {len(names)}: mend the line"
+            )
+        numbers = [_number(cells[k]) if k < len(cells) else np.nan for k in wanted]
+        for name, k, number in zip(columns.names, wanted, numbers, strict=True):
+            if number is None:
+                faults.setdefault(
+                    len(rows), f"line {line}: {name} is {cells[k]!r}: write a number or leave it empty"
+                )
+        rows.append([np.nan if number is None else number for number in numbers])
+        places.append(line)
+    numbers_by_column = np.array(rows, dtype=np.float64).reshape(-1, len(columns.names)).T
+    values = dict(zip(columns.names, numbers_by_column, strict=True))
+    return Table(columns, values, np.array(places, dtype=np.int64), "line", faults)
+
+
+def cells_of(text: str) -> list[str]:
+    """Return the cells of a line; the line itself where it cannot be cut."""
+    try:
+        return next(csv.reader([text]))
+    except csv.Error:
+        return [text]
+
+
+def _number(cell: str) -> float | None:
+    """Return the number in a cell: NaN for an empty one, None for one that is no number."""
+    text = cell.strip()
+    if text in _MISSING:
+        return np.nan
+    try:
+        return float(text)
+    except ValueError:
+        return None
+
+
+def _is_number(cell: str) -> bool:
+    return bool(cell) and _number(cell) is not None
+
+
+def first_line(error: Exception) -> str:
+    """Return what an error says first."""
+    return " ".join(str(error).partition("\n")[0].split())

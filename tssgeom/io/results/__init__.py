@@ -1,0 +1,1 @@
+"""Results to files: tables, JSON objects, meshes and exports to other programs."""

@@ -1,0 +1,129 @@
+"""What the stream says of each frame, as lines of JSON."""
+
+from __future__ import annotations
+
+import math
+from typing import overload
+
+import msgspec
+
+from tssgeom.route.pieces import Arcs
+from tssgeom.stream import FrameResult, Rejected
+
+_LONGEST = 512  # characters of a frame's own text in an answer
+
+
+class Segment(msgspec.Struct, frozen=True):
+    """One piece of constant curvature."""
+
+    length_m: float
+    kappa_per_m: float
+    angle_rad: float
+    s_start_m: float
+
+
+class Answer(msgspec.Struct, frozen=True, omit_defaults=True):
+    """The answer to a good frame, in SI."""
+
+    t: float
+    seq: int
+    length_m: float
+    total_angle_rad: float
+    total_angle_se_rad: float
+    tension_in_N: float
+    tension_out_N: float
+    elongation_m: float
+    elongation_se_m: float
+    direction_index: int
+    dead_zone: bool
+    segments: list[Segment]
+    latency_us: float
+    """From the last byte of the frame to this line [µs]."""
+    dropped: int
+    """Frames that were given up for newer ones, since the start."""
+    stale: bool
+    displacement_command_m: float | None = None
+    tension_command_N: float | None = None
+    id: str | int = ""
+    warnings: tuple[str, ...] = ()
+
+
+class Refusal(msgspec.Struct, frozen=True, omit_defaults=True):
+    """The answer to a bad frame."""
+
+    t: float | None
+    """None where the frame did not tell it, as far as it could be read."""
+    seq: int
+    rejected: str
+    id: str | int = ""
+
+
+class Stale(msgspec.Struct, frozen=True):
+    """Said once when frames stay away."""
+
+    t: float
+    """Time of the last good frame [s]."""
+    seq: int
+    """Count of the last good frame."""
+    stale: bool
+    silent_s: float
+    dropped: int
+
+
+_encoder = msgspec.json.Encoder()
+
+
+def answer(result: FrameResult, time: float, seq: int, latency_us: float, dropped: int) -> bytes:
+    """Write the answer to a good frame of a `time` by its sender's clock [s]."""
+    arcs, seen = result.arcs, result.transmission
+    return _line(
+        Answer(
+            t=time,
+            seq=seq,
+            length_m=arcs.total_length,
+            total_angle_rad=arcs.total_angle,
+            total_angle_se_rad=arcs.total_angle_se,
+            tension_in_N=seen.tension_in,
+            tension_out_N=seen.tension_out,
+            elongation_m=seen.elongation,
+            elongation_se_m=seen.elongation_se,
+            direction_index=seen.direction_index,
+            dead_zone=seen.dead_zone,
+            segments=_segments(arcs),
+            latency_us=latency_us,
+            dropped=dropped,
+            stale=False,
+            displacement_command_m=result.displacement_command,
+            tension_command_N=result.tension_command,
+            id=result.frame.id,
+            warnings=result.warnings,
+        )
+    )
+
+
+def refusal(rejected: Rejected) -> bytes:
+    """Write the answer to a bad frame; what it holds of the frame's own text is cut short."""
+    time = rejected.time if math.isfinite(rejected.time) else None
+    return _line(Refusal(time, rejected.seq, _cut(rejected.reason), _cut(rejected.id)))
+
+
+@overload
+def _cut(given: str) -> str: ...
+@overload
+def _cut(given: str | int) -> str | int: ...
+def _cut(given: str | int) -> str | int:
+    return given[:_LONGEST] + "…" if isinstance(given, str) and len(given) > _LONGEST else given
+
+
+def stale(time: float, seq: int, silent: float, dropped: int) -> bytes:
+    """Write that no good frame has come for `silent` seconds."""
+    return _line(Stale(time, seq, True, round(silent, 3), dropped))
+
+
+def _segments(arcs: Arcs) -> list[Segment]:
+    columns = (arcs.length.tolist(), arcs.kappa.tolist(), arcs.angle.tolist(), arcs.s_start.tolist())
+    return [Segment(*row) for row in zip(*columns, strict=True)]
+
+
+def _line(message: msgspec.Struct) -> bytes:
+    return _encoder.encode(message) + b"\n"

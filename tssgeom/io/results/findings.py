@@ -1,0 +1,214 @@
+"""What the workflow found, as files: `report.json` and the rig with what was found."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tssgeom.atomic import write_text
+from tssgeom.effects import KINDS, chosen
+from tssgeom.identify.finding import Blame, Candidate, Estimate, Evidence, Finding, Gap, RouteBlame, Shape
+from tssgeom.io.formats.rigs import write_rig
+
+REPORT, RIG = "report.json", "rig.updated.toml"
+
+
+def write_report(folder: Path, finding: Finding, version: str) -> Path:
+    """Write `report.json`, whole or not at all, and return its path.
+
+    Raises
+    ------
+    SourceError
+        Where the disk refuses.
+    """
+    text = json.dumps(report_object(finding, version), indent=1, ensure_ascii=False, allow_nan=False)
+    write_text(folder / REPORT, text + "\n")
+    return folder / REPORT
+
+
+def write_updated_rig(folder: Path, finding: Finding, version: str) -> Path:
+    """Write the rig with what was found, and where that comes from as comments; return its path.
+
+    Raises
+    ------
+    SourceError
+        Where the disk refuses.
+    """
+    write_rig(folder / RIG, finding.rig, _provenance(finding, version))
+    return folder / RIG
+
+
+def report_object(finding: Finding, version: str) -> dict[str, Any]:
+    """Return the object of `report.json`, in SI; what is not known is null, never NaN."""
+    told = {
+        "version": version,
+        "campaign": finding.campaign.name,
+        "verdict": finding.verdict,
+        "sentence": finding.sentence,
+        "effects": [effect for each in finding.effects for effect in _effects(each)],
+        "tie": [list(tie.names) for tie in finding.ties],
+        "tie_why": [{"gauge": tie.gauge, "why": tie.why} for tie in finding.ties],
+        "breaks_tie": [
+            {
+                "experiment": each.experiment,
+                "expected_delta_bic": each.expected_delta_bic,
+                "separates": list(each.separates),
+            }
+            for each in finding.breaks_tie
+        ],
+        "unobservable": list(finding.unobservable),
+        "unobservable_why": dict(finding.unobservable),
+        "where": [_blame(each) for each in finding.where],
+        "along_route": [_along(each) for each in finding.along],
+        "gap": _gap(finding.gap),
+        "base": {name: _base(name, each, finding.nominal) for name, each in finding.base.items()},
+        "base_tie": finding.base_tie,
+        "missing_shapes": [_shape(each) for each in finding.missing_shapes],
+        "ranking": [_ranked(each) for each in finding.ranking],
+        "rig": RIG,
+        "runs": [_run(trace.run, trace.route, trace.held_out, len(trace.time)) for trace in finding.traces],
+        "notes": list(finding.notes),
+        "seconds": finding.seconds,
+    }
+    return _finite(told)
+
+
+def _effects(each: Candidate) -> list[dict[str, Any]]:
+    return [effect | {"evidence": _evidence(each.evidence)} for effect in _named(each)]
+
+
+def _ranked(each: Candidate) -> dict[str, Any]:
+    return {
+        "name": " + ".join(each.names),
+        "effects": _named(each),
+        "evidence": _evidence(each.evidence),
+        "why_not": each.why_not,
+    }
+
+
+def _named(each: Candidate) -> list[dict[str, Any]]:
+    """Return name, numbers and choices (such as the end at which it acts) of each effect."""
+    return [
+        {"name": name, "parameters": _parameters(parameters), "choices": chosen(effect)}
+        for name, effect, parameters in zip(each.names, each.effects, each.parameters, strict=True)
+    ]
+
+
+def _parameters(parameters: Mapping[str, Estimate]) -> dict[str, Any]:
+    return {key: _estimate(each) for key, each in parameters.items()}
+
+
+def _estimate(each: Estimate) -> dict[str, Any]:
+    return {"value": each.value, "unit": each.unit, "ci95": [each.low, each.high]}
+
+
+def _evidence(each: Evidence) -> dict[str, Any]:
+    return {
+        "delta_bic": each.delta_bic,
+        "threshold": each.threshold,
+        "size_over_guard": each.size_over_guard,
+        "heldout_ratio": each.heldout_ratio,
+    }
+
+
+def _base(name: str, each: Estimate, nominal: Mapping[str, float]) -> dict[str, Any]:
+    return _estimate(each) | ({"nominal": nominal[name]} if name in nominal else {})
+
+
+def _blame(each: Blame) -> dict[str, Any]:
+    return {
+        "channel": each.channel,
+        "phase": each.phase,
+        "run": each.run,
+        "tension_range_N": list(each.tension_range_N),
+        "route_range_m": None if each.route_range_m is None else list(each.route_range_m),
+        "share": each.share,
+    }
+
+
+def _along(each: RouteBlame) -> dict[str, Any]:
+    return {
+        "route": each.route,
+        "s_m": each.s,
+        "extra_angle_rad_per_m": each.extra_angle_rad_per_m,
+        "se_rad_per_m": each.se,
+    }
+
+
+def _gap(each: Gap) -> dict[str, Any]:
+    return {
+        "noise": dict(each.noise),
+        "before": {runs: dict(rms) for runs, rms in each.before.items()},
+        "after": {runs: dict(rms) for runs, rms in each.after.items()},
+        "by_phase": {
+            channel: {phase: {"before": pair[0], "after": pair[1]} for phase, pair in phases.items()}
+            for channel, phases in each.by_phase.items()
+        },
+    }
+
+
+def _shape(each: Shape) -> dict[str, Any]:
+    return {
+        "over": each.over,
+        "x": each.x,
+        "friction": each.friction,
+        "se": each.se,
+        "explains": each.explains,
+    }
+
+
+def _run(name: str, route: str, held_out: bool, samples: int) -> dict[str, Any]:
+    return {"name": name, "route": route, "held_out": held_out, "samples": samples}
+
+
+def _finite(value: Any) -> Any:
+    """Return plain objects for JSON, null in place of numbers that are not finite."""
+    if isinstance(value, Mapping):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray):
+        return _finite(value.tolist())
+    if isinstance(value, (list, tuple)):
+        return [_finite(item) for item in value]
+    if isinstance(value, np.generic):
+        return _finite(value.item())
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _provenance(finding: Finding, version: str) -> list[str]:
+    return [
+        f"Updated by tssgeom {version} discover from the campaign {finding.campaign.name}.",
+        f"Verdict: {finding.verdict}. {finding.sentence}",
+        "Friction and compliance, nominal to refitted, with 95 % intervals:",
+        *(f"  {name}: {_change(name, each, finding.nominal)}" for name, each in finding.base.items()),
+        *_gap_lines(finding.gap),
+        *(
+            f"Tied: {', '.join(tie.names)}: {tie.why}"
+            for tie in finding.ties
+            if KINDS.keys() >= set(tie.names)
+        ),
+        *([finding.base_tie] if finding.base_tie else []),
+    ]
+
+
+def _change(name: str, each: Estimate, nominal: Mapping[str, float]) -> str:
+    unit = "" if each.unit == "1" else f" {each.unit}"
+    before = f"{nominal[name]:.6g} → " if name in nominal else ""
+    return f"{before}{each.value:.6g}{unit} [{each.low:.6g}, {each.high:.6g}]"
+
+
+def _gap_lines(gap: Gap) -> Sequence[str]:
+    runs = "held_out" if gap.before.get("held_out") else "fitted"
+    told = gap.before.get(runs, {})
+    title = {"held_out": "on runs that were held out", "fitted": "on the runs that were fitted"}[runs]
+    return [
+        f"Measured less simulated {title}, rms before → after (noise):",
+        *(
+            f"  {channel}: {told[channel]:.3g} → {gap.after[runs][channel]:.3g} ({gap.noise[channel]:.3g})"
+            for channel in told
+        ),
+    ]

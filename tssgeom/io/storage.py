@@ -1,0 +1,203 @@
+"""Folders and files on this machine, or at any address that `pyarrow.fs` knows."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from shutil import copyfileobj
+
+import pyarrow.fs as pafs
+
+from tssgeom.atomic import remove_drafts, replacing
+from tssgeom.errors import SourceError, unwritable
+
+_BLOCK = 1 << 20
+
+
+def local(address: str) -> Path | None:
+    """Return the path that an address means on this machine; None where it is elsewhere.
+
+    Raises
+    ------
+    SourceError
+        Where nothing can be reached at such an address.
+    """
+    if "://" not in address:
+        return Path(address)
+    system, path = _reached(address)
+    return Path(path) if isinstance(system, pafs.LocalFileSystem) else None
+
+
+def _reached(address: str) -> tuple[pafs.FileSystem, str]:
+    try:
+        return pafs.FileSystem.from_uri(address)
+    except (OSError, ValueError, ImportError) as error:
+        reason = str(error).partition("\n")[0]
+        raise SourceError(f"{address}: cannot be reached ({reason}): check the address") from error
+
+
+def files_at(address: str) -> list[tuple[str, int]]:
+    """Return address and size [B] of every file at an address elsewhere: itself, or all below a folder.
+
+    Hidden files, and those in hidden folders, are left out.
+
+    Raises
+    ------
+    SourceError
+        Where there is nothing.
+    """
+    system, path = _reached(address)
+    try:
+        info = system.get_file_info(path)
+        if info.type is pafs.FileType.File:
+            return [(address, info.size)]
+        below = system.get_file_info(pafs.FileSelector(path, recursive=True))
+    except OSError as error:
+        raise SourceError(f"{address}: cannot be listed ({error}): check the address") from error
+    found = [(PurePosixPath(each.path).relative_to(path), each) for each in below]
+    return sorted(
+        (f"{address.rstrip('/')}/{name.as_posix()}", each.size)
+        for name, each in found
+        if each.type is pafs.FileType.File and not any(part.startswith(".") for part in name.parts)
+    )
+
+
+@contextmanager
+def fetched(address: str) -> Iterator[Path]:
+    """Yield a file on this machine with what an address holds; of one elsewhere, a copy for the time being.
+
+    Raises
+    ------
+    SourceError
+        Where it cannot be read.
+    """
+    here = local(address)
+    if here is not None:
+        yield here
+        return
+    system, path = _reached(address)
+    with tempfile.TemporaryDirectory(prefix="tssgeom-") as folder:
+        copy = Path(folder) / PurePosixPath(path).name
+        try:
+            with system.open_input_stream(path) as source, copy.open("wb") as target:
+                copyfileobj(source, target, _BLOCK)
+        except OSError as error:
+            raise SourceError(f"{address}: cannot be read ({error}): check the address") from error
+        yield copy
+
+
+@dataclass(frozen=True, slots=True)
+class Folder:
+    """A folder for results; its files are whole or not there."""
+
+    address: str
+    """An absolute path, or an address."""
+
+    @classmethod
+    def of(cls, address: str) -> Folder:
+        """Name a folder, so that it is the same one for a process that works in another place."""
+        here = local(address)
+        return cls(address.rstrip("/") if here is None else str(here.absolute()))
+
+    @property
+    def here(self) -> Path | None:
+        """The folder, where it is on this machine."""
+        return local(self.address)
+
+    @contextmanager
+    def replacing(self, name: str) -> Iterator[Path]:
+        """Yield a path to write to; on leaving, what is there takes the place of the file `name`.
+
+        Raises
+        ------
+        SourceError
+            Where it cannot be written; SpaceError where there is no room.
+        """
+        if self.here is not None:
+            with replacing(self.here / name) as draft:
+                yield draft
+            return
+        with tempfile.TemporaryDirectory(prefix="tssgeom-") as folder:
+            draft = Path(folder) / PurePosixPath(name).name
+            yield draft
+            self._send(draft, name)
+
+    def _send(self, draft: Path, name: str) -> None:
+        system, path = _reached(self.address)
+        place = PurePosixPath(path) / name
+        unfinished = str(place.with_name(f".{place.name}.part"))
+        try:
+            system.create_dir(str(place.parent))
+            with draft.open("rb") as source, system.open_output_stream(unfinished) as target:
+                copyfileobj(source, target, _BLOCK)
+            system.move(unfinished, str(place))
+        except OSError as error:
+            raise unwritable(f"{self.address}/{name}", error) from error
+
+    def read(self, name: str) -> bytes | None:
+        """Return what a file holds; None where there is none."""
+        try:
+            if self.here is not None:
+                return (self.here / name).read_bytes()
+            system, path = _reached(self.address)
+            with system.open_input_stream(f"{path}/{name}") as file:
+                return file.readall()
+        except OSError:
+            return None
+
+    def size(self, name: str) -> int | None:
+        """Return the size of a file [B]; None where there is none."""
+        if self.here is not None:
+            file = self.here / name
+            return file.stat().st_size if file.is_file() else None
+        system, path = _reached(self.address)
+        info = system.get_file_info(f"{path}/{name}")
+        return info.size if info.type is pafs.FileType.File else None
+
+    def names(self, below: str) -> list[str]:
+        """Return the files in the folder `below`, as names that the other methods take."""
+        if self.here is not None:
+            inside = self.here / below
+            return sorted(f"{below}/{file.name}" for file in inside.iterdir()) if inside.is_dir() else []
+        system, path = _reached(self.address)
+        chosen = pafs.FileSelector(f"{path}/{below}", allow_not_found=True)
+        return sorted(f"{below}/{info.base_name}" for info in system.get_file_info(chosen))
+
+    def remove(self, names: Iterable[str]) -> None:
+        """Remove files where they are there and in this folder.
+
+        Raises
+        ------
+        SourceError
+            Where they cannot be removed.
+        """
+        for name in names:
+            if ".." in PurePosixPath(name).parts or name.startswith("/"):
+                continue
+            try:
+                self._remove(name)
+            except OSError as error:
+                raise SourceError(
+                    f"{self.address}/{name}: cannot be removed ({error}): check the folder"
+                ) from error
+
+    def _remove(self, name: str) -> None:
+        if self.here is not None:
+            (self.here / name).unlink(missing_ok=True)
+            return
+        system, path = _reached(self.address)
+        with suppress(FileNotFoundError):
+            system.delete_file(f"{path}/{name}")
+
+    def tidy(self, below: Iterable[str]) -> None:
+        """Remove from some of its folders what a killed process left unfinished, and those that are empty."""
+        here = self.here
+        if here is None:
+            return
+        for name in below:
+            remove_drafts(here / name)
+            with suppress(OSError):
+                (here / name).rmdir()  # leaves a folder that holds anything

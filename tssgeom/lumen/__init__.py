@@ -1,0 +1,1 @@
+"""The lumen around a route: its wall, and the clearance between both."""

@@ -1,0 +1,161 @@
+"""The rig: tendon, friction, load and sensors, held alike from Python and from a TOML file."""
+
+import codecs
+import math
+import tomllib
+from pathlib import Path
+
+import msgspec
+
+from tssgeom.effects import KINDS, Library
+from tssgeom.errors import SettingsError
+
+_MOST_BYTES = 1 << 20  # of a rig file: more is none
+
+
+def _require(condition: bool, what: str, value: float, remedy: str) -> None:
+    if not condition:
+        raise SettingsError(f"{what} is {value:g}: {remedy}")
+
+
+def _finite_at_least_zero(what: str, value: float, unit: str) -> None:
+    _require(math.isfinite(value) and value >= 0, what, value, f"give a finite value >= 0 {unit}".rstrip())
+
+
+class Tendon(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Elastic properties of the tendon; the defaults are the paper's (section III-B)."""
+
+    compliance_per_N: float = 3.16e-4
+    """Strain per tension, 1/EA [1/N]."""
+    pretension_N: float = 0.0
+    """Tension all along the tendon before the first pull [N]."""
+
+    def __post_init__(self) -> None:
+        _finite_at_least_zero("tendon.compliance_per_N", self.compliance_per_N, "1/N")
+        _finite_at_least_zero("tendon.pretension_N", self.pretension_N, "N")
+
+
+class Friction(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Coulomb friction between tendon and sheath; the default is the paper's (section III-B)."""
+
+    coefficient: float = 0.145
+    """Coefficient of friction [1]."""
+
+    def __post_init__(self) -> None:
+        _finite_at_least_zero("friction.coefficient", self.coefficient, "")
+
+
+class Load(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What the distal end pulls against."""
+
+    stiffness_N_per_m: float = 1000.0
+    """Stiffness of the distal spring [N/m]."""
+
+    def __post_init__(self) -> None:
+        _finite_at_least_zero("load.stiffness_N_per_m", self.stiffness_N_per_m, "N/m")
+
+
+class Sensor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Specification of one measuring channel, in the unit of that channel."""
+
+    noise: float = 0.0
+    """Standard deviation of white noise."""
+    resolution: float = 0.0
+    """Size of one digital step."""
+    full_scale: float = 0.0
+    """Largest value that the channel reads; 0 where not known."""
+    nonlinearity: float = 0.0
+    """Largest deviation from a straight line, as a fraction of full scale [1]."""
+
+    def __post_init__(self) -> None:
+        for name in self.__struct_fields__:
+            _finite_at_least_zero(f"sensors.*.{name}", getattr(self, name), "")
+
+
+class ShapeSensor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Specification of whatever senses the route."""
+
+    noise_mm: float | None = None
+    """Standard deviation of each coordinate [mm]; left out, it is estimated from the points."""
+    curvature_noise_per_m: float | None = None
+    """Standard deviation of each curvature component of a fibre [1/m]; left out, it is estimated."""
+    direction_noise_deg: float | None = None
+    """Standard deviation of a component of a sensed direction [deg]; left out, directions are not used."""
+    length_noise_mm: float = 1.0
+    """Standard deviation of the stated length of a route [mm]."""
+    angle_gain_sd: float = 0.0
+    """Standard deviation of a common scale error of all sensed angles [1]."""
+
+    def __post_init__(self) -> None:
+        for name, unit in (("noise_mm", "mm"), ("curvature_noise_per_m", "1/m")):
+            value = getattr(self, name)
+            if value is not None:
+                remedy = f"give a finite value > 0 {unit}, or leave it out to have it estimated"
+                _require(math.isfinite(value) and value > 0, f"shape.{name}", value, remedy)
+        if (turn := self.direction_noise_deg) is not None:
+            remedy = "give a value > 0 deg and < 90 deg, or leave it out where no directions are sensed"
+            _require(0 < turn < 90, "shape.direction_noise_deg", turn, remedy)
+        _finite_at_least_zero("shape.length_noise_mm", self.length_noise_mm, "mm")
+        _finite_at_least_zero("shape.angle_gain_sd", self.angle_gain_sd, "")
+
+    @property
+    def noise(self) -> float | None:
+        """Standard deviation of each coordinate [m], or None where it is to be estimated."""
+        return None if self.noise_mm is None else 1e-3 * self.noise_mm
+
+    @property
+    def direction_noise(self) -> float | None:
+        """Standard deviation of a component of a sensed direction [rad], or None where not stated."""
+        return None if self.direction_noise_deg is None else math.radians(self.direction_noise_deg)
+
+    @property
+    def length_noise(self) -> float:
+        """Standard deviation of the stated length of a route [m]."""
+        return 1e-3 * self.length_noise_mm
+
+
+class Rig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Everything about the hardware that the model needs; the defaults are the paper's."""
+
+    tendon: Tendon = Tendon()
+    friction: Friction = Friction()
+    load: Load = Load()
+    sensors: dict[str, Sensor] = {}
+    shape: ShapeSensor = ShapeSensor()
+    effects: tuple[Library, ...] = ()
+    """What else acts, beside the base model; docs/model.md (50)-(62)."""
+
+
+def read_rig(path: str | Path) -> Rig:
+    """Read a rig from a TOML file.
+
+    Raises
+    ------
+    SettingsError
+        Where the file is missing, is no TOML, or holds an unknown key or a value out of bounds.
+    """
+    content = b""
+    try:
+        with Path(path).open("rb") as file:
+            content = file.read(_MOST_BYTES + 1)
+        if len(content) > _MOST_BYTES:
+            raise SettingsError(f"{path}: longer than {_MOST_BYTES} bytes: mend the rig file")
+        return msgspec.toml.decode(content.removeprefix(codecs.BOM_UTF8), type=Rig)
+    except OSError as error:
+        raise SettingsError(f"{path}: cannot read the rig file ({error.strerror}): check the path") from error
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        told = _wrong_effect(content) if "$.effects" in str(error) else str(error)
+        raise SettingsError(f"{path}: {told}: mend the rig file (docs/formats.md, Rig)") from error
+
+
+def _wrong_effect(content: bytes) -> str:
+    """Say which effect of a rig file is wrong, and what there is to choose from."""
+    tables = tomllib.loads(content.decode("utf-8-sig"))["effects"]
+    for i, table in enumerate(tables if isinstance(tables, list) else []):
+        try:
+            msgspec.convert(table, type=Library)
+        except msgspec.ValidationError as error:
+            kind = KINDS.get(str(table.get("name"))) if isinstance(table, dict) else None
+            known = ", ".join(kind.__struct_fields__ if kind else KINDS)
+            return f"effects[{i}]: {error}; {'its parameters' if kind else 'effects'} are {known}"
+    return "effects is no list of tables; write each as [[effects]]"

@@ -1,0 +1,273 @@
+"""The normal equations of fitting a chain of arcs to points, exactly and in linear time.
+
+Changing anything before a point moves the point by a rigid twist (a, θ): δx = a + θ × x. The normal equations
+therefore need of each piece only the moments of its points, and cost O(points + pieces²); see docs/model.md
+(30) to (32).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from tssgeom.route.arcs.moments import moments_across, moments_known
+from tssgeom.route.arcs.positions import arc_functions, fill_local, joint_frames, piece_of
+
+
+@njit(cache=True, nogil=True)
+def place_by_kappa(k0: float, k1: float, h: float, out: np.ndarray) -> None:
+    """Differentiate the place at arc length h with respect to both curvature components, [2, 3]."""
+    _, b, _, da, db = arc_functions((k0 * k0 + k1 * k1) * h * h)
+    _fill_slope(b, da, db, k0, k1, h, out)
+
+
+@njit(cache=True, nogil=True)
+def _fill_slope(b: float, da: float, db: float, k0: float, k1: float, h: float, out: np.ndarray) -> None:
+    h2 = h * h
+    for c in range(2):
+        k = k0 if c == 0 else k1
+        turned = 2 * h2 * h2 * db * k
+        out[c, 0] = 2 * h2 * h * da * k
+        out[c, 1] = turned * k0
+        out[c, 2] = turned * k1
+        out[c, 1 + c] += h2 * b
+
+
+@njit(cache=True, nogil=True)
+def _twist_of_turn(theta: np.ndarray, centre: np.ndarray, out: np.ndarray) -> None:
+    """Twist of a turn θ about a centre: a = -θ × centre."""
+    out[0] = -(theta[1] * centre[2] - theta[2] * centre[1])
+    out[1] = -(theta[2] * centre[0] - theta[0] * centre[2])
+    out[2] = -(theta[0] * centre[1] - theta[1] * centre[0])
+    out[3], out[4], out[5] = theta[0], theta[1], theta[2]
+
+
+@njit(cache=True, nogil=True)
+def _turn_by_kappa(k0: float, k1: float, h: float, out: np.ndarray) -> None:
+    """Turn of the axes at arc length h by both curvature components, in the axes at its start [2, 3]."""
+    q = (k0 * k0 + k1 * k1) * h * h
+    _, b, c3, _, _ = arc_functions(q)
+    a = 1.0 - q * c3
+    w1, w2 = -k1 * h, k0 * h  # rotation vector on (t, e1, e2): (0, w1, w2)
+    for c in range(2):
+        v1, v2 = (0.0, h) if c == 0 else (-h, 0.0)
+        dot = w1 * v1 + w2 * v2
+        out[c, 0] = b * (w1 * v2 - w2 * v1)
+        out[c, 1], out[c, 2] = a * v1 + c3 * dot * w1, a * v2 + c3 * dot * w2
+
+
+@njit(cache=True, nogil=True)
+def twists(
+    place: np.ndarray,
+    frame: np.ndarray,
+    joints: np.ndarray,
+    bend: np.ndarray,
+    curved: np.ndarray,
+    free: bool,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Twist [m, 6] of every parameter, the first piece it moves [m], and the piece it bends [m] (or -1).
+
+    Parameters in order: the start (3 coordinates, or 2 across where `free`, since stations then slide along),
+    turns about both normals, inner joints, curvature components of the curved pieces.
+    """
+    k = len(bend)
+    shifts = 2 if free else 3
+    m = shifts + 2 + (k - 1) + 2 * int(curved.sum())
+    twist = np.zeros((m, 6))
+    first, own = np.zeros(m, dtype=np.int64), np.full(m, -1)
+    for c in range(shifts):
+        if free:
+            twist[c, 0], twist[c, 1], twist[c, 2] = frame[0, 1 + c, 0], frame[0, 1 + c, 1], frame[0, 1 + c, 2]
+        else:
+            twist[c, c] = 1.0
+    for c in range(2):
+        _twist_of_turn(frame[0, 1 + c].copy(), place[0], twist[shifts + c])
+    row = shifts + 2
+    theta = np.empty(3)
+    for j in range(1, k):
+        d0, d1 = bend[j - 1, 0] - bend[j, 0], bend[j - 1, 1] - bend[j, 1]
+        for i in range(3):  # t × e1 = e2, t × e2 = -e1
+            theta[i] = d0 * frame[j, 2, i] - d1 * frame[j, 1, i]
+        _twist_of_turn(theta, place[j], twist[row])
+        first[row] = j
+        row += 1
+    moved, turned = np.empty((2, 3)), np.empty((2, 3))
+    for j in range(k):
+        if not curved[j]:
+            continue
+        length = joints[j + 1] - joints[j] if j + 1 < k else 0.0
+        _turn_by_kappa(bend[j, 0], bend[j, 1], length, turned)
+        place_by_kappa(bend[j, 0], bend[j, 1], length, moved)
+        for c in range(2):
+            for i in range(3):
+                theta[i] = 0.0
+                for d in range(3):
+                    theta[i] += turned[c, d] * frame[j, d, i]
+            if j + 1 < k:
+                _twist_of_turn(theta, place[j + 1], twist[row])
+                for i in range(3):
+                    for d in range(3):
+                        twist[row, i] += moved[c, d] * frame[j, d, i]
+            first[row], own[row] = j + 1, j
+            row += 1
+    return twist, first, own
+
+
+@njit(cache=True, nogil=True)
+def _add_directions(
+    moments: np.ndarray,
+    aim: np.ndarray,
+    heft: np.ndarray,
+    s: np.ndarray,
+    frame: np.ndarray,
+    joints: np.ndarray,
+    bend: np.ndarray,
+) -> float:
+    """Add the rows of the sensed directions to the moments of their pieces; returns their cost, (94)."""
+    row, local, by, off = np.zeros(9), np.empty((4, 3)), np.empty((2, 3)), np.empty(3)
+    cost, j = 0.0, 0
+    for i in range(len(s)):
+        w = heft[i]
+        if w <= 0.0:
+            continue
+        j = piece_of(joints, s[i], j)
+        k0, k1, here = bend[j, 0], bend[j, 1], s[i] - joints[j]
+        a_of, b_of, _, _, _ = arc_functions((k0 * k0 + k1 * k1) * here * here)
+        fill_local(a_of, b_of, k0, k1, here, local)
+        _turn_by_kappa(k0, k1, here, by)
+        for c in range(3):
+            off[c] = aim[i, 0] * frame[j, c, 0] + aim[i, 1] * frame[j, c, 1] + aim[i, 2] * frame[j, c, 2]
+        own = moments[j]
+        for part in range(2, 4):  # t × e1 = e2, t × e2 = -e1
+            sign = 1.0 if part == 2 else -1.0
+            row[6], row[7], row[8] = 0.0, 0.0, 0.0
+            for c in range(3):
+                row[3 + c] = sign * local[5 - part, c]
+                row[6] += by[0, c] * row[3 + c]
+                row[7] += by[1, c] * row[3 + c]
+                row[8] += off[c] * local[part, c]
+            cost += w * row[8] * row[8]
+            for a in range(3, 8):
+                for b in range(a, 9):
+                    own[a, b] += w * row[a] * row[b]
+    return cost
+
+
+@njit(cache=True, nogil=True)
+def _to_world(moments: np.ndarray, place: np.ndarray, frame: np.ndarray) -> None:
+    """Carry moments [k, 9, 9] from each piece's axes to the world's, in place, and make them symmetric."""
+    carry, half = np.empty((6, 6)), np.empty((6, 9))
+    for j in range(len(place)):
+        m = moments[j]
+        for a in range(9):
+            for b in range(a):
+                m[a, b] = m[b, a]
+        x, y, z = place[j, 0], place[j, 1], place[j, 2]
+        for d in range(3):  # (n, x × n) goes to (Rn, place × Rn + R(x × n))
+            r0, r1, r2 = frame[j, d, 0], frame[j, d, 1], frame[j, d, 2]
+            carry[0, d], carry[1, d], carry[2, d] = r0, r1, r2
+            carry[3, d], carry[4, d], carry[5, d] = y * r2 - z * r1, z * r0 - x * r2, x * r1 - y * r0
+            carry[:3, 3 + d] = 0.0
+            carry[3, 3 + d], carry[4, 3 + d], carry[5, 3 + d] = r0, r1, r2
+        for a in range(6):
+            for b in range(9):
+                total = 0.0
+                for c in range(6):
+                    total += carry[a, c] * m[c, b]
+                half[a, b] = total
+        for a in range(6):
+            for b in range(6):
+                total = 0.0
+                for c in range(6):
+                    total += half[a, c] * carry[b, c]
+                m[a, b] = total
+            for b in range(6, 9):
+                m[a, b], m[b, a] = half[a, b], half[a, b]
+
+
+@njit(cache=True, nogil=True)
+def normal_equations(
+    p: np.ndarray,
+    weight: np.ndarray,
+    s: np.ndarray,
+    start: np.ndarray,
+    axes: np.ndarray,
+    joints: np.ndarray,
+    bend: np.ndarray,
+    curved: np.ndarray,
+    free: bool,
+    told: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None,
+    reach: float = 0.0,
+) -> tuple[np.ndarray, np.ndarray, float, np.ndarray]:
+    """Return the equations of the fit; docs/model.md (31), (32).
+
+    Parameters
+    ----------
+    p, weight, s
+        Points [n, 3], weights [n] and stations [n].
+    start, axes, joints, bend, curved
+        The chain: place [3] and axes [3, 3] at its start, start of each piece [k], curvature components
+        [k, 2], which pieces may be curved [k].
+    free
+        True where stations are unknown: only distances across the chain count.
+    told
+        Sensed directions [n, 3], their weights against the points' [n] [m²], and their variances.
+    reach
+        Unknown stations are first moved, in place, towards the feet of their points, so far at a time [m].
+
+    Returns
+    -------
+    matrix, gradient
+        Of Gauss and Newton, [m, m] and [m].
+    cost
+        Weighted sum of squares [m²].
+    square
+        Squared distance of each point, across the chain where stations are unknown [n] [m²].
+    """
+    place, frame = joint_frames(start, axes, joints, bend)
+    twist, first, own = twists(place, frame, joints, bend, curved, free)
+    if free:
+        moments, square, cost = moments_across(p, weight, s, place, frame, joints, bend, reach)
+    else:
+        moments, square, cost = moments_known(p, weight, s, place, frame, joints, bend)
+    if told is not None:
+        of_directions = np.zeros(moments.shape)
+        cost += _add_directions(of_directions, told[0], told[1], s, frame, joints, bend)
+        _to_world(of_directions, place, frame)
+        moments += of_directions
+    m, k = len(twist), len(bend)
+    beyond = np.zeros((k + 1, 6, 7))  # moments, and those with the residual, of a piece and all that follow
+    for j in range(k - 1, -1, -1):
+        for a in range(6):
+            for b in range(6):
+                beyond[j, a, b] = beyond[j + 1, a, b] + moments[j, a, b]
+            beyond[j, a, 6] = beyond[j + 1, a, 6] + moments[j, a, 8]
+    matrix, gradient = np.zeros((m, m)), np.zeros(m)
+    answer = np.empty(6)
+    side = 7  # of the own components 6 and 7 in turn
+    for b in range(m):
+        here, of = first[b], own[b]
+        side = 13 - side if of >= 0 else side
+        for i in range(6):
+            total = 0.0
+            for c in range(6):
+                total += beyond[here, i, c] * twist[b, c]
+            answer[i] = total
+            gradient[b] += beyond[here, i, 6] * twist[b, i]
+        if of >= 0:
+            gradient[b] += moments[of, side, 8]
+        for a in range(m):
+            if first[a] > here or (first[a] == here and a > b):
+                continue
+            value = 0.0
+            for i in range(6):
+                value += twist[a, i] * answer[i]
+            if of >= 0:
+                if first[a] <= of:
+                    for i in range(6):
+                        value += twist[a, i] * moments[of, i, side]
+                elif own[a] == of:
+                    value += moments[of, side if a == b else 6, side]
+            matrix[a, b] = value
+            matrix[b, a] = value
+    return matrix, gradient, cost, square

@@ -1,0 +1,220 @@
+"""A multicore fibre with gratings: from curvatures at stations to the route, its angle and its pieces.
+
+The errors of a fibre are white in curvature, so those of the places grow along it; everything is therefore
+estimated from the curvatures themselves, and the route follows by integration.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import solve_banded
+
+from tssgeom.arrays import Matrix, Points, Vector, read_only
+from tssgeom.errors import ShapeError
+from tssgeom.route.fibre.bends import Candidate, as_pieces, as_wander
+from tssgeom.route.fibre.partitions import Sensed
+from tssgeom.route.fibre.route import Evidence, of_partition, of_wander
+from tssgeom.route.geometry import Geometry, Method
+from tssgeom.route.observations import Shape
+from tssgeom.route.pieces import parallel_components
+
+MIN_GRATINGS = 3
+_MOST_CELLS = 200  # values that the estimators take; of more, neighbours are averaged
+_MOST_TURN = math.pi  # from grating to grating, beyond which the unit must be wrong [rad]
+
+
+@dataclass(frozen=True, slots=True)
+class Fibre:
+    """Sensed curvatures that can be integrated, proximal to distal."""
+
+    curvatures: Matrix
+    """Components κ_x, κ_y in the frame that the fibre carries without twist, [n, 2] [1/m]."""
+    stations: Vector
+    """Arc length of each grating from where the fibre begins [m]."""
+    length: float
+    """Length of the fibre [m]."""
+    index: Vector
+    """Row of each grating among the sensed ones."""
+    warnings: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class FibreFit:
+    """Geometry of a fibre, and what was found out on the way."""
+
+    geometry: Geometry
+    curvature_noise: float
+    """Standard deviation of one curvature component, known or estimated [1/m]."""
+    probability: dict[str, float]
+    """Posterior probability of pieces ("arcs"), and of smooth curvature ("spline")."""
+
+
+def clean_fibre(curvatures: Matrix, stations: Vector | None) -> Fibre:
+    """Check sensed curvatures.
+
+    Parameters
+    ----------
+    curvatures
+        Components κ_x, κ_y, [n, 2]; a row of NaN is a grating that was not read, or, first or last, a mark of
+        where the fibre begins or ends [1/m].
+    stations
+        Arc length of each row, increasing; the route runs from the first to the last [m].
+
+    Raises
+    ------
+    ShapeError
+        Fewer than three gratings, infinite values, stations missing or not increasing, bends beyond reason.
+    """
+    bend = np.asarray(curvatures, dtype=np.float64)
+    if bend.ndim != 2 or bend.shape[1] != 2:
+        raise ShapeError(f"curvatures have shape {bend.shape}: give one row of κ_x, κ_y for each grating")
+    s = _checked_stations(bend, stations)
+    if np.isinf(bend).any():
+        row = int(np.argmax(np.isinf(bend).any(axis=1)))
+        raise ShapeError(f"curvature {row} is infinite: leave a grating that was not read empty or NaN")
+    seen = np.flatnonzero(~np.isnan(bend).any(axis=1))
+    if len(seen) < MIN_GRATINGS:
+        raise ShapeError(f"{len(seen)} gratings read: a fibre needs at least {MIN_GRATINGS}")
+    _refuse_wrong_unit(bend[seen], s[seen])
+    missing = int(seen[-1] - seen[0] + 1 - len(seen))
+    return Fibre(
+        read_only(bend[seen]),
+        read_only(s[seen] - s[0]),
+        float(s[-1] - s[0]),
+        read_only(seen.astype(np.float64)),
+        (f"{missing} gratings not read, bridged",) if missing else (),
+    )
+
+
+def _checked_stations(bend: Matrix, stations: Vector | None) -> Vector:
+    if stations is None:
+        raise ShapeError("curvatures without stations: give the arc length of each grating, s_mm or s_m")
+    s = np.asarray(stations, dtype=np.float64)
+    if s.shape != (len(bend),):
+        raise ShapeError(f"{s.size} stations for {len(bend)} gratings: give one station for each grating")
+    if not np.isfinite(s).all():
+        raise ShapeError(
+            f"the station of grating {int(np.argmin(np.isfinite(s)))} is missing: give its arc length"
+        )
+    wrong = np.flatnonzero(np.diff(s) <= 0.0)
+    if wrong.size:
+        i = int(wrong[0])
+        raise ShapeError(
+            f"stations do not increase: {s[i + 1]:g} m follows {s[i]:g} m; "
+            "give arc length from the proximal end"
+        )
+    return s
+
+
+def _refuse_wrong_unit(bend: Matrix, s: Vector) -> None:
+    turn = float(np.median(np.linalg.norm(bend, axis=1)) * np.median(np.diff(s)))
+    if turn > _MOST_TURN:
+        raise ShapeError(
+            f"the fibre turns by {turn:.3g} rad from grating to grating: "
+            "check the units of curvature and station"
+        )
+
+
+def fibre_of_points(points: Points, stations: Vector) -> Fibre:
+    """Turn points that a shape-sensing box integrated from curvatures back into them; docs/model.md (39).
+
+    The errors of such points grow along the fibre and neighbours share them; those of the curvatures behind
+    them are white. The points should stand at the gratings, and curvature is taken to run straight between
+    them: points in between repeat what the gratings said, and make the errors look smaller than they are.
+
+    Parameters
+    ----------
+    points
+        Places, proximal to distal, none missing [m].
+    stations
+        Known arc length of each [m].
+
+    Raises
+    ------
+    ShapeError
+        As `clean_fibre`.
+    """
+    chord = np.diff(np.asarray(points, dtype=np.float64), axis=0)
+    way = chord / np.maximum(np.linalg.norm(chord, axis=1), 1e-300)[:, None]
+    turn = way[1:] - way[:-1]
+    half = 0.5 * np.linalg.norm(turn, axis=1)
+    angle = 2.0 * np.arcsin(np.minimum(half, 1.0))
+    tangent = way[1:] + way[:-1]
+    tangent = tangent / np.linalg.norm(tangent, axis=1)[:, None]
+    turned = parallel_components(tangent, turn * (angle / np.maximum(2.0 * half, 1e-300))[:, None])
+    bend = np.full((len(points), 2), np.nan)
+    bend[1:-1] = _unmixed(turned, np.diff(stations))
+    return clean_fibre(bend, stations)
+
+
+def _unmixed(turned: Matrix, step: Vector) -> Matrix:
+    """Curvatures at the inner points [n-2, 2] from the turns between chords [rad] and the steps [m]; (39)."""
+    before, after = step[:-1] / 6.0, step[1:] / 6.0
+    middle = 2.0 * (before + after)
+    middle[0] += before[0]  # beyond the last inner point curvature stays as it is
+    middle[-1] += after[-1]
+    band = np.vstack((np.append(0.0, after[:-1]), middle, np.append(before[1:], 0.0)))
+    return solve_banded((1, 1), band, turned)
+
+
+def measure_fibre(fibre: Fibre, noise: float | None = None, method: Method = "auto") -> Geometry:
+    """Route, curvature profile and pieces of a fibre; see `fit_fibre`."""
+    return fit_fibre(fibre, noise, method).geometry
+
+
+def fit_fibre(fibre: Fibre, noise: float | None = None, method: Method = "auto") -> FibreFit:
+    """Estimate the route of a fibre, as pieces of constant curvature or smooth, whichever is likelier.
+
+    The fibre begins at the origin along z; κ_x bends it towards x, κ_y towards y.
+
+    Parameters
+    ----------
+    fibre
+        Validated curvatures.
+    noise
+        Known standard deviation of a curvature component [1/m]; estimated where left out.
+    method
+        "arcs" for pieces, "spline" for a smooth curvature, "auto" for the likelier; docs/model.md (38).
+    """
+    sensed = _sensed(fibre, noise)
+    pieces = [as_pieces(sensed)] if method != "spline" else []
+    smooth = [as_wander(sensed, order) for order in (1, 2)] if method != "arcs" else []
+    found = pieces + smooth
+    top = max(one.evidence for one in found)
+    weight = np.exp([one.evidence - top for one in found])
+    weight /= weight.sum()
+    chosen = found[int(np.argmax(weight))]
+    told = Evidence(fibre.stations, _mean_square(found, weight, chosen))
+    geometry = (
+        of_partition(sensed, chosen.partition, chosen.noise, told)
+        if chosen.partition is not None
+        else of_wander(sensed, chosen.prior, told)
+    )
+    share = float(weight[: len(pieces)].sum())
+    return FibreFit(geometry, chosen.noise, {"arcs": share, "spline": 1.0 - share})
+
+
+def _mean_square(found: list[Candidate], weight: Vector, chosen: Candidate) -> float:
+    """Mean square error of the chosen Φ over all that the curvatures allow [rad²]; docs/model.md (38)."""
+    each = [one.variance + (one.mean - chosen.angle) ** 2 for one in found]
+    return float(weight @ np.array(each))
+
+
+def sensed_shape(fibre: Fibre, geometry: Geometry) -> Shape:
+    """Return the places of the gratings on the route, as a shape that others can show [m]."""
+    route = geometry.route
+    places = np.column_stack([np.interp(fibre.stations, route.s, x) for x in route.position.T])
+    return Shape(read_only(places), fibre.index, fibre.stations, fibre.warnings)
+
+
+def _sensed(fibre: Fibre, noise: float | None) -> Sensed:
+    """Curvatures for the estimators, neighbours averaged where there are very many."""
+    n = len(fibre.stations)
+    edge = np.unique(np.linspace(0, n, min(n, _MOST_CELLS) + 1).round().astype(np.int64))
+    count = np.diff(edge).astype(np.float64)
+    bend = np.add.reduceat(fibre.curvatures, edge[:-1]) / count[:, None]
+    s = np.add.reduceat(fibre.stations, edge[:-1]) / count
+    return Sensed(s, bend, count, fibre.length, 0.0 if noise is None else noise)

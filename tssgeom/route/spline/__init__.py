@@ -1,0 +1,1 @@
+"""Sensed points to a smooth curve: a quintic smoothing spline, its smoothness by marginal likelihood."""

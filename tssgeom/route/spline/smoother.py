@@ -1,0 +1,178 @@
+"""Rauch-Tung-Striebel smoother of a route: the posterior at all stations from the filter's.
+
+There are no knots, the time is linear in the number of stations, and a station that was not seen is simply
+not used. Covariances are sums of positive parts, so that long windows cost no digits.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from tssgeom.route.spline.filtering import FAST, Triangle, at_start, carry, face, faced, predicted, seen, tied
+
+
+@njit(**FAST)
+def _gain(p: Triangle, f: np.ndarray, ahead: Triangle, c: np.ndarray) -> None:
+    """Put the smoother gain (F p)' ahead^-1 into c, by Cholesky."""
+    p00, p01, p02, p03, p11, p12, p13, p22, p23, p33 = ahead
+    tiny = 1e-300
+    l00 = math.sqrt(p00)
+    l10, l20, l30 = p01 / l00, p02 / l00, p03 / l00
+    l11 = math.sqrt(max(p11 - l10 * l10, tiny))
+    l21, l31 = (p12 - l20 * l10) / l11, (p13 - l30 * l10) / l11
+    l22 = math.sqrt(max(p22 - l20 * l20 - l21 * l21, tiny))
+    l32 = (p23 - l30 * l20 - l31 * l21) / l22
+    l33 = math.sqrt(max(p33 - l30 * l30 - l31 * l31 - l32 * l32, tiny))
+    i00, i11, i22, i33 = 1.0 / l00, 1.0 / l11, 1.0 / l22, 1.0 / l33
+    for j in range(4):
+        if j == 0:
+            x1, x2, x3 = p[1], p[2], p[3]
+        elif j == 1:
+            x1, x2, x3 = p[4], p[5], p[6]
+        elif j == 2:
+            x1, x2, x3 = p[5], p[7], p[8]
+        else:
+            x1, x2, x3 = p[6], p[8], p[9]
+        z0 = (p[j] + f[0] * x1 + f[1] * x2 + f[2] * x3) * i00
+        z1 = (f[3] * x1 + f[4] * x2 + f[5] * x3 - l10 * z0) * i11
+        z2 = (f[6] * x1 + f[7] * x2 + f[8] * x3 - l20 * z0 - l21 * z1) * i22
+        z3 = (f[9] * x1 + f[10] * x2 + f[11] * x3 - l30 * z0 - l31 * z1 - l32 * z2) * i33
+        y3 = z3 * i33
+        y2 = (z2 - l32 * y3) * i22
+        y1 = (z1 - l21 * y2 - l31 * y3) * i11
+        c[j, 3], c[j, 2], c[j, 1] = y3, y2, y1
+        c[j, 0] = (z0 - l10 * y1 - l20 * y2 - l30 * y3) * i00
+
+
+@njit(**FAST)
+def _add_congruence(b: np.ndarray, p: Triangle, out: np.ndarray) -> None:
+    """Add b p b' to the triangle `out`, for full b and triangle p."""
+    p00, p01, p02, p03, p11, p12, p13, p22, p23, p33 = p
+    n = 0
+    for j in range(4):
+        x0, x1, x2, x3 = b[j, 0], b[j, 1], b[j, 2], b[j, 3]
+        e0 = x0 * p00 + x1 * p01 + x2 * p02 + x3 * p03
+        e1 = x0 * p01 + x1 * p11 + x2 * p12 + x3 * p13
+        e2 = x0 * p02 + x1 * p12 + x2 * p22 + x3 * p23
+        e3 = x0 * p03 + x1 * p13 + x2 * p23 + x3 * p33
+        for k in range(j, 4):
+            out[n] += e0 * b[k, 0] + e1 * b[k, 1] + e2 * b[k, 2] + e3 * b[k, 3]
+            n += 1
+
+
+@njit(**FAST)
+def _smooth_covariance(
+    p: np.ndarray, c: np.ndarray, h: float, f: np.ndarray, following: np.ndarray, rest: np.ndarray
+) -> None:
+    """Replace p by (1 - cF) p (1 - cF)' + c (Q + following) c': a sum of positive parts, no digits lost."""
+    for j in range(4):
+        x0, x1, x2, x3 = c[j, 0], c[j, 1], c[j, 2], c[j, 3]
+        rest[j, 0] = -x0
+        rest[j, 1] = -(x0 * f[0] + x1 * f[3] + x2 * f[6] + x3 * f[9])
+        rest[j, 2] = -(x0 * f[1] + x1 * f[4] + x2 * f[7] + x3 * f[10])
+        rest[j, 3] = -(x0 * f[2] + x1 * f[5] + x2 * f[8] + x3 * f[11])
+        rest[j, j] += 1.0
+    before = _triangle(p)
+    p[:] = 0.0
+    _add_congruence(rest, before, p)
+    w = following
+    h2 = h * h
+    h3, h4 = h2 * h, h2 * h2
+    wander = (
+        w[0] + h3 * h4 / 252,
+        w[1] + h3 * h3 / 72,
+        w[2] + h2 * h3 / 30,
+        w[3] + h4 / 24,
+        w[4] + h2 * h3 / 20,
+        w[5] + h4 / 8,
+        w[6] + h3 / 6,
+        w[7] + h3 / 3,
+        w[8] + h2 / 2,
+        w[9] + h,
+    )
+    _add_congruence(c, wander, p)
+
+
+@njit(**FAST)
+def _triangle(p: np.ndarray) -> Triangle:
+    """Read a covariance [10] from an array."""
+    return (p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7], p[8], p[9])
+
+
+@njit(**FAST)
+def _put(p: Triangle, out: np.ndarray) -> None:
+    for k in range(10):
+        out[k] = p[k]
+
+
+@njit(**FAST)
+def smooth(
+    u: np.ndarray,
+    y: np.ndarray,
+    weight: np.ndarray,
+    step: np.ndarray,
+    start: np.ndarray,
+    ends: np.ndarray,
+    ratio: float,
+    aim: np.ndarray | None = None,
+    blur: np.ndarray | None = None,
+    per_q: float = 0.0,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Posterior of the curve at all stations, for noise variance ratio/weight and q = 1.
+
+    Parameters are those of `filtering.innovations`.
+
+    Returns
+    -------
+    mean
+        State of each coordinate, [n, 3 coordinates, 4].
+    covariance
+        Posterior covariance of one coordinate, upper triangle, [n, 10].
+    gain
+        Smoother gains [n - 1, 4, 4]: Cov(state i, state i+1) = gain i times covariance i+1.
+    """
+    n = len(u)
+    m = np.empty((n, 3, 4))
+    covariance, ahead = np.empty((n, 10)), np.empty((n, 10))
+    for c in range(3):
+        for j in range(4):
+            m[0, c, j] = start[c, j]
+    p = at_start(ends, ratio)
+    for i in range(n):
+        if i > 0:
+            p = predicted(p, step[i], u[i] - u[i - 1])
+            _put(p, ahead[i])
+            carry(m[i - 1], step[i], m[i])
+        if aim is not None and blur is not None:
+            variance = blur[i] * per_q
+            if variance > 0.0:
+                face(p, m[i], aim[i], variance)
+                p = faced(p, variance)
+        if weight[i] > 0.0:
+            s = p[0] + ratio / weight[i]
+            v0, v1, v2 = y[i, 0] - m[i, 0, 0], y[i, 1] - m[i, 1, 0], y[i, 2] - m[i, 2, 0]
+            for j in range(4):
+                k = p[j] / s
+                m[i, 0, j] += k * v0
+                m[i, 1, j] += k * v1
+                m[i, 2, j] += k * v2
+            p = seen(p, ratio / weight[i])
+        _put(p, covariance[i])
+    p, _, _ = tied(p, m[n - 1], ends[2] * ratio, ends[3] * ratio)
+    _put(p, covariance[n - 1])
+    gain = np.empty((max(n - 1, 0), 4, 4))
+    d, rest = np.empty((3, 4)), np.empty((4, 4))
+    for i in range(n - 2, -1, -1):
+        g = gain[i]
+        _gain(_triangle(covariance[i]), step[i + 1], _triangle(ahead[i + 1]), g)
+        carry(m[i], step[i + 1], d)
+        for c in range(3):
+            d0, d1 = m[i + 1, c, 0] - d[c, 0], m[i + 1, c, 1] - d[c, 1]
+            d2, d3 = m[i + 1, c, 2] - d[c, 2], m[i + 1, c, 3] - d[c, 3]
+            for j in range(4):
+                m[i, c, j] += g[j, 0] * d0 + g[j, 1] * d1 + g[j, 2] * d2 + g[j, 3] * d3
+        _smooth_covariance(covariance[i], g, u[i + 1] - u[i], step[i + 1], covariance[i + 1], rest)
+    return m, covariance, gain

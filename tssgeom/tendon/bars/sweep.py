@@ -1,0 +1,143 @@
+"""One sample on a fixed route where nothing but the drive moves the tendon: exact in one sweep.
+
+The tension goes from contact to contact as far as the cone makes it; a position finds its tension by Newton's
+method on the sum of all stretches. Source: docs/model.md (3), (50)-(54), (64).
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from tssgeom.tendon.bars.laws import load_factor, stretch_of, stretched, worn
+
+_TRIALS = 80  # of a tension that belongs to a position; bisection alone would need some 60
+_CLOSE = 1e-14  # of a position [m]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _side(near, old, exponent, fixed, force, sign, law):
+    """Return the tension behind a contact that slides, and its slope, with the load that it has itself.
+
+    `sign` is −1 on a pull, +1 on a release; `law` is (exponent, reference) of the load; docs/model.md (52).
+    """
+    power, reference = law
+    here, m = old, exponent * load_factor(0.5 * (near + old), power, reference)
+    for _ in range(20):
+        ratio = math.exp(sign * (m + fixed))
+        here = max(ratio * near + sign * force, 0.0)
+        load = 0.5 * (near + here)
+        wanted = exponent * load_factor(load, power, reference)
+        bend = sign * 0.5 * power * wanted * ratio * near / max(load, 1e-9)  # d wanted / d m
+        change = (wanted - m) / (1.0 - bend)
+        m += change
+        if abs(change) <= 1e-7:  # the next error is some square of this
+            break
+    ratio = math.exp(sign * (m + fixed))
+    share = 0.5 * power * m * ratio * near / max(0.5 * near + 0.5 * here, 1e-9)
+    return max(ratio * near + sign * force, 0.0), (ratio + sign * share) / (1.0 - sign * share)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _sweep(plant, old, start, rest, cone, tension, slip):
+    """Carry the tension `start` to the distal end; return where the drive is then [m], and slope [m/N]."""
+    pulling, releasing, low, high = cone
+    soft, toe, toe_scale, gap, gap_scale = plant.soft, plant.toe, plant.toe_scale, plant.gap, plant.gap_scale
+    fitting, force, power = plant.fitting, plant.force, plant.load_exponent
+    law = (power, plant.load_reference)
+    tension[0] = start
+    stretch, slope = stretched(start, soft[0], toe[0], toe_scale[0], gap[0], gap_scale)
+    lead, share, near = stretch - rest[0], 1.0, start
+    for i in range(low.size):
+        here = old[i + 1]
+        lower, upper = low[i] * near - force[i], high[i] * near + force[i]
+        down, up = low[i], high[i]
+        if power != 0.0:
+            factor = load_factor(0.5 * (near + here), power, law[1])
+            lower = math.exp(-pulling[i] * factor - fitting[i]) * near - force[i]
+            upper = math.exp(releasing[i] * factor + fitting[i]) * near + force[i]
+            if here < lower:
+                lower, down = _side(near, here, pulling[i], fitting[i], force[i], -1.0, law)
+            elif here > upper:
+                upper, up = _side(near, here, releasing[i], fitting[i], force[i], 1.0, law)
+        if here < lower:
+            here, slip[i], share = lower, 1, share * down
+        elif here > upper:
+            here, slip[i], share = upper, -1, share * up
+        else:
+            slip[i], share = 0, 0.0
+        tension[i + 1], near = here, here
+        stretch, rise = stretched(here, soft[i + 1], toe[i + 1], toe_scale[i + 1], gap[i + 1], gap_scale)
+        lead += stretch - rest[i + 1]
+        slope += share * rise
+    return lead, slope
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _edge(plant, tension, cone, pull):
+    """Return the drive's tension at which the first contact begins to slide [N]."""
+    pulling, releasing, low, high = cone
+    load = 0.5 * (tension[0] + tension[1])
+    factor = load_factor(load, plant.load_exponent, plant.load_reference)
+    if pull:
+        ratio = low[0] if plant.load_exponent == 0.0 else math.exp(-pulling[0] * factor - plant.fitting[0])
+        return (tension[1] + plant.force[0]) / ratio * (1.0 + 1e-12)
+    ratio = high[0] if plant.load_exponent == 0.0 else math.exp(releasing[0] * factor + plant.fitting[0])
+    return max(tension[1] - plant.force[0], 0.0) / ratio * (1.0 - 1e-12)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _drawn(plant, old, target, rest, cone, tension, slip):
+    """Sweep with the tension that puts the drive at `target`; return how far off it is [m]."""
+    start = old[0]
+    lead, slope = _sweep(plant, old, start, rest, cone, tension, slip)
+    if abs(lead - target) <= _CLOSE or (start == 0.0 and lead > target):
+        return 0.0
+    below, above = (start, np.inf) if lead < target else (0.0, start)
+    if slope <= 0.0:
+        start = _edge(plant, old, cone, lead < target)
+        lead, slope = _sweep(plant, old, start, rest, cone, tension, slip)
+    for _ in range(_TRIALS):
+        if abs(lead - target) <= _CLOSE:
+            return 0.0
+        below, above = (max(below, start), above) if lead < target else (below, min(above, start))
+        new = start - (lead - target) / slope if slope > 0.0 else -1.0
+        if new <= 0.0 and below == 0.0 and start > 0.0 and lead > target:
+            new = 0.0  # perhaps more is given than the tendon takes back
+        elif not below < new < above:
+            new = 2.0 * below + 1.0 if above == np.inf else 0.5 * (below + above)
+        if new == start or above - below <= 1e-15 * below:
+            break
+        start = new
+        lead, slope = _sweep(plant, old, start, rest, cone, tension, slip)
+        if start == 0.0 and lead >= target:
+            return 0.0
+    return abs(lead - target)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def swept(plant, memory, by_force, target, span, rest, cone, tension):
+    """Bring the memory to a new drive, a tension [N] or a position [m]; return how far it is off [m]."""
+    off = 0.0
+    pulling, releasing, low, high = cone
+    if plant.wear_gain != 0.0:
+        worn(plant, memory.travel, pulling, releasing)
+        for i in range(low.size):
+            low[i] = math.exp(-pulling[i] - plant.fitting[i])
+            high[i] = math.exp(releasing[i] + plant.fitting[i])
+    if by_force:
+        _sweep(plant, memory.tension, target, rest, cone, tension, memory.slip)
+    else:
+        off = _drawn(plant, memory.tension, target, rest, cone, tension, memory.slip)
+    last = tension.size - 1
+    memory.tension[last] = tension[last]
+    here = stretch_of(plant, last, tension[last]) - rest[last]
+    soft, toe, toe_scale, gap, gap_scale = plant.soft, plant.toe, plant.toe_scale, plant.gap, plant.gap_scale
+    for i in range(last - 1, -1, -1):
+        moved = here - memory.place[i]
+        memory.place[i] = here
+        memory.travel[i] += abs(moved)
+        memory.speed[i] = moved / span
+        memory.tension[i] = tension[i]
+        here += stretched(tension[i], soft[i], toe[i], toe_scale[i], gap[i], gap_scale)[0] - rest[i]
+    return off

@@ -1,0 +1,253 @@
+"""A tendon on which effects act, one step after the other, on a route that stands or moves.
+
+It goes through the same march as a measured run, so that a rig means the same in a stream as in a fit.
+Source: docs/model.md (50)-(65), (120).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from msgspec.structs import replace as changed
+from numba import njit
+
+from tssgeom.arrays import Vector
+from tssgeom.effects import Library, Setup
+from tssgeom.errors import FitError, SettingsError
+from tssgeom.rig import Friction, Load, Rig, Tendon
+from tssgeom.route.pieces import Arcs
+from tssgeom.tendon.bars.contact_grid import lay
+from tssgeom.tendon.bars.laws import Memory, stretch_of
+from tssgeom.tendon.bars.march import march
+from tssgeom.tendon.bars.model import BARS, Model, begin, laid, moved, setup_of
+from tssgeom.tendon.bars.plant import edges, with_bends
+from tssgeom.tendon.bars.sensors import Lags, late, shown
+from tssgeom.tendon.capstan import Corners, tension
+
+UNTIMED = 1.0
+"""A step without a time, and the first one of a stream, is taken to last so long [s]."""
+_BY_LENGTH = 1e-4  # rad along the whole route, so that places on straight pieces have an order
+_SLACK = 1e-9  # N that stand for no tension in a logarithm
+_ONE, _NO_PROFILE = np.ones(1, dtype=np.int64), np.empty((0, 0))
+
+
+@dataclass(frozen=True, slots=True)
+class ActingState:
+    """Tension along a tendon on which effects act, and what they remember."""
+
+    cut: Arcs
+    """The route on which it was cut into bars, which keep their lengths."""
+    edge: Vector
+    """[n+1] Where the bars are cut, as fractions of the tendon in the sheath [1]."""
+    memory: Memory
+    """What the march leaves to the next step."""
+    by_force: bool
+    """Whether a tension drove the last step, or else a position."""
+    span: float
+    """Time that the last step took [s]."""
+    temperature: float
+    """The first temperature that was told [°C]; NaN before it."""
+    lags: Lags
+    """What each lagging sensor was given and showed last."""
+    front: int
+    """Contacts, from the proximal end on, that slid when the drive last moved."""
+    direction_index: int
+    """ζ: +1 where the proximal end was last pulled, or never moved; −1 where it was last released."""
+    displacement_in: float
+    """Movement of the drive since the pretensioned state, pulling positive [m]."""
+    displacement_out: float
+    """Movement of the load since the pretensioned state, towards the tendon positive [m]."""
+    model: Model | None = None
+    """The rig as it lies on the route; None in a state that was saved, as it follows from the others."""
+
+    @property
+    def tension_in(self) -> float:
+        """Total tension at the proximal end [N]."""
+        return float(self.memory.tension[0])
+
+    @property
+    def tension_out(self) -> float:
+        """Total tension at the distal end [N]."""
+        return float(self.memory.tension[-1])
+
+
+def setup_acting(rig: Rig) -> Setup | None:
+    """Return what acts, or None where the rig has no effect that differs from the base model."""
+    return _setup(rig.tendon, rig.friction, rig.load, rig.effects) if rig.effects else None
+
+
+@lru_cache(maxsize=64)
+def _setup(tendon: Tendon, friction: Friction, load: Load, effects: tuple[Library, ...]) -> Setup | None:
+    rig = Rig(tendon=tendon, friction=friction, load=load, effects=effects)
+    setup = setup_of(rig)
+    return None if setup == setup_of(changed(rig, effects=())) else setup
+
+
+def timed(setup: Setup) -> bool:
+    """Whether anything that acts depends on time."""
+    return bool(setup.creep_ratio or setup.drag_Ns_per_m2 or setup.speed_gain or setup.lags)
+
+
+def cut(along: Corners, arcs: Arcs, setup: Setup) -> ActingState:
+    """Cut a tendon into bars on a route, with the tension that it has along it.
+
+    What the corners do not tell is as in a tendon that came to these tensions slowly: nothing is slack or has
+    crept, and backlash is engaged for pulling; docs/model.md (120).
+    """
+    model = laid(setup, arcs, "tension_in_N", edges(arcs, BARS))
+    memory = begin(model).memory
+    if len(along.angle) > 1 or along.tension_in != setup.pretension:
+        place = lay(model.edge, arcs).place
+        memory.tension[:] = tension(along, np.concatenate(([0.0], place, [arcs.total_angle])))
+        _put(model, memory)
+    out = memory.tension[-1] - setup.pretension
+    return ActingState(
+        cut=arcs,
+        edge=model.edge,
+        memory=memory,
+        by_force=True,
+        span=UNTIMED,
+        temperature=math.nan,
+        lags={},
+        front=0,
+        direction_index=along.direction_index,
+        displacement_in=float(memory.drive[4]),
+        displacement_out=float(out / setup.load_stiffness) if setup.load_stiffness > 0.0 else 0.0,
+        model=model,
+    )
+
+
+def _put(model: Model, memory: Memory) -> None:
+    """Put every contact, and the drive, where the tensions of the bars have it; docs/model.md (51)."""
+    plant = model.plant
+    gained = [stretch_of(plant, j, float(pull)) - plant.rest[j] for j, pull in enumerate(memory.tension)]
+    lead = np.cumsum(gained[::-1])[::-1]
+    memory.place[:] = lead[1:]
+    memory.drive[0], memory.drive[2], memory.drive[4] = memory.tension[0], lead[0], lead[0]
+
+
+def model_on(state: ActingState, route: Arcs, setup: Setup) -> Model:
+    """Return the rig laid on the route on which the tendon lies."""
+    if state.model is not None and state.model.setup is setup:
+        return state.model
+    first = laid(setup, state.cut, "tension_in_N", state.edge)
+    return first if route is state.cut else moved(first, route)
+
+
+def driven(
+    state: ActingState, model: Model, drive: float, by_force: bool, span: float, temperature: float | None
+) -> ActingState:
+    """Drive the tendon to a tension [N] or a position [m] within `span` [s], on the route of the model.
+
+    Parameters
+    ----------
+    state
+        The tendon before the step.
+    model
+        The rig laid on the route after the step.
+    drive, by_force
+        True tension [N], or position [m].
+    span
+        Time that the step takes [s].
+    temperature
+        Temperature at the end of the step [°C]; None where it is as before.
+
+    Raises
+    ------
+    FitError
+        Where no equilibrium was found.
+    """
+    memory = Memory(*(array.copy() for array in state.memory))
+    if by_force != state.by_force:
+        _switch(memory, state.displacement_in, by_force)
+    first, warmth = _warmth(state, memory, temperature)
+    out, before = np.empty((6, 1)), float(memory.drive[0])
+    spans, drives = np.array([span]), np.array([drive])
+    done = march(model.plant, memory, by_force, spans, drives, np.array([warmth]), _ONE, out, _NO_PROFILE)
+    if done == 0:
+        what = f"tension_in {drive:g} N" if by_force else f"displacement_in {drive:g} m"
+        raise FitError(f"no equilibrium of the tendon was found at {what}: take smaller steps")
+    return ActingState(
+        cut=state.cut,
+        edge=state.edge,
+        memory=memory,
+        by_force=by_force,
+        span=span,
+        temperature=first,
+        lags=_late(model.setup, out, spans, state.lags),
+        front=_front(memory.slip, state.front, drive == before),
+        direction_index=_direction(int(memory.slip[0]), drive - before, state.direction_index),
+        displacement_in=float(out[2, 0]),
+        displacement_out=float(out[3, 0]),
+        model=model,
+    )
+
+
+def readings(state: ActingState, setup: Setup) -> dict[str, float]:
+    """Return what the sensors read after a step [N, m], by the names of `CHANNELS`; docs/model.md (61)."""
+    true = (state.tension_in, state.tension_out, state.displacement_in, state.displacement_out)
+    seen = {name: float(value[0]) for name, value in shown(setup, np.array(true)[:, None]).items()}
+    return seen | {channel: last for channel, (_, last) in state.lags.items()}
+
+
+def tension_along(state: ActingState, route: Arcs, s: Vector) -> Vector:
+    """Return the tension [N] at arc lengths `s` [m].
+
+    Between the places of the bars ln T is straight over the angle that presses, or over the length where none
+    does.
+    """
+    felt = route if state.model is None else with_bends(state.model.setup, route)
+    whole = route.total_length
+    ends = np.concatenate(([0.0], np.cumsum(felt.length)))
+    phi = np.concatenate(([0.0], np.cumsum(felt.angle)))
+    middle = 0.5 * (state.edge[1:] + state.edge[:-1])
+    places = np.concatenate(
+        ([0.0], lay(state.edge, felt).place + _BY_LENGTH * middle, [phi[-1] + _BY_LENGTH])
+    )
+    at = np.interp(s, ends, phi) + _BY_LENGTH * s / whole
+    held = np.maximum(state.memory.tension, _SLACK)
+    return np.exp(np.interp(at, places, np.log(held)))
+
+
+def _switch(memory: Memory, displacement_in: float, by_force: bool) -> None:
+    """Go from one kind of drive to the other: the tendon's end and the drive stay where they are; (59)."""
+    drive = memory.drive
+    if by_force:
+        drive[0], drive[3], drive[4] = memory.tension[0], drive[2] - displacement_in, drive[2]
+    else:
+        drive[0], drive[2] = displacement_in, drive[4]
+    drive[5] = 0.0
+
+
+def _warmth(state: ActingState, memory: Memory, temperature: float | None) -> tuple[float, float]:
+    """Return the first temperature [°C], and how much warmer it is now [K]."""
+    if temperature is None:
+        return state.temperature, float(memory.drive[1])
+    if not math.isfinite(temperature):
+        raise SettingsError(f"the temperature is {temperature:g} °C: give a finite one, or leave it out")
+    first = temperature if math.isnan(state.temperature) else state.temperature
+    return first, temperature - first
+
+
+def _late(setup: Setup, out: np.ndarray, spans: Vector, before: Lags) -> Lags:
+    return late(setup, shown(setup, out), spans, before)[1] if setup.lags else {}
+
+
+def _direction(slip: int, moved_by: float, before: int) -> int:
+    if slip == 0 and moved_by == 0.0:
+        return before
+    return 1 if slip > 0 or (slip == 0 and moved_by > 0.0) else -1
+
+
+@njit(cache=True, nogil=True)
+def _front(slip, before, stands):
+    """Return how many contacts from the drive on slid one way; as before where nothing moved there."""
+    if slip[0] == 0:
+        return before if stands else 0
+    ahead = 1
+    while ahead < slip.size and slip[ahead] == slip[0]:
+        ahead += 1
+    return ahead

@@ -1,0 +1,162 @@
+"""Tension along a tendon on a fixed route, after any history of the proximal tension.
+
+Friction bounds the slope of u = ln T over the accumulated curve angle φ by the coefficient μ. A change of
+the proximal tension therefore moves only the part next to the proximal end: a front of slope ∓μ runs in
+until it meets the old profile. This is a play operator, and the profile after any history is a short list
+of corners (φ, u). Sources: docs/model.md (2)-(5); paper Theorem 1, eqs. (6) and (7).
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from tssgeom.arrays import Matrix, Vector
+from tssgeom.errors import SettingsError
+from tssgeom.rig import Rig
+
+SLACK = -2000.0
+"""Stands for ln 0, so that every corner is finite: exp(−2000) is zero in float64 [1]."""
+RESOLUTION = 1e-12
+"""Differences of ln T that count as rounding and not as motion [1]."""
+MOST_TENSION = 1e9
+"""Above it a tension is taken for a mistake of units or of a sensor [N]."""
+MAX_CORNERS = 512
+"""Longest corner list; beyond it corners are dropped where they stand closest."""
+_FRICTIONLESS = 1e-100  # below this coefficient μφ is lost against any ln T, whatever the route
+
+
+@dataclass(frozen=True, slots=True)
+class Corners:
+    """Tension along the tendon: ln T is linear between corners and constant after the last one.
+
+    The corners are kept over the accumulated curve angle and do not know where the route ends.
+    """
+
+    angle: Vector
+    """[c] Accumulated curve angle φ of the corners, the first 0, not decreasing [rad]."""
+    log_tension: Vector
+    """[c] ln T at the corners, T in N; `SLACK` where the tension is zero [1]."""
+    direction_index: int
+    """ζ: +1 where the tension was last raised, or never changed; −1 where it was last lowered."""
+    tension_in: float
+    """T at the proximal end as it was put there [N]; `log_tension` holds it but for rounding."""
+
+
+def check_tension(tension_in: float) -> None:
+    """Refuse what no tendon's proximal tension can be [N].
+
+    Raises
+    ------
+    SettingsError
+        Where it is negative, not finite, or beyond `MOST_TENSION`.
+    """
+    if not 0.0 <= tension_in <= MOST_TENSION:
+        raise SettingsError(
+            f"tension_in is {tension_in:g} N: a tendon only pulls; give a finite total tension >= 0 N, "
+            "and check its unit"
+        )
+
+
+def pretensioned(rig: Rig) -> Corners:
+    """Return the tendon before its first pull: the rig's pretension all along."""
+    return level(rig.tendon.pretension_N)
+
+
+def level(tension: float, direction_index: int = 1) -> Corners:
+    """Return the same tension [N] all along."""
+    return _state(np.array([[0.0], [_log(tension)]]), direction_index, tension)
+
+
+def step(state: Corners, tension_in: float, friction: float) -> Corners:
+    """Move the proximal tension to `tension_in` and return the new tension along the tendon.
+
+    The step is exact for a drive that goes there monotonically, at any speed. An unchanged tension returns
+    the same state. One history uses one friction coefficient.
+
+    Parameters
+    ----------
+    state
+        Tension along the tendon before the step.
+    tension_in
+        New total tension at the proximal end [N].
+    friction
+        Coulomb coefficient μ between tendon and sheath [1].
+
+    Raises
+    ------
+    SettingsError
+        Where `tension_in` is negative or not finite.
+    """
+    check_tension(tension_in)
+    if tension_in == 0.0 or friction < _FRICTIONLESS:
+        return _levelled(state, tension_in)
+    corners, direction_index = _stepped(state.angle, state.log_tension, math.log(tension_in), friction)
+    if direction_index == 0:
+        return state
+    if corners.shape[1] > MAX_CORNERS:
+        corners = _thinned(corners)
+    return _state(corners, direction_index, tension_in)
+
+
+def tension(state: Corners, phi: Vector) -> Vector:
+    """Return the tension [N] at the accumulated curve angles `phi` [rad]."""
+    return np.exp(np.interp(phi, state.angle, state.log_tension))
+
+
+def _log(tension_in: float) -> float:
+    return math.log(tension_in) if tension_in > 0.0 else SLACK
+
+
+def _levelled(state: Corners, drive: float) -> Corners:
+    """Return the same tension all along: what a drive without friction leaves, and one that lets go."""
+    change = _log(drive) - state.log_tension[0]
+    return state if abs(change) <= RESOLUTION else level(drive, 1 if change > 0 else -1)
+
+
+def _state(corners: Matrix, direction_index: int, tension_in: float) -> Corners:
+    corners.setflags(write=False)
+    return Corners(corners[0], corners[1], direction_index, tension_in)
+
+
+def _thinned(corners: Matrix) -> Matrix:
+    """Drop the inner corner whose neighbours stand closest together.
+
+    What stays is on the true profile, so the error in ln T is below μ/2 times that distance.
+    """
+    distance = corners[0, 2:] - corners[0, :-2]
+    return np.delete(corners, 1 + int(np.argmin(distance)), axis=1)
+
+
+@njit(cache=True, nogil=True)
+def _front(angle, log_tension, drive, friction, direction_index):
+    """Return how many corners the front wipes out, and the angle φ* where it meets the old profile."""
+    ahead = direction_index * (drive - log_tension[0])  # how far the front is past the old profile
+    for k in range(1, angle.size):
+        gap = direction_index * (drive - log_tension[k]) - friction * angle[k]
+        if gap <= -RESOLUTION:
+            return k, angle[k - 1] + (angle[k] - angle[k - 1]) * ahead / (ahead - gap)  # docs/model.md (4)
+        ahead = max(gap, 0.0)
+    return angle.size, angle[-1] + ahead / friction  # docs/model.md (4)
+
+
+@njit(cache=True, nogil=True)
+def _stepped(angle, log_tension, drive, friction):
+    """Return the corners [2, c] of max(u, ln T − μφ) on a pull, min(u, ln T + μφ) on a release, and which.
+
+    A drive that does not move gives the index 0, and corners that are none.
+    """
+    change = drive - log_tension[0]
+    if abs(change) <= RESOLUTION:
+        return np.empty((2, 0)), 0
+    direction_index = 1 if change > 0.0 else -1
+    wiped, meeting = _front(angle, log_tension, drive, friction, direction_index)
+    corners = np.empty((2, 2 + angle.size - wiped))
+    corners[0, 0], corners[1, 0] = 0.0, drive
+    corners[0, 1], corners[1, 1] = meeting, drive - direction_index * friction * meeting  # docs/model.md (3)
+    for k in range(wiped, angle.size):
+        corners[0, 2 + k - wiped], corners[1, 2 + k - wiped] = angle[k], log_tension[k]
+    if wiped == angle.size:
+        corners[1, 1] = log_tension[-1]  # the constant rest keeps its tension to the last digit
+    return corners, direction_index

@@ -1,0 +1,193 @@
+"""The proximal command that makes the distal end go where it should: the model turned round.
+
+Dead zones are jumped, so that the distal end answers at once after a reversal; docs/model.md (82), (83).
+Where effects act, the command is for what is true: a sensor that reads something else is not obeyed; (122).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from scipy.optimize import brentq
+
+from tssgeom.errors import SettingsError
+from tssgeom.rig import Rig
+from tssgeom.route.pieces import Arcs
+from tssgeom.tendon.capstan import MOST_TENSION
+from tssgeom.tendon.state import (
+    TendonState,
+    acts_by_speed,
+    answering,
+    reading_of,
+    rest_tension,
+    step,
+    transmit,
+)
+
+ACCURACY = 1e-10
+"""Distal tension that counts as reached, relative to the greater of target and present tension [1]."""
+_WIDENINGS = 40  # of the range in which a drive is sought
+_LEAST_REACH = 1e-3  # of the tension, to begin with
+_FIRST_REACH = 1e-6  # m
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """What the drive has to do, and the tendon once it has done it."""
+
+    displacement_in: float
+    """Position of the drive [m]."""
+    tension_in: float
+    """Tension at the proximal end [N]."""
+    state: TendonState
+    reading_in: float
+    """What the sensor of the proximal tension reads there [N]."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Move:
+    """A step of the tendon whose drive is sought."""
+
+    state: TendonState
+    arcs: Arcs
+    rig: Rig
+    target: float
+    """Wanted distal tension [N]."""
+    time: float | None
+    temperature: float | None
+
+    def pulled(self, tension_in: float) -> TendonState:
+        """Return the tendon with the drive at a tension [N]."""
+        return self._driven(tension_in, None)
+
+    def placed(self, displacement_in: float) -> TendonState:
+        """Return the tendon with the drive at a position [m]."""
+        return self._driven(None, displacement_in)
+
+    def _driven(self, tension_in: float | None, displacement_in: float | None) -> TendonState:
+        return step(
+            self.state,
+            self.arcs,
+            self.rig,
+            tension_in=tension_in,
+            displacement_in=displacement_in,
+            time=self.time,
+            temperature=self.temperature,
+        )
+
+    def error(self, answer: TendonState) -> float:
+        """Return distal tension less target [N], zero where that is rounding."""
+        error = answer.tension_out - self.target
+        return 0.0 if abs(error) <= ACCURACY * max(answer.tension_out, self.target) else error
+
+
+def compensate(
+    state: TendonState,
+    arcs: Arcs,
+    rig: Rig,
+    *,
+    tension_out: float | None = None,
+    displacement_out: float | None = None,
+    time: float | None = None,
+    temperature: float | None = None,
+) -> Command:
+    """Return the least move of the drive after which the distal end is where it should be.
+
+    Parameters
+    ----------
+    state
+        Tension along the tendon before the move.
+    arcs
+        The route after the move.
+    rig
+        Tendon, friction, load and effects.
+    tension_out, displacement_out
+        Wanted distal tension [N], or movement of the load since the pretensioned state [m]; one of them.
+    time, temperature
+        Time [s] and temperature [°C] after the move, as in `step`.
+
+    Raises
+    ------
+    SettingsError
+        Where not exactly one target is given, or where no proximal tension can reach it.
+    FitError
+        Where no equilibrium was found on a moving route.
+    """
+    move = _Move(state, arcs, rig, _target(rig, tension_out, displacement_out), time, temperature)
+    answer = move.pulled(state.tension_in)
+    if move.error(answer) != 0.0:
+        answer = _reached(move, answer)
+        if acts_by_speed(rig):
+            answer = _by_place(move, answer)
+    seen = transmit(answer, rig)
+    return Command(seen.displacement_in, seen.tension_in, answer, reading_of(rig, seen.tension_in))
+
+
+def _target(rig: Rig, tension_out: float | None, displacement_out: float | None) -> float:
+    """Return the wanted distal tension [N]."""
+    if (tension_out is None) == (displacement_out is None):
+        raise SettingsError("a command needs one target: give tension_out [N] or displacement_out [m]")
+    if tension_out is not None:
+        target, said = tension_out, f"tension_out is {tension_out:g} N"
+    else:
+        stiffness = rig.load.stiffness_N_per_m
+        if stiffness == 0.0:
+            raise SettingsError("load.stiffness_N_per_m is 0: a dead weight's place has no tension: give it")
+        target = rest_tension(rig) + stiffness * (displacement_out or 0.0)  # docs/model.md (82)
+        said = f"displacement_out is {displacement_out:g} m, a distal tension of {target:g} N"
+    if not 0.0 <= target <= MOST_TENSION:
+        raise SettingsError(f"{said}: a tendon only pulls; choose a target with a finite tension >= 0 N")
+    return target
+
+
+def _reached(move: _Move, held: TendonState) -> TendonState:
+    """Return the state with the distal tension at the target, which it is not while the drive is held."""
+    sign = 1 if move.target > held.tension_out else -1
+    start = held.tension_in
+    far = answering(held, move.rig, move.target, sign)  # docs/model.md (83): exact where all slides slowly
+    if far > MOST_TENSION:
+        raise SettingsError(
+            f"{move.target:g} N at the distal end need {far:.3g} N at the proximal end: "
+            "friction keeps the target out of reach"
+        )
+    reach = max(sign * (far - start), _LEAST_REACH * max(start, move.target))
+    far = start + sign * reach if sign * (far - start) <= 0.0 else far
+    answer = move.pulled(far)
+    for _ in range(_WIDENINGS):  # friction that grows with speed asks for more
+        if sign * move.error(answer) >= 0.0:
+            break
+        if far == 0.0:
+            raise SettingsError(
+                f"tension_out cannot fall to {move.target:g} N in this step: {answer.tension_out:.4g} N are "
+                "held without any pull; ask for more, or give it more time"
+            )
+        reach *= 2.0
+        far = max(start + sign * reach, 0.0)
+        answer = move.pulled(far)
+    if move.error(answer) == 0.0:
+        return answer
+    low, high = sorted((start, far))  # not all slides one way where the route has moved too
+    root: Any = brentq(
+        lambda tension_in: move.error(move.pulled(tension_in)), low, high, xtol=1e-13 * max(high, 1.0)
+    )
+    return move.pulled(float(root))
+
+
+def _by_place(move: _Move, answer: TendonState) -> TendonState:
+    """Return the state found by position: with friction by speed the way there matters; (65)."""
+    near = transmit(answer, move.rig).displacement_in
+    found = move.placed(near)
+    error, reach = move.error(found), _FIRST_REACH
+    far, other = near, found
+    for _ in range(_WIDENINGS):
+        if error * move.error(other) <= 0.0:
+            break
+        far, reach = near - math.copysign(reach, error), 2.0 * reach
+        other = move.placed(far)
+    if error == 0.0:
+        return found
+    low, high = sorted((near, far))
+    root: Any = brentq(lambda place: move.error(move.placed(place)), low, high, xtol=1e-16)
+    return move.placed(float(root))

@@ -1,0 +1,184 @@
+"""Figures of a finding: what was measured, what the model says before and after, and what is left."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from tssgeom.arrays import Vector
+from tssgeom.identify.finding import Finding, Trace
+from tssgeom.view import finding_wording as words
+from tssgeom.view.figures.plots import BLUE, INK, MEASURED, ORANGE, PAGE, figure, titles
+
+_BAND, _SPREAD = "#c9dcea", "#d9dee6"
+_HELD = "#f6f3e6"
+_ACROSS = ("tension_out_N", "elongation_m", "displacement_out_m", "tension_in_N")
+"""What is drawn against the proximal tension, the first two that were measured."""
+_MOST_PANELS = 2
+_SEEN = 99.0  # percentile of the residual before that its axis shows
+_SIGMAS = 2.0
+_STYLES: Mapping[str, Any] = {
+    "before": {"color": ORANGE, "linestyle": (0, (4, 1.5))},
+    "after": {"color": BLUE},
+}
+
+
+def judged(finding: Finding) -> Trace:
+    """Return the run by which a finding is shown: the first that was held out, else the first."""
+    return next((trace for trace in finding.traces if trace.held_out), finding.traces[0])
+
+
+def transmission_figure(finding: Finding) -> Figure:
+    """Draw output tension and elongation over input tension, measured, before and after, of one run."""
+    trace = judged(finding)
+    channels = panels(trace)
+    with figure((PAGE, 3.3)) as drawing:
+        row = drawing.subplots(1, len(channels), squeeze=False)[0]
+        for axes, name in zip(row, channels, strict=True):
+            _draw_loops(axes, trace, name, models(finding))
+            told = words.channel(name)
+            titles(axes, f"{told.symbol} over T_in", "input tension T_in [N]", told.label)
+        _legend(drawing, row[0])
+    return drawing
+
+
+def models(finding: Finding) -> dict[str, str]:
+    """Return the models that are drawn and what they are called; without an effect there is only one."""
+    return {"before": "before", "after": "after"} if finding.effects else {"after": "model"}
+
+
+def _legend(drawing: Figure, axes: Axes) -> None:
+    """Write the legend of one axes below all of them."""
+    drawing.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=4)
+
+
+def panels(trace: Trace) -> list[str]:
+    """Return the channels that are drawn over the input tension; where only that was measured, itself."""
+    seen = [name for name in _ACROSS if name in trace.measured]
+    return [name for name in seen if name != "tension_in_N"][:_MOST_PANELS] or seen[:1]
+
+
+def _draw_loops(axes: Axes, trace: Trace, name: str, drawn: Mapping[str, str]) -> None:
+    factor = words.channel(name).factor
+    axes.plot(
+        _across(trace, "measured"),
+        factor * trace.measured[name],
+        zorder=6,
+        **MEASURED,
+    )
+    across, after, spread = _across(trace, "after"), trace.after[name], _SIGMAS * trace.sigma[name]
+    for start, stop in _strokes(across):
+        low, high = (factor * (after + side)[start:stop] for side in (-spread, spread))
+        label = "_" if start else f"{drawn['after']} ± 2σ of the sensors"
+        axes.fill_between(across[start:stop], low, high, color=_BAND, linewidth=0, zorder=1, label=label)
+    for when, title in drawn.items():
+        values = factor * getattr(trace, when)[name]
+        axes.plot(_across(trace, when), values, label=title, linewidth=1.2, zorder=4, **_STYLES[when])
+
+
+def _across(trace: Trace, when: str) -> Vector:
+    """Return the input tension that was measured, or that a model gives [N]."""
+    return getattr(trace, when).get("tension_in_N", trace.tension_in)
+
+
+def _strokes(across: Vector) -> list[tuple[int, int]]:
+    """Cut a run where its input turns, so that a band is drawn along each stroke."""
+    step = np.sign(np.diff(across))
+    turns = np.flatnonzero(step[1:] * step[:-1] < 0) + 1
+    edges = [0, *turns.tolist(), len(across) - 1]
+    return [(a, b + 1) for a, b in itertools.pairwise(edges) if b > a]
+
+
+def residual_figure(finding: Finding) -> Figure:
+    """Draw measured less simulated over all runs, before and after, in a row for each channel."""
+    channels = measured_channels(finding.traces)
+    with figure((PAGE, 0.8 + 1.15 * len(channels))) as drawing:
+        rows = drawing.subplots(len(channels), 1, sharex=True, squeeze=False)[:, 0]
+        for axes, name in zip(rows, channels, strict=True):
+            _draw_residual(axes, finding.traces, name, models(finding))
+        _legend(drawing, rows[0])
+        rows[-1].set_xlabel("runs, one after the other; each from its beginning to its end")
+        _name_runs(rows[0], finding.traces)
+    return drawing
+
+
+def measured_channels(traces: Sequence[Trace]) -> list[str]:
+    """Return every channel that a run answered in, each once."""
+    return list(dict.fromkeys(name for trace in traces for name in trace.measured))
+
+
+def _draw_residual(axes: Axes, traces: Sequence[Trace], name: str, drawn: Mapping[str, str]) -> None:
+    told = words.channel(name)
+    shown = [(k, trace) for k, trace in enumerate(traces) if name in trace.measured]
+    for k, trace in shown:
+        _draw_run(axes, k, trace, name, drawn if k == shown[0][0] else dict.fromkeys(drawn, "_"))
+    for k, trace in enumerate(traces):
+        axes.axvspan(k, k + 1, color=_HELD if trace.held_out else "white", linewidth=0, zorder=0)
+    top = 1.25 * max(_most(trace, name) for _, trace in shown)
+    axes.set_ylim(-top, top)
+    axes.set_xlim(0, len(traces))
+    axes.set_xticks(range(len(traces) + 1), [""] * (len(traces) + 1))
+    axes.set_ylabel(f"Δ{told.symbol} [{told.unit}]")
+
+
+def _draw_run(axes: Axes, place: int, trace: Trace, name: str, drawn: Mapping[str, str]) -> None:
+    factor = words.channel(name).factor
+    across = place + (trace.time - trace.time[0]) / max(float(trace.time[-1] - trace.time[0]), 1e-300)
+    sigma = factor * _SIGMAS * trace.sigma[name]
+    label = "_" if "_" in drawn.values() else "±2σ of the sensors"
+    axes.fill_between(across, -sigma, sigma, color=_SPREAD, linewidth=0, zorder=1, label=label)
+    for when, title in drawn.items():
+        left = factor * (trace.measured[name] - getattr(trace, when)[name])
+        axes.plot(across, left, color=_STYLES[when]["color"], linewidth=0.9, zorder=2, label=title)
+
+
+def _most(trace: Trace, name: str) -> float:
+    """Return how far the axis of a residual has to reach, rare peaks left out."""
+    left = np.abs(trace.measured[name] - trace.before[name])
+    reach = max(np.nanpercentile(left, _SEEN), 2.0 * float(np.nanmax(trace.sigma[name])))
+    return words.channel(name).factor * float(reach)
+
+
+def _name_runs(axes: Axes, traces: Sequence[Trace]) -> None:
+    for k, trace in enumerate(traces):
+        text = f"{trace.run} (held out)" if trace.held_out else trace.run
+        axes.annotate(
+            text,
+            (k + 0.5, 1.0),
+            xycoords=("data", "axes fraction"),
+            xytext=(0, 3),
+            textcoords="offset points",
+            ha="center",
+            va="bottom",
+            fontsize=8.0,
+            color=INK,
+        )
+
+
+def missing_figure(finding: Finding) -> Figure:
+    """Draw the friction that the data want over what it may depend on, where no name was found."""
+    shapes = finding.missing_shapes
+    with figure((PAGE, 2.6)) as drawing:
+        for axes, shape in zip(drawing.subplots(1, len(shapes), squeeze=False)[0], shapes, strict=True):
+            axes.fill_between(
+                shape.x,
+                shape.friction - _SIGMAS * shape.se,
+                shape.friction + _SIGMAS * shape.se,
+                color=_BAND,
+                linewidth=0,
+            )
+            axes.plot(shape.x, shape.friction, color=BLUE, marker="o", markersize=3)
+            axes.axhline(finding.base["friction"].value, color=ORANGE, linestyle=(0, (4, 1.5)), linewidth=1.1)
+            name, _, unit = shape.over.partition("_")
+            titles(
+                axes,
+                f"closes {100 * shape.explains:.0f} % of the gap",
+                f"{name} [{unit}]" if unit else name,
+                "friction μ ± 2 s.e. [1]",
+            )
+    return drawing

@@ -1,0 +1,95 @@
+"""Where measured and simulated disagree: a heat map, and the blame along each route."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure
+
+from tssgeom.effects import HiddenBend
+from tssgeom.identify.finding import Candidate, Finding
+from tssgeom.view import finding_wording as words
+from tssgeom.view.figures.plots import (
+    BLUE,
+    GREEN,
+    INK,
+    ORANGE,
+    PAGE,
+    PURPLE,
+    SKY,
+    SMALLEST,
+    SOFT,
+    figure,
+    titles,
+)
+
+_LINES = (BLUE, ORANGE, GREEN, PURPLE, SKY)
+_MOST = 1e3
+_LIGHT = 0.45  # place on the scale of colours from which a number is written dark on light
+
+
+def heat_figure(finding: Finding) -> Figure:
+    """Draw residual power by channel and run over phase and tension; 1 is what the sensors explain."""
+    heat = finding.heat
+    used = np.flatnonzero(np.isfinite(heat.power).any(axis=0))
+    power = heat.power[:, used]
+    rows, columns = power.shape
+    with figure((PAGE, 1.3 + 0.21 * rows)) as drawing:
+        axes = drawing.subplots()
+        axes.grid(visible=False)
+        scale = LogNorm(1.0, float(np.clip(np.nanmax(power, initial=10.0), 10.0, _MOST)))
+        image = axes.pcolormesh(np.maximum(power, 1.0), cmap="cividis", norm=scale)
+        axes.invert_yaxis()
+        for i, j in zip(*np.nonzero(np.isfinite(power)), strict=True):
+            value = float(power[i, j])
+            shade = INK if float(scale(max(value, 1.0))) > _LIGHT else "white"
+            axes.text(
+                j + 0.5, i + 0.5, _digits(value), ha="center", va="center", fontsize=SMALLEST, color=shade
+            )
+        axes.set_yticks(np.arange(rows) + 0.5, [words.renamed(label) for label in heat.rows])
+        axes.set_xticks(
+            np.arange(columns) + 0.5, [words.renamed(heat.columns[k]) for k in used], rotation=35, ha="right"
+        )
+        axes.tick_params(length=0)
+        axes.set_title("Mean square of the residual over that of the sensors, before; 1 is noise alone")
+        bar = drawing.colorbar(image, ax=axes, pad=0.01, fraction=0.04, format="%g")
+        bar.solids.set(rasterized=False, edgecolor="face")  # pyright: ignore[reportOptionalMemberAccess]
+    return drawing
+
+
+def _digits(power: float) -> str:
+    return f"{power:.1f}" if power < 10 else f"{power:.0f}"
+
+
+def along_figure(finding: Finding) -> Figure:
+    """Draw the curve angle that each route misses, along its length, and where bends were found."""
+    with figure((PAGE, 2.5)) as drawing:
+        axes = drawing.subplots()
+        for colour, blame in zip(_LINES * len(finding.along), finding.along, strict=False):
+            s, want = 1e3 * blame.s, blame.extra_angle_rad_per_m
+            axes.fill_between(
+                s, want - 2 * blame.se, want + 2 * blame.se, color=colour, alpha=0.15, linewidth=0
+            )
+            axes.plot(s, want, color=colour, marker="o", markersize=2.5, label=blame.route)
+        for k, place in enumerate(bends(finding.effects)):
+            axes.axvline(
+                1e3 * place,
+                color=INK,
+                linewidth=1.0,
+                linestyle=(0, (2, 2)),
+                label=None if k else "bend found",
+            )
+        axes.axhline(0.0, color=SOFT, linewidth=0.8)
+        axes.legend(loc="upper right", ncols=2)
+        titles(
+            axes,
+            "Curve angle that is missing, before (± 2 s.e.)",
+            "arc length s [mm]",
+            "missing angle [rad/m]",
+        )
+    return drawing
+
+
+def bends(found: tuple[Candidate, ...]) -> list[float]:
+    """Return where hidden bends were found [m]."""
+    return [effect.at_m for each in found for effect in each.effects if isinstance(effect, HiddenBend)]

@@ -1,0 +1,44 @@
+"""The candidates side by side: how much each helps, against what it has to pass."""
+
+from __future__ import annotations
+
+from matplotlib.figure import Figure
+
+from tssgeom.identify.finding import Candidate, Finding
+from tssgeom.view import finding_wording as words
+from tssgeom.view.figures.plots import BLUE, ORANGE, PAGE, figure, titles
+
+MOST = 10
+_PALE = "#c3c9d4"
+
+
+def shown_candidates(finding: Finding) -> tuple[Candidate, ...]:
+    """Return the first candidates of the ranking, those that were chosen with them."""
+    return finding.ranking[:MOST]
+
+
+def ranking_figure(finding: Finding) -> Figure:
+    """Draw how much each candidate lowers the information criterion, and what it has to pass."""
+    told = shown_candidates(finding)
+    chosen = {name for each in finding.effects for name in each.names}
+    with figure((PAGE, 0.75 + 0.24 * len(told))) as drawing:
+        axes = drawing.subplots()
+        places = range(len(told))
+        gains = [each.evidence.delta_bic for each in told]
+        shades = [BLUE if chosen.issuperset(each.names) and chosen else _PALE for each in told]
+        axes.barh(places, gains, color=shades, height=0.7)
+        for k, each in enumerate(told):
+            bar = [each.evidence.threshold] * 2
+            axes.plot(bar, [k - 0.45, k + 0.45], color=ORANGE, linewidth=1.6, label="_" if k else "threshold")
+            end = (max(gains[k], 0.0), k)
+            axes.annotate(
+                f"{gains[k]:.0f}", end, xytext=(3, 0), textcoords="offset points", va="center", fontsize=7.5
+            )
+        axes.set_yticks(places, [words.candidate(each) for each in told])
+        axes.invert_yaxis()
+        axes.set_xscale("symlog", linthresh=20.0)
+        axes.xaxis.set_major_formatter("{x:g}")
+        axes.grid(visible=False, axis="y")
+        axes.legend(loc="lower right")
+        titles(axes, "What each effect gains, refitted through the model", "ΔBIC [1]", "")
+    return drawing

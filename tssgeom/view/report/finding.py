@@ -1,0 +1,292 @@
+"""The report of `discover`: the answer first, then the evidence, on one page."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+
+from matplotlib.figure import Figure
+
+from tssgeom.identify.finding import Candidate, Experiment, Finding
+from tssgeom.view import finding_wording as words
+from tssgeom.view.figures.finding import judged, missing_figure, residual_figure, transmission_figure
+from tssgeom.view.figures.heat_map import along_figure, heat_figure
+from tssgeom.view.figures.plots import markup
+from tssgeom.view.figures.ranking import ranking_figure, shown_candidates
+from tssgeom.view.report.misfit_table import gap_table, phase_table
+from tssgeom.view.report.page import filled, program_version, write_page
+
+_ACCENTS = {"none": "#009e73", "effect": "#0072b2", "tie": "#a35c00", "unknown": "#a3508a"}
+_MOST_PLACES = 5
+_NOTHING = 0.05  # of the noise; less is left by chance
+
+
+def write_finding_report(path: Path, finding: Finding) -> None:
+    """Write the page; an older one gives way only when it is done.
+
+    Raises
+    ------
+    SourceError
+        Where the file cannot be written.
+    """
+    sections = (draw(finding) for draw in _SECTIONS)
+    page = filled(
+        "finding.html",
+        title=html.escape(f"What the model of {finding.campaign.name} lacks"),
+        subtitle=html.escape(_subtitle(finding)),
+        accent=_ACCENTS[finding.verdict],
+        word=html.escape(words.VERDICTS[finding.verdict]),
+        sentence=html.escape(finding.sentence),
+        sections="\n".join(section for section in sections if section),
+    )
+    write_page(path, page)
+
+
+def _subtitle(finding: Finding) -> str:
+    traces = finding.traces
+    held = [trace.run for trace in traces if trace.held_out]
+    samples = sum(len(trace.time) for trace in traces)
+    kept = f"held out: {', '.join(held)}" if held else "none held out"
+    return (
+        f"{len(traces)} runs with {samples} samples, {kept}; "
+        f"done in {finding.seconds:.1f} s by tssgeom {program_version()}"
+    )
+
+
+def _effects(finding: Finding) -> str:
+    if not finding.effects:
+        return ""
+    rows = [row for each in finding.effects for row in _effect_rows(each)]
+    head = (
+        "effect",
+        "what it is",
+        "parameters [95 % interval]",
+        "ΔBIC (threshold)",
+        "size / guard",
+        "held-out gap, ratio",
+    )
+    return _section("What acts", _table(head, rows, text=(1, 2)), _tie_words(finding))
+
+
+def _effect_rows(each: Candidate) -> list[list[str]]:
+    seen = each.evidence
+    return [
+        [
+            words.plain(name),
+            words.meaning(name),
+            "\n".join([*(f"{key} = {value}" for key, value in words.told(effect, told).items())]) or "–",
+            f"{seen.delta_bic:.0f} ({seen.threshold:.0f})",
+            words.ratio(seen.size_over_guard),
+            words.ratio(seen.heldout_ratio),
+        ]
+        for name, effect, told in zip(each.names, each.effects, each.parameters, strict=True)
+    ]
+
+
+def _tie_words(finding: Finding) -> str:
+    lines = [
+        f"These data cannot tell apart {' and '.join(words.plain(name) for name in tie.names)} "
+        f"({tie.gauge}): {tie.why}"
+        for tie in words.effect_ties(finding)
+    ]
+    return "".join(f'<p class="warning">{html.escape(line)}</p>' for line in lines)
+
+
+def _gap(finding: Finding) -> str:
+    one = not finding.effects
+    phases = phase_table(finding.gap, one=one)
+    trace = judged(finding)
+    held = ", which was held out" if trace.held_out else ""
+    return _section(
+        "The gap" if one else "The gap before and after",
+        f"<p>{_gap_words(finding)}</p>",
+        gap_table(finding.gap, one=one),
+        f"<details><summary>By phase, on the same runs</summary>{phases}</details>",
+        _figure(transmission_figure, finding, f"Run {trace.run} on route {trace.route}{held}."),
+    )
+
+
+def _gap_words(finding: Finding) -> str:
+    told = words.judged_runs(finding.gap)
+    runs = {"held_out": "runs that were held out", "fitted": "the fitted runs, since none was held out,"}[
+        told
+    ]
+    before, after = (
+        words.beyond_noise(rms[told], finding.gap.noise) for rms in (finding.gap.before, finding.gap.after)
+    )
+    if not finding.effects:
+        return f"On {runs} the model with friction and compliance refitted leaves {_beyond(after)}."
+    return (
+        f"On {runs} what is left beyond the noise goes from <b>{before:.3g}</b> to <b>{after:.3g}</b> times "
+        "the noise (root mean over channels). “Before” is the model with friction and compliance refitted."
+    )
+
+
+def _beyond(gap: float) -> str:
+    if gap < _NOTHING:
+        return "nothing beyond the noise of the sensors"
+    return f"<b>{gap:.3g}</b> times the noise beyond it (root mean over channels)"
+
+
+def _next(finding: Finding) -> str:
+    rows = [_experiment(each) for each in finding.breaks_tie]
+    table = _table(("experiment", "tells apart", "expected ΔBIC"), rows, text=(0, 1)) if rows else ""
+    return _section(
+        "What to do next",
+        "" if rows else f"<p>{_ADVICE[finding.verdict]}</p>",
+        table,
+        "<p>The rig with what was found is <code>rig.updated.toml</code>; every other command takes it:</p>",
+        "<pre><code>tssgeom batch SHAPES --rig rig.updated.toml --out results</code></pre>",
+    )
+
+
+_ADVICE = {
+    "none": "Nothing has to be measured: the model explains these data.",
+    "effect": "Nothing has to be measured to tell this effect from the others of the library.",
+    "tie": "No experiment of the menu tells the tied effects apart.",
+    "unknown": "Vary one thing alone (tension, rate, route, cycles) and see whether the gap follows it.",
+}
+
+
+def _experiment(each: Experiment) -> tuple[str, str, str]:
+    apart = ", ".join(words.plain(name) for name in each.separates)
+    return each.experiment, apart, words.expected(each)
+
+
+def _where(finding: Finding) -> str:
+    items = "".join(f"<li>{html.escape(words.place(each))}</li>" for each in finding.where[:_MOST_PLACES])
+    told = (
+        f"<p>Of all that the sensors do not explain, before:</p><ul>{items}</ul>"
+        if items
+        else "<p>Nowhere beyond what the sensors explain.</p>"
+    )
+    along = _figure(along_figure, finding, _ALONG) if finding.along else ""
+    return _section("Where it was", told, along, _figure(heat_figure, finding, ""))
+
+
+_ALONG = (
+    "What each stretch of a route would have to turn more, were the gap all friction there. "
+    "A peak at one place on every route speaks for a bend; waves that differ speak against it."
+)
+
+
+def _residuals(finding: Finding) -> str:
+    return _section("What is left, over time", _figure(residual_figure, finding, ""))
+
+
+def _missing(finding: Finding) -> str:
+    if not finding.missing_shapes:
+        return ""
+    text = "<p>No effect of the library explains it. This is the friction that the data want instead:</p>"
+    return _section("The shape of what is missing", text, _figure(missing_figure, finding, ""))
+
+
+def _ranking(finding: Finding) -> str:
+    told = shown_candidates(finding)
+    if not told:
+        return ""
+    chosen = {name for each in finding.effects for name in each.names}
+    rows = [
+        [
+            words.candidate(each),
+            "chosen" if chosen and chosen.issuperset(each.names) else each.why_not,
+            f"{each.evidence.delta_bic:.0f}",
+            words.ratio(each.evidence.size_over_guard),
+            words.ratio(each.evidence.heldout_ratio),
+        ]
+        for each in told
+    ]
+    head = ("candidate", "why not", "ΔBIC", "size / guard", "held-out gap, ratio")
+    more = len(finding.ranking) - len(told)
+    note = f'<p class="soft">and {more} more in report.json</p>' if more > 0 else ""
+    return _section(
+        "Runners-up, and why not", _figure(ranking_figure, finding, ""), _table(head, rows, text=(1,)), note
+    )
+
+
+def _unobservable(finding: Finding) -> str:
+    if not finding.unobservable:
+        return ""
+    rows = [[words.plain(name), why] for name, why in finding.unobservable.items()]
+    return _section(
+        "What these data cannot show",
+        "<p>Whether these act is not known; they leave no mark in what was measured.</p>",
+        _table(("effect", "why"), rows, text=(1,)),
+    )
+
+
+def _base(finding: Finding) -> str:
+    rows = [
+        [
+            words.plain(name).removesuffix(" per N"),
+            f"{finding.nominal[name]:.4g}" if name in finding.nominal else "",
+            f"{each.value:.4g}",
+            f"{each.low:.4g} to {each.high:.4g}",
+            "" if each.unit == "1" else each.unit,
+        ]
+        for name, each in finding.base.items()
+    ]
+    tie = f"<p>{html.escape(finding.base_tie)}</p>" if finding.base_tie else ""
+    head = ("", "rig file", "refitted", "95 % interval", "unit")
+    return _section("Friction and compliance, refitted", _table(head, rows), tie)
+
+
+def _notes(finding: Finding) -> str:
+    notes = list(dict.fromkeys((*finding.campaign.notes, *finding.notes)))
+    if not notes:
+        return ""
+    return _section("Notes", f"<ul>{''.join(f'<li>{html.escape(note)}</li>' for note in notes)}</ul>")
+
+
+def figures_of(finding: Finding) -> Mapping[str, Callable[[], Figure]]:
+    """Return what draws each figure of the page, by name."""
+    return {name: partial(draw, finding) for name, (draw, there) in _FIGURES.items() if there(finding)}
+
+
+_FIGURES: Mapping[str, tuple[Callable[[Finding], Figure], Callable[[Finding], object]]] = {
+    "transmission": (transmission_figure, lambda finding: finding.traces),
+    "residual": (residual_figure, lambda finding: finding.traces),
+    "along": (along_figure, lambda finding: finding.along),
+    "heat": (heat_figure, lambda finding: finding.traces),
+    "ranking": (ranking_figure, shown_candidates),
+    "missing": (missing_figure, lambda finding: finding.missing_shapes),
+}
+
+_SECTIONS: tuple[Callable[[Finding], str], ...] = (
+    _effects,
+    _missing,
+    _gap,
+    _next,
+    _where,
+    _residuals,
+    _ranking,
+    _unobservable,
+    _base,
+    _notes,
+)
+
+
+def _section(title: str, *parts: str) -> str:
+    return (
+        f"<section><h2>{html.escape(title)}</h2>\n" + "\n".join(part for part in parts if part) + "</section>"
+    )
+
+
+def _figure(draw: Callable[[Finding], Figure], finding: Finding, caption: str) -> str:
+    told = f"<figcaption>{html.escape(caption)}</figcaption>" if caption else ""
+    return f"<figure>{markup(draw(finding))}{told}</figure>"
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]], text: Sequence[int] = ()) -> str:
+    """Write a table; the columns `text` hold words and may be broken."""
+    kinds = [' class="text"' if k in text else "" for k in range(len(head))]
+    top = _cells("th", kinds, head)
+    body = "".join(f"<tr>{_cells('td', kinds, row)}</tr>" for row in rows)
+    return f'<div class="wide"><table><thead><tr>{top}</tr></thead><tbody>{body}</tbody></table></div>'
+
+
+def _cells(tag: str, kinds: Sequence[str], texts: Sequence[str]) -> str:
+    pairs = zip(kinds, texts, strict=True)
+    return "".join(f"<{tag}{kind}>{html.escape(text)}</{tag}>" for kind, text in pairs)

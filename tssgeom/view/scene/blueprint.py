@@ -1,0 +1,124 @@
+"""What the Rerun viewer shows when it opens a recording: which views, where, and seen from which place."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import rerun.blueprint as rrb
+
+from tssgeom.view import colours
+from tssgeom.view.quantities import TIMELINE
+from tssgeom.view.scene.camera import Camera
+from tssgeom.view.scene.chart import Box
+
+
+class ChartBoxes(NamedTuple):
+    """Sizes of both charts against arc length."""
+
+    tension: Box
+    curvature: Box
+
+
+def chart_boxes(*, timed: bool) -> ChartBoxes:
+    """Give sizes that fill the views of `blueprint`; a run leaves less height to each chart."""
+    if timed:
+        return ChartBoxes(Box(width=3.9, text=0.145), Box(width=4.7, text=0.18))
+    return ChartBoxes(Box(width=1.75, text=0.065), Box(width=1.75, text=0.065))
+
+
+def blueprint(
+    name: str, camera: Camera, *, timed: bool, live: bool = False, tension: float | None = None
+) -> rrb.Blueprint:
+    """Lay out the views of a shape, or of a run with its series and its timeline; `live` shows the newest.
+
+    The plot of tensions ends at `tension` [N] where that is known.
+    """
+    views = _run_layout(name, camera, tension) if timed else _shape_layout(name, camera)
+    return rrb.Blueprint(
+        views,
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        _time_panel(timed, live),
+        auto_views=False,
+        auto_layout=False,
+    )
+
+
+def _time_panel(timed: bool, live: bool) -> rrb.TimePanel:
+    if not timed:
+        return rrb.TimePanel(state="hidden")
+    if live:
+        return rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="following")
+    return rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="paused", loop_mode="all")
+
+
+def _shape_layout(name: str, camera: Camera) -> rrb.Container:
+    left = rrb.Vertical(_space(name, camera), _words(), row_shares=[68, 32])
+    right = rrb.Vertical(*_charts(timed=False))
+    return rrb.Horizontal(left, right, column_shares=[6, 4])
+
+
+def _run_layout(name: str, camera: Camera, tension: float | None) -> rrb.Container:
+    left = rrb.Vertical(_space(name, camera, "; slip front in pink"), _words(), row_shares=[66, 34])
+    right = rrb.Vertical(*_charts(timed=True), *_series(tension), row_shares=[26, 22, 20, 16, 16])
+    return rrb.Horizontal(left, right, column_shares=[58, 42])
+
+
+def _space(name: str, camera: Camera, more: str = "") -> rrb.Spatial3DView:
+    return rrb.Spatial3DView(
+        name=f"{name}: route coloured by tension [N], pieces with angle and radius{more}",
+        contents=["route/**", "sensed/**", "joints/**", "labels/**", "lumen/**", "scale/**"],
+        background=rrb.Background(color=colours.BACKGROUND),
+        line_grid=False,
+        eye_controls=rrb.EyeControls3D(
+            kind="Orbital", position=camera.eye, look_target=camera.target, eye_up=camera.up
+        ),
+    )
+
+
+def _charts(*, timed: bool) -> tuple[rrb.Spatial2DView, rrb.Spatial2DView]:
+    boxes = chart_boxes(timed=timed)
+    return (
+        chart("tension", "Tension T [N] against arc length s [mm]", boxes.tension),
+        chart("curvature", "Curvature κ ± s.e. [1/m] and pieces against arc length s [mm]", boxes.curvature),
+    )
+
+
+def chart(entity: str, title: str, box: Box) -> rrb.Spatial2DView:
+    """Return the view of a chart that is drawn in a box."""
+    return rrb.Spatial2DView(
+        origin=entity,
+        name=title,
+        background=rrb.Background(color=colours.BACKGROUND),
+        visual_bounds=rrb.VisualBounds2D(x_range=box.x_range, y_range=box.y_range),
+    )
+
+
+def _words() -> rrb.Container:
+    summary = rrb.TextDocumentView(origin="summary", name="What is seen")
+    table = rrb.TextDocumentView(origin="table", name="Pieces of constant curvature")
+    return rrb.Horizontal(summary, table, column_shares=[5, 6])
+
+
+def from_zero(top: float | None) -> rrb.ScalarAxis | None:
+    """Return an axis from 0 to its top, so that 0 and a number stand at it; None for what the viewer fits.
+
+    The viewer writes few numbers, in steps of powers of ten: of 2 to 18 it writes 10 alone.
+    """
+    return None if top is None else rrb.ScalarAxis(range=(-0.05 * top, 1.05 * top))
+
+
+def _series(tension: float | None) -> list[rrb.TimeSeriesView]:
+    tensions = ["series/tension_in", "series/tension_out", "series/tension_out_measured"]
+    return [
+        _plot("Tension [N] against time [s]", tensions, tension),
+        _plot("Elongation δ [mm] against time [s]", ["series/elongation", "series/elongation_measured"]),
+        _plot("Accumulated curve angle Φ [°] against time [s]", ["series/angle"]),
+    ]
+
+
+def _plot(title: str, contents: list[str], top: float | None = None) -> rrb.TimeSeriesView:
+    legend = rrb.PlotLegend(corner=rrb.Corner2D.LeftTop)
+    return rrb.TimeSeriesView(
+        name=title, contents=contents, plot_legend=legend, titlebar=False, axis_y=from_zero(top)
+    )

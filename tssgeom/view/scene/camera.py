@@ -1,0 +1,119 @@
+"""Where to look from: the longest axis of a route across the screen, its proximal end on the left."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from tssgeom.arrays import Matrix, Points, Vector
+from tssgeom.view.samples import round_down
+
+_HALF_FIELD = math.radians(27.5)
+"""Half of the vertical field of view of a spatial view [rad]."""
+
+_MARGIN = 1.25
+ASPECT = 1.5
+"""Width of the spatial view over its height, on a common screen."""
+_TIE = np.array([1e-6, 1e-7, 1e-8])
+"""Decides which way round a route is seen whose ends lie one above the other."""
+_LABEL_RISE = 0.025
+"""Rerun writes a label below its point; lifted by this part of the view's height it sits on it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Camera:
+    """An eye that sees the whole route."""
+
+    target: Vector
+    """What it looks at [m]."""
+    axes: Matrix
+    """Unit vectors to the right of the screen, up the screen and towards the eye, one a row."""
+    half_width: float
+    """Half of the extent of the route across the screen [m]."""
+    half_height: float
+    """Half of its extent up the screen [m]."""
+    half_depth: float
+    """Half of its extent along the view [m]."""
+
+    @property
+    def across(self) -> Vector:
+        """Unit vector to the right of the screen."""
+        return self.axes[0]
+
+    @property
+    def up(self) -> Vector:
+        """Unit vector up the screen."""
+        return self.axes[1]
+
+    @property
+    def view_height(self) -> float:
+        """Height of what the view shows at the target [m]."""
+        return 2 * _MARGIN * max(self.half_height, self.half_width / ASPECT)
+
+    @property
+    def distance(self) -> float:
+        """Distance from the eye to the target [m]."""
+        return 0.5 * self.view_height / math.tan(_HALF_FIELD) + self.half_depth
+
+    @property
+    def eye(self) -> Vector:
+        """Place of the eye [m]."""
+        return self.target + self.distance * self.axes[2]
+
+    @property
+    def room_below(self) -> float:
+        """How far below the route a scale bar with its number still fits [heights of the view]."""
+        return min(0.08, 0.44 - self.half_height / self.view_height)
+
+    def scale_bar(self, below: float) -> tuple[Points, str]:
+        """Give the ends of a bar `below` the route [heights of the view], and its length in words."""
+        length = round_down(0.3 * self.half_width)
+        down = self.half_height + below * self.view_height
+        left = self.target - self.half_width * self.across - down * self.up
+        return np.array([left, left + length * self.across]), f"{1e3 * length:g} mm"
+
+    def project(self, places: Points) -> Vector:
+        """Where `places` are on the screen [n, 2], across and up from its middle, in heights of the view."""
+        seen = (places - self.target) @ self.axes.T
+        return seen[:, :2] / self._view_height_at(seen[:, 2])
+
+    def label_anchor(self, place: Points, shift: Vector, larger: float = 1.0) -> Points:
+        """Place from which Rerun hangs a label whose centre is `shift` away from `place` on the screen.
+
+        In a low view text is `larger` beside the route than in one of common height.
+        """
+        lifted = shift + np.array([0.0, larger * _LABEL_RISE])
+        return place + self._view_height_at((place - self.target) @ self.axes[2]) * lifted @ self.axes[:2]
+
+    def _view_height_at(self, nearer: Vector) -> Vector:
+        """Height [n, 1] of what the view shows so much nearer to the eye than the target [m]."""
+        return 2 * math.tan(_HALF_FIELD) * (self.distance - nearer)[:, None]
+
+
+def camera(points: Points, forward: Vector) -> Camera:
+    """Look square at the plane in which the points spread most.
+
+    Parameters
+    ----------
+    points
+        Every place that the route takes [m].
+    forward
+        From the proximal to the distal end; it goes to the right of the screen where it can [m].
+    """
+    across, up = _principal_axes(points)
+    forward = forward / max(float(np.linalg.norm(forward)), 1e-300) + _TIE
+    across = across if across @ forward >= 0 else -across
+    up = up if up @ (0.1, 1.0, 1.5) >= 0 else -up
+    axes = np.stack([across, up, np.cross(across, up)])
+    low, high = (points @ axes.T).min(axis=0), (points @ axes.T).max(axis=0)
+    half = 0.5 * (high - low)
+    floor = max(0.02 * half[0], 1e-6)
+    return Camera(0.5 * (low + high) @ axes, axes, *np.maximum(half, floor).tolist())
+
+
+def _principal_axes(points: Points) -> tuple[Vector, Vector]:
+    centred = points - points.mean(axis=0)
+    _, directions = np.linalg.eigh(centred.T @ centred)
+    return directions[:, 2], directions[:, 1]

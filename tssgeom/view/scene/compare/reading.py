@@ -1,0 +1,173 @@
+"""What a recording of a route holds, read back from its file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+from rerun.chunk import Chunk
+
+from tssgeom.arrays import Points, Vector
+from tssgeom.errors import SourceError
+from tssgeom.route.pieces import Arcs
+from tssgeom.view.quantities import TIMELINE
+from tssgeom.view.samples import Drawn
+from tssgeom.view.scene.numbers import NUMBERS, ON_JOINTS, ON_ROUTE
+from tssgeom.view.scene.viewer import parts_of, require_recording
+
+COPIED = ("/sensed", "/joints", "/lumen")
+"""Entities, and those below them, that a comparison shows as they are."""
+_READ = ("/route", "/joints", "/summary", "/labels")
+_NS = 1e-9  # s
+
+
+@dataclass(frozen=True, slots=True)
+class Side:
+    """One of two recordings."""
+
+    name: str
+    time: Vector | None
+    """Time of each frame [s]; None for a static shape."""
+    frames: Sequence[Drawn]
+    pieces: Sequence[Arcs]
+    labels: Sequence[Sequence[str]]
+    """What is written beside the ends and the pieces."""
+    numbers: Mapping[str, Vector]
+    """`NUMBERS` of each frame [SI]."""
+    parts: Sequence[Chunk]
+    """What is shown as it is."""
+    since: float = 0.0
+    """What was taken from all times [s]."""
+
+    @property
+    def peak(self) -> int:
+        """Frame of the greatest proximal tension."""
+        return int(np.argmax(self.numbers["tension_in_N"]))
+
+    @property
+    def fronts(self) -> Sequence[float]:
+        """Arc length up to which the tendon slid in each frame [m]."""
+        return self.numbers["slip_front_m"].tolist()
+
+    def begun_at_zero(self) -> Side:
+        """Return the same with its first frame at 0 s."""
+        if self.time is None:
+            return self
+        since = float(self.time[0])
+        return replace(
+            self,
+            time=self.time - since,
+            parts=[chunk for part in self.parts for chunk in _shifted(part, since)],
+            since=since,
+        )
+
+
+def read_side(path: Path) -> Side:
+    """Read a recording that `analyse`, `batch`, `simulate` or `live` wrote.
+
+    Raises
+    ------
+    SourceError
+        Where it is none, or shows no route with its numbers.
+    """
+    require_recording(path)
+    chunks = [chunk for chunk in parts_of(path) if not chunk.is_empty]
+    frames = {entity: _rows(chunks, entity) for entity in _READ}
+    route, joints, summary, labels = frames.values()
+    if not {*ON_ROUTE, "LineStrips3D:strips"} <= route.keys() or not {*NUMBERS} <= summary.keys():
+        raise SourceError(
+            f"{path}: no numbers of a route to compare: give recordings of analyse, batch, simulate or live"
+        )
+    static = route["tension_N"].times is None
+    return Side(
+        name=path.stem,
+        time=None if static else route["tension_N"].times,
+        frames=_drawn(route),
+        pieces=[
+            Arcs.exact(np.asarray(length, np.float64), np.asarray(angle, np.float64))
+            for length, angle in zip(*(joints[name].values for name in ON_JOINTS), strict=True)
+        ],
+        labels=[row.tolist() for row in labels["Points3D:labels"].values],
+        numbers={name: np.concatenate(summary[name].values).astype(np.float64) for name in NUMBERS},
+        parts=[chunk for chunk in chunks if _is_copied(str(chunk.entity_path))],
+    )
+
+
+def _is_copied(entity: str) -> bool:
+    return any(entity == shown or entity.startswith(f"{shown}/") for shown in COPIED)
+
+
+@dataclass(frozen=True, slots=True)
+class _Column:
+    times: Vector | None
+    values: Sequence[np.ndarray]
+
+
+def _rows(chunks: Sequence[Chunk], entity: str) -> dict[str, _Column]:
+    """Return every column of an entity in order of time; static rows only where there are no others."""
+    found = dict[str, _Column]()
+    for timed in (False, True):
+        rows = dict[str, list[tuple[float, np.ndarray]]]()
+        for chunk in chunks:
+            if str(chunk.entity_path) == entity and (TIMELINE in chunk.timeline_names) == timed:
+                _take(rows, chunk.to_record_batch(), timed=timed)
+        for name, told in rows.items():
+            told.sort(key=lambda row: row[0])
+            times = np.array([time for time, _ in told]) if timed else None
+            found[name] = _Column(times, [values for _, values in told])
+    return found
+
+
+def _take(rows: dict[str, list[tuple[float, np.ndarray]]], batch: pa.RecordBatch, *, timed: bool) -> None:
+    count = batch.num_rows
+    times = _NS * batch.column(TIMELINE).cast(pa.int64()).to_numpy() if timed else np.zeros(count)
+    for name in batch.schema.names:
+        column = batch.column(name)
+        if not pa.types.is_list(column.type):
+            continue
+        for time, row in zip(times.tolist(), column, strict=True):
+            if row.is_valid:
+                rows.setdefault(name, []).append((time, _flat(row.values)))
+
+
+def _flat(values: pa.Array) -> np.ndarray:
+    """Return the numbers of a row, however deep they lie."""
+    while pa.types.is_list(values.type) or pa.types.is_fixed_size_list(values.type):
+        values = values.flatten()
+    return values.to_numpy(zero_copy_only=False)
+
+
+def _drawn(route: Mapping[str, _Column]) -> list[Drawn]:
+    columns = (route[name].values for name in (*ON_ROUTE, "LineStrips3D:strips"))
+    return [
+        Drawn(
+            s=s.astype(np.float64),
+            position=_nodes(strips),
+            tension=tension.astype(np.float64),
+            phi=phi.astype(np.float64),
+            kappa=kappa.astype(np.float64),
+            kappa_se=kappa_se.astype(np.float64),
+            phi_se=phi_se.astype(np.float64),
+        )
+        for s, tension, phi, kappa, kappa_se, phi_se, strips in zip(*columns, strict=True)
+    ]
+
+
+def _nodes(strips: np.ndarray) -> Points:
+    """Return the places of the nodes from two-point strips between neighbours."""
+    pairs = strips.astype(np.float64).reshape(-1, 2, 3)
+    return np.concatenate([pairs[:, 0], pairs[-1:, 1]])
+
+
+def _shifted(chunk: Chunk, since: float) -> list[Chunk]:
+    """Return a chunk whose times are earlier by `since` [s]."""
+    if TIMELINE not in chunk.timeline_names:
+        return [chunk]
+    batch = chunk.to_record_batch()
+    place = batch.schema.get_field_index(TIMELINE)
+    field = batch.schema.field(place)
+    moved = pa.array(batch.column(place).cast(pa.int64()).to_numpy() - round(since / _NS), pa.int64())
+    return Chunk.from_record_batch(batch.set_column(place, field, moved.cast(field.type)))

@@ -1,0 +1,158 @@
+"""A recording of two recordings: the same views side by side, one scale and one time, and the difference."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from uuid import uuid4
+
+import numpy as np
+import rerun as rr
+
+from tssgeom.arrays import Vector
+from tssgeom.view import colours
+from tssgeom.view.quantities import (
+    ELONGATION,
+    FIRST,
+    SECOND,
+    TENSION_IN,
+    TENSION_OUT,
+    Quantity,
+)
+from tssgeom.view.samples import Ranges, ranges
+from tssgeom.view.scene.camera import Camera, camera
+from tssgeom.view.scene.chart import Axis, Chart
+from tssgeom.view.scene.charts import send_axes, send_curvature_chart, send_tension_chart
+from tssgeom.view.scene.columns import Sender
+from tssgeom.view.scene.compare.difference import Difference, aligned, difference
+from tssgeom.view.scene.compare.layout import BOTH_BOX, CHART_BOX, blueprint
+from tssgeom.view.scene.compare.reading import Side, read_side
+from tssgeom.view.scene.compare.wording import comparison, table
+from tssgeom.view.scene.labels import label_places
+from tssgeom.view.scene.series import send_line
+from tssgeom.view.scene.slip_front import send_slip_front
+from tssgeom.view.scene.space import send_labels, send_piece_names, send_route, send_scale_bar
+
+_LARGER = 1.6  # text beside the route, as the views of both are lower than one alone
+_COLOURS = {"a": FIRST, "b": SECOND}
+
+
+def write_comparison(path: Path, first: Path, second: Path) -> None:
+    """Write a recording that shows two others, A and B, side by side.
+
+    Parameters
+    ----------
+    path
+        The `.rrd` file, written in place.
+    first, second
+        Recordings of analyse, batch, simulate or live.
+
+    Raises
+    ------
+    SourceError
+        Where one of them cannot be used.
+    """
+    a, b = aligned(*_told_apart(read_side(first), read_side(second), first, second))
+    sides, gap = {"a": a, "b": b}, difference(a, b)
+    cameras = {key: _camera(side) for key, side in sides.items()}
+    names = {key: f"{key.upper()} · {side.name}" for key, side in sides.items()}
+    limits = _common(a, b)
+    path.touch()
+    with rr.RecordingStream(f"tssgeom: {a.name} and {b.name}", recording_id=uuid4()) as recording:
+        recording.save(path, default_blueprint=blueprint(names, cameras, gap, limits.tension))
+        recording.send_recording_name(f"{a.name} and {b.name}")
+        send_piece_names(Sender(recording, None), [*a.pieces, *b.pieces])
+        for key, side in sides.items():
+            _send_side(recording, key, side, limits)
+            _send_labels(Sender(recording, side.time, below=f"{key}/"), side, cameras[key])
+        _send_difference(recording, a, b, gap, limits)
+
+
+def _told_apart(a: Side, b: Side, first: Path, second: Path) -> tuple[Side, Side]:
+    """Name sides of one name by the folders in which they differ too."""
+    if a.name != b.name:
+        return a, b
+    folders = zip(first.resolve().parts[-2::-1], second.resolve().parts[-2::-1], strict=False)
+    one, other = next(((one, other) for one, other in folders if one != other), ("", ""))
+    if not one:
+        return a, b
+    return replace(a, name=f"{a.name} of {one}"), replace(b, name=f"{b.name} of {other}")
+
+
+def _camera(side: Side) -> Camera:
+    everywhere = np.concatenate([frame.position for frame in side.frames])
+    forward = np.mean([frame.position[-1] - frame.position[0] for frame in side.frames], axis=0)
+    return camera(everywhere, forward)
+
+
+def _common(a: Side, b: Side) -> Ranges:
+    return ranges([*a.frames, *b.frames], [*a.pieces, *b.pieces])
+
+
+def _send_side(recording: rr.RecordingStream, key: str, side: Side, limits: Ranges) -> None:
+    """Send what is shown as it was, and again what hangs on the scales that both have now."""
+    recording.send_chunks([part.with_entity_path(f"/{key}{part.entity_path}") for part in side.parts])
+    sender = Sender(recording, side.time, below=f"{key}/")
+    send_route(sender, side.frames, limits.tension)
+    if side.time is not None:
+        send_slip_front(sender, side.frames, side.fronts, limits, CHART_BOX)
+    send_tension_chart(sender, side.frames, side.pieces, limits, CHART_BOX)
+    send_curvature_chart(sender, side.frames, side.pieces, limits, CHART_BOX)
+    if side.time is not None:
+        name = key.upper()
+        for entity, told, column, colour in (
+            ("tension_in", TENSION_IN, "tension_in_N", colours.AXIS),
+            ("tension_out", TENSION_OUT, "tension_out_N", _COLOURS[key]),
+            ("elongation", ELONGATION, "elongation_m", _COLOURS[key]),
+        ):
+            title = f"{told.symbol} of {name} [{told.unit}]"
+            send_line(sender, entity, told, side.numbers[column], name=title, colour=colour)
+
+
+def _send_labels(sender: Sender, side: Side, seen: Camera) -> None:
+    """Write the labels anew, that of the scale too: in a lower view they need more room."""
+    send_scale_bar(sender, seen, _LARGER)
+    places = [
+        label_places(seen, frame, arcs, _LARGER) for frame, arcs in zip(side.frames, side.pieces, strict=True)
+    ]
+    send_labels(sender, places, side.labels)
+
+
+def _send_difference(
+    recording: rr.RecordingStream, a: Side, b: Side, gap: Difference | None, limits: Ranges
+) -> None:
+    still = Sender(recording, None, below="difference/")
+    for entity, text in (("words", comparison(a, b, gap)), ("table", table(a, b))):
+        still.constant(entity, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN))
+    _send_both(still, a, b, limits)
+    if gap is None:
+        return
+    sender = Sender(recording, gap.time)
+    for entity, told, column in (
+        ("tension_out", TENSION_OUT, "tension_out_N"),
+        ("elongation", ELONGATION, "elongation_m"),
+    ):
+        _send_gap(sender, entity, told, gap.values[column])
+
+
+def _send_gap(sender: Sender, entity: str, told: Quantity, values: Vector) -> None:
+    style = rr.SeriesLines(names=f"Δ{told.symbol} [{told.unit}]", colors=[colours.WHITE], widths=[2.0])
+    sender.constant(f"difference/{entity}", style)
+    sender.send(f"difference/{entity}", rr.Scalars.columns(scalars=told.factor * values))
+
+
+def _send_both(still: Sender, a: Side, b: Side, limits: Ranges) -> None:
+    """Draw both tensions at the greatest pull over arc length, in one chart, and how far they are apart."""
+    chart = Chart(Axis(1e3 * limits.length, "mm"), Axis(limits.tension, "N"), BOTH_BOX)
+    send_axes(still, "tension", chart)
+    ends = {"a": a.frames[a.peak], "b": b.frames[b.peak]}
+    for key, frame in ends.items():
+        line = chart.place(1e3 * frame.s, frame.tension)
+        still.constant(f"tension/{key}", _line(line, _COLOURS[key], 2.0))
+    s = np.linspace(0.0, min(float(frame.s[-1]) for frame in ends.values()), 128)
+    apart = np.abs(ends["b"].tension_at(s) - ends["a"].tension_at(s))
+    still.constant("tension/apart", _line(chart.place(1e3 * s, apart), colours.WHITE, 1.2))
+
+
+def _line(line: Vector, colour: tuple[int, int, int], radius: float) -> rr.LineStrips2D:
+    return rr.LineStrips2D([line], colors=[colour], radii=rr.Radius.ui_points(radius), draw_order=10)

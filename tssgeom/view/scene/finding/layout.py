@@ -1,0 +1,88 @@
+"""What the viewer shows of a finding when it opens: two views of the route, two charts, words and lines."""
+
+from __future__ import annotations
+
+import numpy as np
+import rerun.blueprint as rrb
+
+from tssgeom.identify.finding import Finding
+from tssgeom.view import colours
+from tssgeom.view import finding_wording as words
+from tssgeom.view.quantities import COUNT
+from tssgeom.view.scene.blueprint import from_zero
+from tssgeom.view.scene.chart import Box
+from tssgeom.view.scene.finding.lines import shown_channels
+from tssgeom.view.scene.finding.replay import Replay
+
+TENSION_BOX = BLAME_BOX = Box(width=1.9, text=0.1)
+
+
+_ROUTE = ["route/**", "joints/**", "labels/**", "scale/**"]
+
+
+def blueprint(finding: Finding, shown: Replay) -> rrb.Blueprint:
+    """Lay out the views; one slider over the samples of all runs moves them together."""
+    spaces = rrb.Horizontal(
+        _space(_ROUTE, "Route coloured by tension [N]; slip front in pink", shown),
+        _space(["blame/**"], "What this route misses, before [rad/m]", shown),
+    )
+    charts = rrb.Horizontal(
+        _chart("tension", "Tension T [N] against arc length s [mm]", TENSION_BOX),
+        _chart("missing", "Missing curve angle ± s.e. [rad/m] against s [mm]", BLAME_BOX),
+    )
+    text = rrb.Horizontal(
+        rrb.TextDocumentView(origin="summary", name="What is missing"),
+        rrb.TextDocumentView(origin="table", name="Which run this is"),
+        column_shares=[6, 5],
+    )
+    left = rrb.Vertical(spaces, charts, text, row_shares=[38, 30, 32])
+    right = rrb.Vertical(*_plots(finding, shown.tension))
+    return rrb.Blueprint(
+        rrb.Horizontal(left, right, column_shares=[56, 44]),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        rrb.TimePanel(state="collapsed", timeline=COUNT, play_state="paused", loop_mode="all"),
+        auto_views=False,
+        auto_layout=False,
+    )
+
+
+def _space(contents: list[str], title: str, shown: Replay) -> rrb.Spatial3DView:
+    seen = shown.camera
+    return rrb.Spatial3DView(
+        contents=contents,
+        name=title,
+        background=rrb.Background(color=colours.BACKGROUND),
+        line_grid=False,
+        eye_controls=rrb.EyeControls3D(
+            kind="Orbital", position=seen.eye, look_target=seen.target, eye_up=seen.up
+        ),
+    )
+
+
+def _chart(origin: str, title: str, box: Box) -> rrb.Spatial2DView:
+    return rrb.Spatial2DView(
+        origin=origin,
+        name=title,
+        background=rrb.Background(color=colours.BACKGROUND),
+        visual_bounds=rrb.VisualBounds2D(x_range=box.x_range, y_range=box.y_range),
+    )
+
+
+def _plots(finding: Finding, tension: float) -> list[rrb.TimeSeriesView]:
+    """Lay out the channel with the widest gap, and below it what is left of each channel."""
+    channels = [(name, words.channel(name)) for name in shown_channels(finding)]
+    name, widest = channels[0]
+    most = max(float(np.nanmax(each.measured.get(name, 0.0), initial=0.0)) for each in finding.traces)
+    top = max(tension, most) if widest.unit == "N" else None
+    first = _plot("channel", f"{widest.label} over the samples of all runs", legend=True, top=top)
+    left = [
+        _plot(f"left/{name}", f"Δ{told.label}, measured less simulated, ± 2σ of the sensors", legend=k == 0)
+        for k, (name, told) in enumerate(channels)
+    ]
+    return [first, *left]
+
+
+def _plot(origin: str, title: str, *, legend: bool, top: float | None = None) -> rrb.TimeSeriesView:
+    corner = rrb.PlotLegend(corner=rrb.Corner2D.LeftTop, visible=legend)
+    return rrb.TimeSeriesView(origin=origin, name=title, plot_legend=corner, axis_y=from_zero(top))

@@ -1,0 +1,126 @@
+"""The recording of `discover`: the tendon through every run, what it misses, and what was measured."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from pathlib import Path
+from uuid import uuid4
+
+import numpy as np
+import rerun as rr
+
+from tssgeom.errors import SourceError, require_replaceable
+from tssgeom.identify.finding import Finding
+from tssgeom.view import colours
+from tssgeom.view import wording as words
+from tssgeom.view.figures.heat_map import bends
+from tssgeom.view.quantities import COUNT
+from tssgeom.view.samples import Ranges
+from tssgeom.view.scene.charts import send_tension_chart
+from tssgeom.view.scene.columns import Sender, segments_3d
+from tssgeom.view.scene.finding.attribution import send_blame_chart
+from tssgeom.view.scene.finding.layout import BLAME_BOX, TENSION_BOX, blueprint
+from tssgeom.view.scene.finding.lines import send_lines
+from tssgeom.view.scene.finding.replay import Replay, replay
+from tssgeom.view.scene.finding.wording import send_words
+from tssgeom.view.scene.labels import label_places
+from tssgeom.view.scene.slip_front import send_slip_front
+from tssgeom.view.scene.space import send_joints, send_labels, send_piece_names, send_scale_bar
+
+_LARGER = 2.0  # text beside the route, in views that are lower than one alone
+
+
+def write_finding_recording(path: Path, finding: Finding) -> None:
+    """Write the recording; an older file gives way only when it is done.
+
+    Raises
+    ------
+    SourceError
+        Where the file cannot be written.
+    """
+    unfinished = path.with_name(f".{path.name}.part")
+    try:
+        require_replaceable(path)
+        unfinished.touch()
+        _write(unfinished, finding)
+        os.replace(unfinished, path)
+    except OSError as error:
+        raise SourceError(f"{path}: cannot write the recording ({error}): check the folder") from error
+    finally:
+        unfinished.unlink(missing_ok=True)
+
+
+def _write(path: Path, finding: Finding) -> None:
+    shown = replay(finding)
+    name = finding.campaign.name
+    with rr.RecordingStream(f"tssgeom discover: {name}", recording_id=uuid4()) as recording:
+        recording.save(path, default_blueprint=blueprint(finding, shown))
+        recording.send_recording_name(name)
+        runs = Sender(recording, np.array([float(each.first) for each in shown.stretches]), COUNT)
+        rows = np.concatenate([each.first + each.rows for each in shown.stretches]).astype(float)
+        moments = Sender(recording, rows, COUNT)
+        samples = Sender(recording, np.arange(float(sum(len(t.time) for t in finding.traces))), COUNT)
+        _send_route(runs, moments, shown)
+        _send_blame(runs, finding, shown)
+        _send_charts(runs, moments, finding, shown)
+        send_lines(samples, finding)
+        send_words(runs, finding)
+
+
+def _send_route(runs: Sender, moments: Sender, shown: Replay) -> None:
+    """Draw the route in the colours of its tension: where it is once a run, the colours at every row."""
+    each = shown.stretches
+    runs.constant("route", rr.LineStrips3D.from_fields(radii=rr.Radius.ui_points(3.5)))
+    strips = rr.LineStrips3D.columns(strips=segments_3d([stretch.position for stretch in each]))
+    runs.send("route", strips, [len(stretch.s) - 1 for stretch in each])
+    frames = [frame for stretch in each for frame in stretch.frames()]
+    middles = [0.5 * (frame.tension[:-1] + frame.tension[1:]) for frame in frames]
+    shades = colours.tension_rgba32(np.concatenate(middles), shown.tension)
+    moments.send("route", rr.LineStrips3D.columns(colors=shades), [len(middle) for middle in middles])
+    places = [label_places(shown.camera, one.frames()[0], one.arcs, _LARGER) for one in each]
+    send_joints(runs, [one.frames()[0] for one in each], [one.arcs for one in each])
+    for sender in (runs, replace(runs, below="blame/")):
+        send_scale_bar(sender, shown.camera, _LARGER)
+    rows = [
+        (place, [*words.end_labels(*ends), *words.piece_labels(one.arcs)])
+        for one, place in zip(each, places, strict=True)
+        for ends in one.trace.tension[one.rows][:, [0, -1]].tolist()
+    ]
+    send_labels(moments, [place for place, _ in rows], [texts for _, texts in rows])
+
+
+def _send_blame(runs: Sender, finding: Finding, shown: Replay) -> None:
+    """Draw the route in the colours of what it misses, and mark the bends that were found."""
+    each = shown.stretches
+    runs.constant("blame/route", rr.LineStrips3D.from_fields(radii=rr.Radius.ui_points(3.5)))
+    middles = np.concatenate([0.5 * (stretch.blame[:-1] + stretch.blame[1:]) for stretch in each])
+    columns = rr.LineStrips3D.columns(
+        strips=segments_3d([stretch.position for stretch in each]),
+        colors=colours.blame_rgba32(middles, shown.blame),
+    )
+    runs.send("blame/route", columns, [len(stretch.s) - 1 for stretch in each])
+    found = bends(finding.effects)
+    if found:
+        style = rr.Points3D.from_fields(
+            radii=rr.Radius.ui_points(8.0), colors=colours.AFTER, show_labels=True
+        )
+        runs.constant("blame/found", style)
+        places = [
+            np.column_stack([np.interp(found, stretch.s, axis) for axis in stretch.position.T])
+            for stretch in each
+        ]
+        texts = [f"hidden bend, s = {1e3 * at:.0f} mm" for _ in each for at in found]
+        marks = rr.Points3D.columns(positions=np.concatenate(places), labels=texts)
+        runs.send("blame/found", marks, [len(found)] * len(each))
+
+
+def _send_charts(runs: Sender, moments: Sender, finding: Finding, shown: Replay) -> None:
+    frames = [frame for stretch in shown.stretches for frame in stretch.frames()]
+    pieces = [stretch.arcs for stretch in shown.stretches for _ in stretch.rows]
+    limits = Ranges(shown.tension, shown.length, 1.0)
+    send_piece_names(runs, pieces)
+    send_tension_chart(moments, frames, pieces, limits, TENSION_BOX)
+    fronts = [front for stretch in shown.stretches for front in stretch.fronts()]
+    send_slip_front(moments, frames, fronts, limits, TENSION_BOX)
+    send_blame_chart(runs, shown, bends(finding.effects), BLAME_BOX)

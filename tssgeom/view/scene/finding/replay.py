@@ -1,0 +1,109 @@
+"""A campaign as one recording shows it: run after run, each route turned to be seen square on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tssgeom.arrays import Points, Vector
+from tssgeom.identify.campaign import Route
+from tssgeom.identify.finding import Finding, RouteBlame, Trace
+from tssgeom.route.pieces import Arcs
+from tssgeom.view.samples import Drawn, evenly, round_up
+from tssgeom.view.scene.camera import Camera, camera
+from tssgeom.view.scene.slip_front import slid_up_to
+
+MOST_ROWS = 240
+"""Pictures of the route over the whole campaign."""
+MOST_NODES = 64
+"""Nodes of the route in each."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stretch:
+    """One run in the recording."""
+
+    trace: Trace
+    arcs: Arcs
+    first: int
+    """Number of its first sample, counted over all runs."""
+    position: Points
+    """[m, 3] The nodes that are drawn, about the middle of the route, longest axis along x [m]."""
+    s: Vector
+    """[m] Their arc length [m]."""
+    blame: Vector
+    """[m] Missing curve angle at the nodes [rad/m]."""
+    blame_se: Vector
+    rows: NDArray[np.intp]
+    """Samples at which the route is drawn."""
+    nodes: NDArray[np.intp]
+    """Which nodes of the route are drawn."""
+
+    def frames(self) -> list[Drawn]:
+        """Return what is drawn of the route at each row."""
+        nothing = np.zeros(len(self.s))
+        tension = self.trace.tension[:, self.nodes]
+        return [
+            Drawn(self.s, self.position, tension[row], nothing, nothing, nothing, nothing)
+            for row in self.rows.tolist()
+        ]
+
+    def fronts(self) -> list[float]:
+        """Return up to where the tendon slid at each row, since the sample before it [m]."""
+        along = self.trace.tension[:, self.nodes]
+        return np.array(slid_up_to(along, self.s))[self.rows].tolist()
+
+
+@dataclass(frozen=True, slots=True)
+class Replay:
+    """All runs."""
+
+    stretches: Sequence[Stretch]
+    camera: Camera
+    tension: float
+    """Top of the scale of tension [N]."""
+    blame: float
+    """Top of the scale of blame [rad/m]."""
+    length: float
+    """Of the longest route [m]."""
+
+
+def replay(finding: Finding) -> Replay:
+    """Choose samples, nodes and scales that hold for the whole campaign."""
+    routes = {run.name: run.route for run in finding.campaign.runs}
+    along = {each.route: each for each in finding.along}
+    each = max(2, MOST_ROWS // len(finding.traces))
+    stretches, first = list[Stretch](), 0
+    for trace in finding.traces:
+        route = routes[trace.run]
+        stretches.append(_stretch(trace, route, along.get(route.name), first, each))
+        first += len(trace.time)
+    everywhere = np.concatenate([stretch.position for stretch in stretches])
+    blames = np.concatenate([stretch.blame + stretch.blame_se for stretch in stretches])
+    return Replay(
+        stretches,
+        camera(everywhere, np.array([1.0, 0.0, 0.0])),
+        round_up(max(float(trace.tension.max()) for trace in finding.traces)),
+        round_up(max(float(blames.max()), 1.0)),
+        max(float(stretch.s[-1]) for stretch in stretches),
+    )
+
+
+def _stretch(trace: Trace, route: Route, along: RouteBlame | None, first: int, rows: int) -> Stretch:
+    nodes = evenly(len(route.s), MOST_NODES)
+    s = route.s[nodes]
+    blame, error = np.zeros(len(s)), np.zeros(len(s))
+    if along is not None:
+        blame = np.interp(s, along.s, along.extra_angle_rad_per_m)
+        error = np.interp(s, along.s, along.se)
+    position = _square_on(route.position[nodes])
+    return Stretch(trace, route.arcs, first, position, s, blame, error, evenly(len(trace.time), rows), nodes)
+
+
+def _square_on(position: Points) -> Points:
+    """Turn a route so that the plane in which it spreads most is the screen."""
+    seen = camera(position, position[-1] - position[0])
+    return (position - seen.target) @ seen.axes.T

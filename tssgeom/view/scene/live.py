@@ -1,0 +1,130 @@
+"""A picture that grows while frames come in: the same views as of a recorded run, sent batch by batch."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import rerun as rr
+import trimesh
+
+from tssgeom.arrays import Matrix, Vector
+from tssgeom.errors import SourceError
+from tssgeom.rig import Rig
+from tssgeom.stream import Frame, FrameResult, process
+from tssgeom.view.samples import Drawn, Ranges, drawn, numbers_of, ranges, round_up
+from tssgeom.view.scene.blueprint import blueprint
+from tssgeom.view.scene.camera import Camera, camera
+from tssgeom.view.scene.columns import Sender
+from tssgeom.view.scene.recording import send_pictures
+from tssgeom.view.scene.run import Run
+from tssgeom.view.scene.series import send_numbers
+
+_MEMORY = "256MiB"  # of frames that a viewer which comes late is shown
+_ROOM = 1.25  # of the ranges and of what the camera sees, for frames to come
+
+
+def hosted(name: str, port: int) -> tuple[rr.RecordingStream, str]:
+    """Host a stream to which viewers on this machine may connect; return it with its address.
+
+    Raises
+    ------
+    SourceError
+        Where the port is taken.
+    """
+    recording = rr.RecordingStream(f"tssgeom: {name}", batcher_config=rr.ChunkBatcherConfig.LOW_LATENCY())
+    sink = rr.GrpcServerSink(bind_ip="127.0.0.1", port=port, server_memory_limit=_MEMORY)
+    try:
+        recording.set_sinks(sink)
+    except (RuntimeError, ValueError, OSError) as error:
+        raise SourceError(f"--view: port {port}: {error}: choose another with --view-port") from error
+    recording.send_recording_name(name)
+    return recording, sink.uri
+
+
+def warm_up() -> None:
+    """Draw once into nothing: the first picture of a process takes long."""
+    turn = np.linspace(0.0, 2.0, 40)
+    points = 0.1 * np.column_stack((np.sin(turn), 1 - np.cos(turn), 0.1 * turn))
+    frames = [Frame(points, float(i), tension_in=5.0 + i) for i in range(2)]
+    results = [one for one in process(frames, Rig(), tension_in=5.0) if isinstance(one, FrameResult)]
+    with rr.RecordingStream("warm up") as recording:
+        thrown_away = recording.binary_stream()
+        picture = LivePicture(recording, "warm up")
+        picture.draw(results)
+        picture.number(np.array([0.0, 1.0]), np.array([numbers_of(one) for one in results]))
+        thrown_away.read()
+
+
+@dataclass(slots=True)
+class LivePicture:
+    """What a stream of frames looks like, in one Rerun recording."""
+
+    recording: rr.RecordingStream
+    name: str
+    lumen: trimesh.Trimesh | None = None
+    _camera: Camera | None = field(default=None)
+    _ranges: Ranges | None = field(default=None)
+    _pieces: int = 0
+    """The most pieces that have a name and a colour so far."""
+
+    def __post_init__(self) -> None:
+        self.recording.set_log_time_enabled(False)  # one time for all: that of the frames
+
+    def draw(self, results: Sequence[FrameResult]) -> None:
+        """Draw frames, one row each; axes and camera grow where they leave them."""
+        frames = [drawn(result) for result in results]
+        grown = self._grown(results, frames)
+        assert self._camera is not None
+        assert self._ranges is not None
+        run = Run(self.name, results, frames, self._ranges, self._camera, timed=True)
+        times = np.array([result.frame.time for result in results])
+        sender = Sender(self.recording, times, since=float(times[0]), repeats=grown)
+        send_pictures(sender, run, self.lumen if grown else None)
+
+    def number(self, times: Vector, numbers: Matrix) -> None:
+        """Draw the `rerun_series.numbers_of` frames at their times [s] as lines."""
+        send_numbers(Sender(self.recording, times), numbers)
+
+    def _grown(self, results: Sequence[FrameResult], frames: Sequence[Drawn]) -> bool:
+        """Make axes, camera and names hold these frames; return whether any of them changed."""
+        seen = ranges(frames, [result.arcs for result in results])
+        pieces = max(len(result.arcs.length) for result in results)
+        wider = self._ranges is None or not _holds(self._ranges, seen)
+        if wider:
+            self._ranges = _widened(seen, self._ranges)
+        moved = self._camera is None or not _sees(self._camera, frames)
+        if moved:
+            self._look_at(results[0].frame.time, frames)
+        more = pieces > self._pieces
+        self._pieces = max(pieces, self._pieces)
+        return wider or moved or more
+
+    def _look_at(self, time: float, frames: Sequence[Drawn]) -> None:
+        everywhere = np.concatenate([frame.position for frame in frames])
+        forward = frames[-1].position[-1] - frames[-1].position[0]
+        self._camera = camera(everywhere, forward)
+        layout = blueprint(self.name, self._camera, timed=True, live=True)
+        self.recording.send_blueprint(layout)
+
+
+def _holds(room: Ranges, seen: Ranges) -> bool:
+    return room.tension >= seen.tension and room.length >= seen.length and room.kappa >= seen.kappa
+
+
+def _widened(seen: Ranges, before: Ranges | None) -> Ranges:
+    known = seen if before is None else before
+    return Ranges(
+        tension=max(round_up(_ROOM * seen.tension), known.tension),
+        length=max(_ROOM * seen.length if before else seen.length, known.length),
+        kappa=max(round_up(_ROOM * seen.kappa), known.kappa),
+    )
+
+
+def _sees(eye: Camera, frames: Sequence[Drawn]) -> bool:
+    """Whether the frames stay inside the view, with some room at its edges."""
+    places = np.concatenate([frame.position[[0, -1, len(frame.s) // 2]] for frame in frames])
+    seen = np.abs((places - eye.target) @ eye.axes[:2].T)
+    reach = _ROOM * max(eye.half_height, eye.half_width / 1.5)
+    return bool((seen[:, 1] <= reach).all() and (seen[:, 0] <= 1.5 * reach).all())

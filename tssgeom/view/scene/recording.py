@@ -1,0 +1,119 @@
+"""Rerun recordings: the tension along a route, its pieces and all numbers, moved as one picture by time."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from uuid import uuid4
+
+import numpy as np
+import rerun as rr
+import trimesh
+from numpy.typing import NDArray
+
+from tssgeom.errors import SourceError, SpaceError, require_replaceable, unwritable
+from tssgeom.lumen.clearance import Clearance
+from tssgeom.stream import FrameResult
+from tssgeom.view import wording as words
+from tssgeom.view.scene.blueprint import blueprint, chart_boxes
+from tssgeom.view.scene.charts import send_curvature_chart, send_tension_chart
+from tssgeom.view.scene.clearance import clearance_words, send_clearance
+from tssgeom.view.scene.columns import Sender
+from tssgeom.view.scene.run import Run, run_of
+from tssgeom.view.scene.series import send_series
+from tssgeom.view.scene.slip_front import send_slip_front
+from tssgeom.view.scene.space import send_space
+
+
+def write_recording(
+    path: Path,
+    name: str,
+    results: Sequence[FrameResult],
+    *,
+    timed: bool,
+    lumen: trimesh.Trimesh | None = None,
+    clearance: Callable[[FrameResult], Clearance] | None = None,
+) -> None:
+    """Write a Rerun recording of one shape or of one run; an older file gives way only when it is done.
+
+    Parameters
+    ----------
+    path
+        The `.rrd` file.
+    name
+        Name of the shape or run, shown in the picture.
+    results
+        Results of the frames, in order of time; at least one.
+    timed
+        True: the frames are rows of the timeline `time` [s]. False: the last frame is shown without time.
+    lumen
+        Wall around the route [m].
+    clearance
+        What measures the clearance of a frame; the wall is marked where the tube touches it.
+
+    Raises
+    ------
+    SourceError
+        Where there is no result to show or the file cannot be written.
+    """
+    if not results:
+        raise SourceError(f"{path}: no frame of {name} could be used, so there is nothing to show")
+    run = run_of(name, results if timed else results[-1:], timed)
+    unfinished = path.with_name(f".{path.name}.part")
+    try:
+        require_replaceable(path)
+        _write(unfinished, run, lumen, [clearance(one) for one in run.results] if clearance else [])
+        os.replace(unfinished, path)
+    except OSError as error:
+        raise unwritable(path, error) from error
+    except RuntimeError as error:  # the file was there: its writer stopped on the way
+        raise SpaceError(f"{path}: the recording ends early ({error}): free space and run again") from error
+    finally:
+        unfinished.unlink(missing_ok=True)
+
+
+def _write(path: Path, run: Run, lumen: trimesh.Trimesh | None, measured: Sequence[Clearance]) -> None:
+    path.touch()
+    # The viewer keeps one layout for each application: a name of its own lets each file keep its camera.
+    with rr.RecordingStream(f"tssgeom: {run.name}", recording_id=uuid4()) as recording:
+        top = max(run.ranges.tension, *(one.frame.tension_out or 0.0 for one in run.results))
+        layout = blueprint(run.name, run.camera, timed=run.timed, tension=top)
+        recording.save(path, default_blueprint=layout)
+        recording.send_recording_name(run.name)
+        sender = Sender(recording, _times(run))
+        send_pictures(sender, run, lumen, measured)
+        if run.timed:
+            send_series(sender, run.results)
+
+
+def _times(run: Run) -> NDArray[np.float64] | None:
+    return np.array([result.frame.time for result in run.results]) if run.timed else None
+
+
+def send_pictures(
+    sender: Sender, run: Run, lumen: trimesh.Trimesh | None, measured: Sequence[Clearance] = ()
+) -> None:
+    """Send everything but the numbers against time; `measured` is the clearance of each frame, or nothing."""
+    send_space(sender, run, lumen)
+    if measured:
+        send_clearance(sender, run, measured)
+    _send_words(sender, run, measured)
+    pieces = [result.arcs for result in run.results]
+    boxes = chart_boxes(timed=run.timed)
+    send_tension_chart(sender, run.frames, pieces, run.ranges, boxes.tension)
+    send_curvature_chart(sender, run.frames, pieces, run.ranges, boxes.curvature)
+    if run.timed:
+        send_slip_front(sender, run.frames, run.fronts, run.ranges, boxes.tension)
+
+
+def _send_words(sender: Sender, run: Run, measured: Sequence[Clearance]) -> None:
+    pairs = zip(run.results, run.frames, strict=True)
+    summaries = [words.summary(run.name, result, run.timed) for result in run.results]
+    if measured:
+        told = zip(summaries, measured, strict=True)
+        summaries = [f"{text}\n\n{clearance_words(one)}" for text, one in told]
+    tables = [words.piece_table(result.arcs, frame) for result, frame in pairs]
+    for entity, texts in (("summary", summaries), ("table", tables)):
+        sender.constant(entity, rr.TextDocument.from_fields(media_type=rr.MediaType.MARKDOWN))
+        sender.send(entity, rr.TextDocument.columns(text=texts))

@@ -1,0 +1,143 @@
+"""The three-dimensional view of a Rerun recording: route, sensed points, pieces, labels and lumen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import rerun as rr
+import trimesh
+from scipy.spatial import KDTree
+
+from tssgeom.arrays import Points
+from tssgeom.route.pieces import Arcs
+from tssgeom.stream import FrameResult
+from tssgeom.view import colours
+from tssgeom.view import wording as words
+from tssgeom.view.samples import Drawn, outliers
+from tssgeom.view.scene.camera import Camera
+from tssgeom.view.scene.columns import Sender, segments_3d
+from tssgeom.view.scene.labels import Placed, label_places, scale_label
+from tssgeom.view.scene.numbers import send_numbers_of_route
+from tssgeom.view.scene.run import Run
+
+_FEW_POINTS = 40
+"""So few sensed points are drawn larger, as each of them is a marker."""
+
+
+def send_space(sender: Sender, run: Run, lumen: trimesh.Trimesh | None) -> None:
+    """Send everything that stands in space; the lumen only where there is one."""
+    pieces = [result.arcs for result in run.results]
+    send_piece_names(sender, pieces)
+    send_scale_bar(sender, run.camera)
+    if lumen is not None:
+        _send_lumen(sender, run, lumen)
+    send_route(sender, run.frames, run.ranges.tension)
+    _send_sensed(sender, run)
+    send_joints(sender, run.frames, pieces)
+    places = [label_places(run.camera, frame, arcs) for frame, arcs in zip(run.frames, pieces, strict=True)]
+    send_labels(sender, places, [_label_texts(result) for result in run.results])
+    send_numbers_of_route(sender, run)
+
+
+def send_piece_names(sender: Sender, pieces: Sequence[Arcs]) -> None:
+    """Give every piece its name and colour; they hold for the whole recording."""
+    if not sender.repeats:
+        return
+    most = max(len(arcs.length) for arcs in pieces)
+    names = [(number, f"piece {number + 1}", colours.piece_rgb(number)) for number in range(most)]
+    sender.constant("/", rr.AnnotationContext(names))
+
+
+def send_scale_bar(sender: Sender, seen: Camera, larger: float = 1.0) -> None:
+    """Draw a bar of a plain length below the route, with its length, `larger` in a low view."""
+    if not sender.repeats:
+        return
+    bar, text, place = scale_label(seen, larger)
+    sender.constant("scale", rr.LineStrips3D([bar], colors=[colours.AXIS], radii=rr.Radius.ui_points(1.5)))
+    label = rr.Points3D(place, radii=0.0, labels=[text], colors=[colours.WHITE], show_labels=True)
+    sender.constant("scale/length", label)
+
+
+def _send_lumen(sender: Sender, run: Run, lumen: trimesh.Trimesh) -> None:
+    """Draw the wall with its inner side only, so that one looks through the near wall at the route."""
+    outward = _outward(lumen, run.frames[-1].position)
+    wall = rr.Mesh3D(
+        vertex_positions=outward.vertices.astype(np.float32),
+        triangle_indices=outward.faces.astype(np.uint32),
+        vertex_normals=-outward.vertex_normals.astype(np.float32),
+        albedo_factor=colours.LUMEN,
+        face_rendering="Back",
+    )
+    sender.constant("lumen", wall)
+
+
+def _outward(lumen: trimesh.Trimesh, route: Points) -> trimesh.Trimesh:
+    """Turn the faces of a wall away from the route inside it."""
+    corners = lumen.vertices[lumen.faces]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    centre = corners.mean(axis=1)
+    _, nearest = KDTree(route).query(centre)
+    away = np.sum(normal * (centre - route[nearest])) >= 0
+    return trimesh.Trimesh(lumen.vertices, lumen.faces if away else lumen.faces[:, ::-1], process=False)
+
+
+def send_route(sender: Sender, frames: Sequence[Drawn], top: float) -> None:
+    """Draw routes in the colours of their tension, of which the brightest is that of `top` [N]."""
+    middles = np.concatenate([0.5 * (frame.tension[:-1] + frame.tension[1:]) for frame in frames])
+    columns = rr.LineStrips3D.columns(
+        strips=segments_3d([frame.position for frame in frames]),
+        colors=colours.tension_rgba32(middles, top),
+    )
+    sender.constant("route", rr.LineStrips3D.from_fields(radii=rr.Radius.ui_points(3.5)))
+    sender.send("route", columns, [len(frame.s) - 1 for frame in frames])
+
+
+def _send_sensed(sender: Sender, run: Run) -> None:
+    """Draw the sensed points small, and once more in red where the route does not follow them."""
+    points = [seen[~np.isnan(seen).any(axis=1)] for seen in (result.frame.points for result in run.results)]
+    few = max(len(cloud) for cloud in points) <= _FEW_POINTS
+    _send_points(sender, "sensed", points, colours.SENSED, 4.5 if few else 1.8)
+    stray = [outliers(result) for result in run.results]
+    _send_points(sender, "sensed/outliers", stray, colours.OUTLIER, 5.5)
+
+
+def _send_points(
+    sender: Sender, entity: str, clouds: Sequence[Points], colour: tuple[int, int, int], radius: float
+) -> None:
+    style = rr.Points3D.from_fields(colors=colour, radii=rr.Radius.ui_points(radius))
+    sender.constant(entity, style)
+    columns = rr.Points3D.columns(positions=np.concatenate(clouds))
+    sender.send(entity, columns, [len(cloud) for cloud in clouds])
+
+
+def send_joints(sender: Sender, frames: Sequence[Drawn], pieces: Sequence[Arcs]) -> None:
+    """Mark where each piece begins, in the colour of the piece."""
+    counts = [len(arcs.length) for arcs in pieces]
+    pairs = zip(frames, pieces, strict=True)
+    columns = rr.Points3D.columns(
+        positions=np.concatenate([frame.at(arcs.s_start) for frame, arcs in pairs]),
+        class_ids=np.concatenate([np.arange(count) for count in counts]),
+    )
+    sender.constant("joints", rr.Points3D.from_fields(radii=rr.Radius.ui_points(7.0), show_labels=False))
+    sender.send("joints", columns, counts)
+
+
+def send_labels(sender: Sender, placed: Sequence[Placed], texts: Sequence[Sequence[str]]) -> None:
+    """Write the tension beside each end, and the angle and radius beside each piece where there is room."""
+    style = rr.Points3D.from_fields(radii=0.0, colors=colours.WHITE, show_labels=True)
+    sender.constant("labels", style)
+    columns = rr.Points3D.columns(
+        positions=np.concatenate([one.place for one in placed]),
+        labels=[
+            text if whole else text.partition(" · ")[0]
+            for one, row in zip(placed, texts, strict=True)
+            for text, whole in zip(row, one.whole.tolist(), strict=True)
+        ],
+    )
+    sender.send("labels", columns, [len(row) for row in texts])
+
+
+def _label_texts(result: FrameResult) -> list[str]:
+    seen = result.transmission
+    return [*words.end_labels(seen.tension_in, seen.tension_out), *words.piece_labels(result.arcs)]

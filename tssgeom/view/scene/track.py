@@ -1,0 +1,143 @@
+"""The recording of `track`: what each camera saw, the markers in space, and how sure their places are."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from uuid import uuid4
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+
+from tssgeom.arrays import Points, Vector
+from tssgeom.view import colours
+from tssgeom.view.quantities import TIMELINE
+from tssgeom.view.scene.camera import Camera, camera
+from tssgeom.view.scene.columns import Sender
+from tssgeom.view.scene.space import send_scale_bar
+
+_NAMED = 40  # markers: of more, their numbers would hide one another
+
+
+@dataclass(frozen=True, slots=True)
+class Tracked:
+    """Markers of a film over time, as their recording shows them."""
+
+    name: str
+    time: Vector
+    """[f] [s]."""
+    points: np.ndarray
+    """[f, n, 3] NaN where a marker was not placed [m]."""
+    ids: Sequence[int]
+    """[n]."""
+    noise: Vector
+    """[f] Standard deviation of a coordinate across the route, NaN where it is not known [m]."""
+    words: str
+    """What was found, as markdown."""
+    images: Mapping[str, Sequence[tuple[float, bytes]]]
+    """For each camera times [s] and JPEG files."""
+
+
+def write_track_recording(path: Path, tracked: Tracked) -> None:
+    """Write the recording.
+
+    Parameters
+    ----------
+    path
+        The `.rrd` file, written in place.
+    tracked
+        What it shows.
+    """
+    placed = tracked.points[~np.isnan(tracked.points).any(axis=2)]
+    seen = camera(placed, _forward(tracked.points))
+    path.touch()
+    with rr.RecordingStream(f"tssgeom track: {tracked.name}", recording_id=uuid4()) as recording:
+        recording.save(path, default_blueprint=_blueprint(tracked, seen))
+        recording.send_recording_name(tracked.name)
+        sender = Sender(recording, tracked.time)
+        send_scale_bar(sender, seen)
+        _send_markers(sender, tracked)
+        _send_numbers(sender, tracked)
+        text = rr.TextDocument(tracked.words, media_type=rr.MediaType.MARKDOWN)
+        sender.constant("summary", text)
+        for name, shots in tracked.images.items():
+            _send_images(recording, name, shots)
+
+
+def _forward(points: np.ndarray) -> Vector:
+    """Return the way from the first to the last marker that a frame has, over all frames [m]."""
+    ways = [frame[seen][-1] - frame[seen][0] for frame in points if (seen := _placed(frame)).sum() > 1]
+    return np.mean(ways, axis=0) if ways else np.array([1.0, 0.0, 0.0])
+
+
+def _placed(frame: Points) -> np.ndarray:
+    return np.asarray(~np.isnan(frame).any(axis=1))
+
+
+def _send_markers(sender: Sender, tracked: Tracked) -> None:
+    """Draw the markers of each frame, with a line through neighbours and the number of each."""
+    clouds = [frame[_placed(frame)] for frame in tracked.points]
+    counts = [len(cloud) for cloud in clouds]
+    named = len(tracked.ids) <= _NAMED
+    style = rr.Points3D.from_fields(colors=colours.SENSED, radii=rr.Radius.ui_points(4.5), show_labels=named)
+    sender.constant("sensed", style)
+    numbers = np.array([str(number) for number in tracked.ids])
+    labels = np.concatenate([numbers[_placed(frame)] for frame in tracked.points]).tolist()
+    columns = rr.Points3D.columns(positions=np.concatenate(clouds), labels=labels)
+    sender.send("sensed", columns, counts)
+    sender.constant("route", rr.LineStrips3D.from_fields(colors=colours.AXIS, radii=rr.Radius.ui_points(1.5)))
+    sender.send("route", rr.LineStrips3D.columns(strips=clouds))
+
+
+def _send_numbers(sender: Sender, tracked: Tracked) -> None:
+    share = 100 * np.array([_placed(frame).mean() for frame in tracked.points])
+    for entity, name, colour, values in (
+        ("seen", "markers placed [%]", colours.TENSION_OUT, share),
+        ("noise", "noise [mm]", colours.ANGLE, 1e3 * tracked.noise),
+    ):
+        sender.constant(f"series/{entity}", rr.SeriesLines(names=name, colors=[colour], widths=[2.0]))
+        sender.send(f"series/{entity}", rr.Scalars.columns(scalars=values))
+
+
+def _send_images(recording: rr.RecordingStream, name: str, shots: Sequence[tuple[float, bytes]]) -> None:
+    sender = Sender(recording, np.array([time for time, _ in shots]))
+    blobs = [np.frombuffer(content, np.uint8) for _, content in shots]
+    sender.constant(f"camera/{name}", rr.EncodedImage.from_fields(media_type="image/jpeg"))
+    sender.send(f"camera/{name}", rr.EncodedImage.columns(blob=blobs))
+
+
+def _blueprint(tracked: Tracked, seen: Camera) -> rrb.Blueprint:
+    cameras = rrb.Horizontal(
+        *(
+            rrb.Spatial2DView(origin=f"camera/{name}", name=f"{name}: what was found", background=_DARK)
+            for name in tracked.images
+        )
+    )
+    space = rrb.Spatial3DView(
+        name=f"{tracked.name}: markers along the sheath, numbered from proximal to distal",
+        contents=["sensed/**", "route/**", "scale/**"],
+        background=_DARK,
+        line_grid=False,
+        eye_controls=rrb.EyeControls3D(
+            kind="Orbital", position=seen.eye, look_target=seen.target, eye_up=seen.up
+        ),
+    )
+    below = rrb.Horizontal(
+        rrb.TextDocumentView(origin="summary", name="What is seen"),
+        rrb.TimeSeriesView(name="Markers placed [%] over time [s]", contents=["series/seen"]),
+        rrb.TimeSeriesView(name="Noise of a coordinate [mm]", contents=["series/noise"]),
+        column_shares=[40, 30, 30],
+    )
+    return rrb.Blueprint(
+        rrb.Vertical(rrb.Horizontal(space, cameras, column_shares=[45, 55]), below, row_shares=[66, 34]),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="paused", loop_mode="all"),
+        auto_views=False,
+        auto_layout=False,
+    )
+
+
+_DARK = rrb.Background(color=colours.BACKGROUND)

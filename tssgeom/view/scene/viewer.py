@@ -1,0 +1,244 @@
+"""The Rerun viewer as a program: opened on recordings, or asked for a picture where there is no screen."""
+
+from __future__ import annotations
+
+import os
+import re
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO
+
+import numpy as np
+import rerun_cli
+from rerun.chunk import Chunk, RrdReader
+from rerun.experimental import ViewerClient
+
+from tssgeom.arrays import Vector
+from tssgeom.errors import SourceError, require_replaceable
+from tssgeom.tendon.history import last_peak
+from tssgeom.view.quantities import COUNT, TIMELINE
+
+_HOST = "127.0.0.1"
+_DRIVES = ["/series/tension_in", "/a/series/tension_in"]
+_START_LIMIT = 20.0
+"""Longest wait for the viewer to start [s]."""
+_NOTICES = 3.5
+"""Time from its start until the viewer's notices have gone from the picture [s]."""
+_SETTLE = 1.2
+"""Time to draw after the last change [s]."""
+
+
+def open_viewer(
+    paths: Sequence[Path], *, web: bool = False, announce: Callable[[str], object] = print
+) -> int:
+    """Open the viewer on recordings and wait until it is closed.
+
+    Parameters
+    ----------
+    paths
+        `.rrd` files; several are listed side by side in the viewer.
+    web
+        True: serve the viewer to a browser on this machine instead of opening a window.
+    announce
+        Called with a line that names the address to open, where `web` is True.
+
+    Returns
+    -------
+    int
+        Exit status of the viewer.
+
+    Raises
+    ------
+    SourceError
+        Where a file is missing or is no recording.
+    """
+    for path in paths:
+        require_recording(path)
+    files = [str(path) for path in paths]
+    options = _web_options(announce) if web else ["--port", "auto"]
+    try:
+        return subprocess.run([binary(), *files, "--bind", _HOST, *options], check=False).returncode
+    except KeyboardInterrupt:
+        return 0
+
+
+def screenshot(
+    path: Path, png: Path, size: tuple[int, int] = (1600, 900), *, at: float | None = None
+) -> None:
+    """Take a picture of a recording as the viewer shows it; this needs no display.
+
+    Parameters
+    ----------
+    path
+        The `.rrd` file.
+    png
+        The picture to write.
+    size
+        Width and height of the picture [pixel].
+    at
+        Time of the run that is shown [s]; the moment of greatest tension by default.
+
+    Raises
+    ------
+    SourceError
+        Where the file is no recording, the picture cannot be written, or there is no graphics driver.
+    """
+    require_recording(path)
+    require_replaceable(png)
+    moment = moment_of_greatest_tension(path) if at is None else (TIMELINE, at)
+    png.parent.mkdir(parents=True, exist_ok=True)
+    png.unlink(missing_ok=True)
+    with _headless(path, size) as viewer:
+        if moment is not None:
+            _go_to(viewer, *moment)
+        time.sleep(_SETTLE)
+        viewer.save_screenshot(str(png.resolve()))
+    if not png.is_file():
+        raise SourceError(f"{png}: the viewer wrote no picture: check that the folder can be written")
+
+
+def _go_to(viewer: ViewerClient, timeline: str, place: float) -> None:
+    if timeline == COUNT:
+        viewer.set_time(COUNT, sequence=int(place), play_state="paused")
+    else:
+        viewer.set_time(timeline, duration=place, play_state="paused")
+
+
+def moment_of_greatest_tension(path: Path) -> tuple[str, float] | None:
+    """Timeline and place [s, or number] of the last of the greatest peaks of the proximal tension.
+
+    None for a static shape.
+
+    Raises
+    ------
+    SourceError
+        Where the recording is cut short or damaged.
+    """
+    found = dict[str, tuple[list[Vector], list[Vector]]]()
+    for chunk in parts_of(path, _DRIVES):
+        batch = chunk.to_record_batch()
+        for timeline, unit in ((TIMELINE, 1e-9), (COUNT, 1.0)):
+            if timeline in batch.schema.names:
+                places, tensions = found.setdefault(timeline, ([], []))
+                places.append(unit * batch.column(timeline).cast("int64").to_numpy())
+                tensions.append(batch.column("Scalars:scalars").flatten().to_numpy())
+    for timeline, (places, tensions) in found.items():
+        return timeline, float(np.concatenate(places)[last_peak(np.concatenate(tensions))])
+    return None
+
+
+def parts_of(path: Path, entities: Sequence[str] | None = None) -> Iterator[Chunk]:
+    """Yield the parts of a recording that belong to some entities, or all of them.
+
+    Raises
+    ------
+    SourceError
+        Where the recording is cut short or damaged.
+    """
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # a file without a table of contents is read all the same
+            parts = RrdReader(str(path)).stream()
+        yield from parts if entities is None else parts.filter(content=list(entities))
+    except (RuntimeError, ValueError) as error:
+        why = str(error).rpartition(": ")[2]
+        raise SourceError(f"{path}: the recording is cut short or damaged ({why}): write it anew") from error
+
+
+def require_recording(path: Path) -> None:
+    """Refuse what is no recording.
+
+    Raises
+    ------
+    SourceError
+        Where the file is missing or is none.
+    """
+    try:
+        with path.open("rb") as stream:
+            magic = stream.read(3)
+    except OSError as error:
+        raise SourceError(f"{path}: cannot read the recording ({error.strerror}): check the path") from error
+    if magic != b"RRF":
+        raise SourceError(f"{path}: no Rerun recording: give a .rrd file that tssgeom wrote")
+
+
+def binary() -> str:
+    """Path of the viewer itself; the `rerun` command beside Python only starts it."""
+    name = "rerun.exe" if os.name == "nt" else "rerun"
+    return str(Path(rerun_cli.__file__).parent / name)
+
+
+def _web_options(announce: Callable[[str], object]) -> list[str]:
+    web, grpc = _free_port(), _free_port()
+    source = f"rerun%2Bhttp%3A%2F%2F{_HOST}%3A{grpc}%2Fproxy"
+    announce(f"open http://{_HOST}:{web}/?url={source} in a browser; Ctrl-C ends it")
+    sys.stdout.flush()
+    return ["--serve-web", "--port", str(grpc), "--web-viewer-port", str(web)]
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind((_HOST, 0))
+        return int(probe.getsockname()[1])
+
+
+@contextmanager
+def _headless(path: Path, size: tuple[int, int]) -> Iterator[ViewerClient]:
+    """Run a viewer without a window on a recording that is loaded, and end it afterwards."""
+    port, began = _free_port(), time.monotonic()
+    options = ["--headless", "--hide-welcome-screen", "--window-size", f"{size[0]}x{size[1]}"]
+    command = [binary(), str(path), *options, "--bind", _HOST, "--port", str(port)]
+    # With CI set the viewer reports nothing about its use to its makers.
+    with tempfile.TemporaryFile() as log:
+        environment = {**os.environ, "CI": "true", "RUST_LOG": "error"}
+        viewer = subprocess.Popen(command, stdout=log, stderr=log, env=environment)
+        try:
+            yield _loaded(viewer, port, began)
+        except (ConnectionError, RuntimeError, TimeoutError) as error:
+            raise _failure(path, log) from error
+        finally:
+            viewer.terminate()
+            viewer.wait(10)
+
+
+def _loaded(viewer: subprocess.Popen[bytes], port: int, began: float) -> ViewerClient:
+    while not _answers(port):
+        if viewer.poll() is not None or time.monotonic() > began + _START_LIMIT:
+            raise ConnectionError("the viewer did not start")
+        time.sleep(0.05)
+    client = ViewerClient.connect(f"rerun+http://{_HOST}:{port}/proxy")
+    while not client.get_state().recordings or client.get_state().loading:
+        if viewer.poll() is not None or time.monotonic() > began + _START_LIMIT:
+            raise ConnectionError("the viewer did not load the recording")
+        time.sleep(0.1)
+    while time.monotonic() < began + _NOTICES:
+        client.get_state()  # makes the viewer draw, without which its notices stay for ever
+        time.sleep(0.1)
+    return client
+
+
+def _answers(port: int) -> bool:
+    try:
+        with socket.create_connection((_HOST, port), timeout=0.2):
+            return True
+    except OSError:
+        return False
+
+
+def _failure(path: Path, log: IO[bytes]) -> SourceError:
+    log.seek(0)
+    text = re.sub(r"\x1b\[[0-9;]*m", "", log.read().decode(errors="replace"))
+    if re.search(r"render context|graphics adapter", text):
+        return SourceError(
+            f"{path}: no picture, as there is no Vulkan driver: install one that needs no graphics card "
+            "(Debian, Ubuntu: apt-get install mesa-vulkan-drivers)"
+        )
+    said = next((line.strip() for line in text.splitlines() if line.strip()), "it gave no message")
+    return SourceError(f"{path}: the Rerun viewer failed ({said}): run `rerun rrd verify {path}`")

@@ -1,0 +1,141 @@
+"""What the pictures say in words and numbers: labels, the summary and the table of pieces."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from tssgeom.route.pieces import Arcs
+from tssgeom.stream import FrameResult
+from tssgeom.view.samples import Drawn
+
+_STRAIGHT_RADIUS = 100.0
+"""A piece of a larger radius than this is called straight [m]."""
+
+
+def decimals(error: float, usual: int) -> int:
+    """Return with how many decimals a value is told: so many that its standard error shows two digits.
+
+    The `usual` ones where the error is not known, or does not reach two decimals beyond them.
+    """
+    if not 10.0 ** -(usual + 2) <= error < math.inf:
+        return usual
+    return max(1 - math.floor(math.log10(error)), 0)
+
+
+def plus_minus(error: float, usual: int) -> str:
+    """Write "± 0.0041", with the decimals of its value, or with one digit where it is far below them."""
+    if 10.0 ** -(usual + 2) <= error < math.inf:
+        return f"± {error:.{decimals(error, usual)}f}"
+    return f"± {error:.1g}"
+
+
+def with_error(value: float, error: float, usual: int, sign: str = "") -> str:
+    """Write a value and its standard error, "2.5512 ± 0.0041"; `sign` "+" writes that of the value too."""
+    return f"{value:{sign}.{decimals(error, usual)}f} {plus_minus(error, usual)}"
+
+
+def angle_with_error(angle: float, error: float) -> str:
+    """Write an angle and its standard error [rad] in degrees."""
+    told, half = with_error(math.degrees(angle), math.degrees(error), 1).split(" ± ")
+    return f"{told}° ± {half}°"
+
+
+def degrees(angle: float) -> str:
+    """Write an angle [rad] in degrees, with one digit where it is small."""
+    value = math.degrees(angle)
+    return f"{value:.0f}°" if value >= 100 else f"{value:.1f}°"
+
+
+def radius(kappa: float) -> str:
+    """Write the radius of a curvature [1/m], or "straight"."""
+    if kappa * _STRAIGHT_RADIUS < 1:
+        return "straight"
+    return f"r {1e3 / kappa:.1f} mm" if kappa > 1 else f"r {1 / kappa:.2f} m"
+
+
+def piece_labels(arcs: Arcs) -> list[str]:
+    """One label for each piece: "2 · 45.0° · r 84.7 mm"."""
+    pairs = zip(arcs.angle, arcs.kappa, strict=True)
+    return [_piece_label(number, angle, kappa) for number, (angle, kappa) in enumerate(pairs, start=1)]
+
+
+def _piece_label(number: int, angle: float, kappa: float) -> str:
+    if kappa * _STRAIGHT_RADIUS < 1:
+        return f"{number} · straight"
+    return f"{number} · {degrees(angle)} · {radius(kappa)}"
+
+
+def end_labels(tension_in: float, tension_out: float) -> list[str]:
+    """Labels of the proximal and the distal end, each with its tension [N]."""
+    return [f"proximal · T_in {tension_in:.2f} N", f"distal · T_out {tension_out:.2f} N"]
+
+
+def summary(name: str, result: FrameResult, timed: bool) -> str:
+    """Say in words what is seen in a frame, as markdown."""
+    heading = f"### {name}" + (f" at {result.frame.time:.2f} s" if timed else "")
+    warnings = "\n".join(f"- ⚠ {warning}" for warning in result.warnings)
+    return "\n\n".join(part for part in (heading, *sentences(result), warnings) if part)
+
+
+def sentences(result: FrameResult) -> tuple[str, str]:
+    """Say in one paragraph what the route is, and in another what the tendon does, as markdown."""
+    return _route_words(result), _tension_words(result)
+
+
+def _route_words(result: FrameResult) -> str:
+    profile, arcs = result.profile, result.arcs
+    pieces = "one piece" if len(arcs.length) == 1 else f"{len(arcs.length)} pieces"
+    return (
+        f"The route is **L = {1e3 * arcs.total_length:.1f} mm** long and turns through "
+        f"**Φ = {angle_with_error(arcs.total_angle, arcs.total_angle_se)}** in all: "
+        f"{pieces} of constant curvature (method: {arcs.method}; sensor noise {noise(result)} mm; "
+        f"{_sharpest(float(profile.kappa.max()))})."
+    )
+
+
+def _sharpest(kappa: float) -> str:
+    return "no bend" if kappa * _STRAIGHT_RADIUS < 1 else f"sharpest bend {radius(kappa)}"
+
+
+def noise(result: FrameResult) -> str:
+    """Write the noise of a coordinate of the sensed points, without its unit [mm]."""
+    value = 1e3 * result.route.noise
+    return f"{value:.3g}" if value >= 1e-3 else "< 0.001"
+
+
+def _tension_words(result: FrameResult) -> str:
+    seen = result.transmission
+    verb = "Pulled" if seen.direction_index > 0 else "Released"
+    share = f" ({100 * seen.tension_out / seen.tension_in:.0f} %)" if seen.tension_in > 0 else ""
+    return (
+        f"{verb} to **T_in = {seen.tension_in:.2f} N**, the distal end feels "
+        f"**T_out = {with_error(seen.tension_out, seen.tension_out_se, 2)} N**{share} and the tendon is "
+        f"stretched by **δ = {with_error(1e3 * seen.elongation, 1e3 * seen.elongation_se, 3)} mm**. "
+        + _dead_zone_words(result)
+    )
+
+
+def _dead_zone_words(result: FrameResult) -> str:
+    seen = result.transmission
+    if not seen.dead_zone:
+        return "Every change of T_in now reaches the distal end."
+    change = "rise" if seen.direction_index > 0 else "fall"
+    return f"Dead zone: T_in has to {change} by another {seen.dead_zone_width:.2f} N before T_out answers."
+
+
+def piece_table(arcs: Arcs, frame: Drawn) -> str:
+    """Table of the pieces as markdown: place, length, angle, radius and tension at the distal side."""
+    ends = np.append(arcs.s_start[1:], arcs.total_length)
+    rows = zip(arcs.s_start, arcs.length, arcs.angle, arcs.kappa, frame.tension_at(ends), strict=True)
+    lines = [_table_row(number, *row) for number, row in enumerate(rows, start=1)]
+    head = "| piece | from [mm] | length [mm] | angle [°] | radius | T after it [N] |"
+    return "\n".join([head, "|--:|--:|--:|--:|--:|--:|", *lines])
+
+
+def _table_row(number: int, start: float, length: float, angle: float, kappa: float, tension: float) -> str:
+    return (
+        f"| {number} | {1e3 * start:.1f} | {1e3 * length:.1f} | {math.degrees(angle):.1f} "
+        f"| {radius(kappa).removeprefix('r ')} | {tension:.2f} |"
+    )

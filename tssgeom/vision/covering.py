@@ -1,0 +1,58 @@
+"""Blobs covered in part or run into another: their area jumps, their centre is off; docs/model.md (139)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numba import njit
+
+from tssgeom.vision.cameras import Camera
+from tssgeom.vision.views import Located, Look
+
+_WHOLE = (0.75, 1.35)  # of the usual area: smaller is covered in part, larger is two in one
+_HALF = 15  # frames before and after, over which the usual area is taken
+_FEWEST = 5
+
+
+def uncovered(
+    cameras: tuple[Camera, ...], looks: Sequence[Look], frames: Sequence[Located]
+) -> list[np.ndarray]:
+    """Return the sightings of every marker without those that are covered in part or two in one.
+
+    Parameters
+    ----------
+    cameras
+        The cameras.
+    looks, frames
+        What they saw, and where the markers were placed by it.
+
+    Returns
+    -------
+    list of ndarray
+        For each frame the sighting of each camera, -1 for none [n, v].
+    """
+    which = np.array([one.which for one in frames])
+    size = np.full(which.shape, np.nan)
+    for f, (seen, one) in enumerate(zip(looks, frames, strict=True)):
+        for v, camera in enumerate(cameras):
+            here = which[f, :, v] >= 0
+            depth = one.points[here] @ camera.rotation[2] + camera.shift[2]
+            size[f, here, v] = seen.seen[v].size[which[f, here, v]] * depth**2
+    share = size / _usual(size)
+    return list(np.where((share < _WHOLE[0]) | (share > _WHOLE[1]), -1, which))
+
+
+@njit(cache=True, nogil=True)
+def _usual(size: np.ndarray) -> np.ndarray:
+    """Median over the frames around, NaN where too few of them tell it [f, n, v]."""
+    out = np.full_like(size, np.nan)
+    for f in range(size.shape[0]):
+        around = size[max(f - _HALF, 0) : f + _HALF + 1]
+        for n in range(size.shape[1]):
+            for v in range(size.shape[2]):
+                one = around[:, n, v]
+                seen = one[np.isfinite(one)]
+                if len(seen) >= _FEWEST:
+                    out[f, n, v] = np.median(seen)
+    return out

@@ -1,0 +1,109 @@
+"""Markers placed in space from the sightings that were assigned to them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tssgeom.arrays import Vector
+from tssgeom.errors import SettingsError
+from tssgeom.vision.cameras import Camera, eyes
+from tssgeom.vision.single_view import by_tag, on_plane, refuse_without_plane
+from tssgeom.vision.triangulation import mean_of, triangulate
+from tssgeom.vision.views import Located, Look, gathered
+
+
+@dataclass(frozen=True, slots=True)
+class Alone:
+    """What tells the depth where there is one camera only."""
+
+    plane: float | None = None
+    """The markers lie on the plane z = plane of the common frame [m]."""
+    side: float | None = None
+    """Side of the tags [m]."""
+
+
+def refuse_one_camera(cameras: tuple[Camera, ...], alone: Alone, *, tags: bool) -> None:
+    """Refuse one camera where nothing tells the depth.
+
+    Raises
+    ------
+    SettingsError
+        Where one camera has neither a plane nor tags of a known side.
+    """
+    first, *others = cameras
+    if others:
+        return
+    if alone.plane is not None:
+        refuse_without_plane(first, alone.plane)
+    elif not (tags and alone.side):
+        how = "--plane-mm where the route lies in a plane, or --tag-mm for tags of a known side"
+        raise SettingsError(f"one camera does not tell the depth of a marker: add a camera, or give {how}")
+
+
+def located(
+    cameras: tuple[Camera, ...], found: Look, which: np.ndarray, gate: Vector, alone: Alone
+) -> Located:
+    """Place markers.
+
+    Parameters
+    ----------
+    cameras
+        One for each column of `which`.
+    found
+        What they saw.
+    which
+        The sighting of each camera that a marker comes from, -1 for none [n, v].
+    gate
+        Largest square by the number of views.
+    alone
+        What tells the depth of one camera.
+    """
+    first, *others = cameras
+    if others:
+        return _from_views(cameras, found, which, gate)
+    return _from_one(first, found, which, alone)
+
+
+def _from_views(cameras: tuple[Camera, ...], found: Look, which: np.ndarray, gate: Vector) -> Located:
+    slope, weight = gathered(found, which)
+    views, count, corners = slope.shape[:3]
+    flat = slope.reshape(views, -1, 2), weight.reshape(views, -1, 2, 2)
+    placed = triangulate(eyes(cameras), *flat, gate)
+    points, covariance = mean_of(
+        placed.points.reshape(count, corners, 3), placed.covariance.reshape(count, corners, 3, 3)
+    )
+    good = np.asarray(np.isfinite(points).all(axis=1))
+    used = placed.used.reshape(views, count, corners).all(axis=2).T
+    freedom = placed.freedom.reshape(count, corners).sum(axis=1)
+    return Located(
+        points,
+        covariance,
+        placed.square.reshape(count, corners).sum(axis=1),
+        np.where(good, freedom, 0.0),
+        np.where(used & good[:, None], which, -1),
+    )
+
+
+def _from_one(camera: Camera, found: Look, which: np.ndarray, alone: Alone) -> Located:
+    rows, seen = which[:, 0], found.seen[0]
+    here = rows >= 0
+    count = len(rows)
+    points, covariance = np.full((count, 3), np.nan), np.full((count, 3, 3), np.nan)
+    chosen = rows[here]
+    if alone.plane is not None:
+        corners = seen.pixels.shape[1]
+        noise = seen.noise[chosen] / np.sqrt(corners)
+        points[here], covariance[here] = on_plane(camera, seen.centre[chosen], noise, alone.plane)
+    elif alone.side is not None:
+        points[here], covariance[here] = by_tag(camera, seen.pixels[chosen], seen.noise[chosen], alone.side)
+    good = np.asarray(np.isfinite(points).all(axis=1))
+    covariance[~good] = np.nan
+    return Located(
+        points,
+        covariance,
+        np.where(good, 0.0, np.nan),
+        np.zeros(count),
+        np.where(good[:, None], which, -1),
+    )

@@ -1,0 +1,146 @@
+"""Images with what was found in them: markers, their numbers, the route, and how far each is off."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+
+from tssgeom.vision.boards import BoardSeen
+from tssgeom.vision.cameras import Camera, project
+from tssgeom.vision.sightings import Sightings
+from tssgeom.vision.views import Located
+
+_WHITE, _UNUSED, _SHADE = (255, 255, 255), (80, 80, 255), (0, 0, 0)
+_MAGNIFIED = 20.0
+"""How many times longer than they are the errors are drawn."""
+_BAND = 0.04  # of the height of an image, for the line of text
+_SUB = 4  # bits of a pixel that OpenCV draws to
+
+
+def drawn(
+    image: np.ndarray,
+    camera: Camera,
+    seen: Sightings,
+    one: Located,
+    view: int,
+    labels: Sequence[int],
+    heading: str,
+) -> np.ndarray:
+    """Draw what one camera saw in one frame.
+
+    Circles are sightings: in the colour of their place along the route with their number, or red where they
+    were not used. The line joins the points as placed in space; short white strokes are twenty times the
+    reprojection errors.
+    """
+    canvas = _in_colour(image)
+    size = max(canvas.shape[0] / 600.0, 0.6)
+    shades = _shades(len(one.points))
+    pixels = project(camera, one.points)
+    _draw_route(canvas, pixels, shades, size)
+    used = one.which[:, view]
+    for k in set(range(len(seen))) - set(used.tolist()):
+        _draw_outline(canvas, seen, k, _UNUSED, size)
+    for n, k in enumerate(used.tolist()):
+        if k >= 0:
+            _draw_outline(canvas, seen, k, shades[n], size)
+            error = seen.centre[k] - pixels[n]
+            _draw_line(canvas, seen.centre[k], seen.centre[k] + _MAGNIFIED * error, _WHITE, size)
+            _write(canvas, str(labels[n]), seen.centre[k] + _beside(seen, k), shades[n], 0.45 * size)
+    return _headed(canvas, heading, size)
+
+
+def drawn_board(image: np.ndarray, seen: BoardSeen | None, heading: str) -> np.ndarray:
+    """Draw the corners of a board that were found in an image."""
+    canvas = _in_colour(image)
+    size = max(canvas.shape[0] / 600.0, 0.6)
+    if seen is not None:
+        shades = _shades(int(seen.corners.max()) + 1)
+        for corner, pixel in zip(seen.corners, seen.pixels, strict=True):
+            cv2.circle(canvas, _at(pixel), _fine(3.5 * size), shades[corner], 1, cv2.LINE_AA, _SUB)
+        for corner in (0, 1):
+            here = seen.pixels[seen.corners == corner]
+            if len(here):
+                _write(canvas, str(corner), here[0] + 6 * size, shades[corner], 0.45 * size)
+    return _headed(canvas, heading, size)
+
+
+def beside(images: Sequence[np.ndarray]) -> np.ndarray:
+    """Set images of one frame side by side, at one height."""
+    height = max(image.shape[0] for image in images)
+    padded = [cv2.copyMakeBorder(i, 0, height - i.shape[0], 0, 4, cv2.BORDER_CONSTANT) for i in images]
+    return np.hstack(padded)
+
+
+def encoded(image: np.ndarray) -> bytes:
+    """Return an image as JPEG."""
+    return cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, 92])[1].tobytes()
+
+
+def _in_colour(image: np.ndarray) -> np.ndarray:
+    return cv2.cvtColor(image, cv2.COLOR_GRAY2BGR) if image.ndim == 2 else image.copy()
+
+
+def _shades(count: int) -> list[tuple[int, int, int]]:
+    """Colours from the proximal to the distal end, without the darkest."""
+    steps = np.linspace(60, 255, max(count, 1)).astype(np.uint8)
+    table = cv2.applyColorMap(steps[:, None], cv2.COLORMAP_VIRIDIS)[:, 0]
+    return [(int(b), int(g), int(r)) for b, g, r in table]
+
+
+def _draw_route(
+    canvas: np.ndarray, pixels: np.ndarray, shades: Sequence[tuple[int, int, int]], size: float
+) -> None:
+    """Join neighbours that were both placed; across a gap there is no line."""
+    for n in range(len(pixels) - 1):
+        if np.isfinite(pixels[n : n + 2]).all():
+            _draw_line(canvas, pixels[n], pixels[n + 1], shades[n], size)
+
+
+def _draw_line(
+    canvas: np.ndarray, start: np.ndarray, end: np.ndarray, colour: tuple[int, int, int], size: float
+) -> None:
+    if np.isfinite([start, end]).all() and max(np.abs(start).max(), np.abs(end).max()) < 1e5:
+        cv2.line(canvas, _at(start), _at(end), colour, max(round(size), 1), cv2.LINE_AA, _SUB)
+
+
+def _draw_outline(
+    canvas: np.ndarray, seen: Sightings, k: int, colour: tuple[int, int, int], size: float
+) -> None:
+    thick = max(round(1.3 * size), 1)
+    if seen.pixels.shape[1] > 1:
+        corners = np.rint(seen.pixels[k] * 2**_SUB).astype(np.int32)
+        cv2.polylines(canvas, [corners], True, colour, thick, cv2.LINE_AA, _SUB)
+        return
+    radius = float(np.sqrt(seen.size[k] / np.pi)) + 3 * size
+    cv2.circle(canvas, _at(seen.centre[k]), _fine(radius), colour, thick, cv2.LINE_AA, _SUB)
+
+
+def _beside(seen: Sightings, k: int) -> np.ndarray:
+    reach = float(np.sqrt(seen.size[k] / np.pi)) + 5.0
+    return np.array([0.8 * reach, -0.8 * reach])
+
+
+def _headed(canvas: np.ndarray, heading: str, size: float) -> np.ndarray:
+    band = max(int(_BAND * canvas.shape[0]), 18)
+    canvas = cv2.copyMakeBorder(canvas, band, 0, 0, 0, cv2.BORDER_CONSTANT)
+    _write(canvas, heading, np.array([6.0, 0.72 * band]), _WHITE, 0.5 * band / 18)
+    return canvas
+
+
+def _write(
+    canvas: np.ndarray, text: str, place: np.ndarray, colour: tuple[int, int, int], scale: float
+) -> None:
+    if np.isfinite(place).all():
+        at = int(place[0]), int(place[1])
+        cv2.putText(canvas, text, at, cv2.FONT_HERSHEY_SIMPLEX, scale, _SHADE, 3, cv2.LINE_AA)
+        cv2.putText(canvas, text, at, cv2.FONT_HERSHEY_SIMPLEX, scale, colour, 1, cv2.LINE_AA)
+
+
+def _at(pixel: np.ndarray) -> tuple[int, int]:
+    return _fine(pixel[0]), _fine(pixel[1])
+
+
+def _fine(value: float) -> int:
+    return round(float(value) * 2**_SUB)

@@ -1,0 +1,238 @@
+"""From what cameras saw to ordered points over time, with the noise that their views tell."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from tssgeom.arrays import Vector, read_only
+from tssgeom.errors import ShapeError
+from tssgeom.vision.cameras import Camera, project
+from tssgeom.vision.continuity import Off, beginning, followed
+from tssgeom.vision.covering import uncovered
+from tssgeom.vision.localisation import Alone, located, refuse_one_camera
+from tssgeom.vision.matching import Matches, matches_of
+from tssgeom.vision.neighbours import reach_of, settled
+from tssgeom.vision.sightings import Sightings
+from tssgeom.vision.sizes import of_one_size
+from tssgeom.vision.triangulation import gates, pixel_scale
+from tssgeom.vision.views import Located, Look, look, nowhere
+
+_GENEROUS = 5.0  # times the stated pixel noise, before the views have told it
+_PROBED = 60  # frames from which the pixel noise is told before anything is refused
+_FEW = 30.0  # degrees of freedom that the stated pixel noise weighs beside those of the views
+_UNUSED = 0.1  # of the blobs of a camera, above which more than chance is wrong
+_DOUBTFUL, _DOUBTFUL_PIXELS = 3.0, 0.2  # times the stated noise, and pixels
+_SELDOM = 0.02  # of the frames: a tag placed in fewer is a misreading
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """What is asked of the markers."""
+
+    tags: bool
+    ids: tuple[int, ...] = ()
+    """Numbers of the tags from the proximal to the distal end; rising by default."""
+    count: int | None = None
+    """How many blobs there are, where that is known."""
+    proximal: tuple[float, float] | None = None
+    """Pixel of the first camera near the proximal end, for blobs [px]."""
+    alone: Alone = field(default_factory=Alone)
+
+
+@dataclass(frozen=True, slots=True)
+class Track:
+    """Markers over time."""
+
+    ids: tuple[int, ...]
+    """Number of each tag along the route; for blobs their count from 0."""
+    frames: tuple[Located, ...]
+    scale: float
+    """Noise of a pixel as the views tell it, over what the detections state [1]."""
+    reprojection: Vector
+    """Root mean square distance of a marker from where its point should be seen, for each camera [v] [px]."""
+    warnings: tuple[str, ...] = ()
+
+
+def track(cameras: tuple[Camera, ...], seen: Iterable[Sequence[Sightings]], wanted: Wanted) -> Track:
+    """Turn sightings into ordered points.
+
+    Parameters
+    ----------
+    cameras
+        The cameras, in one common frame.
+    seen
+        For each frame what each camera found.
+    wanted
+        What the markers are and how they are ordered.
+
+    Raises
+    ------
+    SettingsError
+        Where one camera has nothing that tells depth.
+    ShapeError
+        Where the markers are not seen, or in no clear order.
+    """
+    refuse_one_camera(cameras, wanted.alone, tags=wanted.tags)
+    looks = [look(cameras, one) for one in seen]
+    if not looks:
+        raise ShapeError("there is no frame: check the video")
+    if wanted.tags:
+        return _of_tags(cameras, looks, wanted)
+    return _of_blobs(cameras, looks, wanted)
+
+
+def _of_tags(cameras: tuple[Camera, ...], looks: Sequence[Look], wanted: Wanted) -> Track:
+    known = wanted.ids or tuple(sorted({int(k) for one in looks for seen in one.seen for k in seen.ids}))
+    if not known:
+        raise ShapeError(
+            "no tag of the family is seen in any image: check --tags, the light and the sharpness"
+        )
+    numbered = [_numbered(one, known) for one in looks]
+
+    def placed(scale: float, chosen: Sequence[int]) -> list[Located]:
+        gate = gates(len(cameras), scale)
+        return [located(cameras, looks[k], numbered[k], gate, wanted.alone) for k in chosen]
+
+    scale = _scale(placed(_GENEROUS, _probes(looks)))
+    frames = placed(max(scale, 1.0), range(len(looks)))
+    ids, frames, notes = _often(known, frames, stated=bool(wanted.ids))
+    return _track(cameras, looks, ids, frames, notes)
+
+
+def _numbered(one: Look, known: Sequence[int]) -> np.ndarray:
+    """Return the sighting of each camera for every number, -1 where it does not see it [n, v]."""
+    which = np.full((len(known), len(one.seen)), -1)
+    row = {number: i for i, number in enumerate(known)}
+    for v, seen in enumerate(one.seen):
+        for k, number in enumerate(seen.ids):
+            if int(number) in row:
+                which[row[int(number)], v] = k
+    return which
+
+
+def _often(
+    known: Sequence[int], frames: Sequence[Located], *, stated: bool
+) -> tuple[tuple[int, ...], list[Located], tuple[str, ...]]:
+    """Leave out numbers that hardly any frame shows, unless they were asked for."""
+    times = np.count_nonzero([np.isfinite(one.points[:, 0]) for one in frames], axis=0)
+    keep = np.flatnonzero(times >= (0 if stated else max(_SELDOM * len(frames), 1)))
+    if not times[keep].sum():
+        raise ShapeError(
+            "tags are seen, but none could be placed: check that calibration and cameras belong together"
+        )
+    seldom = [
+        str(number) for number, count in zip(known, times, strict=True) if count < times.max() * _SELDOM
+    ]
+    notes = () if stated or not seldom else (f"tags {', '.join(seldom)} are hardly ever placed: left out",)
+    return tuple(known[int(k)] for k in keep), [_rows(one, keep) for one in frames], notes
+
+
+def _rows(one: Located, keep: np.ndarray) -> Located:
+    return Located(
+        one.points[keep], one.covariance[keep], one.square[keep], one.freedom[keep], one.which[keep]
+    )
+
+
+def _of_blobs(cameras: tuple[Camera, ...], looks: Sequence[Look], wanted: Wanted) -> Track:
+    gate = gates(len(cameras), max(_scale_of_blobs(cameras, looks, wanted.alone), 1.0))
+    matches, reach = _possible(cameras, looks, gate, wanted.alone)
+    begin = beginning(matches, reach, _off_end(cameras[0], wanted.proximal), wanted.count)
+    frames = [nowhere(len(begin.points), len(cameras))] * len(looks)
+    for k, which in followed(matches, begin):
+        frames[k] = located(cameras, looks[k], which, gate, wanted.alone)
+    whole = uncovered(cameras, looks, frames)
+    frames = [
+        one if np.array_equal(one.which, which) else located(cameras, seen, which, gate, wanted.alone)
+        for seen, one, which in zip(looks, frames, whole, strict=True)
+    ]
+    notes = () if wanted.proximal else (_taken_end(begin.points[0]),)
+    notes += tuple(_unused(cameras, looks, frames))
+    return _track(cameras, looks, tuple(range(len(begin.points))), frames, notes)
+
+
+def _possible(
+    cameras: tuple[Camera, ...], looks: Sequence[Look], gate: Vector, alone: Alone
+) -> tuple[list[Matches], float]:
+    """Return the points that each frame may show, and the distance within which the next marker lies [m]."""
+    matches = [matches_of(cameras, one, gate, alone) for one in looks]
+    matches = of_one_size(cameras, looks, matches)
+    return matches, reach_of(cameras, looks, matches)
+
+
+def _scale_of_blobs(cameras: tuple[Camera, ...], looks: Sequence[Look], alone: Alone) -> float:
+    """Return the pixel noise that clear matches of a few frames show, over the stated one [1]."""
+    gate, few = gates(len(cameras), _GENEROUS), [looks[k] for k in _probes(looks)]
+    matches, reach = _possible(cameras, few, gate, alone)
+    clear = [found.blobs[settled(found, reach)] for found in matches]
+    return _scale([located(cameras, one, which, gate, alone) for one, which in zip(few, clear, strict=True)])
+
+
+def _unused(cameras: tuple[Camera, ...], looks: Sequence[Look], frames: Sequence[Located]) -> Iterator[str]:
+    """Say of which camera many blobs are not used."""
+    for v, camera in enumerate(cameras):
+        total = sum(len(one.seen[v]) for one in looks)
+        used = sum(int((one.which[:, v] >= 0).sum()) for one in frames)
+        if total - used > _UNUSED * total:
+            yield (
+                f"camera {camera.name!r}: {100 * (total - used) / total:.0f} % of its blobs are not placed "
+                "(red in the images of --overlay): check calibration, look and area of the blobs"
+            )
+
+
+def _taken_end(place: Vector) -> str:
+    at = ", ".join(f"{1e3 * x:.0f}" for x in place)
+    return f"the end at ({at}) mm is taken for the proximal one: give --proximal X,Y where it is the other"
+
+
+def _off_end(camera: Camera, pixel: tuple[float, float] | None) -> Off | None:
+    """How far from a pixel of the first camera places are seen."""
+    if pixel is None:
+        return None
+    return lambda points: np.linalg.norm(project(camera, points) - np.array(pixel), axis=1)
+
+
+def _probes(looks: Sequence[Look]) -> list[int]:
+    count = min(len(looks), _PROBED)
+    return [int(k) for k in np.linspace(0, len(looks) - 1, count).round()]
+
+
+def _scale(frames: Sequence[Located]) -> float:
+    square = np.concatenate([one.square for one in frames])
+    return pixel_scale(square, np.concatenate([one.freedom for one in frames]))
+
+
+def _track(
+    cameras: tuple[Camera, ...],
+    looks: Sequence[Look],
+    ids: tuple[int, ...],
+    frames: Sequence[Located],
+    notes: tuple[str, ...],
+) -> Track:
+    """Scale the covariances by what the views tell of the noise; docs/model.md (133)."""
+    square = sum(float(np.nansum(one.square)) for one in frames)
+    freedom = sum(float(one.freedom.sum()) for one in frames)
+    scale = float(np.sqrt((square + _FEW) / (freedom + _FEW)))
+    scaled = tuple(
+        replace(one, points=read_only(one.points), covariance=read_only(one.covariance * scale**2))
+        for one in frames
+    )
+    off = _reprojection(cameras, looks, scaled)
+    if scale > _DOUBTFUL and np.nanmax(off) > _DOUBTFUL_PIXELS:
+        notes += (
+            f"views miss each other by {np.nanmax(off):.2f} px, {scale:.1f} times what images allow: check "
+            "that the calibration is of these cameras, in this order, and that they film in step",
+        )
+    return Track(ids, scaled, scale, off, notes)
+
+
+def _reprojection(cameras: tuple[Camera, ...], looks: Sequence[Look], frames: Sequence[Located]) -> Vector:
+    squares = [list[float]() for _ in cameras]
+    for seen, one in zip(looks, frames, strict=True):
+        for v, camera in enumerate(cameras):
+            here = one.which[:, v] >= 0
+            off = seen.seen[v].centre[one.which[here, v]] - project(camera, one.points[here])
+            squares[v].extend(np.sum(off * off, axis=1))
+    return np.array([np.sqrt(np.mean(each)) if each else np.nan for each in squares])

@@ -1,0 +1,75 @@
+"""What all cameras saw at one time, as directions with their weights."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tssgeom.arrays import Points, Vector
+from tssgeom.vision.cameras import Camera, sight
+from tssgeom.vision.sightings import Sightings
+from tssgeom.vision.triangulation import weights
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """What all cameras saw at one time."""
+
+    seen: tuple[Sightings, ...]
+    """One for each camera."""
+    slope: tuple[np.ndarray, ...]
+    """Directions of sight, for each camera [n, k, 2]."""
+    weight: tuple[np.ndarray, ...]
+    """Their inverse covariances [n, k, 2, 2]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Located:
+    """The markers of one frame, in the order of the route."""
+
+    points: Points
+    """A row of NaN for a marker that was not seen well [n, 3] [m]."""
+    covariance: np.ndarray
+    """[n, 3, 3] [m²]."""
+    square: Vector
+    """Sum of squared, weighted reprojection errors of a marker; NaN where it is not placed [n]."""
+    freedom: Vector
+    """Degrees of freedom of `square`, 0 where one camera places it [n]."""
+    which: np.ndarray
+    """The sighting of each camera that the marker comes from, -1 for none [n, v]."""
+
+
+def look(cameras: Sequence[Camera], seen: Sequence[Sightings]) -> Look:
+    """Turn pixels into directions."""
+    slopes, hefts = [], []
+    for camera, one in zip(cameras, seen, strict=True):
+        corners = one.pixels.shape[1]
+        slope, by_pixel = sight(camera, one.pixels.reshape(-1, 2))
+        slopes.append(slope.reshape(-1, corners, 2))
+        hefts.append(weights(by_pixel, np.repeat(one.noise, corners)).reshape(-1, corners, 2, 2))
+    return Look(tuple(seen), tuple(slopes), tuple(hefts))
+
+
+def nowhere(count: int, views: int) -> Located:
+    """Return what is known of a frame in which nothing was recognised."""
+    unseen = np.full(count, np.nan)
+    return Located(
+        np.full((count, 3), np.nan),
+        np.full((count, 3, 3), np.nan),
+        unseen,
+        np.zeros(count),
+        np.full((count, views), -1),
+    )
+
+
+def gathered(found: Look, which: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Directions [v, n, k, 2] and weights [v, n, k, 2, 2] of chosen sightings [n, v], NaN for none."""
+    count, views = which.shape
+    corners = found.slope[0].shape[1]
+    slope, weight = np.full((views, count, corners, 2), np.nan), np.zeros((views, count, corners, 2, 2))
+    for v in range(views):
+        here = which[:, v] >= 0
+        slope[v, here], weight[v, here] = found.slope[v][which[here, v]], found.weight[v][which[here, v]]
+    return slope, weight
