@@ -131,7 +131,8 @@ def test_point_4_straight_pieces_need_no_curvature():
     assert elongation_mm([15.0], WITH_STRAIGHTS) == pytest.approx(1.9167, abs=PRINTED)
     assert literal_11_mm(15.0, Arcs.exact([0.3], [PI])) == pytest.approx(1.1422, abs=PRINTED)  # left out
     nearly = Arcs.exact([0.1, 0.3, 0.1], [1e-15, PI, 1e-15])  # κ = 1e-14/m
-    assert literal_11_mm(15.0, nearly) == pytest.approx(1.5051, abs=PRINTED)
+    # how much is lost hangs on the last digit of exp: 1.5051 mm on one processor, 1.8680 mm on another
+    assert literal_11_mm(15.0, nearly) != pytest.approx(1.9167, rel=0.01)
     assert elongation_mm([15.0], nearly) == pytest.approx(1.9167, abs=PRINTED)
 
 
