@@ -55,7 +55,7 @@ def quality_of(
     """Turn a fit into cameras, and say how good it is."""
     cameras = tuple(_camera(*given) for given in zip(names, sizes, fitted.lens, fitted.pose, strict=True))
     covered = np.array([_covered(sighted, v, size) for v, size in enumerate(sizes)])
-    fitted = Calibration(
+    calibration = Calibration(
         cameras=cameras,
         covariance=read_only(fitted.covariance),
         noise=fitted.noise,
@@ -64,13 +64,13 @@ def quality_of(
         covered=covered,
         point_sd=_point_sd(corners, cameras, sighted, fitted) if len(names) > 1 else 0.0,
     )
-    fitted = replace(fitted, warnings=_warnings(fitted))
+    calibration = replace(calibration, warnings=_warnings(calibration))
     if board_frame is None:
-        return fitted
+        return calibration
     world = fitted.boards[board_frame]
     moved = [after(world, Pose(one.turn, one.shift)) for one in cameras]
     turned = tuple(replace(c, turn=p.turn, shift=p.shift) for c, p in zip(cameras, moved, strict=True))
-    return replace(fitted, cameras=turned)
+    return replace(calibration, cameras=turned)
 
 
 def _camera(name: str, size: tuple[int, int], lens: Vector, pose: Pose) -> Camera:
@@ -123,31 +123,31 @@ def _with(camera: Camera, parameter: int, change: float) -> Camera:
 
 
 def _again(cameras: tuple[Camera, ...], pixels: Sequence[Matrix]) -> Points:
-    slope = np.array([sight(camera, detection)[0] for camera, detection in zip(cameras, pixels, strict=True)])
+    slope = np.array([sight(camera, at)[0] for camera, at in zip(cameras, pixels, strict=True)])
     weight = np.broadcast_to(np.eye(2), (*slope.shape, 2)).copy()
     return triangulate(eyes(cameras), slope, weight, np.full(len(cameras) + 1, np.inf)).points
 
 
-def _warnings(fitted: Calibration) -> tuple[str, ...]:
+def _warnings(calibration: Calibration) -> tuple[str, ...]:
     said = list[str]()
-    for v, camera in enumerate(fitted.cameras):
-        focal = float(fitted.sd[v, 0] / camera.matrix[0, 0])
+    for v, camera in enumerate(calibration.cameras):
+        focal = float(calibration.sd[v, 0] / camera.matrix[0, 0])
         if focal > _FOCAL_SD:
             said.append(
                 f"camera {camera.name!r}: focal length known to {100 * focal:.1f} % only: tilt the board more"
             )
-        if fitted.covered[v] < _COVERED:
+        if calibration.covered[v] < _COVERED:
             said.append(
-                f"camera {camera.name!r}: corners cover {100 * fitted.covered[v]:.0f} % of the image: "
+                f"camera {camera.name!r}: corners cover {100 * calibration.covered[v]:.0f} % of the image: "
                 "move the board into its corners too"
             )
-        if fitted.reprojection[v] > _ERROR:
+        if calibration.reprojection[v] > _ERROR:
             said.append(
-                f"camera {camera.name!r}: corners are {fitted.reprojection[v]:.2f} px off: check focus, "
+                f"camera {camera.name!r}: corners are {calibration.reprojection[v]:.2f} px off: check focus, "
                 "flatness of the board and the size of its squares"
             )
-        if fitted.views[v] < _VIEWS:
+        if calibration.views[v] < _VIEWS:
             said.append(
-                f"camera {camera.name!r}: {fitted.views[v]} boards only: {_VIEWS} or more determine it better"
+                f"camera {camera.name!r}: {calibration.views[v]} boards only: {_VIEWS} or more determine it better"
             )
     return tuple(said)
