@@ -148,6 +148,6 @@ def _warnings(calibration: Calibration) -> tuple[str, ...]:
             )
         if calibration.views[v] < _VIEWS:
             said.append(
-                f"camera {camera.name!r}: {calibration.views[v]} boards only: {_VIEWS} or more determine it better"
+                f"camera {camera.name!r}: {calibration.views[v]} boards only: use {_VIEWS} or more"
             )
     return tuple(said)
