@@ -26,7 +26,7 @@ from tssgeom.rig import Rig
 from tssgeom.route.synthetic import colon, places
 from tssgeom.stream import Frame, FrameResult, process
 from tssgeom.vision.across import noise_across
-from tssgeom.vision.blobs import BlobLook, blob_finder
+from tssgeom.vision.blobs import BlobAppearance, blob_finder
 from tssgeom.vision.cameras import Camera
 from tssgeom.vision.sightings import Sightings
 from tssgeom.vision.tags import dictionary, tag_finder
@@ -89,7 +89,7 @@ def _films() -> list[tuple[str, list[Lens], bool, float]]:
 def _film(name: str, lenses: list[Lens], tags: bool, noise: float, frames: int) -> tuple[str, ...]:
     count = 9 if tags else _MARKERS
     routes = [arch(count, 0.02 * f)[0] for f in range(frames)]
-    find = tag_finder("4x4_50") if tags else blob_finder(BlobLook())
+    find = tag_finder("4x4_50") if tags else blob_finder(BlobAppearance())
     images = [
         [_image(lens, v, f, routes[f], tags, noise) for v, lens in enumerate(lenses)] for f in range(frames)
     ]
@@ -214,7 +214,7 @@ def _seen(
     for lens in lenses:
         order = random.permutation(count)
         pixels = lens.project(route[order]) + noise * random.standard_normal((count, 2))
-        depth = (route[order] - lens.place) @ lens.rotation[2]
+        depth = (route[order] - lens.position) @ lens.rotation[2]
         area = np.pi * (0.004 * lens.focal[0] / depth) ** 2 * random.uniform(0.85, 1.15, count)
         found.append(Sightings(pixels[:, None], np.full(count, noise), np.full(count, -1), area))
     return found

@@ -19,7 +19,7 @@ from tssgeom.io.results.recorded import recording_writer
 from tssgeom.route.observations import MIN_POINTS
 from tssgeom.stream import Frame
 from tssgeom.vision.across import noise_across
-from tssgeom.vision.blobs import BlobLook, blob_finder
+from tssgeom.vision.blobs import BlobAppearance, blob_finder
 from tssgeom.vision.cameras import Camera, refuse_other_size
 from tssgeom.vision.footage import Footage, open_footage
 from tssgeom.vision.localisation import Alone
@@ -36,7 +36,7 @@ class Asked:
 
     family: str | None
     """Family of the tags, or None for blobs."""
-    blobs: BlobLook
+    blobs: BlobAppearance
     rate: float | None
     """Frames each second, for images that tell none [1/s]."""
     most: int | None
@@ -55,7 +55,7 @@ def asked(
     """
     if (family is None) == (look is None):
         raise SettingsError("say what the markers are: --tags FAMILY, or --blobs bright, dark or #RRGGBB")
-    return Asked(family, BlobLook(look or "bright", *areas), rate, most)
+    return Asked(family, BlobAppearance(look or "bright", *areas), rate, most)
 
 
 def wanted(

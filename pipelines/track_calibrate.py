@@ -9,7 +9,7 @@ from pathlib import Path
 from pipelines.console import say, show, tracking
 from tssgeom.errors import SettingsError, ShapeError
 from tssgeom.io.formats.cameras import write_calibration
-from tssgeom.vision.boards import Board, BoardSeen, board_finder
+from tssgeom.vision.boards import Board, BoardDetection, board_finder
 from tssgeom.vision.calibration import calibrated
 from tssgeom.vision.footage import Footage, open_footage
 from tssgeom.vision.quality import Calibration
@@ -85,15 +85,15 @@ def _names(footage: Footage) -> list[str]:
 
 def _searched(
     footage: Footage, board: Board, *, quiet: bool
-) -> tuple[list[list[BoardSeen | None]], list[tuple[int, int]]]:
+) -> tuple[list[list[BoardDetection | None]], list[tuple[int, int]]]:
     """Look for the board in every image, of long videos in some of them, evenly."""
     find = board_finder(board, len(footage.sources))
     every = max((footage.count or 0) // _MOST, 1)
-    seen, sizes = list[list[BoardSeen | None]](), dict[int, tuple[int, int]]()
+    seen, sizes = list[list[BoardDetection | None]](), dict[int, tuple[int, int]]()
     with tracking(1, quiet=quiet) as tracker:
         tracker.begin("looking for the board")
         for k, images in enumerate(footage):
-            row = list[BoardSeen | None]([None] * len(images))
+            row = list[BoardDetection | None]([None] * len(images))
             for v, image in enumerate(images):
                 if image is None:
                     continue
@@ -124,7 +124,7 @@ def _summary(found: Calibration, files: Sequence[str]) -> dict[str, object]:
             "focal_px": [float(camera.matrix[0, 0]), float(camera.matrix[1, 1])],
             "focal_sd_px": found.sd[v, :2].tolist(),
             "distortion": camera.distortion.tolist(),
-            "place_m": camera.place.tolist(),
+            "place_m": camera.position.tolist(),
         }
         for v, camera in enumerate(found.cameras)
     ]
@@ -143,7 +143,7 @@ def _show(found: Calibration, out: Path) -> None:
     rows = []
     for v, camera in enumerate(found.cameras):
         focal, sd = camera.matrix[0, 0], found.sd[v, 0]
-        place = ", ".join(f"{1e3 * x:.1f}" for x in camera.place)
+        place = ", ".join(f"{1e3 * x:.1f}" for x in camera.position)
         rows.append(
             (
                 camera.name,

@@ -11,10 +11,10 @@ from pipelines.console import Tracker, tracking
 from tssgeom.atomic import replacing
 from tssgeom.stream import Frame
 from tssgeom.view.samples import evenly
-from tssgeom.vision.boards import BoardSeen
+from tssgeom.vision.boards import BoardDetection
 from tssgeom.vision.cameras import Camera
 from tssgeom.vision.footage import Footage
-from tssgeom.vision.overlay import beside, drawn, drawn_board, encoded
+from tssgeom.vision.overlay import annotated, annotated_board, beside, encoded
 from tssgeom.vision.sightings import Sightings
 from tssgeom.vision.track import Track
 
@@ -110,13 +110,13 @@ def _shown(
                 heading = (
                     f"{camera.name}   frame {k}   t = {frames[k].time:.3f} s   {_count(one.which[:, v])}"
                 )
-                shown.append(drawn(canvas, camera, seen[k][v], one, v, found.ids, heading))
+                shown.append(annotated(canvas, camera, seen[k][v], one, v, found.ids, heading))
             yield k, shown
         tracker.frame(len(frames))
 
 
 def write_board_overlays(
-    folder: Path, footage: Footage, names: Sequence[str], seen: Sequence[Sequence[BoardSeen | None]]
+    folder: Path, footage: Footage, names: Sequence[str], seen: Sequence[Sequence[BoardDetection | None]]
 ) -> list[str]:
     """Draw images with the corners of the board that were found, all cameras side by side.
 
@@ -132,7 +132,7 @@ def write_board_overlays(
             break
         if k in wanted:
             shown = [
-                drawn_board(
+                annotated_board(
                     image, board, f"{name}   image {k}   {0 if board is None else len(board.corners)} corners"
                 )
                 for image, board, name in zip(images, seen[k], names, strict=True)

@@ -163,7 +163,7 @@ def test_one_film_for_two_cameras_is_refused_unless_it_bears_a_camera_s_name(
     other.write_bytes((filmed / "cam0.avi").read_bytes())
     common = ("--calibration", calibration, "--blobs", "bright", "--out", tmp_path / "run.jsonl")
     assert "2 cameras" in run("track", other, *common).errors[0]
-    assert "does not tell the depth" in run("track", filmed / "cam0.avi", *common).errors[0]
+    assert "does not determine the depth" in run("track", filmed / "cam0.avi", *common).errors[0]
 
 
 def test_an_unknown_key_in_a_calibration_is_refused(filmed, calibration, run, tmp_path):

@@ -5,7 +5,7 @@ Nothing here imports what it judges.
 
 from tests.scenes.boards import Board, board_images, board_poses, checkerboard, pose_of
 from tests.scenes.draw import Ball, Scene, TagAt, render
-from tests.scenes.lenses import Lens, facing, ring
+from tests.scenes.lenses import Lens, ring, towards
 from tests.scenes.routes import arch, loop, tag_poses
 
 __all__ = [
@@ -18,10 +18,10 @@ __all__ = [
     "board_images",
     "board_poses",
     "checkerboard",
-    "facing",
     "loop",
     "pose_of",
     "render",
     "ring",
     "tag_poses",
+    "towards",
 ]

@@ -35,25 +35,25 @@ def checkerboard(columns: int = 9, rows: int = 6, square: float = 0.03) -> Board
     return Board(columns, rows, square, shade)
 
 
-def pose_of(board: Board, turn: Sequence[float], place: Sequence[float]) -> tuple[np.ndarray, np.ndarray]:
+def pose_of(board: Board, turn: Sequence[float], position: Sequence[float]) -> tuple[np.ndarray, np.ndarray]:
     """Pose of a board whose middle is at a place, turned from lying flat towards -y."""
     upright = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
     axes = Rotation.from_rotvec(turn).as_matrix() @ upright
     middle = 0.5 * board.square * np.array([board.columns - 1, board.rows - 1, 0.0])
     # the columns of `axes` are the board's x, y and z in the world: y runs down, z away from the cameras
-    return axes, np.array(place) - axes @ middle
+    return axes, np.array(position) - axes @ middle
 
 
 def board_poses(board: Board, count: int, seed: int = 1) -> list[tuple[np.ndarray, np.ndarray]]:
     """Poses that turn a board by up to 35 degrees and move it through the view."""
     random = np.random.default_rng(seed)
-    found = []
+    result = []
     for k in range(count):
         way = 2 * np.pi * k / count
         turn = 0.6 * np.array([np.cos(3 * way), 0.3 * np.sin(5 * way), np.sin(2 * way)])
-        place = np.array([0.06 * np.cos(way), 0.06 * np.sin(2 * way), 0.05 * np.sin(way)])
-        found.append(pose_of(board, turn + 0.1 * random.standard_normal(3), place))
-    return found
+        position = np.array([0.06 * np.cos(way), 0.06 * np.sin(2 * way), 0.05 * np.sin(way)])
+        result.append(pose_of(board, turn + 0.1 * random.standard_normal(3), position))
+    return result
 
 
 def board_images(
@@ -61,11 +61,11 @@ def board_images(
 ) -> list[np.ndarray]:
     """Images of a board in each pose, grey, 8 bits."""
     rays = _rays(camera, lens.width, lens.height, lens)
-    found = []
+    result = []
     for number, (axes, origin) in enumerate(poses):
         random = np.random.default_rng((77, camera, number))
-        place = lens.place
-        to_board = axes.T @ (place - origin)
+        position = lens.position
+        to_board = axes.T @ (position - origin)
         across = rays @ (lens.rotation @ axes)
         reach = -to_board[2] / across[:, 2]
         u, v = to_board[0] + reach * across[:, 0], to_board[1] + reach * across[:, 1]
@@ -75,8 +75,8 @@ def board_images(
         light = np.where(paper, 25.0 + 200.0 * board.shade(u, v), 70.0)
         image = light.reshape(lens.height, _FINE, lens.width, _FINE).mean(axis=(1, 3))
         image = gaussian_filter(image, 0.7) + noise * random.standard_normal((lens.height, lens.width))
-        found.append(np.clip(np.rint(image), 0, 255).astype(np.uint8))
-    return found
+        result.append(np.clip(np.rint(image), 0, 255).astype(np.uint8))
+    return result
 
 
 _KEPT: dict[int, tuple[Lens, np.ndarray]] = {}

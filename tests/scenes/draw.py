@@ -17,7 +17,7 @@ _FINE = 4  # rays along each side of a pixel
 class Ball:
     """A ball of even brightness: place and radius [m], colour blue green red."""
 
-    place: np.ndarray
+    position: np.ndarray
     radius: float = 0.004
     colour: tuple[float, float, float] = (230.0, 230.0, 230.0)
 
@@ -28,7 +28,7 @@ class TagAt:
 
     cells: np.ndarray
     side: float
-    place: np.ndarray
+    position: np.ndarray
     axes: np.ndarray
     """Right, up, out [3, 3]."""
     margin: float = 1.35
@@ -54,7 +54,7 @@ def render(
     y, x = np.mgrid[0 : lens.height, 0 : lens.width]
     ground = scene.background * (1.0 + 0.4 * x / lens.width - 0.3 * y / lens.height)
     image = np.repeat(ground[:, :, None], 3, axis=2)
-    for thing in sorted([*scene.balls, *scene.tags], key=lambda one: -_depth(lens, one.place)):
+    for thing in sorted([*scene.balls, *scene.tags], key=lambda one: -_depth(lens, one.position)):
         _draw(image, lens, thing)
     for number, x0, y0, x1, y1 in scene.covers:
         if number == camera:
@@ -64,14 +64,14 @@ def render(
     return np.clip(np.rint(image), 0, 255).astype(np.uint8)
 
 
-def _depth(lens: Lens, place: np.ndarray) -> float:
-    return float(lens.rotation[2] @ place + lens.shift[2])
+def _depth(lens: Lens, position: np.ndarray) -> float:
+    return float(lens.rotation[2] @ position + lens.shift[2])
 
 
 def _draw(image: np.ndarray, lens: Lens, thing: Ball | TagAt) -> None:
     reach = thing.radius if isinstance(thing, Ball) else 0.75 * thing.margin * thing.side
-    middle = lens.project(thing.place[None])[0]
-    wide = 1.15 * lens.focal[0] * reach / _depth(lens, thing.place) + 2
+    middle = lens.project(thing.position[None])[0]
+    wide = 1.15 * lens.focal[0] * reach / _depth(lens, thing.position) + 2
     x0, y0 = np.maximum(np.floor(middle - wide).astype(int), 0)
     x1 = min(int(middle[0] + wide) + 2, lens.width)
     y1 = min(int(middle[1] + wide) + 2, lens.height)
@@ -93,7 +93,7 @@ def _draw(image: np.ndarray, lens: Lens, thing: Ball | TagAt) -> None:
 
 
 def _ball(lens: Lens, rays: np.ndarray, ball: Ball) -> tuple[np.ndarray, np.ndarray]:
-    to = ball.place - lens.place
+    to = ball.position - lens.position
     along = rays @ to / np.sum(rays * rays, axis=1)
     off = along[:, None] * rays - to
     cover = (np.sum(off * off, axis=1) <= ball.radius**2).astype(float)
@@ -102,8 +102,8 @@ def _ball(lens: Lens, rays: np.ndarray, ball: Ball) -> tuple[np.ndarray, np.ndar
 
 def _tag(lens: Lens, rays: np.ndarray, tag: TagAt) -> tuple[np.ndarray, np.ndarray]:
     right, up, out = tag.axes
-    reach = ((tag.place - lens.place) @ out) / (rays @ out)
-    at = lens.place + reach[:, None] * rays - tag.place
+    reach = ((tag.position - lens.position) @ out) / (rays @ out)
+    at = lens.position + reach[:, None] * rays - tag.position
     u, v = at @ right / tag.side + 0.5, 0.5 - at @ up / tag.side
     paper = 0.5 * (tag.margin - 1.0)
     cover = ((u > -paper) & (u < 1 + paper) & (v > -paper) & (v < 1 + paper)).astype(float)

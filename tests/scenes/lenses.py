@@ -40,7 +40,7 @@ class Lens:
         return slope
 
     @property
-    def place(self) -> np.ndarray:
+    def position(self) -> np.ndarray:
         return -self.rotation.T @ self.shift
 
 
@@ -58,9 +58,9 @@ def _bent(slope: np.ndarray, distortion: tuple[float, ...]) -> np.ndarray:
     )
 
 
-def facing(place: np.ndarray, target: np.ndarray, roll: float = 0.0, **lens: object) -> Lens:
+def towards(position: np.ndarray, target: np.ndarray, roll: float = 0.0, **lens: object) -> Lens:
     """Camera at a place that looks at a target, the image's down along -z where it can be."""
-    ahead = target - place
+    ahead = target - position
     ahead = ahead / np.linalg.norm(ahead)
     right = np.cross(ahead, np.array([0.0, 0.0, 1.0]))
     right /= np.linalg.norm(right)
@@ -73,7 +73,7 @@ def facing(place: np.ndarray, target: np.ndarray, roll: float = 0.0, **lens: obj
         "distortion": (-0.21, 0.06, 4e-4, -6e-4, 0.0),
         **lens,
     }
-    return Lens(rotation=rotation, shift=-rotation @ place, **settings)  # type: ignore[arg-type]
+    return Lens(rotation=rotation, shift=-rotation @ position, **settings)  # type: ignore[arg-type]
 
 
 def ring(
@@ -86,12 +86,12 @@ def ring(
     """Cameras side by side on an arc around a target, looking down on it, each a little different."""
     aim = np.zeros(3) if target is None else target
     angles = np.linspace(-0.5, 0.5, count) * spread if count > 1 else np.array([0.2])
-    found = []
+    result = []
     for k, angle in enumerate(angles):
         way = np.array([np.sin(angle), -np.cos(angle), height + 0.12 * (k % 2)])
         lens = {
             "focal": (650.0 + 9 * k, 646.0 + 7 * k),
             "distortion": (-0.21 + 0.03 * k, 0.06, 4e-4, -6e-4, 0.0),
         }
-        found.append(facing(aim + distance * way / np.linalg.norm(way), aim, 0.03 * k, **lens))
-    return found
+        result.append(towards(aim + distance * way / np.linalg.norm(way), aim, 0.03 * k, **lens))
+    return result

@@ -21,17 +21,17 @@ def loop(
     """Markers on a helix about the upright axis, and its accumulated curve angle [rad]."""
     angle = np.linspace(-np.pi * turns, np.pi * turns, count)
     c = rise / (2 * np.pi)
-    places = np.column_stack((radius * np.cos(angle), radius * np.sin(angle), c * angle))
-    return places, float(2 * np.pi * turns * radius / np.hypot(radius, c))
+    positions = np.column_stack((radius * np.cos(angle), radius * np.sin(angle), c * angle))
+    return positions, float(2 * np.pi * turns * radius / np.hypot(radius, c))
 
 
-def tag_poses(places: np.ndarray, toward: np.ndarray) -> np.ndarray:
+def tag_poses(positions: np.ndarray, toward: np.ndarray) -> np.ndarray:
     """Axes [n, 3, 3] of tags at places that face a point: right, up, out."""
-    found = []
-    for place in places:
-        out = toward - place
+    result = []
+    for position in positions:
+        out = toward - position
         out = out / np.linalg.norm(out)
         right = np.cross(np.array([0.0, 0.0, 1.0]), out)
         right /= np.linalg.norm(right)
-        found.append([right, np.cross(out, right), out])
-    return np.array(found)
+        result.append([right, np.cross(out, right), out])
+    return np.array(result)

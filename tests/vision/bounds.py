@@ -5,15 +5,15 @@ import numpy as np
 STEP = 1e-6
 
 
-def bound(lenses, places, noise):
+def bound(lenses, positions, noise):
     """Root mean square error of a coordinate that pixel noise [px] allows at best [m]."""
-    found = []
-    for place in places:
+    result = []
+    for position in positions:
         slopes = np.concatenate(
             [
                 np.stack(
                     [
-                        (lens.project((place + step)[None]) - lens.project((place - step)[None]))[0]
+                        (lens.project((position + step)[None]) - lens.project((position - step)[None]))[0]
                         / (2 * STEP)
                         for step in STEP * np.eye(3)
                     ],
@@ -22,15 +22,15 @@ def bound(lenses, places, noise):
                 for lens in lenses
             ]
         )
-        found.append(np.trace(np.linalg.inv(slopes.T @ slopes)) * noise**2 / 3)
-    return float(np.sqrt(np.mean(found)))
+        result.append(np.trace(np.linalg.inv(slopes.T @ slopes)) * noise**2 / 3)
+    return float(np.sqrt(np.mean(result)))
 
 
-def pixel_error(lenses, images, places, find):
+def pixel_error(lenses, images, positions, find):
     """Root mean square error of a coordinate of the centres that were found [px]."""
     off = []
     for lens, image in zip(lenses, images, strict=True):
-        centre, truth = find(image).centre, lens.project(places)
+        centre, truth = find(image).centre, lens.project(positions)
         off.append(
             (centre - truth[np.linalg.norm(centre[:, None] - truth[None], axis=2).argmin(axis=1)]).ravel()
         )

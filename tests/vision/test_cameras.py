@@ -12,10 +12,10 @@ LENSES = ring(3)
 
 
 @pytest.mark.parametrize("view", range(3))
-def test_points_are_seen_where_the_lens_bends_them_to(cameras_of, view):
-    seen = project(cameras_of(LENSES)[view], PLACES)
+def test_points_project_to_where_the_lens_bends_them(cameras_of, view):
+    sightings = project(cameras_of(LENSES)[view], PLACES)
     # two programs in double precision on the same formula
-    np.testing.assert_allclose(seen, LENSES[view].project(PLACES), atol=1e-9)
+    np.testing.assert_allclose(sightings, LENSES[view].project(PLACES), atol=1e-9)
 
 
 def test_a_sight_undoes_the_lens_out_to_the_corners_of_the_image(cameras_of):
@@ -36,12 +36,12 @@ def test_the_derivative_of_a_pixel_is_that_of_the_lens(cameras_of):
         np.testing.assert_allclose(pixels_by_slope(camera, slope)[:, :, axis], change, atol=1e-5)
 
 
-def test_a_point_behind_a_camera_is_not_seen(cameras_of):
+def test_a_point_behind_a_camera_has_no_pixel(cameras_of):
     camera = cameras_of(LENSES)[0]
-    behind = camera.place - camera.rotation[2]
-    seen = project(camera, np.array([behind, PLACES[0]]))
-    assert np.isnan(seen[0]).all()
-    assert np.isfinite(seen[1]).all()
+    behind = camera.position - camera.rotation[2]
+    sightings = project(camera, np.array([behind, PLACES[0]]))
+    assert np.isnan(sightings[0]).all()
+    assert np.isfinite(sightings[1]).all()
 
 
 def test_images_of_another_size_than_calibrated_are_refused(cameras_of):

@@ -37,7 +37,7 @@ def test_two_sources_run_in_step_until_the_shorter_ends_and_it_is_said(tmp_path)
     assert footage.rate == 10.0
 
 
-def test_a_video_tells_its_rate_and_can_be_read_twice(tmp_path):
+def test_a_video_states_its_rate_and_can_be_read_twice(tmp_path):
     footage = open_footage([video(tmp_path / "run.avi", 7)])
     assert footage.rate == pytest.approx(25.0)
     assert [len(list(footage)), len(list(footage))] == [7, 7]

@@ -8,29 +8,29 @@ from tssgeom.errors import ShapeError
 from tssgeom.vision.ordering import belonging, chained
 
 
-def shuffled(places, seed):
-    order = np.random.default_rng(seed).permutation(len(places))
-    return places[order], order
+def shuffled(positions, seed):
+    order = np.random.default_rng(seed).permutation(len(positions))
+    return positions[order], order
 
 
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("route", [arch(20)[0], loop(24)[0], loop(40, turns=2.2)[0]])
 def test_the_order_of_shuffled_markers_comes_back(route, seed):
-    places, order = shuffled(route, seed)
-    found = order[chained(places)]
-    assert (np.diff(found) == 1).all() or (np.diff(found) == -1).all()
+    positions, order = shuffled(route, seed)
+    result = order[chained(positions)]
+    assert (np.diff(result) == 1).all() or (np.diff(result) == -1).all()
 
 
 def test_coils_closer_to_each_other_than_neighbours_are_refused():
-    places, _ = loop(12, radius=0.05, rise=0.02, turns=2.0)
+    positions, _ = loop(12, radius=0.05, rise=0.02, turns=2.0)
     with pytest.raises(ShapeError, match=r"tags with numbers|no one chain"):
-        chained(shuffled(places, 1)[0])
+        chained(shuffled(positions, 1)[0])
 
 
 def test_a_hole_of_several_markers_is_refused():
-    places = np.delete(arch(20)[0], [7, 8, 9, 10, 11], axis=0)
+    positions = np.delete(arch(20)[0], [7, 8, 9, 10, 11], axis=0)
     with pytest.raises(ShapeError, match="no one chain"):
-        chained(places)
+        chained(positions)
 
 
 def test_three_markers_are_no_route():
@@ -39,5 +39,5 @@ def test_three_markers_are_no_route():
 
 
 def test_a_lone_point_far_off_does_not_belong():
-    places = np.vstack((arch(12)[0], [[0.0, 0.4, 0.0]]))
-    assert belonging(places, 0.05).tolist() == [True] * 12 + [False]
+    positions = np.vstack((arch(12)[0], [[0.0, 0.4, 0.0]]))
+    assert belonging(positions, 0.05).tolist() == [True] * 12 + [False]

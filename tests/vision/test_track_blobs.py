@@ -8,14 +8,14 @@ from tssgeom.errors import SettingsError, ShapeError
 from tssgeom.rig import Rig
 from tssgeom.stream import Frame, FrameResult, process
 from tssgeom.vision.across import noise_across
-from tssgeom.vision.blobs import BlobLook, blob_finder
+from tssgeom.vision.blobs import BlobAppearance, blob_finder
 from tssgeom.vision.localisation import Alone
 from tssgeom.vision.sightings import Sightings
 from tssgeom.vision.track import Wanted, track
 
 from .bounds import bound, pixel_error
 
-FIND = blob_finder(BlobLook())
+FIND = blob_finder(BlobAppearance())
 COUNT = 16
 
 
@@ -24,17 +24,17 @@ def film(lenses, routes, covers=None, noise=4.0):
     hidden = covers or {}
     return [
         [
-            render(lens, Scene([Ball(p) for p in places], covers=hidden.get(f, ())), v, f, noise)
+            render(lens, Scene([Ball(p) for p in positions], covers=hidden.get(f, ())), v, f, noise)
             for v, lens in enumerate(lenses)
         ]
-        for f, places in enumerate(routes)
+        for f, positions in enumerate(routes)
     ]
 
 
 def tracked(cameras, images, lenses, routes, **wanted):
     start = tuple(lenses[0].project(routes[0][:1])[0])
-    seen = [[FIND(image) for image in row] for row in images]
-    return track(cameras, seen, Wanted(tags=False, proximal=start, **wanted))
+    sightings = [[FIND(image) for image in row] for row in images]
+    return track(cameras, sightings, Wanted(tags=False, proximal=start, **wanted))
 
 
 @pytest.fixture(scope="module")
@@ -50,30 +50,30 @@ def swaying():
 
 def test_errors_are_within_a_third_of_what_the_pixels_allow(cameras_of, swaying):
     lenses, routes, images = swaying
-    found = tracked(cameras_of(lenses), images, lenses, routes)
-    error = np.array([one.points for one in found.frames]) - routes
+    result = tracked(cameras_of(lenses), images, lenses, routes)
+    error = np.array([one.points for one in result.frames]) - routes
     noise = np.mean([pixel_error(lenses, images[f], routes[f], FIND) for f in (0, 1, 2, 6, 7)])
-    allowed = np.mean([bound(lenses, places, noise) for places in routes])
+    allowed = np.mean([bound(lenses, positions, noise) for positions in routes])
     assert np.sqrt(np.nanmean(error**2)) <= 1.3 * allowed
-    told = np.sqrt(np.nanmean([np.trace(one.covariance, axis1=1, axis2=2) / 3 for one in found.frames]))
-    assert told == pytest.approx(
+    stated = np.sqrt(np.nanmean([np.trace(one.covariance, axis1=1, axis2=2) / 3 for one in result.frames]))
+    assert stated == pytest.approx(
         allowed, rel=0.3
     )  # the spread of a shared bias of some hundredths of a pixel
 
 
-def test_a_hidden_marker_is_a_gap_and_no_other_is(cameras_of, swaying):
+def test_a_hidden_marker_is_missing_and_no_other_is(cameras_of, swaying):
     lenses, routes, images = swaying
-    found = tracked(cameras_of(lenses), images, lenses, routes)
-    gaps = np.argwhere([np.isnan(one.points[:, 0]) for one in found.frames])
-    assert gaps.tolist() == [[3, 6], [4, 6], [5, 6]]
+    result = tracked(cameras_of(lenses), images, lenses, routes)
+    spacings = np.argwhere([np.isnan(one.points[:, 0]) for one in result.frames])
+    assert spacings.tolist() == [[3, 6], [4, 6], [5, 6]]
 
 
 def test_markers_come_in_the_order_of_the_route_from_the_stated_end(cameras_of, swaying):
     lenses, routes, images = swaying
     end = tuple(lenses[0].project(routes[0][-1:])[0])
-    seen = [[FIND(image) for image in row] for row in images[:2]]
-    found = track(cameras_of(lenses), seen, Wanted(tags=False, proximal=end))
-    np.testing.assert_allclose(found.frames[0].points, routes[0][::-1], atol=2e-4)  # tens of standard errors
+    sightings = [[FIND(image) for image in row] for row in images[:2]]
+    result = track(cameras_of(lenses), sightings, Wanted(tags=False, proximal=end))
+    np.testing.assert_allclose(result.frames[0].points, routes[0][::-1], atol=2e-4)  # tens of standard errors
 
 
 def test_a_ball_that_is_covered_by_a_third_is_left_out_and_not_shifted(cameras_of):
@@ -82,8 +82,8 @@ def test_a_ball_that_is_covered_by_a_third_is_left_out_and_not_shifted(cameras_o
     radius = 0.004 * lenses[0].focal[0] / 0.55
     edge = round(float(x - 0.35 * radius))
     covers = {3: ((0, edge - 12, int(y) - 9, edge, int(y) + 10),)}
-    found = tracked(cameras_of(lenses), film(lenses, routes, covers), lenses, routes)
-    one = found.frames[3]
+    result = tracked(cameras_of(lenses), film(lenses, routes, covers), lenses, routes)
+    one = result.frames[3]
     assert one.which[8, 0] == -1
     assert (one.which[8, 1:] >= 0).all()
     assert (
@@ -94,31 +94,31 @@ def test_a_ball_that_is_covered_by_a_third_is_left_out_and_not_shifted(cameras_o
 def test_a_loop_that_crosses_itself_in_both_images_keeps_its_order(cameras_of):
     lenses = ring(3, height=0.75)
     routes = [loop(20)[0] + [0.002 * f, 0.001 * f, 0] for f in range(5)]
-    found = tracked(cameras_of(lenses), film(lenses, routes), lenses, routes)
-    error = np.array([one.points for one in found.frames]) - routes
+    result = tracked(cameras_of(lenses), film(lenses, routes), lenses, routes)
+    error = np.array([one.points for one in result.frames]) - routes
     assert np.nanmax(np.abs(error)) < 3e-4  # a hundredth of the spacing: a swap would be a hundred times more
     assert np.isfinite(error).all(axis=2).mean() > 0.9
 
 
-def test_a_route_that_leaps_is_found_again(cameras_of):
+def test_a_route_that_leaps_is_tracked_again(cameras_of):
     lenses = ring(2)
     routes = [arch(COUNT)[0] + [shift, 0, 0] for shift in (0.0, 0.001, 0.04, 0.041)]
-    found = tracked(cameras_of(lenses), film(lenses, routes), lenses, routes)
-    error = np.array([one.points for one in found.frames]) - routes
+    result = tracked(cameras_of(lenses), film(lenses, routes), lenses, routes)
+    error = np.array([one.points for one in result.frames]) - routes
     assert np.nanmax(np.abs(error)) < 3e-4  # far below the spacing of 22 mm
 
 
-def seen_through(lenses, places, noise, random):
+def recorded_through(lenses, positions, noise, random):
     """Sightings with noise added to true pixels, in an order of no meaning."""
-    found = []
+    result = []
     for lens in lenses:
-        order = random.permutation(len(places))
-        pixels = lens.project(places[order]) + noise * random.standard_normal((len(places), 2))
-        depth = (places[order] - lens.place) @ lens.rotation[2]
-        area = np.pi * (0.004 * lens.focal[0] / depth) ** 2 * random.uniform(0.85, 1.15, len(places))
-        spread, nameless = np.full(len(places), noise), np.full(len(places), -1)
-        found.append(Sightings(pixels[:, None], spread, nameless, area))
-    return found
+        order = random.permutation(len(positions))
+        pixels = lens.project(positions[order]) + noise * random.standard_normal((len(positions), 2))
+        depth = (positions[order] - lens.position) @ lens.rotation[2]
+        area = np.pi * (0.004 * lens.focal[0] / depth) ** 2 * random.uniform(0.85, 1.15, len(positions))
+        spread, nameless = np.full(len(positions), noise), np.full(len(positions), -1)
+        result.append(Sightings(pixels[:, None], spread, nameless, area))
+    return result
 
 
 def test_the_angle_is_within_its_error_bar_in_most_scenes(cameras_of):
@@ -127,9 +127,11 @@ def test_the_angle_is_within_its_error_bar_in_most_scenes(cameras_of):
     for seed in range(60):
         random = np.random.default_rng(seed)
         lenses = ring(2 + seed % 2, spread=random.uniform(0.6, 1.3), height=random.uniform(0.2, 0.9))
-        places, angle = arch(24, random.uniform(-1.0, 1.0))
-        found = track(cameras_of(lenses), [seen_through(lenses, places, 0.25, random)], Wanted(tags=False))
-        one = found.frames[0]
+        positions, angle = arch(24, random.uniform(-1.0, 1.0))
+        result = track(
+            cameras_of(lenses), [recorded_through(lenses, positions, 0.25, random)], Wanted(tags=False)
+        )
+        one = result.frames[0]
         frame = Frame(one.points, noise=noise_across(one.points, one.covariance))
         result = next(iter(process([frame], Rig(), tension_in=15.0)))
         assert isinstance(result, FrameResult)
@@ -148,13 +150,13 @@ def test_one_camera_sees_a_route_in_a_known_plane(cameras_of):
     turn = np.linspace(-1.2, 1.2, COUNT)
     flat = np.column_stack((0.09 * np.sin(turn), 0.09 * np.cos(turn) - 0.05, np.full(COUNT, 0.01)))
     images = film(lenses, [flat])
-    found = tracked(cameras_of(lenses), images, lenses, [flat], alone=Alone(plane=0.01))
-    one = found.frames[0]
+    result = tracked(cameras_of(lenses), images, lenses, [flat], alone=Alone(plane=0.01))
+    one = result.frames[0]
     np.testing.assert_allclose(one.points, flat, atol=1e-4)  # a tenth of a pixel is 0.1 mm
     assert np.allclose(one.points[:, 2], 0.01)
 
 
-def test_too_few_markers_are_refused_with_what_was_seen(cameras_of):
+def test_too_few_markers_are_refused_with_their_count(cameras_of):
     lenses, routes = ring(2), [arch(3)[0]]
     with pytest.raises(ShapeError, match="3 markers: a route needs"):
         tracked(cameras_of(lenses), film(lenses, routes), lenses, routes)
@@ -163,5 +165,5 @@ def test_too_few_markers_are_refused_with_what_was_seen(cameras_of):
 def test_a_calibration_of_other_cameras_is_noticed(cameras_of, swaying):
     lenses, routes, images = swaying
     moved = ring(2, spread=1.1)
-    found = tracked(cameras_of(moved), images, lenses, routes)
-    assert any("calibration is of these cameras" in warning for warning in found.warnings)
+    result = tracked(cameras_of(moved), images, lenses, routes)
+    assert any("calibration is of these cameras" in warning for warning in result.warnings)

@@ -15,20 +15,20 @@ from tssgeom.vision.sightings import Sightings, nothing
 from tssgeom.vision.tags import grey
 
 _ROUND = (0.8, 1.25)  # area over that of the ellipse with the same moments
-_SLIM = 0.12  # smallest ratio of the squared axes: a disc seen at 70 degrees
+_SLIM = 0.12  # smallest ratio of the squared axes: a disc viewed at 70 degrees
 _CLEAR = 8.0  # standard deviations of the image noise that a blob stands out at least
-_LEVEL = 0.4  # of the brightest: where the edge of a blob is drawn
+_LEVEL = 0.4  # of the brightest: where the edge of a blob lies
 _RIM = 2  # pixels around a blob that count for its centre
 _EIGHT_BIT = 0.29  # noise of rounding to whole grey levels
-_LEAST_NOISE = 0.02  # what light and neighbours leave, however little noise the image has [px]
+_LEAST_NOISE = 0.02  # left by lighting and neighbouring pixels in an image without noise [px]
 _SATURATION = 60.0  # of a colour, below which a pixel has none
 
 
 @dataclass(frozen=True, slots=True)
-class BlobLook:
-    """What the blobs look like."""
+class BlobAppearance:
+    """Appearance of the blobs: colour and range of areas."""
 
-    look: str = "bright"
+    kind: str = "bright"
     """"bright", "dark", or a colour as #RRGGBB."""
     least: float = 6.0
     """Smallest area [px²]."""
@@ -36,34 +36,34 @@ class BlobLook:
     """Largest area [px²]."""
 
 
-def blob_finder(wanted: BlobLook) -> Callable[[np.ndarray], Sightings]:
+def blob_finder(wanted: BlobAppearance) -> Callable[[np.ndarray], Sightings]:
     """Return what finds blobs in an image.
 
     Raises
     ------
     SettingsError
-        Where the look is none that is known, or the areas are no range.
+        Where the appearance is unknown, or the areas are not a range.
     """
     if not 0 < wanted.least < wanted.most:
         raise SettingsError(
             f"blobs of {wanted.least:g} to {wanted.most:g} px²: give a range of areas that begins above 0 px²"
         )
-    strength = _strength_of(wanted.look)
+    strength = _strength_of(wanted.kind)
     return lambda image: _blobs(strength(image), wanted)
 
 
-def _strength_of(look: str) -> Callable[[np.ndarray], np.ndarray]:
-    if look == "bright":
+def _strength_of(kind: str) -> Callable[[np.ndarray], np.ndarray]:
+    if kind == "bright":
         return lambda image: grey(image).astype(np.float32)
-    if look == "dark":
+    if kind == "dark":
         return lambda image: 255.0 - grey(image).astype(np.float32)
-    if not re.fullmatch(r"#[0-9a-fA-F]{6}", look):
-        raise SettingsError(f"blobs cannot look {look!r}: write bright, dark or a colour such as #ff3030")
-    red, green, blue = (int(look[k : k + 2], 16) for k in (1, 3, 5))
+    if not re.fullmatch(r"#[0-9a-fA-F]{6}", kind):
+        raise SettingsError(f"blobs cannot look {kind!r}: write bright, dark or a colour such as #ff3030")
+    red, green, blue = (int(kind[k : k + 2], 16) for k in (1, 3, 5))
     colour = np.array([blue, green, red], dtype=np.float32)
     vivid = colour - colour.mean()
     if np.ptp(colour) < _SATURATION:
-        raise SettingsError(f"the colour {look} is nearly grey: use bright or dark")
+        raise SettingsError(f"the colour {kind} is nearly grey: use bright or dark")
     return lambda image: _likeness(image, vivid / np.linalg.norm(vivid))
 
 
@@ -81,7 +81,7 @@ def _likeness(image: np.ndarray, way: np.ndarray) -> np.ndarray:
     return np.maximum(along - across, 0.0)
 
 
-def _blobs(strength: np.ndarray, wanted: BlobLook) -> Sightings:
+def _blobs(strength: np.ndarray, wanted: BlobAppearance) -> Sightings:
     """Find round patches that stand out; those cut off by the edge of the image are left out."""
     floor, noise = _floor(strength)
     peak = float(strength.max()) - floor
@@ -94,11 +94,11 @@ def _blobs(strength: np.ndarray, wanted: BlobLook) -> Sightings:
     fit = (area >= wanted.least) & (area <= wanted.most) & (np.arange(count) > 0)
     boxes = stats[:, [cv2.CC_STAT_LEFT, cv2.CC_STAT_TOP, cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]]
     chosen = np.flatnonzero(fit)
-    found = _centres(strength, labels, chosen, boxes[chosen], floor, noise)
-    good = found[:, 0] > 0
-    found, size = found[good], area[chosen][good].astype(np.float64)
-    ids = np.full(len(found), -1)
-    return Sightings(found[:, None, 1:3], np.maximum(found[:, 3], _LEAST_NOISE), ids, size)
+    centres = _centres(strength, labels, chosen, boxes[chosen], floor, noise)
+    good = centres[:, 0] > 0
+    centres, size = centres[good], area[chosen][good].astype(np.float64)
+    ids = np.full(len(centres), -1)
+    return Sightings(centres[:, None, 1:3], np.maximum(centres[:, 3], _LEAST_NOISE), ids, size)
 
 
 def _floor(strength: np.ndarray) -> tuple[float, float]:
@@ -204,6 +204,6 @@ def _is_round(labels: np.ndarray, label: int, box: np.ndarray) -> bool:
     mx, my = mx / n, my / n
     xx, xy, yy = xx / n - mx * mx + 1 / 12, xy / n - mx * my, yy / n - my * my + 1 / 12
     area = xx * yy - xy * xy
-    half, gap = 0.5 * (xx + yy), np.sqrt(0.25 * (xx - yy) ** 2 + xy * xy)
+    half, half_difference = 0.5 * (xx + yy), np.sqrt(0.25 * (xx - yy) ** 2 + xy * xy)
     filled = n / (4.0 * np.pi * np.sqrt(max(area, 1e-12)))
-    return _ROUND[0] < filled < _ROUND[1] and half - gap > _SLIM * (half + gap)
+    return _ROUND[0] < filled < _ROUND[1] and half - half_difference > _SLIM * (half + half_difference)

@@ -13,7 +13,7 @@ from tssgeom.errors import SettingsError
 from tssgeom.vision.tags import dictionary, grey
 
 _FEWEST_CORNERS = 6
-_WINDOW, _MOST_WINDOW = 0.4, 11  # of the smallest gap between corners, and in pixels
+_WINDOW, _MOST_WINDOW = 0.4, 11  # of the smallest distance between corners, and in pixels
 _PATIENCE = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 100, 1e-3)
 
 
@@ -34,23 +34,23 @@ class Board:
 
     @property
     def corners(self) -> Points:
-        """Places of the inner corners, row by row [n, 3] [m]."""
+        """Positions of the inner corners, row by row [n, 3] [m]."""
         x, y = np.meshgrid(np.arange(float(self.columns)), np.arange(float(self.rows)))
         flat = np.column_stack((x.ravel(), y.ravel(), np.zeros(x.size)))
         return self.square * flat
 
 
 @dataclass(frozen=True, slots=True)
-class BoardSeen:
+class BoardDetection:
     """A board in one image."""
 
     corners: np.ndarray
-    """Which inner corners are seen [m]."""
+    """Indices of the detected inner corners [m]."""
     pixels: Matrix
-    """Where they are seen [m, 2] [px]."""
+    """Their positions in the image [m, 2] [px]."""
 
 
-def board_finder(board: Board, cameras: int) -> Callable[[np.ndarray], BoardSeen | None]:
+def board_finder(board: Board, cameras: int) -> Callable[[np.ndarray], BoardDetection | None]:
     """Return what finds a board in an image.
 
     Parameters
@@ -80,21 +80,21 @@ def board_finder(board: Board, cameras: int) -> Callable[[np.ndarray], BoardSeen
     return lambda image: _checkerboard(board, grey(image))
 
 
-def _checkerboard(board: Board, image: np.ndarray) -> BoardSeen | None:
+def _checkerboard(board: Board, image: np.ndarray) -> BoardDetection | None:
     size = board.columns, board.rows
-    found, corners = cv2.findChessboardCornersSB(image, size, flags=cv2.CALIB_CB_NORMALIZE_IMAGE)
-    if not found:
+    detected, corners = cv2.findChessboardCornersSB(image, size, flags=cv2.CALIB_CB_NORMALIZE_IMAGE)
+    if not detected:
         return None
     corners = _sharpened(image, np.asarray(corners, dtype=np.float32), board)
     grid = corners.astype(np.float64).reshape(board.rows, board.columns, 2)
-    return BoardSeen(np.arange(grid.shape[0] * grid.shape[1]), _upright(grid, image).reshape(-1, 2))
+    return BoardDetection(np.arange(grid.shape[0] * grid.shape[1]), _upright(grid, image).reshape(-1, 2))
 
 
 def _sharpened(image: np.ndarray, corners: np.ndarray, board: Board) -> np.ndarray:
     """Place corners to a fraction of a pixel, in windows that hold one corner each."""
     grid = corners.reshape(board.rows, board.columns, 2)
-    gaps = [np.linalg.norm(np.diff(grid, axis=axis), axis=2).min() for axis in (0, 1)]
-    window = int(np.clip(_WINDOW * min(gaps), 2, _MOST_WINDOW))
+    spacings = [np.linalg.norm(np.diff(grid, axis=axis), axis=2).min() for axis in (0, 1)]
+    window = int(np.clip(_WINDOW * min(spacings), 2, _MOST_WINDOW))
     return cv2.cornerSubPix(image, corners, (window, window), (-1, -1), _PATIENCE)
 
 
@@ -110,7 +110,7 @@ def _upright(grid: np.ndarray, image: np.ndarray) -> np.ndarray:
     return grid[::-1, ::-1] if shade[even].mean() > shade[~even].mean() else grid
 
 
-def _charuco_finder(board: Board, family: str) -> Callable[[np.ndarray], BoardSeen | None]:
+def _charuco_finder(board: Board, family: str) -> Callable[[np.ndarray], BoardDetection | None]:
     if not 0 < board.tag < board.square:
         raise SettingsError(
             f"tags of {1e3 * board.tag:g} mm in squares of {1e3 * board.square:g} mm: "
@@ -121,10 +121,10 @@ def _charuco_finder(board: Board, family: str) -> Callable[[np.ndarray], BoardSe
         cv2.aruco.CharucoBoard(size, float(board.square), float(board.tag), dictionary(family))
     )
 
-    def find(image: np.ndarray) -> BoardSeen | None:
+    def find(image: np.ndarray) -> BoardDetection | None:
         corners, ids, _, _ = detector.detectBoard(grey(image))
         if ids is None or len(ids) < _FEWEST_CORNERS:
             return None
-        return BoardSeen(np.ravel(ids), np.asarray(corners, dtype=np.float64).reshape(-1, 2))
+        return BoardDetection(np.ravel(ids), np.asarray(corners, dtype=np.float64).reshape(-1, 2))
 
     return find

@@ -1,4 +1,4 @@
-"""All cameras and all boards fitted at once to every corner that was seen; docs/model.md (141)."""
+"""All cameras and all boards fitted at once to every detected corner; docs/model.md (141)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from scipy.optimize import least_squares
 
 from tssgeom.arrays import Matrix, Points, Vector
 from tssgeom.errors import FitError
-from tssgeom.vision.boards import BoardSeen
+from tssgeom.vision.boards import BoardDetection
 from tssgeom.vision.poses import Pose
 
 LENS = 9
@@ -27,12 +27,12 @@ class Sighted:
 
     camera: int
     frame: int
-    seen: BoardSeen
+    detection: BoardDetection
 
 
 @dataclass(frozen=True, slots=True)
 class Fitted:
-    """What the corners tell."""
+    """Estimates from the corners."""
 
     lens: Matrix
     """fx, fy, cx, cy [px], k1, k2, p1, p2, k3 [1] of each camera [v, 9]."""
@@ -63,7 +63,7 @@ def fit_all(
     corners
         Corners of the board [n, 3] [m].
     sighted
-        What was seen.
+        Detections of the board.
     lens, pose, boards
         First guess; the first camera stays where it is.
     free
@@ -72,10 +72,10 @@ def fit_all(
     Raises
     ------
     FitError
-        Where the corners do not tell all parameters.
+        Where the corners do not determine all parameters.
     """
     frames = sorted(boards)
-    places = {frame: CAMERA * len(lens) + _BOARD * k for k, frame in enumerate(frames)}
+    positions = {frame: CAMERA * len(lens) + _BOARD * k for k, frame in enumerate(frames)}
     start = np.concatenate(
         [*(np.concatenate((one, *at)) for one, at in zip(lens, pose, strict=True))]
         + [np.concatenate(boards[frame]) for frame in frames]
@@ -92,37 +92,37 @@ def fit_all(
 
     def off(values: Vector) -> Vector:
         whole = full(values)
-        return np.concatenate([_off(corners, one, whole, places)[0].ravel() for one in sighted])
+        return np.concatenate([_off(corners, one, whole, positions)[0].ravel() for one in sighted])
 
     def slopes(values: Vector) -> Matrix:
         whole = full(values)
-        out = np.zeros((sum(2 * len(one.seen.corners) for one in sighted), len(start)))
+        out = np.zeros((sum(2 * len(one.detection.corners) for one in sighted), len(start)))
         row = 0
         for one in sighted:
-            _, by_camera, by_board = _off(corners, one, whole, places)
+            _, by_camera, by_board = _off(corners, one, whole, positions)
             rows = slice(row, row + len(by_camera))
             out[rows, CAMERA * one.camera : CAMERA * (one.camera + 1)] = by_camera
-            out[rows, places[one.frame] : places[one.frame] + _BOARD] = by_board
+            out[rows, positions[one.frame] : positions[one.frame] + _BOARD] = by_board
             row = rows.stop
         return out[:, fitted]
 
     given = off, start[fitted], slopes
-    found = least_squares(*given, method="lm", x_scale="jac", max_nfev=200)  # pyright: ignore[reportArgumentType]
-    whole, freedom = full(found.x), len(found.fun) - len(found.x)
+    solution = least_squares(*given, method="lm", x_scale="jac", max_nfev=200)  # pyright: ignore[reportArgumentType]
+    whole, freedom = full(solution.x), len(solution.fun) - len(solution.x)
     if freedom <= 0 or not np.isfinite(whole).all():
-        raise FitError("too few corners are seen to tell the cameras: film the board in more poses")
-    noise = float(np.sqrt(2.0 * found.cost / freedom))
+        raise FitError("too few corners are detected to calibrate the cameras: film the board in more poses")
+    noise = float(np.sqrt(2.0 * solution.cost / freedom))
     covariance = np.zeros((len(start), len(start)))
-    covariance[np.ix_(fitted, fitted)] = noise**2 * _inverse(found.jac)
+    covariance[np.ix_(fitted, fitted)] = noise**2 * _inverse(solution.jac)
     inside = CAMERA * len(lens)
-    sizes = np.cumsum([2 * len(one.seen.corners) for one in sighted])[:-1]
+    sizes = np.cumsum([2 * len(one.detection.corners) for one in sighted])[:-1]
     cameras = whole[:inside].reshape(-1, CAMERA)
     return Fitted(
         lens=cameras[:, :LENS],
         pose=tuple(Pose(one[LENS : LENS + 3], one[LENS + 3 :]) for one in cameras),
-        boards={k: Pose(whole[at : at + 3], whole[at + 3 : at + 6]) for k, at in places.items()},
+        boards={k: Pose(whole[at : at + 3], whole[at + 3 : at + 6]) for k, at in positions.items()},
         covariance=covariance[:inside, :inside],
-        residual=tuple(part.reshape(-1, 2) for part in np.split(found.fun, sizes)),
+        residual=tuple(part.reshape(-1, 2) for part in np.split(solution.fun, sizes)),
         noise=noise,
     )
 
@@ -131,24 +131,24 @@ def _inverse(jacobian: Matrix) -> Matrix:
     """Inverse of J'J, its columns scaled so that no digits are lost."""
     size = np.linalg.norm(jacobian, axis=0)
     if not (size > 0).all():
-        raise FitError("the corners do not tell all parameters of the cameras: film the board in more poses")
+        raise FitError("the corners do not determine all camera parameters: film the board in more poses")
     triangle = np.linalg.qr(jacobian / size, mode="r")
     if np.linalg.cond(triangle) > 1e12:
-        raise FitError("the corners do not tell all parameters of the cameras: tilt the board more")
+        raise FitError("the corners do not determine all parameters of the cameras: tilt the board more")
     inverse = np.linalg.inv(triangle) / size[:, None]
     return inverse @ inverse.T
 
 
 def _off(
-    corners: Points, one: Sighted, whole: Vector, places: dict[int, int]
+    corners: Points, one: Sighted, whole: Vector, positions: dict[int, int]
 ) -> tuple[Matrix, Matrix, Matrix]:
     """Return what corners are off, and its derivatives by camera [2m, 15] and by board [2m, 6]."""
     camera = whole[CAMERA * one.camera : CAMERA * (one.camera + 1)]
-    board = whole[places[one.frame] : places[one.frame] + _BOARD]
+    board = whole[positions[one.frame] : positions[one.frame] + _BOARD]
     composed = cv2.composeRT(board[:3], board[3:], camera[LENS : LENS + 3], camera[LENS + 3 :])
     turn, shift, turn_b, turn_bs, turn_c, turn_cs, shift_b, shift_bs, shift_c, shift_cs = composed
     matrix = np.array([[camera[0], 0.0, camera[2]], [0.0, camera[1], camera[3]], [0.0, 0.0, 1.0]])
-    pixels, slopes = cv2.projectPoints(corners[one.seen.corners], turn, shift, matrix, camera[4:LENS])
+    pixels, slopes = cv2.projectPoints(corners[one.detection.corners], turn, shift, matrix, camera[4:LENS])
     slopes = np.asarray(slopes, dtype=np.float64)
     by_turn, by_shift = slopes[:, :3], slopes[:, 3:6]
     by_camera = np.hstack(
@@ -159,4 +159,4 @@ def _off(
         )
     )
     by_board = np.hstack((by_turn @ turn_b + by_shift @ shift_b, by_turn @ turn_bs + by_shift @ shift_bs))
-    return np.asarray(pixels, dtype=np.float64).reshape(-1, 2) - one.seen.pixels, by_camera, by_board
+    return np.asarray(pixels, dtype=np.float64).reshape(-1, 2) - one.detection.pixels, by_camera, by_board

@@ -10,10 +10,10 @@ import numpy as np
 
 from tssgeom.arrays import Points, Vector
 from tssgeom.errors import FitError, ShapeError
-from tssgeom.vision.boards import Board, BoardSeen
+from tssgeom.vision.boards import Board, BoardDetection
 from tssgeom.vision.bundle import LENS, Sighted, fit_all
 from tssgeom.vision.poses import STILL, Pose, after, backwards, pose_of
-from tssgeom.vision.quality import Calibration, told
+from tssgeom.vision.quality import Calibration, quality_of
 
 _FEWEST = 4  # views of a camera
 _MOST = 60  # frames that are fitted
@@ -24,7 +24,7 @@ def calibrated(
     board: Board,
     names: Sequence[str],
     sizes: Sequence[tuple[int, int]],
-    seen: Sequence[Sequence[BoardSeen | None]],
+    detections: Sequence[Sequence[BoardDetection | None]],
     board_frame: int | None = None,
 ) -> Calibration:
     """Calibrate cameras.
@@ -35,8 +35,8 @@ def calibrated(
         The board.
     names, sizes
         Name, and width and height [px], of each camera.
-    seen
-        For each frame what each camera saw of the board.
+    detections
+        For each frame the detection of the board by each camera, None where there is none.
     board_frame
         Number of a frame whose board is to be the plane z = 0 of the common frame; the frame of the first
         camera by default.
@@ -46,11 +46,14 @@ def calibrated(
     ShapeError
         Where a camera sees too few boards, or none together with the others.
     FitError
-        Where the boards do not tell the cameras.
+        Where the boards do not determine the cameras.
     """
-    chosen = _chosen(seen, board_frame)
+    chosen = _chosen(detections, board_frame)
     sighted = [
-        Sighted(v, frame, one) for frame in chosen for v, one in enumerate(seen[frame]) if one is not None
+        Sighted(v, frame, one)
+        for frame in chosen
+        for v, one in enumerate(detections[frame])
+        if one is not None
     ]
     views = [sum(one.camera == v for one in sighted) for v in range(len(names))]
     for name, count in zip(names, views, strict=True):
@@ -70,13 +73,13 @@ def calibrated(
     fitted = fit_all(corners, sighted, lens, pose, boards, free)
     if board_frame is not None and board_frame not in fitted.boards:
         raise ShapeError(f"no board is seen in frame {board_frame}: name another --board-frame")
-    return told(corners, names, sizes, sighted, fitted, board_frame)
+    return quality_of(corners, names, sizes, sighted, fitted, board_frame)
 
 
-def _chosen(seen: Sequence[Sequence[BoardSeen | None]], board_frame: int | None) -> list[int]:
+def _chosen(detections: Sequence[Sequence[BoardDetection | None]], board_frame: int | None) -> list[int]:
     """Choose frames with boards, evenly where there are many."""
-    frames = [k for k, row in enumerate(seen) if any(one is not None for one in row)]
-    shared = [k for k in frames if sum(one is not None for one in seen[k]) > 1] or frames
+    frames = [k for k, row in enumerate(detections) if any(one is not None for one in row)]
+    shared = [k for k in frames if sum(one is not None for one in detections[k]) > 1] or frames
     pool = shared if len(shared) >= _MOST else frames
     picked = {pool[int(k)] for k in np.linspace(0, len(pool) - 1, min(len(pool), _MOST)).round()}
     return sorted(picked | {frame for frame in frames if frame == board_frame})
@@ -90,16 +93,20 @@ def _alone(
     Views that are far worse than the others are left out. Whether the lens needs a third radial coefficient
     is what its errors say (Schwarz's criterion).
     """
-    found = _fitted_lens(corners, sighted, size, cv2.CALIB_FIX_K3)
-    kept = [one for one, rms in zip(sighted, found.rms, strict=True) if rms <= _WILD * np.median(found.rms)]
+    fitted_lens = _fitted_lens(corners, sighted, size, cv2.CALIB_FIX_K3)
+    kept = [
+        one
+        for one, rms in zip(sighted, fitted_lens.rms, strict=True)
+        if rms <= _WILD * np.median(fitted_lens.rms)
+    ]
     if len(kept) < len(sighted):
-        sighted, found = kept, _fitted_lens(corners, kept, size, cv2.CALIB_FIX_K3)
+        sighted, fitted_lens = kept, _fitted_lens(corners, kept, size, cv2.CALIB_FIX_K3)
     richer = _fitted_lens(corners, sighted, size, 0)
-    values = sum(2 * len(one.seen.corners) for one in sighted)
-    needed = values * np.log(richer.square / found.square) + np.log(values) < 0
+    values = sum(2 * len(one.detection.corners) for one in sighted)
+    needed = values * np.log(richer.square / fitted_lens.square) + np.log(values) < 0
     free = np.ones(LENS, np.bool_)
     free[-1] = needed
-    taken = richer if needed else found
+    taken = richer if needed else fitted_lens
     return taken.lens, free, {(s.camera, s.frame): pose for s, pose in zip(sighted, taken.poses, strict=True)}
 
 
@@ -113,10 +120,10 @@ class _Lens(NamedTuple):
 
 
 def _fitted_lens(corners: Points, sighted: Sequence[Sighted], size: tuple[int, int], flags: int) -> _Lens:
-    places = [corners[one.seen.corners].astype(np.float32) for one in sighted]
-    pixels = [one.seen.pixels.astype(np.float32) for one in sighted]
-    found = cv2.calibrateCameraExtended(places, pixels, size, None, None, flags=flags)  # pyright: ignore[reportCallIssue, reportArgumentType]
-    rms, matrix, distortion, turns, shifts, _, _, each = found
+    positions = [corners[one.detection.corners].astype(np.float32) for one in sighted]
+    pixels = [one.detection.pixels.astype(np.float32) for one in sighted]
+    fitted_lens = cv2.calibrateCameraExtended(positions, pixels, size, None, None, flags=flags)  # pyright: ignore[reportCallIssue, reportArgumentType]
+    rms, matrix, distortion, turns, shifts, _, _, each = fitted_lens
     lens = np.array([matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2], *np.ravel(distortion)[:5]])
     if not (np.isfinite(rms) and np.isfinite(lens).all()):
         raise FitError("the boards give no finite camera: check --board and the size of its squares")
@@ -130,9 +137,9 @@ def _placed(
     """Place cameras and boards in the frame of the first camera, one after the other by shared boards."""
     pose, boards = {0: STILL}, dict[int, Pose]()
     while True:
-        for (v, frame), seen in in_camera.items():
+        for (v, frame), detections in in_camera.items():
             if v in pose and frame not in boards:
-                boards[frame] = after(seen, backwards(pose[v]))
+                boards[frame] = after(detections, backwards(pose[v]))
         left = [v for v in range(len(names)) if v not in pose]
         if not left:
             return [pose[v] for v in range(len(names))], boards

@@ -1,4 +1,4 @@
-"""Calibrated cameras: where a point is seen, and along which ray a pixel looks; docs/model.md (130)."""
+"""Calibrated cameras: the projection of a point, and the ray of a pixel; docs/model.md (130)."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _BEHIND = 1e-6  # depth below which a point is not in front of a camera [m]
 
 @dataclass(frozen=True, slots=True)
 class Camera:
-    """One camera with its place in the common frame."""
+    """One camera with its position in the common frame."""
 
     name: str
     width: int
@@ -33,7 +33,7 @@ class Camera:
     turn: Vector
     """Rotation vector from the common frame into the camera's [3] [rad]."""
     shift: Vector
-    """Place of the common origin in the camera's frame [3] [m]."""
+    """Position of the common origin in the camera's frame [3] [m]."""
 
     @property
     def rotation(self) -> Matrix:
@@ -41,7 +41,7 @@ class Camera:
         return np.asarray(cv2.Rodrigues(self.turn)[0], dtype=np.float64)
 
     @property
-    def place(self) -> Vector:
+    def position(self) -> Vector:
         """Centre of the camera in the common frame [3] [m]."""
         return -self.rotation.T @ self.shift
 
@@ -62,14 +62,14 @@ def eyes(cameras: tuple[Camera, ...]) -> Eyes:
 
 
 def project(camera: Camera, points: Points) -> Matrix:
-    """Return where points are seen, NaN for a point behind the camera; docs/model.md (130).
+    """Return the pixels of points, NaN for a point behind the camera; docs/model.md (130).
 
     Parameters
     ----------
     camera
         The camera.
     points
-        Places in the common frame [n, 3] [m].
+        Positions in the common frame [n, 3] [m].
 
     Returns
     -------
@@ -78,16 +78,16 @@ def project(camera: Camera, points: Points) -> Matrix:
     """
     if not len(points):
         return np.zeros((0, 2))
-    ahead = points @ camera.rotation[2] + camera.shift[2] > _BEHIND
-    safe = np.where(ahead[:, None], points, camera.place + camera.rotation[2])
+    in_front = points @ camera.rotation[2] + camera.shift[2] > _BEHIND
+    safe = np.where(in_front[:, None], points, camera.position + camera.rotation[2])
     pixels, _ = cv2.projectPoints(
         np.ascontiguousarray(safe[:, None]), camera.turn, camera.shift, camera.matrix, camera.distortion
     )
-    return np.where(ahead[:, None], pixels[:, 0], np.nan)
+    return np.where(in_front[:, None], pixels[:, 0], np.nan)
 
 
 def sight(camera: Camera, pixels: Matrix) -> tuple[Matrix, np.ndarray]:
-    """Return the directions in which pixels look, without the distortion of the lens.
+    """Return the viewing directions of pixels, without the distortion of the lens.
 
     Parameters
     ----------

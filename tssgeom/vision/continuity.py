@@ -1,4 +1,4 @@
-"""Nameless markers through time: each keeps its place on the chain, or is a gap; docs/model.md (139)."""
+"""Nameless markers through time: each keeps its position on the chain, or is missing; docs/model.md (139)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tssgeom.vision.neighbours import chain_of
 from tssgeom.vision.ordering import FEWEST
 
 _REACH = 0.45  # of the spacing: how far a marker may be from where it is expected
-_ELSEWHERE = 1.5  # times the distance to its own place that the next place has to be off
+_ELSEWHERE = 1.5  # least ratio of the distance to the next expected position over that to its own
 _LEAST_SHARE = 0.4  # of the markers: a frame with fewer is lost
 
 
@@ -51,8 +51,8 @@ def beginning(matches: Sequence[Matches], reach: float, off: Off | None, count: 
     reach
         Distance within which the next marker lies [m].
     off
-        How far places [n, 3] [m] are from where the proximal end is; without it the route begins at the end
-        with the smaller x.
+        Distance of positions [n, 3] [m] from the proximal end; without it the route begins at the end with
+        the smaller x.
     count
         How many markers there are, where that is known.
 
@@ -62,9 +62,9 @@ def beginning(matches: Sequence[Matches], reach: float, off: Off | None, count: 
         Where no frame shows markers enough in a clear order.
     """
     chains, reasons = dict[int, np.ndarray](), dict[int, str]()
-    for frame, found in enumerate(matches):
+    for frame, candidates in enumerate(matches):
         try:
-            chains[frame] = chain_of(found, reach)
+            chains[frame] = chain_of(candidates, reach)
         except ShapeError as error:
             reasons[frame] = str(error)
     wanted = FEWEST if count is None else count
@@ -79,22 +79,22 @@ def beginning(matches: Sequence[Matches], reach: float, off: Off | None, count: 
 def _too_few(wanted: int, most: int, reasons: Mapping[int, str]) -> str:
     first = next((f"; frame {frame}: {reason}" for frame, reason in reasons.items()), "")
     return (
-        f"at most {most} markers are placed in one frame, {wanted} are needed: look at light, area and "
+        f"at most {most} markers are placed in one frame, {wanted} are needed: check lighting, area and "
         f"calibration{first}"
     )
 
 
-def _beginning(frame: int, found: Matches, reach: float, off: Off | None) -> Beginning:
-    ends = found.points[[0, -1]]
+def _beginning(frame: int, candidates: Matches, reach: float, off: Off | None) -> Beginning:
+    ends = candidates.points[[0, -1]]
     first, last = ends[:, 0] if off is None else off(ends)
     way = slice(None, None, -1) if first > last else slice(None)
-    return Beginning(frame, found.blobs[way], found.points[way], reach)
+    return Beginning(frame, candidates.blobs[way], candidates.points[way], reach)
 
 
-def _decided(found: Matches, near: Points, within: float) -> np.ndarray:
-    """Return which matches are within a distance of known places, and no rival that is as well seen."""
-    close = cdist(found.points, near).min(axis=1, initial=np.inf) <= within
-    kept, _ = sure(found.take(np.flatnonzero(close)))
+def _decided(candidates: Matches, near: Points, within: float) -> np.ndarray:
+    """Return the matches near known positions that no conflicting match equals in number of views."""
+    close = cdist(candidates.points, near).min(axis=1, initial=np.inf) <= within
+    kept, _ = sure(candidates.take(np.flatnonzero(close)))
     return np.flatnonzero(close)[kept]
 
 
@@ -123,62 +123,62 @@ def _one_way(
 ) -> Iterator[tuple[int, np.ndarray]]:
     believed, moving = begin.points, np.zeros_like(begin.points)
     for frame in frames:
-        found = matches[frame]
-        match_of = _assigned(found, believed + moving, begin.spacing)
+        candidates = matches[frame]
+        match_of = _assigned(candidates, believed + moving, begin.spacing)
         if np.count_nonzero(match_of >= 0) < _LEAST_SHARE * len(believed):
-            match_of = _found_again(found, believed, begin.reach)
-        seen = match_of >= 0
+            match_of = _reordered(candidates, believed, begin.reach)
+        matched = match_of >= 0
         blobs = np.full((len(believed), begin.blobs.shape[1]), -1)
-        blobs[seen] = found.blobs[match_of[seen]]
+        blobs[matched] = candidates.blobs[match_of[matched]]
         yield frame, blobs
-        if seen.any():
-            moving = _spread(found.points[match_of[seen]] - believed[seen], seen)
+        if matched.any():
+            moving = _spread(candidates.points[match_of[matched]] - believed[matched], matched)
             believed = believed + moving
         else:
             moving = np.zeros_like(believed)
 
 
-def _assigned(found: Matches, expected: Points, spacing: float) -> np.ndarray:
+def _assigned(candidates: Matches, expected: Points, spacing: float) -> np.ndarray:
     """Give each marker the match nearest to where it is expected, -1 where none or two are near [n].
 
-    The whole chain may have moved more than expected: the second pass begins with what the first one found.
+    The whole chain may have moved more than expected: the second pass starts from the first result.
     """
     reach = _REACH * spacing
     match_of = np.full(len(expected), -1)
     for _ in range(2):
-        usable = _decided(found, expected, reach)
+        usable = _decided(candidates, expected, reach)
         match_of = np.full(len(expected), -1)
         if not len(usable):
             break
-        distance = cdist(expected, found.points[usable])
+        distance = cdist(expected, candidates.points[usable])
         rows, columns = linear_sum_assignment(np.minimum(distance, 10.0 * reach) ** 2)
         for row, column in zip(rows, columns, strict=True):
             others = np.delete(distance[:, column], row).min(initial=np.inf)
             if distance[row, column] < reach and others > _ELSEWHERE * distance[row, column]:
                 match_of[row] = usable[column]
-        seen = match_of >= 0
-        if not seen.any():
+        matched = match_of >= 0
+        if not matched.any():
             break
-        expected = expected + _spread(found.points[match_of[seen]] - expected[seen], seen)
+        expected = expected + _spread(candidates.points[match_of[matched]] - expected[matched], matched)
     return match_of
 
 
-def _spread(moved: Points, seen: np.ndarray) -> Points:
-    """Displacement of every marker, between those seen by their places on the chain [n, 3]."""
-    places = np.arange(len(seen))
-    return np.column_stack([np.interp(places, places[seen], moved[:, c]) for c in range(3)])
+def _spread(moved: Points, matched: np.ndarray) -> Points:
+    """Displacement of every marker, interpolated between the detected ones along the chain [n, 3]."""
+    along = np.arange(len(matched))
+    return np.column_stack([np.interp(along, along[matched], moved[:, c]) for c in range(3)])
 
 
-def _found_again(found: Matches, believed: Points, reach: float) -> np.ndarray:
-    """Order a frame anew in which the markers are not where they were expected; all of them must be seen."""
+def _reordered(candidates: Matches, believed: Points, reach: float) -> np.ndarray:
+    """Order a frame anew in which the markers are not near their expected positions; all must be detected."""
     lost = np.full(len(believed), -1)
     try:
-        order = chain_of(found, reach)
+        order = chain_of(candidates, reach)
     except ShapeError:
         return lost
     if len(order) != len(believed):
         return lost
     ways = order, order[::-1]
-    off = [float(np.linalg.norm(found.points[way] - believed, axis=1).mean()) for way in ways]
+    off = [float(np.linalg.norm(candidates.points[way] - believed, axis=1).mean()) for way in ways]
     best = int(np.argmin(off))
     return ways[best] if off[best] < off[1 - best] / _ELSEWHERE else lost

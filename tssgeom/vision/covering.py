@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from tssgeom.vision.cameras import Camera
-from tssgeom.vision.views import Located, Look
+from tssgeom.vision.views import Located, ViewSet
 
 _WHOLE = (0.75, 1.35)  # of the usual area: smaller is covered in part, larger is two in one
 _HALF = 15  # frames before and after, over which the usual area is taken
@@ -16,7 +16,7 @@ _FEWEST = 5
 
 
 def uncovered(
-    cameras: tuple[Camera, ...], looks: Sequence[Look], frames: Sequence[Located]
+    cameras: tuple[Camera, ...], view_sets: Sequence[ViewSet], frames: Sequence[Located]
 ) -> list[np.ndarray]:
     """Return the sightings of every marker without those that are covered in part or two in one.
 
@@ -24,8 +24,8 @@ def uncovered(
     ----------
     cameras
         The cameras.
-    looks, frames
-        What they saw, and where the markers were placed by it.
+    view_sets, frames
+        Sightings of every frame, and the markers located by them.
 
     Returns
     -------
@@ -34,25 +34,25 @@ def uncovered(
     """
     which = np.array([one.which for one in frames])
     size = np.full(which.shape, np.nan)
-    for f, (seen, one) in enumerate(zip(looks, frames, strict=True)):
+    for f, (view_set, one) in enumerate(zip(view_sets, frames, strict=True)):
         for v, camera in enumerate(cameras):
             here = which[f, :, v] >= 0
             depth = one.points[here] @ camera.rotation[2] + camera.shift[2]
-            size[f, here, v] = seen.seen[v].size[which[f, here, v]] * depth**2
+            size[f, here, v] = view_set.sightings[v].size[which[f, here, v]] * depth**2
     share = size / _usual(size)
     return list(np.where((share < _WHOLE[0]) | (share > _WHOLE[1]), -1, which))
 
 
 @njit(cache=True, nogil=True)
 def _usual(size: np.ndarray) -> np.ndarray:
-    """Median over the frames around, NaN where too few of them tell it [f, n, v]."""
+    """Median over the frames around, NaN where too few of them have a value [f, n, v]."""
     out = np.full_like(size, np.nan)
     for f in range(size.shape[0]):
         around = size[max(f - _HALF, 0) : f + _HALF + 1]
         for n in range(size.shape[1]):
             for v in range(size.shape[2]):
                 one = around[:, n, v]
-                seen = one[np.isfinite(one)]
-                if len(seen) >= _FEWEST:
-                    out[f, n, v] = np.median(seen)
+                view_set = one[np.isfinite(one)]
+                if len(view_set) >= _FEWEST:
+                    out[f, n, v] = np.median(view_set)
     return out

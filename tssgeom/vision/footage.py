@@ -30,7 +30,7 @@ class Source:
     count: int | None = None
     """Number of frames, where it is known."""
     rate: float | None = None
-    """Frames each second, where the source tells it [1/s]."""
+    """Frames each second, where the source states it [1/s]."""
 
     def frames(self) -> Generator[np.ndarray | None]:
         """Yield the images in order; None for an image file that cannot be read."""
@@ -55,14 +55,14 @@ class Footage:
 
     sources: tuple[Source, ...]
     rate: float | None
-    """Frames each second; None where nothing tells it [1/s]."""
+    """Frames each second; None where nothing states it [1/s]."""
     count: int | None
     """Frames that all sources have, where it is known."""
     warnings: tuple[str, ...] = ()
 
     @property
     def live(self) -> bool:
-        """Whether cameras are filming now, so that no frame can be looked at twice."""
+        """Whether cameras are filming now, so that no frame can be read twice."""
         return any(source.index is not None for source in self.sources)
 
     def __iter__(self) -> Iterator[tuple[np.ndarray | None, ...]]:
@@ -83,7 +83,7 @@ def open_footage(given: Sequence[str | Path], rate: float | None = None) -> Foot
     given
         Paths of videos, images or folders of images, or the number of a camera.
     rate
-        Frames each second, for sources that tell none [1/s].
+        Frames each second, for sources that state none [1/s].
 
     Raises
     ------

@@ -11,12 +11,12 @@ from tssgeom.errors import SettingsError
 from tssgeom.vision.cameras import Camera, eyes
 from tssgeom.vision.single_view import by_tag, on_plane, refuse_without_plane
 from tssgeom.vision.triangulation import mean_of, triangulate
-from tssgeom.vision.views import Located, Look, gathered
+from tssgeom.vision.views import Located, ViewSet, gathered
 
 
 @dataclass(frozen=True, slots=True)
 class Alone:
-    """What tells the depth where there is one camera only."""
+    """What determines the depth where there is one camera only."""
 
     plane: float | None = None
     """The markers lie on the plane z = plane of the common frame [m]."""
@@ -25,7 +25,7 @@ class Alone:
 
 
 def refuse_one_camera(cameras: tuple[Camera, ...], alone: Alone, *, tags: bool) -> None:
-    """Refuse one camera where nothing tells the depth.
+    """Refuse one camera where nothing determines the depth.
 
     Raises
     ------
@@ -39,11 +39,13 @@ def refuse_one_camera(cameras: tuple[Camera, ...], alone: Alone, *, tags: bool) 
         refuse_without_plane(first, alone.plane)
     elif not (tags and alone.side):
         how = "--plane-mm where the route lies in a plane, or --tag-mm for tags of a known side"
-        raise SettingsError(f"one camera does not tell the depth of a marker: add a camera, or give {how}")
+        raise SettingsError(
+            f"one camera does not determine the depth of markers: add a camera, or give {how}"
+        )
 
 
 def located(
-    cameras: tuple[Camera, ...], found: Look, which: np.ndarray, gate: Vector, alone: Alone
+    cameras: tuple[Camera, ...], view_set: ViewSet, which: np.ndarray, gate: Vector, alone: Alone
 ) -> Located:
     """Place markers.
 
@@ -51,23 +53,23 @@ def located(
     ----------
     cameras
         One for each column of `which`.
-    found
-        What they saw.
+    view_set
+        Sightings of all cameras.
     which
         The sighting of each camera that a marker comes from, -1 for none [n, v].
     gate
         Largest square by the number of views.
     alone
-        What tells the depth of one camera.
+        What determines the depth of one camera.
     """
     first, *others = cameras
     if others:
-        return _from_views(cameras, found, which, gate)
-    return _from_one(first, found, which, alone)
+        return _from_views(cameras, view_set, which, gate)
+    return _from_one(first, view_set, which, alone)
 
 
-def _from_views(cameras: tuple[Camera, ...], found: Look, which: np.ndarray, gate: Vector) -> Located:
-    slope, weight = gathered(found, which)
+def _from_views(cameras: tuple[Camera, ...], view_set: ViewSet, which: np.ndarray, gate: Vector) -> Located:
+    slope, weight = gathered(view_set, which)
     views, count, corners = slope.shape[:3]
     flat = slope.reshape(views, -1, 2), weight.reshape(views, -1, 2, 2)
     placed = triangulate(eyes(cameras), *flat, gate)
@@ -86,18 +88,20 @@ def _from_views(cameras: tuple[Camera, ...], found: Look, which: np.ndarray, gat
     )
 
 
-def _from_one(camera: Camera, found: Look, which: np.ndarray, alone: Alone) -> Located:
-    rows, seen = which[:, 0], found.seen[0]
+def _from_one(camera: Camera, view_set: ViewSet, which: np.ndarray, alone: Alone) -> Located:
+    rows, sightings = which[:, 0], view_set.sightings[0]
     here = rows >= 0
     count = len(rows)
     points, covariance = np.full((count, 3), np.nan), np.full((count, 3, 3), np.nan)
     chosen = rows[here]
     if alone.plane is not None:
-        corners = seen.pixels.shape[1]
-        noise = seen.noise[chosen] / np.sqrt(corners)
-        points[here], covariance[here] = on_plane(camera, seen.centre[chosen], noise, alone.plane)
+        corners = sightings.pixels.shape[1]
+        noise = sightings.noise[chosen] / np.sqrt(corners)
+        points[here], covariance[here] = on_plane(camera, sightings.centre[chosen], noise, alone.plane)
     elif alone.side is not None:
-        points[here], covariance[here] = by_tag(camera, seen.pixels[chosen], seen.noise[chosen], alone.side)
+        points[here], covariance[here] = by_tag(
+            camera, sightings.pixels[chosen], sightings.noise[chosen], alone.side
+        )
     good = np.asarray(np.isfinite(points).all(axis=1))
     covariance[~good] = np.nan
     return Located(

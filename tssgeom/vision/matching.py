@@ -13,8 +13,8 @@ from tssgeom.arrays import Points, Vector
 from tssgeom.vision.cameras import Camera, Eyes, eyes
 from tssgeom.vision.localisation import Alone
 from tssgeom.vision.single_view import on_plane
-from tssgeom.vision.triangulation import place
-from tssgeom.vision.views import Look
+from tssgeom.vision.triangulation import intersection
+from tssgeom.vision.views import ViewSet
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,14 +33,14 @@ class Matches:
         return Matches(self.blobs[chosen], self.points[chosen], self.square[chosen])
 
 
-def matches_of(cameras: tuple[Camera, ...], found: Look, gate: Vector, alone: Alone) -> Matches:
+def matches_of(cameras: tuple[Camera, ...], view_set: ViewSet, gate: Vector, alone: Alone) -> Matches:
     """Return what the blobs of all cameras may be in space; one camera sees them on a plane."""
     first, *others = cameras
     if others:
-        slopes, hefts = [one[:, 0] for one in found.slope], [one[:, 0] for one in found.weight]
-        return match(eyes(cameras), slopes, hefts, gate)
-    seen = found.seen[0]
-    points, _ = on_plane(first, seen.centre, seen.noise, alone.plane or 0.0)
+        slopes, weights = [one[:, 0] for one in view_set.slope], [one[:, 0] for one in view_set.weight]
+        return match(eyes(cameras), slopes, weights, gate)
+    sightings = view_set.sightings[0]
+    points, _ = on_plane(first, sightings.centre, sightings.noise, alone.plane or 0.0)
     kept = np.flatnonzero(np.isfinite(points).all(axis=1))
     return Matches(kept[:, None], points[kept], np.zeros(len(kept)))
 
@@ -70,13 +70,13 @@ def match(poses: Eyes, slopes: list[np.ndarray], weights: list[np.ndarray], gate
     slope, weight = np.full((views, most, 2), np.nan), np.zeros((views, most, 2, 2))
     for v in range(views):
         slope[v, : len(slopes[v])], weight[v, : len(slopes[v])] = slopes[v], weights[v]
-    found = [
+    candidates = [
         _pairs(poses.rotation, poses.shift, slope, weight, gate, a, b)
         for a, b in itertools.combinations(range(views), 2)
     ]
-    rows = np.concatenate([rows for rows, _, _ in found])
-    points = np.concatenate([points for _, points, _ in found])
-    square = np.concatenate([square for _, _, square in found])
+    rows = np.concatenate([rows for rows, _, _ in candidates])
+    points = np.concatenate([points for _, points, _ in candidates])
+    square = np.concatenate([square for _, _, square in candidates])
     _, first = np.unique(rows, axis=0, return_index=True)
     all_of = Matches(rows, points, square).take(first)
     support = (all_of.blobs >= 0).sum(axis=1)
@@ -98,8 +98,8 @@ def _pairs(
     views, most = slope.shape[0], slope.shape[1]
     rows = np.full((most * most, views), -1)
     points, squares = np.empty((most * most, 3)), np.empty(most * most)
-    seen, trial, count = np.zeros(views, np.bool_), np.empty((views, 2)), 0
-    heft = np.zeros((views, 2, 2))
+    visible, trial, count = np.zeros(views, np.bool_), np.empty((views, 2)), 0
+    chosen_weight = np.zeros((views, 2, 2))
     turn = rotation[b] @ rotation[a].T
     move = shift[b] - turn @ shift[a]
     cross = np.array([[0.0, -move[2], move[1]], [move[2], 0.0, -move[0]], [-move[1], move[0], 0.0]])
@@ -111,28 +111,28 @@ def _pairs(
         for j in range(most):
             if not math.isfinite(slope[b, j, 0]) or _far_off(line, slope[b, j], weight[b, j], gate[2]):
                 continue
-            seen[:] = False
-            seen[a] = seen[b] = True
+            visible[:] = False
+            visible[a] = visible[b] = True
             trial[a], trial[b] = slope[a, i], slope[b, j]
-            heft[a], heft[b] = weight[a, i], weight[b, j]
-            x, _, q = place(rotation, shift, trial, heft, seen)
+            chosen_weight[a], chosen_weight[b] = weight[a, i], weight[b, j]
+            x, _, q = intersection(rotation, shift, trial, chosen_weight, visible)
             if not q <= gate[2]:
                 continue
             rows[count, a], rows[count, b] = i, j
-            views_seen = 2
+            agreeing = 2
             for v in range(views):
                 if v in (a, b):
                     continue
                 near = _nearest(rotation[v], shift[v], slope[v], x)
                 if near < 0:
                     continue
-                seen[v], trial[v], heft[v] = True, slope[v, near], weight[v, near]
-                x1, _, q1 = place(rotation, shift, trial, heft, seen)
-                if q1 <= gate[views_seen + 1]:
-                    views_seen += 1
+                visible[v], trial[v], chosen_weight[v] = True, slope[v, near], weight[v, near]
+                x1, _, q1 = intersection(rotation, shift, trial, chosen_weight, visible)
+                if q1 <= gate[agreeing + 1]:
+                    agreeing += 1
                     rows[count, v], x, q = near, x1, q1
                 else:
-                    seen[v] = False
+                    visible[v] = False
             points[count], squares[count] = x, q
             count += 1
     return rows[:count], points[:count], squares[:count]
@@ -148,7 +148,7 @@ def _far_off(line: np.ndarray, slope: np.ndarray, weight: np.ndarray, gate: floa
 
 @njit(cache=True, nogil=True)
 def _nearest(rotation: np.ndarray, shift: np.ndarray, slope: np.ndarray, x: np.ndarray) -> int:
-    """Return the blob of a view that is nearest to where a point should be seen, -1 where there is none."""
+    """Return the blob of a view that is nearest to the projection of a point, -1 where there is none."""
     p = rotation @ x + shift
     best, least = -1, math.inf
     if p[2] > 0.0:
@@ -179,7 +179,7 @@ def clash(blobs: np.ndarray) -> np.ndarray:
     return same.any(axis=2) & ~np.eye(len(blobs), dtype=np.bool_)
 
 
-def sure(found: Matches) -> tuple[np.ndarray, np.ndarray]:
+def sure(candidates: Matches) -> tuple[np.ndarray, np.ndarray]:
     """Split combinations into those that nothing speaks against and those that are left open.
 
     A combination is sure where none that shares a blob with it has as many views. Taking it rules those out,
@@ -190,13 +190,13 @@ def sure(found: Matches) -> tuple[np.ndarray, np.ndarray]:
     tuple of ndarray
         Indices of the sure ones, and of the open ones.
     """
-    support = (found.blobs >= 0).sum(axis=1)
-    rivals = clash(found.blobs)
+    support = (candidates.blobs >= 0).sum(axis=1)
+    conflicting = clash(candidates.blobs)
     alive, taken = np.ones(len(support), np.bool_), np.zeros(len(support), np.bool_)
     while True:
-        strong = rivals & alive[None] & (support[None] >= support[:, None])
+        strong = conflicting & alive[None] & (support[None] >= support[:, None])
         now = alive & ~taken & ~strong.any(axis=1)
         if not now.any():
             return np.flatnonzero(taken), np.flatnonzero(alive & ~taken)
         taken |= now
-        alive &= ~(rivals & now[None]).any(axis=1)
+        alive &= ~(conflicting & now[None]).any(axis=1)

@@ -1,4 +1,4 @@
-"""Images with what was found in them: markers, their numbers, the route, and how far each is off."""
+"""Images with the detections in them: markers, their numbers, the route, and how far each is off."""
 
 from __future__ import annotations
 
@@ -7,32 +7,31 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from tssgeom.vision.boards import BoardSeen
+from tssgeom.vision.boards import BoardDetection
 from tssgeom.vision.cameras import Camera, project
 from tssgeom.vision.sightings import Sightings
 from tssgeom.vision.views import Located
 
 _WHITE, _UNUSED, _SHADE = (255, 255, 255), (80, 80, 255), (0, 0, 0)
 _MAGNIFIED = 20.0
-"""How many times longer than they are the errors are drawn."""
+"""How many times longer than they are the errors appear."""
 _BAND = 0.04  # of the height of an image, for the line of text
 _SUB = 4  # bits of a pixel that OpenCV draws to
 
 
-def drawn(
+def annotated(
     image: np.ndarray,
     camera: Camera,
-    seen: Sightings,
+    sightings: Sightings,
     one: Located,
     view: int,
     labels: Sequence[int],
     heading: str,
 ) -> np.ndarray:
-    """Draw what one camera saw in one frame.
+    """Draw the sightings of one camera in one frame.
 
-    Circles are sightings: in the colour of their place along the route with their number, or red where they
-    were not used. The line joins the points as placed in space; short white strokes are twenty times the
-    reprojection errors.
+    Circles are sightings with their number, coloured by arc length, red where they were not used. The line
+    joins the triangulated points; short white strokes are twenty times the reprojection errors.
     """
     canvas = _in_colour(image)
     size = max(canvas.shape[0] / 600.0, 0.6)
@@ -40,27 +39,29 @@ def drawn(
     pixels = project(camera, one.points)
     _draw_route(canvas, pixels, shades, size)
     used = one.which[:, view]
-    for k in set(range(len(seen))) - set(used.tolist()):
-        _draw_outline(canvas, seen, k, _UNUSED, size)
+    for k in set(range(len(sightings))) - set(used.tolist()):
+        _draw_outline(canvas, sightings, k, _UNUSED, size)
     for n, k in enumerate(used.tolist()):
         if k >= 0:
-            _draw_outline(canvas, seen, k, shades[n], size)
-            error = seen.centre[k] - pixels[n]
-            _draw_line(canvas, seen.centre[k], seen.centre[k] + _MAGNIFIED * error, _WHITE, size)
-            _write(canvas, str(labels[n]), seen.centre[k] + _beside(seen, k), shades[n], 0.45 * size)
+            _draw_outline(canvas, sightings, k, shades[n], size)
+            error = sightings.centre[k] - pixels[n]
+            _draw_line(canvas, sightings.centre[k], sightings.centre[k] + _MAGNIFIED * error, _WHITE, size)
+            _write(
+                canvas, str(labels[n]), sightings.centre[k] + _beside(sightings, k), shades[n], 0.45 * size
+            )
     return _headed(canvas, heading, size)
 
 
-def drawn_board(image: np.ndarray, seen: BoardSeen | None, heading: str) -> np.ndarray:
-    """Draw the corners of a board that were found in an image."""
+def annotated_board(image: np.ndarray, sightings: BoardDetection | None, heading: str) -> np.ndarray:
+    """Draw the detected corners of a board."""
     canvas = _in_colour(image)
     size = max(canvas.shape[0] / 600.0, 0.6)
-    if seen is not None:
-        shades = _shades(int(seen.corners.max()) + 1)
-        for corner, pixel in zip(seen.corners, seen.pixels, strict=True):
+    if sightings is not None:
+        shades = _shades(int(sightings.corners.max()) + 1)
+        for corner, pixel in zip(sightings.corners, sightings.pixels, strict=True):
             cv2.circle(canvas, _at(pixel), _fine(3.5 * size), shades[corner], 1, cv2.LINE_AA, _SUB)
         for corner in (0, 1):
-            here = seen.pixels[seen.corners == corner]
+            here = sightings.pixels[sightings.corners == corner]
             if len(here):
                 _write(canvas, str(corner), here[0] + 6 * size, shades[corner], 0.45 * size)
     return _headed(canvas, heading, size)
@@ -92,7 +93,7 @@ def _shades(count: int) -> list[tuple[int, int, int]]:
 def _draw_route(
     canvas: np.ndarray, pixels: np.ndarray, shades: Sequence[tuple[int, int, int]], size: float
 ) -> None:
-    """Join neighbours that were both placed; across a gap there is no line."""
+    """Join neighbours that were both placed; across a missing marker there is no line."""
     for n in range(len(pixels) - 1):
         if np.isfinite(pixels[n : n + 2]).all():
             _draw_line(canvas, pixels[n], pixels[n + 1], shades[n], size)
@@ -106,19 +107,19 @@ def _draw_line(
 
 
 def _draw_outline(
-    canvas: np.ndarray, seen: Sightings, k: int, colour: tuple[int, int, int], size: float
+    canvas: np.ndarray, sightings: Sightings, k: int, colour: tuple[int, int, int], size: float
 ) -> None:
     thick = max(round(1.3 * size), 1)
-    if seen.pixels.shape[1] > 1:
-        corners = np.rint(seen.pixels[k] * 2**_SUB).astype(np.int32)
+    if sightings.pixels.shape[1] > 1:
+        corners = np.rint(sightings.pixels[k] * 2**_SUB).astype(np.int32)
         cv2.polylines(canvas, [corners], True, colour, thick, cv2.LINE_AA, _SUB)
         return
-    radius = float(np.sqrt(seen.size[k] / np.pi)) + 3 * size
-    cv2.circle(canvas, _at(seen.centre[k]), _fine(radius), colour, thick, cv2.LINE_AA, _SUB)
+    radius = float(np.sqrt(sightings.size[k] / np.pi)) + 3 * size
+    cv2.circle(canvas, _at(sightings.centre[k]), _fine(radius), colour, thick, cv2.LINE_AA, _SUB)
 
 
-def _beside(seen: Sightings, k: int) -> np.ndarray:
-    reach = float(np.sqrt(seen.size[k] / np.pi)) + 5.0
+def _beside(sightings: Sightings, k: int) -> np.ndarray:
+    reach = float(np.sqrt(sightings.size[k] / np.pi)) + 5.0
     return np.array([0.8 * reach, -0.8 * reach])
 
 
@@ -130,10 +131,10 @@ def _headed(canvas: np.ndarray, heading: str, size: float) -> np.ndarray:
 
 
 def _write(
-    canvas: np.ndarray, text: str, place: np.ndarray, colour: tuple[int, int, int], scale: float
+    canvas: np.ndarray, text: str, position: np.ndarray, colour: tuple[int, int, int], scale: float
 ) -> None:
-    if np.isfinite(place).all():
-        at = int(place[0]), int(place[1])
+    if np.isfinite(position).all():
+        at = int(position[0]), int(position[1])
         cv2.putText(canvas, text, at, cv2.FONT_HERSHEY_SIMPLEX, scale, _SHADE, 3, cv2.LINE_AA)
         cv2.putText(canvas, text, at, cv2.FONT_HERSHEY_SIMPLEX, scale, colour, 1, cv2.LINE_AA)
 

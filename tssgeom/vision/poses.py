@@ -1,4 +1,4 @@
-"""Poses as rotation vectors and shifts: one after the other, backwards, and from a board that is seen."""
+"""Poses as rotation vectors and shifts: one after the other, backwards, and from a detected board."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ _TILT = 0.01  # share of its standard deviation by which a parameter is moved
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """Cameras in one frame, and how well the boards tell them."""
+    """Cameras in one frame, and how well the boards determine them."""
 
     cameras: tuple[Camera, ...]
     covariance: Matrix
@@ -33,7 +33,7 @@ class Calibration:
     views: tuple[int, ...]
     """Boards that each camera sees."""
     covered: Vector
-    """Share of each image in which corners are seen [v]."""
+    """Share of each image that detected corners cover [v]."""
     point_sd: float
     """Standard deviation that the calibration alone gives a coordinate of a corner; 0 for one camera [m]."""
     warnings: tuple[str, ...] = ()
@@ -44,7 +44,7 @@ class Calibration:
         return np.sqrt(np.maximum(np.diag(self.covariance), 0.0)).reshape(-1, CAMERA)
 
 
-def told(
+def quality_of(
     corners: Points,
     names: Sequence[str],
     sizes: Sequence[tuple[int, int]],
@@ -55,7 +55,7 @@ def told(
     """Turn a fit into cameras, and say how good it is."""
     cameras = tuple(_camera(*given) for given in zip(names, sizes, fitted.lens, fitted.pose, strict=True))
     covered = np.array([_covered(sighted, v, size) for v, size in enumerate(sizes)])
-    found = Calibration(
+    calibration = Calibration(
         cameras=cameras,
         covariance=read_only(fitted.covariance),
         noise=fitted.noise,
@@ -64,13 +64,13 @@ def told(
         covered=covered,
         point_sd=_point_sd(corners, cameras, sighted, fitted) if len(names) > 1 else 0.0,
     )
-    found = replace(found, warnings=_warnings(found))
+    calibration = replace(calibration, warnings=_warnings(calibration))
     if board_frame is None:
-        return found
+        return calibration
     world = fitted.boards[board_frame]
     moved = [after(world, Pose(one.turn, one.shift)) for one in cameras]
     turned = tuple(replace(c, turn=p.turn, shift=p.shift) for c, p in zip(cameras, moved, strict=True))
-    return replace(found, cameras=turned)
+    return replace(calibration, cameras=turned)
 
 
 def _camera(name: str, size: tuple[int, int], lens: Vector, pose: Pose) -> Camera:
@@ -86,7 +86,7 @@ def _rms(sighted: Sequence[Sighted], fitted: Fitted, camera: int) -> float:
 
 
 def _covered(sighted: Sequence[Sighted], camera: int, size: tuple[int, int]) -> float:
-    pixels = np.concatenate([one.seen.pixels for one in sighted if one.camera == camera])
+    pixels = np.concatenate([one.detection.pixels for one in sighted if one.camera == camera])
     cells = np.floor(pixels / np.array(size) * _CELLS)
     return len(np.unique(cells, axis=0)) / _CELLS**2
 
@@ -96,8 +96,10 @@ def _point_sd(
 ) -> float:
     """Root mean square standard deviation of corners that are placed again with a calibration in error."""
     frames = sorted({one.frame for one in sighted})
-    places = np.concatenate([corners @ fitted.boards[k].rotation.T + fitted.boards[k].shift for k in frames])
-    points = places[np.linspace(0, len(places) - 1, min(len(places), _MOST_POINTS)).astype(int)]
+    positions = np.concatenate(
+        [corners @ fitted.boards[k].rotation.T + fitted.boards[k].shift for k in frames]
+    )
+    points = positions[np.linspace(0, len(positions) - 1, min(len(positions), _MOST_POINTS)).astype(int)]
     pixels = [project(camera, points) for camera in cameras]
     sd = np.sqrt(np.maximum(np.diag(fitted.covariance), 0.0))
     slopes = np.zeros((len(points), 3, len(sd)))
@@ -121,31 +123,31 @@ def _with(camera: Camera, parameter: int, change: float) -> Camera:
 
 
 def _again(cameras: tuple[Camera, ...], pixels: Sequence[Matrix]) -> Points:
-    slope = np.array([sight(camera, seen)[0] for camera, seen in zip(cameras, pixels, strict=True)])
+    slope = np.array([sight(camera, at)[0] for camera, at in zip(cameras, pixels, strict=True)])
     weight = np.broadcast_to(np.eye(2), (*slope.shape, 2)).copy()
     return triangulate(eyes(cameras), slope, weight, np.full(len(cameras) + 1, np.inf)).points
 
 
-def _warnings(found: Calibration) -> tuple[str, ...]:
+def _warnings(calibration: Calibration) -> tuple[str, ...]:
     said = list[str]()
-    for v, camera in enumerate(found.cameras):
-        focal = float(found.sd[v, 0] / camera.matrix[0, 0])
+    for v, camera in enumerate(calibration.cameras):
+        focal = float(calibration.sd[v, 0] / camera.matrix[0, 0])
         if focal > _FOCAL_SD:
             said.append(
                 f"camera {camera.name!r}: focal length known to {100 * focal:.1f} % only: tilt the board more"
             )
-        if found.covered[v] < _COVERED:
+        if calibration.covered[v] < _COVERED:
             said.append(
-                f"camera {camera.name!r}: corners cover {100 * found.covered[v]:.0f} % of the image: "
+                f"camera {camera.name!r}: corners cover {100 * calibration.covered[v]:.0f} % of the image: "
                 "move the board into its corners too"
             )
-        if found.reprojection[v] > _ERROR:
+        if calibration.reprojection[v] > _ERROR:
             said.append(
-                f"camera {camera.name!r}: corners are {found.reprojection[v]:.2f} px off: check focus, "
+                f"camera {camera.name!r}: corners are {calibration.reprojection[v]:.2f} px off: check focus, "
                 "flatness of the board and the size of its squares"
             )
-        if found.views[v] < _VIEWS:
+        if calibration.views[v] < _VIEWS:
             said.append(
-                f"camera {camera.name!r}: {found.views[v]} boards only: {_VIEWS} or more tell it better"
+                f"camera {camera.name!r}: {calibration.views[v]} boards only: use {_VIEWS} or more"
             )
     return tuple(said)

@@ -1,4 +1,4 @@
-"""What one camera found in one image: pixels of markers, how sharp they are, and what ids they have."""
+"""Detections of one camera in one image: pixels of markers, how sharp they are, and what ids they have."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class Sightings:
     pixels: np.ndarray
     """Pixels of each marker: its centre, or the corners of a tag, [n, k, 2] [px]."""
     noise: Vector
-    """Standard deviation of one of their coordinates, as far as the image tells it [n] [px]."""
+    """Standard deviation of one of their coordinates, as estimated from the image [n] [px]."""
     ids: np.ndarray
     """Number on each tag, -1 for a blob [n]."""
     size: Vector
@@ -32,5 +32,5 @@ class Sightings:
 
 
 def nothing(corners: int) -> Sightings:
-    """Return what is seen where there is no image."""
+    """Return the sightings of a missing image."""
     return Sightings(np.zeros((0, corners, 2)), np.zeros(0), np.zeros(0, np.int64), np.zeros(0))

@@ -52,7 +52,7 @@ def tag_finder(name: str) -> Callable[[np.ndarray], Sightings]:
 
 
 def _tags(detector: cv2.aruco.ArucoDetector, image: np.ndarray) -> Sightings:
-    """Find tags; an id that is there twice tells nothing and is left out."""
+    """Detect tags; an id that occurs twice is ambiguous and left out."""
     corners, ids, _ = detector.detectMarkers(image)
     if ids is None or not len(ids):
         return nothing(CORNERS)

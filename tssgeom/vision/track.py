@@ -1,4 +1,4 @@
-"""From what cameras saw to ordered points over time, with the noise that their views tell."""
+"""Sightings of cameras to ordered points over time, with the noise estimated from their views."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from tssgeom.vision.continuity import Off, beginning, followed
 from tssgeom.vision.covering import uncovered
 from tssgeom.vision.localisation import Alone, located, refuse_one_camera
 from tssgeom.vision.matching import Matches, matches_of
-from tssgeom.vision.neighbours import reach_of, settled
+from tssgeom.vision.neighbours import reach_of, unopposed
 from tssgeom.vision.sightings import Sightings
 from tssgeom.vision.sizes import of_one_size
 from tssgeom.vision.triangulation import gates, pixel_scale
-from tssgeom.vision.views import Located, Look, look, nowhere
+from tssgeom.vision.views import Located, ViewSet, nowhere, view_set_of
 
-_GENEROUS = 5.0  # times the stated pixel noise, before the views have told it
-_PROBED = 60  # frames from which the pixel noise is told before anything is refused
+_GENEROUS = 5.0  # times the stated pixel noise, before it is estimated from the views
+_PROBED = 60  # frames from which the pixel noise is estimated before anything is refused
 _FEW = 30.0  # degrees of freedom that the stated pixel noise weighs beside those of the views
 _UNUSED = 0.1  # of the blobs of a camera, above which more than chance is wrong
 _DOUBTFUL, _DOUBTFUL_PIXELS = 3.0, 0.2  # times the stated noise, and pixels
@@ -30,7 +30,7 @@ _SELDOM = 0.02  # of the frames: a tag placed in fewer is a misreading
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """What is asked of the markers."""
+    """What the markers are, and in which order they lie."""
 
     tags: bool
     ids: tuple[int, ...] = ()
@@ -50,64 +50,66 @@ class Track:
     """Number of each tag along the route; for blobs their count from 0."""
     frames: tuple[Located, ...]
     scale: float
-    """Noise of a pixel as the views tell it, over what the detections state [1]."""
+    """Noise of a pixel as estimated from the views, over what the detections state [1]."""
     reprojection: Vector
-    """Root mean square distance of a marker from where its point should be seen, for each camera [v] [px]."""
+    """Root mean square distance of a marker from the projection of its point, for each camera [v] [px]."""
     warnings: tuple[str, ...] = ()
 
 
-def track(cameras: tuple[Camera, ...], seen: Iterable[Sequence[Sightings]], wanted: Wanted) -> Track:
+def track(cameras: tuple[Camera, ...], sightings: Iterable[Sequence[Sightings]], wanted: Wanted) -> Track:
     """Turn sightings into ordered points.
 
     Parameters
     ----------
     cameras
         The cameras, in one common frame.
-    seen
-        For each frame what each camera found.
+    sightings
+        For each frame the sightings of each camera.
     wanted
         What the markers are and how they are ordered.
 
     Raises
     ------
     SettingsError
-        Where one camera has nothing that tells depth.
+        Where one camera has nothing that determines depth.
     ShapeError
-        Where the markers are not seen, or in no clear order.
+        Where the markers are not detected, or in no clear order.
     """
     refuse_one_camera(cameras, wanted.alone, tags=wanted.tags)
-    looks = [look(cameras, one) for one in seen]
-    if not looks:
+    view_sets = [view_set_of(cameras, one) for one in sightings]
+    if not view_sets:
         raise ShapeError("there is no frame: check the video")
     if wanted.tags:
-        return _of_tags(cameras, looks, wanted)
-    return _of_blobs(cameras, looks, wanted)
+        return _of_tags(cameras, view_sets, wanted)
+    return _of_blobs(cameras, view_sets, wanted)
 
 
-def _of_tags(cameras: tuple[Camera, ...], looks: Sequence[Look], wanted: Wanted) -> Track:
-    known = wanted.ids or tuple(sorted({int(k) for one in looks for seen in one.seen for k in seen.ids}))
+def _of_tags(cameras: tuple[Camera, ...], view_sets: Sequence[ViewSet], wanted: Wanted) -> Track:
+    known = wanted.ids or tuple(
+        sorted({int(k) for one in view_sets for sightings in one.sightings for k in sightings.ids})
+    )
     if not known:
         raise ShapeError(
-            "no tag of the family is seen in any image: check --tags, the light and the sharpness"
+            "no tag of the family is detected in any image: check --tags, the light and the sharpness"
         )
-    numbered = [_numbered(one, known) for one in looks]
+    numbered = [_numbered(one, known) for one in view_sets]
 
     def placed(scale: float, chosen: Sequence[int]) -> list[Located]:
         gate = gates(len(cameras), scale)
-        return [located(cameras, looks[k], numbered[k], gate, wanted.alone) for k in chosen]
+        return [located(cameras, view_sets[k], numbered[k], gate, wanted.alone) for k in chosen]
 
-    scale = _scale(placed(_GENEROUS, _probes(looks)))
-    frames = placed(max(scale, 1.0), range(len(looks)))
+    scale = _scale(placed(_GENEROUS, _probes(view_sets)))
+    frames = placed(max(scale, 1.0), range(len(view_sets)))
     ids, frames, notes = _often(known, frames, stated=bool(wanted.ids))
-    return _track(cameras, looks, ids, frames, notes)
+    return _track(cameras, view_sets, ids, frames, notes)
 
 
-def _numbered(one: Look, known: Sequence[int]) -> np.ndarray:
+def _numbered(one: ViewSet, known: Sequence[int]) -> np.ndarray:
     """Return the sighting of each camera for every number, -1 where it does not see it [n, v]."""
-    which = np.full((len(known), len(one.seen)), -1)
+    which = np.full((len(known), len(one.sightings)), -1)
     row = {number: i for i, number in enumerate(known)}
-    for v, seen in enumerate(one.seen):
-        for k, number in enumerate(seen.ids):
+    for v, sightings in enumerate(one.sightings):
+        for k, number in enumerate(sightings.ids):
             if int(number) in row:
                 which[row[int(number)], v] = k
     return which
@@ -116,12 +118,12 @@ def _numbered(one: Look, known: Sequence[int]) -> np.ndarray:
 def _often(
     known: Sequence[int], frames: Sequence[Located], *, stated: bool
 ) -> tuple[tuple[int, ...], list[Located], tuple[str, ...]]:
-    """Leave out numbers that hardly any frame shows, unless they were asked for."""
+    """Leave out numbers that hardly any frame shows, unless they were requested."""
     times = np.count_nonzero([np.isfinite(one.points[:, 0]) for one in frames], axis=0)
     keep = np.flatnonzero(times >= (0 if stated else max(_SELDOM * len(frames), 1)))
     if not times[keep].sum():
         raise ShapeError(
-            "tags are seen, but none could be placed: check that calibration and cameras belong together"
+            "tags are detected, but none could be placed: check that calibration and cameras belong together"
         )
     seldom = [
         str(number) for number, count in zip(known, times, strict=True) if count < times.max() * _SELDOM
@@ -136,67 +138,69 @@ def _rows(one: Located, keep: np.ndarray) -> Located:
     )
 
 
-def _of_blobs(cameras: tuple[Camera, ...], looks: Sequence[Look], wanted: Wanted) -> Track:
-    gate = gates(len(cameras), max(_scale_of_blobs(cameras, looks, wanted.alone), 1.0))
-    matches, reach = _possible(cameras, looks, gate, wanted.alone)
+def _of_blobs(cameras: tuple[Camera, ...], view_sets: Sequence[ViewSet], wanted: Wanted) -> Track:
+    gate = gates(len(cameras), max(_scale_of_blobs(cameras, view_sets, wanted.alone), 1.0))
+    matches, reach = _possible(cameras, view_sets, gate, wanted.alone)
     begin = beginning(matches, reach, _off_end(cameras[0], wanted.proximal), wanted.count)
-    frames = [nowhere(len(begin.points), len(cameras))] * len(looks)
+    frames = [nowhere(len(begin.points), len(cameras))] * len(view_sets)
     for k, which in followed(matches, begin):
-        frames[k] = located(cameras, looks[k], which, gate, wanted.alone)
-    whole = uncovered(cameras, looks, frames)
+        frames[k] = located(cameras, view_sets[k], which, gate, wanted.alone)
+    whole = uncovered(cameras, view_sets, frames)
     frames = [
-        one if np.array_equal(one.which, which) else located(cameras, seen, which, gate, wanted.alone)
-        for seen, one, which in zip(looks, frames, whole, strict=True)
+        one if np.array_equal(one.which, which) else located(cameras, sightings, which, gate, wanted.alone)
+        for sightings, one, which in zip(view_sets, frames, whole, strict=True)
     ]
     notes = () if wanted.proximal else (_taken_end(begin.points[0]),)
-    notes += tuple(_unused(cameras, looks, frames))
-    return _track(cameras, looks, tuple(range(len(begin.points))), frames, notes)
+    notes += tuple(_unused(cameras, view_sets, frames))
+    return _track(cameras, view_sets, tuple(range(len(begin.points))), frames, notes)
 
 
 def _possible(
-    cameras: tuple[Camera, ...], looks: Sequence[Look], gate: Vector, alone: Alone
+    cameras: tuple[Camera, ...], view_sets: Sequence[ViewSet], gate: Vector, alone: Alone
 ) -> tuple[list[Matches], float]:
     """Return the points that each frame may show, and the distance within which the next marker lies [m]."""
-    matches = [matches_of(cameras, one, gate, alone) for one in looks]
-    matches = of_one_size(cameras, looks, matches)
-    return matches, reach_of(cameras, looks, matches)
+    matches = [matches_of(cameras, one, gate, alone) for one in view_sets]
+    matches = of_one_size(cameras, view_sets, matches)
+    return matches, reach_of(cameras, view_sets, matches)
 
 
-def _scale_of_blobs(cameras: tuple[Camera, ...], looks: Sequence[Look], alone: Alone) -> float:
+def _scale_of_blobs(cameras: tuple[Camera, ...], view_sets: Sequence[ViewSet], alone: Alone) -> float:
     """Return the pixel noise that clear matches of a few frames show, over the stated one [1]."""
-    gate, few = gates(len(cameras), _GENEROUS), [looks[k] for k in _probes(looks)]
+    gate, few = gates(len(cameras), _GENEROUS), [view_sets[k] for k in _probes(view_sets)]
     matches, reach = _possible(cameras, few, gate, alone)
-    clear = [found.blobs[settled(found, reach)] for found in matches]
+    clear = [candidates.blobs[unopposed(candidates, reach)] for candidates in matches]
     return _scale([located(cameras, one, which, gate, alone) for one, which in zip(few, clear, strict=True)])
 
 
-def _unused(cameras: tuple[Camera, ...], looks: Sequence[Look], frames: Sequence[Located]) -> Iterator[str]:
+def _unused(
+    cameras: tuple[Camera, ...], view_sets: Sequence[ViewSet], frames: Sequence[Located]
+) -> Iterator[str]:
     """Say of which camera many blobs are not used."""
     for v, camera in enumerate(cameras):
-        total = sum(len(one.seen[v]) for one in looks)
+        total = sum(len(one.sightings[v]) for one in view_sets)
         used = sum(int((one.which[:, v] >= 0).sum()) for one in frames)
         if total - used > _UNUSED * total:
             yield (
                 f"camera {camera.name!r}: {100 * (total - used) / total:.0f} % of its blobs are not placed "
-                "(red in the images of --overlay): check calibration, look and area of the blobs"
+                "(red in the images of --overlay): check calibration, colour and area of the blobs"
             )
 
 
-def _taken_end(place: Vector) -> str:
-    at = ", ".join(f"{1e3 * x:.0f}" for x in place)
+def _taken_end(position: Vector) -> str:
+    at = ", ".join(f"{1e3 * x:.0f}" for x in position)
     return f"the end at ({at}) mm is taken for the proximal one: give --proximal X,Y where it is the other"
 
 
 def _off_end(camera: Camera, pixel: tuple[float, float] | None) -> Off | None:
-    """How far from a pixel of the first camera places are seen."""
+    """Return the distance of projections from a pixel of the first camera [px]."""
     if pixel is None:
         return None
     return lambda points: np.linalg.norm(project(camera, points) - np.array(pixel), axis=1)
 
 
-def _probes(looks: Sequence[Look]) -> list[int]:
-    count = min(len(looks), _PROBED)
-    return [int(k) for k in np.linspace(0, len(looks) - 1, count).round()]
+def _probes(view_sets: Sequence[ViewSet]) -> list[int]:
+    count = min(len(view_sets), _PROBED)
+    return [int(k) for k in np.linspace(0, len(view_sets) - 1, count).round()]
 
 
 def _scale(frames: Sequence[Located]) -> float:
@@ -206,12 +210,12 @@ def _scale(frames: Sequence[Located]) -> float:
 
 def _track(
     cameras: tuple[Camera, ...],
-    looks: Sequence[Look],
+    view_sets: Sequence[ViewSet],
     ids: tuple[int, ...],
     frames: Sequence[Located],
     notes: tuple[str, ...],
 ) -> Track:
-    """Scale the covariances by what the views tell of the noise; docs/model.md (133)."""
+    """Scale the covariances by the noise estimated from the views; docs/model.md (133)."""
     square = sum(float(np.nansum(one.square)) for one in frames)
     freedom = sum(float(one.freedom.sum()) for one in frames)
     scale = float(np.sqrt((square + _FEW) / (freedom + _FEW)))
@@ -219,7 +223,7 @@ def _track(
         replace(one, points=read_only(one.points), covariance=read_only(one.covariance * scale**2))
         for one in frames
     )
-    off = _reprojection(cameras, looks, scaled)
+    off = _reprojection(cameras, view_sets, scaled)
     if scale > _DOUBTFUL and np.nanmax(off) > _DOUBTFUL_PIXELS:
         notes += (
             f"views miss each other by {np.nanmax(off):.2f} px, {scale:.1f} times what images allow: check "
@@ -228,11 +232,13 @@ def _track(
     return Track(ids, scaled, scale, off, notes)
 
 
-def _reprojection(cameras: tuple[Camera, ...], looks: Sequence[Look], frames: Sequence[Located]) -> Vector:
+def _reprojection(
+    cameras: tuple[Camera, ...], view_sets: Sequence[ViewSet], frames: Sequence[Located]
+) -> Vector:
     squares = [list[float]() for _ in cameras]
-    for seen, one in zip(looks, frames, strict=True):
+    for view_set, one in zip(view_sets, frames, strict=True):
         for v, camera in enumerate(cameras):
             here = one.which[:, v] >= 0
-            off = seen.seen[v].centre[one.which[here, v]] - project(camera, one.points[here])
+            off = view_set.sightings[v].centre[one.which[here, v]] - project(camera, one.points[here])
             squares[v].extend(np.sum(off * off, axis=1))
     return np.array([np.sqrt(np.mean(each)) if each else np.nan for each in squares])

@@ -15,7 +15,7 @@ from tssgeom.vision.cameras import Eyes
 _STEPS = 10
 _STILL = 1e-10  # of the depth: a smaller step is the last
 _CHANCE = 1e-4  # of a true point to be taken for a wrong one
-_LEAST_ANGLE = 2e-2  # between rays: below, depth is told by noise alone [rad]
+_LEAST_ANGLE = 2e-2  # between rays: below, depth is noise alone [rad]
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,12 +69,12 @@ def triangulate(eyes: Eyes, slope: np.ndarray, weight: np.ndarray, gate: Vector)
     views, count = slope.shape[:2]
     points, covariance = np.full((count, 3), np.nan), np.full((count, 3, 3), np.nan)
     square, used = np.full(count, np.nan), np.zeros((views, count), np.bool_)
-    _place_all(eyes.rotation, eyes.shift, slope, weight, gate, points, covariance, square, used)
+    _triangulate_all(eyes.rotation, eyes.shift, slope, weight, gate, points, covariance, square, used)
     return Placed(points, covariance, square, used)
 
 
 @njit(cache=True, nogil=True)
-def _place_all(
+def _triangulate_all(
     rotation: np.ndarray,
     shift: np.ndarray,
     slope: np.ndarray,
@@ -86,23 +86,23 @@ def _place_all(
     used: np.ndarray,
 ) -> None:
     views, count = slope.shape[0], slope.shape[1]
-    seen, best = np.empty(views, np.bool_), np.empty(views, np.bool_)
+    visible, best = np.empty(views, np.bool_), np.empty(views, np.bool_)
     for i in range(count):
         sights = 0
         for v in range(views):
-            seen[v] = math.isfinite(slope[v, i, 0])
-            sights += 1 if seen[v] else 0
+            visible[v] = math.isfinite(slope[v, i, 0])
+            sights += 1 if visible[v] else 0
         if sights < 2:
             continue
-        x, c, q = place(rotation, shift, slope[:, i], weight[:, i], seen)
-        best[:] = seen
+        x, c, q = intersection(rotation, shift, slope[:, i], weight[:, i], visible)
+        best[:] = visible
         if sights > 2 and not q <= gate[sights]:
             q, left = math.inf, -1
             for v in range(views):
-                if seen[v]:
-                    seen[v] = False
-                    x1, c1, q1 = place(rotation, shift, slope[:, i], weight[:, i], seen)
-                    seen[v] = True
+                if visible[v]:
+                    visible[v] = False
+                    x1, c1, q1 = intersection(rotation, shift, slope[:, i], weight[:, i], visible)
+                    visible[v] = True
                     if q1 < q:
                         x, c, q, left = x1, c1, q1, v
             if left >= 0:
@@ -114,17 +114,17 @@ def _place_all(
 
 
 @njit(cache=True, nogil=True)
-def place(
-    rotation: np.ndarray, shift: np.ndarray, slope: np.ndarray, weight: np.ndarray, seen: np.ndarray
+def intersection(
+    rotation: np.ndarray, shift: np.ndarray, slope: np.ndarray, weight: np.ndarray, visible: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """Place one point by Gauss and Newton: place, covariance and square, which is infinite where it fails."""
-    x, ok = _first_guess(rotation, shift, slope, seen)
+    """Place one point by Gauss-Newton; return position, covariance and square, infinite on failure."""
+    x, ok = _first_guess(rotation, shift, slope, visible)
     nothing = np.full((3, 3), np.nan)
-    if not ok or not _wide_enough(rotation, shift, slope, seen):
+    if not ok or not _wide_enough(rotation, shift, slope, visible):
         return x, nothing, math.inf
     normal, inverse = np.empty((3, 3)), nothing
     for _ in range(_STEPS):
-        pull, _, deep = _equations(rotation, shift, slope, weight, seen, x, normal)
+        pull, _, deep = _equations(rotation, shift, slope, weight, visible, x, normal)
         if not deep > 0.0:
             return x, nothing, math.inf
         inverse = _inverse(normal)
@@ -132,7 +132,7 @@ def place(
         x = x + step
         if not np.abs(step).max() > _STILL * deep:
             break
-    _, square, deep = _equations(rotation, shift, slope, weight, seen, x, normal)
+    _, square, deep = _equations(rotation, shift, slope, weight, visible, x, normal)
     if not (deep > 0.0 and math.isfinite(square)):
         return x, nothing, math.inf
     return x, _inverse(normal), square
@@ -144,16 +144,16 @@ def _equations(
     shift: np.ndarray,
     slope: np.ndarray,
     weight: np.ndarray,
-    seen: np.ndarray,
+    visible: np.ndarray,
     x: np.ndarray,
     normal: np.ndarray,
 ) -> tuple[np.ndarray, float, float]:
-    """Fill the normal equations at a place; return their right side, the square and the least depth."""
+    """Fill the normal equations at a position; return their right side, the square and the least depth."""
     normal[:] = 0.0
     pull, square, deep = np.zeros(3), 0.0, math.inf
     jac, weighted = np.empty((2, 3)), np.empty((2, 3))
-    for v in range(len(seen)):
-        if not seen[v]:
+    for v in range(len(visible)):
+        if not visible[v]:
             continue
         r, w = rotation[v], weight[v]
         depth = r[2, 0] * x[0] + r[2, 1] * x[1] + r[2, 2] * x[2] + shift[v, 2]
@@ -178,12 +178,12 @@ def _equations(
 
 @njit(cache=True, nogil=True)
 def _first_guess(
-    rotation: np.ndarray, shift: np.ndarray, slope: np.ndarray, seen: np.ndarray
+    rotation: np.ndarray, shift: np.ndarray, slope: np.ndarray, visible: np.ndarray
 ) -> tuple[np.ndarray, bool]:
     """Return the point nearest to all rays."""
     normal, pull = np.zeros((3, 3)), np.zeros(3)
-    for v in range(len(seen)):
-        if not seen[v]:
+    for v in range(len(visible)):
+        if not visible[v]:
             continue
         ray, centre = _ray(rotation[v], shift[v], slope[v])
         for c in range(3):
@@ -196,12 +196,12 @@ def _first_guess(
 
 
 @njit(cache=True, nogil=True)
-def _wide_enough(rotation: np.ndarray, shift: np.ndarray, slope: np.ndarray, seen: np.ndarray) -> bool:
-    """Whether two of the rays differ by an angle that tells depth."""
+def _wide_enough(rotation: np.ndarray, shift: np.ndarray, slope: np.ndarray, visible: np.ndarray) -> bool:
+    """Whether two of the rays differ by an angle that determines depth."""
     least = math.cos(_LEAST_ANGLE)
-    for v in range(len(seen)):
+    for v in range(len(visible)):
         for u in range(v):
-            if seen[v] and seen[u]:
+            if visible[v] and visible[u]:
                 one, _ = _ray(rotation[v], shift[v], slope[v])
                 other, _ = _ray(rotation[u], shift[u], slope[u])
                 if one[0] * other[0] + one[1] * other[1] + one[2] * other[2] < least:

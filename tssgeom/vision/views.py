@@ -1,4 +1,4 @@
-"""What all cameras saw at one time, as directions with their weights."""
+"""Sightings of all cameras at one time, as directions with their weights."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from tssgeom.vision.triangulation import weights
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
-    """What all cameras saw at one time."""
+class ViewSet:
+    """Sightings of all cameras at one time, with their directions."""
 
-    seen: tuple[Sightings, ...]
+    sightings: tuple[Sightings, ...]
     """One for each camera."""
     slope: tuple[np.ndarray, ...]
     """Directions of sight, for each camera [n, k, 2]."""
@@ -30,46 +30,51 @@ class Located:
     """The markers of one frame, in the order of the route."""
 
     points: Points
-    """A row of NaN for a marker that was not seen well [n, 3] [m]."""
+    """A row of NaN for a marker that was not located [n, 3] [m]."""
     covariance: np.ndarray
     """[n, 3, 3] [m²]."""
     square: Vector
     """Sum of squared, weighted reprojection errors of a marker; NaN where it is not placed [n]."""
     freedom: Vector
-    """Degrees of freedom of `square`, 0 where one camera places it [n]."""
+    """Degrees of freedom of `square`, 0 where one camera locates it [n]."""
     which: np.ndarray
     """The sighting of each camera that the marker comes from, -1 for none [n, v]."""
 
 
-def look(cameras: Sequence[Camera], seen: Sequence[Sightings]) -> Look:
+def view_set_of(cameras: Sequence[Camera], sightings: Sequence[Sightings]) -> ViewSet:
     """Turn pixels into directions."""
-    slopes, hefts = [], []
-    for camera, one in zip(cameras, seen, strict=True):
+    slopes, inverse_covariances = [], []
+    for camera, one in zip(cameras, sightings, strict=True):
         corners = one.pixels.shape[1]
         slope, by_pixel = sight(camera, one.pixels.reshape(-1, 2))
         slopes.append(slope.reshape(-1, corners, 2))
-        hefts.append(weights(by_pixel, np.repeat(one.noise, corners)).reshape(-1, corners, 2, 2))
-    return Look(tuple(seen), tuple(slopes), tuple(hefts))
+        inverse_covariances.append(
+            weights(by_pixel, np.repeat(one.noise, corners)).reshape(-1, corners, 2, 2)
+        )
+    return ViewSet(tuple(sightings), tuple(slopes), tuple(inverse_covariances))
 
 
 def nowhere(count: int, views: int) -> Located:
     """Return what is known of a frame in which nothing was recognised."""
-    unseen = np.full(count, np.nan)
+    unknown = np.full(count, np.nan)
     return Located(
         np.full((count, 3), np.nan),
         np.full((count, 3, 3), np.nan),
-        unseen,
+        unknown,
         np.zeros(count),
         np.full((count, views), -1),
     )
 
 
-def gathered(found: Look, which: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def gathered(view_set: ViewSet, which: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Directions [v, n, k, 2] and weights [v, n, k, 2, 2] of chosen sightings [n, v], NaN for none."""
     count, views = which.shape
-    corners = found.slope[0].shape[1]
+    corners = view_set.slope[0].shape[1]
     slope, weight = np.full((views, count, corners, 2), np.nan), np.zeros((views, count, corners, 2, 2))
     for v in range(views):
         here = which[:, v] >= 0
-        slope[v, here], weight[v, here] = found.slope[v][which[here, v]], found.weight[v][which[here, v]]
+        slope[v, here], weight[v, here] = (
+            view_set.slope[v][which[here, v]],
+            view_set.weight[v][which[here, v]],
+        )
     return slope, weight
