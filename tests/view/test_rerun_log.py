@@ -193,7 +193,10 @@ def test_recording_of_nothing_is_refused(tmp_path: Path) -> None:
         write_recording(tmp_path / "empty.rrd", "empty", [], timed=True)
 
 
-def test_folder_that_is_not_there_is_an_error_with_its_path(still: list[FrameResult], tmp_path: Path) -> None:
+def test_folder_that_cannot_be_made_is_an_error_with_its_path(
+    still: list[FrameResult], tmp_path: Path
+) -> None:
+    (tmp_path / "nowhere").touch()
     with pytest.raises(SourceError, match=r"nowhere.*cannot be written"):
         write_recording(tmp_path / "nowhere" / "still.rrd", "still", still, timed=False)
 

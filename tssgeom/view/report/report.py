@@ -7,11 +7,12 @@ from collections import Counter
 from collections.abc import Collection, Sequence
 from pathlib import Path
 
+from tssgeom.atomic import write_text
 from tssgeom.effects import named
 from tssgeom.rig import Rig
 from tssgeom.view.report.entry import ReportEntry
 from tssgeom.view.report.outlying_inputs import Oddity
-from tssgeom.view.report.page import filled, program_version, write_page
+from tssgeom.view.report.page import filled, program_version
 from tssgeom.view.report.section import COLUMNS, Rendered, anchor, rendered
 
 __all__ = ["Rendered", "ReportEntry", "rendered", "write_report"]
@@ -61,7 +62,7 @@ def write_report(
         rejected=_rejections(entries),
         sections="\n".join(entry.section for entry in entries if entry.section),
     )
-    write_page(path, page)
+    write_text(path, page)
 
 
 def _statement(entries: Sequence[Rendered], rig: Rig, tension_in: float, notes: Sequence[str]) -> str:

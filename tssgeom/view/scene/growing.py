@@ -12,6 +12,7 @@ from uuid import uuid4
 
 import rerun as rr
 
+from tssgeom.atomic import replacing
 from tssgeom.errors import SourceError, require_replaceable
 from tssgeom.view.scene.viewer import binary
 
@@ -31,7 +32,7 @@ class GrowingFile:
     """
 
     def __init__(self, path: Path) -> None:
-        self._path, self._part = path, path.with_name(f".{path.name}.part")
+        self._path, self._part = path, path.with_name(f".{path.stem}.part{path.suffix}")
         try:
             require_replaceable(path)
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -72,10 +73,11 @@ class GrowingFile:
             self.write()
         finally:
             self._file.close()
-            if not self._size:
-                self._part.unlink(missing_ok=True)
-            elif self._size > _TIDY or not self._tidied():
+            if self._size:
+                self._tidy()
                 os.replace(self._part, self._path)
+            else:
+                self._part.unlink(missing_ok=True)
 
     def _append(self, data: bytes) -> None:
         """Write messages; of those that find no room, none is written in part."""
@@ -93,18 +95,13 @@ class GrowingFile:
         finally:
             self._size += written
 
-    def _tidied(self) -> bool:
-        """Join the many small pieces and add a table of contents; False where that did not work."""
-        draft = self._part.with_suffix(".rrd")
-        command = [binary(), "rrd", "optimize", str(self._part), "-o", str(draft)]
-        try:
+    def _tidy(self) -> None:
+        """Join the many small pieces and add a table of contents; a failure leaves the file as it is."""
+        if self._size > _TIDY:
+            return
+        with suppress(SourceError, subprocess.SubprocessError), replacing(self._part) as draft:
+            command = [binary(), "rrd", "optimize", str(self._part), "-o", str(draft)]
             subprocess.run(command, check=True, capture_output=True, timeout=_TIDIED)
-            os.replace(draft, self._path)
-        except (OSError, subprocess.SubprocessError):
-            draft.unlink(missing_ok=True)
-            return False
-        self._part.unlink(missing_ok=True)
-        return True
 
     def _unwritten(self, error: OSError) -> SourceError:
         what = error.strerror or str(error)

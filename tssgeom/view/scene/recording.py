@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from uuid import uuid4
@@ -12,7 +11,8 @@ import rerun as rr
 import trimesh
 from numpy.typing import NDArray
 
-from tssgeom.errors import SourceError, SpaceError, require_replaceable, unwritable
+from tssgeom.atomic import replacing
+from tssgeom.errors import SourceError, SpaceError
 from tssgeom.lumen.clearance import Clearance
 from tssgeom.stream import FrameResult
 from tssgeom.view import wording as words
@@ -60,17 +60,11 @@ def write_recording(
     if not results:
         raise SourceError(f"{path}: no frame of {name} could be used, so there is nothing to show")
     run = run_of(name, results if timed else results[-1:], timed)
-    unfinished = path.with_name(f".{path.name}.part")
-    try:
-        require_replaceable(path)
-        _write(unfinished, run, lumen, [clearance(one) for one in run.results] if clearance else [])
-        os.replace(unfinished, path)
-    except OSError as error:
-        raise unwritable(path, error) from error
-    except RuntimeError as error:  # the file was there: its writer stopped on the way
-        raise SpaceError(f"{path}: the recording ends early ({error}): free space and run again") from error
-    finally:
-        unfinished.unlink(missing_ok=True)
+    with replacing(path) as draft:
+        try:
+            _write(draft, run, lumen, [clearance(one) for one in run.results] if clearance else [])
+        except RuntimeError as error:  # the file was there: its writer stopped on the way
+            raise SpaceError(f"{path}: the recording ends early ({error}): free space, run again") from error
 
 
 def _write(path: Path, run: Run, lumen: trimesh.Trimesh | None, measured: Sequence[Clearance]) -> None:

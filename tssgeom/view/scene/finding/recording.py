@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import replace
 from pathlib import Path
 from uuid import uuid4
@@ -10,7 +9,7 @@ from uuid import uuid4
 import numpy as np
 import rerun as rr
 
-from tssgeom.errors import SourceError, require_replaceable
+from tssgeom.atomic import replacing
 from tssgeom.identify.finding import Finding
 from tssgeom.view import colours
 from tssgeom.view import wording as words
@@ -39,16 +38,9 @@ def write_finding_recording(path: Path, finding: Finding) -> None:
     SourceError
         Where the file cannot be written.
     """
-    unfinished = path.with_name(f".{path.name}.part")
-    try:
-        require_replaceable(path)
-        unfinished.touch()
-        _write(unfinished, finding)
-        os.replace(unfinished, path)
-    except OSError as error:
-        raise SourceError(f"{path}: cannot write the recording ({error}): check the folder") from error
-    finally:
-        unfinished.unlink(missing_ok=True)
+    with replacing(path) as draft:
+        draft.touch()
+        _write(draft, finding)
 
 
 def _write(path: Path, finding: Finding) -> None:
