@@ -21,10 +21,20 @@ from tssgeom.errors import SpaceError, TssgeomError
 from tssgeom.io.formats.files import open_recording
 from tssgeom.io.formats.meshes import lumen_beside
 from tssgeom.io.formats.recording import Recording
-from tssgeom.io.results.ledger import ANY_SIZE, Done, forget, intact, key_of, note, noted
-from tssgeom.io.results.result_tables import CHUNK, Part, part_of, parts, write_parts
-from tssgeom.io.results.run_record import Input, Settings, sha256_of
+from tssgeom.io.results.run_record import (
+    ANY_SIZE,
+    Done,
+    Input,
+    Settings,
+    forget,
+    intact,
+    key_of,
+    note,
+    noted,
+    sha256_of,
+)
 from tssgeom.io.results.shapes import Analysis, analysis_object, summary_row
+from tssgeom.io.results.tables import CHUNK, Part, part_of, parts, write_parts
 from tssgeom.io.storage import Folder, fetched, local
 from tssgeom.stream import Frame, Rejected, alone, process
 from tssgeom.summary import Account

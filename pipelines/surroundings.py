@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from pipelines.work import Options
 from tssgeom.io.formats.meshes import lumen_beside, read_lumen, wall_of
-from tssgeom.io.results.clearances import clearance_columns, clearance_object
-from tssgeom.io.results.shapes import Analysis
+from tssgeom.io.results.shapes import Analysis, clearance_columns, clearance_object
 from tssgeom.lumen.clearance import Clearance, clearance
 from tssgeom.lumen.wall import Wall
 from tssgeom.stream import FrameResult

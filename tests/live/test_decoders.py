@@ -16,13 +16,13 @@ from hypothesis import strategies as st
 from pyigtl.messages import CRC64
 
 from tssgeom.errors import SettingsError, ShapeError, TssgeomError
-from tssgeom.io.formats.jsonl import LONGEST_LINE, frame_or_refusal
+from tssgeom.io.formats.jsonl import frame_or_refusal
+from tssgeom.io.formats.paths import LONGEST_LINE
 from tssgeom.io.formats.states import read_state
 from tssgeom.io.network.addresses import sink_of, source_of
 from tssgeom.io.network.igtl import HEADER, Message, header_of, message_of
 from tssgeom.io.network.igtl_peers import first_string
-from tssgeom.io.network.lines import Lines
-from tssgeom.io.network.mailbox import Clock, Mailbox
+from tssgeom.io.network.mailbox import Clock, Lines, Mailbox
 from tssgeom.stream import Frame, Rejected
 
 Read = TypeVar("Read")

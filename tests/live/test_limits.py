@@ -12,8 +12,8 @@ import pytest
 from benchmarks.live_frames import malformed
 from benchmarks.live_process import PATIENCE, Reader, live
 from tests.live.peers import frame
-from tssgeom.io.network.lines import LOOKED_AT
 from tssgeom.io.network.listener import MOST_PEERS
+from tssgeom.io.network.mailbox import LOOKED_AT
 
 _times = count(10_000)
 

@@ -11,8 +11,9 @@ import msgspec
 from tssgeom.errors import SettingsError, ShapeError, SourceError
 from tssgeom.identify.campaign import Campaign, Route, Run
 from tssgeom.io.formats.campaign_checks import check_run
+from tssgeom.io.formats.columns import CHANNELS
 from tssgeom.io.formats.files import CAMPAIGN, open_recording, output_names
-from tssgeom.io.formats.runs import CHANNELS, IN_SI, read_run
+from tssgeom.io.formats.runs import IN_SI, read_run
 from tssgeom.rig import Rig, Sensor, read_rig
 from tssgeom.stream import Frame, FrameResult, Rejected, process
 

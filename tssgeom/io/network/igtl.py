@@ -15,7 +15,7 @@ from pyigtl.messages import CRC64, MessageBase, PolyDataMessage, StringMessage
 
 from tssgeom.arrays import Points
 from tssgeom.errors import ShapeError
-from tssgeom.io.formats.units import PER_METRE
+from tssgeom.io.formats.recording import PER_METRE
 
 HEADER = MessageBase.IGTL_HEADER_SIZE
 """Bytes of a header."""

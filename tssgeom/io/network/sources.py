@@ -23,9 +23,8 @@ from tssgeom.io.formats.jsonl import frame_or_refusal
 from tssgeom.io.formats.recording import usable
 from tssgeom.io.network.addresses import Access, Endpoint, resolved
 from tssgeom.io.network.channel import READ
-from tssgeom.io.network.lines import LOOKED_AT, Lines
 from tssgeom.io.network.listener import Listener, Peer, first_line, socket_error
-from tssgeom.io.network.mailbox import Clock, Mailbox
+from tssgeom.io.network.mailbox import LOOKED_AT, Clock, Lines, Mailbox
 from tssgeom.stream import Frame, Rejected
 
 _CHUNK = 1 << 16  # bytes

@@ -11,7 +11,7 @@ import numpy as np
 
 from tssgeom.atomic import replacing, write_text
 from tssgeom.errors import SourceError, require_replaceable
-from tssgeom.io.formats.units import PER_METRE
+from tssgeom.io.formats.recording import PER_METRE
 from tssgeom.stream import Frame
 
 _MM = PER_METRE["mm"]

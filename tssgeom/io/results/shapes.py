@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from tssgeom.lumen.clearance import Clearance, Region
 from tssgeom.route.pieces import Arcs
 from tssgeom.stream import FrameResult, Rejected
 from tssgeom.summary import RANGED, Account
@@ -115,7 +116,7 @@ def analysis_object(analysis: Analysis) -> dict[str, Any]:
 
 
 def summary_row(analysis: Analysis) -> dict[str, Any]:
-    """Return the row of one input in `summary.parquet`; see `tssgeom.io.results.result_tables.SUMMARY`.
+    """Return the row of one input in `summary.parquet`; see `tssgeom.io.results.tables.SUMMARY`.
 
     It tells the frame that stands for the input, the same as every picture.
     """
@@ -155,7 +156,7 @@ def _tendon(result: FrameResult) -> dict[str, Any]:
 
 
 def frame_row(item: FrameResult | Rejected) -> dict[str, Any]:
-    """Return the row of one frame in `frames/NAME.parquet`; see `tssgeom.io.results.result_tables.FRAMES`."""
+    """Return the row of one frame in `frames/NAME.parquet`; see `tssgeom.io.results.tables.FRAMES`."""
     if isinstance(item, Rejected):
         return {"seq": item.seq, "time_s": item.time, "id": str(item.id), "rejected": item.reason}
     frame, transmission = item.frame, item.transmission
@@ -174,6 +175,42 @@ def frame_row(item: FrameResult | Rejected) -> dict[str, Any]:
         "measured_elongation_m": frame.elongation,
         "warnings": item.warnings,
     }
+
+
+def clearance_object(lumen: str, found: Clearance) -> dict[str, Any]:
+    """Return what `analyse --json` tells of the clearance of one shape, in SI.
+
+    Parameters
+    ----------
+    lumen
+        Name of the mesh.
+    found
+        The clearance of the frame that is told.
+    """
+    at = None if found.least is None else float(found.s[found.narrowest])
+    return {
+        "lumen": lumen,
+        "tube_radius_m": found.radius,
+        "least_m": found.least,
+        "least_at_m": at,
+        "contacts": _regions(found.contacts),
+        "outside": _regions(found.outside),
+        "beyond_ends_m": found.beyond,
+    }
+
+
+def clearance_columns(found: Clearance) -> dict[str, float | None]:
+    """Return the columns of `summary.parquet` that tell the clearance."""
+    return {
+        "clearance_m": found.least,
+        "clearance_at_m": None if found.least is None else float(found.s[found.narrowest]),
+        "contact_length_m": sum(one.end - one.begin for one in found.contacts),
+        "outside_length_m": sum(one.end - one.begin for one in found.outside),
+    }
+
+
+def _regions(regions: Sequence[Region]) -> list[dict[str, float]]:
+    return [{"s_start_m": one.begin, "s_end_m": one.end, "least_m": one.least} for one in regions]
 
 
 def relative(path: str | Path) -> str:
