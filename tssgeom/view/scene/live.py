@@ -10,7 +10,6 @@ import rerun as rr
 import trimesh
 
 from tssgeom.arrays import Matrix, Vector
-from tssgeom.errors import SourceError
 from tssgeom.rig import Rig
 from tssgeom.stream import Frame, FrameResult, process
 from tssgeom.view.samples import Drawn, Ranges, drawn, numbers_of, ranges, round_up
@@ -21,26 +20,7 @@ from tssgeom.view.scene.recording import send_pictures
 from tssgeom.view.scene.run import Run
 from tssgeom.view.scene.series import send_numbers
 
-_MEMORY = "256MiB"  # of frames that a viewer which comes late is shown
 _ROOM = 1.25  # of the ranges and of what the camera sees, for frames to come
-
-
-def hosted(name: str, port: int) -> tuple[rr.RecordingStream, str]:
-    """Host a stream to which viewers on this machine may connect; return it with its address.
-
-    Raises
-    ------
-    SourceError
-        Where the port is taken.
-    """
-    recording = rr.RecordingStream(f"tssgeom: {name}", batcher_config=rr.ChunkBatcherConfig.LOW_LATENCY())
-    sink = rr.GrpcServerSink(bind_ip="127.0.0.1", port=port, server_memory_limit=_MEMORY)
-    try:
-        recording.set_sinks(sink)
-    except (RuntimeError, ValueError, OSError) as error:
-        raise SourceError(f"--view: port {port}: {error}: choose another with --view-port") from error
-    recording.send_recording_name(name)
-    return recording, sink.uri
 
 
 def warm_up() -> None:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from uuid import uuid4
 
 import numpy as np
 import rerun as rr
@@ -34,6 +34,7 @@ from tssgeom.view.scene.space import (
     send_route,
     send_scale_bar,
 )
+from tssgeom.view.scene.writer import recording_file
 
 _NODES = 160
 _MOMENTS = 240
@@ -44,57 +45,68 @@ _FORCES = {"a": ("A", FIRST), "b": ("B", SECOND)}
 _LIMITS = Ranges(tension=paper.PEAK, length=0.5, kappa=1.0)
 
 
+@dataclass(frozen=True, slots=True)
+class _Setup:
+    """One of the two setups at every moment of the cycle."""
+
+    arcs: Arcs
+    run: History
+    frames: Sequence[Drawn]
+    camera: Camera
+
+
 def write_paper_recording(path: Path) -> None:
     """Write the recording; the time is that of a drive which makes the pull in 15 s.
 
-    Parameters
-    ----------
-    path
-        The `.rrd` file, written in place.
+    An older file gives way only when the new one is done.
+
+    Raises
+    ------
+    SourceError
+        Where the file cannot be written.
     """
     cycle = paper.cycle()
-    chosen = cycle[np.union1d(evenly(len(cycle), _MOMENTS), [np.argmax(cycle)])]
-    time = np.concatenate(([0.0], np.cumsum(np.abs(np.diff(chosen)))))  # 1 N/s
-    routes = {"a": (setup_a(), paper.SETUP_A), "b": (setup_b(), paper.SETUP_B)}
-    with rr.RecordingStream("tssgeom: paper", recording_id=uuid4()) as recording:
-        path.touch()
+    drive = cycle[np.union1d(evenly(len(cycle), _MOMENTS), [np.argmax(cycle)])]
+    time = np.concatenate(([0.0], np.cumsum(np.abs(np.diff(drive)))))  # 1 N/s
+    setups = {"a": _setup(setup_a(), paper.SETUP_A, drive), "b": _setup(setup_b(), paper.SETUP_B, drive)}
+    layout = _blueprint({name: setup.camera for name, setup in setups.items()})
+    with recording_file(path, "paper, figures 4 to 8", layout, application="tssgeom: paper") as recording:
         sender = Sender(recording, time)
-        send_piece_names(sender, [arcs for _, arcs in routes.values()])
-        cameras = {
-            name: _send_route(replace(sender, below=f"{name}/"), course, arcs, chosen)
-            for name, (course, arcs) in routes.items()
-        }
-        recording.save(path, default_blueprint=_blueprint(cameras))
-        recording.send_recording_name("paper, figures 4 to 8")
-        runs = {name: driven(chosen, arcs, paper.RIG) for name, (_, arcs) in routes.items()}
-        for name, run in runs.items():
-            _send_ends(sender, name, run)
-        _send_half_circle(sender, driven(chosen, paper.HALF_CIRCLE, paper.RIG), time)
+        send_piece_names(sender, [setup.arcs for setup in setups.values()])
+        for name, setup in setups.items():
+            _send_route(replace(sender, below=f"{name}/"), setup)
+            _send_ends(sender, name, setup.run)
+        _send_half_circle(sender, driven(drive, paper.HALF_CIRCLE, paper.RIG))
         _send_scaling(sender)
-        text = rr.TextDocument(_words(runs["a"], runs["b"]), media_type=rr.MediaType.MARKDOWN)
-        sender.constant("summary", text)
+        sender.constant_text("summary", _words(setups["a"].run, setups["b"].run))
 
 
-def _send_route(sender: Sender, course: Course, arcs: Arcs, tension_in: Vector) -> Camera:
-    """Draw a route and its tension at every moment, as every command does."""
+def _setup(course: Course, arcs: Arcs, tension_in: Vector) -> _Setup:
+    """Pull and release the tendon on a route whose pieces are known."""
     s = np.linspace(0.0, course.total_length, _NODES)
     phi = np.interp(s, np.append(arcs.s_start, arcs.total_length), np.cumsum([0.0, *arcs.angle]))
-    tension = profiles(tension_in, phi, paper.RIG)
-    line, nothing = places(course, s), np.zeros(_NODES)
-    frames = [Drawn(s, line, row, phi, nothing, nothing, nothing) for row in tension]
-    pieces = [arcs] * len(frames)
-    seen = camera(line, line[-1] - line[0])
+    line, zero = places(course, s), np.zeros(_NODES)
+    rows = profiles(tension_in, phi, paper.RIG)
+    frames = [Drawn(s, line, row, phi, zero, zero, zero) for row in rows]
+    return _Setup(arcs, driven(tension_in, arcs, paper.RIG), frames, camera(line, line[-1] - line[0]))
+
+
+def _send_route(sender: Sender, setup: _Setup) -> None:
+    """Draw a route and its tension at every moment, as every command does."""
+    frames, pieces = setup.frames, [setup.arcs] * len(setup.frames)
     still = replace(sender, time=None)
-    send_scale_bar(still, seen, _LARGER)
+    send_scale_bar(still, setup.camera, _LARGER)
     send_joints(still, frames[:1], pieces[:1])
     send_route(sender, frames, paper.PEAK)
-    ends = tension[:, [0, -1]]
-    where = label_places(seen, frames[0], arcs, _LARGER)
-    texts = [[*words.end_labels(*row), *words.piece_labels(arcs)] for row in ends.tolist()]
-    send_labels(sender, [where] * len(frames), texts)
+    labels = label_places(setup.camera, frames[0], setup.arcs, _LARGER)
+    texts = [
+        [*words.end_labels(*frame.tension[[0, -1]].tolist()), *words.piece_labels(setup.arcs)]
+        for frame in frames
+    ]
+    send_labels(sender, [labels] * len(frames), texts)
     send_tension_chart(sender, frames, pieces, _LIMITS, _ALONG)
-    send_slip_front(sender, frames, slid_up_to(tension, s), _LIMITS, _ALONG)
-    return seen
+    tension = np.array([frame.tension for frame in frames])
+    send_slip_front(sender, frames, slid_up_to(tension, frames[0].s), _LIMITS, _ALONG)
 
 
 def _words(a: History, b: History) -> str:
@@ -123,7 +135,7 @@ def _send_ends(sender: Sender, name: str, run: History) -> None:
     _send_curve(sender, f"figure_6/{name}", chart.place(run.tension_in, 1e3 * run.elongation), colour)
 
 
-def _send_half_circle(sender: Sender, run: History, time: Vector) -> None:
+def _send_half_circle(sender: Sender, run: History) -> None:
     """Send what figures 4 and 5 show."""
     send_line(sender, "tension_in", TENSION_IN, run.tension_in)
     _send_answer(sender, "half", "the half circle", colours.TENSION_OUT, run)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from uuid import uuid4
 
 import numpy as np
 import rerun as rr
@@ -17,6 +16,7 @@ from tssgeom.view.quantities import TIMELINE
 from tssgeom.view.scene.camera import Camera, camera
 from tssgeom.view.scene.columns import Sender
 from tssgeom.view.scene.space import send_scale_bar
+from tssgeom.view.scene.writer import recording_file
 
 _NAMED = 40  # markers: of more, their numbers would hide one another
 
@@ -41,27 +41,22 @@ class Tracked:
 
 
 def write_track_recording(path: Path, tracked: Tracked) -> None:
-    """Write the recording.
+    """Write the recording; an older file gives way only when it is done.
 
-    Parameters
-    ----------
-    path
-        The `.rrd` file, written in place.
-    tracked
-        What it shows.
+    Raises
+    ------
+    SourceError
+        Where the file cannot be written.
     """
     placed = tracked.points[~np.isnan(tracked.points).any(axis=2)]
     seen = camera(placed, _forward(tracked.points))
-    path.touch()
-    with rr.RecordingStream(f"tssgeom track: {tracked.name}", recording_id=uuid4()) as recording:
-        recording.save(path, default_blueprint=_blueprint(tracked, seen))
-        recording.send_recording_name(tracked.name)
+    layout, application = _blueprint(tracked, seen), f"tssgeom track: {tracked.name}"
+    with recording_file(path, tracked.name, layout, application=application) as recording:
         sender = Sender(recording, tracked.time)
         send_scale_bar(sender, seen)
         _send_markers(sender, tracked)
         _send_numbers(sender, tracked)
-        text = rr.TextDocument(tracked.words, media_type=rr.MediaType.MARKDOWN)
-        sender.constant("summary", text)
+        sender.constant_text("summary", tracked.words)
         for name, shots in tracked.images.items():
             _send_images(recording, name, shots)
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from uuid import uuid4
 
 import numpy as np
 import rerun as rr
@@ -32,6 +31,7 @@ from tssgeom.view.scene.labels import label_places
 from tssgeom.view.scene.series import send_line
 from tssgeom.view.scene.slip_front import send_slip_front
 from tssgeom.view.scene.space import send_labels, send_piece_names, send_route, send_scale_bar
+from tssgeom.view.scene.writer import recording_file
 
 _LARGER = 1.6  # text beside the route, as the views of both are lower than one alone
 _COLOURS = {"a": FIRST, "b": SECOND}
@@ -43,24 +43,22 @@ def write_comparison(path: Path, first: Path, second: Path) -> None:
     Parameters
     ----------
     path
-        The `.rrd` file, written in place.
+        The `.rrd` file; an older one gives way only when it is done.
     first, second
         Recordings of analyse, batch, simulate or live.
 
     Raises
     ------
     SourceError
-        Where one of them cannot be used.
+        Where one of them cannot be used, or the file cannot be written.
     """
     a, b = aligned(*_told_apart(read_side(first), read_side(second), first, second))
     sides, gap = {"a": a, "b": b}, difference(a, b)
     cameras = {key: _camera(side) for key, side in sides.items()}
     names = {key: f"{key.upper()} · {side.name}" for key, side in sides.items()}
     limits = _common(a, b)
-    path.touch()
-    with rr.RecordingStream(f"tssgeom: {a.name} and {b.name}", recording_id=uuid4()) as recording:
-        recording.save(path, default_blueprint=blueprint(names, cameras, gap, limits.tension))
-        recording.send_recording_name(f"{a.name} and {b.name}")
+    layout = blueprint(names, cameras, gap, limits.tension)
+    with recording_file(path, f"{a.name} and {b.name}", layout) as recording:
         send_piece_names(Sender(recording, None), [*a.pieces, *b.pieces])
         for key, side in sides.items():
             _send_side(recording, key, side, limits)
@@ -122,8 +120,8 @@ def _send_difference(
     recording: rr.RecordingStream, a: Side, b: Side, gap: Difference | None, limits: Ranges
 ) -> None:
     still = Sender(recording, None, below="difference/")
-    for entity, text in (("words", comparison(a, b, gap)), ("table", table(a, b))):
-        still.constant(entity, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN))
+    still.constant_text("words", comparison(a, b, gap))
+    still.constant_text("table", table(a, b))
     _send_both(still, a, b, limits)
     if gap is None:
         return
