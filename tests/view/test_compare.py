@@ -13,10 +13,9 @@ from tssgeom.rig import Friction, Rig
 from tssgeom.stream import Frame, FrameResult, process
 from tssgeom.view.colours import tension_rgba32
 from tssgeom.view.samples import drawn
-from tssgeom.view.scene.compare.difference import aligned, difference, parting
+from tssgeom.view.scene.compare.comparison import write_comparison
+from tssgeom.view.scene.compare.difference import aligned, comparison, difference, parting, table
 from tssgeom.view.scene.compare.reading import Side, read_side
-from tssgeom.view.scene.compare.recording import write_comparison
-from tssgeom.view.scene.compare.wording import comparison, table
 from tssgeom.view.scene.paper import write_paper_recording
 from tssgeom.view.scene.recording import write_recording
 from tssgeom.view.wording import angle_with_error, with_error

@@ -17,8 +17,7 @@ from tssgeom.view.scene.blueprint import blueprint
 from tssgeom.view.scene.camera import Camera, camera
 from tssgeom.view.scene.columns import Sender
 from tssgeom.view.scene.recording import send_pictures
-from tssgeom.view.scene.run import Run
-from tssgeom.view.scene.series import send_numbers
+from tssgeom.view.scene.run import Run, send_numbers
 
 _ROOM = 1.25  # of the ranges and of what the camera sees, for frames to come
 

@@ -18,15 +18,22 @@ from tssgeom.tendon import paper
 from tssgeom.tendon.history import History, driven, profiles
 from tssgeom.view import colours
 from tssgeom.view import wording as words
-from tssgeom.view.quantities import ELONGATION, FIRST, SECOND, TENSION_IN, TENSION_OUT, TIMELINE
+from tssgeom.view.quantities import ELONGATION, FIRST, SECOND, TENSION_IN, TENSION_OUT
 from tssgeom.view.samples import Drawn, Ranges, evenly
+from tssgeom.view.scene.blueprint import chart, layout, plot, space_view, time_panel
 from tssgeom.view.scene.camera import Camera, camera
-from tssgeom.view.scene.chart import Axis, Box, Chart
-from tssgeom.view.scene.charts import send_axes, send_tension_chart
+from tssgeom.view.scene.charts import (
+    Axis,
+    Box,
+    Chart,
+    send_axes,
+    send_slip_front,
+    send_tension_chart,
+    slid_up_to,
+)
 from tssgeom.view.scene.columns import Sender
 from tssgeom.view.scene.labels import label_places
-from tssgeom.view.scene.series import send_line
-from tssgeom.view.scene.slip_front import send_slip_front, slid_up_to
+from tssgeom.view.scene.run import send_line
 from tssgeom.view.scene.space import (
     send_joints,
     send_labels,
@@ -41,6 +48,7 @@ _MOMENTS = 240
 _BOX = Box(width=1.55, text=0.095)
 _ALONG = Box(width=1.55, text=0.095, bare=True)
 _LARGER = 1.7  # text beside the route, as the views of both setups are lower than one alone
+_ROUTES = ("a", "b", "half")
 _FORCES = {"a": ("A", FIRST), "b": ("B", SECOND)}
 _LIMITS = Ranges(tension=paper.PEAK, length=0.5, kappa=1.0)
 
@@ -69,8 +77,8 @@ def write_paper_recording(path: Path) -> None:
     drive = cycle[np.union1d(evenly(len(cycle), _MOMENTS), [np.argmax(cycle)])]
     time = np.concatenate(([0.0], np.cumsum(np.abs(np.diff(drive)))))  # 1 N/s
     setups = {"a": _setup(setup_a(), paper.SETUP_A, drive), "b": _setup(setup_b(), paper.SETUP_B, drive)}
-    layout = _blueprint({name: setup.camera for name, setup in setups.items()})
-    with recording_file(path, "paper, figures 4 to 8", layout, application="tssgeom: paper") as recording:
+    views = _blueprint({name: setup.camera for name, setup in setups.items()})
+    with recording_file(path, "paper, figures 4 to 8", views, application="tssgeom: paper") as recording:
         sender = Sender(recording, time)
         send_piece_names(sender, [setup.arcs for setup in setups.values()])
         for name, setup in setups.items():
@@ -190,57 +198,30 @@ def _send_answer(sender: Sender, name: str, word: str, colour: tuple[int, int, i
 
 
 def _blueprint(cameras: dict[str, Camera]) -> rrb.Blueprint:
-    spaces = rrb.Horizontal(*(_space(name, seen) for name, seen in cameras.items()))
+    titles = {"a": "Setup A: half circle, then loop", "b": "Setup B: loop, then half circle"}
+    parts = ("route", "joints", "labels", "scale")
+    spaces = rrb.Horizontal(
+        *(
+            space_view(f"{titles[name]}: route coloured by tension [N]", seen, parts, below=f"{name}/")
+            for name, seen in cameras.items()
+        )
+    )
     along = [
-        _chart(f"{name}/tension", f"{name.upper()}: tension T [N] against s [mm]", _ALONG) for name in cameras
+        chart(f"{name}/tension", f"{name.upper()}: tension T [N] against s [mm]", _ALONG) for name in cameras
     ]
     charts = (
-        _chart("figure_6", "Fig. 6: δ [mm] against T_in [N]; A blue, B orange"),
-        _chart("figure_5a", "Fig. 5a: T_out [N] against T_in [N], half circle"),
-        _chart("figure_5b", "Fig. 5b: δ [mm] against T_in [N], half circle"),
-        _chart("figure_8", "Fig. 8: S [1] against β [°] of the added curve"),
+        chart("figure_6", "Fig. 6: δ [mm] against T_in [N]; A blue, B orange", _BOX),
+        chart("figure_5a", "Fig. 5a: T_out [N] against T_in [N], half circle", _BOX),
+        chart("figure_5b", "Fig. 5b: δ [mm] against T_in [N], half circle", _BOX),
+        chart("figure_8", "Fig. 8: S [1] against β [°] of the added curve", _BOX),
     )
     series = rrb.Vertical(
-        _plot(
+        plot(
             "T [N] over time [s]: T_in yellow, A blue, B orange",
-            ["tension_in", "tension_out_a", "tension_out_b", "tension_out_half"],
+            [f"series/{name}" for name in ("tension_in", *(f"tension_out_{one}" for one in _ROUTES))],
         ),
-        _plot("δ [mm] over time [s]", ["elongation_a", "elongation_b", "elongation_half"]),
+        plot("δ [mm] over time [s]", [f"series/elongation_{one}" for one in _ROUTES]),
     )
     text = rrb.TextDocumentView(origin="summary", name="What is seen")
     middle, last = rrb.Horizontal(*along, charts[0], charts[3]), rrb.Horizontal(text, series, *charts[1:3])
-    return rrb.Blueprint(
-        rrb.Vertical(spaces, middle, last, row_shares=[40, 29, 31]),
-        rrb.BlueprintPanel(state="collapsed"),
-        rrb.SelectionPanel(state="collapsed"),
-        rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="paused", loop_mode="all"),
-        auto_views=False,
-        auto_layout=False,
-    )
-
-
-def _space(name: str, seen: Camera) -> rrb.Spatial3DView:
-    titles = {"a": "Setup A: half circle, then loop", "b": "Setup B: loop, then half circle"}
-    return rrb.Spatial3DView(
-        name=f"{titles[name]}: route coloured by tension [N]",
-        contents=[f"{name}/{part}/**" for part in ("route", "joints", "labels", "scale")],
-        background=rrb.Background(color=colours.BACKGROUND),
-        line_grid=False,
-        eye_controls=rrb.EyeControls3D(
-            kind="Orbital", position=seen.eye, look_target=seen.target, eye_up=seen.up
-        ),
-    )
-
-
-def _chart(entity: str, title: str, box: Box = _BOX) -> rrb.Spatial2DView:
-    return rrb.Spatial2DView(
-        origin=entity,
-        name=title,
-        background=rrb.Background(color=colours.BACKGROUND),
-        visual_bounds=rrb.VisualBounds2D(x_range=box.x_range, y_range=box.y_range),
-    )
-
-
-def _plot(title: str, names: list[str]) -> rrb.TimeSeriesView:
-    legend = rrb.PlotLegend(corner=rrb.Corner2D.LeftTop, visible=False)
-    return rrb.TimeSeriesView(name=title, contents=[f"series/{name}" for name in names], plot_legend=legend)
+    return layout(rrb.Vertical(spaces, middle, last, row_shares=[40, 29, 31]), time_panel())

@@ -12,7 +12,7 @@ import rerun.blueprint as rrb
 
 from tssgeom.arrays import Points, Vector
 from tssgeom.view import colours
-from tssgeom.view.quantities import TIMELINE
+from tssgeom.view.scene.blueprint import BACKGROUND, layout, space_view, time_panel
 from tssgeom.view.scene.camera import Camera, camera
 from tssgeom.view.scene.columns import Sender
 from tssgeom.view.scene.space import send_scale_bar
@@ -50,8 +50,8 @@ def write_track_recording(path: Path, tracked: Tracked) -> None:
     """
     placed = tracked.points[~np.isnan(tracked.points).any(axis=2)]
     seen = camera(placed, _forward(tracked.points))
-    layout, application = _blueprint(tracked, seen), f"tssgeom track: {tracked.name}"
-    with recording_file(path, tracked.name, layout, application=application) as recording:
+    views, application = _blueprint(tracked, seen), f"tssgeom track: {tracked.name}"
+    with recording_file(path, tracked.name, views, application=application) as recording:
         sender = Sender(recording, tracked.time)
         send_scale_bar(sender, seen)
         _send_markers(sender, tracked)
@@ -106,33 +106,17 @@ def _send_images(recording: rr.RecordingStream, name: str, shots: Sequence[tuple
 def _blueprint(tracked: Tracked, seen: Camera) -> rrb.Blueprint:
     cameras = rrb.Horizontal(
         *(
-            rrb.Spatial2DView(origin=f"camera/{name}", name=f"{name}: what was found", background=_DARK)
+            rrb.Spatial2DView(origin=f"camera/{name}", name=f"{name}: what was found", background=BACKGROUND)
             for name in tracked.images
         )
     )
-    space = rrb.Spatial3DView(
-        name=f"{tracked.name}: markers along the sheath, numbered from proximal to distal",
-        contents=["sensed/**", "route/**", "scale/**"],
-        background=_DARK,
-        line_grid=False,
-        eye_controls=rrb.EyeControls3D(
-            kind="Orbital", position=seen.eye, look_target=seen.target, eye_up=seen.up
-        ),
-    )
+    title = f"{tracked.name}: markers along the sheath, numbered from proximal to distal"
+    space = space_view(title, seen, ("sensed", "route", "scale"))
     below = rrb.Horizontal(
         rrb.TextDocumentView(origin="summary", name="What is seen"),
         rrb.TimeSeriesView(name="Markers placed [%] over time [s]", contents=["series/seen"]),
         rrb.TimeSeriesView(name="Noise of a coordinate [mm]", contents=["series/noise"]),
         column_shares=[40, 30, 30],
     )
-    return rrb.Blueprint(
-        rrb.Vertical(rrb.Horizontal(space, cameras, column_shares=[45, 55]), below, row_shares=[66, 34]),
-        rrb.BlueprintPanel(state="collapsed"),
-        rrb.SelectionPanel(state="collapsed"),
-        rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="paused", loop_mode="all"),
-        auto_views=False,
-        auto_layout=False,
-    )
-
-
-_DARK = rrb.Background(color=colours.BACKGROUND)
+    above = rrb.Horizontal(space, cameras, column_shares=[45, 55])
+    return layout(rrb.Vertical(above, below, row_shares=[66, 34]), time_panel())

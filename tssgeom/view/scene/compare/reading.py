@@ -15,7 +15,7 @@ from tssgeom.errors import SourceError
 from tssgeom.route.pieces import Arcs
 from tssgeom.view.quantities import TIMELINE
 from tssgeom.view.samples import Drawn
-from tssgeom.view.scene.numbers import NUMBERS, ON_JOINTS, ON_ROUTE
+from tssgeom.view.scene.run import NUMBERS, ON_JOINTS, ON_ROUTE
 from tssgeom.view.scene.viewer import parts_of, require_recording
 
 COPIED = ("/sensed", "/joints", "/lumen")

@@ -14,7 +14,7 @@ from tssgeom.identify.finding import Finding, RouteBlame, Trace
 from tssgeom.route.pieces import Arcs
 from tssgeom.view.samples import Drawn, evenly, round_up
 from tssgeom.view.scene.camera import Camera, camera
-from tssgeom.view.scene.slip_front import slid_up_to
+from tssgeom.view.scene.charts import slid_up_to
 
 MOST_ROWS = 240
 """Pictures of the route over the whole campaign."""
