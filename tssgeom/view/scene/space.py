@@ -163,14 +163,14 @@ def send_clearance(sender: Sender, run: Run, found: Sequence[Clearance]) -> None
 
 def _touched(one: Clearance) -> Points:
     inside = [(region.begin <= one.s) & (one.s <= region.end) for region in (*one.contacts, *one.outside)]
-    return one.place[np.any(inside, axis=0)] if inside else np.zeros((0, 3))
+    return one.wall_position[np.any(inside, axis=0)] if inside else np.zeros((0, 3))
 
 
 def _send_narrowest(sender: Sender, run: Run, found: Sequence[Clearance]) -> None:
     """Draw a line from the route to the wall where it is narrowest, with the clearance as its label."""
     known = [one.narrowest >= 0 for one in found]
     lines = [
-        np.array([frame.at(one.s[[one.narrowest]])[0], one.place[one.narrowest]])
+        np.array([frame.at(one.s[[one.narrowest]])[0], one.wall_position[one.narrowest]])
         for frame, one, seen in zip(run.frames, found, known, strict=True)
         if seen
     ]
