@@ -16,11 +16,10 @@ from tests.worked_finding import worked_finding
 from tssgeom.stream import Frame, FrameResult
 from tssgeom.view.figures.paper import paper_figures
 from tssgeom.view.figures.plots import SMALLEST, VECTOR, save
-from tssgeom.view.figures.runs import moments, strokes, transmission_figure
-from tssgeom.view.figures.shapes import figures_of, route_figure
+from tssgeom.view.figures.shapes import figures_of, moments, route_figure, strokes, transmission_figure
 from tssgeom.view.report.entry import ReportEntry, series_of
 from tssgeom.view.report.finding import figures_of as figures_of_finding
-from tssgeom.view.report.section import section
+from tssgeom.view.report.report import section
 from tssgeom.view.samples import drawn, tension_se
 
 _POINTS_PER_MM = 72 / 25.4
