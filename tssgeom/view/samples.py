@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tssgeom.arrays import Points, Vector
 from tssgeom.route.pieces import Arcs
-from tssgeom.route.tracking import Followed
 from tssgeom.stream import FrameResult
 from tssgeom.tendon.state import tension
 
@@ -73,11 +72,6 @@ def tension_se(result: FrameResult, frame: Drawn) -> Vector:
     return np.maximum(
         np.abs(more - sure), np.abs(sure - less)
     )  # the profile ends at Φ, its corners are sharp
-
-
-def lean(result: FrameResult) -> FrameResult:
-    """Return a result without what only the next fit needs, to be sent to another process."""
-    return replace(result, followed=Followed(result.followed.geometry.bare(), result.shape.index))
 
 
 def numbers_of(result: FrameResult) -> tuple[float, float, float, float]:
