@@ -43,7 +43,7 @@ from tssgeom.view.quantities import (
     Quantity,
 )
 from tssgeom.view.report.entry import Series
-from tssgeom.view.samples import Drawn, drawn, evenly, ranges, round_up, staircase, tension_se
+from tssgeom.view.samples import RouteSamples, evenly, ranges, round_up, route_samples, staircase, tension_se
 from tssgeom.view.scene.camera import camera
 from tssgeom.view.wording import angle_with_error, with_error
 
@@ -73,7 +73,7 @@ def figures_of(shown: FrameResult, series: Series | None) -> Mapping[str, Callab
 
 def route_figure(result: FrameResult) -> Figure:
     """Draw a route coloured by tension, as seen square to the plane in which it spreads most."""
-    frame = drawn(result, _NODES)
+    frame = route_samples(result, _NODES)
     top = round_up(float(frame.tension.max()))
     with figure((COLUMN, _HEIGHT)) as drawing:
         drawing.set_layout_engine("none")
@@ -96,7 +96,7 @@ def _draw_colour_bar(drawing: Figure, top: float) -> None:
     bar.outline.set_visible(False)  # pyright: ignore[reportCallIssue, reportAttributeAccessIssue]
 
 
-def _draw_route(axes: Axes, frame: Drawn, arcs: Arcs, brightest: float) -> None:
+def _draw_route(axes: Axes, frame: RouteSamples, arcs: Arcs, brightest: float) -> None:
     """Draw the line, where its pieces begin, the names of its ends, and a bar for its size."""
     view = camera(frame.position, frame.position[-1] - frame.position[0])
     screen = ARC_LENGTH.factor * np.column_stack([view.across, view.up])
@@ -157,7 +157,7 @@ def _room_across(axes: Axes, flat: Vector, names: list[Annotation]) -> tuple[flo
 
 def tension_figure(result: FrameResult) -> Figure:
     """Draw the tension along the tendon, with the standard error that comes from the geometry."""
-    frame = drawn(result, _NODES)
+    frame = route_samples(result, _NODES)
     seen, top = result.transmission, round_up(float(frame.tension.max()))
     s, spread = ARC_LENGTH.factor * frame.s, tension_se(result, frame)
     with panels((COLUMN, _HEIGHT), 1) as (drawing, (axes,)):
@@ -174,7 +174,7 @@ def tension_figure(result: FrameResult) -> Figure:
 
 def curvature_figure(result: FrameResult) -> Figure:
     """Draw curvature and accumulated curve angle, both with their standard errors, and the pieces."""
-    frame, arcs = drawn(result, _NODES), result.arcs
+    frame, arcs = route_samples(result, _NODES), result.arcs
     s = ARC_LENGTH.factor * frame.s
     with panels((PAGE, _HEIGHT), 2) as (drawing, (curvature, angle)):
         _draw_band(curvature, s, frame.kappa, frame.kappa_se)

@@ -19,7 +19,7 @@ from tssgeom.view import wording as words
 from tssgeom.view.report.entry import ReportEntry
 from tssgeom.view.report.outlying_inputs import Oddity
 from tssgeom.view.report.page import filled, program_version, write_page
-from tssgeom.view.samples import drawn
+from tssgeom.view.samples import route_samples
 
 _MOST_WARNINGS = 5
 """So many different warnings of one input are written out."""
@@ -266,7 +266,7 @@ def _share(entry: ReportEntry, count: int) -> str:
 
 
 def _piece_table(shown: FrameResult) -> str:
-    head, _, *rows = words.piece_table(shown.arcs, drawn(shown)).splitlines()
+    head, _, *rows = words.piece_table(shown.arcs, route_samples(shown)).splitlines()
     body = "".join(f"<tr>{_markdown_cells(row, 'td')}</tr>" for row in rows)
     table = f"<table><thead><tr>{_markdown_cells(head, 'th')}</tr></thead><tbody>{body}</tbody></table>"
     return f"<details><summary>Pieces of constant curvature</summary>{table}</details>"

@@ -12,7 +12,7 @@ import rerun as rr
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.route.pieces import Arcs
 from tssgeom.view import colours
-from tssgeom.view.samples import Drawn, Ranges, evenly, staircase
+from tssgeom.view.samples import Ranges, RouteSamples, evenly, staircase
 from tssgeom.view.scene.columns import Sender, lines_2d, segments_2d, strips_2d
 
 _LABEL_DROP = 0.6
@@ -96,7 +96,7 @@ _CHART_NODES = 128
 
 
 def send_tension_chart(
-    sender: Sender, frames: Sequence[Drawn], pieces: Sequence[Arcs], limits: Ranges, box: Box
+    sender: Sender, frames: Sequence[RouteSamples], pieces: Sequence[Arcs], limits: Ranges, box: Box
 ) -> None:
     """Draw the tension in its own colours, the bar that explains them as its axis, the pieces below."""
     chart = Chart(Axis(1e3 * limits.length, "mm"), Axis(limits.tension, "N"), box)
@@ -118,7 +118,7 @@ def send_tension_chart(
 
 
 def send_curvature_chart(
-    sender: Sender, frames: Sequence[Drawn], pieces: Sequence[Arcs], limits: Ranges, box: Box
+    sender: Sender, frames: Sequence[RouteSamples], pieces: Sequence[Arcs], limits: Ranges, box: Box
 ) -> None:
     """Draw the sensed curvature with its standard error, and the pieces as a staircase."""
     chart = Chart(Axis(1e3 * limits.length, "mm"), Axis(limits.kappa, "/m"), box)
@@ -140,7 +140,7 @@ def _style(**fields: object) -> rr.LineStrips2D:
     return rr.LineStrips2D.from_fields(**fields)  # pyright: ignore[reportArgumentType]
 
 
-def _send_error_bars(sender: Sender, chart: Chart, frames: Sequence[Drawn]) -> None:
+def _send_error_bars(sender: Sender, chart: Chart, frames: Sequence[RouteSamples]) -> None:
     bars = [_error_bars(chart, frame) for frame in frames]
     style = _style(radii=rr.Radius.ui_points(1.6), colors=colours.BAND, draw_order=5)
     sender.constant("curvature/standard_error", style)
@@ -148,7 +148,7 @@ def _send_error_bars(sender: Sender, chart: Chart, frames: Sequence[Drawn]) -> N
     sender.send("curvature/standard_error", columns, [len(strips) for strips in bars])
 
 
-def _error_bars(chart: Chart, frame: Drawn) -> Vector:
+def _error_bars(chart: Chart, frame: RouteSamples) -> Vector:
     """Upright strips [m, 2, 2] between κ − s.e. and κ + s.e., dense enough to be seen as a band."""
     chosen = evenly(len(frame.s), _CHART_NODES)
     s, kappa, spread = 1e3 * frame.s[chosen], frame.kappa[chosen], frame.kappa_se[chosen]
@@ -208,7 +208,7 @@ _STILL = 1e-6  # of the greatest tension: a change below it is none
 
 
 def send_slip_front(
-    sender: Sender, frames: Sequence[Drawn], fronts: Sequence[float], limits: Ranges, box: Box
+    sender: Sender, frames: Sequence[RouteSamples], fronts: Sequence[float], limits: Ranges, box: Box
 ) -> None:
     """Mark the front [m] on the route of each frame, and as an upright line in the chart of tension."""
     places = np.concatenate(

@@ -19,7 +19,7 @@ from tssgeom.tendon.history import History, driven, profiles
 from tssgeom.view import colours
 from tssgeom.view import wording as words
 from tssgeom.view.quantities import ELONGATION, FIRST, SECOND, TENSION_IN, TENSION_OUT
-from tssgeom.view.samples import Drawn, Ranges, evenly
+from tssgeom.view.samples import Ranges, RouteSamples, evenly
 from tssgeom.view.scene.blueprint import chart, layout, plot, space_view, time_panel
 from tssgeom.view.scene.camera import Camera, camera
 from tssgeom.view.scene.charts import (
@@ -59,7 +59,7 @@ class _Setup:
 
     arcs: Arcs
     run: History
-    frames: Sequence[Drawn]
+    frames: Sequence[RouteSamples]
     camera: Camera
 
 
@@ -95,7 +95,7 @@ def _setup(course: Course, arcs: Arcs, tension_in: Vector) -> _Setup:
     phi = np.interp(s, np.append(arcs.s_start, arcs.total_length), np.cumsum([0.0, *arcs.angle]))
     line, zero = places(course, s), np.zeros(_NODES)
     rows = profiles(tension_in, phi, paper.RIG)
-    frames = [Drawn(s, line, row, phi, zero, zero, zero) for row in rows]
+    frames = [RouteSamples(s, line, row, phi, zero, zero, zero) for row in rows]
     return _Setup(arcs, driven(tension_in, arcs, paper.RIG), frames, camera(line, line[-1] - line[0]))
 
 

@@ -14,7 +14,7 @@ from tssgeom.arrays import Matrix, Vector
 from tssgeom.stream import FrameResult
 from tssgeom.view import colours
 from tssgeom.view.quantities import ANGLE, ELONGATION, TENSION_IN, TENSION_OUT, Quantity
-from tssgeom.view.samples import Drawn, Ranges, drawn, front, numbers_of, ranges
+from tssgeom.view.samples import Ranges, RouteSamples, front, numbers_of, ranges, route_samples
 from tssgeom.view.scene.camera import Camera, camera
 from tssgeom.view.scene.columns import Sender
 
@@ -25,7 +25,7 @@ class Run:
 
     name: str
     results: Sequence[FrameResult]
-    frames: Sequence[Drawn]
+    frames: Sequence[RouteSamples]
     ranges: Ranges
     camera: Camera
     timed: bool
@@ -38,12 +38,12 @@ class Run:
 
 def run_of(name: str, results: Sequence[FrameResult], timed: bool) -> Run:
     """Choose nodes, ranges and a camera that hold for every frame of a run."""
-    frames = [drawn(result) for result in results]
+    frames = [route_samples(result) for result in results]
     limits = ranges(frames, [result.arcs for result in results])
     return Run(name, results, frames, limits, camera_of(frames), timed)
 
 
-def camera_of(frames: Sequence[Drawn]) -> Camera:
+def camera_of(frames: Sequence[RouteSamples]) -> Camera:
     """Return a camera that sees every frame."""
     everywhere = np.concatenate([frame.position for frame in frames])
     return camera(everywhere, np.mean([frame.position[-1] - frame.position[0] for frame in frames], axis=0))

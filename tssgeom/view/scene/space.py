@@ -15,7 +15,7 @@ from tssgeom.route.pieces import Arcs
 from tssgeom.stream import FrameResult
 from tssgeom.view import colours
 from tssgeom.view import wording as words
-from tssgeom.view.samples import Drawn, outliers
+from tssgeom.view.samples import RouteSamples, outliers
 from tssgeom.view.scene.camera import Camera
 from tssgeom.view.scene.columns import Sender, segments_3d
 from tssgeom.view.scene.labels import Placed, label_places, scale_label
@@ -82,7 +82,7 @@ def _outward(lumen: trimesh.Trimesh, route: Points) -> trimesh.Trimesh:
     return trimesh.Trimesh(lumen.vertices, lumen.faces if away else lumen.faces[:, ::-1], process=False)
 
 
-def send_route(sender: Sender, frames: Sequence[Drawn], top: float) -> None:
+def send_route(sender: Sender, frames: Sequence[RouteSamples], top: float) -> None:
     """Draw routes in the colours of their tension, of which the brightest is that of `top` [N]."""
     middles = np.concatenate([0.5 * (frame.tension[:-1] + frame.tension[1:]) for frame in frames])
     columns = rr.LineStrips3D.columns(
@@ -111,7 +111,7 @@ def _send_points(
     sender.send(entity, columns, [len(cloud) for cloud in clouds])
 
 
-def send_joints(sender: Sender, frames: Sequence[Drawn], pieces: Sequence[Arcs]) -> None:
+def send_joints(sender: Sender, frames: Sequence[RouteSamples], pieces: Sequence[Arcs]) -> None:
     """Mark where each piece begins, in the colour of the piece."""
     counts = [len(arcs.length) for arcs in pieces]
     pairs = zip(frames, pieces, strict=True)
