@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from tssgeom.route.tracking import Followed
 from tssgeom.stream import FrameResult, Rejected
 from tssgeom.tendon.history import last_peak
 
@@ -98,11 +97,11 @@ class Account:
             self._count(Counter(item.warnings))
         self.last = item
         if item.seq % self.stride == 0:
-            self.kept.append(_light(item))
+            self.kept.append(item.strip())
 
     def close(self) -> Account:
         """Let go of what only the next frame would have needed."""
-        self.last = None if self.last is None else _light(self.last)
+        self.last = None if self.last is None else self.last.strip()
         return self
 
     def join(self, later: Account) -> None:
@@ -126,8 +125,3 @@ class Account:
         for text, count in warnings.items():
             full = text not in self.warnings and len(self.warnings) >= _MOST_WARNINGS
             self.warnings[_OTHER if full else text] += count
-
-
-def _light(result: FrameResult) -> FrameResult:
-    """Leave out what only the fit of the next frame needs, which is most of a result."""
-    return replace(result, followed=Followed(result.followed.geometry.bare(), result.followed.index))

@@ -12,9 +12,9 @@ from tssgeom.atomic import write_text
 from tssgeom.errors import SourceError
 from tssgeom.stream import FrameResult
 from tssgeom.view.scene.finding.recording import write_finding_recording
-from tssgeom.view.scene.growing import GrowingFile
 from tssgeom.view.scene.recording import write_recording
 from tssgeom.view.scene.viewer import screenshot
+from tssgeom.view.scene.writer import GrowingFile
 
 
 def test_what_is_no_file_is_not_replaced(still: list[FrameResult], still_file: Path, tmp_path: Path) -> None:

@@ -12,8 +12,7 @@ import pytest
 from tssgeom.errors import SourceError
 from tssgeom.rig import Rig
 from tssgeom.stream import FrameResult, Rejected
-from tssgeom.view.report.report import ReportEntry, rendered, write_report
-from tssgeom.view.report.section import section
+from tssgeom.view.report.report import ReportEntry, rendered, section, write_report
 from tssgeom.view.wording import with_error
 
 VOID = {"meta", "br", "link", "img", "input", "hr"}

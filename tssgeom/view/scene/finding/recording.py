@@ -16,7 +16,7 @@ from tssgeom.view import wording as words
 from tssgeom.view.figures.heat_map import bends
 from tssgeom.view.quantities import COUNT
 from tssgeom.view.samples import Ranges
-from tssgeom.view.scene.charts import send_tension_chart
+from tssgeom.view.scene.charts import send_slip_front, send_tension_chart
 from tssgeom.view.scene.columns import Sender, segments_3d
 from tssgeom.view.scene.finding.attribution import send_blame_chart
 from tssgeom.view.scene.finding.layout import BLAME_BOX, TENSION_BOX, blueprint
@@ -24,7 +24,6 @@ from tssgeom.view.scene.finding.lines import send_lines
 from tssgeom.view.scene.finding.replay import Replay, replay
 from tssgeom.view.scene.finding.wording import send_words
 from tssgeom.view.scene.labels import label_places
-from tssgeom.view.scene.slip_front import send_slip_front
 from tssgeom.view.scene.space import send_joints, send_labels, send_piece_names, send_scale_bar
 
 _LARGER = 2.0  # text beside the route, in views that are lower than one alone

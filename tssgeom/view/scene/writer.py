@@ -1,4 +1,4 @@
-"""A Rerun file that grows while frames come in, and stays readable when the disk is full."""
+"""How a Rerun recording is opened and finished: a file written whole, a file that grows, a hosted stream."""
 
 from __future__ import annotations
 
@@ -6,29 +6,83 @@ import os
 import struct
 import subprocess
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from uuid import uuid4
 
 import rerun as rr
+import rerun.blueprint as rrb
 
 from tssgeom.atomic import replacing
-from tssgeom.errors import SourceError, require_replaceable
+from tssgeom.errors import SourceError, SpaceError, require_replaceable
 from tssgeom.view.scene.viewer import binary
 
 _START = b"RRF2\x00)\x00\x00\x01\x02\x00\x00"  # of every file: format, version, messages in protobuf
 _MESSAGE = struct.Struct("<QQ")  # kind and bytes that follow
 _END = 0  # kind of the message that ends a file, before its table of contents
-_FLUSHED = 10.0  # s
-_TIDY = 256 << 20  # bytes of a file that is put in order when it is finished
-_TIDIED = 20.0  # s
+_FLUSH_LIMIT = 10.0  # s, longest wait for what was sent
+_OPTIMIZE_LARGEST = 256 << 20  # bytes: a larger file keeps its many small pieces when it is finished
+_OPTIMIZE_LIMIT = 20.0  # s, longest wait for the pieces to be joined
+_HOSTED_MEMORY = "256MiB"  # of frames that a viewer which connects late still gets
+
+
+@contextmanager
+def recording_file(
+    path: Path, name: str, layout: rrb.Blueprint, *, application: str | None = None
+) -> Iterator[rr.RecordingStream]:
+    """Yield a stream into a recording; on leaving, the file takes the place of an older one.
+
+    Parameters
+    ----------
+    path
+        The `.rrd` file.
+    name
+        Name of the recording in the viewer.
+    layout
+        The views that open with it.
+    application
+        Name under which the viewer remembers a changed layout; `name` after that of the program by default,
+        so that each file keeps its camera.
+
+    Raises
+    ------
+    SourceError
+        Where the file cannot be written; SpaceError where the disk is full.
+    """
+    with replacing(path) as draft:
+        draft.touch()
+        try:
+            with rr.RecordingStream(application or f"tssgeom: {name}", recording_id=uuid4()) as recording:
+                recording.save(draft, default_blueprint=layout)
+                recording.send_recording_name(name)
+                yield recording
+        except RuntimeError as error:  # the file was there: its sink stopped on the way
+            raise SpaceError(f"{path}: the recording ends early ({error}): free space, run again") from error
+
+
+def hosted(name: str, port: int) -> tuple[rr.RecordingStream, str]:
+    """Host a stream to which viewers on this machine may connect; return it with its address.
+
+    Raises
+    ------
+    SourceError
+        Where the port is taken.
+    """
+    recording = rr.RecordingStream(f"tssgeom: {name}", batcher_config=rr.ChunkBatcherConfig.LOW_LATENCY())
+    sink = rr.GrpcServerSink(bind_ip="127.0.0.1", port=port, server_memory_limit=_HOSTED_MEMORY)
+    try:
+        recording.set_sinks(sink)
+    except (RuntimeError, ValueError, OSError) as error:
+        raise SourceError(f"--view: port {port}: {error}: choose another with --view-port") from error
+    recording.send_recording_name(name)
+    return recording, sink.uri
 
 
 class GrowingFile:
-    """A recording that is written piece by piece beside its place, and moved there when it is finished.
+    """A recording that is written piece by piece to a hidden file, which gets its name when it is finished.
 
     Rerun's own file sink blocks for ever once the disk is full; here what was written before stays whole.
-    Where there is no room even to put it in order, it has no table of contents, and can be read all the same.
+    Without room to join the pieces, the file has no table of contents, and can be read all the same.
     """
 
     def __init__(self, path: Path) -> None:
@@ -52,7 +106,7 @@ class GrowingFile:
         SourceError
             Where the disk refuses; from then on nothing is written.
         """
-        data = logged(self._stream.read(flush_timeout_sec=_FLUSHED) or b"")
+        data = logged(self._stream.read(flush_timeout_sec=_FLUSH_LIMIT) or b"")
         if self._full:
             return
         try:
@@ -62,7 +116,7 @@ class GrowingFile:
             raise self._unwritten(error) from error
 
     def finish(self) -> None:
-        """Write the rest and put the file in its place.
+        """Write the rest and give the file its name.
 
         Raises
         ------
@@ -74,7 +128,7 @@ class GrowingFile:
         finally:
             self._file.close()
             if self._size:
-                self._tidy()
+                self._optimize()
                 os.replace(self._part, self._path)
             else:
                 self._part.unlink(missing_ok=True)
@@ -95,13 +149,13 @@ class GrowingFile:
         finally:
             self._size += written
 
-    def _tidy(self) -> None:
+    def _optimize(self) -> None:
         """Join the many small pieces and add a table of contents; a failure leaves the file as it is."""
-        if self._size > _TIDY:
+        if self._size > _OPTIMIZE_LARGEST:
             return
         with suppress(SourceError, subprocess.SubprocessError), replacing(self._part) as draft:
             command = [binary(), "rrd", "optimize", str(self._part), "-o", str(draft)]
-            subprocess.run(command, check=True, capture_output=True, timeout=_TIDIED)
+            subprocess.run(command, check=True, capture_output=True, timeout=_OPTIMIZE_LIMIT)
 
     def _unwritten(self, error: OSError) -> SourceError:
         what = error.strerror or str(error)
