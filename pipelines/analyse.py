@@ -95,7 +95,7 @@ def draw(
         lumen=None if around is None else around.mesh,
         clearance=None if around is None else around.sketch,
     )
-    told = analysis.told
+    told = analysis.representative
     radius = chosen.tube_radius or told.profile.length / _SLENDERNESS
     pull = tension(told.state, told.profile.phi, told.profile.s)
     line = tension_line(analysis.name, analysis.unit, told, pull)

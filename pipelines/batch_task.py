@@ -37,7 +37,7 @@ from tssgeom.io.results.shapes import Analysis, analysis_object, summary_row
 from tssgeom.io.results.tables import CHUNK, Part, part_of, parts, write_parts
 from tssgeom.io.storage import Folder, fetched, local
 from tssgeom.stream import Frame, Rejected, alone, process
-from tssgeom.summary import Account
+from tssgeom.summary import RunningSummary
 from tssgeom.view.report.report import ReportEntry, rendered
 
 _FORMAT = 2  # of the files: where it changes, nothing older is taken for done
@@ -139,7 +139,7 @@ def _lumen(task: Task) -> Path | None:
 def _done(task: Task, path: Path, digest: str, key: str, spread: Spread | None) -> Done:
     name, out = task.name, task.out
     recording = open_recording(path, task.chosen.unit)
-    account = Account.of(recording.frame_count)
+    account = RunningSummary.of(recording.frame_count)
     tables = (f"frames/{name}.parquet", f"segments/{name}.parquet")
     with out.replacing(tables[0]) as frames, out.replacing(tables[1]) as segments:
         write_parts(frames, segments, _parts(task, recording, account.stride, spread), account)
@@ -179,7 +179,7 @@ def _parts(task: Task, recording: Recording, stride: int, spread: Spread | None)
         return
     results = process(recording.frames, chosen.rig, tension_in=chosen.tension_in)
     for part in parts(task.name, results, stride):
-        tell(part.account.frames, share * part.account.frames)
+        tell(part.summary.frames, share * part.summary.frames)
         yield part
 
 
@@ -210,8 +210,8 @@ def _input(analysis: Analysis, digest: str) -> Input:
         sha256=digest,
         kind=analysis.kind,
         unit=analysis.unit,
-        frames=analysis.account.frames,
-        rejected=analysis.account.refused,
+        frames=analysis.summary.frames,
+        rejected=analysis.summary.refused,
     )
 
 
@@ -264,7 +264,7 @@ def _printed(task: Task, analysis: Analysis) -> dict[str, int]:
 
 
 def _reported(task: Task, analysis: Analysis, *, drawn: bool) -> dict[str, object]:
-    account = analysis.account
+    account = analysis.summary
     entry = ReportEntry.of_some(
         analysis.name,
         account.results,

@@ -58,7 +58,9 @@ def tell_clearance(
 ) -> None:
     """Add the clearance to the object of an input, for its last good frame, and to its row in the summary."""
     last = around.clearance(analysis.results[-1])
-    standing = last if analysis.told is analysis.results[-1] else around.clearance(analysis.told)
+    standing = (
+        last if analysis.representative is analysis.results[-1] else around.clearance(analysis.representative)
+    )
     told["clearance"] = clearance_object(around.name, last)
     told["warnings"] = [*told["warnings"], *last.warnings()]
     row |= clearance_columns(standing)

@@ -64,7 +64,7 @@ def tension_line(name: str, unit: str, result: FrameResult, tension: Vector) -> 
     name
         Name of the shape.
     unit
-        Unit of length of its source; what is neither m nor mm becomes mm.
+        Unit of length of its source; a unit that is neither m nor mm becomes mm.
     result
         The frame.
     tension
@@ -266,7 +266,7 @@ def write_exports(folder: Path, endings: Sequence[str], line: TensionLine, tube:
     Raises
     ------
     SourceError
-        Where the disk refuses, or what a format needs is not installed.
+        Where the disk refuses, or VTK is not installed.
     """
     for ending in endings:
         WRITERS[ending](folder / f"{line.name}_tension.{ending}", line, tube)

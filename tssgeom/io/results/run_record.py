@@ -11,7 +11,7 @@ from typing import Any
 import msgspec
 from filelock import FileLock, Timeout
 
-from tssgeom.errors import SourceError, unwritable
+from tssgeom.errors import SourceError, unreadable, unwritable
 from tssgeom.io.formats.files import RESULTS_MARK, UNFINISHED_MARK
 from tssgeom.io.formats.paths import split
 from tssgeom.io.storage import Folder
@@ -20,12 +20,12 @@ from tssgeom.rig import Rig
 HIDDEN = UNFINISHED_MARK
 """Folder of the notes, inside that of the results."""
 ANY_SIZE = -1
-"""Stands for the size of a file that differs a little each time it is written."""
+"""Replaces the size of a file that differs slightly each time it is written."""
 _NOTES = f"{HIDDEN}/done"
 
 
 class Settings(msgspec.Struct, frozen=True, kw_only=True):
-    """What the user chose."""
+    """Options that the user chose."""
 
     tension_in_N: float
     unit: str | None
@@ -37,7 +37,7 @@ class Settings(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Input(msgspec.Struct, frozen=True, kw_only=True):
-    """One input that was done."""
+    """One analysed input."""
 
     name: str
     source: str
@@ -49,7 +49,7 @@ class Input(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Rejection(msgspec.Struct, frozen=True, kw_only=True):
-    """One input that was rejected, or what went wrong beside one that was done."""
+    """One rejected input, or a failure beside the tables of an analysed one."""
 
     source: str
     reason: str
@@ -63,11 +63,11 @@ class RunRecord(msgspec.Struct, frozen=True, kw_only=True):
     inputs: Sequence[Input]
     rejected: Sequence[Rejection]
     files: Sequence[str]
-    """What the run wrote, relative to its folder."""
+    """Files that the run wrote, relative to its folder."""
 
     @property
     def counts(self) -> dict[str, int]:
-        """Inputs and frames, done and rejected."""
+        """Inputs and frames, analysed and rejected."""
         return {
             "inputs": len(self.inputs),
             "inputs_rejected": len(self.rejected),
@@ -77,7 +77,7 @@ class RunRecord(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def write_run(folder: Folder, record: RunRecord) -> None:
-    """Write `run.json`, whole or not at all.
+    """Write `run.json`.
 
     Raises
     ------
@@ -128,7 +128,7 @@ def sha256_of(path: Path) -> str:
         lines = "".join(f"{_sha256(each)}  {name}\n" for name, each in sorted(listed))
         return hashlib.sha256(lines.encode()).hexdigest()
     except OSError as error:
-        raise SourceError(f"{file}: cannot be read ({error.strerror}): check the path") from error
+        raise unreadable(file, error) from error
 
 
 def _sha256(file: Path) -> str:
@@ -137,25 +137,25 @@ def _sha256(file: Path) -> str:
 
 
 class Done(msgspec.Struct, frozen=True, kw_only=True):
-    """One input whose files are written, and all that the tables and the report at the end need of it."""
+    """The note of one input whose files are written, with its parts of summary, output and report."""
 
     key: str
-    """Changes with the content of the input and with everything else that the results depend on."""
+    """Digest of the input and of everything else that the results depend on."""
     input: Input
     row: dict[str, Any]
     """Its row in the summary."""
     told: dict[str, Any]
     """Its object in JSON."""
     lines: Sequence[str]
-    """What is told of its rejected frames, a line each."""
+    """Messages about its rejected frames, a line each."""
     failures: Sequence[str]
-    """What went wrong beside the tables, a line each."""
+    """Failures beside the tables, a line each."""
     report: dict[str, Any]
     """Its part of the report."""
     files: Mapping[str, int]
-    """What was written, with the sizes [B] or `ANY_SIZE`."""
+    """Written files with their sizes [B] or `ANY_SIZE`."""
     figures: Mapping[str, int] = {}
-    """The same of the folder for figures, where there is one."""
+    """The same in the folder for figures, where there is one."""
 
 
 def key_of(parts: Mapping[str, Any]) -> str:
@@ -164,7 +164,7 @@ def key_of(parts: Mapping[str, Any]) -> str:
 
 
 def noted(folder: Folder, name: str) -> Done | None:
-    """Return what is noted of an input; None where there is nothing that can be read."""
+    """Return the note of an input; None where there is none that can be read."""
     text = folder.read(f"{_NOTES}/{name}.json")
     if text is None:
         return None
@@ -175,7 +175,7 @@ def noted(folder: Folder, name: str) -> Done | None:
 
 
 def intact(folder: Folder, files: Mapping[str, int]) -> bool:
-    """Whether the files of an input are there, each of the size that it was written with."""
+    """Whether the files of an input exist, each with the size that it had when written."""
     sizes = {name: folder.size(name) for name in files}
     return all(sizes[name] is not None and size in (ANY_SIZE, sizes[name]) for name, size in files.items())
 
@@ -193,7 +193,7 @@ def note(folder: Folder, name: str, done: Done) -> None:
 
 
 def forget(folder: Folder, name: str) -> None:
-    """Remove the note of an input, and then its files, so that nothing is left of a version that is gone."""
+    """Remove the note of an input, then its files, so that no file of an earlier version remains."""
     before = noted(folder, name)
     folder.remove([f"{_NOTES}/{name}.json"])
     folder.remove([] if before is None else list(before.files))
@@ -207,7 +207,7 @@ def forget_all(folder: Folder) -> None:
 
 @contextmanager
 def locked(folder: Folder) -> Iterator[None]:
-    """Keep other runs out of a folder; one that ends in any way gives it free. Elsewhere there is no lock.
+    """Lock a folder against other runs; the end of a process frees it. A folder elsewhere has no lock.
 
     Raises
     ------
@@ -217,19 +217,19 @@ def locked(folder: Folder) -> Iterator[None]:
     if folder.here is None:
         yield
         return
-    place = folder.here / HIDDEN
-    lock = _acquired(folder, place)
+    notes = folder.here / HIDDEN
+    lock = _acquired(folder, notes)
     try:
         yield
     finally:
         lock.release()
-        _remove_if_empty(place, folder.here)
+        _remove_if_empty(notes, folder.here)
 
 
-def _acquired(folder: Folder, place: Path) -> FileLock:
+def _acquired(folder: Folder, notes: Path) -> FileLock:
     try:
-        place.mkdir(parents=True, exist_ok=True)
-        lock = FileLock(place / "lock", timeout=0)
+        notes.mkdir(parents=True, exist_ok=True)
+        lock = FileLock(notes / "lock", timeout=0)
         lock.acquire()
     except Timeout as error:
         raise SourceError(
@@ -240,10 +240,10 @@ def _acquired(folder: Folder, place: Path) -> FileLock:
     return lock
 
 
-def _remove_if_empty(place: Path, folder: Path) -> None:
-    """Leave no folder behind in which nothing was written."""
-    if place.is_dir() and {file.name for file in place.iterdir()} <= {"lock"}:
+def _remove_if_empty(notes: Path, folder: Path) -> None:
+    """Remove a folder to which no run has written."""
+    if notes.is_dir() and {file.name for file in notes.iterdir()} <= {"lock"}:
         with suppress(OSError):
-            (place / "lock").unlink(missing_ok=True)
-            place.rmdir()
+            (notes / "lock").unlink(missing_ok=True)
+            notes.rmdir()
             folder.rmdir()

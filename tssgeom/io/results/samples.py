@@ -65,7 +65,7 @@ with the model.
 def write_samples(
     folder: Path, samples: Sequence[Sample], lumen: Tube, campaigns: Sequence[SampleCampaign] = ()
 ) -> list[Path]:
-    """Write every sample, the lumen mesh and a README with the truth of each; return what was written.
+    """Write every sample, the lumen mesh and a README with the truth of each; return the written files.
 
     Raises
     ------
@@ -137,7 +137,7 @@ def _row(path: Path, sample: Sample) -> str:
 
 
 def _write_campaigns(folder: Path, campaigns: Sequence[SampleCampaign]) -> list[Path]:
-    """Write a folder for each campaign, and return what was written.
+    """Write a folder for each campaign, and return the written files.
 
     Raises
     ------
@@ -148,7 +148,7 @@ def _write_campaigns(folder: Path, campaigns: Sequence[SampleCampaign]) -> list[
 
 
 def _readme_of(campaigns: Sequence[SampleCampaign]) -> str:
-    """Return what the README of the samples says of the campaigns."""
+    """Return the section of the README about the campaigns."""
     return _README_OF_CAMPAIGNS.format(
         believed_friction=BELIEVED.friction.coefficient,
         believed_compliance=BELIEVED.tendon.compliance_per_N,

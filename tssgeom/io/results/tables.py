@@ -15,7 +15,7 @@ from tssgeom.atomic import replacing
 from tssgeom.io.results.shapes import frame_row
 from tssgeom.route.pieces import Arcs
 from tssgeom.stream import FrameResult, Rejected
-from tssgeom.summary import Account
+from tssgeom.summary import RunningSummary
 from tssgeom.tendon.command import Command
 from tssgeom.tendon.simulation import Moment
 
@@ -63,13 +63,13 @@ _RANGES = [
 SUMMARY = pa.schema(
     [
         _field("name", "name of the outputs", _TEXT),
-        _field("source", "the input, as seen from the working folder", _TEXT),
+        _field("source", "the input, relative to the working folder", _TEXT),
         _field("timed", "true for a recording, false for one static shape", _FLAG),
         _field("frames", "frames of the input", _COUNT),
         _field("rejected", "frames that could not be used", _COUNT),
         _field("warned", "good frames with a warning", _COUNT),
         _field("duration_s", "time from the first to the last good frame"),
-        _field("time_s", "time of the frame that is told"),
+        _field("time_s", "time of the frame that represents the input"),
         *_GEOMETRY,
         *_TENDON,
         *_RANGES,
@@ -81,7 +81,7 @@ SUMMARY = pa.schema(
         _field("warnings", "what is worth knowing about the input", _TEXTS),
     ]
 )
-"""A row for each input; values without min or max are those of the frame that is told: `Account.told`."""
+"""A row for each input; values without min or max are those of `RunningSummary.representative`."""
 
 FRAMES = pa.schema(
     [
@@ -118,36 +118,36 @@ SEGMENTS = pa.schema(
 """A row for each constant-curvature piece of each good frame."""
 
 CHUNK = 512
-"""Frames that are turned into rows at once."""
-_ROW_GROUP = 32  # chunks
+"""Frames that become rows at once; chosen."""
+_ROW_GROUP = 32  # chunks in a row group, which memory holds at once; chosen
 
 
 class Part(NamedTuple):
-    """Frames in a row: their rows, their pieces, and what the summary needs of them."""
+    """Consecutive frames: their rows, their pieces, and their running summary."""
 
     frames: pa.RecordBatch
     segments: pa.RecordBatch
-    account: Account
+    summary: RunningSummary
 
 
 def parts(name: str, items: Iterable[FrameResult | Rejected], stride: int) -> Iterator[Part]:
-    """Turn results into rows, chunk by chunk; of an input without frames comes nothing."""
+    """Turn results into rows, chunk by chunk; an input without frames gives no chunk."""
     upcoming = iter(items)
-    while (part := part_of(name, islice(upcoming, CHUNK), stride)).account.frames:
+    while (part := part_of(name, islice(upcoming, CHUNK), stride)).summary.frames:
         yield part
 
 
 def part_of(name: str, items: Iterable[FrameResult | Rejected], stride: int) -> Part:
     """Turn the results of some frames into rows."""
-    account = Account(stride)
+    summary = RunningSummary(stride)
     rows, pieces = list[dict[str, Any]](), list[tuple[int, Arcs]]()
     for item in items:
         row = frame_row(item)
         rows.append(row)
-        account.add(item, row)
+        summary.add(item, row)
         if not isinstance(item, Rejected):
             pieces.append((item.seq, item.arcs))
-    return Part(_batch(FRAMES, name, rows), _segments(name, pieces), account.close())
+    return Part(_batch(FRAMES, name, rows), _segments(name, pieces), summary.close())
 
 
 def _batch(schema: pa.Schema, name: str, rows: Sequence[Mapping[str, Any]]) -> pa.RecordBatch:
@@ -179,16 +179,16 @@ def _named(name: str, count: int) -> pa.Array:
     return pa.repeat(pa.scalar(name, _TEXT), count)
 
 
-def write_parts(frames: Path, segments: Path, upcoming: Iterable[Part], account: Account) -> None:
-    """Write the tables of frames and segments of one input, and add up its account.
+def write_parts(frames: Path, segments: Path, upcoming: Iterable[Part], summary: RunningSummary) -> None:
+    """Write the tables of frames and segments of one input, and add up the running summary.
 
-    Memory holds a row group at a time. Where the iterable ends in an error, both files are unfinished.
+    Memory holds a row group at a time. Where the iterable ends in an error, both files are incomplete.
     """
     with papq.ParquetWriter(frames, FRAMES) as rows, papq.ParquetWriter(segments, SEGMENTS) as pieces:
         chunks = iter(upcoming)
         while group := list(islice(chunks, _ROW_GROUP)):
             for part in group:
-                account.join(part.account)
+                summary.join(part.summary)
             rows.write_table(pa.Table.from_batches([part.frames for part in group]))
             pieces.write_table(pa.Table.from_batches([part.segments for part in group]))
 
@@ -213,7 +213,7 @@ SIMULATE = pa.schema(
         _field("dead_zone_N", "change of the proximal tension until the distal end answers, 0 where it does"),
     ]
 )
-"""A row for each row of the run; where effects spoil sensors, `read_` columns tell what they read."""
+"""A row for each row of the run; where effects distort sensors, `read_` columns hold their readings."""
 
 COMPENSATE = pa.schema(
     [
@@ -223,41 +223,41 @@ COMPENSATE = pa.schema(
     ]
 )
 """A row for each row of the run."""
-_READING = _field("read_tension_in_N", "what the sensor of that tension reads, where effects spoil it")
+_READING = _field("read_tension_in_N", "reading of the sensor of that tension, where effects distort it")
 
 
 def write_simulation(path: Path, moments: Sequence[Moment]) -> None:
-    """Write `simulate.parquet`, whole or not at all.
+    """Write `simulate.parquet`.
 
     Raises
     ------
     SourceError
         Where the disk refuses.
     """
-    read = moments[0].readings if moments else {}
-    fields = [_field(f"read_{name}", f"{name} as its sensor reads it") for name in read]
+    readings = moments[0].readings if moments else {}
+    fields = [_field(f"read_{name}", f"{name} as its sensor reads it") for name in readings]
     _write(path, pa.schema([*SIMULATE, *fields]), [simulation_row(moment) for moment in moments])
 
 
 def simulation_row(moment: Moment) -> dict[str, Any]:
     """Return the row of one moment; see `SIMULATE`."""
-    seen = moment.transmission
+    transmission = moment.transmission
     return {
         "time_s": moment.time,
-        "tension_in_N": seen.tension_in,
-        "tension_out_N": seen.tension_out,
-        "elongation_m": seen.elongation,
-        "displacement_in_m": seen.displacement_in,
-        "displacement_out_m": seen.displacement_out,
+        "tension_in_N": transmission.tension_in,
+        "tension_out_N": transmission.tension_out,
+        "elongation_m": transmission.elongation,
+        "displacement_in_m": transmission.displacement_in,
+        "displacement_out_m": transmission.displacement_out,
         "phase": moment.phase,
-        "direction_index": seen.direction_index,
-        "dead_zone_N": seen.dead_zone_width,
+        "direction_index": transmission.direction_index,
+        "dead_zone_N": transmission.dead_zone_width,
         **{f"read_{name}": value for name, value in moment.readings.items()},
     }
 
 
 def write_commands(path: Path, time: Sequence[float], commands: Sequence[Command]) -> None:
-    """Write `compensate.parquet`, whole or not at all.
+    """Write `compensate.parquet`.
 
     Raises
     ------
@@ -273,8 +273,8 @@ def write_commands(path: Path, time: Sequence[float], commands: Sequence[Command
         }
         for moment, one in zip(time, commands, strict=True)
     ]
-    spoilt = any(one.reading_in != one.tension_in for one in commands)
-    _write(path, COMPENSATE.append(_READING) if spoilt else COMPENSATE, rows)
+    distorted = any(one.reading_in != one.tension_in for one in commands)
+    _write(path, COMPENSATE.append(_READING) if distorted else COMPENSATE, rows)
 
 
 def _write(path: Path, schema: pa.Schema, rows: Sequence[Mapping[str, Any]]) -> None:

@@ -57,7 +57,9 @@ def recording_file(
                 recording.send_recording_name(name)
                 yield recording
         except RuntimeError as error:  # the file was there: its sink stopped on the way
-            raise SpaceError(f"{path}: the recording ends early ({error}): free space, run again") from error
+            raise SpaceError(
+                f"{path}: the recording ends early ({error}): free space and run again"
+            ) from error
 
 
 def hosted(name: str, port: int) -> tuple[rr.RecordingStream, str]:
