@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -26,14 +27,23 @@ from tssgeom.io.formats.tables import (
     table_of,
 )
 
-_BYTES = 1 << 23
-"""Of a CSV file that are read at a time [B]."""
-_ROWS = 1 << 17
-"""Of a Parquet file that are read at a time."""
-_SLOW_LINES = 20_000
-_HEADER_BYTES = 1 << 16
+_HEADER_BYTES = 1 << 16  # bytes of a CSV file in which its header ends; chosen
 _BLANK_LINE = re.compile(rb"\n\r?\n\s*\S")
-_OVERLAP = 4096  # B
+_OVERLAP = 4096  # bytes of a block in which a blank line that goes on in the next block begins; chosen
+
+
+class BlockSizes(NamedTuple):
+    """Parts of a large table that memory holds at a time; chosen: about 10 MB each."""
+
+    csv_bytes: int = 1 << 23
+    """Bytes of a CSV file."""
+    parquet_rows: int = 1 << 17
+    """Rows of a Parquet file."""
+    slow_lines: int = 20_000
+    """Lines that are read one by one."""
+
+
+SIZES = BlockSizes()
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +71,7 @@ class CsvBlocks:
 
     def _fast(self, wanted: Sequence[str]) -> Iterator[Table]:
         options = {
-            "read_options": read_options(self.names, _BYTES),
+            "read_options": read_options(self.names, SIZES.csv_bytes),
             "convert_options": convert_options(wanted),
         }
         first = 2
@@ -74,14 +84,14 @@ class CsvBlocks:
         with reading(self.path), self.path.open(encoding="utf-8", errors="replace") as file:
             lines = enumerate(file, start=1)
             next(lines, None)
-            while some := list(islice(lines, _SLOW_LINES)):
+            while some := list(islice(lines, SIZES.slow_lines)):
                 yield slow_table(some, self.names, self.columns)
 
     def has_blank_lines(self) -> bool:
         """Whether lines between others are blank; pyarrow leaves them out and loses count."""
         tail = b""
         with reading(self.path), self.path.open("rb") as file:
-            while block := file.read(_BYTES):
+            while block := file.read(SIZES.csv_bytes):
                 if _BLANK_LINE.search(tail + block):
                     return True
                 tail = (tail + block)[-_OVERLAP:]
@@ -108,7 +118,7 @@ class ParquetBlocks:
         first = 1
         try:
             with papq.ParquetFile(self.path, buffer_size=1 << 20) as file:
-                for batch in file.iter_batches(_ROWS, columns=list(wanted), use_threads=False):
+                for batch in file.iter_batches(SIZES.parquet_rows, columns=list(wanted), use_threads=False):
                     yield table_of(self.columns, as_numbers(self.path, batch), "row", first)
                     first += batch.num_rows
         except (OSError, pa.ArrowException) as error:

@@ -20,9 +20,9 @@ from tssgeom.io.formats.tables import NO_ROW, Table, read_csv, read_parquet
 from tssgeom.stream import Frame, Rejected
 
 MOST_AT_ONCE = 64 << 20
-"""Files up to this size are read at once [B]; a larger one is read twice, in blocks."""
+"""Files up to this size are read at once [B]; a larger one is read twice, in blocks. Chosen."""
 MOST_POINTS = 100_000
-"""The highest point number within a frame; a column with a higher one holds no point numbers."""
+"""The highest point number within a frame; chosen: a column with a higher one holds something else."""
 
 Rows = NDArray[np.int64]
 

@@ -14,7 +14,7 @@ from tssgeom.lumen.wall import Wall
 
 ENDINGS = (".ply", ".stl", ".obj", ".glb")
 _MARK = "_lumen"
-_FARTHEST = 1e9  # coordinate of a corner in the unit of the mesh; beyond it areas overflow float32
+_FARTHEST = 1e9  # largest coordinate of a corner, in the unit of the mesh; chosen: no body is so large
 
 
 def lumen_beside(path: str | Path) -> Path | None:

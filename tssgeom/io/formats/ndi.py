@@ -22,7 +22,7 @@ _STATES = ("state", "transformstatus", "status")
 _FRAMES = ("frame", "frame#")
 _MARKERS = ("markers", "#markers")
 _UNOBSERVED = ("missing", "disabled")
-_FARTHEST = 1e6  # mm; NDI writes -3.7e28 where it has no number
+_FARTHEST = 1e6  # mm; chosen: far outside the volume of a tracker, and NDI writes -3.7e28 for no number
 _BY_FRAME = "no time column: the frame numbers are taken as time, one a second"
 
 

@@ -19,7 +19,7 @@ from tssgeom.io.formats.recording import PER_METRE, UNTIMED, Frames, Recording, 
 from tssgeom.stream import Frame
 
 _BLOCK = 1 << 22
-"""Bytes of an array that are read at a time; chosen: 100 000 points of float64."""
+"""Bytes of an array that are read at a time; chosen."""
 _LARGE = ("points", "s")
 _ARRAY = b"\x93NUMPY"
 
