@@ -23,9 +23,8 @@ from tssgeom.arrays import Points, Vector
 from tssgeom.identify.finding import Finding
 from tssgeom.identify.workflow import discover
 from tssgeom.io.formats.campaigns import read_campaign
-from tssgeom.io.formats.rigs import write_rig
 from tssgeom.io.results.findings import write_report
-from tssgeom.rig import Friction, Load, Rig, Sensor, ShapeSensor, Tendon
+from tssgeom.rig import Friction, Load, Rig, Sensor, ShapeSensor, Tendon, write_rig
 from tssgeom.route.synthetic import chain, half_circle, places
 from tssgeom.tendon import paper
 from tssgeom.tendon.bars.model import predict

@@ -22,7 +22,7 @@ from benchmarks.live_frames import line, malformed, points_mm, retimed
 from benchmarks.live_process import PATIENCE, Live, Reader, live
 from tssgeom.errors import TssgeomError
 from tssgeom.io.formats.states import read_state
-from tssgeom.io.network.listener import MOST_NEW
+from tssgeom.io.network.listener import LIMITS
 
 _HERE = "tcp://127.0.0.1:0"
 _GOOD = line(points_mm(60, 0.0), 0.0)
@@ -148,7 +148,7 @@ def source_returns(quick: bool) -> Verdict:
             with stream.source() as source:
                 source.sendall(retimed(_GOOD, 1.0)[:-2] + b',"id":"back %d"}\n' % i + _GOOD[:500])
                 answered += "segments" in exchange.reader.until("id", f"back {i}")[-1]
-            sleep(1.2 / MOST_NEW)  # who comes back more often is turned away
+            sleep(1.2 / LIMITS.new_per_second)  # who comes back more often is turned away
         exchange.close()
     return Verdict("source dies and returns", answered == count, f"{answered} of {count} times answered")
 

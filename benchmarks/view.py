@@ -27,7 +27,7 @@ from benchmarks.live_frames import points_mm
 from benchmarks.tables import ABSENT, machine, number, table
 from tssgeom.rig import Rig
 from tssgeom.stream import Frame, FrameResult, process
-from tssgeom.view.samples import Drawn, drawn, numbers_of
+from tssgeom.view.samples import RouteSamples, numbers_of, route_samples
 from tssgeom.view.scene.columns import Sender, segments_3d
 from tssgeom.view.scene.labels import label_places
 from tssgeom.view.scene.live import LivePicture, warm_up
@@ -115,7 +115,7 @@ def _timed(
 
 def _logged(results: Sequence[FrameResult]) -> Cost:
     """Log each part of each frame by itself."""
-    frames = [drawn(one) for one in results]
+    frames = [route_samples(one) for one in results]
     numbers = [(*numbers_of(one), 0.0, 0.0)[:_SCALARS] for one in results]
 
     def send(recording: rr.RecordingStream, begin: int, _: int) -> None:
@@ -132,7 +132,7 @@ def _logged(results: Sequence[FrameResult]) -> Cost:
 
 def _in_columns(results: Sequence[FrameResult]) -> Cost:
     """Send the same as columns, a row a frame."""
-    frames = [drawn(one) for one in results]
+    frames = [route_samples(one) for one in results]
     numbers = np.array([(*numbers_of(one), 0.0, 0.0)[:_SCALARS] for one in results])
 
     def send(recording: rr.RecordingStream, begin: int, end: int) -> None:
@@ -144,7 +144,7 @@ def _in_columns(results: Sequence[FrameResult]) -> Cost:
     return _timed(f"the same as columns, {_BATCH} frames at once", results, _BATCH, send)
 
 
-def _send_lean(sender: Sender, shown: Sequence[Drawn], points: Sequence[np.ndarray]) -> None:
+def _send_lean(sender: Sender, shown: Sequence[RouteSamples], points: Sequence[np.ndarray]) -> None:
     lengths = [len(frame.s) for frame in shown]
     strips = segments_3d([frame.position for frame in shown])
     sender.send("route", rr.LineStrips3D.columns(strips=strips), [length - 1 for length in lengths])

@@ -15,9 +15,8 @@ from pipelines.work import Options, each_analysis, inputs_of
 from tssgeom.atomic import replacing, write_text
 from tssgeom.errors import SettingsError
 from tssgeom.io.formats.files import ANALYSIS_MARK
-from tssgeom.io.results.exports import chosen_endings, write_exports
+from tssgeom.io.results.exports import selected_endings, tension_line, write_exports
 from tssgeom.io.results.shapes import Analysis, analysis_object, summary_row
-from tssgeom.io.results.tension_line import tension_line
 from tssgeom.tendon.state import tension
 
 _SLENDERNESS = 150
@@ -43,7 +42,7 @@ def run(
     """
     if export and out is None:
         raise SettingsError(f"--export {export}: there is no folder to write to: give --out DIR too")
-    endings = chosen_endings(export)
+    endings = selected_endings(export)
     objects, rows = list[dict[str, Any]](), list[dict[str, Any]]()
 
     def finish(analysis: Analysis) -> None:
@@ -96,7 +95,7 @@ def draw(
         lumen=None if around is None else around.mesh,
         clearance=None if around is None else around.sketch,
     )
-    told = analysis.told
+    told = analysis.representative
     radius = chosen.tube_radius or told.profile.length / _SLENDERNESS
     pull = tension(told.state, told.profile.phi, told.profile.s)
     line = tension_line(analysis.name, analysis.unit, told, pull)

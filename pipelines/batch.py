@@ -21,10 +21,19 @@ from pipelines.work import Options, Refusal, Tally, guarded, inputs_of
 from pipelines.workers import Crew, Died, hired
 from tssgeom.errors import SpaceError
 from tssgeom.io.formats.files import READERS, RESULTS_MARK, output_names, real
-from tssgeom.io.results.ledger import HIDDEN, Done, forget_all, locked
-from tssgeom.io.results.result_tables import write_summary
-from tssgeom.io.results.run_record import Rejection, RunRecord, Settings, remove_earlier_run, write_run
+from tssgeom.io.results.run_record import (
+    HIDDEN,
+    Done,
+    Rejection,
+    RunRecord,
+    Settings,
+    forget_all,
+    locked,
+    remove_earlier_run,
+    write_run,
+)
 from tssgeom.io.results.shapes import relative
+from tssgeom.io.results.tables import write_summary
 from tssgeom.io.storage import Folder, files_at, local
 from tssgeom.view.report.outlying_inputs import Oddity, oddest
 from tssgeom.view.report.report import Rendered, ReportEntry, rendered, write_report

@@ -21,13 +21,23 @@ from tssgeom.errors import SpaceError, TssgeomError
 from tssgeom.io.formats.files import open_recording
 from tssgeom.io.formats.meshes import lumen_beside
 from tssgeom.io.formats.recording import Recording
-from tssgeom.io.results.ledger import ANY_SIZE, Done, forget, intact, key_of, note, noted
-from tssgeom.io.results.result_tables import CHUNK, Part, part_of, parts, write_parts
-from tssgeom.io.results.run_record import Input, Settings, sha256_of
+from tssgeom.io.results.run_record import (
+    ANY_SIZE,
+    Done,
+    Input,
+    Settings,
+    forget,
+    intact,
+    key_of,
+    note,
+    noted,
+    sha256_of,
+)
 from tssgeom.io.results.shapes import Analysis, analysis_object, summary_row
+from tssgeom.io.results.tables import CHUNK, Part, part_of, parts, write_parts
 from tssgeom.io.storage import Folder, fetched, local
 from tssgeom.stream import Frame, Rejected, alone, process
-from tssgeom.summary import Account
+from tssgeom.summary import RunningSummary
 from tssgeom.view.report.report import ReportEntry, rendered
 
 _FORMAT = 2  # of the files: where it changes, nothing older is taken for done
@@ -129,7 +139,7 @@ def _lumen(task: Task) -> Path | None:
 def _done(task: Task, path: Path, digest: str, key: str, spread: Spread | None) -> Done:
     name, out = task.name, task.out
     recording = open_recording(path, task.chosen.unit)
-    account = Account.of(recording.frame_count)
+    account = RunningSummary.of(recording.frame_count)
     tables = (f"frames/{name}.parquet", f"segments/{name}.parquet")
     with out.replacing(tables[0]) as frames, out.replacing(tables[1]) as segments:
         write_parts(frames, segments, _parts(task, recording, account.stride, spread), account)
@@ -169,7 +179,7 @@ def _parts(task: Task, recording: Recording, stride: int, spread: Spread | None)
         return
     results = process(recording.frames, chosen.rig, tension_in=chosen.tension_in)
     for part in parts(task.name, results, stride):
-        tell(part.account.frames, share * part.account.frames)
+        tell(part.summary.frames, share * part.summary.frames)
         yield part
 
 
@@ -200,8 +210,8 @@ def _input(analysis: Analysis, digest: str) -> Input:
         sha256=digest,
         kind=analysis.kind,
         unit=analysis.unit,
-        frames=analysis.account.frames,
-        rejected=analysis.account.refused,
+        frames=analysis.summary.frames,
+        rejected=analysis.summary.refused,
     )
 
 
@@ -254,7 +264,7 @@ def _printed(task: Task, analysis: Analysis) -> dict[str, int]:
 
 
 def _reported(task: Task, analysis: Analysis, *, drawn: bool) -> dict[str, object]:
-    account = analysis.account
+    account = analysis.summary
     entry = ReportEntry.of_some(
         analysis.name,
         account.results,

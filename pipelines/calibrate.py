@@ -13,10 +13,9 @@ from pipelines.work import Options, analysis_of, geometry_alone
 from tssgeom.errors import SettingsError, require_replaceable
 from tssgeom.identify.calibration import Calibration, Estimate, calibrate
 from tssgeom.identify.measured import Measured
-from tssgeom.io.formats.rigs import write_rig
 from tssgeom.io.formats.runs import MeasuredRun, read_run
 from tssgeom.io.results.run_record import sha256_of
-from tssgeom.rig import Rig
+from tssgeom.rig import Rig, write_rig
 from tssgeom.route.pieces import Arcs
 
 _TITLES = {

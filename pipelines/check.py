@@ -16,9 +16,10 @@ from pipelines.work import Refusal, guarded, inputs_of
 from tssgeom.arrays import Matrix
 from tssgeom.errors import ShapeError, TssgeomError
 from tssgeom.io.formats.campaigns import is_campaign, read_campaign
+from tssgeom.io.formats.columns import CHANNELS
 from tssgeom.io.formats.files import Recording, open_recording
 from tssgeom.io.formats.meshes import ENDINGS, read_lumen
-from tssgeom.io.formats.runs import CHANNELS, holds_run, read_run
+from tssgeom.io.formats.runs import holds_run, read_run
 from tssgeom.rig import Rig, read_rig
 from tssgeom.route.fibre.sensed import Fibre, clean_fibre, fit_fibre
 from tssgeom.stream import Frame, Rejected, followed, require_usable

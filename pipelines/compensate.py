@@ -11,8 +11,9 @@ from pipelines.console import say, show, tracking
 from pipelines.runs import naming, sensed_route, temperature_of, warn_of_doubts
 from pipelines.summary_table import acting
 from pipelines.work import Options
-from tssgeom.io.formats.runs import CHANNELS, read_run
-from tssgeom.io.results.run_tables import write_commands
+from tssgeom.io.formats.columns import CHANNELS
+from tssgeom.io.formats.runs import read_run
+from tssgeom.io.results.tables import write_commands
 from tssgeom.tendon.command import Command
 from tssgeom.tendon.simulation import commands
 

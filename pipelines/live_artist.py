@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from tssgeom.stream import FrameResult
-from tssgeom.view.scene.growing import GrowingFile
-from tssgeom.view.scene.live import LivePicture, hosted, warm_up
+from tssgeom.view.scene.live import LivePicture, warm_up
+from tssgeom.view.scene.writer import GrowingFile, hosted
 
 
 class Artist:

@@ -21,7 +21,7 @@ from tssgeom.errors import SourceError
 from tssgeom.io.network.channel import Channel
 from tssgeom.stream import FrameResult
 from tssgeom.tendon.state import TendonState
-from tssgeom.view.samples import lean, numbers_of
+from tssgeom.view.samples import numbers_of
 
 _START_LIMIT = 60.0  # s in which a process has to be ready
 _END_LIMIT = 30.0  # s in which it has to finish
@@ -162,7 +162,7 @@ class Artists:
                 break
             chosen.append(worker)
         if chosen:
-            _offer(chosen, "picture", lean(result))
+            _offer(chosen, "picture", result.strip())
         if now >= self._due:
             self.flush()
             self._due = now + _NUMBERS

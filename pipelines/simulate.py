@@ -21,7 +21,7 @@ from pipelines.runs import (
 from pipelines.summary_table import acting
 from pipelines.work import Options
 from tssgeom.io.formats.runs import MeasuredRun, read_run
-from tssgeom.io.results.run_tables import write_simulation
+from tssgeom.io.results.tables import write_simulation
 from tssgeom.tendon.simulation import Moment, Phase, simulate
 
 TABLE, PICTURE = "simulate.parquet", "simulate.rrd"

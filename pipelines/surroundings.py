@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from pipelines.work import Options
 from tssgeom.io.formats.meshes import lumen_beside, read_lumen, wall_of
-from tssgeom.io.results.clearances import clearance_columns, clearance_object
-from tssgeom.io.results.shapes import Analysis
+from tssgeom.io.results.shapes import Analysis, clearance_columns, clearance_object
 from tssgeom.lumen.clearance import Clearance, clearance
 from tssgeom.lumen.wall import Wall
 from tssgeom.stream import FrameResult
@@ -59,7 +58,9 @@ def tell_clearance(
 ) -> None:
     """Add the clearance to the object of an input, for its last good frame, and to its row in the summary."""
     last = around.clearance(analysis.results[-1])
-    standing = last if analysis.told is analysis.results[-1] else around.clearance(analysis.told)
+    standing = (
+        last if analysis.representative is analysis.results[-1] else around.clearance(analysis.representative)
+    )
     told["clearance"] = clearance_object(around.name, last)
     told["warnings"] = [*told["warnings"], *last.warnings()]
     row |= clearance_columns(standing)

@@ -87,7 +87,7 @@ def pairs(first: Path, second: Path) -> dict[str, tuple[Path, Path]]:
 
 
 def _compared(asked: dict[str, tuple[Path, Path]], folder: Path) -> list[Path]:
-    from tssgeom.view.scene.compare.recording import write_comparison
+    from tssgeom.view.scene.compare.comparison import write_comparison
 
     written = list[Path]()
     for name, (a, b) in asked.items():

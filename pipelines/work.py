@@ -19,7 +19,7 @@ from tssgeom.io.formats.files import Recording, find_inputs, open_recording, out
 from tssgeom.io.results.shapes import Analysis, frame_row, relative
 from tssgeom.rig import Rig, read_rig
 from tssgeom.stream import process
-from tssgeom.summary import Account
+from tssgeom.summary import RunningSummary
 
 Done = TypeVar("Done")
 
@@ -130,7 +130,7 @@ def analysis_of(
         Where the file cannot be used, or none of its frames.
     """
     recording = open_recording(path, chosen.unit)
-    account = Account.of(recording.frame_count)
+    account = RunningSummary.of(recording.frame_count)
     share = _size(path) / max(recording.frame_count, 1)
     for item in process(recording.frames, chosen.rig, tension_in=chosen.tension_in):
         account.add(item, frame_row(item))
@@ -138,7 +138,7 @@ def analysis_of(
     return useful(name, relative(path), recording, account.close())
 
 
-def useful(name: str, source: str, recording: Recording, account: Account) -> Analysis:
+def useful(name: str, source: str, recording: Recording, account: RunningSummary) -> Analysis:
     """Return the analysis of an input of which some frames could be used.
 
     Raises
@@ -157,9 +157,9 @@ def useful(name: str, source: str, recording: Recording, account: Account) -> An
 
 def frame_refusals(analysis: Analysis, source: str) -> list[str]:
     """Return a line for each frame that was rejected; of many, the first few and a count."""
-    told = analysis.account.rejected[:_MOST_FRAMES_TOLD]
+    told = analysis.summary.rejected[:_MOST_FRAMES_TOLD]
     lines = [f"{source}: frame {item.seq}: {one_line(item.reason)}" for item in told]
-    more = analysis.account.refused - len(lines)
+    more = analysis.summary.refused - len(lines)
     if more:
         lines.append(f"{source}: {more} more frames rejected: see tssgeom check --json")
     return lines
@@ -227,12 +227,12 @@ def _count(tally: Tally, path: Path, outcome: Analysis | Refusal, finish: Callab
         tally.refuse(outcome)
         return 0
     tally.done += 1
-    tally.frames_refused += outcome.account.refused
+    tally.frames_refused += outcome.summary.refused
     for line in frame_refusals(outcome, str(path)):
         complain(line)
     if isinstance(failure := guarded(path, partial(finish, outcome)), Refusal):
         tally.refuse(failure)
-    return outcome.account.frames
+    return outcome.summary.frames
 
 
 def one_line(text: str) -> str:

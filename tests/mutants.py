@@ -270,18 +270,12 @@ MUTANTS = (
         f"{DRIVE} round_turn",
     ),
     # units and order at the boundary
-    Mutant("tssgeom/io/formats/units.py", '"mm": 1000.0', '"mm": 100.0', TABLES),
+    Mutant("tssgeom/io/formats/recording.py", '"mm": 1000.0', '"mm": 100.0', TABLES),
     Mutant(
         "tssgeom/io/formats/columns.py",
         '"elongation_mm": ("elongation", 1000.0)',
         '"elongation_mm": ("elongation", 1.0)',
-        f"{TABLES} tests/io/test_npz.py",
-    ),
-    Mutant(
-        "tssgeom/io/formats/runs.py",
-        '"elongation_mm": ("elongation", 1000.0)',
-        '"elongation_mm": ("elongation", 1.0)',
-        "tests/io/test_runs.py",
+        f"{TABLES} tests/io/test_npz.py tests/io/test_runs.py",
     ),
     Mutant(
         "tssgeom/io/formats/slicer.py",
@@ -296,7 +290,7 @@ MUTANTS = (
         f"{TABLES} tests/io/test_json_lines.py",
     ),
     Mutant(
-        "tssgeom/io/formats/longform.py", "float(seen[0]) / per_unit", "float(seen[0]) * per_unit", TABLES
+        "tssgeom/io/formats/longform.py", "float(known[0]) / per_unit", "float(known[0]) * per_unit", TABLES
     ),
 )
 

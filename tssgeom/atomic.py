@@ -1,4 +1,4 @@
-"""Files that are whole or not there: written beside their place, then moved into it."""
+"""Files that are complete or absent: each is written as a hidden draft in its folder, then renamed."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from pathlib import Path
 
 from tssgeom.errors import require_replaceable, unwritable
 
-_DRAFT = re.compile(r"\..+\.\d+\.[a-z]+|\.\..+\.part")  # of replacing, and of a writer's own draft beside it
+_DRAFT = re.compile(r"\..+\.\d+\.[a-z]+")  # names that `replacing` gives
 
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Yield a hidden path in the same folder to write to; on leaving, it takes the place of `path`.
+    """Yield a hidden path in the same folder to write to; on leaving, the draft is renamed to `path`.
 
-    Where the writing fails or is interrupted, `path` is as it was before.
+    The folder is created where it is missing. A writing that fails or is interrupted leaves `path` as it was.
 
     Raises
     ------
@@ -39,7 +39,7 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text file whole or not at all."""
+    """Write a complete text file, or leave `path` as it was; see `replacing`."""
     with replacing(path) as draft:
         draft.write_text(text, encoding="utf-8", newline="\n")
 
@@ -48,12 +48,12 @@ def write_text(path: Path, text: str) -> None:
 def replacing_all(folder: Path) -> Iterator[Path]:
     """Yield a hidden folder to write files to; on leaving, all of them move to `folder` together.
 
-    Where the writing fails or is interrupted, `folder` is as it was before, or not there.
+    A writing that fails or is interrupted leaves `folder` as it was, or absent.
 
     Raises
     ------
     SourceError
-        Where a place is taken by no regular file, or the disk refuses.
+        Where a name is taken by no regular file, or the disk refuses.
     """
     draft = folder / f".{os.getpid()}.draft"
     fresh = not folder.exists()
@@ -71,11 +71,11 @@ def replacing_all(folder: Path) -> Iterator[Path]:
         shutil.rmtree(draft, ignore_errors=True)
         if fresh:
             with suppress(OSError):
-                folder.rmdir()  # only where nothing is in it
+                folder.rmdir()  # succeeds only where the folder is empty
 
 
 def remove_drafts(folder: Path) -> None:
-    """Remove from one folder what `replacing` left there when its process was killed."""
+    """Remove from one folder the drafts of `replacing` whose process was killed."""
     with suppress(OSError):
         for file in folder.iterdir():
             if _DRAFT.fullmatch(file.name):

@@ -1,4 +1,4 @@
-"""Errors of tssgeom: each message says what is wrong, the value with its unit, and the remedy."""
+"""Errors of tssgeom: each message states the fault, the value with its unit, and a hint."""
 
 import errno
 import os
@@ -35,18 +35,18 @@ class SpaceError(SourceError):
 
 
 def refused(error: OSError) -> SourceError:
-    """Return the error to raise where the system refused a file that nobody foresaw."""
+    """Return the error to raise where the system refused a file and no caller expected it."""
     where = f"{error.filename}: " if error.filename else ""
     return SourceError(f"{where}{error.strerror or error}: check the path and who may use it")
 
 
 def require_replaceable(path: Path) -> None:
-    """Refuse to put a file in the place of what is none, such as a device, a pipe or a folder.
+    """Refuse to replace a device, a pipe or a folder with a file.
 
     Raises
     ------
     SourceError
-        Where there is such a thing.
+        Where `path` is one of them.
     """
     if path.exists() and not path.is_file():
         raise SourceError(f"{path}: is no file but a device, a pipe or a folder: name another file to write")
@@ -57,3 +57,13 @@ def unwritable(what: object, error: OSError) -> SourceError:
     if error.errno in _FULL:
         return SpaceError(f"{what}: no room left ({os.strerror(error.errno)}): free space and run again")
     return SourceError(f"{what}: cannot be written ({error.strerror or error}): check the folder")
+
+
+def unreadable(what: object, error: OSError, hint: str = "check the path") -> SourceError:
+    """Return the error to raise where `what` could not be read."""
+    return SourceError(f"{what}: cannot be read ({error.strerror or error}): {hint}")
+
+
+def first_line(error: Exception) -> str:
+    """Return the first line of the text of an error, or the name of its kind where it has none."""
+    return " ".join(str(error).partition("\n")[0].split()) or type(error).__name__

@@ -3,10 +3,14 @@
 import codecs
 import math
 import tomllib
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import msgspec
+import tomli_w
 
+from tssgeom.atomic import write_text
 from tssgeom.effects import KINDS, Library
 from tssgeom.errors import SettingsError
 
@@ -146,6 +150,35 @@ def read_rig(path: str | Path) -> Rig:
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         told = _wrong_effect(content) if "$.effects" in str(error) else str(error)
         raise SettingsError(f"{path}: {told}: mend the rig file (docs/formats.md, Rig)") from error
+
+
+def write_rig(path: Path, rig: Rig, provenance: Sequence[str] = ()) -> None:
+    """Write a rig as TOML, which `read_rig` reads back alike.
+
+    Parameters
+    ----------
+    path
+        The file.
+    rig
+        The rig.
+    provenance
+        Origin of its numbers, a comment line each.
+
+    Raises
+    ------
+    SourceError
+        Where the disk refuses.
+    """
+    comments = "".join(f"# {' '.join(line.split())}\n" for line in provenance)
+    tables = _without_none(msgspec.to_builtins(rig, enc_hook=float))  # fits give numpy's floats
+    write_text(path, comments + "\n" * bool(comments) + tomli_w.dumps(tables))
+
+
+def _without_none(value: Any) -> Any:
+    """Leave out unset values, which TOML cannot express."""
+    if not isinstance(value, dict):
+        return value
+    return {key: _without_none(item) for key, item in value.items() if item not in (None, {}, ())}
 
 
 def _wrong_effect(content: bytes) -> str:

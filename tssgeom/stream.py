@@ -90,6 +90,10 @@ class FrameResult:
         """Curvature on the same nodes."""
         return self.followed.geometry.profile
 
+    def strip(self) -> FrameResult:
+        """Return it without what only the fit of the next frame needs, which is most of its size."""
+        return replace(self, followed=Followed(self.followed.geometry.bare(), self.followed.index))
+
 
 @dataclass(frozen=True, slots=True)
 class Rejected:

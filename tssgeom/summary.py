@@ -1,36 +1,44 @@
-"""What is known of an input after some of its frames, in memory that does not grow with their number."""
+"""Running summary of the frames of an input, in memory that does not grow with their number."""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from tssgeom.route.tracking import Followed
 from tssgeom.stream import FrameResult, Rejected
 from tssgeom.tendon.history import last_peak
 
-MOST_KEPT = 400
-"""Of so many frames, evenly spread over an input, the whole result is kept: for pictures and the summary."""
-MOST_REJECTED = 200
-"""The first so many rejected frames are kept with their reasons."""
 RANGED = ("length_m", "total_angle_rad", "tension_in_N", "tension_out_N", "elongation_m")
-"""Quantities that are told as a range over a recording."""
-
-_MOST_WARNINGS = 1000  # different ones
+"""Quantities whose range over a recording is reported."""
 _OTHER = "other warnings"
 
 
+@dataclass(frozen=True, slots=True)
+class SummaryLimits:
+    """Sizes that bound the memory of a running summary."""
+
+    results: int = 400
+    """Frames, evenly spread over an input, whose whole result is kept; chosen: enough for every picture."""
+    rejected: int = 200
+    """First rejected frames that are kept with their reasons; chosen."""
+    warnings: int = 1000
+    """Different texts of warnings; chosen."""
+
+
+LIMITS = SummaryLimits()
+
+
 @dataclass(slots=True)
-class Account:
-    """Counts, ranges and samples of frames in a row; accounts of rows that follow each other add up."""
+class RunningSummary:
+    """Counts, ranges and selected results of consecutive frames; summaries of consecutive rows add up."""
 
     stride: int
-    """Results of frames whose count it divides are kept."""
+    """Results of frames whose count is a multiple of it are kept."""
     frames: int = 0
     refused: int = 0
     warned: int = 0
@@ -48,9 +56,9 @@ class Account:
     """Sum over the good frames [m²]."""
 
     @classmethod
-    def of(cls, frame_count: int) -> Account:
-        """Begin an account of an input of so many frames."""
-        return cls(max(1, math.ceil(frame_count / MOST_KEPT)))
+    def of(cls, frame_count: int) -> RunningSummary:
+        """Begin the summary of an input with this number of frames."""
+        return cls(max(1, math.ceil(frame_count / LIMITS.results)))
 
     @property
     def used(self) -> int:
@@ -64,26 +72,26 @@ class Account:
 
     @property
     def results(self) -> list[FrameResult]:
-        """Results that are kept, in order; the last one is that of the last good frame."""
+        """Results that were kept, in order; the last one belongs to the last good frame."""
         if self.last is None or (self.kept and self.kept[-1].seq == self.last.seq):
             return list(self.kept)
         return [*self.kept, self.last]
 
     @property
-    def told(self) -> FrameResult:
-        """The frame that stands for the input: at the last of the highest peaks of T_in.
+    def representative(self) -> FrameResult:
+        """The frame that represents the input in summary, pictures and report.
 
-        Summary, pictures and report tell the same one. Where T_in does not vary it is the last good frame.
+        It is the last of the highest peaks of T_in, or the last good frame where T_in is constant.
         """
         results = self.results
         return results[last_peak(np.array([result.transmission.tension_in for result in results]))]
 
     def add(self, item: FrameResult | Rejected, row: Mapping[str, Any]) -> None:
-        """Take one more frame, and its row in the table of frames, into account."""
+        """Add one more frame with its row in the table of frames."""
         self.frames += 1
         if isinstance(item, Rejected):
             self.refused += 1
-            if len(self.rejected) < MOST_REJECTED:
+            if len(self.rejected) < LIMITS.rejected:
                 self.rejected.append(item)
             return
         if self.last is None:
@@ -98,21 +106,21 @@ class Account:
             self._count(Counter(item.warnings))
         self.last = item
         if item.seq % self.stride == 0:
-            self.kept.append(_light(item))
+            self.kept.append(item.strip())
 
-    def close(self) -> Account:
-        """Let go of what only the next frame would have needed."""
-        self.last = None if self.last is None else _light(self.last)
+    def close(self) -> RunningSummary:
+        """Strip the last result of what only the next frame would have needed."""
+        self.last = None if self.last is None else self.last.strip()
         return self
 
-    def join(self, later: Account) -> None:
-        """Add the account of the frames that follow."""
+    def join(self, later: RunningSummary) -> None:
+        """Add the summary of the frames that follow."""
         if self.last is None:
             self.begin = later.begin
         self.frames += later.frames
         self.refused += later.refused
         self.warned += later.warned
-        self.rejected += later.rejected[: MOST_REJECTED - len(self.rejected)]
+        self.rejected += later.rejected[: LIMITS.rejected - len(self.rejected)]
         self._count(later.warnings)
         self.kept += later.kept
         self.last = later.last or self.last
@@ -124,10 +132,5 @@ class Account:
 
     def _count(self, warnings: Counter[str]) -> None:
         for text, count in warnings.items():
-            full = text not in self.warnings and len(self.warnings) >= _MOST_WARNINGS
+            full = text not in self.warnings and len(self.warnings) >= LIMITS.warnings
             self.warnings[_OTHER if full else text] += count
-
-
-def _light(result: FrameResult) -> FrameResult:
-    """Leave out what only the fit of the next frame needs, which is most of a result."""
-    return replace(result, followed=Followed(result.followed.geometry.bare(), result.followed.index))

@@ -12,8 +12,7 @@ from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
 from tssgeom.errors import SettingsError, SourceError
 from tssgeom.io.formats.files import open_recording
-from tssgeom.io.results.exports import WRITERS, chosen_endings, write_exports
-from tssgeom.io.results.tension_line import TensionLine
+from tssgeom.io.results.exports import WRITERS, TensionLine, selected_endings, write_exports
 from tssgeom.view.mesh import SIDES, tube
 
 NODES = 300
@@ -153,10 +152,10 @@ def test_an_export_leaves_the_tube_as_it_was(line, mesh, tmp_path):
 
 
 def test_endings_are_a_list_with_or_without_dots():
-    assert chosen_endings("mrk.json, .vtp") == ("mrk.json", "vtp")
-    assert chosen_endings("") == ()
+    assert selected_endings("mrk.json, .vtp") == ("mrk.json", "vtp")
+    assert selected_endings("") == ()
     with pytest.raises(SettingsError, match="no writer for 'obj': choose from mrk"):
-        chosen_endings("vtp,obj")
+        selected_endings("vtp,obj")
 
 
 def test_without_vtk_the_remedy_is_the_extra(line, mesh, tmp_path, monkeypatch):

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from tests.io.damage import damage, damaged, quick
 from tssgeom.errors import TssgeomError
 from tssgeom.io.formats.files import READERS, open_recording
-from tssgeom.io.formats.names import ending
+from tssgeom.io.formats.paths import ending
 from tssgeom.stream import Frame, Rejected
 
 CORPUS = Path(__file__).parent / "corpus"

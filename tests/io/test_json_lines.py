@@ -8,7 +8,8 @@ import pytest
 
 from tssgeom.errors import ShapeError
 from tssgeom.io.formats.files import Recording, open_recording
-from tssgeom.io.formats.jsonl import LONGEST_LINE, frame_of
+from tssgeom.io.formats.jsonl import frame_of
+from tssgeom.io.formats.paths import LONGEST_LINE
 from tssgeom.stream import Frame, Rejected
 
 POINTS = [[0, 0, 0], [1, 0, 0], [2, 1, 0], [3, 1, 1]]

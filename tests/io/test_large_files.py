@@ -49,28 +49,27 @@ def parquet_of(table: dict[str, np.ndarray], path: Path) -> Path:
 def small_blocks(monkeypatch):
     """Take every file for a large one, and read a few rows at a time."""
     monkeypatch.setattr(longform, "MOST_AT_ONCE", 0)
-    monkeypatch.setattr(blocks, "_BYTES", 1000)
-    monkeypatch.setattr(blocks, "_ROWS", 17)
-    monkeypatch.setattr(blocks, "_SLOW_LINES", 17)
+    sizes = blocks.BlockSizes(csv_bytes=1000, parquet_rows=17, slow_lines=17)
+    monkeypatch.setattr(blocks, "SIZES", sizes)
 
 
-def told(path: Path) -> list[tuple]:
+def items_of(path: Path) -> list[tuple]:
     recording = open_recording(path)
     items = list(recording.frames)
     assert len(items) == recording.frame_count
-    return [_told(item) for item in items]
+    return [_values(item) for item in items]
 
 
-def _told(item: Frame | Rejected) -> tuple:
+def _values(item: Frame | Rejected) -> tuple:
     if isinstance(item, Rejected):
         return item.seq, item.reason, item.time
     return item.time, item.tension_in, item.points.tobytes()
 
 
 def same_both_ways(path: Path, request: pytest.FixtureRequest) -> list[tuple]:
-    at_once = told(path)
+    at_once = items_of(path)
     request.getfixturevalue("small_blocks")
-    assert told(path) == at_once
+    assert items_of(path) == at_once
     return at_once
 
 

@@ -11,13 +11,13 @@ import pyarrow.parquet as papq
 import pytest
 
 from tssgeom.errors import SourceError
-from tssgeom.io.results.result_tables import FRAMES, SEGMENTS, SUMMARY, parts, write_parts, write_summary
 from tssgeom.io.results.run_record import Input, RunRecord, Settings, remove_earlier_run, sha256_of, write_run
 from tssgeom.io.results.shapes import Analysis, analysis_object, frame_row, shape_summary, summary_row
+from tssgeom.io.results.tables import FRAMES, SEGMENTS, SUMMARY, parts, write_parts, write_summary
 from tssgeom.io.storage import Folder
 from tssgeom.rig import Rig
 from tssgeom.stream import Frame, FrameResult, Rejected, process
-from tssgeom.summary import MOST_KEPT, Account
+from tssgeom.summary import LIMITS, RunningSummary
 
 TENSIONS = [5.0, 15.0, 10.0]
 
@@ -48,25 +48,25 @@ def items() -> Items:
     return list(process(frames, Rig(), tension_in=1.0))
 
 
-def accounted(items: Items) -> Account:
-    account = Account.of(len(items))
+def summarised(items: Items) -> RunningSummary:
+    summary = RunningSummary.of(len(items))
     for item in items:
-        account.add(item, frame_row(item))
-    return account.close()
+        summary.add(item, frame_row(item))
+    return summary.close()
 
 
 @pytest.fixture(scope="module")
 def analysis(items: Items) -> Analysis:
     return Analysis(
-        "bend", "bend.jsonl", "mm", "jsonl", timed=True, account=accounted(items), notes=("a note",)
+        "bend", "bend.jsonl", "mm", "jsonl", timed=True, summary=summarised(items), notes=("a note",)
     )
 
 
-def written(items: Items, folder: Path) -> tuple[pa.Table, pa.Table, Account]:
+def written(items: Items, folder: Path) -> tuple[pa.Table, pa.Table, RunningSummary]:
     folder.mkdir(exist_ok=True)
-    account = Account.of(len(items))
-    write_parts(folder / "frames", folder / "segments", parts("bend", items, account.stride), account)
-    return papq.read_table(folder / "frames"), papq.read_table(folder / "segments"), account
+    summary = RunningSummary.of(len(items))
+    write_parts(folder / "frames", folder / "segments", parts("bend", items, summary.stride), summary)
+    return papq.read_table(folder / "frames"), papq.read_table(folder / "segments"), summary
 
 
 def test_one_shape_is_told_with_the_promised_keys():
@@ -114,7 +114,7 @@ def test_a_recording_is_told_by_its_last_good_frame_and_by_ranges(analysis, item
 def test_the_summary_tells_the_last_peak_of_tension(analysis):
     row = summary_row(analysis)
     assert (row["time_s"], row["tension_in_N"]) == (0.5, pytest.approx(15))
-    assert row["tension_out_N"] == analysis.told.transmission.tension_out
+    assert row["tension_out_N"] == analysis.representative.transmission.tension_out
 
 
 def test_summary_comes_back_with_units(analysis, tmp_path):
@@ -156,9 +156,9 @@ def test_segments_come_back_with_units_and_add_up_to_their_frame(items, tmp_path
 
 
 def test_accounts_of_parts_add_up_to_that_of_the_whole(items):
-    whole, joined = accounted(items * 3), Account.of(12)
+    whole, joined = summarised(items * 3), RunningSummary.of(12)
     for k in range(3):
-        joined.join(accounted(items))
+        joined.join(summarised(items))
         assert joined.frames == 4 * (k + 1)
     assert (joined.used, joined.refused, joined.warned) == (whole.used, whole.refused, whole.warned)
     assert (joined.low, joined.high, joined.warnings) == (whole.low, whole.high, whole.warnings)
@@ -169,11 +169,11 @@ def test_accounts_of_parts_add_up_to_that_of_the_whole(items):
 def test_of_many_frames_so_many_are_kept_evenly_and_the_last(items):
     good = items[0]
     assert isinstance(good, FrameResult)
-    many = 2 * MOST_KEPT + 2
-    account = accounted([dataclasses.replace(good, seq=seq) for seq in range(many)])
-    kept = [result.seq for result in account.results]
+    many = 2 * LIMITS.results + 2
+    summary = summarised([dataclasses.replace(good, seq=seq) for seq in range(many)])
+    kept = [result.seq for result in summary.results]
     assert kept == [*range(0, many - 1, 3), many - 1]
-    assert len(kept) <= MOST_KEPT + 1
+    assert len(kept) <= LIMITS.results + 1
 
 
 def record(folder: Path, *files: str) -> RunRecord:

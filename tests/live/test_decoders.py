@@ -16,13 +16,13 @@ from hypothesis import strategies as st
 from pyigtl.messages import CRC64
 
 from tssgeom.errors import SettingsError, ShapeError, TssgeomError
-from tssgeom.io.formats.jsonl import LONGEST_LINE, frame_or_refusal
+from tssgeom.io.formats.jsonl import frame_or_refusal
+from tssgeom.io.formats.paths import LONGEST_LINE
 from tssgeom.io.formats.states import read_state
 from tssgeom.io.network.addresses import sink_of, source_of
 from tssgeom.io.network.igtl import HEADER, Message, header_of, message_of
 from tssgeom.io.network.igtl_peers import first_string
-from tssgeom.io.network.lines import Lines
-from tssgeom.io.network.mailbox import Clock, Mailbox
+from tssgeom.io.network.mailbox import Clock, Lines, Mailbox
 from tssgeom.stream import Frame, Rejected
 
 Read = TypeVar("Read")
@@ -74,7 +74,7 @@ def test_a_line_gives_a_frame_or_a_reason(text, unit):
 def test_a_message_gives_places_or_a_reason(data, mended):
     """With `mended`, the checksum is made right, so that the content is looked at."""
     found = outcome(lambda: message_in(data, mended))
-    assert isinstance(found, str | None) or found.places.shape[1:] == (3,)
+    assert isinstance(found, str | None) or found.positions.shape[1:] == (3,)
 
 
 def message_in(data: bytes, mended: bool) -> Message | None:
@@ -100,7 +100,7 @@ def test_lines_are_the_same_however_their_bytes_arrive(parts, sizes):
     for size in cycle(sizes):
         if at >= len(whole):
             break
-        lines += pieces.fed(whole[at : at + size])[0]
+        lines += pieces.split(whole[at : at + size])[0]
         at += size
     assert lines == [text for text in whole.split(b"\n") if text.strip()]
 
@@ -108,13 +108,13 @@ def test_lines_are_the_same_however_their_bytes_arrive(parts, sizes):
 def test_of_a_line_without_end_no_more_is_kept_than_a_line_may_have():
     pieces = Lines()
     for _ in range(16):
-        pieces.fed(b"x" * (1 << 16))
+        pieces.split(b"x" * (1 << 16))
     with pytest.raises(ShapeError, match="1048576 bytes"):
-        pieces.fed(b"x")
+        pieces.split(b"x")
     for _ in range(100):
-        pieces.fed(b"x" * (1 << 16))
+        pieces.split(b"x" * (1 << 16))
     assert len(pieces.rest) <= LONGEST_LINE
-    assert pieces.fed(b"the end of it\nnext\n")[0] == [b"next"]
+    assert pieces.split(b"the end of it\nnext\n")[0] == [b"next"]
 
 
 @QUICK

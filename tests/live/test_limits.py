@@ -12,8 +12,8 @@ import pytest
 from benchmarks.live_frames import malformed
 from benchmarks.live_process import PATIENCE, Reader, live
 from tests.live.peers import frame
-from tssgeom.io.network.lines import LOOKED_AT
-from tssgeom.io.network.listener import MOST_PEERS
+from tssgeom.io.network.listener import LIMITS
+from tssgeom.io.network.mailbox import LIMITS as FRAMES
 
 _times = count(10_000)
 
@@ -40,7 +40,7 @@ def test_a_reader_that_never_reads_is_cut_off_and_the_others_are_not(stream, sou
         deaf.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
         long = b'{"t":1,"unit":"km","points":[],"id":"%s"}\n' % (b"x" * 250)
         while not any("has not read" in said for said in stream.errors):
-            source.sendall(long * LOOKED_AT)
+            source.sendall(long * FRAMES.waiting)
             assert answered(source, reader, "in between")["total_angle_rad"] > 0
     assert answered(source, reader, "unharmed")["total_angle_rad"] > 0
 
@@ -50,10 +50,10 @@ def test_one_client_too_many_is_refused_with_the_reason(stream, source, reader):
         port = stream.port("sink", "tcp")
         clients = [
             stack.enter_context(socket.create_connection(("127.0.0.1", port), PATIENCE))
-            for _ in range(MOST_PEERS)
+            for _ in range(LIMITS.peers)
         ]
         told = json.loads(clients[-1].recv(1000))
-        assert str(MOST_PEERS) in told["closed"]
+        assert str(LIMITS.peers) in told["closed"]
         assert clients[-1].recv(1000) == b""
         assert answered(source, reader, "among many")["total_angle_rad"] > 0
 
@@ -88,7 +88,7 @@ def test_no_address_of_another_machine_is_taken(run, uri):
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        (("--sink", "udp://127.0.0.1:0"), "nobody is: give a port"),
+        (("--sink", "udp://127.0.0.1:0"), "cannot be sent to port 0: give a port"),
         (("--source", "-", "--source", "-"), "--source - is given twice"),
         (("--sink", "none", "--sink", "none"), "--sink none is given twice"),
     ],

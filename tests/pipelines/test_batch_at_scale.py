@@ -16,7 +16,7 @@ import pytest
 
 from pipelines.workers import Died, hired
 from tests.pipelines.alike import alike
-from tssgeom.io.results.ledger import locked
+from tssgeom.io.results.run_record import locked
 from tssgeom.io.storage import Folder
 
 TSSGEOM = (sys.executable, "-c", "from pipelines.cli import main; main()")

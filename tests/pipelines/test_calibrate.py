@@ -6,8 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from tssgeom.io.formats.rigs import write_rig
-from tssgeom.rig import Friction, Load, Rig, Sensor, ShapeSensor, Tendon, read_rig
+from tssgeom.rig import Friction, Load, Rig, Sensor, ShapeSensor, Tendon, read_rig, write_rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.history import driven
 

@@ -73,7 +73,7 @@ def test_the_samples_pass_the_check(run, folder):
 
 
 def test_view_finds_the_recordings_of_a_folder_in_order(tmp_path):
-    for name in ("recordings/b.rrd", "recordings/a.rrd", "recordings/.a.rrd.part", "recordings/.c.rrd"):
+    for name in ("recordings/b.rrd", "recordings/a.rrd", "recordings/.a.part.rrd", "recordings/.c.rrd"):
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).touch()
     assert [path.name for path in recordings_in(tmp_path)] == ["a.rrd", "b.rrd"]

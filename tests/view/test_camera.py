@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from tests.view.conftest import analysed
 from tssgeom.stream import Frame, FrameResult
-from tssgeom.view.samples import drawn
+from tssgeom.view.samples import route_samples
 from tssgeom.view.scene.camera import ASPECT, Camera, camera
 from tssgeom.view.scene.labels import Placed, label_places, scale_label
 
@@ -61,7 +61,7 @@ def test_scale_bar_is_as_long_as_it_says() -> None:
 
 
 def test_labels_cover_neither_one_another_nor_the_route(moving: list[FrameResult]) -> None:
-    frames = [drawn(result) for result in moving]
+    frames = [route_samples(result) for result in moving]
     view = looking_at(np.concatenate([frame.position for frame in frames]))
     for frame, result in zip(frames, moving, strict=True):
         placed = label_places(view, frame, result.arcs)
@@ -79,7 +79,7 @@ def test_in_a_crowd_labels_are_shortened_and_none_covers_an_end_or_the_scale(lar
     (result,) = analysed([Frame(wave + np.random.default_rng(1).normal(0.0, 1e-4, wave.shape))])
     assert len(result.arcs.length) > 10
     view = looking_at(result.route.position)
-    placed = label_places(view, drawn(result), result.arcs, larger)
+    placed = label_places(view, route_samples(result), result.arcs, larger)
     assert placed.whole[:2].all()
     if larger > 1.0:
         assert not placed.whole.all()

@@ -2,7 +2,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tssgeom.view.scene.chart import Axis, Box, Chart
+from tssgeom.view.scene.charts import Axis, Box, Chart
 
 CHART = Chart(Axis(500.0, "mm"), Axis(15.0, "N"), Box(width=2.0, text=0.1))
 

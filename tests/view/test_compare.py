@@ -12,11 +12,10 @@ from tssgeom.errors import SourceError
 from tssgeom.rig import Friction, Rig
 from tssgeom.stream import Frame, FrameResult, process
 from tssgeom.view.colours import tension_rgba32
-from tssgeom.view.samples import drawn
-from tssgeom.view.scene.compare.difference import aligned, difference, parting
+from tssgeom.view.samples import route_samples
+from tssgeom.view.scene.compare.comparison import write_comparison
+from tssgeom.view.scene.compare.difference import aligned, comparison, difference, parting, table
 from tssgeom.view.scene.compare.reading import Side, read_side
-from tssgeom.view.scene.compare.recording import write_comparison
-from tssgeom.view.scene.compare.wording import comparison, table
 from tssgeom.view.scene.paper import write_paper_recording
 from tssgeom.view.scene.recording import write_recording
 from tssgeom.view.wording import angle_with_error, with_error
@@ -55,7 +54,7 @@ def test_a_recording_is_read_back_as_the_results_it_shows(moving_file: Path, mov
     assert side.time is not None
     np.testing.assert_allclose(side.time, [one.frame.time for one in moving], atol=1e-9)
     for seen, pieces, result in zip(side.frames, side.pieces, moving, strict=True):
-        told = drawn(result)
+        told = route_samples(result)
         for name in ("s", "position", "tension", "phi", "kappa", "kappa_se", "phi_se"):
             # single precision
             np.testing.assert_allclose(getattr(seen, name), getattr(told, name), rtol=1e-6, atol=1e-7)
@@ -81,7 +80,7 @@ def test_one_tension_has_one_colour_on_both_sides(both: Path, moving, rough):
     for side, results in (("a", moving), ("b", rough)):
         rows = columns(both, f"/{side}/route", timed=True)["LineStrips3D:colors"]
         for shades, result in zip(rows, results, strict=True):
-            tension = drawn(result).tension.astype(np.float32).astype(float)
+            tension = route_samples(result).tension.astype(np.float32).astype(float)
             expected = tension_rgba32(0.5 * (tension[:-1] + tension[1:]), top)
             np.testing.assert_array_equal(shades, expected)
 

@@ -16,12 +16,11 @@ from tests.worked_finding import worked_finding
 from tssgeom.stream import Frame, FrameResult
 from tssgeom.view.figures.paper import paper_figures
 from tssgeom.view.figures.plots import SMALLEST, VECTOR, save
-from tssgeom.view.figures.runs import moments, strokes, transmission_figure
-from tssgeom.view.figures.shapes import figures_of, route_figure
+from tssgeom.view.figures.shapes import figures_of, moments, route_figure, strokes, transmission_figure
 from tssgeom.view.report.entry import ReportEntry, series_of
 from tssgeom.view.report.finding import figures_of as figures_of_finding
-from tssgeom.view.report.section import section
-from tssgeom.view.samples import drawn, tension_se
+from tssgeom.view.report.report import section
+from tssgeom.view.samples import route_samples, tension_se
 
 _POINTS_PER_MM = 72 / 25.4
 
@@ -102,7 +101,7 @@ def test_the_band_of_the_tension_ends_at_the_error_that_is_told(
     still: list[FrameResult], moving: list[FrameResult]
 ) -> None:
     for result in (still[0], moving[2], moving[3]):
-        spread = tension_se(result, drawn(result))
+        spread = tension_se(result, route_samples(result))
         assert spread[0] == pytest.approx(0.0, abs=1e-2 * result.transmission.tension_in)
         # the error that is told is that of the pieces, the band that of the profile along the route
         told = result.transmission.tension_out_se
@@ -111,7 +110,7 @@ def test_the_band_of_the_tension_ends_at_the_error_that_is_told(
 
 def test_what_did_not_slide_yet_is_as_uncertain_as_what_held_it(moving: list[FrameResult]) -> None:
     released = moving[4]
-    spread = tension_se(released, drawn(released))
+    spread = tension_se(released, route_samples(released))
     assert np.isfinite(spread).all()
     assert (spread >= 0).all()
 

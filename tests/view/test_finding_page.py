@@ -9,7 +9,6 @@ import pytest
 from tests.worked_finding import without_held_out, worked_finding
 from tssgeom.errors import SourceError
 from tssgeom.view.report.finding import write_finding_report
-from tssgeom.view.report.page import write_page
 
 VOID = {"meta", "br", "link", "img", "input", "hr"}
 VERDICTS = ("none", "effect", "tie", "unknown")
@@ -124,10 +123,11 @@ def test_a_page_is_the_same_for_the_same_finding(folder: Path, tmp_path: Path) -
     assert (tmp_path / "again.html").read_bytes() == (folder / "effect.html").read_bytes()
 
 
-def test_a_page_that_cannot_be_written_is_told_and_leaves_nothing(tmp_path: Path) -> None:
+def test_a_page_that_cannot_be_written_is_an_error_and_leaves_nothing(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
     with pytest.raises(SourceError, match="check the folder"):
-        write_page(tmp_path / "none" / "report.html", "page")
+        write_finding_report(tmp_path / "file" / "report.html", worked_finding())
     (tmp_path / "report.html").mkdir()
     with pytest.raises(SourceError, match="name another file"):
-        write_page(tmp_path / "report.html", "page")
-    assert [path.name for path in tmp_path.iterdir()] == ["report.html"]
+        write_finding_report(tmp_path / "report.html", worked_finding())
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "report.html"]

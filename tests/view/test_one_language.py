@@ -18,7 +18,7 @@ from tssgeom.view import colours
 from tssgeom.view.quantities import COUNT, TIMELINE
 from tssgeom.view.samples import numbers_of
 from tssgeom.view.scene.camera import ASPECT
-from tssgeom.view.scene.compare.recording import write_comparison
+from tssgeom.view.scene.compare.comparison import write_comparison
 from tssgeom.view.scene.finding.recording import write_finding_recording
 from tssgeom.view.scene.paper import write_paper_recording
 

@@ -8,13 +8,13 @@ from pathlib import Path
 import pytest
 
 from tests.worked_finding import worked_finding
+from tssgeom.atomic import write_text
 from tssgeom.errors import SourceError
 from tssgeom.stream import FrameResult
-from tssgeom.view.report.page import write_page
 from tssgeom.view.scene.finding.recording import write_finding_recording
-from tssgeom.view.scene.growing import GrowingFile
 from tssgeom.view.scene.recording import write_recording
 from tssgeom.view.scene.viewer import screenshot
+from tssgeom.view.scene.writer import GrowingFile
 
 
 def test_what_is_no_file_is_not_replaced(still: list[FrameResult], still_file: Path, tmp_path: Path) -> None:
@@ -24,7 +24,7 @@ def test_what_is_no_file_is_not_replaced(still: list[FrameResult], still_file: P
         lambda: GrowingFile(pipe),
         lambda: write_recording(pipe, "still", still, timed=False),
         lambda: write_finding_recording(pipe, worked_finding()),
-        lambda: write_page(pipe, "page"),
+        lambda: write_text(pipe, "page"),
         lambda: screenshot(still_file, pipe),
     ]
     for write in writers:

@@ -12,8 +12,7 @@ import pytest
 from tssgeom.errors import SourceError
 from tssgeom.rig import Rig
 from tssgeom.stream import FrameResult, Rejected
-from tssgeom.view.report.report import ReportEntry, rendered, write_report
-from tssgeom.view.report.section import section
+from tssgeom.view.report.report import ReportEntry, rendered, section, write_report
 from tssgeom.view.wording import with_error
 
 VOID = {"meta", "br", "link", "img", "input", "hr"}
@@ -150,7 +149,8 @@ def test_same_results_give_the_same_page(path: Path, entries: list[ReportEntry],
     assert again.read_bytes() == path.read_bytes()
 
 
-def test_folder_that_is_not_there_is_an_error_with_its_path(tmp_path: Path) -> None:
+def test_folder_that_cannot_be_made_is_an_error_with_its_path(tmp_path: Path) -> None:
+    (tmp_path / "nowhere").touch()
     with pytest.raises(SourceError, match=r"nowhere.*cannot be written"):
         write_report(tmp_path / "nowhere" / "report.html", [], rig=Rig(), tension_in=15.0)
 

@@ -11,7 +11,7 @@ from tssgeom.errors import SourceError
 from tssgeom.stream import FrameResult
 from tssgeom.view.colours import tension_rgba32
 from tssgeom.view.mesh import tube
-from tssgeom.view.samples import drawn
+from tssgeom.view.samples import route_samples
 from tssgeom.view.scene.recording import write_recording
 from tssgeom.view.wording import piece_labels
 
@@ -75,7 +75,7 @@ def test_route_has_one_colour_for_each_strip_and_one_strip_less_than_nodes(
     for strips, colours, result in zip(
         route["LineStrips3D:strips"], route["LineStrips3D:colors"], moving, strict=True
     ):
-        assert len(strips) == len(colours) == len(drawn(result).s) - 1
+        assert len(strips) == len(colours) == len(route_samples(result).s) - 1
         assert all(len(strip) == 2 for strip in strips)
 
 
@@ -85,7 +85,7 @@ def test_one_tension_has_one_colour_in_every_frame_and_on_the_colour_bar(
     top = 12.0  # the greatest tension of the run, itself a plain number
     rows = columns(moving_file, "/route", timed=True)["LineStrips3D:colors"]
     for colours, result in zip(rows, moving, strict=True):
-        tension = drawn(result).tension
+        tension = route_samples(result).tension
         np.testing.assert_array_equal(colours, tension_rgba32(0.5 * (tension[:-1] + tension[1:]), top))
     bar = columns(moving_file, "/tension/colour_bar", timed=False)["LineStrips2D:colors"][0]
     assert bar[-1] == tension_rgba32(np.array([top * (1 - 0.5 / len(bar))]), top)[0]
@@ -98,7 +98,7 @@ def test_raw_numbers_on_the_route_are_the_results_in_single_precision(
     fields = {"s_m": "s", "tension_N": "tension", "phi_rad": "phi", "kappa_per_m": "kappa"}
     for name, field in fields.items():
         for numbers, result in zip(rows[name], moving, strict=True):
-            np.testing.assert_array_equal(numbers, getattr(drawn(result), field).astype(np.float32))
+            np.testing.assert_array_equal(numbers, getattr(route_samples(result), field).astype(np.float32))
 
 
 def test_tension_on_the_route_runs_from_tension_in_to_tension_out(
@@ -193,7 +193,10 @@ def test_recording_of_nothing_is_refused(tmp_path: Path) -> None:
         write_recording(tmp_path / "empty.rrd", "empty", [], timed=True)
 
 
-def test_folder_that_is_not_there_is_an_error_with_its_path(still: list[FrameResult], tmp_path: Path) -> None:
+def test_folder_that_cannot_be_made_is_an_error_with_its_path(
+    still: list[FrameResult], tmp_path: Path
+) -> None:
+    (tmp_path / "nowhere").touch()
     with pytest.raises(SourceError, match=r"nowhere.*cannot be written"):
         write_recording(tmp_path / "nowhere" / "still.rrd", "still", still, timed=False)
 

@@ -3,7 +3,7 @@ import numpy as np
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.stream import Frame, FrameResult, process
-from tssgeom.view.samples import drawn
+from tssgeom.view.samples import route_samples
 from tssgeom.view.wording import angle_with_error, piece_labels, piece_table, summary, with_error
 
 
@@ -60,6 +60,6 @@ def test_summary_of_a_straight_route_names_no_radius() -> None:
 
 
 def test_table_has_a_row_for_each_piece_and_ends_with_tension_out(still: list[FrameResult]) -> None:
-    rows = piece_table(still[0].arcs, drawn(still[0])).splitlines()[2:]
+    rows = piece_table(still[0].arcs, route_samples(still[0])).splitlines()[2:]
     assert len(rows) == len(still[0].arcs.length)
     assert rows[-1].split("|")[-2].strip() == f"{still[0].transmission.tension_out:.2f}"

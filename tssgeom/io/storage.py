@@ -1,4 +1,4 @@
-"""Folders and files on this machine, or at any address that `pyarrow.fs` knows."""
+"""Storage of files and results: on this machine, or at any address that `pyarrow.fs` knows."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from shutil import copyfileobj
 import pyarrow.fs as pafs
 
 from tssgeom.atomic import remove_drafts, replacing
-from tssgeom.errors import SourceError, unwritable
+from tssgeom.errors import SourceError, first_line, unwritable
 
-_BLOCK = 1 << 20
+_BLOCK = 1 << 20  # bytes that are copied at a time
 
 
 def local(address: str) -> Path | None:
-    """Return the path that an address means on this machine; None where it is elsewhere.
+    """Return the path of an address on this machine; None for one elsewhere.
 
     Raises
     ------
     SourceError
-        Where nothing can be reached at such an address.
+        Where the address cannot be reached.
     """
     if "://" not in address:
         return Path(address)
@@ -35,8 +35,7 @@ def _reached(address: str) -> tuple[pafs.FileSystem, str]:
     try:
         return pafs.FileSystem.from_uri(address)
     except (OSError, ValueError, ImportError) as error:
-        reason = str(error).partition("\n")[0]
-        raise SourceError(f"{address}: cannot be reached ({reason}): check the address") from error
+        raise SourceError(f"{address}: cannot be reached ({first_line(error)}): check the address") from error
 
 
 def files_at(address: str) -> list[tuple[str, int]]:
@@ -47,7 +46,7 @@ def files_at(address: str) -> list[tuple[str, int]]:
     Raises
     ------
     SourceError
-        Where there is nothing.
+        Where the address cannot be listed.
     """
     system, path = _reached(address)
     try:
@@ -57,17 +56,17 @@ def files_at(address: str) -> list[tuple[str, int]]:
         below = system.get_file_info(pafs.FileSelector(path, recursive=True))
     except OSError as error:
         raise SourceError(f"{address}: cannot be listed ({error}): check the address") from error
-    found = [(PurePosixPath(each.path).relative_to(path), each) for each in below]
+    named = [(PurePosixPath(each.path).relative_to(path), each) for each in below]
     return sorted(
         (f"{address.rstrip('/')}/{name.as_posix()}", each.size)
-        for name, each in found
+        for name, each in named
         if each.type is pafs.FileType.File and not any(part.startswith(".") for part in name.parts)
     )
 
 
 @contextmanager
 def fetched(address: str) -> Iterator[Path]:
-    """Yield a file on this machine with what an address holds; of one elsewhere, a copy for the time being.
+    """Yield a file on this machine with the content of an address; of one elsewhere, a temporary copy.
 
     Raises
     ------
@@ -91,14 +90,14 @@ def fetched(address: str) -> Iterator[Path]:
 
 @dataclass(frozen=True, slots=True)
 class Folder:
-    """A folder for results; its files are whole or not there."""
+    """A folder for results; its files are complete or absent."""
 
     address: str
     """An absolute path, or an address."""
 
     @classmethod
     def of(cls, address: str) -> Folder:
-        """Name a folder, so that it is the same one for a process that works in another place."""
+        """Return a folder by its absolute path, which holds for a process with another working folder too."""
         here = local(address)
         return cls(address.rstrip("/") if here is None else str(here.absolute()))
 
@@ -109,12 +108,12 @@ class Folder:
 
     @contextmanager
     def replacing(self, name: str) -> Iterator[Path]:
-        """Yield a path to write to; on leaving, what is there takes the place of the file `name`.
+        """Yield a path to write to; on leaving, its content replaces the file `name`.
 
         Raises
         ------
         SourceError
-            Where it cannot be written; SpaceError where there is no room.
+            Where it cannot be written; SpaceError where the disk is full.
         """
         if self.here is not None:
             with replacing(self.here / name) as draft:
@@ -127,18 +126,18 @@ class Folder:
 
     def _send(self, draft: Path, name: str) -> None:
         system, path = _reached(self.address)
-        place = PurePosixPath(path) / name
-        unfinished = str(place.with_name(f".{place.name}.part"))
+        target = PurePosixPath(path) / name
+        unfinished = str(target.with_name(f".{target.name}.part"))
         try:
-            system.create_dir(str(place.parent))
-            with draft.open("rb") as source, system.open_output_stream(unfinished) as target:
-                copyfileobj(source, target, _BLOCK)
-            system.move(unfinished, str(place))
+            system.create_dir(str(target.parent))
+            with draft.open("rb") as source, system.open_output_stream(unfinished) as stream:
+                copyfileobj(source, stream, _BLOCK)
+            system.move(unfinished, str(target))
         except OSError as error:
             raise unwritable(f"{self.address}/{name}", error) from error
 
     def read(self, name: str) -> bytes | None:
-        """Return what a file holds; None where there is none."""
+        """Return the content of a file; None where there is none."""
         try:
             if self.here is not None:
                 return (self.here / name).read_bytes()
@@ -163,11 +162,11 @@ class Folder:
             inside = self.here / below
             return sorted(f"{below}/{file.name}" for file in inside.iterdir()) if inside.is_dir() else []
         system, path = _reached(self.address)
-        chosen = pafs.FileSelector(f"{path}/{below}", allow_not_found=True)
-        return sorted(f"{below}/{info.base_name}" for info in system.get_file_info(chosen))
+        inside = pafs.FileSelector(f"{path}/{below}", allow_not_found=True)
+        return sorted(f"{below}/{info.base_name}" for info in system.get_file_info(inside))
 
     def remove(self, names: Iterable[str]) -> None:
-        """Remove files where they are there and in this folder.
+        """Remove the files that exist and lie in this folder.
 
         Raises
         ------
@@ -193,11 +192,11 @@ class Folder:
             system.delete_file(f"{path}/{name}")
 
     def tidy(self, below: Iterable[str]) -> None:
-        """Remove from some of its folders what a killed process left unfinished, and those that are empty."""
+        """Remove the drafts of killed processes from some of its folders, and then empty folders."""
         here = self.here
         if here is None:
             return
         for name in below:
             remove_drafts(here / name)
             with suppress(OSError):
-                (here / name).rmdir()  # leaves a folder that holds anything
+                (here / name).rmdir()  # succeeds only where the folder is empty

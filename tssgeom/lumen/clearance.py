@@ -10,14 +10,25 @@ from tssgeom.arrays import Points, Vector, read_only
 from tssgeom.lumen.wall import Wall, nearest
 from tssgeom.route.route import Route
 
-_SURE = 2.0  # standard deviations of a place that are allowed for
-_MOST_NODES = 1000
-_MUCH = 0.01  # of the length: less beyond the ends of a mesh is how it was cut
+_MOST_NODES = 1000  # of a route, evenly
+
+
+@dataclass(frozen=True, slots=True)
+class ContactLimits:
+    """When a tube touches the wall, leaves the lumen, or goes beyond the ends of the mesh."""
+
+    standard_deviations: float = 2.0
+    """Allowance for the noise of the route [standard deviations]. derived: 95 % of a normal error."""
+    beyond_share: float = 0.01
+    """Share of the length that may lie beyond the ends without a warning. chosen: how meshes are cut."""
+
+
+_LIMITS = ContactLimits()
 
 
 @dataclass(frozen=True, slots=True)
 class Region:
-    """A stretch of the route."""
+    """A part of the route between two arc lengths."""
 
     begin: float
     """Arc length [m]."""
@@ -33,39 +44,39 @@ class Clearance:
 
     s: Vector
     """Arc length of the nodes [n] [m]."""
-    gap: Vector
-    """Distance from the surface of the tube to the wall, NaN beyond the ends of the mesh [n] [m]."""
-    place: Points
-    """Nearest place on the wall [n, 3] [m]."""
+    distance: Vector
+    """Clearance from the surface of the tube to the wall, NaN beyond the ends of the mesh [n] [m]."""
+    wall_position: Points
+    """Nearest point of the wall [n, 3] [m]."""
     radius: float
     """Radius of the tube [m]."""
     contacts: tuple[Region, ...]
-    """Where the tube touches, or may touch within the error of its places."""
+    """Where the tube touches the wall, or may touch it within the noise of the route."""
     outside: tuple[Region, ...]
-    """Where the middle of the tube is beyond the wall, by more than the error of its places."""
+    """Where the centre line is beyond the wall by more than the noise of the route."""
     beyond: float
     """Length of the route beyond the ends of the mesh [m]."""
 
     @property
     def narrowest(self) -> int:
         """Node of least clearance; -1 where the whole route is beyond the ends of the mesh."""
-        return -1 if np.isnan(self.gap).all() else int(np.nanargmin(self.gap))
+        return -1 if np.isnan(self.distance).all() else int(np.nanargmin(self.distance))
 
     @property
     def least(self) -> float | None:
         """Least clearance [m]; None where the whole route is beyond the ends of the mesh."""
-        return None if self.narrowest < 0 else float(self.gap[self.narrowest])
+        return None if self.narrowest < 0 else float(self.distance[self.narrowest])
 
     def warnings(self) -> tuple[str, ...]:
-        """Say where the route is not inside."""
-        said = [
+        """Return a warning for each region outside the lumen, and for much length beyond the mesh."""
+        texts = [
             f"out of the lumen from s = {1e3 * one.begin:.1f} to {1e3 * one.end:.1f} mm, by up to "
             f"{-1e3 * (one.least + self.radius):.1f} mm: check that route and mesh share one frame"
             for one in self.outside
         ]
-        if self.beyond > _MUCH * float(self.s[-1]):
-            said.append(f"{1e3 * self.beyond:.1f} mm of the route lie beyond the ends of the lumen mesh")
-        return tuple(said)
+        if self.beyond > _LIMITS.beyond_share * float(self.s[-1]):
+            texts.append(f"{1e3 * self.beyond:.1f} mm of the route lie beyond the ends of the lumen mesh")
+        return tuple(texts)
 
 
 def clearance(route: Route, wall: Wall, radius: float = 0.0, most: int = _MOST_NODES) -> Clearance:
@@ -76,33 +87,33 @@ def clearance(route: Route, wall: Wall, radius: float = 0.0, most: int = _MOST_N
     route
         The route.
     wall
-        The wall around it. Where it does not say which side is inside, most of the route is taken as it.
+        The wall around it. Where its inner side is not known, it is the side on which most of the route lies.
     radius
         Radius of the tube [m].
     most
-        Nodes of the route that are looked at, evenly.
+        Nodes of the route at which the clearance is measured, evenly.
     """
     chosen = np.unique(np.linspace(0, len(route.s) - 1, min(len(route.s), most)).round().astype(int))
     s = route.s[chosen]
-    found = nearest(wall, route.position[chosen])
-    side = np.where(found.at_end, 0.0, found.side)
+    feet = nearest(wall, route.position[chosen])
+    side = np.where(feet.on_rim, 0.0, feet.side)
     inward = -1.0 if (side.sum() < 0 if wall.outward is None else wall.outward) else 1.0
-    signed = np.where(found.at_end, np.nan, inward * found.side * found.distance)
-    error = _SURE * route.noise
-    share = np.gradient(s) if len(s) > 1 else np.zeros(1)
+    signed = np.where(feet.on_rim, np.nan, inward * feet.side * feet.distance)
+    error = _LIMITS.standard_deviations * route.noise
+    length = np.gradient(s) if len(s) > 1 else np.zeros(1)
     return Clearance(
         s=read_only(s),
-        gap=read_only(signed - radius),
-        place=found.place,
+        distance=read_only(signed - radius),
+        wall_position=feet.position,
         radius=radius,
         contacts=_regions(s, signed - radius, error),
         outside=tuple(Region(one.begin, one.end, one.least - radius) for one in _regions(s, signed, -error)),
-        beyond=float(share[found.at_end].sum()),
+        beyond=float(length[feet.on_rim].sum()),
     )
 
 
 def _regions(s: Vector, value: Vector, most: float) -> tuple[Region, ...]:
-    """Stretches in which a value along the route is at most so large, their ends between nodes."""
+    """Regions in which a value along the route is at most `most`, their ends between nodes."""
     low = np.nan_to_num(value, nan=np.inf) <= most
     edges = np.flatnonzero(np.diff(np.concatenate(([False], low, [False])).astype(np.int8)))
     return tuple(

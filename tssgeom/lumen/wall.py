@@ -1,20 +1,99 @@
-"""The wall of a lumen as triangles: the nearest place on it, on which side one is, and where it ends."""
+"""The wall of a lumen as triangles: the nearest point on it, on which side one is, and where it ends."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
 from tssgeom.arrays import Points, Vector, read_only
-from tssgeom.lumen.boxes import Boxes, box_gap, boxed
 
-_SAME = 1e-7  # of the distance and of the size of a triangle: places that are one
-_FLAT = 1e-12  # of the squared sides: less area is none
-_MOST_AROUND = 256  # triangles that meet in one place
+_MOST_AROUND = 256  # triangles that meet in one point
+_GROUP = 4  # triangles in a box of the lowest row
+_BITS = 21  # of each coordinate in the order along a Morton curve: three of them fill 64 bits
+
+
+class WallTolerance(NamedTuple):
+    """When numbers of a wall differ by rounding alone."""
+
+    same_point: float = 1e-7
+    """Relative to the distance and to the side of a triangle. chosen: above the rounding of a foot."""
+    shared_corner: float = 1e-6
+    """Of the side of a triangle: corners of neighbours. chosen: ten times `same_point`."""
+    flat: float = 1e-12
+    """Squared sine between two sides, below which a triangle has no area. chosen: above its rounding."""
+    smallest_distance: float = 1e-6
+    """[m] Added to the distance, so that a point on the wall has a tolerance. chosen: 1 µm."""
+
+
+_TOLERANCE = WallTolerance()
+
+
+@dataclass(frozen=True, slots=True)
+class Boxes:
+    """A complete binary tree of boxes; the children of box k are 2k + 1 and 2k + 2."""
+
+    order: np.ndarray
+    """Numbers of the triangles in each box of the lowest row, one box after the other; -1 fills up."""
+    low: Points
+    """Lower corner of every box, infinite where it is empty [m]."""
+    high: Points
+    """Upper corner [m]."""
+
+
+def box_tree(low: Points, high: Points) -> Boxes:
+    """Build the tree of boxes around triangles, each given by the corners of its own box [n, 3] [m]."""
+    count = len(low)
+    leaves = 1 << max(int(np.ceil(np.log2(max(count / _GROUP, 1)))), 0)
+    order = np.full(leaves * _GROUP, -1)
+    along = np.argsort(_morton_codes(0.5 * (low + high)), kind="stable")
+    # spread evenly over the boxes, so that none is full beside an empty one
+    order[np.arange(count) * len(order) // count] = along
+    filled = order >= 0
+    edges = []
+    for given, empty, least in ((low, np.inf, np.minimum), (high, -np.inf, np.maximum)):
+        row = np.where(filled[:, None], given[order], empty).reshape(leaves, _GROUP, 3)
+        rows = [least.reduce(row, axis=1)]
+        while len(rows[-1]) > 1:
+            rows.append(least(rows[-1][::2], rows[-1][1::2]))
+        edges.append(np.ascontiguousarray(np.concatenate(rows[::-1])))
+    return Boxes(order, edges[0], edges[1])
+
+
+def _morton_codes(points: Points) -> np.ndarray:
+    """Return the number of each point along a curve that fills space: neighbours have close numbers [n]."""
+    least = points.min(axis=0)
+    size = max(float(np.ptp(points, axis=0).max()), 1e-300)
+    cells = ((points - least) / size * (2**_BITS - 1)).astype(np.uint64)
+    x, y, z = (_spread_bits(column) for column in cells.T)
+    return x | y << np.uint64(1) | z << np.uint64(2)
+
+
+def _spread_bits(x: np.ndarray) -> np.ndarray:
+    """Put two zeros before every bit."""
+    for shift, mask in (
+        (32, 0x1F00000000FFFF),
+        (16, 0x1F0000FF0000FF),
+        (8, 0x100F00F00F00F00F),
+        (4, 0x10C30C30C30C30C3),
+        (2, 0x1249249249249249),
+    ):
+        x = (x | x << np.uint64(shift)) & np.uint64(mask)
+    return x
+
+
+@njit(cache=True, nogil=True)
+def _square_to_box(p: np.ndarray, low: np.ndarray, high: np.ndarray) -> float:
+    """Square of the distance to a box, 0 inside [m²]."""
+    total = 0.0
+    for c in range(3):
+        outside = max(low[c] - p[c], p[c] - high[c], 0.0)
+        total += outside * outside
+    return total
 
 
 @dataclass(frozen=True)
@@ -24,60 +103,61 @@ class Wall:
     corners: np.ndarray
     """[f, 3 corners, 3] [m]."""
     outward: bool | None = None
-    """Whether the normals point out of the lumen; None where only a route inside can tell."""
+    """Whether the normals point out of the lumen; None where it is not known: a route inside decides."""
 
     @cached_property
     def boxes(self) -> Boxes:
         """Boxes around groups of triangles, and around groups of boxes."""
-        return boxed(self.corners.min(axis=1), self.corners.max(axis=1))
+        return box_tree(self.corners.min(axis=1), self.corners.max(axis=1))
 
 
 @dataclass(frozen=True, slots=True)
 class Nearest:
-    """The nearest places of a wall."""
+    """The nearest point of a wall for each of n points."""
 
-    place: Points
+    position: Points
     """[n, 3] [m]."""
     distance: Vector
     """[n] [m]."""
     side: Vector
-    """+1 where the normal points towards the point, -1 where it points away [n]."""
-    at_end: np.ndarray
-    """Whether the place is on the rim of the wall, so that nothing tells the side [n] bool."""
+    """+1 where the normal of the wall points towards the point, -1 where it points away [n]."""
+    on_rim: np.ndarray
+    """Whether the nearest point is on the rim of the wall, where the side is undefined [n] bool."""
 
 
 def nearest(wall: Wall, points: Points) -> Nearest:
-    """Find the nearest place on a wall for each point [n, 3] [m]; docs/model.md (144)."""
+    """Find the nearest point of a wall for each point [n, 3] [m]; docs/model.md (144)."""
     points = np.ascontiguousarray(points, dtype=np.float64)
     boxes = wall.boxes
-    place, distance, side, rim = _nearest(points, wall.corners, boxes.order, boxes.low, boxes.high)
-    return Nearest(read_only(place), read_only(distance), read_only(side), rim)
+    position, distance, side, on_rim = _nearest(points, wall.corners, boxes.order, boxes.low, boxes.high)
+    return Nearest(read_only(position), read_only(distance), read_only(side), on_rim)
 
 
 @njit(cache=True, nogil=True)
 def _nearest(
     points: np.ndarray, corners: np.ndarray, order: np.ndarray, low: np.ndarray, high: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Nearest places, and the normal there: the mean of all triangles that hold it, by their angle."""
+    """Nearest points, and sides by the normal there: the mean over the triangles around, by angle."""
     count = len(points)
-    place, distance = np.empty((count, 3)), np.empty(count)
-    side, rim = np.empty(count), np.zeros(count, np.bool_)
+    position, distance = np.empty((count, 3)), np.empty(count)
+    side, on_rim = np.empty(count), np.zeros(count, np.bool_)
     stack, around, q = np.empty(128, np.int64), np.empty(_MOST_AROUND, np.int64), np.empty(3)
     for i in range(count):
-        p, best = points[i], place[i]
+        p, best = points[i], position[i]
         least = math.sqrt(_search(p, corners, order, low, high, stack, best))
-        near = _SAME * (least + 1e-6)
-        held = _holding(best, near, corners, order, low, high, stack, around)
+        near = _TOLERANCE.same_point * (least + _TOLERANCE.smallest_distance)
+        held = _triangles_at(best, near, corners, order, low, high, stack, around)
         normal, angle = np.zeros(3), 0.0
         for k in around[:held]:
             q[0], q[1], q[2], _ = _foot(best, corners[k])
-            part = _angle_at(corners[k], q, 10 * near + _SAME * _apart(corners[k, 0], corners[k, 1]))
+            same = _TOLERANCE.same_point * _distance(corners[k, 0], corners[k, 1])
+            part = _angle_at(corners[k], q, 10 * near + same)
             angle += part
             normal += part * _normal(corners[k])
         distance[i] = least
         side[i] = 1.0 if np.sum((p - best) * normal) >= 0.0 else -1.0
-        rim[i] = angle < 2 * math.pi and _is_rim(corners, around[:held], best, _SAME)
-    return place, distance, side, rim
+        on_rim[i] = angle < 2 * math.pi and _is_on_rim(corners, around[:held], best)
+    return position, distance, side, on_rim
 
 
 @njit(cache=True, nogil=True)
@@ -90,7 +170,7 @@ def _search(
     stack: np.ndarray,
     best: np.ndarray,
 ) -> float:
-    """Put the nearest place into `best` and return the square of its distance."""
+    """Put the nearest point of the wall into `best` and return the square of its distance."""
     leaves = (len(low) + 1) // 2
     group = len(order) // leaves
     least, top = math.inf, 0
@@ -98,7 +178,7 @@ def _search(
     while top >= 0:
         node = stack[top]
         top -= 1
-        if box_gap(p, low[node], high[node]) >= least:
+        if _square_to_box(p, low[node], high[node]) >= least:
             continue
         if node >= leaves - 1:
             start = (node - leaves + 1) * group
@@ -110,7 +190,7 @@ def _search(
                         best[0], best[1], best[2] = x, y, z
             continue
         one, two = 2 * node + 1, 2 * node + 2
-        if box_gap(p, low[one], high[one]) < box_gap(p, low[two], high[two]):
+        if _square_to_box(p, low[one], high[one]) < _square_to_box(p, low[two], high[two]):
             one, two = two, one
         stack[top + 1], stack[top + 2] = one, two
         top += 2
@@ -118,8 +198,8 @@ def _search(
 
 
 @njit(cache=True, nogil=True)
-def _holding(
-    place: np.ndarray,
+def _triangles_at(
+    point: np.ndarray,
     near: float,
     corners: np.ndarray,
     order: np.ndarray,
@@ -128,7 +208,7 @@ def _holding(
     stack: np.ndarray,
     around: np.ndarray,
 ) -> int:
-    """Gather the triangles that hold a place, and return how many there are."""
+    """Gather the triangles on which a point lies, and return how many there are."""
     leaves = (len(low) + 1) // 2
     group = len(order) // leaves
     held, top = 0, 0
@@ -136,7 +216,7 @@ def _holding(
     while top >= 0:
         node = stack[top]
         top -= 1
-        if box_gap(place, low[node], high[node]) > near * near:
+        if _square_to_box(point, low[node], high[node]) > near * near:
             continue
         if node < leaves - 1:
             stack[top + 1], stack[top + 2] = 2 * node + 1, 2 * node + 2
@@ -144,25 +224,25 @@ def _holding(
             continue
         start = (node - leaves + 1) * group
         for k in order[start : start + group]:
-            if k >= 0 and held < len(around) and _foot(place, corners[k])[3] <= near * near:
+            if k >= 0 and held < len(around) and _foot(point, corners[k])[3] <= near * near:
                 around[held] = k
                 held += 1
     return held
 
 
 @njit(cache=True, nogil=True)
-def _apart(a: np.ndarray, b: np.ndarray) -> float:
+def _distance(a: np.ndarray, b: np.ndarray) -> float:
     return math.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
 
 
 @njit(cache=True, nogil=True)
-def _is_rim(corners: np.ndarray, triangles: np.ndarray, place: np.ndarray, same: float) -> bool:
-    """Whether a place lies on a side that one triangle alone has."""
+def _is_on_rim(corners: np.ndarray, triangles: np.ndarray, point: np.ndarray) -> bool:
+    """Whether a point lies on a side that one triangle alone has."""
     for k in triangles:
         for c in range(3):
             a, b = corners[k, c], corners[k, (c + 1) % 3]
-            near = same * 10 * math.sqrt(np.sum((b - a) ** 2)) + 1e-15
-            if _off_line(place, a, b) > near:
+            near = _TOLERANCE.shared_corner * math.sqrt(np.sum((b - a) ** 2)) + 1e-15
+            if _distance_to_side(point, a, b) > near:
                 continue
             shared = 0
             for other in triangles:
@@ -175,11 +255,13 @@ def _is_rim(corners: np.ndarray, triangles: np.ndarray, place: np.ndarray, same:
 
 @njit(cache=True, nogil=True)
 def _has(t: np.ndarray, corner: np.ndarray, near: float) -> bool:
-    return _apart(t[0], corner) <= near or _apart(t[1], corner) <= near or _apart(t[2], corner) <= near
+    return (
+        _distance(t[0], corner) <= near or _distance(t[1], corner) <= near or _distance(t[2], corner) <= near
+    )
 
 
 @njit(cache=True, nogil=True)
-def _off_line(p: np.ndarray, a: np.ndarray, b: np.ndarray) -> float:
+def _distance_to_side(p: np.ndarray, a: np.ndarray, b: np.ndarray) -> float:
     along = b - a
     x = min(max(np.sum((p - a) * along) / max(np.sum(along * along), 1e-300), 0.0), 1.0)
     return math.sqrt(np.sum((p - a - x * along) ** 2))
@@ -193,23 +275,23 @@ def _normal(t: np.ndarray) -> np.ndarray:
 
 @njit(cache=True, nogil=True)
 def _angle_at(t: np.ndarray, q: np.ndarray, near: float) -> float:
-    """Angle that a triangle takes around a place on it: 2π inside, π on a side, its own at a corner."""
+    """Angle that a triangle takes around a point on it: 2π inside, π on a side, its own at a corner."""
     for c in range(3):
         if math.sqrt(np.sum((t[c] - q) ** 2)) <= near:
             a, b = t[(c + 1) % 3] - t[c], t[(c + 2) % 3] - t[c]
             size = max(math.sqrt(np.sum(a * a) * np.sum(b * b)), 1e-300)
             return math.acos(min(max(np.sum(a * b) / size, -1.0), 1.0))
     for c in range(3):
-        if _off_line(q, t[c], t[(c + 1) % 3]) <= near:
+        if _distance_to_side(q, t[c], t[(c + 1) % 3]) <= near:
             return math.pi
     return 2 * math.pi
 
 
 @njit(cache=True, nogil=True)
 def _foot(p: np.ndarray, t: np.ndarray) -> tuple[float, float, float, float]:
-    """Nearest place on a triangle, and the square of its distance.
+    """Nearest point of a triangle, and the square of its distance.
 
-    That is the foot of the point where it falls inside, else the nearest place on one of the sides.
+    That is the foot of the perpendicular where it falls inside, else the nearest point of one of the sides.
     """
     bx, by, bz = t[1, 0] - t[0, 0], t[1, 1] - t[0, 1], t[1, 2] - t[0, 2]
     cx, cy, cz = t[2, 0] - t[0, 0], t[2, 1] - t[0, 1], t[2, 2] - t[0, 2]
@@ -217,7 +299,7 @@ def _foot(p: np.ndarray, t: np.ndarray) -> tuple[float, float, float, float]:
     bb, bc, cc = bx * bx + by * by + bz * bz, bx * cx + by * cy + bz * cz, cx * cx + cy * cy + cz * cz
     db, dc = dx * bx + dy * by + dz * bz, dx * cx + dy * cy + dz * cz
     whole = bb * cc - bc * bc
-    if whole > _FLAT * bb * cc:
+    if whole > _TOLERANCE.flat * bb * cc:
         u, v = (cc * db - bc * dc) / whole, (bb * dc - bc * db) / whole
         if u >= 0.0 and v >= 0.0 and u + v <= 1.0:
             x, y, z = t[0, 0] + u * bx + v * cx, t[0, 1] + u * by + v * cy, t[0, 2] + u * bz + v * cz

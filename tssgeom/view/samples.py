@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tssgeom.arrays import Points, Vector
 from tssgeom.route.pieces import Arcs
-from tssgeom.route.tracking import Followed
 from tssgeom.stream import FrameResult
 from tssgeom.tendon.state import tension
 
@@ -22,7 +21,7 @@ _LEAST_ANGLE = 0.2
 
 
 @dataclass(frozen=True, slots=True)
-class Drawn:
+class RouteSamples:
     """The nodes of one route that a picture shows."""
 
     s: Vector
@@ -49,12 +48,12 @@ class Drawn:
         return np.interp(s, self.s, self.tension)
 
 
-def drawn(result: FrameResult, most: int = MOST_NODES) -> Drawn:
+def route_samples(result: FrameResult, most: int = MOST_NODES) -> RouteSamples:
     """Choose at most `most` nodes of a route, evenly and with both ends, and their tension."""
     route, profile = result.route, result.profile
     chosen = evenly(len(route.s), most)
     phi = profile.phi[chosen]
-    return Drawn(
+    return RouteSamples(
         s=route.s[chosen],
         position=route.position[chosen],
         tension=tension(result.state, phi, route.s[chosen]),
@@ -65,7 +64,7 @@ def drawn(result: FrameResult, most: int = MOST_NODES) -> Drawn:
     )
 
 
-def tension_se(result: FrameResult, frame: Drawn) -> Vector:
+def tension_se(result: FrameResult, frame: RouteSamples) -> Vector:
     """Return the standard error of the tension that comes from that of the curve angle [N]."""
     sure, more, less = (
         tension(result.state, np.maximum(frame.phi + side * frame.phi_se, 0.0)) for side in (0.0, 1.0, -1.0)
@@ -75,18 +74,13 @@ def tension_se(result: FrameResult, frame: Drawn) -> Vector:
     )  # the profile ends at Φ, its corners are sharp
 
 
-def lean(result: FrameResult) -> FrameResult:
-    """Return a result without what only the next fit needs, to be sent to another process."""
-    return replace(result, followed=Followed(result.followed.geometry.bare(), result.shape.index))
-
-
 def numbers_of(result: FrameResult) -> tuple[float, float, float, float]:
     """T_in [N], T_out [N], elongation [m] and accumulated curve angle [rad] of one frame."""
     seen = result.transmission
     return seen.tension_in, seen.tension_out, seen.elongation, result.arcs.total_angle
 
 
-def front(result: FrameResult, frame: Drawn) -> float:
+def front(result: FrameResult, frame: RouteSamples) -> float:
     """Arc length up to which the tendon slid when the drive last moved [m].
 
     Where that is all of it, the front is at the distal end.
@@ -127,7 +121,7 @@ class Ranges:
     """[1/m]."""
 
 
-def ranges(frames: Sequence[Drawn], pieces: Sequence[Arcs]) -> Ranges:
+def ranges(frames: Sequence[RouteSamples], pieces: Sequence[Arcs]) -> Ranges:
     """Ranges from 0 that hold every frame; rare peaks of the sensed curvature may leave the top."""
     length = max(float(frame.s[-1]) for frame in frames)
     return Ranges(
@@ -137,7 +131,7 @@ def ranges(frames: Sequence[Drawn], pieces: Sequence[Arcs]) -> Ranges:
     )
 
 
-def _common_curvature(frames: Sequence[Drawn], pieces: Sequence[Arcs]) -> float:
+def _common_curvature(frames: Sequence[RouteSamples], pieces: Sequence[Arcs]) -> float:
     """Curvature that hardly any node exceeds, and no piece unless it is beyond twice that [1/m]."""
     nodes = float(np.quantile(np.concatenate([frame.kappa for frame in frames]), 0.995))
     steps = max(float(arcs.kappa.max()) for arcs in pieces)

@@ -8,7 +8,7 @@ import numpy as np
 
 from tssgeom.route.pieces import Arcs
 from tssgeom.stream import FrameResult
-from tssgeom.view.samples import Drawn
+from tssgeom.view.samples import RouteSamples
 
 _STRAIGHT_RADIUS = 100.0
 """A piece of a larger radius than this is called straight [m]."""
@@ -125,7 +125,7 @@ def _dead_zone_words(result: FrameResult) -> str:
     return f"Dead zone: T_in has to {change} by another {seen.dead_zone_width:.2f} N before T_out answers."
 
 
-def piece_table(arcs: Arcs, frame: Drawn) -> str:
+def piece_table(arcs: Arcs, frame: RouteSamples) -> str:
     """Table of the pieces as markdown: place, length, angle, radius and tension at the distal side."""
     ends = np.append(arcs.s_start[1:], arcs.total_length)
     rows = zip(arcs.s_start, arcs.length, arcs.angle, arcs.kappa, frame.tension_at(ends), strict=True)

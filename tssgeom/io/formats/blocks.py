@@ -4,37 +4,46 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pacsv
 import pyarrow.parquet as papq
 
-from tssgeom.errors import SourceError
+from tssgeom.errors import SourceError, first_line
 from tssgeom.io.formats.columns import Columns, columns_of
+from tssgeom.io.formats.paths import reading
 from tssgeom.io.formats.tables import (
     Table,
     as_numbers,
     convert_options,
-    first_line,
     header_of,
     read_options,
     slow_table,
     table_of,
 )
 
-_BYTES = 1 << 23
-"""Of a CSV file that are read at a time [B]."""
-_ROWS = 1 << 17
-"""Of a Parquet file that are read at a time."""
-_SLOW_LINES = 20_000
-_HEADER_BYTES = 1 << 16
+_HEADER_BYTES = 1 << 16  # bytes of a CSV file in which its header ends; chosen
 _BLANK_LINE = re.compile(rb"\n\r?\n\s*\S")
-_OVERLAP = 4096  # B
+_OVERLAP = 4096  # bytes of a block in which a blank line that goes on in the next block begins; chosen
+
+
+class BlockSizes(NamedTuple):
+    """Parts of a large table that memory holds at a time; chosen: about 10 MB each."""
+
+    csv_bytes: int = 1 << 23
+    """Bytes of a CSV file."""
+    parquet_rows: int = 1 << 17
+    """Rows of a Parquet file."""
+    slow_lines: int = 20_000
+    """Lines that are read one by one."""
+
+
+SIZES = BlockSizes()
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,43 +55,43 @@ class CsvBlocks:
     """All columns of the file."""
     columns: Columns
     clean: bool = True
-    """Whether pyarrow can read it; line by line otherwise, to tell what is wrong where."""
+    """Whether pyarrow can read it; otherwise it is read line by line, so that each fault has its line."""
 
     def blocks(self, wanted: Sequence[str]) -> Iterator[Table]:
-        """Yield the rows in order; only the wanted columns are sure to be filled in.
+        """Yield the rows in order; only the wanted columns are certain to be filled in.
 
         Raises
         ------
         SourceError
             Where the file cannot be read.
         pyarrow.ArrowInvalid
-            Where a line of a clean file is none of a table of numbers.
+            Where a line of a clean file is no row of numbers.
         """
         yield from self._fast(wanted) if self.clean else self._slow()
 
     def _fast(self, wanted: Sequence[str]) -> Iterator[Table]:
         options = {
-            "read_options": read_options(self.names, _BYTES),
+            "read_options": read_options(self.names, SIZES.csv_bytes),
             "convert_options": convert_options(wanted),
         }
         first = 2
-        with _readable(self.path), pacsv.open_csv(self.path, **options) as reader:
+        with reading(self.path), pacsv.open_csv(self.path, **options) as reader:
             for batch in reader:
                 yield table_of(self.columns, batch, "line", first)
                 first += batch.num_rows
 
     def _slow(self) -> Iterator[Table]:
-        with _readable(self.path), self.path.open(encoding="utf-8", errors="replace") as file:
+        with reading(self.path), self.path.open(encoding="utf-8", errors="replace") as file:
             lines = enumerate(file, start=1)
             next(lines, None)
-            while some := list(islice(lines, _SLOW_LINES)):
+            while some := list(islice(lines, SIZES.slow_lines)):
                 yield slow_table(some, self.names, self.columns)
 
     def has_blank_lines(self) -> bool:
         """Whether lines between others are blank; pyarrow leaves them out and loses count."""
         tail = b""
-        with _readable(self.path), self.path.open("rb") as file:
-            while block := file.read(_BYTES):
+        with reading(self.path), self.path.open("rb") as file:
+            while block := file.read(SIZES.csv_bytes):
                 if _BLANK_LINE.search(tail + block):
                     return True
                 tail = (tail + block)[-_OVERLAP:]
@@ -109,7 +118,7 @@ class ParquetBlocks:
         first = 1
         try:
             with papq.ParquetFile(self.path, buffer_size=1 << 20) as file:
-                for batch in file.iter_batches(_ROWS, columns=list(wanted), use_threads=False):
+                for batch in file.iter_batches(SIZES.parquet_rows, columns=list(wanted), use_threads=False):
                     yield table_of(self.columns, as_numbers(self.path, batch), "row", first)
                     first += batch.num_rows
         except (OSError, pa.ArrowException) as error:
@@ -121,20 +130,12 @@ class ParquetBlocks:
 Blocks = CsvBlocks | ParquetBlocks
 
 
-@contextmanager
-def _readable(path: Path) -> Iterator[None]:
-    try:
-        yield
-    except OSError as error:
-        raise SourceError(f"{path}: cannot be read ({error.strerror or error}): check the path") from error
-
-
 def csv_blocks(path: Path, given_unit: str | None) -> CsvBlocks:
     """Open a CSV file to be read in blocks; the errors are those of `read_csv`."""
-    with _readable(path), path.open("rb") as file:
+    with reading(path), path.open("rb") as file:
         names = header_of(path, file.read(_HEADER_BYTES))
-    found = CsvBlocks(path, names, columns_of(path, names, given_unit))
-    return replace(found, clean=not found.has_blank_lines())
+    source = CsvBlocks(path, names, columns_of(path, names, given_unit))
+    return replace(source, clean=not source.has_blank_lines())
 
 
 def parquet_blocks(path: Path, given_unit: str | None) -> ParquetBlocks:
@@ -157,8 +158,8 @@ def joined(before: Table | None, after: Table) -> Table:
     return Table(
         after.columns,
         {name: np.concatenate([before.values[name], after.values[name]]) for name in names},
-        np.concatenate([before.place, after.place]),
-        after.place_name,
+        np.concatenate([before.number, after.number]),
+        after.number_name,
         faults,
     )
 
@@ -168,7 +169,7 @@ def rows_from(table: Table, first: int) -> Table:
     return Table(
         table.columns,
         {name: values[first:] for name, values in table.values.items()},
-        table.place[first:],
-        table.place_name,
+        table.number[first:],
+        table.number_name,
         {row - first: text for row, text in table.faults.items() if row >= first},
     )

@@ -1,4 +1,4 @@
-"""Calibration files: cameras in one frame, with how well each number is known; TOML or JSON."""
+"""Calibration files: cameras in one frame, with the standard deviation of each number; TOML or JSON."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ import numpy as np
 import tomli_w
 
 from tssgeom.atomic import write_text
-from tssgeom.errors import SettingsError, SourceError
+from tssgeom.errors import SettingsError
+from tssgeom.io.formats.paths import reading
 from tssgeom.vision.cameras import DISTORTIONS, Camera
 from tssgeom.vision.quality import Calibration
 
@@ -41,7 +42,7 @@ class CameraFile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     turn_rad: Triple = (0.0, 0.0, 0.0)
     """Rotation vector from the common frame into the camera's."""
     shift_m: Triple = (0.0, 0.0, 0.0)
-    """Place of the common origin in the camera's frame."""
+    """Position of the common origin in the camera's frame."""
     reprojection_px: float | None = None
     views: int | None = None
     covered: float | None = None
@@ -73,12 +74,8 @@ def read_cameras(path: Path) -> tuple[Camera, ...]:
     SourceError
         Where it cannot be read.
     """
-    try:
+    with reading(path, "check --calibration"):
         content = path.read_bytes()
-    except OSError as error:
-        raise SourceError(
-            f"{path}: cannot be read ({error.strerror or error}): check --calibration"
-        ) from error
     decode = msgspec.json.decode if path.suffix.lower() == ".json" else msgspec.toml.decode
     try:
         held = decode(content, type=CalibrationFile)
@@ -99,7 +96,7 @@ def _camera(one: CameraFile) -> Camera:
     return Camera(one.name, *one.size_px, matrix, *numbers)
 
 
-def write_calibration(path: Path, found: Calibration) -> None:
+def write_calibration(path: Path, calibration: Calibration) -> None:
     """Write a calibration, which `read_cameras` reads back; TOML, or JSON where the ending says so.
 
     Raises
@@ -108,9 +105,9 @@ def write_calibration(path: Path, found: Calibration) -> None:
         Where the disk refuses.
     """
     held = CalibrationFile(
-        camera=[_written(found, v) for v in range(len(found.cameras))],
-        corner_noise_px=found.noise,
-        point_sd_mm=1e3 * found.point_sd,
+        camera=[_written(calibration, v) for v in range(len(calibration.cameras))],
+        corner_noise_px=calibration.noise,
+        point_sd_mm=1e3 * calibration.point_sd,
     )
     if path.suffix.lower() == ".json":
         write_text(path, msgspec.json.format(msgspec.json.encode(held), indent=1).decode() + "\n")
@@ -123,8 +120,8 @@ def write_calibration(path: Path, found: Calibration) -> None:
     write_text(path, comment + tomli_w.dumps({**tables, "camera": cameras}))
 
 
-def _written(found: Calibration, v: int) -> CameraFile:
-    camera, sd = found.cameras[v], found.sd[v].tolist()
+def _written(calibration: Calibration, v: int) -> CameraFile:
+    camera, sd = calibration.cameras[v], calibration.sd[v].tolist()
     matrix = camera.matrix
     return CameraFile(
         name=camera.name,
@@ -134,9 +131,9 @@ def _written(found: Calibration, v: int) -> CameraFile:
         distortion=tuple(camera.distortion.tolist()),
         turn_rad=tuple(camera.turn.tolist()),
         shift_m=tuple(camera.shift.tolist()),
-        reprojection_px=float(found.reprojection[v]),
-        views=found.views[v],
-        covered=float(found.covered[v]),
+        reprojection_px=float(calibration.reprojection[v]),
+        views=calibration.views[v],
+        covered=float(calibration.covered[v]),
         sd=Uncertain(
             focal_px=tuple(sd[:2]),
             centre_px=tuple(sd[2:4]),

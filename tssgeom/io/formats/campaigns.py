@@ -11,19 +11,20 @@ import msgspec
 from tssgeom.errors import SettingsError, ShapeError, SourceError
 from tssgeom.identify.campaign import Campaign, Route, Run
 from tssgeom.io.formats.campaign_checks import check_run
+from tssgeom.io.formats.columns import CHANNELS
 from tssgeom.io.formats.files import CAMPAIGN, open_recording, output_names
-from tssgeom.io.formats.runs import CHANNELS, IN_SI, read_run
+from tssgeom.io.formats.runs import IN_SI, read_run
 from tssgeom.rig import Rig, Sensor, read_rig
 from tssgeom.stream import Frame, FrameResult, Rejected, process
 
 _SPECIFIED = {name.rpartition("_")[0]: (name, 1.0) for name in IN_SI.values()} | {
     name: (IN_SI[field], per_si) for name, (field, per_si) in CHANNELS.items()
 }
-"""What `[sensors.NAME]` may be: the column of a run in SI, and how many of its unit make one of that."""
+"""Names of `[sensors.NAME]`: the column of a run in SI, and how many of the unit make one in SI."""
 
 
 class _Listed(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """One `[[run]]`; files are named as seen from the folder."""
+    """One `[[run]]`; its files are relative to the folder."""
 
     data: str
     shape: str
@@ -32,7 +33,7 @@ class _Listed(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
 
 
 class _Plan(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What `campaign.toml` says."""
+    """The content of `campaign.toml`."""
 
     run: tuple[_Listed, ...]
     rig: str = "rig.toml"
@@ -105,24 +106,24 @@ def _names(listing: Path, runs: Sequence[_Listed]) -> list[str]:
 
 
 def _specified_in_si(rig: Rig) -> Rig:
-    """Name the specifications of channels as columns in SI; a full name goes before a short one."""
+    """Return specifications named as columns in SI; a full name overrides a short one."""
     sensors = dict[str, Sensor]()
     for name in sorted(rig.sensors, key=CHANNELS.__contains__):
         whole, per_si = _SPECIFIED.get(name, (name, 1.0))
-        told = rig.sensors[name]
+        stated = rig.sensors[name]
         sensors[whole] = Sensor(
-            noise=told.noise / per_si,
-            resolution=told.resolution / per_si,
-            full_scale=told.full_scale / per_si,
-            nonlinearity=told.nonlinearity,
+            noise=stated.noise / per_si,
+            resolution=stated.resolution / per_si,
+            full_scale=stated.full_scale / per_si,
+            nonlinearity=stated.nonlinearity,
         )
     return msgspec.structs.replace(rig, sensors=sensors)
 
 
 def _unknown_sensors(path: Path, rig: Rig) -> list[str]:
-    """Say which specifications belong to no channel, since they would count for nothing."""
-    strange = [name for name in rig.sensors if name not in _SPECIFIED]
-    return [f"{path.name}: [sensors.{name}] is no channel that a run can have: not used" for name in strange]
+    """Return a warning for each specification without a channel, since it has no effect."""
+    unknown = [name for name in rig.sensors if name not in _SPECIFIED]
+    return [f"{path.name}: [sensors.{name}] is no channel that a run can have: not used" for name in unknown]
 
 
 def _routes(
@@ -141,15 +142,15 @@ def _route(path: Path, name: str, rig: Rig, unit: str | None, notes: list[str]) 
         raise ShapeError(f"{path}: {reasons[0] if reasons else 'no frame in it: give a shape'}")
     if recording.frame_count > 1:
         notes.append(
-            f"{path.name} has {recording.frame_count} frames: the route is taken to stand, "
-            f"as frame {result.seq} shows it"
+            f"{path.name} has {recording.frame_count} frames: the route is taken as fixed, "
+            f"as in frame {result.seq}"
         )
     notes += [f"{path.name}: {warning}" for warning in (*recording.warnings, *result.warnings)]
     return Route(name, result.arcs, result.route.position, result.route.s)
 
 
 def _first_usable(frames: Iterable[Frame | Rejected], rig: Rig) -> tuple[FrameResult | None, list[str]]:
-    """Return the first frame that gives a route, and why those before it gave none."""
+    """Return the first frame that gives a route, and the reasons of those before it."""
     base = msgspec.structs.replace(rig, effects=())
     reasons = list[str]()
     for item in process(map(_shape_alone, frames), base, tension_in=rig.tendon.pretension_N):
@@ -160,7 +161,7 @@ def _first_usable(frames: Iterable[Frame | Rejected], rig: Rig) -> tuple[FrameRe
 
 
 def _shape_alone(frame: Frame | Rejected) -> Frame | Rejected:
-    """Return a frame without what was measured with it: the run brings its own."""
+    """Return a frame without its measurements: the run has its own."""
     if isinstance(frame, Rejected):
         return frame
     return Frame(

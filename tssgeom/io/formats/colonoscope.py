@@ -16,34 +16,29 @@ import numpy as np
 
 from tssgeom.arrays import Vector, read_only
 from tssgeom.errors import ShapeError, SourceError
-from tssgeom.io.formats.names import stem
-from tssgeom.io.formats.recording import Recording, in_order
-from tssgeom.io.formats.units import PER_METRE, given_unit
+from tssgeom.io.formats.paths import LONGEST_LINE, reading, stem
+from tssgeom.io.formats.recording import PER_METRE, Frames, Recording, given_unit
 from tssgeom.stream import Frame, Rejected
 
 FILES = ("X.txt", "Y.txt", "Z.txt", "T.txt")
 _PER_SECOND = 1000.0  # T is in ms
-_LONGEST_LINE = 1 << 20  # bytes; far above any number of coils
 _MISSING = (b"", b"nan", b"NaN")
 
 
 def is_colonoscope(folder: Path) -> bool:
-    """Whether a folder holds a recording; one of which Z.txt or T.txt is lost still counts, to be told."""
+    """Whether a folder holds a recording; without Z.txt or T.txt too, which its reader reports."""
     return all((folder / name).is_file() for name in FILES[:2])
 
 
 @dataclass(frozen=True, slots=True)
-class CoilFrames:
-    """The frames of a folder, read a line at a time each time they are asked for."""
+class CoilFrames(Frames):
+    """The frames of a folder, a line each."""
 
     folder: Path
     per_metre: float
 
-    def __iter__(self) -> Iterator[Frame | Rejected]:
-        """Yield the frames in order."""
-        return in_order(self._frames())
-
-    def _frames(self) -> Iterator[Frame | Rejected]:
+    def read(self) -> Iterator[Frame | Rejected]:
+        """Yield the frames as the files hold them."""
         for number, lines in enumerate(_lines(self.folder), start=1):
             try:
                 yield self._frame(lines)
@@ -73,9 +68,9 @@ def open_colonoscope(path: Path, unit: str | None) -> Recording:
     SourceError
         Where a file is missing or cannot be read.
     """
-    lost = [name for name in FILES if not (path / name).is_file()]
-    if lost:
-        raise SourceError(f"{path}: no {lost[0]} in it: a recording has {', '.join(FILES)}")
+    missing = [name for name in FILES if not (path / name).is_file()]
+    if missing:
+        raise SourceError(f"{path}: no {missing[0]} in it: a recording has {', '.join(FILES)}")
     agreed = given_unit(path, unit, "a folder of X.txt, Y.txt, Z.txt and T.txt")
     count = sum(1 for _ in _lines(path))
     if not count:
@@ -87,26 +82,23 @@ def open_colonoscope(path: Path, unit: str | None) -> Recording:
 def _lines(folder: Path) -> Iterator[tuple[bytes, ...]]:
     """Yield the lines of the four files side by side, but for blank ones at the end."""
     blank = list[tuple[bytes, ...]]()
-    try:
-        with ExitStack() as stack:
-            files = [stack.enter_context((folder / name).open("rb")) for name in FILES]
-            for lines in zip_longest(*map(_each, files), fillvalue=b""):
-                blank.append(lines)
-                if any(lines):
-                    yield from blank
-                    blank.clear()
-    except OSError as error:
-        raise SourceError(f"{folder}: cannot be read ({error.strerror}): check the folder") from error
+    with reading(folder, "check the folder"), ExitStack() as stack:
+        files = [stack.enter_context((folder / name).open("rb")) for name in FILES]
+        for lines in zip_longest(*map(_each, files), fillvalue=b""):
+            blank.append(lines)
+            if any(lines):
+                yield from blank
+                blank.clear()
 
 
 def _each(file: BinaryIO) -> Iterator[bytes]:
     """Yield each line stripped; one that is too long comes in pieces, which no other file matches."""
-    while line := file.readline(_LONGEST_LINE):
+    while line := file.readline(LONGEST_LINE):
         yield line.strip()
 
 
 def _numbers(name: str, line: bytes) -> Vector:
-    """Return the numbers of a line; an empty cell is a coil that was not seen."""
+    """Return the numbers of a line; an empty cell is a coil that was not observed."""
     cells = [cell.strip() for cell in line.removesuffix(b";").split(b";")] if line else []
     try:
         return np.array([np.nan if cell in _MISSING else float(cell) for cell in cells], dtype=np.float64)

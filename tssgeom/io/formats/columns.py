@@ -4,30 +4,37 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 from tssgeom.errors import ShapeError
-from tssgeom.io.formats.units import agreed_unit
+from tssgeom.io.formats.recording import agreed_unit
+from tssgeom.stream import Frame
 
 AXES = ("x", "y", "z")
 BENDS = ("kappa_x", "kappa_y")
 DIRECTIONS = ("tx", "ty", "tz")
 TIME, POINT = "time_s", "point"
 
-MEASURED = {
+CHANNELS = {
     "tension_in_N": ("tension_in", 1.0),
     "tension_out_N": ("tension_out", 1.0),
-    "displacement_in_m": ("displacement_in", 1.0),
     "elongation_m": ("elongation", 1.0),
     "elongation_mm": ("elongation", 1000.0),
+    "displacement_in_m": ("displacement_in", 1.0),
+    "displacement_out_m": ("displacement_out", 1.0),
     "temperature_C": ("temperature", 1.0),
-    "noise_m": ("noise", 1.0),
 }
-"""Measured columns: the field of `Frame` that each one fills, and how many of its unit make one in SI."""
+"""Columns of measurements: the field that each one fills, and how many of its unit make one in SI."""
+_OF_FRAMES = {field.name for field in fields(Frame)}
+MEASURED = {
+    name: (field, per_si)
+    for name, (field, per_si) in {**CHANNELS, "noise_m": ("noise", 1.0)}.items()
+    if field in _OF_FRAMES
+}
+"""Those that a frame can hold."""
 
-_OF_RUNS = {"displacement_out_m"}
-_LOOK_MEASURED = ("tension", "displacement", "elongation", "temperature", "time")
+_MEASUREMENTS = ("tension", "displacement", "elongation", "temperature", "time")
 _EXPECTED = "the first line must be a header such as x_mm,y_mm,z_mm"
 
 
@@ -41,7 +48,7 @@ class Columns:
     station: str | None
     timed: bool
     numbered: bool
-    """True where a column tells the number of each point."""
+    """True where a column holds the number of each point."""
     measured: tuple[str, ...]
     warnings: tuple[str, ...]
     bend_unit: str | None = None
@@ -64,14 +71,16 @@ def columns_of(path: Path, names: Sequence[str], given_unit: str | None) -> Colu
     ------
     ShapeError
         Where a coordinate is missing or there twice, where units are missing or mixed, where two columns
-        tell the same measurement, or where a name cannot be read.
+        hold the same measurement, or where a name cannot be read.
     """
-    odd = [name for name in names if not name.isprintable()]
-    if odd:
-        raise ShapeError(f"{path}: column {_shown(odd[:1])} has unseen characters: write plain names")
+    unprintable = [name for name in names if not name.isprintable()]
+    if unprintable:
+        raise ShapeError(
+            f"{path}: column {_quoted(unprintable[:1])} has unprintable characters: write plain names"
+        )
     twice = [name for name, count in Counter(names).items() if count > 1]
     if twice:
-        raise ShapeError(f"{path}: column {_shown(twice[:1])} is there twice: keep one")
+        raise ShapeError(f"{path}: column {_quoted(twice[:1])} is there twice: keep one")
     fibre = any(name.startswith(BENDS) for name in names)
     axes = () if fibre else tuple(_only(path, names, axis) for axis in AXES)
     stations = [name for name in names if _split(name)[0] == "s"]
@@ -98,13 +107,13 @@ def columns_of(path: Path, names: Sequence[str], given_unit: str | None) -> Colu
 
 def _directions(path: Path, names: Sequence[str]) -> tuple[str, ...]:
     """Return the columns of sensed directions: all three or none."""
-    found = tuple(name for name in DIRECTIONS if name in names)
-    if found and found != DIRECTIONS:
+    present = tuple(name for name in DIRECTIONS if name in names)
+    if present and present != DIRECTIONS:
         missing = next(name for name in DIRECTIONS if name not in names)
         raise ShapeError(
-            f"{path}: no column {missing} beside {found[0]}: directions need tx,ty,tz, or none of them"
+            f"{path}: no column {missing} beside {present[0]}: directions need tx,ty,tz, or none of them"
         )
-    return found
+    return present
 
 
 def _bends(path: Path, names: Sequence[str]) -> tuple[tuple[str, ...], str]:
@@ -113,9 +122,9 @@ def _bends(path: Path, names: Sequence[str]) -> tuple[tuple[str, ...], str]:
     for unit, other in (("m", "mm"), ("mm", "m")):
         if len(stated[unit]) == len(BENDS) and not stated[other]:
             return _bend_names(unit), unit
-    there = ", ".join(name for name in names if name.startswith(BENDS))
+    present = ", ".join(name for name in names if name.startswith(BENDS))
     raise ShapeError(
-        f"{path}: curvature columns {there}: name them kappa_x_per_m,kappa_y_per_m "
+        f"{path}: curvature columns {present}: name them kappa_x_per_m,kappa_y_per_m "
         "or kappa_x_per_mm,kappa_y_per_mm, both in one unit"
     )
 
@@ -131,22 +140,22 @@ def _split(name: str) -> tuple[str, str | None]:
 
 
 def _only(path: Path, names: Sequence[str], quantity: str) -> str:
-    found = [name for name in names if _split(name)[0] == quantity and _split(name)[1] in {None, "m", "mm"}]
-    if len(found) > 1:
-        raise ShapeError(f"{path}: mixed units: columns {' and '.join(found)} are both there: keep one")
-    if not found:
-        raise ShapeError(f"{path}: no column {quantity}_mm or {quantity}_m in {_shown(names)}: {_EXPECTED}")
-    return found[0]
+    fitting = [name for name in names if _split(name)[0] == quantity and _split(name)[1] in {None, "m", "mm"}]
+    if len(fitting) > 1:
+        raise ShapeError(f"{path}: mixed units: columns {' and '.join(fitting)} are both there: keep one")
+    if not fitting:
+        raise ShapeError(f"{path}: no column {quantity}_mm or {quantity}_m in {_quoted(names)}: {_EXPECTED}")
+    return fitting[0]
 
 
 def _one_unit(path: Path, names: Sequence[str], given: str | None) -> str:
-    found = {_split(name)[1] for name in names}
-    stated = found - {None}
+    units = {_split(name)[1] for name in names}
+    stated = units - {None}
     if len(stated) > 1:
         raise ShapeError(
             f"{path}: mixed units in columns {', '.join(names)}: write all of them in mm or all in m"
         )
-    if stated and None in found and given is None:
+    if stated and None in units and given is None:
         bare = next(name for name in names if _split(name)[1] is None)
         raise ShapeError(
             f"{path}: column {bare!r} has no unit: name it {bare}_{stated.pop()}, or give --unit mm|m"
@@ -164,15 +173,15 @@ def _with_unit(names: Sequence[str], unit: str) -> str:
 
 
 def _unread(names: Sequence[str]) -> tuple[str, ...]:
-    """Warn of columns that look like a measurement and are none that is known."""
-    known = {TIME, *MEASURED, *_OF_RUNS}
+    """Warn of columns whose name begins like that of a measurement and is unknown."""
+    known = {TIME, *MEASURED, *CHANNELS}
     return tuple(
         f"column {name!r} is not read: known are {', '.join(sorted(known))}"
         for name in names
-        if name not in known and name.startswith(_LOOK_MEASURED)
+        if name not in known and name.startswith(_MEASUREMENTS)
     )
 
 
-def _shown(names: Sequence[str]) -> str:
+def _quoted(names: Sequence[str]) -> str:
     line = ",".join(names)
     return repr(line if len(line) <= 60 else line[:57] + "...")

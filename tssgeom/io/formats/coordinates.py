@@ -1,6 +1,6 @@
 """Points straight from their text: rows of three numbers in JSON, each rounded to the nearest float64.
 
-What is unusual is left to the JSON library: whatever is returned here is what it would have returned.
+Any other text is left to the JSON library, and every returned number is the one that it would return.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 
 _POWERS = np.array([10.0**i for i in range(23)])  # all exact
-_EXACT = 1 << 53  # whole numbers up to here are exact
+_EXACT = 1 << 53  # whole numbers up to here are exact in float64
 _MOST = 9 * 10**17  # an int64 holds one digit more
 _SPLIT = 134217729.0  # 2^27 + 1: cuts a number into halves whose products are exact
 _TIE = 1.0 - 1e-6  # of half a last place: nearer to it, both neighbours are as good
@@ -54,7 +54,7 @@ def points_of(text: np.ndarray) -> np.ndarray:
 
 @njit(cache=True, nogil=True)
 def _blank(text: np.ndarray, i: int) -> int:
-    """Return where the next character stands that is no white space."""
+    """Return the index of the next character that is no white space."""
     while i < len(text) and (text[i] == _SPACE or text[i] in (_TAB, _LINE, _RETURN)):
         i += 1
     return i
@@ -71,7 +71,7 @@ def _past(text: np.ndarray, sign: int, i: int) -> int:
 
 @njit(cache=True, nogil=True)
 def _null(text: np.ndarray, i: int, row: np.ndarray) -> int:
-    """Read a point that was not seen; return where it ends, or -1."""
+    """Read a null, which is a point that was not observed; return where it ends, or -1."""
     if len(text) < i + 4:
         return _BAD
     for c in range(4):
@@ -148,7 +148,7 @@ def _exponent(text: np.ndarray, i: int) -> tuple[int, int]:
 
 @njit(cache=True, nogil=True)
 def _nearest(whole: int, behind: int) -> float:
-    """Return whole / 10^behind rounded to the nearest number; NaN where that is too close to call."""
+    """Return whole / 10^behind rounded to the nearest number; NaN where two are equally near."""
     if whole <= _EXACT:
         return whole / _POWERS[behind] if behind >= 0 else whole * _POWERS[-behind]
     if behind < 0:
@@ -168,7 +168,7 @@ def _nearest(whole: int, behind: int) -> float:
 
 @njit(cache=True, nogil=True)
 def _product(a: float, b: float) -> tuple[float, float]:
-    """Return a product and what rounding took from it, exactly (Dekker)."""
+    """Return a product and its rounding error, exactly (Dekker)."""
     high, other = _SPLIT * a, _SPLIT * b
     a1, b1 = high - (high - a), other - (other - b)
     a2, b2 = a - a1, b - b1

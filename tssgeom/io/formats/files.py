@@ -1,4 +1,4 @@
-"""Files of sensed shapes: which reader takes which, and which files of a folder are shapes."""
+"""Files of sensed shapes: the reader of each, and the shapes in a folder."""
 
 from __future__ import annotations
 
@@ -8,15 +8,14 @@ from pathlib import Path
 
 from tssgeom.errors import SourceError, TssgeomError
 from tssgeom.io.formats.colonoscope import is_colonoscope, open_colonoscope
-from tssgeom.io.formats.fcsv import open_fcsv
 from tssgeom.io.formats.jsonl import open_jsonl
 from tssgeom.io.formats.longform import open_csv, open_parquet
-from tssgeom.io.formats.names import MARKUPS, ending, part_of, split, stem
 from tssgeom.io.formats.ndi import is_ndi, open_ndi
 from tssgeom.io.formats.npz import open_npz
+from tssgeom.io.formats.paths import MARKUPS, ending, part_of, split, stem
 from tssgeom.io.formats.recording import Recording
 from tssgeom.io.formats.ros import is_bag, open_bag
-from tssgeom.io.formats.slicer import markup_names, open_markups
+from tssgeom.io.formats.slicer import markup_names, open_fcsv, open_markups
 from tssgeom.io.formats.vtk import line_names, open_vtp
 
 __all__ = ["READERS", "Recording", "find_inputs", "open_recording", "output_names"]
@@ -25,7 +24,7 @@ Reader = Callable[[Path, str | None], Recording]
 
 
 def _open_table(path: Path, unit: str | None) -> Recording:
-    """Open a comma-separated file: of tracked tools where its header says so, else of points."""
+    """Open a comma-separated file: of tracked tools if its header names their poses, else of points."""
     return open_ndi(path, unit) if is_ndi(path) else open_csv(path, unit)
 
 
@@ -47,22 +46,22 @@ FOLDERS: tuple[tuple[Callable[[Path], bool], Reader], ...] = (
     (is_bag, open_bag),
     (is_colonoscope, open_colonoscope),
 )
-"""What makes a folder a recording, and its reader."""
+"""Test whether a folder is a recording, and its reader."""
 
 _PARTS: dict[str, Callable[[Path], list[str]]] = {MARKUPS: markup_names, ".vtp": line_names}
 """Endings of files that may hold several shapes, and the names of these."""
 
-_CHOOSING = (open_bag, open_markups, open_vtp)
-"""Readers that take one part of a file."""
+_PART_READERS = (open_bag, open_markups, open_vtp)
+"""Readers that open one part of a file."""
 
 RESULTS_MARK = "run.json"
-"""A folder that holds this file holds results, no shapes."""
+"""A folder with this file holds results, no shapes."""
 ANALYSIS_MARK = "result.json"
-"""So does one that holds this file."""
+"""So does a folder with this file."""
 UNFINISHED_MARK = ".batch"
-"""So does one that holds this folder, even where a batch was stopped there."""
+"""So does a folder with this folder in it: a batch works there or was stopped there."""
 CAMPAIGN = "campaign.toml"
-"""A folder that holds this file holds a campaign: measured runs beside shapes."""
+"""A folder with this file holds a campaign: measured runs beside shapes."""
 _MARKS = {RESULTS_MARK, ANALYSIS_MARK, CAMPAIGN}
 
 
@@ -90,7 +89,7 @@ def open_recording(path: str | Path, unit: str | None = None) -> Recording:
     if not (file.is_file() or file.is_dir()):
         raise SourceError(f"{path}: a pipe or a device, which cannot be read twice: save it as a file")
     reader = _reader(file)
-    if part is not None and reader not in _CHOOSING:
+    if part is not None and reader not in _PART_READERS:
         raise SourceError(f"{file}: it holds one recording, there is no #{part} in it: leave that out")
     return reader(path, unit)
 
@@ -124,7 +123,7 @@ def find_inputs(paths: Iterable[str | Path], besides: Collection[Path] = ()) -> 
         Where a folder holds no shape file.
     """
     left_out = {path.resolve() for path in besides}
-    found: dict[Path, Path] = {}
+    inputs: dict[Path, Path] = {}
     for path in map(Path, paths):
         folder, part = split(path)
         files = [path]
@@ -134,12 +133,12 @@ def find_inputs(paths: Iterable[str | Path], besides: Collection[Path] = ()) -> 
         if not files:
             raise SourceError(f"{path}: no shape file in this folder: put {_endings()} files there")
         for shape in (each for file in files for each in _shapes_of(file)):
-            found.setdefault(real(shape), shape)
-    return list(found.values())
+            inputs.setdefault(real(shape), shape)
+    return list(inputs.values())
 
 
 def real(path: Path) -> Path:
-    """Return the path without links; links that go in a circle stay, and whoever opens them is told."""
+    """Return the path without links; circular links stay, and opening them is an error."""
     return Path(os.path.realpath(path))
 
 
@@ -153,27 +152,27 @@ def _shapes_of(path: Path) -> list[Path]:
     if names is None or split(path)[1] is not None or not path.exists():
         return [path]
     try:
-        found = names(path)
+        parts = names(path)
     except TssgeomError:
-        return [path]  # whoever opens it is told the reason
-    return [path] if len(found) == 1 else [part_of(path, name) for name in found]
+        return [path]  # opening it reports the reason
+    return [path] if len(parts) == 1 else [part_of(path, name) for name in parts]
 
 
 def output_names(paths: Sequence[Path]) -> dict[Path, str]:
     """Return a name for the outputs of each file: its stem, made longer where another file has it too.
 
-    A part of a file adds its own name. Added further is what tells the files apart: the ending (`loop-csv`),
-    the folder (`left-loop`), both, or a number. Letter case does not tell names apart, since some disks
+    A part of a file adds its own name. Equal names are made different by the ending (`loop-csv`), the folder
+    (`left-loop`), both, or a number. Names that differ in letter case alone count as equal, since some disks
     ignore it.
     """
     groups = dict[str, list[Path]]()
     for path in paths:
         groups.setdefault(stem(path).casefold(), []).append(path)
-    names = {path: name for group in groups.values() for path, name in _told_apart(group).items()}
+    names = {path: name for group in groups.values() for path, name in _distinct(group).items()}
     return _numbered({path: names[path] for path in paths})
 
 
-def _told_apart(paths: Sequence[Path]) -> dict[Path, str]:
+def _distinct(paths: Sequence[Path]) -> dict[Path, str]:
     names = {path: stem(path) for path in paths}
     ways: list[Callable[[Path], str]] = [
         lambda path: f"{stem(path)}-{_kind(path)}",

@@ -15,19 +15,16 @@ import msgspec
 import numpy as np
 
 from tssgeom.arrays import read_only
-from tssgeom.errors import ShapeError, SourceError
+from tssgeom.errors import ShapeError
 from tssgeom.io.formats.coordinates import points_of
-from tssgeom.io.formats.recording import UNTIMED, Recording, in_order
-from tssgeom.io.formats.units import PER_METRE, agreed_unit
+from tssgeom.io.formats.paths import LONGEST_LINE, reading
+from tssgeom.io.formats.recording import PER_METRE, UNTIMED, Frames, Recording, agreed_unit
 from tssgeom.stream import Frame, Rejected
 
-LONGEST_LINE = 1 << 20
-"""Bytes of the longest line that is decoded, 1 MiB."""
-
 _TOO_LONG = f"the line is longer than {LONGEST_LINE} bytes (1 MiB): send fewer points"
-_UNSEEN = (None, None, None)
+_UNOBSERVED = (None, None, None)
 _STATE_UNIT = 'write "unit": "mm" or "unit": "m" in each line'
-_KEY = re.compile(r"(?:\$\.|field `)(\w+)")  # that a decoder says to be wrong, or missing
+_KEY = re.compile(r"(?:\$\.|field `)(\w+)")  # that a decoder names as wrong or missing
 _TO_WRITE = {
     "points": "write each point as [x,y,z], or null where it was not seen",
     "directions": "write each direction as [x,y,z], or null where none was sensed",
@@ -44,7 +41,7 @@ _Points = TypeVar("_Points")
 
 
 class Line(msgspec.Struct, Generic[_Points], frozen=True):
-    """One line as it is written; fields that are not named here are passed over."""
+    """One line as it is written; other fields are ignored."""
 
     points: _Points
     t: float | None = None
@@ -64,7 +61,7 @@ class Line(msgspec.Struct, Generic[_Points], frozen=True):
 
 
 class _Heading(msgspec.Struct, frozen=True):
-    """What a first pass over a file looks at, and what names a frame that is refused."""
+    """The fields that a first pass over a file reads, and that identify a rejected frame."""
 
     t: float | None = None
     unit: str | None = None
@@ -96,8 +93,8 @@ def frame_of(text: bytes, unit: str | None, time: float | None = None) -> Frame:
     if len(text) > LONGEST_LINE:
         raise ShapeError(_TOO_LONG)
     try:
-        if found := _usual(text):
-            return _frame(*found, unit, time)
+        if decoded := _decoded_fast(text):
+            return _frame(*decoded, unit, time)
         line = _line_decoder.decode(text)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise ShapeError(_fault(error)) from error
@@ -105,17 +102,16 @@ def frame_of(text: bytes, unit: str | None, time: float | None = None) -> Frame:
 
 
 def _fault(error: Exception) -> str:
-    """Say what is wrong with a line that could not be decoded, and what to write instead."""
-    found = _KEY.search(str(error)) if isinstance(error, msgspec.ValidationError) else None
-    if found is None:
+    """Return the fault of a line that could not be decoded, and what to write instead."""
+    key = _KEY.search(str(error)) if isinstance(error, msgspec.ValidationError) else None
+    if key is None:
         return f"{error}: write one JSON object a line, null for a point not seen"
-    key = found[1]
-    remedy = _TO_WRITE.get(key, f'write "{key}" as a number')
-    return f"{error}: {remedy}"
+    hint = _TO_WRITE.get(key[1], f'write "{key[1]}" as a number')
+    return f"{error}: {hint}"
 
 
-def _usual(text: bytes) -> tuple[Line[msgspec.Raw], np.ndarray] | None:
-    """Decode a line with plain points; None where it has others, or where it is to be looked at again."""
+def _decoded_fast(text: bytes) -> tuple[Line[msgspec.Raw], np.ndarray] | None:
+    """Decode a line with plain points; None for any other line."""
     try:
         line = _quick_decoder.decode(text)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
@@ -125,7 +121,7 @@ def _usual(text: bytes) -> tuple[Line[msgspec.Raw], np.ndarray] | None:
 
 
 def frame_or_refusal(text: bytes, unit: str | None) -> Frame | Rejected:
-    """Decode one line of a stream; where it cannot be used, say so with what it tells of itself."""
+    """Decode one line of a stream; one that cannot be used is rejected with its own time and id."""
     try:
         return frame_of(text, unit)
     except ShapeError as error:
@@ -166,12 +162,12 @@ def _frame(line: Line[Any], points: np.ndarray, unit: str | None, time: float | 
 def _rows(given: _Listed) -> np.ndarray:
     try:
         flat = np.fromiter(chain.from_iterable(given), np.float64, 3 * len(given))  # type: ignore[arg-type]
-    except TypeError:  # a point that was not seen
-        flat = np.array([row or _UNSEEN for row in given], dtype=np.float64)
+    except TypeError:  # a point that was not observed
+        flat = np.array([row or _UNOBSERVED for row in given], dtype=np.float64)
     rows = flat.reshape(-1, 3)
-    unseen = np.isnan(rows)
-    if unseen.any():
-        rows[unseen.any(axis=1)] = np.nan
+    missing = np.isnan(rows)
+    if missing.any():
+        rows[missing.any(axis=1)] = np.nan
     return rows
 
 
@@ -195,20 +191,17 @@ def _stations(line: Line[Any], count: int, per_metre: float) -> np.ndarray | Non
 
 
 @dataclass(frozen=True, slots=True)
-class JsonFrames:
-    """The frames of a file, read one at a time each time they are asked for."""
+class JsonFrames(Frames):
+    """The frames of a file of JSON lines."""
 
     path: Path
     unit: str | None
     """Unit for lines that state none."""
     counted: bool
-    """True where the lines tell no time and are counted instead."""
+    """True where the lines hold no time and are counted instead."""
 
-    def __iter__(self) -> Iterator[Frame | Rejected]:
-        """Yield the frames in order."""
-        return in_order(self._frames())
-
-    def _frames(self) -> Iterator[Frame | Rejected]:
+    def read(self) -> Iterator[Frame | Rejected]:
+        """Yield the frames as the file holds them."""
         for seq, (number, text) in enumerate(_lines(self.path)):
             try:
                 yield frame_of(text, self.unit, float(seq) if self.counted else None)
@@ -217,7 +210,7 @@ class JsonFrames:
 
 
 def open_jsonl(path: Path, unit: str | None) -> Recording:
-    """Open a file of JSON lines; a first pass finds its unit, its length and whether it has a clock.
+    """Open a file of JSON lines; a first pass reads its unit, its length and whether it has a clock.
 
     Raises
     ------
@@ -262,7 +255,7 @@ def _survey(path: Path) -> _Survey:
 
 
 def _heading(text: bytes) -> _Heading | str:
-    """Return what a line tells of itself, or why it tells nothing."""
+    """Return the heading of a line, or why it has none."""
     if len(text) > LONGEST_LINE:
         return _TOO_LONG
     try:
@@ -272,20 +265,17 @@ def _heading(text: bytes) -> _Heading | str:
 
 
 def _lines(path: Path) -> Iterator[tuple[int, bytes]]:
-    """Yield number and text of each line that is not blank; of a line too long, just enough to tell."""
-    try:
-        with path.open("rb") as file:
-            number = 0
-            while text := file.readline(LONGEST_LINE + 1):
-                number += 1
-                if len(text) > LONGEST_LINE and not text.endswith(b"\n"):
-                    _skip_line(file)
-                if number == 1:
-                    text = text.removeprefix(codecs.BOM_UTF8)
-                if text.strip():
-                    yield number, text.rstrip(b"\r\n")
-    except OSError as error:
-        raise SourceError(f"{path}: cannot be read ({error.strerror}): check the path") from error
+    """Yield number and text of each line that is not blank; a line that is too long is cut one byte above."""
+    with reading(path), path.open("rb") as file:
+        number = 0
+        while text := file.readline(LONGEST_LINE + 1):
+            number += 1
+            if len(text) > LONGEST_LINE and not text.endswith(b"\n"):
+                _skip_line(file)
+            if number == 1:
+                text = text.removeprefix(codecs.BOM_UTF8)
+            if text.strip():
+                yield number, text.rstrip(b"\r\n")
 
 
 def _skip_line(file: BinaryIO) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -15,22 +15,21 @@ from tssgeom.arrays import Points, Vector, read_only
 from tssgeom.errors import ShapeError
 from tssgeom.io.formats.blocks import Blocks, CsvBlocks, csv_blocks, joined, parquet_blocks, rows_from
 from tssgeom.io.formats.columns import MEASURED, POINT, TIME
-from tssgeom.io.formats.recording import Recording, in_order
+from tssgeom.io.formats.recording import PER_METRE, Frames, Recording
 from tssgeom.io.formats.tables import NO_ROW, Table, read_csv, read_parquet
-from tssgeom.io.formats.units import PER_METRE
 from tssgeom.stream import Frame, Rejected
 
 MOST_AT_ONCE = 64 << 20
-"""Files up to this size are read at once [B]; a larger one is read twice, in blocks."""
+"""Files up to this size are read at once [B]; a larger one is read twice, in blocks. Chosen."""
 MOST_POINTS = 100_000
-"""The highest point number within a frame; beyond it the column is taken for something else."""
+"""The highest point number within a frame; chosen: a column with a higher one holds something else."""
 
 Rows = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
-class LongFrames:
-    """The frames of a table, built one at a time each time they are asked for."""
+class LongFrames(Frames):
+    """The frames of a table."""
 
     table: Table
     runs: tuple[Rows, ...]
@@ -38,15 +37,11 @@ class LongFrames:
     lowest: float
     """The lowest point number of the file."""
 
-    def __iter__(self) -> Iterator[Frame | Rejected]:
-        """Yield the frames in order."""
-        return in_order(self.one_by_one())
+    def read(self) -> Iterator[Frame | Rejected]:
+        """Yield the frames as the table holds them."""
+        return map(self._frame_or_rejected, self.runs)
 
-    def one_by_one(self, runs: Sequence[Rows] | None = None) -> Iterator[Frame | Rejected]:
-        """Yield the frames of some runs, or of all, as they stand there."""
-        return (self._frame_or_reason(rows) for rows in (self.runs if runs is None else runs))
-
-    def _frame_or_reason(self, rows: Rows) -> Frame | Rejected:
+    def _frame_or_rejected(self, rows: Rows) -> Frame | Rejected:
         try:
             return self._frame(rows)
         except ShapeError as error:
@@ -60,34 +55,34 @@ class LongFrames:
         if columns.timed and np.isnan(self.table.values[TIME][rows]).any():
             missing = rows[np.isnan(self.table.values[TIME][rows])][0]
             raise ShapeError(f"{self._where(missing)}: {TIME} is empty: write the time of the frame in s")
-        place = self._place_of_points(rows)
+        index = self._index_of_points(rows)
         per_metre = PER_METRE[columns.unit]
         sensed = np.column_stack([self.table.values[axis][rows] for axis in columns.axes])
         sensed[np.isnan(sensed).any(axis=1)] = np.nan
         stations = None
         if columns.station:
-            stations = _spread(self.table.values[columns.station][rows] / per_metre, place)
+            stations = _spread(self.table.values[columns.station][rows] / per_metre, index)
         measured = self._measured(rows)
         if columns.bend_unit is None:
-            points = _spread(sensed / per_metre, place)
-            told = self._directions(rows, place)
-            return Frame(points, self._time(rows), stations, directions=told, **measured)
-        bends = _spread(sensed * PER_METRE[columns.bend_unit], place)
-        unseen = read_only(np.full((len(bends), 3), np.nan))
-        return Frame(unseen, self._time(rows), stations, curvatures=bends, **measured)
+            points = _spread(sensed / per_metre, index)
+            directions = self._directions(rows, index)
+            return Frame(points, self._time(rows), stations, directions=directions, **measured)
+        bends = _spread(sensed * PER_METRE[columns.bend_unit], index)
+        unknown = read_only(np.full((len(bends), 3), np.nan))
+        return Frame(unknown, self._time(rows), stations, curvatures=bends, **measured)
 
-    def _directions(self, rows: Rows, place: Rows) -> Points | None:
+    def _directions(self, rows: Rows, index: Rows) -> Points | None:
         if not self.table.columns.directions:
             return None
-        told = np.column_stack([self.table.values[name][rows] for name in self.table.columns.directions])
-        told[np.isnan(told).any(axis=1)] = np.nan
-        return _spread(told, place)
+        sensed = np.column_stack([self.table.values[name][rows] for name in self.table.columns.directions])
+        sensed[np.isnan(sensed).any(axis=1)] = np.nan
+        return _spread(sensed, index)
 
     def _time(self, rows: Rows) -> float:
         return float(self.table.values[TIME][rows[0]]) if self.table.columns.timed else 0.0
 
-    def _place_of_points(self, rows: Rows) -> Rows:
-        """Return the place of each row in its frame; numbers left out are points that were not seen."""
+    def _index_of_points(self, rows: Rows) -> Rows:
+        """Return the index of each row in its frame; missing numbers are points that were not observed."""
         if not self.table.columns.numbered:
             return np.arange(len(rows))
         numbers = self.table.values[POINT][rows] - self.lowest
@@ -102,23 +97,23 @@ class LongFrames:
         return numbers.astype(np.int64)
 
     def _measured(self, rows: Rows) -> dict[str, Any]:
-        """Return what was measured with the frame, in SI; a column of empty cells was not measured."""
-        found: dict[str, Any] = {}
+        """Return the measurements of the frame, in SI; a column of empty cells is none."""
+        measured: dict[str, Any] = {}
         for name in self.table.columns.measured:
             values = self.table.values[name][rows]
-            seen = values[~np.isnan(values)]
-            if len(seen) and (seen != seen[0]).any():
-                other = float(seen[seen != seen[0]][0])
+            known = values[~np.isnan(values)]
+            if len(known) and (known != known[0]).any():
+                other = float(known[known != known[0]][0])
                 raise ShapeError(
-                    f"{self._where(rows[0])}: {name} is {seen[0]:g} and {other:g} in one frame: give one"
+                    f"{self._where(rows[0])}: {name} is {known[0]:g} and {other:g} in one frame: give one"
                 )
-            if len(seen):
+            if len(known):
                 field, per_unit = MEASURED[name]
-                found[field] = float(seen[0]) / per_unit
-        return found
+                measured[field] = float(known[0]) / per_unit
+        return measured
 
     def _where(self, row: int) -> str:
-        return f"{self.table.place_name} {self.table.place[row]}"
+        return f"{self.table.number_name} {self.table.number[row]}"
 
 
 def open_csv(path: Path, unit: str | None) -> Recording:
@@ -155,30 +150,27 @@ def _lowest(table: Table) -> float:
 
 
 @dataclass(frozen=True, slots=True)
-class BlockFrames:
+class BlockFrames(Frames):
     """The frames of a table too large for the memory, of which a few blocks are held at a time."""
 
     source: Blocks
     lowest: float
     """The lowest point number of the file."""
 
-    def __iter__(self) -> Iterator[Frame | Rejected]:
-        """Yield the frames in order."""
-        return in_order(self._frames())
-
-    def _frames(self) -> Iterator[Frame | Rejected]:
+    def read(self) -> Iterator[Frame | Rejected]:
+        """Yield the frames as the file holds them."""
         rest: Table | None = None
         for block in self.source.blocks(self.source.columns.names):
             table = joined(rest, block)
-            found = LongFrames(table, _runs(table), self.lowest)
-            yield from found.one_by_one(found.runs[:-1])
-            rest = rows_from(table, int(found.runs[-1].min()))
+            *whole, last = _runs(table)
+            yield from LongFrames(table, tuple(whole), self.lowest).read()
+            rest = rows_from(table, int(last.min()))
         if rest is not None:
-            yield from LongFrames(rest, _runs(rest), self.lowest).one_by_one()
+            yield from LongFrames(rest, _runs(rest), self.lowest).read()
 
 
 def _large(path: Path, kind: str, source: Blocks) -> Recording:
-    """Open a large table; a first pass over it counts the frames and looks for what is wrong.
+    """Open a large table; a first pass over it counts the frames and detects faults.
 
     Raises
     ------
@@ -192,7 +184,7 @@ def _large(path: Path, kind: str, source: Blocks) -> Recording:
         )
     try:
         survey = _survey(source)
-    except pa.ArrowInvalid:  # only the slow way tells what is wrong where
+    except pa.ArrowInvalid:  # only the slow way gives each fault its line
         if not isinstance(source, CsvBlocks):
             raise
         source = replace(source, clean=False)
@@ -208,7 +200,7 @@ def _large(path: Path, kind: str, source: Blocks) -> Recording:
 class _Survey(NamedTuple):
     frames: int
     ordered: bool
-    """Whether time never decreases, and is told from the first row on."""
+    """Whether time never decreases, and is known from the first row on."""
     lowest: float
 
 
@@ -243,16 +235,16 @@ def _runs(table: Table) -> tuple[Rows, ...]:
 
 
 def _filled(time: Vector) -> Vector:
-    """Give each row without a time the time of the row before it, so that its frame is told as one."""
+    """Give each row without a time the time of the row before it, so that its frame stays one."""
     known = np.where(np.isnan(time), -1, np.arange(len(time)))
     latest = np.maximum.accumulate(known)
     return np.where(latest < 0, np.nan, time[latest])
 
 
-def _spread(values: Points | Vector, place: Rows) -> Points | Vector:
-    """Put values at their places; places left out are NaN."""
-    if place[-1] == len(place) - 1:
+def _spread(values: Points | Vector, index: Rows) -> Points | Vector:
+    """Return an array with the values at their indices and NaN at the others."""
+    if index[-1] == len(index) - 1:
         return read_only(values)
-    spread = np.full((int(place[-1]) + 1, *values.shape[1:]), np.nan)
-    spread[place] = values
+    spread = np.full((int(index[-1]) + 1, *values.shape[1:]), np.nan)
+    spread[index] = values
     return read_only(spread)

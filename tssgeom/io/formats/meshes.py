@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from tssgeom.errors import ShapeError, SourceError
-from tssgeom.io.formats.names import split
-from tssgeom.io.formats.units import PER_METRE
+from tssgeom.errors import ShapeError, SourceError, first_line, unreadable
+from tssgeom.io.formats.paths import split
+from tssgeom.io.formats.recording import PER_METRE
 from tssgeom.lumen.wall import Wall
 
 ENDINGS = (".ply", ".stl", ".obj", ".glb")
 _MARK = "_lumen"
-_FARTHEST = 1e9  # of a corner, in the unit of the mesh
+_FARTHEST = 1e9  # largest coordinate of a corner, in the unit of the mesh; chosen: no body is so large
 
 
 def lumen_beside(path: str | Path) -> Path | None:
@@ -49,7 +49,7 @@ def read_lumen(path: str | Path, unit: str) -> trimesh.Trimesh:
     SourceError
         Where the file cannot be read as a mesh.
     ShapeError
-        Where it holds no triangles, or corners that cannot be, or where the unit is none that is known.
+        Where it holds no triangles, or impossible corners, or where the unit is unknown.
     """
     path = Path(path)
     if unit not in PER_METRE:
@@ -64,13 +64,13 @@ def read_lumen(path: str | Path, unit: str) -> trimesh.Trimesh:
     if not (np.abs(mesh.vertices) <= _FARTHEST).all() or not 0 <= mesh.faces.min() <= mesh.faces.max() < len(
         mesh.vertices
     ):
-        raise ShapeError(f"{path}: the mesh has corners that are nowhere: export it anew")
+        raise ShapeError(f"{path}: the mesh has impossible corners: export it anew")
     mesh.apply_scale(1.0 / PER_METRE[unit])
     return mesh
 
 
 def wall_of(mesh: trimesh.Trimesh) -> Wall:
-    """Return the triangles of a mesh; a closed one says itself which side is inside."""
+    """Return the triangles of a mesh; the volume of a closed one gives the side that is inside."""
     corners = np.ascontiguousarray(mesh.vertices[mesh.faces], dtype=np.float64)
     return Wall(corners, bool(mesh.volume > 0) if mesh.is_watertight else None)
 
@@ -79,10 +79,11 @@ def _loaded(path: Path) -> trimesh.Trimesh:
     try:
         return trimesh.load_mesh(path)
     except OSError as error:
-        raise SourceError(f"{path}: cannot be read ({error.strerror or error}): check the path") from error
-    except Exception as error:  # the loaders of trimesh raise whatever a broken file makes them meet
-        reason = str(error).partition("\n")[0] or type(error).__name__
-        raise SourceError(f"{path}: cannot be read as a mesh ({reason}): export it anew") from error
+        raise unreadable(path, error) from error
+    except Exception as error:  # a broken file can make the loaders of trimesh raise anything
+        raise SourceError(
+            f"{path}: cannot be read as a mesh ({first_line(error)}): export it anew"
+        ) from error
 
 
 def _meshes_in(folder: Path) -> list[Path]:

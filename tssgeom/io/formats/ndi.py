@@ -13,24 +13,22 @@ import numpy as np
 
 from tssgeom.arrays import Matrix, Points, read_only
 from tssgeom.errors import ShapeError, SourceError
-from tssgeom.io.formats.names import stem
-from tssgeom.io.formats.recording import UNTIMED, Recording, in_order
-from tssgeom.io.formats.units import PER_METRE, agreed_unit
+from tssgeom.io.formats.paths import LONGEST_LINE, reading, stem
+from tssgeom.io.formats.recording import PER_METRE, UNTIMED, Frames, Recording, agreed_unit
 from tssgeom.stream import Frame, Rejected
 
 POSE = ("q0", "qx", "qy", "qz", "tx", "ty", "tz")
 _STATES = ("state", "transformstatus", "status")
 _FRAMES = ("frame", "frame#")
 _MARKERS = ("markers", "#markers")
-_UNSEEN_STATES = ("missing", "disabled")
-_FARTHEST = 1e6  # mm; NDI writes -3.7e28 where it has no number
-_LONGEST_LINE = 1 << 20  # bytes
+_UNOBSERVED = ("missing", "disabled")
+_FARTHEST = 1e6  # mm; chosen: far outside the volume of a tracker, and NDI writes -3.7e28 for no number
 _BY_FRAME = "no time column: the frame numbers are taken as time, one a second"
 
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """Where in a row of numbers everything stands."""
+    """Columns of a row of numbers, by their meaning."""
 
     tools: tuple[tuple[int, int | None], ...]
     """First column of the pose, and column of the state, of each tool that the header names."""
@@ -40,45 +38,41 @@ class Layout:
     markers: int | None
     """Column with the number of markers, the last before the markers themselves."""
 
-    def places(self, cells: Sequence[str]) -> list[tuple[int, int | None]]:
+    def columns(self, cells: Sequence[str]) -> list[tuple[int, int | None]]:
         """Return pose and state columns of each tool in a row.
 
-        Where the header names one tool and the row says that it holds several, they follow each other.
+        Where the header names one tool and the row holds several, they follow each other.
         """
         count = int(cells[0]) if cells[0].strip().isdecimal() else 1
         if len(self.tools) > 1 or self.markers is None or count < 2:
             return list(self.tools)
         pose, state = next(iter(self.tools))
-        found, shift = list[tuple[int, int | None]](), 0
+        columns, shift = list[tuple[int, int | None]](), 0
         for _ in range(count):
-            found.append((pose + shift, None if state is None else state + shift))
+            columns.append((pose + shift, None if state is None else state + shift))
             shift += self.markers + 4 * int(cells[self.markers + shift])
-        return found
+        return columns
 
 
 def is_ndi(path: Path) -> bool:
     """Whether the first line of a table names a pose as NDI's programs do."""
     try:
-        with path.open("rb") as file:
-            return _layout(file.readline(_LONGEST_LINE)) is not None
-    except OSError:
+        return _layout(_head(path)) is not None
+    except SourceError:
         return False
 
 
 @dataclass(frozen=True, slots=True)
-class ToolFrames:
-    """The frames of a table, read a row at a time each time they are asked for."""
+class ToolFrames(Frames):
+    """The frames of a table of tools, a row each."""
 
     path: Path
     layout: Layout
     sense: float
-    """-1 where the third axes of the tools look from the distal to the proximal end, else 1."""
+    """-1 where the third axes of the tools point from the distal to the proximal end, else 1."""
 
-    def __iter__(self) -> Iterator[Frame | Rejected]:
-        """Yield the frames in order."""
-        return in_order(self._frames())
-
-    def _frames(self) -> Iterator[Frame | Rejected]:
+    def read(self) -> Iterator[Frame | Rejected]:
+        """Yield the frames as the table holds them."""
         for seq, (number, line) in enumerate(_rows(self.path)):
             try:
                 yield self._frame(seq, line)
@@ -103,7 +97,7 @@ def open_ndi(path: Path, unit: str | None) -> Recording:
     Raises
     ------
     ShapeError
-        Where there is no pose in the header or no row, or where the unit is said to be another one.
+        Where there is no pose in the header or no row, or where another unit is given.
     SourceError
         Where the file cannot be read.
     """
@@ -147,24 +141,24 @@ def _before(names: Sequence[str], begin: int, end: int, wanted: Sequence[str]) -
 
 
 def _sensed(cells: Sequence[str], layout: Layout) -> tuple[Points, Points]:
-    """Return places [mm] and third axes of the tools in a row, NaN for those that were not seen."""
+    """Return positions [mm] and third axes of the tools in a row, NaN for those that were not observed."""
     poses = np.array(
         [
             _pose(cells[at : at + len(POSE)], "" if state is None else cells[state])
-            for at, state in layout.places(cells)
+            for at, state in layout.columns(cells)
         ]
     )
     return poses[:, 4:], _third_axes(poses[:, :4])
 
 
 def _pose(cells: Sequence[str], state: str) -> list[float]:
-    unseen = [np.nan] * len(POSE)
-    if state.strip().lower() in _UNSEEN_STATES or not any(cell.strip() for cell in cells):
-        return unseen
+    unknown = [np.nan] * len(POSE)
+    if state.strip().lower() in _UNOBSERVED or not any(cell.strip() for cell in cells):
+        return unknown
     if len(cells) < len(POSE):
         raise ValueError(f"a tool has {len(cells)} of its {len(POSE)} numbers")
     pose = [float(cell) for cell in cells]
-    return pose if all(abs(number) < _FARTHEST for number in pose) else unseen
+    return pose if all(abs(number) < _FARTHEST for number in pose) else unknown
 
 
 def _third_axes(quaternions: Matrix) -> Points:
@@ -183,7 +177,7 @@ def _time(cells: Sequence[str], layout: Layout) -> float | None:
 
 
 def _survey(path: Path, layout: Layout) -> tuple[int, float]:
-    """Count the rows, and tell from the first that shows it which way the third axes look."""
+    """Count the rows, and return the sense of the third axes in the first row that determines it."""
     count, along = 0, 0.0
     for _, line in _rows(path):
         count += 1
@@ -193,30 +187,24 @@ def _survey(path: Path, layout: Layout) -> tuple[int, float]:
 
 
 def _along(line: str, layout: Layout) -> float:
-    """Sum the third axes along the way to the next tool that was seen; 0 where a row cannot tell."""
+    """Sum the third axes along the way to the next observed tool; 0 for a row that cannot be read."""
     try:
         points, axes = _sensed(line.split(","), layout)
     except (ValueError, IndexError):
         return 0.0
-    seen = ~np.isnan(points).any(axis=1)
-    return float(np.nansum(axes[seen][:-1] * np.diff(points[seen], axis=0)))
+    observed = ~np.isnan(points).any(axis=1)
+    return float(np.nansum(axes[observed][:-1] * np.diff(points[observed], axis=0)))
 
 
 def _head(path: Path) -> bytes:
-    try:
-        with path.open("rb") as file:
-            return file.readline(_LONGEST_LINE)
-    except OSError as error:
-        raise SourceError(f"{path}: cannot be read ({error.strerror}): check the path") from error
+    with reading(path), path.open("rb") as file:
+        return file.readline(LONGEST_LINE)
 
 
 def _rows(path: Path) -> Iterator[tuple[int, str]]:
     """Yield number and text of each line below the header that is not blank."""
-    try:
-        with path.open("rb") as file:
-            file.readline(_LONGEST_LINE)
-            for number, line in enumerate(iter(lambda: file.readline(_LONGEST_LINE), b""), start=2):
-                if line.strip():
-                    yield number, line.decode("utf-8", errors="replace").strip()
-    except OSError as error:
-        raise SourceError(f"{path}: cannot be read ({error.strerror}): check the path") from error
+    with reading(path), path.open("rb") as file:
+        file.readline(LONGEST_LINE)
+        for number, line in enumerate(iter(lambda: file.readline(LONGEST_LINE), b""), start=2):
+            if line.strip():
+                yield number, line.decode("utf-8", errors="replace").strip()

@@ -13,20 +13,19 @@ from typing import IO, Any
 import numpy as np
 
 from tssgeom.arrays import Vector, read_only
-from tssgeom.errors import ShapeError, SourceError
+from tssgeom.errors import ShapeError, SourceError, first_line
 from tssgeom.io.formats.columns import MEASURED, TIME
-from tssgeom.io.formats.recording import UNTIMED, Recording, in_order
-from tssgeom.io.formats.units import PER_METRE, agreed_unit
-from tssgeom.stream import Frame, Rejected
+from tssgeom.io.formats.recording import PER_METRE, UNTIMED, Frames, Recording, agreed_unit
+from tssgeom.stream import Frame
 
 _BLOCK = 1 << 22
-"""Of an array that are read at a time [B]."""
+"""Bytes of an array that are read at a time; chosen."""
 _LARGE = ("points", "s")
 _ARRAY = b"\x93NUMPY"
 
 
 @dataclass(frozen=True, slots=True)
-class ArrayFrames:
+class ArrayFrames(Frames):
     """The frames of an archive, in SI; of the points a block is in memory at a time."""
 
     path: Path
@@ -40,28 +39,25 @@ class ArrayFrames:
     measured: Mapping[str, Vector]
     """[F] each, by field of `Frame`; NaN where nothing was measured."""
 
-    def __iter__(self) -> Iterator[Frame | Rejected]:
-        """Yield the frames in order."""
-        return in_order(self._frames())
-
-    def _frames(self) -> Iterator[Frame]:
+    def read(self) -> Iterator[Frame]:
+        """Yield the frames as the archive holds them."""
         stations: Iterator[Vector] | None = None
         if isinstance(self.stations, Stored):
             stations = (read_only(row / self.per_metre) for row in rows_of(self.path, self.stations))
         fixed = self.stations if isinstance(self.stations, np.ndarray) else None
         for k, points in enumerate(rows_of(self.path, self.points)):
-            seen: dict[str, Any] = {
+            measured: dict[str, Any] = {
                 field: float(values[k]) for field, values in self.measured.items() if not np.isnan(values[k])
             }
             scaled = points / self.per_metre
             scaled[np.isnan(scaled).any(axis=1)] = np.nan
-            told = fixed if stations is None else next(stations)
-            yield Frame(read_only(scaled), float(self.time[k]), told, **seen)
+            s = fixed if stations is None else next(stations)
+            yield Frame(read_only(scaled), float(self.time[k]), s, **measured)
 
 
 @dataclass(frozen=True, slots=True)
 class Stored:
-    """An array in the archive, which stays there until it is asked for."""
+    """An array in the archive, which is read when its rows are."""
 
     name: str
     shape: tuple[int, ...]
@@ -113,8 +109,8 @@ def open_npz(path: Path, unit: str | None) -> Recording:
         raise ShapeError(
             f"{path}: no array 'points' among {sorted({*arrays, *stored})}: save points[F,N,3] or points[N,3]"
         )
-    found = str(_text(arrays["unit"])) if "unit" in arrays else None
-    agreed = agreed_unit(path, found, unit, 'save unit="mm" or unit="m" with the points')
+    stated = _text(arrays["unit"]) if "unit" in arrays else None
+    agreed = agreed_unit(path, stated, unit, 'save unit="mm" or unit="m" with the points')
     points = _of_numbers(path, stored["points"])
     if len(points.shape) not in (2, 3) or points.shape[-1] != 3 or 0 in points.shape:
         raise ShapeError(f"{path}: points has the size {points.shape}: save points[F,N,3] or points[N,3]")
@@ -157,14 +153,15 @@ def _stations(
 
 @contextmanager
 def _read(path: Path) -> Iterator[None]:
-    """Tell what goes wrong in reading the archive as an error of the source."""
+    """Turn a failure to read the archive into an error of the source."""
     try:
         yield
     except ShapeError:
         raise
     except (OSError, ValueError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
-        reason = str(error).partition("\n")[0]
-        raise SourceError(f"{path}: cannot be read as NPZ ({reason}): write it with numpy.savez") from error
+        raise SourceError(
+            f"{path}: cannot be read as NPZ ({first_line(error)}): write it with numpy.savez"
+        ) from error
 
 
 @contextmanager
@@ -186,7 +183,7 @@ def _member(path: Path, name: str) -> Iterator[IO[bytes]]:
 
 
 def _stored(path: Path, name: str) -> Stored | None:
-    """Read the header of an array; None where there is none of this name."""
+    """Read the header of an array; None where the archive has none of this name."""
     with _archive(path) as archive:
         if name not in archive.files:
             return None

@@ -1,15 +1,18 @@
-"""What every reader hands on: a recording, whose frames are read anew each time they are asked for."""
+"""What every reader returns: a recording in metres, whose frames are read anew at each pass."""
 
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from tssgeom.errors import TssgeomError
+from tssgeom.errors import ShapeError, TssgeomError
 from tssgeom.stream import Frame, Rejected, require_usable
 
+PER_METRE = {"m": 1.0, "mm": 1000.0}
+"""How many of each unit make one metre; dividing by it converts exactly rounded."""
 UNTIMED = "no time: the frames are counted, one a second"
 """Warning of a recording without a clock; the tendon does not depend on the rate."""
 
@@ -30,8 +33,22 @@ class Recording:
     frame_count: int
     """Number of frames, the rejected ones included."""
     frames: Iterable[Frame | Rejected]
-    """Frames in order; a frame that cannot be read is a `Rejected` in its place."""
+    """Frames in order; a frame that cannot be read is a `Rejected` at its position."""
     warnings: tuple[str, ...] = ()
+
+
+class Frames(ABC):
+    """Frames of one file, one at a time; each iteration is a new pass over the file."""
+
+    __slots__ = ()
+
+    def __iter__(self) -> Iterator[Frame | Rejected]:
+        """Yield the frames in order."""
+        return in_order(self.read())
+
+    @abstractmethod
+    def read(self) -> Iterable[Frame | Rejected]:
+        """Yield the frames as the file holds them; `in_order` numbers them."""
 
 
 def in_order(items: Iterable[Frame | Rejected]) -> Iterator[Frame | Rejected]:
@@ -60,7 +77,50 @@ def usable(frame: Frame) -> bool:
 
 
 def late(time: float, latest: float) -> str:
-    """Say why a frame of this time cannot follow one of the `latest` time [s]."""
+    """Return why a frame of this time cannot follow one of the `latest` time [s]."""
     if not math.isfinite(time):
         return f"the time of the frame is {time} s: give a finite time"
     return f"time {time:g} s comes after {latest:g} s: put the frames in order, each once"
+
+
+def agreed_unit(path: Path, stated: str | None, given: str | None, hint: str) -> str:
+    """Return the one unit of a file: the one that it states, or else the one of `--unit`.
+
+    Parameters
+    ----------
+    path
+        The file, for the message.
+    stated
+        The unit that the file states, if any.
+    given
+        The unit that the user states, if any.
+    hint
+        How this format states a unit, such as "name the columns x_mm,y_mm,z_mm".
+
+    Raises
+    ------
+    ShapeError
+        Where no unit is stated, where it is neither m nor mm, or where file and user disagree.
+    """
+    unit = stated or given
+    if unit is None:
+        raise ShapeError(f"{path}: the coordinates have no unit: {hint}, or give --unit mm|m")
+    for one in (stated, given):
+        if one is not None and one not in PER_METRE:
+            raise ShapeError(f"{path}: the unit is {one!r}: write mm or m")
+    if stated and given and stated != given:
+        raise ShapeError(f"{path}: the file is in {stated}, --unit says {given}: leave --unit out")
+    return unit
+
+
+def given_unit(path: Path, given: str | None, what: str) -> str:
+    """Return the unit that the user states; `what`, such as "a ROS bag", is a format that cannot state one.
+
+    Raises
+    ------
+    ShapeError
+        Where the user states none, or one that is neither m nor mm.
+    """
+    if given is None:
+        raise ShapeError(f"{path}: {what} states no unit of length: give --unit mm|m")
+    return agreed_unit(path, None, given, "")

@@ -1,6 +1,6 @@
 """ROS 2 bags and MCAP files with shapes as `PoseArray` or `Path`; needs the extra `[ros]`.
 
-A bag states no unit: REP 103 says m, practice is mm, so the user has to say it.
+A bag states no unit: REP 103 says m, practice is mm, so the user has to state it.
 """
 
 from __future__ import annotations
@@ -15,9 +15,8 @@ import numpy as np
 
 from tssgeom.arrays import read_only
 from tssgeom.errors import ShapeError, SourceError, TssgeomError
-from tssgeom.io.formats.names import split, stem
-from tssgeom.io.formats.recording import Recording, in_order
-from tssgeom.io.formats.units import PER_METRE, given_unit
+from tssgeom.io.formats.paths import split, stem
+from tssgeom.io.formats.recording import PER_METRE, Frames, Recording, given_unit
 from tssgeom.stream import Frame, Rejected
 
 if TYPE_CHECKING:
@@ -40,8 +39,8 @@ def is_bag(folder: Path) -> bool:
 
 
 @dataclass(frozen=True, slots=True)
-class PoseFrames:
-    """The messages of one topic, read one at a time each time they are asked for."""
+class PoseFrames(Frames):
+    """The messages of one topic."""
 
     bag: Path
     topic: str
@@ -49,30 +48,27 @@ class PoseFrames:
     stamped: bool
     """True where time is the stamp of the message, False where it is the time of the bag."""
 
-    def __iter__(self) -> Iterator[Frame | Rejected]:
-        """Yield the frames in order."""
-        return in_order(self._frames())
-
-    def _frames(self) -> Iterator[Frame | Rejected]:
+    def read(self) -> Iterator[Frame | Rejected]:
+        """Yield the frames as the bag holds them."""
         try:
             with _opened(self.bag) as reader:
                 wanted = [connection for connection in reader.connections if connection.topic == self.topic]
                 for connection, received, raw in reader.messages(connections=wanted):
-                    yield self._frame_or_reason(reader, connection.msgtype, received, raw)
+                    yield self._frame_or_rejected(reader, connection.msgtype, received, raw)
         except SourceError as error:
             yield Rejected(0, 0.0, f"the bag ends here: {error}")
 
-    def _frame_or_reason(self, reader: AnyReader, kind: str, received: int, raw: bytes) -> Frame | Rejected:
+    def _frame_or_rejected(self, reader: AnyReader, kind: str, received: int, raw: bytes) -> Frame | Rejected:
         try:
             return self._frame(reader.deserialize(raw, kind), received)
-        except Exception as error:  # a message that is cut short meets whatever it meets
+        except Exception as error:  # a broken message can raise anything
             return Rejected(
-                0, received / _PER_SECOND, f"the message cannot be read ({_told(error)}): record it anew"
+                0, received / _PER_SECOND, f"the message cannot be read ({_text(error)}): record it anew"
             )
 
     def _frame(self, message: Any, received: int) -> Frame:
-        places = [pose.position for pose in map(_bare, message.poses)]
-        points = np.array([(p.x, p.y, p.z) for p in places], dtype=np.float64).reshape(-1, 3)
+        positions = [pose.position for pose in map(_bare, message.poses)]
+        points = np.array([(p.x, p.y, p.z) for p in positions], dtype=np.float64).reshape(-1, 3)
         points[np.isnan(points).any(axis=1)] = np.nan
         time = _stamp(message) if self.stamped else received / _PER_SECOND
         return Frame(read_only(points / self.per_metre), time)
@@ -92,7 +88,7 @@ def open_bag(path: Path, unit: str | None) -> Recording:
     agreed = given_unit(path, unit, "a ROS bag")
     with _opened(bag) as reader:
         connections = [c for c in reader.connections if c.msgtype in TYPES and c.msgcount]
-        topic = _chosen_topic(bag, sorted({c.topic for c in connections}), topic)
+        topic = _selected_topic(bag, sorted({c.topic for c in connections}), topic)
         wanted = [c for c in connections if c.topic == topic]
         count = sum(connection.msgcount for connection in wanted)
         connection, _, raw = next(iter(reader.messages(connections=wanted)))
@@ -101,7 +97,7 @@ def open_bag(path: Path, unit: str | None) -> Recording:
     return Recording(stem(path), path, agreed, "ros2", True, count, frames, () if stamped else (_BY_BAG,))
 
 
-def _chosen_topic(bag: Path, topics: list[str], wanted: str | None) -> str:
+def _selected_topic(bag: Path, topics: list[str], wanted: str | None) -> str:
     if not topics:
         raise ShapeError(f"{bag}: no message of {' or '.join(TYPES)}: record the shape as one of them")
     if wanted is None and len(topics) == 1:
@@ -125,11 +121,11 @@ def _opened(bag: Path) -> Iterator[AnyReader]:
             yield reader
     except TssgeomError:
         raise
-    except Exception as error:  # a broken bag meets errors of YAML, SQLite, zstd, MCAP and of Python itself
-        raise SourceError(f"{bag}: cannot be read as a ROS 2 bag ({_told(error)}): record it anew") from error
+    except Exception as error:  # a broken bag raises errors of YAML, SQLite, zstd, MCAP and Python
+        raise SourceError(f"{bag}: cannot be read as a ROS 2 bag ({_text(error)}): record it anew") from error
 
 
-def _told(error: Exception) -> str:
+def _text(error: Exception) -> str:
     return " ".join(str(error).split()) or type(error).__name__
 
 

@@ -1,4 +1,4 @@
-"""Measured runs: what drove a tendon and what it answered, against time, from CSV or Parquet."""
+"""Measured runs: drive and response of a tendon against time, from CSV or Parquet."""
 
 from __future__ import annotations
 
@@ -11,23 +11,13 @@ import pyarrow as pa
 import pyarrow.parquet as papq
 
 from tssgeom.arrays import Vector, read_only
-from tssgeom.errors import SettingsError, SourceError, TssgeomError
-from tssgeom.io.formats.columns import AXES, BENDS
-from tssgeom.io.formats.tables import bytes_of, cells_of, header_of
+from tssgeom.errors import SettingsError, SourceError, TssgeomError, first_line
+from tssgeom.io.formats.columns import AXES, BENDS, CHANNELS, TIME
+from tssgeom.io.formats.paths import bytes_of
+from tssgeom.io.formats.tables import cells_of, header_of
 
-CHANNELS = {
-    "tension_in_N": ("tension_in", 1.0),
-    "tension_out_N": ("tension_out", 1.0),
-    "elongation_m": ("elongation", 1.0),
-    "elongation_mm": ("elongation", 1000.0),
-    "displacement_in_m": ("displacement_in", 1.0),
-    "displacement_out_m": ("displacement_out", 1.0),
-    "temperature_C": ("temperature", 1.0),
-}
-"""Columns: the field of `MeasuredRun` that each one fills, and how many of its unit make one in SI."""
 IN_SI = {field: name for name, (field, per_si) in CHANNELS.items() if per_si == 1.0}
 """The column in SI of each field of `MeasuredRun`."""
-TIME = "time_s"
 _HEADER = "time_s,tension_in_N,tension_out_N"
 _QUANTITIES = tuple({name.rpartition("_")[0] for name in CHANNELS})
 _MISSING = {"", "nan", "null", "na"}
@@ -36,7 +26,7 @@ _KNOWN = ", ".join((TIME, *CHANNELS))
 
 @dataclass(frozen=True, slots=True)
 class MeasuredRun:
-    """Channels against time; NaN is a sample that is missing, None a channel that is."""
+    """Channels against time; NaN is a missing sample, None a missing channel."""
 
     name: str
     path: Path
@@ -56,21 +46,21 @@ class MeasuredRun:
     """[n] Temperature [°C]."""
 
     def channel(self, names: Sequence[str]) -> tuple[str, Vector]:
-        """Return name and values of the first of these columns that is there, whole.
+        """Return name and values of the first of these columns that the run has; every sample is finite.
 
         Raises
         ------
         SettingsError
-            Where none is there, or where the one that is lacks a sample.
+            Where the run has none of them, or where a sample of the first one is missing.
         """
         for name in names:
             values = getattr(self, CHANNELS[name][0])
             if values is None:
                 continue
-            gaps = np.flatnonzero(~np.isfinite(values))
-            if len(gaps):
+            missing = np.flatnonzero(~np.isfinite(values))
+            if len(missing):
                 raise SettingsError(
-                    f"{self.path}: {name} has no value at {TIME} = {self.time[gaps[0]]:g}: fill every row"
+                    f"{self.path}: {name} has no value at {TIME} = {self.time[missing[0]]:g}: fill every row"
                 )
             return name, values
         raise SettingsError(f"{self.path}: no column {' or '.join(names)}: add one")
@@ -84,7 +74,7 @@ def read_run(path: Path) -> MeasuredRun:
     SourceError
         Where the file cannot be read, or has another ending than .csv or .parquet.
     ShapeError
-        Where a CSV file has no header, or one that is not set apart by commas.
+        Where a CSV file has no header, or one whose names are not separated by commas.
     SettingsError
         Where a column is missing or there twice, a cell is no number, or time does not increase.
     """
@@ -97,30 +87,30 @@ def read_run(path: Path) -> MeasuredRun:
 
 
 def holds_run(path: Path) -> bool:
-    """Whether a table has measured columns and no points, so that a run was meant."""
+    """Whether a table has measured columns and no points, and so is a run."""
     try:
         if path.suffix.lower() == ".parquet":
             names = papq.read_schema(path).names
         else:
             names = header_of(path, bytes_of(path), _HEADER) if path.suffix.lower() == ".csv" else []
     except (OSError, pa.ArrowException, UnicodeDecodeError, TssgeomError):
-        return False  # whoever reads it is told the reason
+        return False  # the reader of the file reports the reason
     points = any(name.partition("_")[0] in AXES or name.startswith(BENDS) for name in names)
     return not points and any(name.startswith(_QUANTITIES) for name in names)
 
 
 def _channels(path: Path, columns: Mapping[str, Vector]) -> dict[str, Vector]:
-    found: dict[str, Vector] = {}
+    channels: dict[str, Vector] = {}
     for name in CHANNELS:
         if name not in columns:
             continue
         field, per_unit = CHANNELS[name]
-        if field in found:
+        if field in channels:
             raise SettingsError(f"{path}: columns {field}_m and {field}_mm are both there: keep one")
-        found[field] = read_only(columns[name] / per_unit)
-    if not found:
+        channels[field] = read_only(columns[name] / per_unit)
+    if not channels:
         raise SettingsError(f"{path}: no measured column: known are {_KNOWN}")
-    return found
+    return channels
 
 
 def _times(path: Path, time: Vector) -> Vector:
@@ -148,7 +138,7 @@ def _csv(path: Path) -> dict[str, Vector]:
 
 
 def _wanted(path: Path, names: Sequence[str]) -> list[int]:
-    """Return the places of the columns that are read."""
+    """Return the indices of the columns that are read."""
     twice = [name for name in names if names.count(name) > 1]
     if twice:
         raise SettingsError(f"{path}: column {twice[0]!r} is there twice: keep one")
@@ -160,7 +150,7 @@ def _wanted(path: Path, names: Sequence[str]) -> list[int]:
 
 
 def _refuse_other_unit(path: Path, name: str) -> None:
-    """Refuse a column that is a channel but for its unit: passing it over would hide what was measured."""
+    """Refuse a column that is a channel but for its unit: ignoring it would hide a measurement."""
     if name in CHANNELS:
         return
     quantity, _, unit = name.rpartition("_")
@@ -197,8 +187,7 @@ def _parquet(path: Path) -> dict[str, Vector]:
             table = file.read(columns=[names[k] for k in _wanted(path, names)])
         numbers = table.cast(pa.schema([(name, pa.float64()) for name in table.column_names]))
     except (OSError, pa.ArrowException, UnicodeDecodeError) as error:
-        reason = str(error).partition("\n")[0]
         raise SourceError(
-            f"{path}: cannot be read as a table of numbers ({reason}): write float64"
+            f"{path}: cannot be read as a table of numbers ({first_line(error)}): write float64"
         ) from error
     return {name: np.asarray(numbers[name].to_numpy(), dtype=np.float64) for name in numbers.column_names}

@@ -1,9 +1,10 @@
-"""3D Slicer markups, `.mrk.json`: control points of curves and of point lists, each markup a shape."""
+"""Shapes of 3D Slicer: control points of curves and point lists, `.mrk.json` or the older `.fcsv`."""
 
 from __future__ import annotations
 
+import csv
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import msgspec
@@ -11,10 +12,8 @@ import numpy as np
 
 from tssgeom.arrays import Points, read_only
 from tssgeom.errors import ShapeError, SourceError
-from tssgeom.io.formats.names import chosen, split, stem
-from tssgeom.io.formats.recording import Recording
-from tssgeom.io.formats.tables import bytes_of
-from tssgeom.io.formats.units import PER_METRE, agreed_unit
+from tssgeom.io.formats.paths import bytes_of, selected, split, stem
+from tssgeom.io.formats.recording import PER_METRE, Recording, agreed_unit
 from tssgeom.stream import Frame
 
 TO_LPS = {"LPS": (1.0, 1.0, 1.0), "RAS": (-1.0, -1.0, 1.0)}
@@ -22,12 +21,15 @@ TO_LPS = {"LPS": (1.0, 1.0, 1.0), "RAS": (-1.0, -1.0, 1.0)}
 
 _PER_METRE = PER_METRE | {"um": 1e6}  # the third unit that the schema knows
 _ROUTES = ("Curve", "Fiducial")
+_SYSTEMS = {"0": "RAS", "1": "LPS", "RAS": "RAS", "LPS": "LPS"}
+_FIRST, _LAST = 1, 4  # columns of the coordinates in an .fcsv file, the same in every version
+_STATUS, _DEFINED = 14, "2"  # since Slicer 5: a column after those that the header names
 _MAJOR = re.compile(r"markups-(?:schema-)?v(\d+)\.")
 
 
 class _Point(msgspec.Struct, frozen=True, rename="camel"):
     position: tuple[float, float, float] | str | None = None
-    """Slicer writes an empty text where a point has no place."""
+    """Slicer writes an empty text for a point without a position."""
     position_status: str = "defined"
 
 
@@ -71,25 +73,25 @@ def open_markups(path: Path, unit: str | None) -> Recording:
     """
     file, _ = split(path)
     routes = _routes(file)
-    markup = routes[chosen(path, _named(routes))]
+    markup = routes[selected(path, _named(routes))]
     stated = markup.coordinate_units
-    found = stated if isinstance(stated, str) else next(iter(stated), "")
-    if found not in _PER_METRE:
-        raise ShapeError(f"{file}: coordinateUnits is {found!r}: write mm, m or um")
+    own = stated if isinstance(stated, str) else next(iter(stated), "")
+    if own not in _PER_METRE:
+        raise ShapeError(f"{file}: coordinateUnits is {own!r}: write mm, m or um")
     if markup.coordinate_system not in TO_LPS:
         raise ShapeError(f"{file}: coordinateSystem is {markup.coordinate_system!r}: write LPS or RAS")
-    if found in PER_METRE:
-        agreed_unit(file, found, unit, "")
-    points = read_only(_positions(markup) / _PER_METRE[found])
-    return Recording(stem(path), path, found, "slicer", False, 1, (Frame(points),))
+    if own in PER_METRE:
+        agreed_unit(file, own, unit, "")
+    points = read_only(_positions(markup) / _PER_METRE[own])
+    return Recording(stem(path), path, own, "slicer", False, 1, (Frame(points),))
 
 
 def _routes(file: Path) -> list[_Markup]:
     """Return the curves of a file, or its point lists where it has no curve."""
     held = _decoded(file).markups
     for kind in _ROUTES:
-        if found := [markup for markup in held if markup.type == kind]:
-            return found
+        if routes := [markup for markup in held if markup.type == kind]:
+            return routes
     kinds = ", ".join(sorted({markup.type for markup in held})) or "no markup"
     raise ShapeError(f"{file}: it holds {kinds}, no route: save an open curve or a point list")
 
@@ -115,9 +117,68 @@ def _named(routes: Sequence[_Markup]) -> list[str]:
 
 def _positions(markup: _Markup) -> Points:
     """Return the control points in LPS; those that are not defined are NaN."""
-    unseen = (np.nan, np.nan, np.nan)
+    unknown = (np.nan, np.nan, np.nan)
     rows = [
-        point.position if isinstance(point.position, tuple) and point.position_status == "defined" else unseen
+        point.position
+        if isinstance(point.position, tuple) and point.position_status == "defined"
+        else unknown
         for point in markup.control_points
     ]
     return np.array(rows, dtype=np.float64).reshape(-1, 3) * TO_LPS[markup.coordinate_system]
+
+
+def open_fcsv(path: Path, unit: str | None) -> Recording:
+    """Open an older point list, `.fcsv`: a row for each control point, in mm.
+
+    Raises
+    ------
+    ShapeError
+        Where a row holds no numbers, where there is none, or where the coordinate system is unknown.
+    SourceError
+        Where the file cannot be read.
+    """
+    agreed = agreed_unit(path, "mm", unit, "")
+    # A row of Slicer 5 may hold a carriage return in its middle, so that lines end at "\n" alone.
+    lines = bytes_of(path).decode("utf-8-sig", errors="replace").split("\n")
+    head = _header(lines)
+    system = head.get("CoordinateSystem", "RAS")
+    if system not in _SYSTEMS:
+        raise ShapeError(f"{path}: CoordinateSystem is {system!r}: save the list in LPS or RAS")
+    points = _rows(path, lines) * TO_LPS[_SYSTEMS[system]] / PER_METRE[agreed]
+    return Recording(stem(path), path, agreed, "fcsv", False, 1, (Frame(read_only(points)),))
+
+
+def _header(lines: list[str]) -> Mapping[str, str]:
+    pairs = (line[1:].split("=", 1) for line in lines if line.startswith("#") and "=" in line)
+    return {name.strip(): value.strip() for name, value in pairs}
+
+
+def _rows(path: Path, lines: list[str]) -> Points:
+    rows = [
+        _row(path, number, line)
+        for number, line in enumerate(lines, start=1)
+        if line.strip() and not line.startswith("#")
+    ]
+    if not rows:
+        raise ShapeError(f"{path}: no control point: save a list with points")
+    return np.array(rows, dtype=np.float64)
+
+
+def _row(path: Path, number: int, line: str) -> list[float]:
+    cells = _cells(line)
+    if len(cells) > _STATUS and cells[_STATUS].strip() != _DEFINED:
+        return [np.nan] * 3
+    try:
+        x, y, z = map(float, cells[_FIRST:_LAST])
+    except ValueError as error:
+        raise ShapeError(
+            f"{path}: line {number}: no point in {line[:40]!r}: write id,x,y,z and the rest of the columns"
+        ) from error
+    return [x, y, z]
+
+
+def _cells(line: str) -> list[str]:
+    try:
+        return next(csv.reader([line.replace("\r", " ")]))
+    except csv.Error:
+        return line.split(",")

@@ -1,4 +1,4 @@
-"""The tendon's state on disk, so that a stream goes on where it was when it is started again."""
+"""The tendon's state on disk, so that a restarted stream continues from it."""
 
 from __future__ import annotations
 
@@ -6,13 +6,14 @@ import json
 from pathlib import Path
 
 from tssgeom.atomic import write_text
-from tssgeom.errors import SettingsError, SourceError
+from tssgeom.errors import SettingsError
+from tssgeom.io.formats.paths import bytes_of
 from tssgeom.tendon.saved import state_object, state_of
 from tssgeom.tendon.state import TendonState
 
 
 def write_state(path: Path, state: TendonState) -> None:
-    """Write a state as JSON, whole or not at all.
+    """Write a state as JSON.
 
     Raises
     ------
@@ -32,10 +33,9 @@ def read_state(path: Path) -> TendonState:
     SettingsError
         Where it holds no state, or one of another version.
     """
+    content = bytes_of(path)
     try:
-        saved = json.loads(path.read_bytes())
-    except OSError as error:
-        raise SourceError(f"{path}: cannot be read ({error.strerror}): check the path") from error
+        saved = json.loads(content)
     except (ValueError, RecursionError) as error:
         raise SettingsError(f"{path}: no JSON ({error}): remove it and start anew") from error
     try:

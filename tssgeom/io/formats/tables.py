@@ -1,4 +1,4 @@
-"""CSV and Parquet files as columns of numbers, with the place of every cell that is none."""
+"""CSV and Parquet files as columns of numbers, with the line of every cell that is no number."""
 
 from __future__ import annotations
 
@@ -16,8 +16,9 @@ import pyarrow.parquet as papq
 from numpy.typing import NDArray
 
 from tssgeom.arrays import Vector
-from tssgeom.errors import ShapeError, SourceError
+from tssgeom.errors import ShapeError, SourceError, first_line
 from tssgeom.io.formats.columns import Columns, columns_of
+from tssgeom.io.formats.paths import bytes_of
 
 NO_ROW = "no row of points: write one row for each point"
 _MISSING = ["", "nan", "NaN", "NAN", "null", "NA"]
@@ -30,21 +31,21 @@ class Table:
     columns: Columns
     values: Mapping[str, Vector]
     """A column each; NaN where a cell is empty or could not be read."""
-    place: NDArray[np.int64]
-    """Where each row stands in the file: line or row, from 1."""
-    place_name: str
+    number: NDArray[np.int64]
+    """Number of each row in the file, from 1: of its line or of its row."""
+    number_name: str
     """"line" or "row"."""
     faults: Mapping[int, str]
-    """What is wrong with a row, by its index."""
+    """Fault of a row, by its index."""
 
     def __len__(self) -> int:
-        return len(self.place)
+        return len(self.number)
 
 
 def read_csv(path: Path, given_unit: str | None) -> Table:
     """Read a comma-separated file with a header.
 
-    A table that is clean is read by pyarrow; any other one line by line, to tell what is wrong where.
+    A table without faults is read by pyarrow; any other one line by line, so that each fault has its line.
 
     Raises
     ------
@@ -88,7 +89,7 @@ def read_parquet(path: Path, given_unit: str | None) -> Table:
 _Columns = TypeVar("_Columns", pa.Table, pa.RecordBatch)
 
 
-def as_numbers(path: Path, found: _Columns) -> _Columns:
+def as_numbers(path: Path, table: _Columns) -> _Columns:
     """Return columns of any kind of number as float64.
 
     Raises
@@ -97,32 +98,18 @@ def as_numbers(path: Path, found: _Columns) -> _Columns:
         Where a column holds something else.
     """
     try:
-        return found.cast(pa.schema([(name, pa.float64()) for name in found.schema.names]))
+        return table.cast(pa.schema([(name, pa.float64()) for name in table.schema.names]))
     except pa.ArrowException as error:
         raise ShapeError(f"{path}: a column holds no numbers ({first_line(error)}): write float64") from error
 
 
-def bytes_of(path: Path) -> bytes:
-    """Return what a file holds.
-
-    Raises
-    ------
-    SourceError
-        Where the file cannot be read.
-    """
-    try:
-        return path.read_bytes()
-    except OSError as error:
-        raise SourceError(f"{path}: cannot be read ({error.strerror}): check the path") from error
-
-
 def header_of(path: Path, raw: bytes, such_as: str = "x_mm,y_mm,z_mm") -> list[str]:
-    """Return the names of the columns from the beginning of a file; a refusal shows one `such_as`.
+    """Return the names of the columns from the beginning of a file; an error gives the example `such_as`.
 
     Raises
     ------
     ShapeError
-        Where line 1 is no header, or its names are not set apart by commas.
+        Where line 1 is no header, or its names are not separated by commas.
     """
     first = raw.removeprefix(b"\xef\xbb\xbf").partition(b"\n")[0]
     try:
@@ -157,18 +144,18 @@ def convert_options(wanted: Sequence[str]) -> pacsv.ConvertOptions:
     return pacsv.ConvertOptions(column_types=kinds, include_columns=list(wanted), null_values=_MISSING)
 
 
-def _table(path: Path, columns: Columns, table: pa.Table, place_name: str, first: int) -> Table:
+def _table(path: Path, columns: Columns, table: pa.Table, number_name: str, first: int) -> Table:
     if len(table) == 0:
         raise ShapeError(f"{path}: {NO_ROW}")
-    return table_of(columns, table, place_name, first)
+    return table_of(columns, table, number_name, first)
 
 
-def table_of(columns: Columns, found: pa.Table | pa.RecordBatch, place_name: str, first: int) -> Table:
-    """Take columns of numbers that stand in a file from row `first` on; those that are not there are NaN."""
-    here = set(found.schema.names)
-    missing = np.full(found.num_rows, np.nan)
-    values = {name: _numbers(found[name]) if name in here else missing for name in columns.names}
-    return Table(columns, values, np.arange(first, first + found.num_rows), place_name, {})
+def table_of(columns: Columns, rows: pa.Table | pa.RecordBatch, number_name: str, first: int) -> Table:
+    """Return rows of numbers, the first of which has the number `first`; columns that they lack are NaN."""
+    present = set(rows.schema.names)
+    missing = np.full(rows.num_rows, np.nan)
+    values = {name: _numbers(rows[name]) if name in present else missing for name in columns.names}
+    return Table(columns, values, np.arange(first, first + rows.num_rows), number_name, {})
 
 
 def _numbers(column: pa.ChunkedArray | pa.Array) -> Vector:
@@ -185,9 +172,9 @@ def _slow(path: Path, raw: bytes, names: list[str], columns: Columns) -> Table:
 
 
 def slow_table(lines: Iterable[tuple[int, str]], names: Sequence[str], columns: Columns) -> Table:
-    """Read numbered lines one by one, and tell what is wrong with which."""
+    """Read numbered lines one by one, with the fault of each."""
     rows: list[list[float]] = []
-    places: list[int] = []
+    numbers_of_lines: list[int] = []
     faults: dict[int, str] = {}
     wanted = [names.index(name) for name in columns.names]
     for line, text in lines:
@@ -205,10 +192,10 @@ def slow_table(lines: Iterable[tuple[int, str]], names: Sequence[str], columns: 
                     len(rows), f"line {line}: {name} is {cells[k]!r}: write a number or leave it empty"
                 )
         rows.append([np.nan if number is None else number for number in numbers])
-        places.append(line)
+        numbers_of_lines.append(line)
     numbers_by_column = np.array(rows, dtype=np.float64).reshape(-1, len(columns.names)).T
     values = dict(zip(columns.names, numbers_by_column, strict=True))
-    return Table(columns, values, np.array(places, dtype=np.int64), "line", faults)
+    return Table(columns, values, np.array(numbers_of_lines, dtype=np.int64), "line", faults)
 
 
 def cells_of(text: str) -> list[str]:
@@ -232,8 +219,3 @@ def _number(cell: str) -> float | None:
 
 def _is_number(cell: str) -> bool:
     return bool(cell) and _number(cell) is not None
-
-
-def first_line(error: Exception) -> str:
-    """Return what an error says first."""
-    return " ".join(str(error).partition("\n")[0].split())

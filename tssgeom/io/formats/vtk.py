@@ -1,23 +1,43 @@
-"""VTK poly data, `.vtp`: each poly line a shape."""
+"""VTK poly data, `.vtp`: each poly line a shape.
+
+Arrays of the XML file are text, base64 or appended, compressed or not. VTK's own reader ends the whole
+process on some broken files; this one raises.
+"""
 
 from __future__ import annotations
 
+import lzma
+import re
+import zlib
+from base64 import b64decode
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tssgeom.arrays import Points, read_only
-from tssgeom.errors import ShapeError, SourceError
-from tssgeom.io.formats.names import chosen, split, stem
-from tssgeom.io.formats.recording import Recording
-from tssgeom.io.formats.tables import bytes_of
-from tssgeom.io.formats.units import PER_METRE, agreed_unit
-from tssgeom.io.formats.vtk_xml import Element, XmlFile, parsed
+from tssgeom.errors import ShapeError, SourceError, first_line
+from tssgeom.io.formats.paths import bytes_of, selected, split, stem
+from tssgeom.io.formats.recording import PER_METRE, Recording, agreed_unit
 from tssgeom.stream import Frame
 
 UNIT = "unit"
 """Field array that states the unit of length; VTK itself knows none."""
+
+Element = ElementTree.Element
+
+_TYPES = {"Float": "f", "Int": "i", "UInt": "u"}
+_APPENDED = re.compile(rb"<AppendedData\b[^>]*>\s*_")
+_AFTER = b"</AppendedData>"
+_DECOMPRESSORS: dict[str, Callable[[], Any]] = {
+    "vtkZLibDataCompressor": zlib.decompressobj,
+    "vtkLZMADataCompressor": lzma.LZMADecompressor,
+}
 
 
 def line_names(file: Path) -> list[str]:
@@ -44,7 +64,7 @@ def open_vtp(path: Path, unit: str | None) -> Recording:
     lines, stated = _read(split(path)[0])
     agreed = agreed_unit(path, stated, unit, f"add a field array {UNIT!r} that says mm or m")
     names = [str(number) for number, _ in enumerate(lines, start=1)]
-    points = lines[chosen(path, names)] / PER_METRE[agreed]
+    points = lines[selected(path, names)] / PER_METRE[agreed]
     points[np.isnan(points).any(axis=1)] = np.nan
     return Recording(stem(path), path, agreed, "vtk", False, 1, (Frame(read_only(points)),))
 
@@ -52,41 +72,153 @@ def open_vtp(path: Path, unit: str | None) -> Recording:
 def _read(file: Path) -> tuple[list[Points], str | None]:
     """Return the points of each poly line in the file's unit, and that unit if it is stated."""
     try:
-        held = parsed(bytes_of(file))
+        held = _parsed(bytes_of(file))
         data = held.root.find("PolyData")
         if data is None:
             raise ValueError(f"it holds {held.root.get('type')}")
         lines = [line for piece in data.findall("Piece") for line in _lines(held, piece)]
         stated = _stated_unit(held, data)
     except (ValueError, OverflowError) as error:
-        told = " ".join(str(error).split()) or type(error).__name__
-        raise SourceError(f"{file}: cannot be read as VTK poly data ({told}): write it anew") from error
+        raise SourceError(
+            f"{file}: cannot be read as VTK poly data ({first_line(error)}): write it anew"
+        ) from error
     if not lines:
         raise ShapeError(f"{file}: no poly line in it: write the route as one line through its points")
     return lines, stated
 
 
-def _lines(held: XmlFile, piece: Element) -> list[Points]:
+def _lines(held: _XmlFile, piece: Element) -> list[Points]:
     cells = {array.get("Name"): array for array in piece.findall("Lines/DataArray")}
-    places = piece.find("Points/DataArray")
-    if places is None or not {"connectivity", "offsets"} <= {*cells} or piece.get("NumberOfLines") == "0":
+    positions = piece.find("Points/DataArray")
+    if positions is None or not {"connectivity", "offsets"} <= {*cells} or piece.get("NumberOfLines") == "0":
         return []
-    points = held.numbers(places).astype(np.float64).reshape(-1, 3)
+    points = held.numbers(positions).astype(np.float64).reshape(-1, 3)
     through = held.numbers(cells["connectivity"]).astype(np.int64)
     ends = held.numbers(cells["offsets"]).astype(np.int64).tolist()
     if through.size and not 0 <= through.min() <= through.max() < len(points):
         raise ValueError(f"a line goes through point {through.max()} of {len(points)}")
     if ends and not 0 <= min(ends) <= max(ends) <= len(through):
-        raise ValueError(f"a line ends at place {max(ends)} of {len(through)}")
-    starts = [0, *ends] if ends[:1] != [0] else ends  # since VTK 9 a leading 0 may stand there
+        raise ValueError(f"a line ends at entry {max(ends)} of {len(through)}")
+    starts = [0, *ends] if ends[:1] != [0] else ends  # VTK 9 may write a leading 0
     return [points[through[a:b]] for a, b in pairwise(starts) if b > a]
 
 
-def _stated_unit(held: XmlFile, data: Element) -> str | None:
-    """Return the text of the field array; VTK writes the numbers of its characters, and 0 behind it."""
+def _stated_unit(held: _XmlFile, data: Element) -> str | None:
+    """Return the text of the field array; VTK writes the codes of its characters and a final 0."""
     for array in data.findall("FieldData/Array"):
         if array.get("Name") == UNIT and array.get("type") == "String":
             letters = Element("DataArray", {**array.attrib, "type": "UInt8"})
             letters.text = array.text
             return bytes(held.numbers(letters).tolist()).partition(b"\0")[0].decode("ascii", errors="replace")
     return None
+
+
+@dataclass(frozen=True, slots=True)
+class _XmlFile:
+    """A parsed file, and the encoding of its arrays."""
+
+    root: Element
+    order: str
+    """"<" or ">"."""
+    heading: np.dtype[Any]
+    """Type of the counts before the bytes of an array."""
+    compressor: str | None
+    appended: bytes
+    raw: bool
+    """True where the appended bytes are raw, False where they are base64."""
+
+    def numbers(self, array: Element) -> NDArray[Any]:
+        """Return the numbers of a DataArray, flat.
+
+        Raises
+        ------
+        ValueError
+            Where it is broken, or written in an unknown way.
+        """
+        kind = _kind(array, self.order)
+        form = array.get("format")
+        if form == "ascii":
+            return np.array((array.text or "").split(), dtype=kind)
+        if form == "appended":
+            held = self.appended[int(array.get("offset", "")) :]
+            return self._decoded(held, kind, raw=self.raw)
+        if form == "binary":
+            return self._decoded("".join((array.text or "").split()).encode("ascii"), kind, raw=False)
+        raise ValueError(f"an array has the format {form!r}")
+
+    def _decoded(self, held: bytes, kind: np.dtype[Any], *, raw: bool) -> NDArray[Any]:
+        take = _from_raw if raw else _from_base64
+        size = self.heading.itemsize
+        if self.compressor is None:
+            count = int(np.frombuffer(take(held, 0, size), self.heading)[0])
+            return np.frombuffer(take(held, 0, size + count)[size:], kind)
+        blocks = int(np.frombuffer(take(held, 0, size), self.heading)[0])
+        counts = np.frombuffer(take(held, 0, (3 + blocks) * size), self.heading)
+        return np.frombuffer(b"".join(self._blocks(held, counts, raw=raw)), kind)
+
+    def _blocks(self, held: bytes, counts: NDArray[Any], *, raw: bool) -> Iterator[bytes]:
+        """Yield each block decompressed; its size is known, so that none can grow beyond it."""
+        blocks, full, last = map(int, counts[:3])
+        take = _from_raw if raw else _from_base64
+        begin = len(counts) * self.heading.itemsize
+        begin = begin if raw else 4 * -(-begin // 3)  # base64 begins anew after the counts
+        body = take(held, begin, int(counts[3:].sum()))
+        begin = 0
+        for block, packed in enumerate(map(int, counts[3:])):
+            size = last if last and block == blocks - 1 else full
+            if size <= 0:  # a decompressor takes this for no limit
+                raise ValueError(f"a block states a size of {size} bytes")
+            try:
+                whole = _DECOMPRESSORS[self.compressor or ""]().decompress(body[begin : begin + packed], size)
+            except (zlib.error, lzma.LZMAError, EOFError) as error:
+                raise ValueError(f"a block cannot be decompressed, {error}") from error
+            if len(whole) != size:
+                raise ValueError(f"a block holds {len(whole)} bytes of {size}")
+            yield whole
+            begin += packed
+
+
+def _parsed(content: bytes) -> _XmlFile:
+    """Parse a file.
+
+    Raises
+    ------
+    ValueError
+        Where it is no XML of VTK, or written in an unknown way.
+    """
+    match = _APPENDED.search(content)
+    end = content.rfind(_AFTER)
+    text, appended = content, b""
+    if match and end >= match.end():
+        text, appended = content[: match.end() - 1] + content[end:], content[match.end() : end]
+    try:
+        root = ElementTree.fromstring(text)
+    except ElementTree.ParseError as error:
+        raise ValueError(f"no XML, {error}") from error
+    compressor = root.get("compressor")
+    if compressor is not None and compressor not in _DECOMPRESSORS:
+        raise ValueError(f"the compressor {compressor} is not known, write it with vtkZLibDataCompressor")
+    order = ">" if root.get("byte_order") == "BigEndian" else "<"
+    heading = np.dtype(f"{order}u{8 if root.get('header_type') == 'UInt64' else 4}")
+    data = root.find("AppendedData")
+    raw = data is not None and data.get("encoding") == "raw"
+    return _XmlFile(root, order, heading, compressor, appended, raw)
+
+
+def _kind(array: Element, order: str) -> np.dtype[Any]:
+    """Return the type of an array's numbers, such as "Float32"."""
+    named = re.fullmatch(r"(Float|Int|UInt)(8|16|32|64)", array.get("type", ""))
+    if named is None or named[0] == "Float8":
+        raise ValueError(f"an array has the type {array.get('type')!r}")
+    return np.dtype(f"{order}{_TYPES[named[1]]}{int(named[2]) // 8}")
+
+
+def _from_raw(held: bytes, begin: int, count: int) -> bytes:
+    if not 0 <= begin <= begin + count <= len(held):
+        raise ValueError(f"an array ends beyond the file, at byte {begin + count} of {len(held)}")
+    return held[begin : begin + count]
+
+
+def _from_base64(held: bytes, begin: int, count: int) -> bytes:
+    """Return the first `count` bytes that the text from `begin` on stands for."""
+    return _from_raw(b64decode(_from_raw(held, begin, 4 * -(-count // 3)), validate=True), 0, count)

@@ -1,4 +1,4 @@
-"""Where frames come from and results go to, as the user writes it; and who may connect."""
+"""Addresses of sources and sinks as the user writes them, and the permission to connect."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tssgeom.errors import SettingsError
 SOURCES = "-, tcp://127.0.0.1:PORT, udp://127.0.0.1:PORT, igtl://HOST:18944 or replay:FILE?speed=2"
 SINKS = "-, tcp://127.0.0.1:PORT, udp://127.0.0.1:PORT, igtl://127.0.0.1:PORT or none"
 
-_SHORTEST_TOKEN, _LONGEST_TOKEN = 16, 1024  # bytes
+_SHORTEST_TOKEN, _LONGEST_TOKEN = 16, 1024  # bytes; chosen: 16 random bytes cannot be guessed
 _SOCKETS = ("tcp", "udp", "igtl")
 
 
@@ -34,7 +34,7 @@ class Endpoint:
     options: Mapping[str, str] = field(default_factory=dict)
 
     def speed(self) -> float:
-        """How many times as fast as it was recorded a file is replayed.
+        """Speed of a replay over that of the recording [1].
 
         Raises
         ------
@@ -55,7 +55,7 @@ class Endpoint:
         return tuple(name for name in self.options.get("sensors", "").split(",") if name)
 
     def at(self, address: tuple) -> str:
-        """Write the address that a socket has really got."""
+        """Return the text of the address that a socket is bound to."""
         host = f"[{address[0]}]" if ":" in address[0] else address[0]
         return f"{self.scheme}://{host}:{address[1]}"
 
@@ -66,7 +66,7 @@ def source_of(text: str) -> Endpoint:
     Raises
     ------
     SettingsError
-        Where it is none.
+        Where the text is no such address.
     """
     if text == "-":
         return Endpoint("-", text)
@@ -76,12 +76,12 @@ def source_of(text: str) -> Endpoint:
 
 
 def each_once(given: Sequence[str], option: str) -> Sequence[str]:
-    """Refuse what is given twice to an option.
+    """Refuse a value that is given twice to an option.
 
     Raises
     ------
     SettingsError
-        Where something is.
+        Where there is one.
     """
     twice = [one for one in given if given.count(one) > 1]
     if twice:
@@ -95,23 +95,23 @@ def sink_of(text: str) -> Endpoint:
     Raises
     ------
     SettingsError
-        Where it is none.
+        Where the text is no such address.
     """
     if text in ("-", "none"):
         return Endpoint(text, text)
     sink = _socket(text, SINKS, "sink", {})
     if sink.scheme == "udp" and not sink.port:
-        raise SettingsError(f"--sink {text}: answers are sent to port 0, where nobody is: give a port")
+        raise SettingsError(f"--sink {text}: answers cannot be sent to port 0: give a port")
     return sink
 
 
 def _file(text: str) -> Endpoint:
     path, mark, options = text.removeprefix("replay:").rpartition("?speed=")
-    found = Endpoint(
+    replay = Endpoint(
         "replay", text, path=Path(path if mark else options), options={"speed": options} if mark else {}
     )
-    found.speed()
-    return found
+    replay.speed()
+    return replay
 
 
 def _socket(text: str, known: str, what: str, options: Mapping[str, Collection[str]]) -> Endpoint:
@@ -130,29 +130,29 @@ def _socket(text: str, known: str, what: str, options: Mapping[str, Collection[s
 
 @dataclass(frozen=True, slots=True)
 class Access:
-    """Who may connect."""
+    """The permission to connect."""
 
     remote: bool = False
     """Whether addresses of other machines may be used."""
     token: bytes = b""
-    """What a client has to show first; empty: nothing."""
+    """Bytes that a client has to send first; empty: none."""
 
-    def admits(self, shown: bytes) -> bool:
-        """Whether this is the token; it takes the same time wherever the first wrong byte is."""
-        return hmac.compare_digest(shown.strip(), self.token)
+    def admits(self, token: bytes) -> bool:
+        """Whether this is the token; the comparison takes constant time."""
+        return hmac.compare_digest(token.strip(), self.token)
 
 
 def access(*, allow_remote: bool, token_file: Path | None) -> Access:
-    """Read who may connect.
+    """Read the permission to connect.
 
     Raises
     ------
     SettingsError
-        Where remote access is asked for without a token, or the token is too short, or cannot be read.
+        Where remote access has no token, or the token is too short or cannot be read.
     """
     if token_file is None:
         if allow_remote:
-            raise SettingsError("--allow-remote needs --token-file FILE: whoever connects has to show it")
+            raise SettingsError("--allow-remote needs --token-file FILE: each client has to send its token")
         return Access()
     try:
         with token_file.open("rb") as file:

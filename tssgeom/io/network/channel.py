@@ -1,4 +1,4 @@
-"""Bytes out without ever waiting: what a peer does not take at once waits in a bounded store."""
+"""Bytes out without blocking: those that a peer does not take at once wait in a bounded buffer."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from collections.abc import Callable
 from contextlib import suppress
 
 BACKLOG = 1 << 20
-"""Bytes that wait for a peer at most, 1 MiB."""
+"""Largest number of bytes that wait for a peer, 1 MiB; chosen: some 1000 answers."""
 
-_CHUNK = 1 << 18
+_CHUNK = 1 << 18  # bytes that are received at once; chosen
 
 READ, WRITE = selectors.EVENT_READ, selectors.EVENT_WRITE
 
@@ -23,17 +23,17 @@ class Channel:
     Parameters
     ----------
     selector
-        Calls back what is registered with it.
+        Calls the functions that are registered with it.
     sock
         Connected; it is made non-blocking.
     received
-        Called with what came in.
+        Called with received bytes.
     gone
         Called once, when the peer has closed or broken the connection.
     backlog
-        Bytes that wait for the peer at most.
+        Largest number of bytes that wait for the peer.
     ended
-        Called before `gone` where the peer has closed the connection in order: all that it sent has come.
+        Called before `gone` where the peer has closed the connection in order, after its last byte.
     """
 
     __slots__ = ("_backlog", "_ended", "_gone", "_received", "_selector", "_waiting", "sock")
@@ -79,7 +79,7 @@ class Channel:
         return True
 
     def close(self) -> None:
-        """Close the socket; what waits is lost."""
+        """Close the socket; waiting bytes are lost."""
         if self.open:
             self._selector.unregister(self.sock)
             self.sock.close()
@@ -124,8 +124,8 @@ class Channel:
 class Pipe:
     """Standard output or standard error: a pipe, a terminal or a file.
 
-    The descriptor may be shared with other programs, so it is not made non-blocking; it is written only
-    while it polls as writable, in pieces that it then takes at once. Lines that find no room are refused.
+    The descriptor may be shared with other programs, so it stays blocking; it is written only while it polls
+    as writable, in pieces that it then takes at once. Lines without room are refused.
     """
 
     __slots__ = ("_fd", "_poll", "_selector", "_waiting", "closed")
@@ -169,7 +169,7 @@ class Pipe:
                     taken += os.write(self._fd, view[taken : taken + select.PIPE_BUF])
                 except BlockingIOError:
                     break
-                except OSError:  # the reader has gone
+                except OSError:  # the reader has closed it
                     self.closed = True
                     return len(view)
         return taken

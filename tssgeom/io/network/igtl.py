@@ -15,17 +15,17 @@ from pyigtl.messages import CRC64, MessageBase, PolyDataMessage, StringMessage
 
 from tssgeom.arrays import Points
 from tssgeom.errors import ShapeError
-from tssgeom.io.formats.units import PER_METRE
+from tssgeom.io.formats.recording import PER_METRE
 
 HEADER = MessageBase.IGTL_HEADER_SIZE
 """Bytes of a header."""
 LARGEST = 1 << 20
-"""Bytes of the largest body that is read, 1 MiB."""
+"""Bytes of the largest body that is read, 1 MiB: the limit of the stream."""
 
-_POINT = np.dtype([("about", "S100"), ("place", ">f4", 3), ("more", "S24")])
-_POSITIONS = np.dtype([("about", "S100"), ("place", ">f4", 3), ("turn", ">f4", 4), ("more", "S24")])
-_POLYDATA = 40  # bytes that tell the numbers of points and cells
-_PLACE = ">f4"
+_POINT = np.dtype([("about", "S100"), ("position", ">f4", 3), ("more", "S24")])
+_LIST = np.dtype([("about", "S100"), ("position", ">f4", 3), ("turn", ">f4", 4), ("more", "S24")])
+_POLYDATA = 40  # bytes with the numbers of points and cells
+_COORDINATE = ">f4"
 _CHECKSUM = slice(50, 58)
 _KINDS = ("POINT", "POLYDATA", "POSITION", "TRANSFORM", "STRING")
 _VERSIONS = (1, 2)
@@ -33,12 +33,12 @@ _VERSIONS = (1, 2)
 
 @dataclass(frozen=True, slots=True)
 class Header:
-    """What the first bytes of a message tell."""
+    """The first bytes of a message."""
 
     kind: str
     device: str
     time: float
-    """Time of the sender since 1970 [s]; 0 where it tells none."""
+    """Time of the sender since 1970 [s]; 0 where it states none."""
     size: int
     """Bytes of the body."""
     fields: dict[str, Any]
@@ -51,8 +51,8 @@ class Message:
     """One message with its content."""
 
     header: Header
-    places: Points
-    """Places that it tells [n, 3], of one sensor or of a whole route [m]."""
+    positions: Points
+    """Positions [n, 3] of one sensor or of a whole route [m]."""
     metadata: dict[str, str]
     text: str = ""
     """Of a STRING."""
@@ -92,7 +92,7 @@ def header_of(data: bytes | bytearray) -> Header:
 
 
 def message_of(header: Header, body: bytes) -> Message | None:
-    """Read the body of a message; None where it is of a kind that tells no shape.
+    """Read the body of a message; None where its kind holds no shape.
 
     Raises
     ------
@@ -110,33 +110,33 @@ def message_of(header: Header, body: bytes) -> Message | None:
         raise ShapeError(f"{header.kind} of {header.device!r}: broken extended header ({error})") from error
     if header.kind == "STRING":
         return Message(header, np.empty((0, 3)), raw.metadata, _text(raw.content))
-    places = _places(header, raw.content)
-    return Message(header, places.astype(np.float64) / PER_METRE["mm"], raw.metadata)
+    positions = _positions(header, raw.content)
+    return Message(header, positions.astype(np.float64) / PER_METRE["mm"], raw.metadata)
 
 
-def _places(header: Header, content: bytes) -> np.ndarray:
+def _positions(header: Header, content: bytes) -> np.ndarray:
     if header.kind == "POINT":
         return _rows(header, content, _POINT)
     if header.kind == "POLYDATA":
         return _polydata(header, content)
     if header.kind == "TRANSFORM":
         _require(header, content, len(content) == 48)
-        return np.frombuffer(content, _PLACE)[None, 9:12]
-    if len(content) in (12, 24, 28):  # the protocol's own: one place, with a quaternion of 3 or 4 numbers
-        return np.frombuffer(content, _PLACE, 3)[None]
-    return _rows(header, content, _POSITIONS)  # pyigtl's: a list of named places
+        return np.frombuffer(content, _COORDINATE)[None, 9:12]
+    if len(content) in (12, 24, 28):  # the protocol's own: one position, with a quaternion of 3 or 4 numbers
+        return np.frombuffer(content, _COORDINATE, 3)[None]
+    return _rows(header, content, _LIST)  # pyigtl's: a list of named positions
 
 
 def _rows(header: Header, content: bytes, row: np.dtype) -> np.ndarray:
     _require(header, content, len(content) % row.itemsize == 0)
-    return np.frombuffer(content, row)["place"]
+    return np.frombuffer(content, row)["position"]
 
 
 def _polydata(header: Header, content: bytes) -> np.ndarray:
     _require(header, content, len(content) >= _POLYDATA)
     points, *cells = np.frombuffer(content, ">u4", 10).tolist()
     _require(header, content, _POLYDATA + 12 * points + sum(cells[1:8:2]) <= len(content))
-    return np.frombuffer(content, _PLACE, 3 * points, _POLYDATA).reshape(-1, 3)
+    return np.frombuffer(content, _COORDINATE, 3 * points, _POLYDATA).reshape(-1, 3)
 
 
 def _require(header: Header, content: bytes, sound: bool) -> None:
@@ -147,7 +147,7 @@ def _require(header: Header, content: bytes, sound: bool) -> None:
 
 
 def _text(content: bytes) -> str:
-    """Text of a STRING; empty where its length is wrong."""
+    """Return the text of a STRING; empty where its length is wrong."""
     if len(content) < 4 or len(content) - 4 != int.from_bytes(content[2:4], "big"):
         return ""
     return content[4:].decode("utf-8", "replace")

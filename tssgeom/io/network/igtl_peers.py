@@ -17,6 +17,7 @@ import numpy as np
 
 from tssgeom.arrays import Points, read_only
 from tssgeom.errors import ShapeError
+from tssgeom.io.formats.columns import MEASURED
 from tssgeom.io.network.addresses import Access, Endpoint, resolved
 from tssgeom.io.network.channel import WRITE, Channel
 from tssgeom.io.network.igtl import (
@@ -30,54 +31,62 @@ from tssgeom.io.network.igtl import (
 )
 from tssgeom.io.network.mailbox import Clock, Mailbox
 from tssgeom.io.network.sinks import TcpSink
+from tssgeom.io.network.sources import Source
 from tssgeom.stream import Frame, FrameResult, Rejected
 
-_FIRST_PAUSE, _LONGEST_PAUSE = 0.1, 5.0  # s until the next attempt to connect
-_ONE_PLACE = 200  # bytes of a POINT message that can hold no more than one
-_MOST_NODES = 256  # of a route that is sent
-_NUMBERS = {
-    "tension_in_N": "tension_in",
-    "tension_out_N": "tension_out",
-    "displacement_in_m": "displacement_in",
-    "elongation_m": "elongation",
+_ONE_POINT = 200  # bytes of a POINT message that can hold one point only
+_MOST_NODES = 256  # nodes of a route that is sent; chosen: as many as a display resolves
+_NUMBERS = {name: field for name, (field, per_si) in MEASURED.items() if per_si == 1.0} | {
     "displacement_target_m": "displacement_target",
     "tension_out_target_N": "tension_out_target",
     "length_m": "length",
-    "temperature_C": "temperature",
-    "noise_m": "noise",
 }
+"""Names of numbers in the metadata, and the fields of `Frame` that they fill."""
+
+
+@dataclass(frozen=True, slots=True)
+class Backoff:
+    """Pauses between attempts to connect, each twice as long as the last."""
+
+    first_s: float = 0.1
+    """First pause [s]; chosen."""
+    longest_s: float = 5.0
+    """Longest pause [s]; chosen: a restarted server is found soon."""
+
+
+BACKOFF = Backoff()
 
 
 @dataclass(slots=True)
 class Rounds:
-    """Sensors that tell their places one after the other, put together to shapes.
+    """Shapes out of sensors that send their positions one after the other.
 
-    A shape is whole when every sensor has told its place, or when one of them does so again; who has not
-    is a point that was not seen.
+    A shape is complete when every sensor has sent its position, or when one of them sends again; a sensor
+    that has not is a point that was not observed.
     """
 
     names: Sequence[str]
-    """The sensors, proximal to distal; where none is named, all that come, in the order of their names."""
+    """The sensors, proximal to distal; by default all that send, in the order of their names."""
     learning: bool
-    _told: dict[str, Message] = field(default_factory=dict)
+    _received: dict[str, Message] = field(default_factory=dict)
 
     def shape(self, message: Message) -> tuple[Message, Points] | None:
-        """Take in one place; return a shape if one is whole [n, 3], and the message that came last in it."""
+        """Add one position; return a shape if one is complete [n, 3], and the last message in it."""
         whole, device = None, message.header.device
         if not self.learning and device not in self.names:
             return None
-        if device in self._told:
+        if device in self._received:
             whole = self._ended()
-        self._told[device] = message
-        return self._ended() if set(self.names) == set(self._told) else whole
+        self._received[device] = message
+        return self._ended() if set(self.names) == set(self._received) else whole
 
     def _ended(self) -> tuple[Message, Points]:
-        last = next(reversed(self._told.values()))
-        if self.learning and not set(self._told) <= set(self.names):
-            self.names = sorted({*self.names, *self._told}, key=_natural)
-        unseen = np.full((1, 3), np.nan)
-        rows = [self._told[name].places if name in self._told else unseen for name in self.names]
-        self._told.clear()
+        last = next(reversed(self._received.values()))
+        if self.learning and not set(self._received) <= set(self.names):
+            self.names = sorted({*self.names, *self._received}, key=_natural)
+        unknown = np.full((1, 3), np.nan)
+        rows = [self._received[name].positions if name in self._received else unknown for name in self.names]
+        self._received.clear()
         return last, np.concatenate(rows)
 
 
@@ -86,10 +95,8 @@ def _natural(name: str) -> list[tuple[int, int | str]]:
     return [(0, int(part)) if part.isdigit() else (1, part) for part in re.split(r"(\d+)", name) if part]
 
 
-class IgtlSource:
-    """A client of an OpenIGTLink server; where the server goes away, it is looked for again and again."""
-
-    ended = False
+class IgtlSource(Source):
+    """A client of an OpenIGTLink server; after a lost connection it tries again and again."""
 
     def __init__(
         self,
@@ -97,20 +104,20 @@ class IgtlSource:
         mailbox: Mailbox,
         endpoint: Endpoint,
         allowed: Access,
-        tell: Callable[[str], object],
+        report: Callable[[str], object],
     ) -> None:
         self._family, self._address = resolved(endpoint, allowed, socket.SOCK_STREAM)
         self.text = endpoint.at(self._address)
         self._sensors = endpoint.sensors()
-        self._selector, self._mailbox, self._tell = selector, mailbox, tell
+        self._selector, self._mailbox, self._report = selector, mailbox, report
         self._channel: Channel | None = None
-        self._calling: socket.socket | None = None
-        self._pause, self._next = _FIRST_PAUSE, 0.0
+        self._connecting: socket.socket | None = None
+        self._pause, self._next = BACKOFF.first_s, 0.0
         self._begin()
 
     def due(self) -> float | None:
-        """When to connect next, as `monotonic` tells time [s]; None while connected."""
-        return None if self._channel or self._calling else self._next
+        """Return when to connect next, in the time of `monotonic` [s]; None while connected."""
+        return None if self._channel or self._connecting else self._next
 
     def pull(self) -> None:
         """Try to connect."""
@@ -120,17 +127,14 @@ class IgtlSource:
             sock.close()
             self._wait()
             return
-        self._calling = sock
-        self._selector.register(sock, WRITE, self._called)
-
-    def tick(self) -> None:
-        """Nothing."""
+        self._connecting = sock
+        self._selector.register(sock, WRITE, self._connected)
 
     def close(self) -> None:
-        """Let go of the connection."""
-        if self._calling is not None:
-            self._selector.unregister(self._calling)
-            self._calling.close()
+        """Close the connection."""
+        if self._connecting is not None:
+            self._selector.unregister(self._connecting)
+            self._connecting.close()
         if self._channel is not None:
             self._channel.close()
 
@@ -138,8 +142,8 @@ class IgtlSource:
         self._data, self._clock = bytearray(), Clock()
         self._rounds = Rounds(self._sensors, not self._sensors)
 
-    def _called(self, events: int) -> None:
-        sock, self._calling = self._calling, None
+    def _connected(self, events: int) -> None:
+        sock, self._connecting = self._connecting, None
         if sock is None:
             return
         self._selector.unregister(sock)
@@ -149,16 +153,16 @@ class IgtlSource:
             return
         self._begin()
         self._channel = Channel(self._selector, sock, self._received, self._gone)
-        self._tell(f"{self.text}: connected")
+        self._report(f"{self.text}: connected")
 
     def _gone(self) -> None:
         self._channel = None
-        self._tell(f"{self.text}: the server has gone: looking for it again")
+        self._report(f"{self.text}: the server has gone: connecting again")
         self._wait()
 
     def _wait(self) -> None:
         self._next = monotonic() + self._pause
-        self._pause = min(2.0 * self._pause, _LONGEST_PAUSE)
+        self._pause = min(2.0 * self._pause, BACKOFF.longest_s)
 
     def _received(self, data: bytes) -> None:
         now = perf_counter_ns()
@@ -180,13 +184,13 @@ class IgtlSource:
 
     def _taken(self, header: Header, body: bytes, now: int) -> None:
         one = header.kind in ("TRANSFORM", "POSITION") or (
-            header.kind == "POINT" and header.size < _ONE_PLACE
+            header.kind == "POINT" and header.size < _ONE_POINT
         )
         if one:
             self._sensed(header, body, now)
         elif header.kind in ("POINT", "POLYDATA"):
-            self._pause = _FIRST_PAUSE
-            self._mailbox.post(self._clock, partial(_opened, header, body), now)
+            self._pause = BACKOFF.first_s
+            self._mailbox.post(self._clock, partial(_decoded, header, body), now)
 
     def _sensed(self, header: Header, body: bytes, now: int) -> None:
         try:
@@ -196,9 +200,9 @@ class IgtlSource:
             return
         if message is None:
             return
-        self._pause = _FIRST_PAUSE
-        if len(message.places) > 1:
-            self._mailbox.post(self._clock, partial(_frame_or_refusal, message, message.places), now)
+        self._pause = BACKOFF.first_s
+        if len(message.positions) > 1:
+            self._mailbox.post(self._clock, partial(_frame_or_refusal, message, message.positions), now)
             return
         if (whole := self._rounds.shape(message)) is not None:
             self._mailbox.post(self._clock, partial(_frame_or_refusal, *whole), now)
@@ -208,62 +212,46 @@ class IgtlSource:
         self._mailbox.post(self._clock, lambda: refused, now)
 
 
-def _opened(header: Header, body: bytes) -> Frame | Rejected:
+def _decoded(header: Header, body: bytes) -> Frame | Rejected:
     try:
         message = message_of(header, body)
     except ShapeError as error:
         return Rejected(0, header.time or math.nan, str(error))
     if message is None:
-        return Rejected(0, header.time, f"{header.kind} tells no shape")
-    return _frame_or_refusal(message, message.places)
+        return Rejected(0, header.time, f"{header.kind} holds no shape")
+    return _frame_or_refusal(message, message.positions)
 
 
-def _frame_or_refusal(message: Message, places: Points) -> Frame | Rejected:
+def _frame_or_refusal(message: Message, positions: Points) -> Frame | Rejected:
     when = message.header.time or time.time()
-    told = {field: message.metadata[name] for name, field in _NUMBERS.items() if name in message.metadata}
+    stated = {field: message.metadata[name] for name, field in _NUMBERS.items() if name in message.metadata}
     try:
-        numbers = {field: float(text) for field, text in told.items()}
+        numbers = {field: float(text) for field, text in stated.items()}
     except ValueError as error:
         return Rejected(0, when, f"metadata: {error}: write numbers")
-    return replace(Frame(read_only(places), when, id=message.metadata.get("id", "")), **numbers)
+    return replace(Frame(read_only(positions), when, id=message.metadata.get("id", "")), **numbers)
 
 
-class IgtlSink:
+class IgtlSink(TcpSink):
     """An OpenIGTLink server: each answer as a STRING, and its route as a POLYDATA."""
-
-    broken = False
 
     def __init__(
         self,
         selector: selectors.BaseSelector,
         endpoint: Endpoint,
         allowed: Access,
-        tell: Callable[[str], object],
+        report: Callable[[str], object],
     ) -> None:
-        self._sink = TcpSink(
-            selector, endpoint, allowed, tell, shown=first_string, farewell=lambda line: _string(line)
-        )
-        self.text = self._sink.text
-        self.tick, self.close = self._sink.tick, self._sink.close
-
-    @property
-    def unsent(self) -> int:
-        """Answers that found no room."""
-        return self._sink.unsent
-
-    @property
-    def waiting(self) -> bool:
-        """Whether a client still has to take something."""
-        return self._sink.waiting
+        super().__init__(selector, endpoint, allowed, report, split_token=first_string, pack=_string)
 
     def publish(self, line: bytes, result: FrameResult | None) -> None:
-        """Send an answer, and the route where it tells one."""
-        if not (peers := self._sink.peers):
+        """Send an answer, and the route of its result."""
+        if not (peers := self.peers):
             return
         data = _string(line)
         if result is not None:
             data += route_message(_fewer(result.route.position), time.time())
-        self._sink.send(data, peers)
+        self.send(data, peers)
 
 
 def _string(line: bytes) -> bytes:
@@ -271,13 +259,13 @@ def _string(line: bytes) -> bytes:
 
 
 def _fewer(position: Points) -> Points:
-    """At most so many nodes as are sent, with both ends."""
-    chosen = np.linspace(0, len(position) - 1, min(len(position), _MOST_NODES))
-    return position[np.rint(chosen).astype(np.intp)]
+    """Return at most `_MOST_NODES` nodes, with both ends."""
+    index = np.linspace(0, len(position) - 1, min(len(position), _MOST_NODES))
+    return position[np.rint(index).astype(np.intp)]
 
 
 def first_string(greeting: bytes) -> tuple[bytes, bytes] | None:
-    """Split the text of a first STRING message from what follows; None as long as it is not whole."""
+    """Split the text of a first STRING message from what follows; None as long as it is incomplete."""
     if len(greeting) < HEADER:
         return None
     try:

@@ -1,4 +1,4 @@
-"""A listening socket: who connects is counted and asked for the token."""
+"""A listening socket: clients are counted, and admitted by their token."""
 
 from __future__ import annotations
 
@@ -14,15 +14,24 @@ from tssgeom.errors import SourceError
 from tssgeom.io.network.addresses import Access, Endpoint, resolved
 from tssgeom.io.network.channel import READ, Channel
 
-MOST_PEERS = 16
-"""Connections to one socket at a time."""
-MOST_NEW = 50
-"""New connections to one socket in one second."""
-PATIENCE = 5.0
-"""Time in which a client has to show the token [s]."""
 
-_HELD = 1 << 17  # bytes that the system holds for a client, so that a slow one is noticed
-_LONGEST_GREETING = 2048  # bytes in which the token has to come
+@dataclass(frozen=True, slots=True)
+class ConnectionLimits:
+    """Limits of one listening socket, so that no client disturbs the others."""
+
+    peers: int = 16
+    """Connections at a time; chosen: displays and recorders of one experiment."""
+    new_per_second: int = 50
+    """New connections in one second; chosen: a client that reconnects at once is refused."""
+    token_s: float = 5.0
+    """Time in which a client has to send its token [s]; chosen."""
+    token_bytes: int = 2048
+    """Bytes in which the token has to end; derived: twice the longest token."""
+    send_buffer_bytes: int = 1 << 17
+    """Bytes that the system buffers for a client; chosen: small, so that a slow client is detected."""
+
+
+LIMITS = ConnectionLimits()
 
 
 @dataclass(slots=True)
@@ -35,15 +44,15 @@ class Peer:
     admitted: bool
     greeting: bytes = b""
     received: Callable[[bytes], object] = field(default=len)
-    """What to do with what it sends, once it is admitted."""
+    """Called with its bytes once it is admitted."""
     ended: Callable[[], object] = lambda: None
-    """What to do when it has closed the connection in order."""
+    """Called when it has closed the connection in order."""
 
 
 def socket_error(endpoint: Endpoint, error: OSError) -> SourceError:
-    """Say that a socket could not be made."""
+    """Return the error to raise where a socket could not be made."""
     what = error.strerror or str(error)
-    return SourceError(f"{endpoint.text}: {what}: choose another port, or end what holds it")
+    return SourceError(f"{endpoint.text}: {what}: choose another port, or end the program that holds it")
 
 
 class Listener:
@@ -52,19 +61,19 @@ class Listener:
     Parameters
     ----------
     selector
-        Calls back what is registered with it.
+        Calls the functions that are registered with it.
     endpoint
-        Where to listen; port 0 is any that is free.
+        Address of the socket; port 0 is any free port.
     allowed
-        Who may connect.
+        Permission to connect.
     connected
-        Called with each client that is admitted; it sets `received`, and `ended` where that matters.
-    tell
+        Called with each client that is admitted; it sets `received` and, if needed, `ended`.
+    report
         Called with a sentence for the user.
-    shown
-        Finds the token in the first bytes of a client, with what follows it; None as long as it is not whole.
-    farewell
-        Packs the line that says why a client is cut off, where it is not sent as it is.
+    split_token
+        Splits the first bytes of a client into token and rest; None as long as the token is incomplete.
+    pack
+        Packs the line with the reason for which a client is cut off.
     """
 
     def __init__(
@@ -74,40 +83,40 @@ class Listener:
         allowed: Access,
         *,
         connected: Callable[[Peer], object],
-        tell: Callable[[str], object],
-        shown: Callable[[bytes], tuple[bytes, bytes] | None],
-        farewell: Callable[[bytes], bytes] = bytes,
+        report: Callable[[str], object],
+        split_token: Callable[[bytes], tuple[bytes, bytes] | None],
+        pack: Callable[[bytes], bytes] = bytes,
     ) -> None:
         family, address = resolved(endpoint, allowed, socket.SOCK_STREAM)
         try:
-            self._socket = socket.create_server(address, family=family, backlog=MOST_PEERS)
+            self._socket = socket.create_server(address, family=family, backlog=LIMITS.peers)
         except OSError as error:
             raise socket_error(endpoint, error) from error
         self._socket.setblocking(False)
         self.text = endpoint.at(self._socket.getsockname())
         self.peers = list[Peer]()
-        self._selector, self._allowed, self._tell = selector, allowed, tell
-        self._connected, self._shown, self._packed = connected, shown, farewell
+        self._selector, self._allowed, self._report = selector, allowed, report
+        self._connected, self._split_token, self._pack = connected, split_token, pack
         self._second, self._new = 0.0, 0
         selector.register(self._socket, READ, self._accept)
 
     @property
     def admitted(self) -> list[Peer]:
-        """The clients that have shown the token, or need none."""
+        """The clients that have sent the token, or need none."""
         return [peer for peer in self.peers if peer.admitted]
 
     def cut(self, peer: Peer, reason: str) -> None:
-        """Tell a client, if it listens, and the user why it is cut off, and do it."""
-        self._tell(f"{self.text}: {peer.name} cut off: {reason}")
+        """Close the connection of a client; it and the user get the reason."""
+        self._report(f"{self.text}: {peer.name} cut off: {reason}")
         peer.channel.send(self._farewell(reason))
         peer.channel.close()
         self._forget(peer)
 
     def tick(self) -> None:
-        """Cut off who has not shown the token in time."""
+        """Cut off clients that have not sent the token in time."""
         for peer in [peer for peer in self.peers if not peer.admitted]:
-            if monotonic() - peer.since > PATIENCE:
-                self.cut(peer, f"no token within {PATIENCE:g} s")
+            if monotonic() - peer.since > LIMITS.token_s:
+                self.cut(peer, f"no token within {LIMITS.token_s:g} s")
 
     def close(self) -> None:
         """Close the socket and all connections."""
@@ -119,11 +128,11 @@ class Listener:
     def _accept(self, events: int) -> None:
         try:
             sock, address = self._socket.accept()
-        except OSError:  # it has gone again
+        except OSError:  # the client has closed it again
             return
         name = f"{address[0]}:{address[1]}"
         if reason := self._full():
-            self._tell(f"{self.text}: {name} refused: {reason}")
+            self._report(f"{self.text}: {name} refused: {reason}")
             sock.setblocking(False)
             with suppress(OSError):
                 sock.send(self._farewell(reason))
@@ -131,7 +140,7 @@ class Listener:
             return
         with suppress(OSError):
             sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _HELD)
+            sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, LIMITS.send_buffer_bytes)
         channel = Channel(
             self._selector,
             sock,
@@ -145,25 +154,26 @@ class Listener:
             self._connected(peer)
 
     def _full(self) -> str:
-        """Say why no further client is let in now; nothing where it is."""
+        """Return why no further client is admitted now; empty where one is."""
         second = monotonic() // 1.0
         self._new = self._new + 1 if second == self._second else 1
         self._second = second
-        if len(self.peers) >= MOST_PEERS:
-            return f"{MOST_PEERS} clients are connected, which is the most"
-        return f"more than {MOST_NEW} connections in a second" if self._new > MOST_NEW else ""
+        if len(self.peers) >= LIMITS.peers:
+            return f"{LIMITS.peers} clients are connected, which is the most"
+        most = LIMITS.new_per_second
+        return f"more than {most} connections in a second" if self._new > most else ""
 
     def _received(self, peer: Peer, data: bytes) -> None:
         if peer.admitted:
             peer.received(data)
             return
         peer.greeting += data
-        found = self._shown(peer.greeting)
-        if found is None:
-            if len(peer.greeting) > _LONGEST_GREETING:
+        parts = self._split_token(peer.greeting)
+        if parts is None:
+            if len(peer.greeting) > LIMITS.token_bytes:
                 self.cut(peer, "the token has to come first, as a line of its own")
             return
-        token, rest = found
+        token, rest = parts
         if not self._allowed.admits(token):
             self.cut(peer, "wrong token")
             return
@@ -173,11 +183,11 @@ class Listener:
             peer.received(rest)
 
     def _forget(self, peer: Peer) -> None:
-        if peer in self.peers:  # a farewell may have found it gone
+        if peer in self.peers:  # sending the reason may have failed and removed it
             self.peers.remove(peer)
 
     def _farewell(self, reason: str) -> bytes:
-        return self._packed(json.dumps({"closed": reason}).encode() + b"\n")
+        return self._pack(json.dumps({"closed": reason}).encode() + b"\n")
 
 
 def first_line(greeting: bytes) -> tuple[bytes, bytes] | None:

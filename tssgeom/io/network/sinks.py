@@ -1,4 +1,4 @@
-"""Where results go to: standard output, TCP clients and a UDP address. None of them is ever waited for."""
+"""Sinks of results: standard output, TCP clients and a UDP address. The stream waits for none of them."""
 
 from __future__ import annotations
 
@@ -6,66 +6,55 @@ import selectors
 import socket
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Protocol
 
 from tssgeom.io.network.addresses import Access, Endpoint, resolved
 from tssgeom.io.network.channel import BACKLOG, Pipe
 from tssgeom.io.network.listener import Listener, Peer, first_line
 from tssgeom.stream import FrameResult
 
-_LARGEST = 65_507  # bytes that a datagram carries
+_LARGEST_DATAGRAM = 65_507  # bytes of UDP over IPv4
 _SLOW = f"it has not read {BACKLOG} bytes of results (1 MiB) that wait for it"
 
 
-class Sink(Protocol):
-    """What a sink can do."""
+class Sink:
+    """Answers to one address; without any of its methods overridden, they are discarded."""
 
-    text: str
-    """Its address, as it is told to the user."""
-
-    @property
-    def unsent(self) -> int:
-        """Lines that found no room."""
-        ...
+    text: str = "none"
+    """Its address, as the user reads it."""
+    unsent: int = 0
+    """Lines that found no room."""
 
     def publish(self, line: bytes, result: FrameResult | None) -> None:
-        """Send one line; `result` is what it tells, where it is the answer to a good frame."""
-        ...
+        """Send one line; `result` is the result that it holds, if it answers a good frame."""
 
     def tick(self) -> None:
-        """Do what is to be done once a while."""
-        ...
+        """Do periodic work."""
 
     @property
     def waiting(self) -> bool:
-        """Whether something is still to be sent."""
-        ...
+        """Whether bytes are still to be sent."""
+        return False
 
     @property
     def broken(self) -> bool:
-        """Whether nobody can read from it any more."""
-        ...
+        """Whether its reader has closed it for good."""
+        return False
 
     def close(self) -> None:
-        """Let go of sockets."""
-        ...
+        """Close sockets."""
 
 
-class StandardOutput:
-    """A line each on standard output; where it is not read, lines that find no room are given up."""
+class StandardOutput(Sink):
+    """A line each on standard output; lines without room are dropped."""
 
     text = "-"
 
     def __init__(self, selector: selectors.BaseSelector, fd: int = 1) -> None:
         self._pipe = Pipe(selector, fd)
-        self.unsent = 0
 
     def publish(self, line: bytes, result: FrameResult | None) -> None:
         """Write a line, or count it as not sent."""
         self.unsent += not self._pipe.send(line)
-
-    def tick(self) -> None:
-        """Nothing."""
 
     @property
     def waiting(self) -> bool:
@@ -74,64 +63,40 @@ class StandardOutput:
 
     @property
     def broken(self) -> bool:
-        """Whether the reader has gone."""
+        """Whether the reader has closed it."""
         return self._pipe.closed
 
-    def close(self) -> None:
-        """Nothing; the descriptor belongs to the process."""
 
-
-class Nowhere:
-    """Answers that nobody reads."""
-
-    text = "none"
-    unsent = 0
-    waiting = broken = False
-
-    def publish(self, line: bytes, result: FrameResult | None) -> None:
-        """Nothing."""
-
-    def tick(self) -> None:
-        """Nothing."""
-
-    def close(self) -> None:
-        """Nothing."""
-
-
-class TcpSink:
-    """Every line to each client, from its connection on; who does not read is cut off."""
-
-    broken = False
+class TcpSink(Sink):
+    """Every line to each client, from its connection on; a slow client is cut off."""
 
     def __init__(
         self,
         selector: selectors.BaseSelector,
         endpoint: Endpoint,
         allowed: Access,
-        tell: Callable[[str], object],
+        report: Callable[[str], object],
         *,
-        shown: Callable[[bytes], tuple[bytes, bytes] | None] = first_line,
-        farewell: Callable[[bytes], bytes] = bytes,
+        split_token: Callable[[bytes], tuple[bytes, bytes] | None] = first_line,
+        pack: Callable[[bytes], bytes] = bytes,
     ) -> None:
         self._listener = Listener(
             selector,
             endpoint,
             allowed,
             connected=lambda peer: None,
-            tell=tell,
-            shown=shown,
-            farewell=farewell,
+            report=report,
+            split_token=split_token,
+            pack=pack,
         )
         self.text = self._listener.text
-        self.unsent = 0
-        self.tick, self.close = self._listener.tick, self._listener.close
 
     def publish(self, line: bytes, result: FrameResult | None) -> None:
         """Send a line to every client."""
-        self.send(line, self._listener.admitted)
+        self.send(line, self.peers)
 
     def send(self, data: bytes, peers: list[Peer]) -> None:
-        """Send to some clients, and cut off those who have left too much unread."""
+        """Send to some clients, and cut off those that have left too much unread."""
         for peer in peers:
             if not peer.channel.send(data):
                 self.unsent += 1
@@ -145,31 +110,34 @@ class TcpSink:
 
     @property
     def waiting(self) -> bool:
-        """Whether a client still has to take something."""
-        return any(peer.channel.waiting for peer in self._listener.admitted)
+        """Whether bytes wait for a client."""
+        return any(peer.channel.waiting for peer in self.peers)
+
+    def tick(self) -> None:
+        """Cut off clients without a token."""
+        self._listener.tick()
+
+    def close(self) -> None:
+        """Close the socket and all connections."""
+        self._listener.close()
 
 
-class UdpSink:
-    """A line in each datagram; nobody knows whether it arrives."""
-
-    broken = waiting = False
+class UdpSink(Sink):
+    """A line in each datagram; its arrival is not confirmed."""
 
     def __init__(self, endpoint: Endpoint, allowed: Access) -> None:
         family, self._address = resolved(endpoint, allowed, socket.SOCK_DGRAM)
         self._socket = socket.socket(family, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
-        self.text, self.unsent = endpoint.at(self._address), 0
+        self.text = endpoint.at(self._address)
 
     def publish(self, line: bytes, result: FrameResult | None) -> None:
         """Send a datagram, or count it as not sent."""
         with suppress(OSError):
-            if len(line) <= _LARGEST:
+            if len(line) <= _LARGEST_DATAGRAM:
                 self._socket.sendto(line, self._address)
                 return
         self.unsent += 1
-
-    def tick(self) -> None:
-        """Nothing."""
 
     def close(self) -> None:
         """Close the socket."""

@@ -1,7 +1,7 @@
-"""Where frames come from: standard input, TCP, UDP and files that are replayed.
+"""Sources of frames: standard input, TCP, UDP and files that are replayed.
 
 Senders on a socket cannot be held back, so their newest frame wins. Standard input and files wait instead:
-the next frame is taken from them when the last one has been answered.
+their next frame is read when the last one has been answered.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ import selectors
 import socket
 import sys
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from functools import partial
 from time import monotonic, perf_counter_ns
-from typing import Protocol
 
 from tssgeom.errors import ShapeError, TssgeomError
 from tssgeom.io.formats.files import open_recording
@@ -23,48 +23,57 @@ from tssgeom.io.formats.jsonl import frame_or_refusal
 from tssgeom.io.formats.recording import usable
 from tssgeom.io.network.addresses import Access, Endpoint, resolved
 from tssgeom.io.network.channel import READ
-from tssgeom.io.network.lines import LOOKED_AT, Lines
 from tssgeom.io.network.listener import Listener, Peer, first_line, socket_error
-from tssgeom.io.network.mailbox import Clock, Mailbox
+from tssgeom.io.network.mailbox import LIMITS, Clock, Lines, Mailbox
 from tssgeom.stream import Frame, Rejected
 
-_CHUNK = 1 << 16  # bytes
-_LARGEST = 1 << 16  # bytes of a datagram
-_ROOM = 1 << 22  # bytes of datagrams that the system is asked to hold
-_AT_ONCE = 64  # datagrams
-_LOST = 40  # SO_RXQ_OVFL of Linux: tells datagrams that found no room
-_MOST_SENDERS = 64
+_CHUNK = 1 << 16  # bytes that are read at once from standard input: the size of a pipe of Linux
+_LOST = 40  # SO_RXQ_OVFL of Linux: counts the datagrams without room
 
 
-class Source(Protocol):
-    """What a source can do."""
+@dataclass(frozen=True, slots=True)
+class DatagramLimits:
+    """Limits of a socket that receives datagrams."""
+
+    largest_bytes: int = 1 << 16
+    """Bytes of a datagram; cited: UDP allows 65 507."""
+    buffer_bytes: int = 1 << 22
+    """Bytes of datagrams that the system is asked to buffer; chosen: 64 of the largest."""
+    at_once: int = 64
+    """Datagrams that are read before other work; derived: those that the buffer holds."""
+    senders: int = 64
+    """Senders whose clocks are kept; chosen."""
+
+
+DATAGRAMS = DatagramLimits()
+
+
+class Source:
+    """Frames from one address; by default they are posted as they arrive and never end."""
 
     text: str
-    """Its address, as it is told to the user."""
+    """Its address, as the user reads it."""
 
     @property
     def ended(self) -> bool:
-        """Whether no frame can come any more."""
-        ...
+        """Whether no further frame can come."""
+        return False
 
     def due(self) -> float | None:
-        """When the next frame is to be pulled, as `monotonic` tells time [s]; None: it comes by itself."""
-        ...
+        """Return when to pull the next frame, in the time of `monotonic` [s]; None: on arrival."""
+        return None
 
     def pull(self) -> None:
-        """Post the next frame, if it is there."""
-        ...
+        """Post the next frame, if there is one."""
 
     def tick(self) -> None:
-        """Do what is to be done once a while."""
-        ...
+        """Do periodic work."""
 
     def close(self) -> None:
-        """Let go of sockets and files."""
-        ...
+        """Close sockets and files."""
 
 
-class StandardInput:
+class StandardInput(Source):
     """JSON lines on standard input; the writer waits until its frames are answered."""
 
     text = "-"
@@ -84,11 +93,11 @@ class StandardInput:
 
     @property
     def ended(self) -> bool:
-        """Whether the writer has closed it and all is read."""
+        """Whether the writer has closed it and every line is read."""
         return self._at_end and not self._waiting
 
     def due(self) -> float | None:
-        """Now, if lines wait or a file is read, which no selector takes."""
+        """Return 0, which is now, if lines wait or the input is a file, for which no selector works."""
         return 0.0 if self._waiting or self._ready or not (self._watched or self._at_end) else None
 
     def pull(self) -> None:
@@ -99,17 +108,14 @@ class StandardInput:
             self._mailbox.post(self._clock, self._waiting.pop())
         self._watch()
 
-    def tick(self) -> None:
-        """Nothing."""
-
     def close(self) -> None:
-        """Let go of the selector; the descriptor belongs to the process."""
+        """Unregister from the selector; the descriptor belongs to the process."""
         if self._watched:
             self._selector.unregister(self._fd)
             self._watched = False
 
     def _watch(self) -> None:
-        """Let the selector wake the loop for input only while nothing waits."""
+        """Let the selector wake the loop for input only while no line waits."""
         wanted = not self._waiting and not self._at_end
         if wanted == self._watched:
             return
@@ -133,17 +139,15 @@ class StandardInput:
             data = b""
         self._at_end = not data
         try:
-            lines, _ = self._lines.fed(data or b"\n")
+            lines, _ = self._lines.split(data or b"\n")
         except ShapeError as error:
             self._waiting = [partial(_refused, error)]
         else:
             self._waiting = [partial(frame_or_refusal, line, self._unit) for line in reversed(lines)]
 
 
-class TcpSource:
+class TcpSource(Source):
     """JSON lines from each client that connects."""
-
-    ended = False
 
     def __init__(
         self,
@@ -152,21 +156,21 @@ class TcpSource:
         endpoint: Endpoint,
         allowed: Access,
         unit: str | None,
-        tell: Callable[[str], object],
+        report: Callable[[str], object],
     ) -> None:
         self._mailbox, self._unit = mailbox, unit
         self._listener = Listener(
-            selector, endpoint, allowed, connected=self._connected, tell=tell, shown=first_line
+            selector, endpoint, allowed, connected=self._connected, report=report, split_token=first_line
         )
         self.text = self._listener.text
-        self.tick, self.close = self._listener.tick, self._listener.close
 
-    def due(self) -> float | None:
-        """Frames come by themselves."""
-        return None
+    def tick(self) -> None:
+        """Cut off clients without a token."""
+        self._listener.tick()
 
-    def pull(self) -> None:
-        """Nothing."""
+    def close(self) -> None:
+        """Close the socket and all connections."""
+        self._listener.close()
 
     def _connected(self, peer: Peer) -> None:
         peer.received = partial(self._received, peer, Lines(), Clock())
@@ -175,21 +179,19 @@ class TcpSource:
     def _received(self, peer: Peer, lines: Lines, clock: Clock, data: bytes) -> None:
         now = perf_counter_ns()
         try:
-            found, skipped = lines.fed(data, LOOKED_AT)
+            whole, skipped = lines.split(data, LIMITS.waiting)
         except ShapeError as error:
             self._mailbox.post(clock, partial(_refused, error), now)
             self._listener.cut(peer, str(error))
             return
         if skipped:
             self._mailbox.skip(skipped)
-        for line in found:
+        for line in whole:
             self._mailbox.post(clock, partial(frame_or_refusal, line, self._unit), now)
 
 
-class UdpSource:
-    """A frame as JSON in each datagram; where a token is asked for, it is the first line."""
-
-    ended = False
+class UdpSource(Source):
+    """A frame as JSON in each datagram; a required token is its first line."""
 
     def __init__(
         self,
@@ -207,7 +209,7 @@ class UdpSource:
             self._socket.close()
             raise socket_error(endpoint, error) from error
         self._socket.setblocking(False)
-        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _ROOM)
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, DATAGRAMS.buffer_bytes)
         self._counts_lost = os.uname().sysname == "Linux"
         if self._counts_lost:
             self._socket.setsockopt(socket.SOL_SOCKET, _LOST, 1)
@@ -218,32 +220,24 @@ class UdpSource:
         self._selector = selector
         selector.register(self._socket, READ, self._ready)
 
-    def due(self) -> float | None:
-        """Frames come by themselves."""
-        return None
-
-    def pull(self) -> None:
-        """Nothing."""
-
-    def tick(self) -> None:
-        """Nothing."""
-
     def close(self) -> None:
         """Close the socket."""
         self._selector.unregister(self._socket)
         self._socket.close()
 
     def _ready(self, events: int) -> None:
-        for _ in range(_AT_ONCE):
+        for _ in range(DATAGRAMS.at_once):
             try:
-                data, about, _, sender = self._socket.recvmsg(_LARGEST, 64 if self._counts_lost else 0)
+                data, about, _, sender = self._socket.recvmsg(
+                    DATAGRAMS.largest_bytes, 64 if self._counts_lost else 0
+                )
             except OSError:
                 return
             self._count_lost(about)
             self._received(data, sender)
 
     def _count_lost(self, about: list[tuple[int, int, bytes]]) -> None:
-        """Count the datagrams for which the system had no room as dropped."""
+        """Count the datagrams without room in the system's buffer as dropped."""
         for _, kind, value in about:
             if kind == _LOST:
                 lost = int.from_bytes(value[:4], sys.byteorder)
@@ -254,21 +248,21 @@ class UdpSource:
         if self._allowed.token:
             token, _, data = data.partition(b"\n")
             if not self._allowed.admits(token):
-                return  # who does not know the token is not answered and not counted
+                return  # a sender without the token gets no answer and no count
         if not data.strip():
             return
         self._mailbox.post(self._clock(sender), partial(frame_or_refusal, data.strip(), self._unit))
 
     def _clock(self, sender: tuple) -> Clock:
         if sender not in self._clocks:
-            while len(self._clocks) >= _MOST_SENDERS:
+            while len(self._clocks) >= DATAGRAMS.senders:
                 del self._clocks[next(iter(self._clocks))]
             self._clocks[sender] = Clock()
         return self._clocks[sender]
 
 
-class Replay:
-    """A recorded file, at its own pace or faster; where answers take longer it is late."""
+class Replay(Source):
+    """A recorded file, at its own pace or faster; it is late where answers take longer."""
 
     def __init__(self, mailbox: Mailbox, endpoint: Endpoint, unit: str | None) -> None:
         self.text = endpoint.text
@@ -280,7 +274,7 @@ class Replay:
         self._advance()
 
     def _advance(self) -> None:
-        """Read the next frame; one that cannot be used has no time that counts."""
+        """Read the next frame; the time of an unusable one is ignored."""
         self._next = next(self._frames, None)
         self._paced = isinstance(self._next, Frame) and usable(self._next)
 
@@ -290,7 +284,7 @@ class Replay:
         return self._next is None
 
     def due(self) -> float | None:
-        """When the next frame is to be answered, as `monotonic` tells time [s]."""
+        """Return when the next frame is to be answered, in the time of `monotonic` [s]."""
         if self._next is None:
             return None
         if self._begun is None or not self._paced:
@@ -308,15 +302,9 @@ class Replay:
         self._mailbox.post(self._clock, lambda: item)
         try:
             self._advance()
-        except TssgeomError as error:  # the file has gone or changed meanwhile
+        except TssgeomError as error:  # the file was removed or changed meanwhile
             self._mailbox.post(self._clock, partial(_refused, error))
             self._next = None
-
-    def tick(self) -> None:
-        """Nothing."""
-
-    def close(self) -> None:
-        """Nothing."""
 
 
 def _refused(error: TssgeomError) -> Rejected:

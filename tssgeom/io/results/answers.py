@@ -1,4 +1,4 @@
-"""What the stream says of each frame, as lines of JSON."""
+"""Answers of the stream to each frame, as lines of JSON."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import msgspec
 from tssgeom.route.pieces import Arcs
 from tssgeom.stream import FrameResult, Rejected
 
-_LONGEST = 512  # characters of a frame's own text in an answer
+_LONGEST_TEXT = 512  # characters of a frame's own text in an answer; chosen: ids and reasons fit
 
 
 class Segment(msgspec.Struct, frozen=True):
@@ -40,7 +40,7 @@ class Answer(msgspec.Struct, frozen=True, omit_defaults=True):
     latency_us: float
     """From the last byte of the frame to this line [µs]."""
     dropped: int
-    """Frames that were given up for newer ones, since the start."""
+    """Frames that were dropped for newer ones, since the start."""
     stale: bool
     displacement_command_m: float | None = None
     tension_command_N: float | None = None
@@ -52,14 +52,14 @@ class Refusal(msgspec.Struct, frozen=True, omit_defaults=True):
     """The answer to a bad frame."""
 
     t: float | None
-    """None where the frame did not tell it, as far as it could be read."""
+    """Time of the frame [s]; None where it holds none that could be read."""
     seq: int
     rejected: str
     id: str | int = ""
 
 
 class Stale(msgspec.Struct, frozen=True):
-    """Said once when frames stay away."""
+    """The one line that is sent when no frame has come for a while."""
 
     t: float
     """Time of the last good frame [s]."""
@@ -75,7 +75,7 @@ _encoder = msgspec.json.Encoder()
 
 def answer(result: FrameResult, time: float, seq: int, latency_us: float, dropped: int) -> bytes:
     """Write the answer to a good frame of a `time` by its sender's clock [s]."""
-    arcs, seen = result.arcs, result.transmission
+    arcs, transmission = result.arcs, result.transmission
     return _line(
         Answer(
             t=time,
@@ -83,12 +83,12 @@ def answer(result: FrameResult, time: float, seq: int, latency_us: float, droppe
             length_m=arcs.total_length,
             total_angle_rad=arcs.total_angle,
             total_angle_se_rad=arcs.total_angle_se,
-            tension_in_N=seen.tension_in,
-            tension_out_N=seen.tension_out,
-            elongation_m=seen.elongation,
-            elongation_se_m=seen.elongation_se,
-            direction_index=seen.direction_index,
-            dead_zone=seen.dead_zone,
+            tension_in_N=transmission.tension_in,
+            tension_out_N=transmission.tension_out,
+            elongation_m=transmission.elongation,
+            elongation_se_m=transmission.elongation_se,
+            direction_index=transmission.direction_index,
+            dead_zone=transmission.dead_zone,
             segments=_segments(arcs),
             latency_us=latency_us,
             dropped=dropped,
@@ -102,7 +102,7 @@ def answer(result: FrameResult, time: float, seq: int, latency_us: float, droppe
 
 
 def refusal(rejected: Rejected) -> bytes:
-    """Write the answer to a bad frame; what it holds of the frame's own text is cut short."""
+    """Write the answer to a bad frame; long text of the frame is cut."""
     time = rejected.time if math.isfinite(rejected.time) else None
     return _line(Refusal(time, rejected.seq, _cut(rejected.reason), _cut(rejected.id)))
 
@@ -112,7 +112,7 @@ def _cut(given: str) -> str: ...
 @overload
 def _cut(given: str | int) -> str | int: ...
 def _cut(given: str | int) -> str | int:
-    return given[:_LONGEST] + "…" if isinstance(given, str) and len(given) > _LONGEST else given
+    return given[:_LONGEST_TEXT] + "…" if isinstance(given, str) and len(given) > _LONGEST_TEXT else given
 
 
 def stale(time: float, seq: int, silent: float, dropped: int) -> bytes:

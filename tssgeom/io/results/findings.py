@@ -13,7 +13,7 @@ import numpy as np
 from tssgeom.atomic import write_text
 from tssgeom.effects import KINDS, chosen
 from tssgeom.identify.finding import Blame, Candidate, Estimate, Evidence, Finding, Gap, RouteBlame, Shape
-from tssgeom.io.formats.rigs import write_rig
+from tssgeom.rig import write_rig
 
 REPORT, RIG = "report.json", "rig.updated.toml"
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from tssgeom.atomic import replacing, write_text
 from tssgeom.errors import SourceError, require_replaceable
-from tssgeom.io.formats.units import PER_METRE
+from tssgeom.io.formats.recording import PER_METRE
 from tssgeom.stream import Frame
 
 _MM = PER_METRE["mm"]
@@ -23,12 +23,12 @@ Writer = Callable[[Path, Sequence[Frame], Sequence[np.ndarray]], None]
 
 
 def recording_writer(path: Path) -> Writer:
-    """Return what writes a recording to a file of this ending.
+    """Return the function that writes a recording to a file with this ending.
 
     Raises
     ------
     SourceError
-        Where the ending is none that is written, or the path is taken by what is no file.
+        Where no writer has this ending, or the path is no regular file.
     """
     writer = {".jsonl": _write_lines, ".ndjson": _write_lines, ".npz": _write_arrays}.get(path.suffix.lower())
     if writer is None:
@@ -55,8 +55,8 @@ def _line(frame: Frame, spread: np.ndarray) -> dict[str, Any]:
 
 
 def _rows(values: np.ndarray) -> list[list[float] | None]:
-    seen = np.asarray(np.isfinite(values).all(axis=1))
-    return [row if seen[k] else None for k, row in enumerate((values + 0.0).tolist())]
+    known = np.asarray(np.isfinite(values).all(axis=1))
+    return [row if known[k] else None for k, row in enumerate((values + 0.0).tolist())]
 
 
 def _write_arrays(path: Path, frames: Sequence[Frame], covariance: Sequence[np.ndarray]) -> None:

@@ -1,23 +1,31 @@
-"""`run.json`: how results came about, and what an earlier run left in a folder."""
+"""Records of a batch: `run.json` of a whole run, and a note of each input, so that a stopped run goes on."""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 import msgspec
+from filelock import FileLock, Timeout
 
-from tssgeom.errors import SourceError
-from tssgeom.io.formats.files import RESULTS_MARK
-from tssgeom.io.formats.names import split
+from tssgeom.errors import SourceError, unreadable, unwritable
+from tssgeom.io.formats.files import RESULTS_MARK, UNFINISHED_MARK
+from tssgeom.io.formats.paths import split
 from tssgeom.io.storage import Folder
 from tssgeom.rig import Rig
 
+HIDDEN = UNFINISHED_MARK
+"""Folder of the notes, inside that of the results."""
+ANY_SIZE = -1
+"""Replaces the size of a file that differs slightly each time it is written."""
+_NOTES = f"{HIDDEN}/done"
+
 
 class Settings(msgspec.Struct, frozen=True, kw_only=True):
-    """What the user chose."""
+    """Options that the user chose."""
 
     tension_in_N: float
     unit: str | None
@@ -29,7 +37,7 @@ class Settings(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Input(msgspec.Struct, frozen=True, kw_only=True):
-    """One input that was done."""
+    """One analysed input."""
 
     name: str
     source: str
@@ -41,7 +49,7 @@ class Input(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Rejection(msgspec.Struct, frozen=True, kw_only=True):
-    """One input that was rejected, or what went wrong beside one that was done."""
+    """One rejected input, or a failure beside the tables of an analysed one."""
 
     source: str
     reason: str
@@ -55,11 +63,11 @@ class RunRecord(msgspec.Struct, frozen=True, kw_only=True):
     inputs: Sequence[Input]
     rejected: Sequence[Rejection]
     files: Sequence[str]
-    """What the run wrote, relative to its folder."""
+    """Files that the run wrote, relative to its folder."""
 
     @property
     def counts(self) -> dict[str, int]:
-        """Inputs and frames, done and rejected."""
+        """Inputs and frames, analysed and rejected."""
         return {
             "inputs": len(self.inputs),
             "inputs_rejected": len(self.rejected),
@@ -69,7 +77,7 @@ class RunRecord(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def write_run(folder: Folder, record: RunRecord) -> None:
-    """Write `run.json`, whole or not at all.
+    """Write `run.json`.
 
     Raises
     ------
@@ -120,9 +128,122 @@ def sha256_of(path: Path) -> str:
         lines = "".join(f"{_sha256(each)}  {name}\n" for name, each in sorted(listed))
         return hashlib.sha256(lines.encode()).hexdigest()
     except OSError as error:
-        raise SourceError(f"{file}: cannot be read ({error.strerror}): check the path") from error
+        raise unreadable(file, error) from error
 
 
 def _sha256(file: Path) -> str:
     with file.open("rb") as held:
         return hashlib.file_digest(held, "sha256").hexdigest()
+
+
+class Done(msgspec.Struct, frozen=True, kw_only=True):
+    """The note of one input whose files are written, with its parts of summary, output and report."""
+
+    key: str
+    """Digest of the input and of everything else that the results depend on."""
+    input: Input
+    row: dict[str, Any]
+    """Its row in the summary."""
+    told: dict[str, Any]
+    """Its object in JSON."""
+    lines: Sequence[str]
+    """Messages about its rejected frames, a line each."""
+    failures: Sequence[str]
+    """Failures beside the tables, a line each."""
+    report: dict[str, Any]
+    """Its part of the report."""
+    files: Mapping[str, int]
+    """Written files with their sizes [B] or `ANY_SIZE`."""
+    figures: Mapping[str, int] = {}
+    """The same in the folder for figures, where there is one."""
+
+
+def key_of(parts: Mapping[str, Any]) -> str:
+    """Return a digest of everything that the results of an input depend on."""
+    return hashlib.sha256(msgspec.json.encode(parts, order="deterministic")).hexdigest()
+
+
+def noted(folder: Folder, name: str) -> Done | None:
+    """Return the note of an input; None where there is none that can be read."""
+    text = folder.read(f"{_NOTES}/{name}.json")
+    if text is None:
+        return None
+    try:
+        return msgspec.json.decode(text, type=Done)
+    except msgspec.MsgspecError:
+        return None
+
+
+def intact(folder: Folder, files: Mapping[str, int]) -> bool:
+    """Whether the files of an input exist, each with the size that it had when written."""
+    sizes = {name: folder.size(name) for name in files}
+    return all(sizes[name] is not None and size in (ANY_SIZE, sizes[name]) for name, size in files.items())
+
+
+def note(folder: Folder, name: str, done: Done) -> None:
+    """Note an input whose files are all written.
+
+    Raises
+    ------
+    SourceError
+        Where the disk refuses.
+    """
+    with folder.replacing(f"{_NOTES}/{name}.json") as draft:
+        draft.write_bytes(msgspec.json.encode(done))
+
+
+def forget(folder: Folder, name: str) -> None:
+    """Remove the note of an input, then its files, so that no file of an earlier version remains."""
+    before = noted(folder, name)
+    folder.remove([f"{_NOTES}/{name}.json"])
+    folder.remove([] if before is None else list(before.files))
+
+
+def forget_all(folder: Folder) -> None:
+    """Remove the files and the notes of every input."""
+    for file in folder.names(_NOTES):
+        forget(folder, Path(file).stem)
+
+
+@contextmanager
+def locked(folder: Folder) -> Iterator[None]:
+    """Lock a folder against other runs; the end of a process frees it. A folder elsewhere has no lock.
+
+    Raises
+    ------
+    SourceError
+        Where another run writes there, or where the folder cannot be made.
+    """
+    if folder.here is None:
+        yield
+        return
+    notes = folder.here / HIDDEN
+    lock = _acquired(folder, notes)
+    try:
+        yield
+    finally:
+        lock.release()
+        _remove_if_empty(notes, folder.here)
+
+
+def _acquired(folder: Folder, notes: Path) -> FileLock:
+    try:
+        notes.mkdir(parents=True, exist_ok=True)
+        lock = FileLock(notes / "lock", timeout=0)
+        lock.acquire()
+    except Timeout as error:
+        raise SourceError(
+            f"{folder.address}: another batch is writing there: wait for it, or give another --out"
+        ) from error
+    except OSError as error:
+        raise unwritable(folder.address, error) from error
+    return lock
+
+
+def _remove_if_empty(notes: Path, folder: Path) -> None:
+    """Remove a folder to which no run has written."""
+    if notes.is_dir() and {file.name for file in notes.iterdir()} <= {"lock"}:
+        with suppress(OSError):
+            (notes / "lock").unlink(missing_ok=True)
+            notes.rmdir()
+            folder.rmdir()

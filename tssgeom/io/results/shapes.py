@@ -1,61 +1,62 @@
-"""What an analysis found, as plain objects for JSON: one for each shape or recording."""
+"""Results of an analysis as plain objects for JSON and rows of tables: one for each shape or recording."""
 
 from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from tssgeom.lumen.clearance import Clearance, Region
 from tssgeom.route.pieces import Arcs
 from tssgeom.stream import FrameResult, Rejected
-from tssgeom.summary import RANGED, Account
+from tssgeom.summary import RANGED, RunningSummary
 
-_MOST_WARNINGS = 5
+_MOST_WARNINGS = 5  # different texts in the object of a recording; chosen
 
 
 @dataclass(frozen=True, slots=True)
 class Analysis:
-    """What became of one input, static shape or recording."""
+    """The analysis of one input, static shape or recording."""
 
     name: str
     """Name of its outputs, different for each input of a run."""
     source: str
-    """Where it was read, as a path seen from the working folder, or an address."""
+    """The input, as a path relative to the working folder or an address."""
     unit: str
     """Unit of length in the source."""
     kind: str
     """Format of the source."""
     timed: bool
-    account: Account
+    summary: RunningSummary
     notes: tuple[str, ...] = ()
     """Warnings of the reader about the file as a whole."""
 
     @property
     def results(self) -> list[FrameResult]:
-        """Frames that could be used: all of them, or so many evenly spread ones and the last."""
-        return self.account.results
+        """Usable frames: all of them, or a number of evenly spread ones and the last."""
+        return self.summary.results
 
     @property
-    def told(self) -> FrameResult:
-        """The frame that stands for the input."""
-        return self.account.told
+    def representative(self) -> FrameResult:
+        """The frame that represents the input in summary, pictures and report."""
+        return self.summary.representative
 
     @property
     def warnings(self) -> list[str]:
         """Warnings of the file, then those of its frames, the most frequent first."""
-        return [*self.notes, *_shortened(self.account.warnings, self.account.used)]
+        return [*self.notes, *_shortened(self.summary.warnings, self.summary.used)]
 
 
 def _shortened(counts: Counter[str], frames: int) -> list[str]:
     """Return the warnings with the number of frames they apply to; of many, the most frequent."""
     if frames == 1:
         return list(counts)
-    shown = [f"{text} ({count} of {frames} frames)" for text, count in counts.most_common(_MOST_WARNINGS)]
-    more = len(counts) - len(shown)
-    return [*shown, f"{more} other warnings"] if more > 0 else shown
+    frequent = [f"{text} ({count} of {frames} frames)" for text, count in counts.most_common(_MOST_WARNINGS)]
+    more = len(counts) - len(frequent)
+    return [*frequent, f"{more} other warnings"] if more > 0 else frequent
 
 
 def shape_summary(name: str, result: FrameResult, notes: Iterable[str] = ()) -> dict[str, Any]:
@@ -96,50 +97,50 @@ def segments(arcs: Arcs) -> list[dict[str, float]]:
 
 
 def analysis_object(analysis: Analysis) -> dict[str, Any]:
-    """Return the object of one input: its shape or, for a recording, how it ended, and ranges.
+    """Return the object of one input: its shape or, for a recording, its last good frame and ranges.
 
     A recording has the keys of a shape for its last good frame, and `frames`, `rejected`, `time_s` of that
     frame, and `range` with the smallest and the largest value of each quantity over all good frames.
     """
-    last, account = analysis.results[-1], analysis.account
-    summary = shape_summary(analysis.name, last, analysis.notes)
+    last, summary = analysis.results[-1], analysis.summary
+    shape = shape_summary(analysis.name, last, analysis.notes)
     if not analysis.timed:
-        return summary
-    return summary | {
-        "frames": account.frames,
-        "rejected": account.refused,
+        return shape
+    return shape | {
+        "frames": summary.frames,
+        "rejected": summary.refused,
         "time_s": last.frame.time,
-        "range": {key: [account.low[key], account.high[key]] for key in RANGED},
+        "range": {key: [summary.low[key], summary.high[key]] for key in RANGED},
         "warnings": analysis.warnings,
     }
 
 
 def summary_row(analysis: Analysis) -> dict[str, Any]:
-    """Return the row of one input in `summary.parquet`; see `tssgeom.io.results.result_tables.SUMMARY`.
+    """Return the row of one input in `summary.parquet`; see `tssgeom.io.results.tables.SUMMARY`.
 
-    It tells the frame that stands for the input, the same as every picture.
+    Its values are those of the representative frame, as in every picture.
     """
-    told, account = analysis.told, analysis.account
+    chosen, summary = analysis.representative, analysis.summary
     row = (
-        _geometry(told)
-        | _tendon(told)
+        _geometry(chosen)
+        | _tendon(chosen)
         | {
             "name": analysis.name,
             "source": analysis.source,
             "timed": analysis.timed,
-            "frames": account.frames,
-            "rejected": account.refused,
-            "warned": account.warned,
-            "duration_s": analysis.results[-1].frame.time - account.begin,
-            "time_s": told.frame.time,
-            "noise_rms_m": account.noise,
-            "pieces": len(told.arcs.length),
+            "frames": summary.frames,
+            "rejected": summary.refused,
+            "warned": summary.warned,
+            "duration_s": analysis.results[-1].frame.time - summary.begin,
+            "time_s": chosen.frame.time,
+            "noise_rms_m": summary.noise,
+            "pieces": len(chosen.arcs.length),
             "warnings": analysis.warnings,
         }
     )
     for key in RANGED:
         quantity, _, unit = key.rpartition("_")
-        row[f"{quantity}_min_{unit}"], row[f"{quantity}_max_{unit}"] = account.low[key], account.high[key]
+        row[f"{quantity}_min_{unit}"], row[f"{quantity}_max_{unit}"] = summary.low[key], summary.high[key]
     return row
 
 
@@ -155,7 +156,7 @@ def _tendon(result: FrameResult) -> dict[str, Any]:
 
 
 def frame_row(item: FrameResult | Rejected) -> dict[str, Any]:
-    """Return the row of one frame in `frames/NAME.parquet`; see `tssgeom.io.results.result_tables.FRAMES`."""
+    """Return the row of one frame in `frames/NAME.parquet`; see `tssgeom.io.results.tables.FRAMES`."""
     if isinstance(item, Rejected):
         return {"seq": item.seq, "time_s": item.time, "id": str(item.id), "rejected": item.reason}
     frame, transmission = item.frame, item.transmission
@@ -176,8 +177,40 @@ def frame_row(item: FrameResult | Rejected) -> dict[str, Any]:
     }
 
 
+def clearance_object(lumen: str, clearance: Clearance) -> dict[str, Any]:
+    """Return the object of `analyse --json` for the clearance of one frame to a mesh named `lumen`, in SI."""
+    return {
+        "lumen": lumen,
+        "tube_radius_m": clearance.radius,
+        "least_m": clearance.least,
+        "least_at_m": _narrowest(clearance),
+        "contacts": _regions(clearance.contacts),
+        "outside": _regions(clearance.outside),
+        "beyond_ends_m": clearance.beyond,
+    }
+
+
+def clearance_columns(clearance: Clearance) -> dict[str, float | None]:
+    """Return the columns of `summary.parquet` for the clearance of one frame."""
+    return {
+        "clearance_m": clearance.least,
+        "clearance_at_m": _narrowest(clearance),
+        "contact_length_m": sum(one.end - one.begin for one in clearance.contacts),
+        "outside_length_m": sum(one.end - one.begin for one in clearance.outside),
+    }
+
+
+def _narrowest(clearance: Clearance) -> float | None:
+    """Return the arc length of the least clearance [m]."""
+    return None if clearance.least is None else float(clearance.s[clearance.narrowest])
+
+
+def _regions(regions: Sequence[Region]) -> list[dict[str, float]]:
+    return [{"s_start_m": one.begin, "s_end_m": one.end, "least_m": one.least} for one in regions]
+
+
 def relative(path: str | Path) -> str:
-    """Return a path as seen from the working folder, with forward slashes; an address as it is."""
+    """Return a path relative to the working folder, with forward slashes; an address as it is."""
     if "://" in str(path):
         return str(path)
     return Path(os.path.relpath(path)).as_posix()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Mapping
 from functools import partial
 
@@ -17,18 +18,42 @@ from tssgeom.arrays import Vector
 from tssgeom.route.pieces import Arcs
 from tssgeom.stream import FrameResult
 from tssgeom.view import colours
-from tssgeom.view.figures.plots import COLUMN, INK, PAGE, SOFT, figure, note, panels, titles
-from tssgeom.view.figures.runs import time_figure, transmission_figure
-from tssgeom.view.quantities import ANGLE, ARC_LENGTH, CURVATURE_AT, TENSION_AT
+from tssgeom.view.figures.plots import (
+    BLUE,
+    COLUMN,
+    INK,
+    MEASURED,
+    ORANGE,
+    PAGE,
+    SOFT,
+    figure,
+    note,
+    panels,
+    titles,
+)
+from tssgeom.view.quantities import (
+    ANGLE,
+    ARC_LENGTH,
+    CURVATURE_AT,
+    ELONGATION,
+    TENSION_AT,
+    TENSION_IN,
+    TENSION_OUT,
+    TIME,
+    Quantity,
+)
 from tssgeom.view.report.entry import Series
-from tssgeom.view.samples import Drawn, drawn, ranges, round_up, staircase, tension_se
+from tssgeom.view.samples import RouteSamples, evenly, ranges, round_up, route_samples, staircase, tension_se
 from tssgeom.view.scene.camera import camera
 from tssgeom.view.wording import angle_with_error, with_error
 
-_NODES = 128
-_HEIGHT = 2.3  # inch
+_NODES = 128  # of a route, enough for a line of this size
+_MOMENTS = 500  # of a run, beside the turns of its drive
+_HEIGHT, _RUN_HEIGHT = 2.3, 2.4  # inch
 _SHADES = 64
 _BAND, _SENSED = "#d5dae3", "#5b6474"
+_PALE = 0.25  # opacity of a standard error
+_STROKES = {1.0: ("pulling", BLUE), -1.0: ("releasing", ORANGE)}
 
 
 def figures_of(shown: FrameResult, series: Series | None) -> Mapping[str, Callable[[], Figure]]:
@@ -48,7 +73,7 @@ def figures_of(shown: FrameResult, series: Series | None) -> Mapping[str, Callab
 
 def route_figure(result: FrameResult) -> Figure:
     """Draw a route coloured by tension, as seen square to the plane in which it spreads most."""
-    frame = drawn(result, _NODES)
+    frame = route_samples(result, _NODES)
     top = round_up(float(frame.tension.max()))
     with figure((COLUMN, _HEIGHT)) as drawing:
         drawing.set_layout_engine("none")
@@ -71,7 +96,7 @@ def _draw_colour_bar(drawing: Figure, top: float) -> None:
     bar.outline.set_visible(False)  # pyright: ignore[reportCallIssue, reportAttributeAccessIssue]
 
 
-def _draw_route(axes: Axes, frame: Drawn, arcs: Arcs, brightest: float) -> None:
+def _draw_route(axes: Axes, frame: RouteSamples, arcs: Arcs, brightest: float) -> None:
     """Draw the line, where its pieces begin, the names of its ends, and a bar for its size."""
     view = camera(frame.position, frame.position[-1] - frame.position[0])
     screen = ARC_LENGTH.factor * np.column_stack([view.across, view.up])
@@ -132,7 +157,7 @@ def _room_across(axes: Axes, flat: Vector, names: list[Annotation]) -> tuple[flo
 
 def tension_figure(result: FrameResult) -> Figure:
     """Draw the tension along the tendon, with the standard error that comes from the geometry."""
-    frame = drawn(result, _NODES)
+    frame = route_samples(result, _NODES)
     seen, top = result.transmission, round_up(float(frame.tension.max()))
     s, spread = ARC_LENGTH.factor * frame.s, tension_se(result, frame)
     with panels((COLUMN, _HEIGHT), 1) as (drawing, (axes,)):
@@ -149,7 +174,7 @@ def tension_figure(result: FrameResult) -> Figure:
 
 def curvature_figure(result: FrameResult) -> Figure:
     """Draw curvature and accumulated curve angle, both with their standard errors, and the pieces."""
-    frame, arcs = drawn(result, _NODES), result.arcs
+    frame, arcs = route_samples(result, _NODES), result.arcs
     s = ARC_LENGTH.factor * frame.s
     with panels((PAGE, _HEIGHT), 2) as (drawing, (curvature, angle)):
         _draw_band(curvature, s, frame.kappa, frame.kappa_se)
@@ -196,3 +221,90 @@ def _coloured(
     strips = list(np.stack([line[:-1], line[1:]], axis=1))
     shades = colours.tension_rgb(0.5 * (tension[:-1] + tension[1:]), top)
     axes.add_collection(LineCollection(strips, colors=shades, linewidths=width, capstyle="round", zorder=3))
+
+
+def transmission_figure(run: Series) -> Figure:
+    """Draw output tension and elongation over input tension, with their standard errors."""
+    chosen = moments(run)
+    across = run.tension_in[chosen]
+    with panels((PAGE, _RUN_HEIGHT), 2) as (drawing, row):
+        for axes, (told, value, error, measured) in zip(row, _answers(run), strict=True):
+            _draw_strokes(axes, across, told.factor * value[chosen], told.factor * error[chosen])
+            if measured is not None:
+                _draw_measured(axes, across, told.factor * measured[chosen])
+            titles(axes, f"{told.words.capitalize()} ± s.e.", TENSION_IN.title, told.title)
+            axes.set_xlim(0.0, None)
+            axes.set_ylim(min(0.0, axes.get_ylim()[0]), None)
+        row[1].legend(loc="lower right")
+    return drawing
+
+
+def time_figure(run: Series) -> Figure:
+    """Draw tensions and elongation against time, with their standard errors."""
+    chosen = moments(run)
+    time = run.time[chosen]
+    with panels((PAGE, _RUN_HEIGHT), 2) as (drawing, (tension, stretch)):
+        tension.plot(time, run.tension_in[chosen], color=TENSION_IN.ink, linewidth=1.1, label="T_in")
+        for axes, (told, value, error, measured) in zip((tension, stretch), _answers(run), strict=True):
+            middle, spread = told.factor * value[chosen], told.factor * error[chosen]
+            axes.fill_between(
+                time, middle - spread, middle + spread, color=told.ink, alpha=_PALE, linewidth=0
+            )
+            axes.plot(time, middle, color=told.ink, linewidth=1.1, label=told.symbol)
+            if measured is not None:
+                _draw_measured(axes, time, told.factor * measured[chosen])
+        titles(tension, "Tension ± s.e. over time", TIME.title, "tension T [N]")
+        titles(stretch, "Elongation ± s.e. over time", TIME.title, ELONGATION.title)
+        tension.margins(y=0.2)
+        tension.legend(loc="upper right", ncols=3, borderaxespad=0.0)
+    return drawing
+
+
+def moments(run: Series) -> np.ndarray:
+    """Return the samples that are drawn: evenly chosen, and every turn of the drive."""
+    turns = [edge for edge, _ in strokes(run.tension_in)]
+    return np.union1d(evenly(len(run.time), _MOMENTS), np.array(turns[:_MOMENTS], dtype=np.intp))
+
+
+def strokes(drive: Vector) -> list[tuple[int, int]]:
+    """Cut a run where its drive turns: first and last sample of each pull and release."""
+    way = np.sign(np.diff(drive))
+    moving = np.flatnonzero(way)
+    turns = moving[1:][way[moving][1:] != way[moving][:-1]]
+    return list(itertools.pairwise([0, *turns.tolist(), len(drive) - 1])) if len(drive) > 1 else []
+
+
+def _answers(run: Series) -> list[tuple[Quantity, Vector, Vector, Vector | None]]:
+    return [
+        (TENSION_OUT, run.tension_out, run.tension_out_se, run.tension_out_measured),
+        (ELONGATION, run.elongation, run.elongation_se, run.elongation_measured),
+    ]
+
+
+def _draw_strokes(axes: Axes, across: Vector, value: Vector, error: Vector) -> None:
+    """Draw pulls and releases in their colours; each has its name once."""
+    named = set[float]()
+    for begin, end in strokes(across):
+        part = slice(begin, end + 1)
+        way = 1.0 if across[end] >= across[begin] else -1.0
+        name, colour = _STROKES[way]
+        axes.fill_between(
+            across[part],
+            (value - error)[part],
+            (value + error)[part],
+            color=colour,
+            alpha=_PALE,
+            linewidth=0,
+        )
+        label = "_" if way in named else name
+        axes.plot(across[part], value[part], color=colour, linewidth=1.2, label=label, zorder=3)
+        named.add(way)
+
+
+def _draw_measured(axes: Axes, across: Vector, value: Vector) -> None:
+    axes.plot(
+        across,
+        value,
+        zorder=2,
+        **MEASURED,
+    )

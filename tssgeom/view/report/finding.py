@@ -9,6 +9,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
+from tssgeom.atomic import write_text
 from tssgeom.identify.finding import Candidate, Experiment, Finding
 from tssgeom.view import finding_wording as words
 from tssgeom.view.figures.finding import judged, missing_figure, residual_figure, transmission_figure
@@ -16,7 +17,7 @@ from tssgeom.view.figures.heat_map import along_figure, heat_figure
 from tssgeom.view.figures.plots import markup
 from tssgeom.view.figures.ranking import ranking_figure, shown_candidates
 from tssgeom.view.report.misfit_table import gap_table, phase_table
-from tssgeom.view.report.page import filled, program_version, write_page
+from tssgeom.view.report.page import filled, program_version
 
 _ACCENTS = {"none": "#009e73", "effect": "#0072b2", "tie": "#a35c00", "unknown": "#a3508a"}
 _MOST_PLACES = 5
@@ -41,7 +42,7 @@ def write_finding_report(path: Path, finding: Finding) -> None:
         sentence=html.escape(finding.sentence),
         sections="\n".join(section for section in sections if section),
     )
-    write_page(path, page)
+    write_text(path, page)
 
 
 def _subtitle(finding: Finding) -> str:

@@ -1,7 +1,8 @@
-"""What the Rerun viewer shows when it opens a recording: which views, where, and seen from which place."""
+"""What the Rerun viewer shows when it opens a recording: which views, where, and seen from where."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import rerun.blueprint as rrb
@@ -9,7 +10,10 @@ import rerun.blueprint as rrb
 from tssgeom.view import colours
 from tssgeom.view.quantities import TIMELINE
 from tssgeom.view.scene.camera import Camera
-from tssgeom.view.scene.chart import Box
+from tssgeom.view.scene.charts import Box
+
+BACKGROUND = rrb.Background(color=colours.BACKGROUND)
+_IN_SPACE = ("route", "sensed", "joints", "labels", "lumen", "scale")
 
 
 class ChartBoxes(NamedTuple):
@@ -33,47 +37,25 @@ def blueprint(
 
     The plot of tensions ends at `tension` [N] where that is known.
     """
-    views = _run_layout(name, camera, tension) if timed else _shape_layout(name, camera)
-    return rrb.Blueprint(
-        views,
-        rrb.BlueprintPanel(state="collapsed"),
-        rrb.SelectionPanel(state="collapsed"),
-        _time_panel(timed, live),
-        auto_views=False,
-        auto_layout=False,
-    )
+    views = _run_views(name, camera, tension) if timed else _shape_views(name, camera)
+    return layout(views, time_panel(timed=timed, live=live))
 
 
-def _time_panel(timed: bool, live: bool) -> rrb.TimePanel:
-    if not timed:
-        return rrb.TimePanel(state="hidden")
-    if live:
-        return rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="following")
-    return rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="paused", loop_mode="all")
-
-
-def _shape_layout(name: str, camera: Camera) -> rrb.Container:
-    left = rrb.Vertical(_space(name, camera), _words(), row_shares=[68, 32])
+def _shape_views(name: str, camera: Camera) -> rrb.Container:
+    left = rrb.Vertical(_space(name, camera), _texts(), row_shares=[68, 32])
     right = rrb.Vertical(*_charts(timed=False))
     return rrb.Horizontal(left, right, column_shares=[6, 4])
 
 
-def _run_layout(name: str, camera: Camera, tension: float | None) -> rrb.Container:
-    left = rrb.Vertical(_space(name, camera, "; slip front in pink"), _words(), row_shares=[66, 34])
+def _run_views(name: str, camera: Camera, tension: float | None) -> rrb.Container:
+    left = rrb.Vertical(_space(name, camera, "; slip front in pink"), _texts(), row_shares=[66, 34])
     right = rrb.Vertical(*_charts(timed=True), *_series(tension), row_shares=[26, 22, 20, 16, 16])
     return rrb.Horizontal(left, right, column_shares=[58, 42])
 
 
 def _space(name: str, camera: Camera, more: str = "") -> rrb.Spatial3DView:
-    return rrb.Spatial3DView(
-        name=f"{name}: route coloured by tension [N], pieces with angle and radius{more}",
-        contents=["route/**", "sensed/**", "joints/**", "labels/**", "lumen/**", "scale/**"],
-        background=rrb.Background(color=colours.BACKGROUND),
-        line_grid=False,
-        eye_controls=rrb.EyeControls3D(
-            kind="Orbital", position=camera.eye, look_target=camera.target, eye_up=camera.up
-        ),
-    )
+    title = f"{name}: route coloured by tension [N], pieces with angle and radius{more}"
+    return space_view(title, camera)
 
 
 def _charts(*, timed: bool) -> tuple[rrb.Spatial2DView, rrb.Spatial2DView]:
@@ -84,20 +66,82 @@ def _charts(*, timed: bool) -> tuple[rrb.Spatial2DView, rrb.Spatial2DView]:
     )
 
 
+def _texts() -> rrb.Container:
+    summary = rrb.TextDocumentView(origin="summary", name="What is seen")
+    table = rrb.TextDocumentView(origin="table", name="Pieces of constant curvature")
+    return rrb.Horizontal(summary, table, column_shares=[5, 6])
+
+
+def _series(tension: float | None) -> list[rrb.TimeSeriesView]:
+    tensions = ["series/tension_in", "series/tension_out", "series/tension_out_measured"]
+    elongations = ["series/elongation", "series/elongation_measured"]
+    return [
+        plot("Tension [N] against time [s]", tensions, top=tension, named=True),
+        plot("Elongation δ [mm] against time [s]", elongations, named=True),
+        plot("Accumulated curve angle Φ [°] against time [s]", ["series/angle"], named=True),
+    ]
+
+
+def layout(views: rrb.Container, time: rrb.TimePanel) -> rrb.Blueprint:
+    """Return the layout of a recording: its views and the panel of its time, everything else folded away."""
+    return rrb.Blueprint(
+        views,
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        time,
+        auto_views=False,
+        auto_layout=False,
+    )
+
+
+def time_panel(*, timed: bool = True, live: bool = False, timeline: str = TIMELINE) -> rrb.TimePanel:
+    """Return the panel of a timeline, stopped at its beginning; `live` follows the newest frame."""
+    if live:
+        return rrb.TimePanel(state="collapsed", timeline=timeline, play_state="following")
+    if not timed:
+        return rrb.TimePanel(state="hidden")
+    return rrb.TimePanel(state="collapsed", timeline=timeline, play_state="paused", loop_mode="all")
+
+
+def space_view(
+    title: str, camera: Camera, parts: Sequence[str] = _IN_SPACE, *, below: str = ""
+) -> rrb.Spatial3DView:
+    """Return a view of those parts of a recording that stand in space, `below` an entity."""
+    return rrb.Spatial3DView(
+        name=title,
+        contents=[f"{below}{part}/**" for part in parts],
+        background=BACKGROUND,
+        line_grid=False,
+        eye_controls=rrb.EyeControls3D(
+            kind="Orbital", position=camera.eye, look_target=camera.target, eye_up=camera.up
+        ),
+    )
+
+
 def chart(entity: str, title: str, box: Box) -> rrb.Spatial2DView:
     """Return the view of a chart that is drawn in a box."""
     return rrb.Spatial2DView(
         origin=entity,
         name=title,
-        background=rrb.Background(color=colours.BACKGROUND),
+        background=BACKGROUND,
         visual_bounds=rrb.VisualBounds2D(x_range=box.x_range, y_range=box.y_range),
     )
 
 
-def _words() -> rrb.Container:
-    summary = rrb.TextDocumentView(origin="summary", name="What is seen")
-    table = rrb.TextDocumentView(origin="table", name="Pieces of constant curvature")
-    return rrb.Horizontal(summary, table, column_shares=[5, 6])
+def plot(
+    title: str, contents: list[str], *, top: float | None = None, named: bool = False
+) -> rrb.TimeSeriesView:
+    """Return a view of lines over time, from 0 to `top` where that is given.
+
+    Where the lines are `named`, their names stand in the view in the place of its title.
+    """
+    return rrb.TimeSeriesView(
+        name=title,
+        contents=contents,
+        plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.LeftTop, visible=None if named else False),
+        titlebar=False if named else None,
+        axis_y=from_zero(top),
+    )
 
 
 def from_zero(top: float | None) -> rrb.ScalarAxis | None:
@@ -106,19 +150,3 @@ def from_zero(top: float | None) -> rrb.ScalarAxis | None:
     The viewer writes few numbers, in steps of powers of ten: of 2 to 18 it writes 10 alone.
     """
     return None if top is None else rrb.ScalarAxis(range=(-0.05 * top, 1.05 * top))
-
-
-def _series(tension: float | None) -> list[rrb.TimeSeriesView]:
-    tensions = ["series/tension_in", "series/tension_out", "series/tension_out_measured"]
-    return [
-        _plot("Tension [N] against time [s]", tensions, tension),
-        _plot("Elongation δ [mm] against time [s]", ["series/elongation", "series/elongation_measured"]),
-        _plot("Accumulated curve angle Φ [°] against time [s]", ["series/angle"]),
-    ]
-
-
-def _plot(title: str, contents: list[str], top: float | None = None) -> rrb.TimeSeriesView:
-    legend = rrb.PlotLegend(corner=rrb.Corner2D.LeftTop)
-    return rrb.TimeSeriesView(
-        name=title, contents=contents, plot_legend=legend, titlebar=False, axis_y=from_zero(top)
-    )

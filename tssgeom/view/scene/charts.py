@@ -1,25 +1,102 @@
-"""Tension and curvature against arc length, drawn as lines in 2-D views of a Rerun recording."""
+"""Charts against arc length in 2-D views: Rerun draws lines and labels, this module says where they go."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import rerun as rr
 
-from tssgeom.arrays import Vector
+from tssgeom.arrays import Matrix, Vector
 from tssgeom.route.pieces import Arcs
 from tssgeom.view import colours
-from tssgeom.view.samples import Drawn, Ranges, evenly, staircase
-from tssgeom.view.scene.chart import Axis, Box, Chart
+from tssgeom.view.samples import Ranges, RouteSamples, evenly, staircase
 from tssgeom.view.scene.columns import Sender, lines_2d, segments_2d, strips_2d
+
+_LABEL_DROP = 0.6
+"""Rerun writes a label below its point, by this part of a line of text."""
+
+
+@dataclass(frozen=True, slots=True)
+class Box:
+    """Size of a chart of height 1, chosen so that it fills its view on a common screen."""
+
+    width: float
+    """Width over height."""
+    text: float
+    """Height of a line of text over the height of the box."""
+    bare: bool = False
+    """Whether the numbers stand without their unit, where there is little room and the title has it."""
+
+    @property
+    def x_range(self) -> list[float]:
+        """What the view shows across, numbers and margins with it."""
+        return [-3.1 * self.text, self.width + 2.0 * self.text]
+
+    @property
+    def y_range(self) -> list[float]:
+        """What the view shows downwards, numbers and margins with it."""
+        return [-0.8 * self.text, 1.0 + 1.7 * self.text]
+
+
+@dataclass(frozen=True, slots=True)
+class Axis:
+    """An axis from 0 to its top, with a unit."""
+
+    top: float
+    unit: str
+
+    @property
+    def ticks(self) -> Vector:
+        """Four to eight plain numbers from 0 to the top."""
+        rough = self.top / 5
+        unit = 10.0 ** math.floor(math.log10(rough))
+        step = next(m * unit for m in (1.0, 2.0, 2.5, 5.0, 10.0) if m * unit >= 0.85 * rough)
+        return np.round(np.arange(0.0, self.top * (1 + 1e-9), step), 12)
+
+    @property
+    def labels(self) -> list[str]:
+        """The numbers with their unit."""
+        return [f"{value:g} {self.unit}" for value in self.ticks]
+
+
+@dataclass(frozen=True, slots=True)
+class Chart:
+    """A box of a plane whose y axis points down, in which values from 0 upwards are drawn."""
+
+    x: Axis
+    y: Axis
+    box: Box
+
+    def place(self, x: Vector | float, y: Vector | float) -> Vector:
+        """Places [n, 2] of values in the plane; values beyond an edge are held at it."""
+        across = self.box.width * np.clip(np.asarray(x) / self.x.top, 0.0, 1.0)
+        down = 1.0 - np.clip(np.asarray(y) / self.y.top, 0.0, 1.0)
+        return np.column_stack(np.broadcast_arrays(across, down))
+
+    def grid(self) -> list[Vector]:
+        """Lines across the box at every tick, each [2, 2]."""
+        upright = [self.place(x, np.array([0.0, self.y.top])) for x in self.x.ticks]
+        level = [self.place(np.array([0.0, self.x.top]), y) for y in self.y.ticks]
+        return [*upright, *level]
+
+    def numbers(self) -> tuple[Vector, list[str]]:
+        """Places [n, 2] and texts of the numbers along both axes."""
+        text = self.box.text
+        below = self.place(self.x.ticks, 0.0) + np.array([0.0, 0.35 * text])
+        beside = self.place(0.0, self.y.ticks) - np.array([1.9 * text, _LABEL_DROP * text])
+        texts = [*self.x.labels, *self.y.labels]
+        return np.vstack([below, beside]), [text.split()[0] for text in texts] if self.box.bare else texts
+
 
 _BAR_STEPS = 64
 _CHART_NODES = 128
 
 
 def send_tension_chart(
-    sender: Sender, frames: Sequence[Drawn], pieces: Sequence[Arcs], limits: Ranges, box: Box
+    sender: Sender, frames: Sequence[RouteSamples], pieces: Sequence[Arcs], limits: Ranges, box: Box
 ) -> None:
     """Draw the tension in its own colours, the bar that explains them as its axis, the pieces below."""
     chart = Chart(Axis(1e3 * limits.length, "mm"), Axis(limits.tension, "N"), box)
@@ -41,7 +118,7 @@ def send_tension_chart(
 
 
 def send_curvature_chart(
-    sender: Sender, frames: Sequence[Drawn], pieces: Sequence[Arcs], limits: Ranges, box: Box
+    sender: Sender, frames: Sequence[RouteSamples], pieces: Sequence[Arcs], limits: Ranges, box: Box
 ) -> None:
     """Draw the sensed curvature with its standard error, and the pieces as a staircase."""
     chart = Chart(Axis(1e3 * limits.length, "mm"), Axis(limits.kappa, "/m"), box)
@@ -63,7 +140,7 @@ def _style(**fields: object) -> rr.LineStrips2D:
     return rr.LineStrips2D.from_fields(**fields)  # pyright: ignore[reportArgumentType]
 
 
-def _send_error_bars(sender: Sender, chart: Chart, frames: Sequence[Drawn]) -> None:
+def _send_error_bars(sender: Sender, chart: Chart, frames: Sequence[RouteSamples]) -> None:
     bars = [_error_bars(chart, frame) for frame in frames]
     style = _style(radii=rr.Radius.ui_points(1.6), colors=colours.BAND, draw_order=5)
     sender.constant("curvature/standard_error", style)
@@ -71,7 +148,7 @@ def _send_error_bars(sender: Sender, chart: Chart, frames: Sequence[Drawn]) -> N
     sender.send("curvature/standard_error", columns, [len(strips) for strips in bars])
 
 
-def _error_bars(chart: Chart, frame: Drawn) -> Vector:
+def _error_bars(chart: Chart, frame: RouteSamples) -> Vector:
     """Upright strips [m, 2, 2] between κ − s.e. and κ + s.e., dense enough to be seen as a band."""
     chosen = evenly(len(frame.s), _CHART_NODES)
     s, kappa, spread = 1e3 * frame.s[chosen], frame.kappa[chosen], frame.kappa_se[chosen]
@@ -125,3 +202,42 @@ def _send_colour_bar(sender: Sender, chart: Chart) -> None:
         draw_order=2,
     )
     sender.constant("tension/colour_bar", bar)
+
+
+_STILL = 1e-6  # of the greatest tension: a change below it is none
+
+
+def send_slip_front(
+    sender: Sender, frames: Sequence[RouteSamples], fronts: Sequence[float], limits: Ranges, box: Box
+) -> None:
+    """Mark the front [m] on the route of each frame, and as an upright line in the chart of tension."""
+    places = np.concatenate(
+        [frame.at(np.array([front])) for frame, front in zip(frames, fronts, strict=True)]
+    )
+    style = rr.Points3D.from_fields(colors=colours.FRONT, radii=rr.Radius.ui_points(9.0))
+    sender.constant("route/slip_front", style)
+    sender.send("route/slip_front", rr.Points3D.columns(positions=places))
+    chart = Chart(Axis(1e3 * limits.length, "mm"), Axis(limits.tension, "N"), box)
+    uprights = np.stack([_upright(chart, 1e3 * front, limits.tension) for front in fronts])
+    line = rr.LineStrips2D.from_fields(colors=colours.FRONT, radii=rr.Radius.ui_points(1.2), draw_order=12)
+    sender.constant("tension/slip_front", line)
+    sender.send("tension/slip_front", rr.LineStrips2D.columns(strips=strips_2d(uprights)))
+
+
+def slid_up_to(tension: Matrix, s: Vector) -> list[float]:
+    """Return how far the tendon slid up to each moment [m]: to the last node whose tension changed.
+
+    Parameters
+    ----------
+    tension
+        Tension at every moment and node [n, m] [N].
+    s
+        Arc length of the nodes [m].
+    """
+    moved = np.abs(np.diff(tension, axis=0)) > _STILL * max(float(tension.max()), 1e-300)
+    last = [int(np.flatnonzero(row)[-1]) if row.any() else 0 for row in moved]
+    return [0.0, *s[last].tolist()]
+
+
+def _upright(chart: Chart, s_mm: float, top: float) -> Vector:
+    return chart.place(np.array([s_mm, s_mm]), np.array([0.0, top]))

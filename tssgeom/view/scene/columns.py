@@ -43,6 +43,10 @@ class Sender:
             self.recording.set_time(TIMELINE, duration=self.since)
         self.recording.log(self.below + entity, archetype, static=self.since is None, strict=True)
 
+    def constant_text(self, entity: str, markdown: str) -> None:
+        """Send a text that is the same in every frame."""
+        self.constant(entity, rr.TextDocument(markdown, media_type=rr.MediaType.MARKDOWN))
+
     def _indexes(self) -> list[rr.TimeColumn]:
         if self.time is None:
             return []

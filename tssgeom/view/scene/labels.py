@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tssgeom.arrays import Points, Vector
 from tssgeom.route.pieces import Arcs
-from tssgeom.view.samples import Drawn
+from tssgeom.view.samples import RouteSamples
 from tssgeom.view.scene.camera import Camera
 
 _HALF_SIZE, _HALF_NUMBER, _HALF_SCALE = np.array([[0.13, 0.021], [0.03, 0.021], [0.045, 0.021]])
@@ -54,7 +54,7 @@ class Candidates:
     """[n, m, 2] Half of the size of the label there, in heights of the view."""
 
 
-def label_places(camera: Camera, frame: Drawn, arcs: Arcs, larger: float = 1.0) -> Placed:
+def label_places(camera: Camera, frame: RouteSamples, arcs: Arcs, larger: float = 1.0) -> Placed:
     """Choose where the labels of both ends and of the pieces stand, first the ends; that of the scale stays.
 
     In a low view text is `larger` beside the route than in one of common height.
@@ -89,7 +89,7 @@ def _at_scale(camera: Camera, larger: float) -> Candidates:
     return Candidates(bar[None, 1:], larger * right, larger * _HALF_SCALE[None, None])
 
 
-def _at_ends(camera: Camera, frame: Drawn) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _at_ends(camera: Camera, frame: RouteSamples) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the places [2, m, 3] beside both ends, and the directions [2, m, 2] from there."""
     reach = min(0.1 * camera.half_width, 0.5 * frame.s[-1])
     ends, inner = frame.position[[0, -1]], frame.at(np.array([reach, frame.s[-1] - reach]))
@@ -99,7 +99,9 @@ def _at_ends(camera: Camera, frame: Drawn) -> tuple[NDArray[np.float64], NDArray
     return np.repeat(ends[:, None], len(_TURNS), axis=1), ways
 
 
-def _at_pieces(camera: Camera, frame: Drawn, arcs: Arcs) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _at_pieces(
+    camera: Camera, frame: RouteSamples, arcs: Arcs
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the same on the outer side of each bend, then on its inner side, beside parts of the piece."""
     part = np.array(_ALONG_PIECE)
     s = arcs.s_start[:, None] + arcs.length[:, None] * part

@@ -10,37 +10,16 @@ import rerun as rr
 import trimesh
 
 from tssgeom.arrays import Matrix, Vector
-from tssgeom.errors import SourceError
 from tssgeom.rig import Rig
 from tssgeom.stream import Frame, FrameResult, process
-from tssgeom.view.samples import Drawn, Ranges, drawn, numbers_of, ranges, round_up
+from tssgeom.view.samples import Ranges, RouteSamples, numbers_of, ranges, round_up, route_samples
 from tssgeom.view.scene.blueprint import blueprint
 from tssgeom.view.scene.camera import Camera, camera
 from tssgeom.view.scene.columns import Sender
 from tssgeom.view.scene.recording import send_pictures
-from tssgeom.view.scene.run import Run
-from tssgeom.view.scene.series import send_numbers
+from tssgeom.view.scene.run import Run, send_numbers
 
-_MEMORY = "256MiB"  # of frames that a viewer which comes late is shown
 _ROOM = 1.25  # of the ranges and of what the camera sees, for frames to come
-
-
-def hosted(name: str, port: int) -> tuple[rr.RecordingStream, str]:
-    """Host a stream to which viewers on this machine may connect; return it with its address.
-
-    Raises
-    ------
-    SourceError
-        Where the port is taken.
-    """
-    recording = rr.RecordingStream(f"tssgeom: {name}", batcher_config=rr.ChunkBatcherConfig.LOW_LATENCY())
-    sink = rr.GrpcServerSink(bind_ip="127.0.0.1", port=port, server_memory_limit=_MEMORY)
-    try:
-        recording.set_sinks(sink)
-    except (RuntimeError, ValueError, OSError) as error:
-        raise SourceError(f"--view: port {port}: {error}: choose another with --view-port") from error
-    recording.send_recording_name(name)
-    return recording, sink.uri
 
 
 def warm_up() -> None:
@@ -74,7 +53,7 @@ class LivePicture:
 
     def draw(self, results: Sequence[FrameResult]) -> None:
         """Draw frames, one row each; axes and camera grow where they leave them."""
-        frames = [drawn(result) for result in results]
+        frames = [route_samples(result) for result in results]
         grown = self._grown(results, frames)
         assert self._camera is not None
         assert self._ranges is not None
@@ -87,7 +66,7 @@ class LivePicture:
         """Draw the `rerun_series.numbers_of` frames at their times [s] as lines."""
         send_numbers(Sender(self.recording, times), numbers)
 
-    def _grown(self, results: Sequence[FrameResult], frames: Sequence[Drawn]) -> bool:
+    def _grown(self, results: Sequence[FrameResult], frames: Sequence[RouteSamples]) -> bool:
         """Make axes, camera and names hold these frames; return whether any of them changed."""
         seen = ranges(frames, [result.arcs for result in results])
         pieces = max(len(result.arcs.length) for result in results)
@@ -101,7 +80,7 @@ class LivePicture:
         self._pieces = max(pieces, self._pieces)
         return wider or moved or more
 
-    def _look_at(self, time: float, frames: Sequence[Drawn]) -> None:
+    def _look_at(self, time: float, frames: Sequence[RouteSamples]) -> None:
         everywhere = np.concatenate([frame.position for frame in frames])
         forward = frames[-1].position[-1] - frames[-1].position[0]
         self._camera = camera(everywhere, forward)
@@ -122,7 +101,7 @@ def _widened(seen: Ranges, before: Ranges | None) -> Ranges:
     )
 
 
-def _sees(eye: Camera, frames: Sequence[Drawn]) -> bool:
+def _sees(eye: Camera, frames: Sequence[RouteSamples]) -> bool:
     """Whether the frames stay inside the view, with some room at its edges."""
     places = np.concatenate([frame.position[[0, -1, len(frame.s) // 2]] for frame in frames])
     seen = np.abs((places - eye.target) @ eye.axes[:2].T)

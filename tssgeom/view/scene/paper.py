@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from uuid import uuid4
 
 import numpy as np
 import rerun as rr
@@ -18,15 +18,22 @@ from tssgeom.tendon import paper
 from tssgeom.tendon.history import History, driven, profiles
 from tssgeom.view import colours
 from tssgeom.view import wording as words
-from tssgeom.view.quantities import ELONGATION, FIRST, SECOND, TENSION_IN, TENSION_OUT, TIMELINE
-from tssgeom.view.samples import Drawn, Ranges, evenly
+from tssgeom.view.quantities import ELONGATION, FIRST, SECOND, TENSION_IN, TENSION_OUT
+from tssgeom.view.samples import Ranges, RouteSamples, evenly
+from tssgeom.view.scene.blueprint import chart, layout, plot, space_view, time_panel
 from tssgeom.view.scene.camera import Camera, camera
-from tssgeom.view.scene.chart import Axis, Box, Chart
-from tssgeom.view.scene.charts import send_axes, send_tension_chart
+from tssgeom.view.scene.charts import (
+    Axis,
+    Box,
+    Chart,
+    send_axes,
+    send_slip_front,
+    send_tension_chart,
+    slid_up_to,
+)
 from tssgeom.view.scene.columns import Sender
 from tssgeom.view.scene.labels import label_places
-from tssgeom.view.scene.series import send_line
-from tssgeom.view.scene.slip_front import send_slip_front, slid_up_to
+from tssgeom.view.scene.run import send_line
 from tssgeom.view.scene.space import (
     send_joints,
     send_labels,
@@ -34,67 +41,80 @@ from tssgeom.view.scene.space import (
     send_route,
     send_scale_bar,
 )
+from tssgeom.view.scene.writer import recording_file
 
 _NODES = 160
 _MOMENTS = 240
 _BOX = Box(width=1.55, text=0.095)
 _ALONG = Box(width=1.55, text=0.095, bare=True)
 _LARGER = 1.7  # text beside the route, as the views of both setups are lower than one alone
+_ROUTES = ("a", "b", "half")
 _FORCES = {"a": ("A", FIRST), "b": ("B", SECOND)}
 _LIMITS = Ranges(tension=paper.PEAK, length=0.5, kappa=1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class _Setup:
+    """One of the two setups at every moment of the cycle."""
+
+    arcs: Arcs
+    run: History
+    frames: Sequence[RouteSamples]
+    camera: Camera
 
 
 def write_paper_recording(path: Path) -> None:
     """Write the recording; the time is that of a drive which makes the pull in 15 s.
 
-    Parameters
-    ----------
-    path
-        The `.rrd` file, written in place.
+    An older file gives way only when the new one is done.
+
+    Raises
+    ------
+    SourceError
+        Where the file cannot be written.
     """
     cycle = paper.cycle()
-    chosen = cycle[np.union1d(evenly(len(cycle), _MOMENTS), [np.argmax(cycle)])]
-    time = np.concatenate(([0.0], np.cumsum(np.abs(np.diff(chosen)))))  # 1 N/s
-    routes = {"a": (setup_a(), paper.SETUP_A), "b": (setup_b(), paper.SETUP_B)}
-    with rr.RecordingStream("tssgeom: paper", recording_id=uuid4()) as recording:
-        path.touch()
+    drive = cycle[np.union1d(evenly(len(cycle), _MOMENTS), [np.argmax(cycle)])]
+    time = np.concatenate(([0.0], np.cumsum(np.abs(np.diff(drive)))))  # 1 N/s
+    setups = {"a": _setup(setup_a(), paper.SETUP_A, drive), "b": _setup(setup_b(), paper.SETUP_B, drive)}
+    views = _blueprint({name: setup.camera for name, setup in setups.items()})
+    with recording_file(path, "paper, figures 4 to 8", views, application="tssgeom: paper") as recording:
         sender = Sender(recording, time)
-        send_piece_names(sender, [arcs for _, arcs in routes.values()])
-        cameras = {
-            name: _send_route(replace(sender, below=f"{name}/"), course, arcs, chosen)
-            for name, (course, arcs) in routes.items()
-        }
-        recording.save(path, default_blueprint=_blueprint(cameras))
-        recording.send_recording_name("paper, figures 4 to 8")
-        runs = {name: driven(chosen, arcs, paper.RIG) for name, (_, arcs) in routes.items()}
-        for name, run in runs.items():
-            _send_ends(sender, name, run)
-        _send_half_circle(sender, driven(chosen, paper.HALF_CIRCLE, paper.RIG), time)
+        send_piece_names(sender, [setup.arcs for setup in setups.values()])
+        for name, setup in setups.items():
+            _send_route(replace(sender, below=f"{name}/"), setup)
+            _send_ends(sender, name, setup.run)
+        _send_half_circle(sender, driven(drive, paper.HALF_CIRCLE, paper.RIG))
         _send_scaling(sender)
-        text = rr.TextDocument(_words(runs["a"], runs["b"]), media_type=rr.MediaType.MARKDOWN)
-        sender.constant("summary", text)
+        sender.constant_text("summary", _words(setups["a"].run, setups["b"].run))
 
 
-def _send_route(sender: Sender, course: Course, arcs: Arcs, tension_in: Vector) -> Camera:
-    """Draw a route and its tension at every moment, as every command does."""
+def _setup(course: Course, arcs: Arcs, tension_in: Vector) -> _Setup:
+    """Pull and release the tendon on a route whose pieces are known."""
     s = np.linspace(0.0, course.total_length, _NODES)
     phi = np.interp(s, np.append(arcs.s_start, arcs.total_length), np.cumsum([0.0, *arcs.angle]))
-    tension = profiles(tension_in, phi, paper.RIG)
-    line, nothing = places(course, s), np.zeros(_NODES)
-    frames = [Drawn(s, line, row, phi, nothing, nothing, nothing) for row in tension]
-    pieces = [arcs] * len(frames)
-    seen = camera(line, line[-1] - line[0])
+    line, zero = places(course, s), np.zeros(_NODES)
+    rows = profiles(tension_in, phi, paper.RIG)
+    frames = [RouteSamples(s, line, row, phi, zero, zero, zero) for row in rows]
+    return _Setup(arcs, driven(tension_in, arcs, paper.RIG), frames, camera(line, line[-1] - line[0]))
+
+
+def _send_route(sender: Sender, setup: _Setup) -> None:
+    """Draw a route and its tension at every moment, as every command does."""
+    frames, pieces = setup.frames, [setup.arcs] * len(setup.frames)
     still = replace(sender, time=None)
-    send_scale_bar(still, seen, _LARGER)
+    send_scale_bar(still, setup.camera, _LARGER)
     send_joints(still, frames[:1], pieces[:1])
     send_route(sender, frames, paper.PEAK)
-    ends = tension[:, [0, -1]]
-    where = label_places(seen, frames[0], arcs, _LARGER)
-    texts = [[*words.end_labels(*row), *words.piece_labels(arcs)] for row in ends.tolist()]
-    send_labels(sender, [where] * len(frames), texts)
+    labels = label_places(setup.camera, frames[0], setup.arcs, _LARGER)
+    texts = [
+        [*words.end_labels(*frame.tension[[0, -1]].tolist()), *words.piece_labels(setup.arcs)]
+        for frame in frames
+    ]
+    send_labels(sender, [labels] * len(frames), texts)
     send_tension_chart(sender, frames, pieces, _LIMITS, _ALONG)
-    send_slip_front(sender, frames, slid_up_to(tension, s), _LIMITS, _ALONG)
-    return seen
+    tension = np.array([frame.tension for frame in frames])
+    send_slip_front(sender, frames, slid_up_to(tension, frames[0].s), _LIMITS, _ALONG)
 
 
 def _words(a: History, b: History) -> str:
@@ -123,7 +143,7 @@ def _send_ends(sender: Sender, name: str, run: History) -> None:
     _send_curve(sender, f"figure_6/{name}", chart.place(run.tension_in, 1e3 * run.elongation), colour)
 
 
-def _send_half_circle(sender: Sender, run: History, time: Vector) -> None:
+def _send_half_circle(sender: Sender, run: History) -> None:
     """Send what figures 4 and 5 show."""
     send_line(sender, "tension_in", TENSION_IN, run.tension_in)
     _send_answer(sender, "half", "the half circle", colours.TENSION_OUT, run)
@@ -178,57 +198,30 @@ def _send_answer(sender: Sender, name: str, word: str, colour: tuple[int, int, i
 
 
 def _blueprint(cameras: dict[str, Camera]) -> rrb.Blueprint:
-    spaces = rrb.Horizontal(*(_space(name, seen) for name, seen in cameras.items()))
+    titles = {"a": "Setup A: half circle, then loop", "b": "Setup B: loop, then half circle"}
+    parts = ("route", "joints", "labels", "scale")
+    spaces = rrb.Horizontal(
+        *(
+            space_view(f"{titles[name]}: route coloured by tension [N]", seen, parts, below=f"{name}/")
+            for name, seen in cameras.items()
+        )
+    )
     along = [
-        _chart(f"{name}/tension", f"{name.upper()}: tension T [N] against s [mm]", _ALONG) for name in cameras
+        chart(f"{name}/tension", f"{name.upper()}: tension T [N] against s [mm]", _ALONG) for name in cameras
     ]
     charts = (
-        _chart("figure_6", "Fig. 6: δ [mm] against T_in [N]; A blue, B orange"),
-        _chart("figure_5a", "Fig. 5a: T_out [N] against T_in [N], half circle"),
-        _chart("figure_5b", "Fig. 5b: δ [mm] against T_in [N], half circle"),
-        _chart("figure_8", "Fig. 8: S [1] against β [°] of the added curve"),
+        chart("figure_6", "Fig. 6: δ [mm] against T_in [N]; A blue, B orange", _BOX),
+        chart("figure_5a", "Fig. 5a: T_out [N] against T_in [N], half circle", _BOX),
+        chart("figure_5b", "Fig. 5b: δ [mm] against T_in [N], half circle", _BOX),
+        chart("figure_8", "Fig. 8: S [1] against β [°] of the added curve", _BOX),
     )
     series = rrb.Vertical(
-        _plot(
+        plot(
             "T [N] over time [s]: T_in yellow, A blue, B orange",
-            ["tension_in", "tension_out_a", "tension_out_b", "tension_out_half"],
+            [f"series/{name}" for name in ("tension_in", *(f"tension_out_{one}" for one in _ROUTES))],
         ),
-        _plot("δ [mm] over time [s]", ["elongation_a", "elongation_b", "elongation_half"]),
+        plot("δ [mm] over time [s]", [f"series/elongation_{one}" for one in _ROUTES]),
     )
     text = rrb.TextDocumentView(origin="summary", name="What is seen")
     middle, last = rrb.Horizontal(*along, charts[0], charts[3]), rrb.Horizontal(text, series, *charts[1:3])
-    return rrb.Blueprint(
-        rrb.Vertical(spaces, middle, last, row_shares=[40, 29, 31]),
-        rrb.BlueprintPanel(state="collapsed"),
-        rrb.SelectionPanel(state="collapsed"),
-        rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="paused", loop_mode="all"),
-        auto_views=False,
-        auto_layout=False,
-    )
-
-
-def _space(name: str, seen: Camera) -> rrb.Spatial3DView:
-    titles = {"a": "Setup A: half circle, then loop", "b": "Setup B: loop, then half circle"}
-    return rrb.Spatial3DView(
-        name=f"{titles[name]}: route coloured by tension [N]",
-        contents=[f"{name}/{part}/**" for part in ("route", "joints", "labels", "scale")],
-        background=rrb.Background(color=colours.BACKGROUND),
-        line_grid=False,
-        eye_controls=rrb.EyeControls3D(
-            kind="Orbital", position=seen.eye, look_target=seen.target, eye_up=seen.up
-        ),
-    )
-
-
-def _chart(entity: str, title: str, box: Box = _BOX) -> rrb.Spatial2DView:
-    return rrb.Spatial2DView(
-        origin=entity,
-        name=title,
-        background=rrb.Background(color=colours.BACKGROUND),
-        visual_bounds=rrb.VisualBounds2D(x_range=box.x_range, y_range=box.y_range),
-    )
-
-
-def _plot(title: str, names: list[str]) -> rrb.TimeSeriesView:
-    legend = rrb.PlotLegend(corner=rrb.Corner2D.LeftTop, visible=False)
-    return rrb.TimeSeriesView(name=title, contents=[f"series/{name}" for name in names], plot_legend=legend)
+    return layout(rrb.Vertical(spaces, middle, last, row_shares=[40, 29, 31]), time_panel())

@@ -2,28 +2,24 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from uuid import uuid4
 
 import numpy as np
 import rerun as rr
 import trimesh
 from numpy.typing import NDArray
 
-from tssgeom.errors import SourceError, SpaceError, require_replaceable, unwritable
+from tssgeom.errors import SourceError
 from tssgeom.lumen.clearance import Clearance
 from tssgeom.stream import FrameResult
 from tssgeom.view import wording as words
 from tssgeom.view.scene.blueprint import blueprint, chart_boxes
-from tssgeom.view.scene.charts import send_curvature_chart, send_tension_chart
-from tssgeom.view.scene.clearance import clearance_words, send_clearance
+from tssgeom.view.scene.charts import send_curvature_chart, send_slip_front, send_tension_chart
 from tssgeom.view.scene.columns import Sender
-from tssgeom.view.scene.run import Run, run_of
-from tssgeom.view.scene.series import send_series
-from tssgeom.view.scene.slip_front import send_slip_front
-from tssgeom.view.scene.space import send_space
+from tssgeom.view.scene.run import Run, run_of, send_series
+from tssgeom.view.scene.space import clearance_words, send_clearance, send_space
+from tssgeom.view.scene.writer import recording_file
 
 
 def write_recording(
@@ -60,30 +56,12 @@ def write_recording(
     if not results:
         raise SourceError(f"{path}: no frame of {name} could be used, so there is nothing to show")
     run = run_of(name, results if timed else results[-1:], timed)
-    unfinished = path.with_name(f".{path.name}.part")
-    try:
-        require_replaceable(path)
-        _write(unfinished, run, lumen, [clearance(one) for one in run.results] if clearance else [])
-        os.replace(unfinished, path)
-    except OSError as error:
-        raise unwritable(path, error) from error
-    except RuntimeError as error:  # the file was there: its writer stopped on the way
-        raise SpaceError(f"{path}: the recording ends early ({error}): free space and run again") from error
-    finally:
-        unfinished.unlink(missing_ok=True)
-
-
-def _write(path: Path, run: Run, lumen: trimesh.Trimesh | None, measured: Sequence[Clearance]) -> None:
-    path.touch()
-    # The viewer keeps one layout for each application: a name of its own lets each file keep its camera.
-    with rr.RecordingStream(f"tssgeom: {run.name}", recording_id=uuid4()) as recording:
-        top = max(run.ranges.tension, *(one.frame.tension_out or 0.0 for one in run.results))
-        layout = blueprint(run.name, run.camera, timed=run.timed, tension=top)
-        recording.save(path, default_blueprint=layout)
-        recording.send_recording_name(run.name)
+    measured = [clearance(one) for one in run.results] if clearance else []
+    top = max(run.ranges.tension, *(one.frame.tension_out or 0.0 for one in run.results))
+    with recording_file(path, name, blueprint(name, run.camera, timed=timed, tension=top)) as recording:
         sender = Sender(recording, _times(run))
         send_pictures(sender, run, lumen, measured)
-        if run.timed:
+        if timed:
             send_series(sender, run.results)
 
 

@@ -1,15 +1,22 @@
-"""What one recording shows, chosen once for all its views."""
+"""One run as a recording shows it: what holds for all its views, and its numbers."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+import pyarrow as pa
+import rerun as rr
 
+from tssgeom.arrays import Matrix, Vector
 from tssgeom.stream import FrameResult
-from tssgeom.view.samples import Drawn, Ranges, drawn, front, ranges
+from tssgeom.view import colours
+from tssgeom.view.quantities import ANGLE, ELONGATION, TENSION_IN, TENSION_OUT, Quantity
+from tssgeom.view.samples import Ranges, RouteSamples, front, numbers_of, ranges, route_samples
 from tssgeom.view.scene.camera import Camera, camera
+from tssgeom.view.scene.columns import Sender
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,7 +25,7 @@ class Run:
 
     name: str
     results: Sequence[FrameResult]
-    frames: Sequence[Drawn]
+    frames: Sequence[RouteSamples]
     ranges: Ranges
     camera: Camera
     timed: bool
@@ -31,8 +38,124 @@ class Run:
 
 def run_of(name: str, results: Sequence[FrameResult], timed: bool) -> Run:
     """Choose nodes, ranges and a camera that hold for every frame of a run."""
-    frames = [drawn(result) for result in results]
-    everywhere = np.concatenate([frame.position for frame in frames])
-    forward = np.mean([frame.position[-1] - frame.position[0] for frame in frames], axis=0)
+    frames = [route_samples(result) for result in results]
     limits = ranges(frames, [result.arcs for result in results])
-    return Run(name, results, frames, limits, camera(everywhere, forward), timed)
+    return Run(name, results, frames, limits, camera_of(frames), timed)
+
+
+def camera_of(frames: Sequence[RouteSamples]) -> Camera:
+    """Return a camera that sees every frame."""
+    everywhere = np.concatenate([frame.position for frame in frames])
+    return camera(everywhere, np.mean([frame.position[-1] - frame.position[0] for frame in frames], axis=0))
+
+
+def send_series(sender: Sender, results: Sequence[FrameResult]) -> None:
+    """Send what changes from frame to frame, in the units of the plots' titles."""
+    send_numbers(sender, np.array([numbers_of(result) for result in results]))
+    _send_measured(sender, results)
+
+
+def send_numbers(sender: Sender, numbers: Matrix) -> None:
+    """Send the `numbers_of` many frames [m, 4], in the units of the plots' titles."""
+    tension_in, tension_out, elongation, angle = numbers.T
+    send_line(sender, "tension_in", TENSION_IN, tension_in)
+    send_line(sender, "tension_out", TENSION_OUT, tension_out)
+    send_line(sender, "elongation", ELONGATION, elongation)
+    send_line(sender, "angle", ANGLE, angle)
+
+
+def _send_measured(sender: Sender, results: Sequence[FrameResult]) -> None:
+    """Send what was measured, where every frame brings it."""
+    outs = [result.frame.tension_out for result in results]
+    if all(value is not None for value in outs):
+        _send_reading(sender, "tension_out", TENSION_OUT, np.array(outs, dtype=np.float64))
+    elongations = [result.frame.elongation for result in results]
+    if all(value is not None for value in elongations):
+        _send_reading(sender, "elongation", ELONGATION, np.array(elongations, dtype=np.float64))
+
+
+def _send_reading(sender: Sender, entity: str, told: Quantity, values: Vector) -> None:
+    send_line(
+        sender,
+        f"{entity}_measured",
+        told,
+        values,
+        name=f"{told.symbol} measured [{told.unit}]",
+        colour=colours.MEASURED,
+    )
+
+
+def send_line(
+    sender: Sender,
+    entity: str,
+    told: Quantity,
+    values: Vector,
+    *,
+    name: str = "",
+    colour: tuple[int, int, int] | None = None,
+) -> None:
+    """Send a quantity [SI] against time, in its own unit; name and colour are its own unless given."""
+    style = rr.SeriesLines(names=name or told.label, colors=[colour or told.rgb], widths=[2.0])
+    sender.constant(f"series/{entity}", style)
+    sender.send(f"series/{entity}", rr.Scalars.columns(scalars=told.factor * np.asarray(values, np.float64)))
+
+
+ON_ROUTE = ("s_m", "tension_N", "phi_rad", "kappa_per_m", "kappa_se_per_m", "phi_se_rad")
+"""Numbers at every node that is drawn, in single precision."""
+ON_JOINTS = ("length_m", "angle_rad")
+"""Numbers of every piece."""
+NUMBERS = (
+    "length_m",
+    "total_angle_rad",
+    "total_angle_se_rad",
+    "tension_in_N",
+    "tension_out_N",
+    "tension_out_se_N",
+    "elongation_m",
+    "elongation_se_m",
+    "slip_front_m",
+)
+"""Numbers of the frame as a whole."""
+
+
+def send_numbers_of_route(sender: Sender, run: Run) -> None:
+    """Send what each node of the route, each piece and each frame is, beside what draws them."""
+    frames, lengths = run.frames, [len(frame.s) for frame in run.frames]
+    columns = ("s", "tension", "phi", "kappa", "kappa_se", "phi_se")
+    nodes = {
+        name: _joined([getattr(frame, column) for frame in frames])
+        for name, column in zip(ON_ROUTE, columns, strict=True)
+    }
+    sender.send("route", _values(nodes), lengths)
+    arcs = [result.arcs for result in run.results]
+    pieces = {
+        name: np.concatenate([getattr(one, column) for one in arcs])
+        for name, column in zip(ON_JOINTS, ("length", "angle"), strict=True)
+    }
+    sender.send("joints", _values(pieces), [len(one.length) for one in arcs])
+    pairs = zip(run.results, run.fronts, strict=True)
+    whole = np.array([(*_whole(result), front) for result, front in pairs])
+    told = dict[str, Vector](zip(NUMBERS, whole.T, strict=True))
+    sender.send("summary", _values(told))
+
+
+def _whole(result: FrameResult) -> tuple[float, ...]:
+    arcs, seen = result.arcs, result.transmission
+    return (
+        arcs.total_length,
+        arcs.total_angle,
+        arcs.total_angle_se,
+        seen.tension_in,
+        seen.tension_out,
+        seen.tension_out_se,
+        seen.elongation,
+        seen.elongation_se,
+    )
+
+
+def _values(columns: Mapping[str, Any]) -> rr.ComponentColumnList:
+    return rr.AnyValues.columns(**columns)
+
+
+def _joined(values: Sequence[Vector]) -> pa.Array:
+    return pa.array(np.concatenate(values).astype(np.float32))

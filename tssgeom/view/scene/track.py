@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from uuid import uuid4
 
 import numpy as np
 import rerun as rr
@@ -13,10 +12,11 @@ import rerun.blueprint as rrb
 
 from tssgeom.arrays import Points, Vector
 from tssgeom.view import colours
-from tssgeom.view.quantities import TIMELINE
+from tssgeom.view.scene.blueprint import BACKGROUND, layout, space_view, time_panel
 from tssgeom.view.scene.camera import Camera, camera
 from tssgeom.view.scene.columns import Sender
 from tssgeom.view.scene.space import send_scale_bar
+from tssgeom.view.scene.writer import recording_file
 
 _NAMED = 40  # markers: of more, their numbers would hide one another
 
@@ -41,27 +41,22 @@ class Tracked:
 
 
 def write_track_recording(path: Path, tracked: Tracked) -> None:
-    """Write the recording.
+    """Write the recording; an older file gives way only when it is done.
 
-    Parameters
-    ----------
-    path
-        The `.rrd` file, written in place.
-    tracked
-        What it shows.
+    Raises
+    ------
+    SourceError
+        Where the file cannot be written.
     """
     placed = tracked.points[~np.isnan(tracked.points).any(axis=2)]
     seen = camera(placed, _forward(tracked.points))
-    path.touch()
-    with rr.RecordingStream(f"tssgeom track: {tracked.name}", recording_id=uuid4()) as recording:
-        recording.save(path, default_blueprint=_blueprint(tracked, seen))
-        recording.send_recording_name(tracked.name)
+    views, application = _blueprint(tracked, seen), f"tssgeom track: {tracked.name}"
+    with recording_file(path, tracked.name, views, application=application) as recording:
         sender = Sender(recording, tracked.time)
         send_scale_bar(sender, seen)
         _send_markers(sender, tracked)
         _send_numbers(sender, tracked)
-        text = rr.TextDocument(tracked.words, media_type=rr.MediaType.MARKDOWN)
-        sender.constant("summary", text)
+        sender.constant_text("summary", tracked.words)
         for name, shots in tracked.images.items():
             _send_images(recording, name, shots)
 
@@ -111,33 +106,17 @@ def _send_images(recording: rr.RecordingStream, name: str, shots: Sequence[tuple
 def _blueprint(tracked: Tracked, seen: Camera) -> rrb.Blueprint:
     cameras = rrb.Horizontal(
         *(
-            rrb.Spatial2DView(origin=f"camera/{name}", name=f"{name}: what was found", background=_DARK)
+            rrb.Spatial2DView(origin=f"camera/{name}", name=f"{name}: what was found", background=BACKGROUND)
             for name in tracked.images
         )
     )
-    space = rrb.Spatial3DView(
-        name=f"{tracked.name}: markers along the sheath, numbered from proximal to distal",
-        contents=["sensed/**", "route/**", "scale/**"],
-        background=_DARK,
-        line_grid=False,
-        eye_controls=rrb.EyeControls3D(
-            kind="Orbital", position=seen.eye, look_target=seen.target, eye_up=seen.up
-        ),
-    )
+    title = f"{tracked.name}: markers along the sheath, numbered from proximal to distal"
+    space = space_view(title, seen, ("sensed", "route", "scale"))
     below = rrb.Horizontal(
         rrb.TextDocumentView(origin="summary", name="What is seen"),
         rrb.TimeSeriesView(name="Markers placed [%] over time [s]", contents=["series/seen"]),
         rrb.TimeSeriesView(name="Noise of a coordinate [mm]", contents=["series/noise"]),
         column_shares=[40, 30, 30],
     )
-    return rrb.Blueprint(
-        rrb.Vertical(rrb.Horizontal(space, cameras, column_shares=[45, 55]), below, row_shares=[66, 34]),
-        rrb.BlueprintPanel(state="collapsed"),
-        rrb.SelectionPanel(state="collapsed"),
-        rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="paused", loop_mode="all"),
-        auto_views=False,
-        auto_layout=False,
-    )
-
-
-_DARK = rrb.Background(color=colours.BACKGROUND)
+    above = rrb.Horizontal(space, cameras, column_shares=[45, 55])
+    return layout(rrb.Vertical(above, below, row_shares=[66, 34]), time_panel())

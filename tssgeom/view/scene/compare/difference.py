@@ -1,14 +1,17 @@
-"""By how much one recording differs from another, as numbers."""
+"""By how much one recording differs from another, in numbers and in words."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from tssgeom.arrays import Vector
+from tssgeom.view.quantities import CHANNELS
 from tssgeom.view.scene.compare.reading import Side
+from tssgeom.view.wording import angle_with_error, with_error
 
 COMPARED = ("tension_in_N", "tension_out_N", "elongation_m")
 """What is compared over time."""
@@ -79,3 +82,103 @@ def parting(a: Side, b: Side) -> float | None:
     apart = np.abs(second - first) > _PARTS * max(float(first.max()), float(second.max()), 1e-12)
     place = int(np.argmax(apart))
     return float(s[place]) if place > 0 else None
+
+
+_SURE = 2.0  # standard errors beyond which a difference is none of chance
+_EARLY = 0.05  # of the length: tensions that part before it do so from the beginning
+_LONG = 0.05  # mm
+_SAME = 0.01  # N rms: drives that differ by less are called the same
+
+
+def comparison(a: Side, b: Side, gap: Difference | None) -> str:
+    """Say how B differs from A, as markdown: the route, the greatest pull, and over time."""
+    parts = [
+        f"**A** is {_name(a)}, **B** is {_name(b)}.",
+        _route_words(a, b),
+        _peak_words(a, b),
+        "" if gap is None else _time_words(gap),
+    ]
+    return "\n\n".join(part for part in parts if part)
+
+
+def _name(side: Side) -> str:
+    kind = "a shape" if side.time is None else f"{len(side.frames)} frames"
+    return f"{side.name} ({kind}" + (f"; time from its beginning, {side.since:.2f} s)" if side.since else ")")
+
+
+def _route_words(a: Side, b: Side) -> str:
+    turn, error = _change(a, b, "total_angle_rad", "total_angle_se_rad")
+    longer = 1e3 * (_at_peak(b, "length_m") - _at_peak(a, "length_m"))
+    more = "more" if turn >= 0 else "less"
+    length = f"{abs(longer):.1f} mm {'longer' if longer > 0 else 'shorter'}"
+    length = "as long" if abs(longer) < _LONG else length
+    if abs(turn) <= _SURE * error or turn == 0.0:
+        return f"The routes turn alike: Φ differs by {_degrees(turn)}, within its error. B is {length}."
+    return f"The route of B turns **{angle_with_error(abs(turn), error)} {more}** and is {length}."
+
+
+def _degrees(angle: float) -> str:
+    return f"{math.degrees(angle):.1f}°"
+
+
+def _peak_words(a: Side, b: Side) -> str:
+    pull = _at_peak(b, "tension_in_N") - _at_peak(a, "tension_in_N")
+    out, error = _change(a, b, "tension_out_N", "tension_out_se_N")
+    before = _at_peak(a, "tension_out_N")
+    share = f", {100 * out / before:+.0f} %" if before > 0 else ""
+    stretch, stretch_error = _change(a, b, "elongation_m", "elongation_se_m")
+    same = "the same T_in" if abs(pull) < _SAME else f"a T_in that is {pull:+.2f} N"
+    place = parting(a, b)
+    late = place is not None and place > _EARLY * _at_peak(a, "length_m")
+    where = f" The tensions run apart from s = {1e3 * place:.0f} mm on." if place and late else ""
+    return (
+        f"At the greatest pull, with {same}, the distal end of B feels "
+        f"**{with_error(out, error, 2, '+')} N** ({before:.2f} to {before + out:.2f} N{share}), and δ is "
+        f"**{with_error(1e3 * stretch, 1e3 * stretch_error, 3, '+')} mm** beside that of A.{where}"
+    )
+
+
+def _time_words(gap: Difference) -> str:
+    told = []
+    for name in ("tension_out_N", "elongation_m"):
+        channel, (most, when) = CHANNELS[name], gap.most(name)
+        told.append(
+            f"{channel.symbol} differs by {channel.factor * gap.rms(name):.3g} {channel.unit} rms, "
+            f"at most by {channel.factor * most:+.3g} {channel.unit} at {when:.2f} s"
+        )
+    drives = gap.rms("tension_in_N")
+    drive = (
+        "the drives are the same" if drives < _SAME else f"but the drives differ by {drives:.3g} N rms too"
+    )
+    span = f"{gap.time[0]:.2f} to {gap.time[-1]:.2f} s"
+    return f"From {span}, {'; '.join(told)}; {drive}."
+
+
+def _at_peak(side: Side, name: str) -> float:
+    return float(side.numbers[name][side.peak])
+
+
+def _change(a: Side, b: Side, name: str, error: str) -> tuple[float, float]:
+    """Return B less A at the greatest pull of each, and its standard error."""
+    return _at_peak(b, name) - _at_peak(a, name), math.hypot(_at_peak(a, error), _at_peak(b, error))
+
+
+_ROWS = (
+    ("L [mm]", "length_m", 1e3, 1),
+    ("Φ [°]", "total_angle_rad", math.degrees(1.0), 1),
+    ("T_in [N]", "tension_in_N", 1.0, 2),
+    ("T_out [N]", "tension_out_N", 1.0, 2),
+    ("δ [mm]", "elongation_m", 1e3, 3),
+)
+
+
+def table(a: Side, b: Side) -> str:
+    """Set the numbers of both at the greatest pull of each side by side, as markdown."""
+    rows = []
+    for title, name, factor, digits in _ROWS:
+        first, second = factor * _at_peak(a, name), factor * _at_peak(b, name)
+        cells = (f"{first:.{digits}f}", f"{second:.{digits}f}", f"{second - first:+.{digits}f}")
+        rows.append(f"| {title} | {' | '.join(cells)} |")
+    counts = [len(side.pieces[side.peak].length) for side in (a, b)]
+    rows.append(f"| pieces | {counts[0]} | {counts[1]} | {counts[1] - counts[0]:+d} |")
+    return "\n".join(["| | A | B | B − A |", "|---|--:|--:|--:|", *rows])

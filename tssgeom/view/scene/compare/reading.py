@@ -14,8 +14,8 @@ from tssgeom.arrays import Points, Vector
 from tssgeom.errors import SourceError
 from tssgeom.route.pieces import Arcs
 from tssgeom.view.quantities import TIMELINE
-from tssgeom.view.samples import Drawn
-from tssgeom.view.scene.numbers import NUMBERS, ON_JOINTS, ON_ROUTE
+from tssgeom.view.samples import RouteSamples
+from tssgeom.view.scene.run import NUMBERS, ON_JOINTS, ON_ROUTE
 from tssgeom.view.scene.viewer import parts_of, require_recording
 
 COPIED = ("/sensed", "/joints", "/lumen")
@@ -31,7 +31,7 @@ class Side:
     name: str
     time: Vector | None
     """Time of each frame [s]; None for a static shape."""
-    frames: Sequence[Drawn]
+    frames: Sequence[RouteSamples]
     pieces: Sequence[Arcs]
     labels: Sequence[Sequence[str]]
     """What is written beside the ends and the pieces."""
@@ -140,10 +140,10 @@ def _flat(values: pa.Array) -> np.ndarray:
     return values.to_numpy(zero_copy_only=False)
 
 
-def _drawn(route: Mapping[str, _Column]) -> list[Drawn]:
+def _drawn(route: Mapping[str, _Column]) -> list[RouteSamples]:
     columns = (route[name].values for name in (*ON_ROUTE, "LineStrips3D:strips"))
     return [
-        Drawn(
+        RouteSamples(
             s=s.astype(np.float64),
             position=_nodes(strips),
             tension=tension.astype(np.float64),

@@ -8,8 +8,7 @@ import numpy as np
 import rerun as rr
 
 from tssgeom.view import colours
-from tssgeom.view.scene.chart import Axis, Box, Chart
-from tssgeom.view.scene.charts import send_axes
+from tssgeom.view.scene.charts import Axis, Box, Chart, send_axes
 from tssgeom.view.scene.columns import Sender, segments_2d, strips_2d
 from tssgeom.view.scene.finding.replay import Replay
 

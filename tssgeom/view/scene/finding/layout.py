@@ -10,7 +10,7 @@ from tssgeom.view import colours
 from tssgeom.view import finding_wording as words
 from tssgeom.view.quantities import COUNT
 from tssgeom.view.scene.blueprint import from_zero
-from tssgeom.view.scene.chart import Box
+from tssgeom.view.scene.charts import Box
 from tssgeom.view.scene.finding.lines import shown_channels
 from tssgeom.view.scene.finding.replay import Replay
 

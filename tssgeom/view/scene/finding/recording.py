@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import replace
 from pathlib import Path
 from uuid import uuid4
@@ -10,14 +9,14 @@ from uuid import uuid4
 import numpy as np
 import rerun as rr
 
-from tssgeom.errors import SourceError, require_replaceable
+from tssgeom.atomic import replacing
 from tssgeom.identify.finding import Finding
 from tssgeom.view import colours
 from tssgeom.view import wording as words
 from tssgeom.view.figures.heat_map import bends
 from tssgeom.view.quantities import COUNT
 from tssgeom.view.samples import Ranges
-from tssgeom.view.scene.charts import send_tension_chart
+from tssgeom.view.scene.charts import send_slip_front, send_tension_chart
 from tssgeom.view.scene.columns import Sender, segments_3d
 from tssgeom.view.scene.finding.attribution import send_blame_chart
 from tssgeom.view.scene.finding.layout import BLAME_BOX, TENSION_BOX, blueprint
@@ -25,7 +24,6 @@ from tssgeom.view.scene.finding.lines import send_lines
 from tssgeom.view.scene.finding.replay import Replay, replay
 from tssgeom.view.scene.finding.wording import send_words
 from tssgeom.view.scene.labels import label_places
-from tssgeom.view.scene.slip_front import send_slip_front
 from tssgeom.view.scene.space import send_joints, send_labels, send_piece_names, send_scale_bar
 
 _LARGER = 2.0  # text beside the route, in views that are lower than one alone
@@ -39,16 +37,9 @@ def write_finding_recording(path: Path, finding: Finding) -> None:
     SourceError
         Where the file cannot be written.
     """
-    unfinished = path.with_name(f".{path.name}.part")
-    try:
-        require_replaceable(path)
-        unfinished.touch()
-        _write(unfinished, finding)
-        os.replace(unfinished, path)
-    except OSError as error:
-        raise SourceError(f"{path}: cannot write the recording ({error}): check the folder") from error
-    finally:
-        unfinished.unlink(missing_ok=True)
+    with replacing(path) as draft:
+        draft.touch()
+        _write(draft, finding)
 
 
 def _write(path: Path, finding: Finding) -> None:

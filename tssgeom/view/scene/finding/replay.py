@@ -12,9 +12,9 @@ from tssgeom.arrays import Points, Vector
 from tssgeom.identify.campaign import Route
 from tssgeom.identify.finding import Finding, RouteBlame, Trace
 from tssgeom.route.pieces import Arcs
-from tssgeom.view.samples import Drawn, evenly, round_up
+from tssgeom.view.samples import RouteSamples, evenly, round_up
 from tssgeom.view.scene.camera import Camera, camera
-from tssgeom.view.scene.slip_front import slid_up_to
+from tssgeom.view.scene.charts import slid_up_to
 
 MOST_ROWS = 240
 """Pictures of the route over the whole campaign."""
@@ -42,12 +42,12 @@ class Stretch:
     nodes: NDArray[np.intp]
     """Which nodes of the route are drawn."""
 
-    def frames(self) -> list[Drawn]:
+    def frames(self) -> list[RouteSamples]:
         """Return what is drawn of the route at each row."""
         nothing = np.zeros(len(self.s))
         tension = self.trace.tension[:, self.nodes]
         return [
-            Drawn(self.s, self.position, tension[row], nothing, nothing, nothing, nothing)
+            RouteSamples(self.s, self.position, tension[row], nothing, nothing, nothing, nothing)
             for row in self.rows.tolist()
         ]
 

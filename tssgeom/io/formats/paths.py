@@ -1,16 +1,49 @@
-"""One route of a file that holds several: `FILE#PART`, where PART is its number, its name or its topic."""
+"""Paths of shape files: their bytes, and `FILE#PART`, one route of a file that holds several.
+
+PART is the number of the route, its name or its topic.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
-from tssgeom.errors import ShapeError
+from tssgeom.errors import ShapeError, unreadable
 
 MARKUPS = ".mrk.json"
-_MOST_NAMED = 5
+LONGEST_LINE = 1 << 20
+"""Bytes of the longest line that is read, 1 MiB: the limit of the stream; 20 000 points fit."""
+_MOST_NAMED = 5  # names of routes in a message
 _NOT_IN_NAMES = re.compile(r"[^\w.-]+")
+
+
+@contextmanager
+def reading(path: Path, hint: str = "check the path") -> Iterator[None]:
+    """Turn a refusal of the system to read `path` into an error with a hint.
+
+    Raises
+    ------
+    SourceError
+        Where the file cannot be read.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise unreadable(path, error, hint) from error
+
+
+def bytes_of(path: Path) -> bytes:
+    """Return the content of a file.
+
+    Raises
+    ------
+    SourceError
+        Where the file cannot be read.
+    """
+    with reading(path):
+        return path.read_bytes()
 
 
 def split(path: Path) -> tuple[Path, str | None]:
@@ -36,13 +69,13 @@ def ending(path: Path) -> str:
 
 
 def stem(path: Path) -> str:
-    """Return what the outputs of a path are called: the file without its ending, then its part."""
+    """Return the name of the outputs of a path: the file without its ending, then its part."""
     file, part = split(path)
     name = file.name if file.is_dir() else file.name[: len(file.name) - len(ending(file))]
     return name if part is None else f"{name}-{_NOT_IN_NAMES.sub('_', part).strip('_')}"
 
 
-def chosen(path: Path, names: Sequence[str]) -> int:
+def selected(path: Path, names: Sequence[str]) -> int:
     """Return the index of the part that a path names; without one, that of the only part there is.
 
     Raises

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from uuid import uuid4
 
 import numpy as np
 import rerun as rr
+import rerun.blueprint as rrb
 
 from tssgeom.arrays import Vector
 from tssgeom.view import colours
@@ -17,24 +18,33 @@ from tssgeom.view.quantities import (
     SECOND,
     TENSION_IN,
     TENSION_OUT,
+    TIMELINE,
     Quantity,
 )
 from tssgeom.view.samples import Ranges, ranges
-from tssgeom.view.scene.camera import Camera, camera
-from tssgeom.view.scene.chart import Axis, Chart
-from tssgeom.view.scene.charts import send_axes, send_curvature_chart, send_tension_chart
+from tssgeom.view.scene.blueprint import chart, layout, plot, space_view
+from tssgeom.view.scene.camera import Camera
+from tssgeom.view.scene.charts import (
+    Axis,
+    Box,
+    Chart,
+    send_axes,
+    send_curvature_chart,
+    send_slip_front,
+    send_tension_chart,
+)
 from tssgeom.view.scene.columns import Sender
-from tssgeom.view.scene.compare.difference import Difference, aligned, difference
-from tssgeom.view.scene.compare.layout import BOTH_BOX, CHART_BOX, blueprint
+from tssgeom.view.scene.compare.difference import Difference, aligned, comparison, difference, table
 from tssgeom.view.scene.compare.reading import Side, read_side
-from tssgeom.view.scene.compare.wording import comparison, table
 from tssgeom.view.scene.labels import label_places
-from tssgeom.view.scene.series import send_line
-from tssgeom.view.scene.slip_front import send_slip_front
+from tssgeom.view.scene.run import camera_of, send_line
 from tssgeom.view.scene.space import send_labels, send_piece_names, send_route, send_scale_bar
+from tssgeom.view.scene.writer import recording_file
 
 _LARGER = 1.6  # text beside the route, as the views of both are lower than one alone
 _COLOURS = {"a": FIRST, "b": SECOND}
+_CHART_BOX = Box(width=1.9, text=0.12, bare=True)
+_BOTH_BOX = Box(width=3.1, text=0.115)
 
 
 def write_comparison(path: Path, first: Path, second: Path) -> None:
@@ -43,24 +53,22 @@ def write_comparison(path: Path, first: Path, second: Path) -> None:
     Parameters
     ----------
     path
-        The `.rrd` file, written in place.
+        The `.rrd` file; an older one gives way only when it is done.
     first, second
         Recordings of analyse, batch, simulate or live.
 
     Raises
     ------
     SourceError
-        Where one of them cannot be used.
+        Where one of them cannot be used, or the file cannot be written.
     """
     a, b = aligned(*_told_apart(read_side(first), read_side(second), first, second))
     sides, gap = {"a": a, "b": b}, difference(a, b)
-    cameras = {key: _camera(side) for key, side in sides.items()}
+    cameras = {key: camera_of(side.frames) for key, side in sides.items()}
     names = {key: f"{key.upper()} · {side.name}" for key, side in sides.items()}
-    limits = _common(a, b)
-    path.touch()
-    with rr.RecordingStream(f"tssgeom: {a.name} and {b.name}", recording_id=uuid4()) as recording:
-        recording.save(path, default_blueprint=blueprint(names, cameras, gap, limits.tension))
-        recording.send_recording_name(f"{a.name} and {b.name}")
+    limits = ranges([*a.frames, *b.frames], [*a.pieces, *b.pieces])
+    views = _blueprint(names, cameras, gap, limits.tension)
+    with recording_file(path, f"{a.name} and {b.name}", views) as recording:
         send_piece_names(Sender(recording, None), [*a.pieces, *b.pieces])
         for key, side in sides.items():
             _send_side(recording, key, side, limits)
@@ -79,25 +87,15 @@ def _told_apart(a: Side, b: Side, first: Path, second: Path) -> tuple[Side, Side
     return replace(a, name=f"{a.name} of {one}"), replace(b, name=f"{b.name} of {other}")
 
 
-def _camera(side: Side) -> Camera:
-    everywhere = np.concatenate([frame.position for frame in side.frames])
-    forward = np.mean([frame.position[-1] - frame.position[0] for frame in side.frames], axis=0)
-    return camera(everywhere, forward)
-
-
-def _common(a: Side, b: Side) -> Ranges:
-    return ranges([*a.frames, *b.frames], [*a.pieces, *b.pieces])
-
-
 def _send_side(recording: rr.RecordingStream, key: str, side: Side, limits: Ranges) -> None:
     """Send what is shown as it was, and again what hangs on the scales that both have now."""
     recording.send_chunks([part.with_entity_path(f"/{key}{part.entity_path}") for part in side.parts])
     sender = Sender(recording, side.time, below=f"{key}/")
     send_route(sender, side.frames, limits.tension)
     if side.time is not None:
-        send_slip_front(sender, side.frames, side.fronts, limits, CHART_BOX)
-    send_tension_chart(sender, side.frames, side.pieces, limits, CHART_BOX)
-    send_curvature_chart(sender, side.frames, side.pieces, limits, CHART_BOX)
+        send_slip_front(sender, side.frames, side.fronts, limits, _CHART_BOX)
+    send_tension_chart(sender, side.frames, side.pieces, limits, _CHART_BOX)
+    send_curvature_chart(sender, side.frames, side.pieces, limits, _CHART_BOX)
     if side.time is not None:
         name = key.upper()
         for entity, told, column, colour in (
@@ -122,8 +120,8 @@ def _send_difference(
     recording: rr.RecordingStream, a: Side, b: Side, gap: Difference | None, limits: Ranges
 ) -> None:
     still = Sender(recording, None, below="difference/")
-    for entity, text in (("words", comparison(a, b, gap)), ("table", table(a, b))):
-        still.constant(entity, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN))
+    still.constant_text("words", comparison(a, b, gap))
+    still.constant_text("table", table(a, b))
     _send_both(still, a, b, limits)
     if gap is None:
         return
@@ -143,7 +141,7 @@ def _send_gap(sender: Sender, entity: str, told: Quantity, values: Vector) -> No
 
 def _send_both(still: Sender, a: Side, b: Side, limits: Ranges) -> None:
     """Draw both tensions at the greatest pull over arc length, in one chart, and how far they are apart."""
-    chart = Chart(Axis(1e3 * limits.length, "mm"), Axis(limits.tension, "N"), BOTH_BOX)
+    chart = Chart(Axis(1e3 * limits.length, "mm"), Axis(limits.tension, "N"), _BOTH_BOX)
     send_axes(still, "tension", chart)
     ends = {"a": a.frames[a.peak], "b": b.frames[b.peak]}
     for key, frame in ends.items():
@@ -156,3 +154,49 @@ def _send_both(still: Sender, a: Side, b: Side, limits: Ranges) -> None:
 
 def _line(line: Vector, colour: tuple[int, int, int], radius: float) -> rr.LineStrips2D:
     return rr.LineStrips2D([line], colors=[colour], radii=rr.Radius.ui_points(radius), draw_order=10)
+
+
+def _blueprint(
+    names: Mapping[str, str], cameras: Mapping[str, Camera], gap: Difference | None, tension: float
+) -> rrb.Blueprint:
+    """Lay out the views; one time line moves both columns. The plot of tensions ends at `tension` [N]."""
+    columns = rrb.Horizontal(*(_column(side, names[side], cameras[side]) for side in ("a", "b")))
+    text = rrb.TextDocumentView(origin="difference/words", name="What differs")
+    numbers = rrb.TextDocumentView(origin="difference/table", name="At the greatest pull of each")
+    below = (
+        rrb.Horizontal(text, numbers, _both(), column_shares=[30, 20, 50])
+        if gap is None
+        else rrb.Horizontal(text, numbers, *_plots(tension), column_shares=[26, 20, 27, 27])
+    )
+    state = "hidden" if gap is None else "collapsed"
+    time = rrb.TimePanel(state=state, timeline=TIMELINE, play_state="paused", loop_mode="all")
+    return layout(rrb.Vertical(columns, below, row_shares=[65, 35]), time)
+
+
+def _column(side: str, name: str, seen: Camera) -> rrb.Container:
+    charts = rrb.Horizontal(
+        chart(f"{side}/tension", "Tension T [N] against s [mm]", _CHART_BOX),
+        chart(f"{side}/curvature", "Curvature κ ± s.e. [1/m] against s [mm]", _CHART_BOX),
+    )
+    space = space_view(f"{name}: route coloured by tension [N]", seen, below=f"{side}/")
+    return rrb.Vertical(space, charts, row_shares=[66, 34])
+
+
+def _both() -> rrb.Spatial2DView:
+    title = "Tension T [N] against arc length s [mm]: A blue, B orange, difference white"
+    return chart("difference/tension", title, _BOTH_BOX)
+
+
+def _plots(top: float) -> list[rrb.Container]:
+    tension = [f"{side}/series/{name}" for name in ("tension_in", "tension_out") for side in ("a", "b")]
+    stretch = [f"{side}/series/elongation" for side in ("a", "b")]
+    return [
+        rrb.Vertical(
+            plot("T_out [N] over time: A blue, B orange; T_in grey", tension, top=top),
+            plot("T_out of B less that of A [N]", ["difference/tension_out"]),
+        ),
+        rrb.Vertical(
+            plot(f"{ELONGATION.label} over time: A blue, B orange", stretch),
+            plot("δ of B less that of A [mm]", ["difference/elongation"]),
+        ),
+    ]

@@ -7,7 +7,7 @@ from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.stream import Frame, FrameResult, process
 from tssgeom.tendon.history import last_peak
-from tssgeom.view.samples import drawn, evenly, outliers, ranges, round_down, round_up, staircase
+from tssgeom.view.samples import evenly, outliers, ranges, round_down, round_up, route_samples, staircase
 
 
 @given(st.integers(2, 5000), st.integers(2, 300))
@@ -36,7 +36,7 @@ def test_staircase_encloses_the_whole_angle() -> None:
 
 
 def test_ranges_hold_every_tension_and_length_of_the_run(moving: list[FrameResult]) -> None:
-    frames = [drawn(result) for result in moving]
+    frames = [route_samples(result) for result in moving]
     limits = ranges(frames, [result.arcs for result in moving])
     assert limits.tension >= max(frame.tension.max() for frame in frames)
     assert limits.length == max(frame.s[-1] for frame in frames)

@@ -1,0 +1,283 @@
+"""Results as Parquet tables: every field carries its unit and its meaning as metadata."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import islice
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as papq
+
+from tssgeom.atomic import replacing
+from tssgeom.io.results.shapes import frame_row
+from tssgeom.route.pieces import Arcs
+from tssgeom.stream import FrameResult, Rejected
+from tssgeom.summary import RunningSummary
+from tssgeom.tendon.command import Command
+from tssgeom.tendon.simulation import Moment
+
+_NUMBER, _COUNT, _TEXT, _FLAG = pa.float64(), pa.int64(), pa.string(), pa.bool_()
+_TEXTS = pa.list_(pa.field("element", _TEXT))
+
+
+def _field(name: str, meaning: str, kind: pa.DataType = _NUMBER, unit: str | None = None) -> pa.Field:
+    """Return a field; the unit of a number is the end of its name, that of a count is 1."""
+    if unit is None:
+        unit = {_NUMBER: name.rpartition("_")[2], _COUNT: "1"}.get(kind, "")
+    return pa.field(name, kind, metadata={"unit": unit, "meaning": meaning})
+
+
+_GEOMETRY = [
+    _field("points", "points that were used", _COUNT),
+    _field("noise_m", "standard deviation of a coordinate of the points"),
+    _field("length_m", "arc length L"),
+    _field("total_angle_rad", "accumulated curve angle Φ"),
+    _field("total_angle_se_rad", "standard error of Φ"),
+    _field("method", "estimator behind the pieces", _TEXT),
+    _field("pieces", "number of constant-curvature pieces", _COUNT),
+]
+
+_TENDON = [
+    _field("tension_in_N", "tension at the proximal end"),
+    _field("tension_out_N", "tension at the distal end"),
+    _field("tension_out_se_N", "standard error of the distal tension"),
+    _field("elongation_m", "elongation δ above the pretensioned state"),
+    _field("elongation_se_m", "standard error of δ"),
+]
+
+_RANGES = [
+    _field(f"{quantity}_{end}_{unit}", f"{word} over the good frames")
+    for quantity, unit in (
+        ("length", "m"),
+        ("total_angle", "rad"),
+        ("tension_in", "N"),
+        ("tension_out", "N"),
+        ("elongation", "m"),
+    )
+    for end, word in (("min", "smallest"), ("max", "largest"))
+]
+
+SUMMARY = pa.schema(
+    [
+        _field("name", "name of the outputs", _TEXT),
+        _field("source", "the input, relative to the working folder", _TEXT),
+        _field("timed", "true for a recording, false for one static shape", _FLAG),
+        _field("frames", "frames of the input", _COUNT),
+        _field("rejected", "frames that could not be used", _COUNT),
+        _field("warned", "good frames with a warning", _COUNT),
+        _field("duration_s", "time from the first to the last good frame"),
+        _field("time_s", "time of the frame that represents the input"),
+        *_GEOMETRY,
+        *_TENDON,
+        *_RANGES,
+        _field("noise_rms_m", "root mean square of the noise over the good frames"),
+        _field("clearance_m", "least clearance of the tube to the lumen; null without one"),
+        _field("clearance_at_m", "arc length of the least clearance"),
+        _field("contact_length_m", "length of the route on which the tube touches the lumen"),
+        _field("outside_length_m", "length of the route outside the lumen"),
+        _field("warnings", "what is worth knowing about the input", _TEXTS),
+    ]
+)
+"""A row for each input; values without min or max are those of `RunningSummary.representative`."""
+
+FRAMES = pa.schema(
+    [
+        _field("name", "the input, as in the summary", _TEXT),
+        _field("seq", "count of the frame, from 0", _COUNT),
+        _field("time_s", "time of the frame"),
+        _field("id", "the sender's own name of the frame", _TEXT),
+        _field("rejected", "why the frame could not be used; empty where it was", _TEXT),
+        *_GEOMETRY,
+        *_TENDON,
+        _field("direction_index", "+1 pulling, -1 releasing", _COUNT),
+        _field("dead_zone", "true where the distal end has not yet answered", _FLAG),
+        _field("dead_zone_width_N", "change of tension until the distal end answers"),
+        _field("measured_tension_out_N", "distal tension as measured, where it was"),
+        _field("measured_displacement_in_m", "proximal displacement as measured, where it was"),
+        _field("measured_elongation_m", "elongation as measured, where it was"),
+        _field("warnings", "what is worth knowing about the frame", _TEXTS),
+    ]
+)
+"""A row for each frame; a rejected frame has its reason and no numbers."""
+
+
+SEGMENTS = pa.schema(
+    [
+        _field("name", "the input, as in the summary", _TEXT),
+        _field("seq", "count of the frame, from 0", _COUNT),
+        _field("piece", "number of the piece, from 0 at the proximal end", _COUNT),
+        _field("s_start_m", "arc length at which the piece begins"),
+        _field("length_m", "arc length of the piece"),
+        _field("kappa_per_m", "curvature of the piece", unit="1/m"),
+        _field("angle_rad", "accumulated curve angle of the piece"),
+    ]
+)
+"""A row for each constant-curvature piece of each good frame."""
+
+CHUNK = 512
+"""Frames that become rows at once; chosen."""
+_ROW_GROUP = 32  # chunks in a row group, which memory holds at once; chosen
+
+
+class Part(NamedTuple):
+    """Consecutive frames: their rows, their pieces, and their running summary."""
+
+    frames: pa.RecordBatch
+    segments: pa.RecordBatch
+    summary: RunningSummary
+
+
+def parts(name: str, items: Iterable[FrameResult | Rejected], stride: int) -> Iterator[Part]:
+    """Turn results into rows, chunk by chunk; an input without frames gives no chunk."""
+    upcoming = iter(items)
+    while (part := part_of(name, islice(upcoming, CHUNK), stride)).summary.frames:
+        yield part
+
+
+def part_of(name: str, items: Iterable[FrameResult | Rejected], stride: int) -> Part:
+    """Turn the results of some frames into rows."""
+    summary = RunningSummary(stride)
+    rows, pieces = list[dict[str, Any]](), list[tuple[int, Arcs]]()
+    for item in items:
+        row = frame_row(item)
+        rows.append(row)
+        summary.add(item, row)
+        if not isinstance(item, Rejected):
+            pieces.append((item.seq, item.arcs))
+    return Part(_batch(FRAMES, name, rows), _segments(name, pieces), summary.close())
+
+
+def _batch(schema: pa.Schema, name: str, rows: Sequence[Mapping[str, Any]]) -> pa.RecordBatch:
+    columns = [[row.get(column.name) for row in rows] for column in list(schema)[1:]]
+    given = zip(columns, list(schema)[1:], strict=True)
+    arrays = [pa.array(values, type=column.type) for values, column in given]
+    return pa.RecordBatch.from_arrays([_named(name, len(rows)), *arrays], schema=schema)
+
+
+def _segments(name: str, pieces: Sequence[tuple[int, Arcs]]) -> pa.RecordBatch:
+    counts = [len(arcs.length) for _, arcs in pieces]
+    columns = [
+        np.repeat(np.array([seq for seq, _ in pieces], dtype=np.int64), counts),
+        _joined([np.arange(count) for count in counts], np.int64),
+        *(
+            _joined([getattr(arcs, quantity) for _, arcs in pieces], np.float64)
+            for quantity in ("s_start", "length", "kappa", "angle")
+        ),
+    ]
+    arrays = [pa.array(column) for column in columns]
+    return pa.RecordBatch.from_arrays([_named(name, sum(counts)), *arrays], schema=SEGMENTS)
+
+
+def _joined(arrays: Sequence[np.ndarray], kind: type) -> np.ndarray:
+    return np.concatenate([np.zeros(0, kind), *arrays])
+
+
+def _named(name: str, count: int) -> pa.Array:
+    return pa.repeat(pa.scalar(name, _TEXT), count)
+
+
+def write_parts(frames: Path, segments: Path, upcoming: Iterable[Part], summary: RunningSummary) -> None:
+    """Write the tables of frames and segments of one input, and add up the running summary.
+
+    Memory holds a row group at a time. Where the iterable ends in an error, both files are incomplete.
+    """
+    with papq.ParquetWriter(frames, FRAMES) as rows, papq.ParquetWriter(segments, SEGMENTS) as pieces:
+        chunks = iter(upcoming)
+        while group := list(islice(chunks, _ROW_GROUP)):
+            for part in group:
+                summary.join(part.summary)
+            rows.write_table(pa.Table.from_batches([part.frames for part in group]))
+            pieces.write_table(pa.Table.from_batches([part.segments for part in group]))
+
+
+def write_summary(path: Path, rows: Iterable[Mapping[str, Any]]) -> None:
+    """Write `summary.parquet` from rows of `summary_row`."""
+    papq.write_table(pa.Table.from_pylist([dict(row) for row in rows], schema=SUMMARY), path)
+
+
+_PHASES = "pull, pull_to_release (dead zone), release, release_to_pull (dead zone), or hold"
+
+SIMULATE = pa.schema(
+    [
+        _field("time_s", "time of the run"),
+        _field("tension_in_N", "total tension at the proximal end"),
+        _field("tension_out_N", "total tension at the distal end"),
+        _field("elongation_m", "elongation of the tendon in the sheath above the pretensioned state"),
+        _field("displacement_in_m", "movement of the drive since the pretensioned state"),
+        _field("displacement_out_m", "movement of the load since the pretensioned state"),
+        _field("phase", _PHASES, _TEXT),
+        _field("direction_index", "+1 pulling, -1 releasing", _COUNT, unit=""),
+        _field("dead_zone_N", "change of the proximal tension until the distal end answers, 0 where it does"),
+    ]
+)
+"""A row for each row of the run; where effects distort sensors, `read_` columns hold their readings."""
+
+COMPENSATE = pa.schema(
+    [
+        _field("time_s", "time of the run"),
+        _field("displacement_in_m", "position of the drive at which the distal end is on target"),
+        _field("tension_in_N", "total tension at the proximal end at which it is"),
+    ]
+)
+"""A row for each row of the run."""
+_READING = _field("read_tension_in_N", "reading of the sensor of that tension, where effects distort it")
+
+
+def write_simulation(path: Path, moments: Sequence[Moment]) -> None:
+    """Write `simulate.parquet`.
+
+    Raises
+    ------
+    SourceError
+        Where the disk refuses.
+    """
+    readings = moments[0].readings if moments else {}
+    fields = [_field(f"read_{name}", f"{name} as its sensor reads it") for name in readings]
+    _write(path, pa.schema([*SIMULATE, *fields]), [simulation_row(moment) for moment in moments])
+
+
+def simulation_row(moment: Moment) -> dict[str, Any]:
+    """Return the row of one moment; see `SIMULATE`."""
+    transmission = moment.transmission
+    return {
+        "time_s": moment.time,
+        "tension_in_N": transmission.tension_in,
+        "tension_out_N": transmission.tension_out,
+        "elongation_m": transmission.elongation,
+        "displacement_in_m": transmission.displacement_in,
+        "displacement_out_m": transmission.displacement_out,
+        "phase": moment.phase,
+        "direction_index": transmission.direction_index,
+        "dead_zone_N": transmission.dead_zone_width,
+        **{f"read_{name}": value for name, value in moment.readings.items()},
+    }
+
+
+def write_commands(path: Path, time: Sequence[float], commands: Sequence[Command]) -> None:
+    """Write `compensate.parquet`.
+
+    Raises
+    ------
+    SourceError
+        Where the disk refuses.
+    """
+    rows = [
+        {
+            "time_s": moment,
+            "displacement_in_m": one.displacement_in,
+            "tension_in_N": one.tension_in,
+            _READING.name: one.reading_in,
+        }
+        for moment, one in zip(time, commands, strict=True)
+    ]
+    distorted = any(one.reading_in != one.tension_in for one in commands)
+    _write(path, COMPENSATE.append(_READING) if distorted else COMPENSATE, rows)
+
+
+def _write(path: Path, schema: pa.Schema, rows: Sequence[Mapping[str, Any]]) -> None:
+    table = pa.Table.from_pylist([dict(row) for row in rows], schema=schema)
+    with replacing(path) as draft:
+        papq.write_table(table, draft)

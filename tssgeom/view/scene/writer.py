@@ -1,0 +1,183 @@
+"""How a Rerun recording is opened and finished: a file written whole, a file that grows, a hosted stream."""
+
+from __future__ import annotations
+
+import os
+import struct
+import subprocess
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from uuid import uuid4
+
+import rerun as rr
+import rerun.blueprint as rrb
+
+from tssgeom.atomic import replacing
+from tssgeom.errors import SourceError, SpaceError, require_replaceable
+from tssgeom.view.scene.viewer import binary
+
+_START = b"RRF2\x00)\x00\x00\x01\x02\x00\x00"  # of every file: format, version, messages in protobuf
+_MESSAGE = struct.Struct("<QQ")  # kind and bytes that follow
+_END = 0  # kind of the message that ends a file, before its table of contents
+_FLUSH_LIMIT = 10.0  # s, longest wait for what was sent
+_OPTIMIZE_LARGEST = 256 << 20  # bytes: a larger file keeps its many small pieces when it is finished
+_OPTIMIZE_LIMIT = 20.0  # s, longest wait for the pieces to be joined
+_HOSTED_MEMORY = "256MiB"  # of frames that a viewer which connects late still gets
+
+
+@contextmanager
+def recording_file(
+    path: Path, name: str, layout: rrb.Blueprint, *, application: str | None = None
+) -> Iterator[rr.RecordingStream]:
+    """Yield a stream into a recording; on leaving, the file takes the place of an older one.
+
+    Parameters
+    ----------
+    path
+        The `.rrd` file.
+    name
+        Name of the recording in the viewer.
+    layout
+        The views that open with it.
+    application
+        Name under which the viewer remembers a changed layout; `name` after that of the program by default,
+        so that each file keeps its camera.
+
+    Raises
+    ------
+    SourceError
+        Where the file cannot be written; SpaceError where the disk is full.
+    """
+    with replacing(path) as draft:
+        draft.touch()
+        try:
+            with rr.RecordingStream(application or f"tssgeom: {name}", recording_id=uuid4()) as recording:
+                recording.save(draft, default_blueprint=layout)
+                recording.send_recording_name(name)
+                yield recording
+        except RuntimeError as error:  # the file was there: its sink stopped on the way
+            raise SpaceError(
+                f"{path}: the recording ends early ({error}): free space and run again"
+            ) from error
+
+
+def hosted(name: str, port: int) -> tuple[rr.RecordingStream, str]:
+    """Host a stream to which viewers on this machine may connect; return it with its address.
+
+    Raises
+    ------
+    SourceError
+        Where the port is taken.
+    """
+    recording = rr.RecordingStream(f"tssgeom: {name}", batcher_config=rr.ChunkBatcherConfig.LOW_LATENCY())
+    sink = rr.GrpcServerSink(bind_ip="127.0.0.1", port=port, server_memory_limit=_HOSTED_MEMORY)
+    try:
+        recording.set_sinks(sink)
+    except (RuntimeError, ValueError, OSError) as error:
+        raise SourceError(f"--view: port {port}: {error}: choose another with --view-port") from error
+    recording.send_recording_name(name)
+    return recording, sink.uri
+
+
+class GrowingFile:
+    """A recording that is written piece by piece to a hidden file, which gets its name when it is finished.
+
+    Rerun's own file sink blocks for ever once the disk is full; here what was written before stays whole.
+    Without room to join the pieces, the file has no table of contents, and can be read all the same.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path, self._part = path, path.with_name(f".{path.stem}.part{path.suffix}")
+        try:
+            require_replaceable(path)
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._file = self._part.open("wb", buffering=0)
+        except OSError as error:
+            raise self._unwritten(error) from error
+        self.recording = rr.RecordingStream(f"tssgeom: {path.stem}", recording_id=uuid4())
+        self._stream = self.recording.binary_stream()
+        self.recording.send_recording_name(path.stem)
+        self._size, self._full = 0, False
+
+    def write(self) -> None:
+        """Write what was logged since the last time.
+
+        Raises
+        ------
+        SourceError
+            Where the disk refuses; from then on nothing is written.
+        """
+        data = logged(self._stream.read(flush_timeout_sec=_FLUSH_LIMIT) or b"")
+        if self._full:
+            return
+        try:
+            self._append(data)
+        except OSError as error:
+            self._full = True
+            raise self._unwritten(error) from error
+
+    def finish(self) -> None:
+        """Write the rest and give the file its name.
+
+        Raises
+        ------
+        SourceError
+            Where the disk refuses.
+        """
+        try:
+            self.write()
+        finally:
+            self._file.close()
+            if self._size:
+                self._optimize()
+                os.replace(self._part, self._path)
+            else:
+                self._part.unlink(missing_ok=True)
+
+    def _append(self, data: bytes) -> None:
+        """Write messages; of those that find no room, none is written in part."""
+        data, begin = (data, 0) if self._size else (_START + data, len(_START))
+        written = 0
+        try:
+            with memoryview(data) as view:
+                while written < len(view):
+                    written += self._file.write(view[written:]) or 0
+        except OSError:
+            written = max((end for end in _ends(data, begin) if end <= written), default=0)
+            with suppress(OSError):
+                self._file.truncate(self._size + written)
+            raise
+        finally:
+            self._size += written
+
+    def _optimize(self) -> None:
+        """Join the many small pieces and add a table of contents; a failure leaves the file as it is."""
+        if self._size > _OPTIMIZE_LARGEST:
+            return
+        with suppress(SourceError, subprocess.SubprocessError), replacing(self._part) as draft:
+            command = [binary(), "rrd", "optimize", str(self._part), "-o", str(draft)]
+            subprocess.run(command, check=True, capture_output=True, timeout=_OPTIMIZE_LIMIT)
+
+    def _unwritten(self, error: OSError) -> SourceError:
+        what = error.strerror or str(error)
+        return SourceError(f"{self._path}: the recording ends here, it cannot be written ({what}): make room")
+
+
+def logged(data: bytes) -> bytes:
+    """Return what is logged in one reading of a binary stream of Rerun, without its start and its end.
+
+    Each reading is a file of its own; what lies between start and end of all of them makes one file, which
+    needs no table of contents.
+    """
+    return data[len(_START) : max(_ends(data, len(_START)), default=0)]
+
+
+def _ends(data: bytes, at: int) -> Iterator[int]:
+    """Yield where each of the messages that begin at `at` ends, up to what ends a file."""
+    while at + _MESSAGE.size <= len(data):
+        kind, size = _MESSAGE.unpack_from(data, at)
+        if kind == _END:
+            return
+        at += _MESSAGE.size + size
+        yield at
