@@ -18,10 +18,23 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from benchmarks.elongation import first_pull
-from benchmarks.routes import arc_places
+from benchmarks.routes import arc_positions
 from tssgeom.arrays import Matrix, Points, Vector
+from tssgeom.rig import Rig
 from tssgeom.route.synthetic import Course
+
+RIG = Rig()
+TENSION_IN = 15.0
+"""Tension at the proximal end, from a slack tendon [N]."""
+
+
+def first_pull(length: Vector, angle: Vector) -> float:
+    """Elongation [m] on pieces of the given lengths [m] and angles [rad]; docs/model.md (9), T_0 = 0."""
+    turn = RIG.friction.coefficient * angle
+    reaching = TENSION_IN * np.exp(-(np.cumsum(turn) - turn))
+    mean = np.where(turn > 1e-12, -np.expm1(-turn) / np.maximum(turn, 1e-300), 1.0)
+    return float(RIG.tendon.compliance_per_N * (length * mean) @ reaching)
+
 
 _STEP = 1e-6  # of a length of the route, of an angle of 1, of a curvature of one over the length
 _SINGULAR = 1e-9  # smallest singular value over the largest, with columns of equal length
@@ -85,7 +98,7 @@ class _Chain:
         if not self.known:
             moved[-1] = course.length.sum()
         turn = Rotation.from_rotvec([0.0, theta[3], theta[4]])
-        return turn.apply(arc_places(course)(moved)) + theta[:3]
+        return turn.apply(arc_positions(course)(moved)) + theta[:3]
 
     def quantities(self, theta: Vector) -> Vector:
         """Φ [rad] and elongation [m]."""
@@ -95,8 +108,8 @@ class _Chain:
 
     def tangents(self, station: Vector) -> Points:
         """Return the unit tangents at the stations."""
-        place, step = arc_places(self.course), _STEP * self.edges[-1]
-        return (place(station + step) - place(station - step)) / (2 * step)
+        position, step = arc_positions(self.course), _STEP * self.edges[-1]
+        return (position(station + step) - position(station - step)) / (2 * step)
 
     def jacobian(self, function: Callable[[Vector], np.ndarray]) -> np.ndarray:
         """Differentiate a function by every parameter, in a last axis, by central differences."""

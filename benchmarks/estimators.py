@@ -1,13 +1,12 @@
-"""The peers: what anyone would reach for to get an angle from noisy points.
-
-All are given points that were seen, the stations where they are known and chord lengths where they are not,
-and, where a method can use it, the true noise. None of them gives an error bar or pieces.
-"""
+"""Estimators of the geometry, ours and the peers': what each is given, and what it returns."""
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,20 +14,89 @@ from csaps import csaps
 from numba import njit
 from scipy.interpolate import make_smoothing_spline, make_splprep, splev, splprep
 
-from benchmarks.estimate import Estimate, Sighting
+from benchmarks.bound import RIG, TENSION_IN, first_pull
 from tssgeom.arrays import Points, Vector
+from tssgeom.route.geometry import Method, measure
+from tssgeom.route.observations import clean
+from tssgeom.tendon.capstan import pretensioned, step
+from tssgeom.tendon.transmission import transmit
+
+
+@dataclass(frozen=True, slots=True)
+class Sighting:
+    """Points as an estimator gets them."""
+
+    points: Points
+    """A row of NaN was not seen [m]."""
+    stations: Vector | None
+    """Arc length at each point, where the sensor tells it [m]."""
+    noise: float | None
+    """Standard deviation of each coordinate, where the sensor's is known [m]."""
+    true_noise: float
+    """The same in truth, for peers that cannot do without it [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """Geometry as one estimator sees it; a standard error it does not give is NaN, a count 0."""
+
+    s: Vector
+    """Arc length from the proximal end [m]."""
+    phi: Vector
+    """Accumulated curve angle there [rad]."""
+    elongation: float
+    """On the first pull to 15 N [m]."""
+    angle_se: float = math.nan
+    """Standard error of Φ [rad]."""
+    elongation_se: float = math.nan
+    """Standard error of the elongation from geometry [m]."""
+    pieces: int = 0
+    """Number of pieces of constant curvature."""
+
+    @classmethod
+    def of_profile(cls, s: Vector, phi: Vector) -> Estimate:
+        """Answer of an estimator that gives the accumulated angle `phi` [rad] at `s` [m] and no more."""
+        return cls(s, phi, first_pull(np.diff(s), np.diff(phi)))
+
+    @property
+    def total_angle(self) -> float:
+        """Accumulated curve angle of the whole route, Φ [rad]."""
+        return float(self.phi[-1])
+
+
+def ours(method: Method, sighting: Sighting) -> Estimate:
+    """Answer of this project, with its error bars."""
+    result = measure(clean(sighting.points, sighting.stations), sighting.noise, method)
+    pulled = step(pretensioned(RIG), TENSION_IN, RIG.friction.coefficient)
+    moved = transmit(pulled, result.arcs, RIG)
+    return Estimate(
+        s=result.profile.s,
+        phi=result.profile.phi,
+        elongation=moved.elongation,
+        angle_se=result.arcs.total_angle_se,
+        elongation_se=moved.elongation_se,
+        pieces=len(result.arcs.length),
+    )
+
+
+OURS: dict[str, Callable[[Sighting], Estimate]] = {
+    "spline": partial(ours, "spline"),
+    "arcs": partial(ours, "arcs"),
+    "auto": partial(ours, "auto"),
+}
+
 
 _GRID = 4000
 _VMTK_ROUNDS, _VMTK_FACTOR = 100, 0.1  # defaults of vmtkcenterlinesmoothing and vmtkcenterlinegeometry
 _TAUBIN_ROUNDS, _LAMBDA, _PASS_BAND = 100, 0.6307, 0.1  # Taubin 1995; VMTK's own example of a pass band
 
 
-def _seen(sighting: Sighting) -> tuple[Points, Vector]:
+def _sensed(sighting: Sighting) -> tuple[Points, Vector]:
     """Points that were seen, with their stations or chord lengths from 0 [m]."""
-    seen = ~np.isnan(sighting.points).any(axis=1)
-    points = sighting.points[seen]
+    sensed = ~np.isnan(sighting.points).any(axis=1)
+    points = sighting.points[sensed]
     if sighting.stations is not None:
-        return points, sighting.stations[seen]
+        return points, sighting.stations[sensed]
     return points, _chord(points)
 
 
@@ -49,7 +117,7 @@ def _integral(u: Vector, rate: Vector) -> Vector:
 
 def scipy_splprep(sighting: Sighting) -> Estimate:
     """Quintic smoothing spline of FITPACK with the residual that the true noise leaves, s = 3Nσ²."""
-    points, u = _seen(sighting)
+    points, u = _sensed(sighting)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # FITPACK warns where it cannot meet s; its best curve is used then
         tck, _ = splprep(points.T, u=u, k=min(5, len(u) - 1), s=points.size * sighting.true_noise**2)
@@ -60,7 +128,7 @@ def scipy_splprep(sighting: Sighting) -> Estimate:
 
 def scipy_make_splprep(sighting: Sighting) -> Estimate:
     """Successor of splprep in scipy, with the same degree and residual."""
-    points, u = _seen(sighting)
+    points, u = _sensed(sighting)
     left: Any = points.size * sighting.true_noise**2  # a float, which scipy's own default of 0 hides
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -75,7 +143,7 @@ def scipy_smoothing_spline(sighting: Sighting) -> Estimate:
     The search of scipy takes a weight of order one for granted, so stations are in units of their spacing; in
     metres it never comes near the minimum, and exact points of a half circle are 6 % off.
     """
-    points, u = _seen(sighting)
+    points, u = _sensed(sighting)
     spacing = float(u[-1] - u[0]) / (len(u) - 1)
     spline = make_smoothing_spline(u / spacing, points)
     at = np.linspace(u[0], u[-1], _GRID)
@@ -85,7 +153,7 @@ def scipy_smoothing_spline(sighting: Sighting) -> Estimate:
 
 def csaps_spline(sighting: Sighting) -> Estimate:
     """Cubic smoothing spline of csaps, its weight by the rule of that package."""
-    points, u = _seen(sighting)
+    points, u = _sensed(sighting)
     spline = csaps(u, points.T).spline
     at = np.linspace(u[0], u[-1], _GRID)
     first, second = (np.asarray(spline(at, nu=order)).T for order in (1, 2))
@@ -94,12 +162,12 @@ def csaps_spline(sighting: Sighting) -> Estimate:
 
 def turning_angles(sighting: Sighting) -> Estimate:
     """Plain sum of the angles between the steps from point to point."""
-    return _of_polyline(*_seen(sighting))
+    return _of_polyline(*_sensed(sighting))
 
 
 def vmtk_smoothing(sighting: Sighting) -> Estimate:
     """Sum turning angles after VMTK's smoothing of centre lines, with its defaults."""
-    points, u = _seen(sighting)
+    points, u = _sensed(sighting)
     smoothed = points.copy()
     _relax(smoothed, _VMTK_ROUNDS, _VMTK_FACTOR)
     return _of_polyline(smoothed, u if sighting.stations is not None else _chord(smoothed))
@@ -107,7 +175,7 @@ def vmtk_smoothing(sighting: Sighting) -> Estimate:
 
 def taubin_smoothing(sighting: Sighting) -> Estimate:
     """Sum turning angles after Taubin's λ|μ smoothing, which shrinks curves less."""
-    points, u = _seen(sighting)
+    points, u = _sensed(sighting)
     mu = 1.0 / (_PASS_BAND - 1.0 / _LAMBDA)
     for factor in (_LAMBDA, mu) * _TAUBIN_ROUNDS:
         points = points.copy()
