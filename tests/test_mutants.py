@@ -1,4 +1,4 @@
-"""The mutants of `tests/mutants.py` fit the code as it is; running the tests on them is another, longer run."""
+"""The mutants of `tests/mutants.py` fit the code as it is; running the tests on them takes longer, apart."""
 
 import ast
 
