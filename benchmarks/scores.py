@@ -8,8 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.bound import Bound, cramer_rao, first_pull
-from benchmarks.estimators import OURS, PEERS, SLOW, Estimate, Sighting
+from benchmarks.estimators import OURS, PEERS, SLOW, Bound, Estimate, Sighting, cramer_rao, first_pull
 from benchmarks.routes import Cell, Draw, Truth, draw
 from benchmarks.tables import ABSENT, number, share, table
 

@@ -12,7 +12,7 @@ import numpy as np
 import ruptures
 from scipy.interpolate import splev, splprep
 
-from benchmarks.bound import RIG
+from benchmarks.estimators import RIG
 from benchmarks.live_process import line
 from benchmarks.routes import PIECEWISE, of_arcs, truth
 from tssgeom.arrays import Points, Vector
