@@ -19,7 +19,7 @@ COMMANDS = "tests/effects/test_commands.py -k place_of_the_load"
 ARCS = "tests/route/test_arcs.py -k 'partition or parallel or given'"
 DIRECTIONS = "tests/route/test_directions.py -k 'refused or flipped'"
 TABLES = "tests/io/test_tables_of_points.py"
-CHAIN = "tests/route/test_chain.py -k 'finite_differences or feet or carried or right_angles'"
+CHAIN = "tests/route/test_chain.py -k 'finite_differences or feet or propagated or right_angles'"
 DRIVE = "tests/identify/test_parts.py -k"
 LEGS = "tests/identify/test_calibration.py -k 'monotone or flatter'"
 
@@ -216,8 +216,8 @@ MUTANTS = (
     Mutant("tssgeom/route/arcs/dense.py", "value -= lower[a, c] * half[i, c]", "pass", CHAIN),
     Mutant(
         "tssgeom/route/arcs/fit.py",
-        "bow = unit[c] * ahead - axes[i, c]",
-        "bow = unit[c] * ahead + axes[i, c]",
+        "bow = unit[c] * along - axes[i, c]",
+        "bow = unit[c] * along + axes[i, c]",
         CHAIN,
     ),
     Mutant(
@@ -229,7 +229,7 @@ MUTANTS = (
     # what drives, and what is read
     Mutant(
         "tssgeom/identify/turning.py",
-        "return 1.4826 * float(np.median(off))",
+        "return robust_sd(off)",
         "return float(np.median(off))",
         f"{DRIVE} sine",
     ),

@@ -1,13 +1,14 @@
-"""The chain of arcs: exact derivatives, the right pieces and doubt, and the choice against the spline."""
+"""The chain of arcs: exact derivatives, the right pieces and errors, and the choice against the spline."""
 
 import numpy as np
 import pytest
 
 from tssgeom.arrays import read_only
-from tssgeom.route.arcs.dense import carried, factor
+from tssgeom.route.arcs.chain import Chain, Data, WeightedTangents
+from tssgeom.route.arcs.dense import factor, propagated
 from tssgeom.route.arcs.equations import normal_equations
-from tssgeom.route.arcs.fit import Chain, Data, settle
-from tssgeom.route.arcs.positions import along, off_chain
+from tssgeom.route.arcs.fit import fit_fixed_pieces
+from tssgeom.route.arcs.positions import along, squared_distances
 from tssgeom.route.arcs.summary import slide_of_end
 from tssgeom.route.geometry import measure
 from tssgeom.route.observations import clean
@@ -40,16 +41,16 @@ def _turned(axes, about):
 
 def _moved(values, start, free):
     """Chain after a parameter step, written without the code under test."""
-    place, axes = start
+    position, axes = start
     shifts = 2 if free else 3
-    place = place + (values[:shifts] @ axes[1:] if free else values[:shifts])
+    position = position + (values[:shifts] @ axes[1:] if free else values[:shifts])
     axes = _turned(axes, values[shifts] * axes[1] + values[shifts + 1] * axes[2])
     joints, bend, row = JOINTS.copy(), BEND.copy(), shifts + 5
     joints[1:] += values[shifts + 2 : row]
     for j in np.flatnonzero(CURVED):
         bend[j] += values[row : row + 2]
         row += 2
-    return place, axes, joints, bend
+    return position, axes, joints, bend
 
 
 @pytest.mark.parametrize("free", [False, True])
@@ -67,8 +68,8 @@ def test_normal_equations_are_those_of_finite_differences(start, free):
         jacobian[:, :, i] = (ahead - behind) / 2e-6
     across = np.eye(3) - (tangent[:, :, None] * tangent[:, None, :] if free else 0.0)
     metric = across * weight[:, None, None] if free else np.eye(3) * weight[:, None, None]
-    given = (points, weight, s, *start, JOINTS, BEND, CURVED, free)
-    matrix, gradient, cost, square = normal_equations(*given, None, 0.0)
+    data = Data(points, weight, free, 0.0, 0.4 / 60)
+    matrix, gradient, cost, square = normal_equations(data, _chain(*start, JOINTS, BEND, s), 0.0)
     expected = np.einsum("nia,nij,njb->ab", jacobian, metric, jacobian)
     scale = np.sqrt(np.diag(expected))
     # central differences with a step of 1e-6 are good to 1e-9 of curvatures up to 20/m
@@ -76,8 +77,8 @@ def test_normal_equations_are_those_of_finite_differences(start, free):
     slope = np.einsum("nia,nij,nj->a", jacobian, metric, points - here)
     np.testing.assert_allclose(gradient / scale, slope / scale, atol=1e-9)
     assert cost == pytest.approx(np.einsum("ni,nij,nj->", points - here, metric, points - here), rel=1e-12)
-    distance = off_chain(points, s, *start, JOINTS, BEND, free)
-    np.testing.assert_allclose(square, distance, rtol=1e-9)  # of 1 mm, to the rounding of places of 0.1 m
+    distance = squared_distances(points, s, *start, JOINTS, BEND, free)
+    np.testing.assert_allclose(square, distance, rtol=1e-9)  # of 1 mm, to the rounding of positions of 0.1 m
 
 
 @pytest.mark.parametrize("free", [False, True])
@@ -86,26 +87,27 @@ def test_rows_of_directions_are_those_of_finite_differences(start, free):
     s = np.sort(rng.uniform(-0.01, 0.41, 60))
     m = (2 if free else 3) + 2 + 3 + 6
     here, tangent, _ = along(s, *_moved(np.zeros(m), start, free))
-    aim = tangent + 1e-3 * rng.normal(size=(60, 3))
-    heft = np.where(rng.uniform(size=60) < 0.2, 0.0, rng.uniform(0.5, 2.0, 60))
+    sensed = tangent + 1e-3 * rng.normal(size=(60, 3))
+    weight = np.where(rng.uniform(size=60) < 0.2, 0.0, rng.uniform(0.5, 2.0, 60))
     jacobian = np.empty((60, 3, m))
     for i in range(m):
         step = 1e-6 * np.eye(m)[i]
         ahead, behind = (along(s, *_moved(v, start, free))[1] for v in (step, -step))
         jacobian[:, :, i] = (ahead - behind) / 2e-6
-    metric = (np.eye(3) - tangent[:, :, None] * tangent[:, None, :]) * heft[:, None, None]
+    metric = (np.eye(3) - tangent[:, :, None] * tangent[:, None, :]) * weight[:, None, None]
     # points on the chain have no residual; their share is taken off again
-    given = (read_only(here), np.ones(60), s, *start, JOINTS, BEND, CURVED, free)
-    without, level, _, _ = normal_equations(*given, None, 0.0)
-    matrix, gradient, cost, _ = normal_equations(*given, (aim, heft, heft), 0.0)
+    alone = Data(read_only(here), np.ones(60), free, 0.0, 0.4 / 60)
+    beside = alone._replace(tangents=WeightedTangents(sensed, weight, weight))
+    without, level, _, _ = normal_equations(alone, _chain(*start, JOINTS, BEND, s), 0.0)
+    matrix, gradient, cost, _ = normal_equations(beside, _chain(*start, JOINTS, BEND, s), 0.0)
     expected = np.einsum("nia,nij,njb->ab", jacobian, metric, jacobian)
     # central differences with a step of 1e-6 are good to 1e-9 of curvatures up to 20/m
     size = np.abs(expected).max()
     np.testing.assert_allclose((matrix - without) / size, expected / size, atol=1e-8)
-    slope = np.einsum("nia,nij,nj->a", jacobian, metric, aim - tangent)
+    slope = np.einsum("nia,nij,nj->a", jacobian, metric, sensed - tangent)
     np.testing.assert_allclose(gradient - level, slope, atol=1e-8 * np.abs(slope).max())
     assert cost == pytest.approx(
-        np.einsum("ni,nij,nj->", aim - tangent, metric, aim - tangent), rel=1e-9
+        np.einsum("ni,nij,nj->", sensed - tangent, metric, sensed - tangent), rel=1e-9
     )  # that of the points is rounding
 
 
@@ -114,9 +116,9 @@ def test_feet_are_where_the_distance_is_least(start):
     s = np.linspace(0.02, 0.38, 40)
     x, _, _ = along(s, *start, JOINTS, BEND)
     points = read_only(x + 2e-3 * rng.normal(size=(40, 3)))
-    foot = s.copy()
+    foot, data = s.copy(), Data(points, np.ones(40), True, 0.0, 0.4 / 40)
     for _ in range(6):
-        normal_equations(points, np.ones(40), foot, *start, JOINTS, BEND, CURVED, True, None, 0.01)
+        normal_equations(data, _chain(*start, JOINTS, BEND, foot), 0.01)
     fine = np.linspace(0.0, 0.4, 40001)
     curve, _, _ = along(fine, *start, JOINTS, BEND)
     nearest = np.array([fine[np.argmin(np.sum((curve - p) ** 2, axis=1))] for p in points])
@@ -125,7 +127,7 @@ def test_feet_are_where_the_distance_is_least(start):
 
 @pytest.mark.parametrize("known", [True, False])
 @pytest.mark.parametrize(("course", "count"), [(LINE, 1), (half_circle(), 1), (setup_a(), 2), (SIX, 6)])
-def test_the_points_speak_for_the_true_pieces(sensed, course, count, known):
+def test_the_estimate_has_the_true_pieces(sensed, course, count, known):
     right = 0
     for seed in range(6):
         points, s = sensed(course, 200, 3e-4, seed)
@@ -134,7 +136,7 @@ def test_the_points_speak_for_the_true_pieces(sensed, course, count, known):
     assert right >= 5  # 98 % each: two wrong of six have a chance of 0.6 %
 
 
-def test_a_straight_route_is_found_to_have_no_angle_at_all(sensed):
+def test_the_estimate_of_a_straight_route_has_no_angle_at_all(sensed):
     found = measure(clean(sensed(LINE, 100, 5e-4)[0]))
     assert found.arcs.total_angle == 0.0
 
@@ -188,7 +190,7 @@ def test_exact_points_give_the_chain_to_rounding(sensed):
 
 
 def test_the_error_of_the_length_holds_what_the_turned_end_adds(sensed):
-    """Thirty points whose stations are not told: where the end turns, its foot slides."""
+    """Thirty points whose stations are unknown: where the end turns, its foot slides."""
     off = []
     for seed in range(40):
         arcs = measure(clean(sensed(SIX, 30, 5e-4, seed)[0]), 5e-4, "arcs").arcs
@@ -202,7 +204,7 @@ def _chain(start, axes, joints, bend, stations):
     return Chain(start, axes, joints, bend, CURVED, stations, nothing, 0.0, np.zeros(len(stations)))
 
 
-def test_the_foot_of_the_last_point_slides_as_finite_differences_say(start):
+def test_the_foot_of_the_last_point_slides_as_in_finite_differences(start):
     """A parameter that carries the end of the chain forwards leaves the foot behind."""
     end, step = 0.4, 1e-6
     point = along(np.array([end]), *start, JOINTS, BEND)[0][0]
@@ -211,8 +213,8 @@ def test_the_foot_of_the_last_point_slides_as_finite_differences_say(start):
     def foot(values):
         moved, s = _moved(values, start, True), end
         for _ in range(5):
-            place, tangent, _ = along(np.array([s]), *moved)
-            s -= float((place[0] - point) @ tangent[0])
+            position, tangent, _ = along(np.array([s]), *moved)
+            s -= float((position[0] - point) @ tangent[0])
         return s
 
     for a in range(len(found)):
@@ -223,21 +225,21 @@ def test_the_foot_of_the_last_point_slides_as_finite_differences_say(start):
 
 
 def test_a_chain_that_has_turned_far_keeps_its_axes_at_right_angles(start):
-    place, axes = start
+    position, axes = start
     s = np.linspace(0.0, 0.4, 60)
-    points = along(s, place, axes, JOINTS, BEND)[0]
-    astray = _chain(place, _turned(axes, 0.3 * axes[1]), JOINTS, BEND, s)
+    points = along(s, position, axes, JOINTS, BEND)[0]
+    astray = _chain(position, _turned(axes, 0.3 * axes[1]), JOINTS, BEND, s)
     data = Data(points, np.ones(60), False, 0.0, 0.4 / 60)
-    found = settle(data, astray)
+    found = fit_fixed_pieces(data, astray)
     assert found.cost < 1e-12  # exact points are met
     np.testing.assert_allclose(found.axes @ found.axes.T, np.eye(3), atol=1e-12)  # rounding
 
 
-def test_a_covariance_is_carried_to_what_follows_from_the_parameters():
+def test_a_covariance_is_propagated_to_what_follows_from_the_parameters():
     rng = np.random.default_rng(0)
     root, gradient = rng.standard_normal((12, 12)), rng.standard_normal((5, 12))
     matrix = root @ root.T + np.diag(10.0 ** rng.uniform(-3, 3, 12))
     expected = gradient @ np.linalg.solve(matrix, gradient.T)
-    found = carried(*factor(matrix, 0.0), gradient)
+    found = propagated(*factor(matrix, 0.0), gradient)
     # the condition of the scaled matrix is some hundreds
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())

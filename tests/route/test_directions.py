@@ -7,7 +7,8 @@ from tssgeom.errors import ShapeError
 from tssgeom.route.arcs.positions import along
 from tssgeom.route.geometry import measure
 from tssgeom.route.observations import clean
-from tssgeom.route.spline.filtering import transitions
+from tssgeom.route.spline.filtering import FilterModel, SensedTangents
+from tssgeom.route.spline.prior import transitions
 from tssgeom.route.spline.smoother import smooth
 from tssgeom.route.synthetic import Course, chain, half_circle
 from tssgeom.route.tracking import follow
@@ -25,26 +26,27 @@ def _coils(course: Course, seed: int, n: int = 20):
     rng = np.random.default_rng(seed)
     s = np.linspace(0.0, course.total_length, n)
     joints = np.concatenate(([0.0], np.cumsum(course.length)[:-1]))
-    place, tangent, _ = along(s, np.zeros(3), np.eye(3), joints, course.bend)
-    aim = tangent + TURN * rng.standard_normal((n, 3))
-    points = place + NOISE * rng.standard_normal((n, 3))
-    return points, s, aim / np.linalg.norm(aim, axis=1)[:, None]
+    position, tangent, _ = along(s, np.zeros(3), np.eye(3), joints, course.bend)
+    sensed = tangent + TURN * rng.standard_normal((n, 3))
+    points = position + NOISE * rng.standard_normal((n, 3))
+    return points, s, sensed / np.linalg.norm(sensed, axis=1)[:, None]
 
 
 def test_a_direction_conditions_the_tangent_as_any_gaussian_value_does():
     n, variance = 12, 0.0025
     u = np.arange(float(n))
     y = np.column_stack((u, 0.05 * u**2, 0.0 * u)) + 0.1 * np.random.default_rng(1).normal(size=(n, 3))
-    aim, blur = np.full((n, 3), np.nan), np.zeros(n)
-    aim[5], blur[5] = (0.85, 0.6, 0.1), variance
+    tangents = SensedTangents(np.full((n, 3), np.nan), np.zeros(n))
+    tangents.unit[5], tangents.variance[5] = (0.85, 0.6, 0.1), variance
     start = np.zeros((3, 4))
     start[0, 1] = 1.0
-    given = (u, y, np.ones(n), transitions(u, np.zeros((n, 3))), start, np.array([1e6, 1e6, 1.0, 1.0]), 1.0)
-    before, wide, _ = smooth(*given)
-    after, narrow, _ = smooth(*given, aim, blur, 1.0)
+    step, ends, zeros = transitions(u, np.zeros((n, 3))), np.array([1e6, 1e6, 1.0, 1.0]), np.zeros((n, 3))
+    model = FilterModel(u, y, np.ones(n), step, start, ends, zeros, across_only=False)
+    before, wide, _ = smooth(model, 1.0, None, 0.0)
+    after, narrow, _ = smooth(model, 1.0, tangents, 1.0)
     whole = wide[5, 4] + variance
     gain = wide[5, [1, 4, 5, 6]] / whole
-    expected = before[5] + (aim[5] - before[5, :, 1])[:, None] * gain
+    expected = before[5] + (tangents.unit[5] - before[5, :, 1])[:, None] * gain
     # the filter's vague start, 1e6 times the noise, costs digits
     np.testing.assert_allclose(after[5], expected, rtol=1e-7, atol=1e-8)
     assert narrow[5, 4] == pytest.approx(wide[5, 4] * variance / whole, rel=1e-7)
@@ -53,10 +55,10 @@ def test_a_direction_conditions_the_tangent_as_any_gaussian_value_does():
 @pytest.mark.parametrize("known", [False, True])
 @pytest.mark.parametrize("method", ["spline", "arcs"])
 def test_directions_without_precision_change_nothing(known, method):
-    points, s, aim = _coils(half_circle(), 0, 40)
+    points, s, tangents = _coils(half_circle(), 0, 40)
     stations = s if known else None
     alone = measure(clean(points, stations), NOISE, method)
-    beside = measure(clean(points, stations, aim, 1e4), NOISE, method)
+    beside = measure(clean(points, stations, tangents, 1e4), NOISE, method)
     # passes end where the noise changes by less than 1 %: one more of them is all that differs
     assert beside.arcs.total_angle == pytest.approx(alone.arcs.total_angle, rel=1e-3)
     assert beside.arcs.total_angle_se == pytest.approx(alone.arcs.total_angle_se, rel=0.1)
@@ -68,22 +70,22 @@ def test_angles_with_directions_are_better_and_their_errors_right(course, share,
     errors = {True: [], False: []}
     z = []
     for seed in range(60):
-        points, s, aim = _coils(course, seed)
-        for told, out in errors.items():
-            shape = clean(points, s if known else None, aim if told else None, TURN)
+        points, s, tangents = _coils(course, seed)
+        for sensed, out in errors.items():
+            shape = clean(points, s if known else None, tangents if sensed else None, TURN)
             found = measure(shape, NOISE).arcs
             out.append(found.total_angle - course.total_angle)
-            if told:
+            if sensed:
                 z.append(out[-1] / found.total_angle_se)
-    rms = {told: np.sqrt(np.mean(np.square(out))) for told, out in errors.items()}
+    rms = {sensed: np.sqrt(np.mean(np.square(out))) for sensed, out in errors.items()}
     assert rms[True] < share * rms[False]  # 0.80 and 0.2 in 200 trials, the same noise in both
     assert np.sqrt(np.mean(np.square(z))) < 1.5  # 1.0 and 1.2 in 200 trials of each
 
 
 def test_the_noise_of_the_points_is_found_beside_directions():
     found = [
-        measure(clean(points, s, aim, TURN), method="spline").route.noise
-        for points, s, aim in (_coils(SEVEN, seed) for seed in range(6))
+        measure(clean(points, s, tangents, TURN), method="spline").route.noise
+        for points, s, tangents in (_coils(SEVEN, seed) for seed in range(6))
     ]
     assert np.mean(found) == pytest.approx(NOISE, rel=0.2)  # 6 times 20 points, a third of them used up
 
@@ -92,8 +94,8 @@ def test_the_noise_of_the_points_is_found_beside_directions():
 def test_warm_fits_with_directions_agree_with_cold_ones(known):
     last = None
     for seed in range(4):
-        points, s, aim = _coils(half_circle(), seed, 40)
-        shape = clean(points, s if known else None, aim, TURN)
+        points, s, tangents = _coils(half_circle(), seed, 40)
+        shape = clean(points, s if known else None, tangents, TURN)
         last = follow(shape, NOISE, last)
         cold = measure(shape, NOISE).arcs
         assert abs(last.geometry.arcs.total_angle - cold.total_angle) < 0.2 * cold.total_angle_se
@@ -101,39 +103,39 @@ def test_warm_fits_with_directions_agree_with_cold_ones(known):
 
 @pytest.mark.parametrize("method", ["spline", "arcs"])
 def test_a_direction_that_stands_off_is_left_out_and_named(method):
-    points, s, aim = _coils(half_circle(), 2)
-    bad = aim.copy()
+    points, s, tangents = _coils(half_circle(), 2)
+    bad = tangents.copy()
     bad[7] = np.cross(bad[7], [0.0, 0.0, 1.0]) * 0.6 + bad[7] * 0.8
     bad[7] /= np.linalg.norm(bad[7])
-    gap = aim.copy()
-    gap[7] = np.nan
+    missing = tangents.copy()
+    missing[7] = np.nan
     found = measure(clean(points, s, bad, TURN), NOISE, method)
-    expected = measure(clean(points, s, gap, TURN), NOISE, method)
+    expected = measure(clean(points, s, missing, TURN), NOISE, method)
     assert "1 directions stand off the route, ignored (count from 0: 7)" in found.route.warnings
     assert found.arcs.total_angle == pytest.approx(expected.arcs.total_angle, rel=2e-3)  # one more pass
 
 
 def test_directions_that_cannot_be_are_refused_with_the_remedy():
-    points, s, aim = _coils(half_circle(), 3)
+    points, s, tangents = _coils(half_circle(), 3)
     with pytest.raises(ShapeError, match="direction 0 has length 2: give unit vectors"):
-        clean(points, s, 2 * aim, TURN)
+        clean(points, s, 2 * tangents, TURN)
     with pytest.raises(ShapeError, match="from the distal to the proximal end: turn them round"):
-        clean(points, s, -aim, TURN)
+        clean(points, s, -tangents, TURN)
     with pytest.raises(ShapeError, match="give one row for each"):
-        clean(points, s, aim[:-1], TURN)
+        clean(points, s, tangents[:-1], TURN)
 
 
 def test_one_flipped_sensor_is_left_out_with_a_warning():
-    points, s, aim = _coils(half_circle(), 4)
-    aim[3] *= -1.0
-    shape = clean(points, s, aim, TURN)
+    points, s, tangents = _coils(half_circle(), 4)
+    tangents[3] *= -1.0
+    shape = clean(points, s, tangents, TURN)
     assert np.isnan(shape.directions[3]).all()
     assert "1 directions run against the route, left out (count from 0: 3)" in shape.warnings
 
 
 def test_directions_of_unknown_noise_are_not_used():
-    points, s, aim = _coils(half_circle(), 5)
-    shape = clean(points, s, aim)
+    points, s, tangents = _coils(half_circle(), 5)
+    shape = clean(points, s, tangents)
     assert shape.directions is None
     assert "direction_noise_deg" in shape.warnings[0]
 
@@ -143,27 +145,27 @@ def test_a_known_length_shrinks_the_variance_of_the_length_as_the_formula_says(m
     points, s, _ = _coils(half_circle(), 6, 60)
     sd = 2e-4
     alone = measure(clean(points), NOISE, method)
-    told = measure(clean(points, length=float(s[-1]), length_noise=sd), NOISE, method)
+    known = measure(clean(points, length=float(s[-1]), length_noise=sd), NOISE, method)
     k = len(alone.arcs.length)
-    own, left = (found.arcs.covariance[:k, :k].sum() for found in (alone, told))
+    own, left = (found.arcs.covariance[:k, :k].sum() for found in (alone, known))
     assert left == pytest.approx(own * sd**2 / (own + sd**2), rel=1e-9)
     share = own / (own + sd**2)
     expected = alone.arcs.total_length + share * (s[-1] - alone.arcs.total_length)
-    assert told.arcs.total_length == pytest.approx(expected, rel=1e-12)
-    assert told.route.s[-1] == pytest.approx(expected, rel=1e-12)
-    assert told.profile.length == pytest.approx(expected, rel=1e-12)
-    assert told.profile.total_angle == pytest.approx(told.arcs.total_angle, rel=1e-12)
-    assert told.profile.total_angle_se == pytest.approx(told.arcs.total_angle_se, rel=1e-6)
-    step = np.linalg.norm(np.diff(told.route.position, axis=0), axis=1)
-    np.testing.assert_allclose(step, np.diff(told.route.s), rtol=2e-2)
+    assert known.arcs.total_length == pytest.approx(expected, rel=1e-12)
+    assert known.route.s[-1] == pytest.approx(expected, rel=1e-12)
+    assert known.profile.length == pytest.approx(expected, rel=1e-12)
+    assert known.profile.total_angle == pytest.approx(known.arcs.total_angle, rel=1e-12)
+    assert known.profile.total_angle_se == pytest.approx(known.arcs.total_angle_se, rel=1e-6)
+    step = np.linalg.norm(np.diff(known.route.position, axis=0), axis=1)
+    np.testing.assert_allclose(step, np.diff(known.route.s), rtol=2e-2)
 
 
 def test_a_length_that_cannot_be_right_is_named_and_not_used():
     points, s, _ = _coils(half_circle(), 7, 60)
     alone = measure(clean(points), NOISE)
-    told = measure(clean(points, length=float(s[-1]) - 0.012, length_noise=1e-3), NOISE)
-    assert told.arcs.total_length == alone.arcs.total_length
-    (warning,) = told.route.warnings
+    known = measure(clean(points, length=float(s[-1]) - 0.012, length_noise=1e-3), NOISE)
+    assert known.arcs.total_length == alone.arcs.total_length
+    (warning,) = known.route.warnings
     assert warning.startswith("the route is 1")
     assert "longer than the stated length of 488 mm" in warning
     with pytest.raises(ShapeError, match="the length is -1 m"):

@@ -1,4 +1,4 @@
-"""Points that are few or uneven for their route: an answer, and an error bar that says how good it is."""
+"""Points that are few or uneven for their route: an estimate, and an error bar that is right."""
 
 import numpy as np
 import pytest
@@ -35,7 +35,7 @@ def test_points_a_radian_apart_give_an_angle_within_its_error(course, n):
     assert np.max(np.abs(off)) < 5.0
 
 
-def test_an_end_far_from_a_huddle_of_points_is_no_outlier():
+def test_an_end_far_from_crowded_points_is_no_outlier():
     course = half_circle()
     for seed in range(60):
         rng = np.random.default_rng(seed)
@@ -54,7 +54,7 @@ def test_an_outlier_near_an_end_leaves_no_coil():
 
 
 def test_thirty_points_on_an_arc_are_one_piece():
-    """Joints that the information criterion likes by a little do not pay their price beside the spline."""
+    """Joints that the information criterion prefers by a little lose to the spline at their full price."""
     course, off = half_circle(), []
     for seed in range(80):
         arcs = measure(clean(_uneven(course, 30, seed)[0]), NOISE).arcs

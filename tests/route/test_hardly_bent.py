@@ -1,4 +1,4 @@
-"""A route that is hardly bent, or bent in a small part, is not told to be straight without an error."""
+"""A route that is hardly bent, or bent in a small part, has an error bar even where it is straight."""
 
 import numpy as np
 import pytest
@@ -41,7 +41,7 @@ def test_intervals_hold_the_turn_of_a_route_that_is_hardly_bent(turn, length, co
     assert held >= 0.85 * DRAWS  # 95 % would fall below this once in 400 runs
 
 
-def test_a_followed_straight_route_keeps_its_error_and_the_profile_tells_the_same():
+def test_a_followed_straight_route_keeps_its_error_and_its_profile_has_the_same():
     rng = np.random.default_rng(1)
     last = None
     for _ in range(5):
@@ -70,13 +70,13 @@ def test_exact_points_on_a_line_are_straight_to_the_last_digits():
         (20, 40, 5e-3, 4.0),
     ],
 )
-def test_a_dense_bend_behind_a_shaft_is_no_heap_of_outliers(straight, bent, radius, turn, decimals):
+def test_the_points_of_a_dense_bend_behind_a_shaft_are_no_outliers(straight, bent, radius, turn, decimals):
     points = np.round(1e3 * shaft_and_bend(straight, bent, radius, turn), decimals) / 1e3
     arcs = measure(clean(points)).arcs
     assert abs(arcs.total_angle - turn) <= max(3.0 * arcs.total_angle_se, 0.01 * turn)
 
 
-def test_loops_that_no_point_tells_are_not_believed():
+def test_loops_that_no_point_determines_are_not_in_the_estimate():
     rng = np.random.default_rng(1)
     points = shaft_and_bend(20, 20, 3e-3, np.pi / 2) + 5e-5 * rng.standard_normal((40, 3))
     for noise in (None, 5e-5):
@@ -97,8 +97,8 @@ def test_a_route_has_a_length_or_is_refused():
             [-0.17510, -0.13117, 0.03771],
         ]
     )
-    (told,) = process([Frame(points)], Rig(), tension_in=10.0)
-    assert not isinstance(told, FrameResult) or told.arcs.length.min() > 0.0
+    (result,) = process([Frame(points)], Rig(), tension_in=10.0)
+    assert not isinstance(result, FrameResult) or result.arcs.length.min() > 0.0
 
 
 @pytest.mark.parametrize("noise", [0.0, 1e-4])
@@ -106,10 +106,10 @@ def test_points_that_run_back_along_a_straight_route_are_warned_of(noise):
     x = np.concatenate([np.linspace(0.0, 0.1, 41), np.linspace(0.1, 0.0875, 6)[1:]])
     points = np.column_stack([x, 0 * x, 0 * x])
     points += noise * np.random.default_rng(3).standard_normal(points.shape)
-    (told,) = process([Frame(points)], Rig(), tension_in=10.0)
-    assert isinstance(told, FrameResult)
-    turned = abs(told.arcs.total_angle - np.pi) < 3.0 * told.arcs.total_angle_se + 0.1
-    assert turned or any("run back" in text or "ignored" in text for text in told.warnings)
+    (result,) = process([Frame(points)], Rig(), tension_in=10.0)
+    assert isinstance(result, FrameResult)
+    turned = abs(result.arcs.total_angle - np.pi) < 3.0 * result.arcs.total_angle_se + 0.1
+    assert turned or any("run back" in text or "ignored" in text for text in result.warnings)
 
 
 def test_points_that_go_out_and_straight_back_stop_no_stream():

@@ -1,4 +1,4 @@
-"""Smooth routes: how near the angle comes, whether its error bar holds, and fits that go on from the last."""
+"""Smooth routes: the error of the angle, whether its error bar is right, and fits that start warm."""
 
 import numpy as np
 import pytest
@@ -59,7 +59,7 @@ def test_smooth_routes_are_met_within_their_error_bars(courses, noise, bound, kn
     assert np.sqrt(np.mean(relative**2)) < bound  # 1.4 times the rms of 60 trials
     # of 24 right intervals of 95 %, five or more miss with a chance of 0.6 %
     assert np.sum(np.abs(z) > 1.96) < 5
-    assert np.sqrt(np.mean(z**2)) > 0.3  # nor are they so wide that they say nothing
+    assert np.sqrt(np.mean(z**2)) > 0.3  # nor are they so wide that they are of no use
 
 
 def test_a_helix_is_met_within_its_error_bar():
@@ -84,18 +84,18 @@ def _frames(n, noise, count):
 
 
 @pytest.mark.parametrize("known", [True, False])
-@pytest.mark.parametrize("told", [3e-4, None])
+@pytest.mark.parametrize("noise", [3e-4, None])
 @pytest.mark.parametrize("n", [60, 200])
-def test_a_fit_that_goes_on_from_the_last_agrees_with_one_from_nothing(n, told, known):
-    last, gaps = None, []
+def test_a_fit_that_starts_from_the_last_one_agrees_with_one_from_nothing(n, noise, known):
+    last, differences = None, []
     for points, s in _frames(n, 3e-4, 30):
         shape = clean(points, s if known else None)
-        last = fit(shape, told, last)
-        warm, cold = curvature_profile(last), curvature_profile(fit(shape, told))
-        gaps.append((warm.total_angle - cold.total_angle) / cold.total_angle_se)
+        last = fit(shape, noise, last)
+        warm, cold = curvature_profile(last), curvature_profile(fit(shape, noise))
+        differences.append((warm.total_angle - cold.total_angle) / cold.total_angle_se)
         assert warm.total_angle_se == pytest.approx(cold.total_angle_se, rel=0.5)
-    # where stations are not told, warm ones are feet of the last frame's points: a third of an error more
-    assert np.sqrt(np.mean(np.square(gaps))) < (0.25 if known else 0.4)
+    # where stations are unknown, warm ones are feet of the last frame's points: a third of an error more
+    assert np.sqrt(np.mean(np.square(differences))) < (0.25 if known else 0.4)
 
 
 def test_a_route_that_is_not_the_last_one_is_fitted_from_nothing():
@@ -108,7 +108,7 @@ def test_a_route_that_is_not_the_last_one_is_fitted_from_nothing():
         assert again.deviance == alone.deviance
 
 
-def test_a_stray_point_in_a_stream_is_ignored_like_any_other():
+def test_an_outlier_in_a_stream_is_ignored_like_any_other():
     frames = list(_frames(100, 2e-4, 3))
     last = fit(clean(*frames[0]))
     points = frames[1][0].copy()

@@ -19,6 +19,7 @@ from tssgeom.identify.forward import Forward, forward_model
 from tssgeom.identify.measured import Measured
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
+from tssgeom.statistics import robust_sd
 
 _PASSES = 4  # in which weights and estimates settle
 _BOUND = 3.0  # standard deviations of what is assumed beforehand: the fit looks no further
@@ -183,7 +184,7 @@ def _jacobian(model: Forward, at: Vector, scale: Vector) -> Matrix:
 
 def _spread(left: Vector) -> float:
     """Return the standard deviation of residuals with a few that are far off."""
-    robust = 1.4826 * float(np.median(np.abs(left - np.median(left))))
+    robust = robust_sd(left - np.median(left))
     clipped = np.clip(left, -3 * robust, 3 * robust) if robust > 0 else left
     return max(float(np.sqrt(np.mean(clipped**2))), 1e-12)
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.optimize import isotonic_regression
 
 from tssgeom.arrays import Vector, read_only
+from tssgeom.statistics import robust_sd
 
 _REVERSAL = 6.0  # standard deviations of the noise: less is not a reversal
 _LEAST_REVERSAL = 0.02  # share of the range of the drive: less is ripple
@@ -98,7 +99,7 @@ def _off_polynomial(time: Vector, readings: Vector, points: int) -> float:
     apart = when[:, :, None] - when[:, None, :] + np.eye(points)
     weight = 1.0 / np.prod(apart / np.abs(apart).max(axis=(1, 2), keepdims=True), axis=2)
     off = np.abs(np.sum(weight * what, axis=1)) / np.linalg.norm(weight, axis=1)
-    return 1.4826 * float(np.median(off))
+    return robust_sd(off)
 
 
 def _turns(readings: Vector, threshold: float) -> NDArray[np.intp]:

@@ -77,7 +77,7 @@ def curvature_profile(spline: Spline) -> CurvatureProfile:
         spline.stations_known,
         spline.angle_doubt,
         route.station,
-        spline.facing,
+        spline.tangent_share,
     )
     _bridge(route.s, route.tangent, route.station, kappa, phi, variance)
     return CurvatureProfile(
@@ -109,13 +109,13 @@ def _profile(
     known: bool,
     angle_doubt: float,
     station: np.ndarray,
-    facing: float,
+    tangent_share: float,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Curvature, angle, standard error of the curvature and variance of the angle at each node."""
     n = len(s)
     kappa, phi, se = np.empty(n), np.zeros(n), np.empty(n)
     rectified = np.zeros(n)
-    share = _noise_share(freedom, facing)
+    share = _noise_share(freedom, tangent_share)
     excess, whole, peak, highest = 0.0, 0.0, 0, 0.0
     for i in range(n):
         square, v = bend[i, 0] ** 2 + bend[i, 1] ** 2 + bend[i, 2] ** 2, covariance[i, 7]
@@ -229,9 +229,9 @@ def _prior_doubt(freedom: float) -> float:
 
 
 @njit(**FAST)
-def _noise_share(freedom: float, facing: float) -> float:
+def _noise_share(freedom: float, tangent_share: float) -> float:
     """Part of the posterior variance of the curvature that is noise; docs/model.md (24), (93)."""
-    least = 3.0 + facing
+    least = 3.0 + tangent_share
     return (least + (8.0 - least) * min(3.0 / freedom, 1.0) ** 2) / 8.0
 
 

@@ -15,12 +15,12 @@ from numba import njit
 from tssgeom.arrays import Vector, read_only
 from tssgeom.errors import FitError
 from tssgeom.route.agreement import is_folded, refuse_folded, refuse_lost, winds
+from tssgeom.route.arcs.chain import Chain, Data
 from tssgeom.route.arcs.corners import cornered
-from tssgeom.route.arcs.fit import Chain, Data, settle
-from tssgeom.route.arcs.moves import fit_chain, left_out
-from tssgeom.route.arcs.outliers import without_strays
+from tssgeom.route.arcs.fit import fit_fixed_pieces
+from tssgeom.route.arcs.moves import fit_chain, without_piece, without_short_pieces
+from tssgeom.route.arcs.outliers import refitted_with_tangents, with_tangents, without_outliers
 from tssgeom.route.arcs.summary import ChainOutline, chain_pieces
-from tssgeom.route.arcs.tangents import faced, reweighed, without_short
 from tssgeom.route.curvature import CurvatureProfile, curvature_profile
 from tssgeom.route.directions import direction_warnings
 from tssgeom.route.known_length import of_known_length
@@ -149,18 +149,18 @@ def _measured(shape: Shape, noise: float | None, method: Method) -> Geometry:
     if not found:
         return smooth
     ahead, data, chain = max(found, key=itemgetter(0))
-    arcs = by_chain(shape, *without_strays(data, chain))
+    arcs = by_chain(shape, *without_outliers(data, chain))
     return arcs if must else chosen(smooth, arcs, ahead)
 
 
 def _chains(data: Data, smooth: Geometry, spline: Spline, *, must: bool) -> Iterator[tuple[Data, Chain]]:
     """Chains from every first guess, before and after moves."""
     for given, first in _starts(data, smooth):
-        chain: Chain | None = settle(given, first)
+        chain: Chain | None = fit_fixed_pieces(given, first)
         if not must and given is data:
             chain = _promising(given, chain, spline)
         for one in () if chain is None else (fit_chain(given, chain), chain):
-            weighed, fitted = reweighed(given, one)
+            weighed, fitted = refitted_with_tangents(given, one)
             fitted, _, _ = _told(weighed, fitted)
             yield weighed, fitted
 
@@ -176,7 +176,7 @@ def _starts(data: Data, smooth: Geometry) -> Iterator[tuple[Data, Chain]]:
     """First guesses of a chain: the pieces of the smooth fit, and where that is in doubt, corners."""
     yield data, started(data, smooth)
     told = smooth.arcs.total_angle_se <= _DOUBTFUL * smooth.arcs.total_angle
-    if not told or smooth.route.noise > _FAR_OFF * data.gap:
+    if not told or smooth.route.noise > _FAR_OFF * data.spacing:
         guess = cornered(data, smooth.route)
         if guess is not None:
             yield guess
@@ -203,9 +203,8 @@ def by_few(smooth: Geometry, shape: Shape) -> Geometry:
 def by_chain(shape: Shape, data: Data, chain: Chain) -> Geometry:
     """Route, profile and pieces of a fitted chain."""
     warnings = stray_warnings(shape, data.weight)
-    if data.told is not None:
-        aim, _, blur = data.told
-        used = np.where(blur[:, None] > 0.0, aim, np.nan)
+    if data.tangents is not None:
+        used = np.where(data.tangents.variance[:, None] > 0.0, data.tangents.unit, np.nan)
         warnings += direction_warnings(shape.directions, used, shape.index)
     chain, arcs, noise = _told(data, chain)
     if data.free:
@@ -217,10 +216,10 @@ def _told(data: Data, chain: Chain) -> tuple[Chain, Arcs, float]:
     """Leave out pieces whose bend the points do not tell; returns also the pieces, and the noise [m]."""
     while True:
         arcs, noise = chain_pieces(data, chain)
-        untold = _untold(arcs.length, arcs.covariance, data.gap)
+        untold = _untold(arcs.length, arcs.covariance, data.spacing)
         if untold < 0:
             return chain, arcs, noise
-        chain = left_out(data, chain, untold)
+        chain = without_piece(data, chain, untold)
 
 
 @njit(cache=True, nogil=True)
@@ -243,7 +242,7 @@ def fit_data(shape: Shape, noise: float | None, spline: Spline) -> Data:
     if shape.directions is None:
         return data
     kappa = np.interp(route.station, route.s, np.linalg.norm(route.curvature_vector, axis=1))
-    return faced(data, spline.memory[0].aim, shape.direction_noise**2, kappa, route.noise**2)
+    return with_tangents(data, spline.memory[0].tangents, shape.direction_noise**2, kappa, route.noise**2)
 
 
 def may_be_chain(shape: Shape, spline: Spline) -> bool:
@@ -263,7 +262,7 @@ def _promising(data: Data, chain: Chain, spline: Spline) -> Chain | None:
 def started(data: Data, smooth: Geometry) -> Chain:
     """First guess of a chain from a smooth fit; directions tell even pieces of few points."""
     chain = _first_chain(smooth.route, smooth.arcs)
-    return chain if data.told is None else without_short(chain, data)
+    return chain if data.tangents is None else without_short_pieces(chain, data)
 
 
 def _first_chain(route: Route, arcs: Arcs) -> Chain:

@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
-from tssgeom.route.arcs.fit import Chain, Data, direction_count
-from tssgeom.route.arcs.moves import slopes
-from tssgeom.route.arcs.positions import off_chain
-from tssgeom.route.arcs.tangents import off_directions
+from tssgeom.route.arcs.chain import Chain, Data, tangent_count
+from tssgeom.route.arcs.moves import saved_by_slopes
+from tssgeom.route.arcs.outliers import squared_tangent_residuals
+from tssgeom.route.arcs.positions import squared_distances
 from tssgeom.route.spline.fit import Spline
 
 _MARGIN_OF_ONE = 23.0
@@ -22,7 +22,7 @@ _OFF_ALONG = 9.0  # times what they lie off across it
 
 def margin(data: Data, chain: Chain, spline: Spline) -> float:
     """-2 ln evidence by which the chain beats the spline, its joints and missing slopes paid for; (34)."""
-    return lead(data, chain, spline) - max(slopes(data, chain), 0.0)
+    return lead(data, chain, spline) - max(saved_by_slopes(data, chain), 0.0)
 
 
 def lead(data: Data, chain: Chain, spline: Spline) -> float:
@@ -35,18 +35,18 @@ def lead(data: Data, chain: Chain, spline: Spline) -> float:
 def _deviance(data: Data, chain: Chain) -> float:
     """-2 ln evidence of points and directions normal to a chain; docs/model.md (34), (94)."""
     fitted = _deviance_of_points(data, chain)
-    if data.told is None:
+    if data.tangents is None:
         return fitted
-    used = data.told[2] > 0.0
-    blur = data.told[2][used]
-    return fitted + float(np.sum(2.0 * np.log(blur) + off_directions(data, chain)[used] / blur))
+    used = data.tangents.variance > 0.0
+    variance, square = data.tangents.variance[used], squared_tangent_residuals(data, chain)[used]
+    return fitted + float(np.sum(2.0 * np.log(variance) + square / variance))
 
 
 def _deviance_of_points(data: Data, chain: Chain) -> float:
     """-2 ln evidence of the points normal to a chain, infinite where it has too many parameters for them."""
-    square = off_chain(data.points, chain.stations, *chain[:4], True)
+    square = squared_distances(data.points, chain.stations, *chain[:4], True)
     cost, values = float(data.weight @ square), 2 * int(np.count_nonzero(data.weight))
-    fitted = values + 2 * direction_count(data.told)
+    fitted = values + 2 * tangent_count(data.tangents)
     parameters = len(chain.matrix) - (0 if data.free else 1)
     if parameters * _VALUES_A_PARAMETER > fitted or _off_along(data, chain, cost):
         return math.inf
@@ -56,5 +56,5 @@ def _deviance_of_points(data: Data, chain: Chain) -> float:
 
 def _off_along(data: Data, chain: Chain, across: float) -> bool:
     """Whether points are far off their stations though near the chain, as where a route turns back."""
-    lost = chain.cost - across > _FAR_ALONG**2 * float(data.weight.sum()) * data.gap**2
+    lost = chain.cost - across > _FAR_ALONG**2 * float(data.weight.sum()) * data.spacing**2
     return not data.free and lost and chain.cost > _OFF_ALONG * across

@@ -17,29 +17,6 @@ _CROWD, _CROWDED = 0.3, 4.0  # share of the steps that make a crowd, and how man
 _PATH_TOO_SHORT = 1 / 3  # of the stations: neighbours would be more than half a turn apart
 
 
-@njit(cache=True, nogil=True)
-def isotonic(x: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """Nearest non-decreasing sequence to `x` in weighted least squares (pool adjacent violators)."""
-    n = len(x)
-    level, mass, count = np.empty(n), np.empty(n), np.empty(n, dtype=np.int64)
-    top = 0
-    for i in range(n):
-        level[top], mass[top], count[top] = x[i], weight[i], 1
-        while top > 0 and level[top - 1] > level[top]:
-            total = mass[top - 1] + mass[top]
-            level[top - 1] = (mass[top - 1] * level[top - 1] + mass[top] * level[top]) / total
-            mass[top - 1] = total
-            count[top - 1] += count[top]
-            top -= 1
-        top += 1
-    out, i = np.empty(n), 0
-    for block in range(top):
-        for _ in range(count[block]):
-            out[i] = level[block]
-            i += 1
-    return out
-
-
 def accumulated(s: Vector, rate: Vector) -> Vector:
     """Integral of `rate` over `s` up to each node: arc length from speed, angle from curvature."""
     return summed(0.5 * (rate[1:] + rate[:-1]) * np.diff(s))

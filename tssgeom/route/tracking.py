@@ -15,10 +15,15 @@ import numpy as np
 
 from tssgeom.arrays import Vector
 from tssgeom.errors import FitError
-from tssgeom.route.arcs.fit import KINK, Chain, Data, has_kink, settle, tame, values
+from tssgeom.route.arcs.chain import KINK, Chain, Data, has_kink, value_count
+from tssgeom.route.arcs.fit import fit_fixed_pieces, turn_is_identifiable
 from tssgeom.route.arcs.moves import finer, fit_chain, simpler
-from tssgeom.route.arcs.outliers import weighed
-from tssgeom.route.arcs.tangents import curvature_at_points, faced, without_stray_directions
+from tssgeom.route.arcs.outliers import (
+    curvature_at_points,
+    outlier_weights,
+    with_tangents,
+    without_outlying_tangents,
+)
 from tssgeom.route.geometry import (
     HOPELESS,
     Geometry,
@@ -172,13 +177,13 @@ def _follow_chain(
     chain = chain._replace(stations=_stations(shape, last, chain))
     if shape.directions is not None:
         kappa = curvature_at_points(chain)
-        data = faced(data, shape.directions, shape.direction_noise**2, kappa, variance)
-        data = without_stray_directions(data, settle(data, chain, anew=True))
-    chain = settle(data, chain, anew=True)
-    weight = weighed(data, chain, variance)
+        data = with_tangents(data, shape.directions, shape.direction_noise**2, kappa, variance)
+        data = without_outlying_tangents(data, fit_fixed_pieces(data, chain, restart=True))
+    chain = fit_fixed_pieces(data, chain, restart=True)
+    weight = outlier_weights(data, chain, variance)
     if weight is not None:
         data = data._replace(weight=weight)
-        chain = settle(data, chain)
+        chain = fit_fixed_pieces(data, chain)
     if _unfit(data, chain, variance):
         chain = fit_chain(data, chain)
         if _unfit(data, chain, variance):
@@ -219,14 +224,14 @@ def _unfit(data: Data, chain: Chain, variance: float) -> bool:
 
     A chain that turns out of their sight fits nothing, however near it comes to those that are not strays.
     """
-    if not tame(data, chain.stations, chain.joints, chain.bend):
+    if not turn_is_identifiable(data, chain):
         return True
-    freedom = max(values(data) - len(chain.matrix), 1)
+    freedom = max(value_count(data) - len(chain.matrix), 1)
     most = 1.0 + _UNFIT * math.sqrt(2.0 / freedom)
     if data.variance > 0.0:
         return not chain.cost < most * data.variance * freedom
-    usual = max(variance, (_ROUNDING * data.gap) ** 2) * freedom
-    least = (_EXACT * data.gap) ** 2 * freedom
+    usual = max(variance, (_ROUNDING * data.spacing) ** 2) * freedom
+    least = (_EXACT * data.spacing) ** 2 * freedom
     quieter = _QUIETER * max(chain.cost, least) < usual  # the last frame was none to measure by
     return quieter or not chain.cost < max(_NOISIER, 1.5 * most) * usual
 
@@ -267,9 +272,9 @@ def _with_chain_tried(asked: Question, last: Followed) -> Followed:
         return last
     data = fit_data(asked.shape, asked.noise, spline)
     if isinstance(last.rival, Chain):
-        rival = settle(data, last.rival._replace(stations=np.array(spline.route.station)))
+        rival = fit_fixed_pieces(data, last.rival._replace(stations=np.array(spline.route.station)))
     else:
-        rival = settle(data, started(data, smooth))
+        rival = fit_fixed_pieces(data, started(data, smooth))
     moved = fit_chain(data, rival, _MOVES)
     ahead = lead(data, moved, spline)
     settled = len(moved.bend) == len(rival.bend)

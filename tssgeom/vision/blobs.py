@@ -11,6 +11,7 @@ import numpy as np
 from numba import njit
 
 from tssgeom.errors import SettingsError
+from tssgeom.statistics import MEDIANS
 from tssgeom.vision.sightings import Sightings, nothing
 from tssgeom.vision.tags import grey
 
@@ -104,7 +105,7 @@ def _blobs(strength: np.ndarray, wanted: BlobAppearance) -> Sightings:
 def _floor(strength: np.ndarray) -> tuple[float, float]:
     """Strength of the background and its noise, from differences of neighbours in a few rows."""
     rows = np.ascontiguousarray(strength[:: max(len(strength) // 60, 1)])
-    noise = 1.4826 / np.sqrt(2.0) * float(np.median(np.abs(np.diff(rows, axis=1))))
+    noise = MEDIANS.sd_per_absolute / np.sqrt(2.0) * float(np.median(np.abs(np.diff(rows, axis=1))))
     return float(np.median(rows)), max(noise, _EIGHT_BIT)
 
 

@@ -3,29 +3,43 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from tssgeom.arrays import Points
-from tssgeom.route.arcs.fit import KINK, Chain, Data
+from tssgeom.route.arcs.chain import KINK, Chain, Data, unfitted
 from tssgeom.route.pieces import normals
 from tssgeom.route.route import Route
 
-_OFF = 5.0  # standard deviations of a coordinate that a point may lie off the line between two corners
-_CUT = 0.5  # spacings that a corner between two points may lie off the line through both
-_FEWEST = 3  # spacings of a straight piece
-_ONE = 3  # points on which a corner may be found twice
+
+class CornerSearch(NamedTuple):
+    """Which points are corners of a route of straight pieces."""
+
+    off: float = 5.0
+    """Distance of a point from the line between two corners that makes it one [standard deviations];
+    chosen."""
+    cut: float = 0.5
+    """The same that a corner between two points may leave [mean spacings]; derived: half the way between
+    them."""
+    fewest: int = 3
+    """Fewest spacings of a straight piece [1]; chosen."""
+    same: int = 3
+    """Points within which two corners are one [1]; chosen."""
+
+
+CORNERS = CornerSearch()
 
 
 def cornered(data: Data, route: Route) -> tuple[Data, Chain] | None:
-    """Return straight pieces with a short arc at each corner, or None where no corners stand clear.
+    """Return straight pieces with a short arc at each corner, or None where there are no distinct corners.
 
     Parameters
     ----------
     data
         The points.
     route
-        A smooth fit to them, which knows noise and stations.
+        A smooth fit to them, with its noise and stations.
 
     Returns
     -------
@@ -38,32 +52,24 @@ def cornered(data: Data, route: Route) -> tuple[Data, Chain] | None:
     (Ramer, 1972; Douglas and Peucker, 1973).
     """
     points = data.points
-    at = _once(np.array(_corners(points, max(_OFF * route.noise, _CUT * data.gap))))
-    if len(at) < 3 or np.min(np.diff(at)) < _FEWEST:
+    at = _merged(np.array(_corners(points, max(CORNERS.off * route.noise, CORNERS.cut * data.spacing))))
+    if len(at) < 3 or np.min(np.diff(at)) < CORNERS.fewest:
         return None
     leg = np.diff(points[at], axis=0)
     size = np.linalg.norm(leg, axis=1)
     leg /= size[:, None]
     stations = _along(points, at, leg, size) if data.free else np.array(route.station)
-    data = data._replace(weight=np.ones(len(points)), gap=float(stations[-1]) / len(points), shortest=KINK)
+    data = data._replace(
+        weight=np.ones(len(points)), spacing=float(stations[-1]) / len(points), shortest=KINK
+    )
     axes = np.array([leg[0], *normals(leg[0])])
-    frame, half = axes, 0.5 * data.gap
+    frame, half = axes, 0.5 * data.spacing
     joints, bend = [0.0], [np.zeros(2)]
     for k in range(1, len(leg)):
         turn, frame = _turned(frame, leg[k])
         joints += [stations[at[k]] - half, stations[at[k]] + half]
-        bend += [turn / data.gap, np.zeros(2)]
-    return data, Chain(
-        start=np.array(points[0]),
-        axes=axes,
-        joints=np.array(joints),
-        bend=np.array(bend),
-        curved=np.ones(len(bend), dtype=np.bool_),
-        stations=stations,
-        matrix=np.zeros((0, 0)),
-        cost=0.0,
-        square=np.zeros(0),
-    )
+        bend += [turn / data.spacing, np.zeros(2)]
+    return data, unfitted(points[0], axes, np.array(joints), np.array(bend), stations)
 
 
 def _along(points: Points, at: np.ndarray, leg: Points, size: np.ndarray) -> np.ndarray:
@@ -92,9 +98,9 @@ def _corners(points: Points, off: float) -> list[int]:
     return sorted(kept)
 
 
-def _once(at: np.ndarray) -> np.ndarray:
-    """Return indices with neighbours that are one corner made one; both ends stay."""
-    cut = np.flatnonzero(np.diff(at[1:-1]) > _ONE) + 1
+def _merged(at: np.ndarray) -> np.ndarray:
+    """Return indices of corners, neighbouring ones merged; both ends stay."""
+    cut = np.flatnonzero(np.diff(at[1:-1]) > CORNERS.same) + 1
     inner = [round(float(np.mean(group))) for group in np.split(at[1:-1], cut) if len(group)]
     return np.array([at[0], *inner, at[-1]])
 
@@ -104,10 +110,10 @@ def _turned(frame: np.ndarray, tangent: np.ndarray) -> tuple[np.ndarray, np.ndar
     across = frame[1:] @ tangent
     sine, cosine = float(np.linalg.norm(across)), float(frame[0] @ tangent)
     share = across / sine if sine > 0.0 else np.array([1.0, 0.0])  # straight back: any way round
-    ahead, way = frame[0].copy(), share @ frame[1:]
+    before, towards = frame[0].copy(), share @ frame[1:]
     turned = np.array(frame)
     for axis in turned:
-        along, out = float(axis @ ahead), float(axis @ way)
-        axis += (along * (cosine - 1.0) - out * sine) * ahead
-        axis += (along * sine + out * (cosine - 1.0)) * way
+        along, out = float(axis @ before), float(axis @ towards)
+        axis += (along * (cosine - 1.0) - out * sine) * before
+        axis += (along * sine + out * (cosine - 1.0)) * towards
     return share * math.atan2(sine, cosine), turned

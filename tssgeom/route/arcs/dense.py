@@ -7,7 +7,9 @@ import math
 import numpy as np
 from numba import njit
 
-_LEAST_PIVOT = 1e-13  # of a parameter's own information: below it the others tell all, but for rounding
+LEAST_INFORMATION = 1e-13
+"""Least information on a parameter beside the others, of its own [1]: below it the others determine all of
+it, but for rounding."""
 
 
 @njit(cache=True, nogil=True)
@@ -23,7 +25,7 @@ def factor(matrix: np.ndarray, damping: float) -> tuple[np.ndarray, np.ndarray]:
             for c in range(b):
                 rest -= lower[a, c] * lower[b, c]
             if a == b:
-                lower[a, a] = math.sqrt(max(rest + damping, _LEAST_PIVOT))
+                lower[a, a] = math.sqrt(max(rest + damping, LEAST_INFORMATION))
             else:
                 lower[a, b] = rest / lower[b, b]
     return lower, unit
@@ -72,8 +74,8 @@ def inverse(lower: np.ndarray, unit: np.ndarray) -> np.ndarray:
 
 
 @njit(cache=True, nogil=True)
-def carried(lower: np.ndarray, unit: np.ndarray, gradient: np.ndarray) -> np.ndarray:
-    """Inverse of the factored matrix [m, m] carried to r values of gradient [r, m], [r, r]."""
+def propagated(lower: np.ndarray, unit: np.ndarray, gradient: np.ndarray) -> np.ndarray:
+    """Covariance [r, r] of r values of gradient [r, m], by the inverse of the factored matrix [m, m]."""
     r, m = gradient.shape
     half, share = np.empty((r, m)), 1.0 / np.diag(lower)
     for i in range(r):
@@ -93,7 +95,7 @@ def carried(lower: np.ndarray, unit: np.ndarray, gradient: np.ndarray) -> np.nda
 
 
 @njit(cache=True, nogil=True)
-def explained(
+def saved_by_more(
     lower: np.ndarray,
     unit: np.ndarray,
     gradient: np.ndarray,
@@ -101,7 +103,7 @@ def explained(
     own: np.ndarray,
     slope: np.ndarray,
 ) -> float:
-    """Return what d more parameters save of the cost, the m factored ones free to follow.
+    """Return what d more parameters save of the cost, the m factored ones fitted with them.
 
     Parameters
     ----------
@@ -111,7 +113,7 @@ def explained(
         Information between the m and the d parameters [m, d], of the d among themselves [d, d], and their
         gradient [d].
     """
-    left, rest = left_over(lower, unit, gradient, cross, own, slope)
+    left, rest = schur_complement(lower, unit, gradient, cross, own, slope)
     step = solve(*factor(left, 1e-12), rest)
     saved = 0.0
     for e in range(len(rest)):
@@ -120,7 +122,7 @@ def explained(
 
 
 @njit(cache=True, nogil=True)
-def left_over(
+def schur_complement(
     lower: np.ndarray,
     unit: np.ndarray,
     gradient: np.ndarray,
@@ -128,9 +130,9 @@ def left_over(
     own: np.ndarray,
     slope: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return information [d, d] and gradient [d] of d more parameters, the m factored ones free to follow.
+    """Return information [d, d] and gradient [d] of d more parameters, the m factored ones fitted with them.
 
-    Parameters as in `explained`.
+    Parameters as in `saved_by_more`.
     """
     m, d = cross.shape
     half, left, rest = np.empty((m, d + 1)), own.copy(), slope.copy()

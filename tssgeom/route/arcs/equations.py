@@ -1,8 +1,8 @@
 """The normal equations of fitting a chain of arcs to points, exactly and in linear time.
 
-Changing anything before a point moves the point by a rigid twist (a, θ): δx = a + θ × x. The normal equations
-therefore need of each piece only the moments of its points, and cost O(points + pieces²); see docs/model.md
-(30) to (32).
+A change of any parameter before a point moves the point by a rigid twist (a, θ): δx = a + θ × x. The normal
+equations therefore need of each piece only the moments of its points, and cost O(points + pieces²); see
+docs/model.md (30) to (32).
 """
 
 from __future__ import annotations
@@ -10,13 +10,14 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from tssgeom.route.arcs.chain import Chain, Data, WeightedTangents
 from tssgeom.route.arcs.moments import moments_across, moments_known
 from tssgeom.route.arcs.positions import arc_functions, fill_local, joint_frames, piece_of
 
 
 @njit(cache=True, nogil=True)
-def place_by_kappa(k0: float, k1: float, h: float, out: np.ndarray) -> None:
-    """Differentiate the place at arc length h with respect to both curvature components, [2, 3]."""
+def position_by_curvature(k0: float, k1: float, h: float, out: np.ndarray) -> None:
+    """Differentiate the position at arc length h with respect to both curvature components, [2, 3]."""
     _, b, _, da, db = arc_functions((k0 * k0 + k1 * k1) * h * h)
     _fill_slope(b, da, db, k0, k1, h, out)
 
@@ -43,7 +44,7 @@ def _twist_of_turn(theta: np.ndarray, centre: np.ndarray, out: np.ndarray) -> No
 
 
 @njit(cache=True, nogil=True)
-def _turn_by_kappa(k0: float, k1: float, h: float, out: np.ndarray) -> None:
+def _turn_by_curvature(k0: float, k1: float, h: float, out: np.ndarray) -> None:
     """Turn of the axes at arc length h by both curvature components, in the axes at its start [2, 3]."""
     q = (k0 * k0 + k1 * k1) * h * h
     _, b, c3, _, _ = arc_functions(q)
@@ -58,18 +59,14 @@ def _turn_by_kappa(k0: float, k1: float, h: float, out: np.ndarray) -> None:
 
 @njit(cache=True, nogil=True)
 def twists(
-    place: np.ndarray,
-    frame: np.ndarray,
-    joints: np.ndarray,
-    bend: np.ndarray,
-    curved: np.ndarray,
-    free: bool,
+    chain: Chain, position: np.ndarray, frame: np.ndarray, free: bool
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Twist [m, 6] of every parameter, the first piece it moves [m], and the piece it bends [m] (or -1).
 
-    Parameters in order: the start (3 coordinates, or 2 across where `free`, since stations then slide along),
-    turns about both normals, inner joints, curvature components of the curved pieces.
+    Position [k, 3] and frame [k, 3, 3] are those where each piece begins; `free` where stations are unknown.
+    The parameters and their order are those of `Chain`.
     """
+    joints, bend, curved = chain.joints, chain.bend, chain.curved
     k = len(bend)
     shifts = 2 if free else 3
     m = shifts + 2 + (k - 1) + 2 * int(curved.sum())
@@ -81,14 +78,14 @@ def twists(
         else:
             twist[c, c] = 1.0
     for c in range(2):
-        _twist_of_turn(frame[0, 1 + c].copy(), place[0], twist[shifts + c])
+        _twist_of_turn(frame[0, 1 + c].copy(), position[0], twist[shifts + c])
     row = shifts + 2
     theta = np.empty(3)
     for j in range(1, k):
         d0, d1 = bend[j - 1, 0] - bend[j, 0], bend[j - 1, 1] - bend[j, 1]
         for i in range(3):  # t × e1 = e2, t × e2 = -e1
             theta[i] = d0 * frame[j, 2, i] - d1 * frame[j, 1, i]
-        _twist_of_turn(theta, place[j], twist[row])
+        _twist_of_turn(theta, position[j], twist[row])
         first[row] = j
         row += 1
     moved, turned = np.empty((2, 3)), np.empty((2, 3))
@@ -96,15 +93,15 @@ def twists(
         if not curved[j]:
             continue
         length = joints[j + 1] - joints[j] if j + 1 < k else 0.0
-        _turn_by_kappa(bend[j, 0], bend[j, 1], length, turned)
-        place_by_kappa(bend[j, 0], bend[j, 1], length, moved)
+        _turn_by_curvature(bend[j, 0], bend[j, 1], length, turned)
+        position_by_curvature(bend[j, 0], bend[j, 1], length, moved)
         for c in range(2):
             for i in range(3):
                 theta[i] = 0.0
                 for d in range(3):
                     theta[i] += turned[c, d] * frame[j, d, i]
             if j + 1 < k:
-                _twist_of_turn(theta, place[j + 1], twist[row])
+                _twist_of_turn(theta, position[j + 1], twist[row])
                 for i in range(3):
                     for d in range(3):
                         twist[row, i] += moved[c, d] * frame[j, d, i]
@@ -114,29 +111,22 @@ def twists(
 
 
 @njit(cache=True, nogil=True)
-def _add_directions(
-    moments: np.ndarray,
-    aim: np.ndarray,
-    heft: np.ndarray,
-    s: np.ndarray,
-    frame: np.ndarray,
-    joints: np.ndarray,
-    bend: np.ndarray,
-) -> float:
+def _add_tangents(moments: np.ndarray, tangents: WeightedTangents, chain: Chain, frame: np.ndarray) -> float:
     """Add the rows of the sensed directions to the moments of their pieces; returns their cost, (94)."""
+    unit, weight, s, joints, bend = tangents.unit, tangents.weight, chain.stations, chain.joints, chain.bend
     row, local, by, off = np.zeros(9), np.empty((4, 3)), np.empty((2, 3)), np.empty(3)
     cost, j = 0.0, 0
     for i in range(len(s)):
-        w = heft[i]
+        w = weight[i]
         if w <= 0.0:
             continue
         j = piece_of(joints, s[i], j)
         k0, k1, here = bend[j, 0], bend[j, 1], s[i] - joints[j]
         a_of, b_of, _, _, _ = arc_functions((k0 * k0 + k1 * k1) * here * here)
         fill_local(a_of, b_of, k0, k1, here, local)
-        _turn_by_kappa(k0, k1, here, by)
+        _turn_by_curvature(k0, k1, here, by)
         for c in range(3):
-            off[c] = aim[i, 0] * frame[j, c, 0] + aim[i, 1] * frame[j, c, 1] + aim[i, 2] * frame[j, c, 2]
+            off[c] = unit[i, 0] * frame[j, c, 0] + unit[i, 1] * frame[j, c, 1] + unit[i, 2] * frame[j, c, 2]
         own = moments[j]
         for part in range(2, 4):  # t × e1 = e2, t × e2 = -e1
             sign = 1.0 if part == 2 else -1.0
@@ -154,16 +144,16 @@ def _add_directions(
 
 
 @njit(cache=True, nogil=True)
-def _to_world(moments: np.ndarray, place: np.ndarray, frame: np.ndarray) -> None:
+def _to_world(moments: np.ndarray, position: np.ndarray, frame: np.ndarray) -> None:
     """Carry moments [k, 9, 9] from each piece's axes to the world's, in place, and make them symmetric."""
     carry, half = np.empty((6, 6)), np.empty((6, 9))
-    for j in range(len(place)):
+    for j in range(len(position)):
         m = moments[j]
         for a in range(9):
             for b in range(a):
                 m[a, b] = m[b, a]
-        x, y, z = place[j, 0], place[j, 1], place[j, 2]
-        for d in range(3):  # (n, x × n) goes to (Rn, place × Rn + R(x × n))
+        x, y, z = position[j, 0], position[j, 1], position[j, 2]
+        for d in range(3):  # (n, x × n) goes to (Rn, position × Rn + R(x × n))
             r0, r1, r2 = frame[j, d, 0], frame[j, d, 1], frame[j, d, 2]
             carry[0, d], carry[1, d], carry[2, d] = r0, r1, r2
             carry[3, d], carry[4, d], carry[5, d] = y * r2 - z * r1, z * r0 - x * r2, x * r1 - y * r0
@@ -187,33 +177,17 @@ def _to_world(moments: np.ndarray, place: np.ndarray, frame: np.ndarray) -> None
 
 @njit(cache=True, nogil=True)
 def normal_equations(
-    p: np.ndarray,
-    weight: np.ndarray,
-    s: np.ndarray,
-    start: np.ndarray,
-    axes: np.ndarray,
-    joints: np.ndarray,
-    bend: np.ndarray,
-    curved: np.ndarray,
-    free: bool,
-    told: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None,
-    reach: float = 0.0,
+    data: Data, chain: Chain, reach: float
 ) -> tuple[np.ndarray, np.ndarray, float, np.ndarray]:
     """Return the equations of the fit; docs/model.md (31), (32).
 
     Parameters
     ----------
-    p, weight, s
-        Points [n, 3], weights [n] and stations [n].
-    start, axes, joints, bend, curved
-        The chain: place [3] and axes [3, 3] at its start, start of each piece [k], curvature components
-        [k, 2], which pieces may be curved [k].
-    free
-        True where stations are unknown: only distances across the chain count.
-    told
-        Sensed directions [n, 3], their weights against the points' [n] [m²], and their variances.
+    data, chain
+        The points, and a chain whose matrix, cost and squares are not used.
     reach
-        Unknown stations are first moved, in place, towards the feet of their points, so far at a time [m].
+        Unknown stations of the chain are first moved, in place, towards the feet of their points, so far at a
+        time [m].
 
     Returns
     -------
@@ -224,18 +198,18 @@ def normal_equations(
     square
         Squared distance of each point, across the chain where stations are unknown [n] [m²].
     """
-    place, frame = joint_frames(start, axes, joints, bend)
-    twist, first, own = twists(place, frame, joints, bend, curved, free)
-    if free:
-        moments, square, cost = moments_across(p, weight, s, place, frame, joints, bend, reach)
+    position, frame = joint_frames(chain.start, chain.axes, chain.joints, chain.bend)
+    twist, first, own = twists(chain, position, frame, data.free)
+    if data.free:
+        moments, square, cost = moments_across(data, chain, position, frame, reach)
     else:
-        moments, square, cost = moments_known(p, weight, s, place, frame, joints, bend)
-    if told is not None:
-        of_directions = np.zeros(moments.shape)
-        cost += _add_directions(of_directions, told[0], told[1], s, frame, joints, bend)
-        _to_world(of_directions, place, frame)
-        moments += of_directions
-    m, k = len(twist), len(bend)
+        moments, square, cost = moments_known(data, chain, position, frame)
+    if data.tangents is not None:
+        of_tangents = np.zeros(moments.shape)
+        cost += _add_tangents(of_tangents, data.tangents, chain, frame)
+        _to_world(of_tangents, position, frame)
+        moments += of_tangents
+    m, k = len(twist), len(chain.bend)
     beyond = np.zeros((k + 1, 6, 7))  # moments, and those with the residual, of a piece and all that follow
     for j in range(k - 1, -1, -1):
         for a in range(6):
@@ -243,7 +217,7 @@ def normal_equations(
                 beyond[j, a, b] = beyond[j + 1, a, b] + moments[j, a, b]
             beyond[j, a, 6] = beyond[j + 1, a, 6] + moments[j, a, 8]
     matrix, gradient = np.zeros((m, m)), np.zeros(m)
-    answer = np.empty(6)
+    response = np.empty(6)
     side = 7  # of the own components 6 and 7 in turn
     for b in range(m):
         here, of = first[b], own[b]
@@ -252,7 +226,7 @@ def normal_equations(
             total = 0.0
             for c in range(6):
                 total += beyond[here, i, c] * twist[b, c]
-            answer[i] = total
+            response[i] = total
             gradient[b] += beyond[here, i, 6] * twist[b, i]
         if of >= 0:
             gradient[b] += moments[of, side, 8]
@@ -261,7 +235,7 @@ def normal_equations(
                 continue
             value = 0.0
             for i in range(6):
-                value += twist[a, i] * answer[i]
+                value += twist[a, i] * response[i]
             if of >= 0:
                 if first[a] <= of:
                     for i in range(6):

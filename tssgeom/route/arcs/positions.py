@@ -1,8 +1,8 @@
-"""A chain of circular arcs: its places, and how far points are from it.
+"""Positions along a chain of circular arcs, and how far points are from it.
 
-The chain starts at a place with axes (tangent and two normals, carried along without twist). Piece j runs
+The chain starts at a position with axes (tangent and two normals, carried along without twist). Piece j runs
 from arc length b_j to b_j+1 with constant curvature components K_j on the normals, so a straight piece and a
-change of the bending plane are regular points. The last piece goes on as long as it is asked to.
+change of the bending plane are regular points. The last piece goes on without end.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ def arc_functions(q: float) -> tuple[float, float, float, float, float]:
 
 @njit(cache=True, nogil=True)
 def _local(k0: float, k1: float, h: float, out: np.ndarray) -> None:
-    """Place and axes (rows: place, tangent, two normals) at arc length h, in the axes at the arc's start."""
+    """Position and axes (rows: position, tangent, normals) at arc length h, in the axes at its start."""
     a, b, _, _, _ = arc_functions((k0 * k0 + k1 * k1) * h * h)
     fill_local(a, b, k0, k1, h, out)
 
 
 @njit(cache=True, nogil=True)
 def fill_local(a: float, b: float, k0: float, k1: float, h: float, out: np.ndarray) -> None:
-    """Write place and axes from the arc functions a and b of the turn; see `_local`."""
+    """Write position and axes from the arc functions a and b of the turn; see `_local`."""
     w0, w1 = k0 * h, k1 * h
     out[0, 0], out[0, 1], out[0, 2] = h * a, h * b * w0, h * b * w1
     out[1, 0], out[1, 1], out[1, 2] = 1 - b * (w0 * w0 + w1 * w1), a * w0, a * w1
@@ -50,11 +50,11 @@ def fill_local(a: float, b: float, k0: float, k1: float, h: float, out: np.ndarr
 def joint_frames(
     start: np.ndarray, axes: np.ndarray, joints: np.ndarray, bend: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Place [k, 3] and axes [k, 3, 3] at the start of every piece."""
+    """Position [k, 3] and axes [k, 3, 3] at the start of every piece."""
     k = len(bend)
-    place, frame = np.empty((k, 3)), np.empty((k, 3, 3))
+    position, frame = np.empty((k, 3)), np.empty((k, 3, 3))
     for i in range(3):
-        place[0, i] = start[i]
+        position[0, i] = start[i]
         for c in range(3):
             frame[0, c, i] = axes[c, i]
     local = np.empty((4, 3))
@@ -62,10 +62,10 @@ def joint_frames(
         _local(bend[j - 1, 0], bend[j - 1, 1], joints[j] - joints[j - 1], local)
         for i in range(3):
             t, e0, e1 = frame[j - 1, 0, i], frame[j - 1, 1, i], frame[j - 1, 2, i]
-            place[j, i] = place[j - 1, i] + local[0, 0] * t + local[0, 1] * e0 + local[0, 2] * e1
+            position[j, i] = position[j - 1, i] + local[0, 0] * t + local[0, 1] * e0 + local[0, 2] * e1
             for c in range(3):
                 frame[j, c, i] = local[1 + c, 0] * t + local[1 + c, 1] * e0 + local[1 + c, 2] * e1
-    return place, frame
+    return position, frame
 
 
 @njit(cache=True, nogil=True)
@@ -83,8 +83,8 @@ def piece_of(joints: np.ndarray, s: float, guess: int) -> int:
 def along(
     s: np.ndarray, start: np.ndarray, axes: np.ndarray, joints: np.ndarray, bend: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Place [n, 3], unit tangent [n, 3] and curvature vector [n, 3] at arc lengths `s` [n]."""
-    place, frame = joint_frames(start, axes, joints, bend)
+    """Position [n, 3], unit tangent [n, 3] and curvature vector [n, 3] at arc lengths `s` [n]."""
+    position, frame = joint_frames(start, axes, joints, bend)
     x, t, curvature = np.empty((len(s), 3)), np.empty((len(s), 3)), np.empty((len(s), 3))
     local = np.empty((4, 3))
     j = 0
@@ -93,7 +93,7 @@ def along(
         _local(bend[j, 0], bend[j, 1], s[i] - joints[j], local)
         for c in range(3):
             f0, f1, f2 = frame[j, 0, c], frame[j, 1, c], frame[j, 2, c]
-            x[i, c] = place[j, c] + local[0, 0] * f0 + local[0, 1] * f1 + local[0, 2] * f2
+            x[i, c] = position[j, c] + local[0, 0] * f0 + local[0, 1] * f1 + local[0, 2] * f2
             t[i, c] = local[1, 0] * f0 + local[1, 1] * f1 + local[1, 2] * f2
             first = local[2, 0] * f0 + local[2, 1] * f1 + local[2, 2] * f2
             second = local[3, 0] * f0 + local[3, 1] * f1 + local[3, 2] * f2
@@ -102,7 +102,7 @@ def along(
 
 
 @njit(cache=True, nogil=True)
-def off_chain(
+def squared_distances(
     p: np.ndarray,
     s: np.ndarray,
     start: np.ndarray,
@@ -115,10 +115,10 @@ def off_chain(
     x, tangent, _ = along(s, start, axes, joints, bend)
     square = np.empty(len(s))
     for i in range(len(s)):
-        whole, ahead = 0.0, 0.0
+        whole, along_chain = 0.0, 0.0
         for c in range(3):
             off = p[i, c] - x[i, c]
             whole += off * off
-            ahead += off * tangent[i, c]
-        square[i] = max(whole - ahead * ahead, 0.0) if across else whole
+            along_chain += off * tangent[i, c]
+        square[i] = max(whole - along_chain * along_chain, 0.0) if across else whole
     return square

@@ -1,7 +1,7 @@
-"""What a fitted chain of arcs says of the route: places, curvature, angle and pieces, with their errors.
+"""The route of a fitted chain of arcs: positions, curvature, angle and pieces, with their errors.
 
-A stream needs no more than the pieces of most frames; places and curvature on nodes cost more than those and
-are written out when they are asked for.
+A stream needs no more than the pieces of most frames; positions and curvature on nodes cost more than those
+and are written out only where they are needed.
 """
 
 from __future__ import annotations
@@ -9,31 +9,29 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import cast
 
 import numpy as np
 from numba import njit
 
-from tssgeom.arrays import Vector, read_only
-from tssgeom.route.arcs.dense import carried, factor
-from tssgeom.route.arcs.equations import place_by_kappa, twists
-from tssgeom.route.arcs.fit import (
-    LEAST_INFORMATION,
+from tssgeom.arrays import TRUE, Vector, read_only
+from tssgeom.route.arcs.chain import (
     Chain,
     Data,
     curvature_columns,
     first_joint_column,
     noise_variance,
-    parameter_covariance,
+    value_count,
 )
+from tssgeom.route.arcs.dense import LEAST_INFORMATION, factor, inverse, propagated, schur_complement
+from tssgeom.route.arcs.equations import position_by_curvature, twists
+from tssgeom.route.arcs.fit import equations_with_pieces, parameter_covariance
 from tssgeom.route.arcs.positions import along, joint_frames
-from tssgeom.route.arcs.straight import hidden_bends
 from tssgeom.route.curvature import CurvatureProfile
 from tssgeom.route.pieces import Arcs
 from tssgeom.route.route import Route
+from tssgeom.statistics import information_price
 
 _NODES = 161  # beside the joints
-_FREE = cast(bool, np.bool_(True))  # no literal, for which `twists` would be compiled once more
 
 
 @dataclass(frozen=True)  # without slots: what was written out once is kept
@@ -79,12 +77,12 @@ class ChainOutline:
             block.flags.writeable = False
         vectors = along_nodes[9:]
         s = vectors[0]
-        places = along_nodes[:9].reshape(3, len(s), 3)
+        points = along_nodes[:9].reshape(3, len(s), 3)
         route = Route(
             s=s,
-            position=places[0],
-            tangent=places[1],
-            curvature_vector=places[2],
+            position=points[0],
+            tangent=points[1],
+            curvature_vector=points[2],
             noise=self.noise,
             weight=read_only(self.data.weight),
             station=on_points[0],
@@ -131,11 +129,11 @@ def _pieces(data: Data, chain: Chain) -> tuple[np.ndarray, np.ndarray, float, np
                 gradient[j, a] += slide[a]
                 gradient[k + j, a] += kappa * slide[a]
     lower, unit = factor(chain.matrix, LEAST_INFORMATION)
-    covariance = carried(lower, unit, gradient)
+    covariance = propagated(lower, unit, gradient)
     for a in range(2 * k):
         for b in range(2 * k):
             covariance[a, b] *= variance
-    hidden = hidden_bends(data, chain)
+    hidden = _hidden_bends(data, chain)
     for j in range(k):
         covariance[k + j, k + j] += hidden[j] * sizes[j] ** 2
     if data.free:  # an unknown station of an end takes its angle along
@@ -149,13 +147,44 @@ def _pieces(data: Data, chain: Chain) -> tuple[np.ndarray, np.ndarray, float, np
 
 
 @njit(cache=True, nogil=True)
+def _hidden_bends(data: Data, chain: Chain) -> np.ndarray:
+    """Mean square of the curvature that each straight piece may have [k] [1/m²], 0 for a curved one; (124).
+
+    A piece is straight where the criterion prefers it without curvature. It may be curved all the same, with
+    the odds that the criterion gives, and then as in the best fit.
+    """
+    k, hidden = len(chain.bend), np.zeros(len(chain.bend))
+    if np.all(chain.curved):
+        return hidden
+    matrix, gradient = equations_with_pieces(data, chain, chain.joints, chain.bend, np.ones(k, np.bool_))
+    first = first_joint_column(data.free) + k - 1
+    fitted = np.ones(len(matrix), np.bool_)
+    for j in range(k):
+        fitted[first + 2 * j] = fitted[first + 2 * j + 1] = chain.curved[j]
+    lower, unit = factor(chain.matrix, LEAST_INFORMATION)
+    variance, price = noise_variance(data, chain), information_price(2.0, value_count(data))
+    for j in range(k):
+        if chain.curved[j]:
+            continue
+        own = slice(first + 2 * j, first + 2 * j + 2)
+        cross = matrix[fitted][:, own]
+        left, rest = schur_complement(lower, unit, gradient[fitted], cross, matrix[own, own], gradient[own])
+        spread = inverse(*factor(left, LEAST_INFORMATION))
+        bend = spread @ rest
+        odds = math.exp(min(0.5 * (bend @ rest / variance - price), 700.0))
+        share = odds / (1.0 + odds) if k > 1 else 1.0
+        hidden[j] = share * (bend @ bend + variance * np.trace(spread))
+    return hidden
+
+
+@njit(cache=True, nogil=True)
 def _written_out(data: Data, chain: Chain) -> tuple[np.ndarray, np.ndarray]:
     """Write a chain out on its nodes and joints, with all standard errors; docs/model.md (33).
 
     Returns
     -------
     along_nodes
-        Three blocks [n, 3] in 9 rows: places, tangents, curvature vectors; then a row each of arc length,
+        Three blocks [n, 3] in 9 rows: positions, tangents, curvature vectors; then a row each of arc length,
         curvature and its standard error, angle and its standard error [14, n].
     on_points
         A row of stations, then the block [points, 3] of residuals in 3 rows [4, points].
@@ -173,11 +202,11 @@ def _written_out(data: Data, chain: Chain) -> tuple[np.ndarray, np.ndarray]:
     blocks[0], blocks[1], blocks[2] = along(at, chain.start, chain.axes, chain.joints, chain.bend)
     covariance = parameter_covariance(data, chain)
     at_ends = noise_variance(data, chain) if data.free else 0.0
-    kappa, way = np.empty(k), np.zeros((k, 2))
+    kappa, direction = np.empty(k), np.zeros((k, 2))
     for j in range(k):
         kappa[j] = math.sqrt(chain.bend[j, 0] ** 2 + chain.bend[j, 1] ** 2)
         if kappa[j] > 0.0:
-            way[j, 0], way[j, 1] = chain.bend[j, 0] / kappa[j], chain.bend[j, 1] / kappa[j]
+            direction[j, 0], direction[j, 1] = chain.bend[j, 0] / kappa[j], chain.bend[j, 1] / kappa[j]
     column, joint = curvature_columns(chain.curved, data.free), first_joint_column(data.free) - 1
     gradient, own = np.zeros(m), np.zeros(m)  # of φ where a piece begins, and along it
     _, of_pieces, _, hidden = _pieces(data, chain)
@@ -185,7 +214,7 @@ def _written_out(data: Data, chain: Chain) -> tuple[np.ndarray, np.ndarray]:
     for j in range(k):
         own[:] = 0.0
         if column[j] >= 0:
-            own[column[j]], own[column[j] + 1] = way[j, 0], way[j, 1]
+            own[column[j]], own[column[j] + 1] = direction[j, 0], direction[j, 1]
         if j > 0:
             gradient[joint + j] = kappa[j - 1] - kappa[j]
         length = ends[j + 1] - ends[j]
@@ -220,12 +249,12 @@ def slide_of_end(chain: Chain) -> np.ndarray:
     """
     k = len(chain.bend)
     start, frame = joint_frames(chain.start, chain.axes, chain.joints, chain.bend)
-    places, tangents, _ = along(chain.stations[-1:], chain.start, chain.axes, chain.joints, chain.bend)
-    place, tangent = places[0], tangents[0]
-    twist, first, own = twists(start, frame, chain.joints, chain.bend, chain.curved, _FREE)
+    positions, tangents, _ = along(chain.stations[-1:], chain.start, chain.axes, chain.joints, chain.bend)
+    position, tangent = positions[0], tangents[0]
+    twist, first, own = twists(chain, start, frame, TRUE)
     by = np.empty((2, 3))
     length = chain.stations[-1] - chain.joints[k - 1]
-    place_by_kappa(chain.bend[k - 1, 0], chain.bend[k - 1, 1], length, by)
+    position_by_curvature(chain.bend[k - 1, 0], chain.bend[k - 1, 1], length, by)
     slide, side = np.zeros(len(own)), 1
     for a in range(len(own)):
         side = 1 - side if own[a] >= 0 else side
@@ -235,7 +264,7 @@ def slide_of_end(chain: Chain) -> np.ndarray:
                 moved = by[side, 0] * frame[k - 1, 0, c]
                 moved += by[side, 1] * frame[k - 1, 1, c] + by[side, 2] * frame[k - 1, 2, c]
             elif first[a] < k:
-                moved = twist[a, c] + twist[a, 3 + d] * place[e] - twist[a, 3 + e] * place[d]
+                moved = twist[a, c] + twist[a, 3 + d] * position[e] - twist[a, 3 + e] * position[d]
             else:
                 moved = 0.0
             slide[a] -= tangent[c] * moved

@@ -1,22 +1,18 @@
-"""The prior of a route that bends with it, and a Kalman filter for it.
+"""A Kalman filter for a route: points and directions in order, each an observation of the state.
 
-The prior says that the rate of the curvature vector, carried along without twist, wanders like Brownian
-motion of intensity q and leans back against the curvature (docs/model.md (20)). With κ = 0 the posterior mean
-is the smoothing spline of degree seven; with κ², κκ' and ω² from a previous pass circles and helices cost
-nothing.
-
-The state at a station is r, r' = T, T' = a, and b with a' = b - κ² T, b' = -κκ' T - ω² a + w. Its covariance
-is shared by x, y and z and kept as its upper triangle: 00, 01, 02, 03, 11, 12, 13, 22, 23, 33. Transitions
-are kept without the first column, which is that of the unit matrix: rows r, T, a, b on T, a, b.
+The state at a station is r, r' = T, T' = a, and b, which move as the prior says (`prior.transitions`). Its
+covariance is shared by x, y and z and kept as its upper triangle: 00, 01, 02, 03, 11, 12, 13, 22, 23, 33.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numba import njit
+
+from tssgeom.arrays import Matrix, Points, Vector
 
 Triangle: TypeAlias = tuple[float, float, float, float, float, float, float, float, float, float]
 
@@ -26,68 +22,41 @@ FAST: Any = {
     "error_model": "numpy",
     "fastmath": {"contract", "reassoc", "arcp"},  # sums may be fused; nan and infinity keep their meaning
 }
-_TERMS = 30
-_DIFFUSE = 2  # innovations spent on the unknown place and direction at the first station
+_DIFFUSE = 2  # innovations spent on the unknown position and direction at the first station
+
+
+class FilterModel(NamedTuple):
+    """Points and prior as the filter takes them, all lengths in units of the mean spacing."""
+
+    u: Vector
+    """Stations [n]."""
+    y: Points
+    """Points [n, 3]."""
+    weight: Vector
+    """Weight of each point, 0 where it was not observed or is an outlier [n]."""
+    transition: Matrix
+    """Transitions of the state, `transitions` [n, 12]."""
+    start: Matrix
+    """Guess of the state at the first station [3, 4]."""
+    ends: Vector
+    """Variances of r and T at the first station, and of a and b at both ends, over the noise variance [4]."""
+    curve_tangent: Points
+    """Unit tangents of the curve of the last pass [n, 3]."""
+    across_only: bool
+    """Whether only the part of an innovation normal to these counts."""
+
+
+class SensedTangents(NamedTuple):
+    """Sensed directions beside the points."""
+
+    unit: Points
+    """Unit tangents [n, 3]; a row without variance is not read."""
+    variance: Vector
+    """Variance of a component of each, 0 where none is used [n] [rad²]."""
 
 
 @njit(**FAST)
-def transitions(u: np.ndarray, coupling: np.ndarray) -> np.ndarray:
-    """Carry the state over every interval before a station, [n, 12].
-
-    Parameters
-    ----------
-    u
-        Stations [n], in units of the mean spacing.
-    coupling
-        κ² and κκ' on the interval before each station, and ω² [n, 3].
-
-    The Taylor series of T obeys T_k+3 = -κκ' T_k - (κ² + ω²) T_k+1; r is its integral, a its derivative.
-    """
-    n = len(u)
-    out = np.zeros((n, 12))
-    for i in range(1, n):
-        h, c2, c3, sway = u[i] - u[i - 1], coupling[i, 0], coupling[i, 1], coupling[i, 0] + coupling[i, 2]
-        f = out[i]
-        f[:] = 0.0
-        # columns on T, a, b of the k-th derivative of T
-        x0, x1, x2, y0, y1, y2, z0, z1, z2 = 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, -c2, 0.0, 1.0
-        power, size = 1.0, sway * h * h + abs(c3) * h * h * h
-        for k in range(_TERMS):
-            after = power * h / (k + 1)
-            f[0] += x0 * after
-            f[1] += x1 * after
-            f[2] += x2 * after
-            f[3] += x0 * power
-            f[4] += x1 * power
-            f[5] += x2 * power
-            f[6] += y0 * power
-            f[7] += y1 * power
-            f[8] += y2 * power
-            f[9] += z0 * power
-            f[10] += z1 * power
-            f[11] += z2 * power
-            x0, x1, x2, y0, y1, y2, z0, z1, z2 = (
-                y0,
-                y1,
-                y2,
-                z0,
-                z1,
-                z2,
-                -c3 * x0 - sway * y0,
-                -c3 * x1 - sway * y1,
-                -c3 * x2 - sway * y2,
-            )
-            power = after
-            if k >= 3 and size * power < 1e-15:
-                break
-        f[9] += c2 * f[3]
-        f[10] += c2 * f[4]
-        f[11] += c2 * f[5]
-    return out
-
-
-@njit(**FAST)
-def predicted(p: Triangle, f: np.ndarray, h: float) -> Triangle:
+def predict_covariance(p: Triangle, f: np.ndarray, h: float) -> Triangle:
     """Carry a covariance over a step: F p F' + Q, with Q what white noise of intensity 1 brings."""
     p00, p01, p02, p03, p11, p12, p13, p22, p23, p33 = p
     r1, r2, r3, t1, t2, t3 = f[0], f[1], f[2], f[3], f[4], f[5]
@@ -122,8 +91,8 @@ def predicted(p: Triangle, f: np.ndarray, h: float) -> Triangle:
 
 
 @njit(**FAST)
-def seen(p: Triangle, variance: float) -> Triangle:
-    """Covariance after the position was seen with the given variance."""
+def update_by_position(p: Triangle, variance: float) -> Triangle:
+    """Covariance after the position was observed with the given variance."""
     p00, p01, p02, p03, p11, p12, p13, p22, p23, p33 = p
     s = p00 + variance
     k1, k2, k3, shrink = p01 / s, p02 / s, p03 / s, variance / s
@@ -142,8 +111,8 @@ def seen(p: Triangle, variance: float) -> Triangle:
 
 
 @njit(**FAST)
-def faced(p: Triangle, variance: float) -> Triangle:
-    """Covariance after the direction was sensed with the given variance; docs/model.md (90)."""
+def update_by_tangent(p: Triangle, variance: float) -> Triangle:
+    """Covariance after the direction was observed with the given variance; docs/model.md (90)."""
     p00, p01, p02, p03, p11, p12, p13, p22, p23, p33 = p
     s = p11 + variance
     k0, k2, k3, shrink = p01 / s, p12 / s, p13 / s, variance / s
@@ -162,10 +131,10 @@ def faced(p: Triangle, variance: float) -> Triangle:
 
 
 @njit(**FAST)
-def face(p: Triangle, m: np.ndarray, aim: np.ndarray, variance: float) -> np.ndarray:
-    """Move the mean [3, 4] by a sensed direction `aim` [3]; returns the innovation [3]."""
+def update_mean_by_tangent(p: Triangle, m: np.ndarray, tangent: np.ndarray, variance: float) -> np.ndarray:
+    """Update the mean [3, 4] by an observed direction [3]; returns the innovation [3]."""
     s = p[4] + variance
-    off = aim - m[:, 1]
+    off = tangent - m[:, 1]
     for c in range(3):
         m[c, 0] += p[1] / s * off[c]
         m[c, 1] += p[4] / s * off[c]
@@ -175,7 +144,7 @@ def face(p: Triangle, m: np.ndarray, aim: np.ndarray, variance: float) -> np.nda
 
 
 @njit(**FAST)
-def carry(m: np.ndarray, f: np.ndarray, out: np.ndarray) -> None:
+def predict_mean(m: np.ndarray, f: np.ndarray, out: np.ndarray) -> None:
     """Carry the mean of all coordinates [3, 4] over a step; `out` may be `m`."""
     for c in range(3):
         t, a, b = m[c, 1], m[c, 2], m[c, 3]
@@ -186,8 +155,8 @@ def carry(m: np.ndarray, f: np.ndarray, out: np.ndarray) -> None:
 
 
 @njit(**FAST)
-def at_start(ends: np.ndarray, ratio: float) -> Triangle:
-    """Covariance before the first point was seen."""
+def initial_covariance(ends: np.ndarray, ratio: float) -> Triangle:
+    """Covariance before the first point is observed."""
     zero = 0.0 * ratio
     return (
         ends[0] * ratio,
@@ -204,16 +173,16 @@ def at_start(ends: np.ndarray, ratio: float) -> Triangle:
 
 
 @njit(**FAST)
-def tied(
+def update_by_end(
     p: Triangle, m: np.ndarray, variance_a: float, variance_b: float
 ) -> tuple[Triangle, float, np.ndarray]:
-    """Tie a and b at the last station to zero with the given variances.
+    """Update by the prior of the last station: a and b are zero with the given variances.
 
     Returns
     -------
     covariance, determinant, whitened
-        After the tie; determinant of the covariance of the two innovations, and these in units of their
-        standard deviations [2, 3]. `m` becomes the mean after the tie.
+        After the update; determinant of the covariance of the two innovations, and these in units of their
+        standard deviations [2, 3]. `m` becomes the mean after the update.
     """
     p00, p01, p02, p03, p11, p12, p13, p22, p23, p33 = p
     s = p22 + variance_a
@@ -250,67 +219,55 @@ def tied(
 
 @njit(**FAST)
 def innovations(
-    u: np.ndarray,
-    y: np.ndarray,
-    weight: np.ndarray,
-    step: np.ndarray,
-    start: np.ndarray,
-    ends: np.ndarray,
-    tangent: np.ndarray,
-    planar: bool,
+    model: FilterModel,
     ratio: float,
     out: np.ndarray,
-    aim: np.ndarray | None = None,
-    blur: np.ndarray | None = None,
-    per_q: float = 0.0,
+    tangents: SensedTangents | None,
+    inverse_intensity: float,
 ) -> tuple[float, float, int]:
     """Filter forward, for noise variance ratio/weight and q = 1.
 
     Parameters
     ----------
-    u, y, weight
-        Stations [n], points [n, 3] and weights [n] (0: not seen), all lengths in units of the mean spacing.
-    step
-        Transitions [n, 12].
-    start, ends
-        Guess of the state at the first station [3, 4], and variances of r and T there and of a and b at
-        both ends, in units of the noise variance [4].
-    tangent, planar
-        Where planar, only the part of an innovation normal to the tangent [n, 3] counts.
+    model
+        Points and prior.
     ratio
         λ, the noise variance per intensity of the fourth derivative.
     out
         Filled with the innovations over their standard deviations [n, 3], or empty if they are not wanted.
-    aim, blur, per_q
-        Where directions are sensed: these [n, 3], their variances [n] (0: not sensed), and 1/q.
+    tangents, inverse_intensity
+        Sensed directions, if any, and 1/q, in which their variances are counted.
 
     Returns
     -------
     log_s, squares, n
-        Sum of the logarithms of the n innovation variances, of points and directions, less what the ties at
+        Sum of the logarithms of the n innovation variances, of points and directions, less what the prior of
         the ends would be worth without any point, and sum of the squared standardised innovations.
     """
-    m = start.copy()
-    p = at_start(ends, ratio)
+    u, y, weight, transition, ends = model.u, model.y, model.weight, model.transition, model.ends
+    curve_tangent, across_only = model.curve_tangent, model.across_only
+    m = model.start.copy()
+    p = initial_covariance(ends, ratio)
     log_s, squares, used = 0.0, 0.0, 0
     product = 1.0
-    placed, pointed = False, False  # whether the first innovations went into the unknown place and direction
+    # whether the first innovations went into the unknown position and direction
+    position_known, direction_known = False, False
     for i in range(len(u)):
         if i > 0:
-            p = predicted(p, step[i], u[i] - u[i - 1])
-            carry(m, step[i], m)
-        if aim is not None and blur is not None:  # two questions, the first of which compiles away
-            variance = blur[i] * per_q
+            p = predict_covariance(p, transition[i], u[i] - u[i - 1])
+            predict_mean(m, transition[i], m)
+        if tangents is not None:
+            variance = tangents.variance[i] * inverse_intensity
             if variance > 0.0:
                 s = p[4] + variance
-                off = face(p, m, aim[i], variance)
-                p = faced(p, variance)
+                off = update_mean_by_tangent(p, m, tangents.unit[i], variance)
+                p = update_by_tangent(p, variance)
                 used += 1
-                if pointed:
-                    along = np.dot(off, tangent[i]) if planar else 0.0
+                if direction_known:
+                    along = np.dot(off, curve_tangent[i]) if across_only else 0.0
                     log_s += math.log(s)
                     squares += (np.dot(off, off) - along * along) / s
-                pointed = True
+                direction_known = True
         if weight[i] <= 0.0:
             continue
         s = p[0] + ratio / weight[i]
@@ -320,30 +277,30 @@ def innovations(
             m[0, j] += k * v0
             m[1, j] += k * v1
             m[2, j] += k * v2
-        p = seen(p, ratio / weight[i])
+        p = update_by_position(p, ratio / weight[i])
         used += 1
-        if not (placed and pointed):
-            pointed, placed = placed or pointed, True
+        if not (position_known and direction_known):
+            direction_known, position_known = position_known or direction_known, True
             continue
         product *= s
         if product > 1e100 or product < 1e-100:
             log_s += math.log(product)
             product = 1.0
-        if planar:
-            along = v0 * tangent[i, 0] + v1 * tangent[i, 1] + v2 * tangent[i, 2]
-            v0 -= along * tangent[i, 0]
-            v1 -= along * tangent[i, 1]
-            v2 -= along * tangent[i, 2]
+        if across_only:
+            along = v0 * curve_tangent[i, 0] + v1 * curve_tangent[i, 1] + v2 * curve_tangent[i, 2]
+            v0 -= along * curve_tangent[i, 0]
+            v1 -= along * curve_tangent[i, 1]
+            v2 -= along * curve_tangent[i, 2]
         squares += (v0 * v0 + v1 * v1 + v2 * v2) / s
         if len(out):
             root = math.sqrt(s)
             out[i, 0], out[i, 1], out[i, 2] = v0 / root, v1 / root, v2 / root
     va, vb, length = ends[2] * ratio, ends[3] * ratio, u[-1] - u[0]
-    p, determinant, white = tied(p, m, va, vb)
+    p, determinant, white = update_by_end(p, m, va, vb)
     for k in range(2):
-        along = np.dot(white[k], tangent[-1]) if planar else 0.0
+        along = np.dot(white[k], curve_tangent[-1]) if across_only else 0.0
         squares += np.dot(white[k], white[k]) - along * along
-    # the same determinant for a route that no point was seen of
+    # the same determinant for a route of which no point was observed
     p22 = 2.0 * va + vb * length**2 + length**3 / 3.0
     p23, p33 = vb * length + length**2 / 2.0, 2.0 * vb + length
     log_s += math.log(product) + math.log(determinant) - math.log(p22 * p33 - p23 * p23)

@@ -1,7 +1,7 @@
 """Rauch-Tung-Striebel smoother of a route: the posterior at all stations from the filter's.
 
-There are no knots, the time is linear in the number of stations, and a station that was not seen is simply
-not used. Covariances are sums of positive parts, so that long windows cost no digits.
+There are no knots, the time is linear in the number of stations, and a station that was not observed is
+simply not used. Covariances are sums of positive parts, so that long windows cost no digits.
 """
 
 from __future__ import annotations
@@ -11,13 +11,25 @@ import math
 import numpy as np
 from numba import njit
 
-from tssgeom.route.spline.filtering import FAST, Triangle, at_start, carry, face, faced, predicted, seen, tied
+from tssgeom.route.spline.filtering import (
+    FAST,
+    FilterModel,
+    SensedTangents,
+    Triangle,
+    initial_covariance,
+    predict_covariance,
+    predict_mean,
+    update_by_end,
+    update_by_position,
+    update_by_tangent,
+    update_mean_by_tangent,
+)
 
 
 @njit(**FAST)
-def _gain(p: Triangle, f: np.ndarray, ahead: Triangle, c: np.ndarray) -> None:
-    """Put the smoother gain (F p)' ahead^-1 into c, by Cholesky."""
-    p00, p01, p02, p03, p11, p12, p13, p22, p23, p33 = ahead
+def _gain(p: Triangle, f: np.ndarray, predicted: Triangle, c: np.ndarray) -> None:
+    """Put the smoother gain (F p)' predicted^-1 into c, by Cholesky."""
+    p00, p01, p02, p03, p11, p12, p13, p22, p23, p33 = predicted
     tiny = 1e-300
     l00 = math.sqrt(p00)
     l10, l20, l30 = p01 / l00, p02 / l00, p03 / l00
@@ -81,7 +93,7 @@ def _smooth_covariance(
     w = following
     h2 = h * h
     h3, h4 = h2 * h, h2 * h2
-    wander = (
+    with_noise = (
         w[0] + h3 * h4 / 252,
         w[1] + h3 * h3 / 72,
         w[2] + h2 * h3 / 30,
@@ -93,7 +105,7 @@ def _smooth_covariance(
         w[8] + h2 / 2,
         w[9] + h,
     )
-    _add_congruence(c, wander, p)
+    _add_congruence(c, with_noise, p)
 
 
 @njit(**FAST)
@@ -110,16 +122,7 @@ def _put(p: Triangle, out: np.ndarray) -> None:
 
 @njit(**FAST)
 def smooth(
-    u: np.ndarray,
-    y: np.ndarray,
-    weight: np.ndarray,
-    step: np.ndarray,
-    start: np.ndarray,
-    ends: np.ndarray,
-    ratio: float,
-    aim: np.ndarray | None = None,
-    blur: np.ndarray | None = None,
-    per_q: float = 0.0,
+    model: FilterModel, ratio: float, tangents: SensedTangents | None, inverse_intensity: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Posterior of the curve at all stations, for noise variance ratio/weight and q = 1.
 
@@ -134,23 +137,24 @@ def smooth(
     gain
         Smoother gains [n - 1, 4, 4]: Cov(state i, state i+1) = gain i times covariance i+1.
     """
+    u, y, weight, transition, ends = model.u, model.y, model.weight, model.transition, model.ends
     n = len(u)
     m = np.empty((n, 3, 4))
-    covariance, ahead = np.empty((n, 10)), np.empty((n, 10))
+    covariance, predicted = np.empty((n, 10)), np.empty((n, 10))
     for c in range(3):
         for j in range(4):
-            m[0, c, j] = start[c, j]
-    p = at_start(ends, ratio)
+            m[0, c, j] = model.start[c, j]
+    p = initial_covariance(ends, ratio)
     for i in range(n):
         if i > 0:
-            p = predicted(p, step[i], u[i] - u[i - 1])
-            _put(p, ahead[i])
-            carry(m[i - 1], step[i], m[i])
-        if aim is not None and blur is not None:
-            variance = blur[i] * per_q
+            p = predict_covariance(p, transition[i], u[i] - u[i - 1])
+            _put(p, predicted[i])
+            predict_mean(m[i - 1], transition[i], m[i])
+        if tangents is not None:
+            variance = tangents.variance[i] * inverse_intensity
             if variance > 0.0:
-                face(p, m[i], aim[i], variance)
-                p = faced(p, variance)
+                update_mean_by_tangent(p, m[i], tangents.unit[i], variance)
+                p = update_by_tangent(p, variance)
         if weight[i] > 0.0:
             s = p[0] + ratio / weight[i]
             v0, v1, v2 = y[i, 0] - m[i, 0, 0], y[i, 1] - m[i, 1, 0], y[i, 2] - m[i, 2, 0]
@@ -159,20 +163,20 @@ def smooth(
                 m[i, 0, j] += k * v0
                 m[i, 1, j] += k * v1
                 m[i, 2, j] += k * v2
-            p = seen(p, ratio / weight[i])
+            p = update_by_position(p, ratio / weight[i])
         _put(p, covariance[i])
-    p, _, _ = tied(p, m[n - 1], ends[2] * ratio, ends[3] * ratio)
+    p, _, _ = update_by_end(p, m[n - 1], ends[2] * ratio, ends[3] * ratio)
     _put(p, covariance[n - 1])
     gain = np.empty((max(n - 1, 0), 4, 4))
     d, rest = np.empty((3, 4)), np.empty((4, 4))
     for i in range(n - 2, -1, -1):
         g = gain[i]
-        _gain(_triangle(covariance[i]), step[i + 1], _triangle(ahead[i + 1]), g)
-        carry(m[i], step[i + 1], d)
+        _gain(_triangle(covariance[i]), transition[i + 1], _triangle(predicted[i + 1]), g)
+        predict_mean(m[i], transition[i + 1], d)
         for c in range(3):
             d0, d1 = m[i + 1, c, 0] - d[c, 0], m[i + 1, c, 1] - d[c, 1]
             d2, d3 = m[i + 1, c, 2] - d[c, 2], m[i + 1, c, 3] - d[c, 3]
             for j in range(4):
                 m[i, c, j] += g[j, 0] * d0 + g[j, 1] * d1 + g[j, 2] * d2 + g[j, 3] * d3
-        _smooth_covariance(covariance[i], g, u[i + 1] - u[i], step[i + 1], covariance[i + 1], rest)
+        _smooth_covariance(covariance[i], g, u[i + 1] - u[i], transition[i + 1], covariance[i + 1], rest)
     return m, covariance, gain

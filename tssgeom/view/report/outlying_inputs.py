@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from tssgeom.statistics import robust_sd
+
 FEWEST = 5
 """Among fewer inputs none is called odd."""
 _BEYOND = 3.5  # robust z: the usual bound for an outlier (Iglewicz and Hoaglin 1993)
-_TO_SD = 1.4826  # from the median deviation to the standard deviation of a normal distribution
 _LEAST_NOISE = 1e-9  # m
 
 Row = Mapping[str, Any]
@@ -69,7 +70,7 @@ def _scores(rows: Sequence[Row], feature: _Feature) -> np.ndarray:
     if told.sum() < FEWEST:
         return np.zeros(len(rows))
     off = values - np.median(values[told])
-    spread = max(_TO_SD * float(np.median(np.abs(off[told]))), feature.floor(rows))
+    spread = max(robust_sd(off[told]), feature.floor(rows))
     return np.where(told, off / spread, 0.0)
 
 
