@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from tssgeom.route.tracking import Followed
+from tssgeom.route.tracking import TrackedFit
 from tssgeom.stream import FrameResult, Rejected
 from tssgeom.tendon.history import last_peak
 
@@ -130,4 +130,4 @@ class Account:
 
 def _light(result: FrameResult) -> FrameResult:
     """Leave out what only the fit of the next frame needs, which is most of a result."""
-    return replace(result, followed=Followed(result.followed.geometry.bare(), result.followed.index))
+    return replace(result, tracked=TrackedFit(result.tracked.fit.strip(), result.tracked.index))

@@ -1,4 +1,4 @@
-"""A route that is hardly bent, or bent in a small part, is not told to be straight without an error."""
+"""A route that is hardly bent, or bent in a small part, is not called straight without an error."""
 
 import numpy as np
 import pytest
@@ -46,7 +46,7 @@ def test_a_followed_straight_route_keeps_its_error_and_the_profile_tells_the_sam
     last = None
     for _ in range(5):
         last = follow(clean(arc(0.01, 0.2, 40) + 5e-4 * rng.standard_normal((40, 3))), None, last)
-        arcs, profile = last.geometry.arcs, last.geometry.profile
+        arcs, profile = last.fit.arcs, last.fit.profile
         assert arcs.total_angle_se > 5e-3
         assert profile.total_angle_se == pytest.approx(arcs.total_angle_se, rel=1e-6)
         assert profile.kappa_se.min() > 0.0
@@ -97,8 +97,8 @@ def test_a_route_has_a_length_or_is_refused():
             [-0.17510, -0.13117, 0.03771],
         ]
     )
-    (told,) = process([Frame(points)], Rig(), tension_in=10.0)
-    assert not isinstance(told, FrameResult) or told.arcs.length.min() > 0.0
+    (result,) = process([Frame(points)], Rig(), tension_in=10.0)
+    assert not isinstance(result, FrameResult) or result.arcs.length.min() > 0.0
 
 
 @pytest.mark.parametrize("noise", [0.0, 1e-4])
@@ -106,10 +106,10 @@ def test_points_that_run_back_along_a_straight_route_are_warned_of(noise):
     x = np.concatenate([np.linspace(0.0, 0.1, 41), np.linspace(0.1, 0.0875, 6)[1:]])
     points = np.column_stack([x, 0 * x, 0 * x])
     points += noise * np.random.default_rng(3).standard_normal(points.shape)
-    (told,) = process([Frame(points)], Rig(), tension_in=10.0)
-    assert isinstance(told, FrameResult)
-    turned = abs(told.arcs.total_angle - np.pi) < 3.0 * told.arcs.total_angle_se + 0.1
-    assert turned or any("run back" in text or "ignored" in text for text in told.warnings)
+    (result,) = process([Frame(points)], Rig(), tension_in=10.0)
+    assert isinstance(result, FrameResult)
+    turned = abs(result.arcs.total_angle - np.pi) < 3.0 * result.arcs.total_angle_se + 0.1
+    assert turned or any("run back" in text or "ignored" in text for text in result.warnings)
 
 
 def test_points_that_go_out_and_straight_back_stop_no_stream():

@@ -1,20 +1,34 @@
-"""Tangent directions that a sensor tells beside the points, as coils with six degrees of freedom do."""
+"""Tangent directions that are sensed beside the points, as by coils with six degrees of freedom."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
 from tssgeom.arrays import Matrix, Points, Vector
 from tssgeom.errors import ShapeError
-from tssgeom.route.stations import across
+from tssgeom.route.route import across
 
-_OFF_UNIT = 0.05  # by which a direction may be longer or shorter than 1
-_AGAINST = -0.5  # cosine to the chord of the neighbours below which a direction runs against the route
-_BEYOND = 16.0  # squared standard deviations, with 2 ln n added, beyond which a direction is an outlier
-_TURN_SHARE = 0.5  # of the turn from point to point: what a jump of curvature alone can turn
-_MOST_STRAY = 0.1  # of all directions
+
+@dataclass(frozen=True, slots=True)
+class DirectionLimits:
+    """Which sensed directions can be tangents of the route, and which of them are outliers."""
+
+    off_unit: float = 0.05
+    """Difference of the length of a direction from 1 above which the frame is refused [1]. Chosen."""
+    against: float = -0.5
+    """Cosine to the chord of the neighbours below which a direction runs against the route [1]. Chosen."""
+    squared_deviations: float = 16.0
+    """Squared standard deviations, with 2 ln n added, above which it is an outlier [1]. Chosen: 4 σ."""
+    turn_share: float = 0.5
+    """Share of the turn from point to point that a jump of curvature alone can cause [1]. Derived."""
+    most: float = 0.1
+    """Share of all directions that may be outliers [1]. Chosen."""
+
+
+LIMITS = DirectionLimits()
 
 
 def checked_directions(directions: Points, points: Points) -> tuple[Points, tuple[str, ...]]:
@@ -30,7 +44,7 @@ def checked_directions(directions: Points, points: Points) -> tuple[Points, tupl
     if d.shape != points.shape:
         raise ShapeError(f"directions have shape {d.shape} for {len(points)} points: give one row for each")
     size = np.linalg.norm(d, axis=1)
-    wrong = np.flatnonzero(np.abs(size - 1.0) > _OFF_UNIT)
+    wrong = np.flatnonzero(np.abs(size - 1.0) > LIMITS.off_unit)
     if wrong.size:
         raise ShapeError(
             f"direction {wrong[0]} has length {size[wrong[0]]:.3g}: "
@@ -44,82 +58,84 @@ def _along_route(d: Points, points: Points) -> tuple[Points, tuple[str, ...]]:
     sensed = np.isfinite(cosine)
     if sensed.any() and cosine[sensed].mean() < 0.0:
         raise ShapeError("directions point from the distal to the proximal end: turn them round")
-    against = np.flatnonzero(sensed & (cosine < _AGAINST))
+    against = np.flatnonzero(sensed & (cosine < LIMITS.against))
     if not against.size:
         return d, ()
     d[against] = np.nan
-    return d, (_left_out(against, "run against the route, left out"),)
+    return d, (f"{len(against)} directions run against the route, left out {listed(against)}",)
 
 
 def _cosine_to_chord(d: Points, points: Points) -> Vector:
-    """Cosine of each direction to the chord between the seen neighbours, NaN where there is none."""
+    """Cosine of each direction to the chord between the observed neighbours, NaN where there is none."""
     cosine = np.full(len(d), np.nan)
-    seen = np.flatnonzero(~np.isnan(points).any(axis=1))
-    if len(seen) > 1:
-        order = np.arange(len(seen))
-        chord = points[seen[np.minimum(order + 1, len(seen) - 1)]] - points[seen[np.maximum(order - 1, 0)]]
-        cosine[seen] = np.einsum("ij,ij->i", d[seen], chord) / (np.linalg.norm(chord, axis=1) + 1e-300)
+    rows = np.flatnonzero(~np.isnan(points).any(axis=1))
+    if len(rows) > 1:
+        p = points[rows]
+        chord = np.concatenate((p[1:], p[-1:])) - np.concatenate((p[:1], p[:-1]))
+        cosine[rows] = np.einsum("ij,ij->i", d[rows], chord) / (np.linalg.norm(chord, axis=1) + 1e-300)
     return cosine
 
 
-def _left_out(which: np.ndarray, what: str) -> str:
-    named = ", ".join(str(i) for i in which[:5]) + (", ..." if len(which) > 5 else "")
-    return f"{len(which)} directions {what} (count from 0: {named})"
+def listed(which: np.ndarray) -> str:
+    """Name the first few of some points, by their count in the sensed sequence."""
+    return f"(count from 0: {', '.join(str(i) for i in which[:5])}{', ...' if len(which) > 5 else ''})"
 
 
-def variances(aim: Points, known: float, slid: Vector) -> Vector:
+def variances(tangents: Points, known: float, slid: Vector) -> Vector:
     """Variance of each direction across the route [rad²], 0 where none was sensed; docs/model.md (91).
 
     Parameters
     ----------
-    aim
+    tangents
         Unit tangents, rows of NaN where none was sensed [n, 3].
     known
         Variance of a component [rad²].
     slid
         What an unknown station adds, κ²σ² [rad²].
     """
-    return np.where(np.isnan(aim[:, 0]), 0.0, known + slid)
+    return np.where(np.isnan(tangents[:, 0]), 0.0, known + slid)
 
 
-def stray_direction(aim: Points, blur: Vector, u: Vector, mean: Matrix, spread: Vector) -> int:
-    """Return the direction that a fit explains least, if beyond chance and a jump of curvature, or -1.
+def outlying_direction(tangents: Points, variance: Vector, u: Vector, mean: Matrix, spread: Vector) -> int:
+    """Return the direction that a fit explains least, if neither noise nor a jump of curvature does, or -1.
 
     Parameters
     ----------
-    aim, blur
-        Directions [n, 3] and their variances, 0 where none was sensed [n].
+    tangents, variance
+        Directions [n, 3] and their variances, 0 where none was sensed [n] [rad²].
     u, mean, spread
         Stations [n] and states [n, 3, 4] of the fit, and the variance of a component of its tangents [n].
     """
-    used = np.flatnonzero(blur > 0.0)
+    used = np.flatnonzero(variance > 0.0)
     if not used.size:
         return -1
     speed = np.maximum(np.linalg.norm(mean[:, :, 1], axis=1), 1e-12)
     tangent = mean[:, :, 1] / speed[:, None]
     bend = np.linalg.norm(across(mean[:, :, 2], tangent), axis=1) / speed**2
-    turn = _TURN_SHARE * float(np.max(bend * np.gradient(u)))
-    ahead = np.einsum("ij,ij->i", aim[used], tangent[used])
-    off = np.where(ahead > 0.0, np.maximum(1.0 - ahead**2, 0.0), 4.0)
-    own = np.maximum(1.0 - spread[used] / blur[used], 1e-3)
-    beyond = off / (blur[used] * own * (_BEYOND + 2.0 * math.log(len(used))))
-    beyond = np.where(np.sqrt(off) / own > turn, beyond, 0.0)
+    turn = LIMITS.turn_share * float(np.max(bend * np.gradient(u)))
+    cosine = np.einsum("ij,ij->i", tangents[used], tangent[used])
+    square = np.where(cosine > 0.0, np.maximum(1.0 - cosine**2, 0.0), 4.0)
+    own = np.maximum(1.0 - spread[used] / variance[used], 1e-3)
+    beyond = square / (variance[used] * own * (LIMITS.squared_deviations + 2.0 * math.log(len(used))))
+    beyond = np.where(np.sqrt(square) / own > turn, beyond, 0.0)
     worst = int(np.argmax(beyond))
     return int(used[worst]) if beyond[worst] > 1.0 else -1
 
 
-def may_drop(aim: Points | None, sensed: Points | None) -> bool:
+def may_drop(used: Points | None, sensed: Points | None) -> bool:
     """Whether one more of the sensed directions may be left out of those in use."""
-    if aim is None or sensed is None:
+    if used is None or sensed is None:
         return False
-    told = int(np.count_nonzero(~np.isnan(sensed[:, 0])))
-    gone = told - int(np.count_nonzero(~np.isnan(aim[:, 0])))
-    return gone + 1 <= max(_MOST_STRAY * told, 1.0)
+    count = int(np.count_nonzero(~np.isnan(sensed[:, 0])))
+    dropped = count - int(np.count_nonzero(~np.isnan(used[:, 0])))
+    return dropped + 1 <= max(LIMITS.most * count, 1.0)
 
 
-def direction_warnings(sensed: Points | None, aim: Points | None, index: Vector) -> tuple[str, ...]:
+def direction_warnings(sensed: Points | None, used: Points | None, index: Vector) -> tuple[str, ...]:
     """Name the sensed directions that a fit left out."""
-    if sensed is None or aim is None:
+    if sensed is None or used is None:
         return ()
-    gone = index[np.isnan(aim[:, 0]) & ~np.isnan(sensed[:, 0])].astype(int)
-    return (_left_out(gone, "stand off the route, ignored"),) if len(gone) else ()
+    outliers = index[np.isnan(used[:, 0]) & ~np.isnan(sensed[:, 0])].astype(int)
+    if not len(outliers):
+        return ()
+    return (f"{len(outliers)} directions stand off the route, ignored {listed(outliers)}",)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tssgeom.arrays import Points, Vector
 from tssgeom.route.pieces import Arcs
-from tssgeom.route.tracking import Followed
+from tssgeom.route.tracking import TrackedFit
 from tssgeom.stream import FrameResult
 from tssgeom.tendon.state import tension
 
@@ -77,7 +77,7 @@ def tension_se(result: FrameResult, frame: Drawn) -> Vector:
 
 def lean(result: FrameResult) -> FrameResult:
     """Return a result without what only the next fit needs, to be sent to another process."""
-    return replace(result, followed=Followed(result.followed.geometry.bare(), result.shape.index))
+    return replace(result, tracked=TrackedFit(result.tracked.fit.strip(), result.shape.index))
 
 
 def numbers_of(result: FrameResult) -> tuple[float, float, float, float]:

@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from tssgeom.arrays import Vector
-from tssgeom.route.stations import isotonic
+from tssgeom.route.route import isotonic
 from tssgeom.statistics import median
 
 FINE = 1e-4  # of the spacing: who is off by a few of these is no outlier, however exact the rest

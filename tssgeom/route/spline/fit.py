@@ -10,13 +10,12 @@ from numba import njit
 
 from tssgeom.arrays import Matrix, Vector, read_only
 from tssgeom.route.directions import direction_warnings
-from tssgeom.route.observations import Shape, stray_warnings
-from tssgeom.route.route import Route
+from tssgeom.route.observations import Shape, outlier_warnings
+from tssgeom.route.route import Route, insert_nodes, mean_spacing
 from tssgeom.route.spline.clusters import clustered, merged
 from tssgeom.route.spline.filtering import innovations, transitions
 from tssgeom.route.spline.posterior import Problem, Solution, deviance, posterior, scaled_ends, warmed
 from tssgeom.route.spline.smoother import smooth
-from tssgeom.route.stations import insert_nodes, mean_spacing
 
 _NODES = 120  # fewest nodes on which curvature is evaluated
 _SWING = -3.5  # standard deviations beyond which errors of clustered points are not white
@@ -47,6 +46,8 @@ class Spline:
     """Relative standard error of all angles that comes from errors that neighbouring points share [1]."""
     facing: float = 0.0
     """Share of the effective parameters that sensed directions tell [1]."""
+    warnings: tuple[str, ...] = ()
+    """What the user should know of the fit."""
 
 
 def fit(shape: Shape, noise: float | None = None, last: Spline | None = None) -> Spline:
@@ -127,7 +128,9 @@ def _fit_merged(shape: Shape, spline: Spline) -> Spline:
         cell *= np.sqrt(2.0)
     finer, coarser = (_angle_in_cells(shape, cell * x) for x in (0.5**0.5, 2**0.5))
     doubt = 0.5 * abs(finer - coarser) / _raw_angle(fitted.route)
-    return replace(fitted, route=_on_all_points(shape, fitted.route, cell_of, cell), angle_doubt=doubt)
+    warning = f"neighbouring points share their errors: merged into cells of {cell * 1e3:.3g} mm"
+    route = _on_all_points(shape, fitted.route, cell_of)
+    return replace(fitted, route=route, angle_doubt=doubt, warnings=(warning,))
 
 
 def _angle_in_cells(shape: Shape, cell: float) -> float:
@@ -138,7 +141,7 @@ def _raw_angle(route: Route) -> float:
     return float(np.trapezoid(np.linalg.norm(route.curvature_vector, axis=1), route.s)) + 1e-12
 
 
-def _on_all_points(shape: Shape, route: Route, cell_of: np.ndarray, cell: float) -> Route:
+def _on_all_points(shape: Shape, route: Route, cell_of: np.ndarray) -> Route:
     """Give each sensed point its foot on a route that was fitted to cells."""
     near = np.interp(route.station[cell_of], route.s, np.arange(len(route.s))).round().astype(int)
     along = np.einsum("ij,ij->i", shape.points - route.position[near], route.tangent[near])
@@ -149,7 +152,6 @@ def _on_all_points(shape: Shape, route: Route, cell_of: np.ndarray, cell: float)
         weight=read_only(route.weight[cell_of]),
         station=read_only(station),
         residual=read_only(shape.points - foot),
-        warnings=(f"neighbouring points share their errors: merged into cells of {cell * 1e3:.3g} mm",),
     )
 
 
@@ -174,9 +176,9 @@ def _spline(shape: Shape, problem: Problem, solution: Solution, spacing: float) 
         weight=read_only(problem.weight),
         station=read_only(s[feet]),
         residual=read_only(shape.points - position[feet]),
-        warnings=stray_warnings(shape, problem.weight)
-        + direction_warnings(shape.directions, problem.aim, shape.index),
     )
+    warnings = outlier_warnings(shape, problem.weight)
+    warnings += direction_warnings(shape.directions, problem.aim, shape.index)
     facing = _told_by_directions(problem, solution)
     freedom = float(problem.weight @ solution.covariance[:, 0]) / solution.ratio + facing
     return Spline(
@@ -188,6 +190,7 @@ def _spline(shape: Shape, problem: Problem, solution: Solution, spacing: float) 
         stations_known=problem.known,
         memory=(problem, solution, spacing),
         facing=facing / freedom,
+        warnings=warnings,
     )
 
 

@@ -9,13 +9,13 @@ import numpy as np
 
 from tssgeom.arrays import Matrix, Points, Vector
 from tssgeom.errors import FitError
-from tssgeom.route.directions import may_drop, stray_direction, variances
+from tssgeom.route.directions import may_drop, outlying_direction, variances
 from tssgeom.route.observations import Shape
+from tssgeom.route.route import across, summed
 from tssgeom.route.spline.bending import SHARPEST, bent_along, is_stretch, stray_points
 from tssgeom.route.spline.filtering import transitions
 from tssgeom.route.spline.intensity import best_noise, best_ratio
 from tssgeom.route.spline.smoother import smooth
-from tssgeom.route.stations import across, summed
 
 _MOST_PASSES = 12
 _NEARBY = 4  # searches for λ from its last value
@@ -270,7 +270,7 @@ def _stray_direction(problem: Problem, solution: Solution) -> int:
     if problem.aim is None or problem.blur is None:
         return -1
     spread = solution.covariance[:, 4] * solution.intensity
-    return stray_direction(problem.aim, problem.blur, problem.u, solution.mean, spread)
+    return outlying_direction(problem.aim, problem.blur, problem.u, solution.mean, spread)
 
 
 def _without_stray_directions(problem: Problem, solution: Solution) -> tuple[Problem, Solution]:
