@@ -25,7 +25,7 @@ from tssgeom.arrays import Matrix, Points, Vector
 from tssgeom.rig import Friction, Load, Rig, ShapeSensor, Tendon
 from tssgeom.route.observations import clean
 from tssgeom.route.synthetic import chain
-from tssgeom.route.tracking import Followed, follow
+from tssgeom.route.tracking import TrackedFit, follow
 from tssgeom.stream import Frame, FrameResult, process
 from tssgeom.tendon import capstan as profile
 from tssgeom.tendon.transmission import transmit
@@ -187,9 +187,9 @@ def closed_form(case: Case) -> Vector:
     return np.array(commands)
 
 
-def _of_full_sliding(tracked_route: Followed, way: int, x: float, rig: Rig) -> float:
+def _of_full_sliding(tracked_route: TrackedFit, way: int, x: float, rig: Rig) -> float:
     """Return the position at which the load is at `x` [m] after a pull or a release without an end."""
-    arcs, mu = tracked_route.geometry.arcs, rig.friction.coefficient
+    arcs, mu = tracked_route.fit.arcs, rig.friction.coefficient
     tension_in = (PRETENSION + STIFFNESS * x) * math.exp(way * mu * arcs.total_angle)
     far = 0.0 if way > 0 else tension_in * math.exp(3 * mu * arcs.total_angle)
     slid = profile.step(profile.step(profile.pretensioned(rig), far, mu), tension_in, mu)

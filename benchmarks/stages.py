@@ -20,12 +20,13 @@ from tssgeom.io.formats.jsonl import frame_of
 from tssgeom.io.results.answers import answer
 from tssgeom.rig import Rig, ShapeSensor
 from tssgeom.route.curvature import CurvatureProfile, curvature_profile
-from tssgeom.route.geometry import Geometry, Method, measure
+from tssgeom.route.geometry import Method, measure
 from tssgeom.route.observations import Shape, clean
 from tssgeom.route.pieces import Arcs, constant_curvature_pieces
+from tssgeom.route.route_fit import RouteFit
 from tssgeom.route.spline.fit import Spline, fit
 from tssgeom.route.synthetic import Course
-from tssgeom.route.tracking import Followed, follow
+from tssgeom.route.tracking import TrackedFit, follow
 from tssgeom.stream import Frame, FrameResult, process
 from tssgeom.tendon.bars import incremental
 from tssgeom.tendon.bars.contact_grid import BARS, MaterialState, pretensioned_bars
@@ -99,7 +100,7 @@ def _pieces(given: tuple[Spline, CurvatureProfile]) -> Arcs:
     return constant_curvature_pieces(*given)
 
 
-def _measured(shape: Shape, method: Method = "auto") -> Geometry:
+def _measured(shape: Shape, method: Method = "auto") -> RouteFit:
     return measure(shape, NOISE, method)
 
 
@@ -121,9 +122,9 @@ def _followed(method: Method, *, stations: bool) -> _Calls:
     """Geometry of one frame after the other, each from where the last one was."""
 
     def calls(sensed: Sequence[Frame]) -> Iterator[Callable[[], object]]:
-        last: Followed | None = None
+        last: TrackedFit | None = None
 
-        def go_on(shape: Shape) -> Followed:
+        def go_on(shape: Shape) -> TrackedFit:
             nonlocal last
             last = follow(shape, NOISE, last, method)
             return last

@@ -22,7 +22,7 @@ from tssgeom.io.formats.meshes import ENDINGS, read_lumen
 from tssgeom.io.formats.runs import holds_run, read_run
 from tssgeom.rig import Rig, read_rig
 from tssgeom.route.fibre.sensed import Fibre, clean_fibre, fit_fibre
-from tssgeom.stream import Frame, Rejected, followed, require_usable
+from tssgeom.stream import Frame, Rejected, fit_frame, require_usable
 
 _MOST_FAULTS = 5
 _ANY_RIG = Rig()
@@ -184,12 +184,12 @@ def _sensed(frame: Frame) -> dict[str, Any]:
     """Tell length, noise and warnings of a frame, as analyse does."""
     if frame.curvatures is not None:
         return _sensed_fibre(clean_fibre(frame.curvatures, frame.stations))
-    shape, found = followed(frame, _ANY_RIG)
-    geometry = found.geometry
+    shape, tracked = fit_frame(frame, _ANY_RIG)
+    fit = tracked.fit
     return {
-        "length_m": geometry.arcs.total_length,
-        "noise_m": float(geometry.outline.noise),
-        "warnings": [*shape.warnings, *geometry.outline.warnings],
+        "length_m": fit.arcs.total_length,
+        "noise_m": float(fit.noise),
+        "warnings": [*shape.warnings, *fit.warnings],
     }
 
 
@@ -198,9 +198,9 @@ def _sensed_fibre(fibre: Fibre) -> dict[str, Any]:
     found = fit_fibre(fibre)
     return {
         "length_m": fibre.length,
-        "noise_m": float(found.geometry.route.noise),
+        "noise_m": float(found.fit.noise),
         "curvature_noise_per_m": float(found.curvature_noise),
-        "warnings": [*fibre.warnings, *found.geometry.outline.warnings],
+        "warnings": [*fibre.warnings, *found.fit.warnings],
     }
 
 

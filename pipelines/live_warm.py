@@ -24,7 +24,7 @@ def warm_up(rig: Rig) -> None:
         for result in process(frames, rig, tension_in=10.0):
             if isinstance(result, FrameResult):
                 answers.answer(result, 0.0, 0, 0.0, 0)
-                result.followed.geometry.route.position.sum()  # written out when it is asked for
+                result.route.position.sum()  # written out when it is asked for
             else:
                 answers.refusal(result)
     answers.refusal(Rejected(0, math.nan, "warm"))

@@ -19,7 +19,7 @@ from tssgeom.io.formats.files import open_recording
 from tssgeom.io.formats.recording import in_order
 from tssgeom.io.formats.runs import MeasuredRun
 from tssgeom.rig import Rig
-from tssgeom.stream import Frame, FrameResult, Rejected, doubts, process
+from tssgeom.stream import Frame, FrameResult, Rejected, plausibility_warnings, process
 from tssgeom.tendon.history import last_peak
 from tssgeom.tendon.moving import MovingRoute
 from tssgeom.tendon.simulation import Moment
@@ -63,8 +63,8 @@ class SensedRoute:
 def warn_of_doubts(run: Path, sensed: SensedRoute, rig: Rig, tension_in: float) -> None:
     """Say where a rig, the longest route and the greatest tension [N] of a run can hardly belong together."""
     longest = max(result.arcs.total_length for result in sensed.results)
-    for doubt in doubts(rig, longest, tension_in):
-        complain(f"{run}: warning: {doubt}")
+    for text in plausibility_warnings(rig, longest, tension_in):
+        complain(f"{run}: warning: {text}")
 
 
 def sensed_route(path: Path, chosen: Options) -> SensedRoute:

@@ -134,10 +134,10 @@ def test_live_equals_batch_with_effects():
     coming = process(iter(frames), ACTING, tension_in=15.0)
     assert [next(coming).transmission for _ in frames] == [one.transmission for one in batch]
     half = list(process(frames[:3], ACTING, tension_in=15.0))[-1]
-    by_hand, last = half.state, half.followed
+    by_hand, last = half.state, half.tracked
     for seq, frame in enumerate(frames[3:], 3):
         result = advance(seq, frame, by_hand, ACTING, 15.0, last)
-        by_hand, last = result.state, result.followed
+        by_hand, last = result.state, result.tracked
         assert result.transmission == batch[seq].transmission
 
 
@@ -168,13 +168,13 @@ def test_a_target_beside_a_drive_is_advice_with_effects_too():
 
 
 def test_the_noise_of_a_frame_counts_unless_the_rig_states_its_own():
-    told = next(process([Frame(bend(), noise=3e-4)], Rig(), tension_in=15.0))
+    result = next(process([Frame(bend(), noise=3e-4)], Rig(), tension_in=15.0))
     of_the_rig = next(process([Frame(bend(), noise=3e-4)], RIG, tension_in=15.0))
-    assert isinstance(told, FrameResult)
+    assert isinstance(result, FrameResult)
     assert isinstance(of_the_rig, FrameResult)
-    assert told.route.noise == pytest.approx(3e-4)
+    assert result.route.noise == pytest.approx(3e-4)
     assert of_the_rig.route.noise == pytest.approx(1e-4)
-    assert told.arcs.total_angle_se > 1.5 * of_the_rig.arcs.total_angle_se
+    assert result.arcs.total_angle_se > 1.5 * of_the_rig.arcs.total_angle_se
 
 
 @pytest.mark.parametrize("noise", [0.0, -1e-4, math.nan, math.inf])
@@ -186,9 +186,9 @@ def test_a_noise_that_is_none_is_refused(noise):
 
 def test_a_command_that_no_tendon_bears_is_doubted():
     asked = Frame(bend(), 0.0, tension_in=5.0, displacement_target=2.0)  # millimetres, sent as metres
-    (told,) = results([asked])
-    assert told.tension_command > 1000.0
-    assert "strain the tendon by" in told.warnings[0]
+    (result,) = results([asked])
+    assert result.tension_command > 1000.0
+    assert "strain the tendon by" in result.warnings[0]
 
 
 def test_a_tension_beyond_all_measure_is_refused_and_a_strain_beyond_half_is_doubted():
@@ -198,7 +198,7 @@ def test_a_tension_beyond_all_measure_is_refused_and_a_strain_beyond_half_is_dou
     assert doubted.warnings == ("3000 N strain the tendon by 95%: check tension and compliance",)
 
 
-def test_a_hidden_bend_beyond_the_route_is_told():
+def test_a_hidden_bend_beyond_the_route_has_a_warning():
     rig = changed(RIG, effects=(HiddenBend(at_m=7.0, angle_rad=0.6),))
     (result,) = process([Frame(bend())], rig, tension_in=15.0)
     assert result.warnings == ("hidden_bend at 7 m is beyond the end of the route at 0.5 m",)
@@ -212,7 +212,7 @@ def test_friction_that_lets_nothing_through_is_refused_where_it_would_overflow(a
     assert "nothing gets through" in result.reason
 
 
-def test_a_target_that_friction_keeps_out_of_reach_is_told_as_such():
+def test_a_target_that_friction_keeps_out_of_reach_is_refused_with_the_reason():
     rig = changed(RIG, friction=Friction(coefficient=10.0))
     (result,) = process([Frame(bend(), displacement_target=1e-3)], rig, tension_in=15.0)
     assert isinstance(result, Rejected)

@@ -3,10 +3,11 @@
 from tssgeom.errors import FitError, SettingsError, ShapeError, SourceError, TssgeomError
 from tssgeom.rig import Rig, read_rig
 from tssgeom.route.curvature import CurvatureProfile, curvature_profile
-from tssgeom.route.geometry import Geometry, measure
+from tssgeom.route.geometry import measure
 from tssgeom.route.observations import Shape, clean
 from tssgeom.route.pieces import Arcs, constant_curvature_pieces
 from tssgeom.route.route import Route
+from tssgeom.route.route_fit import RouteFit
 from tssgeom.route.spline.fit import Spline, fit
 from tssgeom.stream import Frame, FrameResult, Rejected, process
 from tssgeom.tendon.state import TendonState, pretensioned, step, tension, transmit
@@ -25,8 +26,8 @@ __all__ = [
     # sensed points to geometry
     "Arcs",
     "CurvatureProfile",
-    "Geometry",
     "Route",
+    "RouteFit",
     "Shape",
     "Spline",
     "clean",

@@ -15,14 +15,14 @@ from tssgeom.route.fibre.sensed import clean_fibre, measure_fibre, sensed_shape
 from tssgeom.route.observations import Shape, clean
 from tssgeom.route.pieces import Arcs
 from tssgeom.route.route import Route
-from tssgeom.route.tracking import Followed, follow, reconsidered
+from tssgeom.route.tracking import TrackedFit, follow, model_checked
 from tssgeom.tendon.capstan import check_tension
 from tssgeom.tendon.command import Command, compensate
 from tssgeom.tendon.state import TendonState, pretensioned, step, transmit, true_tension
 from tssgeom.tendon.transmission import Transmission
 
 _FAULTS = (TssgeomError, ArithmeticError)  # of one frame: the next may be sound
-_MOST_STRAIN = 0.5  # of the tendon at its proximal end, before its numbers are doubted [1]
+_MOST_STRAIN = 0.5  # of the tendon at its proximal end, above which a warning is due [1]; chosen: no tendon
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +34,7 @@ class Frame:
     time: float = 0.0
     """Time of the frame [s]."""
     stations: Vector | None = None
-    """Known arc length at each point, where the sensor tells it [m]."""
+    """Known arc length at each point, where the sensor measures it [m]."""
     tension_in: float | None = None
     """Total tension at the proximal end, as its sensor reads [N]."""
     tension_out: float | None = None
@@ -46,9 +46,9 @@ class Frame:
     id: str | int = ""
     """The sender's own name of the frame."""
     displacement_target: float | None = None
-    """Where the load is wanted, as a movement since the pretensioned state [m]."""
+    """Target position of the load, as a movement since the pretensioned state [m]."""
     tension_out_target: float | None = None
-    """Wanted tension at the distal end [N]; it counts for nothing beside a displacement target."""
+    """Target tension at the distal end [N]; it is not used beside a displacement target."""
     curvatures: Matrix | None = None
     """Curvature components κ_x, κ_y of a fibre at its stations [n, 2]; the points are NaN then [1/m]."""
     directions: Points | None = None
@@ -58,7 +58,7 @@ class Frame:
     temperature: float | None = None
     """Measured temperature [°C]."""
     noise: float | None = None
-    """Standard deviation of each coordinate across the route, where the sensor tells it [m]."""
+    """Standard deviation of each coordinate across the route, where the sensor states it [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,8 +70,8 @@ class FrameResult:
     frame: Frame
     shape: Shape
     arcs: Arcs
-    followed: Followed
-    """Where the fit of the next frame starts."""
+    tracked: TrackedFit
+    """The fit of the route, from which that of the next frame starts."""
     state: TendonState
     transmission: Transmission
     warnings: tuple[str, ...] = ()
@@ -83,16 +83,16 @@ class FrameResult:
     @property
     def route(self) -> Route:
         """The route on its nodes."""
-        return self.followed.geometry.route
+        return self.tracked.fit.route
 
     @property
     def profile(self) -> CurvatureProfile:
         """Curvature on the same nodes."""
-        return self.followed.geometry.profile
+        return self.tracked.fit.profile
 
     def strip(self) -> FrameResult:
         """Return it without what only the fit of the next frame needs, which is most of its size."""
-        return replace(self, followed=Followed(self.followed.geometry.bare(), self.followed.index))
+        return replace(self, tracked=TrackedFit(self.tracked.fit.strip(), self.tracked.index))
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,7 +125,7 @@ def process(
         Tension along the tendon before the first frame; the rig's pretension by default.
     """
     current = pretensioned(rig) if state is None else state
-    last: Followed | None = None
+    last: TrackedFit | None = None
     for seq, frame in enumerate(frames):
         if isinstance(frame, Rejected):
             yield replace(frame, seq=seq)
@@ -136,8 +136,8 @@ def process(
             yield Rejected(seq, frame.time, _reason(error), frame.id)
         else:
             yield result
-            # the result is out: what now takes its time keeps no frame waiting that has arrived
-            current, last = result.state, reconsidered(result.followed)
+            # the result is out: the check of its model delays no frame that has arrived
+            current, last = result.state, model_checked(result.tracked)
 
 
 def _reason(fault: Exception) -> str:
@@ -153,7 +153,7 @@ def advance(
     state: TendonState,
     rig: Rig,
     tension_in: float,
-    last: Followed | None = None,
+    last: TrackedFit | None = None,
 ) -> FrameResult:
     """Carry the tendon from `state` over one frame, its geometry from that of the `last` one.
 
@@ -166,36 +166,36 @@ def advance(
     FitError
         Where the points give no finite curve, or the tendon no equilibrium.
     """
-    shape, found = followed(frame, rig, last)
-    geometry = found.geometry
-    moved, command = _moved(state, geometry.arcs, rig, frame, tension_in)
+    shape, tracked = fit_frame(frame, rig, last)
+    fit = tracked.fit
+    moved, command = _moved(state, fit.arcs, rig, frame, tension_in)
     most = moved.tension_in if command is None else max(moved.tension_in, command.tension_in)
     return FrameResult(
         seq=seq,
         frame=frame,
         shape=shape,
-        arcs=geometry.arcs,
-        followed=found,
+        arcs=fit.arcs,
+        tracked=tracked,
         state=moved,
         transmission=transmit(moved, rig),
         warnings=shape.warnings
-        + geometry.outline.warnings
-        + _unfelt(rig, frame)
-        + doubts(rig, geometry.arcs.total_length, most),
+        + fit.warnings
+        + _temperature_warnings(rig, frame)
+        + plausibility_warnings(rig, fit.arcs.total_length, most),
         displacement_command=None if command is None else command.displacement_in,
         tension_command=None if command is None else command.tension_in,
     )
 
 
-def _unfelt(rig: Rig, frame: Frame) -> tuple[str, ...]:
-    """Say which effects do nothing in a frame because it tells no temperature."""
+def _temperature_warnings(rig: Rig, frame: Frame) -> tuple[str, ...]:
+    """Name the effects that do nothing in a frame because its temperature is unknown."""
     if frame.temperature is not None or not rig.effects:
         return ()
-    asking = named(effect for effect in rig.effects if "temperature_C" in effect.needs)
-    return (f"no temperature_C: {asking} does nothing",) if asking else ()
+    idle = named(effect for effect in rig.effects if "temperature_C" in effect.needs)
+    return (f"no temperature_C: {idle} does nothing",) if idle else ()
 
 
-def doubts(rig: Rig, length: float, tension_in: float) -> tuple[str, ...]:
+def plausibility_warnings(rig: Rig, length: float, tension_in: float) -> tuple[str, ...]:
     """Say where a rig, the length of a route [m] and a tension [N] can hardly belong to each other."""
     strain = rig.tendon.compliance_per_N * tension_in
     beyond = [
@@ -208,8 +208,8 @@ def doubts(rig: Rig, length: float, tension_in: float) -> tuple[str, ...]:
     return tuple(beyond)
 
 
-def followed(frame: Frame, rig: Rig, last: Followed | None = None) -> tuple[Shape, Followed]:
-    """Return points and geometry: of a fibre from its curvatures, of points from where the last frame was.
+def fit_frame(frame: Frame, rig: Rig, last: TrackedFit | None = None) -> tuple[Shape, TrackedFit]:
+    """Return points and fitted route: of a fibre from its curvatures, of points from the last frame on.
 
     Raises
     ------
@@ -220,10 +220,10 @@ def followed(frame: Frame, rig: Rig, last: Followed | None = None) -> tuple[Shap
     """
     if frame.curvatures is not None:
         fibre = clean_fibre(frame.curvatures, frame.stations)
-        geometry = measure_fibre(fibre, rig.shape.curvature_noise_per_m)
-        return sensed_shape(fibre, geometry), Followed(geometry, fibre.index)
+        fit = measure_fibre(fibre, rig.shape.curvature_noise_per_m)
+        return sensed_shape(fibre, fit), TrackedFit(fit, fibre.index)
     shape = sensed_points(frame, rig)
-    of_points = last is not None and (last.geometry.chain is not None or last.geometry.spline is not None)
+    of_points = last is not None and (last.fit.chain is not None or last.fit.spline is not None)
     return shape, follow(shape, noise_of(frame, rig), last if of_points else None)
 
 
@@ -233,7 +233,7 @@ def noise_of(frame: Frame, rig: Rig) -> float | None:
     Raises
     ------
     ShapeError
-        Where the frame tells one that cannot be.
+        Where that of the frame is not positive and finite.
     """
     if frame.noise is not None and not (math.isfinite(frame.noise) and frame.noise > 0.0):
         raise ShapeError(f"the noise is {frame.noise:g} m: give a finite value > 0 m, or leave it out")
@@ -243,17 +243,17 @@ def noise_of(frame: Frame, rig: Rig) -> float | None:
 def _moved(
     state: TendonState, arcs: Arcs, rig: Rig, frame: Frame, tension_in: float
 ) -> tuple[TendonState, Command | None]:
-    """Return the tendon after the frame, and the command that its target asks for."""
-    wanted = frame.displacement_target, frame.tension_out_target
+    """Return the tendon after the frame, and the command that reaches its target."""
+    target = frame.displacement_target, frame.tension_out_target
     driven = frame.tension_in is not None or frame.displacement_in is not None
     when = {"time": frame.time, "temperature": frame.temperature}
-    if not driven and wanted == (None, None):
+    if not driven and target == (None, None):
         return step(state, arcs, rig, tension_in=tension_in, **when), None
     if driven:
-        pull = None if frame.tension_in is None else true_tension(rig, frame.tension_in)
-        place = frame.displacement_in if pull is None else None
-        state = step(state, arcs, rig, tension_in=pull, displacement_in=place, **when)
-    if wanted == (None, None):
+        tension = None if frame.tension_in is None else true_tension(rig, frame.tension_in)
+        displacement = frame.displacement_in if tension is None else None
+        state = step(state, arcs, rig, tension_in=tension, displacement_in=displacement, **when)
+    if target == (None, None):
         return state, None
     tension_out = frame.tension_out_target if frame.displacement_target is None else None
     command = compensate(
@@ -308,7 +308,7 @@ def alone(
 ) -> Iterator[FrameResult | Rejected]:
     """Turn frames into results as if each were the first pull of its tendon; only the fit goes on.
 
-    What one frame tells of the tendon does not depend on those before it, so a recording may be cut anywhere.
+    The tendon's result of one frame does not depend on those before it, so a recording may be cut anywhere.
 
     Parameters
     ----------
@@ -322,7 +322,7 @@ def alone(
         Count of the first of these frames in its recording.
     """
     rest = pretensioned(rig)
-    last: Followed | None = None
+    last: TrackedFit | None = None
     for seq, frame in enumerate(frames, first):
         if isinstance(frame, Rejected):
             yield replace(frame, seq=seq)
@@ -332,5 +332,5 @@ def alone(
         except _FAULTS as error:
             yield Rejected(seq, frame.time, _reason(error), frame.id)
         else:
-            last = result.followed
+            last = result.tracked
             yield result

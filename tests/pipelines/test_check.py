@@ -87,7 +87,7 @@ def test_a_frame_whose_points_no_fit_follows_is_wrong_and_the_next_one_is_told(r
     lost = {"t": -1.0, "points": few.tolist(), "unit": "mm"}
     recording.write_text(f"{json.dumps(lost)}\n{recording.read_text()}")
     (told,) = json.loads(run("check", recording, "--json").out)
-    assert "frame 0: 7 points do not tell how far the route turns" in told["wrong"][0]
+    assert "frame 0: 7 points do not determine how far the route turns" in told["wrong"][0]
     assert told["length_m"] == pytest.approx(0.5, rel=1e-3)  # twelve points of the half circle
 
 

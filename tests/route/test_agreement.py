@@ -25,7 +25,7 @@ def test_a_turn_back_between_two_points_is_half_a_circle_or_refused(gap, noise, 
     points = _hairpin(gap, noise)
     way = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
     with suppress(FitError):
-        arcs = follow(clean(points, way if known else None), None, None).geometry.arcs
+        arcs = follow(clean(points, way if known else None), None, None).fit.arcs
         assert arcs.total_angle == pytest.approx(np.pi, rel=0.03)
 
 
@@ -43,5 +43,5 @@ def test_a_kink_between_two_points_is_followed(corner):
     first = np.column_stack((x, 0 * x, 0 * x))
     second = first[-1] + (x[1:, None]) * np.array([np.cos(corner), np.sin(corner), 0.0])
     points = np.vstack((first, second)) + 1e-4 * np.random.default_rng(1).standard_normal((59, 3))
-    arcs = follow(clean(points), None, None).geometry.arcs
+    arcs = follow(clean(points), None, None).fit.arcs
     assert abs(arcs.total_angle - corner) < max(4 * arcs.total_angle_se, 0.01)

@@ -71,23 +71,23 @@ def test_angles_with_directions_are_better_and_their_errors_right(course, share,
     z = []
     for seed in range(60):
         points, s, tangents = _coils(course, seed)
-        for sensed, out in errors.items():
-            shape = clean(points, s if known else None, tangents if sensed else None, TURN)
-            found = measure(shape, NOISE).arcs
-            out.append(found.total_angle - course.total_angle)
-            if sensed:
-                z.append(out[-1] / found.total_angle_se)
-    rms = {sensed: np.sqrt(np.mean(np.square(out))) for sensed, out in errors.items()}
+        for with_directions, out in errors.items():
+            shape = clean(points, s if known else None, tangents if with_directions else None, TURN)
+            result = measure(shape, NOISE).arcs
+            out.append(result.total_angle - course.total_angle)
+            if with_directions:
+                z.append(out[-1] / result.total_angle_se)
+    rms = {with_directions: np.sqrt(np.mean(np.square(out))) for with_directions, out in errors.items()}
     assert rms[True] < share * rms[False]  # 0.80 and 0.2 in 200 trials, the same noise in both
     assert np.sqrt(np.mean(np.square(z))) < 1.5  # 1.0 and 1.2 in 200 trials of each
 
 
 def test_the_noise_of_the_points_is_found_beside_directions():
-    found = [
+    result = [
         measure(clean(points, s, tangents, TURN), method="spline").route.noise
         for points, s, tangents in (_coils(SEVEN, seed) for seed in range(6))
     ]
-    assert np.mean(found) == pytest.approx(NOISE, rel=0.2)  # 6 times 20 points, a third of them used up
+    assert np.mean(result) == pytest.approx(NOISE, rel=0.2)  # 6 times 20 points, a third of them used up
 
 
 @pytest.mark.parametrize("known", [False, True])
@@ -98,7 +98,7 @@ def test_warm_fits_with_directions_agree_with_cold_ones(known):
         shape = clean(points, s if known else None, tangents, TURN)
         last = follow(shape, NOISE, last)
         cold = measure(shape, NOISE).arcs
-        assert abs(last.geometry.arcs.total_angle - cold.total_angle) < 0.2 * cold.total_angle_se
+        assert abs(last.fit.arcs.total_angle - cold.total_angle) < 0.2 * cold.total_angle_se
 
 
 @pytest.mark.parametrize("method", ["spline", "arcs"])
@@ -109,10 +109,10 @@ def test_a_direction_that_stands_off_is_left_out_and_named(method):
     bad[7] /= np.linalg.norm(bad[7])
     missing = tangents.copy()
     missing[7] = np.nan
-    found = measure(clean(points, s, bad, TURN), NOISE, method)
+    result = measure(clean(points, s, bad, TURN), NOISE, method)
     expected = measure(clean(points, s, missing, TURN), NOISE, method)
-    assert "1 directions stand off the route, ignored (count from 0: 7)" in found.route.warnings
-    assert found.arcs.total_angle == pytest.approx(expected.arcs.total_angle, rel=2e-3)  # one more pass
+    assert "1 directions stand off the route, ignored (count from 0: 7)" in result.warnings
+    assert result.arcs.total_angle == pytest.approx(expected.arcs.total_angle, rel=2e-3)  # one more pass
 
 
 def test_directions_that_cannot_be_are_refused_with_the_remedy():
@@ -145,27 +145,27 @@ def test_a_known_length_shrinks_the_variance_of_the_length_as_the_formula_says(m
     points, s, _ = _coils(half_circle(), 6, 60)
     sd = 2e-4
     alone = measure(clean(points), NOISE, method)
-    known = measure(clean(points, length=float(s[-1]), length_noise=sd), NOISE, method)
+    given = measure(clean(points, length=float(s[-1]), length_noise=sd), NOISE, method)
     k = len(alone.arcs.length)
-    own, left = (found.arcs.covariance[:k, :k].sum() for found in (alone, known))
+    own, left = (result.arcs.covariance[:k, :k].sum() for result in (alone, given))
     assert left == pytest.approx(own * sd**2 / (own + sd**2), rel=1e-9)
     share = own / (own + sd**2)
     expected = alone.arcs.total_length + share * (s[-1] - alone.arcs.total_length)
-    assert known.arcs.total_length == pytest.approx(expected, rel=1e-12)
-    assert known.route.s[-1] == pytest.approx(expected, rel=1e-12)
-    assert known.profile.length == pytest.approx(expected, rel=1e-12)
-    assert known.profile.total_angle == pytest.approx(known.arcs.total_angle, rel=1e-12)
-    assert known.profile.total_angle_se == pytest.approx(known.arcs.total_angle_se, rel=1e-6)
-    step = np.linalg.norm(np.diff(known.route.position, axis=0), axis=1)
-    np.testing.assert_allclose(step, np.diff(known.route.s), rtol=2e-2)
+    assert given.arcs.total_length == pytest.approx(expected, rel=1e-12)
+    assert given.route.s[-1] == pytest.approx(expected, rel=1e-12)
+    assert given.profile.length == pytest.approx(expected, rel=1e-12)
+    assert given.profile.total_angle == pytest.approx(given.arcs.total_angle, rel=1e-12)
+    assert given.profile.total_angle_se == pytest.approx(given.arcs.total_angle_se, rel=1e-6)
+    step = np.linalg.norm(np.diff(given.route.position, axis=0), axis=1)
+    np.testing.assert_allclose(step, np.diff(given.route.s), rtol=2e-2)
 
 
 def test_a_length_that_cannot_be_right_is_named_and_not_used():
     points, s, _ = _coils(half_circle(), 7, 60)
     alone = measure(clean(points), NOISE)
-    known = measure(clean(points, length=float(s[-1]) - 0.012, length_noise=1e-3), NOISE)
-    assert known.arcs.total_length == alone.arcs.total_length
-    (warning,) = known.route.warnings
+    given = measure(clean(points, length=float(s[-1]) - 0.012, length_noise=1e-3), NOISE)
+    assert given.arcs.total_length == alone.arcs.total_length
+    (warning,) = given.warnings
     assert warning.startswith("the route is 1")
     assert "longer than the stated length of 488 mm" in warning
     with pytest.raises(ShapeError, match="the length is -1 m"):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tssgeom.errors import ShapeError
-from tssgeom.route.fibre.route import carried
+from tssgeom.route.fibre.route import integrated
 from tssgeom.route.fibre.sensed import clean_fibre, fibre_of_points, fit_fibre, measure_fibre
 from tssgeom.route.geometry import measure
 from tssgeom.route.observations import clean
@@ -78,25 +78,25 @@ def errors(route, n: int, noise: float, known: bool, trials: int) -> np.ndarray:
     ],
 )
 def test_the_interval_covers_the_angle(route, n, trials, noise):
-    found = errors(route, n, noise, known=True, trials=trials)
-    outside = np.sum(np.abs(found[:, 0]) > 1.96 * found[:, 1] + 1e-12)
+    result = errors(route, n, noise, known=True, trials=trials)
+    outside = np.sum(np.abs(result[:, 0]) > 1.96 * result[:, 1] + 1e-12)
     # 5 % are outside by right; 0.1 % of samples have more than this many
     assert outside <= {20: 5, 30: 6, 60: 10}[trials]
     # and the interval means something: eight gratings on harmonics are the widest, four times the error
-    assert np.sqrt(np.mean(found[:, 1] ** 2)) < 6 * np.sqrt(np.mean(found[:, 0] ** 2)) + 0.05
+    assert np.sqrt(np.mean(result[:, 1] ** 2)) < 6 * np.sqrt(np.mean(result[:, 0] ** 2)) + 0.05
 
 
 def test_noise_alone_adds_no_angle_to_a_straight_fibre():
-    found = errors(line, 100, 1.0, known=True, trials=10)
+    result = errors(line, 100, 1.0, known=True, trials=10)
     rectified = 1.0 * np.sqrt(np.pi / 2) * LENGTH  # mean magnitude of two components of noise 1/m
-    assert np.mean(found[:, 0]) < 0.05 * rectified
+    assert np.mean(result[:, 0]) < 0.05 * rectified
 
 
 def test_unknown_noise_is_found():
     bend = half(np.random.default_rng(0))(stations(100))
     rng = np.random.default_rng(1)
-    found = fit_fibre(read(bend + 0.5 * rng.standard_normal(bend.shape), stations(100)))
-    assert found.curvature_noise == pytest.approx(
+    result = fit_fibre(read(bend + 0.5 * rng.standard_normal(bend.shape), stations(100)))
+    assert result.curvature_noise == pytest.approx(
         0.5, rel=0.25
     )  # 200 values tell it to 5 %; grid steps of 10 %
 
@@ -105,9 +105,9 @@ def test_pieces_are_told_from_smooth_curvature():
     rng = np.random.default_rng(2)
     for route, method in ((six_pieces, "arcs"), (harmonics, "spline")):
         bend = route(rng)(stations(60))
-        found = fit_fibre(read(bend + 0.3 * rng.standard_normal(bend.shape), stations(60)), 0.3)
-        assert found.geometry.arcs.method == method
-        assert found.probability[method] > 0.99
+        result = fit_fibre(read(bend + 0.3 * rng.standard_normal(bend.shape), stations(60)), 0.3)
+        assert result.fit.arcs.method == method
+        assert result.probability[method] > 0.99
 
 
 def test_straight_pieces_have_exactly_no_angle():
@@ -183,7 +183,7 @@ def test_linear_curvature_is_carried_to_fourth_order():
         bend = np.column_stack((8 * np.cos(20 * s), 8 * np.sin(20 * s)))  # a helix, smooth but not linear
         at = np.linspace(0.0, LENGTH, 1281)
         linear = np.column_stack([np.interp(at, s, b) for b in bend.T])
-        return carried(s, bend)[0][-1] - carried(at, linear)[0][-1]
+        return integrated(s, bend)[0][-1] - integrated(at, linear)[0][-1]
 
     rough, fine = (np.linalg.norm(end(n)) for n in (10, 20))
     assert rough / fine > 12  # 16 in the limit
@@ -195,7 +195,7 @@ def test_a_helix_is_carried_to_its_own_places():
     per = radius**2 + rise**2
     s = np.linspace(0.0, LENGTH, 2001)
     turned = rise / per * s  # the frame without twist turns against the Frenet frame by the torsion
-    place, axes = carried(s, radius / per * np.column_stack((np.cos(turned), np.sin(turned))))
+    place, axes = integrated(s, radius / per * np.column_stack((np.cos(turned), np.sin(turned))))
     true = helix(radius, pitch, s)
     near, far = place[0] - place[1000], true[0] - true[1000]
     assert np.linalg.norm(near) == pytest.approx(np.linalg.norm(far), rel=1e-5)  # second order in s steps
@@ -207,14 +207,14 @@ def test_a_helix_is_carried_to_its_own_places():
 
 def test_the_distal_end_scatters_as_its_standard_deviation_says():
     rng = np.random.default_rng(6)
-    bend, ends, told = half(rng)(stations(18)), [], []
+    bend, ends, stated = half(rng)(stations(18)), [], []
     for _ in range(60):
         route = measure_fibre(read(bend + 0.5 * rng.standard_normal(bend.shape), stations(18)), 0.5).route
         ends.append(route.position[-1])
-        told.append(route.noise)
+        stated.append(route.noise)
     scatter = np.sqrt(np.mean(np.var(ends, axis=0)))
     # 60 trials with about two values each tell a standard deviation to 7 %, and the choice of method adds
-    assert np.sqrt(np.mean(np.square(told))) == pytest.approx(scatter, rel=0.3)
+    assert np.sqrt(np.mean(np.square(stated))) == pytest.approx(scatter, rel=0.3)
 
 
 @pytest.mark.parametrize("route", [half, six_pieces])
@@ -224,8 +224,8 @@ def test_errors_that_were_integrated_are_covered_as_curvatures_and_not_as_points
     rng, off = np.random.default_rng(7), []
     for _ in range(12):
         bend = route(rng)
-        seen = bend(s) + 0.5 * rng.standard_normal((len(s), 2))
-        points = carried(fine, np.column_stack([np.interp(fine, s, b) for b in seen.T]))[0][::40]
+        noisy = bend(s) + 0.5 * rng.standard_normal((len(s), 2))
+        points = integrated(fine, np.column_stack([np.interp(fine, s, b) for b in noisy.T]))[0][::40]
         both = measure_fibre(fibre_of_points(points, s)).arcs, measure(clean(points, s)).arcs
         off.append([abs(one.total_angle - angle(bend)) / one.total_angle_se for one in both])
     own, white = np.mean(np.array(off) < 1.96, axis=0)
@@ -235,7 +235,7 @@ def test_errors_that_were_integrated_are_covered_as_curvatures_and_not_as_points
 
 def test_points_on_an_arc_give_its_curvature_exactly():
     s = np.array([0.0, 0.03, 0.05, 0.11, 0.16, 0.2])  # uneven
-    place, _ = carried(np.linspace(0, 0.2, 201), np.tile([9.0, 4.0], (201, 1)))
+    place, _ = integrated(np.linspace(0, 0.2, 201), np.tile([9.0, 4.0], (201, 1)))
     fibre = fibre_of_points(place[np.round(s * 1000).astype(int)], s)
     np.testing.assert_allclose(np.linalg.norm(fibre.curvatures, axis=1), np.hypot(9.0, 4.0), rtol=1e-9)
     assert (fibre.length, len(fibre.stations)) == (0.2, 4)
@@ -256,7 +256,7 @@ def test_gratings_that_were_not_read_are_bridged_with_a_larger_error():
     holed[7:11] = np.nan
     whole, gappy = (fit_fibre(read(b, s), 0.2) for b in (bend, holed))
     assert read(holed, s).warnings == ("4 gratings not read, bridged",)
-    assert gappy.geometry.arcs.total_angle_se > whole.geometry.arcs.total_angle_se
+    assert gappy.fit.arcs.total_angle_se > whole.fit.arcs.total_angle_se
 
 
 @pytest.mark.parametrize(
@@ -287,8 +287,8 @@ def test_needle_shape_follows_from_its_own_curvatures():
     cos, sin = np.cos(twist), np.sin(twist)
     bend = np.column_stack((cos * spin[1] + sin * spin[0], sin * spin[1] - cos * spin[0]))
     geometry = measure_fibre(clean_fibre(bend, s))
-    found = np.column_stack([np.interp(s, geometry.route.s, x) for x in geometry.route.position.T])
+    result = np.column_stack([np.interp(s, geometry.route.s, x) for x in geometry.route.position.T])
     # the reference steps by half a millimetre with one rotation each: that is 0.23 µm off at its end
-    assert np.max(np.linalg.norm(found - place, axis=1)) < 0.5e-6
+    assert np.max(np.linalg.norm(result - place, axis=1)) < 0.5e-6
     truth = np.trapezoid(np.hypot(*spin[:2]), s)
     assert geometry.arcs.total_angle == pytest.approx(truth, rel=1e-5)  # its curvature wanders by less a step

@@ -90,10 +90,10 @@ def test_the_standard_error_covers_the_truth(sensed, course, n, noise):
 
 def test_noise_is_found_and_used_when_known(geometry, sensed):
     points, _ = sensed(setup_a(), 200, 3e-4)
-    found, _, _ = geometry(points)
-    assert found.route.noise == pytest.approx(3e-4, rel=0.15)  # 2 x 200 normal components: sd 3.5 %
-    told, _, _ = geometry(points, noise=3e-4)
-    assert told.route.noise == pytest.approx(3e-4, rel=1e-9)
+    result, _, _ = geometry(points)
+    assert result.route.noise == pytest.approx(3e-4, rel=0.15)  # 2 x 200 normal components: sd 3.5 %
+    known, _, _ = geometry(points, noise=3e-4)
+    assert known.route.noise == pytest.approx(3e-4, rel=1e-9)
 
 
 def test_uneven_and_random_spacing_does_no_harm():
@@ -128,7 +128,7 @@ def test_one_outlier_is_ignored_with_a_warning(sensed, size, where):
     points[where] += size * np.array([0.6, 0.0, 0.8])
     shape = clean(points)
     spline = fit(shape)
-    warnings = " ".join(shape.warnings + spline.route.warnings)
+    warnings = " ".join(shape.warnings + spline.warnings)
     assert "1 outlying points" in warnings
     assert f"(count from 0: {where})" in warnings
     assert curvature_profile(spline).total_angle == pytest.approx(clear, rel=0.01)

@@ -46,7 +46,7 @@ def test_a_followed_straight_route_keeps_its_error_and_its_profile_has_the_same(
     last = None
     for _ in range(5):
         last = follow(clean(arc(0.01, 0.2, 40) + 5e-4 * rng.standard_normal((40, 3))), None, last)
-        arcs, profile = last.geometry.arcs, last.geometry.profile
+        arcs, profile = last.fit.arcs, last.fit.profile
         assert arcs.total_angle_se > 5e-3
         assert profile.total_angle_se == pytest.approx(arcs.total_angle_se, rel=1e-6)
         assert profile.kappa_se.min() > 0.0

@@ -47,8 +47,8 @@ def test_a_corner_is_kept_from_frame_to_frame():
     for seed in range(12):
         points, _, angle = _polygon("one", 100, 3e-4, seed)
         last = follow(clean(points), 3e-4, last)
-        assert last.geometry.arcs.method == "arcs"
-        assert last.geometry.arcs.total_angle == pytest.approx(angle, abs=0.03)
+        assert last.fit.arcs.method == "arcs"
+        assert last.fit.arcs.total_angle == pytest.approx(angle, abs=0.03)
 
 
 def test_a_coarse_polygon_says_how_little_its_points_tell():

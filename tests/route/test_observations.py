@@ -3,8 +3,9 @@ import pytest
 
 from tssgeom.arrays import read_only
 from tssgeom.errors import ShapeError
-from tssgeom.route.observations import clean
-from tssgeom.route.ordering import out_of_order, well_behaved, worst
+from tssgeom.route.observations import clean, clearly_sound, out_of_order
+from tssgeom.route.raw_outliers import worst_outlier
+from tssgeom.route.route import step_lengths
 from tssgeom.route.synthetic import half_circle, places, setup_a
 
 
@@ -81,14 +82,14 @@ def test_points_not_seen_at_the_ends_are_no_gap_but_the_route_is_shorter():
     arc = _arc()
     arc[:2] = arc[-3:] = np.nan
     assert clean(arc).warnings == (
-        "the first 2 points not seen: the route is told without them",
-        "the last 3 points not seen: the route is told without them",
+        "the first 2 points not seen: the route is computed without them",
+        "the last 3 points not seen: the route is computed without them",
     )
 
 
 @pytest.mark.parametrize("scale", [1e-3, 1e3])
 def test_a_route_of_unlikely_size_is_taken_with_a_doubt_about_the_unit(scale):
-    assert any("check the unit" in said for said in clean(scale * _arc()).warnings)
+    assert any("check the unit" in text for text in clean(scale * _arc()).warnings)
 
 
 @pytest.mark.parametrize("scale", [0.0064, 1.0, 100.0])
@@ -110,8 +111,8 @@ def test_stations_that_cannot_belong_to_the_points_are_refused(scale):
 def test_stations_a_tenth_too_short_are_worth_a_warning():
     noisy = _arc() + 1e-3 * np.random.default_rng(0).standard_normal((50, 3))
     assert clean(noisy, np.linspace(0.0, 0.5, 50)).warnings == ()
-    (said,) = clean(noisy, np.linspace(0.0, 0.45, 50)).warnings
-    assert "farther apart than their stations" in said
+    (text,) = clean(noisy, np.linspace(0.0, 0.45, 50)).warnings
+    assert "farther apart than their stations" in text
 
 
 @pytest.mark.parametrize(
@@ -136,7 +137,7 @@ def test_the_shape_cannot_be_written_to():
         clean(_arc()).points[0] = 0.0
 
 
-def test_points_that_pass_at_a_glance_pass_a_closer_look():
+def test_points_that_pass_by_quick_bounds_pass_a_closer_look():
     rng, passed = np.random.default_rng(0), 0
     for i in range(300):
         points = _arc(int(rng.integers(8, 60))) + 2e-3 * rng.random() * rng.standard_normal((1, 3))
@@ -146,8 +147,8 @@ def test_points_that_pass_at_a_glance_pass_a_closer_look():
         if i % 5 == 0:
             points = points[rng.permutation(len(points))] if i % 2 else np.roll(points, len(points) // 2, 0)
         points = read_only(points)  # as `clean` gives them
-        if well_behaved(points):
+        if clearly_sound(points):
             passed += 1
             assert not out_of_order(points)
-            assert worst(points) < 0
+            assert worst_outlier(points, np.median(step_lengths(points))) < 0
     assert 50 < passed < 250  # otherwise one of both sides would not be tried

@@ -55,7 +55,7 @@ def test_raw_aorta_comes_out_in_the_range_of_its_smoothed_versions(geometry, lin
     phi, se = np.degrees([profile.total_angle, profile.total_angle_se])
     assert 91 <= phi <= 163
     assert 15 < se < 60  # nobody can be sure of it: the answer depends on the scale of what counts as error
-    assert any("share their errors" in warning for warning in route.warnings)
+    assert any("share their errors" in warning for warning in spline.warnings)
     assert len(route.residual) == len(route.weight) == len(route.station)
 
 

@@ -1,4 +1,4 @@
-"""A moving route is followed: each fit starts from the last one, and ends where a fit from nothing does."""
+"""A moving route is tracked: each fit starts from the last one, and ends where a fit from nothing does."""
 
 import json
 import pickle
@@ -11,7 +11,7 @@ from benchmarks.routes import arc_positions, truth
 from tssgeom.route.geometry import measure
 from tssgeom.route.observations import clean
 from tssgeom.route.synthetic import Course, chain
-from tssgeom.route.tracking import follow, reconsidered
+from tssgeom.route.tracking import follow, model_checked
 
 NOISE = 5e-4
 LENGTH = np.array([0.07, 0.09, 0.05, 0.08, 0.06, 0.10, 0.05])
@@ -40,15 +40,15 @@ def _points(course: Course, n: int, rng: np.random.Generator) -> np.ndarray:
 
 
 @pytest.mark.parametrize("known", [True, False], ids=["known noise", "unknown noise"])
-def test_a_followed_route_is_that_of_a_fit_from_nothing(known):
+def test_a_tracked_route_is_that_of_a_fit_from_nothing(known):
     rng, last, apart = np.random.default_rng(3), None, []
     noise = NOISE if known else None
     for i in range(24):
         shape = clean(_points(_swaying(i / 24), 120, rng))
         last = follow(shape, noise, last)
         fresh = measure(shape, noise).profile
-        assert last.geometry.arcs.method == "arcs"
-        apart.append((last.geometry.profile.total_angle - fresh.total_angle) / fresh.total_angle_se)
+        assert last.fit.arcs.method == "arcs"
+        apart.append((last.fit.profile.total_angle - fresh.total_angle) / fresh.total_angle_se)
     # both stop where a step would save a thousandth of the noise variance: 0.03 standard errors
     assert np.median(np.abs(apart)) < 0.05
     assert np.max(np.abs(apart)) < 1.0  # where one of them has a piece more
@@ -62,11 +62,11 @@ def test_the_angle_does_not_jump_where_pieces_come_and_go(course):
         part = i / (FRAMES - 1)
         shape = clean(_points(course(part), 120, np.random.default_rng(8)))
         last = follow(shape, NOISE, last)
-        found, true = last.geometry.profile, course(part).total_angle
-        assert abs(found.total_angle - true) < 4 * found.total_angle_se
+        result, true = last.fit.profile, course(part).total_angle
+        assert abs(result.total_angle - true) < 4 * result.total_angle_se
         if before is not None:
-            assert abs(found.total_angle - true - before) < found.total_angle_se
-        before = found.total_angle - true
+            assert abs(result.total_angle - true - before) < result.total_angle_se
+        before = result.total_angle - true
 
 
 def test_the_number_of_points_may_change_from_frame_to_frame():
@@ -74,37 +74,37 @@ def test_the_number_of_points_may_change_from_frame_to_frame():
     for i in range(30):
         course = _swaying(i / 30)
         last = follow(clean(_points(course, 80 + 7 * (i % 5), rng)), NOISE, last)
-        found = last.geometry.profile
-        assert last.geometry.arcs.method == "arcs"
-        assert abs(found.total_angle - course.total_angle) < 4 * found.total_angle_se
+        result = last.fit.profile
+        assert last.fit.arcs.method == "arcs"
+        assert abs(result.total_angle - course.total_angle) < 4 * result.total_angle_se
 
 
-def test_a_point_that_strays_for_one_frame_is_left_out_and_named():
+def test_an_outlier_of_one_frame_is_left_out_and_named():
     rng, last = np.random.default_rng(4), None
     for i in range(12):
         points = _points(_swaying(0.0), 120, rng)
         if i == 7:
             points[60] += 0.004 * np.array([0.6, 0.0, 0.8])
         last = follow(clean(points), NOISE, last)
-        found = last.geometry
-        assert bool(found.route.warnings) == (i == 7), (i, found.route.warnings)
-        assert abs(found.profile.total_angle - _swaying(0.0).total_angle) < 4 * found.profile.total_angle_se
-    assert "60" in str(found.route.warnings) or not found.route.warnings
+        result = last.fit
+        assert bool(result.warnings) == (i == 7), (i, result.warnings)
+        assert abs(result.profile.total_angle - _swaying(0.0).total_angle) < 4 * result.profile.total_angle_se
+    assert "60" in str(result.warnings) or not result.warnings
 
 
 def test_a_route_that_leaps_is_measured_anew():
     rng = np.random.default_rng(6)
     last = follow(clean(_points(_swaying(0.0), 120, rng)), NOISE, None)
     shape = clean(_points(chain(np.array([0.5]), np.array([4.0])), 120, rng))
-    found, fresh = follow(shape, NOISE, last).geometry, measure(shape, NOISE)
-    assert len(found.arcs.length) == len(fresh.arcs.length) == 1
-    assert found.profile.total_angle == pytest.approx(
+    result, fresh = follow(shape, NOISE, last).fit, measure(shape, NOISE)
+    assert len(result.arcs.length) == len(fresh.arcs.length) == 1
+    assert result.profile.total_angle == pytest.approx(
         fresh.profile.total_angle, abs=fresh.profile.total_angle_se
     )
 
 
 def test_a_smooth_route_stays_smooth_and_a_staircase_takes_over():
-    """Half a clothoid's frames, then seven pieces: each is told for what it is after the waiting time."""
+    """Half a clothoid's frames, then seven pieces: each is identified after the waiting time."""
     rng, last = np.random.default_rng(2), None
     clothoid = truth("clothoid", rng)
     for _ in range(20):
@@ -112,48 +112,48 @@ def test_a_smooth_route_stays_smooth_and_a_staircase_takes_over():
             (120, 3)
         )
         last = follow(clean(points), NOISE, last)
-        assert last.geometry.arcs.method == "spline"
+        assert last.fit.arcs.method == "spline"
     for _ in range(60):
         last = follow(clean(_points(_swaying(0.0), 120, rng)), NOISE, last)
-    assert last.geometry.arcs.method == "arcs"
+    assert last.fit.arcs.method == "arcs"
 
 
-def test_a_chain_that_takes_over_says_at_once_that_the_spline_may_be_right():
+def test_a_chain_that_takes_over_has_the_model_choice_variance_at_once():
     course = chain(np.array([0.15, 0.2, 0.15]), np.array([2.0, 9.0, 3.0]), np.zeros(3))
-    rng, seen = np.random.default_rng(0), []
+    rng, tracked = np.random.default_rng(0), []
     for i in range(24):
         s = np.linspace(0.0, course.total_length, 60)
         shape = clean(arc_positions(course)(s) + 1.75e-3 * rng.standard_normal((60, 3)))
-        seen.append(follow(shape, 1.75e-3, seen[-1] if i else None, "auto" if i else "spline"))
-    taken = next(i for i, one in enumerate(seen) if one.geometry.chain is not None)
-    assert seen[taken].doubt > 5e-4  # rad²: the call was close
-    first, second = (seen[i].geometry.arcs.total_angle_se ** 2 for i in (taken, taken + 1))
-    assert first == pytest.approx(second, rel=0.1)  # the same doubt; without it 0.6
+        tracked.append(follow(shape, 1.75e-3, tracked[-1] if i else None, "auto" if i else "spline"))
+    taken = next(i for i, one in enumerate(tracked) if one.fit.chain is not None)
+    assert tracked[taken].model_choice_variance > 5e-4  # rad²: the call was close
+    first, second = (tracked[i].fit.arcs.total_angle_se ** 2 for i in (taken, taken + 1))
+    assert first == pytest.approx(second, rel=0.1)  # the same variance; without it 0.6
 
 
 @pytest.mark.parametrize("course", [_swaying, _arriving], ids=["joints wander", "a piece comes and goes"])
-def test_what_is_asked_between_two_frames_is_what_the_next_frame_would_ask(course):
-    rng, asked = np.random.default_rng(9), 0
+def test_a_model_check_between_two_frames_equals_that_of_the_next_frame(course):
+    rng, checks = np.random.default_rng(9), 0
     at_once, later = None, None
     for i in range(FRAMES):
         shape = clean(_points(course(i / FRAMES), 120, rng))
         later = follow(shape, NOISE, later)
-        found = follow(shape, NOISE, at_once)
-        asked += found.question is not None
-        at_once = reconsidered(found)
-        assert at_once.question is None
-        np.testing.assert_array_equal(found.geometry.arcs.angle, later.geometry.arcs.angle)
-        np.testing.assert_array_equal(found.geometry.arcs.covariance, later.geometry.arcs.covariance)
-    assert asked >= 3  # every eighth or sixteenth frame, counted anew when the other was tried
+        result = follow(shape, NOISE, at_once)
+        checks += result.check is not None
+        at_once = model_checked(result)
+        assert at_once.check is None
+        np.testing.assert_array_equal(result.fit.arcs.angle, later.fit.arcs.angle)
+        np.testing.assert_array_equal(result.fit.arcs.covariance, later.fit.arcs.covariance)
+    assert checks >= 3  # every eighth or sixteenth frame, counted anew when the other was tried
 
 
 def test_one_point_beyond_a_last_joint_is_no_bend():
     """The last point of this frame is off by some standard deviations: a bend for it alone could be any."""
     samples = Path(__file__).parents[2] / "sample_shapes" / "insertion.jsonl"
     frame = json.loads(samples.read_text().splitlines()[116])
-    found = measure(clean(1e-3 * np.array(frame["points"])), None)
-    assert found.arcs.method == "arcs"
-    assert found.profile.total_angle_se < 0.1  # rad; with a piece of that point 24 000
+    result = measure(clean(1e-3 * np.array(frame["points"])), None)
+    assert result.arcs.method == "arcs"
+    assert result.profile.total_angle_se < 0.1  # rad; with a piece of that point 24 000
 
 
 def test_a_route_that_is_carried_away_takes_its_start_along():
@@ -163,27 +163,28 @@ def test_a_route_that_is_carried_away_takes_its_start_along():
     ahead = (here[1] - here[0]) / np.linalg.norm(here[1] - here[0])
     for i in range(200):
         last = follow(clean(here + 1e-3 * i * ahead), None, last)
-    stations = last.geometry.chain.stations
+    stations = last.fit.chain.stations
     # a foot goes farther than a noisy point's own error only where the start has stayed behind
     assert abs(stations[0]) < 5 * NOISE
     assert stations[-1] - stations[0] == pytest.approx(LENGTH.sum(), rel=0.01)
 
 
-def test_nodes_of_a_followed_chain_are_written_out_when_they_are_asked_for():
+def test_nodes_and_evidence_of_a_tracked_chain_are_computed_when_first_asked_for():
     rng, last = np.random.default_rng(0), None
     for i in range(3):
         last = follow(clean(_points(_swaying(0.01 * i), 120, rng)), NOISE, last)
     assert last is not None
-    outline, arcs = last.geometry.outline, last.geometry.arcs
-    assert last.geometry.chain is not None
-    assert "_written" not in vars(outline)
-    sent = pickle.loads(pickle.dumps(last.geometry.bare()))
-    route = last.geometry.route
-    assert last.geometry.route is route
+    arcs = last.fit.arcs
+    assert last.fit.chain is not None
+    assert "value" not in vars(last.fit.nodes)
+    assert "value" not in vars(last.fit.evidence)
+    sent = pickle.loads(pickle.dumps(last.fit.strip()))
+    route = last.fit.route
+    assert last.fit.route is route
     np.testing.assert_array_equal(sent.route.position, route.position)
-    assert outline.noise == route.noise == NOISE
-    assert last.geometry.profile.total_angle == pytest.approx(arcs.total_angle, rel=1e-12)
-    assert last.geometry.profile.total_angle_se == pytest.approx(arcs.total_angle_se, rel=1e-9)
+    assert last.fit.noise == route.noise == NOISE
+    assert last.fit.profile.total_angle == pytest.approx(arcs.total_angle, rel=1e-12)
+    assert last.fit.profile.total_angle_se == pytest.approx(arcs.total_angle_se, rel=1e-9)
 
 
 def test_a_route_that_leaps_is_fitted_as_if_from_nothing():
@@ -203,7 +204,7 @@ def test_a_route_that_leaps_is_fitted_as_if_from_nothing():
             shape = clean(arc_positions(course)(s) + noise * rng.standard_normal((n, 3)))
             for _ in range(rng.integers(1, 7)):
                 last = follow(shape, None, last)
-            found, fresh = last.geometry.profile, measure(shape).profile
+            result, fresh = last.fit.profile, measure(shape).profile
             # exact points leave rounding; where a chain has a piece more it is off by its error at most
-            off = abs(found.total_angle - course.total_angle)
-            assert off < max(4 * found.total_angle_se, 2 * abs(fresh.total_angle - course.total_angle), 1e-5)
+            off = abs(result.total_angle - course.total_angle)
+            assert off < max(4 * result.total_angle_se, 2 * abs(fresh.total_angle - course.total_angle), 1e-5)

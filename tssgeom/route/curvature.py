@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -12,17 +13,30 @@ from tssgeom.arrays import Matrix, Vector, read_only
 from tssgeom.route.spline.filtering import FAST
 from tssgeom.route.spline.fit import Spline
 
-_NATURAL_ENDS = (
-    1e-3  # relative error of an exact circle over the fourth power of its turn from point to point
-)
-_ROUNDING = 1e-8
-_SPARSE = 0.1  # rad of Φ in doubt for each rad⁵ of uneven turns from point to point; see docs/model.md (26)
-_SINGULAR = 1e-13
-_TYPICAL = 2.0  # peak of the rate of curvature over its root mean square on smooth routes
-_LOST = 0.33
-_FEW = 7.0  # parameters from which a prior is known to its own size; see docs/model.md (26)
-_UNSEEN = 5.0  # mean spacings between points, from which what lies between is a guess
-_RECTIFIED = 0.3  # share of the Rician excess taken as one standard error; see docs/model.md (26)
+
+class AngleErrors(NamedTuple):
+    """Errors of Φ beside those of the posterior; docs/model.md (26)."""
+
+    natural_ends: float = 1e-3
+    """Relative error of an exact circle over the fourth power of its turn a point [1/rad⁴]. Fitted."""
+    rounding: float = 1e-8
+    """Relative error of exact points [1]. Fitted: exact circles and helices."""
+    sparse: float = 0.1
+    """Standard error for each rad⁵ of uneven turns from point to point [rad/rad⁵]. Fitted; model.md (26)."""
+    typical_peak: float = 2.0
+    """Peak of the rate of curvature over its root mean square on smooth routes [1]. Fitted; model.md (26)."""
+    lost: float = 0.33
+    """Share of a sharper peak that smoothing takes away [1]. Fitted; model.md (26)."""
+    few_parameters: float = 7.0
+    """Parameters from which a prior is known to its own size [1]. Fitted; model.md (26)."""
+    unobserved: float = 5.0
+    """Mean spacings between points, from which what lies between is a guess [1]. Chosen."""
+    rectified: float = 0.3
+    """Share of the Rician excess taken as one standard error [1]. Fitted; model.md (26)."""
+
+
+ERRORS = AngleErrors()
+_SINGULAR = 1e-13  # of a variance: rounding in a factor of a covariance
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,10 +69,8 @@ class CurvatureProfile:
         """Standard error of Φ [rad]."""
         return float(self.phi_se[-1])
 
-    def doubted(self, variance: float) -> CurvatureProfile:
+    def with_angle_variance(self, variance: float) -> CurvatureProfile:
         """Add a variance of Φ [rad²], spread as the angle is."""
-        if variance == 0.0:
-            return self
         share = self.phi / max(self.total_angle, 1e-300)
         return replace(self, phi_se=read_only(np.sqrt(self.phi_se**2 + variance * share**2)))
 
@@ -75,7 +87,7 @@ def curvature_profile(spline: Spline) -> CurvatureProfile:
         spline.freedom,
         route.noise,
         spline.stations_known,
-        spline.angle_doubt,
+        spline.shared_angle_error,
         route.station,
         spline.tangent_share,
     )
@@ -94,7 +106,7 @@ def angle_covariance(spline: Spline, breaks: np.ndarray) -> Matrix:
     route = spline.route
     normal, slant = _sensitivity(route.curvature_vector, route.tangent, spline.stations_known)
     _, out = _angle_covariance(route.s, spline.covariance, spline.gain, normal, slant, breaks)
-    return out * _prior_doubt(spline.freedom)
+    return out * _unknown_prior(spline.freedom)
 
 
 @njit(**FAST)
@@ -107,7 +119,7 @@ def _profile(
     freedom: float,
     noise: float,
     known: bool,
-    angle_doubt: float,
+    shared_angle_error: float,
     station: np.ndarray,
     tangent_share: float,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -125,19 +137,19 @@ def _profile(
         if i > 0:
             h = s[i] - s[i - 1]
             phi[i] = phi[i - 1] + 0.5 * (kappa[i] + kappa[i - 1]) * h
-            rectified[i] = rectified[i - 1] + 0.5 * _RECTIFIED * (excess + before) * h
+            rectified[i] = rectified[i - 1] + 0.5 * ERRORS.rectified * (excess + before) * h
             rate = _rate(bend[i - 1], bend[i], tangent[i]) / (h * h)
             whole += rate / (n - 1)
             if rate > highest:
                 peak, highest = i, rate
-    window = s[n - 1] / max(freedom, _FEW)
-    lost = _LOST * max(math.sqrt(highest) - _TYPICAL * math.sqrt(whole), 0.0) * window**2
+    window = s[n - 1] / max(freedom, ERRORS.few_parameters)
+    lost = ERRORS.lost * max(math.sqrt(highest) - ERRORS.typical_peak * math.sqrt(whole), 0.0) * window**2
     turn = phi[n - 1] / (len(station) - 1)
-    relative = angle_doubt**2 + (_NATURAL_ENDS * turn**4 + _ROUNDING) ** 2
-    relative += (_SPARSE * _uneven_turns(s, phi, station) / max(phi[n - 1], 1e-300)) ** 2
+    relative = shared_angle_error**2 + (ERRORS.natural_ends * turn**4 + ERRORS.rounding) ** 2
+    relative += (ERRORS.sparse * _uneven_turns(s, phi, station) / max(phi[n - 1], 1e-300)) ** 2
     normal, slant = _sensitivity(bend, tangent, known)
     variance, _ = _angle_covariance(s, covariance, gain, normal, slant, np.array([0, n - 1]))
-    factor = _prior_doubt(freedom)
+    factor = _unknown_prior(freedom)
     for i in range(1, n):
         variance[i] = variance[i] * factor + relative * phi[i] ** 2 + rectified[i] ** 2
         if not known:
@@ -171,12 +183,12 @@ def _bridge(
     phi: np.ndarray,
     variance: np.ndarray,
 ) -> None:
-    """Between points that were not seen, go halfway from the spline's angle to the least that its ends need.
+    """Where points are missing, go halfway from the spline's angle to the least that the ends need.
 
-    What lies in a wide gap is a guess, and a smooth prior swings: anything between the two is as likely. The
-    arrays are changed in place; docs/model.md (26).
+    What lies in a wide interval is a guess, and a smooth prior swings: anything between the two is as likely.
+    The arrays are changed in place; docs/model.md (26).
     """
-    longest = _UNSEEN * station[-1] / (len(station) - 1)
+    longest = ERRORS.unobserved * station[-1] / (len(station) - 1)
     for i in range(1, len(station)):
         if station[i] - station[i - 1] < longest:
             continue
@@ -187,10 +199,10 @@ def _bridge(
             along += tangent[first, c] * tangent[last, c]
         least = math.acos(min(max(along, -1.0), 1.0))
         share = max(0.5 * (turn + least), least) / max(turn, 1e-300)
-        doubt, begun = abs(turn - least) / math.sqrt(12.0), phi[first]
+        se, begun = abs(turn - least) / math.sqrt(12.0), phi[first]
         for k in range(first, len(s)):
             part = min((s[k] - s[first]) / (s[last] - s[first]), 1.0)
-            variance[k] += (part * doubt) ** 2
+            variance[k] += (part * se) ** 2
             if k <= last:
                 kappa[k] *= share
                 phi[k] = begun + share * (phi[k] - begun)
@@ -223,9 +235,9 @@ def _sensitivity(bend: np.ndarray, tangent: np.ndarray, known: bool) -> tuple[np
 
 
 @njit(**FAST)
-def _prior_doubt(freedom: float) -> float:
-    """Factor on variances for a prior that was itself found from few parameters; docs/model.md (26)."""
-    return 1.0 + (_FEW / freedom) ** 2
+def _unknown_prior(freedom: float) -> float:
+    """Factor on variances for a prior that was itself estimated from few parameters; docs/model.md (26)."""
+    return 1.0 + (ERRORS.few_parameters / freedom) ** 2
 
 
 @njit(**FAST)

@@ -1,14 +1,26 @@
-"""Tangent directions that a sensor gives beside the points, as coils with six degrees of freedom do."""
+"""Tangent directions that are sensed beside the points, as by coils with six degrees of freedom."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 
 from tssgeom.arrays import Points, Vector
 from tssgeom.errors import ShapeError
 
-_OFF_UNIT = 0.05  # by which a direction may be longer or shorter than 1
-_AGAINST = -0.5  # cosine to the chord of the neighbours below which a direction runs against the route
+
+@dataclass(frozen=True, slots=True)
+class DirectionLimits:
+    """Which sensed directions can be tangents of the route."""
+
+    off_unit: float = 0.05
+    """Difference of the length of a direction from 1 above which the frame is refused [1]. Chosen."""
+    against: float = -0.5
+    """Cosine to the chord of the neighbours below which a direction runs against the route [1]. Chosen."""
+
+
+LIMITS = DirectionLimits()
 
 
 def checked_directions(directions: Points, points: Points) -> tuple[Points, tuple[str, ...]]:
@@ -24,7 +36,7 @@ def checked_directions(directions: Points, points: Points) -> tuple[Points, tupl
     if d.shape != points.shape:
         raise ShapeError(f"directions have shape {d.shape} for {len(points)} points: give one row for each")
     size = np.linalg.norm(d, axis=1)
-    wrong = np.flatnonzero(np.abs(size - 1.0) > _OFF_UNIT)
+    wrong = np.flatnonzero(np.abs(size - 1.0) > LIMITS.off_unit)
     if wrong.size:
         raise ShapeError(
             f"direction {wrong[0]} has length {size[wrong[0]]:.3g}: "
@@ -38,27 +50,27 @@ def _along_route(d: Points, points: Points) -> tuple[Points, tuple[str, ...]]:
     sensed = np.isfinite(cosine)
     if sensed.any() and cosine[sensed].mean() < 0.0:
         raise ShapeError("directions point from the distal to the proximal end: turn them round")
-    against = np.flatnonzero(sensed & (cosine < _AGAINST))
+    against = np.flatnonzero(sensed & (cosine < LIMITS.against))
     if not against.size:
         return d, ()
     d[against] = np.nan
-    return d, (_left_out(against, "run against the route, left out"),)
+    return d, (f"{len(against)} directions run against the route, left out {listed(against)}",)
 
 
 def _cosine_to_chord(d: Points, points: Points) -> Vector:
     """Cosine of each direction to the chord between the observed neighbours, NaN where there is none."""
     cosine = np.full(len(d), np.nan)
-    at = np.flatnonzero(~np.isnan(points).any(axis=1))
-    if len(at) > 1:
-        order = np.arange(len(at))
-        chord = points[at[np.minimum(order + 1, len(at) - 1)]] - points[at[np.maximum(order - 1, 0)]]
-        cosine[at] = np.einsum("ij,ij->i", d[at], chord) / (np.linalg.norm(chord, axis=1) + 1e-300)
+    rows = np.flatnonzero(~np.isnan(points).any(axis=1))
+    if len(rows) > 1:
+        p = points[rows]
+        chord = np.concatenate((p[1:], p[-1:])) - np.concatenate((p[:1], p[:-1]))
+        cosine[rows] = np.einsum("ij,ij->i", d[rows], chord) / (np.linalg.norm(chord, axis=1) + 1e-300)
     return cosine
 
 
-def _left_out(which: np.ndarray, what: str) -> str:
-    named = ", ".join(str(i) for i in which[:5]) + (", ..." if len(which) > 5 else "")
-    return f"{len(which)} directions {what} (count from 0: {named})"
+def listed(which: np.ndarray) -> str:
+    """Name the first few of some points, by their count in the sensed sequence."""
+    return f"(count from 0: {', '.join(str(i) for i in which[:5])}{', ...' if len(which) > 5 else ''})"
 
 
 def tangent_variances(tangents: Points, known: float, slid: Vector) -> Vector:
@@ -80,5 +92,7 @@ def direction_warnings(sensed: Points | None, used: Points | None, index: Vector
     """Name the sensed directions that a fit left out."""
     if sensed is None or used is None:
         return ()
-    left_out = index[np.isnan(used[:, 0]) & ~np.isnan(sensed[:, 0])].astype(int)
-    return (_left_out(left_out, "stand off the route, ignored"),) if len(left_out) else ()
+    outliers = index[np.isnan(used[:, 0]) & ~np.isnan(sensed[:, 0])].astype(int)
+    if not len(outliers):
+        return ()
+    return (f"{len(outliers)} directions stand off the route, ignored {listed(outliers)}",)

@@ -1,38 +1,119 @@
-"""Whether the points speak for a chain of arcs or for a smooth route; docs/model.md (34)."""
+"""Which model the observations support, and the variance of not knowing it; docs/model.md (34), (38).
+
+Points are fitted by a spline and a chain of arcs, the curvatures of a fibre by pieces and by smooth priors.
+Both are averaged in the same way: each model counts with its posterior probability, and the variance between
+the models joins that within them.
+"""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tssgeom.arrays import Vector
 from tssgeom.route.arcs.chain import Chain, Data, tangent_count
 from tssgeom.route.arcs.moves import saved_by_slopes
 from tssgeom.route.arcs.outliers import squared_tangent_residuals
 from tssgeom.route.arcs.positions import squared_distances
+from tssgeom.route.route_fit import RouteFit
 from tssgeom.route.spline.fit import Spline
 
-_MARGIN_OF_ONE = 23.0
-_MARGIN_OF_JOINT = 18.0  # what a joint must save beyond its price: smooth routes look like staircases too
-_MANY, _MARGIN_OF_MORE = 7, 4.0  # pieces from which on each must save even more
-_VALUES_A_PARAMETER = 2.5  # fewer cannot tell a staircase from a smooth route
-_FAR_ALONG = 3.0  # spacings that points lie off their known stations, where a chain lost them
-_OFF_ALONG = 9.0  # times what they lie off across it
+
+@dataclass(frozen=True, slots=True)
+class ModelChoice:
+    """Choice between spline and chain. Evidence is counted as 2 ln, like the information criteria.
+
+    Prices were fitted on chains, clothoids, helices, harmonics and colon-like routes of 15 to 1000 points;
+    docs/model.md (34).
+    """
+
+    chain_bonus: float = 23.0
+    """Evidence that a chain is given beforehand [2 ln]. Fitted, as above."""
+    joint_price: float = 18.0
+    """What each joint must save beyond its parameters [2 ln]. Fitted: staircases resemble smooth routes."""
+    many_pieces: int = 7
+    """Pieces from which on each must save more. Fitted, as above."""
+    further_piece_price: float = 4.0
+    """What each piece beyond these must save in addition [2 ln]. Fitted, as above."""
+    values_per_parameter: float = 2.5
+    """Fewest values for each parameter of a chain [1]. Chosen: fewer cannot show a staircase."""
+    lost_along: float = 3.0
+    """Root mean square distance from known stations of a chain that lost its points [spacings]. Chosen."""
+    lost_over_across: float = 9.0
+    """The same over the squared distance across the chain [1]. Chosen."""
+    hopeless: float = -40.0
+    """Evidence difference of a first chain that further moves do not make up [2 ln]. Chosen."""
+    close_call: float = 12.0
+    """Difference within which the other model still counts [2 ln]. Chosen: odds of 1 to 400."""
+    flattening: float = 0.3
+    """By which each joint stretches the scale of that difference [1]. Chosen."""
 
 
-def margin(data: Data, chain: Chain, spline: Spline) -> float:
-    """-2 ln evidence by which the chain beats the spline, its joints and missing slopes paid for; (34)."""
-    return lead(data, chain, spline) - max(saved_by_slopes(data, chain), 0.0)
+CHOICE = ModelChoice()
 
 
-def lead(data: Data, chain: Chain, spline: Spline) -> float:
-    """-2 ln evidence by which the chain beats the spline, after the extra price of its joints; (34)."""
+def model_probabilities(log_evidence: Vector) -> Vector:
+    """Posterior probabilities of models that are equally likely beforehand, from ln of their evidence [n]."""
+    weight = np.exp(log_evidence - log_evidence.max())
+    return weight / weight.sum()
+
+
+def log_sum(log_evidence: Vector) -> float:
+    """Return ln of the sum of the evidence of all models, from ln of each [n]."""
+    return float(log_evidence.max() + math.log(np.sum(np.exp(log_evidence - log_evidence.max()))))
+
+
+def mixture_variance(probability: Vector, mean: Vector, variance: Vector | float, about: float) -> float:
+    """Mean square error of the estimate `about`, over models with means and variances of their own [n].
+
+    About the mean over all models it is their common variance; about the estimate of the selected model it
+    holds what selecting it may cost.
+    """
+    return float(probability @ (variance + (mean - about) ** 2))
+
+
+def selected(smooth: RouteFit, arcs: RouteFit, log_evidence_difference: float) -> RouteFit:
+    """Select the likelier model and add the variance of that choice; the chain is ahead by the difference."""
+    likelier = replace(arcs if log_evidence_difference > 0 else smooth, spline=smooth.spline)
+    return likelier.with_model_choice_variance(model_choice_variance(smooth, arcs, log_evidence_difference))
+
+
+def undecided(log_evidence_difference: float, pieces: int) -> bool:
+    """Whether a difference [2 ln] is so small that both models count, for a chain of so many pieces."""
+    return abs(log_evidence_difference) <= CHOICE.close_call * _scale(pieces)
+
+
+def _scale(pieces: int) -> float:
+    return 1.0 + CHOICE.flattening * (pieces - 1)
+
+
+def model_choice_variance(smooth: RouteFit, arcs: RouteFit, log_evidence_difference: float) -> float:
+    """Return the variance of Φ from not knowing which of the two models is right [rad²]."""
+    pieces = len(arcs.arcs.length)
+    if not undecided(log_evidence_difference, pieces):
+        return 0.0
+    log_odds = 0.5 * log_evidence_difference / _scale(pieces)
+    angle = np.array([smooth.profile.total_angle, arcs.profile.total_angle])
+    probability = model_probabilities(np.array([0.0, log_odds]))
+    return mixture_variance(probability, angle, 0.0, float(angle[1 if log_odds > 0.0 else 0]))
+
+
+def penalised_log_evidence_difference(data: Data, chain: Chain, spline: Spline) -> float:
+    """Evidence of the chain over the spline, its joints and missing slopes paid for [2 ln]; (34)."""
+    return log_evidence_difference(data, chain, spline) - max(saved_by_slopes(data, chain), 0.0)
+
+
+def log_evidence_difference(data: Data, chain: Chain, spline: Spline) -> float:
+    """Evidence of the chain over the spline, after the additional price of its joints [2 ln]; (34)."""
     pieces = len(chain.bend)
-    price = _MARGIN_OF_JOINT * (pieces - 1) + _MARGIN_OF_MORE * max(pieces - _MANY, 0)
-    return spline.deviance - _deviance(data, chain) + _MARGIN_OF_ONE - price
+    price = CHOICE.joint_price * (pieces - 1)
+    price += CHOICE.further_piece_price * max(pieces - CHOICE.many_pieces, 0)
+    return spline.deviance - chain_deviance(data, chain) + CHOICE.chain_bonus - price
 
 
-def _deviance(data: Data, chain: Chain) -> float:
+def chain_deviance(data: Data, chain: Chain) -> float:
     """-2 ln evidence of points and directions normal to a chain; docs/model.md (34), (94)."""
     fitted = _deviance_of_points(data, chain)
     if data.tangents is None:
@@ -48,13 +129,14 @@ def _deviance_of_points(data: Data, chain: Chain) -> float:
     cost, values = float(data.weight @ square), 2 * int(np.count_nonzero(data.weight))
     fitted = values + 2 * tangent_count(data.tangents)
     parameters = len(chain.matrix) - (0 if data.free else 1)
-    if parameters * _VALUES_A_PARAMETER > fitted or _off_along(data, chain, cost):
+    if parameters * CHOICE.values_per_parameter > fitted or _lost_along(data, chain, cost):
         return math.inf
     variance = data.variance if data.variance > 0.0 else max(cost / values, 1e-280)
     return values * math.log(variance) + cost / variance + parameters * math.log(fitted)
 
 
-def _off_along(data: Data, chain: Chain, across: float) -> bool:
-    """Whether points are far off their stations though near the chain, as where a route turns back."""
-    lost = chain.cost - across > _FAR_ALONG**2 * float(data.weight.sum()) * data.spacing**2
-    return not data.free and lost and chain.cost > _OFF_ALONG * across
+def _lost_along(data: Data, chain: Chain, across: float) -> bool:
+    """Whether points are far from their stations though near the chain, as where a route turns back."""
+    limit = CHOICE.lost_along**2 * float(data.weight.sum()) * data.spacing**2
+    lost = chain.cost - across > limit
+    return not data.free and lost and chain.cost > CHOICE.lost_over_across * across

@@ -5,21 +5,60 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from scipy.spatial import KDTree
 
 from tssgeom.arrays import Points, Vector, read_only
 from tssgeom.errors import ShapeError
-from tssgeom.route.directions import checked_directions
-from tssgeom.route.ordering import FEWEST, out_of_order, stray, well_behaved, worst
-from tssgeom.route.stations import station_warnings
+from tssgeom.route.directions import checked_directions, listed
+from tssgeom.route.raw_outliers import FEWEST, raw_outliers, worst_outlier
+from tssgeom.route.route import checked_stations, distance, station_warnings, step_lengths
+from tssgeom.statistics import median
 
 MIN_POINTS = 4
-_LEAST_EXTENT = 1e-6  # [m]
-_FAR_BEHIND, _BEHIND = 10.0, 1e-6  # noises, and shares of the route, by which a point may lie behind others
-_USUAL = (1e-3, 100.0)  # extents beyond which the unit is doubted [m]
-_FARTHEST = 1e6  # from the origin: beyond it places within a route cannot be told apart [m]
+
+
+class PointLimits(NamedTuple):
+    """Which coordinates can be those of a route."""
+
+    least_extent: float = 1e-6
+    """Extent below which points have none [m]. Chosen: below any tendon."""
+    usual_least: float = 1e-3
+    """Extent below which the unit may be wrong [m]. Chosen."""
+    usual_most: float = 100.0
+    """Extent above which the unit may be wrong [m]. Chosen."""
+    farthest: float = 1e6
+    """Distance from the origin above which points are refused [m]. Derived: rounding of 1e-10 m."""
+
+
+class OrderingLimits(NamedTuple):
+    """Whether points follow each other along a route."""
+
+    wandering: float = 0.9
+    """Median step over the median distance from the mean of a sequence that may be at random [1]. Chosen."""
+    nearer_neighbours: float = 3.0
+    """Median step over the median distance to the nearest point of one at random [1]. Chosen."""
+    leap: float = 10.0
+    """Median steps that make a leap [1]. Chosen."""
+    leap_of_spread: float = 0.4
+    """The same over the median distance from the mean [1]. Chosen."""
+    most_leaps: int = 20
+    """Leaps that are tested. Chosen: by speed."""
+    elsewhere: float = 2.0
+    """Median steps around the ends of a leap in which no other part of the route may lie [1]. Chosen."""
+    neighbours: int = 5
+    """Points apart in the sequence up to which points may be near each other. Chosen."""
+    far_behind: float = 10.0
+    """Noises by which a point may lie behind one before it on the fitted route [1]. Chosen."""
+    behind: float = 1e-6
+    """The same over the length of the route [1]. Derived: rounding of a fit."""
+
+
+POINTS = PointLimits()
+ORDERING = OrderingLimits()
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,9 +66,9 @@ class Shape:
     """A sensed route that can be fitted, proximal to distal."""
 
     points: Points
-    """Places that were seen, finite and distinct from their neighbours [m]."""
+    """Observed points, finite and distinct from their neighbours [m]."""
     index: Vector
-    """Count of each point in the sensed sequence; a gap leaves a hole."""
+    """Count of each point in the sensed sequence; missing ones leave a hole."""
     stations: Vector | None
     """Known arc length at each point, from the sensor [m]."""
     warnings: tuple[str, ...]
@@ -56,7 +95,7 @@ def clean(
     Parameters
     ----------
     points
-        Places along the route; a row of NaN is a point that was not seen [m].
+        Points along the route; a row of NaN is one that was not seen [m].
     stations
         Known arc length at each point, increasing [m].
     directions
@@ -76,18 +115,18 @@ def clean(
     points = read_only(points)
     if points.ndim != 2 or points.shape[1] != 3:
         raise ShapeError(f"points have shape {points.shape}: give one row of x, y, z for each point")
-    known = _checked_stations(points, stations)
+    known = checked_stations(points, stations)
     warnings: tuple[str, ...] = ()
-    index, counts, found = None, _counts(len(points)), points
+    index, counts, used = None, _counts(len(points)), points
     if not _sound(points) or (known is not None and np.isnan(known).any()):
         index, warnings = _usable(points, known)
-        found, counts = points[index], read_only(index.astype(np.float64))
+        used, counts = points[index], read_only(index.astype(np.float64))
         known = None if known is None else known[index]
-        _refuse_unusable(found, ordered=known is not None)
+        _refuse_unusable(used, ordered=known is not None)
     begun = None if known is None else read_only(known - known[0])
     if begun is not None:
-        warnings += station_warnings(found, begun)
-    shape = Shape(read_only(found), counts, begun, warnings)
+        warnings += station_warnings(used, begun)
+    shape = Shape(read_only(used), counts, begun, warnings)
     if directions is not None:
         shape = _with_directions(shape, directions, direction_noise, points, index)
     if length is not None:
@@ -103,8 +142,8 @@ def _with_directions(
         return replace(shape, warnings=(*shape.warnings, unused))
     unit, warnings = checked_directions(directions, points)
     unit = unit if index is None else unit[index]
-    told = None if np.isnan(unit).any(axis=1).all() else read_only(unit)
-    return replace(shape, directions=told, direction_noise=noise, warnings=shape.warnings + warnings)
+    known = None if np.isnan(unit).any(axis=1).all() else read_only(unit)
+    return replace(shape, directions=known, direction_noise=noise, warnings=shape.warnings + warnings)
 
 
 def _with_length(shape: Shape, length: float, noise: float, sensed: int) -> Shape:
@@ -118,23 +157,80 @@ def _with_length(shape: Shape, length: float, noise: float, sensed: int) -> Shap
 
 @lru_cache(maxsize=64)
 def _counts(n: int) -> Vector:
-    """Count n points from 0; the same array each time, so that two frames tell that they sensed the same."""
+    """Count n points from 0; the same array each time, by which two frames of the same points are known."""
     return read_only(np.arange(n, dtype=np.float64))
 
 
 def _sound(points: Points) -> bool:
-    """Whether every point may be used as it is, at one glance."""
+    """Whether every point may be used as it is."""
     if len(points) < FEWEST:
         return False
-    if _beyond_doubt(points):
+    if not _plain(points):
+        return False
+    if clearly_sound(points):
         return True
-    return _plain(points) and not out_of_order(points) and worst(points) < 0
+    return not out_of_order(points) and worst_outlier(points, median(step_lengths(points))) < 0
 
 
 @njit(cache=True, nogil=True)
-def _beyond_doubt(points: np.ndarray) -> bool:
-    """Whether the usual points are as they should be; where they are not, others look more closely."""
-    return _plain(points) and well_behaved(points)
+def clearly_sound(points: np.ndarray) -> bool:
+    """Whether quick bounds show that points are in order and none is an outlier; False where they do not."""
+    steps = step_lengths(points)
+    spacing = median(steps)
+    if np.max(steps) > ORDERING.leap * spacing or not _spread_out(points, spacing / ORDERING.wandering):
+        return False
+    return worst_outlier(points, spacing) < 0
+
+
+@njit(cache=True, nogil=True)
+def _spread_out(points: np.ndarray, far: float) -> bool:
+    """Whether more than half of the points are at least so far from their mean [m]."""
+    mean, beyond = _mean(points), 0
+    for i in range(len(points)):
+        beyond += 1 if distance(points[i], mean) >= far else 0
+    return beyond > len(points) // 2 + 1
+
+
+@njit(cache=True, nogil=True)
+def _mean(points: np.ndarray) -> np.ndarray:
+    mean = np.zeros(3)
+    for i in range(len(points)):
+        for c in range(3):
+            mean[c] += points[i, c] / len(points)
+    return mean
+
+
+def out_of_order(points: Points) -> bool:
+    """Whether the sequence wanders at random, or leaps away from where another part of it lies."""
+    if len(points) < FEWEST:
+        return False
+    steps, typical, spread = _steps(points)
+    leap = max(ORDERING.leap * typical, ORDERING.leap_of_spread * spread)
+    wandering = typical > ORDERING.wandering * spread
+    if not wandering and steps.max() <= leap:
+        return False
+    tree = KDTree(points)
+    if wandering and typical > ORDERING.nearer_neighbours * np.median(tree.query(points, k=2)[0][:, 1]):
+        return True
+    leaps = np.flatnonzero(steps > leap)[: ORDERING.most_leaps]
+    near = ORDERING.elsewhere * typical
+    if len(leaps) and np.linalg.norm(points[0] - points[-1]) < near:
+        return True
+    return any(_passed_elsewhere(tree, points[j], j, near) for i in leaps for j in (i, i + 1))
+
+
+@njit(cache=True, nogil=True)
+def _steps(points: np.ndarray) -> tuple[np.ndarray, float, float]:
+    """Measure steps from point to point [n - 1], their median, and the median distance from the mean [m]."""
+    steps, far, mean = step_lengths(points), np.empty(len(points)), _mean(points)
+    for i in range(len(points)):
+        far[i] = distance(points[i], mean)
+    return steps, median(steps), median(far)
+
+
+def _passed_elsewhere(tree: KDTree, point: Vector, index: int, radius: float) -> bool:
+    """Whether a point far off in the sequence lies within `radius` [m] of this one."""
+    return any(abs(other - index) > ORDERING.neighbours for other in tree.query_ball_point(point, radius))
 
 
 @njit(cache=True, nogil=True)
@@ -146,7 +242,7 @@ def _plain(points: np.ndarray) -> bool:
         least, most = points[0, c], points[0, c]
         for i in range(len(points)):
             x = points[i, c]
-            if not abs(x) <= _FARTHEST:
+            if not abs(x) <= POINTS.farthest:
                 return False
             least, most = min(least, x), max(most, x)
         square += (most - least) ** 2
@@ -159,7 +255,7 @@ def _plain(points: np.ndarray) -> bool:
         if new:
             others[distinct] = i
             distinct += 1
-    return distinct == MIN_POINTS and _USUAL[0] ** 2 <= square <= _USUAL[1] ** 2
+    return distinct == MIN_POINTS and POINTS.usual_least**2 <= square <= POINTS.usual_most**2
 
 
 @njit(cache=True, nogil=True)
@@ -172,30 +268,30 @@ def _usable(points: Points, known: Vector | None) -> tuple[np.ndarray, tuple[str
     if np.isinf(points).any():
         row = int(np.argmax(np.isinf(points).any(axis=1)))
         raise ShapeError(f"point {row} is infinite: leave a point that was not seen empty or NaN")
-    far = (np.abs(points) > _FARTHEST).any(axis=1)
+    far = (np.abs(points) > POINTS.farthest).any(axis=1)
     if far.any():
         most, row = np.nanmax(np.abs(points)), int(np.argmax(far))
         raise ShapeError(f"point {row} of {most:g} m is too far out: check the unit of the coordinates")
-    seen = np.asarray(~np.isnan(points).any(axis=1))
+    observed = np.asarray(~np.isnan(points).any(axis=1))
     if known is not None:
-        seen &= ~np.isnan(known)
-    warnings = _gap_warnings(seen)
-    index = np.flatnonzero(seen)
+        observed &= ~np.isnan(known)
+    warnings = _missing_warnings(observed)
+    index = np.flatnonzero(observed)
     keep = _distinct(points[index])
     if not keep.all():
         warnings += (f"{int((~keep).sum())} repeated points merged",)
         index = index[keep]
-    off = stray(points[index])
-    if off.any():
-        named = ", ".join(str(i) for i in index[off])
-        warnings += (f"{int(off.sum())} outlying points left out (count from 0: {named})",)
-    index = index[~off]
+    outlying = raw_outliers(points[index])
+    if outlying.any():
+        named = ", ".join(str(i) for i in index[outlying])
+        warnings += (f"{int(outlying.sum())} outlying points left out (count from 0: {named})",)
+    index = index[~outlying]
     return index, warnings + _size_warnings(points[index])
 
 
 def _size_warnings(points: Points) -> tuple[str, ...]:
     extent = _extent(points)
-    if not len(points) or _USUAL[0] <= extent <= _USUAL[1]:
+    if not len(points) or POINTS.usual_least <= extent <= POINTS.usual_most:
         return ()
     return (f"the points span {extent * 1e3:.3g} mm: check the unit of the coordinates",)
 
@@ -204,43 +300,15 @@ def _extent(points: Points) -> float:
     return float(np.linalg.norm(np.ptp(points, axis=0))) if len(points) else 0.0
 
 
-def _checked_stations(points: Points, stations: Vector | None) -> Vector | None:
-    if stations is None:
-        return None
-    known = read_only(stations)
-    if known.shape != (len(points),):
-        raise ShapeError(f"{known.size} stations for {len(points)} points: give one station for each point")
-    if _increasing(known):
-        return known
-    finite = known[np.isfinite(known)]
-    wrong = np.flatnonzero(np.diff(finite) < 0)
-    if wrong.size:
-        i = int(wrong[0])
-        raise ShapeError(
-            f"stations do not increase: {finite[i + 1]:g} m follows {finite[i]:g} m; "
-            "give arc length from the proximal end"
-        )
-    return known
-
-
-@njit(cache=True, nogil=True)
-def _increasing(known: np.ndarray) -> bool:
-    """Whether all stations are finite and none lies before the last."""
-    for i in range(len(known)):
-        if not math.isfinite(known[i]) or (i > 0 and known[i] < known[i - 1]):
-            return False
-    return True
-
-
-def _gap_warnings(seen: np.ndarray) -> tuple[str, ...]:
-    inside = np.flatnonzero(seen)
+def _missing_warnings(observed: np.ndarray) -> tuple[str, ...]:
+    inside = np.flatnonzero(observed)
     if not inside.size:
         return ()
-    missing = int((~seen[inside[0] : inside[-1] + 1]).sum())
+    missing = int((~observed[inside[0] : inside[-1] + 1]).sum())
     bridged = (f"{missing} points not seen, bridged",) if missing else ()
-    ends = (("first", int(inside[0])), ("last", len(seen) - 1 - int(inside[-1])))
-    lost = tuple(f"the {which} {n} points not seen: the route is told without them" for which, n in ends if n)
-    return bridged + lost
+    ends = (("first", int(inside[0])), ("last", len(observed) - 1 - int(inside[-1])))
+    lost = "the {} {} points not seen: the route is computed without them"
+    return bridged + tuple(lost.format(*end) for end in ends if end[1])
 
 
 def _distinct(points: Points) -> np.ndarray:
@@ -254,7 +322,7 @@ def _refuse_unusable(points: Points, *, ordered: bool) -> None:
     if distinct < MIN_POINTS:
         raise ShapeError(f"{distinct} distinct points: a route needs at least {MIN_POINTS}")
     extent = _extent(points)
-    if extent < _LEAST_EXTENT:
+    if extent < POINTS.least_extent:
         raise ShapeError(f"the points span {extent * 1e3:g} mm: check the unit of the coordinates")
     if not ordered and out_of_order(points):
         raise ShapeError(
@@ -263,22 +331,19 @@ def _refuse_unusable(points: Points, *, ordered: bool) -> None:
         )
 
 
-def stray_warnings(shape: Shape, weight: Vector) -> tuple[str, ...]:
+def outlier_warnings(shape: Shape, weight: Vector) -> tuple[str, ...]:
     """Name the points that a fit gave no weight."""
-    stray = shape.index[weight <= 0.0].astype(int)
-    return (f"{len(stray)} outlying points ignored {_named(stray)}",) if len(stray) else ()
+    outliers = shape.index[weight <= 0.0].astype(int)
+    return (f"{len(outliers)} outlying points ignored {listed(outliers)}",) if len(outliers) else ()
 
 
 def order_warnings(shape: Shape, weight: Vector, stations: Vector, noise: float) -> tuple[str, ...]:
     """Name the points that lie behind one before them by more than the noise of both [m]."""
     used = np.flatnonzero(weight > 0.0)
     at = stations[used]
-    behind = used[np.maximum.accumulate(at) - at > _FAR_BEHIND * noise + _BEHIND * (at[-1] - at[0])]
+    least = ORDERING.far_behind * noise + ORDERING.behind * (at[-1] - at[0])
+    behind = used[np.maximum.accumulate(at) - at > least]
     if not len(behind):
         return ()
-    named = _named(shape.index[behind].astype(int))
+    named = listed(shape.index[behind].astype(int))
     return (f"{len(behind)} points run back along the route {named}: look for points out of order",)
-
-
-def _named(points: np.ndarray) -> str:
-    return f"(count from 0: {', '.join(str(i) for i in points[:5])}{', ...' if len(points) > 5 else ''})"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -12,9 +13,19 @@ from tssgeom.arrays import Matrix, Vector, read_only
 from tssgeom.route.curvature import CurvatureProfile, angle_covariance
 from tssgeom.route.spline.fit import Spline
 
-_MAX_CELLS = 400  # cells on which joints may lie
-_TOLD_APART = 0.03  # of the greatest curvature: smaller steps are not worth a piece, however exact the points
-_PER_PIECE = 3.0  # parameters that one more piece brings: two of curvature, one joint
+
+class Staircase(NamedTuple):
+    """How smooth curvature is cut into pieces of constant curvature; docs/model.md (27)."""
+
+    most_cells: int = 400
+    """Cells on which joints may lie. Chosen: by speed, the cut takes time quadratic in them."""
+    least_step: float = 0.03
+    """Steps of curvature below which a piece is not worth it, over the greatest curvature [1]. Chosen."""
+    parameters_per_piece: float = 3.0
+    """Parameters of one more piece [1]. Derived: two of curvature, one joint."""
+
+
+STAIRCASE = Staircase()
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,24 +85,25 @@ def constant_curvature_pieces(spline: Spline, profile: CurvatureProfile) -> Arcs
     spread = angle_covariance(spline, joints)
     k = len(length)
     covariance = np.zeros((2 * k, 2 * k))
-    covariance[k:, k:] = spread + _shared_doubt(angle, profile.total_angle_se**2 - spread.sum())
+    rest = max(profile.total_angle_se**2 - spread.sum(), 0.0)
+    covariance[k:, k:] = spread + spread_over_angles(angle, rest)
     if not spline.stations_known:
         for end in (0, k - 1):
             covariance[end, end] += spline.route.noise**2
     return Arcs(read_only(length), read_only(angle), read_only(covariance), "spline")
 
 
-def _shared_doubt(angle: Vector, variance: float) -> Matrix:
-    """Spread a variance of the whole angle over the pieces in proportion to their angles."""
+def spread_over_angles(angle: Vector, variance: float) -> Matrix:
+    """Spread a variance of the whole angle over the pieces in proportion to their angles [k, k] [rad²]."""
     share = angle / max(angle.sum(), 1e-300)
-    return np.outer(share, share) * max(variance, 0.0)
+    return np.outer(share, share) * variance
 
 
 def _joints(spline: Spline) -> np.ndarray:
     """Nodes at which the pieces meet, with both ends."""
     route = spline.route
-    penalty = _PER_PIECE * math.log(max(len(route.weight), 2.0))
-    cells = np.linspace(0, len(route.s) - 1, min(len(route.s) - 1, _MAX_CELLS) + 1)
+    penalty = STAIRCASE.parameters_per_piece * math.log(max(len(route.weight), 2.0))
+    cells = np.linspace(0, len(route.s) - 1, min(len(route.s) - 1, STAIRCASE.most_cells) + 1)
     return _cut(
         route.s,
         route.tangent,
@@ -127,7 +139,7 @@ def _cut(
             mean[j, 0] += half * (parts[i, 0] + parts[i + 1, 0]) / length
             mean[j, 1] += half * (parts[i, 1] + parts[i + 1, 1]) / length
             variance[j] += half * (covariance[i, 7] + covariance[i + 1, 7])
-        variance[j] += _TOLD_APART**2 * sharpest * length
+        variance[j] += STAIRCASE.least_step**2 * sharpest * length
         # the errors are correlated: the whole route is worth as many values as the fit has parameters
         variance[j] = freedom * length * length / (s[-1] * max(variance[j], 1e-300))
     return nodes[best_partition(mean, variance, penalty)]

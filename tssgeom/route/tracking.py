@@ -1,7 +1,7 @@
-"""A route that moves, followed from frame to frame: each fit starts from the last one; docs/model.md (34).
+"""A route that moves, tracked from frame to frame: each fit starts from the last one; docs/model.md (34).
 
-What a frame needs is found by `follow`. Whether the estimator behind it is still the right one is asked by
-`reconsidered`, after the result is out and a little at a time, so that no frame waits for it.
+`follow` computes what a frame needs. `model_checked` tests whether the estimator behind it is still the right
+one, after the result is out and a little at a time, so that no frame waits for it.
 """
 
 from __future__ import annotations
@@ -25,78 +25,108 @@ from tssgeom.route.arcs.outliers import (
     without_outlying_tangents,
 )
 from tssgeom.route.geometry import (
-    HOPELESS,
-    Geometry,
     Method,
-    by_chain,
-    by_few,
-    by_spline,
+    chain_allowed,
+    chain_data,
+    chain_fit,
     checked,
-    doubt,
-    doubted,
-    fit_data,
-    may_be_chain,
+    first_chain,
     measure,
-    started,
-    told_length,
+    spline_fit,
+    with_few_points_variance,
+)
+from tssgeom.route.model_choice import (
+    CHOICE,
+    log_evidence_difference,
+    model_choice_variance,
+    penalised_log_evidence_difference,
     undecided,
 )
-from tssgeom.route.model_choice import lead, margin
 from tssgeom.route.observations import Shape
+from tssgeom.route.route import spacing_of_pieces
+from tssgeom.route.route_fit import RouteFit
 from tssgeom.route.spline.fit import Spline, fit
-from tssgeom.route.stations import spacing_of_pieces
-
-_LOOK = 4  # frames after which a chain is asked whether it needs fewer joints, or more, in turn
-_SEARCH = 4  # looks of a kind after which an unlikely joint is tried as well
-_TURNS = 4  # so many of them in turn
-_CHALLENGE = 16  # frames after which the other estimator is tried
-_LONGEST_WAIT = 512  # frames, where the other was far behind again and again
-_SURE = 10.0  # -2 ln evidence that the other must be ahead to take over
-_FAR = 60.0  # -2 ln evidence behind which it may wait longer for its next trial
-_MOVES = 2  # of a chain in one frame
-_PATIENCE = 4  # frames in which a chain that is far behind may still come up
-_UNFIT = 6.0  # standard deviations of the cost above which a chain does not fit
-_QUIETER = 100.0  # times less noise variance than in the last frame, where the fit begins anew
-_NOISIER = 2.0  # times the noise variance of the last frame: the same where noise is not known
-_ROUNDING = 1e-9  # of the spacing
-_EXACT = 1e-5  # of the spacing: what no sensor tells apart
 
 
 @dataclass(frozen=True, slots=True)
-class Question:
-    """What is to be asked of a frame before the next one is fitted."""
+class TrackingSchedule:
+    """When which model is checked while a route is tracked; docs/model.md (34). Evidence counts as 2 ln."""
+
+    joints_interval: int = 4
+    """Frames between two checks of a chain, for fewer joints and for more in turn. Chosen: by latency."""
+    unlikely_interval: int = 4
+    """Checks of a kind after which an unlikely joint is tried as well. Chosen: by latency."""
+    unlikely_ranks: int = 4
+    """Unlikely joints that take turns. Chosen: by latency."""
+    first_interval: int = 16
+    """Frames after which the other estimator is tried. Chosen: by latency."""
+    longest_interval: int = 512
+    """The same where the other was far behind again and again [frames]. Chosen."""
+    takeover: float = 10.0
+    """Evidence difference by which the other must lead to take over [2 ln]. Chosen: odds of 1 to 150."""
+    far_behind: float = 60.0
+    """Evidence difference beyond which the interval to the next trial doubles [2 ln]. Chosen."""
+    moves_per_frame: int = 2
+    """Moves of a candidate chain after one frame. Chosen: by latency."""
+    patience: int = 4
+    """Frames in which a candidate chain that is hopeless may still come up. Chosen."""
+
+
+@dataclass(frozen=True, slots=True)
+class TrackingLimits:
+    """Whether a chain of the last frame still fits the points of this one."""
+
+    cost_deviations: float = 6.0
+    """Standard deviations of the cost above which a chain does not fit [1]. Chosen: 1e-9 of normal errors."""
+    quieter: float = 100.0
+    """Noise variance of the last frame over that of this one, from which the fit begins anew [1]. Chosen."""
+    noisier: float = 2.0
+    """Unknown noise variance over that of the last frame, above which a chain is unfit [1]. Chosen."""
+    rounding: float = 1e-9
+    """Noise below which the last frame counts as exact [spacings]. Derived: rounding of coordinates."""
+    exact: float = 1e-5
+    """Noise below which two frames are equally quiet [spacings]. Chosen: below any sensor."""
+
+
+SCHEDULE = TrackingSchedule()
+LIMITS = TrackingLimits()
+
+
+@dataclass(frozen=True, slots=True)
+class ModelCheck:
+    """A check of the model of one frame, due before the next one is fitted."""
 
     shape: Shape
     noise: float | None
     """Known standard deviation of each coordinate [m]."""
-    about: Literal["spline", "chain", "joints"]
-    """What is tried: a spline, a chain, or other joints of the chain that is followed."""
+    candidate: Literal["spline", "chain", "joints"]
+    """What is tried: a spline, a chain, or other joints of the chain that is tracked."""
     data: Data | None = None
-    """The points as the chain sees them; None where a spline was followed."""
+    """The points as given to the chain; None where a spline was tracked."""
 
 
 @dataclass(frozen=True, slots=True)
-class Followed:
-    """Geometry of the last frame, and what the next one needs to go on from it."""
+class TrackedFit:
+    """Fit of the last frame, and what the next one needs to go on from it."""
 
-    geometry: Geometry
+    fit: RouteFit
     index: Vector
     """Count of each fitted point in the sensed sequence."""
     age: int = 0
     """Frames since the other estimator was tried."""
-    wait: int = _CHALLENGE
+    interval: int = SCHEDULE.first_interval
     """Frames after which it is tried again."""
-    looks: int = 2
-    """How often a chain was asked for other joints since they changed."""
-    rival: Chain | Spline | None = None
+    checks: int = 2
+    """Checks of the joints of a chain since they changed."""
+    candidate: Chain | Spline | None = None
     """What may take over: a chain under trial, or the spline of the last trial."""
-    doubt: float = 0.0
+    model_choice_variance: float = 0.0
     """Variance of Φ from the choice between the two [rad²]."""
-    question: Question | None = None
-    """What `reconsidered` is to find out."""
+    check: ModelCheck | None = None
+    """What `model_checked` is to test."""
 
 
-def follow(shape: Shape, noise: float | None, last: Followed | None, method: Method = "auto") -> Followed:
+def follow(shape: Shape, noise: float | None, last: TrackedFit | None, method: Method = "auto") -> TrackedFit:
     """Fit a route to a shape, starting from where a moving route was last.
 
     The estimator of the last frame goes on as long as it fits, and the other is tried now and then.
@@ -108,7 +138,7 @@ def follow(shape: Shape, noise: float | None, last: Followed | None, method: Met
     noise
         Known standard deviation of each coordinate [m]; estimated where left out.
     last
-        What was found in the last frame; without it the fit starts from nothing.
+        Result of the last frame; without it the fit starts from nothing.
     method
         As in `measure`.
 
@@ -117,51 +147,52 @@ def follow(shape: Shape, noise: float | None, last: Followed | None, method: Met
     FitError
         Where the points give no finite curve.
     """
-    found = None
-    last = None if last is None else reconsidered(last)
-    if last is not None and last.geometry.chain is not None:
-        found = _follow_chain(shape, noise, last, last.geometry.chain, method)
+    tracked = None
+    last = None if last is None else model_checked(last)
+    if last is not None and last.fit.chain is not None:
+        tracked = _follow_chain(shape, noise, last, last.fit.chain, method)
     elif last is not None:
-        found = _follow_spline(shape, noise, last, method)
-    if found is not None:
-        with suppress(FitError):  # a route that leaps may be lost, and found again from nothing
-            return replace(found, geometry=checked(told_length(found.geometry, shape), shape))
-    return Followed(measure(shape, noise, method), shape.index)
+        tracked = _follow_spline(shape, noise, last, method)
+    if tracked is not None:
+        with suppress(FitError):  # a route that leaps may be lost, and fitted again from nothing
+            return replace(tracked, fit=checked(tracked.fit, shape))
+    return TrackedFit(measure(shape, noise, method), shape.index)
 
 
-def reconsidered(last: Followed) -> Followed:
-    """Answer what is asked of the last frame: the estimator and the joints from which the next one starts.
+def model_checked(last: TrackedFit) -> TrackedFit:
+    """Make the check that is due: it selects the estimator and the joints from which the next frame starts.
 
-    `follow` does so itself where nobody did; to have it done between two frames changes nothing else.
+    `follow` does so itself where it was not done; to have it done between two frames changes nothing else.
     """
-    asked = last.question
-    if asked is None:
+    check = last.check
+    if check is None:
         return last
     try:
-        return _answered(asked, last)
-    except FitError:  # what cannot be fitted is no better than what is followed
-        return replace(last, question=None)
+        return _after_check(check, last)
+    except FitError:  # a candidate that cannot be fitted is no better than what is tracked
+        return replace(last, check=None)
 
 
-def _answered(asked: Question, last: Followed) -> Followed:
-    chain, last = last.geometry.chain, replace(last, question=None)
-    if asked.data is None or chain is None:
-        return _with_chain_tried(asked, last)
-    if asked.about == "spline":
-        return _with_spline_tried(asked, asked.data, chain, last)
-    round_of, look = divmod(last.looks, 2)
-    turn, now = divmod(round_of, _SEARCH)
-    turn %= _TURNS
-    better = (finer if look else simpler)(asked.data, chain, slice(turn, turn if now else turn + 1))
+def _after_check(check: ModelCheck, last: TrackedFit) -> TrackedFit:
+    chain, last = last.fit.chain, replace(last, check=None)
+    if check.data is None or chain is None:
+        return _with_chain_tried(check, last)
+    if check.candidate == "spline":
+        return _with_spline_tried(check, check.data, chain, last)
+    count, more_joints = divmod(last.checks, 2)
+    rank, now = divmod(count, SCHEDULE.unlikely_interval)
+    rank %= SCHEDULE.unlikely_ranks
+    unlikely = slice(rank, rank if now else rank + 1)
+    better = (finer if more_joints else simpler)(check.data, chain, unlikely)
     if better is None:
-        return replace(last, looks=last.looks + 1)
-    better = fit_chain(asked.data, better, _MOVES - 1)
-    return replace(last, geometry=replace(last.geometry, chain=better), looks=0)
+        return replace(last, checks=last.checks + 1)
+    better = fit_chain(check.data, better, SCHEDULE.moves_per_frame - 1)
+    return replace(last, fit=replace(last.fit, chain=better), checks=0)
 
 
 def _follow_chain(
-    shape: Shape, noise: float | None, last: Followed, chain: Chain, method: Method
-) -> Followed | None:
+    shape: Shape, noise: float | None, last: TrackedFit, chain: Chain, method: Method
+) -> TrackedFit | None:
     """Go on with a chain; None where it fits no longer."""
     spacing = spacing_of_pieces(shape.points, float(chain.stations[-1] - chain.stations[0]))
     data = Data(
@@ -173,13 +204,13 @@ def _follow_chain(
         shortest=KINK if has_kink(chain, spacing) else 1.0,
     )
     age = last.age + 1
-    variance = last.geometry.outline.noise**2
+    variance = last.fit.noise**2
     chain = chain._replace(stations=_stations(shape, last, chain))
     if shape.directions is not None:
         kappa = curvature_at_points(chain)
         data = with_tangents(data, shape.directions, shape.direction_noise**2, kappa, variance)
-        data = without_outlying_tangents(data, fit_fixed_pieces(data, chain, restart=True))
-    chain = fit_fixed_pieces(data, chain, restart=True)
+        data = without_outlying_tangents(data, fit_fixed_pieces(data, chain, anew=True))
+    chain = fit_fixed_pieces(data, chain, anew=True)
     weight = outlier_weights(data, chain, variance)
     if weight is not None:
         data = data._replace(weight=weight)
@@ -188,26 +219,26 @@ def _follow_chain(
         chain = fit_chain(data, chain)
         if _unfit(data, chain, variance):
             return None
-    geometry = by_chain(shape, data, chain)
-    asked = None
-    if method == "auto" and age >= last.wait:
-        asked = Question(shape, noise, "spline", data)
-    elif age % _LOOK == 0 or last.looks < 2:
-        asked = Question(shape, noise, "joints", data)
-    return Followed(
-        doubted(geometry, last.doubt),
+    result = chain_fit(shape, data, chain).with_model_choice_variance(last.model_choice_variance)
+    check = None
+    if method == "auto" and age >= last.interval:
+        check = ModelCheck(shape, noise, "spline", data)
+    elif age % SCHEDULE.joints_interval == 0 or last.checks < 2:
+        check = ModelCheck(shape, noise, "joints", data)
+    return TrackedFit(
+        result,
         shape.index,
         age,
-        last.wait,
-        last.looks,
-        last.rival or last.geometry.spline,
-        last.doubt,
-        asked,
+        last.interval,
+        last.checks,
+        last.candidate or last.fit.spline,
+        last.model_choice_variance,
+        check,
     )
 
 
-def _stations(shape: Shape, last: Followed, chain: Chain) -> Vector:
-    """Where the points are on the last chain, as near as can be told before the fit."""
+def _stations(shape: Shape, last: TrackedFit, chain: Chain) -> Vector:
+    """Predict the stations of the points on the last chain, before the fit."""
     if shape.stations is not None:
         return shape.stations.copy()
     if shape.index is last.index:
@@ -222,73 +253,81 @@ def _stations(shape: Shape, last: Followed, chain: Chain) -> Vector:
 def _unfit(data: Data, chain: Chain, variance: float) -> bool:
     """Whether the points are off the chain by more than noise, of a variance as in the last frame [m²].
 
-    A chain that turns out of their sight fits nothing, however near it comes to those that are not strays.
+    A chain that turns unobserved between its points fits nothing, however small the residuals of the inliers.
     """
-    if not turn_is_identifiable(data, chain):
+    if not turn_is_identifiable(data, chain.stations, chain.joints, chain.bend):
         return True
     freedom = max(value_count(data) - len(chain.matrix), 1)
-    most = 1.0 + _UNFIT * math.sqrt(2.0 / freedom)
+    most = 1.0 + LIMITS.cost_deviations * math.sqrt(2.0 / freedom)
     if data.variance > 0.0:
         return not chain.cost < most * data.variance * freedom
-    usual = max(variance, (_ROUNDING * data.spacing) ** 2) * freedom
-    least = (_EXACT * data.spacing) ** 2 * freedom
-    quieter = _QUIETER * max(chain.cost, least) < usual  # the last frame was none to measure by
-    return quieter or not chain.cost < max(_NOISIER, 1.5 * most) * usual
+    usual = max(variance, (LIMITS.rounding * data.spacing) ** 2) * freedom
+    least = (LIMITS.exact * data.spacing) ** 2 * freedom
+    quieter = LIMITS.quieter * max(chain.cost, least) < usual  # the last frame is no measure of this one
+    return quieter or not chain.cost < max(LIMITS.noisier, 1.5 * most) * usual
 
 
-def _with_spline_tried(asked: Question, data: Data, chain: Chain, last: Followed) -> Followed:
+def _with_spline_tried(check: ModelCheck, data: Data, chain: Chain, last: TrackedFit) -> TrackedFit:
     """Let a spline take over from a chain, or drop it for the time being.
 
     It starts from the last one, which may be old: its first fit only brings it up to date.
     """
-    before = last.rival if isinstance(last.rival, Spline) else None
-    spline = fit(asked.shape, asked.noise, before)
-    if before is not None and last.age == last.wait:
-        return replace(last, rival=spline)
-    ahead = margin(data, chain, spline)
-    if ahead > 0.0 and not undecided(ahead, len(chain.bend)):
-        return replace(last, age=0, wait=_next_wait(last.wait, -ahead), rival=spline, doubt=0.0)
-    smooth = by_spline(spline)
-    unsure = doubt(smooth, last.geometry, ahead)
-    if ahead < -_SURE:
-        return Followed(smooth, last.index, doubt=unsure)
-    return replace(last, age=0, wait=_next_wait(last.wait, -ahead), rival=spline, doubt=unsure)
+    before = last.candidate if isinstance(last.candidate, Spline) else None
+    spline = fit(check.shape, check.noise, before)
+    if before is not None and last.age == last.interval:
+        return replace(last, candidate=spline)
+    difference = penalised_log_evidence_difference(data, chain, spline)
+    if difference > 0.0 and not undecided(difference, len(chain.bend)):
+        return _not_taken_over(last, -difference, spline, 0.0)
+    smooth = spline_fit(spline)
+    variance = model_choice_variance(smooth, last.fit, difference)
+    if difference < -SCHEDULE.takeover:
+        return TrackedFit(smooth, last.index, model_choice_variance=variance)
+    return _not_taken_over(last, -difference, spline, variance)
 
 
-def _follow_spline(shape: Shape, noise: float | None, last: Followed, method: Method) -> Followed:
-    """Go on with a spline, and now and then ask for a chain beside it."""
-    spline = fit(shape, noise, last.geometry.spline)
+def _not_taken_over(
+    last: TrackedFit, difference: float, candidate: Spline | None, variance: float
+) -> TrackedFit:
+    """Go on as before, the candidate's evidence being ahead by the difference [2 ln], mostly negative."""
+    interval = SCHEDULE.first_interval
+    if difference < -SCHEDULE.far_behind:
+        interval = min(2 * last.interval, SCHEDULE.longest_interval)
+    return replace(last, age=0, interval=interval, candidate=candidate, model_choice_variance=variance)
+
+
+def _follow_spline(shape: Shape, noise: float | None, last: TrackedFit, method: Method) -> TrackedFit:
+    """Go on with a spline, and now and then plan a trial of a chain beside it."""
+    spline = fit(shape, noise, last.fit.spline)
     age = last.age + 1
-    tried = method == "auto" and (last.rival is not None or age >= last.wait) and may_be_chain(shape, spline)
-    asked = Question(shape, noise, "chain") if tried else None
-    geometry = doubted(by_few(by_spline(spline), shape), last.doubt)
-    return replace(last, geometry=geometry, index=shape.index, age=age, question=asked)
+    due = method == "auto" and (last.candidate is not None or age >= last.interval)
+    check = ModelCheck(shape, noise, "chain") if due and chain_allowed(shape, spline) else None
+    smooth = with_few_points_variance(spline_fit(spline), shape)
+    result = smooth.with_model_choice_variance(last.model_choice_variance)
+    return replace(last, fit=result, index=shape.index, age=age, check=check)
 
 
-def _with_chain_tried(asked: Question, last: Followed) -> Followed:
+def _with_chain_tried(check: ModelCheck, last: TrackedFit) -> TrackedFit:
     """Let a chain take over from a spline, give it a few more moves, or drop it for the time being."""
-    smooth, spline = last.geometry, last.geometry.spline
+    smooth, spline = last.fit, last.fit.spline
     if spline is None:
         return last
-    data = fit_data(asked.shape, asked.noise, spline)
-    if isinstance(last.rival, Chain):
-        rival = fit_fixed_pieces(data, last.rival._replace(stations=np.array(spline.route.station)))
+    data = chain_data(check.shape, check.noise, spline)
+    if isinstance(last.candidate, Chain):
+        candidate = fit_fixed_pieces(data, last.candidate._replace(stations=np.array(spline.route.station)))
     else:
-        rival = fit_fixed_pieces(data, started(data, smooth))
-    moved = fit_chain(data, rival, _MOVES)
-    ahead = lead(data, moved, spline)
-    settled = len(moved.bend) == len(rival.bend)
-    if ahead < HOPELESS and (settled or last.age >= last.wait + _PATIENCE):
-        return replace(last, rival=None, age=0, wait=_next_wait(last.wait, ahead), doubt=0.0)
-    if not settled:
-        return replace(last, rival=moved)
-    arcs, ahead = by_chain(asked.shape, data, moved), margin(data, moved, spline)
-    unsure = doubt(smooth, arcs, ahead)
-    if ahead > _SURE:
-        return Followed(arcs, last.index, rival=spline, doubt=unsure)
-    return replace(last, rival=None, age=0, wait=_next_wait(last.wait, ahead), doubt=unsure)
-
-
-def _next_wait(wait: int, ahead: float) -> int:
-    """How long to wait before the other estimator is tried again, `ahead` being its lead."""
-    return min(2 * wait, _LONGEST_WAIT) if ahead < -_FAR else _CHALLENGE
+        candidate = fit_fixed_pieces(data, first_chain(data, smooth))
+    moved = fit_chain(data, candidate, SCHEDULE.moves_per_frame)
+    difference = log_evidence_difference(data, moved, spline)
+    converged = len(moved.bend) == len(candidate.bend)
+    late = last.age >= last.interval + SCHEDULE.patience
+    if difference < CHOICE.hopeless and (converged or late):
+        return _not_taken_over(last, difference, None, 0.0)
+    if not converged:
+        return replace(last, candidate=moved)
+    arcs = chain_fit(check.shape, data, moved)
+    difference = penalised_log_evidence_difference(data, moved, spline)
+    variance = model_choice_variance(smooth, arcs, difference)
+    if difference > SCHEDULE.takeover:
+        return TrackedFit(arcs, last.index, candidate=spline, model_choice_variance=variance)
+    return _not_taken_over(last, difference, None, variance)

@@ -147,7 +147,5 @@ def _warnings(calibration: Calibration) -> tuple[str, ...]:
                 "flatness of the board and the size of its squares"
             )
         if calibration.views[v] < _VIEWS:
-            said.append(
-                f"camera {camera.name!r}: {calibration.views[v]} boards only: use {_VIEWS} or more"
-            )
+            said.append(f"camera {camera.name!r}: {calibration.views[v]} boards only: use {_VIEWS} or more")
     return tuple(said)

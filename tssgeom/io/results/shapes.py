@@ -84,7 +84,7 @@ def _geometry(result: FrameResult) -> dict[str, Any]:
         "length_m": arcs.total_length,
         "total_angle_rad": arcs.total_angle,
         "total_angle_se_rad": arcs.total_angle_se,
-        "noise_m": float(result.followed.geometry.outline.noise),
+        "noise_m": float(result.tracked.fit.noise),
         "method": arcs.method,
     }
 

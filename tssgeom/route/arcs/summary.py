@@ -1,19 +1,16 @@
 """The route of a fitted chain of arcs: positions, curvature, angle and pieces, with their errors.
 
-A stream needs no more than the pieces of most frames; positions and curvature on nodes cost more than those
-and are written out only where they are needed.
+A stream needs no more than the pieces of most frames; positions and curvature on nodes cost more than those.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from numba import njit
 
-from tssgeom.arrays import TRUE, Vector, read_only
+from tssgeom.arrays import TRUE, read_only
 from tssgeom.route.arcs.chain import (
     Chain,
     Data,
@@ -29,70 +26,33 @@ from tssgeom.route.arcs.positions import along, joint_frames
 from tssgeom.route.curvature import CurvatureProfile
 from tssgeom.route.pieces import Arcs
 from tssgeom.route.route import Route
+from tssgeom.route.route_fit import Nodes
 from tssgeom.statistics import information_price
 
 _NODES = 161  # beside the joints
 
 
-@dataclass(frozen=True)  # without slots: what was written out once is kept
-class ChainOutline:
-    """Route and profile of a fitted chain, written out on nodes when they are asked for."""
-
-    data: Data
-    chain: Chain
-    noise: float
-    """Standard deviation of a coordinate [m]."""
-    warnings: tuple[str, ...] = ()
-    doubt: float = 0.0
-    """Variance of Φ from the choice of the estimator [rad²]."""
-
-    @property
-    def route(self) -> Route:
-        """The route on its nodes."""
-        return self._written[0]
-
-    @property
-    def profile(self) -> CurvatureProfile:
-        """Curvature on the same nodes."""
-        return self._written[1]
-
-    @property
-    def weight(self) -> Vector:
-        """Weight of each point; 0 where it was ignored [1]."""
-        return self.data.weight
-
-    def doubted(self, variance: float) -> ChainOutline:
-        """Add a variance of Φ [rad²]."""
-        return replace(self, doubt=self.doubt + variance)
-
-    def warned(self, text: str) -> ChainOutline:
-        """Add a warning."""
-        return replace(self, warnings=(*self.warnings, text))
-
-    @cached_property
-    def _written(self) -> tuple[Route, CurvatureProfile]:
-        data = self.data._replace(points=read_only(self.data.points))  # as sensed, also after a pickle
-        along_nodes, on_points = _written_out(data, self.chain)
-        for block in (along_nodes, on_points):
-            block.flags.writeable = False
-        vectors = along_nodes[9:]
-        s = vectors[0]
-        points = along_nodes[:9].reshape(3, len(s), 3)
-        route = Route(
-            s=s,
-            position=points[0],
-            tangent=points[1],
-            curvature_vector=points[2],
-            noise=self.noise,
-            weight=read_only(self.data.weight),
-            station=on_points[0],
-            residual=on_points[1:].reshape(-1, 3),
-            warnings=self.warnings,
-        )
-        profile = CurvatureProfile(
-            s=s, kappa=vectors[1], phi=vectors[3], kappa_se=vectors[2], phi_se=vectors[4]
-        )
-        return route, profile.doubted(self.doubt)
+def chain_nodes(data: Data, chain: Chain, noise: float) -> Nodes:
+    """Route and profile of a fitted chain on nodes, with the noise of a coordinate [m]."""
+    points = read_only(data.points)  # as sensed, also after a pickle
+    along_nodes, on_points = _written_out(data._replace(points=points), chain)
+    for block in (along_nodes, on_points):
+        block.flags.writeable = False
+    vectors = along_nodes[9:]
+    s = vectors[0]
+    positions = along_nodes[:9].reshape(3, len(s), 3)
+    route = Route(
+        s=s,
+        position=positions[0],
+        tangent=positions[1],
+        curvature_vector=positions[2],
+        noise=noise,
+        weight=read_only(data.weight),
+        station=on_points[0],
+        residual=on_points[1:].reshape(-1, 3),
+    )
+    profile = CurvatureProfile(s=s, kappa=vectors[1], phi=vectors[3], kappa_se=vectors[2], phi_se=vectors[4])
+    return Nodes(route, profile)
 
 
 def chain_pieces(data: Data, chain: Chain) -> tuple[Arcs, float]:

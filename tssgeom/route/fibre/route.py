@@ -10,33 +10,28 @@ import numpy as np
 from tssgeom.arrays import Matrix, Points, Vector, read_only
 from tssgeom.route.arcs.positions import joint_frames
 from tssgeom.route.curvature import CurvatureProfile
-from tssgeom.route.fibre.bends import piece_curvature, wander_nodes
-from tssgeom.route.fibre.partitions import Partition, Sensed, joint_spread, piece_means
-from tssgeom.route.fibre.wander import Prior, magnitude, posterior
-from tssgeom.route.geometry import Geometry
-from tssgeom.route.outline import Outline
-from tssgeom.route.pieces import Arcs, best_partition
-from tssgeom.route.route import Route
-from tssgeom.route.stations import accumulated
+from tssgeom.route.fibre.models import (
+    Partition,
+    Prior,
+    Sensed,
+    joint_variance,
+    magnitude,
+    piece_curvature,
+    piece_means,
+    posterior,
+    wander_nodes,
+)
+from tssgeom.route.pieces import STAIRCASE, Arcs, best_partition, spread_over_angles
+from tssgeom.route.route import Route, accumulated
+from tssgeom.route.route_fit import Nodes, RouteFit, available
 
 AXES = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 """Tangent and the two normals, towards which κ_x and κ_y bend, where the fibre begins."""
 
-_NODES = 160
-_TOLD_APART = 0.03  # of the greatest curvature: smaller steps are not worth a piece
-_PER_PIECE = 3.0  # parameters that one more piece brings
+_NODES = 160  # intervals into which a route is cut at least, for pictures
 
 
-class Evidence(NamedTuple):
-    """What the route reports beside itself."""
-
-    stations: Vector
-    """Arc length of every grating [m]."""
-    variance: float
-    """Mean square error of Φ, whatever the account [rad²]."""
-
-
-class Laid(NamedTuple):
+class FibreCurve(NamedTuple):
     """A fibre in space, on its nodes."""
 
     s: Vector
@@ -48,8 +43,8 @@ class Laid(NamedTuple):
     """Covariance of one component [m, m] [1/m²]."""
 
 
-def carried(s: Vector, bend: Points) -> tuple[Points, np.ndarray]:
-    """Place [m, 3] and axes [m, 3 axes, 3] at nodes, with curvature components linear in between.
+def integrated(s: Vector, bend: Points) -> tuple[Points, np.ndarray]:
+    """Position [m, 3] and axes [m, 3 axes, 3] at nodes, with curvature components linear in between.
 
     A stretch h on which they run from a to b is two arcs of h/2 with curvatures (5a + b)/6 and (a + 5b)/6:
     exact on circles, otherwise of fourth order (docs/model.md (35)).
@@ -59,60 +54,75 @@ def carried(s: Vector, bend: Points) -> tuple[Points, np.ndarray]:
     halves[0:-1:2], halves[1:-1:2], halves[-1] = (5 * a + b) / 6, (a + 5 * b) / 6, bend[-1]
     at = np.empty(len(halves))
     at[::2], at[1::2] = s, 0.5 * (s[1:] + s[:-1])
-    place, axes = joint_frames(np.zeros(3), AXES, at, halves)
-    return place[::2], axes[::2]
+    position, axes = joint_frames(np.zeros(3), AXES, at, halves)
+    return position[::2], axes[::2]
 
 
-def of_partition(sensed: Sensed, found: Partition, noise: float, told: Evidence) -> Geometry:
-    """Geometry of pieces of constant curvature; docs/model.md (36)."""
-    kappa, spread = piece_curvature(sensed, found, noise)
-    mean, _ = piece_means(sensed, found.joints, found.curved)
+def fit_of_pieces(
+    sensed: Sensed, partition: Partition, noise: float, stations: Vector, variance: float, log_evidence: float
+) -> RouteFit:
+    """Fit of pieces of constant curvature; docs/model.md (36).
+
+    Parameters
+    ----------
+    sensed, partition, noise
+        The curvatures, how they are cut, and the standard deviation of a component [1/m].
+    stations
+        Arc length of every grating [m].
+    variance
+        Mean square error of Φ over all models [rad²].
+    log_evidence
+        Evidence of the curvatures (natural logarithm).
+    """
+    kappa, spread = piece_curvature(sensed, partition, noise)
+    mean, _ = piece_means(sensed, partition.joints, partition.curved)
     mean *= (kappa / np.maximum(np.linalg.norm(mean, axis=1), 1e-300))[:, None]
-    place, shift = joint_spread(sensed, found, noise)
-    ends = np.concatenate(([0.0], place, [sensed.length]))
-    length = np.diff(ends)
-    arcs = _partition_arcs(kappa, spread, length, shift, told.variance)
+    joint, shift = joint_variance(sensed, partition, noise)
+    ends = np.concatenate(([0.0], joint, [sensed.length]))
+    arcs = _partition_arcs(kappa, spread, np.diff(ends), shift, variance)
     s = np.unique(np.concatenate((np.linspace(0.0, sensed.length, _NODES + 1), ends)))
     piece = np.clip(np.searchsorted(ends, s, side="right") - 1, 0, len(kappa) - 1)
     travelled = np.clip(s[:, None], ends[:-1], ends[1:]) - ends[:-1]
-    passed = np.square(np.diff(kappa)) * shift * (s[:, None] > place)
-    variance = np.square(travelled) @ spread + passed.sum(axis=1)
-    profile = _profile(s, kappa[piece], travelled @ kappa, np.sqrt(spread[piece]), variance, told.variance)
-    at, axes = joint_frames(np.zeros(3), AXES, s, mean[piece])
-    laid = Laid(s, at, axes, mean[piece], spread[piece][:, None] * (piece[:, None] == piece))
-    return Geometry(Outline(_route(laid, told), profile), arcs)
+    passed = np.square(np.diff(kappa)) * shift * (s[:, None] > joint)
+    of_phi = np.square(travelled) @ spread + passed.sum(axis=1)
+    profile = _profile(s, kappa[piece], travelled @ kappa, np.sqrt(spread[piece]), of_phi, variance)
+    position, axes = joint_frames(np.zeros(3), AXES, s, mean[piece])
+    same_piece = piece[:, None] == piece
+    curve = FibreCurve(s, position, axes, mean[piece], spread[piece][:, None] * same_piece)
+    return _fit(curve, stations, profile, arcs, log_evidence)
 
 
 def _partition_arcs(kappa: Vector, spread: Vector, length: Vector, shift: Vector, variance: float) -> Arcs:
-    """Pieces whose lengths and angles share the doubt of their joints; the length of the fibre has none."""
+    """Pieces whose lengths and angles share the variance of their joints; that of the fibre has none."""
     moved = np.diff(np.eye(len(length) + 1)[:, 1:-1], axis=0)
     gradient = np.vstack((moved, kappa[:, None] * moved))
     covariance = (gradient * shift) @ gradient.T
     k = len(length)
     covariance[k:, k:] += np.diag(length**2 * spread)
     angle = kappa * length
-    share = angle / angle.sum() if angle.sum() > 0.0 else length / length.sum()
-    rest = variance - covariance[k:, k:].sum()
-    covariance[k:, k:] += max(rest, 0.0) * np.outer(share, share)
+    rest = max(variance - covariance[k:, k:].sum(), 0.0)
+    covariance[k:, k:] += spread_over_angles(angle if angle.sum() > 0.0 else length, rest)
     return Arcs(read_only(length), read_only(angle), read_only(covariance), "arcs")
 
 
-def of_wander(sensed: Sensed, prior: Prior, told: Evidence) -> Geometry:
-    """Geometry of smooth curvature; docs/model.md (37)."""
+def fit_of_wander(
+    sensed: Sensed, prior: Prior, stations: Vector, variance: float, log_evidence: float
+) -> RouteFit:
+    """Fit of smooth curvature; docs/model.md (37). Parameters as in `fit_of_pieces`."""
     nodes = wander_nodes(sensed, _NODES)
-    found = posterior(sensed, prior, nodes)
-    kappa, covariance = magnitude(found)
+    smooth = posterior(sensed, prior, nodes)
+    kappa, covariance = magnitude(smooth)
     phi = accumulated(nodes, kappa)
     to_phi = _integrals(nodes)
     of_phi = to_phi @ covariance @ to_phi.T
-    profile = _profile(nodes, kappa, phi, np.sqrt(np.diag(found.covariance)), np.diag(of_phi), told.variance)
+    profile = _profile(nodes, kappa, phi, np.sqrt(np.diag(smooth.covariance)), np.diag(of_phi), variance)
     here = np.searchsorted(nodes, sensed.s - 1e-8 * sensed.length)
-    freedom = float(np.sum(sensed.merged * np.diag(found.covariance)[here])) / prior.noise**2
-    at, axes = carried(nodes, found.mean)
-    laid = Laid(nodes, at, axes, found.mean, found.covariance)
-    joints = _staircase(laid, freedom, len(told.stations))
-    arcs = _wander_arcs(nodes[joints], phi[joints], of_phi[np.ix_(joints, joints)], told.variance)
-    return Geometry(Outline(_route(laid, told), profile), arcs)
+    freedom = float(np.sum(sensed.merged * np.diag(smooth.covariance)[here])) / prior.noise**2
+    position, axes = integrated(nodes, smooth.mean)
+    curve = FibreCurve(nodes, position, axes, smooth.mean, smooth.covariance)
+    joints = _staircase(curve, freedom, len(stations))
+    arcs = _wander_arcs(nodes[joints], phi[joints], of_phi[np.ix_(joints, joints)], variance)
+    return _fit(curve, stations, profile, arcs, log_evidence)
 
 
 def _integrals(s: Vector) -> Matrix:
@@ -125,14 +135,14 @@ def _integrals(s: Vector) -> Matrix:
     return np.cumsum(step, axis=0)
 
 
-def _staircase(laid: Laid, freedom: float, count: int) -> np.ndarray:
+def _staircase(curve: FibreCurve, freedom: float, count: int) -> np.ndarray:
     """Nodes at which pieces of constant curvature meet that stand for a smooth route; docs/model.md (27)."""
-    cell = np.diff(laid.s)
-    mean = 0.5 * (laid.bend[1:] + laid.bend[:-1])
-    v = np.diag(laid.covariance)
-    floor = (_TOLD_APART * np.max(np.linalg.norm(laid.bend, axis=1))) ** 2
-    weight = freedom * cell / laid.s[-1] / np.maximum(0.5 * (v[1:] + v[:-1]) + floor, 1e-300)
-    return best_partition(mean, weight, _PER_PIECE * math.log(max(count, 2)))
+    cell = np.diff(curve.s)
+    mean = 0.5 * (curve.bend[1:] + curve.bend[:-1])
+    v = np.diag(curve.covariance)
+    floor = (STAIRCASE.least_step * np.max(np.linalg.norm(curve.bend, axis=1))) ** 2
+    weight = freedom * cell / curve.s[-1] / np.maximum(0.5 * (v[1:] + v[:-1]) + floor, 1e-300)
+    return best_partition(mean, weight, STAIRCASE.parameters_per_piece * math.log(max(count, 2)))
 
 
 def _wander_arcs(ends: Vector, phi: Vector, of_phi: Matrix, variance: float) -> Arcs:
@@ -140,8 +150,7 @@ def _wander_arcs(ends: Vector, phi: Vector, of_phi: Matrix, variance: float) -> 
     k = len(length)
     covariance = np.zeros((2 * k, 2 * k))
     covariance[k:, k:] = np.diff(np.diff(of_phi, axis=0), axis=1)
-    share = angle / max(float(angle.sum()), 1e-300)
-    covariance[k:, k:] += max(variance - float(of_phi[-1, -1]), 0.0) * np.outer(share, share)
+    covariance[k:, k:] += spread_over_angles(angle, max(variance - float(of_phi[-1, -1]), 0.0))
     return Arcs(read_only(length), read_only(angle), read_only(covariance), "spline")
 
 
@@ -160,26 +169,29 @@ def _profile(
     )
 
 
-def _route(laid: Laid, told: Evidence) -> Route:
-    """Route whose `noise` is that of one coordinate of the distal end [m]."""
-    n = len(told.stations)
-    return Route(
-        s=read_only(laid.s),
-        position=read_only(laid.position),
-        tangent=read_only(laid.axes[:, 0]),
-        curvature_vector=read_only(np.einsum("ia,iac->ic", laid.bend, laid.axes[:, 1:])),
-        noise=math.sqrt(_spread_of_end(laid)),
-        weight=read_only(np.ones(n)),
-        station=told.stations,
-        residual=read_only(np.zeros((n, 3))),
+def _fit(
+    curve: FibreCurve, stations: Vector, profile: CurvatureProfile, arcs: Arcs, log_evidence: float
+) -> RouteFit:
+    """Collect the result; its `noise` is the standard deviation of one coordinate of the distal end [m]."""
+    noise, weight = math.sqrt(_variance_of_end(curve)), read_only(np.ones(len(stations)))
+    route = Route(
+        s=read_only(curve.s),
+        position=read_only(curve.position),
+        tangent=read_only(curve.axes[:, 0]),
+        curvature_vector=read_only(np.einsum("ia,iac->ic", curve.bend, curve.axes[:, 1:])),
+        noise=noise,
+        weight=weight,
+        station=stations,
+        residual=read_only(np.zeros((len(stations), 3))),
     )
+    return RouteFit(arcs, noise, weight, available(Nodes(route, profile)), available(log_evidence))
 
 
-def _spread_of_end(laid: Laid) -> float:
+def _variance_of_end(curve: FibreCurve) -> float:
     """Variance of one coordinate of the distal end, a third of that of all three [m²]; (35)."""
-    weight = np.gradient(laid.s)
+    weight = np.gradient(curve.s)
     weight[[0, -1]] *= 0.5
-    lever = laid.position[-1] - laid.position
-    moved = np.cross(laid.axes[:, 1:], lever[:, None, :]) * weight[:, None, None]
+    lever = curve.position[-1] - curve.position
+    moved = np.cross(curve.axes[:, 1:], lever[:, None, :]) * weight[:, None, None]
     moved = moved.reshape(len(weight), -1)
-    return max(float(np.sum(moved * (laid.covariance @ moved))) / 3.0, 0.0)
+    return max(float(np.sum(moved * (curve.covariance @ moved))) / 3.0, 0.0)

@@ -1,29 +1,67 @@
 """A multicore fibre with gratings: from curvatures at stations to the route, its angle and its pieces.
 
-The errors of a fibre are white in curvature, so those of the places grow along it; everything is therefore
+The errors of a fibre are white in curvature, so those of the positions grow along it; everything is therefore
 estimated from the curvatures themselves, and the route follows by integration.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import solve_banded
+from scipy.optimize import minimize_scalar
 
 from tssgeom.arrays import Matrix, Points, Vector, read_only
 from tssgeom.errors import ShapeError
-from tssgeom.route.fibre.bends import Candidate, as_pieces, as_wander
-from tssgeom.route.fibre.partitions import Sensed
-from tssgeom.route.fibre.route import Evidence, of_partition, of_wander
-from tssgeom.route.geometry import Geometry, Method
+from tssgeom.route.fibre.models import (
+    Partition,
+    Prior,
+    Sensed,
+    angle_of_pieces,
+    angle_of_wander,
+    average_partitions,
+    log_evidence,
+    posterior,
+    spectrum,
+    wander_nodes,
+)
+from tssgeom.route.fibre.route import fit_of_pieces, fit_of_wander
+from tssgeom.route.geometry import Method
+from tssgeom.route.model_choice import log_sum, mixture_variance, model_probabilities
 from tssgeom.route.observations import Shape
 from tssgeom.route.pieces import parallel_components
+from tssgeom.route.route_fit import RouteFit
 
 MIN_GRATINGS = 3
-_MOST_CELLS = 200  # values that the estimators take; of more, neighbours are averaged
+_MOST_CELLS = 200  # values for the estimators, whose time is quadratic; of more, neighbours are averaged
 _MOST_TURN = math.pi  # from grating to grating, beyond which the unit must be wrong [rad]
+
+
+@dataclass(frozen=True, slots=True)
+class PriorGrid:
+    """Priors over which each model of a fibre is averaged; docs/model.md (36), (37)."""
+
+    joints: tuple[float, ...] = (0.3, 1.0, 3.0, 8.0, 20.0, 50.0)
+    """Joints expected on a fibre. Chosen: even in their logarithm."""
+    wander: tuple[float, ...] = tuple(2.0**k for k in range(-2, 6))
+    """Change of a component over the fibre, in typical curvatures [1]. Chosen: even in their logarithm."""
+    noise: tuple[float, float] = (1e-3, 1.5)
+    """Bounds of an unknown noise, in typical curvatures [1]. Chosen: three decades."""
+    noise_levels: int = 9
+    """Levels of the coarse grid of the noise. Chosen."""
+    noise_tolerance: float = 0.03
+    """Error of ln of the likeliest noise [1]. Chosen: far below its standard error."""
+    negligible: float = 0.02
+    """Probability over that of the likeliest prior, below which a prior is left out [1]. Chosen: by speed."""
+    nodes: int = 80
+    """Fewest nodes on which a smooth curvature is averaged. Chosen."""
+
+
+GRID = PriorGrid()
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,11 +79,28 @@ class Fibre:
     warnings: tuple[str, ...]
 
 
+class Candidate(NamedTuple):
+    """One model of the curvatures, averaged over its priors."""
+
+    log_evidence: float
+    """ln of the evidence, averaged over the priors."""
+    angle: float
+    """Φ of the likeliest prior [rad]."""
+    mean: float
+    """Φ averaged over the priors [rad]."""
+    variance: float
+    """Variance of Φ [rad²]."""
+    noise: float
+    """Standard deviation of a curvature component [1/m]."""
+    prior: Prior
+    partition: Partition | None
+
+
 @dataclass(frozen=True, slots=True)
 class FibreFit:
-    """Geometry of a fibre, and what was found out on the way."""
+    """Route of a fibre, its noise in curvature and the probabilities of both models."""
 
-    geometry: Geometry
+    fit: RouteFit
     curvature_noise: float
     """Standard deviation of one curvature component, known or estimated [1/m]."""
     probability: dict[str, float]
@@ -75,16 +130,16 @@ def clean_fibre(curvatures: Matrix, stations: Vector | None) -> Fibre:
     if np.isinf(bend).any():
         row = int(np.argmax(np.isinf(bend).any(axis=1)))
         raise ShapeError(f"curvature {row} is infinite: leave a grating that was not read empty or NaN")
-    seen = np.flatnonzero(~np.isnan(bend).any(axis=1))
-    if len(seen) < MIN_GRATINGS:
-        raise ShapeError(f"{len(seen)} gratings read: a fibre needs at least {MIN_GRATINGS}")
-    _refuse_wrong_unit(bend[seen], s[seen])
-    missing = int(seen[-1] - seen[0] + 1 - len(seen))
+    observed = np.flatnonzero(~np.isnan(bend).any(axis=1))
+    if len(observed) < MIN_GRATINGS:
+        raise ShapeError(f"{len(observed)} gratings read: a fibre needs at least {MIN_GRATINGS}")
+    _refuse_wrong_unit(bend[observed], s[observed])
+    missing = int(observed[-1] - observed[0] + 1 - len(observed))
     return Fibre(
-        read_only(bend[seen]),
-        read_only(s[seen] - s[0]),
+        read_only(bend[observed]),
+        read_only(s[observed] - s[0]),
         float(s[-1] - s[0]),
-        read_only(seen.astype(np.float64)),
+        read_only(observed.astype(np.float64)),
         (f"{missing} gratings not read, bridged",) if missing else (),
     )
 
@@ -123,7 +178,7 @@ def fibre_of_points(points: Points, stations: Vector) -> Fibre:
 
     The errors of such points grow along the fibre and neighbours share them; those of the curvatures behind
     them are white. The points should stand at the gratings, and curvature is taken to run straight between
-    them: points in between repeat what the gratings said, and make the errors look smaller than they are.
+    them: points in between repeat the gratings, and their errors then look smaller than they are.
 
     Parameters
     ----------
@@ -160,15 +215,16 @@ def _unmixed(turned: Matrix, step: Vector) -> Matrix:
     return solve_banded((1, 1), band, turned)
 
 
-def measure_fibre(fibre: Fibre, noise: float | None = None, method: Method = "auto") -> Geometry:
+def measure_fibre(fibre: Fibre, noise: float | None = None, method: Method = "auto") -> RouteFit:
     """Route, curvature profile and pieces of a fibre; see `fit_fibre`."""
-    return fit_fibre(fibre, noise, method).geometry
+    return fit_fibre(fibre, noise, method).fit
 
 
 def fit_fibre(fibre: Fibre, noise: float | None = None, method: Method = "auto") -> FibreFit:
     """Estimate the route of a fibre, as pieces of constant curvature or smooth, whichever is likelier.
 
-    The fibre begins at the origin along z; κ_x bends it towards x, κ_y towards y.
+    The fibre begins at the origin along z; κ_x bends it towards x, κ_y towards y. The standard error
+    of Φ holds all models, not only the selected one; docs/model.md (38).
 
     Parameters
     ----------
@@ -182,32 +238,86 @@ def fit_fibre(fibre: Fibre, noise: float | None = None, method: Method = "auto")
     sensed = _sensed(fibre, noise)
     pieces = [as_pieces(sensed)] if method != "spline" else []
     smooth = [as_wander(sensed, order) for order in (1, 2)] if method != "arcs" else []
-    found = pieces + smooth
-    top = max(one.evidence for one in found)
-    weight = np.exp([one.evidence - top for one in found])
-    weight /= weight.sum()
-    chosen = found[int(np.argmax(weight))]
-    told = Evidence(fibre.stations, _mean_square(found, weight, chosen))
-    geometry = (
-        of_partition(sensed, chosen.partition, chosen.noise, told)
-        if chosen.partition is not None
-        else of_wander(sensed, chosen.prior, told)
+    models = pieces + smooth
+    probability = model_probabilities(np.array([one.log_evidence for one in models]))
+    best = models[int(np.argmax(probability))]
+    moments = np.array([(one.mean, one.variance) for one in models])
+    square = mixture_variance(probability, moments[:, 0], moments[:, 1], best.angle)
+    fit = (
+        fit_of_pieces(sensed, best.partition, best.noise, fibre.stations, square, best.log_evidence)
+        if best.partition is not None
+        else fit_of_wander(sensed, best.prior, fibre.stations, square, best.log_evidence)
     )
-    share = float(weight[: len(pieces)].sum())
-    return FibreFit(geometry, chosen.noise, {"arcs": share, "spline": 1.0 - share})
+    share = float(probability[: len(pieces)].sum())
+    return FibreFit(fit, best.noise, {"arcs": share, "spline": 1.0 - share})
 
 
-def _mean_square(found: list[Candidate], weight: Vector, chosen: Candidate) -> float:
-    """Mean square error of the chosen Φ over all that the curvatures allow [rad²]; docs/model.md (38)."""
-    each = [one.variance + (one.mean - chosen.angle) ** 2 for one in found]
-    return float(weight @ np.array(each))
+def as_pieces(sensed: Sensed) -> Candidate:
+    """Model the curvatures by pieces of constant curvature; docs/model.md (36)."""
+    expected = [m for m in GRID.joints if m <= max(len(sensed.s) - 1, 1)]
+    rates = [m / sensed.length for m in expected]
+
+    def score(noise: float) -> float:
+        return max(average_partitions(sensed, noise, rate).log_evidence for rate in rates[1::3])
+
+    noises, share = _noises(sensed, score)
+    tried = [(noise, rate, average_partitions(sensed, noise, rate)) for noise in noises for rate in rates]
+    conditional = np.array([each.log_evidence for _, _, each in tried])
+    joint = conditional + np.repeat(share, len(rates)) - math.log(len(rates))
+    probability = model_probabilities(joint)
+    noise, rate, best = tried[int(np.argmax(conditional))]
+    angle, beyond = angle_of_pieces(sensed, best, noise, rate)
+    moments = np.array([(each.mean, each.variance) for _, _, each in tried])
+    mean = float(probability @ moments[:, 0])
+    variance = mixture_variance(probability, moments[:, 0], moments[:, 1], mean) + beyond
+    return Candidate(log_sum(joint), angle, mean, variance, noise, Prior(0, 0.0, noise), best)
 
 
-def sensed_shape(fibre: Fibre, geometry: Geometry) -> Shape:
-    """Return the places of the gratings on the route, as a shape that others can show [m]."""
-    route = geometry.route
-    places = np.column_stack([np.interp(fibre.stations, route.s, x) for x in route.position.T])
-    return Shape(read_only(places), fibre.index, fibre.stations, fibre.warnings)
+def as_wander(sensed: Sensed, order: int) -> Candidate:
+    """Model the curvatures by smooth wander; docs/model.md (37)."""
+    sizes = np.array(GRID.wander) * sensed.typical
+    spectra = [spectrum(sensed, order, size) for size in sizes]
+    noises, share = _noises(sensed, lambda noise: max(log_evidence(one, noise) for one in spectra))
+    priors = [Prior(order, size, noise) for noise in noises for size in sizes]
+    conditional = np.array([log_evidence(one, noise) for noise in noises for one in spectra])
+    joint = conditional + np.repeat(share, len(sizes)) - math.log(len(sizes))
+    probability = model_probabilities(joint)
+    used = np.flatnonzero(probability > GRID.negligible * probability.max())
+    nodes = wander_nodes(sensed, GRID.nodes)
+    angles = np.array([angle_of_wander(posterior(sensed, priors[i], nodes)) for i in used])
+    probability = model_probabilities(joint[used])
+    mean = float(probability @ angles[:, 0])
+    variance = mixture_variance(probability, angles[:, 0], angles[:, 1], mean)
+    best = int(np.argmax(conditional[used]))
+    prior = priors[used[best]]
+    return Candidate(log_sum(joint), float(angles[best, 0]), mean, variance, prior.noise, prior, None)
+
+
+def _noises(sensed: Sensed, score: Callable[[float], float]) -> tuple[Vector, Vector]:
+    """Noise levels that count [1/m] and the ln of their prior shares: the known one, else a grid.
+
+    A priori the logarithm of the noise is even over three decades; the grid is fine about the likeliest.
+    """
+    if sensed.noise > 0.0:
+        return np.array([sensed.noise]), np.zeros(1)
+    coarse = np.log(np.geomspace(*GRID.noise, GRID.noise_levels) * sensed.typical)
+    best = coarse[int(np.argmax([score(math.exp(x)) for x in coarse]))]
+    step = coarse[1] - coarse[0]
+    bounds = (best - step, best + step)
+    options = {"xatol": GRID.noise_tolerance}
+    peak = minimize_scalar(lambda x: -score(math.exp(x)), bounds=bounds, method="bounded", options=options).x
+    near = peak + np.arange(-2, 3) / math.sqrt(len(sensed.s))
+    far = coarse[(coarse < near[0]) | (coarse > near[-1])]
+    level = np.sort(np.concatenate((far, near)))
+    share = np.gradient(level)
+    return np.exp(level), np.log(share / share.sum())
+
+
+def sensed_shape(fibre: Fibre, fit: RouteFit) -> Shape:
+    """Return the positions of the gratings on the route, as a shape that can be drawn [m]."""
+    route = fit.route
+    positions = np.column_stack([np.interp(fibre.stations, route.s, x) for x in route.position.T])
+    return Shape(read_only(positions), fibre.index, fibre.stations, fibre.warnings)
 
 
 def _sensed(fibre: Fibre, noise: float | None) -> Sensed:

@@ -11,13 +11,12 @@ from numba import njit
 
 from tssgeom.arrays import Matrix, Points, Vector, read_only
 from tssgeom.route.directions import direction_warnings
-from tssgeom.route.observations import Shape, stray_warnings
-from tssgeom.route.route import Route
+from tssgeom.route.observations import Shape, outlier_warnings
+from tssgeom.route.route import Route, insert_nodes, mean_spacing
 from tssgeom.route.spline.filtering import FilterModel, SensedTangents, innovations
 from tssgeom.route.spline.posterior import Problem, Solution, deviance, posterior, scaled_ends, warmed
 from tssgeom.route.spline.prior import transitions
 from tssgeom.route.spline.smoother import smooth
-from tssgeom.route.stations import insert_nodes, mean_spacing
 
 _NODES = 120  # fewest nodes on which curvature is evaluated
 
@@ -68,10 +67,12 @@ class Spline:
     """Whether the sensor gives the stations."""
     memory: tuple[Problem, Solution, float]
     """What the next fit of a moving route begins with, and its mean spacing [m]."""
-    angle_doubt: float = 0.0
+    shared_angle_error: float = 0.0
     """Relative standard error of all angles that comes from errors that neighbouring points share [1]."""
     tangent_share: float = 0.0
     """Share of the effective parameters that sensed directions determine [1]."""
+    warnings: tuple[str, ...] = ()
+    """What the user should know of the fit."""
 
 
 def fit(shape: Shape, noise: float | None = None, last: Spline | None = None) -> Spline:
@@ -92,7 +93,7 @@ def fit(shape: Shape, noise: float | None = None, last: Spline | None = None) ->
     FitError
         Where the points give no finite curve.
     """
-    if last is not None and last.angle_doubt == 0.0:
+    if last is not None and last.shared_angle_error == 0.0:
         warm = warmed(shape, noise, last.memory)
         if warm is not None:
             return _spline(shape, *warm)
@@ -160,7 +161,9 @@ def _fit_cells(shape: Shape, spline: Spline) -> Spline:
         cell *= SHARED.growth
     finer, coarser = (_angle_in_cells(shape, cell * x) for x in (0.5**0.5, 2**0.5))
     error = 0.5 * abs(finer - coarser) / _raw_angle(fitted.route)
-    return replace(fitted, route=_on_all_points(shape, fitted.route, cell_of, cell), angle_doubt=error)
+    warning = f"neighbouring points share their errors: merged into cells of {cell * 1e3:.3g} mm"
+    route = _on_all_points(shape, fitted.route, cell_of)
+    return replace(fitted, route=route, shared_angle_error=error, warnings=(warning,))
 
 
 def _merged(shape: Shape, cell: float) -> tuple[Shape, np.ndarray]:
@@ -195,7 +198,7 @@ def _raw_angle(route: Route) -> float:
     return float(np.trapezoid(np.linalg.norm(route.curvature_vector, axis=1), route.s)) + 1e-12
 
 
-def _on_all_points(shape: Shape, route: Route, cell_of: np.ndarray, cell: float) -> Route:
+def _on_all_points(shape: Shape, route: Route, cell_of: np.ndarray) -> Route:
     """Give each sensed point its foot on a route that was fitted to cells."""
     near = np.interp(route.station[cell_of], route.s, np.arange(len(route.s))).round().astype(int)
     along = np.einsum("ij,ij->i", shape.points - route.position[near], route.tangent[near])
@@ -206,7 +209,6 @@ def _on_all_points(shape: Shape, route: Route, cell_of: np.ndarray, cell: float)
         weight=read_only(route.weight[cell_of]),
         station=read_only(station),
         residual=read_only(shape.points - foot),
-        warnings=(f"neighbouring points share their errors: merged into cells of {cell * 1e3:.3g} mm",),
     )
 
 
@@ -231,9 +233,9 @@ def _spline(shape: Shape, problem: Problem, solution: Solution, spacing: float) 
         weight=read_only(weight),
         station=read_only(s[feet]),
         residual=read_only(shape.points - position[feet]),
-        warnings=stray_warnings(shape, weight)
-        + direction_warnings(shape.directions, problem.tangents, shape.index),
     )
+    warnings = outlier_warnings(shape, weight)
+    warnings += direction_warnings(shape.directions, problem.tangents, shape.index)
     by_tangents = _parameters_of_tangents(problem, solution)
     freedom = float(weight @ solution.covariance[:, 0]) / solution.ratio + by_tangents
     return Spline(
@@ -245,6 +247,7 @@ def _spline(shape: Shape, problem: Problem, solution: Solution, spacing: float) 
         stations_known=problem.stations_known,
         memory=(problem, solution, spacing),
         tangent_share=by_tangents / freedom,
+        warnings=warnings,
     )
 
 

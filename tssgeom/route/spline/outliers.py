@@ -9,7 +9,7 @@ from numba import njit
 
 from tssgeom.arrays import Matrix, Points, Vector
 from tssgeom.route.outliers import LIMITS, outlier_limit, residual_variance
-from tssgeom.route.stations import across
+from tssgeom.route.route import across
 from tssgeom.statistics import MEDIANS, median
 
 

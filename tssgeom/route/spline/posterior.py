@@ -12,6 +12,7 @@ from tssgeom.errors import FitError
 from tssgeom.route.directions import tangent_variances
 from tssgeom.route.observations import Shape
 from tssgeom.route.outliers import LIMITS
+from tssgeom.route.route import summed
 from tssgeom.route.spline.filtering import FilterModel, SensedTangents
 from tssgeom.route.spline.intensity import best_noise, best_ratio
 from tssgeom.route.spline.outliers import (
@@ -22,7 +23,6 @@ from tssgeom.route.spline.outliers import (
 )
 from tssgeom.route.spline.prior import PRIOR, prior_along_curve, transitions
 from tssgeom.route.spline.smoother import smooth
-from tssgeom.route.stations import summed
 
 
 class SplinePasses(NamedTuple):

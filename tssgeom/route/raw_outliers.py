@@ -1,68 +1,84 @@
-"""Sensed points that stand off the curve through their neighbours, and sequences that are out of order."""
+"""Outliers among raw observations: points off the curve through their neighbours, before any fit."""
 
 from __future__ import annotations
 
 import math
-from typing import cast
+from typing import NamedTuple, cast
 
 import numpy as np
 from numba import njit
-from scipy.spatial import KDTree
 
-from tssgeom.arrays import Points, Vector, read_only
-from tssgeom.route.stations import distance
+from tssgeom.arrays import Points, read_only
+from tssgeom.route.route import distance, step_lengths
 from tssgeom.statistics import median
 
 FEWEST = 8
-"""Fewest points whose order, and whose place among their neighbours, can be judged."""
-_OFF = 6.0  # typical distances from the neighbours' curve, beyond which a point may be an outlier
-_END_OFF_DIRECTION = 15.0
-_END_OFF = 0.1  # spacings that the parabola of the last five points must be off before one is doubted
-_END_LEAP = 1.5  # spacings from an end to its neighbour that are too many
-_TOO_FAR = 6.0  # spacings from an end to its neighbour that no bend explains
-_LEAST_SURE = 4.0  # times the way that shows the direction, beyond which a leap counts no less
-_END_BETTER = 0.3  # what must be left of that without the outlier
-_LONGEST_RUN = 3
-_UNEVEN = 4.0  # steps by which uneven points may lie ahead or behind
-_GOING_ON = 6  # points whose line is followed beyond the end
-_MOST_STRAY = 0.1  # of all points: where more are off, the trouble is another
-_WILD = 0.9  # of the spread of all points: steps typically longer wander
-_LEAP = (10.0, 0.4)  # typical steps, and of the spread: a longer step leaps
-_MAX_LEAPS = 20
+"""Fewest points among which outliers and the order of all can be judged."""
 _NONE = cast(int, np.int64(-1))  # no literal, for which a kernel would be compiled once more
-_NEIGHBOURS = 5  # so near in the sequence, points are near in space too
 
 
-def stray(points: Points) -> np.ndarray:
+class RawOutlierLimits(NamedTuple):
+    """Which points are outliers before any fit, judged by their neighbours alone."""
+
+    off_curve: float = 6.0
+    """Typical distances from the neighbours' curve, above which a point may be an outlier [1]. Chosen."""
+    end_off_direction: float = 15.0
+    """Typical distances by which an end must leap aside to be an outlier [1]. Chosen."""
+    end_off_curve: float = 0.1
+    """Residual of the last five points on their parabola, from which an end is tested [spacings]. Chosen."""
+    end_leap: float = 1.5
+    """Step from an end to its neighbour that is a leap [spacings]. Chosen."""
+    end_leap_aside: float = 0.6
+    """Share of such a step that must go aside [1]. Chosen."""
+    end_too_far: float = 6.0
+    """Step from an end to its neighbour that no bend explains [spacings]. Chosen."""
+    most_discount: float = 4.0
+    """Factor by which a leap longer than the way that shows the direction counts less at most [1]. Chosen."""
+    end_improvement: float = 0.3
+    """Residual without the outlier over that with it, at most [1]. Chosen."""
+    longest_run: int = 3
+    """Points in a row that may be outliers together. Chosen: a longer run is a break of the sequence."""
+    uneven: float = 4.0
+    """Steps by which unevenly spaced points may lie ahead or behind [1]. Chosen."""
+    extrapolated_from: int = 6
+    """Points whose line is extrapolated beyond an end. Chosen."""
+    most: float = 0.1
+    """Share of all points that may be outliers [1]. Chosen: where more are off, the cause is another."""
+
+
+LIMITS = RawOutlierLimits()
+
+
+def raw_outliers(points: Points) -> np.ndarray:
     """Mark points [n] that stand off the curve through their neighbours by more than a spacing."""
     n = len(points)
     mark, index, kept = np.zeros(n, np.bool_), np.arange(n), read_only(points)
     for _ in range(max(1, n // 6)):
-        off = worst(kept) if len(kept) >= FEWEST else -1
-        if off < 0:
+        worst = worst_outlier(kept, median(step_lengths(kept))) if len(kept) >= FEWEST else -1
+        if worst < 0:
             break
-        mark[index[off]] = True
-        index = np.delete(index, off)
+        mark[index[worst]] = True
+        index = np.delete(index, worst)
         kept = read_only(points[index])
     if mark.any():
         _unmark_long_runs(mark)
         _unmark_ends(points, mark)
-    return mark if mark.sum() <= _MOST_STRAY * n else np.zeros_like(mark)
+    return mark if mark.sum() <= LIMITS.most * n else np.zeros_like(mark)
 
 
 def _unmark_long_runs(mark: np.ndarray) -> None:
-    """Unmark runs of many points: where many in a row are off, the sequence breaks and none is to blame."""
+    """Unmark runs of many points: where many in a row are off, the sequence breaks and none is an outlier."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], mark, [False]))))
     for begin, end in edges.reshape(-1, 2):
-        if end - begin > _LONGEST_RUN:
+        if end - begin > LIMITS.longest_run:
             mark[begin:end] = False
 
 
 def _unmark_ends(points: Points, mark: np.ndarray) -> None:
-    """Unmark points at an end that lie where the kept ones go on to: an outlier made them suspect."""
-    for way in (slice(None), slice(None, None, -1)):
-        p, off = points[way], mark[way]
-        kept = np.flatnonzero(~off)[:_GOING_ON]
+    """Unmark points at an end that lie where the kept ones go on to: an outlier made them look like one."""
+    for direction in (slice(None), slice(None, None, -1)):
+        p, off = points[direction], mark[direction]
+        kept = np.flatnonzero(~off)[: LIMITS.extrapolated_from]
         if not len(kept) or not kept[0]:
             continue
         one, other = np.triu_indices(len(kept), 1)
@@ -72,55 +88,12 @@ def _unmark_ends(points: Points, mark: np.ndarray) -> None:
         apart = p[: kept[0]] - start - np.arange(kept[0])[:, None] * slope
         along = apart @ slope / (step + 1e-300)
         aside = np.sqrt(np.maximum(np.einsum("ij,ij->i", apart, apart) - along**2, 0.0))
-        off[: kept[0]] &= (aside > step) | (np.abs(along) > _UNEVEN * step)
+        off[: kept[0]] &= (aside > step) | (np.abs(along) > LIMITS.uneven * step)
 
 
 @njit(cache=True, nogil=True)
-def worst(p: np.ndarray) -> int:
-    """Return the point that is off most beyond doubt, the ends first; -1 if there is none."""
-    return _worst(p, median(_lengths(p)))
-
-
-@njit(cache=True, nogil=True)
-def well_behaved(p: np.ndarray) -> bool:
-    """Whether a few bounds tell that the points are in order and none is off; false where they do not."""
-    steps = _lengths(p)
-    spacing = median(steps)
-    if np.max(steps) > _LEAP[0] * spacing or not _wide(p, spacing / _WILD):
-        return False
-    return _worst(p, spacing) < 0
-
-
-@njit(cache=True, nogil=True)
-def _lengths(p: np.ndarray) -> np.ndarray:
-    """Measure the steps from point to point [n - 1] [m]."""
-    steps = np.empty(len(p) - 1)
-    for i in range(len(steps)):
-        steps[i] = distance(p[i + 1], p[i])
-    return steps
-
-
-@njit(cache=True, nogil=True)
-def _wide(p: np.ndarray, far: float) -> bool:
-    """Whether more than half of the points are at least so far from their mean [m]."""
-    mean, beyond = _mean(p), 0
-    for i in range(len(p)):
-        beyond += 1 if distance(p[i], mean) >= far else 0
-    return beyond > len(p) // 2 + 1
-
-
-@njit(cache=True, nogil=True)
-def _mean(p: np.ndarray) -> np.ndarray:
-    mean = np.zeros(3)
-    for i in range(len(p)):
-        for c in range(3):
-            mean[c] += p[i, c] / len(p)
-    return mean
-
-
-@njit(cache=True, nogil=True)
-def _worst(p: np.ndarray, spacing: float) -> int:
-    """Return what `worst` does, of points of a known spacing [m]."""
+def worst_outlier(p: np.ndarray, spacing: float) -> int:
+    """Return the greatest outlier among points of a median spacing [m], the ends first; -1 for none."""
     ends, typical = np.empty((2, 6, 3)), -1.0
     for i in range(6):
         for c in range(3):
@@ -150,13 +123,13 @@ def _typical(p: np.ndarray) -> float:
 
 @njit(cache=True, nogil=True)
 def _smooth_end(p: np.ndarray, spacing: float) -> bool:
-    """Whether no end point would be doubted, whatever is typical of the route."""
-    return _off_parabola(p[:5], _NONE) <= _END_OFF * spacing and _off_direction(p, spacing) <= 0.0
+    """Whether no end point is tested, whatever is typical of the route."""
+    return _off_parabola(p[:5], _NONE) <= LIMITS.end_off_curve * spacing and _off_direction(p, spacing) <= 0.0
 
 
 @njit(cache=True, nogil=True)
 def _worst_inside(p: np.ndarray, spacing: float) -> int:
-    """Return the inner point that stands off every guess from its neighbours most, if beyond doubt, or -1.
+    """Return the inner point that is farthest from every guess from its neighbours, if an outlier, or -1.
 
     A good point beside an outlier still agrees with one of the guesses: halfway between the next, between the
     next but one, or straight on from either side. What leaps ahead of the next point or back behind the last
@@ -173,7 +146,7 @@ def _worst_inside(p: np.ndarray, spacing: float) -> int:
         square = min(square, _off_line(p[i], after, 2.0, farther, -1.0, farther, after))
         size[i - 2] = max(math.sqrt(square), _backwards(before, p[i], after))
     most = int(np.argmax(size))
-    return most + 2 if size[most] > max(_OFF * median(size), spacing) else -1
+    return most + 2 if size[most] > max(LIMITS.off_curve * median(size), spacing) else -1
 
 
 @njit(cache=True, nogil=True)
@@ -204,7 +177,7 @@ def _off_line(
 
 @njit(cache=True, nogil=True)
 def _backwards(before: np.ndarray, here: np.ndarray, after: np.ndarray) -> float:
-    """Tell how far a point lies ahead of the next one or behind the last, along the way between them."""
+    """Return how far a point lies ahead of the next one or behind the last, along the way between them."""
     ahead, behind, way2 = 0.0, 0.0, 1e-300
     for c in range(3):
         way = after[c] - before[c]
@@ -218,23 +191,23 @@ def _backwards(before: np.ndarray, here: np.ndarray, after: np.ndarray) -> float
 def _worst_of_end(p: np.ndarray, spacing: float, typical: float) -> int:
     """Return which of the first three points keeps the others from lying on a parabola, or -1."""
     whole = _off_parabola(p[:5], _NONE)
-    if whole > max(_OFF * typical, _END_OFF * spacing):
-        best, least = -1, _END_BETTER * whole
+    if whole > max(LIMITS.off_curve * typical, LIMITS.end_off_curve * spacing):
+        best, least = -1, LIMITS.end_improvement * whole
         for i in range(3):
             off = _off_parabola(p, i)
             if off < least:
                 best, least = i, off
         if best >= 0:
             return best
-    return 0 if _off_direction(p, spacing) > _END_OFF_DIRECTION * typical else -1
+    return 0 if _off_direction(p, spacing) > LIMITS.end_off_direction * typical else -1
 
 
 @njit(cache=True, nogil=True)
 def _off_direction(p: np.ndarray, spacing: float) -> float:
-    """Tell how far the first point leaps aside from straight on from the next ones, or 0 [m].
+    """Return how far the first point leaps aside from straight on from the next ones, or 0 [m].
 
-    What the bend of these explains twice over is taken off, and the farther the leap beside the points that
-    show the way, the less it counts.
+    Twice what the bend of these explains is taken off, and the longer the leap beside the distance of the
+    points that show the direction, the less it counts.
     """
     far = 3  # the point that shows the way: neighbours within the noise do not
     while far < 5 and distance(p[1], p[far]) < 2 * spacing:
@@ -244,10 +217,10 @@ def _off_direction(p: np.ndarray, spacing: float) -> float:
     for c in range(3):
         square += (p[0, c] - p[1, c] - size * (p[1, c] - p[far, c]) / length) ** 2
     aside = math.sqrt(square)
-    if not (size > _END_LEAP * spacing and aside > 0.6 * size):
+    if not (size > LIMITS.end_leap * spacing and aside > LIMITS.end_leap_aside * size):
         return 0.0
-    if size > _TOO_FAR * spacing:
-        return aside / min(size / length, _LEAST_SURE)
+    if size > LIMITS.end_too_far * spacing:
+        return aside / min(size / length, LIMITS.most_discount)
     return max(aside - _bent_beyond(p, size * (size + length)), 0.0) / max(size / length, 1.0)
 
 
@@ -306,33 +279,3 @@ def _off_parabola(p: np.ndarray, without: int) -> float:
         for i in range(n):
             total += rest[i] * rest[i]
     return math.sqrt(total / (3 * n))
-
-
-def out_of_order(points: Points) -> bool:
-    """Whether the sequence wanders at random, or leaps away from a place that it visits at another time."""
-    if len(points) < FEWEST:
-        return False
-    steps, typical, spread = _steps(points)
-    if typical <= _WILD * spread and steps.max() <= max(_LEAP[0] * typical, _LEAP[1] * spread):
-        return False
-    tree = KDTree(points)
-    if typical > _WILD * spread and typical > 3 * np.median(tree.query(points, k=2)[0][:, 1]):
-        return True
-    leaps = np.flatnonzero(steps > max(_LEAP[0] * typical, _LEAP[1] * spread))[:_MAX_LEAPS]
-    if len(leaps) and np.linalg.norm(points[0] - points[-1]) < 2 * typical:
-        return True
-    return any(_elsewhere(tree, points[j], j, 2 * typical) for i in leaps for j in (i, i + 1))
-
-
-@njit(cache=True, nogil=True)
-def _steps(points: np.ndarray) -> tuple[np.ndarray, float, float]:
-    """Measure steps from point to point [n - 1], their median, and the median distance from the mean [m]."""
-    steps, far, mean = _lengths(points), np.empty(len(points)), _mean(points)
-    for i in range(len(points)):
-        far[i] = distance(points[i], mean)
-    return steps, median(steps), median(far)
-
-
-def _elsewhere(tree: KDTree, point: Vector, index: int, radius: float) -> bool:
-    """Whether a point far off in the sequence lies within `radius` [m] of this one."""
-    return any(abs(other - index) > _NEIGHBOURS for other in tree.query_ball_point(point, radius))

@@ -1,0 +1,305 @@
+"""The one result of every estimator of a route: mean geometry, its covariance, and the evidence for it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from typing import Generic, NamedTuple, TypeVar
+
+import numpy as np
+
+from tssgeom.arrays import Matrix, Points, Vector, read_only
+from tssgeom.errors import FitError
+from tssgeom.route.arcs.fit import Chain
+from tssgeom.route.curvature import CurvatureProfile
+from tssgeom.route.pieces import Arcs, spread_over_angles
+from tssgeom.route.route import Route, path_length
+from tssgeom.route.spline.fit import Spline
+
+Value = TypeVar("Value")
+
+
+@dataclass(frozen=True, slots=True)
+class LengthLimits:
+    """Whether a known length and a sensed route can belong to each other."""
+
+    largest_error: float = 4.0
+    """Standard errors between both, above which the length is not used. Chosen: 6e-5 of normal errors."""
+    rounding: float = 1e-9
+    """Share of the length below which a difference is rounding [1]. Chosen: far below any sensor."""
+
+
+@dataclass(frozen=True, slots=True)
+class AgreementLimits:
+    """Whether a fitted route still follows its points."""
+
+    most_ignored: float = 1 / 3
+    """Share of the points without weight, above which the fit is refused [1]. Chosen."""
+    longest_path: float = 1.3
+    """Path from point to point over the length of the route with its noise [1]. Derived: chords are shorter
+    than arcs, so 1 plus a margin."""
+    residual: float = 4.0
+    """Noises, beside one spacing, of the root mean square residual [1]. Chosen."""
+    fold_cosine: float = -0.5
+    """Cosine between neighbouring tangents below which the route turns straight back [1]. Chosen."""
+    longest_detour: float = 2.0
+    """Length of the route over the path from point to point [1]. Derived: an arc of 3.8 rad on its chord."""
+    most_unobserved_turn: float = 4.0
+    """Turn between neighbouring points that no point shows [rad]. Derived: more than straight back, π."""
+    largest_angle_se: float = 20 * math.pi
+    """Standard error of Φ above which the fit is refused [rad]. Chosen: ten full loops."""
+
+
+LENGTH = LengthLimits()
+AGREEMENT = AgreementLimits()
+
+
+class Nodes(NamedTuple):
+    """A route and its curvature on the same nodes."""
+
+    route: Route
+    profile: CurvatureProfile
+
+
+@dataclass(frozen=True)  # without slots: the value is kept
+class Deferred(Generic[Value]):
+    """A value that is computed when it is first asked for, and kept."""
+
+    compute: Callable[[], Value]
+
+    @cached_property
+    def value(self) -> Value:
+        """The value."""
+        return self.compute()
+
+
+def available(value: Value) -> Deferred[Value]:
+    """Return a value that needs no computing, where one that is deferred is expected."""
+    return Deferred(partial(_same, value))
+
+
+def _same(value: Value) -> Value:
+    return value
+
+
+@dataclass(frozen=True, slots=True)
+class RouteFit:
+    """A route estimated from one frame, by whichever estimator.
+
+    A stream needs the pieces of every frame; nodes and evidence cost more than those and are computed when
+    they are first asked for.
+    """
+
+    arcs: Arcs
+    """Pieces of constant curvature, with the covariance of their lengths and angles."""
+    noise: float
+    """Standard deviation of one coordinate of the points, known or estimated [m]."""
+    weight: Vector
+    """Weight of each sensed point: 1, or 0 for an outlier."""
+    nodes: Deferred[Nodes]
+    """Route and curvature profile on nodes."""
+    evidence: Deferred[float]
+    """ln of the evidence of the observations."""
+    warnings: tuple[str, ...] = ()
+    """What the user should know of the fit."""
+    spline: Spline | None = None
+    """The smooth fit, where one was made: the next fit of a moving route starts from it."""
+    chain: Chain | None = None
+    """The chain of arcs, where it was selected: the next fit of a moving route starts from it."""
+
+    @property
+    def route(self) -> Route:
+        """Mean of the route on its nodes, and where the points lie beside it."""
+        return self.nodes.value.route
+
+    @property
+    def profile(self) -> CurvatureProfile:
+        """Curvature and accumulated angle on the same nodes, with standard errors."""
+        return self.nodes.value.profile
+
+    @property
+    def log_evidence(self) -> float:
+        """Evidence of the points or curvatures (natural logarithm); to compare fits of the same only."""
+        return self.evidence.value
+
+    def strip(self) -> RouteFit:
+        """Return the fit without what only the next fit needs."""
+        return replace(self, spline=None, chain=None)
+
+    def warned(self, text: str) -> RouteFit:
+        """Return the fit with one warning more."""
+        return replace(self, warnings=(*self.warnings, text))
+
+    def with_model_choice_variance(self, variance: float) -> RouteFit:
+        """Add a variance of Φ [rad²], spread over profile and pieces as the angle is."""
+        if variance == 0.0:
+            return self
+        arcs = self.arcs
+        k = len(arcs.length)
+        covariance = np.array(arcs.covariance)
+        covariance[k:, k:] += spread_over_angles(arcs.angle, variance)
+        return replace(
+            self,
+            nodes=Deferred(partial(_with_angle_variance, self.nodes, variance)),
+            arcs=replace(arcs, covariance=read_only(covariance)),
+        )
+
+
+def _with_angle_variance(nodes: Deferred[Nodes], variance: float) -> Nodes:
+    route, profile = nodes.value
+    return Nodes(route, profile.with_angle_variance(variance))
+
+
+def given_length(fit: RouteFit, length: float, noise: float) -> RouteFit:
+    """Posterior of lengths and angles, given the length of the whole route; docs/model.md (95), (96).
+
+    Parameters
+    ----------
+    fit
+        The fit without it.
+    length, noise
+        The length and its standard deviation [m]. One that is off by more than four standard errors changes
+        nothing and is named in a warning.
+    """
+    arcs = fit.arcs
+    k = len(arcs.length)
+    shared = arcs.covariance[:, :k].sum(axis=1)  # of all lengths and angles with the whole length
+    own = max(float(shared[:k].sum()), 0.0)
+    variance = own + noise**2
+    off, rounding = length - arcs.total_length, LENGTH.rounding * length
+    if abs(off) > LENGTH.largest_error * math.sqrt(variance) + rounding:
+        return fit.warned(_length_warning(-off, length, math.sqrt(variance)))
+    if own <= rounding**2:
+        return fit
+    gain = shared / variance  # docs/model.md (95)
+    moved = _stepped(arcs, gain * off, arcs.covariance - np.outer(gain, shared))
+    return replace(fit, nodes=Deferred(partial(_nodes_given_length, fit.nodes, arcs, moved)), arcs=moved)
+
+
+def _length_warning(longer: float, length: float, se: float) -> str:
+    return (
+        f"the route is {1e3 * abs(longer):.3g} mm {'longer' if longer > 0 else 'shorter'} "
+        f"than the stated length of {1e3 * length:.6g} mm, with a standard error of {1e3 * se:.2g} mm: "
+        "look for points beyond the ends, a wrong unit or a wrong length"
+    )
+
+
+def _stepped(arcs: Arcs, step: Vector, covariance: Matrix) -> Arcs:
+    """Pieces with other lengths and angles, of which none becomes negative."""
+    k = len(arcs.length)
+    return replace(
+        arcs,
+        length=read_only(np.maximum(arcs.length + step[:k], 1e-3 * arcs.length)),
+        angle=read_only(np.maximum(arcs.angle + step[k:], 0.0)),
+        covariance=read_only(covariance),
+    )
+
+
+def _joints(arcs: Arcs) -> Vector:
+    return np.append(arcs.s_start, arcs.total_length)
+
+
+def _nodes_given_length(nodes: Deferred[Nodes], arcs: Arcs, moved: Arcs) -> Nodes:
+    route, profile = nodes.value
+    return Nodes(_with_ends_stretched(route, arcs, moved), _with_moved_pieces(profile, arcs, moved))
+
+
+def _with_ends_stretched(route: Route, arcs: Arcs, moved: Arcs) -> Route:
+    """Route with both end pieces stretched along their tangents."""
+    before, after = _joints(arcs), _joints(moved)
+    first = (after[1] - before[1]) / (2.0 if len(before) == 2 else 1.0)  # a single piece grows at both ends
+    s, station = np.interp(route.s, before, after), np.interp(route.station, before, after)
+    along, foot_along = s - route.s - first, station - route.station - first
+    tangent = np.column_stack([np.interp(route.station, route.s, route.tangent[:, c]) for c in range(3)])
+    return replace(
+        route,
+        s=read_only(s),
+        position=read_only(route.position + along[:, None] * route.tangent),
+        station=read_only(station),
+        residual=read_only(route.residual - foot_along[:, None] * tangent),
+    )
+
+
+def _with_moved_pieces(profile: CurvatureProfile, arcs: Arcs, moved: Arcs) -> CurvatureProfile:
+    """Profile whose length and angle are those of the moved pieces."""
+    before = _joints(arcs)
+    s = np.interp(profile.s, before, _joints(moved))
+    piece = np.clip(np.searchsorted(before, profile.s, side="right") - 1, 0, len(arcs.angle) - 1)
+    more = np.cumsum(moved.angle - arcs.angle)
+    grown = (moved.angle - arcs.angle)[piece] * (profile.s - before[piece]) / arcs.length[piece]
+    phi = profile.phi + np.concatenate(([0.0], more))[piece] + grown
+    phi[-1] = moved.total_angle
+    share = moved.total_angle_se / max(profile.total_angle_se, 1e-300)
+    return replace(profile, s=read_only(s), phi=read_only(phi), phi_se=read_only(profile.phi_se * share))
+
+
+def is_folded(route: Route) -> bool:
+    """Whether a route turns straight back between two nodes, which its curvature does not show.
+
+    It may also go straight on there and lose the points, whose residuals along the route are then large.
+    """
+    tangent = route.tangent
+    if np.einsum("ij,ij->i", tangent[1:], tangent[:-1]).min() < AGREEMENT.fold_cosine:
+        return True
+    residual = route.residual[route.weight > 0.0]
+    spacing = route.s[-1] / len(route.weight)
+    limit = spacing**2 + (AGREEMENT.residual * route.noise) ** 2
+    return bool(np.vdot(residual, residual) > len(residual) * limit)
+
+
+def refuse_folded(route: Route) -> None:
+    """Refuse a route that turns straight back between two nodes.
+
+    Raises
+    ------
+    FitError
+        Where it does.
+    """
+    if is_folded(route):
+        raise FitError("the route turns straight back between two points: sense it more densely there")
+
+
+def refuse_lost(fit: RouteFit, points: Points) -> None:
+    """Refuse a fit that lost its points [m] on the way, as where a route turns back between two of them.
+
+    Raises
+    ------
+    FitError
+        Where a number is not finite, a piece has no length, the angle is unknown, many points were ignored,
+        or the path from point to point is longer than the route, or far shorter.
+    """
+    arcs = fit.arcs
+    finite = math.isfinite(arcs.total_length + arcs.total_angle + arcs.covariance.sum())
+    if not finite or arcs.length.min() <= 0.0:
+        raise FitError("the points give no finite curve: check the unit and look for outlying points")
+    ignored, path = path_length(points, fit.weight)
+    chord = math.hypot(arcs.total_length / len(points), math.sqrt(6.0) * fit.noise)
+    too_long = path > AGREEMENT.longest_path * len(points) * chord
+    lost = ignored > AGREEMENT.most_ignored * len(points) or too_long
+    if lost or arcs.total_length > AGREEMENT.longest_detour * path:
+        raise FitError(
+            f"no route fits the points, {ignored} of {len(points)} lie off it: sense it more densely where "
+            "it turns sharply, and look for points out of order"
+        )
+    if arcs.total_angle_se > AGREEMENT.largest_angle_se:
+        raise FitError(
+            f"{len(points)} points do not determine how far the route turns: sense it more densely where it "
+            "turns sharply, and look for points out of order"
+        )
+
+
+def turns_unobserved(points: Points, weight: Vector, stations: Vector, turned: Vector) -> bool:
+    """Whether a route turns between its points by more than these could show.
+
+    Parameters
+    ----------
+    points, weight
+        Sensed points [m], and the weight of each; 0 where it was ignored [1].
+    stations, turned
+        Arc length [m] and accumulated angle [rad] of the route at the points.
+    """
+    length = stations[-1] - stations[0]
+    detour = length > AGREEMENT.longest_detour * path_length(points, weight)[1]
+    return bool(detour or np.diff(turned[weight > 0.0]).max() > AGREEMENT.most_unobserved_turn)
