@@ -14,7 +14,7 @@ from tssgeom.arrays import Points, Vector
 from tssgeom.route.geometry import Method, measure
 from tssgeom.route.observations import clean
 from tssgeom.tendon.capstan import pretensioned, step
-from tssgeom.tendon.transmission import transmit
+from tssgeom.tendon.transmission import of_corners as transmit
 
 
 @dataclass(frozen=True, slots=True)
