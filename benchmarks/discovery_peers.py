@@ -29,8 +29,8 @@ from tssgeom.route.geometry import measure
 from tssgeom.route.observations import clean
 from tssgeom.route.pieces import Arcs
 from tssgeom.stream import Rejected
-from tssgeom.tendon.bars.contact_grid import pretensioned_bars
-from tssgeom.tendon.bars.incremental import step
+from tssgeom.tendon.bars.bar_state import pretensioned_bars
+from tssgeom.tendon.bars.base import step
 
 _BARS = 30
 _TURN = 8.0  # times the noise of the drive: what a turn is

@@ -28,10 +28,10 @@ from tssgeom.route.spline.fit import Spline, fit
 from tssgeom.route.synthetic import Course
 from tssgeom.route.tracking import TrackedFit, follow
 from tssgeom.stream import Frame, FrameResult, process
-from tssgeom.tendon.bars import incremental
-from tssgeom.tendon.bars.contact_grid import BARS, MaterialState, pretensioned_bars
+from tssgeom.tendon.bars import base
+from tssgeom.tendon.bars.bar_state import BARS, BarState, pretensioned_bars
 from tssgeom.tendon.capstan import Corners, pretensioned, step
-from tssgeom.tendon.transmission import transmit
+from tssgeom.tendon.transmission import of_corners as transmit
 
 NOISE = 5e-4
 """Standard deviation of each coordinate, known to every fit [m]."""
@@ -134,19 +134,19 @@ def _followed(method: Method, *, stations: bool) -> _Calls:
     return calls
 
 
-def _bent(frame: Frame) -> tuple[MaterialState, Arcs, float]:
+def _bent(frame: Frame) -> tuple[BarState, Arcs, float]:
     """Bars after a pull and a release on a route that is not quite the frame's, and where the drive goes."""
     arcs = _pieces(_profiled(frame))
     before = Arcs.exact(arcs.length, (1.0 + _SWAY) * arcs.angle)
     state = pretensioned_bars(RIG, before)
     for tension_in in (15.0, 9.0):
-        state = incremental.step(state, before, RIG, tension_in=tension_in)
+        state = base.step(state, before, RIG, tension_in=tension_in)
     return state, arcs, frame.tension_in or 0.0
 
 
-def _moved(given: tuple[MaterialState, Arcs, float]) -> MaterialState:
+def _moved(given: tuple[BarState, Arcs, float]) -> BarState:
     state, arcs, tension_in = given
-    return incremental.step(state, arcs, RIG, tension_in=tension_in)
+    return base.step(state, arcs, RIG, tension_in=tension_in)
 
 
 def _streamed(*, stations: bool) -> _Calls:

@@ -19,9 +19,9 @@ from tssgeom.arrays import Vector
 from tssgeom.rig import Rig, Tendon
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon import capstan as profile
-from tssgeom.tendon.bars import incremental
-from tssgeom.tendon.bars.contact_grid import MaterialState, pretensioned_bars
-from tssgeom.tendon.transmission import transmit
+from tssgeom.tendon.bars import base
+from tssgeom.tendon.bars.bar_state import BarState, pretensioned_bars
+from tssgeom.tendon.transmission import of_corners as transmit
 
 _TOLERANCE = 1e-10  # of the greatest tension
 _PASSES = 4  # for each face, before a step is halved
@@ -184,9 +184,7 @@ def step_table(
         error = _error(_bars_history(n))
         cells = _cells_for(error)
         chain, volumes = _loaded_bars(n), _loaded_cells(cells)
-        own = _timed(
-            [partial(incremental.step, chain, after, RIG, tension_in=t) for t in _GOALS], repeats, clock
-        )
+        own = _timed([partial(base.step, chain, after, RIG, tension_in=t) for t in _GOALS], repeats, clock)
         still = _timed([partial(_stepped, volumes, _route(_OPENS), t) for t in _GOALS], repeats, clock)
         other = _timed([partial(_stepped, volumes, after, t) for t in _GOALS], repeats, clock)
         moving.append(own)
@@ -226,7 +224,7 @@ def _bars_history(bars: int) -> Vector:
     route = _route(_OPENS)
     state, out = pretensioned_bars(RIG, route, bars), []
     for tension_in in _HISTORY:
-        state = incremental.step(state, route, RIG, tension_in=tension_in)
+        state = base.step(state, route, RIG, tension_in=tension_in)
         out.append(state.elongation)
     return np.array(out)
 
@@ -266,11 +264,11 @@ def _rod() -> Rod:
     return Rod(length, tendon.compliance_per_N, _MU, tendon.pretension_N, load)
 
 
-def _loaded_bars(bars: int) -> MaterialState:
+def _loaded_bars(bars: int) -> BarState:
     route = _route(_OPENS)
     state = pretensioned_bars(RIG, route, bars)
     for tension_in in _LOADED:
-        state = incremental.step(state, route, RIG, tension_in=tension_in)
+        state = base.step(state, route, RIG, tension_in=tension_in)
     return state
 
 

@@ -48,12 +48,12 @@ MUTANTS = (
         PROFILE,
     ),
     Mutant("tssgeom/tendon/capstan.py", "1 if change > 0.0 else -1", "-1 if change > 0.0 else 1", PROFILE),
-    Mutant("tssgeom/tendon/capstan.py", "* ahead / (ahead - gap)", "* ahead / (ahead + gap)", PROFILE),
-    Mutant("tssgeom/tendon/capstan.py", "angle[-1] + ahead / friction", "angle[-1] + ahead", PROFILE),
+    Mutant("tssgeom/tendon/capstan.py", "* before / (before - here)", "* before / (before + here)", PROFILE),
+    Mutant("tssgeom/tendon/capstan.py", "angle[-1] + before / friction", "angle[-1] + before", PROFILE),
     Mutant("tssgeom/tendon/capstan.py", "np.exp(np.interp(phi,", "np.exp(-np.interp(phi,", PROFILE),
     # closed forms and their standard errors
     Mutant(
-        "tssgeom/tendon/mean_tension.py",
+        "tssgeom/tendon/transmission.py",
         "(mean_decay(x) - math.exp(-x)) / x",
         "(mean_decay(x) + math.exp(-x)) / x",
         CLOSED,
@@ -85,7 +85,7 @@ MUTANTS = (
         CLOSED,
     ),
     Mutant(
-        "tssgeom/tendon/transmission.py",
+        "tssgeom/tendon/capstan.py",
         "(tension_out - rig.tendon.pretension_N) / stiffness",
         "tension_out / stiffness",
         "tests/tendon/test_load.py",
@@ -136,7 +136,7 @@ MUTANTS = (
     ),
     # a tendon of bars
     Mutant(
-        "tssgeom/tendon/bars/contact_grid.py",
+        "tssgeom/tendon/bars/bar_state.py",
         "displacement_in=elongation + moved",
         "displacement_in=elongation - moved",
         STATE,
@@ -145,7 +145,7 @@ MUTANTS = (
         "tssgeom/tendon/bars/equilibrium.py",
         "right = -slip[i] * force[i]",
         "right = slip[i] * force[i]",
-        "tests/tendon/test_incremental.py -k each_number_of_the_cone",
+        "tests/tendon/test_bars_ends.py -k each_number_of_the_cone",
     ),
     # effects and sensors
     Mutant(

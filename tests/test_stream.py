@@ -10,7 +10,7 @@ from msgspec.structs import replace as changed
 from tssgeom.effects import Creep, HiddenBend, ThermalDrift
 from tssgeom.rig import Friction, Rig, ShapeSensor
 from tssgeom.stream import Frame, FrameResult, Rejected, advance, process
-from tssgeom.tendon.bars.contact_grid import MaterialState
+from tssgeom.tendon.bars.bar_state import BarState
 from tssgeom.tendon.capstan import Corners
 from tssgeom.tendon.state import pretensioned
 
@@ -51,7 +51,7 @@ def test_live_equals_batch():
 
 def test_the_tendon_survives_a_changing_number_of_points_under_load():
     moved = results(moving_run())
-    assert isinstance(moved[-1].state.along, MaterialState)
+    assert isinstance(moved[-1].state.along, BarState)
     assert moved[-1].transmission.tension_in == pytest.approx(4.0, rel=1e-9)
     # released from 15 N, the distal end still feels more than the drive gives
     assert moved[-1].transmission.tension_out > 4.0

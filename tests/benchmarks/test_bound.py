@@ -10,7 +10,7 @@ from benchmarks.routes import truth
 from tssgeom.route.pieces import Arcs
 from tssgeom.route.synthetic import chain, half_circle, setup_a
 from tssgeom.tendon.capstan import pretensioned, step
-from tssgeom.tendon.transmission import transmit
+from tssgeom.tendon.transmission import of_corners as transmit
 
 SEVEN = truth("7 pieces", np.random.default_rng(0)).course
 

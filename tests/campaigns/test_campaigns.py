@@ -16,8 +16,8 @@ from tests.campaigns.make import _rig, _run
 from tests.campaigns.routes import places
 from tssgeom.rig import Friction, Load, Rig, Tendon, read_rig
 from tssgeom.route.pieces import Arcs
-from tssgeom.tendon.bars.contact_grid import pretensioned_bars
-from tssgeom.tendon.bars.incremental import step
+from tssgeom.tendon.bars.bar_state import pretensioned_bars
+from tssgeom.tendon.bars.base import step
 
 
 def contents(folder):

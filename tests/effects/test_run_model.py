@@ -24,11 +24,11 @@ from tssgeom.identify.drive import calmed
 from tssgeom.rig import Load, Rig, Tendon
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon import capstan as profile
-from tssgeom.tendon.bars import incremental
-from tssgeom.tendon.bars.contact_grid import lay, pretensioned_bars
+from tssgeom.tendon.bars.bar_state import pretensioned_bars
+from tssgeom.tendon.bars.base import step
+from tssgeom.tendon.bars.contact_grid import bent, edges
 from tssgeom.tendon.bars.model import CHANNELS, begin, carry_on, moved, predict, prepare
-from tssgeom.tendon.bars.plant import bent, edges
-from tssgeom.tendon.transmission import transmit
+from tssgeom.tendon.transmission import of_corners as transmit
 
 SWIFT = [
     name for name, kind in KINDS.items() if prepare(RUNS[FORCE], ARCS, RIG, [with_size(kind)]).plant.swift
@@ -214,21 +214,18 @@ def test_two_hidden_bends_act_both():
 
 
 @pytest.mark.parametrize("drive", [FORCE, POSITION])
-def test_on_a_moving_route_one_sample_at_a_time_is_the_incremental_core(drive):
+def test_on_a_moving_route_one_sample_at_a_time_is_the_step_without_effects(drive):
     run = {key: column[:60] for key, column in RUNS[drive].items()}
     model = prepare(run, ARCS, RIG)
-    state, tendon = begin(model), incremental.line(RIG, len(model.edge) - 1)
-    tendon = replace(tendon, stretches_with_route=False)
+    state = begin(model)
     bars = replace(pretensioned_bars(RIG, ARCS, len(model.edge) - 1), edge=model.edge)
     for i in range(60):
         route = Arcs.exact(ARCS.length, ARCS.angle * (1.0 + 0.5 * np.sin(0.3 * i + np.arange(4))))
         trace, state = carry_on(
             moved(model, route), state, {key: column[i : i + 1] for key, column in run.items()}
         )
-        bed = lay(bars.edge, route)
-        cone = incremental.coulomb(bed, RIG.friction.coefficient)
         drives = {"tension_in" if drive == FORCE else "displacement_in": run[drive][i]}
-        bars = incremental.advance(bars, bed, cone, tendon, **drives)
+        bars = step(bars, route, RIG, **drives)
         assert trace.channels["tension_in_N"][0] == pytest.approx(bars.tension_in, abs=1e-7)
         assert trace.channels["tension_out_N"][0] == pytest.approx(bars.tension_out, abs=1e-7)
         assert trace.channels["displacement_out_m"][0] == pytest.approx(bars.displacement_out, abs=1e-10)

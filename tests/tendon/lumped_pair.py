@@ -6,18 +6,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from tests.lumped import Distal, Drive, Physics, from_pieces, simulate
+from tests.tendon.bars import HALF, LOOP, MU, PI, RHO, stepped
+from tssgeom.effects import Setup
 from tssgeom.rig import Rig, Tendon
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon import capstan as profile
-from tssgeom.tendon.bars.contact_grid import lay, pretensioned_bars
-from tssgeom.tendon.bars.incremental import Line, advance, coulomb
-from tssgeom.tendon.transmission import transmit
+from tssgeom.tendon.bars.bar_state import pretensioned_bars
+from tssgeom.tendon.bars.contact_grid import discretise
+from tssgeom.tendon.bars.plant import plant
+from tssgeom.tendon.transmission import of_corners as transmit
 
-MU, RHO, PI = 0.145, 3.16e-4, math.pi  # the paper's tendon and sheath, section III-B
 EXPANSION_PER_K = 2e-5
 SPRING, BLOCKED, WEIGHT = Distal("spring", 1000.0), Distal("blocked"), Distal("weight")
 MM = 1e-3
-HALF, LOOP = PI * 0.0847, 2 * PI * 0.0372  # radii inferred from figure 6 of the paper [m]
 SETUP_A, SETUP_B = ([HALF, LOOP], [PI, 2 * PI]), ([LOOP, HALF], [2 * PI, PI])
 FOUR = np.array([0.15, 0.1, 0.15, 0.1])
 WANDER = [[2, 0.5, 1, 0], [1, 1.5, 1, 1], [2.5, 0, 0.5, 2], [0.5, 2, 2, 0], [1, 1, 1.5, 1], [2, 0.5, 1, 0]]
@@ -80,41 +81,46 @@ def by_lumped(case, asked, max_step=0.02, cells=160):
 
 
 def by_bars(case, asked, max_step=0.02, bars=60):
-    """[5, len(asked)] `ROWS`, from `tssgeom.tendon.bars.incremental`."""
+    """[5, len(asked)] `ROWS`, from the bars of `tssgeom`."""
     stiffness = {"spring": case.end.stiffness_N_per_m, "blocked": math.inf, "weight": 0.0}[case.end.kind]
-    line = Line(np.full(bars, RHO), case.pretension, stiffness, *case.series)
+    series_in, series_out = case.series
+    setup = Setup(
+        MU, RHO, case.pretension, stiffness, series_in_m_per_N=series_in, series_out_m_per_N=series_out
+    )
     state = pretensioned_bars(_rig(case), _arcs(case, 0.0), bars)
     ratio, time = np.array(case.creep, dtype=float).reshape(-1, 2).T
     crept = np.outer(RHO * ratio, state.tension[1:-1])  # at rest under the pretension
-    warm, before, seen = _at(case, case.celsius, 0.0), -max_step, []
+    warm, before, grown, rows = _at(case, case.celsius, 0.0), -max_step, 0.0, []
     for now in _grid(case, asked, max_step):
-        bed, after = lay(state.edge, _arcs(case, now)), _at(case, case.celsius, now)
+        arcs, after = _arcs(case, now), _at(case, case.celsius, now)
         drive = {"tension_in" if case.kind == "force" else "displacement_in": _at(case, case.values, now)}
         heat = np.full(bars, EXPANSION_PER_K * (after - warm))
-        step = (state, bed, coulomb(bed, MU), line, drive, heat)
-        state, crept = _crept(step, crept, RHO * ratio, (now - before) / time)
+        step = (state, arcs, plant(setup, arcs, state.edge), drive, heat)
+        state, crept, strain = _crept(step, crept, RHO * ratio, (now - before) / time)
         before, warm = now, after
+        grown += float(strain @ discretise(state.edge, arcs).length)
         if np.isclose(asked, now, rtol=0.0, atol=1e-9).any():
-            seen.append([getattr(state, name) for name in ROWS])
-    return np.array(seen).T
+            rows.append([getattr(state, name) + (grown if name == "elongation" else 0.0) for name in ROWS])
+    return np.array(rows).T
 
 
 def _crept(step, crept, compliance, x):
     """Advance with creep strains [c, n] that answer the tension of the same step, linear over x times [c].
 
-    The eigenstrain is iterated until the tension it leaves is the tension it came from.
+    The strain is iterated until the tension it leaves is the tension it came from.
     """
-    state, bed, cone, line, drive, heat = step
+    state, arcs, laws, drive, heat = step
     kept, mean = np.exp(-x)[:, None], (-np.expm1(-x) / x)[:, None]
     tension = state.tension[1:-1]
     for _ in range(30):
         answer = (mean - kept) * state.tension[1:-1] + (1 - mean) * tension
         grown = kept * crept + compliance[:, None] * answer
-        after = advance(state, bed, cone, line, **drive, eigenstrain=heat + np.sum(grown - crept, axis=0))
+        strain = heat + np.sum(grown - crept, axis=0)
+        after = stepped(state, arcs, laws, strain=strain, **drive)
         change = np.max(np.abs(after.tension[1:-1] - tension))
         tension = after.tension[1:-1]
         if not len(x) or change < 1e-8:
-            return after, grown
+            return after, grown, strain
     raise AssertionError(f"creep did not settle: {change:.3g} N")
 
 

@@ -2,18 +2,21 @@
 
 import json
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tssgeom.effects import Creep
 from tssgeom.errors import SettingsError, ShapeError
+from tssgeom.io.formats.states import read_state
 from tssgeom.rig import Load, Rig, Tendon
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon import capstan as profile
 from tssgeom.tendon import transmission
-from tssgeom.tendon.bars.contact_grid import MaterialState
+from tssgeom.tendon.bars.bar_state import BarState
 from tssgeom.tendon.capstan import Corners
 from tssgeom.tendon.moving import MovingRoute, between, unmoved
 from tssgeom.tendon.saved import state_object, state_of
@@ -76,7 +79,7 @@ def test_a_position_drive_goes_on_in_bars_from_the_same_tension():
     before = transmit(pulled, Rig())
     held = step(pulled, HALF_CIRCLE, Rig(), displacement_in=before.displacement_in)
     after = transmit(held, Rig())
-    assert isinstance(held.along, MaterialState)
+    assert isinstance(held.along, BarState)
     assert after.tension_out == pytest.approx(before.tension_out, rel=1e-12)
     assert after.elongation == pytest.approx(before.elongation, rel=DISCRETE)
 
@@ -93,8 +96,8 @@ def test_a_tension_that_is_the_same_all_along_is_laid_on_any_route_without_bars(
 
 def test_a_route_that_moves_under_load_goes_on_in_bars_and_stays_there():
     state = step(driven([15.0], HALF_CIRCLE), BENT, Rig(), tension_in=15.0)
-    assert isinstance(state.along, MaterialState)
-    assert isinstance(step(state, BENT, Rig(), tension_in=12.0).along, MaterialState)
+    assert isinstance(state.along, BarState)
+    assert isinstance(step(state, BENT, Rig(), tension_in=12.0).along, BarState)
 
 
 def test_an_inserted_tendon_is_not_stretched_by_its_route():
@@ -236,6 +239,28 @@ def test_a_saved_state_goes_on_bit_for_bit(history, moving):
     assert transmit(revived, Rig()) == transmit(state, Rig())
     ahead = [step(one, BENT, Rig(), tension_in=7.0) for one in (state, revived)]
     assert transmit(ahead[0], Rig()) == transmit(ahead[1], Rig())
+
+
+SETTINGS = Path(__file__).parents[1] / "io" / "corpus" / "settings"
+OF_VERSION_3 = [
+    ("state_bars.json", Rig(), (1.8434849578560712, 2.648935282572277), 0.009764115472200631),
+    (
+        "state_effects.json",
+        Rig(effects=(Creep(ratio=0.1),)),
+        (1.8226376546710934, 2.618979433614654),
+        0.005005813978398253,
+    ),
+]
+
+
+@pytest.mark.parametrize(("file", "rig", "tensions", "position"), OF_VERSION_3)
+def test_a_state_that_an_older_program_saved_goes_on_as_it_did_there(file, rig, tensions, position):
+    """The numbers are those of the program that wrote version 3; 1e-11 is ten times what is solved to."""
+    state, bent = read_state(SETTINGS / file), Arcs.exact([0.2, 0.3], [1.0, 1.5])
+    placed = step(state, bent, rig, displacement_in=0.003, time=2.0)
+    assert (placed.tension_in, placed.tension_out) == pytest.approx(tensions, rel=1e-9)
+    pulled = transmit(step(state, bent, rig, tension_in=6.0, time=2.0), rig)
+    assert pulled.displacement_in == pytest.approx(position, rel=1e-11)
 
 
 @pytest.mark.parametrize("spoilt", [{"version": 99}, {"kind": "knots"}, {"along": {"angle": [0.0]}}])

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from tssgeom.rig import Friction, Rig, Tendon
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.capstan import pretensioned, step
-from tssgeom.tendon.mean_tension import mean_decay, mean_decay_moment
-from tssgeom.tendon.transmission import sensitivity, transmit
+from tssgeom.tendon.transmission import mean_decay, mean_decay_moment, sensitivity
+from tssgeom.tendon.transmission import of_corners as transmit
 
 MU, RHO, PI = 0.145, 3.16e-4, math.pi  # the paper's tendon and sheath, section III-B
 HALF_CIRCLE = Arcs.exact([0.5], [PI])

@@ -27,7 +27,7 @@ from tssgeom.effects.friction import (
     VelocityDependentFriction,
     ViscousDrag,
 )
-from tssgeom.effects.kinds import Channel, Effect, Parameter, Tie, snake
+from tssgeom.effects.kinds import Channel, Effect, Parameter, Setup, Tie, snake
 from tssgeom.effects.route import HiddenBend, SheathClearance
 from tssgeom.effects.sensor import (
     ChannelLag,
@@ -37,7 +37,6 @@ from tssgeom.effects.sensor import (
     TensionOutGain,
     TensionOutOffset,
 )
-from tssgeom.effects.setup import Setup
 from tssgeom.errors import SettingsError
 
 Library: TypeAlias = (
@@ -81,8 +80,8 @@ def named(effects: Iterable[Library]) -> str:
 
 def with_size(kind: type[Library], size: float = 1.0) -> Library:
     """Return the effect at `size` times what is typical; 0 switches it off, scales stay typical."""
-    told = kind.parameters.items()
-    numbers: dict[str, Any] = {key: p.typical * size if p.switch else p.typical for key, p in told}
+    parameters = kind.parameters.items()
+    numbers: dict[str, Any] = {key: p.typical * size if p.switch else p.typical for key, p in parameters}
     return kind(**numbers)
 
 

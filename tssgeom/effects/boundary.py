@@ -3,8 +3,7 @@
 from dataclasses import replace
 from typing import ClassVar
 
-from tssgeom.effects.kinds import PATHS, Channel, Effect, Hook, Parameter, Tie
-from tssgeom.effects.setup import Setup
+from tssgeom.effects.kinds import PATHS, Channel, Effect, Hook, Parameter, Setup, Tie
 
 
 class PretensionError(Effect, frozen=True):

@@ -3,8 +3,7 @@
 from dataclasses import replace
 from typing import ClassVar, Literal
 
-from tssgeom.effects.kinds import PATHS, Channel, Effect, Hook, Parameter, Tie
-from tssgeom.effects.setup import Setup
+from tssgeom.effects.kinds import PATHS, Channel, Effect, Hook, Parameter, Setup, Tie
 
 _SCALE = Parameter("N", 0.05, 100.0, 2.0, 2.0, centre=2.0, switch=False)
 _STRAIGHT = "the tension is the same all along: no friction, or a straight sheath"

@@ -4,8 +4,7 @@ import math
 from dataclasses import replace
 from typing import ClassVar
 
-from tssgeom.effects.kinds import Effect, Hook, Parameter, Tie
-from tssgeom.effects.setup import Setup
+from tssgeom.effects.kinds import Effect, Hook, Parameter, Setup, Tie
 
 _ONE_RATE = Tie(
     "G5",

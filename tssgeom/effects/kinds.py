@@ -1,9 +1,9 @@
-"""What every effect says of itself: parameters with bounds and priors, where it acts, what it is tied to."""
+"""What every effect states: parameters, bounds, priors, where it acts and its ties; and what it changes."""
 
 import math
 import re
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from typing import ClassVar, Literal, NamedTuple
 
 import msgspec
 
@@ -70,6 +70,81 @@ class Tie:
     """The experiment that breaks it."""
 
 
+class Bend(NamedTuple):
+    """A bend that the sensed route does not show."""
+
+    middle_m: float
+    """Arc length of its middle [m]."""
+    angle_rad: float
+    """Curve angle that it adds [rad]."""
+    width_m: float
+    """Arc length over which it bends [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Setup:
+    """One run's physics as numbers: the rig's own and what its effects add; the defaults are the base model.
+
+    Source: docs/model.md (50)-(62).
+    """
+
+    friction: float
+    """Coulomb coefficient μ [1]."""
+    compliance: float
+    """Strain per tension ρ [1/N]."""
+    pretension: float
+    """Tension before the run T_0 [N]."""
+    load_stiffness: float
+    """Distal spring; 0 is a dead weight, inf a fixed end [N/m]."""
+
+    # friction
+    load_exponent: float = 0.0
+    load_reference_N: float = 10.0
+    speed_gain: float = 0.0
+    speed_reference_m_per_s: float = 1e-3
+    drag_Ns_per_m2: float = 0.0
+    straight_friction_N_per_m: float = 0.0
+    curvature_gain_m: float = 0.0
+    asymmetry: float = 0.0
+    wear_gain: float = 0.0
+    wear_travel_m: float = 0.05
+    fitting_in_N: float = 0.0
+    fitting_out_N: float = 0.0
+    fitting_in_exponent: float = 0.0
+    fitting_out_exponent: float = 0.0
+
+    # route
+    bends: tuple[Bend, ...] = ()
+    """Bends that the sensed route does not show."""
+    clearance_m_per_rad: float = 0.0
+    clearance_scale_N: float = 2.0
+
+    # elasticity
+    take_up_in_m: float = 0.0
+    take_up_in_scale_N: float = 2.0
+    take_up_out_m: float = 0.0
+    take_up_out_scale_N: float = 2.0
+    toe_strain: float = 0.0
+    toe_scale_N: float = 2.0
+    creep_ratio: float = 0.0
+    creep_time_s: float = 20.0
+    series_in_m_per_N: float = 0.0
+    series_out_m_per_N: float = 0.0
+    expansion_per_K: float = 0.0
+
+    # boundary
+    backlash_m: float = 0.0
+
+    # sensors
+    tension_in_gain: float = 1.0
+    tension_out_gain: float = 1.0
+    tension_in_offset_N: float = 0.0
+    tension_out_offset_N: float = 0.0
+    crosstalk: float = 0.0
+    lags: tuple[tuple[Channel, float], ...] = ()
+    """Channel and time constant [s] of each lag."""
+
+
 def snake(name: str) -> str:
     """Return a class name as it stands in a rig file: HiddenBend is hidden_bend."""
     return re.sub(r"(?<!^)(?=[A-Z])", "_", name).lower()
@@ -91,11 +166,11 @@ class Effect(
     ties: ClassVar[tuple[Tie, ...]] = ()
 
     def __post_init__(self) -> None:
-        for key, told in self.parameters.items():
+        for key, allowed in self.parameters.items():
             value = getattr(self, key)
-            if not (math.isfinite(value) and told.lower <= value <= told.upper):
-                unit = "" if told.unit == "1" else f" {told.unit}"
+            if not (math.isfinite(value) and allowed.lower <= value <= allowed.upper):
+                unit = "" if allowed.unit == "1" else f" {allowed.unit}"
                 raise SettingsError(
                     f"effects.{snake(type(self).__name__)}.{key} is {value:g}{unit}: "
-                    f"give {told.lower:g} to {told.upper:g}{unit}"
+                    f"give {allowed.lower:g} to {allowed.upper:g}{unit}"
                 )

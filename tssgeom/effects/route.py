@@ -3,8 +3,7 @@
 from dataclasses import replace
 from typing import ClassVar
 
-from tssgeom.effects.kinds import PATHS, Channel, Effect, Hook, Parameter, Tie
-from tssgeom.effects.setup import Setup
+from tssgeom.effects.kinds import PATHS, Bend, Channel, Effect, Hook, Parameter, Setup, Tie
 
 
 class HiddenBend(Effect, frozen=True):
@@ -45,7 +44,7 @@ class HiddenBend(Effect, frozen=True):
         """Return the setup with this effect in it."""
         if self.angle_rad == 0.0:
             return setup
-        return replace(setup, bends=(*setup.bends, (self.at_m, self.angle_rad, self.width_m)))
+        return replace(setup, bends=(*setup.bends, Bend(self.at_m, self.angle_rad, self.width_m)))
 
 
 class SheathClearance(Effect, frozen=True):

@@ -3,8 +3,7 @@
 from dataclasses import replace
 from typing import ClassVar
 
-from tssgeom.effects.kinds import ANSWERS, LOSSES, Channel, Effect, Hook, Parameter, Tie
-from tssgeom.effects.setup import Setup
+from tssgeom.effects.kinds import ANSWERS, LOSSES, Channel, Effect, Hook, Parameter, Setup, Tie
 from tssgeom.errors import SettingsError
 
 _GAIN = Parameter("1", -0.5, 1.0, 0.03, 0.03)

@@ -17,10 +17,10 @@ from tssgeom.identify.measured import Measured
 from tssgeom.identify.turning import Legs, legs
 from tssgeom.rig import Friction, Rig, Tendon
 from tssgeom.route.pieces import Arcs
-from tssgeom.tendon.bars.contact_grid import pretensioned_bars
-from tssgeom.tendon.bars.incremental import step as bar_step
+from tssgeom.tendon.bars.bar_state import pretensioned_bars
+from tssgeom.tendon.bars.base import step as bar_step
 from tssgeom.tendon.bars.model import predict
-from tssgeom.tendon.bars.with_effects import setup_acting
+from tssgeom.tendon.bars.with_effects import effective_setup
 from tssgeom.tendon.history import driven
 from tssgeom.tendon.state import rest_tension
 
@@ -71,7 +71,7 @@ def _player(drive: Legs, arcs: Arcs, clock: Clock) -> Play:
         return tension_in, run.tension_out[kept], run.elongation[kept]
 
     def play(rig: Rig, *shifts: float) -> tuple[Vector, Vector, Vector]:
-        if setup_acting(rig) is not None:
+        if effective_setup(rig) is not None:
             return _played(drive, arcs, clock, rig, shifts)
         tension_in, out, stretch = unit(rig.friction, rig.tendon.pretension_N, *shifts)
         return tension_in, out, rig.tendon.compliance_per_N * stretch
@@ -171,7 +171,7 @@ class Forward:
         return self.play(rig, *shifts)
 
     def _by_position(self, rig: Rig, offset: float) -> tuple[Vector, Vector, Vector]:
-        if setup_acting(rig) is not None:
+        if effective_setup(rig) is not None:
             return self._placed(rig, offset)
         state = pretensioned_bars(rig, self.arcs, _BARS)
         rows = np.empty((len(self.drive.values), 3))

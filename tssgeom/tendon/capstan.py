@@ -105,6 +105,15 @@ def tension(state: Corners, phi: Vector) -> Vector:
     return np.exp(np.interp(phi, state.angle, state.log_tension))
 
 
+def load_moved(tension_out: float, rig: Rig) -> float:
+    """Return how far a distal tension has drawn the rig's spring from where the pretension left it [m].
+
+    A dead weight, of stiffness 0, stays where it is.
+    """
+    stiffness = rig.load.stiffness_N_per_m
+    return (tension_out - rig.tendon.pretension_N) / stiffness if stiffness > 0.0 else 0.0
+
+
 def _log(tension_in: float) -> float:
     return math.log(tension_in) if tension_in > 0.0 else SLACK
 
@@ -132,13 +141,13 @@ def _thinned(corners: Matrix) -> Matrix:
 @njit(cache=True, nogil=True)
 def _front(angle, log_tension, drive, friction, direction_index):
     """Return how many corners the front wipes out, and the angle φ* where it meets the old profile."""
-    ahead = direction_index * (drive - log_tension[0])  # how far the front is past the old profile
+    before = direction_index * (drive - log_tension[0])  # excess of the front over the old profile [1]
     for k in range(1, angle.size):
-        gap = direction_index * (drive - log_tension[k]) - friction * angle[k]
-        if gap <= -RESOLUTION:
-            return k, angle[k - 1] + (angle[k] - angle[k - 1]) * ahead / (ahead - gap)  # docs/model.md (4)
-        ahead = max(gap, 0.0)
-    return angle.size, angle[-1] + ahead / friction  # docs/model.md (4)
+        here = direction_index * (drive - log_tension[k]) - friction * angle[k]
+        if here <= -RESOLUTION:
+            return k, angle[k - 1] + (angle[k] - angle[k - 1]) * before / (before - here)  # docs/model.md (4)
+        before = max(here, 0.0)
+    return angle.size, angle[-1] + before / friction  # docs/model.md (4)
 
 
 @njit(cache=True, nogil=True)

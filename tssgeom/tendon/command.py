@@ -120,9 +120,9 @@ def compensate(
     if move.error(answer) != 0.0:
         answer = _reached(move, answer)
         if acts_by_speed(rig):
-            answer = _by_place(move, answer)
-    seen = transmit(answer, rig)
-    return Command(seen.displacement_in, seen.tension_in, answer, reading_of(rig, seen.tension_in))
+            answer = _by_position(move, answer)
+    ends = transmit(answer, rig)
+    return Command(ends.displacement_in, ends.tension_in, answer, reading_of(rig, ends.tension_in))
 
 
 def _target(rig: Rig, tension_out: float | None, displacement_out: float | None) -> float:
@@ -175,19 +175,19 @@ def _reached(move: _Move, held: TendonState) -> TendonState:
     return move.pulled(float(root))
 
 
-def _by_place(move: _Move, answer: TendonState) -> TendonState:
-    """Return the state found by position: with friction by speed the way there matters; (65)."""
+def _by_position(move: _Move, answer: TendonState) -> TendonState:
+    """Return the state reached by position: with friction by speed the way there matters; (65)."""
     near = transmit(answer, move.rig).displacement_in
-    found = move.placed(near)
-    error, reach = move.error(found), _FIRST_REACH
-    far, other = near, found
+    start = move.placed(near)
+    error, reach = move.error(start), _FIRST_REACH
+    far, other = near, start
     for _ in range(_WIDENINGS):
         if error * move.error(other) <= 0.0:
             break
         far, reach = near - math.copysign(reach, error), 2.0 * reach
         other = move.placed(far)
     if error == 0.0:
-        return found
+        return start
     low, high = sorted((near, far))
-    root: Any = brentq(lambda place: move.error(move.placed(place)), low, high, xtol=1e-16)
+    root: Any = brentq(lambda position: move.error(move.placed(position)), low, high, xtol=1e-16)
     return move.placed(float(root))

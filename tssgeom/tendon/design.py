@@ -23,7 +23,7 @@ _STEP = math.radians(45.0)  # between the angles that are tried
 
 @dataclass(frozen=True, slots=True)
 class Perturbation:
-    """Bends that nobody knows of: each at a random place, with an angle half of a normal distribution."""
+    """Unknown bends: each at a random position, with an angle half of a normal distribution."""
 
     bends: int
     angle_sd: float
@@ -204,8 +204,8 @@ def sweep(
     tried = list[Tried]()
     for angle in angles(most):
         curve = Curve(angle, kappa)
-        seen = disturbed(arcs, routes, rig, curve, cycle.tensions, percentile)
-        tried.append(Tried(curve, price(arcs, rig, curve, cycle), seen))
+        disturbance = disturbed(arcs, routes, rig, curve, cycle.tensions, percentile)
+        tried.append(Tried(curve, price(arcs, rig, curve, cycle), disturbance))
         tell(curve)
     return tried
 
@@ -233,9 +233,9 @@ def advise(tried: Sequence[Tried], tolerance: float) -> Advice:
         ("curve", lambda each: each.disturbed.worst),
         ("pull only", lambda each: each.disturbed.pull),
     ):
-        found = next((each for each in tried[1:] if size(each) <= tolerance), None)
-        if found is not None:
-            return Advice(verdict, found)
+        first = next((each for each in tried[1:] if size(each) <= tolerance), None)
+        if first is not None:
+            return Advice(verdict, first)
     return Advice("out of reach", None)
 
 

@@ -15,7 +15,7 @@ from tssgeom.arrays import Matrix, Vector, read_only
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.capstan import pretensioned, step, tension
-from tssgeom.tendon.mean_tension import means_on_pieces
+from tssgeom.tendon.transmission import means_on_pieces
 
 _ROUNDING = 1e-12  # of a tension that is held
 

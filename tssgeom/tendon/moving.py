@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -12,11 +13,20 @@ from tssgeom.arrays import Matrix, Vector, read_only
 from tssgeom.errors import ShapeError
 from tssgeom.route.pieces import Arcs
 
-PLACES = 8
-"""Even shares of the length at which two routes are compared."""
-SIGMAS = 3.0
-"""Standard errors of a difference that still count as noise."""
-_ROUNDING = 1e-9  # of lengths [1] and angles [rad]
+
+class RouteComparison(NamedTuple):
+    """When two sensed routes count as one that has not moved."""
+
+    shares: int = 8
+    """Even shares of the length at which the curve angles are compared [1]; chosen."""
+    sigmas: float = 3.0
+    """Standard errors of a difference that still count as noise [1]; chosen: 99.7 % of normal errors."""
+    rounding: float = 1e-9
+    """Difference of lengths [1] and angles [rad] that is rounding; chosen."""
+
+
+SAME = RouteComparison()
+"""Used wherever two sensed routes are compared."""
 
 
 def unmoved(before: Arcs, now: Arcs) -> bool:
@@ -79,7 +89,7 @@ def _shares(arcs: Arcs) -> Vector:
 def _merged(first: Vector, second: Vector) -> Vector:
     """Return all joints in order; of joints within rounding of each other one."""
     edges = np.union1d(first, second)
-    kept = edges[np.concatenate(([True], np.diff(edges) > _ROUNDING))]
+    kept = edges[np.concatenate(([True], np.diff(edges) > SAME.rounding))]
     kept[-1] = 1.0
     return kept
 
@@ -123,13 +133,13 @@ def _unmoved(length, angle, covariance, length_now, angle_now, covariance_now):
     k, m = length.size, length_now.size
     change = np.sum(length_now) - np.sum(length)
     variance = np.sum(covariance[:k, :k]) + np.sum(covariance_now[:m, :m])
-    if abs(change) > SIGMAS * np.sqrt(max(variance, 0.0)) + _ROUNDING * np.sum(length):
+    if abs(change) > SAME.sigmas * np.sqrt(max(variance, 0.0)) + SAME.rounding * np.sum(length):
         return False
     room, room_now = np.empty(2 * k), np.empty(2 * m)
-    for place in range(PLACES, 0, -1):
-        share = place / PLACES
+    for step in range(SAME.shares, 0, -1):
+        share = step / SAME.shares
         phi, spread = _angle_at(share, length, angle, covariance, room)
         phi_now, spread_now = _angle_at(share, length_now, angle_now, covariance_now, room_now)
-        if abs(phi_now - phi) > SIGMAS * np.sqrt(max(spread + spread_now, 0.0)) + _ROUNDING:
+        if abs(phi_now - phi) > SAME.sigmas * np.sqrt(max(spread + spread_now, 0.0)) + SAME.rounding:
             return False
     return True

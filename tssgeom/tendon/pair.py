@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from scipy.optimize import brentq
 
-from tssgeom.arrays import read_only
 from tssgeom.effects import named
 from tssgeom.errors import FitError, SettingsError
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
-from tssgeom.tendon.bars import incremental
-from tssgeom.tendon.bars.contact_grid import BARS, MaterialState, lay, pretensioned_bars
-from tssgeom.tendon.bars.incremental import coulomb, line
+from tssgeom.tendon.bars.bar_state import BARS, BarState, pretensioned_bars
+from tssgeom.tendon.bars.base import against_load
 
 HALVINGS = 4
 """The bars at both ends are halved so often: the tension at a held end is known to half of the last bar."""
@@ -58,8 +56,8 @@ class Joint:
 class PairState:
     """Both tendons and the joint between them."""
 
-    agonist: MaterialState
-    antagonist: MaterialState
+    agonist: BarState
+    antagonist: BarState
     angle: float
     """Angle of the joint since the pretensioned state, θ [rad]."""
     torque: float
@@ -99,7 +97,7 @@ def step(
     routes
         Their routes after the step; a longer one shows more of the tendon and does not stretch it.
     rig
-        Tendon and friction, alike for both; its load stays out of it, as the joint takes that place.
+        Tendon and friction, alike for both; the joint takes the place of its load.
     joint
         Lever arm and stiffness.
     tension_in, displacement_in
@@ -117,10 +115,10 @@ def step(
     if not math.isfinite(torque):
         raise SettingsError(f"torque is {torque:g} N·m: give a finite torque")
     lift = 0.5 * (torque - pair.torque) / joint.radius
-    force, place = tension_in or (None, None), displacement_in or (None, None)
+    force, position = tension_in or (None, None), displacement_in or (None, None)
     pulls = (
-        _puller(pair.agonist, routes.agonist, rig, joint, force[0], place[0], lift),
-        _puller(pair.antagonist, routes.antagonist, rig, joint, force[1], place[1], -lift),
+        _puller(pair.agonist, routes.agonist, rig, joint, force[0], position[0], lift),
+        _puller(pair.antagonist, routes.antagonist, rig, joint, force[1], position[1], -lift),
     )
     common = _common_tension(pulls, pair)
     agonist, antagonist = (pull(common) for pull in pulls)
@@ -128,11 +126,11 @@ def step(
     return PairState(agonist, antagonist, turned, torque)
 
 
-_Pull = Callable[[float], MaterialState]
+_Pull = Callable[[float], BarState]
 
 
 def _puller(
-    state: MaterialState,
+    state: BarState,
     arcs: Arcs,
     rig: Rig,
     joint: Joint,
@@ -141,18 +139,11 @@ def _puller(
     lift: float,
 ) -> _Pull:
     """Return the tendon as a function of what the tension that both share grows by [N]."""
-    bed = lay(state.edge, arcs)
-    cone = coulomb(bed, rig.friction.coefficient)
     half = 0.5 * joint.stiffness / joint.radius**2  # docs/model.md (84): each tendon against half the spring
-    tendon = replace(line(rig, len(bed.length)), load_stiffness=half, stretches_with_route=False)
 
-    def pull(growth: float) -> MaterialState:
-        tension = state.tension.copy()
-        tension[-1] += lift + growth
-        loaded = replace(state, tension=read_only(tension))
-        return incremental.advance(
-            loaded, bed, cone, tendon, tension_in=tension_in, displacement_in=displacement_in
-        )
+    def pull(growth: float) -> BarState:
+        load = (half, lift + growth)
+        return against_load(state, arcs, rig, load, tension_in=tension_in, displacement_in=displacement_in)
 
     return pull
 
@@ -160,18 +151,18 @@ def _puller(
 def _common_tension(pulls: tuple[_Pull, _Pull], pair: PairState) -> float:
     """Return the growth of the shared tension that keeps both tendons on one joint; docs/model.md (85)."""
 
-    def gap(growth: float) -> float:
+    def opening(growth: float) -> float:
         agonist, antagonist = (pull(growth) for pull in pulls)
         return agonist.displacement_out + antagonist.displacement_out
 
-    at_rest = gap(0.0)
+    at_rest = opening(0.0)
     if abs(at_rest) <= _CLOSED:
         return 0.0
     near, far = 0.0, math.copysign(1e-3 * (1.0 + _greatest(pair)), at_rest)
     for _ in range(_MOST_DOUBLINGS):
-        if gap(far) * at_rest <= 0.0:
+        if opening(far) * at_rest <= 0.0:
             low, high = sorted((near, far))
-            root: Any = brentq(gap, low, high, xtol=1e-14 * (1.0 + _greatest(pair)))
+            root: Any = brentq(opening, low, high, xtol=1e-14 * (1.0 + _greatest(pair)))
             return float(root)
         near, far = far, 2.0 * far
     raise FitError("no equilibrium of the joint was found: take smaller steps")

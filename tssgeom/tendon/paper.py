@@ -156,7 +156,7 @@ def _end_of_dead_zone() -> float:
 
 def _order_rows() -> list[Row]:
     a, b = at_peak(SETUP_A), at_peak(SETUP_B)
-    gap = a.elongation[-1] - b.elongation[-1]
+    difference = a.elongation[-1] - b.elongation[-1]
     length = 0.5 / (math.pi * (1 + 2 * RADII[1] / RADII[0]))
     return [
         Row(
@@ -174,7 +174,7 @@ def _order_rows() -> list[Row]:
             "mm",
             0.34,
             True,
-            1e3 * gap,
+            1e3 * difference,
             "the two radii are inferred from this number: it is no test of the model",
         ),
         Row(
@@ -183,7 +183,7 @@ def _order_rows() -> list[Row]:
             "%",
             10.0,
             True,
-            100 * gap / (a.elongation[-1] + OFFSET),
+            100 * difference / (a.elongation[-1] + OFFSET),
             "printed as almost 10 %; the paper does not say of what, without the offset it is 23 %",
         ),
         Row(

@@ -12,37 +12,37 @@ import numpy as np
 from tssgeom.arrays import read_only
 from tssgeom.errors import SettingsError
 from tssgeom.route.pieces import Arcs
-from tssgeom.tendon.bars.contact_grid import MaterialState
-from tssgeom.tendon.bars.laws import Memory
+from tssgeom.tendon.bars.bar_state import BarState
+from tssgeom.tendon.bars.plant import Memory
 from tssgeom.tendon.bars.sensors import CHANNELS
-from tssgeom.tendon.bars.with_effects import ActingState
 from tssgeom.tendon.capstan import MOST_TENSION, Corners, check_tension
 from tssgeom.tendon.state import TendonState
 
-VERSION = 3
-"""Version of the objects that `state_object` writes."""
-_KINDS = {"corners": Corners, "bars": MaterialState, "acting": ActingState}
-_OF_BARS = ("tension", "slack", "inelastic", "creep")
-_OF_CONTACTS = ("slip", "place", "speed", "travel")
-_SCALARS = {"length", "elongation", "displacement_in", "displacement_out", "span", "front", "iterations"}
-_DRIVE = 6  # numbers that the march keeps of the drive
+VERSION = 4
+"""Version of the objects that `state_object` writes; `state_of` reads version 3 too."""
+_KINDS = {"corners": Corners, "bars": BarState}
+_ROUTE = "route"  # stands for the route of the state where the bars were cut on it
+_OF_BARS = ("tension", "creep", "rest")
+_OF_CONTACTS = ("slip", "displacement", "speed", "travel")
+_SCALARS = ("length", "elongation", "displacement_in", "displacement_out", "span", "front", "iterations")
+_DRIVE = 6  # numbers that bars with effects remember of their drive
 _MOST = 1e12  # of any number in a state
-_Part = TypeVar("_Part", Corners, MaterialState, ActingState, Arcs)
+_Part = TypeVar("_Part", Corners, BarState, Arcs)
 
 
 def state_object(state: TendonState) -> dict[str, Any]:
     """Return a state as an object for JSON, from which `state_of` makes the same state to the last bit."""
     kind = next(name for name, each in _KINDS.items() if isinstance(state.along, each))
     along = _plain(state.along)
-    if isinstance(state.along, ActingState) and state.along.cut is state.route:
-        along["cut"] = None
+    if isinstance(state.along, BarState) and state.along.has_effects and state.along.cut is state.route:
+        along["cut"] = _ROUTE
     route = None if state.route is None else _plain(state.route)
     return {
         "version": VERSION,
         "kind": kind,
         "along": along,
         "route": route,
-        "time": _told(state.time),
+        "time": _or_none(state.time),
     }
 
 
@@ -54,21 +54,57 @@ def state_of(saved: Mapping[str, Any]) -> TendonState:
     SettingsError
         Where the object is of another version, or is none of a state.
     """
-    if saved.get("version") != VERSION:
+    if saved.get("version") not in (3, VERSION):
         raise SettingsError(
             f"the saved state has version {saved.get('version')!r}, this program reads {VERSION}: start anew"
         )
     try:
-        kind = _KINDS[saved["kind"]]
+        saved = saved if saved["version"] == VERSION else _of_version_3(saved)
         route = None if saved["route"] is None else _revived(Arcs, saved["route"])
-        along = _acting(saved["along"], route) if kind is ActingState else _revived(kind, saved["along"])
+        is_bars = _KINDS[saved["kind"]] is BarState
+        along = _bars(saved["along"], route) if is_bars else _revived(Corners, saved["along"])
         _check(along, route)
         return TendonState(along, route, _time(saved["time"]))
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise SettingsError(f"the saved state is broken ({error!r}): remove it and start anew") from error
 
 
-def _check(along: Corners | MaterialState | ActingState, route: Arcs | None) -> None:
+def _of_version_3(saved: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the object of a version in which bars with and without effects were two kinds."""
+    along = dict(saved["along"])
+    if saved["kind"] == "bars":
+        along = _with_memory(along)
+    elif saved["kind"] == "acting":
+        along |= {"cut": along["cut"] or _ROUTE, "rest": None, "iterations": 0, "length": 0.0}
+        memory = {"displacement" if name == "place" else name: v for name, v in along["memory"].items()}
+        along["memory"] = memory
+        along["elongation"] = along["displacement_in"] - along["displacement_out"]
+    return {**saved, "kind": "corners" if saved["kind"] == "corners" else "bars", "along": along}
+
+
+def _with_memory(along: dict[str, Any]) -> dict[str, Any]:
+    """Return bars without effects in the form of today, with contacts anywhere between both ends."""
+    tension, slack, slip = (along.pop(name) for name in ("tension", "slack", "slip"))
+    del along["inelastic"]
+    first, last = along["displacement_in"] + slack[0], along["displacement_out"] - slack[-1]
+    moved = np.linspace(first, last, len(slip))
+    stretch = -np.diff(np.concatenate(([along["displacement_in"]], moved, [0.0])))
+    none = [0.0] * len(tension)
+    along["memory"] = {
+        "tension": tension,
+        "displacement": moved.tolist(),
+        "speed": none[1:],
+        "travel": none[1:],
+        "creep": none,
+        "slip": slip,
+        "drive": [0.0] * _DRIVE,
+    }
+    rest = -np.array(slack) - stretch  # a bar that is taut takes it from its tension in the next step
+    state = {"cut": None, "by_force": True, "span": 1.0, "temperature": None, "lags": {}, "front": 0}
+    return {**along, **state, "rest": rest.tolist()}
+
+
+def _check(along: Corners | BarState, route: Arcs | None) -> None:
     """Refuse a state that no step could have left: compiled code reads its arrays without a look at sizes.
 
     Raises
@@ -76,7 +112,7 @@ def _check(along: Corners | MaterialState | ActingState, route: Arcs | None) -> 
     ValueError
         With what is wrong.
     """
-    for part in (route, along.cut if isinstance(along, ActingState) else None):
+    for part in (route, along.cut if isinstance(along, BarState) else None):
         if part is not None:
             _check_route(part)
     if isinstance(along, Corners):
@@ -103,30 +139,27 @@ def _check_corners(along: Corners) -> None:
     check_tension(along.tension_in)
 
 
-def _check_bars(along: MaterialState | ActingState) -> None:
+def _check_bars(along: BarState) -> None:
     contacts = len(along.edge)
     _require(
         _numbers(along.edge, contacts) and contacts > 1 and bool((np.diff(along.edge) > 0).all()), "edge"
     )
-    held = along.memory._asdict() if isinstance(along, ActingState) else _parts(along)
     sizes = {
         **dict.fromkeys(_OF_BARS, contacts + 1),
         **dict.fromkeys(_OF_CONTACTS, contacts),
         "drive": _DRIVE,
     }
-    for name in sizes.keys() & held.keys():
-        _require(_numbers(held[name], sizes[name]), name)
-    _require(held["tension"].min() >= 0.0 and held["tension"].max() <= MOST_TENSION, "tension")
-    for name in _SCALARS & _parts(along).keys():
+    arrays = along.memory._asdict()
+    _require((along.rest is None) == along.has_effects, "rest")
+    arrays |= {} if along.rest is None else {"rest": along.rest}
+    for name, values in arrays.items():
+        _require(_numbers(values, sizes[name]), name)
+    _require(along.tension.min() >= 0.0 and along.tension.max() <= MOST_TENSION, "tension")
+    for name in _SCALARS:
         _require(abs(getattr(along, name)) <= _MOST, name)
-    if isinstance(along, ActingState):
-        _require(isinstance(along.front, int), "front")
-        shown = np.array(list(along.lags.values()))
-        _require(along.lags.keys() <= set(CHANNELS) and bool((np.abs(shown) <= _MOST).all()), "lags")
-
-
-def _parts(part: MaterialState | ActingState) -> dict[str, Any]:
-    return {field.name: getattr(part, field.name) for field in fields(part)}
+    _require(isinstance(along.front, int), "front")
+    lagging = np.array(list(along.lags.values()))
+    _require(along.lags.keys() <= set(CHANNELS) and bool((np.abs(lagging) <= _MOST).all()), "lags")
 
 
 def _numbers(values: Any, *size: int) -> bool:
@@ -135,7 +168,7 @@ def _numbers(values: Any, *size: int) -> bool:
 
 
 def _time(saved: Any) -> float:
-    time = _untold(saved)
+    time = _or_nan(saved)
     _require(not math.isinf(time), "time")
     return time
 
@@ -145,7 +178,7 @@ def _require(sound: bool, name: str) -> None:
         raise ValueError(name)
 
 
-def _plain(part: Corners | MaterialState | ActingState | Arcs | Memory) -> dict[str, Any]:
+def _plain(part: Corners | BarState | Arcs | Memory) -> dict[str, Any]:
     names = part._fields if isinstance(part, Memory) else [field.name for field in fields(part)]
     return {name: _written(getattr(part, name)) for name in names if name != "model"}
 
@@ -157,15 +190,15 @@ def _written(value: Any) -> Any:
         return _plain(value)
     if isinstance(value, Mapping):
         return {name: list(pair) for name, pair in value.items()}
-    return _told(value)
+    return _or_none(value)
 
 
-def _told(value: Any) -> Any:
+def _or_none(value: Any) -> Any:
     """Return the value, or None for NaN, which JSON lacks."""
     return None if isinstance(value, float) and math.isnan(value) else value
 
 
-def _untold(value: float | None) -> float:
+def _or_nan(value: float | None) -> float:
     return math.nan if value is None else float(value)
 
 
@@ -176,12 +209,15 @@ def _revived(kind: type[_Part], saved: Mapping[str, Any]) -> _Part:
     )
 
 
-def _acting(saved: Mapping[str, Any], route: Arcs | None) -> ActingState:
+def _bars(saved: Mapping[str, Any], route: Arcs | None) -> BarState:
     memory = Memory(**{name: _array(name, value) for name, value in saved["memory"].items()})
-    cut = route if saved["cut"] is None else _revived(Arcs, saved["cut"])
-    lags = {channel: (float(given), float(shows)) for channel, (given, shows) in saved["lags"].items()}
-    rest = {"memory": memory, "cut": cut, "lags": lags, "temperature": _untold(saved["temperature"])}
-    return _revived(ActingState, {**saved, **rest})
+    cut = saved["cut"]
+    if cut is not None:
+        cut = route if cut == _ROUTE else _revived(Arcs, cut)
+        _require(cut is not None, "cut")
+    lags = {channel: (float(true), float(read)) for channel, (true, read) in saved["lags"].items()}
+    rest = {"memory": memory, "cut": cut, "lags": lags, "temperature": _or_nan(saved["temperature"])}
+    return _revived(BarState, {**saved, **rest})
 
 
 def _array(name: str, numbers: list[Any]) -> Any:

@@ -1,4 +1,4 @@
-"""A whole run through the model: what the tendon does, and which phase of its cycle it is in."""
+"""A whole run through the model: tension, elongation and phase at each time."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Moment:
     transmission: Transmission
     phase: Phase
     readings: Mapping[str, float]
-    """What the sensors read, by the names of the columns of a run [N, m]; empty where they read what is."""
+    """What the sensors read, by the names of the columns of a run [N, m]; empty where these are true."""
 
 
 def simulate(
@@ -67,7 +67,7 @@ def simulate(
         Tendon, friction, load and effects.
     tension_in, displacement_in
         [n] Total tension [N] or position [m] of the drive; one of them. A tension is what its sensor reads,
-        which differs from what is where effects spoil that sensor; docs/model.md (61).
+        which is not the true one where effects spoil that sensor; docs/model.md (61).
     temperature
         [n] Temperature [°C]; the same throughout where left out.
     state
@@ -85,7 +85,7 @@ def simulate(
     rows = zip(
         time, _each(tension_in, time), _each(displacement_in, time), _each(temperature, time), strict=True
     )
-    for moment, read, place, warm in rows:
+    for moment, read, position, warm in rows:
         with _at(float(moment)):
             pull = None if read is None else true_tension(rig, read)
             current = step(
@@ -93,13 +93,13 @@ def simulate(
                 route.at(float(moment)),
                 rig,
                 tension_in=pull,
-                displacement_in=place,
+                displacement_in=position,
                 time=float(moment),
                 temperature=warm,
             )
-        seen, drive = transmit(current, rig), place if read is None else read
-        shown = readings(current, rig) | {name: drive or 0.0} if sensors_err(rig) else {}
-        yield Moment(float(moment), current, seen, _phase(last, drive or 0.0, seen), shown)
+        ends, drive = transmit(current, rig), position if read is None else read
+        sensed = readings(current, rig) | {name: drive or 0.0} if sensors_err(rig) else {}
+        yield Moment(float(moment), current, ends, _phase(last, drive or 0.0, ends), sensed)
         last = drive or 0.0
 
 
@@ -112,10 +112,10 @@ def commands(
     displacement_out: Vector | None = None,
     temperature: Vector | None = None,
 ) -> Iterator[Command]:
-    """Return the command for each time of a run whose distal end is told [n]; see `compensate`."""
+    """Return the command for each time of a run with targets of its distal end [n]; see `compensate`."""
     state = _begun(time, rig)
     targets = (_each(tension_out, time), _each(displacement_out, time))
-    for moment, force, place, warm in zip(time, *targets, _each(temperature, time), strict=True):
+    for moment, force, position, warm in zip(time, *targets, _each(temperature, time), strict=True):
         arcs = route.at(float(moment))
         with _at(float(moment)):
             command = compensate(
@@ -123,7 +123,7 @@ def commands(
                 arcs,
                 rig,
                 tension_out=force,
-                displacement_out=place,
+                displacement_out=position,
                 time=float(moment),
                 temperature=warm,
             )
@@ -150,10 +150,10 @@ def _each(values: Vector | None, time: Vector) -> Iterable[float | None]:
     return repeat(None, len(time)) if values is None else map(float, values)
 
 
-def _phase(last: float | None, drive: float, seen: Transmission) -> Phase:
+def _phase(last: float | None, drive: float, ends: Transmission) -> Phase:
     """Return the phase after a move of the drive from `last`, in the unit of the drive."""
     if last is not None and abs(drive - last) <= RESOLUTION * max(abs(drive), abs(last)):
         return "hold"
-    if seen.direction_index > 0:
-        return "release_to_pull" if seen.dead_zone else "pull"
-    return "pull_to_release" if seen.dead_zone else "release"
+    if ends.direction_index > 0:
+        return "release_to_pull" if ends.dead_zone else "pull"
+    return "pull_to_release" if ends.dead_zone else "release"

@@ -2,52 +2,46 @@
 
 As long as the route stays and the tendon is driven by force, the corner list is exact and costs nothing. From
 the first change of the route under load, or the first position drive, the tendon goes on as a chain of bars.
-Where the rig has effects, it goes through the march of a measured run from the first step on.
+Where the rig has effects, it is a chain of bars from the first step on.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from functools import lru_cache
+from dataclasses import dataclass
 
 import numpy as np
 
 from tssgeom.arrays import Vector
 from tssgeom.effects import Setup
 from tssgeom.errors import SettingsError
-from tssgeom.rig import Load, Rig, Tendon
+from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
-from tssgeom.tendon import capstan as profile
-from tssgeom.tendon import transmission
-from tssgeom.tendon.bars import incremental
-from tssgeom.tendon.bars import transmission as bar_transmission
-from tssgeom.tendon.bars import with_effects as acting
-from tssgeom.tendon.bars import with_effects_transmission as acting_transmission
-from tssgeom.tendon.bars.contact_grid import MaterialState, lay, to_bars, to_corners
-from tssgeom.tendon.bars.incremental import Line
+from tssgeom.tendon import capstan, transmission
+from tssgeom.tendon.bars import base, with_effects, with_effects_transmission
+from tssgeom.tendon.bars.bar_state import UNTIMED, BarState, to_bars, to_corners
 from tssgeom.tendon.bars.sensors import err
-from tssgeom.tendon.bars.with_effects import ActingState, setup_acting
+from tssgeom.tendon.bars.with_effects import effective_setup
 from tssgeom.tendon.capstan import Corners
 from tssgeom.tendon.moving import unmoved
 from tssgeom.tendon.transmission import Transmission
 
 HALVINGS = 4
 """The first bar is halved so often: just after a reversal T_in is known to half of that bar."""
-_MOST_FRICTION = 500.0  # μΦ whose exponential can still be squared [1]
-_SHARPER = 0.5  # of the old standard error of Φ: so much better known, a route is laid anew
+_MOST_FRICTION = 500.0  # [1] μΦ whose exponential can still be squared
+_SHARPER = 0.5  # of the old standard error of Φ: a route known so much better takes its place
 
 
 @dataclass(frozen=True, slots=True)
 class TendonState:
     """Tension along the tendon, and the route it lies on."""
 
-    along: Corners | MaterialState | ActingState
-    """Corners over the curve angle, bars of the tendon, or bars on which effects act."""
+    along: Corners | BarState
+    """Corners over the curve angle, or bars of the tendon."""
     route: Arcs | None
-    """The route on which the tendon was last laid; None before the first step."""
+    """The route on which the tendon lies; None before the first step."""
     time: float = math.nan
-    """Time of the last step that told it [s]; NaN before that."""
+    """Time of the last step for which it was given [s]; NaN before that."""
 
     @property
     def tension_in(self) -> float:
@@ -59,24 +53,24 @@ class TendonState:
         """Total tension at the distal end of the route [N]."""
         along = self.along
         if isinstance(along, Corners):
-            return float(profile.tension(along, np.array([_route(self).total_angle]))[0])
+            return float(capstan.tension(along, np.array([_route(self).total_angle]))[0])
         return along.tension_out
 
 
 def pretensioned(rig: Rig, time: float = math.nan) -> TendonState:
     """Return the tendon before its first pull, on no route yet; `time` is when it is so [s]."""
-    return TendonState(profile.level(rest_tension(rig)), None, time)
+    return TendonState(capstan.level(rest_tension(rig)), None, time)
 
 
 def rest_tension(rig: Rig) -> float:
     """Return the tension before the first pull [N]: the rig's pretension, and what effects make of it."""
-    setup = setup_acting(rig)
+    setup = effective_setup(rig)
     return rig.tendon.pretension_N if setup is None else setup.pretension
 
 
 def acts_by_speed(rig: Rig) -> bool:
     """Whether friction depends on speed, so that the way to a state matters and not its end alone."""
-    setup = setup_acting(rig)
+    setup = effective_setup(rig)
     return setup is not None and bool(setup.speed_gain or setup.drag_Ns_per_m2)
 
 
@@ -119,51 +113,59 @@ def step(
     ------
     SettingsError
         Where not exactly one drive is given, or where it is negative or not finite; where effects act over
-        time and none is told.
+        time and none is given.
     FitError
         Where no equilibrium was found.
     """
     before = _before(state, arcs)
     route = before if arcs is before or unmoved(before, arcs) else arcs
     now = state.time if time is None else time
-    setup = setup_acting(rig)
+    setup = effective_setup(rig)
     if setup is None:
         drives = (tension_in, displacement_in)
-        return TendonState(_stepped(state, before, route, rig, drives, stretches_with_route), route, now)
+        return TendonState(
+            _without_effects(state, before, route, rig, drives, stretches_with_route), route, now
+        )
     if stretches_with_route:
         raise SettingsError(
             "where effects act, a route cannot stretch the tendon: leave stretches_with_route"
         )
     _check_friction(rig, route)
-    drive, by_force = incremental.one_drive(tension_in, displacement_in)
-    along = _acting(state, before, setup)
-    model = acting.model_on(along, before, setup)
-    model = model if route is before else acting.moved(model, route)
+    drive, by_force = base.one_drive(tension_in, displacement_in)
+    along = state.along
+    if not (isinstance(along, BarState) and along.has_effects):
+        along = with_effects.cut(corners(state), before, setup)
+    model = with_effects.model_on(along, before, setup)
+    model = model if route is before else with_effects.moved(model, route)
     span = _span(state, along, setup, time)
-    return TendonState(acting.driven(along, model, drive, by_force, span, temperature), route, now)
+    return TendonState(with_effects.driven(along, model, drive, by_force, span, temperature), route, now)
 
 
-def _stepped(
+def _without_effects(
     state: TendonState,
     before: Arcs,
     route: Arcs,
     rig: Rig,
     drives: tuple[float | None, float | None],
     stretches_with_route: bool,
-) -> Corners | MaterialState:
+) -> Corners | BarState:
     """Step the tendon of the base model, from the route `before` to `route`."""
     tension_in, displacement_in = drives
-    along = corners(state) if isinstance(state.along, ActingState) else state.along
+    along = state.along
+    if isinstance(along, BarState) and along.has_effects:
+        along = corners(state)
     if isinstance(along, Corners):
         if route is before and displacement_in is None and tension_in is not None:
-            return profile.step(along, tension_in, rig.friction.coefficient)
+            return capstan.step(along, tension_in, rig.friction.coefficient)
         along = to_bars(along, before, rig, halvings=HALVINGS)
     _check_friction(rig, route)
-    bed = lay(along.edge, route)
-    tendon = _line(rig.tendon, rig.load, len(bed.length), stretches_with_route)
-    cone = incremental.coulomb(bed, rig.friction.coefficient)
-    return incremental.advance(
-        along, bed, cone, tendon, tension_in=tension_in, displacement_in=displacement_in
+    return base.step(
+        along,
+        route,
+        rig,
+        tension_in=tension_in,
+        displacement_in=displacement_in,
+        stretches_with_route=stretches_with_route,
     )
 
 
@@ -176,21 +178,14 @@ def _check_friction(rig: Rig, route: Arcs) -> None:
         )
 
 
-def _acting(state: TendonState, before: Arcs, setup: Setup) -> ActingState:
-    """Return the tendon as effects find it on the route `before`."""
-    if isinstance(state.along, ActingState):
-        return state.along
-    return acting.cut(corners(state), before, setup)
-
-
-def _span(state: TendonState, along: ActingState, setup: Setup, time: float | None) -> float:
+def _span(state: TendonState, along: BarState, setup: Setup, time: float | None) -> float:
     """Return how long a step lasts [s]."""
-    if not acting.timed(setup):
-        return acting.UNTIMED
+    if not with_effects.timed(setup):
+        return UNTIMED
     if time is None:
         raise SettingsError("some of the effects act over time: give the time of each step [s]")
     if math.isnan(state.time):
-        return acting.UNTIMED
+        return UNTIMED
     if time < state.time:
         raise SettingsError(f"time goes from {state.time:g} to {time:g} s: give increasing times")
     return time - state.time if time > state.time else along.span
@@ -201,20 +196,19 @@ def corners(state: TendonState) -> Corners:
     along = state.along
     if isinstance(along, Corners):
         return along
-    held = along.memory.tension if isinstance(along, ActingState) else along.tension
-    return to_corners(along.edge, held, along.direction_index, _route(state))
+    return to_corners(along.edge, along.tension, along.direction_index, _route(state))
 
 
 def tension(state: TendonState, phi: Vector, s: Vector | None = None) -> Vector:
     """Return the tension [N] at the accumulated curve angles `phi` [rad].
 
-    Effects make it change over straight pieces too; there the arc lengths `s` of the same places tell where
+    Effects make it change over straight pieces too; there it needs the arc lengths `s` of the same positions
     [m].
     """
     along = state.along
-    if s is None or not isinstance(along, ActingState):
-        return profile.tension(corners(state), phi)
-    return acting.tension_along(along, _route(state), s)
+    if s is None or isinstance(along, Corners) or not along.has_effects:
+        return capstan.tension(corners(state), phi)
+    return with_effects.tension_along(along, _route(state), s)
 
 
 def transmit(state: TendonState, rig: Rig) -> Transmission:
@@ -226,11 +220,12 @@ def transmit(state: TendonState, rig: Rig) -> Transmission:
         Where it lies on no route yet, or where it was last stepped with effects that the rig lacks.
     """
     route, along = _route(state), state.along
-    if isinstance(along, ActingState):
-        return acting_transmission.transmit(along, acting.model_on(along, route, _setup_of(rig)), route)
     if isinstance(along, Corners):
-        return transmission.transmit(along, route, rig)
-    return bar_transmission.transmit(along, route, rig)
+        return transmission.of_corners(along, route, rig)
+    if not along.has_effects:
+        return transmission.of_bars(along, route, rig)
+    model = with_effects.model_on(along, route, _setup_of(rig))
+    return with_effects_transmission.of_effects(along, model, route)
 
 
 def answering(state: TendonState, rig: Rig, tension_out: float, way: int) -> float:
@@ -239,16 +234,16 @@ def answering(state: TendonState, rig: Rig, tension_out: float, way: int) -> flo
     `tension_out` is the distal tension then [N]; docs/model.md (83), (122).
     """
     route, along = _route(state), state.along
-    if isinstance(along, ActingState):
-        model = acting.model_on(along, route, _setup_of(rig))
-        return acting_transmission.answering(along, model, tension_out, way)
+    if isinstance(along, BarState) and along.has_effects:
+        model = with_effects.model_on(along, route, _setup_of(rig))
+        return with_effects_transmission.answering(along, model, tension_out, way)
     _check_friction(rig, route)
     return tension_out * math.exp(way * rig.friction.coefficient * route.total_angle)
 
 
 def true_tension(rig: Rig, reading: float) -> float:
     """Return the proximal tension [N] behind a reading of its sensor [N]; docs/model.md (61)."""
-    setup = setup_acting(rig)
+    setup = effective_setup(rig)
     if setup is None or (setup.tension_in_gain, setup.tension_in_offset_N) == (1.0, 0.0):
         return reading
     return max((reading - setup.tension_in_offset_N) / setup.tension_in_gain, 0.0)
@@ -256,29 +251,29 @@ def true_tension(rig: Rig, reading: float) -> float:
 
 def reading_of(rig: Rig, tension_in: float) -> float:
     """Return what the sensor of the proximal tension reads [N] of a tension [N]; docs/model.md (61)."""
-    setup = setup_acting(rig)
+    setup = effective_setup(rig)
     if setup is None:
         return tension_in
     return tension_in * setup.tension_in_gain + setup.tension_in_offset_N
 
 
 def sensors_err(rig: Rig) -> bool:
-    """Whether effects make any sensor read what is not."""
-    setup = setup_acting(rig)
+    """Whether effects make any sensor read another value than the true one."""
+    setup = effective_setup(rig)
     return setup is not None and err(setup)
 
 
 def readings(state: TendonState, rig: Rig) -> dict[str, float]:
-    """Return what the sensors read after a step with effects, by the names of `run_sensors.CHANNELS` [N, m].
+    """Return what the sensors read after a step with effects, by the names of `sensors.CHANNELS` [N, m].
 
     Raises
     ------
     SettingsError
         Where no effect acted in the last step.
     """
-    if not isinstance(state.along, ActingState):
-        raise SettingsError("no effect acted in the last step: sensors read what `transmit` tells")
-    return acting.readings(state.along, _setup_of(rig))
+    if isinstance(state.along, Corners) or not state.along.has_effects:
+        raise SettingsError("no effect acted in the last step: sensors read what `transmit` returns")
+    return with_effects.readings(state.along, _setup_of(rig))
 
 
 def _before(state: TendonState, arcs: Arcs) -> Arcs:
@@ -299,13 +294,7 @@ def _route(state: TendonState) -> Arcs:
 
 
 def _setup_of(rig: Rig) -> Setup:
-    setup = setup_acting(rig)
+    setup = effective_setup(rig)
     if setup is None:
         raise SettingsError("effects acted in the last step that the rig lacks: step the tendon with the rig")
     return setup
-
-
-@lru_cache(maxsize=64)
-def _line(tendon: Tendon, load: Load, bars: int, stretches_with_route: bool) -> Line:
-    line = incremental.line(Rig(tendon=tendon, load=load), bars)
-    return replace(line, stretches_with_route=stretches_with_route)

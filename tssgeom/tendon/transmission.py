@@ -1,6 +1,9 @@
 """What a loaded tendon does on a route: tension at the far end, elongation, dead zone, with standard errors.
 
-Sources: docs/model.md (5)-(14); paper Theorem 2, eqs. (9)-(12).
+A piece is cut at the corners of the tension profile. Within each run ln T is linear in the accumulated curve
+angle, hence also in arc length, and the integrals of the tension are elementary. A straight piece is a run
+over which the angle, and so the tension, does not change. Sources: docs/model.md (5)-(14); paper Theorem 2,
+eqs. (9)-(12).
 """
 
 import math
@@ -12,9 +15,11 @@ from numba import njit
 from tssgeom.arrays import Matrix, Vector, read_only
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
-from tssgeom.tendon.capstan import RESOLUTION, Corners
-from tssgeom.tendon.mean_tension import means_on_pieces
+from tssgeom.tendon.bars.bar_state import BarState, through_bars
+from tssgeom.tendon.capstan import RESOLUTION, Corners, load_moved
 
+_SERIES_BELOW = 1e-2  # there the cubic series of h is better than its closed form
+_SOLVED = 1e-8  # ln T of bars within which the front has come through: they are solved to 1e-10
 _SLIDES = 1e-6  # of ln T: bars are solved to 1e-10, and points on one line within 1e-9 are left out
 
 
@@ -58,13 +63,14 @@ class Sensitivity:
     """Derivative of ln T at the distal end with respect to any one of the angles [1/rad]."""
 
 
-def transmit(state: Corners, arcs: Arcs, rig: Rig) -> Transmission:
+def of_corners(state: Corners, arcs: Arcs, rig: Rig) -> Transmission:
     """Return tension, elongation and dead zone of a tendon in `state` on the route `arcs`."""
     tendon, way = rig.tendon, state.direction_index
     pieces = (arcs.length, arcs.angle, arcs.covariance)
     elastic = (tendon.compliance_per_N, tendon.pretension_N, rig.friction.coefficient)
-    seen = on_pieces(state.angle, state.log_tension, pieces, elastic, way)
-    tension_out, tension_out_se, elongation, elongation_se, width, front = seen
+    tension_out, tension_out_se, elongation, elongation_se, width, front = on_pieces(
+        state.angle, state.log_tension, pieces, elastic, way
+    )
     moved_out = load_moved(tension_out, rig)
     return Transmission(
         tension_in=state.tension_in,
@@ -79,6 +85,44 @@ def transmit(state: Corners, arcs: Arcs, rig: Rig) -> Transmission:
         displacement_in=elongation + moved_out,
         displacement_out=moved_out,
     )
+
+
+def of_bars(state: BarState, arcs: Arcs, rig: Rig) -> Transmission:
+    """Return tension, elongation and dead zone of bars on the route `arcs`; docs/model.md (49)."""
+    tendon, way = rig.tendon, state.direction_index
+    pieces = (arcs.length, arcs.angle, arcs.covariance)
+    elastic = (tendon.compliance_per_N, tendon.pretension_N, rig.friction.coefficient)
+    tension_out, tension_out_se, _, elongation_se, width, front = _on_route(
+        state.edge, state.tension, arcs.total_angle, pieces, elastic, way
+    )
+    inside = width > _SOLVED * max(state.tension_in, tension_out)  # bars are less exact than corners
+    return Transmission(
+        tension_in=state.tension_in,
+        tension_out=state.tension_out,
+        elongation=state.elongation,
+        elongation_se=elongation_se,
+        tension_out_se=tension_out_se,
+        direction_index=way,
+        dead_zone=inside,
+        dead_zone_width=width if inside else 0.0,
+        slip_front=front,
+        displacement_in=state.displacement_in,
+        displacement_out=state.displacement_out,
+    )
+
+
+@njit(cache=True, nogil=True)
+def _on_route(
+    edge: np.ndarray,
+    tension: np.ndarray,
+    turned: float,
+    pieces: tuple[np.ndarray, np.ndarray, np.ndarray],
+    elastic: tuple[float, float, float],
+    way: int,
+) -> tuple[float, float, float, float, float, float]:
+    """Return what `on_pieces` does, of the corners through the bars."""
+    angle, log_tension = through_bars(edge, tension, pieces[0], pieces[1], turned)
+    return on_pieces(angle, log_tension, pieces, elastic, way)
 
 
 @njit(cache=True, nogil=True)
@@ -118,15 +162,6 @@ def on_pieces(
     width = _dead_zone_width(log_tension[0], log_tension_out, way, friction * reach)
     front = min(_front(angle, log_tension, way * friction), reach)
     return tension_out, tension_out_se, elongation, math.sqrt(variance), width, front
-
-
-def load_moved(tension_out: float, rig: Rig) -> float:
-    """Return how far a distal tension has drawn the rig's spring from where the pretension left it [m].
-
-    A dead weight, of stiffness 0, stays where it is.
-    """
-    stiffness = rig.load.stiffness_N_per_m
-    return (tension_out - rig.tendon.pretension_N) / stiffness if stiffness > 0.0 else 0.0
 
 
 def sensitivity(state: Corners, arcs: Arcs, rig: Rig) -> Sensitivity:
@@ -192,3 +227,86 @@ def _front(angle: np.ndarray, log_tension: np.ndarray, slope: float) -> float:
 @njit(cache=True, nogil=True)
 def _exp(exponent: float) -> float:
     return math.exp(min(exponent, 700.0))  # beyond it float64 ends: 1e304 N stands for out of reach
+
+
+@njit(cache=True, nogil=True)
+def mean_decay(x):
+    """Mean of exp(−xτ) over 0 ≤ τ ≤ 1 [1]."""
+    return 1.0 if x == 0.0 else -math.expm1(-x) / x  # docs/model.md (8)
+
+
+@njit(cache=True, nogil=True)
+def mean_decay_moment(x):
+    """Mean of τ·exp(−xτ) over 0 ≤ τ ≤ 1 [1]."""
+    if abs(x) < _SERIES_BELOW:
+        return 1 / 2 - x * (1 / 3 - x * (1 / 8 - x * (1 / 30 - x * (1 / 144 - x / 840))))
+    return (mean_decay(x) - math.exp(-x)) / x  # docs/model.md (12)
+
+
+@njit(cache=True, nogil=True)
+def _slope(angle, log_tension, segment):
+    """Slope of ln T over φ behind corner number `segment` [1/rad]."""
+    if segment + 1 == angle.size:
+        return 0.0
+    return (log_tension[segment + 1] - log_tension[segment]) / (angle[segment + 1] - angle[segment])
+
+
+@njit(cache=True, nogil=True)
+def _run(log_tension_at_start, slope, span, before, share):
+    """Return what one run adds to the means over its piece: of T, of dT/dφ, and of t·dT/dφ.
+
+    `span` is the angle of the run [rad]; t goes from 0 to 1 along the piece, and the run lies between
+    `before` and `before + share`.
+    """
+    x = abs(slope) * span  # from the end where the tension is greater: it may start from none
+    greatest = share * math.exp(log_tension_at_start + max(slope * span, 0.0))
+    level = greatest * mean_decay(x)  # docs/model.md (9)
+    moment = greatest * mean_decay_moment(x)
+    if slope > 0.0:
+        moment = level - moment
+    return level, slope * level, slope * (before * level + share * moment)  # docs/model.md (9), (12)
+
+
+@njit(cache=True, nogil=True)
+def means_on_pieces(piece_angle, angle, log_tension):
+    """Return the tension on each piece and at the distal end.
+
+    Parameters
+    ----------
+    piece_angle
+        [k] Accumulated curve angle of each piece [rad].
+    angle, log_tension
+        [c] Corners of the tension profile [rad], [ln N].
+
+    Returns
+    -------
+    means
+        [3, k] Means over the arc length of each piece: of T [N]; of dT/dφ, which is the derivative of the
+        first with respect to the angle of any earlier piece [N/rad]; of t·dT/dφ with t from 0 to 1 along the
+        piece, which is its derivative with respect to the piece's own angle [N/rad].
+    log_tension_out, slope_out
+        ln T at the distal end [ln N], and its derivative with respect to the angle of any piece [1/rad].
+    """
+    means = np.zeros((3, piece_angle.size))
+    segment, at = 0, 0.0
+    log_tension_here, slope = log_tension[0], 0.0
+    for piece in range(piece_angle.size):
+        start, end = at, at + piece_angle[piece]
+        while True:
+            while segment + 1 < angle.size and angle[segment + 1] <= at:
+                segment += 1
+            stop = end if segment + 1 == angle.size else min(end, angle[segment + 1])
+            before, share = 0.0, 1.0
+            if end > start:
+                before, share = (at - start) / (end - start), (stop - at) / (end - start)
+            slope = _slope(angle, log_tension, segment)
+            log_tension_here = log_tension[segment] + slope * (at - angle[segment])
+            level, drop, turn = _run(log_tension_here, slope, stop - at, before, share)
+            means[0, piece] += level
+            means[1, piece] += drop
+            means[2, piece] += turn
+            log_tension_here += slope * (stop - at)
+            at = stop
+            if not at < end:
+                break
+    return means, log_tension_here, slope

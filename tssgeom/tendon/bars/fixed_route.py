@@ -1,21 +1,48 @@
-"""What a chain of bars does on a route that stands: exact there, and where an equilibrium starts from else.
+"""A chain of bars on a route that stands: exact there, and the first guess of an equilibrium elsewhere.
 
 The tension is carried from the drive to the load, as far as the friction of each contact makes it; a position
-finds its tension by the secant method. `chain` is that of `equilibrium.py`. Source: docs/model.md (3), (47).
+finds its tension by the secant method. Source: docs/model.md (3), (47).
 """
+
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
 PULLED, STUCK, RELEASED = 1, 0, -1
 """What a contact does: slides towards the proximal end, holds, slides towards the distal end."""
+
+
+class Chain(NamedTuple):
+    """The linear laws of n + 2 bars and the friction of the n + 1 contacts between them, for one step."""
+
+    trial: np.ndarray
+    """[n+2] Tension of each bar if no contact moved, negative where it would be slack [N]."""
+    stiffness: np.ndarray
+    """[n+2] 0 where the tension is given (force drive, dead weight) and at rigid ends [N/m]."""
+    low: np.ndarray
+    """[n+1] Least T[i+1] over T[i], but for the force of friction [1]."""
+    high: np.ndarray
+    """[n+1] Greatest T[i+1] over T[i], but for the force of friction [1]."""
+    force: np.ndarray
+    """[n+1] T[i+1] lies between low·T[i] − force and high·T[i] + force [N]."""
+    drag: np.ndarray
+    """[n+1] Friction for each metre moved in this step [N/m]."""
+    rigid_in: bool
+    """Whether the proximal end moves by exactly `shift`."""
+    rigid_out: bool
+    """Whether the distal end is fixed."""
+    shift: float
+    """Movement of a rigid proximal end in this step [m]."""
+
+
 _SECANTS = 40  # steps towards the proximal tension that belongs to a position
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _sweep(chain, tension, slip):
     """Carry tension[0] to the distal end as on a fixed route; return the stretch gained [m] and its slope."""
-    trial, stiffness, low, high, force, _, _, _ = chain
+    trial, stiffness, low, high, force = chain.trial, chain.stiffness, chain.low, chain.high, chain.force
     gained, gain, share = 0.0, 0.0, 1.0
     if stiffness[0] > 0.0:
         gained, gain = (tension[0] - trial[0]) / stiffness[0], 1.0 / stiffness[0]
@@ -49,12 +76,12 @@ def range_of_drive(weight, low, high, force):
 @njit(cache=True, nogil=True, error_model="numpy")
 def _drive(chain, least, most, tension, slip):
     """Sweep with the tension between `least` and `most` that gains the shift; return what is gained [m]."""
-    shift, below, above = chain[7], least, most
-    tension[0] = min(max(chain[0][0], least), most)
+    shift, below, above = chain.shift, least, most
+    tension[0] = min(max(chain.trial[0], least), most)
     for _ in range(_SECANTS):
         gained, gain = _sweep(chain, tension, slip)
         below, above = (below, tension[0]) if gained > shift else (tension[0], above)
-        new = tension[0] - (gained - shift) / max(gain, 1e-3 / chain[1][1])
+        new = tension[0] - (gained - shift) / max(gain, 1e-3 / chain.stiffness[1])
         if (new <= below and below == least) or (new >= above and above == most):
             new = min(max(new, least), most)
         elif not below < new < above:
@@ -68,15 +95,15 @@ def _drive(chain, least, most, tension, slip):
 @njit(cache=True, nogil=True, error_model="numpy")
 def guess(chain, hanging, tension, slip, tight):
     """Set slip and tight as they would be on a fixed route; exact there, for force and for position."""
-    trial, stiffness, low, high, force, _, rigid, shift = chain
+    trial, shift = chain.trial, chain.shift
     tight[:] = True
-    if not rigid[0] and stiffness[0] == 0.0:
+    if not chain.rigid_in and chain.stiffness[0] == 0.0:
         tension[0] = trial[0]
         _sweep(chain, tension, slip)
         return
     least, most = 0.0, np.inf
     if hanging:
-        least, most = range_of_drive(trial[slip.size], low, high, force)
+        least, most = range_of_drive(trial[slip.size], chain.low, chain.high, chain.force)
     gained = _drive(chain, least, most, tension, slip)
     if tension[0] >= most:
         slip[:] = PULLED

@@ -1,19 +1,19 @@
 """The march through a measured run: one compiled loop over the samples with every effect in it.
 
-Each sample goes the short way (`run_sweep`) where nothing but the drive moves the tendon, else the long one
-(`run_balance`); both give the same. Source: docs/model.md (50)-(64).
+Each sample goes the short way (`sweep.py`) where nothing but the drive moves the tendon, else the long one
+(`balance.py`); both give the same. Source: docs/model.md (50)-(64).
 """
 
 import numpy as np
 from numba import njit
 
-from tssgeom.tendon.bars.balance import SETTLED, balanced
-from tssgeom.tendon.bars.laws import stretch_of
-from tssgeom.tendon.bars.sweep import swept
+from tssgeom.tendon.bars.balance import balanced, workspace
+from tssgeom.tendon.bars.equilibrium import TOLERANCES
+from tssgeom.tendon.bars.plant import stretch_of
+from tssgeom.tendon.bars.sweep import SWEEP, swept
 
-_TURN = 2e-7  # path over which backlash opens when only the tension is known: noise shall not open it [m]
+_TURN = 2e-7  # [m] path over which backlash opens when only the tension is known; chosen: noise is less
 _TINY_TIME = 1e-9  # s
-_OFF = 1e-10  # of a position [m]
 _AFTER_A_TURN = np.array([0.02, 0.06, 0.15, 0.35, 0.65, 1.0])  # shares of a step in which drag lets go
 
 
@@ -35,10 +35,8 @@ def march(plant, memory, by_force, spans, drive, warmth, parts, out, profile):
     first and the last contact did (+1 pulled, 0 stuck, −1 released). Return the number of samples done, fewer
     where one failed.
     """
-    k, kept = memory.travel.size, memory.drive
-    cone = (plant.pulling.copy(), plant.releasing.copy(), plant.low.copy(), plant.high.copy())
-    wide, narrow = np.empty((4, k + 1)), np.empty((2, k))
-    room = (wide[0], wide[1], wide[2], plant.force.copy(), narrow[0], wide[3], narrow[1])
+    kept = memory.drive
+    cone, room = workspace(plant)
     rest, whole = plant.rest, np.ones(1)
     for g in range(drive.size):
         first, cold, done = kept[0], kept[1], 0.0
@@ -52,9 +50,12 @@ def march(plant, memory, by_force, spans, drive, warmth, parts, out, profile):
                 kept[2] = min(max(kept[2], goal), goal + plant.backlash)  # docs/model.md (59)
             target = goal if by_force else kept[2]
             if plant.swift:
-                if not swept(plant, memory, by_force, target, span, rest, cone, room[5]) <= _OFF:
+                if not swept(plant, memory, by_force, target, span, rest, cone, room[5]) <= SWEEP.accepted:
                     return g
-            elif not balanced(plant, memory, by_force, target, warm, span, rest, cone, room) <= 1e3 * SETTLED:
+                continue
+            weight = plant.pretension
+            change, _ = balanced(plant, memory, by_force, target, weight, warm, span, rest, cone, room)
+            if not change <= 1e3 * TOLERANCES.settled:
                 return g
         kept[0], kept[1], kept[5] = drive[g], warmth[g], rate
         _record(plant, memory, by_force, rest[0], g, out)
@@ -69,12 +70,12 @@ def _record(plant, memory, by_force, rest, g, out):
     tension, kept, last = memory.tension, memory.drive, memory.tension.size - 1
     out[0, g], out[1, g], out[2, g] = tension[0], tension[last], kept[0]
     if by_force:  # docs/model.md (59)
-        lead = memory.place[0] + stretch_of(plant, 0, tension[0]) - rest
+        lead = memory.displacement[0] + stretch_of(plant, 0, tension[0]) - rest
         lag = kept[3] + (kept[4] - lead) * plant.backlash / _TURN
         kept[3], kept[4] = min(max(lag, 0.0), plant.backlash), lead
         out[2, g] = lead - kept[3]
     if plant.load == 0.0:
-        out[3, g] = memory.place[last - 1]
+        out[3, g] = memory.displacement[last - 1]
     else:
         out[3, g] = (tension[last] - plant.pretension) / plant.load
     out[4, g], out[5, g] = memory.slip[0], memory.slip[last - 1]

@@ -15,11 +15,11 @@ from tssgeom.effects import Library, Setup, together
 from tssgeom.errors import FitError, SettingsError
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
-from tssgeom.tendon.bars.laws import Memory
+from tssgeom.tendon.bars.contact_grid import edges
 from tssgeom.tendon.bars.march import march
-from tssgeom.tendon.bars.plant import Plant, edges, moved_plant, plant
+from tssgeom.tendon.bars.plant import Memory, Plant, moved_plant, plant
 from tssgeom.tendon.bars.sensors import CHANNELS as CHANNELS
-from tssgeom.tendon.bars.sensors import Drive, Lags, check_drive, late, shown, true_drive
+from tssgeom.tendon.bars.sensors import Drive, Lags, check_drive, sensed, true_drive, with_lags
 
 BARS = 30
 """Bars of the tendon where nothing else is asked for."""
@@ -83,7 +83,7 @@ def predict(
     arcs
         The route.
     rig, effects
-        Tendon, friction and load, and what else acts, beside the rig's own effects.
+        Tendon, friction and load; effects besides the rig's own.
     drive
         `tension_in_N` or `displacement_in_m`; without it the tension if the run has it, else the position.
     bars
@@ -111,34 +111,45 @@ def prepare(
     drive: Drive | None = None,
     bars: int = BARS,
 ) -> Model:
-    """Lay a rig and effects on a route, to be driven as the run is; arguments and errors as `predict`."""
+    """Return a rig with effects on a route, to be driven as the run is; arguments and errors as `predict`."""
     chosen = _drive_of(run) if drive is None else drive
     setup = together(setup_of(rig), effects)
     check_drive(setup, chosen)
-    return laid(setup, arcs, chosen, edges(arcs, bars))
+    return model_of(setup, arcs, chosen, edges(arcs, bars))
 
 
-def laid(setup: Setup, arcs: Arcs, drive: Drive, edge: Vector) -> Model:
-    """Lay a setup on a route, the tendon cut at the fractions `edge` of its length [bars + 1].
+def model_of(setup: Setup, arcs: Arcs, drive: Drive, edge: Vector) -> Model:
+    """Return a setup on a route, the tendon cut at the fractions `edge` of its length [bars + 1].
 
     Raises
     ------
     SettingsError
         Where the tendon does not stretch.
     """
-    if setup.compliance < _LEAST_COMPLIANCE:
+    check_compliance(setup.compliance)
+    return Model(setup, plant(setup, arcs, edge), drive, edge)
+
+
+def check_compliance(compliance: float) -> None:
+    """Refuse a tendon that does not stretch; `compliance` is its strain per tension [1/N].
+
+    Raises
+    ------
+    SettingsError
+        Where bars would stretch by less than rounding.
+    """
+    if compliance < _LEAST_COMPLIANCE:
         raise SettingsError(
-            f"tendon.compliance_per_N is {setup.compliance:g} 1/N: a tendon of bars has to stretch; "
+            f"tendon.compliance_per_N is {compliance:g} 1/N: a tendon of bars has to stretch; "
             f"give at least {_LEAST_COMPLIANCE:g} 1/N"
         )
-    return Model(setup, plant(setup, arcs, edge), drive, edge)
 
 
 def moved(model: Model, arcs: Arcs) -> Model:
     """Return the model with the same tendon on another route, for runs in which the route moves.
 
     Angles and friction are those of the new route. The bars keep their lengths: more of the sheath in view is
-    no longer tendon, as with `Line.stretches_with_route` False.
+    no longer tendon.
     """
     fresh = moved_plant(model.plant, model.setup, arcs, model.edge)
     return Model(model.setup, fresh, model.drive, model.edge)
@@ -160,7 +171,7 @@ def begin(model: Model) -> RunState:
     k = len(model.plant.force)
     memory = Memory(
         tension=np.full(k + 1, model.plant.pretension),
-        place=np.zeros(k),
+        displacement=np.zeros(k),
         speed=np.zeros(k),
         travel=np.zeros(k),
         creep=model.plant.creep_soft * model.plant.pretension,
@@ -209,8 +220,8 @@ def carry_on(
             f"no equilibrium of the tendon was found at {time[done]:g} s, {model.drive} {given[done]:g}: "
             "thin the run less, or look for a jump in the drive"
         )
-    seen = shown(model.setup, out) | {model.drive: given}
-    channels, lags = late(model.setup, seen, spans, state.lags)
+    read = sensed(model.setup, out) | {model.drive: given}
+    channels, lags = with_lags(model.setup, read, spans, state.lags)
     trace = RunTrace(channels, out[5], read_only(rows))
     return trace, RunState(memory, float(time[-1]), float(coldest), lags)
 

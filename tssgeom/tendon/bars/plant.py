@@ -1,22 +1,22 @@
-"""A setup laid on a route: the arrays that the march through a run reads.
+"""The laws of bars and contacts, and a rig with effects as the arrays that these laws read.
 
 Bars 1 … n lie in the sheath, bar 0 between drive and sheath, bar n + 1 between sheath and load, and the load.
 Contacts 0 … n stand between neighbours. Source: docs/model.md (50)-(60).
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
 from tssgeom.arrays import Vector
-from tssgeom.effects.setup import Setup
+from tssgeom.effects.kinds import Setup
 from tssgeom.route.pieces import Arcs
-from tssgeom.tendon.bars.contact_grid import Bed, lay
-from tssgeom.tendon.bars.laws import stretched
+from tssgeom.tendon.bars.contact_grid import ContactGrid, discretise, with_bends
 
-_GRADING = 1.5  # bars grow from the drive on, where fronts start
-_FIRST = 0.1  # and the first is smaller still: what its contact holds, a position does not tell
+LEAST_LOAD = 1e-3
+"""Below this tension load-dependent friction depends on the load no more [N]."""
 _LEAST = 1e-9  # slack that is taken up leaves this much give, lest its law become a wall [m/N]
 
 
@@ -26,8 +26,8 @@ class Plant(NamedTuple):
     soft: np.ndarray  # [b] stretch per tension [m/N]
     toe: np.ndarray  # [b] stretch of the toe [m]
     toe_scale: np.ndarray  # [b] N
-    gap: np.ndarray  # [b] path saved when taut [m]
-    gap_scale: float  # N
+    saved: np.ndarray  # [b] path saved when taut [m]
+    saved_scale: float  # N
     clearance: float  # path saved for each radian when taut [m/rad]
     creep_soft: np.ndarray  # [b] creep per tension in the end [m/N]
     creep_time: float  # s
@@ -55,48 +55,63 @@ class Plant(NamedTuple):
     swift: bool  # nothing but the drive moves the tendon: one sweep gives the answer
 
 
-def edges(arcs: Arcs, bars: int) -> Vector:
-    """Return where to cut the tendon, as fractions of its length, [bars + 1]; docs/model.md (63).
+class Memory(NamedTuple):
+    """What one sample leaves to the next, b bars and k contacts; each step writes into these arrays."""
 
-    Half of the bars go by length, half by angle, so that sharp bends get several.
-    """
-    s = np.concatenate(([0.0], np.cumsum(arcs.length)))
-    phi = np.concatenate(([0.0], np.cumsum(arcs.angle)))
-    s, phi = s / s[-1], phi / max(phi[-1], 1e-12)
-    blend = (s + phi) / (s[-1] + phi[-1])
-    cut = np.interp(np.linspace(0.0, 1.0, bars + 1) ** _GRADING, blend, s)
-    cut[0], cut[-1] = 0.0, 1.0
-    cut[1] *= _FIRST
-    return cut
+    tension: np.ndarray  # [b] N
+    displacement: np.ndarray  # [k] displacement of each contact since the pretensioned state [m]
+    speed: np.ndarray  # [k] of the last step [m/s]
+    travel: np.ndarray  # [k] path slid so far, either way [m]
+    creep: np.ndarray  # [b] m
+    slip: np.ndarray  # [k] int8: +1 slid on a pull, 0 stuck, −1 slid on a release
+    drive: np.ndarray
+    """[6] last drive [N or m], warmth [K], position past the backlash [m], lag [m], lead [m], rate [m/s]"""
 
 
-@njit(cache=True, nogil=True)
-def bent(length, angle, bends):
-    """Return lengths and angles of the pieces with hidden bends added; docs/model.md (60).
-
-    `bends` [m, 3] holds the middle [m], the angle [rad] and the width [m] of each.
-    """
-    for i in range(bends.shape[0]):
-        middle, extra, width = bends[i]
-        end = np.concatenate((np.zeros(1), np.cumsum(length)))
-        whole = end[-1]
-        start = min(max(middle - 0.5 * width, 0.0), whole)
-        stop = min(max(middle + 0.5 * width, 0.0), whole)
-        if stop - start < 1e-9 * whole:
-            start, stop = max(start - width, 0.0), min(stop + width, whole)
-        knots = np.unique(np.concatenate((np.array([start, stop]), end)))
-        phi = np.interp(knots, end, np.concatenate((np.zeros(1), np.cumsum(angle))))
-        for k in range(knots.size):
-            phi[k] += extra * min(max((knots[k] - start) / (stop - start), 0.0), 1.0)
-        length, angle = np.diff(knots), np.diff(phi)
-    return length, angle
+@njit(cache=True, nogil=True, error_model="numpy")
+def stretched(tension, soft, toe, toe_scale, saved, saved_scale):
+    """Return stretch [m] of a taut bar and its slope [m/N]; docs/model.md (50)."""
+    stretch, slope = soft * tension, soft
+    if toe != 0.0:
+        rest = math.exp(-tension / toe_scale)
+        stretch += toe * (1.0 - rest)
+        slope += toe * rest / toe_scale
+    if saved != 0.0:
+        rest = math.exp(-tension / saved_scale)
+        stretch += saved * (1.0 - rest)
+        slope += saved * rest / saved_scale
+    return stretch, slope
 
 
-def with_bends(setup: Setup, arcs: Arcs) -> Arcs:
-    """Return the route as the tendon feels it, hidden bends included; docs/model.md (60)."""
-    if not setup.bends:
-        return arcs
-    return Arcs.exact(*bent(arcs.length, arcs.angle, np.array(setup.bends)))
+@njit(cache=True, nogil=True, error_model="numpy")
+def stretch_of(plant, j, tension):
+    """Return the stretch of bar j [m]; docs/model.md (50)."""
+    soft, toe, toe_scale = plant.soft[j], plant.toe[j], plant.toe_scale[j]
+    return stretched(tension, soft, toe, toe_scale, plant.saved[j], plant.saved_scale)[0]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def load_factor(load, exponent, reference):
+    """Return what the tension at a contact makes of the friction there [1]; docs/model.md (52)."""
+    if exponent == 0.0:
+        return 1.0
+    return math.exp(exponent * math.log(max(load, LEAST_LOAD) / reference))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def worn(plant, travel, pulling, releasing):
+    """Set the exponents of the cone after wear by the travel so far; docs/model.md (52)."""
+    for i in range(travel.size):
+        factor = 1.0 - plant.wear_gain * math.expm1(-travel[i] / plant.wear_travel)
+        pulling[i], releasing[i] = plant.pulling[i] * factor, plant.releasing[i] * factor
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def creep_weights(x):
+    """Return weights of old creep, old and new tension after x time constants; docs/model.md (57)."""
+    kept = math.exp(-x)
+    mean = -math.expm1(-x) / x
+    return kept, mean - kept, 1.0 - mean
 
 
 class _Sides(NamedTuple):
@@ -106,17 +121,17 @@ class _Sides(NamedTuple):
     releasing: Vector  # [k]
     low: Vector  # [k] exp of the exponents
     high: Vector  # [k]
-    gap: Vector  # [b] m
+    saved: Vector  # [b] m
 
 
-def _sides(setup: Setup, arcs: Arcs, edge: Vector, bed: Bed, fitting: Vector) -> _Sides:
-    pressed = bed.angle
+def _sides(setup: Setup, arcs: Arcs, edge: Vector, grid: ContactGrid, fitting: Vector) -> _Sides:
+    pressed = grid.angle
     if setup.curvature_gain_m != 0.0:  # docs/model.md (53)
         factor = np.maximum(1.0 + setup.curvature_gain_m * arcs.kappa, 0.0)
-        pressed = lay(edge, Arcs.exact(arcs.length, arcs.angle * factor)).angle
+        pressed = discretise(edge, Arcs.exact(arcs.length, arcs.angle * factor)).angle
     base = setup.friction * pressed
     pulling, releasing = base * (1.0 + setup.asymmetry), base * (1.0 - setup.asymmetry)
-    turn = _turns(edge, arcs) if setup.clearance_m_per_rad else np.zeros(len(bed.length))
+    turn = _turns(edge, arcs) if setup.clearance_m_per_rad else np.zeros(len(grid.length))
     return _Sides(
         pulling,
         releasing,
@@ -127,22 +142,22 @@ def _sides(setup: Setup, arcs: Arcs, edge: Vector, bed: Bed, fitting: Vector) ->
 
 
 def moved_plant(held: Plant, setup: Setup, arcs: Arcs, edge: Vector) -> Plant:
-    """Lay the tendon of a plant on another route: its bars keep their lengths, its contacts do not."""
+    """Return the plant on another route: its bars keep their lengths, its contacts do not."""
     arcs = with_bends(setup, arcs)
-    sides = _sides(setup, arcs, edge, lay(edge, arcs), held.fitting)
+    sides = _sides(setup, arcs, edge, discretise(edge, arcs), held.fitting)
     return held._replace(**sides._asdict(), swift=False)
 
 
 def plant(setup: Setup, arcs: Arcs, edge: Vector) -> Plant:
-    """Lay tendon, friction and ends on a route, with bars cut at the fractions `edge`."""
+    """Return tendon, friction and ends on a route, with bars cut at the fractions `edge`."""
     arcs = with_bends(setup, arcs)
-    bed = lay(edge, arcs)
-    k = len(bed.angle)
+    grid = discretise(edge, arcs)
+    k = len(grid.angle)
     fitting = _at_ends(k, setup.fitting_in_exponent, setup.fitting_out_exponent)
-    force = setup.straight_friction_N_per_m * bed.span  # docs/model.md (54)
+    force = setup.straight_friction_N_per_m * grid.span  # docs/model.md (54)
     force = force + _at_ends(k, setup.fitting_in_N, setup.fitting_out_N)
-    sides = _sides(setup, arcs, edge, bed, fitting)
-    rho_l = setup.compliance * bed.length
+    sides = _sides(setup, arcs, edge, grid, fitting)
+    rho_l = setup.compliance * grid.length
     load = 1.0 / setup.load_stiffness if setup.load_stiffness > 0.0 else 0.0
     by_speed = setup.speed_gain != 0.0
     soft = _ended(
@@ -150,29 +165,29 @@ def plant(setup: Setup, arcs: Arcs, edge: Vector) -> Plant:
         max(setup.series_in_m_per_N, _LEAST if setup.take_up_in_m else 0.0),
         max(setup.series_out_m_per_N + load, _LEAST if setup.take_up_out_m else 0.0),
     )
-    toe = _ended(setup.toe_strain * bed.length, setup.take_up_in_m, setup.take_up_out_m)
+    toe = _ended(setup.toe_strain * grid.length, setup.take_up_in_m, setup.take_up_out_m)
     toe_scale = _ended(
         np.full(len(rho_l), setup.toe_scale_N), setup.take_up_in_scale_N, setup.take_up_out_scale_N
     )
-    gap_scale, pretension = float(setup.clearance_scale_N), float(setup.pretension)
+    saved_scale, pretension = float(setup.clearance_scale_N), float(setup.pretension)
     return Plant(
         soft=soft,
         toe=toe,
         toe_scale=toe_scale,
-        gap=sides.gap,
-        gap_scale=gap_scale,
+        saved=sides.saved,
+        saved_scale=saved_scale,
         clearance=float(setup.clearance_m_per_rad),
         creep_soft=_ended(setup.creep_ratio * rho_l, 0.0, 0.0),
         creep_time=float(setup.creep_time_s),
-        warm=_ended(setup.expansion_per_K * bed.length, 0.0, 0.0),
-        rest=_rest(soft, toe, toe_scale, sides.gap, gap_scale, pretension),
+        warm=_ended(setup.expansion_per_K * grid.length, 0.0, 0.0),
+        rest=_rest(soft, toe, toe_scale, sides.saved, saved_scale, pretension),
         pulling=sides.pulling,
         releasing=sides.releasing,
         fitting=fitting,
         low=sides.low,
         high=sides.high,
         force=force,
-        drag=setup.drag_Ns_per_m2 * bed.span,
+        drag=setup.drag_Ns_per_m2 * grid.span,
         load_exponent=float(setup.load_exponent),
         load_reference=float(setup.load_reference_N),
         wear_gain=float(setup.wear_gain),
@@ -195,11 +210,11 @@ def plant(setup: Setup, arcs: Arcs, edge: Vector) -> Plant:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _rest(soft, toe, toe_scale, gap, gap_scale, pretension):
+def _rest(soft, toe, toe_scale, saved, saved_scale, pretension):
     """Return the stretch of each bar under the pretension [m]; docs/model.md (50)."""
     rest = np.empty(soft.size)
     for j in range(soft.size):
-        rest[j] = stretched(pretension, soft[j], toe[j], toe_scale[j], gap[j], gap_scale)[0]
+        rest[j] = stretched(pretension, soft[j], toe[j], toe_scale[j], saved[j], saved_scale)[0]
     return rest
 
 

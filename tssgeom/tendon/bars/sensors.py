@@ -1,20 +1,21 @@
-"""What the sensors of a rig make of what happens: gains, zeros, crosstalk, lags; docs/model.md (61), (62)."""
+"""What the sensors of a rig read: gains, zeros, crosstalk, lags; docs/model.md (61), (62)."""
 
+import math
 from collections.abc import Mapping
 from typing import Literal, TypeAlias, get_args
 
 import numpy as np
+from numba import njit
 
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.effects import Channel, Setup
 from tssgeom.errors import SettingsError
-from tssgeom.tendon.bars.laws import lagged
 
 CHANNELS: tuple[Channel, ...] = get_args(Channel)
 """What sensors read of a run."""
 Drive = Literal["tension_in_N", "displacement_in_m"]
 Lags: TypeAlias = Mapping[Channel, tuple[float, float]]
-"""What each lagging channel was given and showed last; empty before the first sample."""
+"""Last true value and last reading of each lagging channel; empty before the first sample."""
 
 
 def check_drive(setup: Setup, drive: Drive) -> None:
@@ -31,7 +32,7 @@ def check_drive(setup: Setup, drive: Drive) -> None:
 
 
 def err(setup: Setup) -> bool:
-    """Whether any sensor reads what is not."""
+    """Whether any sensor reads another value than the true one."""
     gains = (setup.tension_in_gain, setup.tension_out_gain)
     zeros = (setup.tension_in_offset_N, setup.tension_out_offset_N, setup.crosstalk)
     return gains != (1.0, 1.0) or any(zeros) or bool(setup.lags)
@@ -46,7 +47,7 @@ def true_drive(setup: Setup, drive: Drive, given: Vector) -> Vector:
     return np.maximum(given, 0.0)
 
 
-def shown(setup: Setup, out: Matrix) -> dict[str, Vector]:
+def sensed(setup: Setup, out: Matrix) -> dict[str, Vector]:
     """Return what sensors without lag read of T_in, T_out [N], x_in, x_out [m], the rows of `out`; (61)."""
     return {
         "tension_in_N": out[0] * setup.tension_in_gain + setup.tension_in_offset_N,
@@ -58,15 +59,29 @@ def shown(setup: Setup, out: Matrix) -> dict[str, Vector]:
     }
 
 
-def late(
+def with_lags(
     setup: Setup, channels: Mapping[str, Vector], spans: Vector, before: Lags
 ) -> tuple[dict[str, Vector], Lags]:
-    """Let the lagging channels lag, and return with them what they showed last; docs/model.md (62)."""
-    seen, lags = dict(channels), dict[Channel, tuple[float, float]]()
+    """Let the lagging channels lag, and return with them their last values; docs/model.md (62)."""
+    read, lags = dict(channels), dict[Channel, tuple[float, float]]()
     for channel, lag in setup.lags:
         value = channels[channel]
         first = float(value[0])
         if lag > 0.0:
-            seen[channel] = lagged(value, spans, lag, before.get(channel, (first, first)))
-        lags[channel] = (float(value[-1]), float(seen[channel][-1]))
-    return seen, lags
+            read[channel] = lagged(value, spans, lag, before.get(channel, (first, first)))
+        lags[channel] = (float(value[-1]), float(read[channel][-1]))
+    return read, lags
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def lagged(values, spans, lag, before):
+    """Pass samples, straight between, through a lag that stands at `before`: in, out; docs/model.md (62)."""
+    out = np.empty_like(values)
+    last, read = before
+    for i in range(values.size):
+        if spans[i] > 0.0:
+            behind = (values[i] - last) / spans[i] * lag
+            read = values[i] - behind + (read - last + behind) * math.exp(-spans[i] / lag)
+        last = values[i]
+        out[i] = read
+    return out

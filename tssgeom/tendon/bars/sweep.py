@@ -5,14 +5,31 @@ method on the sum of all stretches. Source: docs/model.md (3), (50)-(54), (64).
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
-from tssgeom.tendon.bars.laws import load_factor, stretch_of, stretched, worn
+from tssgeom.tendon.bars.plant import load_factor, stretch_of, stretched, worn
 
-_TRIALS = 80  # of a tension that belongs to a position; bisection alone would need some 60
-_CLOSE = 1e-14  # of a position [m]
+
+class SweepTolerances(NamedTuple):
+    """How exactly one sweep over the contacts of a fixed route finds a position."""
+
+    trials: int = 80
+    """Tensions tried for a position [1]; derived: bisection alone would need some 60."""
+    close: float = 1e-14
+    """Distance from a position that ends the search [m]; chosen: rounding of a metre, with room."""
+    accepted: float = 1e-10
+    """Greatest distance from a position that is returned [m]; chosen: an atom."""
+    load: float = 1e-7
+    """Change of an exponent by the load that ends its iteration [1]; chosen: the next error is its square."""
+    turns: int = 20
+    """Most iterations of an exponent by the load [1]; chosen: Newton's method needs a few."""
+
+
+SWEEP = SweepTolerances()
+"""Used wherever a fixed route is swept."""
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -23,7 +40,7 @@ def _side(near, old, exponent, fixed, force, sign, law):
     """
     power, reference = law
     here, m = old, exponent * load_factor(0.5 * (near + old), power, reference)
-    for _ in range(20):
+    for _ in range(SWEEP.turns):
         ratio = math.exp(sign * (m + fixed))
         here = max(ratio * near + sign * force, 0.0)
         load = 0.5 * (near + here)
@@ -31,7 +48,7 @@ def _side(near, old, exponent, fixed, force, sign, law):
         bend = sign * 0.5 * power * wanted * ratio * near / max(load, 1e-9)  # d wanted / d m
         change = (wanted - m) / (1.0 - bend)
         m += change
-        if abs(change) <= 1e-7:  # the next error is some square of this
+        if abs(change) <= SWEEP.load:
             break
     ratio = math.exp(sign * (m + fixed))
     share = 0.5 * power * m * ratio * near / max(0.5 * near + 0.5 * here, 1e-9)
@@ -42,11 +59,17 @@ def _side(near, old, exponent, fixed, force, sign, law):
 def _sweep(plant, old, start, rest, cone, tension, slip):
     """Carry the tension `start` to the distal end; return where the drive is then [m], and slope [m/N]."""
     pulling, releasing, low, high = cone
-    soft, toe, toe_scale, gap, gap_scale = plant.soft, plant.toe, plant.toe_scale, plant.gap, plant.gap_scale
+    soft, toe, toe_scale, saved, saved_scale = (
+        plant.soft,
+        plant.toe,
+        plant.toe_scale,
+        plant.saved,
+        plant.saved_scale,
+    )
     fitting, force, power = plant.fitting, plant.force, plant.load_exponent
     law = (power, plant.load_reference)
     tension[0] = start
-    stretch, slope = stretched(start, soft[0], toe[0], toe_scale[0], gap[0], gap_scale)
+    stretch, slope = stretched(start, soft[0], toe[0], toe_scale[0], saved[0], saved_scale)
     lead, share, near = stretch - rest[0], 1.0, start
     for i in range(low.size):
         here = old[i + 1]
@@ -67,14 +90,14 @@ def _sweep(plant, old, start, rest, cone, tension, slip):
         else:
             slip[i], share = 0, 0.0
         tension[i + 1], near = here, here
-        stretch, rise = stretched(here, soft[i + 1], toe[i + 1], toe_scale[i + 1], gap[i + 1], gap_scale)
+        stretch, rise = stretched(here, soft[i + 1], toe[i + 1], toe_scale[i + 1], saved[i + 1], saved_scale)
         lead += stretch - rest[i + 1]
         slope += share * rise
     return lead, slope
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _edge(plant, tension, cone, pull):
+def _sliding_from(plant, tension, cone, pull):
     """Return the drive's tension at which the first contact begins to slide [N]."""
     pulling, releasing, low, high = cone
     load = 0.5 * (tension[0] + tension[1])
@@ -87,18 +110,18 @@ def _edge(plant, tension, cone, pull):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _drawn(plant, old, target, rest, cone, tension, slip):
+def _at_position(plant, old, target, rest, cone, tension, slip):
     """Sweep with the tension that puts the drive at `target`; return how far off it is [m]."""
     start = old[0]
     lead, slope = _sweep(plant, old, start, rest, cone, tension, slip)
-    if abs(lead - target) <= _CLOSE or (start == 0.0 and lead > target):
+    if abs(lead - target) <= SWEEP.close or (start == 0.0 and lead > target):
         return 0.0
     below, above = (start, np.inf) if lead < target else (0.0, start)
     if slope <= 0.0:
-        start = _edge(plant, old, cone, lead < target)
+        start = _sliding_from(plant, old, cone, lead < target)
         lead, slope = _sweep(plant, old, start, rest, cone, tension, slip)
-    for _ in range(_TRIALS):
-        if abs(lead - target) <= _CLOSE:
+    for _ in range(SWEEP.trials):
+        if abs(lead - target) <= SWEEP.close:
             return 0.0
         below, above = (max(below, start), above) if lead < target else (below, min(above, start))
         new = start - (lead - target) / slope if slope > 0.0 else -1.0
@@ -128,16 +151,22 @@ def swept(plant, memory, by_force, target, span, rest, cone, tension):
     if by_force:
         _sweep(plant, memory.tension, target, rest, cone, tension, memory.slip)
     else:
-        off = _drawn(plant, memory.tension, target, rest, cone, tension, memory.slip)
+        off = _at_position(plant, memory.tension, target, rest, cone, tension, memory.slip)
     last = tension.size - 1
     memory.tension[last] = tension[last]
     here = stretch_of(plant, last, tension[last]) - rest[last]
-    soft, toe, toe_scale, gap, gap_scale = plant.soft, plant.toe, plant.toe_scale, plant.gap, plant.gap_scale
+    soft, toe, toe_scale, saved, saved_scale = (
+        plant.soft,
+        plant.toe,
+        plant.toe_scale,
+        plant.saved,
+        plant.saved_scale,
+    )
     for i in range(last - 1, -1, -1):
-        moved = here - memory.place[i]
-        memory.place[i] = here
+        moved = here - memory.displacement[i]
+        memory.displacement[i] = here
         memory.travel[i] += abs(moved)
         memory.speed[i] = moved / span
         memory.tension[i] = tension[i]
-        here += stretched(tension[i], soft[i], toe[i], toe_scale[i], gap[i], gap_scale)[0] - rest[i]
+        here += stretched(tension[i], soft[i], toe[i], toe_scale[i], saved[i], saved_scale)[0] - rest[i]
     return off

@@ -1,4 +1,4 @@
-"""A tendon on which effects act, one step after the other, on a route that stands or moves.
+"""A tendon with effects, one step after the other, on a route that stands or moves.
 
 It goes through the same march as a measured run, so that a rig means the same in a stream as in a fit.
 Source: docs/model.md (50)-(65), (120).
@@ -7,7 +7,6 @@ Source: docs/model.md (50)-(65), (120).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -16,66 +15,25 @@ from numba import njit
 
 from tssgeom.arrays import Vector
 from tssgeom.effects import Library, Setup
-from tssgeom.errors import FitError, SettingsError
+from tssgeom.errors import SettingsError
 from tssgeom.rig import Friction, Load, Rig, Tendon
 from tssgeom.route.pieces import Arcs
-from tssgeom.tendon.bars.contact_grid import lay
-from tssgeom.tendon.bars.laws import Memory, stretch_of
+from tssgeom.tendon.bars.bar_state import BarState
+from tssgeom.tendon.bars.base import direction_after, no_equilibrium
+from tssgeom.tendon.bars.contact_grid import discretise, edges, with_bends
 from tssgeom.tendon.bars.march import march
-from tssgeom.tendon.bars.model import BARS, Model, begin, laid, moved, setup_of
-from tssgeom.tendon.bars.plant import edges, with_bends
-from tssgeom.tendon.bars.sensors import Lags, late, shown
+from tssgeom.tendon.bars.model import BARS, Model, begin, model_of, moved, setup_of
+from tssgeom.tendon.bars.plant import Memory, stretch_of
+from tssgeom.tendon.bars.sensors import Lags, sensed, with_lags
 from tssgeom.tendon.capstan import Corners, tension
 
-UNTIMED = 1.0
-"""A step without a time, and the first one of a stream, is taken to last so long [s]."""
-_BY_LENGTH = 1e-4  # rad along the whole route, so that places on straight pieces have an order
+_BY_LENGTH = 1e-4  # rad along the whole route, so that positions on straight pieces have an order
 _SLACK = 1e-9  # N that stand for no tension in a logarithm
 _ONE, _NO_PROFILE = np.ones(1, dtype=np.int64), np.empty((0, 0))
 
 
-@dataclass(frozen=True, slots=True)
-class ActingState:
-    """Tension along a tendon on which effects act, and what they remember."""
-
-    cut: Arcs
-    """The route on which it was cut into bars, which keep their lengths."""
-    edge: Vector
-    """[n+1] Where the bars are cut, as fractions of the tendon in the sheath [1]."""
-    memory: Memory
-    """What the march leaves to the next step."""
-    by_force: bool
-    """Whether a tension drove the last step, or else a position."""
-    span: float
-    """Time that the last step took [s]."""
-    temperature: float
-    """The first temperature that was told [°C]; NaN before it."""
-    lags: Lags
-    """What each lagging sensor was given and showed last."""
-    front: int
-    """Contacts, from the proximal end on, that slid when the drive last moved."""
-    direction_index: int
-    """ζ: +1 where the proximal end was last pulled, or never moved; −1 where it was last released."""
-    displacement_in: float
-    """Movement of the drive since the pretensioned state, pulling positive [m]."""
-    displacement_out: float
-    """Movement of the load since the pretensioned state, towards the tendon positive [m]."""
-    model: Model | None = None
-    """The rig as it lies on the route; None in a state that was saved, as it follows from the others."""
-
-    @property
-    def tension_in(self) -> float:
-        """Total tension at the proximal end [N]."""
-        return float(self.memory.tension[0])
-
-    @property
-    def tension_out(self) -> float:
-        """Total tension at the distal end [N]."""
-        return float(self.memory.tension[-1])
-
-
-def setup_acting(rig: Rig) -> Setup | None:
-    """Return what acts, or None where the rig has no effect that differs from the base model."""
+def effective_setup(rig: Rig) -> Setup | None:
+    """Return the physics of a rig with effects, or None where it does not differ from the base model."""
     return _setup(rig.tendon, rig.friction, rig.load, rig.effects) if rig.effects else None
 
 
@@ -87,35 +45,34 @@ def _setup(tendon: Tendon, friction: Friction, load: Load, effects: tuple[Librar
 
 
 def timed(setup: Setup) -> bool:
-    """Whether anything that acts depends on time."""
+    """Whether any of the effects depends on time."""
     return bool(setup.creep_ratio or setup.drag_Ns_per_m2 or setup.speed_gain or setup.lags)
 
 
-def cut(along: Corners, arcs: Arcs, setup: Setup) -> ActingState:
+def cut(along: Corners, arcs: Arcs, setup: Setup) -> BarState:
     """Cut a tendon into bars on a route, with the tension that it has along it.
 
-    What the corners do not tell is as in a tendon that came to these tensions slowly: nothing is slack or has
+    What the corners do not hold is as in a tendon that came to these tensions slowly: nothing is slack or has
     crept, and backlash is engaged for pulling; docs/model.md (120).
     """
-    model = laid(setup, arcs, "tension_in_N", edges(arcs, BARS))
+    model = model_of(setup, arcs, "tension_in_N", edges(arcs, BARS))
     memory = begin(model).memory
     if len(along.angle) > 1 or along.tension_in != setup.pretension:
-        place = lay(model.edge, arcs).place
-        memory.tension[:] = tension(along, np.concatenate(([0.0], place, [arcs.total_angle])))
+        mean_angle = discretise(model.edge, arcs).mean_angle
+        memory.tension[:] = tension(along, np.concatenate(([0.0], mean_angle, [arcs.total_angle])))
         _put(model, memory)
     out = memory.tension[-1] - setup.pretension
-    return ActingState(
-        cut=arcs,
+    displacement_in = float(memory.drive[4])
+    displacement_out = float(out / setup.load_stiffness) if setup.load_stiffness > 0.0 else 0.0
+    return BarState(
         edge=model.edge,
         memory=memory,
-        by_force=True,
-        span=UNTIMED,
-        temperature=math.nan,
-        lags={},
-        front=0,
+        displacement_in=displacement_in,
+        displacement_out=displacement_out,
+        elongation=displacement_in - displacement_out,  # docs/model.md (121)
         direction_index=along.direction_index,
-        displacement_in=float(memory.drive[4]),
-        displacement_out=float(out / setup.load_stiffness) if setup.load_stiffness > 0.0 else 0.0,
+        length=arcs.total_length,
+        cut=arcs,
         model=model,
     )
 
@@ -125,21 +82,22 @@ def _put(model: Model, memory: Memory) -> None:
     plant = model.plant
     gained = [stretch_of(plant, j, float(pull)) - plant.rest[j] for j, pull in enumerate(memory.tension)]
     lead = np.cumsum(gained[::-1])[::-1]
-    memory.place[:] = lead[1:]
+    memory.displacement[:] = lead[1:]
     memory.drive[0], memory.drive[2], memory.drive[4] = memory.tension[0], lead[0], lead[0]
 
 
-def model_on(state: ActingState, route: Arcs, setup: Setup) -> Model:
-    """Return the rig laid on the route on which the tendon lies."""
+def model_on(state: BarState, route: Arcs, setup: Setup) -> Model:
+    """Return the rig on the route on which the tendon lies."""
     if state.model is not None and state.model.setup is setup:
         return state.model
-    first = laid(setup, state.cut, "tension_in_N", state.edge)
-    return first if route is state.cut else moved(first, route)
+    cut = route if state.cut is None else state.cut
+    first = model_of(setup, cut, "tension_in_N", state.edge)
+    return first if route is cut else moved(first, route)
 
 
 def driven(
-    state: ActingState, model: Model, drive: float, by_force: bool, span: float, temperature: float | None
-) -> ActingState:
+    state: BarState, model: Model, drive: float, by_force: bool, span: float, temperature: float | None
+) -> BarState:
     """Drive the tendon to a tension [N] or a position [m] within `span` [s], on the route of the model.
 
     Parameters
@@ -147,7 +105,7 @@ def driven(
     state
         The tendon before the step.
     model
-        The rig laid on the route after the step.
+        The rig on the route after the step.
     drive, by_force
         True tension [N], or position [m].
     span
@@ -168,35 +126,37 @@ def driven(
     spans, drives = np.array([span]), np.array([drive])
     done = march(model.plant, memory, by_force, spans, drives, np.array([warmth]), _ONE, out, _NO_PROFILE)
     if done == 0:
-        what = f"tension_in {drive:g} N" if by_force else f"displacement_in {drive:g} m"
-        raise FitError(f"no equilibrium of the tendon was found at {what}: take smaller steps")
-    return ActingState(
-        cut=state.cut,
+        raise no_equilibrium(drive, by_force)
+    displacement_in, displacement_out = float(out[2, 0]), float(out[3, 0])
+    return BarState(
         edge=state.edge,
         memory=memory,
+        displacement_in=displacement_in,
+        displacement_out=displacement_out,
+        elongation=displacement_in - displacement_out,  # docs/model.md (121)
+        direction_index=direction_after(int(memory.slip[0]), drive - before, state.direction_index),
+        length=state.length,
+        cut=state.cut,
         by_force=by_force,
         span=span,
         temperature=first,
-        lags=_late(model.setup, out, spans, state.lags),
+        lags=_lagging(model.setup, out, spans, state.lags),
         front=_front(memory.slip, state.front, drive == before),
-        direction_index=_direction(int(memory.slip[0]), drive - before, state.direction_index),
-        displacement_in=float(out[2, 0]),
-        displacement_out=float(out[3, 0]),
         model=model,
     )
 
 
-def readings(state: ActingState, setup: Setup) -> dict[str, float]:
+def readings(state: BarState, setup: Setup) -> dict[str, float]:
     """Return what the sensors read after a step [N, m], by the names of `CHANNELS`; docs/model.md (61)."""
     true = (state.tension_in, state.tension_out, state.displacement_in, state.displacement_out)
-    seen = {name: float(value[0]) for name, value in shown(setup, np.array(true)[:, None]).items()}
-    return seen | {channel: last for channel, (_, last) in state.lags.items()}
+    read = {name: float(value[0]) for name, value in sensed(setup, np.array(true)[:, None]).items()}
+    return read | {channel: last for channel, (_, last) in state.lags.items()}
 
 
-def tension_along(state: ActingState, route: Arcs, s: Vector) -> Vector:
+def tension_along(state: BarState, route: Arcs, s: Vector) -> Vector:
     """Return the tension [N] at arc lengths `s` [m].
 
-    Between the places of the bars ln T is straight over the angle that presses, or over the length where none
+    Between the middles of the bars ln T is linear in the angle that presses, or in the length where none
     does.
     """
     felt = route if state.model is None else with_bends(state.model.setup, route)
@@ -204,12 +164,11 @@ def tension_along(state: ActingState, route: Arcs, s: Vector) -> Vector:
     ends = np.concatenate(([0.0], np.cumsum(felt.length)))
     phi = np.concatenate(([0.0], np.cumsum(felt.angle)))
     middle = 0.5 * (state.edge[1:] + state.edge[:-1])
-    places = np.concatenate(
-        ([0.0], lay(state.edge, felt).place + _BY_LENGTH * middle, [phi[-1] + _BY_LENGTH])
-    )
+    means = discretise(state.edge, felt).mean_angle + _BY_LENGTH * middle
+    known = np.concatenate(([0.0], means, [phi[-1] + _BY_LENGTH]))
     at = np.interp(s, ends, phi) + _BY_LENGTH * s / whole
     held = np.maximum(state.memory.tension, _SLACK)
-    return np.exp(np.interp(at, places, np.log(held)))
+    return np.exp(np.interp(at, known, np.log(held)))
 
 
 def _switch(memory: Memory, displacement_in: float, by_force: bool) -> None:
@@ -222,7 +181,7 @@ def _switch(memory: Memory, displacement_in: float, by_force: bool) -> None:
     drive[5] = 0.0
 
 
-def _warmth(state: ActingState, memory: Memory, temperature: float | None) -> tuple[float, float]:
+def _warmth(state: BarState, memory: Memory, temperature: float | None) -> tuple[float, float]:
     """Return the first temperature [°C], and how much warmer it is now [K]."""
     if temperature is None:
         return state.temperature, float(memory.drive[1])
@@ -232,14 +191,8 @@ def _warmth(state: ActingState, memory: Memory, temperature: float | None) -> tu
     return first, temperature - first
 
 
-def _late(setup: Setup, out: np.ndarray, spans: Vector, before: Lags) -> Lags:
-    return late(setup, shown(setup, out), spans, before)[1] if setup.lags else {}
-
-
-def _direction(slip: int, moved_by: float, before: int) -> int:
-    if slip == 0 and moved_by == 0.0:
-        return before
-    return 1 if slip > 0 or (slip == 0 and moved_by > 0.0) else -1
+def _lagging(setup: Setup, out: np.ndarray, spans: Vector, before: Lags) -> Lags:
+    return with_lags(setup, sensed(setup, out), spans, before)[1] if setup.lags else {}
 
 
 @njit(cache=True, nogil=True)
@@ -247,7 +200,7 @@ def _front(slip, before, stands):
     """Return how many contacts from the drive on slid one way; as before where nothing moved there."""
     if slip[0] == 0:
         return before if stands else 0
-    ahead = 1
-    while ahead < slip.size and slip[ahead] == slip[0]:
-        ahead += 1
-    return ahead
+    count = 1
+    while count < slip.size and slip[count] == slip[0]:
+        count += 1
+    return count

@@ -1,4 +1,4 @@
-"""What a tendon on which effects act does at its ends: dead zone, front, and standard errors.
+"""Both ends of a tendon with effects: dead zone, front, and standard errors.
 
 Source: docs/model.md (121)-(123).
 """
@@ -9,10 +9,10 @@ import numpy as np
 from numba import njit
 
 from tssgeom.route.pieces import Arcs
-from tssgeom.tendon.bars.contact_grid import lay
-from tssgeom.tendon.bars.laws import load_factor, stretched
+from tssgeom.tendon.bars.bar_state import BarState
+from tssgeom.tendon.bars.contact_grid import discretise
 from tssgeom.tendon.bars.model import Model
-from tssgeom.tendon.bars.with_effects import ActingState
+from tssgeom.tendon.bars.plant import load_factor, stretched
 from tssgeom.tendon.transmission import Transmission
 
 _ANSWERS = 1e-7  # of the greater end's tension, or N: bars are balanced to so much
@@ -21,7 +21,7 @@ _PASSES = 60
 _STRAIGHT = 1e-9  # exponent below which a contact tells nothing of what friction does
 
 
-def transmit(state: ActingState, model: Model, route: Arcs) -> Transmission:
+def of_effects(state: BarState, model: Model, route: Arcs) -> Transmission:
     """Return tension, elongation and dead zone of a tendon on the route on which it lies."""
     tension_in, tension_out, way = state.tension_in, state.tension_out, state.direction_index
     variance, angle_variance, slope_out = _spread(
@@ -36,7 +36,7 @@ def transmit(state: ActingState, model: Model, route: Arcs) -> Transmission:
     return Transmission(
         tension_in=tension_in,
         tension_out=tension_out,
-        elongation=state.displacement_in - state.displacement_out,  # docs/model.md (121)
+        elongation=state.elongation,
         elongation_se=math.sqrt(variance),
         tension_out_se=tension_out * abs(slope_out) * math.sqrt(angle_variance),
         direction_index=way,
@@ -48,7 +48,7 @@ def transmit(state: ActingState, model: Model, route: Arcs) -> Transmission:
     )
 
 
-def answering(state: ActingState, model: Model, tension_out: float, way: int) -> float:
+def answering(state: BarState, model: Model, tension_out: float, way: int) -> float:
     """Return the proximal tension from which on a slow pull (+1) or release (−1) moves the load [N].
 
     `tension_out` is the distal tension then [N]; docs/model.md (122).
@@ -62,11 +62,11 @@ def _frictions(model: Model) -> tuple[float, float]:
     return friction * (1.0 + asymmetry), friction * (1.0 - asymmetry)
 
 
-def _front(state: ActingState, route: Arcs) -> float:
+def _front(state: BarState, route: Arcs) -> float:
     """Return the curve angle up to which the tendon slid when the drive last moved [rad]."""
     if state.front == len(state.memory.slip):
         return route.total_angle
-    return float(lay(state.edge, route).place[state.front - 1]) if state.front > 0 else 0.0
+    return float(discretise(state.edge, route).mean_angle[state.front - 1]) if state.front > 0 else 0.0
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -124,13 +124,13 @@ def _spread(plant, memory, frictions, edge, pieces):
         factor = load_factor(pull, plant.load_exponent, plant.load_reference)
         friction = frictions[0] if used < 0.0 else frictions[1]
         slope = used * friction * factor * _worn(plant, memory.travel[j - 1])
-        soft, toe, toe_scale, gap = plant.soft[j], plant.toe[j], plant.toe_scale[j], plant.gap[j]
-        _, rise = stretched(pull, soft, toe, toe_scale, gap, plant.gap_scale)
+        soft, toe, toe_scale, saved = plant.soft[j], plant.toe[j], plant.toe_scale[j], plant.saved[j]
+        _, rise = stretched(pull, soft, toe, toe_scale, saved, plant.saved_scale)
         if j == n + 1 and plant.load > 0.0:
             rise -= 1.0 / plant.load
         begin, end = (edge[j - 1] * whole, edge[j] * whole) if j <= n else (whole, whole)
-        strain = (memory.place[j - 1] - memory.place[j]) / (end - begin) if j <= n else 0.0
-        taut = math.exp(-plant.pretension / plant.gap_scale) - math.exp(-pull / plant.gap_scale)
+        strain = (memory.displacement[j - 1] - memory.displacement[j]) / (end - begin) if j <= n else 0.0
+        taut = math.exp(-plant.pretension / plant.saved_scale) - math.exp(-pull / plant.saved_scale)
         start = 0.0
         for i in range(k):
             stop = start + length[i]

@@ -1,0 +1,84 @@
+"""Bars of a tendon for tests: routes, rigs, and steps with laws that no rig has."""
+
+import math
+
+import numpy as np
+from hypothesis import settings
+from hypothesis import strategies as st
+
+from tssgeom.effects import Setup
+from tssgeom.rig import Friction, Load, Rig, Tendon
+from tssgeom.route.pieces import Arcs
+from tssgeom.tendon.bars.bar_state import pretensioned_bars
+from tssgeom.tendon.bars.base import advanced, after_step, check_balance, one_drive, step
+from tssgeom.tendon.bars.contact_grid import discretise
+from tssgeom.tendon.bars.plant import plant
+
+MU, RHO, PI = 0.145, 3.16e-4, math.pi  # the paper's tendon and sheath, section III-B
+HALF_CIRCLE = Arcs.exact([0.5], [PI])
+WITH_STRAIGHTS = Arcs.exact([0.1, 0.3, 0.1], [0.0, PI, 0.0])
+STRAIGHT = Arcs.exact([0.5], [0.0])
+HALF, LOOP = PI * 0.0847, 2 * PI * 0.0372  # radii inferred from figure 6 of the paper [m]
+SETUP_A = Arcs.exact([HALF, LOOP], [PI, 2 * PI])
+SETUP_B = Arcs.exact([LOOP, HALF], [2 * PI, PI])
+
+# An equilibrium is accepted at 1e-10 of the greatest tension on the way, which may be many times the last.
+SOLVED = 1e-7
+
+untimed = settings(deadline=None, max_examples=30)  # the first example compiles the kernels
+tensions = st.one_of(st.just(0.0), st.floats(0.1, 30.0))
+histories = st.lists(tensions, min_size=1, max_size=8)
+pieces = st.lists(
+    st.tuples(st.floats(0.02, 0.3), st.one_of(st.just(0.0), st.floats(0.01, 3.0))), min_size=1, max_size=5
+)
+
+
+def rig(pretension=0.0, friction=MU, stiffness=1000.0):
+    return Rig(
+        tendon=Tendon(pretension_N=pretension),
+        friction=Friction(coefficient=friction),
+        load=Load(stiffness_N_per_m=stiffness),
+    )
+
+
+def arcs_of(lengths_and_angles):
+    length, angle = np.array(lengths_and_angles).T
+    return Arcs.exact(length, angle)
+
+
+def driven(history, arcs, hardware, bars=60):
+    state = pretensioned_bars(hardware, arcs, bars)
+    for tension_in in history:
+        state = step(state, arcs, hardware, tension_in=tension_in)
+    return state
+
+
+def plant_on(state, arcs, stiffness=1000.0, pretension=0.0, friction=MU, **numbers):
+    """Laws of bars and contacts on a route; `numbers` are those of `Setup`."""
+    setup = Setup(friction, RHO, pretension, stiffness, **numbers)
+    return plant(setup, arcs, state.edge)
+
+
+def growth_on(state, arcs, laws, strain, stretches_with_route):
+    """[n+2] What a longer path and a strain of each bar add to its stretch [m]; docs/model.md (40)."""
+    length, growth = discretise(state.edge, arcs).length, np.zeros(len(state.tension))
+    share = 1 - state.length / arcs.total_length if stretches_with_route else 0.0
+    growth[1:-1] = share * (length - (laws.soft * state.tension)[1:-1]) - strain * length
+    return growth
+
+
+def stepped(state, arcs, laws, *, stretches_with_route=True, strain=0.0, **drive):
+    """Step with any laws of bars and contacts; a longer route stretches the tendon."""
+    goal, by_force = one_drive(drive.get("tension_in"), drive.get("displacement_in"))
+    if by_force and laws.load == 0.0:
+        check_balance(goal, state.tension_out, laws.low, laws.high, laws.force)
+    growth = growth_on(state, arcs, laws, strain, stretches_with_route)
+    where = (goal, by_force, state.displacement_in)
+    result = advanced(laws, state.memory, state.rest, growth, where, arcs.total_length)
+    return after_step(state, result, goal, by_force)
+
+
+def with_cone(laws, pulling, releasing, force):
+    """Give each contact other friction: exponents on a pull and on a release [1], and a force [N]."""
+    sides = {"low": np.exp(-pulling), "high": np.exp(releasing)}
+    return laws._replace(pulling=pulling, releasing=releasing, force=force, **sides)

@@ -1,0 +1,152 @@
+"""Both ends of a tendon of bars, slack, the friction cone, and drives that are refused."""
+
+import math
+
+import numpy as np
+import pytest
+
+from tests.tendon.bars import (
+    HALF_CIRCLE,
+    MU,
+    PI,
+    RHO,
+    SETUP_A,
+    SOLVED,
+    STRAIGHT,
+    driven,
+    plant_on,
+    rig,
+    stepped,
+    with_cone,
+)
+from tssgeom.errors import SettingsError
+from tssgeom.rig import Rig, Tendon
+from tssgeom.tendon.bars.bar_state import pretensioned_bars
+from tssgeom.tendon.bars.base import step
+from tssgeom.tendon.bars.contact_grid import discretise
+
+
+def test_a_dead_weight_keeps_its_tension_and_is_lifted_once_friction_is_overcome():
+    state = pretensioned_bars(rig(5.0), HALF_CIRCLE, 30)
+    laws = plant_on(state, HALF_CIRCLE, 0.0, 5.0)
+    lifted = stepped(state, HALF_CIRCLE, laws, displacement_in=10e-3)
+    assert lifted.tension_out == 5.0
+    assert lifted.tension_in == pytest.approx(5.0 * math.exp(PI * MU), rel=1e-9)
+    assert lifted.displacement_out == pytest.approx(10e-3 - lifted.elongation, rel=1e-9)
+    lowered = stepped(lifted, HALF_CIRCLE, laws, displacement_in=-10e-3)
+    assert lowered.tension_in == pytest.approx(5.0 * math.exp(-PI * MU), rel=1e-9)
+
+
+@pytest.mark.parametrize("tension_in", [8.0, 3.0])
+def test_a_force_that_no_dead_weight_balances_is_refused(tension_in):
+    state = pretensioned_bars(rig(5.0), HALF_CIRCLE, 10)
+    with pytest.raises(SettingsError, match=r"dead weight of 5 N .* 3\.171 to 7\.885 N; drive by position"):
+        step(state, HALF_CIRCLE, rig(5.0, MU, 0.0), tension_in=tension_in)
+
+
+def test_springs_in_series_add_their_stretch_to_the_movements_and_none_to_the_elongation():
+    state = pretensioned_bars(rig(), HALF_CIRCLE, 20)
+    plain = stepped(state, HALF_CIRCLE, plant_on(state, HALF_CIRCLE), tension_in=15.0)
+    laws = plant_on(state, HALF_CIRCLE, series_in_m_per_N=2e-5, series_out_m_per_N=3e-5)
+    soft = stepped(state, HALF_CIRCLE, laws, tension_in=15.0)
+    np.testing.assert_allclose(soft.tension, plain.tension, rtol=1e-9)
+    assert soft.elongation == pytest.approx(plain.elongation, rel=1e-9)
+    extra = 2e-5 * 15.0 + 3e-5 * soft.tension_out
+    assert soft.displacement_in == pytest.approx(plain.displacement_in + extra, rel=1e-9)
+    assert soft.displacement_out == pytest.approx(plain.displacement_out, rel=1e-9)
+    again = stepped(state, HALF_CIRCLE, laws, displacement_in=soft.displacement_in)
+    np.testing.assert_allclose(again.tension, soft.tension, atol=SOLVED)
+
+
+def test_slack_is_taken_up_before_tension_rises():
+    pulled = driven([15.0], HALF_CIRCLE, rig())
+    loose = step(pulled, HALF_CIRCLE, rig(), displacement_in=-5e-3)
+    assert not loose.tension.any()
+    assert loose.slack.sum() == pytest.approx(5e-3, rel=1e-9)
+    assert loose.displacement_in == -5e-3
+    nearly = step(loose, HALF_CIRCLE, rig(), displacement_in=-1e-6)
+    assert not nearly.tension.any()
+    assert nearly.slack.sum() == pytest.approx(1e-6, rel=1e-6)
+    again = step(nearly, HALF_CIRCLE, rig(), displacement_in=pulled.displacement_in)
+    np.testing.assert_allclose(again.tension, pulled.tension, rtol=1e-8)
+    assert not again.slack.any()
+
+
+def test_letting_go_by_force_slackens_the_whole_tendon():
+    state = driven([15.0, 0.0], SETUP_A, rig(5.0))
+    np.testing.assert_allclose(state.tension, 0.0, atol=SOLVED)
+    assert step(state, SETUP_A, rig(5.0), tension_in=4.0).tension_out == pytest.approx(
+        4.0 * math.exp(-3 * PI * MU), rel=1e-9
+    )
+
+
+# --- the cone -----------------------------------------------------------------------------------------------
+
+
+def test_each_number_of_the_cone_acts_on_its_side():
+    state = pretensioned_bars(rig(5.0), HALF_CIRCLE, 5)
+    angle, force = discretise(state.edge, HALF_CIRCLE).angle, np.linspace(0.0, 0.1, 6)
+    laws = with_cone(plant_on(state, HALF_CIRCLE, pretension=5.0), 0.1 * angle, 0.2 * angle, force)
+    up, down, expected_up, expected_down = 15.0, 1.0, [15.0], [1.0]
+    for i in range(6):
+        up = math.exp(-0.1 * angle[i]) * up - force[i]
+        down = math.exp(0.2 * angle[i]) * down + force[i]
+        expected_up.append(up)
+        expected_down.append(down)
+    pulled = stepped(state, HALF_CIRCLE, laws, tension_in=15.0)
+    np.testing.assert_allclose(pulled.tension, expected_up, rtol=1e-9)
+    released = stepped(pulled, HALF_CIRCLE, laws, tension_in=1.0)
+    np.testing.assert_allclose(released.tension, expected_down, rtol=1e-9)
+
+
+def test_drag_takes_force_in_proportion_to_the_movement_and_nothing_where_it_sticks():
+    state = pretensioned_bars(rig(5.0), STRAIGHT, 8)
+    laws = plant_on(state, STRAIGHT, 0.0, 5.0)._replace(drag=np.full(9, 30.0))
+    rigid = laws._replace(soft=laws.soft * (1e-8 / RHO))  # all contacts move alike
+    moved = stepped(state, STRAIGHT, rigid, displacement_in=2e-3)
+    assert moved.tension_in == pytest.approx(
+        5.0 + 9 * 30.0 * 2e-3, rel=1e-4
+    )  # it stretches by 1e-8 per newton
+    held = stepped(moved, STRAIGHT, laws, displacement_in=2e-3)
+    assert held.tension_in < moved.tension_in
+
+
+# --- the boundary -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("drive", "message"),
+    [
+        ({}, "give tension_in .* or displacement_in .*, not both"),
+        ({"tension_in": 1.0, "displacement_in": 0.0}, "not both"),
+        ({"tension_in": -1.0}, "tension_in is -1 N: .*>= 0 N"),
+        ({"tension_in": math.nan}, "tension_in is nan N"),
+        ({"displacement_in": math.inf}, "displacement_in is inf m: give a finite position"),
+    ],
+)
+def test_a_step_without_one_possible_drive_is_refused(drive, message):
+    with pytest.raises(SettingsError, match=message):
+        step(pretensioned_bars(rig(), HALF_CIRCLE), HALF_CIRCLE, rig(), **drive)
+
+
+def test_a_tendon_that_does_not_stretch_is_refused():
+    stiff = Rig(tendon=Tendon(compliance_per_N=0.0))
+    with pytest.raises(SettingsError, match=r"tendon\.compliance_per_N is 0 1/N: .* at least 1e-09 1/N"):
+        step(pretensioned_bars(stiff, HALF_CIRCLE), HALF_CIRCLE, stiff, tension_in=1.0)
+
+
+def test_a_step_leaves_the_old_state_as_it_was():
+    state = driven([15.0, 10.0], SETUP_A, rig())
+    arrays = (state.edge, state.rest, *state.memory)
+    before = [array.copy() for array in arrays]
+    step(state, HALF_CIRCLE, rig(), tension_in=3.0)
+    for array, old in zip(arrays, before, strict=True):
+        np.testing.assert_array_equal(array, old)
+        assert not array.flags.writeable
+
+
+@pytest.mark.parametrize(
+    ("history", "sign"), [([], 1), ([15.0], 1), ([15.0, 9.0], -1), ([15.0, 9.0, 9.0], -1)]
+)
+def test_the_direction_index_is_that_of_the_last_movement(history, sign):
+    assert driven(history, HALF_CIRCLE, rig()).direction_index == sign
