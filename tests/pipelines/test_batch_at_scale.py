@@ -14,7 +14,8 @@ import numpy as np
 import pyarrow.parquet as papq
 import pytest
 
-from pipelines.workers import Died, hired
+from pipelines.batch.run import BatchLimits
+from pipelines.batch.workers import WorkerLost, worker_pool
 from tests.pipelines.alike import alike
 from tssgeom.io.results.ledger import locked
 from tssgeom.io.storage import Folder
@@ -165,9 +166,9 @@ def die_of(what: str) -> str:
 
 
 def test_a_worker_that_dies_takes_only_its_own_call_with_it() -> None:
-    with hired(2, None, lambda frames, size: None) as crew:
-        done = dict(crew.each(die_of, ["a", "poison"]))
-    assert isinstance(done.pop("poison"), Died)
+    with worker_pool(2, None, lambda frames, size: None) as pool:
+        done = dict(pool.unordered(die_of, ["a", "poison"]))
+    assert isinstance(done.pop("poison"), WorkerLost)
     assert done == {"a": "A"}
 
 
@@ -175,10 +176,10 @@ def test_frames_that_stand_alone_give_the_same_bytes_however_they_are_spread(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run
 ) -> None:
     source = moving(tmp_path / "long.jsonl", 3, 40)
-    monkeypatch.setattr("pipelines.batch_task.CHUNK", 16)
+    monkeypatch.setattr("pipelines.batch.task.CHUNK", 16)
     outs = [tmp_path / name for name in ("whole", "spread")]
     for out, small in zip(outs, (1 << 30, 0), strict=True):
-        monkeypatch.setattr("pipelines.batch._SPREAD", small)
+        monkeypatch.setattr("pipelines.batch.run._LIMITS", BatchLimits(shared_size=small))
         run("batch", source, "--out", out, "--geometry-only", *PLAIN)
     assert content(outs[0]) == content(outs[1])
     rows = papq.read_table(outs[0] / "frames/long.parquet").to_pylist()

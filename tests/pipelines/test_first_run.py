@@ -7,7 +7,7 @@ import sys
 from contextlib import suppress
 from pathlib import Path
 
-ASK = "from pipelines.first_run import announce_compiling; announce_compiling()"
+ASK = "from pipelines.inputs import announce_compiling; announce_compiling()"
 
 
 def said(cache: Path) -> str:
@@ -26,7 +26,7 @@ def said(cache: Path) -> str:
 
 def test_it_is_told_on_a_terminal_while_nothing_is_compiled(tmp_path):
     assert "compiling takes a minute or two" in said(tmp_path)
-    (folder,) = tmp_path.glob("chain_*")
+    (folder,) = tmp_path.glob("arcs_*")
     (folder / "equations.normal_equations-1.py311.nbi").touch()
     assert said(tmp_path) == ""
 

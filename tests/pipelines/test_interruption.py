@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import pytest
 
-from pipelines.interruption import not_lost
+from pipelines.cli import lost_interrupts_repeated
 
 RAISING = ctypes.CFUNCTYPE(None)
 
@@ -20,7 +20,7 @@ def interrupted() -> None:
 
 def worked_through(callback: Callable[[], None]) -> None:
     """Work for ten seconds, in which C calls back."""
-    with not_lost():
+    with lost_interrupts_repeated():
         RAISING(callback)()
         time.sleep(10.0)
 
@@ -44,7 +44,7 @@ def test_what_else_is_lost_is_reported_as_before():
 
     before, sys.unraisablehook = sys.unraisablehook, lambda one: lost.append(one.exc_type)
     try:
-        with not_lost():
+        with lost_interrupts_repeated():
             RAISING(failing)()
     finally:
         sys.unraisablehook = before

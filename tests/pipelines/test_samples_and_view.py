@@ -102,7 +102,7 @@ def test_two_folders_are_compared_by_the_names_that_both_have(tmp_path):
     b = touched(tmp_path / "b", "loop", "route", "other")
     assert pairs(a, b) == {name: (a / f"{name}.rrd", b / f"{name}.rrd") for name in ("loop", "route")}
     assert pairs(a / "more.rrd", touched(tmp_path / "c", "else")).keys() == {"more_and_else"}
-    with pytest.raises(SourceError, match=r"no recording has its like by name: name two \.rrd files"):
+    with pytest.raises(SourceError, match=r"they share no name of a recording: name two \.rrd files"):
         pairs(a, touched(tmp_path / "d", "x", "y"))
 
 
