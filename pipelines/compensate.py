@@ -5,20 +5,13 @@ What it needs is imported when it runs, so that `--help` is quick.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from pipelines.options import TENSION_IN, Json, Quiet, RigFile, Shapes, Unit
-from pipelines.terminal import counted_progress, print_json, print_line, print_table
-
-if TYPE_CHECKING:
-    from pipelines.inputs import RunSettings
-    from pipelines.runs import SensedRoute
-    from tssgeom.io.formats.runs import MeasuredRun
-    from tssgeom.tendon.command import Command
+from pipelines.terminal import print_json, print_line, print_table
 
 TABLE = "compensate.parquet"
 _TARGETS = ("displacement_out_m", "tension_out_N")
@@ -38,20 +31,29 @@ def compensate(
 ) -> None:
     """Compute the proximal command that makes the distal end follow a target."""
     from pipelines.inputs import run_settings
-    from pipelines.runs import sensed_route, warn_about_rig
+    from pipelines.runs import computed_rows, sensed_route, temperature_of, value_range, warn_about_rig
     from pipelines.summary_table import with_effects
-    from tssgeom.io.formats.runs import read_run
+    from tssgeom.io.formats.runs import CHANNELS, read_run
     from tssgeom.io.results.run_tables import write_commands
+    from tssgeom.tendon import simulation
 
     settings = run_settings(rig, TENSION_IN, unit)
     run = read_run(target)
-    channel = run.channel(_TARGETS)[0]
+    channel, values = run.channel(_TARGETS)
     sensed = sensed_route(shapes, settings)
-    commands = _commands(run, sensed, settings, shapes, quiet=quiet or as_json)
+    rows = simulation.commands(
+        run.time,
+        sensed.route,
+        settings.rig,
+        temperature=temperature_of(run, settings),
+        **{CHANNELS[channel][0]: values},
+    )
+    title = f"{sensed.name} follows {run.name}"
+    commands = computed_rows(rows, run, shapes, title, quiet=quiet or as_json)
     warn_about_rig(target, sensed, settings.rig, max(one.tension_in for one in commands))
     write_commands(out / TABLE, run.time.tolist(), commands)
-    drive = _range([one.displacement_in for one in commands])
-    tension = _range([one.tension_in for one in commands])
+    drive = value_range([one.displacement_in for one in commands])
+    tension = value_range([one.tension_in for one in commands])
     if as_json:
         print_json(
             {
@@ -70,28 +72,3 @@ def compensate(
         print_table(title + with_effects(settings), ("target", "drive [mm]", "T_in [N]"), [cells])
         print_line(f"table: {out / TABLE}")
     raise typer.Exit(1 if sensed.rejected else 0)
-
-
-def _commands(
-    run: MeasuredRun, sensed: SensedRoute, settings: RunSettings, shapes: Path, *, quiet: bool
-) -> list[Command]:
-    """Compute the command of each row of the run."""
-    from pipelines.runs import errors_naming, temperature_of
-    from tssgeom.io.formats.runs import CHANNELS
-    from tssgeom.tendon.simulation import commands
-
-    channel, values = run.channel(_TARGETS)
-    computed = list[Command]()
-    with counted_progress(1, quiet=quiet) as progress:
-        progress.begin(f"{sensed.name} follows {run.name}")
-        temperature, targets = temperature_of(run, settings), {CHANNELS[channel][0]: values}
-        with errors_naming(run.path, shapes):
-            for command in commands(run.time, sensed.route, settings.rig, temperature=temperature, **targets):
-                computed.append(command)
-                progress.frame(len(values))
-        progress.end(str(run.path))
-    return computed
-
-
-def _range(values: Sequence[float]) -> list[float]:
-    return [min(values), max(values)]

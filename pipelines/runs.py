@@ -6,12 +6,13 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
 from pipelines.figures import write_figures
 from pipelines.inputs import RunSettings, rejection_lines, without_effects
-from pipelines.terminal import print_message
+from pipelines.terminal import counted_progress, print_message
 from tssgeom.arrays import Vector
 from tssgeom.effects import named
 from tssgeom.errors import ShapeError, TssgeomError
@@ -24,6 +25,8 @@ from tssgeom.tendon.history import last_peak
 from tssgeom.tendon.moving import MovingRoute
 from tssgeom.tendon.simulation import Moment
 from tssgeom.view.samples import evenly
+
+Row = TypeVar("Row")
 
 TEMPERATURE = "temperature_C"
 MOST_DRAWN = 400
@@ -96,6 +99,25 @@ def _shapes_only(frames: Iterable[Frame | Rejected]) -> Iterator[Frame | Rejecte
     """Yield the frames without their drives: the run brings its own."""
     for frame in frames:
         yield frame if isinstance(frame, Rejected) else replace(frame, **_NO_DRIVE)
+
+
+def computed_rows(
+    rows: Iterable[Row], run: MeasuredRun, shapes: Path, title: str, *, quiet: bool
+) -> list[Row]:
+    """Compute row after row of a run, with progress; errors name the run and the shape."""
+    computed = list[Row]()
+    with counted_progress(1, quiet=quiet) as progress, errors_naming(run.path, shapes):
+        progress.begin(title)
+        for row in rows:
+            computed.append(row)
+            progress.frame(len(run.time))
+        progress.end(str(run.path))
+    return computed
+
+
+def value_range(values: Sequence[float]) -> list[float]:
+    """Return the least and the greatest value."""
+    return [min(values), max(values)]
 
 
 def temperature_of(run: MeasuredRun, settings: RunSettings) -> Vector | None:

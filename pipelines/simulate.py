@@ -13,10 +13,9 @@ from typing import TYPE_CHECKING, Annotated, Any, get_args
 import typer
 
 from pipelines.options import TENSION_IN, Figures, Json, Quiet, RigFile, Shapes, Unit
-from pipelines.terminal import counted_progress, print_json, print_line, print_table
+from pipelines.terminal import print_json, print_line, print_table
 
 if TYPE_CHECKING:
-    from pipelines.inputs import RunSettings
     from pipelines.runs import SensedRoute
     from tssgeom.io.formats.runs import MeasuredRun
     from tssgeom.tendon.simulation import Moment
@@ -41,16 +40,34 @@ def simulate(
 ) -> None:
     """Compute tension, elongation and phase over time on a fixed or moving route, driven by a run."""
     from pipelines.inputs import run_settings
-    from pipelines.runs import sensed_route, warn_about_rig, write_run_figures, write_run_recording
+    from pipelines.runs import (
+        computed_rows,
+        sensed_route,
+        temperature_of,
+        warn_about_rig,
+        write_run_figures,
+        write_run_recording,
+    )
     from pipelines.summary_table import with_effects
     from tssgeom.io.formats.runs import read_run
     from tssgeom.io.results.run_tables import write_simulation
+    from tssgeom.tendon import simulation
 
     settings = run_settings(rig, TENSION_IN, unit)
     run = read_run(drive)
-    channel = run.channel(_DRIVES)[0]
+    channel, values = run.channel(_DRIVES)
     sensed = sensed_route(shapes, settings)
-    moments = _moments(run, sensed, settings, shapes, quiet=quiet or as_json)
+    by_tension = channel == _DRIVES[0]
+    rows = simulation.simulate(
+        run.time,
+        sensed.route,
+        settings.rig,
+        tension_in=values if by_tension else None,
+        displacement_in=None if by_tension else values,
+        temperature=temperature_of(run, settings),
+    )
+    title = f"{sensed.name} driven by {run.name}"
+    moments = computed_rows(rows, run, shapes, title, quiet=quiet or as_json)
     warn_about_rig(drive, sensed, settings.rig, max(one.transmission.tension_in for one in moments))
     write_simulation(out / TABLE, moments)
     write_run_recording(out / PICTURE, sensed, run, moments)
@@ -65,38 +82,12 @@ def simulate(
     raise typer.Exit(1 if sensed.rejected else 0)
 
 
-def _moments(
-    run: MeasuredRun, sensed: SensedRoute, settings: RunSettings, shapes: Path, *, quiet: bool
-) -> list[Moment]:
-    """Simulate row after row of the run."""
-    from pipelines.runs import errors_naming, temperature_of
-    from tssgeom.tendon.simulation import simulate
-
-    channel, values = run.channel(_DRIVES)
-    by_tension = channel == _DRIVES[0]
-    moments = list[Moment]()
-    with counted_progress(1, quiet=quiet) as progress:
-        progress.begin(f"{sensed.name} driven by {run.name}")
-        simulated = simulate(
-            run.time,
-            sensed.route,
-            settings.rig,
-            tension_in=values if by_tension else None,
-            displacement_in=None if by_tension else values,
-            temperature=temperature_of(run, settings),
-        )
-        with errors_naming(run.path, shapes):
-            for moment in simulated:
-                moments.append(moment)
-                progress.frame(len(values))
-        progress.end(str(run.path))
-    return moments
-
-
 def summary(
     sensed: SensedRoute, run: MeasuredRun, drive: str, moments: Sequence[Moment], out: Path
 ) -> dict[str, Any]:
     """Return the object that `--json` prints: ranges over the run, rows in each phase, files."""
+    from pipelines.runs import value_range
+
     transmissions = [moment.transmission for moment in moments]
     return {
         "shape": sensed.name,
@@ -107,18 +98,14 @@ def summary(
         "rows": len(moments),
         "phases": dict(Counter(moment.phase for moment in moments)),
         "range": {
-            "tension_in_N": _range([one.tension_in for one in transmissions]),
-            "tension_out_N": _range([one.tension_out for one in transmissions]),
-            "elongation_m": _range([one.elongation for one in transmissions]),
-            "displacement_in_m": _range([one.displacement_in for one in transmissions]),
-            "displacement_out_m": _range([one.displacement_out for one in transmissions]),
+            "tension_in_N": value_range([one.tension_in for one in transmissions]),
+            "tension_out_N": value_range([one.tension_out for one in transmissions]),
+            "elongation_m": value_range([one.elongation for one in transmissions]),
+            "displacement_in_m": value_range([one.displacement_in for one in transmissions]),
+            "displacement_out_m": value_range([one.displacement_out for one in transmissions]),
         },
         "files": [(out / TABLE).as_posix(), (out / PICTURE).as_posix()],
     }
-
-
-def _range(values: Sequence[float]) -> list[float]:
-    return [min(values), max(values)]
 
 
 def _rows(moments: Sequence[Moment]) -> list[tuple[str, ...]]:
@@ -142,5 +129,5 @@ def _rows(moments: Sequence[Moment]) -> list[tuple[str, ...]]:
 
 
 def _span(values: Sequence[float], digits: int) -> str:
-    low, high = (f"{round(value, digits) + 0.0:.{digits}f}" for value in _range(values))
+    low, high = (f"{round(value, digits) + 0.0:.{digits}f}" for value in (min(values), max(values)))
     return low if low == high else f"{low}–{high}"
