@@ -14,9 +14,9 @@ POINTS = 0.1 * np.column_stack((np.sin(TURN), 1 - np.cos(TURN), 0 * TURN))
 
 @pytest.fixture(scope="module")
 def result() -> FrameResult:
-    (found,) = process([Frame(POINTS, 2.0, tension_in=10.0)], Rig(), tension_in=10.0)
-    assert isinstance(found, FrameResult)
-    return found
+    (result,) = process([Frame(POINTS, 2.0, tension_in=10.0)], Rig(), tension_in=10.0)
+    assert isinstance(result, FrameResult)
+    return result
 
 
 def test_latencies_are_those_since_the_last_time_and_counts_those_since_the_start(result):
@@ -29,7 +29,7 @@ def test_latencies_are_those_since_the_last_time_and_counts_those_since_the_star
     assert (second["latency_p50_us"], second["rate_hz"], second["answered"]) == (None, 0.0, 3)
 
 
-def test_the_status_line_fits_a_terminal_and_tells_all(result):
+def test_the_status_line_fits_a_terminal_and_has_all_numbers(result):
     statistics = Statistics()
     statistics.add(result, 450.0)
     report = statistics.over_interval({"dropped": 1})

@@ -91,7 +91,7 @@ def test_a_batch_killed_at_any_moment_goes_on_to_the_same_bytes_by_other_workers
 ) -> None:
     count = int(np.random.default_rng(int.from_bytes(os.urandom(4))).integers(1, RUNS + 1))
     out, endless = tmp_path / "out", inputs / "zz.jsonl"
-    os.mkfifo(endless)  # nobody writes to it, so that the batch cannot end before it is killed
+    os.mkfifo(endless)  # nothing writes to it, so that the batch cannot end before it is killed
     command = [*TSSGEOM, "batch", str(inputs), "--out", str(out), "--workers", "2", "--no-pictures"]
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as running:
         wait_for_tables(out, count, running)
@@ -215,6 +215,6 @@ def test_inputs_that_stand_out_are_named(tmp_path: Path, run) -> None:
         moving(tmp_path / f"in/run{seed}.jsonl", seed, 4)
     lines = (tmp_path / "in/run3.jsonl").read_text().splitlines()
     (tmp_path / "in/run3.jsonl").write_text("\n".join([*lines[:2], "{", "{"]) + "\n")
-    told = run("batch", tmp_path / "in", "--out", tmp_path / "out", "--no-pictures", "--workers", "1").out
-    assert "stands out: run3: rejected 50 % of the frames, the others about 0 %" in told
+    output = run("batch", tmp_path / "in", "--out", tmp_path / "out", "--no-pictures", "--workers", "1").out
+    assert "stands out: run3: rejected 50 % of the frames, the others about 0 %" in output
     assert "rejected 50 % of the frames" in (tmp_path / "out/report.html").read_text()

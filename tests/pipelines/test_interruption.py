@@ -27,12 +27,12 @@ def worked_through(callback: Callable[[], None]) -> None:
 
 def test_an_interruption_that_a_callback_loses_is_raised_again():
     report = sys.unraisablehook
-    heard = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's & shuts it off
+    handler = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's & shuts it off
     try:
         with pytest.raises(KeyboardInterrupt):
             worked_through(interrupted)
     finally:
-        signal.signal(signal.SIGINT, heard)
+        signal.signal(signal.SIGINT, handler)
     assert sys.unraisablehook is report
 
 
