@@ -41,6 +41,19 @@ def test_help_of_every_command_imports_nothing_heavy():
         assert f"tssgeom {command} " in ended.stdout
 
 
+def test_the_readme_has_a_row_for_every_command_and_every_command_a_file():
+    table = (ROOT / "README.md").read_text("utf-8").partition("## Commands")[2].partition("\n## ")[0]
+    names = {each.callback.__name__ for each in app.registered_commands if each.callback is not None}
+    assert set(re.findall(r"^\| `tssgeom (\w+)", table, re.MULTILINE)) == names
+    assert {name for name in names if module_of(name) != f"pipelines.{name}"} == set()
+
+
+def module_of(name: str) -> str:
+    """Module of a command's function."""
+    (callback,) = (one.callback for one in app.registered_commands if one.callback.__name__ == name)
+    return callback.__module__
+
+
 def test_version_is_printed(run):
     outcome = run("--version")
     assert outcome.status == 0
