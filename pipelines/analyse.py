@@ -33,7 +33,7 @@ def analyse(
         Path | None, typer.Option("--out", help="Folder for result.json, .rrd and tube .glb.")
     ] = None,
     export: Annotated[
-        str, typer.Option("--export", help="For other programs, in DIR: any of mrk.json,vtp,ply,csv.")
+        str, typer.Option("--export", help="Files for other programs, in DIR: any of mrk.json,vtp,ply,csv.")
     ] = "",
     lumen: Annotated[
         Path | None, typer.Option("--lumen", help="Mesh around the route; NAME_lumen.* beside it by default.")

@@ -29,7 +29,7 @@ def discover(
         Path, typer.Argument(help="Folder with campaign.toml: measured runs and their shapes.")
     ],
     out: Annotated[Path, typer.Option("--out", help="Folder for report, updated rig and recording.")],
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Of the simulated clean campaigns.")] = 0,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the simulated clean campaigns.")] = 0,
     unit: Unit = None,
     figures: Figures = None,
     as_json: Json = False,

@@ -33,7 +33,9 @@ def remedy(
     release_to: Annotated[
         float | None,
         typer.Option(
-            "--release-to", min=0.0, help="Proximal tension at the end of the release [N]; a third."
+            "--release-to",
+            min=0.0,
+            help="Proximal tension at the end of the release [N]; a third of --tension-in.",
         ),
     ] = None,
     beta_deg: Annotated[
@@ -42,7 +44,9 @@ def remedy(
     curvature_per_m: Annotated[
         float,
         typer.Option(
-            "--curvature-per-m", min=1e-3, help="Its curvature K; the sharpest that the sheath allows [1/m]."
+            "--curvature-per-m",
+            min=1e-3,
+            help="Curvature K of the curve; as sharp as the sheath allows [1/m].",
         ),
     ] = 40.0,
     tolerance_mm: Annotated[
@@ -57,21 +61,29 @@ def remedy(
     tolerance_percent: Annotated[
         float | None,
         typer.Option(
-            "--tolerance-percent", min=0.0, help="The same in per cent of δ at the end of the pull."
+            "--tolerance-percent",
+            min=0.0,
+            help="Change of δ to stay below, in per cent of δ at the end of the pull.",
         ),
     ] = None,
     bends: Annotated[int, typer.Option("--bends", min=1, help="Unknown bends in each perturbation.")] = 2,
     bend_sd_deg: Annotated[
-        float, typer.Option("--bend-sd-deg", min=0.0, help="Standard deviation of their angles [°].")
+        float, typer.Option("--bend-sd-deg", min=0.0, help="Standard deviation of the bends' angles [°].")
     ] = 20.0,
     bend_width_mm: Annotated[
-        float, typer.Option("--bend-width-mm", min=0.0, help="Length of sheath that each takes, in mm.")
+        float, typer.Option("--bend-width-mm", min=0.0, help="Length of sheath in each bend, in mm.")
     ] = 20.0,
     percentile: Annotated[
-        float, typer.Option("--percentile", min=1.0, max=100.0, help="Of the changes over all perturbations.")
+        float,
+        typer.Option(
+            "--percentile",
+            min=1.0,
+            max=100.0,
+            help="Percentile of the changes over all perturbations.",
+        ),
     ] = 95.0,
-    trials: Annotated[int, typer.Option("--trials", min=10, help="Perturbations that are drawn.")] = 500,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Of the random draws.")] = 1,
+    trials: Annotated[int, typer.Option("--trials", min=10, help="Number of random perturbations.")] = 500,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the random draws.")] = 1,
     most_beta_deg: Annotated[
         float, typer.Option("--most-beta-deg", min=45.0, max=3600.0, help="Largest angle to recommend [°].")
     ] = 1080.0,

@@ -39,7 +39,7 @@ def live(
         bool, typer.Option("--stats", help="Print statistics each second as JSON on stderr.")
     ] = False,
     state: Annotated[
-        Path | None, typer.Option("--state", help="File that keeps the tendon's state from start to start.")
+        Path | None, typer.Option("--state", help="File that keeps the tendon's state for the next start.")
     ] = None,
     record: Annotated[Path | None, typer.Option("--record", help="Rerun recording (.rrd) to write.")] = None,
     view: Annotated[bool, typer.Option("--view", help="Host the picture for Rerun viewers.")] = False,

@@ -35,7 +35,7 @@ def track(
     ids: Annotated[
         str | None, typer.Option("--ids", help="Tags from proximal to distal, 4,7,2; rising by default.")
     ] = None,
-    count: Annotated[int | None, typer.Option("--count", min=4, help="How many blobs there are.")] = None,
+    count: Annotated[int | None, typer.Option("--count", min=4, help="Number of blobs.")] = None,
     proximal: Annotated[
         str | None, typer.Option("--proximal", help="X,Y: pixel of the first camera near the proximal end.")
     ] = None,
@@ -48,7 +48,7 @@ def track(
     frames: Annotated[int | None, typer.Option("--frames", min=1, help="Stop after so many frames.")] = None,
     plane_mm: Annotated[
         float | None,
-        typer.Option("--plane-mm", help="One camera: the route lies in the plane z = this, in mm."),
+        typer.Option("--plane-mm", help="For one camera: height z of the plane of the route, in mm."),
     ] = None,
     tag_mm: Annotated[
         float | None,
@@ -64,7 +64,7 @@ def track(
         bool, typer.Option("--calibrate", help="Calibrate the cameras from images of a board instead.")
     ] = False,
     board: Annotated[
-        str, typer.Option("--board", help="Inner corners of the board, along x across.")
+        str, typer.Option("--board", help="Inner corners of the board, columns x rows.")
     ] = "9x6",
     square_mm: Annotated[
         float | None, typer.Option("--square-mm", help="Side of a square of the board, in mm.")
