@@ -104,7 +104,7 @@ def _status_line(text: str) -> None:
 def _bar(*columns: str, quiet: bool) -> Iterator[Progress | None]:
     """Yield a progress bar on a terminal, and None elsewhere or where quiet.
 
-    A column is `bar`, or else the name of a class of `rich.progress` or a text with fields of the task.
+    A column is `bar`, `count`, `time left`, or a text with fields of the task.
     """
     if quiet or not sys.stderr.isatty():
         yield None
