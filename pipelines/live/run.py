@@ -101,7 +101,7 @@ def run(options: LiveOptions, settings: RunSettings) -> int:
         if state is not None and math.isfinite(state.time):
             session.time = state.time
         session.consumers, processes = _side_processes(options, selector, report)
-        session.ticked, finish = _statistics(session, processes, errors, stats=options.stats)
+        session.report_statistics, finish = _statistics(session, processes, errors, stats=options.stats)
         try:
             warm_up(settings.rig)
             await_ready(selector, processes)
@@ -200,7 +200,7 @@ def _statistics(
     """Return what prints the statistics once a second, and what prints them for the last time."""
     status = StatusLine() if sys.stderr.isatty() and not stats else None
 
-    def ticked() -> None:
+    def report() -> None:
         counts = {
             "dropped": session.mailbox.dropped,
             "unsent": sum(sink.unsent for sink in session.sinks),
@@ -212,11 +212,11 @@ def _statistics(
             status.show(statistics)
 
     def finish() -> None:
-        ticked()
+        report()
         if status is not None:
             status.close()
 
-    return ticked, finish
+    return report, finish
 
 
 def _stop_on_signals(session: Session) -> None:

@@ -62,8 +62,8 @@ class Session:
     sinks: list[Sink]
     stale_after: float
     """Time without a good frame after which a stale line is sent [s]."""
-    ticked: Callable[[], object]
-    """Called once a second."""
+    report_statistics: Callable[[], object]
+    """Called at each housekeeping."""
     spin: bool = False
     """Whether to await the next frame without sleep while frames come fast."""
     consumers: Sequence[ResultConsumer] = ()
@@ -218,5 +218,5 @@ class Session:
         self.sinks[:] = [sink for sink in self.sinks if not sink.broken]
         if not self.sinks:
             self.stop()
-        self.ticked()
+        self.report_statistics()
         gc.collect(0)
