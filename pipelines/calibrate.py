@@ -11,8 +11,8 @@ from pipelines.runs import naming
 from pipelines.version import tssgeom_version
 from pipelines.work import Options, analysis_of, geometry_alone
 from tssgeom.errors import SettingsError, require_replaceable
+from tssgeom.identify.calibrated_run import Measured
 from tssgeom.identify.calibration import Calibration, Estimate, calibrate
-from tssgeom.identify.measured import Measured
 from tssgeom.io.formats.rigs import write_rig
 from tssgeom.io.formats.runs import MeasuredRun, read_run
 from tssgeom.io.results.run_record import sha256_of

@@ -6,14 +6,10 @@ import numpy as np
 import pytest
 
 from tssgeom.errors import SettingsError
-from tssgeom.identify.base_fit import base_fit
-from tssgeom.identify.drive import calmed, turning_points, with_corners
-from tssgeom.identify.false_alarms import threshold
-from tssgeom.identify.readings import readings
-from tssgeom.identify.search import screen
-from tssgeom.identify.stack import stacked
-from tssgeom.identify.turning import reading_noise
-from tssgeom.identify.variants import variants
+from tssgeom.identify.drive import calmed, reading_noise, turning_points, with_corners
+from tssgeom.identify.fit import base_fit
+from tssgeom.identify.readings import readings, stacked
+from tssgeom.identify.screening import screen, threshold, variants
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +37,7 @@ def test_weighed_residuals_are_the_likelihood_with_shared_errors_integrated_out(
     assert projected @ projected == pytest.approx(
         left @ np.linalg.solve(covariance, left), rel=1e-9
     )  # rounding
-    whole = problem.weighing.weighed(fit.left)
+    whole = problem.whitening.whitened(fit.left)
     assert np.sum(whole**2) == pytest.approx(np.sum(fit.residual**2), rel=1e-12)  # rounding
 
 
