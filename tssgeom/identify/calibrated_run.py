@@ -14,7 +14,7 @@ import numpy as np
 from tssgeom.arrays import Vector, read_only
 from tssgeom.errors import SettingsError
 from tssgeom.identify.campaign import Route
-from tssgeom.identify.fit import Point
+from tssgeom.identify.fit import Point, with_base
 from tssgeom.identify.prediction import run_channels
 from tssgeom.identify.readings import Reading, Stack, at_times, in_order, stacked, with_added
 from tssgeom.identify.turning import Legs, legs, with_turns
@@ -210,6 +210,12 @@ def calibrated_run(measured: Measured, arcs: Arcs, rig: Rig, from_tension: float
     zeros = tuple(_zeros(set(answers), errors, float(values.max()), by_force))
     warnings = tuple(_warnings(reading, measured, rig, spring, len(turns) > 0))
     return CalibratedRun(reading, zeros, drive_legs, warnings)
+
+
+def start_rig(rig: Rig) -> Rig:
+    """Return the rig about which the fit starts: neither friction nor compliance is zero."""
+    friction = max(rig.friction.coefficient, ZERO_PRIORS.least_friction)
+    return with_base(rig, friction, max(rig.tendon.compliance_per_N, ZERO_PRIORS.least_compliance))
 
 
 def _check_stretch(measured: Measured, arcs: Arcs) -> None:

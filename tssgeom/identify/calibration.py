@@ -17,12 +17,12 @@ from tssgeom.arrays import Matrix, Vector, read_only
 from tssgeom.errors import FitError, SettingsError
 from tssgeom.identify.calibrated_run import (
     NAMES,
-    ZERO_PRIORS,
     CalibratedRun,
     Measured,
     calibrated_run,
+    start_rig,
 )
-from tssgeom.identify.fit import Point, Problem, Whitening, columns, prior_sd, refined, unshared, with_base
+from tssgeom.identify.fit import Point, Problem, Whitening, columns, prior_sd, refined, unshared
 from tssgeom.identify.prediction import FINE
 from tssgeom.identify.readings import stacked
 from tssgeom.rig import Rig
@@ -127,14 +127,8 @@ def calibrate(measured: Measured, arcs: Arcs, rig: Rig, *, from_tension: float =
             f"lay it with a bend of {ROBUST.least_angle:g} rad or more"
         )
     run = calibrated_run(measured, arcs, rig, from_tension)
-    fit = _fitted(run, _start_rig(rig))
+    fit = _fitted(run, start_rig(rig))
     return _calibration(fit, _route_covariance(fit, arcs, rig), run.warnings)
-
-
-def _start_rig(rig: Rig) -> Rig:
-    """Return the rig about which the fit starts: neither friction nor compliance is zero."""
-    friction = max(rig.friction.coefficient, ZERO_PRIORS.least_friction)
-    return with_base(rig, friction, max(rig.tendon.compliance_per_N, ZERO_PRIORS.least_compliance))
 
 
 @dataclass(frozen=True, slots=True)
