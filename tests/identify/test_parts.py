@@ -9,7 +9,7 @@ from tssgeom.errors import SettingsError
 from tssgeom.identify.drive import calmed, reading_noise, turning_points, with_corners
 from tssgeom.identify.fit import base_fit
 from tssgeom.identify.readings import readings, stacked
-from tssgeom.identify.screening import screen, threshold, variants
+from tssgeom.identify.screening import screening, threshold, variants
 
 
 @pytest.fixture(scope="module")
@@ -26,7 +26,7 @@ def without(campaign, *columns):
     return replace(campaign, runs=runs)
 
 
-def test_weighed_residuals_are_the_likelihood_with_shared_errors_integrated_out(fitted):
+def test_whitened_residuals_are_the_likelihood_with_shared_errors_integrated_out(fitted):
     problem, errors, fit = fitted
     rows = np.arange(0, problem.stack.size, 9)
     modes, left = errors.modes[rows], (fit.left / errors.sigma)[rows]
@@ -52,7 +52,7 @@ def test_a_clean_campaign_leaves_white_noise(fitted):
 
 def test_the_threshold_is_that_of_its_seed_and_no_lower_than_ten(fitted):
     problem, errors, fit = fitted
-    view = screen(problem, fit, variants(problem.stack)[0])
+    view = screening(problem, fit, variants(problem.stack)[0])
     told = [threshold(problem, errors, view, seed) for seed in (1, 1, 2)]
     assert told[0] == told[1]
     assert min(told) >= 10.0
