@@ -245,12 +245,12 @@ MUTANTS = (
     ),
     # what drives, and what is read
     Mutant(
-        "tssgeom/identify/drive.py",
+        "tssgeom/identify/readings.py",
         "return 1.4826 * float(np.median(off))",
         "return float(np.median(off))",
         f"{DRIVE} sine",
     ),
-    Mutant("tssgeom/identify/drive.py", "tuple[int, ...] = (3, 5, 7)", "tuple[int, ...] = (3,)", DRIVE),
+    Mutant("tssgeom/identify/readings.py", "tuple[int, ...] = (3, 5, 7)", "tuple[int, ...] = (3,)", DRIVE),
     Mutant(
         "tssgeom/identify/turning.py",
         "min(sides, key=lambda side: abs(side[1]))",

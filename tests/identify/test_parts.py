@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from tssgeom.errors import SettingsError
-from tssgeom.identify.drive import calmed, reading_noise, turning_points, with_corners
+from tssgeom.identify.drive import calmed, turning_points, with_corners
 from tssgeom.identify.fit import base_fit
-from tssgeom.identify.readings import readings, stacked
+from tssgeom.identify.readings import reading_noise, readings, stacked
 from tssgeom.identify.screening import screening, threshold, variants
 
 

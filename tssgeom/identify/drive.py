@@ -21,8 +21,6 @@ class DriveSettings:
     Frozen on the development seeds of `benchmarks.discovery`.
     """
 
-    through: tuple[int, ...] = (3, 5, 7)
-    """Readings whose differences show the noise; derived: polynomials of degree 1, 3 and 5 vanish."""
     turn: float = 7.0
     """S.d. that a reading goes back before the drive has turned [1]; chosen."""
     plateau: float = 6.0
@@ -54,36 +52,6 @@ class DriveSettings:
 
 
 DRIVE = DriveSettings()
-
-
-def reading_noise(readings: Vector, time: Vector | None = None) -> float:
-    """Return the standard deviation of the white noise of readings [n].
-
-    Each reading is held against polynomials through its neighbours, the smoothest of which counts: a drive
-    that swings like a sine bends more from sample to sample than a good encoder's noise.
-
-    Parameters
-    ----------
-    readings
-        [n] Changing slowly from one to the next.
-    time
-        [n] Increasing; left out, the readings are evenly spaced.
-    """
-    when = np.arange(len(readings), dtype=float) if time is None else time
-    spread = [_off_polynomial(when, readings, points) for points in DRIVE.through if len(readings) > points]
-    if spread and spread[0] > 0.0:
-        return min(each for each in spread if each > 0.0)
-    steps = np.abs(np.diff(readings))
-    return float(steps[steps > 0].min()) / np.sqrt(12.0) if (steps > 0).any() else 0.0
-
-
-def _off_polynomial(time: Vector, readings: Vector, points: int) -> float:
-    """Return the noise that divided differences of so many readings show, by their median."""
-    when, what = (np.lib.stride_tricks.sliding_window_view(values, points) for values in (time, readings))
-    apart = when[:, :, None] - when[:, None, :] + np.eye(points)
-    weight = 1.0 / np.prod(apart / np.abs(apart).max(axis=(1, 2), keepdims=True), axis=2)
-    off = np.abs(np.sum(weight * what, axis=1)) / np.linalg.norm(weight, axis=1)
-    return 1.4826 * float(np.median(off))
 
 
 def calmed(drive: Vector, noise: float, time: Vector | None = None) -> Vector:
