@@ -8,7 +8,8 @@ import pytest
 from tssgeom.errors import SettingsError
 from tssgeom.identify.drive import calmed, turning_points, with_corners
 from tssgeom.identify.fit import base_fit
-from tssgeom.identify.readings import reading_noise, readings, stacked
+from tssgeom.identify.prediction import stacked
+from tssgeom.identify.readings import reading_noise, readings
 from tssgeom.identify.screening import screening, threshold, variants
 
 

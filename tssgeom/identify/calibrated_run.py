@@ -15,8 +15,8 @@ from tssgeom.arrays import Vector, read_only
 from tssgeom.errors import SettingsError
 from tssgeom.identify.campaign import Route
 from tssgeom.identify.fit import Point, with_base
-from tssgeom.identify.prediction import run_channels
-from tssgeom.identify.readings import Reading, Stack, at_times, in_order, stacked, with_added
+from tssgeom.identify.prediction import Stack, run_channels, stacked
+from tssgeom.identify.readings import Reading, at_times, in_order, with_added
 from tssgeom.identify.turning import Legs, legs, with_turns
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs

@@ -23,8 +23,7 @@ from tssgeom.identify.calibrated_run import (
     start_rig,
 )
 from tssgeom.identify.fit import Point, Problem, Whitening, columns, prior_sd, refined, unshared
-from tssgeom.identify.prediction import FINE
-from tssgeom.identify.readings import stacked
+from tssgeom.identify.prediction import FINE, stacked
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
 

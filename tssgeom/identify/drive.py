@@ -3,6 +3,8 @@
 Source: docs/model.md (66).
 """
 
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -49,6 +51,10 @@ class DriveSettings:
     """S.d. of χ² of what is left beyond which a turn is not round [1]; chosen."""
     same: float = 0.02
     """Of a step and of the noise: a corner this near to a sample is that sample [1]; chosen."""
+    between: float = 0.05
+    """Of a step: a sharp turn lies so far beyond where it was put [1]; chosen on development seeds."""
+    level: float = 0.3
+    """Of the noise of the drive: error of the level of a hold [1]; chosen on development seeds."""
 
 
 DRIVE = DriveSettings()
@@ -303,3 +309,35 @@ def _turns(drive, back):
     if drive.size - 1 > result[-1]:
         result.append(drive.size - 1)
     return np.array(result)
+
+
+def turn_levels(drive: Vector, noise: float) -> Iterator[tuple[int, Vector, float]]:
+    """Yield sample of each turn of a drive, [n] which samples move with it, and the s.d. of its level."""
+    for sample in turning_points(drive, noise):
+        yield sample, *_turn(drive, hold(drive, sample, noise), noise)
+
+
+def _turn(drive: Vector, held: tuple[int, int], noise: float) -> tuple[Vector, float]:
+    """Return which samples move with a turn, [n], and the standard deviation of its level."""
+    start, stop = held
+    plateau = np.zeros(len(drive))
+    plateau[start:stop] = 1.0
+    sharp = DRIVE.between * abs(_lesser_step(drive, start)) if stop - start == 1 else 0.0
+    return plateau, noise * math.hypot(1.0 / math.sqrt(stop - start), DRIVE.level) + sharp
+
+
+def _lesser_step(drive: Vector, sample: int) -> float:
+    """Return the smaller of the steps from a sample to its neighbours; 0 at an end of the run."""
+    if not 0 < sample < len(drive) - 1:
+        return 0.0
+    steps = drive[[sample - 1, sample + 1]] - drive[sample]
+    return float(steps[np.argmin(np.abs(steps))])
+
+
+def blunted(drive: Vector, holds: Sequence[tuple[int, int]]) -> Vector:
+    """Return how much lower each sharp turn may be: between two samples, it may be round."""
+    out = np.zeros(len(drive))
+    for start, stop in holds:
+        if stop - start == 1:
+            out[start] = 2.0 * DRIVE.between * _lesser_step(drive, start)
+    return out

@@ -16,8 +16,8 @@ from scipy.linalg import solve_triangular
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.effects import Library, Parameter
 from tssgeom.errors import FitError
-from tssgeom.identify.prediction import FINE, Errors, errors_of, simulated
-from tssgeom.identify.readings import Reading, Stack, stacked
+from tssgeom.identify.prediction import FINE, Errors, Stack, errors_of, simulated, stacked
+from tssgeom.identify.readings import Reading
 from tssgeom.rig import Friction, Rig
 
 

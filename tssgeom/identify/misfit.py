@@ -15,8 +15,8 @@ from tssgeom.arrays import Matrix, Vector, read_only
 from tssgeom.errors import FitError
 from tssgeom.identify.finding import PHASES, Misfit, Trace
 from tssgeom.identify.fit import Point, Problem, posed
-from tssgeom.identify.prediction import FINE, exact, total_sigma
-from tssgeom.identify.readings import Reading, stacked
+from tssgeom.identify.prediction import FINE, exact, stacked, total_sigma
+from tssgeom.identify.readings import Reading
 from tssgeom.rig import Rig
 from tssgeom.tendon.bars.model import Model, RunTrace, begin, carry_on, prepare
 

@@ -7,15 +7,15 @@ that many readings share. Source: docs/model.md (100)-(102).
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from tssgeom.arrays import Matrix, Vector, read_only
 from tssgeom.effects import Library
-from tssgeom.identify.drive import calmed, hold, turning_points
-from tssgeom.identify.readings import Reading, Stack
+from tssgeom.identify.drive import blunted, calmed, hold, turn_levels, turning_points
+from tssgeom.identify.readings import Reading
 from tssgeom.rig import Rig, Sensor
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.bars.model import BARS, begin, carry_on, prepare
@@ -50,10 +50,6 @@ class NoiseModelSettings:
     """Of the change about a sharp turn: s.d. of a channel there [1]; chosen near 1/√12."""
     soft: int = 3
     """Samples over which a hold may begin and end; chosen on development seeds."""
-    between: float = 0.05
-    """Of a step: a sharp turn lies so far beyond where it was put [1]; chosen on development seeds."""
-    level: float = 0.3
-    """Of the noise of the drive: error of the level of a hold [1]; chosen on development seeds."""
 
 
 NOISE = NoiseModelSettings()
@@ -64,6 +60,64 @@ FINE = 240
 
 CELLS = ("tension_in_N", "tension_out_N")
 """Channels of load cells, whose zero and drift are small beside their noise."""
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """One channel of one run within the vector."""
+
+    run: int
+    channel: str
+    rows: slice
+    kept: np.ndarray
+    """[n] bool: samples of the run that have a reading."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stack:
+    """Runs whose readings stand one behind the other."""
+
+    readings: tuple[Reading, ...]
+    blocks: tuple[Block, ...]
+    measured: Vector
+    """[rows] [N, m]."""
+    noise: Vector
+    """[rows] Standard deviation of white noise of the sensors [N, m]."""
+
+    @property
+    def size(self) -> int:
+        """Readings in all."""
+        return len(self.measured)
+
+    def flat(self, channels: Sequence[Mapping[str, Vector]]) -> Vector:
+        """Return channels of every run [runs] as one vector [rows]."""
+        out = np.empty(self.size)
+        for block in self.blocks:
+            out[block.rows] = channels[block.run][block.channel][block.kept]
+        return out
+
+    def split(self, vector: Vector) -> list[dict[str, Vector]]:
+        """Return a vector [rows] by run and channel, NaN where there is no reading."""
+        out: list[dict[str, Vector]] = [{} for _ in self.readings]
+        for block in self.blocks:
+            column = np.full(len(block.kept), np.nan)
+            column[block.kept] = vector[block.rows]
+            out[block.run][block.channel] = column
+        return out
+
+
+def stacked(readings: Sequence[Reading]) -> Stack:
+    """Put the readings of some runs behind one another."""
+    blocks, values, noise, start = list[Block](), list[Vector](), list[Vector](), 0
+    for k, reading in enumerate(readings):
+        for channel, column in reading.measured.items():
+            kept = np.isfinite(column)
+            count = int(kept.sum())
+            blocks.append(Block(k, channel, slice(start, start + count), kept))
+            values.append(column[kept])
+            noise.append(np.full(count, reading.noise[channel]))
+            start += count
+    return Stack(tuple(readings), tuple(blocks), np.concatenate(values), np.concatenate(noise))
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +148,7 @@ def _from_drive(reading: Reading, rig: Rig, effects: Sequence[Library]) -> dict[
     """Return what a channel is off for the noise of the drive, drawn and calmed anew; docs/model.md (100)."""
     drive, noise = reading.given[reading.drive], reading.noise[reading.drive]
     rng, holds = np.random.default_rng(NOISE.seed), _holds(drive, noise)
-    soft, blunt = _softened(drive, [hold(drive, 0, noise), *holds]) - drive, _blunted(drive, holds)
+    soft, blunt = _softened(drive, [hold(drive, 0, noise), *holds]) - drive, blunted(drive, holds)
     square, jump = ({name: np.zeros(len(drive)) for name in reading.measured} for _ in range(2))
     for _ in range(NOISE.draws):
         read = drive + rng.uniform() * soft
@@ -151,23 +205,6 @@ def _softened(drive: Vector, holds: Sequence[tuple[int, int]]) -> Vector:
                 near = slice(max(edge - NOISE.soft, 0), edge + NOISE.soft)
                 out[near] = means[near]
     return out
-
-
-def _blunted(drive: Vector, holds: Sequence[tuple[int, int]]) -> Vector:
-    """Return how much lower each sharp turn may be: between two samples, it may be round."""
-    out = np.zeros(len(drive))
-    for start, stop in holds:
-        if stop - start == 1:
-            out[start] = 2.0 * NOISE.between * _lesser_step(drive, start)
-    return out
-
-
-def _lesser_step(drive: Vector, sample: int) -> float:
-    """Return the smaller of the steps from a sample to its neighbours; 0 at an end of the run."""
-    if not 0 < sample < len(drive) - 1:
-        return 0.0
-    steps = drive[[sample - 1, sample + 1]] - drive[sample]
-    return float(steps[np.argmin(np.abs(steps))])
 
 
 def _all_modes(
@@ -228,21 +265,6 @@ def _of_drive(stack: Stack, k: int, rig: Rig, effects: Sequence[Library]) -> Ite
     yield f"zero of the drive of {reading.name}", _moved(stack, k, rig, effects, np.full(len(drive), noise))
     for sample, plateau, sd in turn_levels(drive, noise):
         yield f"turn {sample} of {reading.name}", _moved(stack, k, rig, effects, sd * plateau)
-
-
-def turn_levels(drive: Vector, noise: float) -> Iterator[tuple[int, Vector, float]]:
-    """Yield sample of each turn of a drive, [n] which samples move with it, and the s.d. of its level."""
-    for sample in turning_points(drive, noise):
-        yield sample, *_turn(drive, hold(drive, sample, noise), noise)
-
-
-def _turn(drive: Vector, held: tuple[int, int], noise: float) -> tuple[Vector, float]:
-    """Return which samples move with a turn, [n], and the standard deviation of its level."""
-    start, stop = held
-    plateau = np.zeros(len(drive))
-    plateau[start:stop] = 1.0
-    sharp = NOISE.between * abs(_lesser_step(drive, start)) if stop - start == 1 else 0.0
-    return plateau, noise * math.hypot(1.0 / math.sqrt(stop - start), NOISE.level) + sharp
 
 
 def _moved(stack: Stack, k: int, rig: Rig, effects: Sequence[Library], by: Vector) -> Vector:

@@ -6,7 +6,7 @@ Source: docs/discovery.md, "How it decides", steps 1 and 2.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -269,61 +269,3 @@ def at_times(time: Vector, column: Vector, wanted: Vector) -> Vector:
     """Return a column at other times, straight lines between its readings."""
     there = np.isfinite(column) & np.isfinite(time)
     return np.interp(wanted, time[there], column[there])
-
-
-@dataclass(frozen=True, slots=True)
-class Block:
-    """One channel of one run within the vector."""
-
-    run: int
-    channel: str
-    rows: slice
-    kept: np.ndarray
-    """[n] bool: samples of the run that have a reading."""
-
-
-@dataclass(frozen=True, slots=True)
-class Stack:
-    """Runs whose readings stand one behind the other."""
-
-    readings: tuple[Reading, ...]
-    blocks: tuple[Block, ...]
-    measured: Vector
-    """[rows] [N, m]."""
-    noise: Vector
-    """[rows] Standard deviation of white noise of the sensors [N, m]."""
-
-    @property
-    def size(self) -> int:
-        """Readings in all."""
-        return len(self.measured)
-
-    def flat(self, channels: Sequence[Mapping[str, Vector]]) -> Vector:
-        """Return channels of every run [runs] as one vector [rows]."""
-        out = np.empty(self.size)
-        for block in self.blocks:
-            out[block.rows] = channels[block.run][block.channel][block.kept]
-        return out
-
-    def split(self, vector: Vector) -> list[dict[str, Vector]]:
-        """Return a vector [rows] by run and channel, NaN where there is no reading."""
-        out: list[dict[str, Vector]] = [{} for _ in self.readings]
-        for block in self.blocks:
-            column = np.full(len(block.kept), np.nan)
-            column[block.kept] = vector[block.rows]
-            out[block.run][block.channel] = column
-        return out
-
-
-def stacked(readings: Sequence[Reading]) -> Stack:
-    """Put the readings of some runs behind one another."""
-    blocks, values, noise, start = list[Block](), list[Vector](), list[Vector](), 0
-    for k, reading in enumerate(readings):
-        for channel, column in reading.measured.items():
-            kept = np.isfinite(column)
-            count = int(kept.sum())
-            blocks.append(Block(k, channel, slice(start, start + count), kept))
-            values.append(column[kept])
-            noise.append(np.full(count, reading.noise[channel]))
-            start += count
-    return Stack(tuple(readings), tuple(blocks), np.concatenate(values), np.concatenate(noise))

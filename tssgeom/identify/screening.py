@@ -18,8 +18,7 @@ from tssgeom.arrays import Matrix, Vector
 from tssgeom.effects import KINDS, Library, with_size
 from tssgeom.errors import FitError, SettingsError
 from tssgeom.identify.fit import Fit, Free, Problem, columns, freed, refined
-from tssgeom.identify.prediction import CELLS, Errors
-from tssgeom.identify.readings import Stack
+from tssgeom.identify.prediction import CELLS, Errors, Stack
 from tssgeom.rig import Rig, Sensor
 
 

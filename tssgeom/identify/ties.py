@@ -17,8 +17,8 @@ from tssgeom.effects import Tie as Gauge
 from tssgeom.errors import TssgeomError
 from tssgeom.identify.finding import Experiment, Tie
 from tssgeom.identify.fit import Fit, Problem, columns, unshared
-from tssgeom.identify.prediction import simulated
-from tssgeom.identify.readings import Reading, Stack, stacked
+from tssgeom.identify.prediction import Stack, simulated, stacked
+from tssgeom.identify.readings import Reading
 from tssgeom.identify.screening import ScoreTest, Screening
 from tssgeom.identify.selection import Selection, Step, close_candidates, name_of, separable_from
 from tssgeom.rig import Rig

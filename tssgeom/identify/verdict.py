@@ -83,7 +83,9 @@ def judged(
 def _unknown(chosen: Selection, left: tuple[float, float], held: tuple[float, float]) -> str:
     (before, after), (misfit, ratio) = left, held
     if after > VERDICT.left and after > VERDICT.share * before:
-        return f"what is left is {after:.2g} of the detection limit of the sensors, {before:.2g} before"
+        return (
+            f"what is left is {after:.2g} times the detection limit of the sensors, {before:.2g} times before"
+        )
     if chosen.fit.at.effects and (
         ratio > VERDICT.held or (misfit > VERDICT.wide and ratio > VERDICT.held_share)
     ):

@@ -24,8 +24,8 @@ from tssgeom.identify.campaign import Campaign
 from tssgeom.identify.finding import Finding
 from tssgeom.identify.fit import Fit, Problem, base_fit, columns, posed
 from tssgeom.identify.misfit import held_out, misfits, traces
-from tssgeom.identify.prediction import Errors
-from tssgeom.identify.readings import Reading, readings, stacked
+from tssgeom.identify.prediction import Errors, stacked
+from tssgeom.identify.readings import Reading, readings
 from tssgeom.identify.screening import variants
 from tssgeom.identify.selection import name_of, selected
 from tssgeom.identify.ties import base_ties, ties_of, unobservable
