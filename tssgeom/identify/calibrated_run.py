@@ -52,15 +52,15 @@ class RunLimits:
     most_positions: int = 200
     """Readings of a position as drive; a longer run is thinned; chosen, for the speed of an earlier model."""
     least_drive: int = 20
-    """Readings of the drive that a run needs; chosen: some for each number that is fitted."""
+    """Readings of the drive that a run needs; chosen."""
     least_response: int = 10
     """Readings of a channel that counts; chosen."""
     most_turns: int = 8
-    """Turns of the drive whose level is fitted; chosen: later ones move the estimates no more."""
+    """Turns of the drive whose level is fitted; chosen."""
     floor: float = 0.4
     """Of the highest tension: the elongation counts above it at the latest [1]; chosen."""
     floor_out: float = 0.1
-    """Of the floor of the elongation: the distal tension counts above it [1]; chosen: noise about zero."""
+    """Of the floor of the elongation: the distal tension counts above it [1]; chosen."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -89,7 +89,7 @@ def _unknown(chosen: Selection, left: tuple[float, float], held: tuple[float, fl
     if chosen.fit.at.effects and (
         ratio > VERDICT.held or (misfit > VERDICT.wide and ratio > VERDICT.held_share)
     ):
-        return f"on what was held out, the misfit is {ratio:.2f} of what it was"
+        return f"on the held-out runs, the misfit is {ratio:.2f} of what it was"
     return ""
 
 
