@@ -13,8 +13,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from tests.lumped import Distal, Drive, Physics, Sensor, from_pieces, measure, simulate
+from tssgeom.identify.calibrated_run import Measured
 from tssgeom.identify.calibration import Calibration, calibrate
-from tssgeom.identify.measured import Measured
 from tssgeom.rig import Rig, ShapeSensor
 from tssgeom.route.pieces import Arcs
 

@@ -15,8 +15,8 @@ from pipelines.options import TENSION_IN, Json, Quiet, RigFile, Unit
 from pipelines.terminal import print_json, print_message, print_table
 
 if TYPE_CHECKING:
+    from tssgeom.identify.calibrated_run import Measured
     from tssgeom.identify.calibration import Calibration, Estimate
-    from tssgeom.identify.measured import Measured
     from tssgeom.io.formats.runs import MeasuredRun
     from tssgeom.rig import Rig
     from tssgeom.route.pieces import Arcs
@@ -83,7 +83,7 @@ def calibrate(
 
 
 def _columns(run: MeasuredRun) -> Measured:
-    from tssgeom.identify.measured import Measured
+    from tssgeom.identify.calibrated_run import Measured
 
     elongation = run.elongation
     if elongation is None and run.displacement_in is not None and run.displacement_out is not None:

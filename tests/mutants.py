@@ -228,12 +228,12 @@ MUTANTS = (
     ),
     # what drives, and what is read
     Mutant(
-        "tssgeom/identify/turning.py",
+        "tssgeom/identify/readings.py",
         "return robust_sd(off)",
         "return float(np.median(off))",
         f"{DRIVE} sine",
     ),
-    Mutant("tssgeom/identify/turning.py", "_THROUGH = (3, 5, 7)", "_THROUGH = (3,)", DRIVE),
+    Mutant("tssgeom/identify/readings.py", "tuple[int, ...] = (3, 5, 7)", "tuple[int, ...] = (3,)", DRIVE),
     Mutant(
         "tssgeom/identify/turning.py",
         "min(sides, key=lambda side: abs(side[1]))",
@@ -242,14 +242,14 @@ MUTANTS = (
     ),
     Mutant(
         "tssgeom/identify/drive.py",
-        "told = _rounded(when, drive, turns, k, noise) if k < len(turns) - 1 else None",
-        "told = None",
+        "fitted = _rounded(when, drive, turns, k, noise) if k < len(turns) - 1 else None",
+        "fitted = None",
         f"{DRIVE} sine",
     ),
     Mutant(
         "tssgeom/identify/readings.py",
-        "over = np.abs(out) >= told.full_scale",
-        "over = np.abs(out) > 2.0 * told.full_scale",
+        "over = np.abs(out) >= sensor.full_scale",
+        "over = np.abs(out) > 2.0 * sensor.full_scale",
         f"{DRIVE} round_turn",
     ),
     # units and order at the boundary

@@ -32,7 +32,7 @@ import numpy as np
 from tssgeom import Arcs, read_rig
 from tssgeom.identify.campaign import Campaign, Route, Run
 from tssgeom.identify.readings import readings
-from tssgeom.identify.stack import run_channels
+from tssgeom.identify.prediction import run_channels
 from tssgeom.io.formats.campaign_checks import check_run
 from tssgeom.io.formats.files import open_recording
 from tssgeom.io.formats.runs import read_run

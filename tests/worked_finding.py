@@ -15,15 +15,15 @@ from tssgeom.identify.campaign import Campaign, Route, Run
 from tssgeom.identify.drive import calmed
 from tssgeom.identify.finding import (
     PHASES,
-    Blame,
     Candidate,
     Estimate,
     Evidence,
     Experiment,
     Finding,
-    Gap,
     HeatMap,
-    RouteBlame,
+    Misfit,
+    MisfitShare,
+    RouteMisfit,
     Shape,
     Tie,
     Trace,
@@ -67,7 +67,7 @@ def _made(verdict: Verdict) -> Finding:
         where=_where(verdict),
         heat=_heat(traces),
         along=_along(campaign),
-        gap=_gap(traces),
+        misfit=_gap(traces),
         base={
             "friction": Estimate(0.1491, "1", 0.1478, 0.1504),
             "compliance_per_N": Estimate(3.158e-4, "1/N", 3.13e-4, 3.19e-4),
@@ -158,12 +158,12 @@ def _other(effect: object, key: str, delta_bic: float, why: str) -> Candidate:
     return Candidate((name,), (effect,), (told,), Evidence(delta_bic, 41.5, 0.7, np.nan), why)  # type: ignore[arg-type]
 
 
-def _where(verdict: Verdict) -> tuple[Blame, ...]:
+def _where(verdict: Verdict) -> tuple[MisfitShare, ...]:
     if verdict == "none":
         return ()
     return (
-        Blame("tension_out_N", "pull", "half_slow", (8.0, 16.0), (0.19, 0.23), 0.41),
-        Blame("elongation_m", "release", "loop_slow", (2.0, 8.0), None, 0.22),
+        MisfitShare("tension_out_N", "pull", "half_slow", (8.0, 16.0), (0.19, 0.23), 0.41),
+        MisfitShare("elongation_m", "release", "loop_slow", (2.0, 8.0), None, 0.22),
     )
 
 
@@ -185,23 +185,23 @@ def _heat(traces: tuple[Trace, ...]) -> HeatMap:
     return HeatMap(rows, columns, power)
 
 
-def _along(campaign: Campaign) -> tuple[RouteBlame, ...]:
+def _along(campaign: Campaign) -> tuple[RouteMisfit, ...]:
     routes = {run.route.name: run.route for run in campaign.runs}
     told = []
     for route in routes.values():
         s = np.linspace(0.0, route.s[-1], 12)
         extra = 14.0 * (1.0 + 0.3 * len(told)) * np.exp(-0.5 * ((s - 0.21) / 0.03) ** 2)
-        told.append(RouteBlame(route.name, s, extra, np.full(12, 1.5)))
+        told.append(RouteMisfit(route.name, s, extra, np.full(12, 1.5)))
     return tuple(told)
 
 
-def _gap(traces: tuple[Trace, ...]) -> Gap:
+def _gap(traces: tuple[Trace, ...]) -> Misfit:
     groups = {"fitted": [t for t in traces if not t.held_out], "held_out": [t for t in traces if t.held_out]}
     before, after = ({name: _left_of(group, when) for name, group in groups.items()} for when in _WHEN)
     (held,) = groups["held_out"]
     phases = {channel: {PHASES[k]: _pair(held, channel, k) for k in (0, 2)} for channel in CHANNELS}
     noise = {name: BELIEVED.sensors[name].noise for name in CHANNELS}
-    return Gap(noise, before, after, phases)
+    return Misfit(noise, before, after, phases)
 
 
 _WHEN = ("before", "after")
@@ -233,7 +233,7 @@ def _shapes() -> tuple[Shape, ...]:
 def without_held_out(finding: Finding) -> Finding:
     """Return a finding whose campaign held nothing out."""
     before, after = (
-        {"fitted": rms["fitted"], "held_out": {}} for rms in (finding.gap.before, finding.gap.after)
+        {"fitted": rms["fitted"], "held_out": {}} for rms in (finding.misfit.before, finding.misfit.after)
     )
     traces = tuple(replace(trace, held_out=False) for trace in finding.traces)
-    return replace(finding, gap=replace(finding.gap, before=before, after=after), traces=traces)
+    return replace(finding, misfit=replace(finding.misfit, before=before, after=after), traces=traces)

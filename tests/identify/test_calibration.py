@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from tssgeom.errors import SettingsError
+from tssgeom.identify.calibrated_run import Measured
 from tssgeom.identify.calibration import calibrate
-from tssgeom.identify.measured import Measured
 from tssgeom.identify.turning import legs
 from tssgeom.rig import Friction, Rig, ShapeSensor, Tendon
 from tssgeom.route.pieces import Arcs
@@ -117,7 +117,7 @@ def test_the_drive_between_turns_is_monotone_and_its_peak_is_not_that_of_the_noi
     assert abs(np.mean(peaks)) < 3 * 0.05 / math.sqrt(20) + 0.02
 
 
-def test_a_turn_is_told_by_its_flatter_side():
+def test_a_turn_lies_where_its_flatter_side_ends():
     place = np.arange(120.0)
     drive = np.where(place < 90.4, 5.0 + 0.02 * place, 5.0 + 0.02 * 90.4 - 0.5 * (place - 90.4))
     (found,) = legs(drive).turn_values

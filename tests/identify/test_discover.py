@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tssgeom.identify.finding import PHASES
-from tssgeom.identify.held_out import gap
+from tssgeom.identify.misfit import beyond_noise
 from tssgeom.identify.workflow import discover
 from tssgeom.rig import Rig
 
@@ -36,8 +36,8 @@ def test_a_cause_of_half_its_usual_size_is_named_with_its_numbers(found, campaig
 
 
 def test_the_gap_of_the_held_out_run_falls_with_the_cause_in_the_model(found):
-    told = found(0, "hidden_bend", 0.5).gap
-    before, after = (gap(side["held_out"], told.noise) for side in (told.before, told.after))
+    told = found(0, "hidden_bend", 0.5).misfit
+    before, after = (beyond_noise(side["held_out"], told.noise) for side in (told.before, told.after))
     assert before > 0.5
     assert after < 0.35 * before  # the project's target
 

@@ -6,14 +6,11 @@ import numpy as np
 import pytest
 
 from tssgeom.errors import SettingsError
-from tssgeom.identify.base_fit import base_fit
 from tssgeom.identify.drive import calmed, turning_points, with_corners
-from tssgeom.identify.false_alarms import threshold
-from tssgeom.identify.readings import readings
-from tssgeom.identify.search import screen
-from tssgeom.identify.stack import stacked
-from tssgeom.identify.turning import reading_noise
-from tssgeom.identify.variants import variants
+from tssgeom.identify.fit import base_fit
+from tssgeom.identify.prediction import stacked
+from tssgeom.identify.readings import reading_noise, readings
+from tssgeom.identify.screening import screening, threshold, variants
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +27,7 @@ def without(campaign, *columns):
     return replace(campaign, runs=runs)
 
 
-def test_weighed_residuals_are_the_likelihood_with_shared_errors_integrated_out(fitted):
+def test_whitened_residuals_are_the_likelihood_with_shared_errors_integrated_out(fitted):
     problem, errors, fit = fitted
     rows = np.arange(0, problem.stack.size, 9)
     modes, left = errors.modes[rows], (fit.left / errors.sigma)[rows]
@@ -41,7 +38,7 @@ def test_weighed_residuals_are_the_likelihood_with_shared_errors_integrated_out(
     assert projected @ projected == pytest.approx(
         left @ np.linalg.solve(covariance, left), rel=1e-9
     )  # rounding
-    whole = problem.weighing.weighed(fit.left)
+    whole = problem.whitening.whitened(fit.left)
     assert np.sum(whole**2) == pytest.approx(np.sum(fit.residual**2), rel=1e-12)  # rounding
 
 
@@ -56,7 +53,7 @@ def test_a_clean_campaign_leaves_white_noise(fitted):
 
 def test_the_threshold_is_that_of_its_seed_and_no_lower_than_ten(fitted):
     problem, errors, fit = fitted
-    view = screen(problem, fit, variants(problem.stack)[0])
+    view = screening(problem, fit, variants(problem.stack)[0])
     told = [threshold(problem, errors, view, seed) for seed in (1, 1, 2)]
     assert told[0] == told[1]
     assert min(told) >= 10.0

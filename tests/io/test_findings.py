@@ -107,7 +107,9 @@ def test_the_updated_rig_reads_back_with_what_was_found(tmp_path):
     assert "tssgeom 1.2.3 discover from the campaign campaign_hidden_bend" in comments[0]
     assert finding.sentence in comments[1]
     assert any("friction: 0.145 → 0.1491" in line for line in comments)
-    before, after = (getattr(finding.gap, when)["held_out"]["tension_out_N"] for when in ("before", "after"))
+    before, after = (
+        getattr(finding.misfit, when)["held_out"]["tension_out_N"] for when in ("before", "after")
+    )
     assert any(f"tension_out_N: {before:.3g} → {after:.3g} (0.02)" in line for line in comments)
 
 

@@ -83,7 +83,7 @@ def test_a_found_effect_stands_with_interval_evidence_and_gap(pages: dict[str, P
     assert "width = 20 mm (held)" in text
     assert "412 (42)" in text
     finding = worked_finding()
-    for when in (finding.gap.before, finding.gap.after):
+    for when in (finding.misfit.before, finding.misfit.after):
         assert f"{1e3 * when['held_out']['elongation_m']:.3g}" in text
 
 
@@ -96,7 +96,7 @@ def test_runners_up_say_why_not_and_blind_spots_why(pages: dict[str, Page]) -> N
 
 def test_a_tie_says_what_it_is_and_how_to_break_it(pages: dict[str, Page]) -> None:
     text = pages["tie"].text
-    assert "These data cannot tell apart hidden bend and load dependent friction (G4)" in text
+    assert "These data cannot separate hidden bend and load dependent friction (G4)" in text
     assert "a second route of other radii" in text
 
 

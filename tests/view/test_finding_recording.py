@@ -1,4 +1,4 @@
-"""discover.rrd: every run on one slider, the route in colours of tension and blame, lines, and words."""
+"""discover.rrd: every run on one slider, the route in colours of tension and misfit, lines, and words."""
 
 from pathlib import Path
 
@@ -9,7 +9,7 @@ from rerun.chunk import RrdReader
 
 from tests.worked_finding import worked_finding
 from tssgeom.view.quantities import COUNT
-from tssgeom.view.scene.finding.layout import BLAME_BOX
+from tssgeom.view.scene.finding.layout import MISFIT_BOX
 from tssgeom.view.scene.finding.recording import write_finding_recording
 from tssgeom.view.scene.finding.replay import MOST_NODES, MOST_ROWS, replay
 from tssgeom.view.scene.viewer import moment_of_greatest_tension
@@ -79,7 +79,7 @@ def test_blame_marks_the_bend_that_was_found(path):
 def test_the_chart_of_what_is_missing_marks_the_same_place_by_its_arc_length(path):
     length = 1e3 * replay(worked_finding()).length
     ((strip,),) = columns(path, "missing/found")["LineStrips2D:strips"][0].to_pylist()
-    across = BLAME_BOX.width * 210.0 / length
+    across = MISFIT_BOX.width * 210.0 / length
     np.testing.assert_allclose(strip, [[across, 1.0], [across, 0.0]], atol=1e-6)  # sent in single precision
 
 

@@ -1,4 +1,4 @@
-"""The finding put together from what the steps of the workflow left."""
+"""The finding put together from what the steps of the workflow left; docs/model.md (110)-(112), (115)."""
 
 from __future__ import annotations
 
@@ -9,34 +9,67 @@ from dataclasses import dataclass, replace
 import msgspec
 import numpy as np
 
-from tssgeom.identify.detection_limits import guards, size_over_guard
-from tssgeom.identify.evidence import NORMAL, candidate, estimates
-from tssgeom.identify.experiments import best_plans
 from tssgeom.identify.finding import (
-    Blame,
     Candidate,
     Estimate,
     Evidence,
     Experiment,
     HeatMap,
-    RouteBlame,
+    MisfitShare,
+    RouteMisfit,
 )
-from tssgeom.identify.held_out import HeldOut
-from tssgeom.identify.problem import Fit, Point, Problem, refined
-from tssgeom.identify.selection import Selection, Step, delta_bic, name_of, without
-from tssgeom.identify.ties import Tied, close_rivals
-from tssgeom.identify.verdict import Judged
-from tssgeom.identify.wording import why_not
+from tssgeom.identify.fit import Fit, Free, Point, Problem, refined
+from tssgeom.identify.misfit import HeldOut
+from tssgeom.identify.screening import detection_limits, size_over_limit
+from tssgeom.identify.selection import Selection, Step, Tried, close_candidates, delta_bic, name_of, without
+from tssgeom.identify.ties import Tied, best_plans
+from tssgeom.identify.verdict import Judgement, why_not
 from tssgeom.rig import Rig
+
+NORMAL = 1.959964
+"""Standard deviations to either side of a 95 % interval."""
+
+
+def evidence_of(now: Step, one: Tried, held: HeldOut | None) -> Evidence:
+    """Return the evidence for a candidate."""
+    ratio = math.nan if held is None else held.ratio(one.fit.at)
+    return Evidence(one.delta_bic, now.needed(one), one.size, ratio)
+
+
+def estimates(fit: Fit, which: int) -> dict[str, Estimate]:
+    """Return the fitted numbers of one effect, with intervals; docs/model.md (115)."""
+    spread = np.sqrt(np.diag(fit.covariance))[2:] * math.sqrt(max(fit.chi2 / len(fit.left), 1.0))
+    out = {}
+    for free, sd in zip(fit.at.free, spread, strict=True):
+        if free.effect == which:
+            out[free.key] = _estimate(fit.at, free, float(sd))
+    return out
+
+
+def _estimate(at: Point, free: Free, sd: float) -> Estimate:
+    effect = at.effects[free.effect]
+    value = float(getattr(effect, free.key))
+    u = free.u(value)
+    low, high = (free.value(u + sign * NORMAL * sd) for sign in (-1.0, 1.0))
+    return Estimate(value, effect.parameters[free.key].unit, min(low, value), max(high, value))
+
+
+def candidate(now: Step, one: Tried, held: HeldOut | None, why_not: str) -> Candidate:
+    """Return a candidate with its evidence."""
+    which = len(one.fit.at.effects) - 1
+    effect = one.fit.at.effects[which]
+    return Candidate(
+        (name_of(effect),), (effect,), (estimates(one.fit, which),), evidence_of(now, one, held), why_not
+    )
 
 
 @dataclass(frozen=True, slots=True)
-class Places:
+class Attribution:
     """Where the base model fails."""
 
     heat: HeatMap
-    where: tuple[Blame, ...]
-    along: tuple[RouteBlame, ...]
+    where: tuple[MisfitShare, ...]
+    along: tuple[RouteMisfit, ...]
     gains: tuple[float, ...]
     """How much χ² falls by what each route wants."""
 
@@ -49,12 +82,12 @@ class Work:
     base: Fit
     chosen: Selection
     held: HeldOut | None
-    judged: Judged
+    judged: Judgement
     absent: Mapping[str, str]
     """Effects that could not be tried, and why."""
 
     @property
-    def misfit(self) -> float:
+    def chi2_per_reading(self) -> float:
         """χ² for each reading of what was chosen [1]."""
         return self.chosen.fit.chi2 / self.chosen.problem.stack.size
 
@@ -70,24 +103,24 @@ def base_estimates(fit: Fit, nominal: Rig) -> dict[str, Estimate]:
     }
 
 
-def found(work: Work) -> tuple[Candidate, ...]:
+def chosen_effects(work: Work) -> tuple[Candidate, ...]:
     """Return what was chosen, the strongest first, each with the evidence that it adds to the others."""
     fit = work.chosen.fit
-    told = [_added(work, which) for which in range(len(fit.at.effects))]
-    return tuple(sorted(told, key=lambda one: -one.evidence.delta_bic))
+    candidates = [_added(work, which) for which in range(len(fit.at.effects))]
+    return tuple(sorted(candidates, key=lambda one: -one.evidence.delta_bic))
 
 
 def _added(work: Work, which: int) -> Candidate:
     chosen = work.chosen
     problem, fit, effect = chosen.problem, chosen.fit, chosen.fit.at.effects[which]
     less = refined(problem, without(fit.at, which))
-    size = size_over_guard(problem.stack, less.left - fit.left, guards(problem.stack, problem.rig))
+    size = size_over_limit(problem.stack, less.left - fit.left, detection_limits(problem.stack, problem.rig))
     inflated = max(1.0, fit.chi2 / problem.stack.size)
     ratio = math.nan if work.held is None else work.held.ratio(fit.at)
-    told = Evidence(
+    evidence = Evidence(
         delta_bic(less, fit, problem.stack.size), chosen.steps[0].threshold * inflated, size, ratio
     )
-    return Candidate((name_of(effect),), (effect,), (estimates(fit, which),), told, "")
+    return Candidate((name_of(effect),), (effect,), (estimates(fit, which),), evidence, "")
 
 
 def ranking(work: Work, effects: Sequence[Candidate]) -> tuple[Candidate, ...]:
@@ -97,40 +130,40 @@ def ranking(work: Work, effects: Sequence[Candidate]) -> tuple[Candidate, ...]:
     if len(effects) < 2:
         return tuple(singles)
     chosen = work.chosen
-    told = Candidate(
+    together = Candidate(
         tuple(one.names[0] for one in effects),
         tuple(one.effects[0] for one in effects),
         tuple(one.parameters[0] for one in effects),
         Evidence(
             delta_bic(chosen.base, chosen.fit, chosen.problem.stack.size),
             effects[0].evidence.threshold,
-            max(one.evidence.size_over_guard for one in effects),
+            max(one.evidence.size_over_limit for one in effects),
             effects[0].evidence.heldout_ratio,
         ),
         "",
     )
-    return (told, *singles)
+    return (together, *singles)
 
 
 def _ranked(work: Work, first: Step, k: int) -> Candidate:
     one = first.tried[k]
-    told = candidate(first, one, work.held, "")
+    ranked = candidate(first, one, work.held, "")
     named = {name_of(effect) for effect in work.chosen.fit.at.effects}
     if one.name in named and work.judged.verdict != "unknown":
-        return told
+        return ranked
     if work.judged.verdict == "unknown" and first.passes(one):
-        return replace(told, why_not=f"it was refused: {work.judged.reason}.")
-    return replace(told, why_not=why_not(told, first.tried[0].delta_bic, first.needed(one)))
+        return replace(ranked, why_not=f"it was refused: {work.judged.reason}.")
+    return replace(ranked, why_not=why_not(ranked, first.tried[0].delta_bic, first.needed(one)))
 
 
 def experiments(work: Work, ties: Sequence[Tied]) -> tuple[Experiment, ...]:
-    """Return what breaks the ties: from the menu for what was found, else in the words of the gauge."""
+    """Return what breaks the ties: from the menu for what was chosen, else in the words of the gauge."""
     out = list[Experiment]()
     last = next((now for now in reversed(work.chosen.steps) if now.tried and now.passes(now.tried[0])), None)
-    rivals = close_rivals(last) if last is not None else []
-    if last is not None and rivals and work.judged.verdict == "tie":
-        names = (last.tried[0].name, *(one.name for one in rivals))
-        out += best_plans(last.problem, last.tried[0].fit, [one.fit for one in rivals], names)
+    close = close_candidates(last) if last is not None else []
+    if last is not None and close and work.judged.verdict == "tie":
+        names = (last.tried[0].name, *(one.name for one in close))
+        out += best_plans(last.problem, last.tried[0].fit, [one.fit for one in close], names)
     out += [
         Experiment(tied.breaks, 0.0, tied.tie.names)
         for tied in ties
@@ -140,7 +173,7 @@ def experiments(work: Work, ties: Sequence[Tied]) -> tuple[Experiment, ...]:
 
 
 def updated(rig: Rig, at: Point) -> Rig:
-    """Return the rig with what was found."""
+    """Return the rig with the chosen effects."""
     return msgspec.structs.replace(at.rig(rig), effects=(*rig.effects, *at.effects))
 
 

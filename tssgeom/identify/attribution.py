@@ -1,61 +1,92 @@
-"""Where the model and the readings disagree: by channel, phase, run and tension, and along the route.
+"""Where the model and the readings disagree, and what friction the readings want.
 
-Source: docs/model.md (108), (109).
+By channel, phase, run and tension; along the route; where no name fits, over what friction may depend on.
+
+Source: docs/model.md (108), (109), (118).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tssgeom.arrays import Matrix, Vector, read_only
 from tssgeom.effects import HiddenBend
-from tssgeom.identify.finding import PHASES, Blame, HeatMap, RouteBlame
-from tssgeom.identify.outcome import seen
-from tssgeom.identify.phases import phases
-from tssgeom.identify.problem import Point, Problem
+from tssgeom.identify.drive import turning_points
+from tssgeom.identify.finding import PHASES, HeatMap, MisfitShare, RouteMisfit, Shape
+from tssgeom.identify.fit import Fit, Point, Problem
+from tssgeom.identify.misfit import phases, simulated_run
+from tssgeom.identify.prediction import run_channels
 from tssgeom.identify.readings import Reading
-from tssgeom.identify.stack import run_channels
-
-_BINS = 3  # of tension
-_TOLD = 8  # places that are told
-_WORTH = 0.02  # of all excess: less is no place
-_STRETCHES = 12  # of a route
-_TRIAL = 0.02  # rad of a bend that is tried
-_SMOOTH = 2.0  # stretches over which friction that is missing is alike
-_WIDE = 20.0  # rad/m: prior of what may be missing
-_CLEAR = 3.0  # standard errors from which a stretch is to blame
 
 
-def heat_map(problem: Problem, at: Point) -> tuple[HeatMap, tuple[Blame, ...]]:
-    """Return calibrated residual power by channel and run over phase and tension, and its worst places."""
-    stack = problem.stack
-    weighed = problem.weighing.weighed(problem.left(at))[: stack.size]
-    views = [seen(reading, problem.rig, at) for reading in stack.readings]
-    force = [_tension(reading, view.channels) for reading, view in zip(stack.readings, views, strict=True)]
-    edges = np.quantile(np.concatenate(force), np.linspace(0.0, 1.0, _BINS + 1))
-    phase = [phases(reading, view.slip_out) for reading, view in zip(stack.readings, views, strict=True)]
-    cells: list[tuple[float, Blame]] = []
-    power = np.full((len(stack.blocks), len(PHASES) * _BINS), np.nan)
+@dataclass(frozen=True, slots=True)
+class AttributionSettings:
+    """Where a misfit is looked for; no verdict rests on these. All are chosen for tables that can be read."""
+
+    bins: int = 3
+    """Bins of tension."""
+    listed: int = 8
+    """Cells of the heat map that are listed."""
+    worth: float = 0.02
+    """Of all excess: a smaller share is not listed [1]."""
+    stretches: int = 12
+    """Stretches of a route."""
+    trial_rad: float = 0.02
+    """Bend that is tried in each stretch [rad]."""
+    smooth: float = 2.0
+    """Stretches over which friction that is missing is alike."""
+    wide_rad_per_m: float = 20.0
+    """Prior standard deviation of the missing angle [rad/m]."""
+    clear: float = 3.0
+    """Standard errors from which a stretch stands out [1]."""
+    knots: int = 6
+    """Knots of friction over what it may depend on."""
+    wide_friction: float = 1.0
+    """Prior standard deviation of the change of ln μ at a knot [1]."""
+    step: float = 0.02
+    """Step of ln μ for the derivative by friction [1]."""
+
+
+ATTRIBUTION = AttributionSettings()
+
+
+def heat_map(problem: Problem, at: Point) -> tuple[HeatMap, tuple[MisfitShare, ...]]:
+    """Return calibrated residual power by channel and run over phase and tension, and its worst cells."""
+    stack, most = problem.stack, ATTRIBUTION.bins
+    whitened = problem.whitening.whitened(problem.left(at))[: stack.size]
+    runs = [simulated_run(reading, problem.rig, at) for reading in stack.readings]
+    force = [_tension(reading, view.channels) for reading, view in zip(stack.readings, runs, strict=True)]
+    edges = np.quantile(np.concatenate(force), np.linspace(0.0, 1.0, most + 1))
+    phase = [phases(reading, view.slip_out) for reading, view in zip(stack.readings, runs, strict=True)]
+    cells: list[tuple[float, MisfitShare]] = []
+    power = np.full((len(stack.blocks), len(PHASES) * most), np.nan)
     for row, block in enumerate(stack.blocks):
         reading = stack.readings[block.run]
-        bins = np.clip(np.searchsorted(edges, force[block.run][block.kept], side="right") - 1, 0, _BINS - 1)
-        place = phase[block.run][block.kept] * _BINS + bins
-        square = np.square(weighed[block.rows])
-        for cell in np.unique(place):
-            inside = place == cell
+        bins = np.clip(
+            np.searchsorted(edges, force[block.run][block.kept], side="right") - 1, 0, ATTRIBUTION.bins - 1
+        )
+        cell_of = phase[block.run][block.kept] * most + bins
+        square = np.square(whitened[block.rows])
+        for cell in np.unique(cell_of):
+            inside = cell_of == cell
             power[row, cell] = square[inside].mean()
             excess = float(np.sum(square[inside] - 1.0))
-            low, high = edges[cell % _BINS], edges[cell % _BINS + 1]
-            title = PHASES[cell // _BINS]
+            low, high = edges[cell % most], edges[cell % most + 1]
+            title = PHASES[cell // most]
             cells.append(
-                (excess, Blame(block.channel, title, reading.name, (float(low), float(high)), None, excess))
+                (
+                    excess,
+                    MisfitShare(block.channel, title, reading.name, (float(low), float(high)), None, excess),
+                )
             )
     rows = tuple(f"{block.channel} {stack.readings[block.run].name}" for block in stack.blocks)
-    names = tuple(f"{title} {edges[k]:.1f}–{edges[k + 1]:.1f} N" for title in PHASES for k in range(_BINS))
-    return HeatMap(rows, names, power), _worst(cells, float(np.square(weighed).sum()))
+    names = tuple(
+        f"{title} {edges[k]:.1f}–{edges[k + 1]:.1f} N" for title in PHASES for k in range(ATTRIBUTION.bins)
+    )
+    return HeatMap(rows, names, power), _worst(cells, float(np.square(whitened).sum()))
 
 
 def _tension(reading: Reading, channels: Mapping[str, Vector]) -> Vector:
@@ -68,51 +99,54 @@ def _tension(reading: Reading, channels: Mapping[str, Vector]) -> Vector:
     return np.abs(reading.given[reading.drive])
 
 
-def _worst(cells: list[tuple[float, Blame]], power: float) -> tuple[Blame, ...]:
+def _worst(cells: list[tuple[float, MisfitShare]], power: float) -> tuple[MisfitShare, ...]:
     cells.sort(key=lambda cell: -cell[0])
     out = []
-    for excess, blame in cells[:_TOLD]:
+    for excess, share_of in cells[: ATTRIBUTION.listed]:
         share = excess / max(power, 1e-12)
-        if share < _WORTH:
+        if share < ATTRIBUTION.worth:
             break
-        out.append(replace(blame, share=share))
+        out.append(replace(share_of, share=share))
     return tuple(out)
 
 
 def along_routes(
     problem: Problem, at: Point, base: Matrix
-) -> tuple[tuple[RouteBlame, ...], tuple[float, ...]]:
+) -> tuple[tuple[RouteMisfit, ...], tuple[float, ...]]:
     """Return the curve angle that readings want beyond the model, by stretches of each route; (109).
 
     With it how much χ² falls by that of each route.
     """
-    residual = problem.weighing.weighed(problem.left(at))
+    residual = problem.whitening.whitened(problem.left(at))
     names = list(dict.fromkeys(reading.route.name for reading in problem.stack.readings))
-    told = [_along(problem, at, base, residual, name) for name in names]
-    return tuple(blame for blame, _ in told), tuple(gain for _, gain in told)
+    results = [_along(problem, at, base, residual, name) for name in names]
+    return tuple(misfit for misfit, _ in results), tuple(gain for _, gain in results)
 
 
 def _along(
     problem: Problem, at: Point, base: Matrix, residual: Vector, name: str
-) -> tuple[RouteBlame, float]:
+) -> tuple[RouteMisfit, float]:
     readings = problem.stack.readings
     route = next(reading.route for reading in readings if reading.route.name == name)
-    length = route.arcs.total_length
-    middle = (np.arange(_STRETCHES) + 0.5) * length / _STRETCHES
+    length, count = route.arcs.total_length, ATTRIBUTION.stretches
+    middle = (np.arange(count) + 0.5) * length / count
     before = _channels(readings, problem, at, name, None)
     tried = []
-    for place in middle:
-        bend = HiddenBend(at_m=place, angle_rad=_TRIAL, width_m=length / _STRETCHES)
+    for centre in middle:
+        bend = HiddenBend(at_m=centre, angle_rad=ATTRIBUTION.trial_rad, width_m=length / count)
         after = _channels(readings, problem, at, name, bend)
         change = np.zeros(problem.stack.size)
         for block in problem.stack.blocks:
             if block.run in after:
-                told = after[block.run][block.channel] - before[block.run][block.channel]
-                change[block.rows] = told[block.kept]
-        tried.append(change / (_TRIAL * _STRETCHES / length))
-    own = problem.weighing.weighed(np.column_stack(tried))
-    step = np.subtract.outer(np.arange(_STRETCHES), np.arange(_STRETCHES)) / _SMOOTH
-    prior = _WIDE**2 * (np.exp(-0.5 * step**2) + 1e-4 * np.eye(_STRETCHES))
+                shift = after[block.run][block.channel] - before[block.run][block.channel]
+                change[block.rows] = shift[block.kept]
+        tried.append(change / (ATTRIBUTION.trial_rad * count / length))
+    own = problem.whitening.whitened(np.column_stack(tried))
+    step = (
+        np.subtract.outer(np.arange(ATTRIBUTION.stretches), np.arange(ATTRIBUTION.stretches))
+        / ATTRIBUTION.smooth
+    )
+    prior = ATTRIBUTION.wide_rad_per_m**2 * (np.exp(-0.5 * step**2) + 1e-4 * np.eye(count))
     jacobian = np.column_stack([base, own])
     precision = np.zeros((jacobian.shape[1],) * 2)
     precision[2:, 2:] = np.linalg.inv(prior)
@@ -122,7 +156,7 @@ def _along(
     spread = np.sqrt(np.diag(covariance))
     gone = residual - jacobian @ wanted
     gain = float(residual @ residual - gone @ gone)
-    return RouteBlame(name, read_only(middle), read_only(wanted[2:]), read_only(spread[2:])), gain
+    return RouteMisfit(name, read_only(middle), read_only(wanted[2:]), read_only(spread[2:])), gain
 
 
 def _channels(
@@ -134,20 +168,105 @@ def _channels(
 
 
 def pointed(
-    where: tuple[Blame, ...], along: tuple[RouteBlame, ...], routes: Mapping[str, str]
-) -> tuple[Blame, ...]:
-    """Return the places with the stretch of the route that the readings point at; `routes` by run."""
-    ranges = {told.route: _stretch(told) for told in along}
-    return tuple(replace(blame, route_range_m=ranges.get(routes[blame.run])) for blame in where)
+    where: tuple[MisfitShare, ...], along: tuple[RouteMisfit, ...], routes: Mapping[str, str]
+) -> tuple[MisfitShare, ...]:
+    """Return the shares with the stretch of the route that the readings point at; `routes` by run."""
+    ranges = {misfit.route: _stretch(misfit) for misfit in along}
+    return tuple(replace(share, route_range_m=ranges.get(routes[share.run])) for share in where)
 
 
-def _stretch(told: RouteBlame) -> tuple[float, float] | None:
+def _stretch(misfit: RouteMisfit) -> tuple[float, float] | None:
     """Return the one stretch that stands out, if less than half of the route does."""
-    places = np.flatnonzero(told.extra_angle_rad_per_m > _CLEAR * told.se)
-    if not len(places):
+    high = np.flatnonzero(misfit.extra_angle_rad_per_m > ATTRIBUTION.clear * misfit.se)
+    if not len(high):
         return None
-    span = int(places[-1] - places[0]) + 1
-    if span > len(told.s) // 2 or len(places) < span:
+    span = int(high[-1] - high[0]) + 1
+    if span > len(misfit.s) // 2 or len(high) < span:
         return None
-    half = 0.5 * float(told.s[1] - told.s[0])
-    return float(told.s[places[0]] - half), float(told.s[places[-1]] + half)
+    half = 0.5 * float(misfit.s[1] - misfit.s[0])
+    return float(misfit.s[high[0]] - half), float(misfit.s[high[-1]] + half)
+
+
+def missing_shapes(
+    problem: Problem, fit: Fit, along: Sequence[RouteMisfit], gains: Sequence[float]
+) -> tuple[Shape, ...]:
+    """Return the friction that the readings want, over each thing that it may depend on."""
+    moved = np.zeros(2 + len(fit.at.free))
+    moved[0] = ATTRIBUTION.step
+    slope = (fit.left - problem.left(fit.at.moved(moved))) / ATTRIBUTION.step
+    over = {
+        "tension_N": _rows(problem, [_measured_tension(reading) for reading in problem.stack.readings]),
+        "speed_m_per_s": _rows(problem, [_speed(reading) for reading in problem.stack.readings]),
+        "cycle": _rows(problem, [_cycle(reading) for reading in problem.stack.readings]),
+    }
+    shapes = [_shape(problem, fit, slope, name, x) for name, x in over.items() if np.ptp(x) > 0.0]
+    excess = max(float(fit.residual @ fit.residual) - problem.stack.size, 1e-9)
+    return (*shapes, *_over_arc_length(problem, fit.at, along, [gain / excess for gain in gains]))
+
+
+def _rows(problem: Problem, columns: Sequence[Vector]) -> Vector:
+    out = np.empty(problem.stack.size)
+    for block in problem.stack.blocks:
+        out[block.rows] = columns[block.run][block.kept]
+    return out
+
+
+def _measured_tension(reading: Reading) -> Vector:
+    for name in ("tension_in_N", "tension_out_N"):
+        column = reading.measured.get(name, reading.given.get(name))
+        if column is not None:
+            there = np.isfinite(column)
+            return np.interp(reading.time, reading.time[there], column[there])
+    return np.zeros(len(reading.time))
+
+
+def _speed(reading: Reading) -> Vector:
+    return np.abs(np.gradient(reading.given[reading.drive], reading.time))
+
+
+def _cycle(reading: Reading) -> Vector:
+    turns = turning_points(reading.given[reading.drive], reading.noise[reading.drive])
+    legs = np.searchsorted(np.array(turns), np.arange(len(reading.time)))
+    return np.asarray(legs // 2 + 1, dtype=np.float64)
+
+
+def _shape(problem: Problem, fit: Fit, slope: Vector, name: str, x: Vector) -> Shape:
+    """Fit ln μ as a broken line over x, in place of one number; docs/model.md (118)."""
+    knots = np.unique(np.quantile(x, np.linspace(0.0, 1.0, ATTRIBUTION.knots)))
+    hats = _hats(x, knots)
+    column = problem.whitening.whitened(slope[:, None] * hats)
+    rest = fit.jacobian[:, 1:]
+    jacobian = np.column_stack([column, rest])
+    precision = np.diag(
+        np.concatenate([np.full(len(knots), ATTRIBUTION.wide_friction**-2.0), np.full(rest.shape[1], 1e-6)])
+    )
+    covariance = np.asarray(np.linalg.inv(jacobian.T @ jacobian + precision), dtype=np.float64)
+    want = covariance @ (jacobian.T @ fit.residual)
+    gone = fit.residual - jacobian @ want
+    before = float(fit.residual @ fit.residual) - problem.stack.size
+    gain = float(fit.residual @ fit.residual - gone @ gone)
+    spread = np.sqrt(np.diag(covariance))[: len(knots)]
+    friction = fit.at.friction * np.exp(np.clip(want[: len(knots)], -2.0, 2.0))
+    share = float(np.clip(gain / max(before, 1e-9), 0.0, 1.0))
+    return Shape(name, read_only(knots), read_only(friction), read_only(friction * spread), share)
+
+
+def _hats(x: Vector, knots: Vector) -> Matrix:
+    hats = [np.interp(x, knots, row) for row in np.eye(len(knots))]
+    return np.asarray(np.column_stack(hats), dtype=np.float64)
+
+
+def _over_arc_length(
+    problem: Problem, at: Point, along: Sequence[RouteMisfit], shares: Sequence[float]
+) -> list[Shape]:
+    """Return what the routes want along their length as friction on their mean curvature."""
+    out = []
+    routes = {reading.route.name: reading.route.arcs for reading in problem.stack.readings}
+    for misfit, share in zip(along, shares, strict=True):
+        arcs = routes.get(misfit.route)
+        mean = 0.0 if arcs is None else arcs.total_angle / arcs.total_length
+        if mean > 0.0:
+            friction = read_only(at.friction * (1.0 + misfit.extra_angle_rad_per_m / mean))
+            spread = read_only(at.friction * misfit.se / mean)
+            out.append(Shape("s_m", misfit.s, friction, spread, float(np.clip(share, 0.0, 1.0))))
+    return out

@@ -6,27 +6,50 @@ The forward model is fitted, not a regression on columns: docs/model.md, section
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from msgspec.structs import replace as changed
-from scipy.optimize import least_squares
 from scipy.stats import t as student
 
 from tssgeom.arrays import Matrix, Vector, read_only
 from tssgeom.errors import FitError, SettingsError
-from tssgeom.identify.forward import Forward, forward_model
-from tssgeom.identify.measured import Measured
+from tssgeom.identify.calibrated_run import (
+    NAMES,
+    CalibratedRun,
+    Measured,
+    calibrated_run,
+    start_rig,
+)
+from tssgeom.identify.fit import Point, Problem, Whitening, columns, prior_sd, refined, unshared
+from tssgeom.identify.prediction import FINE, stacked
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.statistics import robust_sd
 
-_PASSES = 4  # in which weights and estimates settle
-_BOUND = 3.0  # standard deviations of what is assumed beforehand: the fit looks no further
-_HUBER = 2.5  # standard deviations from which a residual counts less
-_SMALL = 0.02  # of a standard deviation: steps of the route for its derivatives
-_UNTOLD = 0.5  # of the prior's standard deviation: a wider posterior says that the run tells nothing
-_LEAST_ANGLE = 0.05  # of a route on which friction can be seen [rad]
+
+@dataclass(frozen=True, slots=True)
+class RobustFit:
+    """How calibration weighs readings. Chosen on the runs of `benchmarks.calibration`."""
+
+    passes: int = 4
+    """Rounds in which weights and estimates converge; chosen."""
+    huber: float = 2.5
+    """Standard deviations from which a residual counts less [1]; cited: P. J. Huber, Robust statistics (1981)
+    has 1.345 for 95 % efficiency; chosen larger, as most runs have no outlier."""
+    first_sigma: float = 0.01
+    """Of the range of a channel: its standard deviation in the first round [1]; chosen."""
+    route_step: float = 0.02
+    """Of a standard deviation of the route: step of its derivatives [1]; chosen: small, above rounding."""
+    unobserved: float = 0.5
+    """Of the prior's standard deviation: a wider posterior means that the run shows nothing [1]; chosen."""
+    least_angle: float = 0.05
+    """Angle of a route on which friction shows [rad]; chosen: friction of 0.2 takes 1 % there."""
+
+
+ROBUST = RobustFit()
+_WANTED = (("tension_out_offset", "N"), ("elongation_offset", "m"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +62,7 @@ class Estimate:
     low: float
     high: float
     observable: bool
-    """False: the run does not tell it, and value and interval are those assumed beforehand."""
+    """False: the run does not identify it, and value and interval are those assumed beforehand."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +80,7 @@ class ChannelFit:
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """What a run tells about a rig."""
+    """What a run identifies of a rig."""
 
     estimates: dict[str, Estimate]
     channels: tuple[ChannelFit, ...]
@@ -68,7 +91,7 @@ class Calibration:
     """[n] What the fitted model gives in each channel, by its name."""
 
     def applied(self, rig: Rig) -> Rig:
-        """Return the rig with the friction and the compliance that the run tells."""
+        """Return the rig with the friction and the compliance that the run identifies."""
         friction, compliance = self.estimates["friction"], self.estimates["compliance"]
         if friction.observable:
             rig = _with_friction(rig, friction.value)
@@ -98,88 +121,82 @@ def calibrate(measured: Measured, arcs: Arcs, rig: Rig, *, from_tension: float =
     FitError
         Where nothing can be fitted.
     """
-    if arcs.total_angle < _LEAST_ANGLE:
+    if arcs.total_angle < ROBUST.least_angle:
         raise SettingsError(
             f"the route turns by {arcs.total_angle:.3g} rad: a straight sheath shows no friction; "
-            f"lay it with a bend of {_LEAST_ANGLE:g} rad or more"
+            f"lay it with a bend of {ROBUST.least_angle:g} rad or more"
         )
-    model = forward_model(measured, arcs, rig, from_tension)
-    fit = _fitted(model)
-    return _told(model, fit, _route_covariance(model, fit, arcs, rig))
+    run = calibrated_run(measured, arcs, rig, from_tension)
+    fit = _fitted(run, start_rig(rig))
+    return _calibration(fit, _route_covariance(fit, arcs, rig), run.warnings)
 
 
 @dataclass(frozen=True, slots=True)
 class _Fit:
-    """Estimates in the model's own parameters."""
+    """Estimates, and what they rest on; the parameters are ln μ, ln ρ, then zeros in standard deviations."""
 
-    at: Vector
+    run: CalibratedRun
+    problem: Problem
+    at: Point
+    left: Vector
+    """[rows] Measured less simulated [N, m]."""
     jacobian: Matrix
-    """Of the weighted residuals."""
-    root_weight: Vector
-    """Square roots of the weights that keep far-off readings from counting."""
+    """[rows + parameters, parameters] Of weighted residuals and priors."""
     covariance: Matrix
-    sigma: Vector
-    """Standard deviation of each channel."""
     inflation: Vector
     """Readings of each channel over effective ones [1]."""
 
 
-def _fitted(model: Forward) -> _Fit:
+def _fitted(run: CalibratedRun, rig: Rig) -> _Fit:
     """Fit, weigh each channel by what is left and by how long its errors last, and fit again."""
-    count = len(model.channels)
-    at, sigma, inflation = np.array(model.prior_mean), np.array(model.first_sigma), np.ones(count)
-    room = (at - _BOUND * model.prior_sd, at + _BOUND * model.prior_sd)
-    for _ in range(_PASSES):
-        scale = sigma * np.sqrt(inflation)
+    stack = stacked([run.reading])
+    blocks = [block.rows for block in stack.blocks]
+    at = Point(rig.friction.coefficient, rig.tendon.compliance_per_N, zeros=(0.0,) * len(run.zeros))
+    problem = Problem(
+        stack, unshared(stack.noise), rig, stack.measured, lambda point: run.predicted(point, rig)
+    )
+    sigma = [max(ROBUST.first_sigma * float(np.ptp(stack.measured[rows])), 1e-9) for rows in blocks]
+    inflation = np.ones(len(blocks))
+    for _ in range(ROBUST.passes):
+        too_few_bars = run.predicted(at, rig, FINE) - run.predicted(at, rig)
+        problem = replace(problem, target=stack.measured - too_few_bars)
+        problem = replace(problem, whitening=_weights(problem.left(at), blocks, sigma, inflation))
+        at = refined(problem, at).at
+        left = problem.left(at)
+        sigma = [_spread(left[rows]) for rows in blocks]
+        inflation = np.array([_inflation(left[rows] / s) for rows, s in zip(blocks, sigma, strict=True)])
+    left = problem.left(at)
+    problem = replace(problem, whitening=_weights(left, blocks, sigma, inflation))
+    of_data = columns(problem, at, left)
+    if not np.all(np.isfinite(of_data)):
+        raise FitError("the calibration did not converge: check units and columns with tssgeom check")
+    jacobian = np.vstack([of_data, np.diag(1.0 / prior_sd(at))])
+    square = _squares(
+        problem.whitening.whitened(left), [rows.stop - rows.start for rows in blocks], at.size, inflation
+    )
+    return _Fit(run, problem, at, left, jacobian, _sandwich(jacobian, square), inflation)
 
-        def residuals(p: Vector, scale: Vector = scale) -> Vector:
-            return _weighted(model, p, scale)
 
-        found = least_squares(
-            residuals, at, bounds=room, x_scale=model.prior_sd, loss="huber", f_scale=_HUBER, max_nfev=60
-        )
-        if not np.all(np.isfinite(found.x)):
-            raise FitError("the calibration did not converge: check units and columns with tssgeom check")
-        at = found.x
-        left = model.residuals(at)
-        sigma = np.array([_spread(each) for each in left])
-        inflation = np.array([_inflation(each / s) for each, s in zip(left, sigma, strict=True)])
-    scale = sigma * np.sqrt(inflation)
-    left_over = _weighted(model, at, scale)
-    root = np.sqrt(np.minimum(1.0, _HUBER / np.maximum(np.abs(left_over), 1e-12)))
-    jacobian = _jacobian(model, at, scale) * root[:, None]
-    square = _squares(model, left_over * root, inflation)
-    return _Fit(at, jacobian, root, _sandwich(jacobian, square), sigma, inflation)
+def _weights(left: Vector, blocks: Sequence[slice], sigma: Sequence[float], inflation: Vector) -> Whitening:
+    """Return weights of all readings: by channel, and less for those that are far off; docs/model.md (72)."""
+    scale = np.empty(len(left))
+    for rows, each, worth in zip(blocks, sigma, inflation, strict=True):
+        scale[rows] = each * math.sqrt(worth)
+    far = np.maximum(np.abs(left / scale), 1e-12)
+    return unshared(scale / np.sqrt(np.minimum(1.0, ROBUST.huber / far)))
 
 
-def _squares(model: Forward, left_over: Vector, inflation: Vector) -> Vector:
+def _squares(left_over: Vector, counts: list[int], parameters: int, inflation: Vector) -> Vector:
     """Squares of residuals over the variance that the fit assumed; 1 for what the prior adds."""
-    counts = [len(each.used) for each in model.channels]
     worth = np.repeat(inflation, counts)
-    free = max(1.0 - len(model.names) / max(float(np.sum(counts / inflation)), 1.0), 0.1)
-    return np.concatenate([left_over[: len(worth)] ** 2 * worth / free, np.ones(len(model.names))])
+    free = max(1.0 - parameters / max(float(np.sum(counts / inflation)), 1.0), 0.1)
+    return np.concatenate([left_over**2 * worth / free, np.ones(parameters)])
 
 
 def _sandwich(jacobian: Matrix, square: Vector) -> Matrix:
     """Covariance of the estimates where some readings are noisier than others; docs/model.md (73)."""
     bread = np.asarray(np.linalg.inv(jacobian.T @ jacobian), dtype=np.float64)
     return bread @ (jacobian.T @ (square[:, None] * jacobian)) @ bread
-
-
-def _weighted(model: Forward, p: Vector, scale: Vector) -> Vector:
-    """Residuals over their scale, then what the prior adds; docs/model.md (72)."""
-    left = [each / s for each, s in zip(model.residuals(p), scale, strict=True)]
-    return np.concatenate([*left, (p - model.prior_mean) / model.prior_sd])
-
-
-def _jacobian(model: Forward, at: Vector, scale: Vector) -> Matrix:
-    """Central differences over a hundredth of the prior's standard deviation or less."""
-    columns = []
-    for k, sd in enumerate(model.prior_sd):
-        h = np.zeros(len(at))
-        h[k] = 1e-3 * sd
-        columns.append((_weighted(model, at + h, scale) - _weighted(model, at - h, scale)) / (2 * h[k]))
-    return np.column_stack(columns)
 
 
 def _spread(left: Vector) -> float:
@@ -204,23 +221,23 @@ def _inflation(left: Vector) -> float:
     return float(np.clip(total, 1.0, size / 3))
 
 
-def _route_covariance(model: Forward, fit: _Fit, arcs: Arcs, rig: Rig) -> Matrix:
+def _route_covariance(fit: _Fit, arcs: Arcs, rig: Rig) -> Matrix:
     """Covariance of the estimates that comes from that of lengths, angles and their common gain; (74)."""
-    k = len(arcs.length)
+    k, problem = len(arcs.length), fit.problem
     total = np.array(arcs.covariance)
     gained = rig.shape.angle_gain_sd * np.concatenate([np.zeros(k), arcs.angle])
     total += np.outer(gained, gained)
     value, way = np.linalg.eigh(total)
-    scale = fit.sigma * np.sqrt(fit.inflation)
-    base = _weighted(model, fit.at, scale)
+    of_data = fit.jacobian[: problem.stack.size]
     bread = np.linalg.inv(fit.jacobian.T @ fit.jacobian)
     out = np.zeros_like(fit.covariance)
     for variance, direction in zip(value, way.T, strict=True):
         if variance <= 1e-6 * max(value[-1], 1e-300) or variance < 1e-18:
             continue
-        by = _SMALL * math.sqrt(variance) * direction
-        moved = (_weighted(model.on(_moved(arcs, by)), fit.at, scale) - base) / _SMALL
-        shift = bread @ (fit.jacobian.T @ (fit.root_weight * moved))
+        by = ROBUST.route_step * math.sqrt(variance) * direction
+        there = problem.target - fit.run.on(_moved(arcs, by)).predicted(fit.at, problem.rig)
+        change = problem.whitening.whitened(there - fit.left) / ROBUST.route_step
+        shift = bread @ (of_data.T @ change)
         out += np.outer(shift, shift)
     return out
 
@@ -231,29 +248,49 @@ def _moved(arcs: Arcs, by: Vector) -> Arcs:
     return replace(arcs, length=read_only(length), angle=read_only(angle))
 
 
-def _told(model: Forward, fit: _Fit, of_route: Matrix) -> Calibration:
-    counts = [len(each) for each in model.residuals(fit.at)]
-    effective = np.array(counts) / fit.inflation
-    quantile = float(student.ppf(0.975, max(float(effective.sum()) - len(fit.at), 2.0)))
-    sd = np.sqrt(np.diag(fit.covariance + of_route))
-    own = np.sqrt(np.diag(fit.covariance))
-    estimates = {
-        name: _estimate(model, k, fit.at[k], quantile * sd[k], bool(own[k] < _UNTOLD * model.prior_sd[k]))
-        for k, name in enumerate(model.names)
-    }
+def _calibration(fit: _Fit, of_route: Matrix, warnings: tuple[str, ...]) -> Calibration:
+    problem, stack = fit.problem, fit.problem.stack
+    counts = np.array([block.rows.stop - block.rows.start for block in stack.blocks])
+    effective = counts / fit.inflation
+    quantile = float(student.ppf(0.975, max(float(effective.sum()) - fit.at.size, 2.0)))
+    half = quantile * np.sqrt(np.diag(fit.covariance + of_route))
+    observable = np.sqrt(np.diag(fit.covariance)) < ROBUST.unobserved * prior_sd(fit.at)
     channels = tuple(
-        ChannelFit(each.name, each.unit, float(np.sqrt(np.mean(left**2))), len(left), float(worth))
-        for each, left, worth in zip(model.channels, model.residuals(fit.at), effective, strict=True)
+        ChannelFit(
+            NAMES[block.channel],
+            block.channel.rpartition("_")[2],
+            float(np.sqrt(np.mean(fit.left[block.rows] ** 2))),
+            int(count),
+            float(worth),
+        )
+        for block, count, worth in zip(stack.blocks, counts, effective, strict=True)
     )
-    for name in model.missing:
-        estimates[name] = Estimate(name, math.nan, model.unit_of(name), math.nan, math.nan, False)
-    return Calibration(estimates, channels, model.warnings, model.clock.time, model.predicted(fit.at))
+    estimates = {each.name: each for each in _estimates(fit, half, observable)}
+    fitted = fit.run.channels(fit.at, problem.rig)
+    return Calibration(
+        estimates,
+        channels,
+        warnings,
+        fit.run.reading.time,
+        {NAMES[block.channel]: fitted[block.channel] for block in stack.blocks},
+    )
 
 
-def _estimate(model: Forward, k: int, at: float, half: float, observable: bool) -> Estimate:
-    name = model.names[k]
-    value, low, high = (model.natural(k, p) for p in (at, at - half, at + half))
-    return Estimate(name, value, model.unit_of(name), low, high, observable)
+def _estimates(fit: _Fit, half: Vector, observable: np.ndarray) -> Iterator[Estimate]:
+    """Yield every number with its interval; one that no channel shows has neither."""
+    base = [("friction", "1", fit.at.friction), ("compliance", "1/N", fit.at.compliance)]
+    stretch = fit.run.shows_stretch
+    for k, (name, unit, value) in enumerate(base if stretch else base[:1]):
+        low, high = value * math.exp(-half[k]), value * math.exp(half[k])
+        yield Estimate(name, value, unit, low, high, bool(observable[k]))
+    for k, (zero, u) in enumerate(zip(fit.run.zeros, fit.at.zeros, strict=True), start=2):
+        value, low, high = (zero.value(each) for each in (u, u - half[k], u + half[k]))
+        yield Estimate(zero.name, value, zero.unit, low, high, bool(observable[k]))
+    fitted = {zero.name for zero in fit.run.zeros}
+    missing = [] if stretch else [("compliance", "1/N")]
+    missing += [(name, unit) for name, unit in _WANTED if name not in fitted]
+    for name, unit in missing:
+        yield Estimate(name, math.nan, unit, math.nan, math.nan, False)
 
 
 def _with_friction(rig: Rig, value: float) -> Rig:

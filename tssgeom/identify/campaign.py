@@ -43,4 +43,4 @@ class Campaign:
     rig: Rig
     runs: tuple[Run, ...]
     notes: tuple[str, ...] = ()
-    """What the reader had to decide or found odd, each a sentence."""
+    """What the reader had to decide or noticed, each a sentence."""

@@ -3,6 +3,9 @@
 Source: docs/model.md (66).
 """
 
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -12,20 +15,49 @@ from scipy.special import ndtri
 
 from tssgeom.arrays import Vector
 
-_TURN = 7.0  # standard deviations that a reading has to go back before the drive has turned
-_PLATEAU = 6.0  # standard deviations below a peak in which its hold lies; the upper half counts
-_HOLD = 4.5  # standard deviations about the level of a hold in which its readings lie
-_FLAT = 3.5  # standard errors of slope and bend below which a plateau is a hold
-_FEWEST = 4  # readings of a hold
-_STRAIGHT = 0.2  # of a step: what one may differ from the one before on a straight leg
-_UNLIKE = 4.0  # standard deviations by which two steps of one slope may differ
-_ROUND = 40.0  # standard deviations below a turn in which its readings tell whether it is round
-_HALF_ROUND = 3  # readings on each side, off the plateau, that tell it
-_FEWEST_ROUND = 7  # readings in all, five numbers being fitted
-_ABOUT = 2  # readings beside those, which the fit has to meet as well
-_VERTICES = 33  # places in there at which the halves may end
-_LOOSE = 3.0  # standard deviations of what is left beyond which a turn is not round
-_SAME = 0.02  # of a step: a corner this near to a sample is that sample
+
+@dataclass(frozen=True, slots=True)
+class DriveSettings:
+    """What counts as a turn, a hold, a round turn and a corner of a drive.
+
+    Frozen on the development seeds of `benchmarks.discovery`.
+    """
+
+    turn: float = 7.0
+    """S.d. that a reading goes back before the drive has turned [1]; chosen."""
+    plateau: float = 6.0
+    """S.d. below a peak in which its hold lies [1]; the upper half counts; chosen."""
+    hold: float = 4.5
+    """S.d. about the level of a hold in which its readings lie [1]; chosen."""
+    flat: float = 3.5
+    """Standard errors of slope and bend below which a plateau is a hold [1]; chosen."""
+    fewest: int = 4
+    """Readings of a hold; derived: level, slope and bend leave one."""
+    straight: float = 0.2
+    """Of a step: difference from the step before on a straight leg [1]; chosen."""
+    unlike: float = 4.0
+    """S.d. by which two steps of one slope differ at most [1]; chosen."""
+    round: float = 40.0
+    """S.d. below a turn in which its readings show whether it is round [1]; chosen."""
+    half_round: int = 3
+    """Readings on each side of a round turn, off its plateau; chosen."""
+    fewest_round: int = 7
+    """Readings of a round turn in all; derived: five are fitted."""
+    about: int = 2
+    """Readings beside those of its slopes that the fit of a round turn meets as well; chosen."""
+    vertices: int = 33
+    """Grid points in the turn at which its halves may end; chosen."""
+    loose: float = 3.0
+    """S.d. of χ² of what is left beyond which a turn is not round [1]; chosen."""
+    same: float = 0.02
+    """Of a step and of the noise: a corner this near to a sample is that sample [1]; chosen."""
+    between: float = 0.05
+    """Of a step: a sharp turn lies so far beyond where it was put [1]; chosen on development seeds."""
+    level: float = 0.3
+    """Of the noise of the drive: error of the level of a hold [1]; chosen on development seeds."""
+
+
+DRIVE = DriveSettings()
 
 
 def calmed(drive: Vector, noise: float, time: Vector | None = None) -> Vector:
@@ -44,7 +76,7 @@ def calmed(drive: Vector, noise: float, time: Vector | None = None) -> Vector:
         return drive
     drive = np.asarray(drive, dtype=float)
     when = np.arange(len(drive), dtype=float) if time is None else time
-    turns = _turns(drive, _TURN * noise)
+    turns = _turns(drive, DRIVE.turn * noise)
     ends = [_extreme(drive, turns, k, noise) for k in range(len(turns))]
     out = np.empty(len(drive))
     for (first, last), (here, there) in zip(pairwise(turns), pairwise(ends), strict=True):
@@ -52,12 +84,12 @@ def calmed(drive: Vector, noise: float, time: Vector | None = None) -> Vector:
             _monotone(drive[first : last + 1], there - here), min(here, there), max(here, there)
         )
     for k, turn in enumerate(turns):
-        told = _rounded(when, drive, turns, k, noise) if k < len(turns) - 1 else None
-        if told is not None:
-            turns[k] = _write_round(out, turns, k, told)
+        fitted = _rounded(when, drive, turns, k, noise) if k < len(turns) - 1 else None
+        if fitted is not None:
+            turns[k] = _write_round(out, turns, k, fitted)
             continue
         start, stop = hold(drive, int(turn), noise)
-        if stop - start >= _FEWEST:
+        if stop - start >= DRIVE.fewest:
             _level(out, start, stop, float(np.mean(drive[start:stop])), noise)
     return out
 
@@ -75,39 +107,43 @@ def _rounded(
     where it began.
     """
     here = int(turns[k])
-    near = np.abs(drive - drive[here]) < _ROUND * noise
+    near = np.abs(drive - drive[here]) < DRIVE.round * noise
     start, stop = _around(near | (np.arange(len(drive)) == here), here)
     first = int(turns[k - 1]) + 1 if start > 0 else 0
     start, stop = max(start, first), min(stop, int(turns[k + 1]))
-    sloping = np.abs(drive[start:stop] - drive[here]) > _PLATEAU * noise
-    came = start == 0 or sloping[: here - start].sum() >= _HALF_ROUND
-    if not came or sloping[here - start :].sum() < _HALF_ROUND or stop - start < _FEWEST_ROUND:
+    sloping = np.abs(drive[start:stop] - drive[here]) > DRIVE.plateau * noise
+    came = start == 0 or sloping[: here - start].sum() >= DRIVE.half_round
+    if not came or sloping[here - start :].sum() < DRIVE.half_round or stop - start < DRIVE.fewest_round:
         return None
     when, what = time[start:stop], drive[start:stop]
     scale = float(when[-1] - when[0])
-    places = np.linspace(0.0, 1.0, _VERTICES)
-    fitted = _rounds((when - when[0]) / scale, what, places)
-    told = np.convolve(sloping, np.ones(2 * _ABOUT + 1), "same") > 0.0  # a long rest would hide a bad fit
-    freedom = max(int(told.sum()) - 5, 1)
-    if np.sum(np.square(what - fitted)[told]) > noise**2 * (freedom + _LOOSE * np.sqrt(2.0 * freedom)):
+    joints = np.linspace(0.0, 1.0, DRIVE.vertices)
+    fitted = _rounds((when - when[0]) / scale, what, joints)
+    counted = (
+        np.convolve(sloping, np.ones(2 * DRIVE.about + 1), "same") > 0.0
+    )  # a long rest would hide a bad fit
+    freedom = max(int(counted.sum()) - 5, 1)
+    if np.sum(np.square(what - fitted)[counted]) > noise**2 * (
+        freedom + DRIVE.loose * np.sqrt(2.0 * freedom)
+    ):
         return None
     return start, fitted
 
 
 @njit(cache=True, nogil=True)
-def _rounds(time, drive, places):
-    """Fit a half of a parabola, a level and another half, the joints tried at all pairs of places.
+def _rounds(time, drive, joints):
+    """Fit a half of a parabola, a level and another half, the joints tried at all pairs of joints.
 
     Returns the fitted values [n].
     """
     n, best = drive.size, np.inf
-    fitted = np.full(n, np.inf)  # none is found where all are inflections
-    shape, found = np.empty((3, n)), np.empty(3)
+    fitted = np.full(n, np.inf)  # none is numbers where all are inflections
+    shape, numbers = np.empty((3, n)), np.empty(3)
     matrix, right = np.empty((3, 3)), np.empty(3)
-    for i in range(places.size):
-        for j in range(i, places.size):
+    for i in range(joints.size):
+        for j in range(i, joints.size):
             for k in range(n):
-                before, behind = min(time[k] - places[i], 0.0), max(time[k] - places[j], 0.0)
+                before, behind = min(time[k] - joints[i], 0.0), max(time[k] - joints[j], 0.0)
                 shape[0, k], shape[1, k], shape[2, k] = 1.0, before * before, behind * behind
             for a in range(3):
                 right[a] = np.dot(shape[a], drive)
@@ -115,23 +151,23 @@ def _rounds(time, drive, places):
                     matrix[a, b] = np.dot(shape[a], shape[b])
                 matrix[a, a] *= 1.0 + 1e-12  # a half without readings
                 matrix[a, a] += 1e-300
-            found[:] = np.linalg.solve(matrix, right)
-            if found[1] * found[2] <= 0.0:  # an inflection is no turn
+            numbers[:] = np.linalg.solve(matrix, right)
+            if numbers[1] * numbers[2] <= 0.0:  # an inflection is no turn
                 continue
             left = 0.0
             for k in range(n):
-                off = drive[k] - found[0] - found[1] * shape[1, k] - found[2] * shape[2, k]
+                off = drive[k] - numbers[0] - numbers[1] * shape[1, k] - numbers[2] * shape[2, k]
                 left += off * off
             if left < best:
                 best = left
                 for k in range(n):
-                    fitted[k] = found[0] + found[1] * shape[1, k] + found[2] * shape[2, k]
+                    fitted[k] = numbers[0] + numbers[1] * shape[1, k] + numbers[2] * shape[2, k]
     return fitted
 
 
-def _write_round(out: Vector, turns: np.ndarray, k: int, told: tuple[int, Vector]) -> int:
+def _write_round(out: Vector, turns: np.ndarray, k: int, turn: tuple[int, Vector]) -> int:
     """Write a round turn into a drive, both legs still monotone; returns where it turns then."""
-    start, fitted = told
+    start, fitted = turn
     before, here, after = int(turns[k - 1]) if k > 0 else 0, int(turns[k]), int(turns[k + 1])
     way = out[here] - out[after]
     out[start : start + len(fitted)] = fitted
@@ -147,7 +183,7 @@ def _write_round(out: Vector, turns: np.ndarray, k: int, told: tuple[int, Vector
 def _level(out: Vector, start: int, stop: int, level: float, noise: float) -> None:
     """Write a hold into a drive, and keep its noise from reaching beyond it on either side."""
     out[start:stop] = level
-    first, last = _around(np.abs(out - level) < _HOLD * noise, start)
+    first, last = _around(np.abs(out - level) < DRIVE.hold * noise, start)
     outside = out[last] if last < len(out) else out[first - 1] if first > 0 else level
     bound = np.minimum if outside < level else np.maximum
     out[first:last] = bound(out[first:last], level)
@@ -168,8 +204,8 @@ def with_corners(time: Vector, drive: Vector, noise: float) -> tuple[Vector, Vec
             beyond = abs(peak - drive[turn])
             if (
                 time[turn - 1] < at < time[turn + 1]
-                and beyond > (noise if stop - start == 1 else _SAME * noise)
-                and abs(at - time[turn]) > _SAME * (time[turn + 1] - time[turn])
+                and beyond > (noise if stop - start == 1 else DRIVE.same * noise)
+                and abs(at - time[turn]) > DRIVE.same * (time[turn + 1] - time[turn])
             ):
                 where.append(turn + int(at > time[turn]))
                 when.append(at)
@@ -183,9 +219,9 @@ def _corner(time: Vector, drive: Vector, noise: float) -> tuple[float, float]:
     """Return when and where the drive turned, from five samples of which the third is the outermost."""
     before, behind = ((drive[i + 1] - drive[i]) / (time[i + 1] - time[i]) for i in (0, 3))
     near = [(drive[i + 1] - drive[i]) / (time[i + 1] - time[i]) for i in (1, 2)]
-    least = _UNLIKE * noise / float(np.mean(np.diff(time)))
+    least = DRIVE.unlike * noise / float(np.mean(np.diff(time)))
     off = min(abs(near[0] - before), abs(near[1] - behind))
-    straight = off < max(_STRAIGHT * max(abs(before), abs(behind)), least)
+    straight = off < max(DRIVE.straight * max(abs(before), abs(behind)), least)
     if straight and before * behind < 0.0:
         at = (drive[3] - drive[1] + before * time[1] - behind * time[3]) / (before - behind)
         return float(at), float(drive[1] + before * (at - time[1]))
@@ -197,22 +233,22 @@ def _corner(time: Vector, drive: Vector, noise: float) -> tuple[float, float]:
 
 def turning_points(drive: Vector, noise: float) -> list[int]:
     """Return the samples at which the drive turns, one for each, the ends not among them."""
-    found, behind = list[int](), hold(drive, 0, noise)[1]
-    for turn in _turns(np.asarray(drive, dtype=float), _TURN * noise)[1:-1]:
+    result, behind = list[int](), hold(drive, 0, noise)[1]
+    for turn in _turns(np.asarray(drive, dtype=float), DRIVE.turn * noise)[1:-1]:
         start, stop = hold(drive, int(turn), noise)
         if start >= behind and stop < len(drive):
-            found.append(int(turn))
+            result.append(int(turn))
             behind = stop
-    return found
+    return result
 
 
 def hold(drive: Vector, turn: int, noise: float) -> tuple[int, int]:
     """Return first sample of the hold at a turn and the one behind its last; a sharp turn holds itself."""
     sign = 1.0 if np.mean(drive[max(turn - 5, 0) : turn + 6]) <= drive[turn] else -1.0
-    near = np.abs(drive[turn] - sign * 0.5 * _PLATEAU * noise - drive) < 0.5 * _PLATEAU * noise
+    near = np.abs(drive[turn] - sign * 0.5 * DRIVE.plateau * noise - drive) < 0.5 * DRIVE.plateau * noise
     start, stop = _around(near | (np.arange(len(drive)) == turn), turn)
-    start, stop = _around(np.abs(drive - np.median(drive[start:stop])) < _HOLD * noise, turn)
-    while stop - start >= _FEWEST and not _flat(drive[start:stop], noise):
+    start, stop = _around(np.abs(drive - np.median(drive[start:stop])) < DRIVE.hold * noise, turn)
+    while stop - start >= DRIVE.fewest and not _flat(drive[start:stop], noise):
         cut, middle = max((stop - start) // 10, 1), np.mean(drive[start:stop])
         if abs(np.mean(drive[start : start + cut]) - middle) > abs(
             np.mean(drive[stop - cut : stop]) - middle
@@ -220,7 +256,7 @@ def hold(drive: Vector, turn: int, noise: float) -> tuple[int, int]:
             start += cut
         else:
             stop -= cut
-    return (start, stop) if stop - start >= _FEWEST and start <= turn < stop else (turn, turn + 1)
+    return (start, stop) if stop - start >= DRIVE.fewest and start <= turn < stop else (turn, turn + 1)
 
 
 def _around(inside: np.ndarray, at: int) -> tuple[int, int]:
@@ -232,11 +268,11 @@ def _around(inside: np.ndarray, at: int) -> tuple[int, int]:
 
 def _flat(readings: Vector, noise: float) -> bool:
     """Whether neither a slope nor a bend shows in a plateau."""
-    if len(readings) < _FEWEST:
+    if len(readings) < DRIVE.fewest:
         return False
-    place = np.linspace(-1.0, 1.0, len(readings))
-    shapes = np.linalg.qr(np.column_stack([np.ones_like(place), place, place**2]))[0]
-    return bool(np.abs(shapes[:, 1:].T @ readings).max() < _FLAT * noise)
+    x = np.linspace(-1.0, 1.0, len(readings))
+    shapes = np.linalg.qr(np.column_stack([np.ones_like(x), x, x**2]))[0]
+    return bool(np.abs(shapes[:, 1:].T @ readings).max() < DRIVE.flat * noise)
 
 
 def _extreme(drive: Vector, turns: np.ndarray, k: int, noise: float) -> float:
@@ -247,15 +283,15 @@ def _extreme(drive: Vector, turns: np.ndarray, k: int, noise: float) -> float:
     below = sign * (drive[here] - drive)
     if k in (0, len(turns) - 1):  # no turn, only an end: nothing was chosen for being extreme
         return float(drive[here])
-    start, stop = _around(below < _PLATEAU * noise, int(here))
-    count = np.count_nonzero(below[start:stop] < 0.5 * _PLATEAU * noise)
+    start, stop = _around(below < DRIVE.plateau * noise, int(here))
+    count = np.count_nonzero(below[start:stop] < 0.5 * DRIVE.plateau * noise)
     return float(drive[here] - sign * noise * max(ndtri((count - 0.375) / (count + 0.25)), 0.0))
 
 
 @njit(cache=True, nogil=True)
 def _turns(drive, back):
     """Return the samples at which the drive turns by more than `back`, with both ends."""
-    found = [0]
+    result = [0]
     low, high, sense = 0, 0, 0
     for i in range(1, drive.size):
         if drive[i] >= drive[high]:
@@ -263,13 +299,45 @@ def _turns(drive, back):
         if drive[i] <= drive[low]:
             low = i
         if sense >= 0 and drive[high] - drive[i] > back:
-            if high > found[-1]:
-                found.append(high)
+            if high > result[-1]:
+                result.append(high)
             sense, low, high = -1, i, i
         elif sense <= 0 and drive[i] - drive[low] > back:
-            if low > found[-1]:
-                found.append(low)
+            if low > result[-1]:
+                result.append(low)
             sense, low, high = 1, i, i
-    if drive.size - 1 > found[-1]:
-        found.append(drive.size - 1)
-    return np.array(found)
+    if drive.size - 1 > result[-1]:
+        result.append(drive.size - 1)
+    return np.array(result)
+
+
+def turn_levels(drive: Vector, noise: float) -> Iterator[tuple[int, Vector, float]]:
+    """Yield sample of each turn of a drive, [n] which samples move with it, and the s.d. of its level."""
+    for sample in turning_points(drive, noise):
+        yield sample, *_turn(drive, hold(drive, sample, noise), noise)
+
+
+def _turn(drive: Vector, held: tuple[int, int], noise: float) -> tuple[Vector, float]:
+    """Return which samples move with a turn, [n], and the standard deviation of its level."""
+    start, stop = held
+    plateau = np.zeros(len(drive))
+    plateau[start:stop] = 1.0
+    sharp = DRIVE.between * abs(_lesser_step(drive, start)) if stop - start == 1 else 0.0
+    return plateau, noise * math.hypot(1.0 / math.sqrt(stop - start), DRIVE.level) + sharp
+
+
+def _lesser_step(drive: Vector, sample: int) -> float:
+    """Return the smaller of the steps from a sample to its neighbours; 0 at an end of the run."""
+    if not 0 < sample < len(drive) - 1:
+        return 0.0
+    steps = drive[[sample - 1, sample + 1]] - drive[sample]
+    return float(steps[np.argmin(np.abs(steps))])
+
+
+def blunted(drive: Vector, holds: Sequence[tuple[int, int]]) -> Vector:
+    """Return how much lower each sharp turn may be: between two samples, it may be round."""
+    out = np.zeros(len(drive))
+    for start, stop in holds:
+        if stop - start == 1:
+            out[start] = 2.0 * DRIVE.between * _lesser_step(drive, start)
+    return out

@@ -1,4 +1,4 @@
-"""What the workflow found, whole: report, figures and recording are made from this and nothing else."""
+"""The result of the workflow, whole: report, figures and recording are made from this and nothing else."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ class Evidence:
     delta_bic: float
     """How much the Bayesian information criterion falls with the effect [1]."""
     threshold: float
-    """What `delta_bic` has to pass: what the best of the library reaches on 1 % of clean campaigns [1]."""
-    size_over_guard: float
-    """Largest change of a channel by the effect over what the sensor specification alone can fake [1]."""
+    """What `delta_bic` has to exceed: what the best of the library reaches on 1 % of clean campaigns [1]."""
+    size_over_limit: float
+    """Largest change of a channel by the effect over the detection limit of the sensors [1]."""
     heldout_ratio: float
-    """Held-out gap with the effect over that without [1]; NaN where nothing was held out or no gap was."""
+    """Held-out misfit with the effect over that without [1]; NaN without held-out runs or misfit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,8 +55,8 @@ class Candidate:
 
 
 @dataclass(frozen=True, slots=True)
-class Blame:
-    """A place where measured and simulated disagree."""
+class MisfitShare:
+    """A cell of the heat map in which measured and simulated disagree."""
 
     channel: str
     phase: str
@@ -81,7 +81,7 @@ class HeatMap:
 
 
 @dataclass(frozen=True, slots=True)
-class RouteBlame:
+class RouteMisfit:
     """How much friction a route wants beyond the model, along its length."""
 
     route: str
@@ -95,11 +95,11 @@ class RouteBlame:
 
 @dataclass(frozen=True, slots=True)
 class Tie:
-    """Effects that the data cannot tell apart."""
+    """Effects that the data cannot separate."""
 
     names: tuple[str, ...]
     gauge: str
-    """Its name in docs/model.md, or "profile" where only these data cannot tell them apart."""
+    """Its name in docs/model.md, or "profile" where only these data cannot separate them."""
     why: str
 
 
@@ -113,7 +113,7 @@ class Experiment:
 
 
 @dataclass(frozen=True, slots=True)
-class Gap:
+class Misfit:
     """Root mean squares of measured less simulated, by channel [N, m]."""
 
     noise: Mapping[str, float]
@@ -142,7 +142,7 @@ class Trace:
     before: Mapping[str, Vector]
     """[n] Base model, refitted."""
     after: Mapping[str, Vector]
-    """[n] Model with the effects found; the same as before where none was."""
+    """[n] Model with the chosen effects; the same as before where none was."""
     sigma: Mapping[str, Vector]
     """[n] Standard deviation of what the sensors may read off the truth, by channel."""
     tension: np.ndarray
@@ -160,7 +160,7 @@ class Shape:
     """[k] Coefficient of friction that the data want there [1]."""
     se: Vector
     explains: float
-    """Share of the gap that it closes [1]."""
+    """Share of the misfit that it explains [1]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,15 +172,15 @@ class Finding:
     sentence: str
     """The verdict in words, with its numbers."""
     effects: tuple[Candidate, ...]
-    """What was found, the strongest first; each a candidate of one effect, with the evidence it adds."""
+    """What was chosen, the strongest first; each a candidate of one effect, with the evidence it adds."""
     ties: tuple[Tie, ...]
     breaks_tie: tuple[Experiment, ...]
     unobservable: Mapping[str, str]
     """Effects without signature in what was measured, and why."""
-    where: tuple[Blame, ...]
+    where: tuple[MisfitShare, ...]
     heat: HeatMap
-    along: tuple[RouteBlame, ...]
-    gap: Gap
+    along: tuple[RouteMisfit, ...]
+    misfit: Misfit
     base: Mapping[str, Estimate]
     """`friction` and `compliance_per_N`, refitted, and zeros of channels by run."""
     nominal: Mapping[str, float]
@@ -192,7 +192,7 @@ class Finding:
     missing_shapes: tuple[Shape, ...]
     """Only where the verdict is unknown."""
     rig: Rig
-    """With what was found."""
+    """With the chosen effects."""
     traces: tuple[Trace, ...]
     notes: tuple[str, ...]
     """What to know of the data and the fit: dropouts, skew, saturation, which run was held out."""

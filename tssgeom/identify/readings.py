@@ -15,9 +15,33 @@ from tssgeom.arrays import Vector, read_only
 from tssgeom.errors import SettingsError
 from tssgeom.identify.campaign import Campaign, Route, Run
 from tssgeom.identify.drive import calmed, with_corners
-from tssgeom.identify.turning import reading_noise
 from tssgeom.rig import Rig, Sensor
+from tssgeom.statistics import robust_sd
 from tssgeom.tendon.bars.model import Drive
+
+
+@dataclass(frozen=True, slots=True)
+class ReadingLimits:
+    """Which readings and which noise are used.
+
+    Frozen on the development seeds of `benchmarks.discovery`.
+    """
+
+    through: tuple[int, ...] = (3, 5, 7)
+    """Readings whose differences show the noise; derived: polynomials of degree 1, 3 and 5 vanish."""
+    few: int = 8
+    """Readings that show no noise; chosen: differences of 7 are taken."""
+    fewest: int = 20
+    """Readings that a run needs; chosen."""
+    noisier: float = 1.5
+    """Over the specified noise: from here the noise of the data counts [1]; chosen."""
+    at_rest: float = 20.0
+    """Of its noise: a first position below it is the zero [1]; chosen."""
+    position_worth: float = 5.0
+    """Of the noise of T_in: the tension drives where the position makes more of it [1]; chosen."""
+
+
+READING = ReadingLimits()
 
 RESPONSES = (
     "tension_in_N",
@@ -28,11 +52,6 @@ RESPONSES = (
 )
 """Channels that a run may answer in, in the order of reports."""
 UNITS = {name: name.rpartition("_")[2] for name in RESPONSES}
-_FEW = 8  # readings that tell no noise
-_FEWEST = 20  # readings that a run needs
-_NOISIER = 1.5  # than specified: then the data's own noise is taken
-_AT_REST = 20.0  # times its noise within which the first position is the zero
-_WORTH = 5.0  # times the noise of T_in that the position's may make of it before the tension drives
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +76,7 @@ class Reading:
 
 
 def readings(campaign: Campaign, drive: Drive | None = None) -> tuple[tuple[Reading, ...], tuple[str, ...]]:
-    """Return the runs, one at least to be fitted, and what is odd about them, a sentence each.
+    """Return the runs, one at least to be fitted, and notes about them, a sentence each.
 
     Without a `drive` it is the position, unless that is missing or far noisier than the proximal tension.
 
@@ -74,9 +93,9 @@ def readings(campaign: Campaign, drive: Drive | None = None) -> tuple[tuple[Read
     drive = drive or _drive(campaign.rig, runs)
     made = []
     for run in runs:
-        reading, odd = _read(run, campaign.rig, drive)
+        reading, about = _read(run, campaign.rig, drive)
         made.append(reading)
-        notes += odd
+        notes += about
     return tuple(made), tuple(notes)
 
 
@@ -87,7 +106,7 @@ def _with_held_out(runs: tuple[Run, ...]) -> tuple[tuple[Run, ...], list[str]]:
     if any(run.held_out for run in runs):
         return runs, []
     if len(runs) == 1:
-        return runs, ["There is one run only, so nothing is held out: what is found was not checked."]
+        return runs, ["There is one run only, so nothing is held out: the result was not checked."]
     routes = [run.route.name for run in runs]
     alone = [k for k, name in enumerate(routes) if routes.count(name) == 1]
     chosen = alone[-1] if alone and len(set(routes)) > 1 else len(runs) - 1
@@ -102,10 +121,12 @@ def _drive(rig: Rig, runs: tuple[Run, ...]) -> Drive:
         if not all("tension_in_N" in run.columns for run in runs):
             return "displacement_in_m"
         time = runs[0].columns["time_s"]
-        place = _noise(rig, "displacement_in_m", time, runs[0].columns["displacement_in_m"])
-        force = _noise(rig, "tension_in_N", time, runs[0].columns["tension_in_N"])
+        position = noise_of(rig, "displacement_in_m", time, runs[0].columns["displacement_in_m"])
+        force = noise_of(rig, "tension_in_N", time, runs[0].columns["tension_in_N"])
         stiffness = 1.0 / max(rig.tendon.compliance_per_N * runs[0].route.arcs.total_length, 1e-9)
-        return "displacement_in_m" if place * stiffness <= _WORTH * force else "tension_in_N"
+        return (
+            "displacement_in_m" if position * stiffness <= READING.position_worth * force else "tension_in_N"
+        )
     if all("tension_in_N" in run.columns for run in runs):
         return "tension_in_N"
     raise SettingsError(
@@ -113,18 +134,48 @@ def _drive(rig: Rig, runs: tuple[Run, ...]) -> Drive:
     )
 
 
-def _noise(rig: Rig, channel: str, time: Vector, column: Vector) -> float:
+def noise_of(rig: Rig, channel: str, time: Vector, column: Vector) -> float:
     """Return white noise with digits: as specified, or as the readings show where that is much more."""
-    told = rig.sensors.get(channel, Sensor())
-    stated = math.hypot(told.noise, told.resolution / math.sqrt(12.0))
-    there = _in_order(time, column)
-    seen = reading_noise(column[there], time[there]) if np.count_nonzero(there) > _FEW else 0.0
-    if stated == 0.0 or seen > _NOISIER * stated:
-        return max(seen, 1e-12)
+    sensor = rig.sensors.get(channel, Sensor())
+    stated = math.hypot(sensor.noise, sensor.resolution / math.sqrt(12.0))
+    there = in_order(time, column)
+    shown = reading_noise(column[there], time[there]) if np.count_nonzero(there) > READING.few else 0.0
+    if stated == 0.0 or shown > READING.noisier * stated:
+        return max(shown, 1e-12)
     return stated
 
 
-def _in_order(time: Vector, column: Vector) -> np.ndarray:
+def reading_noise(readings: Vector, time: Vector | None = None) -> float:
+    """Return the standard deviation of the white noise of readings [n].
+
+    Each reading is held against polynomials through its neighbours, the smoothest of which counts: a drive
+    that swings like a sine bends more from sample to sample than a good encoder's noise.
+
+    Parameters
+    ----------
+    readings
+        [n] Changing slowly from one to the next.
+    time
+        [n] Increasing; left out, the readings are evenly spaced.
+    """
+    when = np.arange(len(readings), dtype=float) if time is None else time
+    spread = [_off_polynomial(when, readings, points) for points in READING.through if len(readings) > points]
+    if spread and spread[0] > 0.0:
+        return min(each for each in spread if each > 0.0)
+    steps = np.abs(np.diff(readings))
+    return float(steps[steps > 0].min()) / np.sqrt(12.0) if (steps > 0).any() else 0.0
+
+
+def _off_polynomial(time: Vector, readings: Vector, points: int) -> float:
+    """Return the noise that divided differences of so many readings show, by their median."""
+    when, what = (np.lib.stride_tricks.sliding_window_view(values, points) for values in (time, readings))
+    apart = when[:, :, None] - when[:, None, :] + np.eye(points)
+    weight = 1.0 / np.prod(apart / np.abs(apart).max(axis=(1, 2), keepdims=True), axis=2)
+    off = np.abs(np.sum(weight * what, axis=1)) / np.linalg.norm(weight, axis=1)
+    return robust_sd(off)
+
+
+def in_order(time: Vector, column: Vector) -> np.ndarray:
     """Return which rows have a time, later than all before, and a reading [n] bool."""
     there = np.isfinite(time) & np.isfinite(column)
     there[there] = np.concatenate(([True], np.diff(np.maximum.accumulate(time[there])) > 0.0))
@@ -135,86 +186,87 @@ def _read(run: Run, rig: Rig, drive: Drive) -> tuple[Reading, list[str]]:
     columns, notes = run.columns, list[str]()
     if drive not in columns:
         raise SettingsError(f"{run.name}: {drive} drives the other runs and is missing here; add it")
-    kept = _in_order(columns["time_s"], columns[drive])
+    kept = in_order(columns["time_s"], columns[drive])
     lost = len(kept) - int(kept.sum())
     if lost:
         notes.append(
             f"{run.name}: {lost} of {len(kept)} samples have no time or no {drive} and are left out."
         )
-    if kept.sum() < _FEWEST:
-        raise SettingsError(f"{run.name}: {int(kept.sum())} usable samples; give {_FEWEST} or more")
+    if kept.sum() < READING.fewest:
+        raise SettingsError(f"{run.name}: {int(kept.sum())} usable samples; give {READING.fewest} or more")
     measured = {}
     for name in RESPONSES:
         if name in columns and name != drive:
-            measured[name], odd = _clean(columns[name][kept], rig.sensors.get(name, Sensor()))
-            notes += [f"{run.name}: {name}: {each}" for each in odd]
+            measured[name], about = _clean(columns[name][kept], rig.sensors.get(name, Sensor()))
+            notes += [f"{run.name}: {name}: {each}" for each in about]
             if not np.isfinite(measured[name]).any():
                 del measured[name]
     if not measured:
         raise SettingsError(f"{run.name}: nothing answers the drive; measure one of {', '.join(RESPONSES)}")
     time = columns["time_s"][kept]
-    noise = {name: _noise(rig, name, time, column) for name, column in measured.items()}
-    noise[drive] = _noise(rig, drive, time, columns[drive][kept])
-    notes += _said_of_noise(run.name, rig, noise)
-    calm, odd = _zeroed(calmed(columns[drive][kept], noise[drive], time), drive, noise[drive])
-    notes += [f"{run.name}: {each}" for each in odd]
+    noise = {name: noise_of(rig, name, time, column) for name, column in measured.items()}
+    noise[drive] = noise_of(rig, drive, time, columns[drive][kept])
+    notes += _notes_on_noise(run.name, rig, noise)
+    calm, about = _zeroed(calmed(columns[drive][kept], noise[drive], time), drive, noise[drive])
+    notes += [f"{run.name}: {each}" for each in about]
     time, calm, added = with_corners(time, calm, noise[drive])
     given = {"time_s": time, drive: calm}
-    measured = {name: read_only(_opened(column, added)) for name, column in measured.items()}
+    measured = {name: read_only(with_added(column, added)) for name, column in measured.items()}
     if "temperature_C" in columns and np.isfinite(columns["temperature_C"]).sum() > 1:
-        given["temperature_C"] = _bridged(columns["time_s"], columns["temperature_C"], time)
-    told = {name: read_only(column) for name, column in given.items()}
-    return Reading(run.name, run.route, run.held_out, drive, told, measured, noise), notes
+        given["temperature_C"] = at_times(columns["time_s"], columns["temperature_C"], time)
+    inputs = {name: read_only(column) for name, column in given.items()}
+    return Reading(run.name, run.route, run.held_out, drive, inputs, measured, noise), notes
 
 
 def _zeroed(calm: Vector, drive: Drive, noise: float) -> tuple[Vector, list[str]]:
     """Let a position begin at rest at zero, where it plainly does but for the noise of one reading."""
     if drive != "displacement_in_m" or calm[0] == 0.0:
         return calm, []
-    if abs(calm[0]) < _AT_REST * noise:
+    if abs(calm[0]) < READING.at_rest * noise:
         return calm - calm[0], []
     return calm, [f"the drive begins at {calm[0]:.3g} m, taken as a pull from rest in the first sample."]
 
 
-def _clean(column: Vector, told: Sensor) -> tuple[Vector, list[str]]:
+def _clean(column: Vector, sensor: Sensor) -> tuple[Vector, list[str]]:
     """Take out readings at the end of the scale."""
     out, notes = np.array(column, dtype=float), list[str]()
     missing = int(np.isnan(out).sum())
     if missing:
         notes.append(f"{missing} readings are missing.")
-    if told.full_scale > 0.0:
-        over = np.abs(out) >= told.full_scale * (1.0 - 1e-9)
+    if sensor.full_scale > 0.0:
+        over = np.abs(out) >= sensor.full_scale * (1.0 - 1e-9)
         if over.any():
             notes.append(f"{int(over.sum())} readings are at the end of the scale and are left out.")
             out[over] = np.nan
     return read_only(out), notes
 
 
-def _said_of_noise(name: str, rig: Rig, noise: Mapping[str, float]) -> list[str]:
+def _notes_on_noise(name: str, rig: Rig, noise: Mapping[str, float]) -> list[str]:
     out = []
-    for channel, seen in noise.items():
-        told = rig.sensors.get(channel, Sensor())
-        stated = math.hypot(told.noise, told.resolution / math.sqrt(12.0))
+    for channel, used in noise.items():
+        sensor = rig.sensors.get(channel, Sensor())
+        stated = math.hypot(sensor.noise, sensor.resolution / math.sqrt(12.0))
         unit = UNITS.get(channel, "m")
         if stated == 0.0:
             out.append(
-                f"{name}: {channel} has no noise stated in the rig; its readings show {seen:.2g} {unit}."
+                f"{name}: {channel} has no noise stated in the rig; its readings show {used:.2g} {unit}."
             )
-        elif seen > stated:
+        elif used > stated:
             out.append(
-                f"{name}: {channel} is noisier than stated, {seen:.2g} {unit} and not {stated:.2g} {unit}; "
+                f"{name}: {channel} is noisier than stated, {used:.2g} {unit} and not {stated:.2g} {unit}; "
                 "the former counts."
             )
     return out
 
 
-def _opened(column: Vector, added: np.ndarray) -> Vector:
+def with_added(column: Vector, added: np.ndarray) -> Vector:
     """Return a column with no reading where a corner was added."""
     out = np.full(len(added), np.nan)
     out[~added] = column
     return out
 
 
-def _bridged(time: Vector, column: Vector, wanted: Vector) -> Vector:
+def at_times(time: Vector, column: Vector, wanted: Vector) -> Vector:
+    """Return a column at other times, straight lines between its readings."""
     there = np.isfinite(column) & np.isfinite(time)
     return np.interp(wanted, time[there], column[there])

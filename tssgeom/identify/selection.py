@@ -11,26 +11,51 @@ from dataclasses import dataclass, replace
 
 from tssgeom.effects import Library, snake
 from tssgeom.errors import FitError
-from tssgeom.identify.base_fit import posed
-from tssgeom.identify.detection_limits import guards, size_over_guard
-from tssgeom.identify.false_alarms import threshold
-from tssgeom.identify.held_out import GAP, HeldOut
-from tssgeom.identify.noise_model import Errors
-from tssgeom.identify.problem import Fit, Point, Problem, refined
-from tssgeom.identify.search import Look, Screen, refit, screen
-from tssgeom.identify.variants import Variant
+from tssgeom.identify.fit import Fit, Point, Problem, posed, refined
+from tssgeom.identify.misfit import HeldOut
+from tssgeom.identify.prediction import Errors
+from tssgeom.identify.screening import (
+    ScoreTest,
+    Screening,
+    Variant,
+    detection_limits,
+    refit,
+    screening,
+    size_over_limit,
+    threshold,
+)
 
-CLOSE = 6.0
-"""ΔBIC by which a runner-up has to lose to be told apart: odds of 20 to 1."""
-MOST = 3
-"""Effects that are named at most."""
-_RIVALS = 5  # of the best, refitted with the error model about it
-_QUICK, _WHOLE = 2, 8  # passes of a first refit and of a last one
-_CLEAR = 4.0  # standard deviations of χ² beyond which a model leaves more than the sensors explain
-_HALF = 0.5  # of χ² beyond what the sensors explain
-_MARGIN = 3.0  # of ΔBIC, for what a straight line does not see
-_EXCHANGED = 6  # effects that are tried in the place of one
-_CONTINUED = 7  # candidates whose refit goes on
+
+@dataclass(frozen=True, slots=True)
+class SearchSettings:
+    """How the library is searched, and when the search ends.
+
+    Frozen on the development seeds of `benchmarks.discovery`.
+    """
+
+    close: float = 6.0
+    """ΔBIC below which two candidates are not separated [1]; derived: odds of 20 to 1."""
+    most: int = 3
+    """Effects that are named at most; chosen."""
+    refitted: int = 5
+    """Best candidates that are refitted with the error model about the best; chosen for speed."""
+    quick: int = 2
+    """Passes of a first refit; chosen for speed."""
+    whole: int = 8
+    """Passes of a last refit; chosen."""
+    clear: float = 4.0
+    """S.d. of χ² beyond which a model leaves more than the sensors explain [1]; chosen."""
+    half: float = 0.5
+    """Of χ² beyond the sensors: two effects that leave more end the search [1]; chosen."""
+    nonlinear: float = 3.0
+    """ΔBIC that a refit may gain beyond its score test [1]; chosen on development seeds."""
+    exchanged: int = 6
+    """Effects that are tried in place of one; chosen for speed."""
+    continued: int = 7
+    """Candidates whose refit goes on; chosen for speed."""
+
+
+SEARCH = SearchSettings()
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,12 +63,12 @@ class Tried:
     """One effect on top of a model, refitted."""
 
     name: str
-    look: Look
+    test: ScoreTest
     fit: Fit
     delta_bic: float
     """Against the model without it [1]."""
     size: float
-    """Largest change over guard [1]."""
+    """Largest change over its detection limit [1]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +78,7 @@ class Step:
     problem: Problem
     errors: Errors
     before: Fit
-    screen: Screen
+    screening: Screening
     threshold: float
     """Of ΔBIC on clean campaigns [1]."""
     tried: tuple[Tried, ...]
@@ -83,34 +108,34 @@ def step(
 ) -> Step:
     """Try every variant on top of a fitted model, or the `most` promising ones."""
     has = {name_of(effect) for effect in before.at.effects}
-    view = screen(problem, before, [variant for variant in tried if variant.name not in has])
-    least = threshold(problem, errors, view, seed)
-    guard = guards(problem.stack, problem.rig)
-    looks = _best_looks(view)[:most]
-    if before.at.effects and _quiet(problem, before, looks, least):
-        looks = []
-    quick = [one for look in looks if (one := _try(problem, before, view, look, guard))]
+    score = screening(problem, before, [variant for variant in tried if variant.name not in has])
+    least = threshold(problem, errors, score, seed)
+    limits = detection_limits(problem.stack, problem.rig)
+    tests = _best_tests(score)[:most]
+    if before.at.effects and _quiet(problem, before, tests, least):
+        tests = []
+    quick = [one for test in tests if (one := _try(problem, before, score, test, limits))]
     quick.sort(key=lambda one: -one.delta_bic)
-    whole = [_continued(problem, before, one, guard) for one in quick[:_CONTINUED]]
-    ranked = sorted([*_best_each(whole), *quick[_CONTINUED:]], key=lambda one: -one.delta_bic)
-    return Step(problem, errors, before, view, least, tuple(_best_each(ranked)))
+    whole = [_continued(problem, before, one, limits) for one in quick[: SEARCH.continued]]
+    ranked = sorted([*_best_each(whole), *quick[SEARCH.continued :]], key=lambda one: -one.delta_bic)
+    return Step(problem, errors, before, score, least, tuple(_best_each(ranked)))
 
 
-def _best_looks(view: Screen) -> list[Look]:
+def _best_tests(score: Screening) -> list[ScoreTest]:
     """Return the variant of each effect that promises most; of an end fitting both laws."""
-    best: dict[tuple[str, str], Look] = {}
-    for look in view.looks:
-        key = (look.variant.name, look.variant.amplitude)
-        if key not in best or look.gain > best[key].gain:
-            best[key] = look
-    return sorted(best.values(), key=lambda look: -look.gain)
+    best: dict[tuple[str, str], ScoreTest] = {}
+    for test in score.tests:
+        key = (test.variant.name, test.variant.amplitude)
+        if key not in best or test.gain > best[key].gain:
+            best[key] = test
+    return sorted(best.values(), key=lambda test: -test.gain)
 
 
-def _quiet(problem: Problem, before: Fit, looks: Sequence[Look], least: float) -> bool:
+def _quiet(problem: Problem, before: Fit, tests: Sequence[ScoreTest], least: float) -> bool:
     """Whether a model leaves no more than the sensors explain, and no straight line promises to pass."""
     rows = problem.stack.size
-    most = max((look.gain - math.log(rows) * len(look.variant.free) for look in looks), default=0.0)
-    return before.chi2 < rows + _CLEAR * math.sqrt(2.0 * rows) and most < least - _MARGIN
+    most = max((test.gain - math.log(rows) * len(test.variant.free) for test in tests), default=0.0)
+    return before.chi2 < rows + SEARCH.clear * math.sqrt(2.0 * rows) and most < least - SEARCH.nonlinear
 
 
 def _best_each(tried: Sequence[Tried]) -> list[Tried]:
@@ -121,42 +146,59 @@ def _best_each(tried: Sequence[Tried]) -> list[Tried]:
     return list(best.values())
 
 
-def _try(problem: Problem, before: Fit, view: Screen, look: Look, guard: Mapping[str, float]) -> Tried | None:
-    fit = refit(problem, before, look, view.base, _QUICK)
-    return None if fit is None else _told(problem, before, look, fit, guard)
+def _try(
+    problem: Problem, before: Fit, score: Screening, test: ScoreTest, limits: Mapping[str, float]
+) -> Tried | None:
+    fit = refit(problem, before, test, score.base, SEARCH.quick)
+    return None if fit is None else _refitted(problem, before, test, fit, limits)
 
 
-def _continued(problem: Problem, before: Fit, one: Tried, guard: Mapping[str, float]) -> Tried:
-    fit = refined(problem, one.fit.at, passes=_WHOLE)
-    return _told(problem, before, one.look, fit, guard)
+def _continued(problem: Problem, before: Fit, one: Tried, limits: Mapping[str, float]) -> Tried:
+    fit = refined(problem, one.fit.at, passes=SEARCH.whole)
+    return _refitted(problem, before, one.test, fit, limits)
 
 
-def _told(problem: Problem, before: Fit, look: Look, fit: Fit, guard: Mapping[str, float]) -> Tried:
+def _refitted(problem: Problem, before: Fit, test: ScoreTest, fit: Fit, limits: Mapping[str, float]) -> Tried:
     gain = delta_bic(before, fit, problem.stack.size)
-    size = size_over_guard(problem.stack, before.left - fit.left, guard)
-    return Tried(look.variant.name, look, fit, gain, size)
+    size = size_over_limit(problem.stack, before.left - fit.left, limits)
+    return Tried(test.variant.name, test, fit, gain, size)
+
+
+def separable_from() -> float:
+    """Return the ΔBIC from which two candidates are separated [1]."""
+    return SEARCH.close
+
+
+def close_candidates(now: Step) -> list[Tried]:
+    """Return the runners-up that the readings do not separate from the best."""
+    best = now.tried[0]
+    top = max(one.delta_bic for one in now.tried)
+    return [
+        one for one in now.tried if one is not best and top - one.delta_bic < SEARCH.close and now.passes(one)
+    ]
 
 
 def reposed(first: Step, held: HeldOut | None) -> Step:
     """Refit the best few, and the model without them, with the errors about the best."""
-    told = _posed_about(first)
-    if told is None:
+    posed_again = _posed_about(first)
+    if posed_again is None:
         return replace(first, threshold=math.inf)
-    problem, errors, tried = told
+    problem, errors, tried = posed_again
     before = refined(problem, first.before.at)
-    guard = guards(problem.stack, problem.rig)
+    limits = detection_limits(problem.stack, problem.rig)
     few = [
-        _told(problem, before, one.look, refined(problem, one.fit.at), guard) for one in first.tried[:_RIVALS]
+        _refitted(problem, before, one.test, refined(problem, one.fit.at), limits)
+        for one in first.tried[: SEARCH.refitted]
     ]
     few.sort(key=lambda one: -one.delta_bic)
-    few = _settled(few, held)
-    rest = tried[_RIVALS:]
+    few = _ordered(few, held)
+    rest = tried[SEARCH.refitted :]
     return replace(first, problem=problem, errors=errors, before=before, tried=(*few, *rest))
 
 
 def _posed_about(first: Step) -> tuple[Problem, Errors, tuple[Tried, ...]] | None:
-    """Return the problem about the best candidate that also fine bars bear, and the candidates from it on."""
-    for k, one in enumerate(first.tried[:_RIVALS]):
+    """Return the problem about the best candidate that fine bars can solve, and the candidates from it on."""
+    for k, one in enumerate(first.tried[: SEARCH.refitted]):
         try:
             problem, errors = posed(first.problem.stack, first.problem.rig, one.fit.at)
         except FitError:
@@ -165,23 +207,23 @@ def _posed_about(first: Step) -> tuple[Problem, Errors, tuple[Tried, ...]] | Non
     return None
 
 
-def _settled(few: list[Tried], held: HeldOut | None) -> list[Tried]:
-    """Let what was held out say which of those comes first that the fitted runs do not part."""
+def _ordered(few: list[Tried], held: HeldOut | None) -> list[Tried]:
+    """Let held-out runs decide which of those comes first that the fitted runs do not separate."""
     if held is None:
         return few
-    close = [one for one in few if few[0].delta_bic - one.delta_bic < CLOSE]
+    close = [one for one in few if few[0].delta_bic - one.delta_bic < SEARCH.close]
     return sorted(close, key=lambda one: held.ratio(one.fit.at)) + few[len(close) :]
 
 
 def _hopeless(base: Fit, problem: Problem, fit: Fit) -> bool:
     """Whether two effects have left more than half of what was to be explained: no third will."""
     beyond = [one.chi2 / problem.stack.size - 1.0 for one in (base, fit)]
-    return len(fit.at.effects) > 1 and beyond[1] > max(_HALF * beyond[0], _HALF)
+    return len(fit.at.effects) > 1 and beyond[1] > max(SEARCH.half * beyond[0], SEARCH.half)
 
 
 def _worse(before: Fit, after: Fit, held: HeldOut | None) -> bool:
-    """Whether one more effect makes the gap of what was held out wider than that already is."""
-    return held is not None and held.gap(after.at) > max(held.gap(before.at), GAP)
+    """Whether one more effect makes the held-out misfit wider than it already is."""
+    return held is not None and held.widens(before.at, after.at)
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,7 +247,7 @@ def selected(
     """Choose effects as long as one passes; docs/model.md (114)."""
     problem, errors, base = first
     steps, fit = list[Step](), base
-    while len(fit.at.effects) < MOST and not _hopeless(base, problem, fit):
+    while len(fit.at.effects) < SEARCH.most and not _hopeless(base, problem, fit):
         now = step(problem, errors, fit, tried, seed + len(steps))
         if not now.tried or not now.passes(now.tried[0]):
             steps.append(now)
@@ -238,15 +280,15 @@ def exchanged(
     """Take each effect out in turn, and put in its place whatever fits best there, or nothing."""
     for which in range(len(fit.at.effects) - 1):
         rest = refined(problem, without(fit.at, which))
-        now = step(problem, errors, rest, tried, seed, _EXCHANGED)
+        now = step(problem, errors, rest, tried, seed, SEARCH.exchanged)
         best = now.tried[0] if now.tried else None
         if best is None or not now.passes(best):
             fit = rest
             break
         if best.fit.chi2 < fit.chi2 - 1.0 and best.name != name_of(fit.at.effects[which]):
-            told = _posed_about(now)
-            if told is not None:
-                problem, errors, (best, *_) = told
+            posed_again = _posed_about(now)
+            if posed_again is not None:
+                problem, errors, (best, *_) = posed_again
                 fit = refined(problem, best.fit.at)
             break
     return problem, errors, fit

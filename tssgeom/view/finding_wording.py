@@ -7,8 +7,8 @@ import math
 from collections.abc import Mapping
 
 from tssgeom.effects import KINDS, Library, chosen
-from tssgeom.identify.finding import Blame, Candidate, Estimate, Experiment, Finding, Gap, Tie
-from tssgeom.identify.wording import parameter, plain
+from tssgeom.identify.finding import Candidate, Estimate, Experiment, Finding, Misfit, MisfitShare, Tie
+from tssgeom.identify.verdict import parameter, plain
 from tssgeom.view.quantities import CHANNELS, Quantity
 
 VERDICTS = {
@@ -41,20 +41,20 @@ def renamed(label: str) -> str:
     return plain(label)
 
 
-def told(effect: Library, estimates: Mapping[str, Estimate]) -> dict[str, str]:
+def parameters(effect: Library, estimates: Mapping[str, Estimate]) -> dict[str, str]:
     """Write the numbers of an effect by name, then what was chosen, such as the end at which it acts."""
     numbers = {parameter(key): shown(each) for key, each in estimates.items()}
     return numbers | {plain(key): plain(choice) for key, choice in chosen(effect).items()}
 
 
 def meaning(name: str) -> str:
-    """Say in a clause what an effect is."""
+    """Return in a clause what an effect is."""
     first = (inspect.getdoc(KINDS[name]) or "").split("\n")[0]
     return first.partition("; docs/")[0].rstrip(".")
 
 
 def shown(each: Estimate) -> str:
-    """Write a number with its 95 % interval and unit; one that was held is told so."""
+    """Write a number with its 95 % interval and unit; one that was held is marked so."""
     unit, factor = _UNITS.get(each.unit, (each.unit, 1.0))
     value = number(factor * each.value, factor * (each.high - each.low))
     if not (math.isfinite(each.low) and math.isfinite(each.high)) or each.low == each.high:
@@ -81,8 +81,8 @@ def number(value: float, spread: float = math.nan) -> str:
 
 def amount(name: str, value: float) -> str:
     """Write a value of a channel with its unit."""
-    told = channel(name)
-    return f"{told.factor * value:.3g} {told.unit}"
+    quantity = channel(name)
+    return f"{quantity.factor * value:.3g} {quantity.unit}"
 
 
 def ratio(value: float) -> str:
@@ -90,16 +90,16 @@ def ratio(value: float) -> str:
     return f"{value:.2f}" if math.isfinite(value) else "–"
 
 
-def place(blame: Blame) -> str:
-    """Say in a line where measured and simulated disagree."""
-    low, high = blame.tension_range_N
+def misfit_cell(misfit: MisfitShare) -> str:
+    """Write in a line where measured and simulated disagree."""
+    low, high = misfit.tension_range_N
     text = (
-        f"{100 * blame.share:.0f} % in {channel(blame.channel).symbol} of {blame.run}, {plain(blame.phase)}, "
-        f"{low:.1f} to {high:.1f} N"
+        f"{100 * misfit.share:.0f} % in {channel(misfit.channel).symbol} of {misfit.run}, "
+        f"{plain(misfit.phase)}, {low:.1f} to {high:.1f} N"
     )
-    if blame.route_range_m is None:
+    if misfit.route_range_m is None:
         return text
-    start, end = (1e3 * s for s in blame.route_range_m)
+    start, end = (1e3 * s for s in misfit.route_range_m)
     return f"{text}; points at {start:.0f} to {end:.0f} mm along the route"
 
 
@@ -109,21 +109,21 @@ def candidate(each: Candidate) -> str:
 
 
 def effect_ties(finding: Finding) -> list[Tie]:
-    """Return the ties between effects; those of friction and compliance are told with their refit."""
+    """Return the ties between effects; those of friction and compliance stand with their refit."""
     return [tie for tie in finding.ties if all(name in KINDS for name in tie.names)]
 
 
 def expected(each: Experiment) -> str:
-    """Write what an experiment is expected to bring; a dash where that cannot be told beforehand."""
+    """Write what an experiment is expected to bring; a dash where that is unknown beforehand."""
     return f"{each.expected_delta_bic:.0f}" if each.expected_delta_bic >= 1.0 else "–"
 
 
-def judged_runs(gap: Gap) -> str:
-    """Tell which runs a gap is judged by: those held out, else those fitted."""
-    return "held_out" if gap.before.get("held_out") else "fitted"
+def judged_runs(misfit: Misfit) -> str:
+    """Tell which runs a misfit is judged by: those held out, else those fitted."""
+    return "held_out" if misfit.before.get("held_out") else "fitted"
 
 
 def beyond_noise(rms: Mapping[str, float], noise: Mapping[str, float]) -> float:
-    """Return the gap over channels: root mean of what is beyond the noise, in units of it [1]."""
+    """Return the misfit over channels: root mean of what is beyond the noise, in units of it [1]."""
     squares = [max((rms[name] / noise[name]) ** 2 - 1.0, 0.0) for name in rms if noise.get(name, 0.0) > 0.0]
     return math.sqrt(sum(squares) / len(squares)) if squares else math.nan

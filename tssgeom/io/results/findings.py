@@ -1,4 +1,4 @@
-"""What the workflow found, as files: `report.json` and the rig with what was found."""
+"""The result of `discover` as files: `report.json` and the updated rig."""
 
 from __future__ import annotations
 
@@ -12,7 +12,16 @@ import numpy as np
 
 from tssgeom.atomic import write_text
 from tssgeom.effects import KINDS, chosen
-from tssgeom.identify.finding import Blame, Candidate, Estimate, Evidence, Finding, Gap, RouteBlame, Shape
+from tssgeom.identify.finding import (
+    Candidate,
+    Estimate,
+    Evidence,
+    Finding,
+    Misfit,
+    MisfitShare,
+    RouteMisfit,
+    Shape,
+)
 from tssgeom.rig import write_rig
 
 REPORT, RIG = "report.json", "rig.updated.toml"
@@ -32,7 +41,7 @@ def write_report(folder: Path, finding: Finding, version: str) -> Path:
 
 
 def write_updated_rig(folder: Path, finding: Finding, version: str) -> Path:
-    """Write the rig with what was found, and where that comes from as comments; return its path.
+    """Write the updated rig, its provenance as comments; return its path.
 
     Raises
     ------
@@ -45,7 +54,7 @@ def write_updated_rig(folder: Path, finding: Finding, version: str) -> Path:
 
 def report_object(finding: Finding, version: str) -> dict[str, Any]:
     """Return the object of `report.json`, in SI; what is not known is null, never NaN."""
-    told = {
+    report = {
         "version": version,
         "campaign": finding.campaign.name,
         "verdict": finding.verdict,
@@ -63,9 +72,9 @@ def report_object(finding: Finding, version: str) -> dict[str, Any]:
         ],
         "unobservable": list(finding.unobservable),
         "unobservable_why": dict(finding.unobservable),
-        "where": [_blame(each) for each in finding.where],
+        "where": [_misfit_share(each) for each in finding.where],
         "along_route": [_along(each) for each in finding.along],
-        "gap": _gap(finding.gap),
+        "gap": _gap(finding.misfit),
         "base": {name: _base(name, each, finding.nominal) for name, each in finding.base.items()},
         "base_tie": finding.base_tie,
         "missing_shapes": [_shape(each) for each in finding.missing_shapes],
@@ -75,7 +84,7 @@ def report_object(finding: Finding, version: str) -> dict[str, Any]:
         "notes": list(finding.notes),
         "seconds": finding.seconds,
     }
-    return _finite(told)
+    return _finite(report)
 
 
 def _effects(each: Candidate) -> list[dict[str, Any]]:
@@ -111,7 +120,7 @@ def _evidence(each: Evidence) -> dict[str, Any]:
     return {
         "delta_bic": each.delta_bic,
         "threshold": each.threshold,
-        "size_over_guard": each.size_over_guard,
+        "size_over_guard": each.size_over_limit,
         "heldout_ratio": each.heldout_ratio,
     }
 
@@ -120,7 +129,7 @@ def _base(name: str, each: Estimate, nominal: Mapping[str, float]) -> dict[str, 
     return _estimate(each) | ({"nominal": nominal[name]} if name in nominal else {})
 
 
-def _blame(each: Blame) -> dict[str, Any]:
+def _misfit_share(each: MisfitShare) -> dict[str, Any]:
     return {
         "channel": each.channel,
         "phase": each.phase,
@@ -131,7 +140,7 @@ def _blame(each: Blame) -> dict[str, Any]:
     }
 
 
-def _along(each: RouteBlame) -> dict[str, Any]:
+def _along(each: RouteMisfit) -> dict[str, Any]:
     return {
         "route": each.route,
         "s_m": each.s,
@@ -140,7 +149,7 @@ def _along(each: RouteBlame) -> dict[str, Any]:
     }
 
 
-def _gap(each: Gap) -> dict[str, Any]:
+def _gap(each: Misfit) -> dict[str, Any]:
     return {
         "noise": dict(each.noise),
         "before": {runs: dict(rms) for runs, rms in each.before.items()},
@@ -185,7 +194,7 @@ def _provenance(finding: Finding, version: str) -> list[str]:
         f"Verdict: {finding.verdict}. {finding.sentence}",
         "Friction and compliance, nominal to refitted, with 95 % intervals:",
         *(f"  {name}: {_change(name, each, finding.nominal)}" for name, each in finding.base.items()),
-        *_gap_lines(finding.gap),
+        *_gap_lines(finding.misfit),
         *(
             f"Tied: {', '.join(tie.names)}: {tie.why}"
             for tie in finding.ties
@@ -201,14 +210,14 @@ def _change(name: str, each: Estimate, nominal: Mapping[str, float]) -> str:
     return f"{before}{each.value:.6g}{unit} [{each.low:.6g}, {each.high:.6g}]"
 
 
-def _gap_lines(gap: Gap) -> Sequence[str]:
-    runs = "held_out" if gap.before.get("held_out") else "fitted"
-    told = gap.before.get(runs, {})
+def _gap_lines(misfit: Misfit) -> Sequence[str]:
+    runs = "held_out" if misfit.before.get("held_out") else "fitted"
+    before, after = misfit.before.get(runs, {}), misfit.after.get(runs, {})
     title = {"held_out": "on runs that were held out", "fitted": "on the runs that were fitted"}[runs]
     return [
         f"Measured less simulated {title}, rms before → after (noise):",
         *(
-            f"  {channel}: {told[channel]:.3g} → {gap.after[runs][channel]:.3g} ({gap.noise[channel]:.3g})"
-            for channel in told
+            f"  {channel}: {before[channel]:.3g} → {after[channel]:.3g} ({misfit.noise[channel]:.3g})"
+            for channel in before
         ),
     ]

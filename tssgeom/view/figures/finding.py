@@ -126,9 +126,9 @@ def _draw_residual(axes: Axes, traces: Sequence[Trace], name: str, drawn: Mappin
     axes.set_ylabel(f"Δ{told.symbol} [{told.unit}]")
 
 
-def _draw_run(axes: Axes, place: int, trace: Trace, name: str, drawn: Mapping[str, str]) -> None:
+def _draw_run(axes: Axes, first: int, trace: Trace, name: str, drawn: Mapping[str, str]) -> None:
     factor = words.channel(name).factor
-    across = place + (trace.time - trace.time[0]) / max(float(trace.time[-1] - trace.time[0]), 1e-300)
+    across = first + (trace.time - trace.time[0]) / max(float(trace.time[-1] - trace.time[0]), 1e-300)
     sigma = factor * _SIGMAS * trace.sigma[name]
     label = "_" if "_" in drawn.values() else "±2σ of the sensors"
     axes.fill_between(across, -sigma, sigma, color=_SPREAD, linewidth=0, zorder=1, label=label)

@@ -1,4 +1,4 @@
-"""Where measured and simulated disagree: a heat map, and the blame along each route."""
+"""Where measured and simulated disagree: a heat map, and the misfit along each route."""
 
 from __future__ import annotations
 
@@ -65,15 +65,15 @@ def along_figure(finding: Finding) -> Figure:
     """Draw the curve angle that each route misses, along its length, and where bends were found."""
     with figure((PAGE, 2.5)) as drawing:
         axes = drawing.subplots()
-        for colour, blame in zip(_LINES * len(finding.along), finding.along, strict=False):
-            s, want = 1e3 * blame.s, blame.extra_angle_rad_per_m
+        for colour, misfit in zip(_LINES * len(finding.along), finding.along, strict=False):
+            s, want = 1e3 * misfit.s, misfit.extra_angle_rad_per_m
             axes.fill_between(
-                s, want - 2 * blame.se, want + 2 * blame.se, color=colour, alpha=0.15, linewidth=0
+                s, want - 2 * misfit.se, want + 2 * misfit.se, color=colour, alpha=0.15, linewidth=0
             )
-            axes.plot(s, want, color=colour, marker="o", markersize=2.5, label=blame.route)
-        for k, place in enumerate(bends(finding.effects)):
+            axes.plot(s, want, color=colour, marker="o", markersize=2.5, label=misfit.route)
+        for k, arc_length in enumerate(bends(finding.effects)):
             axes.axvline(
-                1e3 * place,
+                1e3 * arc_length,
                 color=INK,
                 linewidth=1.0,
                 linestyle=(0, (2, 2)),
@@ -90,6 +90,6 @@ def along_figure(finding: Finding) -> Figure:
     return drawing
 
 
-def bends(found: tuple[Candidate, ...]) -> list[float]:
-    """Return where hidden bends were found [m]."""
-    return [effect.at_m for each in found for effect in each.effects if isinstance(effect, HiddenBend)]
+def bends(effects: tuple[Candidate, ...]) -> list[float]:
+    """Return the arc lengths of the hidden bends that were detected [m]."""
+    return [effect.at_m for each in effects for effect in each.effects if isinstance(effect, HiddenBend)]

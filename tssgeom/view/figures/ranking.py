@@ -19,22 +19,22 @@ def shown_candidates(finding: Finding) -> tuple[Candidate, ...]:
 
 def ranking_figure(finding: Finding) -> Figure:
     """Draw how much each candidate lowers the information criterion, and what it has to pass."""
-    told = shown_candidates(finding)
+    candidates = shown_candidates(finding)
     chosen = {name for each in finding.effects for name in each.names}
-    with figure((PAGE, 0.75 + 0.24 * len(told))) as drawing:
+    with figure((PAGE, 0.75 + 0.24 * len(candidates))) as drawing:
         axes = drawing.subplots()
-        places = range(len(told))
-        gains = [each.evidence.delta_bic for each in told]
-        shades = [BLUE if chosen.issuperset(each.names) and chosen else _PALE for each in told]
-        axes.barh(places, gains, color=shades, height=0.7)
-        for k, each in enumerate(told):
+        rows = range(len(candidates))
+        gains = [each.evidence.delta_bic for each in candidates]
+        shades = [BLUE if chosen.issuperset(each.names) and chosen else _PALE for each in candidates]
+        axes.barh(rows, gains, color=shades, height=0.7)
+        for k, each in enumerate(candidates):
             bar = [each.evidence.threshold] * 2
             axes.plot(bar, [k - 0.45, k + 0.45], color=ORANGE, linewidth=1.6, label="_" if k else "threshold")
             end = (max(gains[k], 0.0), k)
             axes.annotate(
                 f"{gains[k]:.0f}", end, xytext=(3, 0), textcoords="offset points", va="center", fontsize=7.5
             )
-        axes.set_yticks(places, [words.candidate(each) for each in told])
+        axes.set_yticks(rows, [words.candidate(each) for each in candidates])
         axes.invert_yaxis()
         axes.set_xscale("symlog", linthresh=20.0)
         axes.xaxis.set_major_formatter("{x:g}")

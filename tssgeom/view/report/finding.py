@@ -20,7 +20,7 @@ from tssgeom.view.report.misfit_table import gap_table, phase_table
 from tssgeom.view.report.page import filled, program_version
 
 _ACCENTS = {"none": "#009e73", "effect": "#0072b2", "tie": "#a35c00", "unknown": "#a3508a"}
-_MOST_PLACES = 5
+_MOST_CELLS = 5
 _NOTHING = 0.05  # of the noise; less is left by chance
 
 
@@ -65,7 +65,7 @@ def _effects(finding: Finding) -> str:
         "what it is",
         "parameters [95 % interval]",
         "ΔBIC (threshold)",
-        "size / guard",
+        "size / detection limit",
         "held-out gap, ratio",
     )
     return _section("What acts", _table(head, rows, text=(1, 2)), _tie_words(finding))
@@ -77,9 +77,10 @@ def _effect_rows(each: Candidate) -> list[list[str]]:
         [
             words.plain(name),
             words.meaning(name),
-            "\n".join([*(f"{key} = {value}" for key, value in words.told(effect, told).items())]) or "–",
+            "\n".join([*(f"{key} = {value}" for key, value in words.parameters(effect, told).items())])
+            or "–",
             f"{seen.delta_bic:.0f} ({seen.threshold:.0f})",
-            words.ratio(seen.size_over_guard),
+            words.ratio(seen.size_over_limit),
             words.ratio(seen.heldout_ratio),
         ]
         for name, effect, told in zip(each.names, each.effects, each.parameters, strict=True)
@@ -88,7 +89,7 @@ def _effect_rows(each: Candidate) -> list[list[str]]:
 
 def _tie_words(finding: Finding) -> str:
     lines = [
-        f"These data cannot tell apart {' and '.join(words.plain(name) for name in tie.names)} "
+        f"These data cannot separate {' and '.join(words.plain(name) for name in tie.names)} "
         f"({tie.gauge}): {tie.why}"
         for tie in words.effect_ties(finding)
     ]
@@ -97,25 +98,26 @@ def _tie_words(finding: Finding) -> str:
 
 def _gap(finding: Finding) -> str:
     one = not finding.effects
-    phases = phase_table(finding.gap, one=one)
+    phases = phase_table(finding.misfit, one=one)
     trace = judged(finding)
     held = ", which was held out" if trace.held_out else ""
     return _section(
         "The gap" if one else "The gap before and after",
         f"<p>{_gap_words(finding)}</p>",
-        gap_table(finding.gap, one=one),
+        gap_table(finding.misfit, one=one),
         f"<details><summary>By phase, on the same runs</summary>{phases}</details>",
         _figure(transmission_figure, finding, f"Run {trace.run} on route {trace.route}{held}."),
     )
 
 
 def _gap_words(finding: Finding) -> str:
-    told = words.judged_runs(finding.gap)
+    told = words.judged_runs(finding.misfit)
     runs = {"held_out": "runs that were held out", "fitted": "the fitted runs, since none was held out,"}[
         told
     ]
     before, after = (
-        words.beyond_noise(rms[told], finding.gap.noise) for rms in (finding.gap.before, finding.gap.after)
+        words.beyond_noise(rms[told], finding.misfit.noise)
+        for rms in (finding.misfit.before, finding.misfit.after)
     )
     if not finding.effects:
         return f"On {runs} the model with friction and compliance refitted leaves {_beyond(after)}."
@@ -133,20 +135,20 @@ def _beyond(gap: float) -> str:
 
 def _next(finding: Finding) -> str:
     rows = [_experiment(each) for each in finding.breaks_tie]
-    table = _table(("experiment", "tells apart", "expected ΔBIC"), rows, text=(0, 1)) if rows else ""
+    table = _table(("experiment", "separates", "expected ΔBIC"), rows, text=(0, 1)) if rows else ""
     return _section(
         "What to do next",
         "" if rows else f"<p>{_ADVICE[finding.verdict]}</p>",
         table,
-        "<p>The rig with what was found is <code>rig.updated.toml</code>; every other command takes it:</p>",
+        "<p>The updated rig is <code>rig.updated.toml</code>; every other command takes it:</p>",
         "<pre><code>tssgeom batch SHAPES --rig rig.updated.toml --out results</code></pre>",
     )
 
 
 _ADVICE = {
     "none": "Nothing has to be measured: the model explains these data.",
-    "effect": "Nothing has to be measured to tell this effect from the others of the library.",
-    "tie": "No experiment of the menu tells the tied effects apart.",
+    "effect": "No measurement is needed to separate this effect from the others of the library.",
+    "tie": "No experiment of the menu separates the tied effects.",
     "unknown": "Vary one thing alone (tension, rate, route, cycles) and see whether the gap follows it.",
 }
 
@@ -157,19 +159,21 @@ def _experiment(each: Experiment) -> tuple[str, str, str]:
 
 
 def _where(finding: Finding) -> str:
-    items = "".join(f"<li>{html.escape(words.place(each))}</li>" for each in finding.where[:_MOST_PLACES])
-    told = (
+    items = "".join(
+        f"<li>{html.escape(words.misfit_cell(each))}</li>" for each in finding.where[:_MOST_CELLS]
+    )
+    text = (
         f"<p>Of all that the sensors do not explain, before:</p><ul>{items}</ul>"
         if items
         else "<p>Nowhere beyond what the sensors explain.</p>"
     )
     along = _figure(along_figure, finding, _ALONG) if finding.along else ""
-    return _section("Where it was", told, along, _figure(heat_figure, finding, ""))
+    return _section("Where it was", text, along, _figure(heat_figure, finding, ""))
 
 
 _ALONG = (
     "What each stretch of a route would have to turn more, were the gap all friction there. "
-    "A peak at one place on every route speaks for a bend; waves that differ speak against it."
+    "A peak at one arc length on every route is evidence for a bend; waves that differ are not."
 )
 
 
@@ -194,12 +198,12 @@ def _ranking(finding: Finding) -> str:
             words.candidate(each),
             "chosen" if chosen and chosen.issuperset(each.names) else each.why_not,
             f"{each.evidence.delta_bic:.0f}",
-            words.ratio(each.evidence.size_over_guard),
+            words.ratio(each.evidence.size_over_limit),
             words.ratio(each.evidence.heldout_ratio),
         ]
         for each in told
     ]
-    head = ("candidate", "why not", "ΔBIC", "size / guard", "held-out gap, ratio")
+    head = ("candidate", "why not", "ΔBIC", "size / detection limit", "held-out gap, ratio")
     more = len(finding.ranking) - len(told)
     note = f'<p class="soft">and {more} more in report.json</p>' if more > 0 else ""
     return _section(

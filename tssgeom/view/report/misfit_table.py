@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import html
 
-from tssgeom.identify.finding import Gap
+from tssgeom.identify.finding import Misfit
 from tssgeom.view import finding_wording as words
 
 _CLEARLY = 0.05  # share of a change below which a number is neither better nor worse
 
 
-def gap_table(gap: Gap, *, one: bool) -> str:
+def gap_table(misfit: Misfit, *, one: bool) -> str:
     """Write the root mean squares of every channel, fitted and held out; `one` where before is after."""
-    groups = [(runs, title) for runs, title in _GROUPS if gap.before.get(runs)]
+    groups = [(runs, title) for runs, title in _GROUPS if misfit.before.get(runs)]
     names = ["left"] if one else ["before", "after"]
     first = "".join(f'<th colspan="{len(names)}">{title}</th>' for _, title in groups)
     second = "".join(f"<th>{name}</th>" for name in names) * len(groups)
-    rows = "".join(_row(gap, name, [runs for runs, _ in groups], one) for name in gap.noise)
+    rows = "".join(_row(misfit, name, [runs for runs, _ in groups], one) for name in misfit.noise)
     return (
         '<div class="wide"><table><thead>'
         f'<tr><th rowspan="2">channel, rms</th><th rowspan="2">sensors</th>{first}</tr><tr>{second}</tr>'
@@ -27,14 +27,19 @@ def gap_table(gap: Gap, *, one: bool) -> str:
 _GROUPS = (("held_out", "held-out runs"), ("fitted", "fitted runs"))
 
 
-def _row(gap: Gap, name: str, groups: list[str], one: bool) -> str:
-    told = words.channel(name)
-    cells = [f"<td>{html.escape(told.label)}</td>", f"<td>{told.factor * gap.noise[name]:.3g}</td>"]
+def _row(misfit: Misfit, name: str, groups: list[str], one: bool) -> str:
+    quantity = words.channel(name)
+    cells = [
+        f"<td>{html.escape(quantity.label)}</td>",
+        f"<td>{quantity.factor * misfit.noise[name]:.3g}</td>",
+    ]
     for runs in groups:
-        if name not in gap.before[runs]:
+        if name not in misfit.before[runs]:
             cells.append("<td>–</td>" * (1 if one else 2))
             continue
-        cells.append(_pair(*(told.factor * rms[runs][name] for rms in (gap.before, gap.after)), one=one))
+        cells.append(
+            _pair(*(quantity.factor * rms[runs][name] for rms in (misfit.before, misfit.after)), one=one)
+        )
     return f"<tr>{''.join(cells)}</tr>"
 
 
@@ -46,13 +51,13 @@ def _pair(before: float, after: float, *, one: bool) -> str:
     return f"<td>{before:.3g}</td><td{kind}>{after:.3g}</td>"
 
 
-def phase_table(gap: Gap, *, one: bool) -> str:
+def phase_table(misfit: Misfit, *, one: bool) -> str:
     """Write the same by channel and phase, for the runs that judge."""
     rows = [
         f"<tr><td>{html.escape(words.channel(name).label)}</td><td>{html.escape(words.plain(phase))}</td>"
         + _pair(*(words.channel(name).factor * value for value in pair), one=one)
         + "</tr>"
-        for name, phases in gap.by_phase.items()
+        for name, phases in misfit.by_phase.items()
         for phase, pair in phases.items()
     ]
     names = "<th>left</th>" if one else "<th>before</th><th>after</th>"

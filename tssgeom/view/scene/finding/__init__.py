@@ -1,1 +1,1 @@
-"""Pictures of what the workflow found: figures, a page, and a recording."""
+"""A finding as a recording."""

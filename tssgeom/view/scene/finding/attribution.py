@@ -15,23 +15,25 @@ from tssgeom.view.scene.finding.replay import Replay
 _STEPS = 48
 
 
-def send_blame_chart(runs: Sender, shown: Replay, found: Sequence[float], box: Box) -> None:
+def send_misfit_chart(runs: Sender, shown: Replay, bends_m: Sequence[float], box: Box) -> None:
     """Draw what is missing with its standard error, in its own colours; what is too much lies at the foot.
 
-    Upright lines stand where bends were `found` [m].
+    Upright lines stand where bends were detected, `bends_m`.
     """
-    chart = Chart(Axis(1e3 * shown.length, "mm"), Axis(shown.blame, ""), box)
+    chart = Chart(Axis(1e3 * shown.length, "mm"), Axis(shown.misfit, ""), box)
     send_axes(runs, "missing", chart)
-    if found:
-        uprights = [chart.place(1e3 * place, np.array([0.0, shown.blame])) for place in found]
+    if bends_m:
+        uprights = [chart.place(1e3 * at, np.array([0.0, shown.misfit])) for at in bends_m]
         line = rr.LineStrips2D(
             uprights, colors=[colours.AFTER], radii=rr.Radius.ui_points(1.2), draw_order=15
         )
         runs.constant("missing/found", line)
-    _send_colour_bar(runs, chart, shown.blame)
+    _send_colour_bar(runs, chart, shown.misfit)
     each = shown.stretches
     bars = [
-        np.stack([chart.place(1e3 * one.s, one.blame + side * one.blame_se) for side in (-1.0, 1.0)], axis=1)
+        np.stack(
+            [chart.place(1e3 * one.s, one.misfit + side * one.misfit_se) for side in (-1.0, 1.0)], axis=1
+        )
         for one in each
     ]
     band = rr.LineStrips2D.from_fields(radii=rr.Radius.ui_points(2.4), colors=colours.BAND, draw_order=5)
@@ -41,12 +43,12 @@ def send_blame_chart(runs: Sender, shown: Replay, found: Sequence[float], box: B
         rr.LineStrips2D.columns(strips=strips_2d(np.concatenate(bars))),
         [len(bar) for bar in bars],
     )
-    lines = [chart.place(1e3 * one.s, one.blame) for one in each]
-    middles = np.concatenate([0.5 * (one.blame[:-1] + one.blame[1:]) for one in each])
+    lines = [chart.place(1e3 * one.s, one.misfit) for one in each]
+    middles = np.concatenate([0.5 * (one.misfit[:-1] + one.misfit[1:]) for one in each])
     style = rr.LineStrips2D.from_fields(radii=rr.Radius.ui_points(2.5), draw_order=20)
     runs.constant("missing/curve", style)
     columns = rr.LineStrips2D.columns(
-        strips=segments_2d(lines), colors=colours.blame_rgba32(middles, shown.blame)
+        strips=segments_2d(lines), colors=colours.blame_rgba32(middles, shown.misfit)
     )
     runs.send("missing/curve", columns, [len(line) - 1 for line in lines])
 

@@ -14,7 +14,7 @@ from tssgeom.view.scene.charts import Box
 from tssgeom.view.scene.finding.lines import shown_channels
 from tssgeom.view.scene.finding.replay import Replay
 
-TENSION_BOX = BLAME_BOX = Box(width=1.9, text=0.1)
+TENSION_BOX = MISFIT_BOX = Box(width=1.9, text=0.1)
 
 
 _ROUTE = ["route/**", "joints/**", "labels/**", "scale/**"]
@@ -28,7 +28,7 @@ def blueprint(finding: Finding, shown: Replay) -> rrb.Blueprint:
     )
     charts = rrb.Horizontal(
         _chart("tension", "Tension T [N] against arc length s [mm]", TENSION_BOX),
-        _chart("missing", "Missing curve angle ± s.e. [rad/m] against s [mm]", BLAME_BOX),
+        _chart("missing", "Missing curve angle ± s.e. [rad/m] against s [mm]", MISFIT_BOX),
     )
     text = rrb.Horizontal(
         rrb.TextDocumentView(origin="summary", name="What is missing"),

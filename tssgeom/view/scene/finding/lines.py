@@ -21,7 +21,7 @@ _COLOURS = {"measured": colours.MEASURED, "before": colours.BEFORE, "after": col
 
 def shown_channels(finding: Finding) -> list[str]:
     """Return the channels that are plotted, the one with the widest gap before first."""
-    gap = finding.gap
+    gap = finding.misfit
     told = gap.before[words.judged_runs(gap)]
     known = [name for name in measured_channels(finding.traces) if name in told]
     return sorted(known, key=lambda name: -told[name] / gap.noise[name])[:MOST_CHANNELS]

@@ -18,8 +18,8 @@ from tssgeom.view.quantities import COUNT
 from tssgeom.view.samples import Ranges
 from tssgeom.view.scene.charts import send_slip_front, send_tension_chart
 from tssgeom.view.scene.columns import Sender, segments_3d
-from tssgeom.view.scene.finding.attribution import send_blame_chart
-from tssgeom.view.scene.finding.layout import BLAME_BOX, TENSION_BOX, blueprint
+from tssgeom.view.scene.finding.attribution import send_misfit_chart
+from tssgeom.view.scene.finding.layout import MISFIT_BOX, TENSION_BOX, blueprint
 from tssgeom.view.scene.finding.lines import send_lines
 from tssgeom.view.scene.finding.replay import Replay, replay
 from tssgeom.view.scene.finding.wording import send_words
@@ -85,10 +85,10 @@ def _send_blame(runs: Sender, finding: Finding, shown: Replay) -> None:
     """Draw the route in the colours of what it misses, and mark the bends that were found."""
     each = shown.stretches
     runs.constant("blame/route", rr.LineStrips3D.from_fields(radii=rr.Radius.ui_points(3.5)))
-    middles = np.concatenate([0.5 * (stretch.blame[:-1] + stretch.blame[1:]) for stretch in each])
+    middles = np.concatenate([0.5 * (stretch.misfit[:-1] + stretch.misfit[1:]) for stretch in each])
     columns = rr.LineStrips3D.columns(
         strips=segments_3d([stretch.position for stretch in each]),
-        colors=colours.blame_rgba32(middles, shown.blame),
+        colors=colours.blame_rgba32(middles, shown.misfit),
     )
     runs.send("blame/route", columns, [len(stretch.s) - 1 for stretch in each])
     found = bends(finding.effects)
@@ -114,4 +114,4 @@ def _send_charts(runs: Sender, moments: Sender, finding: Finding, shown: Replay)
     send_tension_chart(moments, frames, pieces, limits, TENSION_BOX)
     fronts = [front for stretch in shown.stretches for front in stretch.fronts()]
     send_slip_front(moments, frames, fronts, limits, TENSION_BOX)
-    send_blame_chart(runs, shown, bends(finding.effects), BLAME_BOX)
+    send_misfit_chart(runs, shown, bends(finding.effects), MISFIT_BOX)

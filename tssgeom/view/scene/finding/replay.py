@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tssgeom.arrays import Points, Vector
 from tssgeom.identify.campaign import Route
-from tssgeom.identify.finding import Finding, RouteBlame, Trace
+from tssgeom.identify.finding import Finding, RouteMisfit, Trace
 from tssgeom.route.pieces import Arcs
 from tssgeom.view.samples import RouteSamples, evenly, round_up
 from tssgeom.view.scene.camera import Camera, camera
@@ -34,9 +34,9 @@ class Stretch:
     """[m, 3] The nodes that are drawn, about the middle of the route, longest axis along x [m]."""
     s: Vector
     """[m] Their arc length [m]."""
-    blame: Vector
+    misfit: Vector
     """[m] Missing curve angle at the nodes [rad/m]."""
-    blame_se: Vector
+    misfit_se: Vector
     rows: NDArray[np.intp]
     """Samples at which the route is drawn."""
     nodes: NDArray[np.intp]
@@ -65,8 +65,8 @@ class Replay:
     camera: Camera
     tension: float
     """Top of the scale of tension [N]."""
-    blame: float
-    """Top of the scale of blame [rad/m]."""
+    misfit: float
+    """Top of the scale of misfit [rad/m]."""
     length: float
     """Of the longest route [m]."""
 
@@ -82,25 +82,25 @@ def replay(finding: Finding) -> Replay:
         stretches.append(_stretch(trace, route, along.get(route.name), first, each))
         first += len(trace.time)
     everywhere = np.concatenate([stretch.position for stretch in stretches])
-    blames = np.concatenate([stretch.blame + stretch.blame_se for stretch in stretches])
+    misfits = np.concatenate([stretch.misfit + stretch.misfit_se for stretch in stretches])
     return Replay(
         stretches,
         camera(everywhere, np.array([1.0, 0.0, 0.0])),
         round_up(max(float(trace.tension.max()) for trace in finding.traces)),
-        round_up(max(float(blames.max()), 1.0)),
+        round_up(max(float(misfits.max()), 1.0)),
         max(float(stretch.s[-1]) for stretch in stretches),
     )
 
 
-def _stretch(trace: Trace, route: Route, along: RouteBlame | None, first: int, rows: int) -> Stretch:
+def _stretch(trace: Trace, route: Route, along: RouteMisfit | None, first: int, rows: int) -> Stretch:
     nodes = evenly(len(route.s), MOST_NODES)
     s = route.s[nodes]
-    blame, error = np.zeros(len(s)), np.zeros(len(s))
+    misfit, error = np.zeros(len(s)), np.zeros(len(s))
     if along is not None:
-        blame = np.interp(s, along.s, along.extra_angle_rad_per_m)
+        misfit = np.interp(s, along.s, along.extra_angle_rad_per_m)
         error = np.interp(s, along.s, along.se)
     position = _square_on(route.position[nodes])
-    return Stretch(trace, route.arcs, first, position, s, blame, error, evenly(len(trace.time), rows), nodes)
+    return Stretch(trace, route.arcs, first, position, s, misfit, error, evenly(len(trace.time), rows), nodes)
 
 
 def _square_on(position: Points) -> Points:

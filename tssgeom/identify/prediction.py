@@ -1,39 +1,123 @@
-"""What the sensors may read of a clean rig: white noise of each reading, and errors that many readings share.
+"""What the sensors of a rig should read in a run, and how far a clean rig's readings may lie from that.
 
-Source: docs/model.md (100)-(102).
+The forward model and the error model of `discover` and `calibrate`: white noise of each reading, and errors
+that many readings share. Source: docs/model.md (100)-(102).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from tssgeom.arrays import Matrix, Vector, read_only
 from tssgeom.effects import Library
-from tssgeom.identify.drive import calmed, hold, turning_points
+from tssgeom.identify.drive import blunted, calmed, hold, turn_levels, turning_points
 from tssgeom.identify.readings import Reading
-from tssgeom.identify.stack import Stack, run_channels, simulated
 from tssgeom.rig import Rig, Sensor
 from tssgeom.route.pieces import Arcs
+from tssgeom.tendon.bars.model import BARS, begin, carry_on, prepare
+
+
+@dataclass(frozen=True, slots=True)
+class NoiseModelSettings:
+    """What sensors read off the truth where their specification is silent.
+
+    Frozen on the development seeds of `benchmarks.discovery`.
+    """
+
+    zero_of_cell: float = 0.5
+    """Of its noise: zero of a tared load cell in a run [1]; chosen."""
+    zero_of_position: float = 3.0
+    """Of its noise: zero of a position [1]; chosen: zeroed by one or a few readings."""
+    drift: float = 0.3
+    """Of its noise: s.d. of each wave of drift within a run [1]; chosen on development seeds."""
+    waves: tuple[int, ...] = (1, 2)
+    """Half waves of drift within a run; chosen."""
+    bends: tuple[float, ...] = (0.7, 0.5, 0.3, 0.15)
+    """Of the nonlinearity: sine waves of a cell over its scale [1]; chosen on development seeds."""
+    arc_modes: int = 4
+    """Directions of the covariance of a route that count; chosen."""
+    blurred: float = 3.0
+    """Over the median s.d. of a channel: a less exact reading is left out of its rms [1]; chosen."""
+    draws: int = 8
+    """Draws of the noise of the drive; chosen: its s.d. is known to 25 %."""
+    seed: int = 20
+    """Seed of these, the same in all fits of a campaign."""
+    unsure: float = 0.3
+    """Of the change about a sharp turn: s.d. of a channel there [1]; chosen near 1/√12."""
+    soft: int = 3
+    """Samples over which a hold may begin and end; chosen on development seeds."""
+
+
+NOISE = NoiseModelSettings()
+
+FINE = 240
+"""Bars of the run that shows what too few bars make wrong; its elongation is right to 1e-5."""
+
 
 CELLS = ("tension_in_N", "tension_out_N")
 """Channels of load cells, whose zero and drift are small beside their noise."""
-_ZERO_OF_CELL = 0.5  # of its noise: what a tared cell is off in a run
-_ZERO_OF_PLACE = 3.0  # of its noise: zeroed by one or a few readings
-_DRIFT = 0.3  # of its noise: what a channel wanders within a run
-_WAVES = (1, 2)  # half waves of that within a run
-_BENDS = (0.7, 0.5, 0.3, 0.15)  # of the nonlinearity: sine waves of what a cell bends over its scale
-_ARC_MODES = 4  # directions of the covariance of a route that count
-_BLURRED = 3.0  # times its median, from which an error is left out where a channel is told in one number
-_DRAWS = 8  # of the noise of the drive
-_SEED = 20  # of these: the same in all fits of a campaign
-_UNSURE = 0.3  # of the change over the samples about a sharp turn: what a channel is off there
-_SOFT = 3  # samples over which a hold may begin and end
-_BETWEEN = 0.05  # of a sample's step: what a sharp turn may lie beyond where it was put
-_LEVEL = 0.3  # of the noise of the drive: what the level of a hold is off for its shape
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """One channel of one run within the vector."""
+
+    run: int
+    channel: str
+    rows: slice
+    kept: np.ndarray
+    """[n] bool: samples of the run that have a reading."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stack:
+    """Runs whose readings stand one behind the other."""
+
+    readings: tuple[Reading, ...]
+    blocks: tuple[Block, ...]
+    measured: Vector
+    """[rows] [N, m]."""
+    noise: Vector
+    """[rows] Standard deviation of white noise of the sensors [N, m]."""
+
+    @property
+    def size(self) -> int:
+        """Readings in all."""
+        return len(self.measured)
+
+    def flat(self, channels: Sequence[Mapping[str, Vector]]) -> Vector:
+        """Return channels of every run [runs] as one vector [rows]."""
+        out = np.empty(self.size)
+        for block in self.blocks:
+            out[block.rows] = channels[block.run][block.channel][block.kept]
+        return out
+
+    def split(self, vector: Vector) -> list[dict[str, Vector]]:
+        """Return a vector [rows] by run and channel, NaN where there is no reading."""
+        out: list[dict[str, Vector]] = [{} for _ in self.readings]
+        for block in self.blocks:
+            column = np.full(len(block.kept), np.nan)
+            column[block.kept] = vector[block.rows]
+            out[block.run][block.channel] = column
+        return out
+
+
+def stacked(readings: Sequence[Reading]) -> Stack:
+    """Put the readings of some runs behind one another."""
+    blocks, values, noise, start = list[Block](), list[Vector](), list[Vector](), 0
+    for k, reading in enumerate(readings):
+        for channel, column in reading.measured.items():
+            kept = np.isfinite(column)
+            count = int(kept.sum())
+            blocks.append(Block(k, channel, slice(start, start + count), kept))
+            values.append(column[kept])
+            noise.append(np.full(count, reading.noise[channel]))
+            start += count
+    return Stack(tuple(readings), tuple(blocks), np.concatenate(values), np.concatenate(noise))
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,26 +147,27 @@ def errors_of(stack: Stack, rig: Rig, effects: Sequence[Library] = ()) -> Errors
 def _from_drive(reading: Reading, rig: Rig, effects: Sequence[Library]) -> dict[str, Vector]:
     """Return what a channel is off for the noise of the drive, drawn and calmed anew; docs/model.md (100)."""
     drive, noise = reading.given[reading.drive], reading.noise[reading.drive]
-    rng, holds = np.random.default_rng(_SEED), _holds(drive, noise)
-    soft, blunt = _softened(drive, [hold(drive, 0, noise), *holds]) - drive, _blunted(drive, holds)
+    rng, holds = np.random.default_rng(NOISE.seed), _holds(drive, noise)
+    soft, blunt = _softened(drive, [hold(drive, 0, noise), *holds]) - drive, blunted(drive, holds)
     square, jump = ({name: np.zeros(len(drive)) for name in reading.measured} for _ in range(2))
-    for _ in range(_DRAWS):
+    for _ in range(NOISE.draws):
         read = drive + rng.uniform() * soft
         truth = run_channels(reading, rig, effects, drive=read + rng.uniform() * blunt)
         again = calmed(read + noise * rng.standard_normal(len(drive)), noise, reading.time)
-        seen = run_channels(reading, rig, effects, drive=again + (drive[0] - again[0]))
+        answer = run_channels(reading, rig, effects, drive=again + (drive[0] - again[0]))
         for name in square:
-            square[name] += np.square(seen[name] - truth[name]) / _DRAWS
+            square[name] += np.square(answer[name] - truth[name]) / NOISE.draws
             jump[name] = np.maximum(jump[name], _jump(truth[name]))
     beside = _beside_turns(drive, holds)
     return {
-        name: np.hypot(np.sqrt(_spread(each)), _UNSURE * beside * jump[name]) for name, each in square.items()
+        name: np.hypot(np.sqrt(_spread(each)), NOISE.unsure * beside * jump[name])
+        for name, each in square.items()
     }
 
 
 def _holds(drive: Vector, noise: float) -> list[tuple[int, int]]:
     """Return the first sample of each turn and the one behind its last; a sharp turn is one sample long."""
-    return [hold(drive, place, noise) for place in turning_points(drive, noise)]
+    return [hold(drive, sample, noise) for sample in turning_points(drive, noise)]
 
 
 def _beside_turns(drive: Vector, holds: Sequence[tuple[int, int]]) -> Vector:
@@ -101,40 +186,25 @@ def _jump(values: Vector) -> Vector:
 
 
 def _spread(values: Vector) -> Vector:
-    """Return means over neighbouring samples: a few draws tell each of them badly."""
+    """Return means over neighbouring samples: a few draws give each of them badly."""
     return np.convolve(np.pad(values, 1, "edge"), np.full(3, 1.0 / 3.0), "valid")
 
 
 def _softened(drive: Vector, holds: Sequence[tuple[int, int]]) -> Vector:
-    """Return a drive whose holds begin late and end early by less than its noise would tell.
+    """Return a drive whose holds begin late and end early by less than its noise would show.
 
     After a turn friction answers to a motion of a tenth of a micrometre, which no reading shows.
     """
     out = drive.copy()
-    means = np.convolve(np.pad(drive, _SOFT, "edge"), np.full(2 * _SOFT + 1, 1.0 / (2 * _SOFT + 1)), "valid")
+    means = np.convolve(
+        np.pad(drive, NOISE.soft, "edge"), np.full(2 * NOISE.soft + 1, 1.0 / (2 * NOISE.soft + 1)), "valid"
+    )
     for start, stop in holds:
-        if stop - start > 2 * _SOFT:
+        if stop - start > 2 * NOISE.soft:
             for edge in (start, stop):
-                near = slice(max(edge - _SOFT, 0), edge + _SOFT)
+                near = slice(max(edge - NOISE.soft, 0), edge + NOISE.soft)
                 out[near] = means[near]
     return out
-
-
-def _blunted(drive: Vector, holds: Sequence[tuple[int, int]]) -> Vector:
-    """Return how much lower each sharp turn may be: between two samples, it may be round."""
-    out = np.zeros(len(drive))
-    for start, stop in holds:
-        if stop - start == 1:
-            out[start] = 2.0 * _BETWEEN * _lesser_step(drive, start)
-    return out
-
-
-def _lesser_step(drive: Vector, place: int) -> float:
-    """Return the smaller of the steps from a sample to its neighbours; 0 at an end of the run."""
-    if not 0 < place < len(drive) - 1:
-        return 0.0
-    steps = drive[[place - 1, place + 1]] - drive[place]
-    return float(steps[np.argmin(np.abs(steps))])
 
 
 def _all_modes(
@@ -161,14 +231,14 @@ def _of_sensors(stack: Stack, rig: Rig, base: Vector) -> Iterator[tuple[str, Vec
             f"zero of {label}",
             _put(stack, block.rows, np.full(len(time), _zero_sd(reading, block.channel))),
         )
-        for k in _WAVES:
-            wave = _DRIFT * noise * np.cos(k * math.pi * share)
+        for k in NOISE.waves:
+            wave = NOISE.drift * noise * np.cos(k * math.pi * share)
             yield f"drift {k} of {label}", _put(stack, block.rows, wave)
-        told = rig.sensors.get(block.channel, Sensor())
-        if told.nonlinearity > 0.0 and told.full_scale > 0.0:
-            part = np.clip(base[block.rows] / told.full_scale, -1.0, 1.0)
-            for k, size in enumerate(_BENDS, start=1):
-                bow = size * told.nonlinearity * told.full_scale * np.sin(k * math.pi * part)
+        sensor = rig.sensors.get(block.channel, Sensor())
+        if sensor.nonlinearity > 0.0 and sensor.full_scale > 0.0:
+            share_of_scale = np.clip(base[block.rows] / sensor.full_scale, -1.0, 1.0)
+            for k, size in enumerate(NOISE.bends, start=1):
+                bow = size * sensor.nonlinearity * sensor.full_scale * np.sin(k * math.pi * share_of_scale)
                 yield f"bend {k} of {block.channel}", _put(stack, block.rows, bow)
 
 
@@ -176,10 +246,10 @@ def _zero_sd(reading: Reading, channel: str) -> float:
     """Return how far off a zero may be: a position is zeroed as a run begins, or plainly was not."""
     noise = reading.noise[channel]
     if channel in CELLS:
-        return _ZERO_OF_CELL * noise
+        return NOISE.zero_of_cell * noise
     column = reading.measured[channel]
     first = abs(float(column[np.isfinite(column)][0]))
-    return first if first > 6.0 * noise else _ZERO_OF_PLACE * noise
+    return first if first > 6.0 * noise else NOISE.zero_of_position * noise
 
 
 def _put(stack: Stack, rows: slice, values: Vector) -> Vector:
@@ -193,18 +263,8 @@ def _of_drive(stack: Stack, k: int, rig: Rig, effects: Sequence[Library]) -> Ite
     reading = stack.readings[k]
     drive, noise = reading.given[reading.drive], reading.noise[reading.drive]
     yield f"zero of the drive of {reading.name}", _moved(stack, k, rig, effects, np.full(len(drive), noise))
-    for place in turning_points(drive, noise):
-        plateau, sd = _turn(drive, hold(drive, place, noise), noise)
-        yield f"turn {place} of {reading.name}", _moved(stack, k, rig, effects, sd * plateau)
-
-
-def _turn(drive: Vector, held: tuple[int, int], noise: float) -> tuple[Vector, float]:
-    """Return which samples move with a turn, [n], and the standard deviation of its level."""
-    start, stop = held
-    plateau = np.zeros(len(drive))
-    plateau[start:stop] = 1.0
-    sharp = _BETWEEN * abs(_lesser_step(drive, start)) if stop - start == 1 else 0.0
-    return plateau, noise * math.hypot(1.0 / math.sqrt(stop - start), _LEVEL) + sharp
+    for sample, plateau, sd in turn_levels(drive, noise):
+        yield f"turn {sample} of {reading.name}", _moved(stack, k, rig, effects, sd * plateau)
 
 
 def _moved(stack: Stack, k: int, rig: Rig, effects: Sequence[Library], by: Vector) -> Vector:
@@ -245,7 +305,7 @@ def _directions(arcs: Arcs) -> list[Vector]:
     """Return steps of one standard deviation of the angles, the widest first [rad]."""
     k = len(arcs.length)
     value, way = np.linalg.eigh(arcs.covariance[k:, k:])
-    order = np.argsort(value)[::-1][:_ARC_MODES]
+    order = np.argsort(value)[::-1][: NOISE.arc_modes]
     return [math.sqrt(value[i]) * way[:, i] for i in order if value[i] > 1e-9]
 
 
@@ -258,6 +318,28 @@ def total_sigma(errors: Errors) -> Vector:
     return errors.sigma * np.sqrt(1.0 + np.square(errors.modes).sum(axis=1))
 
 
-def telling(sigma: Vector) -> np.ndarray:
-    """Return which readings of a channel tell most of what its sensor can: not those beside a turn, (112)."""
-    return sigma <= _BLURRED * np.nanmedian(sigma)
+def exact(sigma: Vector) -> np.ndarray:
+    """Return which readings of a channel are about as exact as its sensor: not those beside a turn, (112)."""
+    return sigma <= NOISE.blurred * np.nanmedian(sigma)
+
+
+def run_channels(
+    reading: Reading,
+    rig: Rig,
+    effects: Iterable[Library] = (),
+    *,
+    bars: int = BARS,
+    arcs: Arcs | None = None,
+    drive: Vector | None = None,
+) -> dict[str, Vector]:
+    """Return what each channel of one run should have read, on its route and drive or on others."""
+    given = reading.given if drive is None else {**reading.given, reading.drive: drive}
+    laid = reading.route.arcs if arcs is None else arcs
+    model = prepare(given, laid, rig, effects, drive=reading.drive, bars=bars)
+    return carry_on(model, begin(model), given)[0].channels
+
+
+def simulated(stack: Stack, rig: Rig, effects: Iterable[Library] = (), *, bars: int = BARS) -> Vector:
+    """Return what all readings should have been [rows]."""
+    chosen = tuple(effects)
+    return stack.flat([run_channels(reading, rig, chosen, bars=bars) for reading in stack.readings])

@@ -1,0 +1,296 @@
+"""A run as calibration takes it: which readings count, what is fitted, and what the rig would have measured.
+
+The model of the run and its fit are those of `discover`; docs/model.md (70), (71).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tssgeom.arrays import Vector, read_only
+from tssgeom.errors import SettingsError
+from tssgeom.identify.campaign import Route
+from tssgeom.identify.fit import Point, with_base
+from tssgeom.identify.prediction import Stack, run_channels, stacked
+from tssgeom.identify.readings import Reading, at_times, in_order, with_added
+from tssgeom.identify.turning import Legs, legs, with_turns
+from tssgeom.rig import Rig
+from tssgeom.route.pieces import Arcs
+from tssgeom.tendon.bars.model import BARS, Drive
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """Columns of one run, in SI; NaN where a reading is missing."""
+
+    time: Vector
+    """[n] [s]."""
+    tension_in: Vector | None = None
+    """[n] Total tension at the proximal end [N]."""
+    displacement_in: Vector | None = None
+    """[n] Of the tendon at the proximal end [m]."""
+    tension_out: Vector | None = None
+    """[n] Total tension at the distal end [N]."""
+    elongation: Vector | None = None
+    """[n] Displacement of the proximal less that of the distal end [m]."""
+    temperature: Vector | None = None
+    """[n] Temperature [°C]."""
+
+
+@dataclass(frozen=True, slots=True)
+class RunLimits:
+    """Which readings of a run calibration uses. All are chosen, on the runs of `benchmarks.calibration`."""
+
+    most_strain: float = 0.5
+    """Elongation over the length of the route from which its unit is doubted [1]; chosen: no tendon does."""
+    most_readings: int = 1500
+    """Readings of a tension as drive; a longer run is thinned; chosen."""
+    most_positions: int = 200
+    """Readings of a position as drive; a longer run is thinned; chosen, for the speed of an earlier model."""
+    least_drive: int = 20
+    """Readings of the drive that a run needs; chosen."""
+    least_response: int = 10
+    """Readings of a channel that counts; chosen."""
+    most_turns: int = 8
+    """Turns of the drive whose level is fitted; chosen."""
+    floor: float = 0.4
+    """Of the highest tension: the elongation counts above it at the latest [1]; chosen."""
+    floor_out: float = 0.1
+    """Of the floor of the elongation: the distal tension counts above it [1]; chosen."""
+
+
+@dataclass(frozen=True, slots=True)
+class ZeroPriors:
+    """What is assumed of the zeros of a run beforehand. All are chosen: wide beside what a run shows."""
+
+    tension_out: float = 0.2
+    """Standard deviation of the zero of T_out, of the highest tension [1], where the tension drives."""
+    tension_out_N: float = 2.0
+    """The same where the position drives [N]."""
+    elongation_m: float = 10e-3
+    """Standard deviation of the zero of the elongation [m], where the tension drives."""
+    encoder_m: float = 2e-3
+    """Standard deviation of the zero of the encoder [m], where the position drives."""
+    take_up_m: float = 3e-3
+    """Standard deviation of the slack that is taken up [m]; the paper's is 1.69 mm."""
+    take_up_N: float = 1.3
+    """Tension over which it is taken up [N]; the paper's is linear from 4 N on."""
+    take_up_factor: float = 0.5
+    """Standard deviation of its logarithm [1]."""
+    least_friction: float = 0.01
+    """Friction about which the fit starts at least [1]."""
+    least_compliance: float = 1e-6
+    """Compliance about which the fit starts at least [1/N]."""
+
+
+RUN_LIMITS = RunLimits()
+ZERO_PRIORS = ZeroPriors()
+NAMES = {"tension_out_N": "tension_out", "elongation_m": "elongation", "displacement_in_m": "elongation"}
+"""Channels as users of calibration see them."""
+
+
+@dataclass(frozen=True, slots=True)
+class Zero:
+    """A number of the run that is fitted beside friction and compliance; `u` counts standard deviations."""
+
+    name: str
+    unit: str
+    sd: float
+    """Standard deviation of its prior; of its logarithm where it has a `centre`."""
+    centre: float = 0.0
+    """Median of the prior of a number that is positive; else 0."""
+
+    def value(self, u: float) -> float:
+        """Return the number in its unit."""
+        return self.centre * math.exp(self.sd * u) if self.centre else self.sd * u
+
+
+@dataclass(frozen=True, slots=True)
+class CalibratedRun:
+    """One run, ready to be fitted."""
+
+    reading: Reading
+    zeros: tuple[Zero, ...]
+    legs: Legs
+    """The drive; the samples of the reading are those of the drive and its turns."""
+    warnings: tuple[str, ...]
+
+    @property
+    def shows_stretch(self) -> bool:
+        """Whether compliance shows in the run."""
+        paths = {"elongation_m", "displacement_in_m"}
+        return self.reading.drive == "displacement_in_m" or bool(paths & self.reading.measured.keys())
+
+    def stack(self) -> Stack:
+        """Return the readings as one vector."""
+        return stacked([self.reading])
+
+    def predicted(self, at: Point, nominal: Rig, bars: int = BARS) -> Vector:
+        """Return what all readings should have been [rows] [N, m]."""
+        return self.stack().flat([self.channels(at, nominal, bars)])
+
+    def on(self, arcs: Arcs) -> CalibratedRun:
+        """Return the same run on another route."""
+        route = replace(self.reading.route, arcs=arcs)
+        return replace(self, reading=replace(self.reading, route=route))
+
+    def values(self, at: Point) -> dict[str, float]:
+        """Return the zeros in their units, by name."""
+        return {zero.name: zero.value(u) for zero, u in zip(self.zeros, at.zeros, strict=True)}
+
+    def channels(self, at: Point, nominal: Rig, bars: int = BARS) -> dict[str, Vector]:
+        """Return what each channel would have shown [n]; docs/model.md (71)."""
+        value, reading = self.values(at), self.reading
+        offset = value.get("elongation_offset", 0.0)
+        by_position = reading.drive == "displacement_in_m"
+        shifts = np.array([value.get(f"turn_{k + 1}", 0.0) for k in range(len(self.legs.turns))])
+        drive = reading.given[reading.drive] - offset if by_position else with_turns(self.legs, shifts)
+        out = run_channels(reading, at.rig(nominal), bars=bars, drive=drive)
+        out["tension_out_N"] = out["tension_out_N"] + value.get("tension_out_offset", 0.0)
+        slack = value.get("take_up", 0.0) * np.exp(-out["tension_in_N"] / value.get("take_up_tension", 1.0))
+        for name in ("elongation_m", "displacement_in_m"):
+            out[name] = out[name] + offset - slack
+        return out
+
+
+def calibrated_run(measured: Measured, arcs: Arcs, rig: Rig, from_tension: float) -> CalibratedRun:
+    """Choose what counts in a run, and what it identifies.
+
+    Raises
+    ------
+    SettingsError
+        Where there is no drive or no response.
+    """
+    drive: Drive = "displacement_in_m" if measured.tension_in is None else "tension_in_N"
+    by_force = drive == "tension_in_N"
+    column = measured.tension_in if by_force else measured.displacement_in
+    if column is None:
+        raise SettingsError("the run has no drive: give a column tension_in_N or displacement_in_m")
+    kept = np.flatnonzero(in_order(measured.time, column))
+    most = RUN_LIMITS.most_readings if by_force else RUN_LIMITS.most_positions
+    kept = kept[:: max(1, -(-len(kept) // most))]
+    if len(kept) < RUN_LIMITS.least_drive:
+        raise SettingsError(
+            f"the run has {len(kept)} readings of its drive: give at least {RUN_LIMITS.least_drive}"
+        )
+    _check_stretch(measured, arcs)
+    spring = by_force and measured.elongation is None and measured.displacement_in is not None
+    if spring and rig.load.stiffness_N_per_m == 0.0:
+        raise SettingsError(
+            "displacement_in_m holds the stretch of the load's spring, and load.stiffness_N_per_m is 0; "
+            "give the stiffness, or a column elongation_m or displacement_out_m"
+        )
+    drive_legs, time = legs(column[kept]), measured.time[kept]
+    values, turns = drive_legs.values, drive_legs.turns
+    floor = min(from_tension, RUN_LIMITS.floor * float(values.max())) if by_force else 0.0
+    counting = dict(_counting(measured, kept, values if by_force else None, floor, spring))
+    if not counting:
+        raise SettingsError(
+            f"no response with {RUN_LIMITS.least_response} readings above {floor:g} N: "
+            "give tension_out_N, elongation_m or both"
+        )
+    added = np.zeros(len(values) + (len(turns) if by_force else 0), dtype=bool)
+    if by_force:
+        added[turns + np.arange(len(turns))] = True
+        time = np.insert(time, turns, 0.5 * (time[turns - 1] + time[turns]))
+    samples = with_turns(drive_legs, np.zeros(len(turns))) if by_force else values
+    given = {"time_s": time, drive: read_only(samples)}
+    if measured.temperature is not None and np.isfinite(measured.temperature).any():
+        given["temperature_C"] = at_times(measured.time, measured.temperature, time)
+    answers = {name: read_only(with_added(each, added)) for name, each in counting.items()}
+    nowhere = np.zeros((0, 3))
+    route = Route("the route", arcs, nowhere, np.zeros(0))
+    noise = {drive: drive_legs.noise} | dict.fromkeys(answers, 1.0)
+    reading = Reading("the run", route, False, drive, given, answers, noise)
+    errors = drive_legs.turn_se[: RUN_LIMITS.most_turns].tolist() if by_force else []
+    zeros = tuple(_zeros(set(answers), errors, float(values.max()), by_force))
+    warnings = tuple(_warnings(reading, measured, rig, spring, len(turns) > 0))
+    return CalibratedRun(reading, zeros, drive_legs, warnings)
+
+
+def start_rig(rig: Rig) -> Rig:
+    """Return the rig about which the fit starts: neither friction nor compliance is zero."""
+    friction = max(rig.friction.coefficient, ZERO_PRIORS.least_friction)
+    return with_base(rig, friction, max(rig.tendon.compliance_per_N, ZERO_PRIORS.least_compliance))
+
+
+def _check_stretch(measured: Measured, arcs: Arcs) -> None:
+    """Refuse an elongation by half of the route: its unit is wrong."""
+    column = measured.elongation
+    most = 0.0 if column is None or not np.isfinite(column).any() else float(np.nanmax(np.abs(column)))
+    if most > RUN_LIMITS.most_strain * arcs.total_length:
+        raise SettingsError(
+            f"the elongation reaches {most:.3g} m on a route of {arcs.total_length:.3g} m: check its unit, "
+            "elongation_m or elongation_mm"
+        )
+
+
+def _counting(
+    measured: Measured, kept: np.ndarray, tension: Vector | None, floor: float, spring: bool
+) -> Iterator[tuple[str, Vector]]:
+    """Yield channels with NaN where a reading does not count: slack, missing, or the same digits again."""
+    candidates = (
+        ("tension_out_N", measured.tension_out, RUN_LIMITS.floor_out * floor),
+        ("displacement_in_m", measured.displacement_in if spring else None, floor),
+        ("elongation_m", measured.elongation, floor),
+    )
+    for name, column, least in candidates:
+        if column is None:
+            continue
+        taut = True if tension is None else tension >= least
+        used = np.flatnonzero(np.isfinite(column[kept]) & taut)
+        used = used[_once(column[kept][used])]
+        if len(used) >= RUN_LIMITS.least_response:
+            out = np.full(len(kept), np.nan)
+            out[used] = column[kept][used]
+            yield name, out
+
+
+def _once(readings: Vector) -> np.ndarray:
+    """Return the middle of each run of equal readings: digits that stand still count once."""
+    edges = np.concatenate(([0], np.flatnonzero(np.diff(readings)) + 1, [len(readings)]))
+    return (edges[:-1] + edges[1:] - 1) // 2
+
+
+def _zeros(answers: set[str], turns: list[float], highest: float, by_force: bool) -> Iterator[Zero]:
+    """Yield what is fitted beside friction and compliance."""
+    prior, paths = ZERO_PRIORS, answers & {"elongation_m", "displacement_in_m"}
+    if "tension_out_N" in answers:
+        yield Zero(
+            "tension_out_offset", "N", prior.tension_out * highest if by_force else prior.tension_out_N
+        )
+    if paths or not by_force:
+        yield Zero("elongation_offset", "m", prior.elongation_m if by_force else prior.encoder_m)
+    if paths and by_force:
+        yield Zero("take_up", "m", prior.take_up_m)
+        yield Zero("take_up_tension", "N", prior.take_up_factor, prior.take_up_N)
+    for k, sd in enumerate(turns):
+        yield Zero(f"turn_{k + 1}", "N", max(sd, 1e-6))
+
+
+def _warnings(reading: Reading, measured: Measured, rig: Rig, spring: bool, turns: bool) -> Iterator[str]:
+    arcs, drive = reading.route.arcs, reading.given[reading.drive]
+    by_force = reading.drive == "tension_in_N"
+    if not turns:
+        yield (
+            "the drive never turns back: a pull and a release are needed for friction, compliance and zeros"
+        )
+    if spring or not by_force:
+        yield (
+            f"the distal spring of {rig.load.stiffness_N_per_m:g} N/m is taken from the rig: "
+            "its error goes into the compliance"
+        )
+    start = float(drive[0]) if by_force else 0.0
+    if by_force and start > rig.tendon.pretension_N + 0.2 * float(np.ptp(drive)):
+        yield (
+            f"the run begins at {start:.3g} N, the pretension is {rig.tendon.pretension_N:g} N: "
+            "what happened before is not known"
+        )
+    if rig.shape.angle_gain_sd == 0.0 and arcs.total_angle_se == 0.0:
+        yield "the angle of the route is taken as exact: set shape.angle_gain_sd in the rig"
+    if measured.tension_out is None:
+        yield "no tension_out_N: friction shows by its hysteresis in the elongation alone"

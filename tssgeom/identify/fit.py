@@ -1,0 +1,326 @@
+"""The fit of `discover` and `calibrate`: friction, compliance, effects and zeros, through the whole run.
+
+Shared errors are solved for, the rest is counted. Source: docs/model.md (103)-(107).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from msgspec.structs import replace as changed
+from scipy.linalg import solve_triangular
+
+from tssgeom.arrays import Matrix, Vector
+from tssgeom.effects import Library, Parameter
+from tssgeom.errors import FitError
+from tssgeom.identify.prediction import FINE, Errors, Stack, errors_of, simulated, stacked
+from tssgeom.identify.readings import Reading
+from tssgeom.rig import Friction, Rig
+
+
+@dataclass(frozen=True, slots=True)
+class FitSettings:
+    """Steps and priors of the fit.
+
+    Frozen on the development seeds of `benchmarks.discovery`.
+    """
+
+    step: float = 1e-3
+    """Of a free number: step of derivatives [1]; chosen."""
+    base_sd: float = 1.0
+    """Prior s.d. of ln μ and ln ρ [1]; chosen: they are free but for factors of e."""
+    scale_sd: float = 1.0
+    """Prior s.d. of the logarithm of a scale of an effect [1]; chosen: factors of e."""
+    size_sd: float = 10.0
+    """Prior s.d. of an amplitude over that of its effect [1]; chosen: free but for what is absurd."""
+    done: float = 0.05
+    """Fall of χ² below which the fit has converged [1]; chosen: 0.2 standard errors of one number."""
+    unit_m: float = 0.02
+    """Unit of arc length in the fit of a hidden bend [m]; chosen."""
+    zero_bound: float = 3.0
+    """S.d. of its prior within which a zero of a run is fitted [1]; chosen."""
+    rounds: int = 2
+    """Rounds of fit and error model; chosen."""
+
+
+FIT = FitSettings()
+
+
+@dataclass(frozen=True, slots=True)
+class Free:
+    """One number of an effect that is fitted, as u: value = u · unit, or unit · e^u of a scale."""
+
+    effect: int
+    """Which of the effects."""
+    key: str
+    unit: float
+    log: bool
+    low: float
+    high: float
+
+    def value(self, u: float) -> float:
+        """Return the parameter in SI."""
+        value = self.unit * math.exp(min(u, 300.0)) if self.log else self.unit * u
+        return min(max(value, self.low), self.high)
+
+    def u(self, value: float) -> float:
+        """Return the number that is fitted."""
+        return math.log(max(value, 1e-300) / self.unit) if self.log else value / self.unit
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """Readings, what weighs them, and the nominal rig."""
+
+    stack: Stack
+    whitening: Whitening
+    rig: Rig
+    target: Vector
+    """[rows] Measured less what too few bars make wrong [N, m]."""
+    predict: Callable[[Point], Vector] | None = None
+    """Gives [rows] [N, m] where a model has zeros of a run; None where it has none."""
+
+    def left(self, at: Point) -> Vector:
+        """Return measured less simulated [rows] [N, m]."""
+        if self.predict is not None:
+            return self.target - self.predict(at)
+        return self.target - simulated(self.stack, at.rig(self.rig), at.effects)
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """Friction, compliance, effects, and zeros of a run: one model."""
+
+    friction: float
+    """[1]"""
+    compliance: float
+    """[1/N]"""
+    effects: tuple[Library, ...] = ()
+    free: tuple[Free, ...] = ()
+    zeros: tuple[float, ...] = ()
+    """Numbers of one run that are fitted beside the rig, each in standard deviations of its prior [1]."""
+
+    @property
+    def size(self) -> int:
+        """Numbers that are fitted."""
+        return 2 + len(self.free) + len(self.zeros)
+
+    def rig(self, nominal: Rig) -> Rig:
+        """Return the rig with this friction and compliance."""
+        return with_base(nominal, self.friction, self.compliance)
+
+    def moved(self, by: Vector) -> Point:
+        """Return the model a step on: ln μ, ln ρ, what is free, and zeros [size]; bounds hold."""
+        effects, own = list(self.effects), 2 + len(self.free)
+        for free, du in zip(self.free, by[2:own], strict=True):
+            effect = effects[free.effect]
+            u = free.u(getattr(effect, free.key))
+            effects[free.effect] = changed(effect, **{free.key: free.value(u + du)})
+        scale = np.exp(np.clip(by[:2], -1.0, 1.0))
+        return replace(
+            self,
+            friction=float(self.friction * scale[0]),
+            compliance=float(self.compliance * scale[1]),
+            effects=tuple(effects),
+            zeros=tuple(
+                min(max(u + float(du), -FIT.zero_bound), FIT.zero_bound)
+                for u, du in zip(self.zeros, by[own:], strict=True)
+            ),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """A model refitted."""
+
+    at: Point
+    chi2: float
+    """Of residuals and priors [1]."""
+    residual: Vector
+    """[rows + k] Weighed [1]."""
+    jacobian: Matrix
+    """[rows + k, 2 + free] Of the whitened prediction by ln μ, ln ρ and what is free [1]."""
+    left: Vector
+    """[rows] Measured less simulated [N, m]."""
+
+    @property
+    def covariance(self) -> Matrix:
+        """Of ln μ, ln ρ and what is free."""
+        sd = prior_sd(self.at)
+        normal = self.jacobian.T @ self.jacobian + np.diag(sd**-2.0)
+        return np.asarray(np.linalg.inv(normal), dtype=np.float64)
+
+
+def with_base(rig: Rig, friction: float, compliance: float) -> Rig:
+    """Return the rig with another coefficient of friction [1] and compliance [1/N]."""
+    tendon = changed(rig.tendon, compliance_per_N=compliance)
+    return changed(rig, friction=Friction(coefficient=friction), tendon=tendon)
+
+
+def freed(effect: Library, which: int, length: float, only: tuple[str, ...] = ()) -> Iterator[Free]:
+    """Return what of an effect is fitted: amplitudes, and scales that runs determine."""
+    for key, parameter in effect.parameters.items():
+        if parameter.fitted and (not only or key in only):
+            yield _free(which, key, parameter, length)
+
+
+def _free(which: int, key: str, parameter: Parameter, length: float) -> Free:
+    if key == "at_m":
+        return Free(which, key, FIT.unit_m, False, 0.0, length)
+    if not parameter.switch:
+        return Free(which, key, parameter.centre, True, parameter.lower, parameter.upper)
+    return Free(which, key, parameter.prior_sd, False, parameter.lower, parameter.upper)
+
+
+def prior_sd(at: Point) -> Vector:
+    """Return standard deviations of the priors of ln μ, ln ρ and what is free."""
+    own = [FIT.scale_sd if free.log else 1e3 if free.key == "at_m" else FIT.size_sd for free in at.free]
+    return np.array([FIT.base_sd, FIT.base_sd, *own, *(1.0 for _ in at.zeros)])
+
+
+def _prior(problem: Problem, at: Point) -> Vector:
+    """Return deviations from the priors, in standard deviations."""
+    base = [
+        math.log(at.friction / max(problem.rig.friction.coefficient, 1e-6)),
+        math.log(at.compliance / problem.rig.tendon.compliance_per_N),
+    ]
+    own = [free.u(getattr(at.effects[free.effect], free.key)) for free in at.free]
+    off = [0.0 if free.key == "at_m" else u for free, u in zip(at.free, own, strict=True)]
+    return np.array([*base, *off, *at.zeros]) / prior_sd(at)
+
+
+def columns(problem: Problem, at: Point, left: Vector, first: int = 0) -> Matrix:
+    """Return derivatives of the whitened prediction by free numbers from the `first` on, one-sided."""
+    out = [_slope(problem, at, left, k) for k in range(first, at.size)]
+    rows = problem.whitening.basis.shape[0]
+    return problem.whitening.whitened(np.column_stack(out)) if out else np.zeros((rows, 0))
+
+
+def _slope(problem: Problem, at: Point, left: Vector, k: int) -> Vector:
+    """Return the derivative of the prediction by one number; zero where neither side has an equilibrium."""
+    for sign in (1.0, -1.0):
+        by = np.zeros(at.size)
+        by[k] = sign * _step(at, k)
+        try:
+            return (left - problem.left(at.moved(by))) / by[k]
+        except FitError:
+            continue
+    return np.zeros_like(left)
+
+
+def _step(at: Point, k: int) -> float:
+    """Return a small step that stays inside the bounds."""
+    if not 2 <= k < 2 + len(at.free):
+        return FIT.step
+    free = at.free[k - 2]
+    value = getattr(at.effects[free.effect], free.key)
+    size = 20.0 * FIT.step
+    return -size if free.value(free.u(value) + size) >= free.high else size
+
+
+def refined(problem: Problem, start: Point, base: Matrix | None = None, passes: int = 8) -> Fit:
+    """Refit a model by Levenberg and Marquardt's method; `base` are columns of μ and ρ to use again."""
+    at, left = start, problem.left(start)
+    residual = problem.whitening.whitened(left)
+    chi2 = _chi2(problem, at, residual)
+    damping, jacobian = 1e-3, np.zeros((0, 0))
+    for _ in range(passes):
+        own = columns(problem, at, left, 0 if base is None else base.shape[1])
+        jacobian = own if base is None else np.column_stack([base, own])
+        better = _better(problem, at, (residual, jacobian, chi2), damping)
+        if better is None:
+            break
+        gain = chi2 - better[2]
+        at, left, chi2, damping = better
+        residual = problem.whitening.whitened(left)
+        if gain < FIT.done:
+            break
+    return Fit(at, chi2, residual, jacobian, left)
+
+
+def _chi2(problem: Problem, at: Point, residual: Vector) -> float:
+    prior = _prior(problem, at)
+    return float(residual @ residual + prior @ prior)
+
+
+def _better(
+    problem: Problem, at: Point, linear: tuple[Vector, Matrix, float], damping: float
+) -> tuple[Point, Vector, float, float] | None:
+    """Return the first step that makes χ² fall, with residuals, χ² and damping; None where none does."""
+    residual, jacobian, chi2 = linear
+    sd, prior = prior_sd(at), _prior(problem, at)
+    normal = jacobian.T @ jacobian + np.diag(sd**-2.0)
+    slope = jacobian.T @ residual - prior / sd
+    for _ in range(6):
+        damped = normal + damping * np.diag(np.diag(normal))
+        step = np.clip(np.linalg.solve(damped, slope), -5.0, 5.0)
+        trial = at.moved(np.asarray(step, dtype=np.float64))
+        try:
+            left = problem.left(trial)
+        except FitError:
+            damping *= 10.0
+            continue
+        now = _chi2(problem, trial, problem.whitening.whitened(left))
+        if now < chi2:
+            return trial, left, now, max(damping / 10.0, 1e-6)
+        damping = max(10.0 * damping, 1e-2)
+    return None
+
+
+@dataclass(frozen=True, slots=True)
+class Whitening:
+    """Projects residuals off the shared errors, each held by its prior."""
+
+    sigma: Vector
+    """[rows]"""
+    basis: Matrix
+    """[rows + k, k] Orthonormal: the shared errors above their priors."""
+    triangle: Matrix
+    """[k, k]"""
+
+    def whitened(self, residual: np.ndarray) -> np.ndarray:
+        """Return residuals [rows] or [rows, c], [N, m], as [rows + k (, c)] whose squares add to χ²."""
+        scaled = (residual.T / self.sigma).T
+        rows, k = self.basis.shape[0] - self.basis.shape[1], self.basis.shape[1]
+        own = self.basis[:rows].T @ scaled
+        out = np.concatenate([scaled, np.zeros((k, *scaled.shape[1:]))])
+        return out - self.basis @ own
+
+    def shared(self, residual: Vector) -> Vector:
+        """Return the shared errors that a residual implies, in standard deviations [k]."""
+        rows = self.basis.shape[0] - self.basis.shape[1]
+        own = self.basis[:rows].T @ (residual / self.sigma)
+        return solve_triangular(self.triangle, own)
+
+
+def unshared(sigma: Vector) -> Whitening:
+    """Return what divides residuals by their standard deviations [rows] [N, m], no error being shared."""
+    return Whitening(sigma, np.zeros((len(sigma), 0)), np.zeros((0, 0)))
+
+
+def whitening(errors: Errors) -> Whitening:
+    """Prepare the projection."""
+    k = errors.modes.shape[1]
+    basis, triangle = np.linalg.qr(np.vstack([errors.modes, np.eye(k)]))
+    return Whitening(errors.sigma, basis, triangle)
+
+
+def base_fit(readings: Sequence[Reading], rig: Rig) -> tuple[Problem, Errors, Fit]:
+    """Fit friction and compliance to the runs; errors and bars are those of the last estimate."""
+    stack = stacked(readings)
+    at = Point(max(rig.friction.coefficient, 1e-3), rig.tendon.compliance_per_N)
+    for _ in range(FIT.rounds - 1):
+        at = refined(posed(stack, rig, at)[0], at).at
+    problem, errors = posed(stack, rig, at)
+    return problem, errors, refined(problem, at)
+
+
+def posed(stack: Stack, rig: Rig, at: Point) -> tuple[Problem, Errors]:
+    """Return the problem of some readings, with errors and the correction of bars about a model."""
+    here = at.rig(rig)
+    errors = errors_of(stack, here, at.effects)
+    fine = simulated(stack, here, at.effects, bars=FINE) - simulated(stack, here, at.effects)
+    return Problem(stack, whitening(errors), rig, stack.measured - fine), errors

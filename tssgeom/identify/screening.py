@@ -1,0 +1,287 @@
+"""The library held against a fitted model by score tests: trial sizes, gains, threshold and detection limits.
+
+The threshold is what the best of a library reaches on clean campaigns of the same sensors, a parametric
+bootstrap: clean residuals are drawn from the sensor specification, with bends of load cells of other forms
+than the error model has, and tested with the same straight lines. Source: docs/model.md (107), (110), (111).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from msgspec.structs import replace as changed
+
+from tssgeom.arrays import Matrix, Vector
+from tssgeom.effects import KINDS, Library, with_size
+from tssgeom.errors import FitError, SettingsError
+from tssgeom.identify.fit import Fit, Free, Problem, columns, freed, refined
+from tssgeom.identify.prediction import CELLS, Errors, Stack
+from tssgeom.rig import Rig, Sensor
+
+
+@dataclass(frozen=True, slots=True)
+class DetectionLimits:
+    """What an effect has to exceed.
+
+    Frozen on the development seeds of `benchmarks.discovery`.
+    """
+
+    trial: float = 0.5
+    """Of the typical size: size at which an effect is first tried [1]; chosen."""
+    draws: int = 400
+    """Clean campaigns that are drawn; chosen: 4 of them exceed the threshold."""
+    rate: float = 0.01
+    """Share of clean campaigns that may pass the threshold [1]; chosen."""
+    least_threshold: float = 10.0
+    """Least threshold of ΔBIC [1]; cited: Kass and Raftery (1995), "very strong"."""
+    part: float = 0.99
+    """Share of readings that change by less than the size of a change [1]; chosen."""
+    cell_N: float = 0.06
+    """Detection limit of a tension that was not measured [N]; chosen."""
+
+
+DETECTION = DetectionLimits()
+
+_SCALES: Mapping[str, tuple[float, ...]] = {
+    "scale_N": (0.7, 2.0, 5.0),
+    "time_s": (3.0, 15.0, 60.0),
+    "travel_m": (0.01, 0.03, 0.1),
+}
+"""Starts of scales [N, s, m]."""
+_PLACES = (np.arange(9) + 0.5) / 9.0  # of a hidden bend, over the length
+
+
+@dataclass(frozen=True, slots=True)
+class Variant:
+    """An effect at a trial size."""
+
+    name: str
+    effect: Library
+    amplitude: str
+    """The parameter that switches it on."""
+    free: tuple[str, ...]
+    """What is fitted of it."""
+
+    @property
+    def positive(self) -> bool:
+        """Whether its amplitude cannot be negative."""
+        return self.effect.parameters[self.amplitude].lower == 0.0
+
+    def sized(self, amplitude: float) -> Library:
+        """Return the effect at another amplitude, within its bounds."""
+        parameter = self.effect.parameters[self.amplitude]
+        return changed(self.effect, **{self.amplitude: min(max(amplitude, parameter.lower), parameter.upper)})
+
+
+def variants(stack: Stack) -> tuple[tuple[Variant, ...], dict[str, str]]:
+    """Return all that can be tried on these readings, and why the rest cannot."""
+    out, absent = list[Variant](), dict[str, str]()
+    channels = {name for reading in stack.readings for name in reading.measured}
+    drive = stack.readings[0].drive
+    given = set.intersection(*(set(reading.given) for reading in stack.readings)) | channels
+    for name, kind in KINDS.items():
+        touched = kind.by_position if drive == "displacement_in_m" else kind.by_force
+        lacking = [column for column in kind.needs if column not in given]
+        if lacking:
+            absent[name] = f"{', '.join(lacking)} was not measured"
+        elif not channels & set(touched):
+            absent[name] = f"it shows in {', '.join(touched)}, of which none was measured"
+        else:
+            out += list(_of(name, stack, channels))
+    return tuple(out), absent
+
+
+def _of(name: str, stack: Stack, channels: set[str]) -> Iterator[Variant]:
+    effect = with_size(KINDS[name], DETECTION.trial)
+    if name.startswith("end_fitting"):
+        for key in effect.parameters:
+            alone = {other: 0.0 for other in effect.parameters if other != key}
+            yield Variant(name, changed(effect, **alone), key, (key,))
+        return
+    amplitude = next(key for key, parameter in effect.parameters.items() if parameter.switch)
+    free = tuple(key for key, parameter in effect.parameters.items() if parameter.fitted)
+    for start in _started(name, effect, stack, channels):
+        yield Variant(name, start, amplitude, free)
+
+
+def _started(name: str, effect: Library, stack: Stack, channels: set[str]) -> Iterator[Library]:
+    if name == "hidden_bend":
+        length = min(reading.route.arcs.total_length for reading in stack.readings)
+        yield from (changed(effect, at_m=float(share * length)) for share in _PLACES)
+    elif name == "channel_lag":
+        answers = [channel for channel in channels if channel != stack.readings[0].drive]
+        yield from (changed(effect, channel=channel) for channel in sorted(answers))
+    elif name == "slack_take_up":
+        for end in ("proximal", "distal"):
+            yield from (changed(effect, scale_N=scale, end=end) for scale in _SCALES["scale_N"])
+    else:
+        scale = next((key for key in effect.parameters if key in _SCALES), None)
+        yield from [effect] if scale is None else (changed(effect, **{scale: v}) for v in _SCALES[scale])
+
+
+@dataclass(frozen=True, slots=True)
+class ScoreTest:
+    """The score test of one variant: what a straight line through the model promises."""
+
+    variant: Variant
+    column: Vector
+    """[rows + k] Weighed change for one unit of amplitude, off friction and compliance."""
+    amplitude: float
+    """That the readings want, in the parameter's unit."""
+    gain: float
+    """How much χ² would fall [1]."""
+    size: float
+    """Length of the whitened change at typical size, off what friction and compliance take up [1]."""
+    raw: float
+    """The same with it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Screening:
+    """The score tests of a library."""
+
+    tests: tuple[ScoreTest, ...]
+    base: Matrix
+    """[rows + k, 2 + free] Columns of the model so far."""
+    residual: Vector
+    """[rows + k] Of the model so far, off those columns."""
+
+
+def screening(problem: Problem, fit: Fit, tried: Sequence[Variant]) -> Screening:
+    """Test every variant on top of a fitted model; docs/model.md (107)."""
+    base = columns(problem, fit.at, fit.left)
+    frame, _ = np.linalg.qr(base)
+    residual = fit.residual - frame @ (frame.T @ fit.residual)
+    tests = []
+    for variant in tried:
+        result = _score_test(problem, fit, variant, frame, residual)
+        if result is not None:
+            tests.append(result)
+    return Screening(tuple(tests), base, residual)
+
+
+def _score_test(
+    problem: Problem, fit: Fit, variant: Variant, frame: Matrix, residual: Vector
+) -> ScoreTest | None:
+    amplitude = getattr(variant.effect, variant.amplitude)
+    try:
+        left = problem.left(replace(fit.at, effects=(*fit.at.effects, variant.effect)))
+    except (FitError, SettingsError):  # the effect at this size and that model do not go together
+        return None
+    whole = problem.whitening.whitened((fit.left - left) / amplitude)
+    column = whole - frame @ (frame.T @ whole)
+    square = float(column @ column)
+    wanted = float(column @ residual) / square if square > 0.0 else 0.0
+    if variant.positive and wanted < 0.0:
+        wanted = 0.0
+    typical = abs(variant.effect.parameters[variant.amplitude].typical)
+    sizes = typical * math.sqrt(square), typical * float(np.linalg.norm(whole))
+    return ScoreTest(variant, column, wanted, wanted**2 * square, *sizes)
+
+
+def refit(problem: Problem, fit: Fit, test: ScoreTest, base: Matrix, passes: int = 6) -> Fit | None:
+    """Refit the model with one more effect from where the straight line points; None where that fails."""
+    parameter = test.variant.effect.parameters[test.variant.amplitude]
+    limit = 3.0 * abs(parameter.typical)
+    amplitude = float(np.clip(test.amplitude, -limit, limit)) or 0.1 * parameter.typical
+    which = len(fit.at.effects)
+    length = max(reading.route.arcs.total_length for reading in problem.stack.readings)
+    effect = test.variant.sized(amplitude)
+    free: tuple[Free, ...] = (*fit.at.free, *freed(effect, which, length, test.variant.free))
+    start = replace(fit.at, effects=(*fit.at.effects, effect), free=free)
+    try:
+        return refined(problem, start, base, passes)
+    except (FitError, SettingsError):
+        return None
+
+
+def threshold(problem: Problem, errors: Errors, screening: Screening, seed: int) -> float:
+    """Return what ΔBIC has to pass, family-wise over the library; docs/model.md (110)."""
+    rng = np.random.default_rng(seed)
+    drawn = problem.whitening.whitened(_clean(problem, errors, rng))
+    frame, _ = np.linalg.qr(screening.base)
+    drawn -= frame @ (frame.T @ drawn)
+    best = np.full(DETECTION.draws, -np.inf)
+    for test in screening.tests:
+        length = float(np.linalg.norm(test.column))
+        if length > 0.0:
+            score = test.column @ drawn / length
+            gain = np.square(np.maximum(score, 0.0) if test.variant.positive else score)
+            best = np.maximum(best, gain - len(test.variant.free) * math.log(problem.stack.size))
+    return max(float(np.quantile(best, 1.0 - DETECTION.rate)), DETECTION.least_threshold)
+
+
+def _clean(problem: Problem, errors: Errors, rng: np.random.Generator) -> Matrix:
+    """Residuals of clean campaigns [rows, draws] [N, m]."""
+    size = problem.stack.size
+    drawn = np.array([0.0 if name.startswith("bend ") else 1.0 for name in errors.names])
+    weight = drawn[:, None] * rng.standard_normal((len(drawn), DETECTION.draws))
+    out = rng.standard_normal((size, DETECTION.draws)) + errors.modes @ weight
+    out *= errors.sigma[:, None]
+    for name in dict.fromkeys(block.channel for block in problem.stack.blocks):
+        out += _bends(problem, name, rng)
+    return out
+
+
+def _bends(problem: Problem, channel: str, rng: np.random.Generator) -> Matrix:
+    """Bends of one cell in each draw: a wave of any length and phase over the scale, as deep as specified."""
+    sensor = problem.rig.sensors.get(channel, Sensor())
+    out = np.zeros((problem.stack.size, DETECTION.draws))
+    depth = sensor.nonlinearity * sensor.full_scale
+    if depth == 0.0:
+        return out
+    waves, phase = rng.uniform(0.5, 3.0, DETECTION.draws), rng.uniform(0.0, 2.0 * math.pi, DETECTION.draws)
+    grid = np.linspace(0.0, 1.0, 101)[:, None]
+    most = np.abs(_wave(grid, waves, phase)).max(axis=0)
+    sized = depth * rng.uniform(0.3, 1.0, DETECTION.draws) / most
+    for block in problem.stack.blocks:
+        if block.channel == channel:
+            part = np.clip(problem.stack.measured[block.rows] / sensor.full_scale, 0.0, 1.0)
+            out[block.rows] = _wave(part[:, None], waves, phase) * sized
+    return out
+
+
+def _wave(part: Matrix, waves: Matrix, phase: Matrix) -> Matrix:
+    """Waves less the straight line through both ends of the scale."""
+    start, end = np.sin(phase), np.sin(math.pi * waves + phase)
+    return np.sin(math.pi * waves * part + phase) - start - (end - start) * part
+
+
+def detection_limits(stack: Stack, rig: Rig) -> dict[str, float]:
+    """Return what each channel may be off by its specification [N, m]; docs/model.md (111).
+
+    A position answers to what the load cells may be off, through the compliance of the tendon.
+    """
+    own: dict[str, float] = {}
+    for block in stack.blocks:
+        sensor = rig.sensors.get(block.channel, Sensor())
+        noise = stack.readings[block.run].noise[block.channel]
+        own[block.channel] = sensor.nonlinearity * sensor.full_scale + sensor.resolution + noise
+    cell = max((own[name] for name in CELLS if name in own), default=DETECTION.cell_N)
+    length = max(reading.route.arcs.total_length for reading in stack.readings)
+    give = rig.tendon.compliance_per_N * length * cell
+    return {name: value if name in CELLS else value + give for name, value in own.items()}
+
+
+def size_over_limit(stack: Stack, change: Vector, limits: Mapping[str, float]) -> float:
+    """Return the largest change of any channel over its detection limit [1]; `change` [rows] [N, m]."""
+    sizes = [
+        float(np.quantile(np.abs(change[block.rows]), DETECTION.part)) / limits[block.channel]
+        for block in stack.blocks
+    ]
+    return max(sizes)
+
+
+def leftover(problem: Problem, fit: Fit, limits: Mapping[str, float]) -> dict[str, float]:
+    """Return by channel what is left beyond white noise, rms over its detection limit [1]; (113)."""
+    stack, out = problem.stack, dict[str, float]()
+    square = np.square(fit.residual[: stack.size])
+    for name in dict.fromkeys(block.channel for block in stack.blocks):
+        rows = np.concatenate([np.r_[block.rows] for block in stack.blocks if block.channel == name])
+        beyond = max(float(square[rows].mean()) - 1.0, 0.0)
+        sigma = float(np.sqrt(np.mean(np.square(problem.whitening.sigma[rows]))))
+        out[name] = np.sqrt(beyond) * sigma / limits[name]
+    return out
