@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from tssgeom.arrays import Vector
 from tssgeom.errors import FitError, SettingsError
@@ -87,8 +88,7 @@ def against_load(
         check_balance(drive, state.tension_out, low, high, np.zeros(len(low)))
     rig_numbers = (friction, float(tendon.compliance_per_N), float(tendon.pretension_N), *load)
     result = _on_route(
-        state.memory,
-        state.rest,
+        of_bars(state),
         (state.edge, arcs.length, arcs.angle),
         rig_numbers,
         state.length if stretches_with_route else -1.0,
@@ -129,6 +129,12 @@ def no_equilibrium(drive: float, by_force: bool) -> FitError:
     return FitError(f"no equilibrium of the tendon was found at {what}: take smaller steps")
 
 
+def of_bars(state: BarState) -> tuple[Vector, Vector, NDArray[np.int8], Vector | None]:
+    """Return tension, displacement, slip and rest: what a step without effects starts from."""
+    memory = state.memory
+    return memory.tension, memory.displacement, memory.slip, state.rest
+
+
 def after_step(state: BarState, result: tuple[Any, ...], drive: float, by_force: bool) -> BarState:
     """Return the state of what `advanced` returned.
 
@@ -137,12 +143,14 @@ def after_step(state: BarState, result: tuple[Any, ...], drive: float, by_force:
     FitError
         Where that is no equilibrium.
     """
-    memory, rest, ends, length, iterations = result
+    bars, ends, length, iterations = result
     if iterations == 0:
         raise no_equilibrium(drive, by_force)
-    for array in memory:
+    for array in bars:
         array.setflags(write=False)
-    rest.setflags(write=False)
+    tension, displacement, slip, rest = bars
+    _, _, speed, travel, creep, _, remembered = state.memory
+    memory = Memory(tension, displacement, speed, travel, creep, slip, remembered)
     position, displacement_out, elongation = ends
     moved_by = position - state.displacement_in
     return BarState(
@@ -151,7 +159,7 @@ def after_step(state: BarState, result: tuple[Any, ...], drive: float, by_force:
         displacement_in=position,
         displacement_out=displacement_out,
         elongation=elongation,
-        direction_index=direction_after(memory.slip[0], moved_by, state.direction_index),
+        direction_index=direction_after(slip[0], moved_by, state.direction_index),
         length=length,
         rest=rest,
         iterations=int(iterations),
@@ -177,7 +185,7 @@ def check_balance(drive: float, weight: float, low: Vector, high: Vector, force:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _on_route(old, rest, route, rig_numbers, length_before, drive):
+def _on_route(old, route, rig_numbers, length_before, drive):
     """Step the bars of the base model; `length_before` [m] is below 0 where no path grows.
 
     `route` is where the bars are cut, and length [m] and angle [rad] of its pieces; `rig_numbers` are
@@ -193,7 +201,7 @@ def _on_route(old, rest, route, rig_numbers, length_before, drive):
     share = 1.0 - length_before / whole if length_before > 0.0 else 0.0  # by which the path grew
     for j in range(n):
         soft[j + 1] = compliance * length[j]
-        growth[j + 1] = share * (length[j] - soft[j + 1] * old.tension[j + 1])  # docs/model.md (40)
+        growth[j + 1] = share * (length[j] - soft[j + 1] * old[0][j + 1])  # docs/model.md (40)
     soft[n + 1] = 1.0 / stiffness if stiffness > 0.0 else 0.0
     growth[n + 1] = soft[n + 1] * lift
     plant = Plant(
@@ -228,43 +236,44 @@ def _on_route(old, rest, route, rig_numbers, length_before, drive):
         varied=False,
         swift=False,
     )
-    return advanced(plant, old, rest, growth, drive, whole)
+    return advanced(plant, old, growth, drive, whole)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def advanced(plant, old, old_rest, growth, drive, length):
-    """Return the new memory and rest; both ends and the elongation [m]; the length [m]; the solves spent.
+def advanced(plant, old, growth, drive, length):
+    """Return the new bars; both ends and the elongation [m]; the length [m]; the solves spent.
 
-    The step is the equilibrium nearest to the old memory, with laws of bars that are not curved. `growth` is
+    The step is the equilibrium nearest to the old bars, with laws of bars that are not curved. `growth` is
     by how much each bar is stretched besides: a longer path, less what the bar gained by itself [m]. `drive`
     is a tension [N] or position [m], whether it is a tension, and the position before [m]. No solve means no
     equilibrium.
     """
     goal, by_force, position = drive
-    memory = Memory(  # the old one refuses writes: `balanced` would be compiled anew for it
-        old.tension.copy(),
-        old.displacement.copy(),
-        old.speed.copy(),
-        old.travel.copy(),
-        old.creep.copy(),
-        old.slip.copy(),
-        old.drive.copy(),
+    n = old[1].size - 1
+    memory = Memory(  # of copies, as the old arrays refuse writes
+        old[0].copy(),
+        old[1].copy(),
+        np.zeros(n + 1),
+        np.zeros(n + 1),
+        np.zeros(n + 2),
+        old[2].copy(),
+        np.zeros(6),
     )
-    rest, given = _rest(plant, old, old_rest, growth, position)
-    n = memory.displacement.size - 1
+    rest, given = _rest(plant, memory, old[3], growth, position)
+    weight = memory.tension[n + 1]
     if not by_force and plant.soft[0] == 0.0:  # docs/model.md (45)
-        memory.tension[0] += (given[1] - plant.soft[1] * old.tension[1]) / plant.soft[1]
+        memory.tension[0] += (given[1] - plant.soft[1] * memory.tension[1]) / plant.soft[1]
     if plant.load == np.inf and plant.soft[n + 1] == 0.0:
-        memory.tension[n + 1] += (given[n] - plant.soft[n] * old.tension[n]) / plant.soft[n]
+        memory.tension[n + 1] += (given[n] - plant.soft[n] * memory.tension[n]) / plant.soft[n]
     solves = 1
     if not _hangs_loose(plant, memory, given, by_force, goal):
         cone, room = workspace(plant)
-        weight = old.tension[n + 1]
         change, solves = balanced(plant, memory, by_force, goal, weight, 0.0, UNTIMED, rest, cone, room)
         solves = solves if change < np.inf else 0
     if not by_force and plant.soft[0] == 0.0 and memory.tension[0] > 0.0:
         memory.displacement[0] = goal  # to the last digit: held there, the tendon shall not seem to move
-    return memory, rest, _ends(plant, memory, rest, by_force, goal), length, solves
+    bars = (memory.tension, memory.displacement, memory.slip, rest)
+    return bars, _ends(plant, memory, rest, by_force, goal), length, solves
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
