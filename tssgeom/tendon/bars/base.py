@@ -249,35 +249,39 @@ def advanced(plant, old, growth, drive, length):
     equilibrium.
     """
     goal, by_force, position = drive
-    n = old[1].size - 1
-    memory = Memory(  # of copies, as the old arrays refuse writes
-        old[0].copy(),
-        old[1].copy(),
+    tension, displacement, slip, old_rest = old
+    n = displacement.size - 1
+    rest, given = _rest(plant, tension, displacement, old_rest, growth, position)
+    memory = Memory(  # of copies, as the old arrays refuse writes; displacements of this step alone
+        tension.copy(),
+        np.zeros(n + 1),
         np.zeros(n + 1),
         np.zeros(n + 1),
         np.zeros(n + 2),
-        old[2].copy(),
+        slip.copy(),
         np.zeros(6),
     )
-    rest, given = _rest(plant, memory, old[3], growth, position)
-    weight = memory.tension[n + 1]
-    if not by_force and plant.soft[0] == 0.0:  # docs/model.md (45)
-        memory.tension[0] += (given[1] - plant.soft[1] * memory.tension[1]) / plant.soft[1]
+    target, rigid_in = goal if by_force else goal - position, not by_force and plant.soft[0] == 0.0
+    if rigid_in:  # docs/model.md (45)
+        target += given[0]
+        memory.tension[0] += (given[1] - plant.soft[1] * tension[1]) / plant.soft[1]
     if plant.load == np.inf and plant.soft[n + 1] == 0.0:
-        memory.tension[n + 1] += (given[n] - plant.soft[n] * memory.tension[n]) / plant.soft[n]
-    solves = 1
-    if not _hangs_loose(plant, memory, given, by_force, goal):
+        memory.tension[n + 1] += (given[n] - plant.soft[n] * tension[n]) / plant.soft[n]
+    solves, weight = 1, tension[n + 1]
+    if not _hangs_loose(plant, memory, given, by_force, target):
         cone, room = workspace(plant)
-        change, solves = balanced(plant, memory, by_force, goal, weight, 0.0, UNTIMED, rest, cone, room)
+        change, solves = balanced(plant, memory, by_force, target, weight, 0.0, UNTIMED, given, cone, room)
         solves = solves if change < np.inf else 0
-    if not by_force and plant.soft[0] == 0.0 and memory.tension[0] > 0.0:
-        memory.displacement[0] = goal  # to the last digit: held there, the tendon shall not seem to move
-    bars = (memory.tension, memory.displacement, memory.slip, rest)
-    return bars, _ends(plant, memory, rest, by_force, goal), length, solves
+    drive_moved, load, elongation = _ends(plant, memory, given, displacement[n])
+    where = position + drive_moved if by_force else goal
+    moved = displacement + memory.displacement
+    if rigid_in and memory.tension[0] > 0.0:
+        moved[0] = goal  # to the last digit: held there, the tendon shall not seem to move
+    return (memory.tension, moved, memory.slip, rest), (where, load, elongation), length, solves
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _rest(plant, old, old_rest, growth, position):
+def _rest(plant, tension, displacement, old_rest, growth, position):
     """Return the rest of each bar on the new route, and its stretch if no contact moves [m].
 
     A bar keeps its tension where its length or compliance changed; negative stretch is slack.
@@ -285,16 +289,16 @@ def _rest(plant, old, old_rest, growth, position):
     last = old_rest.size - 1
     rest, given = np.empty(last + 1), np.empty(last + 1)
     for j in range(last + 1):
-        apart = old.displacement[j - 1] if j > 0 else position
-        apart -= old.displacement[j] if j < last else 0.0
-        pull = old.tension[j]
+        apart = displacement[j - 1] if j > 0 else position
+        apart -= displacement[j] if j < last else 0.0
+        pull = tension[j]
         given[j] = (plant.soft[j] * pull if pull > 0.0 else min(apart + old_rest[j], 0.0)) + growth[j]
         rest[j] = given[j] - apart if plant.soft[j] > 0.0 else 0.0
     return rest, given
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _hangs_loose(plant, memory, given, by_force, goal):
+def _hangs_loose(plant, memory, given, by_force, target):
     """Return whether the drive lets all tension go; the memory then has what each contact did.
 
     No tension at one contact is none anywhere, so the tendon hangs loose as soon as its path is no longer
@@ -303,20 +307,18 @@ def _hangs_loose(plant, memory, given, by_force, goal):
     n = memory.displacement.size - 1
     if plant.load == 0.0 or np.any(plant.force > 0.0) or np.any(plant.drag > 0.0):
         return False
-    if goal > 0.0 if by_force else plant.soft[0] > 0.0:
+    if target > 0.0 if by_force else plant.soft[0] > 0.0:
         return False
     most = np.empty(n + 1)
     most[n] = 0.0 if plant.soft[n + 1] == 0.0 else -given[n + 1]
     for i in range(n, 0, -1):
         most[i - 1] = most[i] - given[i]
-    least = -np.inf if by_force else goal - memory.displacement[0]
+    least = -np.inf if by_force else target
     if least > most[0]:
         return False
     for i in range(n + 1):
         moved = min(max(least, 0.0), most[i])
-        memory.displacement[i] += moved
-        memory.travel[i] += abs(moved)
-        memory.speed[i] = moved / UNTIMED
+        memory.displacement[i] = moved
         memory.slip[i] = PULLED if moved > 0.0 else RELEASED if moved < 0.0 else STUCK
         if i < n:
             least = moved + given[i + 1]
@@ -325,18 +327,19 @@ def _hangs_loose(plant, memory, given, by_force, goal):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _ends(plant, memory, rest, by_force, goal):
-    """Return the displacement of the drive and of the load, and the elongation [m]."""
+def _ends(plant, memory, given, load):
+    """Return how far the drive moved, where the load is that was at `load`, and the elongation [m]."""
     tension, moved, n = memory.tension, memory.displacement, memory.displacement.size - 1
     elongation = 0.0
     for j in range(1, n + 1):
         elongation += plant.soft[j] * (tension[j] - plant.pretension)  # docs/model.md (44)
         if tension[j] <= 0.0:
-            elongation += min(moved[j - 1] - moved[j] + rest[j], 0.0)
-    drive = moved[0] + plant.soft[0] * tension[0] - rest[0] if by_force else goal
-    load, series = moved[n], plant.soft[n + 1]
+            elongation += min(moved[j - 1] - moved[j] + given[j], 0.0)
+    drive = moved[0] + plant.soft[0] * tension[0] - given[0]
+    series = plant.soft[n + 1]
+    load += moved[n]
     if plant.load > 0.0:
         series -= 1.0 / plant.load
         if tension[n + 1] <= 0.0 and plant.soft[n + 1] > 0.0:
-            load += max(-moved[n] - rest[n + 1], 0.0)
+            load += max(-moved[n] - given[n + 1], 0.0)
     return drive, load - series * (tension[n + 1] - plant.pretension), elongation
