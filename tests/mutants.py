@@ -13,7 +13,7 @@ STATE = "tests/tendon/test_state.py"
 PROFILE = "tests/tendon/test_capstan.py"
 CLOSED = "tests/tendon/test_transmission.py"
 REMEDY = "tests/tendon/test_design.py"
-ACTING = "tests/effects/test_acting.py"
+WITH_EFFECTS = "tests/effects/test_with_effects.py"
 INVERSE = "tests/tendon/test_command.py -k fixed_route"
 COMMANDS = "tests/effects/test_commands.py -k place_of_the_load"
 ARCS = "tests/route/test_arcs.py -k 'partition or parallel or given'"
@@ -164,7 +164,7 @@ MUTANTS = (
         "tssgeom/tendon/bars/sensors.py",
         "(given - setup.tension_in_offset_N) / setup.tension_in_gain",
         "(given + setup.tension_in_offset_N) / setup.tension_in_gain",
-        f"{ACTING} tests/effects/test_ties.py -k 'errs or G1 or gain'",
+        f"{WITH_EFFECTS} tests/effects/test_ties.py -k 'errs or G1 or gain'",
     ),
     Mutant(
         "tssgeom/tendon/bars/sensors.py",
@@ -176,7 +176,7 @@ MUTANTS = (
         "tssgeom/tendon/state.py",
         "(reading - setup.tension_in_offset_N) / setup.tension_in_gain",
         "(reading + setup.tension_in_offset_N) / setup.tension_in_gain",
-        f"{ACTING} -k 'simulated and tension_in_offset'",
+        f"{WITH_EFFECTS} -k 'simulated and tension_in_offset'",
     ),
     # the route
     Mutant("tssgeom/route/pieces.py", "first[c] -= turned * middle", "first[c] += turned * middle", ARCS),

@@ -27,6 +27,7 @@ from tssgeom.lumen.clearance import clearance
 from tssgeom.rig import read_rig
 from tssgeom.route.synthetic import half_circle, places
 from tssgeom.stream import Frame, FrameResult, process
+from tssgeom.tendon.saved import state_object
 
 CORPUS = Path(__file__).parent / "corpus" / "settings"
 POINTS = places(half_circle(), np.linspace(0.0, 0.5, 20))
@@ -127,9 +128,11 @@ def changed(draw: st.DrawFn, saved: Any) -> Any:
     return [*saved[:at], draw(changed(saved[at])), *saved[at + 1 :]]
 
 
+@pytest.mark.parametrize("today", [False, True], ids=["version 3", "today"])
 @pytest.mark.parametrize("kind", ["corners", "bars", "effects"])
-def test_a_damaged_state_serves_or_is_refused(tmp_path, kind):
-    saved, path = json.loads((CORPUS / f"state_{kind}.json").read_text()), tmp_path / "state.json"
+def test_a_damaged_state_serves_or_is_refused(tmp_path, kind, today):
+    old, path = CORPUS / f"state_{kind}.json", tmp_path / "state.json"
+    saved = state_object(read_state(old)) if today else json.loads(old.read_text())
     rig = read_rig(CORPUS / ("rig.toml" if kind == "effects" else "rig_of_the_paper.toml"))
 
     @quick

@@ -10,7 +10,7 @@ from tssgeom.effects import Setup
 from tssgeom.rig import Friction, Load, Rig, Tendon
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.bars.bar_state import pretensioned_bars
-from tssgeom.tendon.bars.base import advanced, after_step, check_balance, one_drive, step
+from tssgeom.tendon.bars.base import advanced, after_step, check_balance, of_bars, one_drive, step
 from tssgeom.tendon.bars.contact_grid import discretise
 from tssgeom.tendon.bars.plant import plant
 
@@ -74,7 +74,7 @@ def stepped(state, arcs, laws, *, stretches_with_route=True, strain=0.0, **drive
         check_balance(goal, state.tension_out, laws.low, laws.high, laws.force)
     growth = growth_on(state, arcs, laws, strain, stretches_with_route)
     where = (goal, by_force, state.displacement_in)
-    result = advanced(laws, state.memory, state.rest, growth, where, arcs.total_length)
+    result = advanced(laws, of_bars(state), growth, where, arcs.total_length)
     return after_step(state, result, goal, by_force)
 
 

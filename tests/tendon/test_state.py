@@ -63,7 +63,7 @@ def test_on_a_fixed_route_the_state_is_the_corner_list(history):
     for tension_in in history:
         corners = profile.step(corners, tension_in, MU)
     state = driven(history, HALF_CIRCLE)
-    assert transmit(state, Rig()) == transmission.transmit(corners, HALF_CIRCLE, Rig())
+    assert transmit(state, Rig()) == transmission.of_corners(corners, HALF_CIRCLE, Rig())
 
 
 @given(histories)
@@ -117,7 +117,7 @@ def test_after_a_reversal_of_position_the_proximal_tension_is_that_of_the_corner
     corners = profile.pretensioned(rig)
     for tension_in in tensions:
         corners = profile.step(corners, tension_in, MU)
-        places.append(transmission.transmit(corners, HALF_CIRCLE, rig).displacement_in)
+        places.append(transmission.of_corners(corners, HALF_CIRCLE, rig).displacement_in)
     state = pretensioned(rig)
     for place, tension_in in zip(places, tensions, strict=True):
         state = step(state, HALF_CIRCLE, rig, displacement_in=place)

@@ -7,7 +7,6 @@ hold it.
 from collections.abc import Iterable
 from typing import Any, TypeAlias, get_args
 
-from tssgeom.effects.boundary import Backlash, PretensionError
 from tssgeom.effects.elastic import (
     Creep,
     SeriesComplianceDistal,
@@ -15,6 +14,16 @@ from tssgeom.effects.elastic import (
     SlackTakeUp,
     ThermalDrift,
     ToeRegion,
+)
+from tssgeom.effects.ends import (
+    Backlash,
+    ChannelLag,
+    LoadCellCrosstalk,
+    PretensionError,
+    TensionInGain,
+    TensionInOffset,
+    TensionOutGain,
+    TensionOutOffset,
 )
 from tssgeom.effects.friction import (
     AsymmetricFriction,
@@ -29,14 +38,6 @@ from tssgeom.effects.friction import (
 )
 from tssgeom.effects.kinds import Channel, Effect, Parameter, Setup, Tie, snake
 from tssgeom.effects.route import HiddenBend, SheathClearance
-from tssgeom.effects.sensor import (
-    ChannelLag,
-    LoadCellCrosstalk,
-    TensionInGain,
-    TensionInOffset,
-    TensionOutGain,
-    TensionOutOffset,
-)
 from tssgeom.errors import SettingsError
 
 Library: TypeAlias = (

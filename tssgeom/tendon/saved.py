@@ -65,7 +65,7 @@ def state_of(saved: Mapping[str, Any]) -> TendonState:
         along = _bars(saved["along"], route) if is_bars else _revived(Corners, saved["along"])
         _check(along, route)
         return TendonState(along, route, _time(saved["time"]))
-    except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
+    except (LookupError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise SettingsError(f"the saved state is broken ({error!r}): remove it and start anew") from error
 
 
@@ -210,6 +210,7 @@ def _revived(kind: type[_Part], saved: Mapping[str, Any]) -> _Part:
 
 
 def _bars(saved: Mapping[str, Any], route: Arcs | None) -> BarState:
+    _require("model" not in saved, "model")
     memory = Memory(**{name: _array(name, value) for name, value in saved["memory"].items()})
     cut = saved["cut"]
     if cut is not None:

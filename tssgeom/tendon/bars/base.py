@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from tssgeom.arrays import Vector
 from tssgeom.errors import FitError, SettingsError
@@ -87,8 +88,7 @@ def against_load(
         check_balance(drive, state.tension_out, low, high, np.zeros(len(low)))
     rig_numbers = (friction, float(tendon.compliance_per_N), float(tendon.pretension_N), *load)
     result = _on_route(
-        state.memory,
-        state.rest,
+        of_bars(state),
         (state.edge, arcs.length, arcs.angle),
         rig_numbers,
         state.length if stretches_with_route else -1.0,
@@ -129,6 +129,12 @@ def no_equilibrium(drive: float, by_force: bool) -> FitError:
     return FitError(f"no equilibrium of the tendon was found at {what}: take smaller steps")
 
 
+def of_bars(state: BarState) -> tuple[Vector, Vector, NDArray[np.int8], Vector | None]:
+    """Return tension, displacement, slip and rest: what a step without effects starts from."""
+    memory = state.memory
+    return memory.tension, memory.displacement, memory.slip, state.rest
+
+
 def after_step(state: BarState, result: tuple[Any, ...], drive: float, by_force: bool) -> BarState:
     """Return the state of what `advanced` returned.
 
@@ -137,12 +143,14 @@ def after_step(state: BarState, result: tuple[Any, ...], drive: float, by_force:
     FitError
         Where that is no equilibrium.
     """
-    memory, rest, ends, length, iterations = result
+    bars, ends, length, iterations = result
     if iterations == 0:
         raise no_equilibrium(drive, by_force)
-    for array in memory:
+    for array in bars:
         array.setflags(write=False)
-    rest.setflags(write=False)
+    tension, displacement, slip, rest = bars
+    _, _, speed, travel, creep, _, remembered = state.memory
+    memory = Memory(tension, displacement, speed, travel, creep, slip, remembered)
     position, displacement_out, elongation = ends
     moved_by = position - state.displacement_in
     return BarState(
@@ -151,7 +159,7 @@ def after_step(state: BarState, result: tuple[Any, ...], drive: float, by_force:
         displacement_in=position,
         displacement_out=displacement_out,
         elongation=elongation,
-        direction_index=direction_after(memory.slip[0], moved_by, state.direction_index),
+        direction_index=direction_after(slip[0], moved_by, state.direction_index),
         length=length,
         rest=rest,
         iterations=int(iterations),
@@ -177,7 +185,7 @@ def check_balance(drive: float, weight: float, low: Vector, high: Vector, force:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _on_route(old, rest, route, rig_numbers, length_before, drive):
+def _on_route(old, route, rig_numbers, length_before, drive):
     """Step the bars of the base model; `length_before` [m] is below 0 where no path grows.
 
     `route` is where the bars are cut, and length [m] and angle [rad] of its pieces; `rig_numbers` are
@@ -193,7 +201,7 @@ def _on_route(old, rest, route, rig_numbers, length_before, drive):
     share = 1.0 - length_before / whole if length_before > 0.0 else 0.0  # by which the path grew
     for j in range(n):
         soft[j + 1] = compliance * length[j]
-        growth[j + 1] = share * (length[j] - soft[j + 1] * old.tension[j + 1])  # docs/model.md (40)
+        growth[j + 1] = share * (length[j] - soft[j + 1] * old[0][j + 1])  # docs/model.md (40)
     soft[n + 1] = 1.0 / stiffness if stiffness > 0.0 else 0.0
     growth[n + 1] = soft[n + 1] * lift
     plant = Plant(
@@ -228,47 +236,52 @@ def _on_route(old, rest, route, rig_numbers, length_before, drive):
         varied=False,
         swift=False,
     )
-    return advanced(plant, old, rest, growth, drive, whole)
+    return advanced(plant, old, growth, drive, whole)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def advanced(plant, old, old_rest, growth, drive, length):
-    """Return the new memory and rest; both ends and the elongation [m]; the length [m]; the solves spent.
+def advanced(plant, old, growth, drive, length):
+    """Return the new bars; both ends and the elongation [m]; the length [m]; the solves spent.
 
-    The step is the equilibrium nearest to the old memory, with laws of bars that are not curved. `growth` is
+    The step is the equilibrium nearest to the old bars, with laws of bars that are not curved. `growth` is
     by how much each bar is stretched besides: a longer path, less what the bar gained by itself [m]. `drive`
     is a tension [N] or position [m], whether it is a tension, and the position before [m]. No solve means no
     equilibrium.
     """
     goal, by_force, position = drive
-    memory = Memory(  # the old one refuses writes: `balanced` would be compiled anew for it
-        old.tension.copy(),
-        old.displacement.copy(),
-        old.speed.copy(),
-        old.travel.copy(),
-        old.creep.copy(),
-        old.slip.copy(),
-        old.drive.copy(),
+    tension, displacement, slip, old_rest = old
+    n = displacement.size - 1
+    rest, given = _rest(plant, tension, displacement, old_rest, growth, position)
+    memory = Memory(  # of copies, as the old arrays refuse writes; displacements of this step alone
+        tension.copy(),
+        np.zeros(n + 1),
+        np.zeros(n + 1),
+        np.zeros(n + 1),
+        np.zeros(n + 2),
+        slip.copy(),
+        np.zeros(6),
     )
-    rest, given = _rest(plant, old, old_rest, growth, position)
-    n = memory.displacement.size - 1
-    if not by_force and plant.soft[0] == 0.0:  # docs/model.md (45)
-        memory.tension[0] += (given[1] - plant.soft[1] * old.tension[1]) / plant.soft[1]
+    target, rigid_in = goal if by_force else goal - position, not by_force and plant.soft[0] == 0.0
+    if rigid_in:  # docs/model.md (45)
+        target += given[0]
+        memory.tension[0] += (given[1] - plant.soft[1] * tension[1]) / plant.soft[1]
     if plant.load == np.inf and plant.soft[n + 1] == 0.0:
-        memory.tension[n + 1] += (given[n] - plant.soft[n] * old.tension[n]) / plant.soft[n]
-    solves = 1
-    if not _hangs_loose(plant, memory, given, by_force, goal):
+        memory.tension[n + 1] += (given[n] - plant.soft[n] * tension[n]) / plant.soft[n]
+    solves, weight = 1, tension[n + 1]
+    if not _hangs_loose(plant, memory, given, by_force, target):
         cone, room = workspace(plant)
-        weight = old.tension[n + 1]
-        change, solves = balanced(plant, memory, by_force, goal, weight, 0.0, UNTIMED, rest, cone, room)
+        change, solves = balanced(plant, memory, by_force, target, weight, 0.0, UNTIMED, given, cone, room)
         solves = solves if change < np.inf else 0
-    if not by_force and plant.soft[0] == 0.0 and memory.tension[0] > 0.0:
-        memory.displacement[0] = goal  # to the last digit: held there, the tendon shall not seem to move
-    return memory, rest, _ends(plant, memory, rest, by_force, goal), length, solves
+    drive_moved, load, elongation = _ends(plant, memory, given, displacement[n])
+    where = position + drive_moved if by_force else goal
+    moved = displacement + memory.displacement
+    if rigid_in and memory.tension[0] > 0.0:
+        moved[0] = goal  # to the last digit: held there, the tendon shall not seem to move
+    return (memory.tension, moved, memory.slip, rest), (where, load, elongation), length, solves
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _rest(plant, old, old_rest, growth, position):
+def _rest(plant, tension, displacement, old_rest, growth, position):
     """Return the rest of each bar on the new route, and its stretch if no contact moves [m].
 
     A bar keeps its tension where its length or compliance changed; negative stretch is slack.
@@ -276,16 +289,16 @@ def _rest(plant, old, old_rest, growth, position):
     last = old_rest.size - 1
     rest, given = np.empty(last + 1), np.empty(last + 1)
     for j in range(last + 1):
-        apart = old.displacement[j - 1] if j > 0 else position
-        apart -= old.displacement[j] if j < last else 0.0
-        pull = old.tension[j]
+        apart = displacement[j - 1] if j > 0 else position
+        apart -= displacement[j] if j < last else 0.0
+        pull = tension[j]
         given[j] = (plant.soft[j] * pull if pull > 0.0 else min(apart + old_rest[j], 0.0)) + growth[j]
         rest[j] = given[j] - apart if plant.soft[j] > 0.0 else 0.0
     return rest, given
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _hangs_loose(plant, memory, given, by_force, goal):
+def _hangs_loose(plant, memory, given, by_force, target):
     """Return whether the drive lets all tension go; the memory then has what each contact did.
 
     No tension at one contact is none anywhere, so the tendon hangs loose as soon as its path is no longer
@@ -294,20 +307,18 @@ def _hangs_loose(plant, memory, given, by_force, goal):
     n = memory.displacement.size - 1
     if plant.load == 0.0 or np.any(plant.force > 0.0) or np.any(plant.drag > 0.0):
         return False
-    if goal > 0.0 if by_force else plant.soft[0] > 0.0:
+    if target > 0.0 if by_force else plant.soft[0] > 0.0:
         return False
     most = np.empty(n + 1)
     most[n] = 0.0 if plant.soft[n + 1] == 0.0 else -given[n + 1]
     for i in range(n, 0, -1):
         most[i - 1] = most[i] - given[i]
-    least = -np.inf if by_force else goal - memory.displacement[0]
+    least = -np.inf if by_force else target
     if least > most[0]:
         return False
     for i in range(n + 1):
         moved = min(max(least, 0.0), most[i])
-        memory.displacement[i] += moved
-        memory.travel[i] += abs(moved)
-        memory.speed[i] = moved / UNTIMED
+        memory.displacement[i] = moved
         memory.slip[i] = PULLED if moved > 0.0 else RELEASED if moved < 0.0 else STUCK
         if i < n:
             least = moved + given[i + 1]
@@ -316,18 +327,19 @@ def _hangs_loose(plant, memory, given, by_force, goal):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _ends(plant, memory, rest, by_force, goal):
-    """Return the displacement of the drive and of the load, and the elongation [m]."""
+def _ends(plant, memory, given, load):
+    """Return how far the drive moved, where the load is that was at `load`, and the elongation [m]."""
     tension, moved, n = memory.tension, memory.displacement, memory.displacement.size - 1
     elongation = 0.0
     for j in range(1, n + 1):
         elongation += plant.soft[j] * (tension[j] - plant.pretension)  # docs/model.md (44)
         if tension[j] <= 0.0:
-            elongation += min(moved[j - 1] - moved[j] + rest[j], 0.0)
-    drive = moved[0] + plant.soft[0] * tension[0] - rest[0] if by_force else goal
-    load, series = moved[n], plant.soft[n + 1]
+            elongation += min(moved[j - 1] - moved[j] + given[j], 0.0)
+    drive = moved[0] + plant.soft[0] * tension[0] - given[0]
+    series = plant.soft[n + 1]
+    load += moved[n]
     if plant.load > 0.0:
         series -= 1.0 / plant.load
         if tension[n + 1] <= 0.0 and plant.soft[n + 1] > 0.0:
-            load += max(-moved[n] - rest[n + 1], 0.0)
+            load += max(-moved[n] - given[n + 1], 0.0)
     return drive, load - series * (tension[n + 1] - plant.pretension), elongation

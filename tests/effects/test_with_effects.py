@@ -75,37 +75,37 @@ def test_an_effect_of_size_zero_is_the_base_bit_for_bit(name):
 @pytest.mark.parametrize("name", KINDS)
 def test_a_simulated_run_is_the_prediction_of_the_march(name, drive):
     rig = with_effects(with_size(KINDS[name]))
-    told, seen = predict(RUNS[drive], ARCS, rig, drive=drive), moments(drive, rig)
-    read = [m.readings or true(m) for m in seen]
+    expected, result = predict(RUNS[drive], ARCS, rig, drive=drive), moments(drive, rig)
+    read = [m.readings or true(m) for m in result]
     for channel in CHANNELS:
-        assert [row[channel] for row in read] == pytest.approx(told[channel], rel=1e-12, abs=1e-14)
-    assert bool(seen[0].readings) == sensors_err(rig) == (KINDS[name].hook == "observation")
+        assert [row[channel] for row in read] == pytest.approx(expected[channel], rel=1e-12, abs=1e-14)
+    assert bool(result[0].readings) == sensors_err(rig) == (KINDS[name].hook == "observation")
 
 
 def true(moment):
-    seen = moment.transmission
+    result = moment.transmission
     return {
-        "tension_in_N": seen.tension_in,
-        "tension_out_N": seen.tension_out,
-        "elongation_m": seen.elongation,
-        "displacement_in_m": seen.displacement_in,
-        "displacement_out_m": seen.displacement_out,
+        "tension_in_N": result.tension_in,
+        "tension_out_N": result.tension_out,
+        "elongation_m": result.elongation,
+        "displacement_in_m": result.displacement_in,
+        "displacement_out_m": result.displacement_out,
     }
 
 
 def test_a_sensor_that_errs_changes_what_is_read_and_not_what_is():
     spoilt = with_effects(with_size(KINDS["tension_out_gain"]))
     for one, other in zip(moments(FORCE, spoilt), moments(FORCE, MARCH), strict=True):
-        seen = other.transmission
-        assert one.transmission == seen
-        assert one.readings["tension_out_N"] == pytest.approx(1.03 * seen.tension_out, rel=1e-12)
+        result = other.transmission
+        assert one.transmission == result
+        assert one.readings["tension_out_N"] == pytest.approx(1.03 * result.tension_out, rel=1e-12)
 
 
 def test_a_drive_read_by_a_cell_that_errs_pulls_with_what_is():
     rig = with_effects(TensionInGain(gain_error=0.25))
-    (seen,) = simulate(TIME[:1], STILL, rig, tension_in=np.array([10.0]))
-    assert seen.transmission.tension_in == pytest.approx(8.0, rel=1e-15)
-    assert seen.readings["tension_in_N"] == 10.0
+    (result,) = simulate(TIME[:1], STILL, rig, tension_in=np.array([10.0]))
+    assert result.transmission.tension_in == pytest.approx(8.0, rel=1e-15)
+    assert result.readings["tension_in_N"] == 10.0
 
 
 SOME = (
@@ -164,13 +164,13 @@ def test_the_load_answers_beyond_the_dead_zone_and_not_inside_it(name):
     rig = with_effects(with_size(KINDS[name]))
     for tensions in ((14.0, 8.0), (14.0, 3.0, 5.0)):
         state = driven(rig, tensions)
-        seen = transmit(state, rig)
-        assert seen.dead_zone
+        result = transmit(state, rig)
+        assert result.dead_zone
         for share, answers in ((0.999, False), (1.001, True)):
-            further = tensions[-1] + seen.direction_index * share * seen.dead_zone_width
+            further = tensions[-1] + result.direction_index * share * result.dead_zone_width
             moved = transmit(step(state, ARCS, rig, tension_in=further, time=9.0), rig)
             assert moved.dead_zone != answers
-            assert (abs(moved.tension_out - seen.tension_out) > 1e-6) == answers
+            assert (abs(moved.tension_out - result.tension_out) > 1e-6) == answers
 
 
 def test_backlash_is_a_dead_zone_of_a_driven_position():
@@ -184,8 +184,8 @@ def test_backlash_is_a_dead_zone_of_a_driven_position():
 
 def test_the_front_is_where_the_corner_list_has_it():
     for tensions in ((3.0,), (14.0,), (14.0, 9.0), (14.0, 9.0, 9.0)):
-        exact, seen = (transmit(driven(rig, tensions), rig).slip_front for rig in (RIG, MARCH))
-        assert seen == pytest.approx(exact, abs=0.25)  # one bar of thirty
+        exact, result = (transmit(driven(rig, tensions), rig).slip_front for rig in (RIG, MARCH))
+        assert result == pytest.approx(exact, abs=0.25)  # one bar of thirty
 
 
 @pytest.mark.parametrize("name", KINDS)
@@ -238,7 +238,7 @@ def test_a_pretension_that_errs_is_that_of_the_tendon_at_rest():
 
 
 @pytest.mark.parametrize(
-    ("drives", "told"),
+    ("drives", "expected"),
     [
         ({"tension_in": 5.0}, "act over time"),
         ({"tension_in": 5.0, "time": 0.5}, "from 1 to 0.5 s: give increasing"),
@@ -248,9 +248,9 @@ def test_a_pretension_that_errs_is_that_of_the_tendon_at_rest():
         ({"tension_in": 5.0, "time": 2.0, "temperature": math.nan}, "give a finite one"),
     ],
 )
-def test_a_step_that_effects_cannot_take_is_refused(drives, told):
+def test_a_step_that_effects_cannot_take_is_refused(drives, expected):
     rig = with_effects(Creep(ratio=0.1))
-    with pytest.raises(SettingsError, match=told):
+    with pytest.raises(SettingsError, match=expected):
         step(driven(rig, (3.0, 5.0)), ARCS, rig, **drives)
 
 
@@ -266,9 +266,9 @@ def test_a_saved_state_goes_on_with_a_sensor_that_lags_since():
 
 def test_the_error_of_a_loose_tendon_is_none():
     rig = changed(RIG, tendon=Tendon(pretension_N=1.5), effects=(VelocityDependentFriction(gain=0.3),))
-    seen = transmit(step(pretensioned(rig), ARCS, rig, tension_in=0.0, time=0.0), rig)
-    assert math.isfinite(seen.elongation_se)
-    assert seen.tension_out_se == 0.0
+    result = transmit(step(pretensioned(rig), ARCS, rig, tension_in=0.0, time=0.0), rig)
+    assert math.isfinite(result.elongation_se)
+    assert result.tension_out_se == 0.0
 
 
 def test_a_weight_that_runs_away_and_a_drive_that_lags_are_refused():
@@ -297,7 +297,7 @@ def test_standard_errors_are_those_of_the_whole_run_on_other_routes(name):
     spread = np.random.default_rng(0).standard_normal((2 * k, 2 * k))
     root = spread * np.concatenate((np.full(k, 2e-4), np.full(k, 0.02))) / math.sqrt(2 * k)
     rows = [10, 25, 45, 70, 100]  # pulled, held, in a dead zone, in a loop inside of a loop, released
-    told = moments(FORCE, rig, MovingRoute(np.zeros(1), [replace(ARCS, covariance=root.T @ root)]))
+    expected = moments(FORCE, rig, MovingRoute(np.zeros(1), [replace(ARCS, covariance=root.T @ root)]))
     at, variance = moments(FORCE, rig), np.zeros((2, len(rows)))
     for way in root:  # C = Σ way way', each a direction in which the whole run is gone through again
         length, angle = ARCS.length + 1e-3 * way[:k], ARCS.angle + 1e-3 * way[k:]
@@ -308,6 +308,6 @@ def test_standard_errors_are_those_of_the_whole_run_on_other_routes(name):
             variance[1, row] += (1e3 * (one.tension_out - other.tension_out)) ** 2
     low, high = WITHIN.get(name, (0.8, 1.2))
     for row, i in enumerate(rows):
-        seen = told[i].transmission
-        assert low < seen.elongation_se / math.sqrt(variance[0, row]) < high
-        assert low < seen.tension_out_se / math.sqrt(variance[1, row]) < high
+        result = expected[i].transmission
+        assert low < result.elongation_se / math.sqrt(variance[0, row]) < high
+        assert low < result.tension_out_se / math.sqrt(variance[1, row]) < high
