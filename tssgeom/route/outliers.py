@@ -17,7 +17,8 @@ class OutlierLimits(NamedTuple):
     square_per_log_count: float = 2.0
     """What each unit of ln n adds to it [1]; derived: as above."""
     floor: float = 1e-4
-    """Residuals below a few of these are never outliers, however exact the other points [spacing]; chosen."""
+    """Noise that every residual is allowed [spacing]: below some five times this none is an outlier, however
+    exact the other points; chosen."""
     share: float = 0.1
     """Most outliers of all values; where there are more, the fit is wrong [1]; chosen."""
 
@@ -28,8 +29,7 @@ class OutlierLimits(NamedTuple):
     bend_share_next_to_end: float = 1.0
     """The same one point farther in [1]; chosen."""
     sharpest: float = 1.0
-    """Greatest turn from point to point that is believed in this test [rad]; chosen: a sharper one comes from
-    an outlier."""
+    """Greatest turn from point to point in this test [rad]; chosen: a sharper one comes from an outlier."""
     neighbours: int = 3
     """Points on either side among which only the worst becomes an outlier at once [1]; chosen."""
     turn_share: float = 0.5

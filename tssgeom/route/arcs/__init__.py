@@ -1,1 +1,1 @@
-"""A chain of circular arcs fitted to points by maximum likelihood, with joints where the points want them."""
+"""A chain of circular arcs fitted to points by maximum likelihood, with as many joints as BIC supports."""

@@ -111,9 +111,21 @@ def twists(
 
 
 @njit(cache=True, nogil=True)
-def _add_tangents(moments: np.ndarray, tangents: WeightedTangents, chain: Chain, frame: np.ndarray) -> float:
-    """Add the rows of the sensed directions to the moments of their pieces; returns their cost, (94)."""
+def _add_tangents(
+    moments: np.ndarray,
+    tangents: WeightedTangents | None,
+    chain: Chain,
+    position: np.ndarray,
+    frame: np.ndarray,
+) -> float:
+    """Add the rows of the sensed directions to the moments of their pieces; returns their cost, (94).
+
+    Numba leaves a branch out only where an argument itself is None, not a field of one.
+    """
+    if tangents is None:
+        return 0.0
     unit, weight, s, joints, bend = tangents.unit, tangents.weight, chain.stations, chain.joints, chain.bend
+    added = np.zeros(moments.shape)
     row, local, by, off = np.zeros(9), np.empty((4, 3)), np.empty((2, 3)), np.empty(3)
     cost, j = 0.0, 0
     for i in range(len(s)):
@@ -127,7 +139,7 @@ def _add_tangents(moments: np.ndarray, tangents: WeightedTangents, chain: Chain,
         _turn_by_curvature(k0, k1, here, by)
         for c in range(3):
             off[c] = unit[i, 0] * frame[j, c, 0] + unit[i, 1] * frame[j, c, 1] + unit[i, 2] * frame[j, c, 2]
-        own = moments[j]
+        own = added[j]
         for part in range(2, 4):  # t × e1 = e2, t × e2 = -e1
             sign = 1.0 if part == 2 else -1.0
             row[6], row[7], row[8] = 0.0, 0.0, 0.0
@@ -140,6 +152,8 @@ def _add_tangents(moments: np.ndarray, tangents: WeightedTangents, chain: Chain,
             for a in range(3, 8):
                 for b in range(a, 9):
                     own[a, b] += w * row[a] * row[b]
+    _to_world(added, position, frame)
+    moments += added
     return cost
 
 
@@ -204,11 +218,7 @@ def normal_equations(
         moments, square, cost = moments_across(data, chain, position, frame, reach)
     else:
         moments, square, cost = moments_known(data, chain, position, frame)
-    if data.tangents is not None:
-        of_tangents = np.zeros(moments.shape)
-        cost += _add_tangents(of_tangents, data.tangents, chain, frame)
-        _to_world(of_tangents, position, frame)
-        moments += of_tangents
+    cost += _add_tangents(moments, data.tangents, chain, position, frame)
     m, k = len(twist), len(chain.bend)
     beyond = np.zeros((k + 1, 6, 7))  # moments, and those with the residual, of a piece and all that follow
     for j in range(k - 1, -1, -1):
