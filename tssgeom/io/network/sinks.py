@@ -22,7 +22,7 @@ class Sink:
     text: str = "none"
     """Its address, as the user reads it."""
     unsent: int = 0
-    """Lines that found no room."""
+    """Lines without room."""
 
     def publish(self, line: bytes, result: FrameResult | None) -> None:
         """Send one line; `result` is the result that it holds, if it answers a good frame."""
