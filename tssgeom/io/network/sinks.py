@@ -17,9 +17,9 @@ _SLOW = f"it has not read {BACKLOG} bytes of results (1 MiB) that wait for it"
 
 
 class Sink:
-    """Answers to one address; without any of its methods overridden, they are discarded."""
+    """Answers to one address; the default methods discard them."""
 
-    text: str = "none"
+    text: str
     """Its address, as the user reads it."""
     unsent: int = 0
     """Lines without room."""
@@ -42,6 +42,12 @@ class Sink:
 
     def close(self) -> None:
         """Close sockets."""
+
+
+class Nowhere(Sink):
+    """Answers that are discarded."""
+
+    text = "none"
 
 
 class StandardOutput(Sink):
