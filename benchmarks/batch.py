@@ -31,9 +31,9 @@ import numpy as np
 from benchmarks.peer_pipeline import kernel, pelt
 from benchmarks.stages import NOISE, frames
 from benchmarks.tables import machine, number, table
-from pipelines.batch_task import Task, work
-from pipelines.version import tssgeom_version
-from pipelines.work import Options
+from pipelines import tssgeom_version
+from pipelines.batch.task import Task, work
+from pipelines.inputs import RunSettings
 from tssgeom.io.results.run_record import Settings
 from tssgeom.io.storage import Folder
 from tssgeom.rig import Rig, ShapeSensor
@@ -114,12 +114,12 @@ Work = Callable[[Path, Path], None]
 
 def batched(file: Path, out: Path) -> None:
     """Do what a worker of `tssgeom batch` does for one input: digest, tables, notes; no pictures."""
-    chosen = Options(_RIG, None, 15.0, None, None)
-    settings = Settings(tension_in_N=15.0, unit=None, rig_file=None, rig=_RIG, pictures=False)
+    settings = RunSettings(_RIG, None, 15.0, None, None)
+    recorded = Settings(tension_in_N=15.0, unit=None, rig_file=None, rig=_RIG, pictures=False)
     name, place = file.stem, str(file)
     folder = Folder.of(str(out))
     size = file.stat().st_size
-    task = Task(name, place, place, name, size, chosen, settings, tssgeom_version(), folder, figures=False)
+    task = Task(name, place, place, name, size, settings, recorded, tssgeom_version(), folder, figures=False)
     outcome = work(task)
     if outcome.done is None or outcome.unchanged:
         raise RuntimeError(f"{file}: {outcome.reason or 'done before'}: the benchmark needs a fresh folder")

@@ -1,88 +1,117 @@
-"""`tssgeom analyse`: one table, or JSON, of a few shapes."""
+"""`tssgeom analyse`: one table, or JSON, of a few shapes.
+
+What it needs is imported when it runs, so that `--help` is quick.
+"""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-from pipelines.console import say
-from pipelines.drawing import write_shape_figures
-from pipelines.summary_table import show_summary
-from pipelines.surroundings import Surroundings, surroundings, tell_clearance
-from pipelines.work import Options, each_analysis, inputs_of
-from tssgeom.atomic import replacing, write_text
-from tssgeom.errors import SettingsError
-from tssgeom.io.formats.files import ANALYSIS_MARK
-from tssgeom.io.results.exports import selected_endings, tension_line, write_exports
-from tssgeom.io.results.shapes import Analysis, analysis_object, summary_row
-from tssgeom.tendon.state import tension
+import typer
+
+from pipelines.options import TENSION_IN, Figures, Inputs, Json, Quiet, RigFile, TensionIn, TubeMm, Unit
+from pipelines.terminal import json_text, print_json
+
+if TYPE_CHECKING:
+    from pipelines.inputs import RunSettings
+    from pipelines.lumen import SensedLumen
+    from tssgeom.io.results.shapes import Analysis
 
 _SLENDERNESS = 150
-"""Length of a route over the radius of its tube where none is given, so that it looks well at any size."""
+"""Length of a route over the radius of its tube in the mesh, where no diameter is given [1]; chosen."""
 
 
-def run(
-    shapes: Sequence[Path],
-    chosen: Options,
-    *,
-    out: Path | None,
-    export: str,
-    figures: Path | None,
-    as_json: bool,
-    quiet: bool,
-) -> int:
-    """Analyse the shapes and return the exit status.
+def analyse(
+    shapes: Inputs,
+    rig: RigFile = None,
+    tension_in: TensionIn = TENSION_IN,
+    unit: Unit = None,
+    as_json: Json = False,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Folder for result.json, .rrd and tube .glb.")
+    ] = None,
+    export: Annotated[
+        str, typer.Option("--export", help="Files for other programs, in DIR: any of mrk.json,vtp,ply,csv.")
+    ] = "",
+    lumen: Annotated[
+        Path | None, typer.Option("--lumen", help="Mesh around the route; NAME_lumen.* beside it by default.")
+    ] = None,
+    tube_mm: TubeMm = None,
+    figures: Figures = None,
+    quiet: Quiet = False,
+) -> None:
+    """Report length, angle, pieces, distal tension and elongation of each shape."""
+    from pipelines.inputs import each_analysis, inputs_of, run_settings
+    from tssgeom.errors import SettingsError
+    from tssgeom.io.results.exports import selected_endings
 
-    Raises
-    ------
-    SettingsError
-        Where an export is asked for but no folder for it, or one that is not known.
-    """
+    settings = run_settings(rig, tension_in, unit, lumen=lumen, tube_mm=tube_mm)
     if export and out is None:
         raise SettingsError(f"--export {export}: there is no folder to write to: give --out DIR too")
-    endings = selected_endings(export)
-    objects, rows = list[dict[str, Any]](), list[dict[str, Any]]()
-
-    def finish(analysis: Analysis) -> None:
-        objects.append(analysis_object(analysis))
-        rows.append(summary_row(analysis))
-        around = surroundings(Path(analysis.source), analysis.unit, chosen)
-        if around is not None:
-            tell_clearance(objects[-1], rows[-1], analysis, around)
-        if out is not None:
-            draw(analysis, chosen, out, endings, around)
-        if figures is not None:
-            write_shape_figures(figures, analysis.name, analysis.results, timed=analysis.timed)
-
-    found = list(inputs_of(shapes, besides=[] if out is None else [out]))
-    tally = each_analysis(found, chosen, finish, quiet=quiet or as_json)
-    one_file = found == list(shapes) and len(found) == 1  # no folder of files, no file of several shapes
-    if out is not None and objects:
-        write_text(out / ANALYSIS_MARK, as_text(objects, one_file=one_file) + "\n")
-    if as_json and (objects or not one_file):
-        say(as_text(objects, one_file=one_file))
-    elif not quiet and objects:
-        show_summary(rows, chosen)
-    return tally.status
+    results = _Results(settings, out, selected_endings(export), figures)
+    inputs = list(inputs_of(shapes, besides=[] if out is None else [out]))
+    tally = each_analysis(inputs, settings, results.add, quiet=quiet or as_json)
+    one_file = inputs == list(shapes) and len(inputs) == 1  # no folder of files, no file of several shapes
+    results.report(one_file=one_file, as_json=as_json, quiet=quiet)
+    raise typer.Exit(tally.status)
 
 
-def as_text(objects: Sequence[dict[str, Any]], *, one_file: bool) -> str:
-    """Return the objects as JSON: the object itself where one file was asked for, else a list."""
-    return json.dumps(objects[0] if one_file else objects, indent=1, ensure_ascii=False, allow_nan=False)
+class _Results:
+    """JSON objects and summary rows of all inputs, and the files of each."""
+
+    def __init__(
+        self, settings: RunSettings, out: Path | None, endings: Sequence[str], figures: Path | None
+    ) -> None:
+        self._settings, self._out, self._endings, self._figures = settings, out, endings, figures
+        self._objects, self._rows = list[dict[str, Any]](), list[dict[str, Any]]()
+
+    def add(self, analysis: Analysis) -> None:
+        """Take in the analysis of one input, and write its files."""
+        from pipelines.figures import write_shape_figures
+        from pipelines.lumen import add_clearance, lumen_of
+        from tssgeom.io.results.shapes import analysis_object, summary_row
+
+        self._objects.append(analysis_object(analysis))
+        self._rows.append(summary_row(analysis))
+        lumen = lumen_of(Path(analysis.source), analysis.unit, self._settings)
+        if lumen is not None:
+            add_clearance(self._objects[-1], self._rows[-1], analysis, lumen)
+        if self._out is not None:
+            write_scene(analysis, self._settings, self._out, self._endings, lumen)
+        if self._figures is not None:
+            write_shape_figures(self._figures, analysis.name, analysis.results, timed=analysis.timed)
+
+    def report(self, *, one_file: bool, as_json: bool, quiet: bool) -> None:
+        """Write result.json and print JSON or the table; of one file the object itself, else a list."""
+        from pipelines.summary_table import print_summary
+        from tssgeom.atomic import write_text
+        from tssgeom.io.formats.files import ANALYSIS_MARK
+
+        objects = self._objects
+        value = objects[0] if one_file and objects else objects
+        if self._out is not None and objects:
+            write_text(self._out / ANALYSIS_MARK, json_text(value) + "\n")
+        if as_json and (objects or not one_file):
+            print_json(value)
+        elif not quiet and objects:
+            print_summary(self._rows, self._settings)
 
 
-def draw(
-    analysis: Analysis, chosen: Options, out: Path, endings: Sequence[str], around: Surroundings | None
+def write_scene(
+    analysis: Analysis, settings: RunSettings, out: Path, endings: Sequence[str], lumen: SensedLumen | None
 ) -> None:
-    """Write the Rerun recording of an input, the tube of the frame that is told, and that for other programs.
+    """Write the Rerun recording of an input, and of the summary's frame the tube and the exported files.
 
     Raises
     ------
     SourceError
-        Where the disk refuses, or what a format needs is missing.
+        Where the disk refuses, or a library that a format needs is missing.
     """
+    from tssgeom.atomic import replacing
+    from tssgeom.io.results.exports import tension_line, write_exports
+    from tssgeom.tendon.state import tension
     from tssgeom.view.mesh import tube
     from tssgeom.view.scene.recording import write_recording
 
@@ -92,14 +121,14 @@ def draw(
         analysis.name,
         analysis.results,
         timed=analysis.timed,
-        lumen=None if around is None else around.mesh,
-        clearance=None if around is None else around.sketch,
+        lumen=None if lumen is None else lumen.mesh,
+        clearance=None if lumen is None else lumen.clearance_in_picture,
     )
-    told = analysis.representative
-    radius = chosen.tube_radius or told.profile.length / _SLENDERNESS
-    pull = tension(told.state, told.profile.phi, told.profile.s)
-    line = tension_line(analysis.name, analysis.unit, told, pull)
-    mesh = tube(told.route.position, told.route.tangent, pull, radius, carried=line.values)
+    result = analysis.representative
+    radius = settings.tube_radius or result.profile.length / _SLENDERNESS
+    pull = tension(result.state, result.profile.phi, result.profile.s)
+    line = tension_line(analysis.name, analysis.unit, result, pull)
+    mesh = tube(result.route.position, result.route.tangent, pull, radius, carried=line.values)
     with replacing(out / f"{analysis.name}.glb") as draft:
         mesh.export(draft)
     write_exports(out, endings, line, mesh)

@@ -1,22 +1,25 @@
-"""`tssgeom calibrate`: friction, compliance and zeros of a rig from a pull and release on a known shape."""
+"""`tssgeom calibrate`: friction, compliance and zeros of a rig from a pull and release on a known shape.
+
+What it needs is imported when it runs, so that `--help` is quick.
+"""
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-from pipelines.console import complain, say, show
-from pipelines.runs import naming
-from pipelines.version import tssgeom_version
-from pipelines.work import Options, analysis_of, geometry_alone
-from tssgeom.errors import SettingsError, require_replaceable
-from tssgeom.identify.calibration import Calibration, Estimate, calibrate
-from tssgeom.identify.measured import Measured
-from tssgeom.io.formats.runs import MeasuredRun, read_run
-from tssgeom.io.results.run_record import sha256_of
-from tssgeom.rig import Rig, write_rig
-from tssgeom.route.pieces import Arcs
+import typer
+
+from pipelines import tssgeom_version
+from pipelines.options import TENSION_IN, Json, Quiet, RigFile, Unit
+from pipelines.terminal import print_json, print_message, print_table
+
+if TYPE_CHECKING:
+    from tssgeom.identify.calibration import Calibration, Estimate
+    from tssgeom.identify.measured import Measured
+    from tssgeom.io.formats.runs import MeasuredRun
+    from tssgeom.rig import Rig
+    from tssgeom.route.pieces import Arcs
 
 _TITLES = {
     "friction": "friction coefficient μ",
@@ -26,51 +29,62 @@ _TITLES = {
     "take_up": "slack taken up, d_0",
     "take_up_tension": "over a tension of, T_s",
 }
-_SHOWN = {"m": ("mm", 1e3)}
+_PRINTED_UNITS = {"m": ("mm", 1e3)}
 
 
-def run(
-    run_file: Path,
-    shape: Path,
-    chosen: Options,
-    *,
-    out: Path,
-    from_tension: float,
-    as_json: bool,
-    quiet: bool,
-) -> int:
-    """Fit the run, write the rig and tell what was found; return the exit status.
+def calibrate(
+    run: Annotated[Path, typer.Argument(help="Measured pull and release (CSV or Parquet).")],
+    shape: Annotated[Path, typer.Option("--shape", help="Shape of the route during the run.")],
+    out: Annotated[Path, typer.Option("--out", help="Rig file (TOML) to write.")],
+    rig: RigFile = None,
+    from_tension: Annotated[
+        float,
+        typer.Option(
+            "--from-tension", min=0.0, help="Proximal tension below which elongation does not count [N]."
+        ),
+    ] = 4.0,
+    unit: Unit = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Estimate friction, compliance and sensor zeros, with 95 % intervals, from a run; write them as a rig.
 
-    Raises
-    ------
-    SettingsError, ShapeError, SourceError, FitError
-        Where an input cannot be used, the run tells nothing, or the disk refuses.
+    RUN has a column time_s, a drive (tension_in_N, or else displacement_in_m) and responses (tension_out_N,
+    elongation_m or _mm, or displacement_in_m with displacement_out_m). Friction and compliance go into the
+    rig; zeros are only reported.
     """
+    from pipelines.inputs import analysis_of, run_settings, without_effects
+    from pipelines.runs import errors_naming
+    from tssgeom.errors import SettingsError, require_replaceable
+    from tssgeom.identify import calibration
+    from tssgeom.io.formats.runs import read_run
+    from tssgeom.rig import write_rig
+
+    settings = run_settings(rig, TENSION_IN, unit)
     if out.is_dir():
         raise SettingsError(f"--out {out} is a folder: name the rig file, such as {out / 'rig.toml'}")
     require_replaceable(out)
-    measured = read_run(run_file)
-    analysis = analysis_of(shape.stem, shape, geometry_alone(chosen))
-    route = analysis.results[-1].arcs
-    with naming(run_file, shape):
-        found = calibrate(_columns(measured), route, chosen.rig, from_tension=from_tension)
-    fresh = {name for name in ("friction", "compliance") if found.estimates[name].observable}
-    if not fresh:
+    measured = _columns(read_run(run))
+    result = analysis_of(shape.stem, shape, without_effects(settings)).results[-1]
+    with errors_naming(run, shape):
+        fitted = calibration.calibrate(measured, result.arcs, settings.rig, from_tension=from_tension)
+    if not any(fitted.estimates[name].observable for name in ("friction", "compliance")):
         raise SettingsError(
-            f"{run_file}: neither friction nor compliance can be told from it: record a pull and a release "
+            f"{run}: neither friction nor compliance can be estimated from it: record a pull and a release "
             "with tension_in_N and tension_out_N or elongation_m"
         )
-    write_rig(out, found.applied(chosen.rig), _provenance(run_file, shape, found, route))
-    for warning in (*analysis.results[-1].warnings, *found.warnings):
-        complain(f"{run_file}: warning: {warning}")
+    write_rig(out, fitted.applied(settings.rig), _provenance(run, shape, fitted, result.arcs))
+    for warning in (*result.warnings, *fitted.warnings):
+        print_message(f"{run}: warning: {warning}")
     if as_json:
-        say(json.dumps(_object(run_file, shape, out, found, route, chosen.rig), indent=1, ensure_ascii=False))
+        print_json(_object(run, shape, out, fitted, result.arcs, settings.rig))
     elif not quiet:
-        _show(run_file, out, found, route, chosen.rig)
-    return 0
+        _print_table(run, out, fitted, result.arcs, settings.rig)
 
 
 def _columns(run: MeasuredRun) -> Measured:
+    from tssgeom.identify.measured import Measured
+
     elongation = run.elongation
     if elongation is None and run.displacement_in is not None and run.displacement_out is not None:
         elongation = run.displacement_in - run.displacement_out  # docs/model.md (44)
@@ -79,25 +93,23 @@ def _columns(run: MeasuredRun) -> Measured:
     )
 
 
-def _told(found: Calibration) -> list[Estimate]:
-    return [found.estimates[name] for name in _TITLES if name in found.estimates]
+def _estimates(fitted: Calibration) -> list[Estimate]:
+    return [fitted.estimates[name] for name in _TITLES if name in fitted.estimates]
 
 
 def _nominal(name: str, rig: Rig) -> float | None:
     return {"friction": rig.friction.coefficient, "compliance": rig.tendon.compliance_per_N}.get(name)
 
 
-def _object(
-    run_file: Path, shape: Path, out: Path, found: Calibration, route: Arcs, rig: Rig
-) -> dict[str, Any]:
+def _object(run: Path, shape: Path, out: Path, fitted: Calibration, route: Arcs, rig: Rig) -> dict[str, Any]:
     return {
-        "run": str(run_file),
+        "run": str(run),
         "shape": str(shape),
         "rig": str(out),
         "length_m": route.total_length,
         "total_angle_rad": route.total_angle,
         "total_angle_se_rad": route.total_angle_se,
-        "estimates": {each.name: _estimate(each, rig) for each in _told(found)},
+        "estimates": {each.name: _estimate(each, rig) for each in _estimates(fitted)},
         "channels": [
             {
                 "name": each.name,
@@ -106,62 +118,68 @@ def _object(
                 "readings": each.count,
                 "effective_readings": each.effective_count,
             }
-            for each in found.channels
+            for each in fitted.channels
         ],
-        "warnings": list(found.warnings),
+        "warnings": list(fitted.warnings),
     }
 
 
 def _estimate(each: Estimate, rig: Rig) -> dict[str, Any]:
-    told = {"value": each.value, "ci95": [each.low, each.high]}
-    untold = {"value": None, "ci95": None}
-    seen = told if each.observable else untold
-    return {**seen, "unit": each.unit, "observable": each.observable, "nominal": _nominal(each.name, rig)}
+    return {
+        "value": each.value if each.observable else None,
+        "ci95": [each.low, each.high] if each.observable else None,
+        "unit": each.unit,
+        "observable": each.observable,
+        "nominal": _nominal(each.name, rig),
+    }
 
 
-def _provenance(run_file: Path, shape: Path, found: Calibration, route: Arcs) -> list[str]:
+def _provenance(run: Path, shape: Path, fitted: Calibration, route: Arcs) -> list[str]:
+    """Return the comment at the head of the rig file: inputs with digests, the route, all estimates."""
+    from tssgeom.io.results.run_record import sha256_of
+
     lines = [
         f"Calibrated by tssgeom {tssgeom_version()} calibrate.",
-        f"Run {run_file.name}, SHA-256 {sha256_of(run_file)}",
+        f"Run {run.name}, SHA-256 {sha256_of(run)}",
         f"Shape {shape.name}, SHA-256 {sha256_of(shape)}",
         f"Route: L = {route.total_length:.6g} m, angle {route.total_angle:.6g} rad "
         f"± {route.total_angle_se:.2g} rad (s.e.)",
         "With 95 % intervals; zeros are those of the run and stand here for information:",
-        *(f"  {_TITLES[each.name]}: {_sentence(each)}" for each in _told(found)),
+        *(f"  {_TITLES[each.name]}: {_sentence(each)}" for each in _estimates(fitted)),
     ]
-    return lines + [f"Warning: {warning}" for warning in found.warnings]
+    return lines + [f"Warning: {warning}" for warning in fitted.warnings]
 
 
 def _sentence(each: Estimate) -> str:
     if not each.observable:
-        return "this run does not tell"
+        return "not identifiable from this run"
     return f"{each.value:.6g} {each.unit} [{each.low:.6g}, {each.high:.6g}]".replace(" 1 [", " [")
 
 
-def _show(run_file: Path, out: Path, found: Calibration, route: Arcs, rig: Rig) -> None:
-    rows = [_row(each, rig) for each in _told(found)]
+def _print_table(run: Path, out: Path, fitted: Calibration, route: Arcs, rig: Rig) -> None:
+    rows = [_row(each, rig) for each in _estimates(fitted)]
     fits = [
         f"{each.name}: {each.count} readings met within "
         + _number(each.rms, each.unit)
         + f" rms; as their errors last, they count as {each.effective_count:.0f}"
-        for each in found.channels
+        for each in fitted.channels
     ]
-    title = (
-        f"{run_file.name} on a route of {1e3 * route.total_length:.1f} mm, Φ = {route.total_angle:.4f} rad"
+    title = f"{run.name} on a route of {1e3 * route.total_length:.1f} mm, Φ = {route.total_angle:.4f} rad"
+    print_table(
+        title, ("", "value", "95 % interval", "unit", "rig before"), rows, notes=[*fits, f"rig: {out}"]
     )
-    show(title, ("", "value", "95 % interval", "unit", "rig before"), rows, notes=[*fits, f"rig: {out}"])
 
 
 def _row(each: Estimate, rig: Rig) -> list[str]:
     before = _nominal(each.name, rig)
     nominal = "" if before is None else f"{before:.5g}"
-    unit, factor = _SHOWN.get(each.unit, (each.unit, 1.0))
+    unit, factor = _PRINTED_UNITS.get(each.unit, (each.unit, 1.0))
     if not each.observable:
-        return [_TITLES[each.name], "not told", "", unit, nominal]
+        return [_TITLES[each.name], "not identifiable", "", unit, nominal]
     value, low, high = (f"{factor * number:.5g}" for number in (each.value, each.low, each.high))
     return [_TITLES[each.name], value, f"{low} to {high}", unit, nominal]
 
 
 def _number(value: float, unit: str) -> str:
-    name, factor = _SHOWN.get(unit, (unit, 1.0))
+    name, factor = _PRINTED_UNITS.get(unit, (unit, 1.0))
     return f"{factor * value:.3g} {name}"

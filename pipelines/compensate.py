@@ -1,68 +1,75 @@
-"""`tssgeom compensate`: the proximal command that makes the distal end follow a target."""
+"""`tssgeom compensate`: the proximal command that makes the distal end follow a target.
+
+What it needs is imported when it runs, so that `--help` is quick.
+"""
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
+from typing import Annotated
 
-import numpy as np
+import typer
 
-from pipelines.console import say, show, tracking
-from pipelines.runs import naming, sensed_route, temperature_of, warn_of_doubts
-from pipelines.summary_table import acting
-from pipelines.work import Options
-from tssgeom.io.formats.columns import CHANNELS
-from tssgeom.io.formats.runs import read_run
-from tssgeom.io.results.tables import write_commands
-from tssgeom.tendon.command import Command
-from tssgeom.tendon.simulation import commands
+from pipelines.options import TENSION_IN, Json, Quiet, RigFile, Shapes, Unit
+from pipelines.terminal import print_json, print_line, print_table
 
 TABLE = "compensate.parquet"
 _TARGETS = ("displacement_out_m", "tension_out_N")
 
 
-def run(shapes: Path, target: Path, chosen: Options, *, out: Path, as_json: bool, quiet: bool) -> int:
-    """Find the commands for a run and return the exit status.
+def compensate(
+    shapes: Shapes,
+    target: Annotated[
+        Path,
+        typer.Option("--target", help="Run (CSV, Parquet): time_s and displacement_out_m or tension_out_N."),
+    ],
+    out: Annotated[Path, typer.Option("--out", help="Folder for compensate.parquet.")],
+    rig: RigFile = None,
+    unit: Unit = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Compute the proximal command that makes the distal end follow a target."""
+    from pipelines.inputs import run_settings
+    from pipelines.runs import computed_rows, sensed_route, temperature_of, value_range, warn_about_rig
+    from pipelines.summary_table import with_effects
+    from tssgeom.io.formats.columns import CHANNELS
+    from tssgeom.io.formats.runs import read_run
+    from tssgeom.io.results.tables import write_commands
+    from tssgeom.tendon import simulation
 
-    Raises
-    ------
-    SettingsError, ShapeError, SourceError, FitError
-        Where an input cannot be used, a target is out of reach, or the disk refuses.
-    """
-    wanted = read_run(target)
-    name, values = wanted.channel(_TARGETS)
-    sensed = sensed_route(shapes, chosen)
-    found = list[Command]()
-    with tracking(1, quiet=quiet or as_json) as tracker:
-        tracker.begin(f"{sensed.name} follows {wanted.name}")
-        warm, targets = temperature_of(wanted, chosen), {CHANNELS[name][0]: values}
-        with naming(target, shapes):
-            for command in commands(wanted.time, sensed.route, chosen.rig, temperature=warm, **targets):
-                found.append(command)
-                tracker.frame(len(values))
-        tracker.end(str(target))
-    warn_of_doubts(target, sensed, chosen.rig, max(one.tension_in for one in found))
-    write_commands(out / TABLE, wanted.time.tolist(), found)
-    places = np.array([one.displacement_in for one in found])
-    tensions = np.array([one.tension_in for one in found])
+    settings = run_settings(rig, TENSION_IN, unit)
+    run = read_run(target)
+    channel, values = run.channel(_TARGETS)
+    sensed = sensed_route(shapes, settings)
+    rows = simulation.commands(
+        run.time,
+        sensed.route,
+        settings.rig,
+        temperature=temperature_of(run, settings),
+        **{CHANNELS[channel][0]: values},
+    )
+    title = f"{sensed.name} follows {run.name}"
+    commands = computed_rows(rows, run, shapes, title, quiet=quiet or as_json)
+    warn_about_rig(target, sensed, settings.rig, max(one.tension_in for one in commands))
+    write_commands(out / TABLE, run.time.tolist(), commands)
+    drive = value_range([one.displacement_in for one in commands])
+    tension = value_range([one.tension_in for one in commands])
     if as_json:
-        summary = {
-            "shape": sensed.name,
-            "rejected": sensed.rejected,
-            "run": wanted.name,
-            "target": name,
-            "rows": len(found),
-            "range": {
-                "displacement_in_m": [places.min(), places.max()],
-                "tension_in_N": [tensions.min(), tensions.max()],
-            },
-            "files": [(out / TABLE).as_posix()],
-        }
-        say(json.dumps(summary, indent=1, ensure_ascii=False))
+        print_json(
+            {
+                "shape": sensed.name,
+                "rejected": sensed.rejected,
+                "run": run.name,
+                "target": channel,
+                "rows": len(commands),
+                "range": {"displacement_in_m": drive, "tension_in_N": tension},
+                "files": [(out / TABLE).as_posix()],
+            }
+        )
     elif not quiet:
-        title = f"{sensed.name} follows {name} of {wanted.name}: {len(found)} commands" + acting(chosen)
-        drive = f"{1e3 * places.min():.3f}–{1e3 * places.max():.3f}"
-        pull = f"{tensions.min():.2f}–{tensions.max():.2f}"
-        show(title, ("target", "drive [mm]", "T_in [N]"), [(name, drive, pull)])
-        say(f"table: {out / TABLE}")
-    return 1 if sensed.rejected else 0
+        title = f"{sensed.name} follows {channel} of {run.name}: {len(commands)} commands"
+        cells = (channel, f"{1e3 * drive[0]:.3f}–{1e3 * drive[1]:.3f}", f"{tension[0]:.2f}–{tension[1]:.2f}")
+        print_table(title + with_effects(settings), ("target", "drive [mm]", "T_in [N]"), [cells])
+        print_line(f"table: {out / TABLE}")
+    raise typer.Exit(1 if sensed.rejected else 0)

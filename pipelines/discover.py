@@ -1,70 +1,71 @@
-"""`tssgeom discover`: what the model of a rig lacks, found in measured runs, named, and put into the rig."""
+"""`tssgeom discover`: the effects that the model of a rig lacks, identified from measured runs.
+
+What it needs is imported when it runs, so that `--help` is quick.
+"""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
-from pipelines.console import say, show, stepping
-from pipelines.drawing import write_figures
-from pipelines.version import tssgeom_version
-from tssgeom.atomic import replacing_all
-from tssgeom.errors import SettingsError
-from tssgeom.identify.finding import Finding
-from tssgeom.identify.workflow import discover
-from tssgeom.io.formats.campaigns import read_campaign
-from tssgeom.io.results.findings import report_object, write_report, write_updated_rig
+import typer
+
+from pipelines import tssgeom_version
+from pipelines.options import Figures, Json, Quiet, Unit
+from pipelines.terminal import print_json, print_line, print_table, step_progress
+
+if TYPE_CHECKING:
+    from tssgeom.identify.finding import Finding
 
 PAGE, PICTURE = "report.html", "discover.rrd"
-_MOST_TOLD = 3
-_FOUND, _READ = 0.92, 0.03  # share of the work that is done when the search has ended, and begins
+_MOST_EXPERIMENTS = 3  # chosen: experiments in the notes; the report has all
+_READ, _IDENTIFIED = 0.03, 0.92  # share of the work done when the identification begins, and ends; chosen
+_RUNS = {"held_out": "runs held out", "fitted": "fitted runs"}
 
 
-def run(
-    campaign: Path,
-    *,
-    out: Path,
-    seed: int,
-    unit: str | None,
-    figures: Path | None,
-    as_json: bool,
-    quiet: bool,
-) -> int:
-    """Find what is missing, write report, page, rig and recording, and return the exit status.
+def discover(
+    campaign: Annotated[
+        Path, typer.Argument(help="Folder with campaign.toml: measured runs and their shapes.")
+    ],
+    out: Annotated[Path, typer.Option("--out", help="Folder for report, updated rig and recording.")],
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the simulated clean campaigns.")] = 0,
+    unit: Unit = None,
+    figures: Figures = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Find what the model lacks on measured runs, name it, put it into the rig, and show the gap shrink."""
+    from tssgeom.errors import SettingsError
+    from tssgeom.identify import workflow
+    from tssgeom.io.formats.campaigns import read_campaign
+    from tssgeom.io.results.findings import report_object
 
-    Raises
-    ------
-    SettingsError, ShapeError, SourceError, FitError
-        Where the campaign cannot be used or the disk refuses.
-    """
     if out.exists() and not out.is_dir():
         raise SettingsError(f"--out {out} is a file: name a folder")
-    with stepping(quiet=quiet or as_json) as tell:
-        tell("reading the campaign", 0.0)
-        given = read_campaign(campaign, unit)
-        finding = discover(given, seed=seed, progress=lambda step, share: tell(step, _overall(share)))
-        tell("writing the report", _FOUND)
+    with step_progress(quiet=quiet or as_json) as report_step:
+
+        def identifying(step: str, share: float) -> None:
+            report_step(step, _READ + share * (_IDENTIFIED - _READ))
+
+        report_step("reading the campaign", 0.0)
+        finding = workflow.discover(read_campaign(campaign, unit), seed=seed, progress=identifying)
+        report_step("writing the report", _IDENTIFIED)
         files = _write(out, finding)
         if figures is not None:
-            from tssgeom.view.report.finding import figures_of
-
-            write_figures(figures, finding.campaign.name, figures_of(finding))
-        tell("done", 1.0)
+            _write_figures(figures, finding)
+        report_step("done", 1.0)
     if as_json:
-        report = report_object(finding, tssgeom_version())
-        say(json.dumps(report, indent=1, ensure_ascii=False, allow_nan=False))
+        print_json(report_object(finding, tssgeom_version()))
     elif not quiet:
-        _tell(finding, out, files)
-    return 0
-
-
-def _overall(share: float) -> float:
-    return _READ + share * (_FOUND - _READ)
+        _print_table(finding, out, files)
+    raise typer.Exit(0)
 
 
 def _write(out: Path, finding: Finding) -> list[str]:
     """Write all files together, so that a report never stands beside the rig of another."""
+    from tssgeom.atomic import replacing_all
+    from tssgeom.io.results.findings import write_report, write_updated_rig
     from tssgeom.view.report.finding import write_finding_report
     from tssgeom.view.scene.finding.recording import write_finding_recording
 
@@ -76,28 +77,32 @@ def _write(out: Path, finding: Finding) -> list[str]:
         return sorted(path.name for path in draft.iterdir())
 
 
-def _tell(finding: Finding, out: Path, files: Sequence[str]) -> None:
+def _write_figures(folder: Path, finding: Finding) -> None:
+    from pipelines.figures import write_figures
+    from tssgeom.view.report.finding import figures_of
+
+    write_figures(folder, finding.campaign.name, figures_of(finding))
+
+
+def _print_table(finding: Finding, out: Path, files: Sequence[str]) -> None:
     from tssgeom.view import finding_wording as words
 
-    say(f"{words.VERDICTS[finding.verdict]}: {finding.sentence}")
+    print_line(f"{words.VERDICTS[finding.verdict]}: {finding.sentence}")
     judged = words.judged_runs(finding.gap)
     title = (
         f"Measured less simulated, rms, on the {_RUNS[judged]}; “before” has friction and compliance refitted"
     )
     rows = []
     for name, before in finding.gap.before[judged].items():
-        told = words.channel(name)
+        channel = words.channel(name)
         numbers = (finding.gap.noise[name], before, finding.gap.after[judged][name])
-        rows.append((told.label, *(f"{told.factor * number:.3g}" for number in numbers)))
-    show(title, ("channel", "sensors", "before", "after"), rows, notes=_notes(finding))
-    say(f"written to {out}: {', '.join(files)}; picture: tssgeom view {out / PICTURE}")
-
-
-_RUNS = {"held_out": "runs held out", "fitted": "fitted runs"}
+        rows.append((channel.label, *(f"{channel.factor * number:.3g}" for number in numbers)))
+    print_table(title, ("channel", "sensors", "before", "after"), rows, notes=_notes(finding))
+    print_line(f"written to {out}: {', '.join(files)}; picture: tssgeom view {out / PICTURE}")
 
 
 def _notes(finding: Finding) -> list[str]:
-    """Return ties, what to measure, the refitted base, and what is odd about the data, a line each."""
+    """Return ties, experiments that break them, the refitted base, and warnings on the data, a line each."""
     from tssgeom.view import finding_wording as words
 
     notes = [
@@ -106,12 +111,12 @@ def _notes(finding: Finding) -> list[str]:
     ]
     notes += [
         f"next: {each.experiment} (expected ΔBIC {words.expected(each)})"
-        for each in finding.breaks_tie[:_MOST_TOLD]
+        for each in finding.breaks_tie[:_MOST_EXPERIMENTS]
     ]
     notes += [
         f"{words.plain(name)}: {finding.nominal[name]:.4g} in the rig file, {each.value:.4g} refitted"
         for name, each in finding.base.items()
         if name in finding.nominal
     ]
-    odd = dict.fromkeys((*finding.campaign.notes, *finding.notes))
-    return [*notes, *([finding.base_tie] if finding.base_tie else []), *(f"note: {note}" for note in odd)]
+    remarks = dict.fromkeys((*finding.campaign.notes, *finding.notes))
+    return [*notes, *([finding.base_tie] if finding.base_tie else []), *(f"note: {one}" for one in remarks)]

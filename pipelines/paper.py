@@ -1,59 +1,65 @@
-"""`tssgeom paper`: the paper's figures and numbers from the model, beside what it printed."""
+"""`tssgeom paper`: the paper's figures and numbers from the model, beside what it printed.
+
+What it needs is imported when it runs, so that `--help` is quick.
+"""
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-from pipelines.console import say, show, tracking
-from pipelines.drawing import write_figure
-from tssgeom.atomic import replacing, write_text
-from tssgeom.tendon.paper import EXACT, Row, rows
+import typer
+
+from pipelines.options import Json, Quiet
+from pipelines.terminal import counted_progress, print_json, print_table
+
+if TYPE_CHECKING:
+    from tssgeom.tendon.paper import Row
 
 _TITLE = "Sun, Wang and Phee 2014: the paper's numbers and ours"
 _BRACKETS = "Numbers in brackets follow from the paper's equations and are not printed in it."
 _COLUMNS = ("figure", "quantity", "unit", "paper", "ours", "difference")
 
 
-def run(out: Path, *, as_json: bool, quiet: bool) -> int:
-    """Write figures, table and recording into a folder, show the table, and return the exit status.
+def paper(
+    out: Annotated[Path, typer.Option("--out", help="Folder for figures, table and recording.")],
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Draw figures 4 to 8 of the paper from the model, and set its numbers beside ours."""
+    from tssgeom.atomic import write_text
+    from tssgeom.tendon.paper import EXACT, rows
 
-    Raises
-    ------
-    SourceError
-        Where the disk refuses.
-    """
     numbers = rows()
-    written = _draw(out, quiet=quiet or as_json)
+    drawn = _draw(out, quiet=quiet or as_json)
     write_text(out / "paper.csv", _as_csv(numbers))
     write_text(out / "paper.md", _as_markdown(numbers))
-    files = sorted([*written, "paper.csv", "paper.md"])
+    files = sorted([*drawn, "paper.csv", "paper.md"])
     if as_json:
-        told = {"numbers": [_object(row) for row in numbers], "files": files}
-        say(json.dumps(told, indent=1, ensure_ascii=False, allow_nan=False))
+        print_json({"numbers": [_object(row) for row in numbers], "files": files})
     elif not quiet:
         cells = [_cells(row)[:-1] for row in numbers]
         notes = [f"{row.figure}, {row.quantity}: {row.why}" for row in numbers if row.why != EXACT]
-        show(_TITLE, _COLUMNS, cells, notes=[*notes, _BRACKETS, f"{len(files)} files in {out}"])
-    return 0
+        print_table(_TITLE, _COLUMNS, cells, notes=[*notes, _BRACKETS, f"{len(files)} files in {out}"])
 
 
 def _draw(out: Path, *, quiet: bool) -> list[str]:
+    from pipelines.figures import write_figure
+    from tssgeom.atomic import replacing
     from tssgeom.view.figures.paper import paper_figures
     from tssgeom.view.scene.paper import write_paper_recording
 
     written = list[str]()
     figures = paper_figures()
-    with tracking(len(figures) + 1, quiet=quiet) as tracker:
+    with counted_progress(len(figures) + 1, quiet=quiet) as progress:
         for name, draw in figures.items():
-            tracker.begin(name)
+            progress.begin(name)
             written += write_figure(draw(), out, name)
-            tracker.end(name)
-        tracker.begin("paper.rrd")
+            progress.end(name)
+        progress.begin("paper.rrd")
         with replacing(out / "paper.rrd") as draft:
             write_paper_recording(draft)
-        tracker.end("paper.rrd")
+        progress.end("paper.rrd")
     return [*written, "paper.rrd"]
 
 

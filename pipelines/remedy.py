@@ -1,37 +1,131 @@
-"""`tssgeom remedy`: the added curve of Theorem 3 for a rig and a shape, with its price."""
+"""`tssgeom remedy`: the added curve of Theorem 3 for a rig and a shape, with its price.
+
+What it needs is imported when it runs, so that `--help` is quick.
+"""
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-from pipelines.console import complain, say, show, tracking
-from pipelines.drawing import write_figure
-from pipelines.work import Options, analysis_of
-from tssgeom.atomic import write_text
-from tssgeom.effects import named
-from tssgeom.errors import SettingsError
-from tssgeom.route.pieces import Arcs
-from tssgeom.tendon.design import (
-    Advice,
-    Curve,
-    Cycle,
-    Perturbation,
-    Tried,
-    advise,
-    angles,
-    perturbed_routes,
-    sweep,
-)
-from tssgeom.tendon.design_table import Case, cases
+import typer
+
+from pipelines.options import TENSION_IN, Json, Quiet, RigFile, Unit
+from pipelines.terminal import counted_progress, json_text, print_json, print_message, print_table
+
+if TYPE_CHECKING:
+    from pipelines.inputs import RunSettings
+    from tssgeom.tendon.design import Advice, Curve, Cycle, Perturbation, Tried
+    from tssgeom.tendon.design_table import Case
+
+_EQUAL_SHARE = 0.02
+"""Change of |Δδ| over |Δδ| without the curve that counts as none, in the sentences only [1]; chosen."""
+
+
+def remedy(
+    shape: Annotated[Path, typer.Option("--shape", help="Shape of the route behind the added curve.")],
+    rig: RigFile = None,
+    tension_in: Annotated[
+        float, typer.Option("--tension-in", min=0.0, help="Proximal tension at the end of the pull [N].")
+    ] = TENSION_IN,
+    release_to: Annotated[
+        float | None,
+        typer.Option(
+            "--release-to",
+            min=0.0,
+            help="Proximal tension at the end of the release [N]; a third of --tension-in.",
+        ),
+    ] = None,
+    beta_deg: Annotated[
+        float, typer.Option("--beta-deg", min=0.0, help="Angle β of the curve in the table [°].")
+    ] = 360.0,
+    curvature_per_m: Annotated[
+        float,
+        typer.Option(
+            "--curvature-per-m",
+            min=1e-3,
+            help="Curvature K of the curve; as sharp as the sheath allows [1/m].",
+        ),
+    ] = 40.0,
+    tolerance_mm: Annotated[
+        float | None,
+        typer.Option(
+            "--tolerance-mm",
+            "--tolerance",
+            min=0.0,
+            help="Change of δ to stay below, in mm; recommends a curve.",
+        ),
+    ] = None,
+    tolerance_percent: Annotated[
+        float | None,
+        typer.Option(
+            "--tolerance-percent",
+            min=0.0,
+            help="Change of δ to stay below, in per cent of δ at the end of the pull.",
+        ),
+    ] = None,
+    bends: Annotated[int, typer.Option("--bends", min=1, help="Unknown bends in each perturbation.")] = 2,
+    bend_sd_deg: Annotated[
+        float, typer.Option("--bend-sd-deg", min=0.0, help="Standard deviation of the bends' angles [°].")
+    ] = 20.0,
+    bend_width_mm: Annotated[
+        float, typer.Option("--bend-width-mm", min=0.0, help="Length of sheath in each bend, in mm.")
+    ] = 20.0,
+    percentile: Annotated[
+        float,
+        typer.Option(
+            "--percentile",
+            min=1.0,
+            max=100.0,
+            help="Percentile of the changes over all perturbations.",
+        ),
+    ] = 95.0,
+    trials: Annotated[int, typer.Option("--trials", min=10, help="Number of random perturbations.")] = 500,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the random draws.")] = 1,
+    most_beta_deg: Annotated[
+        float, typer.Option("--most-beta-deg", min=45.0, max=3600.0, help="Largest angle to recommend [°].")
+    ] = 1080.0,
+    unit: Unit = None,
+    out: Annotated[Path | None, typer.Option("--out", help="Folder for figure and table.")] = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Design the added curve of Theorem 3: what it scales down, what it costs, what it does on release.
+
+    Unknown bends are drawn at random on the route itself. The change of T_out and δ that they make is
+    reported without the curve, with it at the same T_in, and with it at the same T_out.
+    """
+    from pipelines.inputs import run_settings
+    from tssgeom.tendon.design import Curve, Cycle, Perturbation
+
+    design = Design(
+        curve=Curve(math.radians(beta_deg), curvature_per_m),
+        cycle=Cycle(tension_in, tension_in / 3 if release_to is None else release_to),
+        perturbation=Perturbation(bends, math.radians(bend_sd_deg), 1e-3 * bend_width_mm),
+        trials=trials,
+        seed=seed,
+        percentile=percentile,
+        most=math.radians(most_beta_deg),
+        tolerance=None if tolerance_mm is None else 1e-3 * tolerance_mm,
+        tolerance_share=None if tolerance_percent is None else 1e-2 * tolerance_percent,
+    )
+    settings = run_settings(rig, tension_in, unit)
+    _require_usable(design, settings)
+    remedied = _swept(shape, settings, design, quiet=quiet or as_json)
+    report = _object(shape, design, remedied)
+    if out is not None:
+        _write(out, report, design, remedied)
+    if as_json:
+        print_json(report)
+    elif not quiet:
+        _print_table(shape, design, remedied)
 
 
 @dataclass(frozen=True, slots=True)
 class Design:
-    """What the user asked for, in SI."""
+    """What the user chose, in SI."""
 
     curve: Curve
     cycle: Cycle
@@ -42,56 +136,30 @@ class Design:
     most: float
     """Largest angle that is tried [rad]."""
     tolerance: float | None
-    """Of the elongation [m]; None where none is asked for."""
+    """Of the elongation [m]; None where none is given."""
     tolerance_share: float | None
     """The same over the elongation at the end of the pull without the curve [1]."""
 
 
-def run(shape: Path, chosen: Options, design: Design, *, out: Path | None, as_json: bool, quiet: bool) -> int:
-    """Tell what the curve does to the route, recommend one, and return the exit status.
+@dataclass(frozen=True, slots=True)
+class Remedied:
+    """What the curve does to the route."""
 
-    Raises
-    ------
-    SettingsError, ShapeError, SourceError
-        Where an option or the shape cannot be used, or the disk refuses.
-    """
-    _check(design)
-    if chosen.rig.effects:
-        raise SettingsError(
-            f"{chosen.rig_file}: Theorem 3 knows no effects, but the rig has {named(chosen.rig.effects)}: "
-            "leave [[effects]] out of the rig for this command"
-        )
-    result = analysis_of(shape.stem, shape, chosen).results[-1]
-    for warning in result.warnings:
-        complain(f"{shape}: warning: {warning}")
-    arcs = Arcs.exact(result.arcs.length, result.arcs.angle)
-    routes = perturbed_routes(arcs, design.perturbation, design.trials, design.seed)
-    found = cases(arcs, routes, chosen.rig, design.curve, design.cycle, design.percentile)
-    with tracking(len(angles(design.most)), quiet=quiet or as_json) as tracker:
-        tried = sweep(
-            arcs,
-            routes,
-            chosen.rig,
-            design.curve.kappa,
-            design.cycle,
-            design.percentile,
-            most=design.most,
-            tell=lambda curve: tracker.end(f"β = {math.degrees(curve.angle):.0f}° tried"),
-        )
-    tolerance = _tolerance(design, tried)
-    advice = None if tolerance is None else advise(tried, tolerance)
-    words = _sentences(design, found, advice, tolerance)
-    told = _object(shape, design, found, tried, advice, tolerance, words)
-    if out is not None:
-        _write(out, told, found, tried, tolerance, design, words)
-    if as_json:
-        say(json.dumps(told, indent=1, ensure_ascii=False, allow_nan=False))
-    elif not quiet:
-        _show(shape, found, design, words)
-    return 0
+    cases: list[Case]
+    """Without the curve, with it at the same T_in, with it at the same T_out."""
+    tried: list[Tried]
+    """Curves of rising angle."""
+    tolerance: float | None
+    """Of the elongation [m]."""
+    advice: Advice | None
+    sentences: list[str]
 
 
-def _check(design: Design) -> None:
+def _require_usable(design: Design, settings: RunSettings) -> None:
+    """Raise SettingsError where options or rig cannot be used."""
+    from tssgeom.effects import named
+    from tssgeom.errors import SettingsError
+
     cycle = design.cycle
     if not 0.0 < cycle.release_to < cycle.tension_in:
         raise SettingsError(
@@ -100,6 +168,40 @@ def _check(design: Design) -> None:
         )
     if design.tolerance is not None and design.tolerance_share is not None:
         raise SettingsError("--tolerance-mm and --tolerance-percent are both given: give one")
+    if settings.rig.effects:
+        raise SettingsError(
+            f"{settings.rig_file}: Theorem 3 knows no effects, but the rig has "
+            f"{named(settings.rig.effects)}: leave [[effects]] out of the rig for this command"
+        )
+
+
+def _swept(shape: Path, settings: RunSettings, design: Design, *, quiet: bool) -> Remedied:
+    """Perturb the route at random, with and without curves of rising angle, and recommend one."""
+    from pipelines.inputs import analysis_of
+    from tssgeom.route.pieces import Arcs
+    from tssgeom.tendon.design import advise, angles, perturbed_routes, sweep
+    from tssgeom.tendon.design_table import cases
+
+    result = analysis_of(shape.stem, shape, settings).results[-1]
+    for warning in result.warnings:
+        print_message(f"{shape}: warning: {warning}")
+    arcs = Arcs.exact(result.arcs.length, result.arcs.angle)
+    routes = perturbed_routes(arcs, design.perturbation, design.trials, design.seed)
+    compared = cases(arcs, routes, settings.rig, design.curve, design.cycle, design.percentile)
+    with counted_progress(len(angles(design.most)), quiet=quiet) as progress:
+        tried = sweep(
+            arcs,
+            routes,
+            settings.rig,
+            design.curve.kappa,
+            design.cycle,
+            design.percentile,
+            most=design.most,
+            tell=lambda curve: progress.end(f"β = {math.degrees(curve.angle):.0f}° tried"),
+        )
+    tolerance = _tolerance(design, tried)
+    advice = None if tolerance is None else advise(tried, tolerance)
+    return Remedied(compared, tried, tolerance, advice, _sentences(design, compared, advice, tolerance))
 
 
 def _tolerance(design: Design, tried: list[Tried]) -> float | None:
@@ -109,10 +211,10 @@ def _tolerance(design: Design, tried: list[Tried]) -> float | None:
 
 
 def _sentences(
-    design: Design, found: list[Case], advice: Advice | None, tolerance: float | None
+    design: Design, compared: list[Case], advice: Advice | None, tolerance: float | None
 ) -> list[str]:
-    """Say what follows from the table, what is recommended, and what it does not do."""
-    without, same_in, same_out = found
+    """Return in sentences what follows from the table, what is recommended, and its limits."""
+    without, same_in, same_out = compared
     first = (
         "At the same T_in the curve scales what perturbations change on pulling by "
         f"S = {same_in.scaling:.3f}; when all of it releases, it amplifies by "
@@ -123,17 +225,21 @@ def _sentences(
     second = (
         f"For the T_out of before, T_in has to be {same_out.cycle.tension_in:.2f} N; then "
         f"|Δδ| is {1e3 * same_out.pull:.3f} mm on pulling where it was {1e3 * without.pull:.3f} mm without: "
-        + ("it gains nothing." if same_out.pull > 0.98 * without.pull else "it gains a little.")
+        + (
+            "it gains nothing."
+            if same_out.pull > (1.0 - _EQUAL_SHARE) * without.pull
+            else "it gains a little."
+        )
     )
-    told = [first, second]
-    if same_out.released > 1.02 * without.released:
-        told.append(
+    sentences = [first, second]
+    if same_out.released > (1.0 + _EQUAL_SHARE) * without.released:
+        sentences.append(
             f"On the release to {design.cycle.release_to:g} N it then makes things worse: "
             f"{1e3 * same_out.released:.3f} mm, {1e3 * without.released:.3f} mm without."
         )
     if advice is not None and tolerance is not None:
-        told.append(_recommendation(design, advice, tolerance))
-    return told
+        sentences.append(_recommendation(design, advice, tolerance))
+    return sentences
 
 
 def _recommendation(design: Design, advice: Advice, tolerance: float) -> str:
@@ -146,7 +252,7 @@ def _recommendation(design: Design, advice: Advice, tolerance: float) -> str:
             "sense the route, or lower T_in or the friction."
         )
     curve, cost = advice.tried.curve, advice.tried.price
-    place = (
+    geometry = (
         f"β = {math.degrees(curve.angle):.0f}°, K = {curve.kappa:g}/m ({1e3 * curve.length:.0f} mm of sheath)"
     )
     price = (
@@ -154,18 +260,10 @@ def _recommendation(design: Design, advice: Advice, tolerance: float) -> str:
         f"{1e3 * cost.own_elongation:.3f} mm more δ"
     )
     limit = " on pulling only, not on release" if advice.verdict == "pull only" else ""
-    return f"{wanted}{limit}: {place}; price: {price}."
+    return f"{wanted}{limit}: {geometry}; price: {price}."
 
 
-def _object(
-    shape: Path,
-    design: Design,
-    found: list[Case],
-    tried: list[Tried],
-    advice: Advice | None,
-    tolerance: float | None,
-    words: list[str],
-) -> dict[str, Any]:
+def _object(shape: Path, design: Design, remedied: Remedied) -> dict[str, Any]:
     return {
         "shape": str(shape),
         "beta_rad": design.curve.angle,
@@ -178,11 +276,11 @@ def _object(
             "seed": design.seed,
             "percentile": design.percentile,
         },
-        "cases": {case.name: case.numbers() for case in found},
-        "sweep": [_tried(each) for each in tried],
-        "tolerance_m": tolerance,
-        "recommendation": None if advice is None else _advice(advice),
-        "words": words,
+        "cases": {case.name: case.numbers() for case in remedied.cases},
+        "sweep": [_tried(each) for each in remedied.tried],
+        "tolerance_m": remedied.tolerance,
+        "recommendation": None if remedied.advice is None else _advice(remedied.advice),
+        "words": remedied.sentences,
     }
 
 
@@ -202,35 +300,29 @@ def _advice(advice: Advice) -> dict[str, Any]:
     return {"verdict": advice.verdict, **({} if advice.tried is None else _tried(advice.tried))}
 
 
-def _rows(found: list[Case]) -> list[list[str]]:
-    cells = [case.cells() for case in found]
+def _rows(compared: list[Case]) -> list[list[str]]:
+    cells = [case.cells() for case in compared]
     return [[label, *(each[label] for each in cells)] for label in cells[0]]
 
 
 _COLUMNS = ("", "without", "with, same T_in", "with, same T_out")
 
 
-def _show(shape: Path, found: list[Case], design: Design, words: list[str]) -> None:
+def _print_table(shape: Path, design: Design, remedied: Remedied) -> None:
     title = (
         f"{shape.name} behind a curve of β = {math.degrees(design.curve.angle):.0f}°, "
         f"K = {design.curve.kappa:g}/m; Δ: percentile {design.percentile:g} of {design.trials} draws of "
         f"{design.perturbation.bends} bends, sd {math.degrees(design.perturbation.angle_sd):g}°"
     )
-    show(title, _COLUMNS, _rows(found), notes=words)
+    print_table(title, _COLUMNS, _rows(remedied.cases), notes=remedied.sentences)
 
 
-def _write(
-    out: Path,
-    told: dict[str, Any],
-    found: list[Case],
-    tried: list[Tried],
-    tolerance: float | None,
-    design: Design,
-    words: list[str],
-) -> None:
+def _write(out: Path, report: dict[str, Any], design: Design, remedied: Remedied) -> None:
+    from pipelines.figures import write_figure
+    from tssgeom.atomic import write_text
     from tssgeom.view.figures.remedy import remedy_figure
 
-    write_figure(remedy_figure(tried, tolerance, design.percentile), out, "remedy")
-    write_text(out / "remedy.json", json.dumps(told, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
-    lines = ["| " + " | ".join(row) + " |" for row in [list(_COLUMNS), ["---"] * 4, *_rows(found)]]
-    write_text(out / "remedy.md", "\n".join(lines) + "\n\n" + "\n\n".join(words) + "\n")
+    write_figure(remedy_figure(remedied.tried, remedied.tolerance, design.percentile), out, "remedy")
+    write_text(out / "remedy.json", json_text(report) + "\n")
+    lines = ["| " + " | ".join(row) + " |" for row in [list(_COLUMNS), ["---"] * 4, *_rows(remedied.cases)]]
+    write_text(out / "remedy.md", "\n".join(lines) + "\n\n" + "\n\n".join(remedied.sentences) + "\n")

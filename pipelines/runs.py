@@ -1,4 +1,4 @@
-"""What commands on runs share: a sensed route over time, a picture of a run on it, and names in errors."""
+"""What commands on runs share: a sensed route over time, pictures of a run on it, and names in errors."""
 
 from __future__ import annotations
 
@@ -6,12 +6,13 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
-from pipelines.console import complain
-from pipelines.drawing import write_figures
-from pipelines.work import Options, geometry_alone
+from pipelines.figures import write_figures
+from pipelines.inputs import RunSettings, rejection_lines, without_effects
+from pipelines.terminal import counted_progress, print_message
 from tssgeom.arrays import Vector
 from tssgeom.effects import named
 from tssgeom.errors import ShapeError, TssgeomError
@@ -25,14 +26,16 @@ from tssgeom.tendon.moving import MovingRoute
 from tssgeom.tendon.simulation import Moment
 from tssgeom.view.samples import evenly
 
+Row = TypeVar("Row")
+
 TEMPERATURE = "temperature_C"
 MOST_DRAWN = 400
-"""A picture shows no more moments of a run than this."""
+"""Moments of a run in its picture, evenly spread; chosen: as many as a batch keeps of a recording."""
 
 
 @contextmanager
-def naming(run: Path, shape: Path) -> Iterator[None]:
-    """Name run and shape in errors of the model, which knows no files."""
+def errors_naming(run: Path, shape: Path) -> Iterator[None]:
+    """Put run and shape before the errors of the model, which knows no files."""
     try:
         yield
     except TssgeomError as error:
@@ -60,23 +63,23 @@ class SensedRoute:
         return self.results[int(np.argmin(np.abs(times - time)))]
 
 
-def warn_of_doubts(run: Path, sensed: SensedRoute, rig: Rig, tension_in: float) -> None:
-    """Say where a rig, the longest route and the greatest tension [N] of a run can hardly belong together."""
+def warn_about_rig(run: Path, sensed: SensedRoute, rig: Rig, tension_in: float) -> None:
+    """Warn where the rig hardly fits the longest route and the greatest tension [N] of a run."""
     longest = max(result.arcs.total_length for result in sensed.results)
     for doubt in doubts(rig, longest, tension_in):
-        complain(f"{run}: warning: {doubt}")
+        print_message(f"{run}: warning: {doubt}")
 
 
-def sensed_route(path: Path, chosen: Options) -> SensedRoute:
-    """Fit the route of every frame of a file, and tell those that cannot be used.
+def sensed_route(path: Path, settings: RunSettings) -> SensedRoute:
+    """Fit the route of every frame of a file, and print the reasons of those that are rejected.
 
     Raises
     ------
     ShapeError, SourceError
         Where the file cannot be used, or none of its frames.
     """
-    recording = open_recording(path, chosen.unit)
-    rig = geometry_alone(chosen).rig
+    recording = open_recording(path, settings.unit)
+    rig = without_effects(settings).rig
     shapes = in_order(_shapes_only(recording.frames))  # anew: a frame may be usable without its drive
     items = list(process(shapes, rig, tension_in=rig.tendon.pretension_N))
     rejected = [item for item in items if isinstance(item, Rejected)]
@@ -84,10 +87,8 @@ def sensed_route(path: Path, chosen: Options) -> SensedRoute:
     if not results:
         reason = rejected[0].reason if rejected else "it holds no frame"
         raise ShapeError(f"{path}: no frame can be used; the first: {reason}")
-    for item in rejected[:5]:
-        complain(f"{path}: frame {item.seq}: {item.reason}")
-    if len(rejected) > 5:
-        complain(f"{path}: {len(rejected) - 5} more frames rejected: see tssgeom check --json")
+    for line in rejection_lines(str(path), rejected, len(rejected)):
+        print_message(line)
     return SensedRoute(path.stem, results, len(rejected))
 
 
@@ -100,21 +101,40 @@ def _shapes_only(frames: Iterable[Frame | Rejected]) -> Iterator[Frame | Rejecte
         yield frame if isinstance(frame, Rejected) else replace(frame, **_NO_DRIVE)
 
 
-def temperature_of(run: MeasuredRun, chosen: Options) -> Vector | None:
-    """Return the temperature of a run where effects ask for it, and say where it is missing [°C].
+def computed_rows(
+    rows: Iterable[Row], run: MeasuredRun, shapes: Path, title: str, *, quiet: bool
+) -> list[Row]:
+    """Compute row after row of a run, with progress; errors name the run and the shape."""
+    computed = list[Row]()
+    with counted_progress(1, quiet=quiet) as progress, errors_naming(run.path, shapes):
+        progress.begin(title)
+        for row in rows:
+            computed.append(row)
+            progress.frame(len(run.time))
+        progress.end(str(run.path))
+    return computed
+
+
+def value_range(values: Sequence[float]) -> list[float]:
+    """Return the least and the greatest value."""
+    return [min(values), max(values)]
+
+
+def temperature_of(run: MeasuredRun, settings: RunSettings) -> Vector | None:
+    """Return the temperature of a run where an effect needs it [°C]; warn where it is missing.
 
     Raises
     ------
     SettingsError
         Where the column lacks a sample.
     """
-    asking = [effect for effect in chosen.rig.effects if TEMPERATURE in effect.needs]
-    if asking and run.temperature is None:
-        complain(f"{run.path}: warning: no {TEMPERATURE}: {named(asking)} does nothing")
-    return run.channel((TEMPERATURE,))[1] if asking and run.temperature is not None else None
+    needing = [effect for effect in settings.rig.effects if TEMPERATURE in effect.needs]
+    if needing and run.temperature is None:
+        print_message(f"{run.path}: warning: no {TEMPERATURE}: {named(needing)} does nothing")
+    return run.channel((TEMPERATURE,))[1] if needing and run.temperature is not None else None
 
 
-def draw(path: Path, sensed: SensedRoute, run: MeasuredRun, moments: Sequence[Moment]) -> None:
+def write_run_recording(path: Path, sensed: SensedRoute, run: MeasuredRun, moments: Sequence[Moment]) -> None:
     """Write the Rerun recording of a run, on the frames nearest in time.
 
     Raises
@@ -125,11 +145,13 @@ def draw(path: Path, sensed: SensedRoute, run: MeasuredRun, moments: Sequence[Mo
     from tssgeom.view.scene.recording import write_recording
 
     path.parent.mkdir(parents=True, exist_ok=True)
-    shown = [_shown(sensed, run, moments[k], int(k)) for k in evenly(len(moments), MOST_DRAWN)]
-    write_recording(path, f"{sensed.name} driven by {run.name}", shown, timed=True)
+    results = [_result_at(sensed, run, moments[k], int(k)) for k in evenly(len(moments), MOST_DRAWN)]
+    write_recording(path, f"{sensed.name} driven by {run.name}", results, timed=True)
 
 
-def draw_figures(folder: Path, sensed: SensedRoute, run: MeasuredRun, moments: Sequence[Moment]) -> list[str]:
+def write_run_figures(
+    folder: Path, sensed: SensedRoute, run: MeasuredRun, moments: Sequence[Moment]
+) -> list[str]:
     """Write the figures of a run, those of one frame at the last of its highest peaks of T_in.
 
     Raises
@@ -140,29 +162,30 @@ def draw_figures(folder: Path, sensed: SensedRoute, run: MeasuredRun, moments: S
     from tssgeom.view.figures.shapes import figures_of
     from tssgeom.view.report.entry import Series
 
-    seen = [moment.transmission for moment in moments]
-    peak = last_peak(np.array([each.tension_in for each in seen]))
+    transmissions = [moment.transmission for moment in moments]
+    peak = last_peak(np.array([each.tension_in for each in transmissions]))
     rows = range(len(moments))
     series = Series.of(
         [moment.time for moment in moments],
-        seen,
+        transmissions,
         [_measured(run.tension_out, row) for row in rows],
         [_measured(run.elongation, row) for row in rows],
     )
-    shown = _shown(sensed, run, moments[peak], peak)
-    return write_figures(folder, f"{sensed.name}_{run.name}", figures_of(shown, series))
+    result = _result_at(sensed, run, moments[peak], peak)
+    return write_figures(folder, f"{sensed.name}_{run.name}", figures_of(result, series))
 
 
-def _shown(sensed: SensedRoute, run: MeasuredRun, moment: Moment, row: int) -> FrameResult:
-    near = sensed.nearest(moment.time)
+def _result_at(sensed: SensedRoute, run: MeasuredRun, moment: Moment, row: int) -> FrameResult:
+    """Return the frame nearest to a moment of the run, with the tendon of that moment."""
+    nearest = sensed.nearest(moment.time)
     frame = replace(
-        near.frame,
+        nearest.frame,
         time=moment.time,
         tension_in=moment.transmission.tension_in,
         tension_out=_measured(run.tension_out, row),
         elongation=_measured(run.elongation, row),
     )
-    return replace(near, seq=row, frame=frame, state=moment.state, transmission=moment.transmission)
+    return replace(nearest, seq=row, frame=frame, state=moment.state, transmission=moment.transmission)
 
 
 def _measured(channel: np.ndarray | None, row: int) -> float | None:

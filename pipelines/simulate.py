@@ -1,145 +1,133 @@
-"""`tssgeom simulate`: a measured or planned drive through the model, on a route that stands or moves."""
+"""`tssgeom simulate`: a measured or planned drive through the model, on a route that stands or moves.
+
+What it needs is imported when it runs, so that `--help` is quick.
+"""
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, get_args
+from typing import TYPE_CHECKING, Annotated, Any, get_args
 
-from pipelines.console import say, show, tracking
-from pipelines.runs import (
-    SensedRoute,
-    draw,
-    draw_figures,
-    naming,
-    sensed_route,
-    temperature_of,
-    warn_of_doubts,
-)
-from pipelines.summary_table import acting
-from pipelines.work import Options
-from tssgeom.io.formats.runs import MeasuredRun, read_run
-from tssgeom.io.results.tables import write_simulation
-from tssgeom.tendon.simulation import Moment, Phase, simulate
+import typer
+
+from pipelines.options import TENSION_IN, Figures, Json, Quiet, RigFile, Shapes, Unit
+from pipelines.terminal import print_json, print_line, print_table
+
+if TYPE_CHECKING:
+    from pipelines.runs import SensedRoute
+    from tssgeom.io.formats.runs import MeasuredRun
+    from tssgeom.tendon.simulation import Moment
 
 TABLE, PICTURE = "simulate.parquet", "simulate.rrd"
 _DRIVES = ("tension_in_N", "displacement_in_m")
 _COLUMNS = ("phase", "rows", "T_in\n[N]", "T_out\n[N]", "δ\n[mm]", "dead zone\n[N]")
 
 
-def run(
-    shapes: Path,
-    drive: Path,
-    chosen: Options,
-    *,
-    out: Path,
-    figures: Path | None,
-    as_json: bool,
-    quiet: bool,
-) -> int:
-    """Simulate a run and return the exit status.
-
-    Raises
-    ------
-    SettingsError, ShapeError, SourceError, FitError
-        Where an input cannot be used or the disk refuses.
-    """
-    measured = read_run(drive)
-    name, values = measured.channel(_DRIVES)
-    sensed = sensed_route(shapes, chosen)
-    moments = list[Moment]()
-    with tracking(1, quiet=quiet or as_json) as tracker:
-        tracker.begin(f"{sensed.name} driven by {measured.name}")
-        by_force = name == _DRIVES[0]
-        driven = simulate(
-            measured.time,
-            sensed.route,
-            chosen.rig,
-            tension_in=values if by_force else None,
-            displacement_in=None if by_force else values,
-            temperature=temperature_of(measured, chosen),
-        )
-        with naming(drive, shapes):
-            for moment in driven:
-                moments.append(moment)
-                tracker.frame(len(values))
-        tracker.end(str(drive))
-    warn_of_doubts(drive, sensed, chosen.rig, max(one.transmission.tension_in for one in moments))
-    write_simulation(out / TABLE, moments)
-    draw(out / PICTURE, sensed, measured, moments)
-    if figures is not None:
-        draw_figures(figures, sensed, measured, moments)
-    _tell(sensed, measured, name, moments, chosen, out, as_json=as_json, quiet=quiet)
-    return 1 if sensed.rejected else 0
-
-
-def _tell(
-    sensed: SensedRoute,
-    measured: MeasuredRun,
-    drive: str,
-    moments: Sequence[Moment],
-    chosen: Options,
-    out: Path,
-    *,
-    as_json: bool,
-    quiet: bool,
+def simulate(
+    shapes: Shapes,
+    drive: Annotated[
+        Path,
+        typer.Option("--drive", help="Run (CSV, Parquet): time_s and tension_in_N or displacement_in_m."),
+    ],
+    out: Annotated[Path, typer.Option("--out", help="Folder for simulate.parquet and simulate.rrd.")],
+    rig: RigFile = None,
+    unit: Unit = None,
+    figures: Figures = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
+    """Compute tension, elongation and phase over time on a fixed or moving route, driven by a run."""
+    from pipelines.inputs import run_settings
+    from pipelines.runs import (
+        computed_rows,
+        sensed_route,
+        temperature_of,
+        warn_about_rig,
+        write_run_figures,
+        write_run_recording,
+    )
+    from pipelines.summary_table import with_effects
+    from tssgeom.io.formats.runs import read_run
+    from tssgeom.io.results.tables import write_simulation
+    from tssgeom.tendon import simulation
+
+    settings = run_settings(rig, TENSION_IN, unit)
+    run = read_run(drive)
+    channel, values = run.channel(_DRIVES)
+    sensed = sensed_route(shapes, settings)
+    by_tension = channel == _DRIVES[0]
+    rows = simulation.simulate(
+        run.time,
+        sensed.route,
+        settings.rig,
+        tension_in=values if by_tension else None,
+        displacement_in=None if by_tension else values,
+        temperature=temperature_of(run, settings),
+    )
+    title = f"{sensed.name} driven by {run.name}"
+    moments = computed_rows(rows, run, shapes, title, quiet=quiet or as_json)
+    warn_about_rig(drive, sensed, settings.rig, max(one.transmission.tension_in for one in moments))
+    write_simulation(out / TABLE, moments)
+    write_run_recording(out / PICTURE, sensed, run, moments)
+    if figures is not None:
+        write_run_figures(figures, sensed, run, moments)
     if as_json:
-        say(json.dumps(summary(sensed, measured, drive, moments, out), indent=1, ensure_ascii=False))
+        print_json(summary(sensed, run, channel, moments, out))
     elif not quiet:
-        title = f"{sensed.name} driven by {drive} of {measured.name}: {len(moments)} rows" + acting(chosen)
-        show(title, _COLUMNS, _rows(moments))
-        say(f"table: {out / TABLE}   picture: tssgeom view {out / PICTURE}")
+        title = f"{sensed.name} driven by {channel} of {run.name}: {len(moments)} rows"
+        print_table(title + with_effects(settings), _COLUMNS, _rows(moments))
+        print_line(f"table: {out / TABLE}   picture: tssgeom view {out / PICTURE}")
+    raise typer.Exit(1 if sensed.rejected else 0)
 
 
 def summary(
-    sensed: SensedRoute, measured: MeasuredRun, drive: str, moments: Sequence[Moment], out: Path
+    sensed: SensedRoute, run: MeasuredRun, drive: str, moments: Sequence[Moment], out: Path
 ) -> dict[str, Any]:
     """Return the object that `--json` prints: ranges over the run, rows in each phase, files."""
-    seen = [moment.transmission for moment in moments]
+    from pipelines.runs import value_range
+
+    transmissions = [moment.transmission for moment in moments]
     return {
         "shape": sensed.name,
         "frames": len(sensed.results),
         "rejected": sensed.rejected,
-        "run": measured.name,
+        "run": run.name,
         "drive": drive,
         "rows": len(moments),
         "phases": dict(Counter(moment.phase for moment in moments)),
         "range": {
-            "tension_in_N": _range([one.tension_in for one in seen]),
-            "tension_out_N": _range([one.tension_out for one in seen]),
-            "elongation_m": _range([one.elongation for one in seen]),
-            "displacement_in_m": _range([one.displacement_in for one in seen]),
-            "displacement_out_m": _range([one.displacement_out for one in seen]),
+            "tension_in_N": value_range([one.tension_in for one in transmissions]),
+            "tension_out_N": value_range([one.tension_out for one in transmissions]),
+            "elongation_m": value_range([one.elongation for one in transmissions]),
+            "displacement_in_m": value_range([one.displacement_in for one in transmissions]),
+            "displacement_out_m": value_range([one.displacement_out for one in transmissions]),
         },
         "files": [(out / TABLE).as_posix(), (out / PICTURE).as_posix()],
     }
 
 
-def _range(values: Sequence[float]) -> list[float]:
-    return [min(values), max(values)]
-
-
 def _rows(moments: Sequence[Moment]) -> list[tuple[str, ...]]:
+    from tssgeom.tendon.simulation import Phase
+
     rows = []
     for phase in get_args(Phase):
-        seen = [moment.transmission for moment in moments if moment.phase == phase]
-        if seen:
+        transmissions = [moment.transmission for moment in moments if moment.phase == phase]
+        if transmissions:
             rows.append(
                 (
                     phase,
-                    str(len(seen)),
-                    _span([one.tension_in for one in seen], 2),
-                    _span([one.tension_out for one in seen], 2),
-                    _span([1e3 * one.elongation for one in seen], 3),
-                    _span([one.dead_zone_width for one in seen], 2),
+                    str(len(transmissions)),
+                    _span([one.tension_in for one in transmissions], 2),
+                    _span([one.tension_out for one in transmissions], 2),
+                    _span([1e3 * one.elongation for one in transmissions], 3),
+                    _span([one.dead_zone_width for one in transmissions], 2),
                 )
             )
     return rows
 
 
 def _span(values: Sequence[float], digits: int) -> str:
-    low, high = (f"{round(value, digits) + 0.0:.{digits}f}" for value in _range(values))
+    low, high = (f"{round(value, digits) + 0.0:.{digits}f}" for value in (min(values), max(values)))
     return low if low == high else f"{low}–{high}"

@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from pipelines.console import show
-from pipelines.work import Options
+from pipelines.inputs import RunSettings
+from pipelines.terminal import print_table
 from tssgeom.effects import named
 
 RADIANS, WARNINGS = "Φ ± s.e.\n[rad]", "warnings"
@@ -26,32 +26,32 @@ COLUMNS = (
 )
 
 
-def show_summary(rows: Sequence[dict[str, Any]], chosen: Options) -> None:
+def print_summary(rows: Sequence[dict[str, Any]], settings: RunSettings) -> None:
     """Print summary rows as a table, with the settings above and the warnings below.
 
-    A recording is told by the range over its frames; the standard errors are those of the frame that stands
-    for it, at the last of the highest peaks of T_in.
+    A recording is reported by the range over its frames. The standard errors are those of one frame, at the
+    last of the highest peaks of T_in.
     """
-    measured = any(row.get("clearance_m") is not None for row in rows)
+    has_clearance = any(row.get("clearance_m") is not None for row in rows)
     notes = [f"{row['name']}: {warning}" for row in rows for warning in row["warnings"]]
-    columns = (*COLUMNS[:-1], CLEARANCE, WARNINGS) if measured else COLUMNS
+    columns = (*COLUMNS[:-1], CLEARANCE, WARNINGS) if has_clearance else COLUMNS
     cells = [_cells(row) for row in rows]
-    if measured:
+    if has_clearance:
         cells = [(*some, _clearance(row), last) for row, (*some, last) in zip(rows, cells, strict=True)]
-    show(_title(chosen), columns, cells, notes=notes, optional=(RADIANS, WARNINGS))
+    print_table(_title(settings), columns, cells, notes=notes, optional=(RADIANS, WARNINGS))
 
 
-def acting(chosen: Options) -> str:
-    """Say which effects act, as the end of a title."""
-    return f"; with {named(chosen.rig.effects)}" if chosen.rig.effects else ""
+def with_effects(settings: RunSettings) -> str:
+    """Return the end of a title that names the effects of the rig; empty where it has none."""
+    return f"; with {named(settings.rig.effects)}" if settings.rig.effects else ""
 
 
-def _title(chosen: Options) -> str:
-    rig = "the paper's rig" if chosen.rig_file is None else str(chosen.rig_file)
-    friction, compliance = chosen.rig.friction.coefficient, chosen.rig.tendon.compliance_per_N
+def _title(settings: RunSettings) -> str:
+    rig = "the paper's rig" if settings.rig_file is None else str(settings.rig_file)
+    friction, compliance = settings.rig.friction.coefficient, settings.rig.tendon.compliance_per_N
     return (
-        f"T_in = {chosen.tension_in:g} N where the file tells none; "
-        f"{rig}: μ = {friction:g}, ρ = {compliance:g} /N" + acting(chosen)
+        f"T_in = {settings.tension_in:g} N where the file gives none; "
+        f"{rig}: μ = {friction:g}, ρ = {compliance:g} /N" + with_effects(settings)
     )
 
 
@@ -78,11 +78,11 @@ def _clearance(row: dict[str, Any]) -> str:
     return "" if least is None else f"{1e3 * least:.1f}"
 
 
-def _with_error(row: dict[str, Any], key: str, error: float, factor: float, usual: int) -> str:
+def _with_error(row: dict[str, Any], key: str, error: float, factor: float, digits: int) -> str:
     from tssgeom.view.wording import decimals, plus_minus
 
-    digits = decimals(factor * error, usual)
-    return f"{_range(row, key, factor, digits)} {plus_minus(factor * error, usual)}"
+    shown = decimals(factor * error, digits)
+    return f"{_range(row, key, factor, shown)} {plus_minus(factor * error, digits)}"
 
 
 def _range(row: dict[str, Any], key: str, factor: float, digits: int) -> str:

@@ -1,52 +1,70 @@
-"""`tssgeom view`: the Rerun viewer on what a command wrote, on two of them side by side, or a picture."""
+"""`tssgeom view`: the Rerun viewer on what a command wrote, on two of them side by side, or a picture.
+
+What it needs is imported when it runs, so that `--help` is quick.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from typing import Annotated
 
-from pipelines.console import complain, say
-from tssgeom.atomic import replacing
-from tssgeom.errors import SettingsError, SourceError
-from tssgeom.view.scene.viewer import open_viewer, screenshot
+import typer
+
+from pipelines.terminal import print_line, print_message
 
 
-def run(paths: Sequence[Path], *, screenshot_to: Path | None, web: bool, out: Path | None) -> int:
-    """Open the viewer, or write a picture or the recording of a comparison, and return the exit status.
+def view(
+    paths: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="PATH [PATH]",
+            help="What a command wrote, a recording or a folder; two are compared side by side.",
+        ),
+    ],
+    screenshot: Annotated[
+        Path | None, typer.Option("--screenshot", help="Write a PNG instead; works with no display.")
+    ] = None,
+    web: Annotated[bool, typer.Option("--web", help="Open in the web browser.")] = False,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Write the recording of a comparison into DIR instead.")
+    ] = None,
+) -> None:
+    """Open the Rerun viewer on what a command wrote, or on two of them side by side."""
+    raise typer.Exit(_open(paths, screenshot, out, web=web))
 
-    Raises
-    ------
-    SettingsError
-        Where there are more than two paths, or a folder for a comparison but only one path.
-    SourceError
-        Where there is no recording, or none that both have.
-    """
+
+def _open(paths: Sequence[Path], screenshot: Path | None, out: Path | None, *, web: bool) -> int:
+    """Open the viewer, or write a picture or the recording of a comparison, and return the exit status."""
+    from tempfile import TemporaryDirectory
+
+    from tssgeom.errors import SettingsError
+
     if len(paths) > 2:
         raise SettingsError(f"{len(paths)} paths: give one to look at, or two to compare")
     if len(paths) == 1:
         if out is not None:
             raise SettingsError(f"--out {out}: it is for a comparison: give two recordings or folders")
-        return _show(recordings_in(paths[0]), paths[0], screenshot_to, web=web)
-    asked = pairs(*paths)
+        return _show(recordings_in(paths[0]), paths[0], screenshot, web=web)
+    compared = pairs(*paths)
     if out is not None:
-        compared = _compared(asked, out)
-        say(f"comparison: {', '.join(map(str, compared))}")
-        if screenshot_to is not None:
-            return _show(compared, out, screenshot_to, web=web)
-        return 0
+        written = _compared(compared, out)
+        print_line(f"comparison: {', '.join(map(str, written))}")
+        return 0 if screenshot is None else _show(written, out, screenshot, web=web)
     with TemporaryDirectory(prefix="tssgeom-") as folder:
-        return _show(_compared(asked, Path(folder)), paths[1], screenshot_to, web=web)
+        return _show(_compared(compared, Path(folder)), paths[1], screenshot, web=web)
 
 
-def _show(recordings: Sequence[Path], given: Path, screenshot_to: Path | None, *, web: bool) -> int:
-    if screenshot_to is None:
-        return open_viewer(recordings, web=web)
+def _show(recordings: Sequence[Path], given: Path, screenshot: Path | None, *, web: bool) -> int:
+    from tssgeom.view.scene import viewer
+
+    if screenshot is None:
+        return viewer.open_viewer(recordings, web=web)
     if len(recordings) > 1:
-        complain(
+        print_message(
             f"{given}: the picture shows {recordings[0].name}, the first of {len(recordings)} recordings"
         )
-    screenshot(recordings[0], screenshot_to)
+    viewer.screenshot(recordings[0], screenshot)
     return 0
 
 
@@ -58,23 +76,27 @@ def recordings_in(path: Path) -> list[Path]:
     SourceError
         Where there is none.
     """
+    from tssgeom.errors import SourceError
+
     if not path.exists():
         raise SourceError(f"{path}: no such file or folder: name what a command wrote")
-    found = sorted(path.rglob("*.rrd")) if path.is_dir() else [path]
-    shown = [file for file in found if not file.name.startswith(".")]
-    if not shown:
+    files = sorted(path.rglob("*.rrd")) if path.is_dir() else [path]
+    recordings = [file for file in files if not file.name.startswith(".")]
+    if not recordings:
         raise SourceError(f"{path}: no recording (.rrd) in this folder: run tssgeom batch --out {path}")
-    return shown
+    return recordings
 
 
 def pairs(first: Path, second: Path) -> dict[str, tuple[Path, Path]]:
-    """Return what is compared, by name: two recordings, or those of one name in two folders.
+    """Return the pairs to compare, by name: two recordings, or those of one name in two folders.
 
     Raises
     ------
     SourceError
-        Where a folder has no recording, or of several none has its like in the other.
+        Where a folder has no recording, or where no name is in both folders.
     """
+    from tssgeom.errors import SourceError
+
     sides = recordings_in(first), recordings_in(second)
     if all(len(side) == 1 for side in sides):
         a, b = sides[0][0], sides[1][0]
@@ -82,15 +104,18 @@ def pairs(first: Path, second: Path) -> dict[str, tuple[Path, Path]]:
     named = [{file.stem: file for file in side} for side in sides]
     common = {name: (file, named[1][name]) for name, file in named[0].items() if name in named[1]}
     if not common:
-        raise SourceError(f"{first} and {second}: no recording has its like by name: name two .rrd files")
+        raise SourceError(f"{first} and {second}: they share no name of a recording: name two .rrd files")
     return common
 
 
-def _compared(asked: dict[str, tuple[Path, Path]], folder: Path) -> list[Path]:
-    from tssgeom.view.scene.compare.comparison import write_comparison
+def _compared(compared: dict[str, tuple[Path, Path]], folder: Path) -> list[Path]:
+    """Write the recording of each comparison, and return the files."""
+    from tssgeom.view.scene.compare.recording import write_comparison
+
+    from tssgeom.atomic import replacing
 
     written = list[Path]()
-    for name, (a, b) in asked.items():
+    for name, (a, b) in compared.items():
         written.append(folder / f"{name}.rrd")
         with replacing(written[-1]) as draft:
             write_comparison(draft, a, b)

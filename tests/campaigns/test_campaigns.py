@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipelines.check import checked
+from pipelines.contents import checked
 from tests.campaigns import INSIDE, OUTSIDE, PAIRS, PLANS, SEEDS, make_campaign
 from tests.campaigns.instruments import SPECIFIED
 from tests.campaigns.make import _rig, _run

@@ -48,7 +48,7 @@ def shared() -> Iterator[Shared]:
         with live(*ends) as stream:
             yield Shared(stream, datagrams, server)
             assert stream.stop() == 0
-            assert not any("Traceback" in said for said in stream.errors)
+            assert not any("Traceback" in text for text in stream.errors)
 
 
 @pytest.fixture
@@ -65,10 +65,10 @@ def source(stream: Live) -> Iterator[socket.socket]:
 @pytest.fixture
 def reader(stream: Live, source: socket.socket) -> Iterator[Reader]:
     """A client that is known to be connected: it has read the answer to a frame."""
-    found = stream.reader()
-    with found.sock:
-        synchronised(stream, found)
-        yield found
+    client = stream.reader()
+    with client.sock:
+        synchronised(stream, client)
+        yield client
 
 
 @pytest.fixture

@@ -11,15 +11,15 @@ _marks = count()
 
 
 def synchronised(stream: Live, reader: Reader) -> None:
-    """Send frames until the reader sees one: then all that is sent after it will be seen too."""
-    found = None
-    while found is None:
+    """Send frames until the reader gets the answer to one: then it gets all later answers too."""
+    replies = None
+    while replies is None:
         mark = f"mark {next(_marks)}"
         with stream.source() as sock:
             sock.sendall(frame(0.0, id=mark))
             reader.sock.settimeout(2.0)
             try:
-                found = reader.until("id", mark)
+                replies = reader.until("id", mark)
             except TimeoutError:
                 continue
     reader.sock.settimeout(PATIENCE)

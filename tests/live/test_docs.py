@@ -51,10 +51,10 @@ def test_the_source_is_short_and_each_of_its_frames_is_answered(stream, reader):
     body = EXAMPLES["source"].partition("\n\n\n")[2]
     assert len([text for text in body.splitlines() if text.strip()]) <= 15
     process = started(ported(EXAMPLES["source"], _5000=stream.port("source", "tcp")))
-    told = reader.until("t", 0.02 * 99)
+    replies = reader.until("t", 0.02 * 99)
     assert process.communicate(timeout=PATIENCE) == (b"", None)
-    answered = [one for one in told if "segments" in one and one["t"] > 0]
-    assert len(answered) + told[-1]["dropped"] - told[0]["dropped"] >= 99
+    answered = [one for one in replies if "segments" in one and one["t"] > 0]
+    assert len(answered) + replies[-1]["dropped"] - replies[0]["dropped"] >= 99
     assert answered[-1]["total_angle_rad"] == pytest.approx(1.99, rel=1e-3)
 
 
@@ -84,8 +84,8 @@ def served(ports: dict[str, int]) -> Iterator[Live]:
 
 def test_a_server_of_pyigtl_is_found_and_its_route_answered(served, ports):
     process = started(ported(EXAMPLES["igtl"], **ports))
-    told = json.loads(served.output.readline())
-    assert told["total_angle_rad"] == pytest.approx(2.0, rel=1e-3)
+    reply = json.loads(served.output.readline())
+    assert reply["total_angle_rad"] == pytest.approx(2.0, rel=1e-3)
     process.communicate(timeout=PATIENCE)
     assert process.returncode == 0
     served.said("the server has gone")

@@ -39,8 +39,8 @@ def rows(recording: Path, entity: str, component: str) -> int:
     """Rows of an entity over time that hold a component."""
     chunks = RrdReader(str(recording)).stream().filter(content=entity)
     batches = [chunk.to_record_batch() for chunk in chunks]
-    found = [batch.column(component) for batch in batches if component in batch.schema.names]
-    return sum(len(column) - column.null_count for column in found)
+    columns = [batch.column(component) for batch in batches if component in batch.schema.names]
+    return sum(len(column) - column.null_count for column in columns)
 
 
 def test_standard_input_is_answered_frame_by_frame_as_batch_answers_it(tmp_path):
@@ -56,8 +56,8 @@ def test_standard_input_is_answered_frame_by_frame_as_batch_answers_it(tmp_path)
         stream.input.close()
         out = stream.output.read()
         assert stream.process.wait(PATIENCE) == 0
-    told = [json.loads(text) for text in out.splitlines()]
-    answers = [one for one in told if "segments" in one]
+    replies = [json.loads(text) for text in out.splitlines()]
+    answers = [one for one in replies if "segments" in one]
     assert [one["seq"] for one in answers] == list(range(count))
     # which product is fused with a sum may differ between processes that each compiled for themselves
     same = partial(pytest.approx, rel=1e-12, abs=1e-12)
@@ -71,7 +71,7 @@ def test_standard_input_is_answered_frame_by_frame_as_batch_answers_it(tmp_path)
     assert rows(recording, "/series/tension_out", "Scalars:scalars") == count
 
 
-def test_a_tendon_that_creeps_is_found_again_as_it_was_left_though_the_clock_began_anew(tmp_path):
+def test_a_tendon_that_creeps_goes_on_as_it_was_left_though_the_clock_began_anew(tmp_path):
     state, rig = tmp_path / "tendon.json", tmp_path / "rig.toml"
     # so slowly that a start which compiles for a minute changes nothing
     rig.write_text('[[effects]]\nname = "creep"\nratio = 0.1\ntime_s = 1e4\n')
@@ -83,12 +83,12 @@ def test_a_tendon_that_creeps_is_found_again_as_it_was_left_though_the_clock_beg
         stream.input.write(line(half_circle(), 1.0, tension_in_N=9.0))
         stream.input.close()
         assert "rejected" in json.loads(stream.output.readline())
-        told = json.loads(stream.output.readline())
+        reply = json.loads(stream.output.readline())
         assert stream.process.wait(PATIENCE) == 0
     assert 1000.0 < read_state(state).time < 1100.0  # a minute has passed at most; the rejected time is none
-    assert told["t"] == 1.0
-    assert told["direction_index"] == -1
-    assert told["dead_zone"] is True
+    assert reply["t"] == 1.0
+    assert reply["direction_index"] == -1
+    assert reply["dead_zone"] is True
 
 
 def test_a_killed_stream_leaves_a_whole_state_and_a_whole_recording(tmp_path):
@@ -116,7 +116,7 @@ def test_a_killed_or_stopped_picture_and_a_killed_saver_change_no_answer(tmp_pat
             stream.input.write(frame(float(next(times))))
             stream.input.flush()
             answer = json.loads(stream.output.readline())
-            while answer.get("stale"):  # no frame came while the test waited for what was said
+            while answer.get("stale"):  # no frame came while the test waited for a message
                 answer = json.loads(stream.output.readline())
             return "segments" in answer
 
@@ -143,7 +143,7 @@ def test_a_full_disk_ends_the_recording_with_the_reason_and_not_the_stream(tmp_p
 
     with live("--record", recording, preexec_fn=limited) as stream:
         time = 0.0
-        while not any("full.rrd" in said for said in stream.errors):
+        while not any("full.rrd" in text for text in stream.errors):
             for _ in range(20):
                 time += 1.0
                 stream.input.write(frame(time))
@@ -162,13 +162,13 @@ def test_a_source_that_dies_and_returns_is_served_again(shared):
     stream = shared.stream
     for i in range(3):
         with stream.source() as source, stream.reader().sock as sock:
-            reader, told, time = Reader(sock), {}, 0.0
+            reader, reply, time = Reader(sock), {}, 0.0
             sock.settimeout(PATIENCE)
-            while told.get("id") != i:
+            while reply.get("id") != i:
                 time += 1.0
                 source.sendall(frame(time, id=i))
-                told = reader.answer()
-            assert "segments" in told
+                reply = reader.answer()
+            assert "segments" in reply
             source.sendall(frame(time + 1.0)[:100])  # dies in the middle of a line
 
 
@@ -178,7 +178,7 @@ def test_a_state_that_cannot_be_written_is_told_before_the_end(tmp_path):
         stream.input.write(frame(0.0))
         stream.input.close()
         assert stream.process.wait(PATIENCE) == 1
-    assert any("tendon.json: cannot be written" in said for said in stream.errors)
+    assert any("tendon.json: cannot be written" in text for text in stream.errors)
 
 
 @pytest.mark.parametrize("content", ["", "{", '{"version": 1, "kind": "bars"}', "[]"])

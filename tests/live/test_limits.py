@@ -1,4 +1,4 @@
-"""Who sends too much, reads too little or has no business here is cut off, and nobody else notices."""
+"""A client that sends too much, reads too little or has no token is cut off, and no other is affected."""
 
 import json
 import signal
@@ -27,10 +27,10 @@ def answered(source, reader, name):
 def test_a_line_over_a_mebibyte_is_refused_and_its_sender_cut_off(stream, source, reader):
     with stream.source() as huge:
         huge.sendall(b"[" * ((1 << 20) + 1))
-        told = reader.answer()
+        reply = reader.answer()
         assert b"1048576 bytes" in huge.recv(1000)
         assert huge.recv(1000) == b""
-    assert "1048576 bytes" in told["rejected"]
+    assert "1048576 bytes" in reply["rejected"]
     assert "cut off" in stream.said("1 MiB")
     assert answered(source, reader, "still here")["total_angle_rad"] > 0
 
@@ -39,7 +39,7 @@ def test_a_reader_that_never_reads_is_cut_off_and_the_others_are_not(stream, sou
     with stream.reader().sock as deaf:
         deaf.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
         long = b'{"t":1,"unit":"km","points":[],"id":"%s"}\n' % (b"x" * 250)
-        while not any("has not read" in said for said in stream.errors):
+        while not any("has not read" in reason for reason in stream.errors):
             source.sendall(long * FRAMES.waiting)
             assert answered(source, reader, "in between")["total_angle_rad"] > 0
     assert answered(source, reader, "unharmed")["total_angle_rad"] > 0
@@ -52,8 +52,8 @@ def test_one_client_too_many_is_refused_with_the_reason(stream, source, reader):
             stack.enter_context(socket.create_connection(("127.0.0.1", port), PATIENCE))
             for _ in range(LIMITS.peers)
         ]
-        told = json.loads(clients[-1].recv(1000))
-        assert str(LIMITS.peers) in told["closed"]
+        reply = json.loads(clients[-1].recv(1000))
+        assert str(LIMITS.peers) in reply["closed"]
         assert clients[-1].recv(1000) == b""
         assert answered(source, reader, "among many")["total_angle_rad"] > 0
 
@@ -66,13 +66,13 @@ def test_good_frames_among_many_bad_ones_are_answered_or_counted(source, reader)
         lines = [*bad * 5, frame(float(next(_times)), id=i).rstrip()]
         sent += len(lines)
         source.sendall(b"\n".join(lines) + b"\n")
-    told = reader.until("id", rounds - 1)
+    replies = reader.until("id", rounds - 1)
     counts = {
-        "answered": sum("segments" in one for one in told),
-        "rejected": sum("rejected" in one for one in told),
-        "dropped": told[-1]["dropped"] - start["dropped"],
+        "answered": sum("segments" in one for one in replies),
+        "rejected": sum("rejected" in one for one in replies),
+        "dropped": replies[-1]["dropped"] - start["dropped"],
     }
-    assert told[-1]["seq"] - start["seq"] == sent
+    assert replies[-1]["seq"] - start["seq"] == sent
     assert sum(counts.values()) == sent, counts
 
 
@@ -86,17 +86,17 @@ def test_no_address_of_another_machine_is_taken(run, uri):
 
 
 @pytest.mark.parametrize(
-    ("given", "said"),
+    ("given", "reason"),
     [
         (("--sink", "udp://127.0.0.1:0"), "cannot be sent to port 0: give a port"),
         (("--source", "-", "--source", "-"), "--source - is given twice"),
         (("--sink", "none", "--sink", "none"), "--sink none is given twice"),
     ],
 )
-def test_a_place_that_nothing_can_come_of_is_refused(run, given, said):
+def test_an_address_that_cannot_be_used_is_refused(run, given, reason):
     outcome = run("live", *given)
     assert outcome.status == 2
-    assert said in outcome.errors[0]
+    assert reason in outcome.errors[0]
 
 
 def test_remote_access_needs_a_token_that_cannot_be_guessed(run, tmp_path):
@@ -110,7 +110,7 @@ def test_remote_access_needs_a_token_that_cannot_be_guessed(run, tmp_path):
     assert "hunter2" not in outcome.errors[0]
 
 
-def test_who_does_not_show_the_token_gets_nothing_and_who_does_is_served(tmp_path):
+def test_a_client_without_the_token_gets_nothing_and_one_with_it_is_served(tmp_path):
     token = tmp_path / "token"
     token.write_text("0123456789abcdef0123456789abcdef\n")
     here = "127.0.0.1"
@@ -121,7 +121,7 @@ def test_who_does_not_show_the_token_gets_nothing_and_who_does_is_served(tmp_pat
             wrong.sendall(b"0123456789abcdef0123456789abcdeX\n")
             assert b"wrong token" in wrong.recv(1000)
             assert wrong.recv(1000) == b""
-        for _ in range(3):  # who has gone, with a reset, when it is told
+        for _ in range(3):  # gone, with a reset, before the reason arrives
             with socket.create_connection((here, port), PATIENCE) as reset:
                 reset.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
                 reset.sendall(b"0123456789abcdef0123456789abcdeX\n")
@@ -132,15 +132,15 @@ def test_who_does_not_show_the_token_gets_nothing_and_who_does_is_served(tmp_pat
         ):
             right.sendall(token.read_bytes())
             datagrams.send(frame(1.0, id="without"))
-            reader, told, time = Reader(right), {}, 0.0
+            reader, reply, time = Reader(right), {}, 0.0
             right.settimeout(2.0)
             source.sendall(token.read_bytes())
-            while told.get("id") != "with":
+            while reply.get("id") != "with":
                 time += 1.0
                 source.sendall(frame(time, id="with"))
                 with suppress(TimeoutError):  # the reader may not have been let in yet
-                    told = reader.answer()
-                assert told.get("id") != "without"
+                    reply = reader.answer()
+                assert reply.get("id") != "without"
             datagrams.send(token.read_bytes() + frame(1.0, id="datagram"))
             assert reader.until("id", "datagram")
         numbers = json.loads(stream.said('"rate_hz"'))
@@ -153,4 +153,4 @@ def test_who_does_not_show_the_token_gets_nothing_and_who_does_is_served(tmp_pat
             "stale",
         }
         assert stream.stop(signal.SIGINT) == 0
-        assert not any("0123456789abcdef" in said for said in stream.errors)
+        assert not any("0123456789abcdef" in reason for reason in stream.errors)

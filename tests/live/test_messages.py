@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from pipelines.live_messages import packed, unpacked
+from pipelines.live.messages import packed, unpacked
 from tests.live.peers import half_circle
 from tssgeom.rig import Rig
 from tssgeom.stream import Frame, FrameResult, process

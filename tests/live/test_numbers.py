@@ -1,10 +1,10 @@
-"""The numbers of a stream, as one object and as one line on a terminal."""
+"""The statistics of a stream, as one object and as one line on a terminal."""
 
 import numpy as np
 import pytest
 
-from pipelines.live_numbers import Numbers, status_text
-from pipelines.live_workers import Allowance
+from pipelines.live.processes import TokenBucket
+from pipelines.live.status import Statistics, status_text
 from tssgeom.rig import Rig
 from tssgeom.stream import Frame, FrameResult, process
 
@@ -14,34 +14,34 @@ POINTS = 0.1 * np.column_stack((np.sin(TURN), 1 - np.cos(TURN), 0 * TURN))
 
 @pytest.fixture(scope="module")
 def result() -> FrameResult:
-    (found,) = process([Frame(POINTS, 2.0, tension_in=10.0)], Rig(), tension_in=10.0)
-    assert isinstance(found, FrameResult)
-    return found
+    (result,) = process([Frame(POINTS, 2.0, tension_in=10.0)], Rig(), tension_in=10.0)
+    assert isinstance(result, FrameResult)
+    return result
 
 
 def test_latencies_are_those_since_the_last_time_and_counts_those_since_the_start(result):
-    numbers = Numbers()
+    statistics = Statistics()
     for latency in (100.0, 200.0, 300.0):
-        numbers.add(result, latency)
-    first = numbers.told({"dropped": 4})
+        statistics.add(result, latency)
+    first = statistics.over_interval({"dropped": 4})
     assert (first["latency_p50_us"], first["answered"], first["dropped"]) == (200.0, 3, 4)
-    second = numbers.told({"dropped": 4})
+    second = statistics.over_interval({"dropped": 4})
     assert (second["latency_p50_us"], second["rate_hz"], second["answered"]) == (None, 0.0, 3)
 
 
-def test_the_status_line_fits_a_terminal_and_tells_all(result):
-    numbers = Numbers()
-    numbers.add(result, 450.0)
-    told = numbers.told({"dropped": 1})
-    line = status_text(told).plain
+def test_the_status_line_fits_a_terminal_and_has_all_numbers(result):
+    statistics = Statistics()
+    statistics.add(result, 450.0)
+    report = statistics.over_interval({"dropped": 1})
+    line = status_text(report).plain
     assert len(line) <= 80
     for part in ("Hz", "0.45/0.45 ms", "dropped 1", "rejected 0", "Φ 180.0°", "T_out 6.34 N", "δ "):
         assert part in line
-    assert "stale" in status_text(told | {"stale": True}).plain
+    assert "stale" in status_text(report | {"stale": True}).plain
 
 
 def test_pictures_are_allowed_all_at_first_and_then_at_their_rate():
-    allowance = Allowance(rate=8.0, burst=5.0)
-    now = allowance._since
-    assert [allowance.granted(now) for _ in range(7)] == [True] * 5 + [False] * 2
-    assert [allowance.granted(now + k / 16) for k in range(1, 9)].count(True) == 4
+    bucket = TokenBucket(rate=8.0, burst=5.0)
+    now = bucket._since
+    assert [bucket.take(now) for _ in range(7)] == [True] * 5 + [False] * 2
+    assert [bucket.take(now + k / 16) for k in range(1, 9)].count(True) == 4

@@ -17,13 +17,13 @@ def half_circle(count: int = 40) -> np.ndarray:
 
 def test_half_circle_at_15_newton_gives_the_paper_s_numbers(run, half):
     outcome = run("analyse", half, "--json")
-    told = json.loads(outcome.out)
+    output = json.loads(outcome.out)
     assert outcome.status == 0
-    assert (told["shape"], told["points"]) == ("half", 40)
-    assert told["tension_in_N"] == pytest.approx(15.0)  # the default
-    assert told["tension_out_N"] / told["tension_in_N"] == pytest.approx(0.6341, abs=1e-4)
-    assert told["elongation_m"] == pytest.approx(1.9036e-3, abs=1e-7)
-    assert told["total_angle_rad"] == pytest.approx(math.pi, rel=1e-5)
+    assert (output["shape"], output["points"]) == ("half", 40)
+    assert output["tension_in_N"] == pytest.approx(15.0)  # the default
+    assert output["tension_out_N"] / output["tension_in_N"] == pytest.approx(0.6341, abs=1e-4)
+    assert output["elongation_m"] == pytest.approx(1.9036e-3, abs=1e-7)
+    assert output["total_angle_rad"] == pytest.approx(math.pi, rel=1e-5)
 
 
 def test_several_shapes_are_a_list_and_one_folder_is_too(run, write_csv, tmp_path):
@@ -31,19 +31,20 @@ def test_several_shapes_are_a_list_and_one_folder_is_too(run, write_csv, tmp_pat
         write_csv(f"in/{name}", half_circle())
     by_name = json.loads(run("analyse", tmp_path / "in/a.csv", tmp_path / "in/b.csv", "--json").out)
     by_folder = json.loads(run("analyse", tmp_path / "in", "--json").out)
-    assert [told["shape"] for told in by_name] == ["a", "b"]
+    assert [output["shape"] for output in by_name] == ["a", "b"]
     assert by_folder == by_name
 
 
 def test_tension_and_rig_are_the_user_s(run, half, tmp_path):
     (tmp_path / "rig.toml").write_text("[friction]\ncoefficient = 0.0\n")
-    told = json.loads(run("analyse", half, "--json", "--tension-in", "8", "--rig", tmp_path / "rig.toml").out)
-    assert told["tension_in_N"] == pytest.approx(8.0)
-    assert told["tension_out_N"] == pytest.approx(8.0)
-    assert told["elongation_m"] == pytest.approx(3.16e-4 * 8.0 * 0.5, rel=1e-6)
+    options = ("--tension-in", "8", "--rig", tmp_path / "rig.toml")
+    output = json.loads(run("analyse", half, "--json", *options).out)
+    assert output["tension_in_N"] == pytest.approx(8.0)
+    assert output["tension_out_N"] == pytest.approx(8.0)
+    assert output["elongation_m"] == pytest.approx(3.16e-4 * 8.0 * 0.5, rel=1e-6)
 
 
-def test_the_table_tells_the_numbers_and_the_tension_they_stand_for(run, half):
+def test_the_table_has_the_numbers_and_the_tension_they_belong_to(run, half):
     outcome = run("analyse", half)
     assert "T_in = 15 N" in outcome.out
     row = next(line for line in outcome.out.splitlines() if line.startswith(" half "))
@@ -59,14 +60,14 @@ def test_quiet_leaves_stdout_empty(run, half):
 
 def test_a_recording_remembers_the_pull_and_rejects_its_broken_line_only(run, recording):
     outcome = run("analyse", recording, "--json")
-    told = json.loads(outcome.out)
+    output = json.loads(outcome.out)
     assert outcome.status == 1
     assert outcome.errors == [
         f"tssgeom: {recording}: frame 2: line 3: Input data was truncated: "
         "write one JSON object a line, null for a point not seen"
     ]
-    assert (told["frames"], told["rejected"]) == (6, 1)
-    assert told["elongation_m"] == pytest.approx(1.7284e-3, rel=1e-3)  # docs/model.md: 15 N, then 10 N
+    assert (output["frames"], output["rejected"]) == (6, 1)
+    assert output["elongation_m"] == pytest.approx(1.7284e-3, rel=1e-3)  # docs/model.md: 15 N, then 10 N
 
 
 def test_out_writes_the_object_the_recording_and_the_tube(run, half, tmp_path):
@@ -81,7 +82,7 @@ def test_out_writes_the_object_the_recording_and_the_tube(run, half, tmp_path):
     np.testing.assert_allclose(tube.extents[:2], [0.5 / math.pi * 2, 0.5 / math.pi], rtol=0.05)
 
 
-def test_a_lumen_that_cannot_be_read_is_told_and_the_numbers_stand(run, half, tmp_path):
+def test_a_lumen_that_cannot_be_read_is_reported_and_the_numbers_stay(run, half, tmp_path):
     (tmp_path / "half_lumen.ply").write_text("no mesh")
     outcome = run("analyse", half, "--json", "--out", tmp_path / "out")
     assert outcome.status == 1
@@ -116,20 +117,20 @@ BAD = {
 
 @pytest.mark.parametrize("case", BAD)
 def test_a_bad_shape_is_refused_in_one_line_with_the_file_and_the_reason(run, write_csv, case):
-    points, header, says = BAD[case]
+    points, header, expected = BAD[case]
     path = write_csv("bad.csv", points, header)
     outcome = run("analyse", path, "--json")
     (error,) = outcome.errors
     assert (outcome.status, outcome.out) == (2, "")
     assert error.startswith(f"tssgeom: {path}: ")
-    assert says in error
+    assert expected in error
 
 
 def test_a_bad_shape_does_not_take_the_others_down(run, write_csv, half, tmp_path):
     bad = write_csv("bad.csv", GOOD[:3])
     outcome = run("analyse", bad, half, tmp_path / "missing.csv", "--json")
     assert outcome.status == 1
-    assert [told["shape"] for told in json.loads(outcome.out)] == ["half"]
+    assert [output["shape"] for output in json.loads(outcome.out)] == ["half"]
     assert len(outcome.errors) == 2
 
 
@@ -140,7 +141,7 @@ def test_a_file_that_may_not_be_read_does_not_take_the_others_down(run, write_cs
         pytest.skip("this user may read every file")
     outcome = run("analyse", half, locked, "--json")
     assert outcome.status == 1
-    assert [told["shape"] for told in json.loads(outcome.out)] == ["half"]
+    assert [output["shape"] for output in json.loads(outcome.out)] == ["half"]
     assert len(outcome.errors) == 1
     assert "Permission denied" in outcome.errors[0]
 
@@ -159,10 +160,10 @@ DOUBTFUL = {
 
 @pytest.mark.parametrize("case", DOUBTFUL)
 def test_a_doubtful_shape_is_used_with_a_warning(run, write_csv, case):
-    points, says = DOUBTFUL[case]
-    told = json.loads(run("analyse", write_csv("doubt.csv", points), "--json").out)
-    assert any(says in warning for warning in told["warnings"])
-    assert told["total_angle_rad"] == pytest.approx(math.pi, rel=0.02)
+    points, expected = DOUBTFUL[case]
+    output = json.loads(run("analyse", write_csv("doubt.csv", points), "--json").out)
+    assert any(expected in warning for warning in output["warnings"])
+    assert output["total_angle_rad"] == pytest.approx(math.pi, rel=0.02)
 
 
 def test_a_recording_whose_frames_are_all_bad_is_refused(run, write_csv):
@@ -177,11 +178,11 @@ def test_the_clearance_to_a_closed_lumen_counts_the_tube(run, half, tmp_path):
     """A half circle of 500 mm in the plane z = 0, in a flat box of 40 mm, and of 20 mm."""
     lumen = tmp_path / "half_lumen.ply"
     trimesh.creation.box((400.0, 400.0, 40.0)).export(lumen)
-    told = json.loads(run("analyse", half, "--tube-mm", "10", "--json").out)["clearance"]
-    assert told["lumen"] == "half_lumen.ply"
-    assert told["tube_radius_m"] == 0.005
-    assert told["least_m"] == pytest.approx(0.015, abs=1e-6)  # the route fits exact points
-    assert told["contacts"] == told["outside"] == []
+    output = json.loads(run("analyse", half, "--tube-mm", "10", "--json").out)["clearance"]
+    assert output["lumen"] == "half_lumen.ply"
+    assert output["tube_radius_m"] == 0.005
+    assert output["least_m"] == pytest.approx(0.015, abs=1e-6)  # the route fits exact points
+    assert output["contacts"] == output["outside"] == []
     trimesh.creation.box((400.0, 400.0, 9.0)).export(lumen)
     outcome = run("analyse", half, "--tube-mm", "10", "--json")
     touching = json.loads(outcome.out)["clearance"]
@@ -194,9 +195,9 @@ def test_a_route_out_of_its_lumen_is_warned_of(run, half, tmp_path):
     mesh = trimesh.creation.box((400.0, 400.0, 40.0))
     mesh.apply_translation((0.0, 0.0, 50.0))
     mesh.export(tmp_path / "half_lumen.ply")
-    told = json.loads(run("analyse", half, "--json").out)
-    assert told["clearance"]["least_m"] == pytest.approx(-0.03, abs=1e-6)
-    assert any("out of the lumen from s = 0.0 to 500.0 mm, by up to 30" in one for one in told["warnings"])
+    output = json.loads(run("analyse", half, "--json").out)
+    assert output["clearance"]["least_m"] == pytest.approx(-0.03, abs=1e-6)
+    assert any("out of the lumen from s = 0.0 to 500.0 mm, by up to 30" in one for one in output["warnings"])
 
 
 def test_the_tube_of_the_mesh_has_the_true_radius_and_is_watertight(run, half, tmp_path):
@@ -206,7 +207,7 @@ def test_the_tube_of_the_mesh_has_the_true_radius_and_is_watertight(run, half, t
     assert tube.extents.min() == pytest.approx(0.008, rel=0.02)  # sixteen sides
 
 
-def test_results_that_cannot_be_written_are_told_in_plain_words(run, half, tmp_path):
+def test_results_that_cannot_be_written_are_reported_in_plain_words(run, half, tmp_path):
     (tmp_path / "taken").touch()
     outcome = run("analyse", half, "--out", tmp_path / "taken")
     assert outcome.status == 2

@@ -14,7 +14,8 @@ import numpy as np
 import pyarrow.parquet as papq
 import pytest
 
-from pipelines.workers import Died, hired
+from pipelines.batch.run import BatchLimits
+from pipelines.batch.workers import WorkerLost, worker_pool
 from tests.pipelines.alike import alike
 from tssgeom.io.results.run_record import locked
 from tssgeom.io.storage import Folder
@@ -90,7 +91,7 @@ def test_a_batch_killed_at_any_moment_goes_on_to_the_same_bytes_by_other_workers
 ) -> None:
     count = int(np.random.default_rng(int.from_bytes(os.urandom(4))).integers(1, RUNS + 1))
     out, endless = tmp_path / "out", inputs / "zz.jsonl"
-    os.mkfifo(endless)  # nobody writes to it, so that the batch cannot end before it is killed
+    os.mkfifo(endless)  # nothing writes to it, so that the batch cannot end before it is killed
     command = [*TSSGEOM, "batch", str(inputs), "--out", str(out), "--workers", "2", "--no-pictures"]
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as running:
         wait_for_tables(out, count, running)
@@ -165,9 +166,9 @@ def die_of(what: str) -> str:
 
 
 def test_a_worker_that_dies_takes_only_its_own_call_with_it() -> None:
-    with hired(2, None, lambda frames, size: None) as crew:
-        done = dict(crew.each(die_of, ["a", "poison"]))
-    assert isinstance(done.pop("poison"), Died)
+    with worker_pool(2, None, lambda frames, size: None) as pool:
+        done = dict(pool.unordered(die_of, ["a", "poison"]))
+    assert isinstance(done.pop("poison"), WorkerLost)
     assert done == {"a": "A"}
 
 
@@ -175,10 +176,10 @@ def test_frames_that_stand_alone_give_the_same_bytes_however_they_are_spread(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run
 ) -> None:
     source = moving(tmp_path / "long.jsonl", 3, 40)
-    monkeypatch.setattr("pipelines.batch_task.CHUNK", 16)
+    monkeypatch.setattr("pipelines.batch.task.CHUNK", 16)
     outs = [tmp_path / name for name in ("whole", "spread")]
     for out, small in zip(outs, (1 << 30, 0), strict=True):
-        monkeypatch.setattr("pipelines.batch._SPREAD", small)
+        monkeypatch.setattr("pipelines.batch.run._LIMITS", BatchLimits(shared_size=small))
         run("batch", source, "--out", out, "--geometry-only", *PLAIN)
     assert content(outs[0]) == content(outs[1])
     rows = papq.read_table(outs[0] / "frames/long.parquet").to_pylist()
@@ -214,6 +215,6 @@ def test_inputs_that_stand_out_are_named(tmp_path: Path, run) -> None:
         moving(tmp_path / f"in/run{seed}.jsonl", seed, 4)
     lines = (tmp_path / "in/run3.jsonl").read_text().splitlines()
     (tmp_path / "in/run3.jsonl").write_text("\n".join([*lines[:2], "{", "{"]) + "\n")
-    told = run("batch", tmp_path / "in", "--out", tmp_path / "out", "--no-pictures", "--workers", "1").out
-    assert "stands out: run3: rejected 50 % of the frames, the others about 0 %" in told
+    output = run("batch", tmp_path / "in", "--out", tmp_path / "out", "--no-pictures", "--workers", "1").out
+    assert "stands out: run3: rejected 50 % of the frames, the others about 0 %" in output
     assert "rejected 50 % of the frames" in (tmp_path / "out/report.html").read_text()

@@ -25,17 +25,17 @@ USED = ("half_circle.csv", "helix.csv", "setup_a.csv", "colon_markers.csv")
 def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """Address of a scheduler that runs as long as the tests need it."""
     folder = tmp_path_factory.mktemp("dask")
-    place = folder / "scheduler.json"
+    file = folder / "scheduler.json"
     quiet: dict[str, Any] = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "cwd": folder}
-    common = ["--host", "127.0.0.1", "--no-dashboard", "--scheduler-file", str(place)]
+    common = ["--host", "127.0.0.1", "--no-dashboard", "--scheduler-file", str(file)]
     server = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--port", "0", *common]
     worker = [sys.executable, "-m", "distributed.cli.dask_worker", "--nthreads", "1", "--no-nanny", *common]
     processes = [subprocess.Popen(command, **quiet) for command in (server, worker, worker)]
     try:
-        while not place.exists():
+        while not file.exists():
             assert processes[0].poll() is None
             time.sleep(0.05)  # between two looks at the folder
-        address = json.loads(place.read_text())["address"]
+        address = json.loads(file.read_text())["address"]
         wait_for_workers(address)
         yield address
     finally:

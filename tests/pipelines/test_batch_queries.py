@@ -16,9 +16,9 @@ TEXT = (ROOT / "docs/batch.md").read_text("utf-8")
 
 
 def example(language: str) -> str:
-    found = re.search(rf"```{language}\n(.*?)```", TEXT, re.DOTALL)
-    assert found
-    return found[1]
+    result = re.search(rf"```{language}\n(.*?)```", TEXT, re.DOTALL)
+    assert result
+    return result[1]
 
 
 @pytest.fixture
@@ -32,13 +32,13 @@ def results(run, tmp_path: Path, recording: Path, monkeypatch: pytest.MonkeyPatc
 
 
 def test_duckdb_finds_the_least_tension_of_each_recording(results: Path) -> None:
-    found = duckdb.sql(example("sql")).fetchall()
-    assert [row[0] for row in found] == ["helix", "pull"]
+    result = duckdb.sql(example("sql")).fetchall()
+    assert [row[0] for row in result] == ["helix", "pull"]
     rows = papq.read_table(results / "frames/pull.parquet").to_pylist()
     pulled = [row for row in rows if row["rejected"] is None and row["direction_index"] == 1]
     least = min(pulled, key=lambda row: row["tension_out_N"])
-    assert found[1][1] == least["tension_out_N"]
-    assert found[1][2] == pytest.approx(math.degrees(least["total_angle_rad"]), rel=1e-12)  # rounding
+    assert result[1][1] == least["tension_out_N"]
+    assert result[1][2] == pytest.approx(math.degrees(least["total_angle_rad"]), rel=1e-12)  # rounding
 
 
 def test_pandas_finds_the_share_of_sharp_bends(results: Path) -> None:

@@ -45,16 +45,16 @@ def test_the_rig_that_is_written_loads_again_with_the_friction_and_compliance_of
     rig = tmp_path / "rig.toml"
     outcome = run("calibrate", write_run(*ALL), "--shape", half, "--out", rig, "--json")
     assert outcome.status == 0
-    told = json.loads(outcome.out)["estimates"]
+    output = json.loads(outcome.out)["estimates"]
     read = read_rig(rig)
-    assert read.friction.coefficient == told["friction"]["value"]
-    assert read.tendon.compliance_per_N == told["compliance"]["value"]
+    assert read.friction.coefficient == output["friction"]["value"]
+    assert read.tendon.compliance_per_N == output["compliance"]["value"]
     # Noise of 0.01 N on 240 readings of some 10 N.
     assert read.friction.coefficient == pytest.approx(MU, rel=0.01)
     assert read.tendon.compliance_per_N == pytest.approx(RHO, rel=0.01)
-    low, high = told["elongation_offset"]["ci95"]
+    low, high = output["elongation_offset"]["ci95"]
     assert low < 1.69e-3 < high
-    assert told["tension_out_offset"]["value"] == pytest.approx(0.25, abs=0.01)
+    assert output["tension_out_offset"]["value"] == pytest.approx(0.25, abs=0.01)
     comments = [line for line in rig.read_text(encoding="utf-8").splitlines() if line.startswith("#")]
     assert any("SHA-256" in line for line in comments)
 
@@ -62,8 +62,8 @@ def test_the_rig_that_is_written_loads_again_with_the_friction_and_compliance_of
 def test_the_rig_is_used_by_the_other_commands(run, write_run, half, tmp_path):
     rig = tmp_path / "rig.toml"
     run("calibrate", write_run(*ALL), "--shape", half, "--out", rig, "--quiet")
-    told = json.loads(run("analyse", half, "--rig", rig, "--json").out)
-    assert told["tension_out_N"] == pytest.approx(15.0 * math.exp(-MU * math.pi), rel=0.01)
+    output = json.loads(run("analyse", half, "--rig", rig, "--json").out)
+    assert output["tension_out_N"] == pytest.approx(15.0 * math.exp(-MU * math.pi), rel=0.01)
 
 
 def test_what_the_columns_do_not_tell_is_null_and_not_a_number(run, write_run, half, tmp_path):
@@ -76,15 +76,15 @@ def test_what_the_columns_do_not_tell_is_null_and_not_a_number(run, write_run, h
         tmp_path / "rig.toml",
         "--json",
     )
-    told = json.loads(outcome.out)["estimates"]
-    assert told["compliance"] == {
+    output = json.loads(outcome.out)["estimates"]
+    assert output["compliance"] == {
         "value": None,
         "ci95": None,
         "unit": "1/N",
         "observable": False,
         "nominal": 3.16e-4,
     }
-    assert told["friction"]["observable"]
+    assert output["friction"]["observable"]
 
 
 def test_a_run_with_no_response_is_one_line_and_writes_nothing(run, write_run, half, tmp_path):

@@ -19,11 +19,12 @@ def test_a_good_shape_is_told(run, half):
 
 def test_a_recording_is_told_with_the_frames_that_are_wrong(run, recording):
     outcome = run("check", recording, "--json")
-    (told,) = json.loads(outcome.out)
+    (output,) = json.loads(outcome.out)
     assert outcome.status == 1
-    assert (told["holds"], told["unit"], told["frames"], told["points"]) == ("recording", "mm", 6, [12, 12])
-    assert (told["duration_s"], told["measured"], told["stations"]) == (4.0, ["tension_in"], False)
-    assert told["wrong"] == [
+    assert (output["holds"], output["unit"]) == ("recording", "mm")
+    assert (output["frames"], output["points"]) == (6, [12, 12])
+    assert (output["duration_s"], output["measured"], output["stations"]) == (4.0, ["tension_in"], False)
+    assert output["wrong"] == [
         "frame 2: line 3: Input data was truncated: write one JSON object a line, null for a point not seen"
     ]
 
@@ -33,8 +34,8 @@ def test_what_analyse_refuses_of_a_frame_is_wrong(run, tmp_path):
     frames = [{"t": 0.0, "noise_m": -1.0}, {"t": 1.0, "length_m": -2.0}, {"t": 2.0}]
     lines = "".join(json.dumps(one | {"unit": "mm", "points": points}) + "\n" for one in frames)
     (tmp_path / "bad.jsonl").write_text(lines)
-    (told,) = json.loads(run("check", tmp_path / "bad.jsonl", "--json").out)
-    assert [one.partition(":")[0] for one in told["wrong"]] == ["frame 0", "frame 1"]
+    (output,) = json.loads(run("check", tmp_path / "bad.jsonl", "--json").out)
+    assert [one.partition(":")[0] for one in output["wrong"]] == ["frame 0", "frame 1"]
 
 
 def test_frames_beyond_the_first_few_that_are_wrong_are_found_where_they_are_said_to_be(run, recording):
@@ -43,16 +44,16 @@ def test_frames_beyond_the_first_few_that_are_wrong_are_found_where_they_are_sai
     for command in (run("analyse", recording).errors[-1], run("check", recording).out):
         assert "2 more frames" in command
         assert command.rstrip().endswith("see tssgeom check --json")
-    (told,) = json.loads(run("check", recording, "--json").out)
-    assert len(told["wrong"]) == 7
+    (output,) = json.loads(run("check", recording, "--json").out)
+    assert len(output["wrong"]) == 7
 
 
 def test_gaps_and_stations_are_told(run, write_csv):
     angle = np.linspace(0.0, 2.0, 15)
     points = np.column_stack([np.cos(angle), np.sin(angle), 0 * angle, angle])
     points[4, :3] = np.nan
-    (told,) = json.loads(run("check", write_csv("gap.csv", points, "x_m,y_m,z_m,s_m"), "--json").out)
-    assert (told["points_not_seen"], told["stations"]) == (1, True)
+    (output,) = json.loads(run("check", write_csv("gap.csv", points, "x_m,y_m,z_m,s_m"), "--json").out)
+    assert (output["points_not_seen"], output["stations"]) == (1, True)
 
 
 def test_the_noise_of_the_points_is_estimated(run, write_csv):
@@ -60,8 +61,9 @@ def test_the_noise_of_the_points_is_estimated(run, write_csv):
     points = np.column_stack([x, 0.001 * x**2, 0 * x]) + np.random.default_rng(5).normal(
         scale=0.3, size=(200, 3)
     )
-    (told,) = json.loads(run("check", write_csv("noisy.csv", points), "--json").out)
-    assert told["noise_m"] == pytest.approx(0.3e-3, rel=0.2)  # 200 points tell it to 5 %; 20 % is 4 s.e.
+    (output,) = json.loads(run("check", write_csv("noisy.csv", points), "--json").out)
+    # the s.e. of 200 points is 5 %; 20 % is 4 s.e.
+    assert output["noise_m"] == pytest.approx(0.3e-3, rel=0.2)
 
 
 def hairpin(count: int) -> np.ndarray:
@@ -72,23 +74,23 @@ def hairpin(count: int) -> np.ndarray:
 
 
 def test_length_noise_and_warnings_are_those_of_analyse(run, write_csv):
-    stray = hairpin(30)
-    stray[10, 2] = 40.0
-    for name, points in (("hairpin.csv", hairpin(30)), ("stray.csv", stray)):
+    outlier = hairpin(30)
+    outlier[10, 2] = 40.0
+    for name, points in (("hairpin.csv", hairpin(30)), ("outlier.csv", outlier)):
         path = write_csv(name, points)
-        (told,) = json.loads(run("check", path, "--json").out)
+        (output,) = json.loads(run("check", path, "--json").out)
         analysed = json.loads(run("analyse", path, "--json").out)
         for key in ("length_m", "noise_m", "warnings"):
-            assert told[key] == analysed[key]
+            assert output[key] == analysed[key]
 
 
 def test_a_frame_whose_points_no_fit_follows_is_wrong_and_the_next_one_is_told(run, recording):
     few = np.delete(hairpin(4), 4, axis=0)  # one point of the turn was not sensed
     lost = {"t": -1.0, "points": few.tolist(), "unit": "mm"}
     recording.write_text(f"{json.dumps(lost)}\n{recording.read_text()}")
-    (told,) = json.loads(run("check", recording, "--json").out)
-    assert "frame 0: 7 points do not tell how far the route turns" in told["wrong"][0]
-    assert told["length_m"] == pytest.approx(0.5, rel=1e-3)  # twelve points of the half circle
+    (output,) = json.loads(run("check", recording, "--json").out)
+    assert "frame 0: 7 points do not tell how far the route turns" in output["wrong"][0]
+    assert output["length_m"] == pytest.approx(0.5, rel=1e-3)  # twelve points of the half circle
 
 
 def test_a_column_that_is_not_read_is_told(run, write_csv):
@@ -148,5 +150,5 @@ def test_a_measured_run_is_told(run, tmp_path):
 
 def test_a_frame_that_pushes_is_wrong(run, recording):
     recording.write_text(recording.read_text().replace('"tension_in_N": 12.0', '"tension_in_N": -12.0'))
-    (told,) = json.loads(run("check", recording, "--json").out)
-    assert "frame 4: tension_in is -12 N: a tendon only pulls" in told["wrong"][1]
+    (output,) = json.loads(run("check", recording, "--json").out)
+    assert "frame 4: tension_in is -12 N: a tendon only pulls" in output["wrong"][1]

@@ -41,7 +41,20 @@ def test_help_of_every_command_imports_nothing_heavy():
         assert f"tssgeom {command} " in ended.stdout
 
 
-def test_version_is_told(run):
+def test_the_readme_has_a_row_for_every_command_and_every_command_a_file():
+    table = (ROOT / "README.md").read_text("utf-8").partition("## Commands")[2].partition("\n## ")[0]
+    names = {each.callback.__name__ for each in app.registered_commands if each.callback is not None}
+    assert set(re.findall(r"^\| `tssgeom (\w+)", table, re.MULTILINE)) == names
+    assert {name for name in names if module_of(name) != f"pipelines.{name}"} == set()
+
+
+def module_of(name: str) -> str:
+    """Module of a command's function."""
+    (callback,) = (one.callback for one in app.registered_commands if one.callback.__name__ == name)
+    return callback.__module__
+
+
+def test_version_is_printed(run):
     outcome = run("--version")
     assert outcome.status == 0
     assert outcome.out.startswith("tssgeom ")
@@ -62,25 +75,25 @@ def test_no_help_has_a_unit_that_the_terminal_takes_for_a_style():
         for parameter in inspect.signature(command.callback, eval_str=True).parameters.values()
     ]
     assert len(helps) > 100
-    assert [said for said in helps if Text.from_markup(said).plain != said] == []
+    assert [text for text in helps if Text.from_markup(text).plain != text] == []
 
 
 def test_the_newest_entry_of_the_changelog_is_the_version():
-    said = re.search(r"^version: (\S+)$", (ROOT / "CITATION.cff").read_text(), re.MULTILINE)
+    text = re.search(r"^version: (\S+)$", (ROOT / "CITATION.cff").read_text(), re.MULTILINE)
     newest = re.search(r"^## (\S+)", (ROOT / "CHANGELOG.md").read_text("utf-8"), re.MULTILINE)
-    assert said is not None
+    assert text is not None
     assert newest is not None
-    assert newest[1] == said[1]
+    assert newest[1] == text[1]
 
 
-def test_help_of_analyse_tells_the_default_tension(run):
+def test_help_of_analyse_has_the_default_tension(run):
     outcome = run("analyse", "--help")
     assert outcome.status == 0
     assert "15" in outcome.out
 
 
 @pytest.mark.parametrize(
-    ("arguments", "says"),
+    ("arguments", "expected"),
     [
         (["no-such-command"], "no-such-command"),
         (["analyse"], "Missing argument"),
@@ -97,11 +110,11 @@ def test_help_of_analyse_tells_the_default_tension(run):
         (["view", "missing"], "missing: no such file or folder"),
     ],
 )
-def test_wrong_usage_is_one_line_and_status_2(run, arguments, says):
+def test_wrong_usage_is_one_line_and_status_2(run, arguments, expected):
     outcome = run(*arguments)
     assert outcome.status == 2
     assert len(outcome.errors) == 1
-    assert says in outcome.errors[0]
+    assert expected in outcome.errors[0]
 
 
 def test_a_rig_with_an_unknown_key_is_refused_with_its_path(run, half, tmp_path):

@@ -21,7 +21,7 @@ FILES = ["discover.rrd", "report.html", "report.json", "rig.updated.toml"]
 
 
 @pytest.fixture(scope="module")
-def found(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """What the command writes of the sample with a hidden bend."""
     out = tmp_path_factory.mktemp("found") / "out"
     with pytest.raises(SystemExit) as ended:
@@ -34,20 +34,20 @@ def report(out: Path) -> dict[str, Any]:
     return json.loads((out / "report.json").read_text("utf-8"))
 
 
-def test_all_files_are_written_and_no_other(found):
-    assert sorted(path.name for path in found.iterdir()) == FILES
+def test_all_files_are_written_and_no_other(results):
+    assert sorted(path.name for path in results.iterdir()) == FILES
 
 
-def test_the_figures_of_the_page_are_written_for_print(found):
+def test_the_figures_of_the_page_are_written_for_print(results):
     figures = ("along", "heat", "ranking", "residual", "transmission")
-    written = sorted(path.name for path in (found.parent / "figures").iterdir())
+    written = sorted(path.name for path in (results.parent / "figures").iterdir())
     assert written == [f"{BEND.name}_{name}.{ending}" for name in figures for ending in ("pdf", "svg")]
 
 
-def test_the_hidden_bend_is_named_with_an_interval_that_holds_it(found):
-    told = report(found)
-    assert told["verdict"] == "effect"
-    (effect,) = told["effects"]
+def test_the_hidden_bend_is_named_with_an_interval_that_holds_it(results):
+    output = report(results)
+    assert output["verdict"] == "effect"
+    (effect,) = output["effects"]
     assert effect["name"] == "hidden_bend"
     for key, truth in (("at_m", 0.21), ("angle_rad", 0.6)):
         low, high = effect["parameters"][key]["ci95"]
@@ -55,27 +55,27 @@ def test_the_hidden_bend_is_named_with_an_interval_that_holds_it(found):
         assert effect["parameters"][key]["value"] == pytest.approx(
             truth, rel=0.1
         )  # the target of the project
-    before, after = (told["gap"][when]["held_out"] for when in ("before", "after"))
+    before, after = (output["gap"][when]["held_out"] for when in ("before", "after"))
     assert after["tension_in_N"] < 0.5 * before["tension_in_N"]
 
 
-def test_the_updated_rig_has_the_bend_and_the_refitted_base(found):
-    rig = read_rig(found / "rig.updated.toml")
+def test_the_updated_rig_has_the_bend_and_the_refitted_base(results):
+    rig = read_rig(results / "rig.updated.toml")
     (bend,) = rig.effects
     assert isinstance(bend, HiddenBend)
-    told = report(found)
-    assert rig.friction.coefficient == told["base"]["friction"]["value"]
-    assert rig.tendon.compliance_per_N == told["base"]["compliance_per_N"]["value"]
-    assert told["base"]["friction"]["nominal"] == 0.145
+    output = report(results)
+    assert rig.friction.coefficient == output["base"]["friction"]["value"]
+    assert rig.tendon.compliance_per_N == output["base"]["compliance_per_N"]["value"]
+    assert output["base"]["friction"]["nominal"] == 0.145
 
 
 def test_the_updated_rig_shrinks_the_gap_of_a_run_that_no_fit_saw(
-    found: Path, run: Run, tmp_path: Path
+    results: Path, run: Run, tmp_path: Path
 ) -> None:
     left = {}
-    for rig in (BEND / "rig.toml", found / "rig.updated.toml"):
-        told = ("--drive", BEND / "chain.csv", "--rig", rig, "--out", tmp_path / rig.stem, "--quiet")
-        assert run("simulate", BEND / "route_chain.csv", *told).status == 0
+    for rig in (BEND / "rig.toml", results / "rig.updated.toml"):
+        options = ("--drive", BEND / "chain.csv", "--rig", rig, "--out", tmp_path / rig.stem, "--quiet")
+        assert run("simulate", BEND / "route_chain.csv", *options).status == 0
         simulated = papq.read_table(tmp_path / rig.stem / "simulate.parquet")["tension_out_N"].to_numpy()
         measured = np.genfromtxt(BEND / "chain.csv", delimiter=",", names=True)["tension_out_N"]
         left[rig.stem] = float(np.sqrt(np.mean((simulated - measured) ** 2)))
@@ -84,10 +84,10 @@ def test_the_updated_rig_shrinks_the_gap_of_a_run_that_no_fit_saw(
     assert left["rig.updated"] < 0.08
 
 
-def test_the_page_says_what_the_report_says(found):
-    page = (found / "report.html").read_text("utf-8")
+def test_the_page_says_what_the_report_says(results):
+    page = (results / "report.html").read_text("utf-8")
     assert "hidden bend" in page
-    assert page.index(report(found)["sentence"][:20]) < page.index("<section>")
+    assert page.index(report(results)["sentence"][:20]) < page.index("<section>")
 
 
 def altered(
@@ -144,13 +144,13 @@ def test_partial_data_get_an_answer_and_a_list_of_what_they_cannot_show(
     )
     done = run("discover", campaign, "--out", tmp_path / "out", "--json")
     assert (done.status, done.errors) == (0, [])
-    told = json.loads(done.out)
-    assert told["verdict"] in ("none", "effect", "tie", "unknown")
+    output = json.loads(done.out)
+    assert output["verdict"] in ("none", "effect", "tie", "unknown")
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == FILES
     hidden = {"thermal_drift"}  # no run has a temperature
     if case != "uneven_with_dropouts":
         hidden |= {"tension_out_offset", "tension_out_gain", "load_cell_crosstalk"}
-    assert hidden <= set(told["unobservable"])
+    assert hidden <= set(output["unobservable"])
 
 
 def test_a_campaign_without_drive_is_refused_in_one_line_and_leaves_nothing(run: Run, tmp_path: Path) -> None:

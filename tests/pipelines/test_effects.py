@@ -50,8 +50,8 @@ def rows(path: Path) -> dict[str, list[Any]]:
 
 
 def test_analyse_and_batch_lose_what_a_hidden_bend_takes(run: Run, half: Path, rig: Any, tmp_path: Path):
-    told = run("analyse", half, "--rig", rig(HIDDEN), "--json")
-    assert json.loads(told.out)["tension_out_N"] == pytest.approx(WITH, rel=FITTED)
+    output = run("analyse", half, "--rig", rig(HIDDEN), "--json")
+    assert json.loads(output.out)["tension_out_N"] == pytest.approx(WITH, rel=FITTED)
     assert "with hidden_bend" in " ".join(
         run("analyse", half, "--rig", rig(HIDDEN)).out.split()
     )  # lines break
@@ -68,12 +68,12 @@ def test_simulate_gives_what_the_march_of_a_run_predicts(run: Run, half: Path, r
     done = run("simulate", half, "--drive", drive, "--rig", rig(HIDDEN), "--out", tmp_path / "out")
     assert (done.status, done.errors) == (0, [])
     assert "with hidden_bend" in done.out
-    seen = rows(tmp_path / "out" / "simulate.parquet")
-    assert not any(name.startswith("read_") for name in seen)
-    assert seen["phase"] == ["pull", "pull", "hold", "pull_to_release", "release", "release_to_pull"]
-    told = predict({"time_s": time, "tension_in_N": pulls}, Arcs.exact(0.5, math.pi), read_rig(rig(HIDDEN)))
+    simulated = rows(tmp_path / "out" / "simulate.parquet")
+    assert not any(name.startswith("read_") for name in simulated)
+    assert simulated["phase"] == ["pull", "pull", "hold", "pull_to_release", "release", "release_to_pull"]
+    output = predict({"time_s": time, "tension_in_N": pulls}, Arcs.exact(0.5, math.pi), read_rig(rig(HIDDEN)))
     for channel in ("tension_out_N", "elongation_m"):
-        assert seen[channel] == pytest.approx(told[channel], rel=FITTED)
+        assert simulated[channel] == pytest.approx(output[channel], rel=FITTED)
 
 
 def test_simulate_tells_what_is_and_beside_it_what_a_sensor_reads(
@@ -81,17 +81,17 @@ def test_simulate_tells_what_is_and_beside_it_what_a_sensor_reads(
 ):
     drive = table(tmp_path / "drive.csv", time_s=[0, 1], tension_in_N=[5.0, 12.5])
     run("simulate", half, "--drive", drive, "--rig", rig(SENSOR), "--out", tmp_path / "out", "--quiet")
-    seen = rows(tmp_path / "out" / "simulate.parquet")
-    assert seen["tension_in_N"] == pytest.approx([4.0, 10.0])
-    assert seen["read_tension_in_N"] == [5.0, 12.5]
-    assert seen["read_tension_out_N"] == seen["tension_out_N"]
+    simulated = rows(tmp_path / "out" / "simulate.parquet")
+    assert simulated["tension_in_N"] == pytest.approx([4.0, 10.0])
+    assert simulated["read_tension_in_N"] == [5.0, 12.5]
+    assert simulated["read_tension_out_N"] == simulated["tension_out_N"]
 
 
 def test_what_compensate_commands_brings_simulate_to_the_target(
     run: Run, half: Path, rig: Any, tmp_path: Path
 ):
-    wanted = [1e-3, 4e-3, 6e-3, 5e-3, 2e-3, 3e-3]
-    target = table(tmp_path / "target.csv", time_s=np.arange(6.0), displacement_out_m=wanted)
+    target_m = [1e-3, 4e-3, 6e-3, 5e-3, 2e-3, 3e-3]
+    target = table(tmp_path / "target.csv", time_s=np.arange(6.0), displacement_out_m=target_m)
     options = ("--rig", rig(HIDDEN + SENSOR))
     done = run("compensate", half, "--target", target, *options, "--out", tmp_path / "out")
     assert "with hidden_bend, tension_in_gain" in done.out
@@ -100,8 +100,8 @@ def test_what_compensate_commands_brings_simulate_to_the_target(
     for column, name in (("displacement_in_m", "displacement_in_m"), ("read_tension_in_N", "tension_in_N")):
         drive = table(tmp_path / "drive.csv", time_s=commands["time_s"], **{name: commands[column]})
         run("simulate", half, "--drive", drive, *options, "--out", tmp_path / name, "--quiet")
-        seen = rows(tmp_path / name / "simulate.parquet")["displacement_out_m"]
-        assert seen == pytest.approx(wanted, rel=1e-9)
+        simulated = rows(tmp_path / name / "simulate.parquet")["displacement_out_m"]
+        assert simulated == pytest.approx(target_m, rel=1e-9)
 
 
 def test_heat_moves_a_recording_and_its_absence_is_told(run: Run, half: Path, rig: Any, tmp_path: Path):
@@ -132,23 +132,24 @@ def test_calibrate_holds_the_effects_and_finds_friction_and_compliance_beside_th
     time = np.linspace(0.0, 40.0, 401)
     pulls = np.interp(time, [0.0, 20.0, 40.0], [0.0, 20.0, 0.0])
     true = rig(HIDDEN + "[friction]\ncoefficient = 0.16\n[tendon]\ncompliance_per_N = 3.6e-4\n")
-    told = predict({"time_s": time, "tension_in_N": pulls}, Arcs.exact(0.5, math.pi), read_rig(true), bars=80)
+    drive = {"time_s": time, "tension_in_N": pulls}
+    predicted = predict(drive, Arcs.exact(0.5, math.pi), read_rig(true), bars=80)
     noise = np.random.default_rng(0)
     measured = table(
         tmp_path / "run.csv",
         time_s=time,
         tension_in_N=pulls,
-        tension_out_N=told["tension_out_N"] + noise.normal(0.0, 0.02, 401),
-        elongation_m=told["elongation_m"] + noise.normal(0.0, 5e-6, 401),
+        tension_out_N=predicted["tension_out_N"] + noise.normal(0.0, 0.02, 401),
+        elongation_m=predicted["elongation_m"] + noise.normal(0.0, 5e-6, 401),
     )
     out = tmp_path / "found.toml"
     assert (
         run("calibrate", measured, "--shape", half, "--rig", rig(HIDDEN), "--out", out, "--quiet").status == 0
     )
-    found = read_rig(out)
-    assert found.effects == read_rig(true).effects
-    assert found.friction.coefficient == pytest.approx(0.16, rel=3e-3)  # without the bend 0.19
-    assert found.tendon.compliance_per_N == pytest.approx(3.6e-4, rel=5e-3)
+    fitted = read_rig(out)
+    assert fitted.effects == read_rig(true).effects
+    assert fitted.friction.coefficient == pytest.approx(0.16, rel=3e-3)  # without the bend 0.19
+    assert fitted.tendon.compliance_per_N == pytest.approx(3.6e-4, rel=5e-3)
 
 
 def test_remedy_refuses_a_rig_with_effects_in_one_line(run: Run, half: Path, rig: Any):
@@ -159,5 +160,5 @@ def test_remedy_refuses_a_rig_with_effects_in_one_line(run: Run, half: Path, rig
 
 def test_an_effect_over_time_takes_a_shape_that_stands_alone_as_one_second(run: Run, half: Path, rig: Any):
     drag = rig('[[effects]]\nname = "viscous_drag"\ncoefficient_Ns_per_m2 = 100.0\n')
-    told = json.loads(run("analyse", half, "--rig", drag, "--json").out)
-    assert told["tension_out_N"] < WITHOUT - 0.01
+    output = json.loads(run("analyse", half, "--rig", drag, "--json").out)
+    assert output["tension_out_N"] < WITHOUT - 0.01

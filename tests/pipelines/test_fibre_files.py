@@ -20,13 +20,13 @@ def fibre(tmp_path):
 
 def test_analyse_gives_length_and_angle(run, fibre):
     outcome = run("analyse", fibre, "--json")
-    told = json.loads(outcome.out)
+    output = json.loads(outcome.out)
     assert outcome.status == 0
-    assert told["length_m"] == pytest.approx(0.5, abs=1e-12)
-    assert told["points"] == 17
-    assert told["total_angle_rad"] == pytest.approx(np.pi, abs=3 * told["total_angle_se_rad"])
-    assert told["total_angle_se_rad"] < 0.03  # 0.05/m × 0.5 m / √17 is 0.006; the unsensed ends add to it
-    assert told["warnings"] == ["1 gratings not read, bridged"]
+    assert output["length_m"] == pytest.approx(0.5, abs=1e-12)
+    assert output["points"] == 17
+    assert output["total_angle_rad"] == pytest.approx(np.pi, abs=3 * output["total_angle_se_rad"])
+    assert output["total_angle_se_rad"] < 0.03  # 0.05/m × 0.5 m / √17 is 0.006; the unsensed ends add to it
+    assert output["warnings"] == ["1 gratings not read, bridged"]
 
 
 def test_analyse_draws_it(run, fibre, tmp_path):
@@ -38,8 +38,8 @@ def test_check_tells_gratings_and_noise(run, fibre):
     outcome = run("check", fibre)
     assert "gratings: 18, 1 not seen (gaps)" in outcome.out
     assert "length 500.0 mm" in outcome.out
-    (told,) = json.loads(run("check", fibre, "--json").out)
-    assert told["curvature_noise_per_m"] == pytest.approx(0.05, rel=0.5)  # 34 values tell it to 12 %
+    (output,) = json.loads(run("check", fibre, "--json").out)
+    assert output["curvature_noise_per_m"] == pytest.approx(0.05, rel=0.5)  # the s.e. of 34 values is 12 %
 
 
 def test_simulate_drives_a_tendon_on_the_route_of_a_fibre(run, fibre, tmp_path):

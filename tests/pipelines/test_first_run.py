@@ -1,4 +1,4 @@
-"""Somebody who watches a first run is told why it takes so long."""
+"""The first run reports on a terminal why it takes so long."""
 
 import os
 import pty
@@ -7,31 +7,31 @@ import sys
 from contextlib import suppress
 from pathlib import Path
 
-ASK = "from pipelines.first_run import announce_compiling; announce_compiling()"
+ASK = "from pipelines.inputs import announce_compiling; announce_compiling()"
 
 
-def said(cache: Path) -> str:
-    """What a terminal shows where code is kept in `cache`."""
+def terminal_text(cache: Path) -> str:
+    """What a terminal shows where compiled code is in `cache`."""
     ours, theirs = pty.openpty()
     env = os.environ | {"NUMBA_CACHE_DIR": str(cache)}
     subprocess.run([sys.executable, "-c", ASK], env=env, stderr=theirs, check=True)
     os.close(theirs)
-    shown = b""
-    with suppress(OSError):  # nobody holds the other end any more
+    text = b""
+    with suppress(OSError):  # no process holds the other end any more
         while chunk := os.read(ours, 4096):
-            shown += chunk
+            text += chunk
     os.close(ours)
-    return shown.decode()
+    return text.decode()
 
 
-def test_it_is_told_on_a_terminal_while_nothing_is_compiled(tmp_path):
-    assert "compiling takes a minute or two" in said(tmp_path)
-    (folder,) = tmp_path.glob("chain_*")
+def test_it_is_reported_on_a_terminal_while_nothing_is_compiled(tmp_path):
+    assert "compiling takes a minute or two" in terminal_text(tmp_path)
+    (folder,) = tmp_path.glob("arcs_*")
     (folder / "equations.normal_equations-1.py311.nbi").touch()
-    assert said(tmp_path) == ""
+    assert terminal_text(tmp_path) == ""
 
 
-def test_a_file_is_told_nothing(tmp_path):
+def test_nothing_is_reported_into_a_file(tmp_path):
     env = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
     done = subprocess.run([sys.executable, "-c", ASK], env=env, capture_output=True, text=True, check=True)
     assert done.stderr == ""

@@ -21,10 +21,10 @@ def test_analyse_takes_it_as_one_shape_or_recording(run, name):
     outcome = run(
         "analyse", CORPUS / name, "--json", *([] if name in SAYING_THEIR_UNIT else ["--unit", "mm"])
     )
-    told = json.loads(outcome.out)
+    output = json.loads(outcome.out)
     assert (outcome.status, outcome.errors) == (0, [])
-    assert 1e3 * told["length_m"] == LENGTH.get(name, pytest.approx(70, abs=40))
-    assert ("frames" in told) == (name in {"tools_toolbox.csv", "colonoscope", "shape.mcap", "shape.db3"})
+    assert 1e3 * output["length_m"] == LENGTH.get(name, pytest.approx(70, abs=40))
+    assert ("frames" in output) == (name in {"tools_toolbox.csv", "colonoscope", "shape.mcap", "shape.db3"})
 
 
 @pytest.mark.parametrize("name", SAYING_NONE)
@@ -52,8 +52,8 @@ def test_check_tells_what_it_holds(run, name, holds):
 
 
 def test_a_file_of_two_lines_is_a_list_of_two_shapes(run):
-    told = json.loads(run("analyse", CORPUS / "lines_binary.vtp", "--unit", "mm", "--json").out)
-    assert [each["shape"] for each in told] == ["lines_binary-1", "lines_binary-2"]
+    output = json.loads(run("analyse", CORPUS / "lines_binary.vtp", "--unit", "mm", "--json").out)
+    assert [each["shape"] for each in output] == ["lines_binary-1", "lines_binary-2"]
 
 
 def test_batch_takes_a_folder_of_all_and_records_where_each_came_from(run, tmp_path):
@@ -81,13 +81,13 @@ def test_export_writes_beside_the_results_and_never_over_the_input(run, half):
 def test_an_exported_curve_has_the_length_and_angle_of_its_source(run, half, tmp_path):
     run("analyse", half, "--out", tmp_path / "out", "--export", "mrk.json")
     (here,) = json.loads(run("check", half, "--json").out)
-    told = json.loads(run("analyse", tmp_path / "out/half_tension.mrk.json", "--json").out)
-    assert told["length_m"] == pytest.approx(here["length_m"], rel=1e-6)
-    assert told["total_angle_rad"] == pytest.approx(math.pi, rel=1e-4)
+    output = json.loads(run("analyse", tmp_path / "out/half_tension.mrk.json", "--json").out)
+    assert output["length_m"] == pytest.approx(here["length_m"], rel=1e-6)
+    assert output["total_angle_rad"] == pytest.approx(math.pi, rel=1e-4)
 
 
 @pytest.mark.parametrize(
-    ("arguments", "says"),
+    ("arguments", "expected"),
     [
         (["--export", "vtp"], "--export vtp: there is no folder to write to: give --out DIR too"),
         (
@@ -96,6 +96,6 @@ def test_an_exported_curve_has_the_length_and_angle_of_its_source(run, half, tmp
         ),
     ],
 )
-def test_an_export_that_cannot_be_is_refused_before_any_work(run, half, arguments, says):
+def test_an_export_that_cannot_be_is_refused_before_any_work(run, half, arguments, expected):
     outcome = run("analyse", half, *arguments)
-    assert (outcome.status, outcome.errors) == (2, [f"tssgeom: {says}"])
+    assert (outcome.status, outcome.errors) == (2, [f"tssgeom: {expected}"])

@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import pytest
 
-from pipelines.interruption import not_lost
+from pipelines.cli import lost_interrupts_repeated
 
 RAISING = ctypes.CFUNCTYPE(None)
 
@@ -20,19 +20,19 @@ def interrupted() -> None:
 
 def worked_through(callback: Callable[[], None]) -> None:
     """Work for ten seconds, in which C calls back."""
-    with not_lost():
+    with lost_interrupts_repeated():
         RAISING(callback)()
         time.sleep(10.0)
 
 
 def test_an_interruption_that_a_callback_loses_is_raised_again():
     report = sys.unraisablehook
-    heard = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's & shuts it off
+    handler = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's & shuts it off
     try:
         with pytest.raises(KeyboardInterrupt):
             worked_through(interrupted)
     finally:
-        signal.signal(signal.SIGINT, heard)
+        signal.signal(signal.SIGINT, handler)
     assert sys.unraisablehook is report
 
 
@@ -44,7 +44,7 @@ def test_what_else_is_lost_is_reported_as_before():
 
     before, sys.unraisablehook = sys.unraisablehook, lambda one: lost.append(one.exc_type)
     try:
-        with not_lost():
+        with lost_interrupts_repeated():
             RAISING(failing)()
     finally:
         sys.unraisablehook = before

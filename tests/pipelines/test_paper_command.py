@@ -17,7 +17,7 @@ def folder(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def told(folder):
+def output(folder):
     printed = io.StringIO()
     with contextlib.redirect_stdout(printed), pytest.raises(SystemExit) as ended:
         main(["paper", "--out", str(folder), "--json"])
@@ -25,7 +25,7 @@ def told(folder):
     return json.loads(printed.getvalue())
 
 
-# Half of the last digit that is printed, or that docs/model.md gives, by what the row tells.
+# Half of the last digit that is printed, or that docs/model.md gives, by the quantity of the row.
 ROUNDED = {"N": 0.0005, "1": 0.0005, "mm": 0.0005}
 # Measurements, and what depends on a perturbation or a reference that is not printed.
 MEASURED = {
@@ -39,29 +39,29 @@ MEASURED = {
 }
 
 
-def test_every_number_of_the_paper_is_told_and_agrees(told):
-    assert len(told["numbers"]) >= 15
-    for row in told["numbers"]:
+def test_every_number_of_the_paper_is_told_and_agrees(output):
+    assert len(output["numbers"]) >= 15
+    for row in output["numbers"]:
         allowed = MEASURED.get(row["quantity"], ROUNDED.get(row["unit"]))
         assert abs(row["difference"]) <= allowed, row["quantity"]
         assert row["why"]
 
 
-def test_figures_tables_and_recording_are_written(told, folder):
+def test_figures_tables_and_recording_are_written(output, folder):
     for number in range(4, 9):
-        assert {f"figure_{number}.{ending}" for ending in ("pdf", "svg", "png")} <= set(told["files"])
-    assert sorted(path.name for path in folder.iterdir()) == told["files"]
-    assert all((folder / name).stat().st_size > 300 for name in told["files"])
+        assert {f"figure_{number}.{ending}" for ending in ("pdf", "svg", "png")} <= set(output["files"])
+    assert sorted(path.name for path in folder.iterdir()) == output["files"]
+    assert all((folder / name).stat().st_size > 300 for name in output["files"])
     assert (folder / "figure_5.png").read_bytes().startswith(b"\x89PNG")
     assert (folder / "figure_5.pdf").read_bytes().startswith(b"%PDF")
     with (folder / "paper.csv").open(newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
-    assert [row["quantity"] for row in rows] == [row["quantity"] for row in told["numbers"]]
+    assert [row["quantity"] for row in rows] == [row["quantity"] for row in output["numbers"]]
     assert (folder / "paper.md").read_text(encoding="utf-8").count("\n| ") == 1 + len(rows)
 
 
-def test_the_recording_shows_both_setups_and_the_curves_over_time(told, folder):
-    assert "paper.rrd" in told["files"]
+def test_the_recording_shows_both_setups_and_the_curves_over_time(output, folder):
+    assert "paper.rrd" in output["files"]
     entities = {str(chunk.entity_path) for chunk in RrdReader(str(folder / "paper.rrd")).stream()}
     assert {
         "/a/route",
@@ -72,8 +72,8 @@ def test_the_recording_shows_both_setups_and_the_curves_over_time(told, folder):
     } <= entities
 
 
-def test_the_table_puts_in_brackets_what_is_not_printed_in_the_paper(told, folder):
-    rows = {row["quantity"]: row for row in told["numbers"]}
+def test_the_table_puts_in_brackets_what_is_not_printed_in_the_paper(output, folder):
+    rows = {row["quantity"]: row for row in output["numbers"]}
     assert rows["ratio of the two"]["printed_in_paper"]
     table = (folder / "paper.md").read_text(encoding="utf-8")
     assert "| T_out/T_in pulling | 1 | (0.6341) | 0.6341 | +0.0000 |" in table

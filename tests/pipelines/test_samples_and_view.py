@@ -68,8 +68,9 @@ def test_the_readme_tells_columns_units_and_the_truth(folder):
 
 
 def test_the_samples_pass_the_check(run, folder):
-    told = json.loads(run("check", folder, "--json").out)
-    assert [(one["holds"], one["wrong"]) for one in told] == [("shape", []), ("shape", []), ("recording", [])]
+    output = json.loads(run("check", folder, "--json").out)
+    assert [one["wrong"] for one in output] == [[], [], []]
+    assert [one["holds"] for one in output] == ["shape", "shape", "recording"]
 
 
 def test_view_finds_the_recordings_of_a_folder_in_order(tmp_path):
@@ -102,7 +103,7 @@ def test_two_folders_are_compared_by_the_names_that_both_have(tmp_path):
     b = touched(tmp_path / "b", "loop", "route", "other")
     assert pairs(a, b) == {name: (a / f"{name}.rrd", b / f"{name}.rrd") for name in ("loop", "route")}
     assert pairs(a / "more.rrd", touched(tmp_path / "c", "else")).keys() == {"more_and_else"}
-    with pytest.raises(SourceError, match=r"no recording has its like by name: name two \.rrd files"):
+    with pytest.raises(SourceError, match=r"they share no name of a recording: name two \.rrd files"):
         pairs(a, touched(tmp_path / "d", "x", "y"))
 
 

@@ -90,9 +90,9 @@ def test_a_moving_route_is_taken_between_its_frames(run: Run, opening: Path, tmp
 
 
 def test_the_commands_bring_the_distal_end_to_its_target(run: Run, opening: Path, tmp_path: Path):
-    wanted = [1e-3, 4e-3, 6e-3, 5e-3, 2e-3, 3e-3]
+    target_m = [1e-3, 4e-3, 6e-3, 5e-3, 2e-3, 3e-3]
     times = [0.0, 0.7, 1.4, 2.1, 2.8, 3.5]
-    target = write_run(tmp_path / "target.csv", time_s=times, displacement_out_m=wanted)
+    target = write_run(tmp_path / "target.csv", time_s=times, displacement_out_m=target_m)
     done = run("compensate", opening, "--target", target, "--out", tmp_path / "out", "--json")
     assert (done.status, json.loads(done.out)["rows"]) == (0, 6)
     commands = papq.read_table(tmp_path / "out" / "compensate.parquet")
@@ -101,9 +101,9 @@ def test_the_commands_bring_the_distal_end_to_its_target(run: Run, opening: Path
         path = write_run(tmp_path / f"{drive}.csv", time_s=times, **{drive: commands[drive].to_pylist()})
         assert run("simulate", opening, "--drive", path, "--out", tmp_path / drive, "--quiet").status == 0
         rows = papq.read_table(tmp_path / drive / "simulate.parquet").to_pydict()
-        # by force the same model turned round; by place bars from the start against corners first: 5e-4 of δ
+        # tension: the same model inverted; position: bars from the start against corners first: 5e-4 of δ
         exact = drive == "tension_in_N"
-        assert rows["displacement_out_m"] == pytest.approx(wanted, rel=1e-6 if exact else 2e-3, abs=1e-9)
+        assert rows["displacement_out_m"] == pytest.approx(target_m, rel=1e-6 if exact else 2e-3, abs=1e-9)
 
 
 def test_commands_that_no_tendon_bears_are_warned_of(run: Run, half: Path, tmp_path: Path):

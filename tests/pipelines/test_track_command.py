@@ -36,7 +36,7 @@ def filmed(tmp_path_factory) -> Path:
             cv2.imwrite(str(folder / "boards" / f"cam{v}" / f"{k}.png"), image)
         film = cv2.VideoWriter(str(folder / f"cam{v}.avi"), cv2.VideoWriter_fourcc(*"FFV1"), 25.0, (480, 360))
         for f, (places, _) in enumerate(routes()):
-            balls = [Ball(place, 0.005) for place in places]
+            balls = [Ball(position, 0.005) for position in places]
             x, y = lens.project(places[5:6])[0].astype(int)
             hidden = [(v, x - 9, y - 9, x + 10, y + 10)] if v == 1 and f == 2 else []
             film.write(render(lens, Scene(balls, covers=hidden), v, f))
@@ -67,7 +67,7 @@ def test_a_calibration_from_boards_reads_back_with_both_cameras_in_one_frame(cal
     apart = np.linalg.norm(LENSES[1].place - LENSES[0].place)
     assert np.linalg.norm(two.place - one.place) == pytest.approx(
         apart, rel=0.01
-    )  # eight boards tell it to 3 ‰
+    )  # the s.e. of eight boards is 3 ‰
 
 
 def test_films_become_a_recording_that_analyse_reads_with_the_angle_in_its_error_bar(
@@ -78,10 +78,10 @@ def test_films_become_a_recording_that_analyse_reads_with_the_angle_in_its_error
         "track", *films(filmed), "--calibration", calibration, "--blobs", "bright", "--out", out, "--json",
         "--proximal", f"{start[0]:.0f},{start[1]:.0f}", "--overlay", tmp_path / "seen",
     )  # fmt: skip
-    told = json.loads(outcome.out)
+    output = json.loads(outcome.out)
     assert outcome.status == 0
-    assert (told["frames"], told["markers"], told["warnings"]) == (FRAMES, COUNT, [])
-    assert told["seen"] == pytest.approx(1 - 1 / (FRAMES * COUNT))  # one marker is hidden once
+    assert (output["frames"], output["markers"], output["warnings"]) == (FRAMES, COUNT, [])
+    assert output["seen"] == pytest.approx(1 - 1 / (FRAMES * COUNT))  # one marker is hidden once
     assert len(list((tmp_path / "seen").glob("frame_*.jpg"))) == FRAMES
     recording = open_recording(out)
     assert recording.timed
@@ -136,7 +136,7 @@ def test_covariances_stand_beside_the_points_in_both_formats(filmed, calibration
 
 
 @pytest.mark.parametrize(
-    ("options", "says"),
+    ("options", "expected"),
     [
         (["--blobs", "bright"], "--calibration is missing"),
         (["--calibration", "CAMERAS"], "say what the markers are"),
@@ -147,12 +147,12 @@ def test_covariances_stand_beside_the_points_in_both_formats(filmed, calibration
         (["--calibrate"], "--square-mm is missing"),
     ],
 )
-def test_what_is_missing_is_said_in_one_line(filmed, calibration, run, tmp_path, options, says):
+def test_what_is_missing_is_said_in_one_line(filmed, calibration, run, tmp_path, options, expected):
     given = [calibration if option == "CAMERAS" else option for option in options]
     outcome = run("track", *films(filmed), *given, "--out", tmp_path / "run.jsonl")
     assert outcome.status == 2
     assert len(outcome.errors) == 1
-    assert says in outcome.errors[0]
+    assert expected in outcome.errors[0]
     assert not (tmp_path / "run.jsonl").exists()
 
 

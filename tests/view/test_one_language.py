@@ -10,7 +10,7 @@ import pytest
 from rerun.chunk import RrdReader
 
 from pipelines.cli import main
-from pipelines.live_artist import Recorder
+from pipelines.live.worker import Recorder
 from tests.view.recorded import axes, entities, timelines, verify, views
 from tests.worked_finding import worked_finding
 from tssgeom.stream import FrameResult

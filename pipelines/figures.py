@@ -1,4 +1,4 @@
-"""Figures on disk, whole or not at all."""
+"""Figures as files; each is written whole or not at all."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def write_figure(
-    drawing: Figure, folder: Path, name: str, formats: Sequence[str] = ("pdf", "svg", "png")
+    figure: Figure, folder: Path, name: str, formats: Sequence[str] = ("pdf", "svg", "png")
 ) -> list[str]:
     """Write a figure in each of the formats, and return the names of the files.
 
@@ -27,7 +27,7 @@ def write_figure(
 
     for ending in formats:
         with replacing(folder / f"{name}.{ending}") as draft:
-            save(drawing, draft)
+            save(figure, draft)
     return [f"{name}.{ending}" for ending in formats]
 
 
@@ -43,13 +43,13 @@ def write_figures(folder: Path, name: str, figures: Mapping[str, Callable[[], Fi
 
     return [
         file
-        for figure, draw in figures.items()
-        for file in write_figure(draw(), folder, f"{name}_{figure}", VECTOR)
+        for part, draw in figures.items()
+        for file in write_figure(draw(), folder, f"{name}_{part}", VECTOR)
     ]
 
 
 def write_shape_figures(folder: Path, name: str, results: Sequence[FrameResult], *, timed: bool) -> list[str]:
-    """Draw what the report draws of a shape or a recording, and return the names of the files.
+    """Draw the report's figures of a shape or a recording, and return the names of the files.
 
     Raises
     ------
@@ -59,7 +59,7 @@ def write_shape_figures(folder: Path, name: str, results: Sequence[FrameResult],
     from tssgeom.view.figures.shapes import figures_of
     from tssgeom.view.report.entry import series_of, shown_of
 
-    shown = shown_of(results)
-    if shown is None:
+    result = shown_of(results)
+    if result is None:
         return []
-    return write_figures(folder, name, figures_of(shown, series_of(results) if timed else None))
+    return write_figures(folder, name, figures_of(result, series_of(results) if timed else None))

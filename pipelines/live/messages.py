@@ -15,12 +15,12 @@ _LENGTH = struct.Struct("!I")  # of a message in bytes, before it
 
 
 def unpacked_array(data: bytes | bytearray, kind: str, shape: tuple[int, ...]) -> np.ndarray:
-    """Return an array from its bytes, type and shape; it refuses writes unless they are a bytearray."""
+    """Return an array from its bytes, type and shape; it is read-only unless they are a bytearray."""
     return np.frombuffer(data, kind).reshape(shape)
 
 
 def _array(array: np.ndarray) -> tuple[Any, ...]:
-    """Say how to make an array anew, as it is: for one that refuses writes, kernels are compiled anew."""
+    """Return how to make an array anew, writable or not as it was: kernels are compiled for each kind."""
     data = bytearray(array.tobytes()) if array.flags.writeable else array.tobytes()
     return unpacked_array, (data, array.dtype.str, array.shape)
 
@@ -42,7 +42,7 @@ def packed(kind: str, content: object) -> bytes:
 
 
 def unpacked(data: bytearray) -> Iterator[tuple[str, Any]]:
-    """Take all whole messages out of what has come from the parent process, and from nobody else."""
+    """Take all whole messages out of the bytes so far; they come from the parent process only."""
     while len(data) >= _LENGTH.size and len(data) >= (end := _LENGTH.size + _LENGTH.unpack_from(data)[0]):
         with memoryview(data) as view:
             message = pickle.loads(view[_LENGTH.size : end])

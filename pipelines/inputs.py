@@ -1,8 +1,9 @@
-"""What analyse, batch and check share: options, one input at a time, and what to do where one fails."""
+"""What commands share on their inputs: settings, one input at a time, and refusals."""
 
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -11,29 +12,29 @@ from typing import TypeVar
 
 from msgspec.structs import replace as changed
 
-from pipelines.console import complain
-from pipelines.first_run import announce_compiling
-from pipelines.progress import progressing
+from pipelines.terminal import print_message, sized_progress
 from tssgeom.errors import SettingsError, ShapeError, SpaceError, TssgeomError, refused
 from tssgeom.io.formats.files import Recording, find_inputs, open_recording, output_names, real
 from tssgeom.io.results.shapes import Analysis, frame_row, relative
 from tssgeom.rig import Rig, read_rig
-from tssgeom.stream import process
+from tssgeom.route.arcs.equations import normal_equations
+from tssgeom.stream import Rejected, process
 from tssgeom.summary import RunningSummary
 
 Done = TypeVar("Done")
 
-_MOST_FRAMES_TOLD = 5
+MOST_REPORTED = 5
+"""Rejected frames of one input with a line each; the others are counted. Chosen: they fit a screen."""
 
 
 @dataclass(frozen=True, slots=True)
-class Options:
+class RunSettings:
     """What the user chose for a run."""
 
     rig: Rig
     rig_file: Path | None
     tension_in: float
-    """Proximal tension for frames that bring none [N]."""
+    """Proximal tension for frames without one [N]."""
     unit: str | None
     lumen: Path | None
     geometry_only: bool = False
@@ -51,15 +52,15 @@ class Refusal:
     """One line that names the input."""
 
 
-def options(
+def run_settings(
     rig: Path | None,
     tension_in: float,
     unit: str | None,
-    lumen: Path | None,
     *,
+    lumen: Path | None = None,
     geometry_only: bool = False,
     tube_mm: float | None = None,
-) -> Options:
+) -> RunSettings:
     """Check what the user chose.
 
     Raises
@@ -69,32 +70,45 @@ def options(
     """
     if not math.isfinite(tension_in) or tension_in < 0:
         raise SettingsError(f"--tension-in is {tension_in:g} N: give a finite tension >= 0 N")
-    held = Rig() if rig is None else read_rig(rig)
+    rig_read = Rig() if rig is None else read_rig(rig)
     if tube_mm is not None and not 0 < tube_mm < math.inf:
         raise SettingsError(f"--tube-mm is {tube_mm:g} mm: give the outer diameter of the tube, > 0 mm")
     announce_compiling()
-    return Options(held, rig, tension_in, unit, lumen, geometry_only, 0.5e-3 * (tube_mm or 0.0))
+    return RunSettings(rig_read, rig, tension_in, unit, lumen, geometry_only, 0.5e-3 * (tube_mm or 0.0))
 
 
-def geometry_alone(chosen: Options) -> Options:
-    """Return the options for finding a route on which the tendon does not matter: no effects act."""
-    return replace(chosen, rig=changed(chosen.rig, effects=()))
+def without_effects(settings: RunSettings) -> RunSettings:
+    """Return the settings for the fit of a route, where the tendon does not matter."""
+    return replace(settings, rig=changed(settings.rig, effects=()))
+
+
+def announce_compiling() -> None:
+    """Announce on a terminal that the first run compiles for minutes before it shows anything."""
+    if sys.stderr.isatty() and not _is_compiled():
+        text = "first run on this machine: compiling takes a minute or two; what is compiled is kept"
+        print(text, file=sys.stderr, flush=True)  # noqa: T201
+
+
+def _is_compiled() -> bool:
+    """Whether a kernel that every route needs is in the cache, compiled by whatever version."""
+    stats = getattr(normal_equations, "stats", None)  # missing where numba is set not to compile
+    return stats is None or any(Path(stats.cache_path).glob("*.normal_equations-*.nbi"))
 
 
 def inputs_of(paths: Iterable[Path], besides: Collection[Path] = ()) -> Iterator[Path | Refusal]:
     """Yield each file in files and folders once, and a refusal for a folder without shapes."""
-    seen = set[Path]()
+    yielded = set[Path]()
     for path in paths:
-        found = guarded(path, partial(find_inputs, [path], besides))
-        for item in [found] if isinstance(found, Refusal) else found:
-            if isinstance(item, Refusal) or real(item) not in seen:
+        files = attempt(path, partial(find_inputs, [path], besides))
+        for item in [files] if isinstance(files, Refusal) else files:
+            if isinstance(item, Refusal) or real(item) not in yielded:
                 yield item
             if isinstance(item, Path):
-                seen.add(real(item))
+                yielded.add(real(item))
 
 
-def guarded(source: str | Path, work: Callable[[], Done]) -> Done | Refusal:
-    """Do the work for one input, so that whatever goes wrong stays with that input."""
+def attempt(source: str | Path, work: Callable[[], Done]) -> Done | Refusal:
+    """Do the work for one input; an error becomes the refusal of that input alone."""
     try:
         return work()
     except SpaceError:
@@ -104,12 +118,14 @@ def guarded(source: str | Path, work: Callable[[], Done]) -> Done | Refusal:
     except OSError as error:
         return Refusal(str(source), one_line(f"{source}: {refused(error)}"))
     except Exception as error:  # a mistake of ours must not take the other inputs down
-        what = one_line(f"{type(error).__name__}: {error}")
-        return Refusal(str(source), f"{source}: unexpected {what}: please report it with the file")
+        return Refusal(str(source), unexpected(source, error))
 
 
 def analysis_of(
-    name: str, path: Path, chosen: Options, step: Callable[[int, float], None] = lambda frames, size: None
+    name: str,
+    path: Path,
+    settings: RunSettings,
+    step: Callable[[int, float], None] = lambda frames, size: None,
 ) -> Analysis:
     """Read and process one input.
 
@@ -119,7 +135,7 @@ def analysis_of(
         Name of its outputs.
     path
         The file.
-    chosen
+    settings
         Rig, tension and unit.
     step
         Called after each frame with 1 and the share of the file that the frame is [B].
@@ -129,22 +145,22 @@ def analysis_of(
     ShapeError, SourceError
         Where the file cannot be used, or none of its frames.
     """
-    recording = open_recording(path, chosen.unit)
+    recording = open_recording(path, settings.unit)
     account = RunningSummary.of(recording.frame_count)
     share = _size(path) / max(recording.frame_count, 1)
-    for item in process(recording.frames, chosen.rig, tension_in=chosen.tension_in):
+    for item in process(recording.frames, settings.rig, tension_in=settings.tension_in):
         account.add(item, frame_row(item))
         step(1, share)
-    return useful(name, relative(path), recording, account.close())
+    return require_used(name, relative(path), recording, account.close())
 
 
-def useful(name: str, source: str, recording: Recording, account: RunningSummary) -> Analysis:
-    """Return the analysis of an input of which some frames could be used.
+def require_used(name: str, source: str, recording: Recording, account: RunningSummary) -> Analysis:
+    """Return the analysis of an input.
 
     Raises
     ------
     ShapeError
-        Where none could.
+        Where none of its frames could be used.
     """
     if account.used:
         kind, timed = recording.kind, recording.timed
@@ -157,9 +173,13 @@ def useful(name: str, source: str, recording: Recording, account: RunningSummary
 
 def frame_refusals(analysis: Analysis, source: str) -> list[str]:
     """Return a line for each frame that was rejected; of many, the first few and a count."""
-    told = analysis.summary.rejected[:_MOST_FRAMES_TOLD]
-    lines = [f"{source}: frame {item.seq}: {one_line(item.reason)}" for item in told]
-    more = analysis.summary.refused - len(lines)
+    return rejection_lines(source, analysis.summary.rejected, analysis.summary.refused)
+
+
+def rejection_lines(source: str, rejected: Sequence[Rejected], count: int) -> list[str]:
+    """Return a line for each of the first rejected frames, and one for the rest of their `count`."""
+    lines = [f"{source}: frame {one.seq}: {one_line(one.reason)}" for one in rejected[:MOST_REPORTED]]
+    more = count - len(lines)
     if more:
         lines.append(f"{source}: {more} more frames rejected: see tssgeom check --json")
     return lines
@@ -167,7 +187,7 @@ def frame_refusals(analysis: Analysis, source: str) -> list[str]:
 
 @dataclass(slots=True)
 class Tally:
-    """What became of the inputs of a run."""
+    """Counts of the inputs of a run by outcome."""
 
     done: int = 0
     frames_refused: int = 0
@@ -181,43 +201,47 @@ class Tally:
         return 1 if self.refusals or self.frames_refused else 0
 
     def refuse(self, refusal: Refusal) -> None:
-        """Count a refusal, and tell it."""
-        complain(refusal.reason)
+        """Count a refusal, and print its reason."""
+        print_message(refusal.reason)
         self.refusals.append(refusal)
 
 
 def each_analysis(
-    found: Sequence[Path | Refusal], chosen: Options, finish: Callable[[Analysis], None], *, quiet: bool
+    inputs: Sequence[Path | Refusal],
+    settings: RunSettings,
+    finish: Callable[[Analysis], None],
+    *,
+    quiet: bool,
 ) -> Tally:
-    """Analyse input after input; what goes wrong is told, counted, and stays with its input.
+    """Analyse input after input; an error is printed and counted, and stays with its input.
 
     Parameters
     ----------
-    found
-        Files, and what was refused in finding them.
-    chosen
+    inputs
+        Files, and folders and files that were refused before.
+    settings
         Rig, tension and unit.
     finish
-        Called with each analysis; where it fails, the analysis counts as done and its failure is told.
+        Called with each analysis; where it fails, the analysis counts as done and the failure is printed.
     quiet
         Show no progress.
     """
     tally = Tally()
-    names = output_names([item for item in found if isinstance(item, Path)])
-    total = sum(_size(item) for item in found if isinstance(item, Path))
-    with progressing(len(found), total, quiet=quiet) as progress:
-        for item in found:
+    names = output_names([item for item in inputs if isinstance(item, Path)])
+    total = sum(_size(item) for item in inputs if isinstance(item, Path))
+    with sized_progress(len(inputs), total, quiet=quiet) as progress:
+        for item in inputs:
             if isinstance(item, Refusal):
                 tally.refuse(item)
             else:
-                work = partial(analysis_of, names[item], item, chosen, progress.more)
-                frames = _count(tally, item, guarded(item, work), finish)
+                work = partial(analysis_of, names[item], item, settings, progress.advance)
+                frames = _count(tally, item, attempt(item, work), finish)
                 progress.end(str(item), frames, _size(item))
     return tally
 
 
 def _size(path: Path) -> int:
-    """Size of a file [B]; 0 where there is none, which whoever reads it will tell."""
+    """Size of a file [B]; 0 where there is none, which its reader reports."""
     return path.stat().st_size if path.is_file() else 0
 
 
@@ -229,10 +253,17 @@ def _count(tally: Tally, path: Path, outcome: Analysis | Refusal, finish: Callab
     tally.done += 1
     tally.frames_refused += outcome.summary.refused
     for line in frame_refusals(outcome, str(path)):
-        complain(line)
-    if isinstance(failure := guarded(path, partial(finish, outcome)), Refusal):
+        print_message(line)
+    if isinstance(failure := attempt(path, partial(finish, outcome)), Refusal):
         tally.refuse(failure)
     return outcome.summary.frames
+
+
+def unexpected(source: str | Path, error: Exception) -> str:
+    """Return the one line for an error that is a mistake of the program."""
+    return (
+        f"{source}: unexpected {one_line(f'{type(error).__name__}: {error}')}: please report it with the file"
+    )
 
 
 def one_line(text: str) -> str:

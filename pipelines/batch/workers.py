@@ -1,4 +1,4 @@
-"""Who does the work: this process, several processes, or a Dask cluster; all take the same calls."""
+"""Pools of workers: this process, several processes, or a Dask cluster; all take the same calls."""
 
 from __future__ import annotations
 
@@ -16,72 +16,86 @@ from concurrent.futures import (
     ProcessPoolExecutor,
     wait,
 )
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
 from typing import Any, ParamSpec, TypeVar
 
 from tssgeom.errors import SettingsError, SourceError
 
-_TICK = 0.25  # s between two looks at how far the workers are
-_AHEAD = 2  # calls for each worker that are handed out at a time
+
+@dataclass(frozen=True, slots=True)
+class WorkerLimits:
+    """How calls are handed out; no result depends on it."""
+
+    report_interval: float = 0.25
+    """Time between two reports of progress [s]; chosen: a bar that moves smoothly."""
+    calls_per_worker: int = 2
+    """Calls that a worker holds: one under way, one waiting; derived: no worker waits for the next."""
+    slots: int = 4096
+    """Counters of progress shared by processes; chosen: more than processes are ever started."""
+    connect_timeout: str = "10s"
+    """Wait for a Dask scheduler; chosen."""
+
+
+_LIMITS = WorkerLimits()
 
 Given = TypeVar("Given")
 Done = TypeVar("Done")
 P = ParamSpec("P")
-Tell = Callable[[int, float], None]
-"""Takes frames [1] and bytes of input [B] that are done since the last call."""
+Report = Callable[[int, float], None]
+"""Takes frames [1] and bytes of input [B]."""
 
 
 @dataclass(frozen=True, slots=True)
-class Died:
-    """A worker's end that took its call with it."""
+class WorkerLost:
+    """The outcome of a call whose worker died."""
 
     reason: str
 
 
-class _Here(Executor):
+class _SameProcess(Executor):
     """Does each call at once, in this process."""
 
     def submit(self, fn: Callable[P, Done], /, *args: P.args, **kwargs: P.kwargs) -> Future[Done]:
         future: Future[Done] = Future()
         try:
             future.set_result(fn(*args, **kwargs))
-        except Exception as error:  # as every executor does: the one who asks for the result shall see it
+        except Exception as error:  # as every executor does: it is raised where the result is read
             future.set_exception(error)
         return future
 
 
 @dataclass(slots=True)
-class Crew:
-    """Workers of one kind, and how far they are."""
+class WorkerPool:
+    """Workers of one kind, and their progress."""
 
     count: int
     make: Callable[[int], Executor]
     """Makes an executor of so many workers."""
     progress: Callable[[], tuple[int, float]]
-    """Frames and bytes that are done in all workers since the start, where they tell."""
-    tick: Callable[[int, float], None]
-    """Shown those numbers now and then."""
+    """Frames and bytes that all workers have done since the start; zero where they cannot report."""
+    show: Report
+    """Called with those numbers, several times a second."""
     executor: Executor = field(init=False)
 
     def __post_init__(self) -> None:
         self.executor = self.make(self.count)
 
-    def each(
+    def unordered(
         self, work: Callable[[Given], Done], given: Iterable[Given]
-    ) -> Iterator[tuple[Given, Done | Died]]:
-        """Yield what was given with what came of it, as it is done.
+    ) -> Iterator[tuple[Given, Done | WorkerLost]]:
+        """Yield each input with its outcome, in the order in which they are done.
 
-        A worker that dies takes down only the call that it dies of, even alone.
+        A worker that dies loses only the call that killed it.
         """
         waiting, running = deque(given), dict[Future[Done], Given]()
         while waiting or running:
-            while waiting and len(running) < self.count * _AHEAD and not _any_done(running):
+            while waiting and len(running) < self.count * _LIMITS.calls_per_worker and not _any_done(running):
                 one = waiting.popleft()
                 running[self.executor.submit(work, one)] = one
-            done, _ = wait(running, _TICK, FIRST_COMPLETED)
-            self.tick(*self.progress())
+            done, _ = wait(running, _LIMITS.report_interval, FIRST_COMPLETED)
+            self.show(*self.progress())
             suspects = list[Given]()
             for future in done:
                 one = running.pop(future)
@@ -96,8 +110,8 @@ class Crew:
 
     def _one_by_one(
         self, work: Callable[[Given], Done], suspects: Sequence[Given]
-    ) -> Iterator[tuple[Given, Done | Died]]:
-        """Find out which of the calls in hand killed a worker: each gets one of its own."""
+    ) -> Iterator[tuple[Given, Done | WorkerLost]]:
+        """Find which of the calls under way killed a worker: each gets a worker of its own."""
         self.executor.shutdown(wait=False)
         for one in suspects:
             self.executor = self.make(1)
@@ -107,8 +121,8 @@ class Crew:
             self.executor.shutdown(wait=False)
         self.executor = self.make(self.count)
 
-    def in_order(self, work: Callable[..., Done], calls: Iterable[tuple[Any, ...]]) -> Iterator[Done]:
-        """Yield what comes of each call, in their order; the calls are made as they are needed.
+    def ordered(self, work: Callable[..., Done], calls: Iterable[tuple[Any, ...]]) -> Iterator[Done]:
+        """Yield the result of each call in their order; a call is taken when a worker is free.
 
         Raises
         ------
@@ -118,49 +132,48 @@ class Crew:
         running = deque[Future[Done]]()
         for call in calls:
             running.append(self.executor.submit(work, *call))
-            if len(running) >= self.count * _AHEAD:
+            if len(running) >= self.count * _LIMITS.calls_per_worker:
                 yield self._result(running.popleft())
         while running:
             yield self._result(running.popleft())
 
     def _result(self, future: Future[Done]) -> Done:
-        while not wait([future], _TICK).done:
-            self.tick(*self.progress())
+        while not wait([future], _LIMITS.report_interval).done:
+            self.show(*self.progress())
         try:
             return future.result()
         except BrokenExecutor as error:
             self.executor.shutdown(wait=False)
             self.executor = self.make(self.count)
-            raise SourceError(_DIED) from error
+            raise SourceError(_LOST_REASON) from error
 
 
-_DIED = "a worker process died over it, perhaps for want of memory: run it alone with --workers 1"
+_LOST_REASON = "a worker process died over it, perhaps for want of memory: run it alone with --workers 1"
 
 
 def _any_done(running: Iterable[Future[Any]]) -> bool:
     return any(future.done() for future in running)
 
 
-def _outcome(future: Future[Done]) -> Done | Died:
+def _outcome(future: Future[Done]) -> Done | WorkerLost:
     error = future.exception()
     if error is None:
         return future.result()
     if isinstance(error, BrokenExecutor):
-        return Died(_DIED)
-    return Died(f"the worker failed ({type(error).__name__}: {error}): {_DIED}")
+        return WorkerLost(_LOST_REASON)
+    return WorkerLost(f"the worker failed ({type(error).__name__}: {error}): {_LOST_REASON}")
 
 
-_tell: Tell = lambda frames, size: None  # noqa: E731
+_report: Report = lambda frames, size: None  # noqa: E731
 
 
-def tell(frames: int, size: float) -> None:
-    """Tell that more frames, and so many bytes of input, are done; called by whoever does the work."""
-    _tell(frames, size)
+def report_progress(frames: int, size: float) -> None:
+    """Report that more frames, and so many bytes of input, are done; called inside a worker."""
+    _report(frames, size)
 
 
-@contextmanager
-def hired(workers: int, scheduler: str | None, tick: Callable[[int, float], None]) -> Iterator[Crew]:
-    """Hire workers for the time being.
+def worker_pool(workers: int, scheduler: str | None, show: Report) -> AbstractContextManager[WorkerPool]:
+    """Start workers for a `with` block, and end them after it.
 
     Parameters
     ----------
@@ -168,84 +181,76 @@ def hired(workers: int, scheduler: str | None, tick: Callable[[int, float], None
         Processes on this machine; one is this process.
     scheduler
         Address of a Dask scheduler, which has workers of its own; None for this machine.
-    tick
-        Shown frames and bytes done so far, now and then.
+    show
+        Called with frames and bytes done so far, several times a second.
 
     Raises
     ------
     SettingsError
         Where there is no such scheduler, or Dask is not installed.
     """
-    with ExitStack() as stack:
-        if scheduler is not None:
-            crew = stack.enter_context(_cluster(scheduler, tick))
-        elif workers == 1:
-            crew = stack.enter_context(_alone(tick))
-        else:
-            crew = stack.enter_context(_processes(workers, tick))
-        yield crew
+    if scheduler is not None:
+        return _cluster(scheduler, show)
+    return _same_process(show) if workers == 1 else _processes(workers, show)
 
 
 @contextmanager
-def _alone(tick: Callable[[int, float], None]) -> Iterator[Crew]:
-    global _tell
+def _same_process(show: Report) -> Iterator[WorkerPool]:
+    global _report
     done = [0, 0.0]
 
-    def told(frames: int, size: float) -> None:
+    def add(frames: int, size: float) -> None:
         done[0] += frames
         done[1] += size
-        tick(int(done[0]), done[1])
+        show(int(done[0]), done[1])
 
-    before, _tell = _tell, told
+    before, _report = _report, add
     try:
-        yield Crew(1, lambda count: _Here(), lambda: (int(done[0]), done[1]), tick)
+        yield WorkerPool(1, lambda count: _SameProcess(), lambda: (int(done[0]), done[1]), show)
     finally:
-        _tell = before
+        _report = before
 
 
 @contextmanager
-def _processes(workers: int, tick: Callable[[int, float], None]) -> Iterator[Crew]:
-    """Hire processes that end with this one, however it ends: they watch a pipe whose other end it holds."""
+def _processes(workers: int, show: Report) -> Iterator[WorkerPool]:
+    """Start processes that end with this one, however it ends: they watch a pipe whose other end it holds."""
     context = multiprocessing.get_context("spawn")
     watched, held = context.Pipe(duplex=False)
-    frames, sizes = context.RawArray("q", _SLOTS), context.RawArray("d", _SLOTS)
+    frames, sizes = context.RawArray("q", _LIMITS.slots), context.RawArray("d", _LIMITS.slots)
     next_slot = context.Value("i", 0)
 
     def make(count: int) -> Executor:
         given = (watched, frames, sizes, next_slot)
         return ProcessPoolExecutor(count, context, initializer=_begin, initargs=given)
 
-    crew = Crew(workers, make, lambda: (sum(frames), sum(sizes)), tick)
+    pool = WorkerPool(workers, make, lambda: (sum(frames), sum(sizes)), show)
     try:
-        yield crew
+        yield pool
     except BaseException:
         held.close()
-        crew.executor.shutdown(wait=False, cancel_futures=True)
+        pool.executor.shutdown(wait=False, cancel_futures=True)
         raise
     else:
-        crew.executor.shutdown()
+        pool.executor.shutdown()
     finally:
         held.close()
         watched.close()
 
 
-_SLOTS = 4096
-
-
 def _begin(watched: Connection, frames: Any, sizes: Any, next_slot: Any) -> None:
-    """Make a new process a worker: it counts what it does in a slot of its own."""
-    global _tell
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the one who hired it ends it
+    """Prepare a new process: it counts its frames and bytes in a slot of its own."""
+    global _report
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # its parent ends it
     threading.Thread(target=_end_with, args=(watched,), daemon=True).start()
     with next_slot.get_lock():
-        slot = next_slot.value % _SLOTS
+        slot = next_slot.value % _LIMITS.slots
         next_slot.value += 1
 
-    def told(count: int, size: float) -> None:
+    def add(count: int, size: float) -> None:
         frames[slot] += count
         sizes[slot] += size
 
-    _tell = told
+    _report = add
 
 
 def _end_with(watched: Connection) -> None:
@@ -254,7 +259,7 @@ def _end_with(watched: Connection) -> None:
 
 
 @contextmanager
-def _cluster(address: str, tick: Callable[[int, float], None]) -> Iterator[Crew]:
+def _cluster(address: str, show: Report) -> Iterator[WorkerPool]:
     try:
         from distributed import Client
     except ImportError as error:
@@ -262,14 +267,14 @@ def _cluster(address: str, tick: Callable[[int, float], None]) -> Iterator[Crew]
             "--scheduler needs Dask, which is not installed: pip install 'tssgeom[cluster]'"
         ) from error
     try:
-        client = Client(address, timeout="10s")
+        client = Client(address, timeout=_LIMITS.connect_timeout)
     except (OSError, ValueError) as error:
         raise SettingsError(
             f"--scheduler {address}: no Dask scheduler answers there ({error}): check the address"
         ) from error
     with client:
-        known: Any = client.nthreads()
-        threads = sum(known.values())
+        threads_of: Any = client.nthreads()
+        threads = sum(threads_of.values())
         if not threads:
             raise SettingsError(f"--scheduler {address}: it has no worker: start one with `dask worker`")
-        yield Crew(threads, lambda count: client.get_executor(pure=False), lambda: (0, 0.0), tick)
+        yield WorkerPool(threads, lambda count: client.get_executor(pure=False), lambda: (0, 0.0), show)

@@ -1,4 +1,4 @@
-"""The numbers of a stream: rate, latency, what was dropped and rejected, and the last good answer."""
+"""The statistics of a stream: rate, latency, counts of dropped and rejected frames, the last good answer."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from rich.text import Text
 
 from tssgeom.stream import FrameResult
 
-_MOST_LATENCIES = 100_000
+_MOST_LATENCIES = 100_000  # kept in one interval; chosen: a hundred times what a stream can answer
 
 
 @dataclass(slots=True)
-class Numbers:
-    """Counts since the start, and latencies since they were last told."""
+class Statistics:
+    """Counts since the start, and latencies since the last report."""
 
     answered: int = 0
     rejected: int = 0
@@ -39,32 +39,32 @@ class Numbers:
         if len(self.latencies) < _MOST_LATENCIES:
             self.latencies.append(latency_us)
 
-    def told(self, counts: dict[str, int]) -> dict[str, Any]:
-        """Return all numbers, with further counts, and begin the next interval."""
+    def over_interval(self, counts: dict[str, int]) -> dict[str, Any]:
+        """Return all statistics, with further counts, and begin the next interval."""
         now = monotonic()
         rate = len(self.latencies) / max(now - self._since, 1e-9)
-        middle, high = np.percentile(self.latencies, (50, 99)) if self.latencies else (math.nan, math.nan)
+        median, high = np.percentile(self.latencies, (50, 99)) if self.latencies else (math.nan, math.nan)
         self.latencies.clear()
         self._since = now
-        found: dict[str, Any] = {
+        report: dict[str, Any] = {
             "rate_hz": round(rate, 1),
-            "latency_p50_us": None if math.isnan(middle) else round(float(middle), 1),
+            "latency_p50_us": None if math.isnan(median) else round(float(median), 1),
             "latency_p99_us": None if math.isnan(high) else round(float(high), 1),
             "answered": self.answered,
             "rejected": self.rejected,
             **counts,
             "stale": self.stale,
         }
-        return found if self.last is None else found | _last(self.last)
+        return report if self.last is None else report | _last(self.last)
 
 
 def _last(result: FrameResult) -> dict[str, Any]:
-    seen = result.transmission
+    transmission = result.transmission
     return {
         "t": result.frame.time,
         "total_angle_rad": result.arcs.total_angle,
-        "tension_out_N": seen.tension_out,
-        "elongation_m": seen.elongation,
+        "tension_out_N": transmission.tension_out,
+        "elongation_m": transmission.elongation,
     }
 
 
@@ -74,27 +74,29 @@ class StatusLine:
     def __init__(self) -> None:
         self._console = Console(stderr=True, highlight=False)
 
-    def show(self, numbers: dict[str, Any]) -> None:
-        """Write the numbers over the line before."""
-        self._console.print(status_text(numbers), end="\r", overflow="crop", no_wrap=True, crop=True)
+    def show(self, statistics: dict[str, Any]) -> None:
+        """Write the statistics over the line before."""
+        self._console.print(status_text(statistics), end="\r", overflow="crop", no_wrap=True, crop=True)
 
     def close(self) -> None:
         """Leave the last line as it is."""
         self._console.print()
 
 
-def status_text(numbers: dict[str, Any]) -> Text:
-    """Return the status line of some numbers."""
+def status_text(statistics: dict[str, Any]) -> Text:
+    """Return the status line for statistics."""
     text = Text()
-    if "t" in numbers:
-        angle, tension = math.degrees(numbers["total_angle_rad"]), numbers["tension_out_N"]
-        text.append(f"Φ {angle:.1f}° T_out {tension:.2f} N δ {1e3 * numbers['elongation_m']:.3f} mm", "cyan")
-    if numbers["stale"]:
+    if "t" in statistics:
+        angle, tension = math.degrees(statistics["total_angle_rad"]), statistics["tension_out_N"]
+        text.append(
+            f"Φ {angle:.1f}° T_out {tension:.2f} N δ {1e3 * statistics['elongation_m']:.3f} mm", "cyan"
+        )
+    if statistics["stale"]:
         text.append(" | stale", "bold red")
     else:
-        text.append(f" | {numbers['rate_hz']:.0f} Hz", "bold")
-    if numbers["latency_p50_us"] is not None:
-        middle, high = 1e-3 * numbers["latency_p50_us"], 1e-3 * numbers["latency_p99_us"]
-        text.append(f" {middle:.2f}/{high:.2f} ms")
-    text.append(f" | dropped {numbers['dropped']} rejected {numbers['rejected']}")
+        text.append(f" | {statistics['rate_hz']:.0f} Hz", "bold")
+    if statistics["latency_p50_us"] is not None:
+        median, high = 1e-3 * statistics["latency_p50_us"], 1e-3 * statistics["latency_p99_us"]
+        text.append(f" {median:.2f}/{high:.2f} ms")
+    text.append(f" | dropped {statistics['dropped']} rejected {statistics['rejected']}")
     return text

@@ -1,4 +1,4 @@
-"""Everything that a frame may need, run once before the first one, so that compiled code is loaded."""
+"""Runs before the first frame all code that a frame may need, so that compiled code is loaded."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from tssgeom.rig import Rig
 from tssgeom.stream import Frame, FrameResult, Rejected, process
 
 _LINE = b'{"t": 0, "points": [[0, 0, 0], %s, [1, 0, 0.5]], "unit": "mm", "s": [0, 1, 2]}'
-_COUNT = 60
-_NOISE = 2e-4  # m
+_COUNT = 60  # frames of each route; chosen: all drives and faults of `_driven` come up
+_NOISE = 2e-4  # m; chosen: as of a good sensor
 
 
 def warm_up(rig: Rig) -> None:
@@ -34,7 +34,7 @@ def warm_up(rig: Rig) -> None:
 
 
 def _pieces(part: np.ndarray, sway: float) -> np.ndarray:
-    """Places on four bends of 0.12 m one after the other [m]."""
+    """Points on four bends of 0.12 m one after the other [m]."""
     kappa = sway * np.array([4.0, 25.0, 0.0, 15.0])[np.minimum((4 * part).astype(int), 3)]
     step = 0.48 / (len(part) - 1)
     turn = np.cumsum(kappa) * step
@@ -42,7 +42,7 @@ def _pieces(part: np.ndarray, sway: float) -> np.ndarray:
 
 
 def _spiral(part: np.ndarray, sway: float) -> np.ndarray:
-    """Places on a curve whose curvature grows steadily, 0.5 m long [m]."""
+    """Points on a curve whose curvature grows steadily, 0.5 m long [m]."""
     turn = 4.0 * sway * part**2
     step = 0.5 / (len(part) - 1)
     return np.cumsum(step * np.column_stack((np.cos(turn), np.sin(turn), 0.3 * part)), axis=0)

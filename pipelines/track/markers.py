@@ -1,8 +1,7 @@
-"""`tssgeom track`: videos of markers to a recording of shapes."""
+"""Videos of markers to a recording of shapes."""
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
@@ -12,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from pipelines.console import Tracker, complain, say, show, tracking
+from pipelines.inputs import MOST_REPORTED
+from pipelines.terminal import CountedProgress, counted_progress, print_json, print_message, print_table
 from tssgeom.errors import SettingsError
 from tssgeom.io.formats.cameras import read_cameras
 from tssgeom.io.results.recorded import recording_writer
@@ -27,38 +27,36 @@ from tssgeom.vision.sightings import Sightings, nothing
 from tssgeom.vision.tags import CORNERS, tag_finder
 from tssgeom.vision.track import Track, Wanted, track
 
-_MOST_TOLD = 5
-
 
 @dataclass(frozen=True, slots=True)
-class Asked:
-    """What the images are and what to look for in them."""
+class ImageOptions:
+    """The images, and the markers to detect in them."""
 
     family: str | None
     """Family of the tags, or None for blobs."""
     blobs: BlobLook
     rate: float | None
-    """Frames each second, for images that tell none [1/s]."""
+    """Frames each second, for images without a rate [1/s]."""
     most: int | None
     """Stop after so many frames."""
 
 
-def asked(
+def image_options(
     family: str | None, look: str | None, areas: tuple[float, float], rate: float | None, most: int | None
-) -> Asked:
-    """Check what the markers look like.
+) -> ImageOptions:
+    """Check how the markers look.
 
     Raises
     ------
     SettingsError
-        Where it is not said what they are.
+        Where neither tags nor blobs are given, or both.
     """
     if (family is None) == (look is None):
         raise SettingsError("say what the markers are: --tags FAMILY, or --blobs bright, dark or #RRGGBB")
-    return Asked(family, BlobLook(look or "bright", *areas), rate, most)
+    return ImageOptions(family, BlobLook(look or "bright", *areas), rate, most)
 
 
-def wanted(
+def marker_options(
     *,
     tags: bool,
     ids: str | None,
@@ -67,7 +65,7 @@ def wanted(
     plane_mm: float | None,
     tag_mm: float | None,
 ) -> Wanted:
-    """Check how the markers are ordered, and what tells depth to one camera.
+    """Check how the markers are ordered, and what gives the depth for one camera.
 
     Raises
     ------
@@ -78,7 +76,7 @@ def wanted(
         raise SettingsError(f"--tag-mm is {tag_mm:g} mm: give a side > 0 mm")
     numbers = () if ids is None else tuple(int(number) for number in _numbers("--ids", ids, "4,7,2"))
     if len(set(numbers)) < len(numbers):
-        raise SettingsError(f"--ids {ids}: a number is there twice: each tag is at one place of the route")
+        raise SettingsError(f"--ids {ids}: a number is there twice: each tag is at one point of the route")
     pixel = None if proximal is None else _numbers("--proximal", proximal, "412,96")
     if pixel is not None and len(pixel) != 2:
         raise SettingsError(f"--proximal {proximal}: write one pixel, such as 412,96")
@@ -99,7 +97,7 @@ def _numbers(option: str, text: str, example: str) -> list[float]:
 def run(
     videos: Sequence[str],
     calibration: Path | None,
-    made: Asked,
+    options: ImageOptions,
     markers: Wanted,
     *,
     out: Path,
@@ -118,37 +116,36 @@ def run(
     if calibration is None:
         raise SettingsError("--calibration is missing: make one with tssgeom track --calibrate")
     write = recording_writer(out)
-    footage = open_footage(videos, made.rate)
+    footage = open_footage(videos, options.rate)
     cameras = matched(read_cameras(calibration), footage)
     if (overlay or picture) is not None and footage.live:
         raise SettingsError(
             "--overlay and --picture need images that can be read twice: record the cameras first"
         )
     begin = time.perf_counter()
-    seen = _detected(footage, cameras, made, quiet=quiet or as_json)
+    detections = _detections(footage, cameras, options, quiet=quiet or as_json)
     middle = time.perf_counter()
-    found = track(cameras, seen, markers)
+    tracked = track(cameras, detections, markers)
     end = time.perf_counter()
-    frames = _frames(found, footage.rate)
-    write(out, frames, [one.covariance for one in found.frames])
+    frames = _frames(tracked, footage.rate)
+    write(out, frames, [one.covariance for one in tracked.frames])
     files = [out.as_posix()]
-    if overlay is not None:
-        from pipelines.track_overlay import write_overlays
+    if (overlay or picture) is not None:
+        from pipelines.track.overlay import DetectedFootage, write_overlays, write_picture
 
-        files += write_overlays(overlay, footage, cameras, seen, found, frames, quiet=quiet or as_json)
-    if picture is not None:
-        from pipelines.track_overlay import write_picture
-
-        told = _words(_summary(cameras, footage, found, frames, files))
-        quietly = quiet or as_json
-        files.append(write_picture(picture, footage, cameras, seen, found, frames, told, quiet=quietly))
-    summary = _summary(cameras, footage, found, frames, files) | {
+        detected = DetectedFootage(footage, cameras, detections, tracked, frames, quiet or as_json)
+        if overlay is not None:
+            files += write_overlays(overlay, detected)
+        if picture is not None:
+            text = _markdown(_summary(cameras, footage, tracked, frames, files))
+            files.append(write_picture(picture, detected, text))
+    summary = _summary(cameras, footage, tracked, frames, files) | {
         "frames_per_s": {
-            "detection": len(seen) / max(middle - begin, 1e-9),
-            "geometry": len(seen) / max(end - middle, 1e-9),
+            "detection": len(detections) / max(middle - begin, 1e-9),
+            "geometry": len(detections) / max(end - middle, 1e-9),
         }
     }
-    _tell(summary, as_json=as_json, quiet=quiet)
+    _print(summary, as_json=as_json, quiet=quiet)
     return 1 if summary["frames_too_few"] else 0
 
 
@@ -172,48 +169,57 @@ def matched(cameras: tuple[Camera, ...], footage: Footage) -> tuple[Camera, ...]
     return cameras
 
 
-def _detected(
-    footage: Footage, cameras: tuple[Camera, ...], made: Asked, *, quiet: bool
+def _detections(
+    footage: Footage, cameras: tuple[Camera, ...], options: ImageOptions, *, quiet: bool
 ) -> list[list[Sightings]]:
-    """Find the markers in every image; Ctrl-C ends the filming of a camera, and what was seen counts."""
-    find = blob_finder(made.blobs) if made.family is None else tag_finder(made.family)
-    corners = 1 if made.family is None else CORNERS
-    seen = list[list[Sightings]]()
-    with tracking(1, quiet=quiet) as tracker, suppress(*([KeyboardInterrupt] if footage.live else [])):
-        tracker.begin("looking for markers")
-        for images in _limited(footage, made.most, tracker):
+    """Detect the markers in every image; Ctrl-C ends the filming of a camera, and the frames so far count."""
+    find = blob_finder(options.blobs) if options.family is None else tag_finder(options.family)
+    corners = 1 if options.family is None else CORNERS
+    detections = list[list[Sightings]]()
+    with (
+        counted_progress(1, quiet=quiet) as progress,
+        suppress(*([KeyboardInterrupt] if footage.live else [])),
+    ):
+        progress.begin("detecting markers")
+        for images in _limited(footage, options.most, progress):
             row = list[Sightings]()
             for image, camera, source in zip(images, cameras, footage.sources, strict=True):
-                if image is not None and not seen:
+                if image is not None and not detections:
                     refuse_other_size(camera, image, source.name)
                 row.append(nothing(corners) if image is None else find(image))
-            seen.append(row)
-        tracker.end("looking for markers")
-    return seen
+            detections.append(row)
+        progress.end("detecting markers")
+    return detections
 
 
-def _limited(footage: Footage, most: int | None, tracker: Tracker) -> Iterator[tuple[np.ndarray | None, ...]]:
+def _limited(
+    footage: Footage, most: int | None, progress: CountedProgress
+) -> Iterator[tuple[np.ndarray | None, ...]]:
     for number, images in enumerate(footage):
         if most is not None and number >= most:
             return
         yield images
-        tracker.frame(min(footage.count or number + 2, most or 10**9))
+        progress.frame(min(footage.count or number + 2, most or 10**9))
 
 
-def _frames(found: Track, rate: float | None) -> list[Frame]:
+def _frames(tracked: Track, rate: float | None) -> list[Frame]:
     """Return the points as a recording has them; without a rate the frames are counted, one a second."""
     return [
         Frame(one.points, k / (rate or 1.0), noise=noise_across(one.points, one.covariance))
-        for k, one in enumerate(found.frames)
+        for k, one in enumerate(tracked.frames)
     ]
 
 
 def _summary(
-    cameras: tuple[Camera, ...], footage: Footage, found: Track, frames: Sequence[Frame], files: Sequence[str]
+    cameras: tuple[Camera, ...],
+    footage: Footage,
+    tracked: Track,
+    frames: Sequence[Frame],
+    files: Sequence[str],
 ) -> dict[str, Any]:
-    seen = np.array([np.isfinite(one.points[:, 0]) for one in found.frames])
+    located = np.array([np.isfinite(one.points[:, 0]) for one in tracked.frames])
     noise = [1e3 * frame.noise for frame in frames if frame.noise is not None]
-    few = np.flatnonzero(seen.sum(axis=1) < MIN_POINTS)
+    few = np.flatnonzero(located.sum(axis=1) < MIN_POINTS)
     counted = (
         ()
         if footage.rate or len(frames) == 1
@@ -221,53 +227,55 @@ def _summary(
     )
     return {
         "frames": len(frames),
-        "markers": len(found.ids),
-        "ids": list(found.ids),
-        "seen": float(seen.mean()),
+        "markers": len(tracked.ids),
+        "ids": list(tracked.ids),
+        "seen": float(located.mean()),
         "frames_too_few": few.tolist(),
         "noise_mm": float(np.median(noise)) if noise else None,
-        "pixel_noise_ratio": found.scale,
+        "pixel_noise_ratio": tracked.scale,
         "reprojection_px": {
-            camera.name: None if np.isnan(off) else float(off)
-            for camera, off in zip(cameras, found.reprojection, strict=True)
+            camera.name: None if np.isnan(error) else float(error)
+            for camera, error in zip(cameras, tracked.reprojection, strict=True)
         },
-        "warnings": [*footage.warnings, *counted, *found.warnings],
+        "warnings": [*footage.warnings, *counted, *tracked.warnings],
         "files": list(files),
     }
 
 
-def _words(summary: dict[str, Any]) -> str:
-    """Say what was found, as markdown."""
-    off = [
+def _markdown(summary: dict[str, Any]) -> str:
+    """Return the summary as markdown."""
+    errors = [
         f"{name} {value:.2f} px" for name, value in summary["reprojection_px"].items() if value is not None
     ]
     noise = summary["noise_mm"]
     parts = [
         f"**{summary['markers']} markers** along the sheath in {summary['frames']} frames; "
-        f"{100 * summary['seen']:.1f} % of them were placed.",
+        f"{100 * summary['seen']:.1f} % of them were located.",
         "" if noise is None else f"Noise of a coordinate across the route: **{noise:.2g} mm** (median).",
-        f"Distance from where each point should be seen (rms): {', '.join(off)}." if off else "",
+        f"Reprojection error of the points (rms): {', '.join(errors)}." if errors else "",
         *(f"⚠ {warning}" for warning in summary["warnings"]),
     ]
     return "\n\n".join(part for part in parts if part)
 
 
-def _tell(summary: dict[str, Any], *, as_json: bool, quiet: bool) -> None:
+def _print(summary: dict[str, Any], *, as_json: bool, quiet: bool) -> None:
     few = summary["frames_too_few"]
-    for frame in few[:_MOST_TOLD]:
-        complain(f"frame {frame}: fewer than {MIN_POINTS} markers were placed: it cannot be used")
-    if len(few) > _MOST_TOLD:
-        complain(f"{len(few) - _MOST_TOLD} more frames with fewer than {MIN_POINTS} markers")
+    for frame in few[:MOST_REPORTED]:
+        print_message(f"frame {frame}: fewer than {MIN_POINTS} markers were located: it cannot be used")
+    if len(few) > MOST_REPORTED:
+        print_message(f"{len(few) - MOST_REPORTED} more frames with fewer than {MIN_POINTS} markers")
     if as_json:
-        say(json.dumps(summary, indent=1, ensure_ascii=False, allow_nan=False))
+        print_json(summary)
     elif not quiet:
-        _show(summary)
+        _print_table(summary)
 
 
-def _show(summary: dict[str, Any]) -> None:
+def _print_table(summary: dict[str, Any]) -> None:
     speed = summary["frames_per_s"]
     whole = 1.0 / (1.0 / speed["detection"] + 1.0 / speed["geometry"])
-    off = [f"{name} {value:.3f}" for name, value in summary["reprojection_px"].items() if value is not None]
+    errors = [
+        f"{name} {value:.3f}" for name, value in summary["reprojection_px"].items() if value is not None
+    ]
     noise = "" if summary["noise_mm"] is None else f"{summary['noise_mm']:.3f}"
     row = (
         summary["files"][0],
@@ -275,7 +283,7 @@ def _show(summary: dict[str, Any]) -> None:
         str(summary["markers"]),
         f"{100 * summary['seen']:.1f}",
         noise,
-        ", ".join(off),
+        ", ".join(errors),
         f"{whole:.1f}",
     )
     heads = (
@@ -287,4 +295,4 @@ def _show(summary: dict[str, Any]) -> None:
         "reprojection\n[px]",
         "speed\n[frames/s]",
     )
-    show("Markers along the sheath, proximal to distal", heads, [row], notes=summary["warnings"])
+    print_table("Markers along the sheath, proximal to distal", heads, [row], notes=summary["warnings"])

@@ -1,6 +1,6 @@
-"""Options of `tssgeom live`.
+"""`tssgeom live`: its options here; the stream in `run` and `session`, the processes beside it in `worker`.
 
-What a command needs is imported when it runs, so that `--help` is quick.
+What it needs is imported when it runs, so that `--help` is quick.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from pipelines.common_options import TENSION_IN, RigFile, TensionIn, Unit
+from pipelines.options import TENSION_IN, RigFile, TensionIn, Unit
 
 
 def live(
@@ -36,30 +36,30 @@ def live(
         typer.Option(help="Above 500 frames a second, await the next without sleep: that takes a core."),
     ] = True,
     stats: Annotated[
-        bool, typer.Option("--stats", help="Tell the numbers each second as JSON on stderr.")
+        bool, typer.Option("--stats", help="Print statistics each second as JSON on stderr.")
     ] = False,
     state: Annotated[
-        Path | None, typer.Option("--state", help="Where the tendon's state is kept from start to start.")
+        Path | None, typer.Option("--state", help="File that keeps the tendon's state for the next start.")
     ] = None,
     record: Annotated[Path | None, typer.Option("--record", help="Rerun recording (.rrd) to write.")] = None,
     view: Annotated[bool, typer.Option("--view", help="Host the picture for Rerun viewers.")] = False,
     view_port: Annotated[int, typer.Option("--view-port", min=1, max=65535, help="Port for viewers.")] = 9876,
     allow_remote: Annotated[
-        bool, typer.Option("--allow-remote", help="Let sockets take other addresses than loopback.")
+        bool, typer.Option("--allow-remote", help="Let sockets use other addresses than loopback.")
     ] = False,
     token_file: Annotated[
-        Path | None, typer.Option("--token-file", help="File with the token that clients have to show first.")
+        Path | None, typer.Option("--token-file", help="File with the token that clients have to send first.")
     ] = None,
 ) -> None:
     """Answer each shape as it is sensed with tension, elongation and the command that reaches its target.
 
     --source and --sink may be given more than once; both are - (standard input and output) by default.
     """
-    from pipelines import live as command
-    from pipelines.work import options
+    from pipelines.inputs import run_settings
+    from pipelines.live.run import LiveOptions, run
     from tssgeom.io.network.addresses import access, each_once, sink_of, source_of
 
-    stream = command.Stream(
+    options = LiveOptions(
         sources=[source_of(one) for one in each_once(source or ["-"], "--source")],
         sinks=[sink_of(one) for one in each_once(sink or ["-"], "--sink")],
         access=access(allow_remote=allow_remote, token_file=token_file),
@@ -70,4 +70,4 @@ def live(
         record=record,
         view_port=view_port if view else None,
     )
-    raise typer.Exit(command.run(stream, options(rig, tension_in, unit, None)))
+    raise typer.Exit(run(options, run_settings(rig, tension_in, unit)))

@@ -1,6 +1,6 @@
-"""Options of `tssgeom track`.
+"""`tssgeom track`: its options here; `markers` makes a recording, `boards` a calibration, `overlay` pictures.
 
-What a command needs is imported when it runs, so that `--help` is quick.
+What it needs is imported when it runs, so that `--help` is quick.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from pipelines.common_options import Json, Quiet
+from pipelines.options import Json, Quiet
 
 
 def track(
@@ -30,12 +30,12 @@ def track(
         str | None, typer.Option("--tags", help="Family of the tags, such as 4x4_50 or apriltag_36h11.")
     ] = None,
     blobs: Annotated[
-        str | None, typer.Option("--blobs", help="Look of plain markers: bright, dark, or a colour #RRGGBB.")
+        str | None, typer.Option("--blobs", help="Plain markers: bright, dark, or a colour #RRGGBB.")
     ] = None,
     ids: Annotated[
         str | None, typer.Option("--ids", help="Tags from proximal to distal, 4,7,2; rising by default.")
     ] = None,
-    count: Annotated[int | None, typer.Option("--count", min=4, help="How many blobs there are.")] = None,
+    count: Annotated[int | None, typer.Option("--count", min=4, help="Number of blobs.")] = None,
     proximal: Annotated[
         str | None, typer.Option("--proximal", help="X,Y: pixel of the first camera near the proximal end.")
     ] = None,
@@ -43,19 +43,19 @@ def track(
         tuple[float, float], typer.Option("--area-px", help="Smallest and largest area of a blob in px².")
     ] = (6.0, 5000.0),
     fps: Annotated[
-        float | None, typer.Option("--fps", help="Frames each second, where the source tells none.")
+        float | None, typer.Option("--fps", help="Frames each second, where the source has no rate.")
     ] = None,
     frames: Annotated[int | None, typer.Option("--frames", min=1, help="Stop after so many frames.")] = None,
     plane_mm: Annotated[
         float | None,
-        typer.Option("--plane-mm", help="One camera: the route lies in the plane z = this, in mm."),
+        typer.Option("--plane-mm", help="For one camera: height z of the plane of the route, in mm."),
     ] = None,
     tag_mm: Annotated[
         float | None,
         typer.Option("--tag-mm", help="Side of the tags: for one camera, or a ChArUco board, in mm."),
     ] = None,
     overlay: Annotated[
-        Path | None, typer.Option("--overlay", help="Folder for images with what was found.")
+        Path | None, typer.Option("--overlay", help="Folder for images with the detected markers.")
     ] = None,
     picture: Annotated[
         Path | None, typer.Option("--picture", help="Rerun recording (.rrd) of images and markers.")
@@ -64,7 +64,7 @@ def track(
         bool, typer.Option("--calibrate", help="Calibrate the cameras from images of a board instead.")
     ] = False,
     board: Annotated[
-        str, typer.Option("--board", help="Inner corners of the board, along x across.")
+        str, typer.Option("--board", help="Inner corners of the board, columns x rows.")
     ] = "9x6",
     square_mm: Annotated[
         float | None, typer.Option("--square-mm", help="Side of a square of the board, in mm.")
@@ -72,7 +72,7 @@ def track(
     board_frame: Annotated[
         int | None, typer.Option("--board-frame", min=0, help="Frame whose board is the plane z = 0.")
     ] = None,
-    json: Json = False,
+    as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
     """Turn videos of markers into a recording, or with --calibrate images of a board into cameras.
@@ -80,28 +80,28 @@ def track(
     With --calibrate, --tags names the family of a ChArUco board; without it the board is a checkerboard.
     """
     if calibrate:
-        from pipelines import track_calibrate as command
+        from pipelines.track import boards
 
-        made = command.board_of(board, square_mm, tags, tag_mm)
-        status = command.run(
-            videos, made, out=out, board_frame=board_frame, overlay=overlay, as_json=json, quiet=quiet
+        described = boards.board_of(board, square_mm, tags, tag_mm)
+        status = boards.run(
+            videos, described, out=out, board_frame=board_frame, overlay=overlay, as_json=as_json, quiet=quiet
         )
         raise typer.Exit(status)
-    from pipelines import track as tracker
+    from pipelines.track import markers
 
-    asked = tracker.asked(tags, blobs, area_px, fps, frames)
-    wanted = tracker.wanted(
+    images = markers.image_options(tags, blobs, area_px, fps, frames)
+    order = markers.marker_options(
         tags=tags is not None, ids=ids, count=count, proximal=proximal, plane_mm=plane_mm, tag_mm=tag_mm
     )
-    status = tracker.run(
+    status = markers.run(
         videos,
         calibration,
-        asked,
-        wanted,
+        images,
+        order,
         out=out,
         overlay=overlay,
         picture=picture,
-        as_json=json,
+        as_json=as_json,
         quiet=quiet,
     )
     raise typer.Exit(status)

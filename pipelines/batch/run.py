@@ -1,4 +1,4 @@
-"""`tssgeom batch`: every shape and recording in files and folders, to tables, recordings and a report."""
+"""A batch: every shape and recording in files and folders, to tables, recordings and a report."""
 
 from __future__ import annotations
 
@@ -11,14 +11,12 @@ from pathlib import Path, PurePosixPath
 
 import msgspec
 
-from pipelines.analyse import as_text
-from pipelines.batch_task import Outcome, Task, work
-from pipelines.console import complain, say
-from pipelines.progress import Progression, progressing
-from pipelines.summary_table import show_summary
-from pipelines.version import tssgeom_version
-from pipelines.work import Options, Refusal, Tally, guarded, inputs_of
-from pipelines.workers import Crew, Died, hired
+from pipelines import tssgeom_version
+from pipelines.batch.task import Outcome, Task, work
+from pipelines.batch.workers import WorkerLost, WorkerPool, worker_pool
+from pipelines.inputs import Refusal, RunSettings, Tally, attempt, inputs_of
+from pipelines.summary_table import print_summary
+from pipelines.terminal import SizedProgress, print_json, print_line, print_message, sized_progress
 from tssgeom.errors import SpaceError
 from tssgeom.io.formats.files import READERS, RESULTS_MARK, output_names, real
 from tssgeom.io.results.run_record import (
@@ -39,20 +37,33 @@ from tssgeom.view.report.outlying_inputs import Oddity, oddest
 from tssgeom.view.report.report import Rendered, ReportEntry, rendered, write_report
 
 SUMMARY, REPORT = "summary.parquet", "report.html"
-MOST_FIGURES = 200
-"""The report draws so many inputs; of all others it has the numbers and the link to the recording."""
 
 _FOLDERS = ("frames", "segments", "recordings", f"{HIDDEN}/done", ".")
-_SPREAD = 4 << 20  # B: smaller inputs are one worker's work even where their frames stand alone
-_WORTH = 4 << 20  # B of input that make one more worker worth its start
 
 
 @dataclass(frozen=True, slots=True)
-class How:
-    """How a batch is to be done; the results do not depend on it, but for the pictures."""
+class BatchLimits:
+    """How a batch is divided among workers and in its report; no number depends on it."""
+
+    most_figures: int = 200
+    """Inputs that the report draws; of all others it has the numbers and the link to the recording [1].
+    Chosen: each takes about a second."""
+    shared_size: int = 4 << 20
+    """Size of an input from which several workers share frames that stand alone [B].
+    Chosen: a worker takes about as long for it as for its start."""
+    worker_size: int = 4 << 20
+    """Size of all inputs for each further worker [B]. Chosen: as `shared_size`."""
+
+
+_LIMITS = BatchLimits()
+
+
+@dataclass(frozen=True, slots=True)
+class BatchOptions:
+    """How a batch is done; the results do not depend on it, but for the pictures."""
 
     workers: int | None = None
-    """Processes; as many as the work and the machine are worth where left out."""
+    """Processes; None: as many as cores and inputs justify."""
     scheduler: str | None = None
     fresh: bool = False
     pictures: bool = True
@@ -62,7 +73,7 @@ class How:
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """A file to be analysed."""
+    """A file that is an input."""
 
     address: str
     given: str
@@ -70,7 +81,15 @@ class Source:
     size: int
 
 
-def run(inputs: Sequence[str], chosen: Options, how: How, *, out: str, as_json: bool, quiet: bool) -> int:
+def run(
+    inputs: Sequence[str],
+    settings: RunSettings,
+    options: BatchOptions,
+    *,
+    out: str,
+    as_json: bool,
+    quiet: bool,
+) -> int:
     """Analyse all inputs, write the results to `out`, and return the exit status.
 
     Raises
@@ -82,71 +101,75 @@ def run(inputs: Sequence[str], chosen: Options, how: How, *, out: str, as_json: 
     """
     folder = Folder.of(out)
     with locked(folder):
-        sources, refusals = _found(inputs, folder)
-        if how.fresh:
+        sources, refusals = _sources(inputs, folder)
+        if options.fresh:
             forget_all(folder)
             remove_earlier_run(folder)
         folder.tidy(_FOLDERS)
-        batch = Batch(folder, _tasks(sources, chosen, how, folder))
+        batch = Batch(folder, _tasks(sources, settings, options, folder))
         try:
-            batch.do(refusals, how, quiet=quiet)
+            batch.run(refusals, options, quiet=quiet)
             if batch.done:
-                batch.conclude(chosen, how)
+                batch.write_results(settings, options)
         finally:
             folder.tidy(_FOLDERS)
     if as_json:
-        say(as_text([done.told for done in batch.finished], one_file=False))
+        print_json([done.told for done in batch.finished])
     elif not quiet and batch.done:
-        show_summary([done.row for done in batch.finished], chosen)
-        _say_end(batch, out)
+        print_summary([done.row for done in batch.finished], settings)
+        _print_end(batch, out)
     return batch.tally.status
 
 
-def _say_end(batch: Batch, out: str) -> None:
-    for odd in batch.odd:
-        say(f"stands out: {odd.name}: {odd.words} (z = {odd.z:.0f})")
-    say(f"report: {out}/{REPORT}   picture: tssgeom view {out}")
+def _print_end(batch: Batch, out: str) -> None:
+    for one in batch.outlying:
+        print_line(f"stands out: {one.name}: {one.words} (z = {one.z:.0f})")
+    print_line(f"report: {out}/{REPORT}   picture: tssgeom view {out}")
 
 
-def _found(inputs: Sequence[str], folder: Folder) -> tuple[list[Source], list[Refusal]]:
-    """Return every file that is asked for once, and what could not be found."""
-    sources, refusals, seen = list[Source](), list[Refusal](), set[str]()
+def _sources(inputs: Sequence[str], folder: Folder) -> tuple[list[Source], list[Refusal]]:
+    """Return every file of the inputs once, and a refusal for each path or address without any."""
+    sources, refusals, known = list[Source](), list[Refusal](), set[str]()
     for given in inputs:
-        found = guarded(given, partial(_sources, given, folder))
-        for item in [found] if isinstance(found, Refusal) else found:
+        items = attempt(given, partial(_sources_at, given, folder))
+        for item in [items] if isinstance(items, Refusal) else items:
             if isinstance(item, Refusal):
                 refusals.append(item)
-            elif item.address not in seen:
+            elif item.address not in known:
                 sources.append(item)
-                seen.add(item.address)
+                known.add(item.address)
     return sources, refusals
 
 
-def _sources(given: str, folder: Folder) -> list[Source | Refusal]:
+def _sources_at(given: str, folder: Folder) -> list[Source | Refusal]:
     path = local(given)
     if path is not None:
         besides = [] if folder.here is None else [folder.here]
-        return [item if isinstance(item, Refusal) else _here(item) for item in inputs_of([path], besides)]
-    found = files_at(given)
-    results = {str(PurePosixPath(address).parent) for address, _ in found if address.endswith(RESULTS_MARK)}
+        return [
+            item if isinstance(item, Refusal) else _local_source(item) for item in inputs_of([path], besides)
+        ]
+    files = files_at(given)
+    results = {str(PurePosixPath(address).parent) for address, _ in files if address.endswith(RESULTS_MARK)}
     return [
         Source(address, address, size)
-        for address, size in found
-        if (len(found) == 1 or PurePosixPath(address).suffix.lower() in READERS)
+        for address, size in files
+        if (len(files) == 1 or PurePosixPath(address).suffix.lower() in READERS)
         and not any(str(above) in results for above in PurePosixPath(address).parents)
     ] or [Refusal(given, f"{given}: no shape file there: put {', '.join(READERS)} files there")]
 
 
-def _here(path: Path) -> Source:
+def _local_source(path: Path) -> Source:
     size = 0
     with suppress(OSError):
         size = path.stat().st_size
     return Source(str(real(path)), str(path), size)
 
 
-def _tasks(sources: Sequence[Source], chosen: Options, how: How, out: Folder) -> list[Task]:
+def _tasks(
+    sources: Sequence[Source], settings: RunSettings, options: BatchOptions, out: Folder
+) -> list[Task]:
     names = output_names([Path(source.address) for source in sources])
-    settings = _settings(chosen, how)
+    recorded = _recorded_settings(settings, options)
     return [
         Task(
             name=names[Path(source.address)],
@@ -154,32 +177,32 @@ def _tasks(sources: Sequence[Source], chosen: Options, how: How, out: Folder) ->
             given=source.given,
             source=relative(source.address),
             size=source.size,
-            chosen=chosen,
             settings=settings,
+            recorded=recorded,
             version=tssgeom_version(),
             out=out,
-            figures=how.pictures and number < MOST_FIGURES,
-            printed=None if how.figures is None else Folder.of(how.figures),
+            figures=options.pictures and number < _LIMITS.most_figures,
+            print_folder=None if options.figures is None else Folder.of(options.figures),
         )
         for number, source in enumerate(sources)
     ]
 
 
-def _settings(chosen: Options, how: How) -> Settings:
+def _recorded_settings(settings: RunSettings, options: BatchOptions) -> Settings:
     return Settings(
-        tension_in_N=chosen.tension_in,
-        unit=chosen.unit,
-        rig_file=None if chosen.rig_file is None else relative(chosen.rig_file),
-        rig=chosen.rig,
-        geometry_only=chosen.geometry_only,
-        pictures=how.pictures,
-        tube_radius_m=chosen.tube_radius,
+        tension_in_N=settings.tension_in,
+        unit=settings.unit,
+        rig_file=None if settings.rig_file is None else relative(settings.rig_file),
+        rig=settings.rig,
+        geometry_only=settings.geometry_only,
+        pictures=options.pictures,
+        tube_radius_m=settings.tube_radius,
     )
 
 
 @dataclass(slots=True)
 class Batch:
-    """The inputs of a run in their order, and what became of them."""
+    """The inputs of a batch in their order, and the outcome of each."""
 
     out: Folder
     tasks: Sequence[Task]
@@ -188,34 +211,34 @@ class Batch:
     refused: dict[str, str] = field(default_factory=dict)
     """Reasons, by name."""
     tally: Tally = field(default_factory=Tally)
-    odd: Sequence[Oddity] = ()
+    outlying: Sequence[Oddity] = ()
 
     @property
     def finished(self) -> list[Done]:
         """What is done, in the order of the inputs."""
         return [self.done[task.name] for task in self.tasks if task.name in self.done]
 
-    def do(self, refusals: Sequence[Refusal], how: How, *, quiet: bool) -> None:
-        """Do every input, and tell what goes wrong as it happens.
+    def run(self, refusals: Sequence[Refusal], options: BatchOptions, *, quiet: bool) -> None:
+        """Do every input, and print errors as they happen.
 
         Raises
         ------
         SpaceError
-            Where no room is left; what is finished is noted, and the next run goes on from there.
+            Where the disk is full; finished inputs are noted, and the next run goes on from there.
         """
         for refusal in refusals:
             self.tally.refuse(refusal)
         total = sum(task.size for task in self.tasks)
-        count = how.workers or _worth(self.tasks, total)
+        count = options.workers or _worker_count(self.tasks, total)
         with (
-            progressing(len(self.tasks), total, quiet=quiet) as progress,
-            hired(count, how.scheduler, progress.seen) as crew,
+            sized_progress(len(self.tasks), total, quiet=quiet) as progress,
+            worker_pool(count, options.scheduler, progress.update) as pool,
         ):
-            for task, outcome in _outcomes(crew, self.tasks):
+            for task, outcome in _outcomes(pool, self.tasks):
                 self._take(task, outcome, progress)
 
-    def _take(self, task: Task, outcome: Outcome | Died, progress: Progression) -> None:
-        if isinstance(outcome, Died):
+    def _take(self, task: Task, outcome: Outcome | WorkerLost, progress: SizedProgress) -> None:
+        if isinstance(outcome, WorkerLost):
             outcome = Outcome(None, f"{task.given}: {outcome.reason}")
         if outcome.full:
             raise SpaceError(outcome.reason)
@@ -232,11 +255,11 @@ class Batch:
         self.tally.done += 1
         self.tally.frames_refused += done.input.rejected
         for line in done.lines:
-            complain(line)
+            print_message(line)
         for failure in done.failures:
             self.tally.refuse(Refusal(task.given, failure))
 
-    def conclude(self, chosen: Options, how: How) -> None:
+    def write_results(self, settings: RunSettings, options: BatchOptions) -> None:
         """Write the summary, the report and, last, the record of the run.
 
         Raises
@@ -245,34 +268,34 @@ class Batch:
             Where the disk refuses.
         """
         finished = self.finished
-        self.odd = oddest([done.row for done in finished])
+        self.outlying = oddest([done.row for done in finished])
         with self.out.replacing(SUMMARY) as draft:
             write_summary(draft, (done.row for done in finished))
         with self.out.replacing(REPORT) as draft:
-            rig, tension_in = chosen.rig, chosen.tension_in
+            rig, tension_in = settings.rig, settings.tension_in
             write_report(
                 draft,
                 list(self._rendered()),
                 rig=rig,
                 tension_in=tension_in,
-                odd=self.odd,
-                notes=self._notes(chosen),
+                odd=self.outlying,
+                notes=self._notes(settings),
             )
         record = RunRecord(
             version=tssgeom_version(),
-            settings=_settings(chosen, how),
+            settings=_recorded_settings(settings, options),
             inputs=[done.input for done in finished],
             rejected=[Rejection(source=source, reason=reason) for source, reason in self._rejections()],
             files=[*(file for done in finished for file in done.files), SUMMARY, REPORT],
         )
         write_run(self.out, record)
 
-    def _notes(self, chosen: Options) -> list[str]:
+    def _notes(self, settings: RunSettings) -> list[str]:
         notes = list[str]()
-        if chosen.geometry_only:
+        if settings.geometry_only:
             notes.append("Every frame stands alone: its tension is that of a first pull on its route.")
-        if len(self.tasks) > MOST_FIGURES:
-            notes.append(f"The first {MOST_FIGURES} inputs are drawn; of all there is a recording.")
+        if len(self.tasks) > (most := _LIMITS.most_figures):
+            notes.append(f"The first {most} inputs are drawn; of all there is a recording.")
         return notes
 
     def _rendered(self) -> Iterator[Rendered]:
@@ -283,7 +306,7 @@ class Batch:
             yield rendered(ReportEntry.refused(source, reason))
 
     def _rejections(self) -> Iterator[tuple[str, str]]:
-        """Yield source and reason, in the order of the inputs; what was not even found comes first."""
+        """Yield source and reason, in the order of the inputs; inputs that do not exist come first."""
         known = {task.given for task in self.tasks}
         for refusal in self.tally.refusals:
             if refusal.source not in known:
@@ -294,24 +317,25 @@ class Batch:
                 yield task.source, reason
 
 
-def _worth(tasks: Sequence[Task], total: int) -> int:
-    """Return how many processes are worth their start: one for every few megabytes of input."""
-    most = len(tasks) if not any(_is_spread(task) for task in tasks) else 1 + total // _SPREAD
-    return max(1, min(_cores(), most, 1 + total // _WORTH))
+def _worker_count(tasks: Sequence[Task], total: int) -> int:
+    """Return how many processes cores and input justify: one for every few megabytes of input."""
+    most = 1 + total // _LIMITS.shared_size if any(_is_shared(task) for task in tasks) else len(tasks)
+    return max(1, min(_cores(), most, 1 + total // _LIMITS.worker_size))
 
 
 def _cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def _is_spread(task: Task) -> bool:
-    return task.chosen.geometry_only and task.size > _SPREAD
+def _is_shared(task: Task) -> bool:
+    """Whether several workers share the frames of an input."""
+    return task.settings.geometry_only and task.size > _LIMITS.shared_size
 
 
-def _outcomes(crew: Crew, tasks: Iterable[Task]) -> Iterator[tuple[Task, Outcome | Died]]:
-    """Yield every task with what came of it: those for one worker first, then those that all share."""
+def _outcomes(pool: WorkerPool, tasks: Iterable[Task]) -> Iterator[tuple[Task, Outcome | WorkerLost]]:
+    """Yield every task with its outcome: those for one worker first, then those that all share."""
     tasks = list(tasks)
-    yield from crew.each(work, [task for task in tasks if not _is_spread(task)])
+    yield from pool.unordered(work, [task for task in tasks if not _is_shared(task)])
     for task in tasks:
-        if _is_spread(task):
-            yield task, work(task, crew.in_order)
+        if _is_shared(task):
+            yield task, work(task, pool.ordered)

@@ -1,12 +1,11 @@
-"""`tssgeom track --calibrate`: images of a board to a calibration file."""
+"""Images of a board to a calibration file of cameras."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 
-from pipelines.console import say, show, tracking
+from pipelines.terminal import counted_progress, print_json, print_table
 from tssgeom.errors import SettingsError, ShapeError
 from tssgeom.io.formats.cameras import write_calibration
 from tssgeom.vision.boards import Board, BoardSeen, board_finder
@@ -14,8 +13,8 @@ from tssgeom.vision.calibration import calibrated
 from tssgeom.vision.footage import Footage, open_footage
 from tssgeom.vision.quality import Calibration
 
-_MOST = 400
-"""Of more frames than these, so many are searched for the board, evenly."""
+_MOST_SEARCHED = 400
+"""Frames that are searched for the board, evenly spread [1]; chosen: more poses add little."""
 
 
 def board_of(corners: str, square_mm: float | None, family: str | None, tag_mm: float | None) -> Board:
@@ -53,7 +52,7 @@ def run(
     Raises
     ------
     SettingsError, ShapeError, SourceError, FitError
-        Where the images cannot be used, the boards do not tell the cameras, or the disk refuses.
+        Where the images cannot be used, the boards do not determine the cameras, or the disk refuses.
     """
     if out.suffix.lower() not in {".toml", ".json"}:
         raise SettingsError(f"{out}: a calibration is written as .toml or .json: name --out so")
@@ -61,18 +60,18 @@ def run(
     if footage.live:
         raise SettingsError("--calibrate needs images that were recorded: film the board first")
     names = _names(footage)
-    seen, sizes = _searched(footage, board, quiet=quiet or as_json)
-    found = calibrated(board, names, sizes, seen, board_frame)
-    write_calibration(out, found)
+    detections, sizes = _detections(footage, board, quiet=quiet or as_json)
+    calibration = calibrated(board, names, sizes, detections, board_frame)
+    write_calibration(out, calibration)
     files = [out.as_posix()]
     if overlay is not None:
-        from pipelines.track_overlay import write_board_overlays
+        from pipelines.track.overlay import write_board_overlays
 
-        files += write_board_overlays(overlay, footage, names, seen)
+        files += write_board_overlays(overlay, footage, names, detections)
     if as_json:
-        say(json.dumps(_summary(found, files), indent=1, ensure_ascii=False, allow_nan=False))
+        print_json(_summary(calibration, files))
     elif not quiet:
-        _show(found, out)
+        _print_table(calibration, out)
     return 0
 
 
@@ -83,15 +82,15 @@ def _names(footage: Footage) -> list[str]:
     return [f"camera{k + 1}" for k in range(len(names))]
 
 
-def _searched(
+def _detections(
     footage: Footage, board: Board, *, quiet: bool
 ) -> tuple[list[list[BoardSeen | None]], list[tuple[int, int]]]:
-    """Look for the board in every image, of long videos in some of them, evenly."""
+    """Detect the board in every image; of long videos in some, evenly spread. Return the image sizes too."""
     find = board_finder(board, len(footage.sources))
-    every = max((footage.count or 0) // _MOST, 1)
-    seen, sizes = list[list[BoardSeen | None]](), dict[int, tuple[int, int]]()
-    with tracking(1, quiet=quiet) as tracker:
-        tracker.begin("looking for the board")
+    every = max((footage.count or 0) // _MOST_SEARCHED, 1)
+    detections, sizes = list[list[BoardSeen | None]](), dict[int, tuple[int, int]]()
+    with counted_progress(1, quiet=quiet) as progress:
+        progress.begin("detecting the board")
         for k, images in enumerate(footage):
             row = list[BoardSeen | None]([None] * len(images))
             for v, image in enumerate(images):
@@ -105,59 +104,58 @@ def _searched(
                     )
                 if k % every == 0:
                     row[v] = find(image)
-            seen.append(row)
-            tracker.frame(footage.count or k + 2)
-        tracker.end("looking for the board")
+            detections.append(row)
+            progress.frame(footage.count or k + 2)
+        progress.end("detecting the board")
     unread = [source.name for v, source in enumerate(footage.sources) if v not in sizes]
     if unread:
         raise ShapeError(f"{unread[0]}: no image could be read: check the files")
-    return seen, [sizes[v] for v in range(len(footage.sources))]
+    return detections, [sizes[v] for v in range(len(footage.sources))]
 
 
-def _summary(found: Calibration, files: Sequence[str]) -> dict[str, object]:
+def _summary(calibration: Calibration, files: Sequence[str]) -> dict[str, object]:
     cameras = [
         {
             "name": camera.name,
-            "views": found.views[v],
-            "reprojection_px": float(found.reprojection[v]),
-            "covered": float(found.covered[v]),
+            "views": calibration.views[v],
+            "reprojection_px": float(calibration.reprojection[v]),
+            "covered": float(calibration.covered[v]),
             "focal_px": [float(camera.matrix[0, 0]), float(camera.matrix[1, 1])],
-            "focal_sd_px": found.sd[v, :2].tolist(),
+            "focal_sd_px": calibration.sd[v, :2].tolist(),
             "distortion": camera.distortion.tolist(),
             "place_m": camera.place.tolist(),
         }
-        for v, camera in enumerate(found.cameras)
+        for v, camera in enumerate(calibration.cameras)
     ]
     return {
         "cameras": cameras,
-        "corner_noise_px": found.noise,
-        "point_sd_mm": 1e3 * found.point_sd,
-        "warnings": list(found.warnings),
+        "corner_noise_px": calibration.noise,
+        "point_sd_mm": 1e3 * calibration.point_sd,
+        "warnings": list(calibration.warnings),
         "files": list(files),
     }
 
 
-def _show(found: Calibration, out: Path) -> None:
+def _print_table(calibration: Calibration, out: Path) -> None:
     from tssgeom.view.wording import with_error
 
     rows = []
-    for v, camera in enumerate(found.cameras):
-        focal, sd = camera.matrix[0, 0], found.sd[v, 0]
-        place = ", ".join(f"{1e3 * x:.1f}" for x in camera.place)
+    for v, camera in enumerate(calibration.cameras):
+        focal, sd = camera.matrix[0, 0], calibration.sd[v, 0]
+        position = ", ".join(f"{1e3 * x:.1f}" for x in camera.place)
         rows.append(
             (
                 camera.name,
-                str(found.views[v]),
-                f"{100 * found.covered[v]:.0f}",
-                f"{found.reprojection[v]:.3f}",
+                str(calibration.views[v]),
+                f"{100 * calibration.covered[v]:.0f}",
+                f"{calibration.reprojection[v]:.3f}",
                 with_error(focal, sd, 1),
-                place,
+                position,
             )
         )
-    heads = ("camera", "boards", "covered\n[%]", "reprojection\n[px]", "focal length\n[px]", "place\n[mm]")
-    title = f"{out}: a corner is read to {found.noise:.3f} px"
-    if found.point_sd:
-        title += (
-            f"; the calibration itself puts a point {1e3 * found.point_sd:.3f} mm off (s.d. of a coordinate)"
-        )
-    show(title, heads, rows, notes=found.warnings)
+    heads = ("camera", "boards", "covered\n[%]", "reprojection\n[px]", "focal length\n[px]", "position\n[mm]")
+    title = f"{out}: a corner is read to {calibration.noise:.3f} px"
+    if calibration.point_sd:
+        error = f"{1e3 * calibration.point_sd:.3f} mm"
+        title += f"; the calibration itself puts a point {error} off (s.d. of a coordinate)"
+    print_table(title, heads, rows, notes=calibration.warnings)

@@ -8,16 +8,16 @@ from typing import Annotated, Literal
 import typer
 
 TENSION_IN = 15.0
-"""Tension at the proximal end where neither the file nor the user tells it [N]."""
+"""Tension at the proximal end where neither the file nor the user gives one [N]; cited: the paper's runs."""
 
 Inputs = Annotated[
     list[Path], typer.Argument(help="Files or folders of shapes and recordings.", readable=False)
 ]
-"""Whether each can be read is for the command to find, so that one that cannot takes no other down."""
+"""The command itself checks whether each can be read, so that one unreadable file leaves the others alone."""
 Shapes = Annotated[Path, typer.Argument(help="A shape, or a recording of a route that moves.")]
 RigFile = Annotated[Path | None, typer.Option("--rig", help="Rig file (TOML); the paper's rig by default.")]
 TensionIn = Annotated[
-    float, typer.Option("--tension-in", min=0.0, help="Proximal tension for frames that bring none [N].")
+    float, typer.Option("--tension-in", min=0.0, help="Proximal tension for frames without one [N].")
 ]
 Unit = Annotated[
     Literal["mm", "m"] | None, typer.Option("--unit", help="Unit of files that state none in their header.")

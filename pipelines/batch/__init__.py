@@ -1,0 +1,59 @@
+"""`tssgeom batch`: its options here; `run` is the batch, `task` one input, `workers` the pool that does it.
+
+What it needs is imported when it runs, so that `--help` is quick.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from pipelines.options import TENSION_IN, Json, Quiet, RigFile, TensionIn, TubeMm, Unit
+
+
+def batch(
+    inputs: Annotated[
+        list[str], typer.Argument(help="Files or folders of shapes and recordings; paths, or addresses.")
+    ],
+    out: Annotated[
+        str, typer.Option("--out", help="Folder for tables, report and recordings; a path or an address.")
+    ],
+    rig: RigFile = None,
+    tension_in: TensionIn = TENSION_IN,
+    unit: Unit = None,
+    workers: Annotated[
+        int | None,
+        typer.Option("--workers", min=1, help="Processes; as many as cores and input justify."),
+    ] = None,
+    scheduler: Annotated[
+        str | None, typer.Option("--scheduler", help="Dask scheduler, tcp://HOST:PORT, instead of processes.")
+    ] = None,
+    geometry_only: Annotated[
+        bool,
+        typer.Option("--geometry-only", help="Each frame is a first pull; workers share the frames."),
+    ] = False,
+    pictures: Annotated[
+        bool, typer.Option("--pictures/--no-pictures", help="Write recordings and figures.")
+    ] = True,
+    figures: Annotated[
+        str | None,
+        typer.Option("--figures", help="Folder for figures of each input for print, as PDF and SVG."),
+    ] = None,
+    fresh: Annotated[bool, typer.Option("--fresh", help="First remove an earlier batch from DIR.")] = False,
+    tube_mm: TubeMm = None,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Analyse every shape and recording in files and folders, and write tables, report and recordings.
+
+    Inputs that an earlier batch finished with the same settings are skipped, so a stopped batch goes on.
+    """
+    from pipelines.batch.run import BatchOptions, run
+    from pipelines.inputs import run_settings
+
+    if workers is not None and scheduler is not None:
+        raise typer.BadParameter("give --workers or --scheduler: a scheduler has workers of its own")
+    settings = run_settings(rig, tension_in, unit, geometry_only=geometry_only, tube_mm=tube_mm)
+    options = BatchOptions(workers, scheduler, fresh, pictures, figures)
+    raise typer.Exit(run(inputs, settings, options, out=out, as_json=as_json, quiet=quiet))

@@ -1,0 +1,282 @@
+"""One input of a batch, from its file to its tables, recording and part of the report; done by a worker."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+import threading
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass
+from itertools import islice
+from pathlib import Path
+
+import msgspec
+from threadpoolctl import threadpool_limits
+
+from pipelines.batch.workers import report_progress
+from pipelines.figures import write_shape_figures
+from pipelines.inputs import (
+    Refusal,
+    RunSettings,
+    attempt,
+    frame_refusals,
+    one_line,
+    require_used,
+    unexpected,
+)
+from pipelines.lumen import SensedLumen, add_clearance, lumen_of
+from tssgeom.errors import SpaceError, TssgeomError
+from tssgeom.io.formats.files import open_recording
+from tssgeom.io.formats.meshes import lumen_beside
+from tssgeom.io.formats.recording import Recording
+from tssgeom.io.results.run_record import (
+    ANY_SIZE,
+    Done,
+    Input,
+    Settings,
+    forget,
+    intact,
+    key_of,
+    note,
+    noted,
+    sha256_of,
+)
+from tssgeom.io.results.shapes import Analysis, analysis_object, summary_row
+from tssgeom.io.results.tables import CHUNK, Part, part_of, parts, write_parts
+from tssgeom.io.storage import Folder, fetched, local
+from tssgeom.stream import Frame, Rejected, alone, process
+from tssgeom.summary import RunningSummary
+from tssgeom.view.report.report import ReportEntry, rendered
+
+_FORMAT = 2  # version of the files; inputs done with another one are done anew
+_figure_lock = threading.Lock()  # matplotlib holds the settings of a figure in the process
+
+Share = Callable[[Callable[..., Part], Iterator[tuple[object, ...]]], Iterator[Part]]
+"""Makes calls in several workers, and yields their results in order."""
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """One input of a batch, and all that a worker on another machine needs."""
+
+    name: str
+    """Name of its outputs."""
+    address: str
+    """Where to read it."""
+    given: str
+    """As the user wrote it, for messages."""
+    source: str
+    """As the tables name it."""
+    size: int
+    """[B]."""
+    settings: RunSettings
+    recorded: Settings
+    """The settings as `run.json` has them."""
+    version: str
+    out: Folder
+    figures: bool
+    """Whether the report draws it."""
+    print_folder: Folder | None = None
+    """Where its figures for print go."""
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """The outcome of an input: done, or refused for a reason."""
+
+    done: Done | None
+    reason: str = ""
+    full: bool = False
+    """The disk of the results is full."""
+    unchanged: bool = False
+    """An earlier batch did it with the same settings, and its files are still there."""
+
+
+def work(task: Task, share: Share | None = None) -> Outcome:
+    """Do one input, or skip it where it is done; an error stays with it."""
+    try:
+        with threadpool_limits(1), fetched(task.address) as path:
+            try:
+                return _outcome(task, path, share)
+            except TssgeomError as error:
+                reason = one_line(str(error)).replace(str(path), task.given)
+                return Outcome(None, reason, full=isinstance(error, SpaceError))
+    except TssgeomError as error:
+        return Outcome(None, one_line(str(error)))
+    except Exception as error:  # a mistake of ours must not take the other inputs down
+        return Outcome(None, unexpected(task.given, error))
+
+
+def _outcome(task: Task, path: Path, share: Share | None) -> Outcome:
+    digest = sha256_of(path)
+    key = _key(task, digest)
+    before = noted(task.out, task.name)
+    if before is not None and before.key == key and _intact(task, before):
+        return Outcome(before, unchanged=True)
+    forget(task.out, task.name)
+    done = _done(task, path, digest, key, share)
+    note(task.out, task.name, done)
+    return Outcome(done)
+
+
+def _intact(task: Task, done: Done) -> bool:
+    figures = task.print_folder is None or intact(task.print_folder, done.figures)
+    return intact(task.out, done.files) and figures
+
+
+def _key(task: Task, digest: str) -> str:
+    lumen = _lumen_file(task)
+    identity = {
+        "format": _FORMAT,
+        "version": task.version,
+        "settings": task.recorded,
+        "name": task.name,
+        "source": task.source,
+        "figures": task.figures,
+        "printed": None if task.print_folder is None else task.print_folder.address,
+        "sha256": digest,
+        "lumen": None if lumen is None else sha256_of(lumen),
+    }
+    return key_of(msgspec.to_builtins(identity))
+
+
+def _lumen_file(task: Task) -> Path | None:
+    path = local(task.address)
+    return task.settings.lumen or (None if path is None else lumen_beside(path))
+
+
+def _done(task: Task, path: Path, digest: str, key: str, share: Share | None) -> Done:
+    name, out = task.name, task.out
+    recording = open_recording(path, task.settings.unit)
+    account = RunningSummary.of(recording.frame_count)
+    tables = (f"frames/{name}.parquet", f"segments/{name}.parquet")
+    with out.replacing(tables[0]) as frames, out.replacing(tables[1]) as segments:
+        write_parts(frames, segments, _parts(task, recording, account.stride, share), account)
+        analysis = require_used(name, task.source, recording, account)
+    report, row = analysis_object(analysis), summary_row(analysis)
+    lumen, failures = _lumen(task, analysis)
+    if lumen is not None:
+        add_clearance(report, row, analysis, lumen)
+    lines = [line.replace(str(path), task.given) for line in frame_refusals(analysis, task.given)]
+    files = list(tables)
+    if task.recorded.pictures:
+        file = f"recordings/{task.name}.rrd"
+        failure = attempt(task.given, lambda: _write_recording(task, analysis, file, lumen))
+        files += [file] if failure is None else []
+        failures += [] if failure is None else [failure.reason]
+    figures = attempt(task.given, lambda: _write_print_figures(task, analysis))
+    if isinstance(figures, Refusal):
+        failures, figures = [*failures, figures.reason], dict[str, int]()
+    entry = _report_entry(task, analysis, drawn=len(files) > len(tables))
+    return Done(
+        key=key,
+        input=_input(analysis, digest),
+        row=row,
+        told=report,
+        lines=lines,
+        failures=failures,
+        report=entry,
+        files={file: ANY_SIZE if file.endswith(".rrd") else out.size(file) or 0 for file in files},
+        figures=figures,
+    )
+
+
+def _parts(task: Task, recording: Recording, stride: int, share: Share | None) -> Iterator[Part]:
+    """Analyse a recording chunk by chunk; where its frames stand alone, workers may share them."""
+    settings, frame_size = task.settings, task.size / max(recording.frame_count, 1)
+    if settings.geometry_only:
+        calls = _chunks(task.name, recording, stride, settings, frame_size)
+        yield from share(part_alone, calls) if share else (part_alone(*call) for call in calls)
+        return
+    results = process(recording.frames, settings.rig, tension_in=settings.tension_in)
+    for part in parts(task.name, results, stride):
+        report_progress(part.summary.frames, frame_size * part.summary.frames)
+        yield part
+
+
+def _chunks(
+    name: str, recording: Recording, stride: int, settings: RunSettings, frame_size: float
+) -> Iterator[tuple[str, int, list[Frame | Rejected], int, RunSettings, float]]:
+    frames, first = iter(recording.frames), 0
+    while chunk := list(islice(frames, CHUNK)):
+        yield name, first, chunk, stride, settings, frame_size
+        first += len(chunk)
+
+
+def part_alone(
+    name: str,
+    first: int,
+    frames: list[Frame | Rejected],
+    stride: int,
+    settings: RunSettings,
+    frame_size: float,
+) -> Part:
+    """Analyse the frames of one chunk, each for itself; the fit starts anew with the chunk."""
+    with threadpool_limits(1):
+        results = alone(frames, settings.rig, tension_in=settings.tension_in, first=first)
+        part = part_of(name, results, stride)
+    report_progress(len(frames), frame_size * len(frames))
+    return part
+
+
+def _input(analysis: Analysis, digest: str) -> Input:
+    return Input(
+        name=analysis.name,
+        source=analysis.source,
+        sha256=digest,
+        kind=analysis.kind,
+        unit=analysis.unit,
+        frames=analysis.summary.frames,
+        rejected=analysis.summary.refused,
+    )
+
+
+def _lumen(task: Task, analysis: Analysis) -> tuple[SensedLumen | None, list[str]]:
+    """Read the lumen around an input, where there is one; return it and the errors."""
+    path = local(task.address)
+    if path is None:
+        return None, []
+    lumen = attempt(task.given, lambda: lumen_of(path, analysis.unit, task.settings))
+    return (None, [lumen.reason]) if isinstance(lumen, Refusal) else (lumen, [])
+
+
+def _write_recording(task: Task, analysis: Analysis, file: str, lumen: SensedLumen | None) -> None:
+    from tssgeom.view.scene.recording import write_recording  # here: a worker without pictures starts faster
+
+    with task.out.replacing(file) as draft:
+        write_recording(
+            draft,
+            analysis.name,
+            analysis.results,
+            timed=analysis.timed,
+            lumen=None if lumen is None else lumen.mesh,
+            clearance=None if lumen is None else lumen.clearance_in_picture,
+        )
+
+
+def _write_print_figures(task: Task, analysis: Analysis) -> dict[str, int]:
+    """Write the figures for print, and return their names and sizes."""
+    if task.print_folder is None:
+        return {}
+    with tempfile.TemporaryDirectory() as folder, _figure_lock:
+        written = write_shape_figures(Path(folder), task.name, analysis.results, timed=analysis.timed)
+        for file in written:
+            with task.print_folder.replacing(file) as draft:
+                shutil.move(Path(folder) / file, draft)
+    return {file: task.print_folder.size(file) or 0 for file in written}
+
+
+def _report_entry(task: Task, analysis: Analysis, *, drawn: bool) -> dict[str, object]:
+    account = analysis.summary
+    entry = ReportEntry.of_some(
+        analysis.name,
+        account.results,
+        timed=analysis.timed,
+        rejected=account.rejected,
+        recording=f"recordings/{task.name}.rrd" if drawn else "",
+        used=account.used,
+        lost=account.refused,
+        warnings=account.warnings,
+    )
+    with _figure_lock:
+        return asdict(rendered(entry, figures=task.figures))

@@ -1,0 +1,179 @@
+"""What a file or a campaign holds, as `check` reports it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pipelines.inputs import Refusal, inputs_of
+from tssgeom.arrays import Matrix
+from tssgeom.errors import ShapeError, TssgeomError
+from tssgeom.io.formats.campaigns import is_campaign, read_campaign
+from tssgeom.io.formats.columns import CHANNELS
+from tssgeom.io.formats.files import Recording, open_recording
+from tssgeom.io.formats.meshes import ENDINGS, read_lumen
+from tssgeom.io.formats.runs import holds_run, read_run
+from tssgeom.rig import Rig, read_rig
+from tssgeom.route.fibre.sensed import Fibre, clean_fibre, fit_fibre
+from tssgeom.stream import Frame, Rejected, followed, require_usable
+
+_ANY_RIG = Rig()  # the geometry does not depend on it
+_MEASURED = ("tension_in", "tension_out", "displacement_in", "elongation", "temperature")
+
+
+def files_and_campaigns(paths: Sequence[Path]) -> Iterator[Path | Refusal]:
+    """Yield campaigns whole, then all else file by file."""
+    campaigns = [path for path in paths if is_campaign(path)]
+    yield from campaigns
+    yield from inputs_of(path for path in paths if path not in campaigns)
+
+
+def checked(path: Path, unit: str | None) -> dict[str, Any]:
+    """Report what is in a file or folder: a campaign, a rig, a mesh, a run, a shape or a recording.
+
+    Raises
+    ------
+    ShapeError, SourceError, SettingsError
+        Where the file as a whole cannot be used.
+    """
+    if is_campaign(path):
+        return _checked_campaign(path, unit)
+    if path.suffix.lower() == ".toml":
+        rig = read_rig(path)
+        numbers = f"friction {rig.friction.coefficient:g}, compliance {rig.tendon.compliance_per_N:g} /N"
+        return {"file": str(path), "holds": "rig", "told": numbers, "wrong": []}
+    if path.suffix.lower() in ENDINGS:
+        mesh = read_lumen(path, unit or "mm")
+        size = " × ".join(f"{extent * 1e3:.1f}" for extent in mesh.extents)
+        numbers = f"{len(mesh.faces)} triangles, {size} mm if it is in {unit or 'mm'}; a mesh states no unit"
+        return {"file": str(path), "holds": "mesh", "told": numbers, "wrong": []}
+    return _checked_run(path) if holds_run(path) else _checked_recording(open_recording(path, unit))
+
+
+def _checked_run(path: Path) -> dict[str, Any]:
+    run = read_run(path)
+    channels = {name: getattr(run, name) for name, _ in CHANNELS.values()}
+    gaps = {name: int(np.isnan(values).sum()) for name, values in channels.items() if values is not None}
+    listed = ", ".join(f"{name} ({count} missing)" if count else name for name, count in gaps.items())
+    return {
+        "file": str(path),
+        "holds": "measured run",
+        "told": f"{len(run.time)} samples in {np.ptp(run.time):.4g} s: {listed}",
+        "wrong": [],
+    }
+
+
+def _checked_campaign(path: Path, unit: str | None) -> dict[str, Any]:
+    campaign = read_campaign(path, unit)
+    runs = [
+        {
+            "name": run.name,
+            "route": run.route.name,
+            "samples": len(run.columns["time_s"]),
+            "duration_s": float(np.ptp(run.columns["time_s"])),
+            "measured": [name for name in run.columns if name != "time_s"],
+            "held_out": run.held_out,
+        }
+        for run in campaign.runs
+    ]
+    routes = {run.route.name: float(run.route.arcs.total_length) for run in campaign.runs}
+    return {
+        "file": str(path),
+        "holds": "campaign",
+        "runs": runs,
+        "length_m": routes,
+        "warnings": list(campaign.notes),
+        "wrong": [],
+    }
+
+
+@dataclass(slots=True)
+class _RecordingReport:
+    """Counts over the frames of a recording, and the errors of those that cannot be used."""
+
+    counts: list[int] = field(default_factory=list)
+    times: list[float] = field(default_factory=list)
+    missing: int = 0
+    measured: set[str] = field(default_factory=set)
+    stations: bool = False
+    wrong: list[str] = field(default_factory=list)
+    first_usable: dict[str, Any] | None = None
+    """Length, noise and warnings of the first frame that can be used."""
+
+    def add(self, seq: int, item: Frame | Rejected) -> None:
+        """Take in one frame."""
+        if isinstance(item, Rejected):
+            self.wrong.append(f"frame {seq}: {item.reason}")
+            return
+        rows = _rows(item)
+        self.counts.append(len(rows))
+        self.times.append(item.time)
+        self.missing += int(np.isnan(rows).any(axis=1).sum())
+        self.measured |= {name for name in _MEASURED if getattr(item, name) is not None}
+        self.stations |= item.stations is not None
+        try:
+            require_usable(item)
+            self.first_usable = self.first_usable or _fitted(item)
+        except TssgeomError as error:
+            self.wrong.append(f"frame {seq}: {error}")
+
+
+def _rows(frame: Frame) -> Matrix:
+    """Return the rows that a sensor could have seen: the points, or the gratings between the ends' marks."""
+    if frame.curvatures is None:
+        return frame.points
+    valid = np.flatnonzero(~np.isnan(frame.curvatures).any(axis=1))
+    return frame.curvatures[valid[0] : valid[-1] + 1] if len(valid) else frame.curvatures
+
+
+def _checked_recording(recording: Recording) -> dict[str, Any]:
+    frames = _RecordingReport()
+    for seq, item in enumerate(recording.frames):
+        frames.add(seq, item)
+    if frames.first_usable is None:
+        reason = frames.wrong[0].partition(": ")[2] if frames.wrong else "it holds no frame"
+        raise ShapeError(f"{recording.path}: {reason}")
+    report = {
+        "file": str(recording.path),
+        "holds": "recording" if recording.timed else "shape",
+        "kind": recording.kind,
+        "unit": recording.unit,
+        "frames": recording.frame_count,
+        "points": [min(frames.counts), max(frames.counts)],
+        "points_not_seen": frames.missing,
+        "stations": frames.stations,
+        "measured": sorted(frames.measured),
+        "wrong": frames.wrong,
+    }
+    if recording.timed:
+        report["duration_s"] = max(frames.times) - min(frames.times)
+    warnings = [*recording.warnings, *frames.first_usable["warnings"]]
+    return report | frames.first_usable | {"warnings": warnings}
+
+
+def _fitted(frame: Frame) -> dict[str, Any]:
+    """Fit a frame as analyse does; return length, noise and warnings."""
+    if frame.curvatures is not None:
+        return _fitted_fibre(clean_fibre(frame.curvatures, frame.stations))
+    shape, found = followed(frame, _ANY_RIG)
+    geometry = found.geometry
+    return {
+        "length_m": geometry.arcs.total_length,
+        "noise_m": float(geometry.outline.noise),
+        "warnings": [*shape.warnings, *geometry.outline.warnings],
+    }
+
+
+def _fitted_fibre(fibre: Fibre) -> dict[str, Any]:
+    """Fit a fibre; return its length, warnings, and the noise of curvature and of its distal end."""
+    found = fit_fibre(fibre)
+    return {
+        "length_m": fibre.length,
+        "noise_m": float(found.geometry.route.noise),
+        "curvature_noise_per_m": float(found.curvature_noise),
+        "warnings": [*fibre.warnings, *found.geometry.outline.warnings],
+    }

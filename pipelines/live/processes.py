@@ -1,0 +1,290 @@
+"""The processes beside a stream, seen from the stream: it sends them messages and never waits for them."""
+
+from __future__ import annotations
+
+import json
+import os
+import selectors
+import socket
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from dataclasses import dataclass, field
+from functools import cache
+from time import monotonic
+from typing import Any
+
+import numpy as np
+
+from pipelines.live.messages import packed
+from tssgeom.errors import SourceError
+from tssgeom.io.network.channel import Channel
+from tssgeom.stream import FrameResult
+from tssgeom.tendon.state import TendonState
+from tssgeom.view.samples import numbers_of
+
+_CHUNK = 1 << 16  # bytes in one reading
+
+
+@dataclass(frozen=True, slots=True)
+class ProcessLimits:
+    """What a process beside the stream gets; no answer of the stream depends on it. All chosen."""
+
+    start: float = 60.0
+    """Time in which it has to be ready [s]."""
+    end: float = 30.0
+    """Time in which it has to finish [s]."""
+    poll: float = 0.2
+    """Longest wait for its messages at start and end [s]."""
+    most_waiting: int = 1 << 23
+    """Bytes that wait for it at most; further messages are lost and counted."""
+    late: int = 1 << 18
+    """Waiting bytes from which it is late and leaves idle priority."""
+    state_interval: float = 0.2
+    """Time between two states to save [s]."""
+    numbers_interval: float = 0.05
+    """Time between two messages of numbers [s]."""
+
+
+_LIMITS = ProcessLimits()
+
+
+class SideProcess:
+    """One process beside the stream.
+
+    Parameters
+    ----------
+    selector
+        Calls back what is registered with it.
+    role, argument
+        Its work; see `pipelines.live.worker`.
+    report
+        Called with a sentence for the user.
+    """
+
+    def __init__(
+        self, selector: selectors.BaseSelector, role: str, argument: str, report: Callable[[str], object]
+    ) -> None:
+        ours, theirs = socket.socketpair()
+        with theirs:
+            command = [sys.executable, "-P", "-m", "pipelines.live.worker", role, argument]
+            # not in a session of its own: Linux shares cores between sessions, whatever their niceness
+            self._process = subprocess.Popen(
+                command, stdin=theirs.fileno(), stdout=subprocess.DEVNULL, process_group=0
+            )
+        self.role, self.address = role, ""
+        self.ready, self.failure, self.ended = False, "", False
+        self.lost = 0
+        self._idle, self._may_idle = False, role != "save"
+        self._report, self._unread = report, b""
+        self._channel = Channel(selector, ours, self._read, self._closed, _LIMITS.most_waiting)
+
+    def send(self, message: bytes) -> None:
+        """Send a message if there is room for it; otherwise it is lost, and counted."""
+        if self.ended:
+            return
+        self.lost += not self._channel.send(message)
+        self._set_idle(self._channel.waiting < (_LIMITS.late if self._idle else 1))
+
+    def _set_idle(self, idle: bool) -> None:
+        """Let it run only where a core is idle, or as any other."""
+        if self._may_idle and idle != self._idle:
+            self._idle = idle
+            set_idle_priority(self._process.pid, idle)
+
+    @property
+    def waiting(self) -> bool:
+        """Whether messages still wait for it."""
+        return self._channel.open and self._channel.waiting > 0
+
+    def end_messages(self) -> None:
+        """Let it finish: no message follows."""
+        self._set_idle(False)
+        if self._channel.open:
+            self._channel.sock.shutdown(socket.SHUT_WR)
+
+    def join(self) -> bool:
+        """Wait until it has finished; return whether all went well."""
+        try:
+            self._process.wait(_LIMITS.end)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._report(f"{self.role}: did not finish within {_LIMITS.end:g} s and was ended")
+        self._read_rest()
+        self._channel.close()
+        return self._process.returncode == 0
+
+    def _read_rest(self) -> None:
+        """Read the last lines of a process that has ended."""
+        with suppress(OSError):  # also where nothing is left
+            while self._channel.open and (data := self._channel.sock.recv(_CHUNK)):
+                self._read(data)
+
+    def _read(self, data: bytes) -> None:
+        *lines, self._unread = (self._unread + data).split(b"\n")
+        for line in lines:
+            status: dict[str, Any] = json.loads(line)
+            self.ready |= bool(status.get("ready"))
+            self.address = status.get("address", self.address)
+            if "failed" in status:
+                self.failure = status["failed"]
+                if self.ready:
+                    self._report(self.failure)
+
+    def _closed(self) -> None:
+        if not self.failure and not self.ended:
+            self.failure = f"{self.role}: its process has ended; the stream goes on without it"
+            if self.ready:
+                self._report(self.failure)
+        self.ended = True
+
+
+@dataclass(slots=True)
+class TokenBucket:
+    """Allows so many pictures a second, and a number of them at once."""
+
+    rate: float
+    """Tokens a second [1/s]."""
+    burst: float
+    """Tokens that a full bucket holds [1]."""
+    _left: float = field(default=0.0)
+    _since: float = field(default_factory=monotonic)
+
+    def __post_init__(self) -> None:
+        self._left = self.burst
+
+    def take(self, now: float) -> bool:
+        """Take a token at a time [s]; return whether there was one."""
+        self._left = min(self._left + self.rate * (now - self._since), self.burst)
+        self._since = now
+        if self._left < 1.0:
+            return False
+        self._left -= 1.0
+        return True
+
+
+@dataclass(slots=True)
+class PictureFeed:
+    """Sends processes that draw the numbers of every frame, and as many pictures as their buckets allow."""
+
+    processes: Sequence[tuple[SideProcess, TokenBucket]]
+    """The one with the highest rate first: the others get some of the same pictures."""
+    _numbers: list[tuple[float, ...]] = field(default_factory=list)
+    _due: float = 0.0
+
+    def take(self, result: FrameResult, now: float) -> None:
+        """Take in an answered frame."""
+        self._numbers.append((result.frame.time, *numbers_of(result)))
+        drawing = list[SideProcess]()
+        for process, bucket in self.processes:
+            if not bucket.take(now):
+                break
+            drawing.append(process)
+        if drawing:
+            _send(drawing, "picture", result.strip())
+        if now >= self._due:
+            self.flush()
+            self._due = now + _LIMITS.numbers_interval
+
+    def flush(self) -> None:
+        """Send the numbers since the last message."""
+        if self._numbers:
+            _send([process for process, _ in self.processes], "numbers", np.array(self._numbers))
+            self._numbers.clear()
+
+
+@dataclass(slots=True)
+class StateFeed:
+    """Sends the newest state of the tendon to the process that saves it."""
+
+    process: SideProcess
+    _due: float = 0.0
+    _newest: TendonState | None = None
+
+    def take(self, result: FrameResult, now: float) -> None:
+        """Take in an answered frame."""
+        self._newest = result.state
+        if now >= self._due:
+            self.flush()
+            self._due = now + _LIMITS.state_interval
+
+    def flush(self) -> None:
+        """Send the newest state."""
+        if self._newest is not None:
+            _send([self.process], "state", self._newest)
+            self._newest = None
+
+
+def _send(processes: Sequence[SideProcess], kind: str, content: object) -> None:
+    """Send one message to all of them, packed once."""
+    if any(not process.ended for process in processes):
+        message = packed(kind, content)
+        for process in processes:
+            process.send(message)
+
+
+def await_ready(selector: selectors.BaseSelector, processes: Sequence[SideProcess]) -> None:
+    """Wait until all processes are ready.
+
+    Raises
+    ------
+    SourceError
+        Where one of them cannot do its work.
+    """
+    end = monotonic() + _LIMITS.start
+    while not all(process.ready for process in processes):
+        for process in processes:
+            if process.failure or monotonic() > end:
+                raise SourceError(process.failure or f"{process.role}: not ready in {_LIMITS.start:g} s")
+        _call_back(selector)
+
+
+def finish_all(selector: selectors.BaseSelector, processes: Sequence[SideProcess]) -> bool:
+    """Let all processes take their messages and finish; return whether all went well."""
+    end = monotonic() + _LIMITS.end
+    while any(process.waiting for process in processes) and monotonic() < end:
+        _call_back(selector)
+    for process in processes:
+        process.end_messages()
+    ended_well = [process.join() for process in processes]  # each of them, even after one that failed
+    return all(ended_well)
+
+
+def _call_back(selector: selectors.BaseSelector) -> None:
+    for key, events in selector.select(_LIMITS.poll):
+        key.data(events)
+
+
+def set_idle_priority(pid: int, idle: bool) -> None:
+    """Let a process run only where a core is idle, or as any other again.
+
+    Niceness alone is not enough: a process that has begun to run keeps the core for a millisecond or two,
+    more than a stream has. Linux lets a process return from idle priority only with a privilege. Without it
+    nothing is changed, so that the process cannot starve.
+    """
+    if not _may_return():
+        return
+    policy = os.SCHED_IDLE if idle else os.SCHED_OTHER
+    with suppress(OSError):  # it has ended
+        for thread in os.listdir(f"/proc/{pid}/task"):
+            os.sched_setscheduler(int(thread), policy, os.sched_param(0))
+
+
+@cache
+def _may_return() -> bool:
+    """Whether this process may raise a priority that it has lowered; tried in a thread that then ends."""
+    if not hasattr(os, "SCHED_IDLE"):
+        return False
+    with ThreadPoolExecutor(1) as trial:
+        return trial.submit(_lowered_and_raised).result()
+
+
+def _lowered_and_raised() -> bool:
+    try:
+        os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+    except OSError:
+        return False
+    return True

@@ -1,0 +1,235 @@
+"""One stream from start to end: sources, sinks and processes beside it are opened, served and closed."""
+
+from __future__ import annotations
+
+import gc
+import json
+import math
+import os
+import selectors
+import signal
+import socket
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import FrameType
+
+from pipelines.inputs import RunSettings
+from pipelines.live.processes import (
+    PictureFeed,
+    SideProcess,
+    StateFeed,
+    TokenBucket,
+    await_ready,
+    finish_all,
+)
+from pipelines.live.session import ResultConsumer, Session
+from pipelines.live.status import StatusLine
+from pipelines.live.warm_up import warm_up
+from tssgeom.errors import require_replaceable
+from tssgeom.io.formats.states import read_state
+from tssgeom.io.network.addresses import Access, Endpoint
+from tssgeom.io.network.channel import READ, Pipe
+from tssgeom.io.network.mailbox import Mailbox
+from tssgeom.io.network.sinks import Nowhere, Sink, StandardOutput, TcpSink, UdpSink
+from tssgeom.io.network.sources import Replay, Source, StandardInput, TcpSource, UdpSource
+from tssgeom.stream import process
+
+
+@dataclass(frozen=True, slots=True)
+class PictureRates:
+    """How many frames are drawn; all are in the numbers. Chosen: what a core draws without delay."""
+
+    recorded: tuple[float, float] = (100.0, 200.0)
+    """Pictures in a recording: a second [1/s], and at once [1]."""
+    viewed: tuple[float, float] = (25.0, 50.0)
+    """Pictures for viewers: a second [1/s], and at once [1]."""
+
+
+_RATES = PictureRates()
+
+
+@dataclass(frozen=True, slots=True)
+class LiveOptions:
+    """What the user chose."""
+
+    sources: Sequence[Endpoint]
+    sinks: Sequence[Endpoint]
+    access: Access
+    stale_after: float
+    """Time without a good frame after which a stale line is sent [s]."""
+    spin: bool
+    """Whether to await the next frame without sleep while frames come fast, which takes a core."""
+    stats: bool
+    """Whether statistics are printed once a second as JSON on stderr."""
+    state: Path | None = None
+    """File that keeps the tendon's state from one start to the next."""
+    record: Path | None = None
+    """Recording to write."""
+    view_port: int | None = None
+    """Port at which viewers may connect; None: no picture."""
+
+
+def run(options: LiveOptions, settings: RunSettings) -> int:
+    """Answer frames until the sources end or a signal comes; return the exit status.
+
+    Raises
+    ------
+    SettingsError, ShapeError, SourceError
+        Where a source, a sink or a file cannot be opened.
+    """
+    for path in filter(None, (options.state, options.record)):
+        require_replaceable(path)
+    with selectors.DefaultSelector() as selector:
+        errors = Pipe(selector, 2)
+        report = _reporter(errors)
+        mailbox = Mailbox()
+        session = Session(
+            selector,
+            mailbox,
+            [
+                _source(one, selector, mailbox, options.access, settings.unit, report)
+                for one in options.sources
+            ],
+            [_sink(one, selector, options.access, report) for one in options.sinks],
+            options.stale_after,
+            lambda: None,
+            spin=options.spin and (os.cpu_count() or 1) > 1,
+        )
+        state = read_state(options.state) if options.state is not None and options.state.exists() else None
+        if state is not None and math.isfinite(state.time):
+            session.time = state.time
+        session.consumers, processes = _side_processes(options, selector, report)
+        session.report_statistics, finish = _statistics(session, processes, errors, stats=options.stats)
+        try:
+            warm_up(settings.rig)
+            await_ready(selector, processes)
+            _stop_on_signals(session)
+            gc.collect()  # before the line `ready`: it takes longer than many frames
+            gc.freeze()
+            gc.disable()
+            errors.send(f"ready: {_addresses(session, processes)}\n".encode())
+            for result in process(
+                session.frames(), settings.rig, tension_in=settings.tension_in, state=state
+            ):
+                session.answer(result)
+        finally:
+            session.close()
+            all_well = finish_all(selector, processes)
+        finish()
+    return 0 if all_well else 1
+
+
+def _side_processes(
+    options: LiveOptions, selector: selectors.BaseSelector, report: Callable[[str], None]
+) -> tuple[list[ResultConsumer], list[SideProcess]]:
+    """Start the processes beside the stream; return what feeds them, and them."""
+    consumers, processes = list[ResultConsumer](), list[SideProcess]()
+
+    def started(role: str, argument: object) -> SideProcess:
+        processes.append(SideProcess(selector, role, str(argument), report))
+        return processes[-1]
+
+    if options.state is not None:
+        consumers.append(StateFeed(started("save", options.state)))
+    drawing = list[tuple[SideProcess, TokenBucket]]()
+    if options.record is not None:
+        drawing.append((started("record", options.record), TokenBucket(*_RATES.recorded)))
+    if options.view_port is not None:
+        drawing.append((started("view", options.view_port), TokenBucket(*_RATES.viewed)))
+    if drawing:
+        consumers.append(PictureFeed(drawing))
+    return consumers, processes
+
+
+def _addresses(session: Session, processes: Sequence[SideProcess]) -> str:
+    sources = (f"source {source.text}" for source in session.sources)
+    sinks = (f"sink {sink.text}" for sink in session.sinks)
+    views = (f"view {one.address}" for one in processes if one.address)
+    return ", ".join([*sources, *sinks, *views])
+
+
+def _reporter(errors: Pipe) -> Callable[[str], None]:
+    """Return what prints a sentence on stderr without waiting for it."""
+
+    def report(sentence: str) -> None:
+        errors.send(f"tssgeom: {sentence}\n".encode())
+
+    return report
+
+
+def _source(
+    endpoint: Endpoint,
+    selector: selectors.BaseSelector,
+    mailbox: Mailbox,
+    access: Access,
+    unit: str | None,
+    report: Callable[[str], None],
+) -> Source:
+    if endpoint.scheme == "tcp":
+        return TcpSource(selector, mailbox, endpoint, access, unit, report)
+    if endpoint.scheme == "udp":
+        return UdpSource(selector, mailbox, endpoint, access, unit)
+    if endpoint.scheme == "igtl":
+        from tssgeom.io.network.igtl_peers import IgtlSource  # here, since few need it
+
+        return IgtlSource(selector, mailbox, endpoint, access, report)
+    if endpoint.scheme == "replay":
+        return Replay(mailbox, endpoint, unit)
+    return StandardInput(selector, mailbox, unit)
+
+
+def _sink(
+    endpoint: Endpoint, selector: selectors.BaseSelector, access: Access, report: Callable[[str], None]
+) -> Sink:
+    if endpoint.scheme == "tcp":
+        return TcpSink(selector, endpoint, access, report)
+    if endpoint.scheme == "udp":
+        return UdpSink(endpoint, access)
+    if endpoint.scheme == "igtl":
+        from tssgeom.io.network.igtl_peers import IgtlSink
+
+        return IgtlSink(selector, endpoint, access, report)
+    return Nowhere() if endpoint.scheme == "none" else StandardOutput(selector)
+
+
+def _statistics(
+    session: Session, processes: Sequence[SideProcess], errors: Pipe, *, stats: bool
+) -> tuple[Callable[[], None], Callable[[], None]]:
+    """Return what prints the statistics once a second, and what prints them for the last time."""
+    status = StatusLine() if sys.stderr.isatty() and not stats else None
+
+    def report() -> None:
+        counts = {
+            "dropped": session.mailbox.dropped,
+            "unsent": sum(sink.unsent for sink in session.sinks),
+        } | {f"{one.role}_lost": one.lost for one in processes}
+        statistics = session.statistics.over_interval(counts)
+        if stats:
+            errors.send(json.dumps(statistics).encode() + b"\n")
+        if status is not None:
+            status.show(statistics)
+
+    def finish() -> None:
+        report()
+        if status is not None:
+            status.close()
+
+    return report, finish
+
+
+def _stop_on_signals(session: Session) -> None:
+    """Let SIGTERM and Ctrl-C end the stream; the second of them ends it at once."""
+    woken, wake = socket.socketpair()
+    woken.setblocking(False)
+    wake.setblocking(False)
+    session.selector.register(woken, READ, lambda events: woken.recv(64))
+    signal.set_wakeup_fd(wake.detach(), warn_on_full_buffer=False)
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        signal.signal(number, signal.SIG_DFL)
+        session.stop()
+
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, stop)

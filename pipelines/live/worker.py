@@ -1,0 +1,192 @@
+"""A process beside the stream that draws, records or saves, so that neither disk nor viewer slows the stream.
+
+    python -P -m pipelines.live.worker ROLE ARGUMENT, with the socket of the stream as standard input
+
+It reads messages until the stream closes the socket, and then finishes. Rerun is imported by roles that draw.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+import signal
+import socket
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from pathlib import Path
+from time import monotonic, sleep
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from pipelines.live.messages import unpacked
+from tssgeom.errors import TssgeomError
+from tssgeom.io.formats.states import write_state
+from tssgeom.stream import FrameResult
+from tssgeom.tendon.state import TendonState
+
+if TYPE_CHECKING:
+    from tssgeom.view.scene.live import LivePicture
+
+_FLUSH_INTERVAL = {"record": 0.5, "view": 0.08, "save": 0.1}
+"""Time between two batches by role [s]; measured: a batch costs as much as four pictures."""
+_NICENESS = 10  # chosen: far behind the stream
+_READ_INTERVAL = 0.02  # s between two readings; chosen: each takes time from the stream
+_CHUNK = 1 << 20  # bytes in one reading
+
+
+class Role(Protocol):
+    """What a process does with its messages."""
+
+    def take(self, kind: str, content: Any) -> None:
+        """Take in one message."""
+        ...
+
+    def flush(self) -> None:
+        """Do the work on the messages since the last flush."""
+        ...
+
+    def finish(self) -> None:
+        """Do the work on the last messages."""
+        ...
+
+
+class StateSaver:
+    """Keeps the newest state of the tendon in a file."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._state: TendonState | None = None
+
+    def take(self, kind: str, content: Any) -> None:
+        """Take in a state."""
+        self._state = content
+
+    def flush(self) -> None:
+        """Write the newest state, whole or not at all."""
+        if self._state is not None:
+            write_state(self._path, self._state)
+            self._state = None
+
+    finish = flush
+
+
+class Drawer:
+    """Draws frames into a picture."""
+
+    def __init__(self, picture: LivePicture) -> None:
+        self._picture = picture
+        self._results = list[FrameResult]()
+        self._numbers = list[np.ndarray]()
+
+    def take(self, kind: str, content: Any) -> None:
+        """Take in a frame to draw, or the numbers of many."""
+        (self._results if kind == "picture" else self._numbers).append(content)
+
+    def flush(self) -> None:
+        """Draw the frames and numbers since the last flush."""
+        if self._results:
+            self._picture.draw(self._results)
+            self._results.clear()
+        if self._numbers:
+            numbers = np.concatenate(self._numbers)
+            self._picture.number(numbers[:, 0], numbers[:, 1:])
+            self._numbers.clear()
+
+    def finish(self) -> None:
+        """Draw the rest."""
+        self.flush()
+
+
+class Recorder(Drawer):
+    """Draws into a file."""
+
+    def __init__(self, path: Path) -> None:
+        from tssgeom.view.scene.live import LivePicture
+        from tssgeom.view.scene.writer import GrowingFile
+
+        self._file = GrowingFile(path)
+        super().__init__(LivePicture(self._file.recording, path.stem))
+
+    def flush(self) -> None:
+        """Draw the frames and numbers since the last flush, and write them."""
+        super().flush()
+        self._file.write()
+
+    def finish(self) -> None:
+        """Draw and write the rest, and give the file its name."""
+        super().flush()
+        self._file.finish()
+
+
+def _role(name: str, argument: str) -> tuple[Role, dict[str, Any]]:
+    """Return a role that is ready for messages, and what the stream has to know of it."""
+    if name == "save":
+        return StateSaver(Path(argument)), {}
+    from tssgeom.view.scene.live import LivePicture, warm_up  # here, since it takes long to load
+    from tssgeom.view.scene.writer import hosted
+
+    if name == "record":
+        recorder = Recorder(Path(argument))
+        warm_up()
+        return recorder, {}
+    recording, address = hosted("live", int(argument))
+    warm_up()
+    return Drawer(LivePicture(recording, "live")), {"address": address}
+
+
+def _messages(sock: socket.socket, flush: Callable[[], None], pause: float) -> Iterator[tuple[str, Any]]:
+    """Yield messages until the stream closes the socket, flushing every so often."""
+    data, due = bytearray(), monotonic() + pause
+    while True:
+        sleep(_READ_INTERVAL)
+        if select.select([sock], [], [], max(due - monotonic(), 0.0))[0]:
+            chunk = sock.recv(_CHUNK)
+            if not chunk:
+                return
+            data += chunk
+        yield from unpacked(data)
+        if monotonic() >= due:
+            flush()
+            due = monotonic() + pause
+
+
+def main(role_name: str, argument: str) -> int:
+    """Serve the stream until it ends; return the exit status."""
+    # the stream ends it by closing the socket; a terminal may not stop it, even where it writes to it
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGTTOU):
+        signal.signal(number, signal.SIG_IGN)
+    with suppress(OSError):
+        os.nice(_NICENESS)
+    sock = socket.socket(fileno=0)
+
+    def report(status: dict[str, Any]) -> None:
+        with suppress(OSError):
+            sock.sendall(json.dumps(status).encode() + b"\n")
+
+    try:
+        role, details = _role(role_name, argument)
+    except TssgeomError as error:
+        report({"failed": str(error)})
+        return 1
+    report({"ready": True} | details)
+
+    failures = list[str]()
+
+    def attempt(work: Callable[[], None]) -> None:
+        try:
+            work()
+        except TssgeomError as error:
+            failures.append(str(error))
+            report({"failed": str(error)})
+
+    for kind, content in _messages(sock, lambda: attempt(role.flush), _FLUSH_INTERVAL[role_name]):
+        role.take(kind, content)
+    attempt(role.finish)
+    return 1 if failures else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1], sys.argv[2]))
