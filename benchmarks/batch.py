@@ -28,8 +28,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.peer_pipeline import kernel, pelt
-from benchmarks.stages import NOISE, frames
+from benchmarks.stages import NOISE, frames, kernel, pelt
 from benchmarks.tables import machine, number, table
 from pipelines import tssgeom_version
 from pipelines.batch.task import Task, work
@@ -76,8 +75,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     clock = "wall time" if options.wall else "processor time of the busiest worker"
     print(f"settings: {_RECORDINGS} recordings of {each} frames, {clock}, started and compiled before")
     print(f"\n{_LEGEND}\n", flush=True)
-    with tempfile.TemporaryDirectory() as place:
-        folder = Path(place)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
         load = Load([record(folder / f"run{k}.npz", each) for k in range(_RECORDINGS)], each)
         print(_speed_table(folder, load, wall=options.wall, markdown=options.markdown), flush=True)
         large = options.large or (_QUICK_LARGE if options.quick else _LARGE)
@@ -98,12 +97,12 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
 
 def record(path: Path, count: int) -> Path:
     """Write a recording of so many frames: seven pieces that sway, while the tension goes up and down."""
-    seen = frames(POINTS, _DISTINCT)
+    sensed = frames(POINTS, _DISTINCT)
     points = np.lib.format.open_memmap(path.with_suffix(".npy"), "w+", shape=(count, POINTS, 3))
     for k in range(count):
-        points[k] = seen[k % _DISTINCT].points
+        points[k] = sensed[k % _DISTINCT].points
     tension = 10.0 + 5.0 * np.sin(np.arange(count) / 40.0)
-    time_s, stations = np.arange(count) / 50.0, np.asarray(seen[0].stations)
+    time_s, stations = np.arange(count) / 50.0, np.asarray(sensed[0].stations)
     np.savez(path, points=points, time_s=time_s, unit="m", tension_in_N=tension, s=stations)
     path.with_suffix(".npy").unlink()
     return path
@@ -114,12 +113,12 @@ Work = Callable[[Path, Path], None]
 
 def batched(file: Path, out: Path) -> None:
     """Do what a worker of `tssgeom batch` does for one input: digest, tables, notes; no pictures."""
-    settings = RunSettings(_RIG, None, 15.0, None, None)
-    recorded = Settings(tension_in_N=15.0, unit=None, rig_file=None, rig=_RIG, pictures=False)
-    name, place = file.stem, str(file)
+    chosen = RunSettings(_RIG, None, 15.0, None, None)
+    settings = Settings(tension_in_N=15.0, unit=None, rig_file=None, rig=_RIG, pictures=False)
+    name, source = file.stem, str(file)
     folder = Folder.of(str(out))
     size = file.stat().st_size
-    task = Task(name, place, place, name, size, settings, recorded, tssgeom_version(), folder, figures=False)
+    task = Task(name, source, source, name, size, chosen, settings, tssgeom_version(), folder, figures=False)
     outcome = work(task)
     if outcome.done is None or outcome.unchanged:
         raise RuntimeError(f"{file}: {outcome.reason or 'done before'}: the benchmark needs a fresh folder")
@@ -148,8 +147,8 @@ def _speed_table(folder: Path, load: Load, *, wall: bool, markdown: bool) -> str
         rate, start = _rate(count, batched, load.files, warm, folder / f"out{count}", wall=wall)
         mine = rate * load.frames
         alone = mine if count == 1 else alone
-        seen = [_rate(count, peer, load.files, warm, folder, wall=wall)[0] for peer in (by_pelt, by_kernel)]
-        theirs = [each * load.frames / _PEER_SHARE for each in seen]
+        rates = [_rate(count, peer, load.files, warm, folder, wall=wall)[0] for peer in (by_pelt, by_kernel)]
+        theirs = [each * load.frames / _PEER_SHARE for each in rates]
         cells = [mine, mine / (count * alone), start, *theirs, *(mine / their for their in theirs)]
         rows.append([str(count), *map(number, cells)])
     header = (
@@ -204,8 +203,10 @@ def _large_table(folder: Path, counts: Sequence[int], *, markdown: bool) -> str:
     for count in counts:
         file = record(folder / "long.npz", count)
         code = f"from benchmarks.batch import one; one({str(file)!r}, {str(folder / f'long{count}')!r})"
-        told = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout
-        before, seconds, peak = map(float, told.split())
+        output = subprocess.run(
+            [sys.executable, "-c", code], check=True, capture_output=True, text=True
+        ).stdout
+        before, seconds, peak = map(float, output.split())
         size = file.stat().st_size / 2**20
         cells = [1e6 * seconds / count, count / seconds, size, before, peak]
         rows.append([str(count), *map(number, cells)])
@@ -215,10 +216,10 @@ def _large_table(folder: Path, counts: Sequence[int], *, markdown: bool) -> str:
 
 def one(file: str, out: str) -> None:
     """Print memory when started [MiB], processor seconds for one recording, and the greatest memory [MiB]."""
-    place = Path(out)
-    batched(record(place.with_suffix(".npz"), _WARM), place / "warm")
+    folder = Path(out)
+    batched(record(folder.with_suffix(".npz"), _WARM), folder / "warm")
     before, begin = _peak(), time.process_time()
-    batched(Path(file), place / "long")
+    batched(Path(file), folder / "long")
     print(before, time.process_time() - begin, _peak())
 
 

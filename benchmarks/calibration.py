@@ -95,17 +95,17 @@ def print_table(trials: int, kinds: list[str]) -> None:
     for kind in kinds:
         held: dict[str, list[tuple[bool, float, float]]] = {}
         for seed in range(trials):
-            found, truth = trial(kind, seed)
+            result, truth = trial(kind, seed)
             for name, value in truth.items():
                 if kind.startswith("drift") and name.endswith("offset"):
                     continue  # a zero that drifts has no one value
-                told = found.estimates[name]
-                if told.observable:
+                estimate = result.estimates[name]
+                if estimate.observable:
                     size = value if name in ("friction", "compliance") else 1.0
                     row = (
-                        told.low <= value <= told.high,
-                        abs(told.value - value) / size,
-                        0.5 * (told.high - told.low) / size,
+                        estimate.low <= value <= estimate.high,
+                        abs(estimate.value - value) / size,
+                        0.5 * (estimate.high - estimate.low) / size,
                     )
                     held.setdefault(name, []).append(row)
         for name, rows in held.items():

@@ -145,14 +145,14 @@ def _paper_run(levels: Sequence[float], law: str, rng: np.random.Generator) -> d
     ends = np.cumsum([0.0, *np.abs(np.diff(turns))])
     time = np.linspace(0.0, ends[-1], 300)
     pull = np.interp(time, ends, turns)
-    seen = predict({"time_s": time, "tension_in_N": pull}, paper.HALF_CIRCLE, paper.RIG, bars=240)
+    predicted = predict({"time_s": time, "tension_in_N": pull}, paper.HALF_CIRCLE, paper.RIG, bars=240)
     share = pull / paper.LINEAR_FROM
     left = np.exp(-4.0 * share) if law == "exponential" else np.clip(1.0 - share, 0.0, 1.0) ** 3
     taken_up = paper.OFFSET * (1.0 - left)
     columns = {
         "tension_in_N": pull,
-        "tension_out_N": seen["tension_out_N"],
-        "elongation_m": seen["elongation_m"] + taken_up,
+        "tension_out_N": predicted["tension_out_N"],
+        "elongation_m": predicted["elongation_m"] + taken_up,
     }
     read = {name: _PAPER_RIG.sensors[name] for name in columns}
     noisy = {
@@ -210,8 +210,10 @@ def _show(campaign: Path, out: Path | None) -> None:
     finding = discover(read_campaign(campaign))
     print(f"\n{campaign.name}: {finding.verdict}, {finding.seconds:.1f} s\n  {finding.sentence}")
     for each in finding.effects:
-        for name, told in zip(each.names, each.parameters, strict=True):
-            values = ", ".join(f"{key} {v.value:.4g} [{v.low:.4g}, {v.high:.4g}]" for key, v in told.items())
+        for name, estimates in zip(each.names, each.parameters, strict=True):
+            values = ", ".join(
+                f"{key} {v.value:.4g} [{v.low:.4g}, {v.high:.4g}]" for key, v in estimates.items()
+            )
             print(f"  {name}: {values}")
     for line in _lines(finding):
         print(f"  {line}")

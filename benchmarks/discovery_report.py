@@ -23,7 +23,7 @@ class Row:
     target: str
     value: float
     """NaN where nothing was measured."""
-    shown: str
+    text: str
     kept: bool
 
 
@@ -40,7 +40,7 @@ def target_rows(outcomes: Sequence[Outcome]) -> list[Row]:
         _least("both names of a pair", counted(map(scores.both_named, of("pair"))), 0.80),
         _alarms(of("clean")),
         _least("outside the library: unknown", counted(map(_unknown, of("outside"))), 0.90),
-        _rare("known, called unknown", counted(map(_unknown, _told_of(of("single", "half")))), 0.05),
+        _rare("known, called unknown", counted(map(_unknown, _reported(of("single", "half")))), 0.05),
         _least(
             "channels missing: named, tied or unobservable", counted(map(scores.honest, of("partial"))), 0.9
         ),
@@ -49,22 +49,22 @@ def target_rows(outcomes: Sequence[Outcome]) -> list[Row]:
             counted(map(scores.right_first, of("other drive"))),
             0.9,
         ),
-        *_gap_rows([scores.held_out_ratio(one.report) for one in of("single", "half", "pair")]),
+        *_misfit_rows([scores.held_out_ratio(one.report) for one in of("single", "half", "pair")]),
         *_number_rows(of("single", "half", "pair"), of("clean")),
         *(
-            _least(f"tie {tie} and its experiment told", counted(map(scores.tie_told, of(tie))), 1.0)
+            _least(f"tie {tie} and its experiment told", counted(map(scores.tie_declared, of(tie))), 1.0)
             for tie in ("G1", "G4", "G5", "G6")
         ),
         _most(
             "processor time of a campaign [s] (median)",
-            [one.seconds for one in _told_of(outcomes)],
+            [one.seconds for one in _reported(outcomes)],
             10.0,
             np.median,
         ),
     ]
 
 
-def _told_of(outcomes: Sequence[Outcome]) -> list[Outcome]:
+def _reported(outcomes: Sequence[Outcome]) -> list[Outcome]:
     return [one for one in outcomes if one.report is not None]
 
 
@@ -76,10 +76,10 @@ def _alarms(clean: Sequence[Outcome]) -> Row:
     wrong = counted(scores.verdict(one.report) != "none" for one in clean)
     bound = scores.upper_bound(wrong.right, wrong.of) if wrong.of else math.nan
     row = _rare("false alarms, clean", wrong, 0.02)
-    return Row(row.metric, row.target, row.value, f"{row.shown}, below {share(bound)} %", row.kept)
+    return Row(row.metric, row.target, row.value, f"{row.text}, below {share(bound)} %", row.kept)
 
 
-def _gap_rows(ratios: Sequence[float]) -> list[Row]:
+def _misfit_rows(ratios: Sequence[float]) -> list[Row]:
     known = [ratio for ratio in ratios if not math.isnan(ratio)]
     return [
         _most("held-out gap after / before (median)", known, 0.35, np.median),
@@ -88,30 +88,30 @@ def _gap_rows(ratios: Sequence[float]) -> list[Row]:
 
 
 def _number_rows(faulty: Sequence[Outcome], clean: Sequence[Outcome]) -> list[Row]:
-    place, angle = scores.bends(faulty)
+    position_errors, angle = scores.bends(faulty)
     errors, held = scores.parameters(faulty)
     inside, base = counted(held), scores.base_held(clean)
     return [
-        _most("hidden bend, place / L (median)", place, 0.02, np.median),
+        _most("hidden bend, place / L (median)", position_errors, 0.02, np.median),
         _most("hidden bend, angle (median)", angle, 0.10, np.median),
         _most("parameters, error (median)", errors, 0.10, np.median),
         Row(
             "parameters, 95 % intervals",
             "90 to 98 %",
             inside.share,
-            _told(inside),
+            _of_all(inside),
             0.9 <= inside.share <= 0.98,
         ),
-        Row("compliance, 95 % intervals, clean", "≥ 90 %", base.share, _told(base), base.share >= 0.9),
+        Row("compliance, 95 % intervals, clean", "≥ 90 %", base.share, _of_all(base), base.share >= 0.9),
     ]
 
 
 def _least(metric: str, sums: Sums, bound: float) -> Row:
-    return Row(metric, f"≥ {share(bound)} %", sums.share, _told(sums), sums.share >= bound)
+    return Row(metric, f"≥ {share(bound)} %", sums.share, _of_all(sums), sums.share >= bound)
 
 
 def _rare(metric: str, sums: Sums, bound: float) -> Row:
-    return Row(metric, f"≤ {share(bound)} %", sums.share, _told(sums), sums.share <= bound)
+    return Row(metric, f"≤ {share(bound)} %", sums.share, _of_all(sums), sums.share <= bound)
 
 
 def _most(metric: str, values: Sequence[float], bound: float, middle: Callable[..., float] = np.mean) -> Row:
@@ -119,14 +119,14 @@ def _most(metric: str, values: Sequence[float], bound: float, middle: Callable[.
     return Row(metric, f"≤ {bound:g}", value, f"{number(value)} of {len(values)}", value <= bound)
 
 
-def _told(sums: Sums) -> str:
+def _of_all(sums: Sums) -> str:
     return f"{share(sums.share)} % ({sums.right} of {sums.of})"
 
 
 def targets(outcomes: Sequence[Outcome], *, markdown: bool) -> str:
     """Write the table of targets; a metric without campaigns is neither kept nor missed."""
     rows = [
-        [row.metric, row.target, ABSENT if math.isnan(row.value) else row.shown, _mark(row)]
+        [row.metric, row.target, ABSENT if math.isnan(row.value) else row.text, _mark(row)]
         for row in target_rows(outcomes)
     ]
     return table(["metric", "target", "reached", "kept"], rows, text_columns=2, markdown=markdown)
@@ -171,8 +171,8 @@ def peers(outcomes: Sequence[Outcome], *, markdown: bool) -> str:
         )
     ]
     for name in dict.fromkeys(key for one in mine for key in one.baselines):
-        told = [(o.baselines[name], o.causes[0]) for o in mine if name in o.baselines]
-        rows.append(_peer(name, [(one.name, cause, one.held_out_ratio) for one, cause in told]))
+        answers = [(o.baselines[name], o.causes[0]) for o in mine if name in o.baselines]
+        rows.append(_peer(name, [(one.name, cause, one.held_out_ratio) for one, cause in answers]))
     head = ["single causes, typical size", "right name", "held-out gap (median)", "worse"]
     return table(head, rows, text_columns=1, markdown=markdown)
 
@@ -182,9 +182,9 @@ def _peer(name: str, answers: Sequence[tuple[str, str, float]]) -> list[str]:
     named = counted(said == cause for said, cause, _ in answers if said)
     return [
         name,
-        _told(named) if named.of else ABSENT,
+        _of_all(named) if named.of else ABSENT,
         number(float(np.median(ratios))) if ratios else ABSENT,
-        _told(counted(ratio > 1.0 for ratio in ratios)) if ratios else ABSENT,
+        _of_all(counted(ratio > 1.0 for ratio in ratios)) if ratios else ABSENT,
     ]
 
 

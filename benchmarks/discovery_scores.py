@@ -59,8 +59,8 @@ class Sums:
 
 def counted(answers: Iterable[bool]) -> Sums:
     """Count the right ones."""
-    seen = list(answers)
-    return Sums(sum(seen), len(seen))
+    results = list(answers)
+    return Sums(sum(results), len(results))
 
 
 def verdict(report: Report | None) -> str:
@@ -70,8 +70,8 @@ def verdict(report: Report | None) -> str:
 
 def names(report: Report | None) -> list[str]:
     """Return the effects that a report stands for, first one first."""
-    told = verdict(report) in ("effect", "tie")
-    return [effect["name"] for effect in report["effects"]] if told and report is not None else []
+    named = verdict(report) in ("effect", "tie")
+    return [effect["name"] for effect in report["effects"]] if named and report is not None else []
 
 
 def ties(report: Report | None) -> list[list[str]]:
@@ -81,8 +81,8 @@ def ties(report: Report | None) -> list[list[str]]:
 
 def called(outcome: Outcome) -> str:
     """Return the one word for what the workflow said: the first name, or the verdict."""
-    found = names(outcome.report)
-    return found[0] if found else verdict(outcome.report)
+    named = names(outcome.report)
+    return named[0] if named else verdict(outcome.report)
 
 
 def right_first(outcome: Outcome) -> bool:
@@ -115,7 +115,7 @@ def both_named(outcome: Outcome) -> bool:
     return set(outcome.causes) <= set(names(outcome.report))
 
 
-def tie_told(outcome: Outcome) -> bool:
+def tie_declared(outcome: Outcome) -> bool:
     """Tell whether a tie with the cause is declared, and an experiment that breaks ties is given."""
     held = any(outcome.causes[0] in tie and len(tie) > 1 for tie in ties(outcome.report))
     return held and bool(outcome.report and outcome.report.get("breaks_tie"))
@@ -130,8 +130,8 @@ def held_out_ratio(report: Report | None) -> float:
     """Return the held-out gap after over that before; NaN without a report or where there was no gap."""
     if report is None:
         return math.nan
-    told = report["gap"]
-    before, after = (gap(told[when]["held_out"], told["noise"]) for when in ("before", "after"))
+    misfits = report["gap"]
+    before, after = (gap(misfits[when]["held_out"], misfits["noise"]) for when in ("before", "after"))
     return after / before if before > 0.0 else math.nan
 
 
@@ -141,25 +141,27 @@ def parameters(outcomes: Iterable[Outcome]) -> tuple[list[float], list[bool]]:
     for outcome in outcomes:
         for effect in outcome.report["effects"] if outcome.report and names(outcome.report) else []:
             for key, true in outcome.truth["parameters"].get(effect["name"], {}).items():
-                told = effect["parameters"].get(key)
-                if isinstance(true, float) and true and told:
-                    errors.append(abs(told["value"] / true - 1.0))
-                    low, high = told["ci95"]
+                estimate = effect["parameters"].get(key)
+                if isinstance(true, float) and true and estimate:
+                    errors.append(abs(estimate["value"] / true - 1.0))
+                    low, high = estimate["ci95"]
                     held.append(low <= true <= high)
     return errors, held
 
 
 def bends(outcomes: Iterable[Outcome]) -> tuple[list[float], list[float]]:
     """Return errors of place, over L, and of angle, relative, of named hidden bends of 0.3 rad and more."""
-    place, angle = list[float](), list[float]()
+    position, angle = list[float](), list[float]()
     for outcome in outcomes:
         true = outcome.truth["parameters"].get("hidden_bend", {})
-        found = [e for e in outcome.report["effects"] if e["name"] == "hidden_bend"] if outcome.report else []
-        if found and true.get("angle_rad", 0.0) >= 0.3:
-            told = found[0]["parameters"]
-            place.append(abs(told["at_m"]["value"] - true["at_m"]) / outcome.truth["length_m"])
-            angle.append(abs(told["angle_rad"]["value"] / true["angle_rad"] - 1.0))
-    return place, angle
+        bends_named = (
+            [e for e in outcome.report["effects"] if e["name"] == "hidden_bend"] if outcome.report else []
+        )
+        if bends_named and true.get("angle_rad", 0.0) >= 0.3:
+            estimate = bends_named[0]["parameters"]
+            position.append(abs(estimate["at_m"]["value"] - true["at_m"]) / outcome.truth["length_m"])
+            angle.append(abs(estimate["angle_rad"]["value"] / true["angle_rad"] - 1.0))
+    return position, angle
 
 
 def base_held(outcomes: Iterable[Outcome]) -> Sums:

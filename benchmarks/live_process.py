@@ -1,4 +1,4 @@
-"""`tssgeom live` as a process of its own, and the peers that talk to it."""
+"""A stream in a process of its own, frames of a moving endoscope as lines of JSON, and malformed lines."""
 
 from __future__ import annotations
 
@@ -15,6 +15,69 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from time import monotonic
 from typing import IO, Any
+
+import numpy as np
+
+from benchmarks.routes import PIECEWISE, of_arcs, truth
+from tssgeom.route.synthetic import Course
+
+_SWAY = 0.02  # of all curvatures, to both sides
+_PERIOD, _PULLS = 2.0, 3.0  # s of the route and of the tension
+_DIGITS = 4  # after the point, in mm
+
+_WRONG = {
+    "truncated JSON": b'{"t": 1.0, "unit": "mm", "points": [[1,2,3],[4,5',
+    "NaN": b'{"t": 1.0, "unit": "mm", "points": [[NaN,2,3],[4,5,6],[7,8,9],[1,1,1]]}',
+    "too large a number": b'{"t": 1.0, "unit": "mm", "points": [[1e999,2,3],[4,5,6],[7,8,9],[1,1,1]]}',
+    "infinite time": b'{"t": 1e999, "unit": "mm", "points": [[1,2,3],[4,5,6],[7,8,9],[1,1,1]]}',
+    "wrong unit": b'{"t": 1.0, "unit": "inch", "points": [[1,2,3],[4,5,6],[7,8,9],[1,1,1]]}',
+    "no unit": b'{"t": 1.0, "points": [[1,2,3],[4,5,6],[7,8,9],[1,1,1]]}',
+    "no time": b'{"unit": "mm", "points": [[1,2,3],[4,5,6],[7,8,9],[1,1,1]]}',
+    "no points": b'{"t": 1.0, "unit": "mm", "points": []}',
+    "ragged points": b'{"t": 1.0, "unit": "mm", "points": [[1,2,3],[4,5],[7,8,9],[1,1,1]]}',
+    "text for a number": b'{"t": "now", "unit": "mm", "points": [[1,2,3],[4,5,6],[7,8,9],[1,1,1]]}',
+    "negative tension": None,
+    "deep nesting": b'{"t": 1.0, "unit": "mm", "x": ' + b"[" * 100_000 + b"]" * 100_000 + b"}",
+    "binary noise": np.random.default_rng(0).bytes(400).replace(b"\n", b" "),
+    "no object": b"[1, 2, 3]",
+    "too many points": b'{"t": 1.0, "unit": "m", "points": [' + b"[0,0,0]," * 60_000 + b"[1,1,1]]}",
+}
+
+
+def points_mm(n: int, time: float, seed: int = 0, noise: float = 5e-4) -> np.ndarray:
+    """Noisy points [n, 3] of seven pieces that sway [mm]; `noise` of each coordinate [m]."""
+    course = truth(PIECEWISE[-1], np.random.default_rng(0)).course
+    assert course is not None
+    sway = 1.0 + _SWAY * np.sin(2 * np.pi * time / _PERIOD)
+    route = of_arcs(Course(course.length, sway * course.bend), piecewise=True)
+    positions = route.position(np.linspace(0.0, course.total_length, n))
+    return 1e3 * (positions + noise * np.random.default_rng(seed).standard_normal((n, 3)))
+
+
+def line(points: np.ndarray, time: float, **more: object) -> bytes:
+    """Write one frame, with the tension of a slow pull and release unless `more` brings a drive."""
+    pull = round(8.0 + 6.0 * float(np.sin(2 * np.pi * time / _PULLS)), 4)
+    content = {"t": round(time, 6), "points": np.round(points, _DIGITS).tolist(), "unit": "mm"}
+    content |= {"tension_in_N": pull} | more
+    return json.dumps(content, separators=(",", ":")).encode() + b"\n"
+
+
+def lines(n: int, count: int, rate: float) -> list[bytes]:
+    """Frames at a rate [Hz], the first at time 0."""
+    return [line(points_mm(n, i / rate, i), i / rate) for i in range(count)]
+
+
+def retimed(text: bytes, time: float) -> bytes:
+    """Return a frame of `line` with another time [s]."""
+    return b'{"t":%.6f,' % time + text.partition(b",")[2]
+
+
+def malformed() -> Iterator[tuple[str, bytes]]:
+    """Yield each kind of bad line with its name."""
+    good = line(points_mm(30, 0.0), 1.0, tension_in_N=-3.0)
+    for name, text in _WRONG.items():
+        yield name, (good.rstrip() if text is None else text)
+
 
 PATIENCE = 120.0
 """Longest wait for anything that has to come [s]."""
@@ -51,8 +114,8 @@ class Live:
 
     def port(self, what: str, scheme: str) -> int:
         """Port of a source or a sink."""
-        found = [text for kind, text in self.addresses if kind == what and text.startswith(scheme)]
-        return int(found[0].rpartition(":")[2])
+        matches = [text for kind, text in self.addresses if kind == what and text.startswith(scheme)]
+        return int(matches[0].rpartition(":")[2])
 
     def source(self, scheme: str = "tcp") -> socket.socket:
         """Connect to a source."""
@@ -87,8 +150,8 @@ class Live:
     def memory(self) -> float:
         """Resident memory [MiB]."""
         status = Path(f"/proc/{self.process.pid}/status").read_text()
-        found = re.search(r"VmRSS:\s+(\d+) kB", status)
-        return int(found[1]) / 1024 if found else 0.0
+        matches = re.search(r"VmRSS:\s+(\d+) kB", status)
+        return int(matches[1]) / 1024 if matches else 0.0
 
     def children(self) -> list[int]:
         """Process ids of the processes beside the stream."""
@@ -139,9 +202,9 @@ class Reader:
 
     def answer(self) -> dict[str, Any]:
         """Wait for the next line that answers a frame."""
-        while (told := self.next()).get("stale") is True:
+        while (content := self.next()).get("stale") is True:
             pass
-        return told
+        return content
 
     def until(self, key: str, value: Any) -> list[dict[str, Any]]:
         """Read lines up to the one in which `key` is `value`; it is the last of them."""

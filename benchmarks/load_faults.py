@@ -18,8 +18,7 @@ from time import monotonic, sleep
 import pyigtl
 import rerun_cli
 
-from benchmarks.live_frames import line, malformed, points_mm, retimed
-from benchmarks.live_process import PATIENCE, Live, Reader, live
+from benchmarks.live_process import PATIENCE, Live, Reader, line, live, malformed, points_mm, retimed
 from tssgeom.errors import TssgeomError
 from tssgeom.io.formats.states import read_state
 from tssgeom.io.network.listener import LIMITS
@@ -36,7 +35,7 @@ class Verdict:
 
     name: str
     borne: bool
-    told: str
+    text: str
 
 
 class Exchange:
@@ -45,16 +44,16 @@ class Exchange:
     def __init__(self, stream: Live) -> None:
         self.stream, self.source = stream, stream.source()
         self.sent = self.good = self.wrong = 0
-        self.told: list[dict] = []
+        self.answers: list[dict] = []
         sock = stream.reader().sock
         sock.settimeout(1.0)
         self.reader = Reader(sock)
-        while not self.told:
+        while not self.answers:
             with suppress(TimeoutError):
                 self.ask()
         sock.settimeout(PATIENCE)
-        self.told, self.sent = self.told[-1:], 0
-        self.first = self.told[0]["seq"]
+        self.answers, self.sent = self.answers[-1:], 0
+        self.first = self.answers[0]["seq"]
 
     def frame(self) -> bytes:
         """Return one more good frame, with an id."""
@@ -69,9 +68,9 @@ class Exchange:
 
     def heard(self) -> dict:
         """Read up to the answer to the last good frame."""
-        self.told += self.reader.until("id", self.good)
-        assert "segments" in self.told[-1], self.told[-1]
-        return self.told[-1]
+        self.answers += self.reader.until("id", self.good)
+        assert "segments" in self.answers[-1], self.answers[-1]
+        return self.answers[-1]
 
     def bad(self, text: bytes) -> None:
         """Send a bad line."""
@@ -82,16 +81,16 @@ class Exchange:
     def refused(self, text: bytes) -> None:
         """Send a bad line and wait until it is rejected."""
         self.bad(text)
-        self.told.append(self.reader.answer())
-        assert "rejected" in self.told[-1], self.told[-1]
+        self.answers.append(self.reader.answer())
+        assert "rejected" in self.answers[-1], self.answers[-1]
 
     def accounted(self) -> tuple[bool, str]:
         """Whether each frame was answered, rejected or counted as dropped, and the numbers."""
-        last = self.told[-1]
-        told = [one for one in self.told if one["seq"] > self.first and one.get("stale") is not True]
-        answered = sum("segments" in one for one in told)
-        rejected = sum("rejected" in one for one in told)
-        dropped = last["dropped"] - self.told[0]["dropped"]
+        last = self.answers[-1]
+        answers = [one for one in self.answers if one["seq"] > self.first and one.get("stale") is not True]
+        answered = sum("segments" in one for one in answers)
+        rejected = sum("rejected" in one for one in answers)
+        dropped = last["dropped"] - self.answers[0]["dropped"]
         whole = answered + rejected + dropped == self.sent and rejected <= self.wrong
         sound = whole and self.stream.alive
         return sound, f"{self.sent} sent: {answered} answered, {rejected} rejected, {dropped} dropped"
@@ -107,7 +106,7 @@ def bad_lines(quick: bool) -> Verdict:
     count = 20 if quick else 10_000
     with live("--source", _HERE, "--sink", _HERE) as stream:
         exchange = Exchange(stream)
-        before, memory = exchange.told[-1]["tension_out_N"], stream.memory()
+        before, memory = exchange.answers[-1]["tension_out_N"], stream.memory()
         for _, text in malformed():
             most = count if len(text) < 10_000 else max(count // 100, 5)
             for i in range(most):
@@ -118,11 +117,11 @@ def bad_lines(quick: bool) -> Verdict:
                 if i % 20 == 19:
                     exchange.ask()
         after = exchange.ask()["tension_out_N"]
-        sound, told = exchange.accounted()
+        sound, text = exchange.accounted()
         grown = stream.memory() - memory
         exchange.close()
     sound = sound and after == before
-    return Verdict(f"{count} bad lines of each kind", sound, f"{told}; memory {grown:+.1f} MiB")
+    return Verdict(f"{count} bad lines of each kind", sound, f"{text}; memory {grown:+.1f} MiB")
 
 
 def huge_line(quick: bool) -> Verdict:
@@ -132,10 +131,10 @@ def huge_line(quick: bool) -> Verdict:
         with stream.source() as other, suppress(OSError):
             for _ in range(100):
                 other.sendall(b"[" * (1 << 18))
-        told = stream.said("cut off")
+        text = stream.said("cut off")
         sound = "segments" in exchange.ask()
         exchange.close()
-    return Verdict("a line that never ends", sound, told.partition("cut off: ")[2])
+    return Verdict("a line that never ends", sound, text.partition("cut off: ")[2])
 
 
 def source_returns(quick: bool) -> Verdict:
@@ -165,9 +164,9 @@ def deaf_reader(quick: bool) -> Verdict:
                     exchange.ask()
         said = [one for one in stream.errors if "has not read" in one]
         exchange.ask()
-        sound, told = exchange.accounted()
+        sound, text = exchange.accounted()
         exchange.close()
-    return Verdict("sink reader never reads", sound and bool(said), f"cut off; the other: {told}")
+    return Verdict("sink reader never reads", sound and bool(said), f"cut off; the other: {text}")
 
 
 def time_jumps(quick: bool) -> Verdict:
@@ -178,9 +177,9 @@ def time_jumps(quick: bool) -> Verdict:
         for _ in range(back):
             exchange.refused(retimed(_GOOD, 0.5).rstrip())
             exchange.ask()
-        sound, told = exchange.accounted()
+        sound, text = exchange.accounted()
         exchange.close()
-    return Verdict("time jumps back", sound, told)
+    return Verdict("time jumps back", sound, text)
 
 
 def points_change(quick: bool) -> Verdict:
@@ -219,8 +218,8 @@ def viewer(quick: bool) -> Verdict:
         attached.wait(PATIENCE)
         sound, _ = exchange.accounted()
         exchange.close()
-    told = ", ".join(f"{name} {value:.2f}" for name, value in took.items())
-    return Verdict("viewer attached, stopped, killed", sound, f"p99 [ms] {told}")
+    text = ", ".join(f"{name} {value:.2f}" for name, value in took.items())
+    return Verdict("viewer attached, stopped, killed", sound, f"p99 [ms] {text}")
 
 
 def _slowest(exchange: Exchange, quick: bool) -> float:
@@ -266,12 +265,12 @@ def full_disk(quick: bool) -> Verdict:
             end = monotonic() + PATIENCE
             while monotonic() < end and not any("full.rrd" in said for said in stream.errors):
                 exchange.ask()
-            sound, told = exchange.accounted()
+            sound, text = exchange.accounted()
             exchange.close()
             status = stream.stop()
         size = path.stat().st_size
     sound = sound and status == 1 and 0 < size <= _DISK
-    return Verdict("disk full for --record", sound, f"{told}; {size} bytes kept, exit status {status}")
+    return Verdict("disk full for --record", sound, f"{text}; {size} bytes kept, exit status {status}")
 
 
 def wrong_messages(quick: bool) -> Verdict:
@@ -296,21 +295,21 @@ def wrong_messages(quick: bool) -> Verdict:
             peer.close()
             peer, _ = server.accept()  # it comes back
             peer.sendall(good)
-            answered += _answered(stream)
+            answered += _answer(stream)
             peer.close()
     sound = answered == count + 1 and rejected == count + 1
-    told = f"{2 * count + 2} sent: {answered} answered, {rejected} rejected, reconnected"
-    return Verdict("OpenIGTLink: wrong checksum, length", sound, told)
+    text = f"{2 * count + 2} sent: {answered} answered, {rejected} rejected, reconnected"
+    return Verdict("OpenIGTLink: wrong checksum, length", sound, text)
 
 
 def _message(time: float) -> bytes:
     return pyigtl.PointMessage(points_mm(60, 0.0), timestamp=time, device_name="route").pack()
 
 
-def _answered(stream: Live) -> bool:
+def _answer(stream: Live) -> bool:
     """Read up to the next answer to a good frame."""
-    while "segments" not in (told := json.loads(stream.output.readline())):
-        if not told:
+    while "segments" not in (answer := json.loads(stream.output.readline())):
+        if not answer:
             return False
     return True
 
@@ -325,7 +324,7 @@ def flat_memory(quick: bool) -> Verdict:
         memory = stream.memory()
         for _ in range(count):
             exchange.ask()
-            exchange.told = exchange.told[-1:]
+            exchange.answers = exchange.answers[-1:]
         grown = stream.memory() - memory
         exchange.close()
     borne = grown < 2.0  # MiB: an allocator's pages, not a leak of some bytes a frame

@@ -1,4 +1,4 @@
-"""Trials of a cell, scored against the truth."""
+"""Trials of a cell, scored against the truth, and their tables."""
 
 from __future__ import annotations
 
@@ -8,12 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.bound import Bound, cramer_rao
-from benchmarks.cells import Cell, Draw, draw
-from benchmarks.elongation import first_pull
-from benchmarks.estimate import OURS, Estimate, Sighting
-from benchmarks.peers import PEERS, SLOW
-from benchmarks.routes import Truth
+from benchmarks.estimators import OURS, PEERS, SLOW, Bound, Estimate, Sighting, cramer_rao, first_pull
+from benchmarks.routes import Cell, Draw, Truth, draw
+from benchmarks.tables import ABSENT, number, share, table
 
 _LAYOUTS = 20  # draws of stations over which the bound is averaged
 _GRID = 501  # stations at which φ(s) is compared
@@ -81,13 +78,13 @@ def run(cell: Cell, trials: Sequence[int]) -> dict[str, Outcome]:
     """Run some trials of a cell with every estimator."""
     outcomes: dict[str, tuple[list[Score], list[str]]] = {name: ([], []) for name in METHODS}
     for trial in trials:
-        seen = draw(cell, trial)
+        sensed = draw(cell, trial)
         for name, method in METHODS.items():
             if name in SLOW and not _thin(cell, trial):
                 continue
             try:
-                found = method(_sighting(cell, seen))
-                outcomes[name][0].append(_score(found, seen.truth, thin=_thin(cell, trial)))
+                estimate = method(_sighting(cell, sensed))
+                outcomes[name][0].append(_score(estimate, sensed.truth, thin=_thin(cell, trial)))
             except Exception as error:  # whatever an estimator dies of is a result here
                 outcomes[name][1].append(f"{type(error).__name__}: {error}")
     return {name: Outcome(tuple(scores), tuple(failures)) for name, (scores, failures) in outcomes.items()}
@@ -98,25 +95,27 @@ def _thin(cell: Cell, trial: int) -> bool:
     return cell.n <= _SLOW_POINTS or trial % _SLOW_SHARE == 0
 
 
-def _sighting(cell: Cell, seen: Draw) -> Sighting:
+def _sighting(cell: Cell, sensed: Draw) -> Sighting:
     return Sighting(
-        points=seen.points.copy(),
-        stations=seen.station.copy() if cell.stations == "known" else None,
+        points=sensed.points.copy(),
+        stations=sensed.station.copy() if cell.stations == "known" else None,
         noise=cell.noise if cell.noise_known else None,
         true_noise=cell.noise,
     )
 
 
-def _score(found: Estimate, truth: Truth, *, thin: bool) -> Score:
+def _score(estimate: Estimate, truth: Truth, *, thin: bool) -> Score:
     at = np.linspace(0.0, truth.length, _GRID)
-    off = np.interp(at, found.s, found.phi) - np.interp(at, truth.s, truth.phi)
+    off = np.interp(at, estimate.s, estimate.phi) - np.interp(at, truth.s, truth.phi)
     unit = truth.total_angle or 1.0
-    angle = (found.total_angle - truth.total_angle) / unit
-    elongation = found.elongation - first_pull(np.diff(truth.s), np.diff(truth.phi))
+    angle = (estimate.total_angle - truth.total_angle) / unit
+    elongation = estimate.elongation - first_pull(np.diff(truth.s), np.diff(truth.phi))
     if not np.isfinite([angle, elongation, *off]).all():
         raise FloatingPointError("the answer is not finite")
     worst = max(float(np.max(np.abs(off))) / unit, abs(angle))
-    return Score(angle, found.angle_se / unit, worst, elongation, found.elongation_se, found.pieces, thin)
+    return Score(
+        angle, estimate.angle_se / unit, worst, elongation, estimate.elongation_se, estimate.pieces, thin
+    )
 
 
 def summary(outcomes: Sequence[Outcome], pieces: int) -> Summary:
@@ -161,9 +160,9 @@ def bound(cell: Cell, trials: int) -> Bound:
     layouts = [draw(cell, trial) for trial in range(1 if _one_layout(cell) else min(trials, _LAYOUTS))]
     known = cell.stations == "known"
     bounds = [
-        cramer_rao(course, seen.station[seen.good], cell.noise, stations_known=known)
-        for seen in layouts
-        if (course := seen.truth.course) is not None
+        cramer_rao(course, sensed.station[sensed.good], cell.noise, stations_known=known)
+        for sensed in layouts
+        if (course := sensed.truth.course) is not None
     ]
     if not bounds:
         return Bound(np.nan, np.nan)
@@ -173,3 +172,107 @@ def bound(cell: Cell, trials: int) -> Bound:
 
 def _one_layout(cell: Cell) -> bool:
     return cell.stations in ("known", "even") and not cell.outliers and not cell.gap
+
+
+_DETAILS = (
+    "cell",
+    "estimator",
+    "trials",
+    "failed",
+    "rms",
+    "/bound",
+    "bias",
+    "worst",
+    "φ(s)",
+    "δ [µm]",
+    "95 % Φ",
+    "95 % δ",
+    "count",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """All estimators on one cell."""
+
+    cell: Cell
+    bound: Bound
+    """Of Φ in units of Φ or, on a line, in rad; of the elongation [m]; NaN where there is none."""
+    shortest: float
+    """Points on the shortest piece, 0 where the route has no pieces."""
+    summaries: Mapping[str, Summary]
+
+    @property
+    def unit(self) -> float:
+        """What turns angles into the unit that is printed: per cent, or mrad on a line."""
+        return 1000.0 if self.cell.route == "line" else 100.0
+
+    @property
+    def best_peer(self) -> str:
+        """The peer with the least rms error of Φ."""
+        return min(PEERS, key=lambda name: _or_infinite(self.summaries[name].rms_thin))
+
+    @property
+    def label(self) -> str:
+        """Name of the cell, with the unit of its angles where that is not per cent."""
+        return f"{self.cell.name} [mrad]" if self.cell.route == "line" else self.cell.name
+
+
+def _or_infinite(x: float) -> float:
+    return x if np.isfinite(x) else np.inf
+
+
+def matrix(results: Sequence[Result], *, markdown: bool) -> str:
+    """Root mean square error of Φ, cells by estimators, in per cent (mrad on a line)."""
+    rows = [
+        [
+            result.label,
+            number(result.bound.angle * result.unit),
+            *(number(result.summaries[name].rms * result.unit) for name in METHODS),
+        ]
+        for result in results
+    ]
+    return table(["rms of Φ [%]", "bound", *METHODS], rows, text_columns=1, markdown=markdown)
+
+
+def details(results: Sequence[Result], *, every: bool, markdown: bool) -> str:
+    """Everything else, for this project and its best peer, or for all; then what failures said."""
+    rows: list[list[str]] = []
+    notes: list[str] = []
+    for result in results:
+        names = list(METHODS) if every else [*OURS, result.best_peer]
+        rows.append(_bound_row(result))
+        rows += [_row(result, name) for name in names]
+        notes += [
+            f"{name} failed {one.failed} times in {' '.join(result.label.split())}: {one.failure}"
+            for name, one in result.summaries.items()
+            if one.failed
+        ]
+    rendered = table(_DETAILS, rows, text_columns=2, markdown=markdown)
+    return "\n".join([rendered, *notes])
+
+
+def _bound_row(result: Result) -> list[str]:
+    row = [result.label, "bound", *[ABSENT] * (len(_DETAILS) - 2)]
+    row[4], row[9] = number(result.bound.angle * result.unit), number(result.bound.elongation * 1e6)
+    return row
+
+
+def _row(result: Result, name: str) -> list[str]:
+    one, unit = result.summaries[name], result.unit
+    ratio = one.rms / result.bound.angle if result.bound.angle > 0 else np.nan
+    return [
+        "",
+        name,
+        str(one.trials),
+        str(one.failed),
+        number(one.rms * unit),
+        number(ratio) if np.isfinite(result.bound.angle) else ABSENT,
+        number(one.bias * unit),
+        number(one.worst * unit),
+        number(one.phi * unit),
+        number(one.elongation * 1e6),
+        share(one.coverage),
+        share(one.elongation_coverage),
+        share(one.right_count),
+    ]

@@ -17,8 +17,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 
-from benchmarks.peer_pipeline import PIPELINES
-from benchmarks.stages import NOISE, STAGES, frames
+from benchmarks.stages import NOISE, PIPELINES, STAGES, frames
 from benchmarks.tables import machine, number, table
 from benchmarks.tendon_steps import LEGEND, step_table
 
@@ -45,14 +44,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _options(arguments)
     pairs = options.pairs or (_QUICK_PAIRS if options.quick else _PAIRS)
     clock, named = _clock(wall=options.wall)
-    seen = _QUICK_FRAMES if options.quick else _FRAMES
+    sensed = _QUICK_FRAMES if options.quick else _FRAMES
     begin = time.perf_counter()
     print(machine())
     print(f"settings: one thread, {pairs} pairs, {named}, compiled and warmed up first")
     print(f"\n{_LEGEND}", flush=True)
     for n in _COUNTS:
         print(f"\n{_heading(f'N = {n}', options)}\n")
-        print(_stage_table(_paired_times(n, pairs, seen, clock), markdown=options.markdown), flush=True)
+        print(_stage_table(_paired_times(n, pairs, sensed, clock), markdown=options.markdown), flush=True)
     print(f"\n{_heading('one step of the tendon', options)}\n\n{LEGEND}\n")
     print(step_table(_QUICK_STEPS if options.quick else _STEPS, clock, markdown=options.markdown), flush=True)
     counts, repeats = (_QUICK_SCALING, _QUICK_REPEATS) if options.quick else (_SCALING, _REPEATS)
@@ -85,8 +84,8 @@ def _clock(*, wall: bool) -> tuple[Clock, str]:
 
 def _paired_times(n: int, pairs: int, count: int, clock: Clock) -> Mapping[str, np.ndarray]:
     """Seconds of every stage and peer in every repetition, on `count` frames of `n` points in turn."""
-    seen = frames(n, count)
-    calls = {stage.name: stage.calls(seen) for stage in (*STAGES, *PIPELINES)}
+    sensed = frames(n, count)
+    calls = {stage.name: stage.calls(sensed) for stage in (*STAGES, *PIPELINES)}
     for upcoming in calls.values():
         next(upcoming)()
     times = {name: np.empty(pairs) for name in calls}
@@ -120,9 +119,9 @@ def _scaling_table(counts: Sequence[int], repeats: int, clock: Clock, *, markdow
     """Fit a power of N to the median time of each stage."""
     medians: dict[str, list[float]] = {stage.name: [] for stage in STAGES}
     for n in counts:
-        seen = frames(n, _SCALING_FRAMES)
+        sensed = frames(n, _SCALING_FRAMES)
         for stage in STAGES:
-            upcoming = stage.calls(seen)
+            upcoming = stage.calls(sensed)
             next(upcoming)()
             taken = [_seconds(upcoming, clock) for _ in range(repeats)]
             medians[stage.name].append(float(np.median(taken)))

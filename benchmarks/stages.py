@@ -1,7 +1,4 @@
-"""The stages of a frame that are timed, each ready to be called on one frame after the other.
-
-To time one more, add a line to `STAGES`: what it is given, made outside the clock, and what it does with it.
-"""
+"""Stages of a frame as they are timed, and the pipeline of peers beside them: splprep, numpy and ruptures."""
 
 from __future__ import annotations
 
@@ -12,10 +9,13 @@ from itertools import cycle
 from typing import TypeVar
 
 import numpy as np
+import ruptures
+from scipy.interpolate import splev, splprep
 
-from benchmarks.elongation import RIG
-from benchmarks.live_frames import line
+from benchmarks.estimators import RIG
+from benchmarks.live_process import line
 from benchmarks.routes import PIECEWISE, of_arcs, truth
+from tssgeom.arrays import Points, Vector
 from tssgeom.io.formats.jsonl import frame_of
 from tssgeom.io.results.answers import answer
 from tssgeom.rig import Rig, ShapeSensor
@@ -58,18 +58,18 @@ def frames(n: int, count: int) -> list[Frame]:
         raise TypeError(f"{PIECEWISE[-1]} has no pieces: choose another route for the frames")
     rng = np.random.default_rng(1)
     stations = np.linspace(0.0, course.total_length, n)
-    seen = []
+    sensed = []
     for i in range(count):
         sway = 1.0 + _SWAY * np.sin(2 * np.pi * i / count)
         route = of_arcs(Course(course.length, sway * course.bend), piecewise=True)
-        points = route.place(stations) + NOISE * rng.standard_normal((n, 3))
-        seen.append(Frame(points, float(i), stations, _TENSIONS[i % 2]))
-    return seen
+        points = route.position(stations) + NOISE * rng.standard_normal((n, 3))
+        sensed.append(Frame(points, float(i), stations, _TENSIONS[i % 2]))
+    return sensed
 
 
 def _stage(name: str, given: Callable[[Frame], _Given], act: Callable[[_Given], object]) -> Stage:
-    def calls(seen: Sequence[Frame]) -> Iterator[Callable[[], object]]:
-        return cycle([partial(act, given(frame)) for frame in seen])
+    def calls(sensed: Sequence[Frame]) -> Iterator[Callable[[], object]]:
+        return cycle([partial(act, given(frame)) for frame in sensed])
 
     return Stage(name, calls)
 
@@ -120,7 +120,7 @@ def _loaded(frame: Frame) -> tuple[Corners, Arcs]:
 def _followed(method: Method, *, stations: bool) -> _Calls:
     """Geometry of one frame after the other, each from where the last one was."""
 
-    def calls(seen: Sequence[Frame]) -> Iterator[Callable[[], object]]:
+    def calls(sensed: Sequence[Frame]) -> Iterator[Callable[[], object]]:
         last: Followed | None = None
 
         def go_on(shape: Shape) -> Followed:
@@ -128,7 +128,7 @@ def _followed(method: Method, *, stations: bool) -> _Calls:
             last = follow(shape, NOISE, last, method)
             return last
 
-        return cycle([partial(go_on, _known(frame) if stations else _clean(frame)) for frame in seen])
+        return cycle([partial(go_on, _known(frame) if stations else _clean(frame)) for frame in sensed])
 
     return calls
 
@@ -152,9 +152,9 @@ def _streamed(*, stations: bool) -> _Calls:
     """Whole frames through the engine, which carries the tendon along."""
     rig = Rig(shape=ShapeSensor(noise_mm=1e3 * NOISE))
 
-    def calls(seen: Sequence[Frame]) -> Iterator[Callable[[], object]]:
-        told = seen if stations else [Frame(f.points, f.time, None, f.tension_in) for f in seen]
-        results = process(cycle(told), rig, tension_in=_TENSIONS[0])
+    def calls(sensed: Sequence[Frame]) -> Iterator[Callable[[], object]]:
+        given_frames = sensed if stations else [Frame(f.points, f.time, None, f.tension_in) for f in sensed]
+        results = process(cycle(given_frames), rig, tension_in=_TENSIONS[0])
         while True:
             yield partial(next, results)
 
@@ -167,13 +167,13 @@ def _line(frame: Frame) -> bytes:
 
 def _result(frame: Frame) -> FrameResult:
     rig = Rig(shape=ShapeSensor(noise_mm=1e3 * NOISE))
-    found = next(process([frame], rig, tension_in=_TENSIONS[0]))
-    if not isinstance(found, FrameResult):
-        raise TypeError(found.reason)
-    return found
+    result = next(process([frame], rig, tension_in=_TENSIONS[0]))
+    if not isinstance(result, FrameResult):
+        raise TypeError(result.reason)
+    return result
 
 
-def _answered(result: FrameResult) -> bytes:
+def _answer_line(result: FrameResult) -> bytes:
     return answer(result, result.frame.time, result.seq, 0.0, 0)
 
 
@@ -196,7 +196,48 @@ STAGES = (
     _stage("tendon step", _moving, _stepped),
     _stage(f"tendon step, moving route, {BARS} bars", _bent, _moved),
     _stage("transmit", _loaded, lambda given: transmit(*given, RIG)),
-    _stage("line of JSON answered", _result, _answered),
+    _stage("line of JSON answered", _result, _answer_line),
     Stage("whole frame, stations known", _streamed(stations=True)),
     Stage("whole frame, stations not told", _streamed(stations=False)),
 )
+
+
+_CURVATURE_NOISE = 1.0  # what ruptures shall take for noise [1/m]
+_PER_PIECE = 3.0  # times ln N, as in the criterion of this project
+
+
+def _curvature(frame: Frame) -> Vector:
+    """Curvature at the stations [1/m], from the quintic with the residual that the noise leaves."""
+    points: Points = frame.points
+    tck, u = splprep(points.T, u=frame.stations, k=5, s=points.size * NOISE**2)
+    first, second = (np.array(splev(u, tck, order)).T for order in (1, 2))
+    return np.linalg.norm(np.cross(first, second), axis=1) / np.linalg.norm(first, axis=1) ** 3
+
+
+def _penalty(n: int) -> float:
+    return _PER_PIECE * np.log(n) * _CURVATURE_NOISE**2
+
+
+def pelt(frame: Frame) -> Sequence[int]:
+    """Cut the route where the curvature changes, by PELT with the l2 cost (Python)."""
+    kappa = _curvature(frame)
+    return ruptures.Pelt(model="l2").fit(kappa).predict(_penalty(len(kappa)))
+
+
+def kernel(frame: Frame) -> Sequence[int]:
+    """Cut the route where the curvature changes, by KernelCPD with the linear kernel (C)."""
+    kappa = _curvature(frame)[:, None]
+    return ruptures.KernelCPD(kernel="linear").fit(kappa).predict(pen=_penalty(len(kappa))) or []
+
+
+def _calls(
+    pipeline: Callable[[Frame], Sequence[int]],
+) -> Callable[[Sequence[Frame]], Iterator[Callable[[], object]]]:
+    return lambda sensed: cycle([partial(pipeline, frame) for frame in sensed])
+
+
+PIPELINES = (
+    Stage("scipy + ruptures PELT", _calls(pelt)),
+    Stage("scipy + ruptures kernel", _calls(kernel)),
+)
+"""The same, with the usual and with the fastest search of ruptures."""

@@ -28,8 +28,8 @@ def _processor() -> str:
     """Return the make of the processor, as far as the system tells it."""
     with suppress(OSError):
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-        told = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-        return told[0] if told else "unknown processor"
+        names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+        return names[0] if names else "unknown processor"
     return platform.processor() or "unknown processor"
 
 

@@ -11,9 +11,8 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+from numba import njit
 
-from benchmarks import reference_tendon as reference
-from benchmarks.reference_tendon import Cells, Rod
 from benchmarks.routes import PIECEWISE, truth
 from benchmarks.tables import number, table
 from tssgeom.arrays import Vector
@@ -23,6 +22,141 @@ from tssgeom.tendon import capstan as profile
 from tssgeom.tendon.bars import incremental
 from tssgeom.tendon.bars.contact_grid import MaterialState, pretensioned_bars
 from tssgeom.tendon.transmission import transmit
+
+_TOLERANCE = 1e-10  # of the greatest tension
+_PASSES = 4  # for each face, before a step is halved
+_LEAST = 2.0**-12  # of a step
+
+
+@dataclass(frozen=True, slots=True)
+class Cells:
+    """Tension in the cells, drive and load at both ends, and the faces between."""
+
+    tension: Vector
+    """[n+2] N."""
+    turn: Vector
+    """[n+1] Friction coefficient times the angle from the middle of one cell to that of the next [1]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rod:
+    """What the cells are made of."""
+
+    length: float
+    """m."""
+    compliance: float
+    """Strain per tension [1/N]."""
+    friction: float
+    """Coulomb coefficient [1]."""
+    pretension: float
+    """N."""
+    load_stiffness: float
+    """N/m."""
+
+
+def turns(rod: Rod, cells: int, length: Vector, angle: Vector) -> Vector:
+    """Return μΔφ of each face [n+1] on a route of pieces of the given lengths [m] and angles [rad]."""
+    middle = (np.arange(cells) + 0.5) / cells
+    share = np.concatenate(([0.0], np.cumsum(length))) / length.sum()
+    phi = np.interp(middle, share, np.concatenate(([0.0], np.cumsum(angle))))
+    return rod.friction * np.diff(phi, prepend=0.0, append=angle.sum())
+
+
+def at_rest(rod: Rod, turn: Vector) -> Cells:
+    """Return the pretensioned tendon."""
+    return Cells(np.full(len(turn) + 1, rod.pretension), turn)
+
+
+def pulled(rod: Rod, state: Cells, turn: Vector, tension_in: float) -> Cells:
+    """Return the equilibrium after one step of drive and route.
+
+    Raises
+    ------
+    ArithmeticError
+        Where none is found.
+    """
+    cells = len(turn) - 1
+    stiffness = np.full(cells + 2, cells / (rod.compliance * rod.length))
+    stiffness[0], stiffness[-1] = 0.0, rod.load_stiffness
+    tension, parts = _pulled(state.tension, state.turn, turn, stiffness, tension_in)
+    if parts == 0:
+        raise ArithmeticError(f"no equilibrium of {cells} cells at {tension_in:g} N")
+    return Cells(tension, turn)
+
+
+def elongation(rod: Rod, state: Cells) -> float:
+    """Return the elongation above the pretensioned state [m]."""
+    return rod.compliance * rod.length * float(np.mean(state.tension[1:-1]) - rod.pretension)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _pulled(tension, turn_before, turn_after, stiffness, drive):
+    """Return tension and the number of parts the step was cut into; 0 where it failed."""
+    done, part, parts = 0.0, 1.0, 0
+    start = tension[0]
+    while done < 1.0:
+        goal = min(done + part, 1.0)
+        turn = turn_before + goal * (turn_after - turn_before)
+        converged, new = _balanced(tension, turn, stiffness, start + goal * (drive - start))
+        if converged:
+            tension, done, parts = new, goal, parts + 1
+        else:
+            part *= 0.5
+            if part < _LEAST:
+                return tension, 0
+    return tension, parts
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _balanced(old, turn, stiffness, drive):
+    """Guess who slides and how much friction each face holds, solve, and repeat until both stay."""
+    faces = turn.size
+    slides, w = np.full(faces, np.int8(np.sign(drive - old[0]))), np.zeros(faces)
+    tension, force, limit = old.copy(), np.empty(faces), np.zeros(faces)
+    tension[0] = drive
+    for i in range(faces):
+        force[i] = tension[i] - tension[i + 1]
+    start = force.copy()
+    enough = _TOLERANCE * max(drive, old.max())
+    for _ in range(_PASSES * faces):
+        worst, turned = 0.0, False
+        for i in range(faces):
+            new = max(0.5 * turn[i] * (tension[i] + tension[i + 1]), 0.0)
+            worst, limit[i] = max(worst, abs(new - limit[i])), new
+            side = slides[i]
+            if side == 0:
+                side = 1 if force[i] > new + enough else -1 if force[i] < -new - enough else 0
+            elif w[i] * side < 0.0:
+                side = 0
+            turned |= side != slides[i]
+            slides[i] = side
+        if worst <= enough and not turned:
+            return True, tension
+        _moves(start, slides, limit, stiffness, w)
+        for k in range(1, faces):
+            tension[k] = old[k] + stiffness[k] * (w[k - 1] - w[k])
+        tension[faces] = old[faces] + stiffness[faces] * w[faces - 1]
+        for i in range(faces):
+            force[i] = tension[i] - tension[i + 1]
+    return False, tension
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _moves(start, slides, limit, stiffness, w):
+    """Solve for the movements w [m] of the faces that slide, each at its limit, by elimination."""
+    faces = w.size
+    behind, last = np.empty(faces), 0.0
+    for i in range(faces):
+        w[i], behind[i] = 0.0, 0.0
+        if slides[i] != 0:
+            near = stiffness[i]
+            diagonal = near + stiffness[i + 1] - (near * behind[i - 1] if i > 0 else 0.0)
+            w[i] = (start[i] - slides[i] * limit[i] + near * last) / diagonal
+            behind[i] = stiffness[i + 1] / diagonal
+        last = w[i]
+    for i in range(faces - 2, -1, -1):
+        w[i] += behind[i] * w[i + 1]
+
 
 BARS = (15, 30, 60, 120, 240)
 RIG = Rig(tendon=Tendon(pretension_N=2.0))
@@ -100,11 +234,11 @@ def _bars_history(bars: int) -> Vector:
 def cells_history(cells: int) -> Vector:
     """Return the elongation [m] of the reference after each step of the history."""
     rod, route = _rod(), _route(_OPENS)
-    turn = reference.turns(rod, cells, route.length, route.angle)
-    state, out = reference.at_rest(rod, turn), []
+    turn = turns(rod, cells, route.length, route.angle)
+    state, out = at_rest(rod, turn), []
     for tension_in in _HISTORY:
-        state = reference.pulled(rod, state, turn, tension_in)
-        out.append(reference.elongation(rod, state))
+        state = pulled(rod, state, turn, tension_in)
+        out.append(elongation(rod, state))
     return np.array(out)
 
 
@@ -142,17 +276,17 @@ def _loaded_bars(bars: int) -> MaterialState:
 
 def _loaded_cells(cells: int) -> _Loaded:
     rod, route = _rod(), _route(_OPENS)
-    turn = reference.turns(rod, cells, route.length, route.angle)
-    state = reference.at_rest(rod, turn)
+    turn = turns(rod, cells, route.length, route.angle)
+    state = at_rest(rod, turn)
     for tension_in in _LOADED:
-        state = reference.pulled(rod, state, turn, tension_in)
+        state = pulled(rod, state, turn, tension_in)
     return _Loaded(rod, state)
 
 
 def _stepped(loaded: _Loaded, route: Arcs, tension_in: float) -> Cells:
     rod, state = loaded.rod, loaded.state
-    turn = reference.turns(rod, len(state.turn) - 1, route.length, route.angle)
-    return reference.pulled(rod, state, turn, tension_in)
+    turn = turns(rod, len(state.turn) - 1, route.length, route.angle)
+    return pulled(rod, state, turn, tension_in)
 
 
 def _timed(calls: Sequence[Callable[[], object]], repeats: int, clock: Callable[[], float]) -> float:

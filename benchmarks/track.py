@@ -95,20 +95,20 @@ def _film(name: str, lenses: list[Lens], tags: bool, noise: float, frames: int) 
     ]
     find(images[0][0])
     begin = time.perf_counter()
-    seen = [[find(image) for image in row] for row in images]
-    found_in = (time.perf_counter() - begin) / (frames * len(lenses))
+    detections = [[find(image) for image in row] for row in images]
+    detected_in = (time.perf_counter() - begin) / (frames * len(lenses))
     cameras = tuple(_camera(lens, str(v)) for v, lens in enumerate(lenses))
     wanted = Wanted(tags, proximal=tuple(lenses[0].project(routes[0][:1])[0]))
-    track(cameras, seen, wanted)
+    track(cameras, detections, wanted)
     begin = time.perf_counter()
-    told = track(cameras, seen, wanted)
-    placed_in = (time.perf_counter() - begin) / frames
-    error = np.array([one.points for one in told.frames]) - routes
-    pixel = _pixel_error(lenses, seen, routes, tags)
+    result = track(cameras, detections, wanted)
+    located_in = (time.perf_counter() - begin) / frames
+    error = np.array([one.points for one in result.frames]) - routes
+    pixel = _pixel_error(lenses, detections, routes, tags)
     allowed = np.mean([_bound(lenses, route, pixel) for route in routes])
     rms = float(np.sqrt(np.nanmean(error**2)))
-    spread = np.sqrt(np.nanmean([np.trace(one.covariance, axis1=1, axis2=2) / 3 for one in told.frames]))
-    whole = 1.0 / (found_in * len(lenses) + placed_in)
+    spread = np.sqrt(np.nanmean([np.trace(one.covariance, axis1=1, axis2=2) / 3 for one in result.frames]))
+    whole = 1.0 / (detected_in * len(lenses) + located_in)
     return (
         name,
         share(float(np.isfinite(error[..., 0]).mean())),
@@ -117,22 +117,22 @@ def _film(name: str, lenses: list[Lens], tags: bool, noise: float, frames: int) 
         number(1e3 * float(allowed)),
         number(rms / float(allowed)),
         number(float(spread) / rms),
-        number(1e3 * found_in),
-        number(1e3 * placed_in),
+        number(1e3 * detected_in),
+        number(1e3 * located_in),
         number(whole),
     )
 
 
 def _image(lens: Lens, camera: int, frame: int, route: np.ndarray, tags: bool, noise: float) -> np.ndarray:
     if not tags:
-        return render(lens, Scene([Ball(place) for place in route]), camera, frame, noise)
+        return render(lens, Scene([Ball(position) for position in route]), camera, frame, noise)
     axes = tag_poses(route, _TOWARD)
-    drawn = [cv2.aruco.generateImageMarker(dictionary("4x4_50"), k, 6) > 127 for k in range(len(route))]
-    shown = [
+    patterns = [cv2.aruco.generateImageMarker(dictionary("4x4_50"), k, 6) > 127 for k in range(len(route))]
+    tags_in_view = [
         TagAt(cells.astype(int), _SIDE, *at)
-        for cells, at in zip(drawn, zip(route, axes, strict=True), strict=True)
+        for cells, at in zip(patterns, zip(route, axes, strict=True), strict=True)
     ]
-    return render(lens, Scene(tags=shown, background=90.0), camera, frame, noise)
+    return render(lens, Scene(tags=tags_in_view, background=90.0), camera, frame, noise)
 
 
 def _camera(lens: Lens, name: str) -> Camera:
@@ -143,11 +143,14 @@ def _camera(lens: Lens, name: str) -> Camera:
 
 
 def _pixel_error(
-    lenses: Sequence[Lens], seen: Sequence[Sequence[Sightings]], routes: Sequence[np.ndarray], tags: bool
+    lenses: Sequence[Lens],
+    detections: Sequence[Sequence[Sightings]],
+    routes: Sequence[np.ndarray],
+    tags: bool,
 ) -> float:
     """Root mean square error of a coordinate of the centres that were found [px]."""
     off = []
-    for row, route in zip(seen, routes, strict=True):
+    for row, route in zip(detections, routes, strict=True):
         for lens, one in zip(lenses, row, strict=True):
             truth = _tag_centres(lens, route) if tags else lens.project(route)
             names = one.ids if tags else np.linalg.norm(one.centre[:, None] - truth, axis=2).argmin(axis=1)
@@ -164,15 +167,15 @@ def _tag_centres(lens: Lens, route: np.ndarray) -> np.ndarray:
 
 def _bound(lenses: Sequence[Lens], route: np.ndarray, pixel: float) -> float:
     """Root mean square error of a coordinate that so much noise allows at best [m]."""
-    found = []
-    for place in route:
+    values = []
+    for position in route:
         step = _STEP * np.eye(3)
         slopes = [
-            (lens.project(place + step) - lens.project(place - step)).T / (2 * _STEP) for lens in lenses
+            (lens.project(position + step) - lens.project(position - step)).T / (2 * _STEP) for lens in lenses
         ]
         stacked = np.concatenate(slopes)
-        found.append(np.trace(np.linalg.inv(stacked.T @ stacked)) * pixel**2 / 3)
-    return float(np.sqrt(np.mean(found)))
+        values.append(np.trace(np.linalg.inv(stacked.T @ stacked)) * pixel**2 / 3)
+    return float(np.sqrt(np.mean(values)))
 
 
 def _angles(views: int, scenes: int) -> tuple[str, ...]:
@@ -183,15 +186,15 @@ def _angles(views: int, scenes: int) -> tuple[str, ...]:
         route, angle = loop(24) if seed % 2 else arch(24, random.uniform(-1.0, 1.0))
         cameras = tuple(_camera(lens, str(v)) for v, lens in enumerate(lenses))
         try:
-            told = track(cameras, [_seen(lenses, route, 0.25, random)], Wanted(tags=False)).frames[0]
+            tracked = track(cameras, [_detections(lenses, route, 0.25, random)], Wanted(tags=False)).frames[0]
         except TssgeomError:
             continue
-        off = np.linalg.norm(told.points[:, None] - route, axis=2).min(axis=1)
+        off = np.linalg.norm(tracked.points[:, None] - route, axis=2).min(axis=1)
         misplaced += int(np.sum(off > 5e-3))
-        if len(told.points) < len(route):
+        if len(tracked.points) < len(route):
             continue
         whole += 1
-        frame = Frame(told.points, noise=noise_across(told.points, told.covariance))
+        frame = Frame(tracked.points, noise=noise_across(tracked.points, tracked.covariance))
         result = next(iter(process([frame], Rig(), tension_in=15.0)))
         if isinstance(result, FrameResult):
             z.append((result.arcs.total_angle - angle) / result.arcs.total_angle_se)
@@ -206,18 +209,18 @@ def _angles(views: int, scenes: int) -> tuple[str, ...]:
     )
 
 
-def _seen(
+def _detections(
     lenses: Sequence[Lens], route: np.ndarray, noise: float, random: np.random.Generator
 ) -> list[Sightings]:
     """Sightings with noise added to true pixels, in an order of no meaning."""
-    found, count = [], len(route)
+    values, count = [], len(route)
     for lens in lenses:
         order = random.permutation(count)
         pixels = lens.project(route[order]) + noise * random.standard_normal((count, 2))
         depth = (route[order] - lens.place) @ lens.rotation[2]
         area = np.pi * (0.004 * lens.focal[0] / depth) ** 2 * random.uniform(0.85, 1.15, count)
-        found.append(Sightings(pixels[:, None], np.full(count, noise), np.full(count, -1), area))
-    return found
+        values.append(Sightings(pixels[:, None], np.full(count, noise), np.full(count, -1), area))
+    return values
 
 
 def _clearance(triangles: int) -> tuple[str, ...]:

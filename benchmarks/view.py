@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 
-from benchmarks.live_frames import points_mm
+from benchmarks.live_process import points_mm
 from benchmarks.tables import ABSENT, machine, number, table
 from tssgeom.rig import Rig
 from tssgeom.stream import Frame, FrameResult, process
@@ -124,8 +124,8 @@ def _logged(results: Sequence[FrameResult]) -> Cost:
         recording.log("route", rr.LineStrips3D([frame.position]))
         recording.log("sensed", rr.Points3D(results[begin].frame.points))
         recording.log("profile", rr.LineStrips2D([np.column_stack([frame.s, frame.tension])]))
-        for place, value in enumerate(numbers[begin]):
-            recording.log(f"series/{place}", rr.Scalars(value))
+        for index, value in enumerate(numbers[begin]):
+            recording.log(f"series/{index}", rr.Scalars(value))
 
     return _timed("lean frame, logged part by part", results, 1, send)
 
@@ -137,20 +137,20 @@ def _in_columns(results: Sequence[FrameResult]) -> Cost:
 
     def send(recording: rr.RecordingStream, begin: int, end: int) -> None:
         sender = Sender(recording, np.arange(begin, end) / _RATE)
-        shown = frames[begin:end]
-        _send_lean(sender, shown, [one.frame.points for one in results[begin:end]])
-        sender.send("series", rr.Scalars.columns(scalars=numbers[begin:end].ravel()), [_SCALARS] * len(shown))
+        sent = frames[begin:end]
+        _send_strip(sender, sent, [one.frame.points for one in results[begin:end]])
+        sender.send("series", rr.Scalars.columns(scalars=numbers[begin:end].ravel()), [_SCALARS] * len(sent))
 
     return _timed(f"the same as columns, {_BATCH} frames at once", results, _BATCH, send)
 
 
-def _send_lean(sender: Sender, shown: Sequence[RouteSamples], points: Sequence[np.ndarray]) -> None:
-    lengths = [len(frame.s) for frame in shown]
-    strips = segments_3d([frame.position for frame in shown])
+def _send_strip(sender: Sender, sent: Sequence[RouteSamples], points: Sequence[np.ndarray]) -> None:
+    lengths = [len(frame.s) for frame in sent]
+    strips = segments_3d([frame.position for frame in sent])
     sender.send("route", rr.LineStrips3D.columns(strips=strips), [length - 1 for length in lengths])
-    places = np.concatenate(points).astype(np.float32)
-    sender.send("sensed", rr.Points3D.columns(positions=places), [len(cloud) for cloud in points])
-    profile = np.concatenate([np.column_stack([frame.s, frame.tension]) for frame in shown])
+    positions = np.concatenate(points).astype(np.float32)
+    sender.send("sensed", rr.Points3D.columns(positions=positions), [len(cloud) for cloud in points])
+    profile = np.concatenate([np.column_stack([frame.s, frame.tension]) for frame in sent])
     sender.send("profile", rr.Points2D.columns(positions=profile.astype(np.float32)), lengths)
 
 

@@ -1,6 +1,8 @@
 """What README and docs show works as it stands there."""
 
+import ast
 import re
+import tomllib
 from pathlib import Path
 
 import msgspec
@@ -43,3 +45,22 @@ def test_a_command_that_is_shown_has_the_options_that_are_shown(line):
     command = get_command(app).commands[words[0]]
     known = {option for parameter in command.params for option in parameter.opts}
     assert {word for word in words if word.startswith("--")} <= known
+
+
+def test_the_source_distribution_holds_every_folder_that_its_tests_import():
+    settings = tomllib.loads((HOME / "pyproject.toml").read_text("utf-8"))
+    held = {name.strip("/") for name in settings["tool"]["hatch"]["build"]["targets"]["sdist"]["include"]}
+    trees = [ast.parse(path.read_text("utf-8")) for path in (HOME / "tests").rglob("*.py")]
+    nodes = [node for tree in trees for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
+    imported = {(node.module or "").partition(".")[0] for node in nodes}
+    folders = {path.name for path in HOME.iterdir() if path.is_dir()} & imported
+    assert {"tssgeom", "pipelines", "benchmarks", "tests"} <= folders <= held
+    assert {"docs", "sample_shapes"} <= held
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
+def test_a_line_of_a_document_has_at_most_120_characters_where_it_can_be_broken(document):
+    text = re.sub(r"```.*?```", "", document.read_text("utf-8"), flags=re.DOTALL)
+    assert not [
+        line for line in text.splitlines() if len(line) > 120 and not line.startswith(("|", "`python -m"))
+    ]

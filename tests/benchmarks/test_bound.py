@@ -5,8 +5,7 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from benchmarks.bound import cramer_rao
-from benchmarks.elongation import RIG, TENSION_IN, first_pull
+from benchmarks.estimators import RIG, TENSION_IN, cramer_rao, first_pull
 from benchmarks.routes import truth
 from tssgeom.route.pieces import Arcs
 from tssgeom.route.synthetic import chain, half_circle, setup_a

@@ -4,8 +4,18 @@ import numpy as np
 import pytest
 
 from benchmarks import compensation
-from benchmarks.compensation import rms, scores
-from benchmarks.tracking import COMMANDERS, PRETENSION, STIFFNESS, case, moved, ours, sensed, tracked
+from benchmarks.compensation import (
+    COMMANDERS,
+    PRETENSION,
+    STIFFNESS,
+    case,
+    moved,
+    ours,
+    rms,
+    scores,
+    sensed,
+    tracked,
+)
 
 FRAMES = 40
 
@@ -13,8 +23,8 @@ FRAMES = 40
 @pytest.mark.parametrize("seed", [0, 3])
 @pytest.mark.parametrize("target", ["sine", "steps"])
 def test_commands_of_the_model_leave_a_seventh_of_the_error_on_a_route_that_moves(target, seed):
-    found = scores(target, FRAMES, 5e-4, moving=True, seeds=[seed])
-    left = {name: rms(place) for name, (place, _) in found.items()}
+    errors = scores(target, FRAMES, 5e-4, moving=True, seeds=[seed])
+    left = {name: rms(position) for name, (position, _) in errors.items()}
     # 3 % of friction and compliance make some 30 µm, a twelfth; chance adds less than half of that
     assert left["ours"] < left["none"] / 7
     assert left["ours"] < left["backlash inverse"] / 1.5  # which does not know that bends move
@@ -22,10 +32,10 @@ def test_commands_of_the_model_leave_a_seventh_of_the_error_on_a_route_that_move
 
 
 def test_on_a_route_that_stands_the_model_is_the_closed_form():
-    found = scores("ramps", FRAMES, 1e-4, moving=False, seeds=[0])
-    ratio = rms(found["ours"][0]) / rms(found["closed form"][0])
+    errors = scores("ramps", FRAMES, 1e-4, moving=False, seeds=[0])
+    ratio = rms(errors["ours"][0]) / rms(errors["closed form"][0])
     assert ratio == pytest.approx(1.0, abs=0.05)  # they hear the noise of the points differently
-    assert rms(found["backlash inverse"][0]) < 1e-6  # two lines are the truth there, if fitted without error
+    assert rms(errors["backlash inverse"][0]) < 1e-6  # two lines are the truth there, if fitted without error
 
 
 def test_the_rig_moves_its_route_first_and_its_drive_then():
@@ -35,7 +45,7 @@ def test_the_rig_moves_its_route_first_and_its_drive_then():
     assert run.displacement_in[2::2] == pytest.approx(commands, abs=1e-15)
     assert run.displacement_in[1::2] == pytest.approx([0.0, *commands[:-1]], abs=1e-15)
     error = tracked(one, commands)
-    assert error.tension == pytest.approx(STIFFNESS * error.place, abs=1e-9)  # a spring, solved to 1e-9 N
+    assert error.tension == pytest.approx(STIFFNESS * error.position, abs=1e-9)  # a spring, solved to 1e-9 N
     assert run.tension_out[0] == pytest.approx(PRETENSION, abs=1e-9)
 
 

@@ -7,16 +7,16 @@ import pytest
 
 from benchmarks import discovery
 from benchmarks import discovery_scores as scores
-from benchmarks.discovery_cases import Case, cases, discovered
+from benchmarks.discovery import Case, cases, discovered
+from benchmarks.discovery_peers import Residual, held_out_ratio, without_flicker
 from benchmarks.discovery_report import confusions, failures, limits, peers, target_rows, targets
-from benchmarks.discovery_residuals import Residual, held_out_ratio, without_flicker
 from benchmarks.discovery_scores import Baseline, Outcome
 from tests.campaigns import INSIDE, OUTSIDE
 
 NOISE = {"tension_in_N": 0.02, "elongation_m": 2e-6}
 
 
-def told(verdict, *named, tie=(), parameters=None, after=(0.02, 2e-6), before=(0.10, 2e-6), breaks=()):
+def report(verdict, *named, tie=(), parameters=None, after=(0.02, 2e-6), before=(0.10, 2e-6), breaks=()):
     numbers = {
         key: {"value": v, "unit": "", "ci95": [low, high]}
         for key, (v, low, high) in (parameters or {}).items()
@@ -47,15 +47,15 @@ def outcome(group, causes, report, seconds=5.0, parameters=None, **more):
 
 
 def test_the_first_name_counts_and_a_name_of_an_unknown_does_not():
-    assert scores.right_first(outcome("single", ["creep"], told("effect", "creep", "backlash")))
-    assert not scores.right_first(outcome("single", ["creep"], told("effect", "backlash", "creep")))
-    assert not scores.right_first(outcome("single", ["creep"], told("unknown", "creep")))
+    assert scores.right_first(outcome("single", ["creep"], report("effect", "creep", "backlash")))
+    assert not scores.right_first(outcome("single", ["creep"], report("effect", "backlash", "creep")))
+    assert not scores.right_first(outcome("single", ["creep"], report("unknown", "creep")))
     assert not scores.right_first(outcome("single", ["creep"], None))
 
 
 def test_a_tie_counts_where_it_joins_the_first_name_to_the_cause():
-    joined = told("tie", "toe_region", tie=[("toe_region", "slack_take_up")])
-    apart = told("tie", "creep", tie=[("toe_region", "slack_take_up")])
+    joined = report("tie", "toe_region", tie=[("toe_region", "slack_take_up")])
+    apart = report("tie", "creep", tie=[("toe_region", "slack_take_up")])
     assert scores.right_or_tied(outcome("half", ["slack_take_up"], joined))
     assert not scores.right_or_tied(outcome("half", ["slack_take_up"], apart))
     assert scores.tie_size(outcome("half", ["slack_take_up"], joined)) == 2
@@ -64,53 +64,53 @@ def test_a_tie_counts_where_it_joins_the_first_name_to_the_cause():
 
 def test_a_tie_is_told_with_the_experiment_that_breaks_it():
     tie = [("viscous_drag", "straight_section_friction")]
-    assert scores.tie_told(
-        outcome("G5", ["viscous_drag"], told("tie", "viscous_drag", tie=tie, breaks=["faster"]))
+    assert scores.tie_declared(
+        outcome("G5", ["viscous_drag"], report("tie", "viscous_drag", tie=tie, breaks=["faster"]))
     )
-    assert not scores.tie_told(outcome("G5", ["viscous_drag"], told("tie", "viscous_drag", tie=tie)))
-    assert not scores.tie_told(
-        outcome("G5", ["viscous_drag"], told("effect", "viscous_drag", breaks=["faster"]))
+    assert not scores.tie_declared(outcome("G5", ["viscous_drag"], report("tie", "viscous_drag", tie=tie)))
+    assert not scores.tie_declared(
+        outcome("G5", ["viscous_drag"], report("effect", "viscous_drag", breaks=["faster"]))
     )
 
 
 def test_a_cause_without_a_channel_is_unobservable_and_never_guessed():
-    silent, guess = (told("none") | {"unobservable": ["creep"]}, told("effect", "backlash"))
+    silent, guess = (report("none") | {"unobservable": ["creep"]}, report("effect", "backlash"))
     assert scores.honest(outcome("partial", ["creep"], silent))
-    assert scores.honest(outcome("partial", ["creep"], told("effect", "creep")))
+    assert scores.honest(outcome("partial", ["creep"], report("effect", "creep")))
     assert not scores.honest(outcome("partial", ["creep"], guess | {"unobservable": ["creep"]}))
     assert not scores.honest(outcome("partial", ["creep"], None))
 
 
 def test_both_of_a_pair_have_to_be_named_in_any_order():
     pair = ["creep", "backlash"]
-    assert scores.both_named(outcome("pair", pair, told("effect", "backlash", "creep")))
-    assert not scores.both_named(outcome("pair", pair, told("effect", "creep")))
+    assert scores.both_named(outcome("pair", pair, report("effect", "backlash", "creep")))
+    assert not scores.both_named(outcome("pair", pair, report("effect", "creep")))
 
 
 def test_the_gap_is_what_is_beyond_the_noise():
     # tension five times its noise, elongation at its noise: (25 − 1) / 2
     assert scores.gap({"tension_in_N": 0.10, "elongation_m": 2e-6}, NOISE) == pytest.approx(math.sqrt(12.0))
     assert scores.held_out_ratio(
-        told("effect", "creep", after=(0.02 * math.sqrt(7.0), 1e-6))
+        report("effect", "creep", after=(0.02 * math.sqrt(7.0), 1e-6))
     ) == pytest.approx(0.5)
-    assert math.isnan(scores.held_out_ratio(told("none", before=(0.02, 2e-6))))
+    assert math.isnan(scores.held_out_ratio(report("none", before=(0.02, 2e-6))))
     assert math.isnan(scores.held_out_ratio(None))
 
 
 def test_numbers_of_right_names_are_held_against_the_truth():
     truth = {"angle_rad": 0.5, "at_m": 0.2}
-    found = {"angle_rad": (0.55, 0.4, 0.6), "at_m": (0.21, 0.205, 0.215)}
+    estimates = {"angle_rad": (0.55, 0.4, 0.6), "at_m": (0.21, 0.205, 0.215)}
     right = outcome(
-        "single", ["hidden_bend"], told("effect", "hidden_bend", parameters=found), parameters=truth
+        "single", ["hidden_bend"], report("effect", "hidden_bend", parameters=estimates), parameters=truth
     )
     wrong = outcome(
-        "single", ["creep"], told("effect", "hidden_bend", parameters=found), parameters={"ratio": 0.1}
+        "single", ["creep"], report("effect", "hidden_bend", parameters=estimates), parameters={"ratio": 0.1}
     )
     errors, held = scores.parameters([right, wrong])
     assert errors == pytest.approx([0.1, 0.05])
     assert held == [True, False]
-    place, angle = scores.bends([right, wrong])
-    assert (place, angle) == (pytest.approx([0.02]), pytest.approx([0.1]))
+    position, angle = scores.bends([right, wrong])
+    assert (position, angle) == (pytest.approx([0.02]), pytest.approx([0.1]))
 
 
 def test_the_bound_of_no_alarm_in_149_is_two_per_cent():
@@ -126,8 +126,8 @@ def test_the_limit_of_detection_breaks_off_at_the_first_size_that_fails():
 
 
 def test_tables_say_what_was_reached_and_what_was_not_measured():
-    perfect = told("effect", "creep", parameters={"ratio": (0.06, 0.05, 0.07)})
-    seen = [
+    perfect = report("effect", "creep", parameters={"ratio": (0.06, 0.05, 0.07)})
+    outcomes = [
         outcome(
             "single",
             ["creep"],
@@ -135,22 +135,22 @@ def test_tables_say_what_was_reached_and_what_was_not_measured():
             parameters={"ratio": 0.06},
             baselines={"peer": Baseline("creep", 0.4)},
         ),
-        outcome("clean", [], told("none")),
-        outcome("outside", ["bent_load_cell"], told("effect", "creep")),
+        outcome("clean", [], report("none")),
+        outcome("outside", ["bent_load_cell"], report("effect", "creep")),
         outcome("half", ["creep"], None, failure="exit 2: no such command"),
     ]
-    rows = {row.metric: row for row in target_rows(seen)}
+    rows = {row.metric: row for row in target_rows(outcomes)}
     assert rows["right name first, typical size"].kept
     assert not rows["outside the library: unknown"].kept
-    assert rows["false alarms, clean"].shown == "0 % (0 of 1), below 95 %"
+    assert rows["false alarms, clean"].text == "0 % (0 of 1), below 95 %"
     assert math.isnan(rows["both names of a pair"].value)
-    drawn = targets(seen, markdown=False)
+    drawn = targets(outcomes, markdown=False)
     assert "NO" in drawn
-    assert "bent_load_cell  creep 1" in confusions(seen, markdown=False)
-    assert limits(seen, markdown=False).splitlines()[-1].split() == ["creep", "100", "0", "—", "1.0"]
-    assert "peer" in peers(seen, markdown=False)
-    assert "1 of 4 campaigns have no report" in failures(seen)
-    assert failures(seen[:3]) == ""
+    assert "bent_load_cell  creep 1" in confusions(outcomes, markdown=False)
+    assert limits(outcomes, markdown=False).splitlines()[-1].split() == ["creep", "100", "0", "—", "1.0"]
+    assert "peer" in peers(outcomes, markdown=False)
+    assert "1 of 4 campaigns have no report" in failures(outcomes)
+    assert failures(outcomes[:3]) == ""
 
 
 def test_every_cause_is_made_in_every_size_and_seeds_tell_campaigns_apart():

@@ -3,10 +3,8 @@
 import numpy as np
 import pytest
 
-from benchmarks.cells import Cell, draw
-from benchmarks.estimate import OURS, Sighting
-from benchmarks.peers import PEERS, taubin_smoothing, vmtk_smoothing
-from benchmarks.routes import truth
+from benchmarks.estimators import OURS, PEERS, Sighting, taubin_smoothing, vmtk_smoothing
+from benchmarks.routes import Cell, draw, truth
 from benchmarks.scores import METHODS, Outcome, Score, bound, run, summary
 
 HALF = truth("half circle", np.random.default_rng(0))
@@ -14,16 +12,17 @@ HALF = truth("half circle", np.random.default_rng(0))
 
 def _sighting(n, noise=1e-9, *, known=True):
     s = np.linspace(0.0, HALF.length, n)
-    points = HALF.place(s) + noise * np.random.default_rng(0).standard_normal((n, 3))
+    points = HALF.position(s) + noise * np.random.default_rng(0).standard_normal((n, 3))
     return Sighting(points, s if known else None, noise, noise)
 
 
 @pytest.mark.parametrize("known", [True, False])
 @pytest.mark.parametrize("name", [*OURS, *(name for name in PEERS if name not in ("VMTK", "Taubin"))])
 def test_exact_points_give_the_angle(name, known):
-    found = METHODS[name](_sighting(100, known=known))
-    assert found.total_angle == pytest.approx(np.pi, rel=0.03)  # natural ends and half a step cost cubics 2 %
-    assert found.s[-1] == pytest.approx(HALF.length, rel=1e-3)
+    estimate = METHODS[name](_sighting(100, known=known))
+    # natural ends and half a step cost cubics 2 %
+    assert estimate.total_angle == pytest.approx(np.pi, rel=0.03)
+    assert estimate.s[-1] == pytest.approx(HALF.length, rel=1e-3)
 
 
 @pytest.mark.parametrize("smoothing", [vmtk_smoothing, taubin_smoothing])
@@ -84,5 +83,6 @@ def test_smooth_routes_have_no_bound():
 
 
 def test_a_draw_leaves_the_exact_points_inside_the_noise():
-    seen = draw(Cell("test", "6 pieces", 40, 1e-5, "jitter"), 0)
-    assert np.max(np.abs(seen.points - seen.truth.place(seen.station))) < 6e-5  # 120 numbers below 6 sigma
+    sensed = draw(Cell("test", "6 pieces", 40, 1e-5, "jitter"), 0)
+    off = sensed.points - sensed.truth.position(sensed.station)
+    assert np.max(np.abs(off)) < 6e-5  # 120 numbers below 6 sigma

@@ -4,13 +4,11 @@ import numpy as np
 import pytest
 
 from benchmarks import accuracy, speed
-from benchmarks.cells import Cell
-from benchmarks.peer_pipeline import PIPELINES
-from benchmarks.report import Result, details, matrix
-from benchmarks.scores import METHODS, Outcome, Score, bound, run, summary
-from benchmarks.stages import STAGES, frames
+from benchmarks.accuracy import failings, targets
+from benchmarks.routes import Cell
+from benchmarks.scores import METHODS, Outcome, Result, Score, bound, details, matrix, run, summary
+from benchmarks.stages import PIPELINES, STAGES, frames
 from benchmarks.tables import machine, number, table
-from benchmarks.targets import failings, targets
 
 CELL = Cell("test", "half circle", 30, 5e-4)
 

@@ -4,8 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.readme import ROOT, between, done, main, short, write
-from benchmarks.readme_parts import PARTS, Part, Shown, cell, tables
+from benchmarks.readme import PARTS, ROOT, Extract, Part, between, cell, done, main, short, tables, write
 from benchmarks.tables import table
 
 MACHINE = "machine: Linux x86_64, 2 cores (a processor), load 1.8, Python 3.11.7"
@@ -13,7 +12,7 @@ DOCUMENT = "before\n<!-- speed: measured -->\nold\n<!-- speed: end -->\nafter\n"
 LABELS = [part.label for part in PARTS]
 
 
-def drawn(header, *rows):
+def rendered(header, *rows):
     return table(header, rows, text_columns=1, markdown=True)
 
 
@@ -40,43 +39,43 @@ def documents(tmp_path):
     (tmp_path / "docs").mkdir()
     for name in ("README.md", "docs/benchmarks.md"):
         text = (ROOT / name).read_text(encoding="utf-8")
-        for place in ("benchmarks", *(part.name for part in PARTS)):
-            if f"<!-- {place}: measured -->" in text:
-                text = between(text, place, lambda _: "Not measured yet.")
+        for mark in ("benchmarks", *(part.name for part in PARTS)):
+            if f"<!-- {mark}: measured -->" in text:
+                text = between(text, mark, lambda _: "Not measured yet.")
         (tmp_path / name).write_text(text, encoding="utf-8")
     return tmp_path
 
 
 def test_tables_are_found_between_prose_without_their_rules():
-    first, second = drawn(["a", "b"], ["x", "1"]), drawn(["c"], ["y"])
+    first, second = rendered(["a", "b"], ["x", "1"]), rendered(["c"], ["y"])
     assert tables(f"words\n\n{first}\nmore\n{second}\n") == [[["a", "b"], ["x", "1"]], [["c"], ["y"]]]
 
 
 def test_a_row_or_column_that_is_missing_is_named():
-    told = tables(drawn(["a", "b"], ["x", "1"]))[0]
-    assert cell(told, "x", "b") == "1"
+    printed = tables(rendered(["a", "b"], ["x", "1"]))[0]
+    assert cell(printed, "x", "b") == "1"
     with pytest.raises(LookupError, match="no row begins with 'z'"):
-        cell(told, "z", "b")
+        cell(printed, "z", "b")
     with pytest.raises(LookupError, match="no column is called 'c', only a, b"):
-        cell(told, "x", "c")
+        cell(printed, "x", "c")
 
 
 def test_accuracy_shows_the_bound_this_project_and_the_best_peer():
-    shown = part("accuracy").shown(f"{drawn(['rms'], ['1'])}\n\n{drawn(*ACCURACY)}")
-    assert tables(shown.body)[0][1] == ["half circle N 30", "splprep", "1.0", "0.2", "0.25", "95", "100"]
-    assert shown.key == ["0.25 %", "Cramér–Rao bound 0.2 %, VMTK 2.0 %", "8 ×"]
+    extract = part("accuracy").extract(f"{rendered(['rms'], ['1'])}\n\n{rendered(*ACCURACY)}")
+    assert tables(extract.body)[0][1] == ["half circle N 30", "splprep", "1.0", "0.2", "0.25", "95", "100"]
+    assert extract.key == ["0.25 %", "Cramér–Rao bound 0.2 %, VMTK 2.0 %", "8 ×"]
 
 
 def test_discovery_leaves_out_what_was_not_measured():
-    targets = drawn(
+    targets = rendered(
         ["metric", "target", "reached", "kept"],
         ["right name first, typical size", "≥ 95 %", "97 % (31 of 32)", "yes"],
         ["tie G1 and its experiment told", "≥ 100 %", "—", "—"],
     )
-    peers = drawn(["single", "right name"], ["this workflow", "97 %"], ["pysindy", "40 %"], ["GP", "—"])
-    shown = part("discovery").shown(f"{targets}\n\n{peers}")
-    assert [row[0] for row in tables(shown.body)[0][1:]] == ["right name first, typical size"]
-    assert shown.key == ["97 % (31 of 32)", "wanted: ≥ 95 %, pysindy 40 %", "—"]
+    peers = rendered(["single", "right name"], ["this workflow", "97 %"], ["pysindy", "40 %"], ["GP", "—"])
+    extract = part("discovery").extract(f"{targets}\n\n{peers}")
+    assert [row[0] for row in tables(extract.body)[0][1:]] == ["right name first, typical size"]
+    assert extract.key == ["97 % (31 of 32)", "wanted: ≥ 95 %, pysindy 40 %", "—"]
 
 
 def test_only_what_stands_between_the_marks_changes():
@@ -100,10 +99,11 @@ def test_rows_of_another_machine_go_since_one_is_named():
 
 def test_every_part_has_its_place_in_the_documents(documents):
     for each in PARTS:
-        write(documents, each, MACHINE, f"benchmarks.{each.name}", Shown(f"| {each.name} |", ["1", "2", "3"]))
-    told = (documents / "docs" / "benchmarks.md").read_text(encoding="utf-8")
+        extract = Extract(f"| {each.name} |", ["1", "2", "3"])
+        write(documents, each, MACHINE, f"benchmarks.{each.name}", extract)
+    printed = (documents / "docs" / "benchmarks.md").read_text(encoding="utf-8")
     assert all(
-        f"`python -m benchmarks.{each.name}`, {MACHINE}\n\n| {each.name} |\n" in told for each in PARTS
+        f"`python -m benchmarks.{each.name}`, {MACHINE}\n\n| {each.name} |\n" in printed for each in PARTS
     )
     (rows,) = (one for one in tables((documents / "README.md").read_text("utf-8")) if one[0][0] == "measured")
     assert [row[0] for row in rows[1:]] == LABELS
@@ -111,7 +111,7 @@ def test_every_part_has_its_place_in_the_documents(documents):
 
 def test_a_benchmark_that_fails_changes_no_document(documents, capsys):
     before = {path: path.read_bytes() for path in documents.rglob("*.md")}
-    broken = Part("no_such_benchmark", LABELS[0], (), (), lambda text: Shown(text, []))
+    broken = Part("no_such_benchmark", LABELS[0], (), (), lambda text: Extract(text, []))
     assert not done(broken, documents, quick=False)
     assert "no_such_benchmark: exit status 1" in capsys.readouterr().err
     assert {path: path.read_bytes() for path in documents.rglob("*") if path.is_file()} == before

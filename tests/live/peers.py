@@ -4,8 +4,7 @@ from itertools import count
 
 import numpy as np
 
-from benchmarks.live_frames import line, points_mm
-from benchmarks.live_process import PATIENCE, Live, Reader
+from benchmarks.live_process import PATIENCE, Live, Reader, line, points_mm
 
 _marks = count()
 

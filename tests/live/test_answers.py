@@ -7,8 +7,7 @@ from time import sleep
 
 import pytest
 
-from benchmarks.live_frames import line, malformed
-from benchmarks.live_process import PATIENCE, live
+from benchmarks.live_process import PATIENCE, line, live, malformed
 from tests.live.peers import frame, half_circle
 
 KEYS = {

@@ -14,8 +14,7 @@ import pytest
 import rerun_cli
 from rerun.chunk import RrdReader
 
-from benchmarks.live_frames import line
-from benchmarks.live_process import PATIENCE, Reader, live
+from benchmarks.live_process import PATIENCE, Reader, line, live
 from tests.live.peers import frame, half_circle
 from tssgeom.io.formats.files import open_recording
 from tssgeom.io.formats.states import read_state, write_state

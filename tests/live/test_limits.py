@@ -9,8 +9,7 @@ from itertools import count
 
 import pytest
 
-from benchmarks.live_frames import malformed
-from benchmarks.live_process import PATIENCE, Reader, live
+from benchmarks.live_process import PATIENCE, Reader, live, malformed
 from tests.live.peers import frame
 from tssgeom.io.network.listener import LIMITS
 from tssgeom.io.network.mailbox import LIMITS as FRAMES

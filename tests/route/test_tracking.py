@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.routes import arc_places, truth
+from benchmarks.routes import arc_positions, truth
 from tssgeom.route.geometry import measure
 from tssgeom.route.observations import clean
 from tssgeom.route.synthetic import Course, chain
@@ -36,7 +36,7 @@ def _arriving(part: float) -> Course:
 
 def _points(course: Course, n: int, rng: np.random.Generator) -> np.ndarray:
     s = np.linspace(0.0, course.total_length, n)
-    return arc_places(course)(s) + NOISE * rng.standard_normal((n, 3))
+    return arc_positions(course)(s) + NOISE * rng.standard_normal((n, 3))
 
 
 @pytest.mark.parametrize("known", [True, False], ids=["known noise", "unknown noise"])
@@ -108,7 +108,7 @@ def test_a_smooth_route_stays_smooth_and_a_staircase_takes_over():
     rng, last = np.random.default_rng(2), None
     clothoid = truth("clothoid", rng)
     for _ in range(20):
-        points = clothoid.place(np.linspace(0.0, clothoid.length, 120)) + NOISE * rng.standard_normal(
+        points = clothoid.position(np.linspace(0.0, clothoid.length, 120)) + NOISE * rng.standard_normal(
             (120, 3)
         )
         last = follow(clean(points), NOISE, last)
@@ -123,7 +123,7 @@ def test_a_chain_that_takes_over_says_at_once_that_the_spline_may_be_right():
     rng, seen = np.random.default_rng(0), []
     for i in range(24):
         s = np.linspace(0.0, course.total_length, 60)
-        shape = clean(arc_places(course)(s) + 1.75e-3 * rng.standard_normal((60, 3)))
+        shape = clean(arc_positions(course)(s) + 1.75e-3 * rng.standard_normal((60, 3)))
         seen.append(follow(shape, 1.75e-3, seen[-1] if i else None, "auto" if i else "spline"))
     taken = next(i for i, one in enumerate(seen) if one.geometry.chain is not None)
     assert seen[taken].doubt > 5e-4  # rad²: the call was close
@@ -200,7 +200,7 @@ def test_a_route_that_leaps_is_fitted_as_if_from_nothing():
             )
             n, noise = int(rng.choice([30, 60, 120])), rng.choice([0.0, 1e-8, 1e-4])
             s = np.linspace(0.0, course.total_length, n)
-            shape = clean(arc_places(course)(s) + noise * rng.standard_normal((n, 3)))
+            shape = clean(arc_positions(course)(s) + noise * rng.standard_normal((n, 3)))
             for _ in range(rng.integers(1, 7)):
                 last = follow(shape, None, last)
             found, fresh = last.geometry.profile, measure(shape).profile
