@@ -58,9 +58,8 @@ def add_clearance(
 ) -> None:
     """Add the clearance of the last good frame to the JSON object, that of the summary's frame to its row."""
     last = lumen.clearance(analysis.results[-1])
-    summarised = (
-        last if analysis.representative is analysis.results[-1] else lumen.clearance(analysis.representative)
-    )
+    result = analysis.representative
+    summarised = last if result is analysis.results[-1] else lumen.clearance(result)
     report["clearance"] = clearance_object(lumen.name, last)
     report["warnings"] = [*report["warnings"], *last.warnings()]
     row |= clearance_columns(summarised)

@@ -110,12 +110,10 @@ def pairs(first: Path, second: Path) -> dict[str, tuple[Path, Path]]:
 
 def _compared(compared: dict[str, tuple[Path, Path]], folder: Path) -> list[Path]:
     """Write the recording of each comparison, and return the files."""
-    from tssgeom.atomic import replacing
     from tssgeom.view.scene.compare.comparison import write_comparison
 
     written = list[Path]()
     for name, (a, b) in compared.items():
         written.append(folder / f"{name}.rrd")
-        with replacing(written[-1]) as draft:
-            write_comparison(draft, a, b)
+        write_comparison(written[-1], a, b)
     return written

@@ -56,3 +56,11 @@ def test_the_source_distribution_holds_every_folder_that_its_tests_import():
     folders = {path.name for path in HOME.iterdir() if path.is_dir()} & imported
     assert {"tssgeom", "pipelines", "benchmarks", "tests"} <= folders <= held
     assert {"docs", "sample_shapes"} <= held
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
+def test_a_line_of_a_document_has_at_most_120_characters_where_it_can_be_broken(document):
+    text = re.sub(r"```.*?```", "", document.read_text("utf-8"), flags=re.DOTALL)
+    assert not [
+        line for line in text.splitlines() if len(line) > 120 and not line.startswith(("|", "`python -m"))
+    ]

@@ -125,15 +125,16 @@ def _role(name: str, argument: str) -> tuple[Role, dict[str, Any]]:
     """Return a role that is ready for messages, and what the stream has to know of it."""
     if name == "save":
         return StateSaver(Path(argument)), {}
-    from tssgeom.view.scene import live, writer  # here, since it takes long to load
+    from tssgeom.view.scene.live import LivePicture, warm_up  # here, since it takes long to load
+    from tssgeom.view.scene.writer import hosted
 
     if name == "record":
         recorder = Recorder(Path(argument))
-        live.warm_up()
+        warm_up()
         return recorder, {}
-    recording, address = writer.hosted("live", int(argument))
-    live.warm_up()
-    return Drawer(live.LivePicture(recording, "live")), {"address": address}
+    recording, address = hosted("live", int(argument))
+    warm_up()
+    return Drawer(LivePicture(recording, "live")), {"address": address}
 
 
 def _messages(sock: socket.socket, flush: Callable[[], None], pause: float) -> Iterator[tuple[str, Any]]:

@@ -153,9 +153,9 @@ def test_a_stretch_a_thousand_times_too_small_is_noted(folder):
 )  # fmt: skip
 def test_a_wrong_listing_is_refused_in_one_line(folder, listing, said):
     (folder / "campaign.toml").write_text(listing)
-    with pytest.raises(TssgeomError, match=said) as told:
+    with pytest.raises(TssgeomError, match=said) as reported:
         read_campaign(folder)
-    assert "\n" not in str(told.value)
+    assert "\n" not in str(reported.value)
 
 
 def kept(*names: str) -> dict[str, np.ndarray]:

@@ -20,7 +20,7 @@ def folder(tmp_path: Path) -> Path:
 
 def test_a_folder_is_a_recording_from_the_far_coil_to_the_tip(folder):
     recording = open_recording(folder, "mm")
-    found = [item for item in recording.frames if isinstance(item, Frame)]
+    outcome = [item for item in recording.frames if isinstance(item, Frame)]
     assert (recording.name, recording.kind, recording.timed, recording.frame_count) == (
         "case 7",
         "colonoscope",
@@ -29,13 +29,13 @@ def test_a_folder_is_a_recording_from_the_far_coil_to_the_tip(folder):
     )
     k = np.arange(6.0)  # counted from the proximal end
     expected = np.column_stack([20 * k, 0.4 * k**2, np.full(6, 250.0)]) / 1000
-    np.testing.assert_allclose(found[0].points, expected, atol=5.1e-6)  # two digits of a millimetre
-    assert [frame.time for frame in found] == [0.0, 0.1, 0.2, 0.3]
+    np.testing.assert_allclose(outcome[0].points, expected, atol=5.1e-6)  # two digits of a millimetre
+    assert [frame.time for frame in outcome] == [0.0, 0.1, 0.2, 0.3]
 
 
 def test_an_empty_cell_is_a_coil_that_was_not_seen(folder):
-    found = [item for item in open_recording(folder, "mm").frames if isinstance(item, Frame)]
-    assert np.isnan(found[2].points).all(axis=1).tolist() == [False, False, True, False, False, False]
+    outcome = [item for item in open_recording(folder, "mm").frames if isinstance(item, Frame)]
+    assert np.isnan(outcome[2].points).all(axis=1).tolist() == [False, False, True, False, False, False]
 
 
 def test_the_unit_has_to_be_said(folder):
@@ -71,8 +71,8 @@ def test_a_bad_line_rejects_its_frame_only(folder, name, line, text, says):
 def test_a_file_that_ends_early_rejects_the_frames_behind_it(folder):
     lines = (folder / "X.txt").read_bytes().splitlines(keepends=True)
     (folder / "X.txt").write_bytes(b"".join(lines[:2]) + b"\n\n\n\n")
-    found = [isinstance(item, Frame) for item in open_recording(folder, "mm").frames]
-    assert found == [True, True, False, False]
+    outcome = [isinstance(item, Frame) for item in open_recording(folder, "mm").frames]
+    assert outcome == [True, True, False, False]
 
 
 def test_a_folder_that_lost_a_file_is_found_and_refused(folder):

@@ -30,10 +30,10 @@ def test_numbers_are_rounded_as_by_the_json_library():
         size = 10.0 ** rng.integers(-5, 5)
         numbers = [_written(rng, float(size * rng.standard_normal())) for _ in range(3)]
         text = f"[[{','.join(numbers)}]]"
-        found = _read(text)
-        read += len(found)
-        if len(found):
-            np.testing.assert_array_equal(found, json.loads(text))
+        outcome = _read(text)
+        read += len(outcome)
+        if len(outcome):
+            np.testing.assert_array_equal(outcome, json.loads(text))
     assert read > 2900  # the others have more than 22 places, or stand too close to a tie
 
 

@@ -89,15 +89,17 @@ def test_a_slicer_curve_has_what_schema_1_0_3_asks_for(written):
 
 def test_a_slicer_curve_carries_tension_and_curvature_at_each_control_point(written):
     (curve,) = json.loads((written / "arc_tension.mrk.json").read_text())["markups"]
-    told = {measurement["name"]: measurement for measurement in curve["measurements"]}
-    places = np.array([point["position"] for point in curve["controlPoints"]]) / 1000
-    s = np.arctan2(places[:, 0], 0.25 - places[:, 1]) / 4
-    np.testing.assert_allclose(told["tension"]["controlPointValues"], 15 * np.exp(-0.145 * 4 * s), rtol=1e-9)
-    assert told["tension"]["units"] == ["N", "UCUM", "newton"]
-    assert told["curvature (tssgeom)"]["controlPointValues"] == [4.0] * 200
-    assert told["elongation"]["value"] == pytest.approx(2.0)
+    reported = {measurement["name"]: measurement for measurement in curve["measurements"]}
+    positions = np.array([point["position"] for point in curve["controlPoints"]]) / 1000
+    s = np.arctan2(positions[:, 0], 0.25 - positions[:, 1]) / 4
+    np.testing.assert_allclose(
+        reported["tension"]["controlPointValues"], 15 * np.exp(-0.145 * 4 * s), rtol=1e-9
+    )
+    assert reported["tension"]["units"] == ["N", "UCUM", "newton"]
+    assert reported["curvature (tssgeom)"]["controlPointValues"] == [4.0] * 200
+    assert reported["elongation"]["value"] == pytest.approx(2.0)
     assert not {"length", "curvature mean", "curvature max"} & {
-        *told
+        *reported
     }  # Slicer's own, which it would overwrite
 
 
@@ -117,8 +119,8 @@ def test_a_vtk_tube_is_closed_and_carries_the_tension_on_tube_and_line(written, 
     np.testing.assert_allclose(
         tension[: SIDES * NODES].reshape(NODES, SIDES), TENSION[:, None] * np.ones(SIDES), rtol=1e-6
     )
-    places = vtk_to_numpy(data.GetPoints().GetData())
-    np.testing.assert_allclose(places[-NODES:], per_metre(line) * ARC, atol=1e-12)
+    positions = vtk_to_numpy(data.GetPoints().GetData())
+    np.testing.assert_allclose(positions[-NODES:], per_metre(line) * ARC, atol=1e-12)
 
 
 def test_a_ply_tube_is_watertight_in_the_unit_of_the_source_and_carries_the_tension(written, line, mesh):

@@ -19,8 +19,8 @@ def touch(folder: Path, *names: str) -> None:
 
 def test_a_folder_gives_its_shapes_in_depth_and_in_order(tmp_path):
     touch(tmp_path, "b.csv", "a.jsonl", "deep/er/c.NPZ", "d.parquet")
-    found = [path.relative_to(tmp_path).as_posix() for path in find_inputs([tmp_path])]
-    assert found == ["a.jsonl", "b.csv", "d.parquet", "deep/er/c.NPZ"]
+    outcome = [path.relative_to(tmp_path).as_posix() for path in find_inputs([tmp_path])]
+    assert outcome == ["a.jsonl", "b.csv", "d.parquet", "deep/er/c.NPZ"]
 
 
 def test_what_is_no_shape_is_left_out(tmp_path):
@@ -120,6 +120,6 @@ def test_links_that_go_in_a_circle_are_no_file(tmp_path):
     (tmp_path / "a.csv").symlink_to("b.csv")
     (tmp_path / "b.csv").symlink_to("a.csv")
     (tmp_path / "self").symlink_to(".")
-    (found, *_) = find_inputs([tmp_path / "a.csv", tmp_path])
+    (outcome, *_) = find_inputs([tmp_path / "a.csv", tmp_path])
     with pytest.raises(SourceError, match="no such file"):
-        open_recording(found)
+        open_recording(outcome)

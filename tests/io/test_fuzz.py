@@ -15,7 +15,7 @@ from tssgeom.stream import Frame, Rejected
 
 CORPUS = Path(__file__).parent / "corpus"
 FILES = sorted(path.name for path in CORPUS.iterdir() if path.is_file() and path.suffix != ".md")
-BARE = {"lines_ascii.vtp", "lines_binary.vtp", "lines_appended.vtp", "shape.mcap", "shape.db3"}
+PLAIN = {"lines_ascii.vtp", "lines_binary.vtp", "lines_appended.vtp", "shape.mcap", "shape.db3"}
 MOST_FRAMES = 1000  # what a few kilobytes can hold; beyond it a reader would be making frames up
 
 
@@ -25,9 +25,9 @@ def survives(path: Path) -> None:
         try:
             items = list(open_recording(path, unit).frames)
         except TssgeomError as error:
-            told = str(error)
-            assert path.name.partition("#")[0] in told
-            assert len(told.splitlines()) == 1
+            reported = str(error)
+            assert path.name.partition("#")[0] in reported
+            assert len(reported.splitlines()) == 1
         else:
             assert 0 < len(items) <= MOST_FRAMES
             assert all(isinstance(item, Frame | Rejected) for item in items)
@@ -43,7 +43,7 @@ def test_a_sound_file_is_read(name):
     part = "#1" if name.endswith(".vtp") else ""
     assert all(
         isinstance(item, Frame)
-        for item in open_recording(f"{CORPUS / name}{part}", None if name not in BARE else "mm").frames
+        for item in open_recording(f"{CORPUS / name}{part}", None if name not in PLAIN else "mm").frames
     )
 
 

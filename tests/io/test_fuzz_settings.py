@@ -25,16 +25,16 @@ from tssgeom.io.formats.states import read_state
 from tssgeom.io.network.addresses import access
 from tssgeom.lumen.clearance import clearance
 from tssgeom.rig import read_rig
-from tssgeom.route.synthetic import half_circle, places
+from tssgeom.route.synthetic import half_circle, positions
 from tssgeom.stream import Frame, FrameResult, process
 from tssgeom.tendon.saved import state_object
 
 CORPUS = Path(__file__).parent / "corpus" / "settings"
-POINTS = places(half_circle(), np.linspace(0.0, 0.5, 20))
+POINTS = positions(half_circle(), np.linspace(0.0, 0.5, 20))
 DEEP = b"a = " + b"[" * 3000
 
 
-def told(read: Callable[[], Any], name: str) -> Any:
+def reported(read: Callable[[], Any], name: str) -> Any:
     """What was read; None where an error of one line names the file."""
     try:
         return read()
@@ -89,7 +89,7 @@ def test_a_damaged_file_is_read_or_refused(campaign, name):
     @example(where=(0.5, 0.999999, b""))
     def holds(where):
         path.write_bytes(damaged(raw, where))
-        told(lambda: READ[name](path), campaign.name)
+        reported(lambda: READ[name](path), campaign.name)
 
     holds()
 
@@ -106,7 +106,7 @@ def test_any_bytes_are_read_or_refused(campaign, name):
     @example(raw=b'time_s,tension_in_N\n"0,1\n')
     def holds(raw):
         (campaign / name).write_bytes(raw)
-        told(lambda: READ[name](campaign / name), campaign.name)
+        reported(lambda: READ[name](campaign / name), campaign.name)
 
     holds()
 
@@ -114,9 +114,9 @@ def test_any_bytes_are_read_or_refused(campaign, name):
 @st.composite
 def changed(draw: st.DrawFn, saved: Any) -> Any:
     """Change, shorten or take out some part of an object."""
-    odd = st.sampled_from([None, 0, -1, 1e300, -1e300, 10**30, "x", [], {}, True, [[1.0]], [1.0, 2.0]])
+    unusual = st.sampled_from([None, 0, -1, 1e300, -1e300, 10**30, "x", [], {}, True, [[1.0]], [1.0, 2.0]])
     if draw(st.integers(0, 3)) == 0 or not isinstance(saved, dict | list) or not saved:
-        return draw(odd)
+        return draw(unusual)
     if isinstance(saved, dict):
         key = draw(st.sampled_from(sorted(saved)))
         if draw(st.integers(0, 4)) == 0:
@@ -140,7 +140,7 @@ def test_a_damaged_state_serves_or_is_refused(tmp_path, kind, today):
     @example(one=saved)
     def holds(one):
         path.write_text(json.dumps(one))
-        state = told(lambda: read_state(path), "state.json")
+        state = reported(lambda: read_state(path), "state.json")
         if state is None:
             assert json.dumps(one) != json.dumps(saved)
             return
@@ -158,7 +158,7 @@ def test_a_damaged_state_serves_or_is_refused(tmp_path, kind, today):
 @example(raw=b"a b c d e f g h i j k")
 def test_any_token_file_is_taken_or_refused(tmp_path, raw):
     (tmp_path / "token").write_bytes(raw)
-    told(lambda: access(allow_remote=True, token_file=tmp_path / "token"), "token")
+    reported(lambda: access(allow_remote=True, token_file=tmp_path / "token"), "token")
 
 
 @pytest.mark.parametrize("scale", [1e-12, 1e-6, 1.0, 1e6, 1e300])
@@ -167,11 +167,11 @@ def test_a_mesh_of_any_size_gives_a_clearance_or_is_refused(campaign, scale):
     corners = [[scale * float(x) for x in line.split()[1:]] for line in lines if line.startswith("v ")]
     rest = [line for line in lines if line.startswith("f ")]
     (campaign / "big.obj").write_text("\n".join([*("v {} {} {}".format(*one) for one in corners), *rest]))
-    told(lambda: clearance_in(campaign / "big.obj"), "big.obj")
+    reported(lambda: clearance_in(campaign / "big.obj"), "big.obj")
 
 
 def clearance_in(path: Path) -> None:
     (result,) = process([Frame(POINTS)], read_rig(CORPUS / "rig_of_the_paper.toml"), tension_in=5.0)
     assert isinstance(result, FrameResult)
-    found = clearance(result.route, wall_of(read_lumen(path, "m")), 1e-3)
-    assert found.least is None or np.isfinite(found.least)
+    outcome = clearance(result.route, wall_of(read_lumen(path, "m")), 1e-3)
+    assert outcome.least is None or np.isfinite(outcome.least)

@@ -103,10 +103,10 @@ def test_null_is_a_point_that_was_not_seen(tmp_path):
 )
 def test_a_bad_line_rejects_its_frame_only(tmp_path, text, says):
     recording = opened(tmp_path, line(0), text, line(2))
-    found = reasons(recording)
-    assert list(found) == [1]
-    assert says in found[1]
-    assert "\n" not in found[1]
+    outcome = reasons(recording)
+    assert list(outcome) == [1]
+    assert says in outcome[1]
+    assert "\n" not in outcome[1]
     assert [item.time for item in recording.frames if isinstance(item, Frame)] == [0.0, 2.0]
 
 

@@ -74,9 +74,9 @@ def same_both_ways(path: Path, request: pytest.FixtureRequest) -> list[tuple]:
 
 
 def test_a_clean_csv_gives_the_same_frames_in_blocks(tmp_path, request):
-    found = same_both_ways(csv_of(columns(np.random.default_rng(1)), tmp_path / "a.csv"), request)
-    assert len(found) == FRAMES
-    assert found[7][1] == 0.7
+    outcome = same_both_ways(csv_of(columns(np.random.default_rng(1)), tmp_path / "a.csv"), request)
+    assert len(outcome) == FRAMES
+    assert outcome[7][1] == 0.7
 
 
 def test_a_parquet_file_gives_the_same_frames_in_blocks(tmp_path, request):
@@ -97,17 +97,17 @@ def test_points_in_any_order_within_their_frame_give_the_same_frames_in_blocks(t
 def test_faults_are_told_with_their_lines_in_blocks(tmp_path, request):
     table = columns(np.random.default_rng(4))
     path = csv_of(table, tmp_path / "a.csv", {30: "", 100: "0.8,2,3", 200: "oops,1,2,3,4,5"})
-    found = same_both_ways(path, request)
-    assert "line 102: 3 columns" in found[8][1]
-    assert any("line 202" in str(each[1]) for each in found)
+    outcome = same_both_ways(path, request)
+    assert "line 102: 3 columns" in outcome[8][1]
+    assert any("line 202" in str(each[1]) for each in outcome)
 
 
 def test_frames_whose_time_goes_back_are_rejected_in_blocks(tmp_path, request):
     table = columns(np.random.default_rng(5))
     table["time_s"][20 * POINTS : 21 * POINTS] = 0.5
     del table["point"]
-    found = same_both_ways(csv_of(table, tmp_path / "a.csv"), request)
-    assert "put the frames in order" in found[20][1]
+    outcome = same_both_ways(csv_of(table, tmp_path / "a.csv"), request)
+    assert "put the frames in order" in outcome[20][1]
 
 
 def test_a_large_table_of_numbered_points_has_to_be_in_order(tmp_path, small_blocks):

@@ -19,19 +19,23 @@ def frames(recording: Recording) -> list[Frame]:
 
 def test_tools_side_by_side_are_the_points_of_a_frame_in_mm_and_seconds():
     recording = open_recording(TOOLBOX)
-    found = frames(recording)
+    outcome = frames(recording)
     assert (recording.unit, recording.kind, recording.timed, recording.frame_count) == ("mm", "ndi", True, 3)
     assert recording.warnings == ()
     a = 0.25 * np.arange(5)
     arc = np.column_stack([100 * np.sin(a), 100 * (1 - np.cos(a)), np.full(5, -1500.0)]) / 1000
-    np.testing.assert_allclose(found[0].points, arc, atol=5.1e-7)  # the file has three digits of a millimetre
-    np.testing.assert_allclose(np.diff([frame.time for frame in found]), 0.05, atol=1e-6)  # times since 1970
+    np.testing.assert_allclose(
+        outcome[0].points, arc, atol=5.1e-7
+    )  # the file has three digits of a millimetre
+    np.testing.assert_allclose(
+        np.diff([frame.time for frame in outcome]), 0.05, atol=1e-6
+    )  # times since 1970
 
 
 def test_a_tool_that_was_not_tracked_is_a_gap():
-    found = frames(open_recording(TOOLBOX))
-    assert np.isnan(found[1].points[2]).all()
-    assert np.isnan(found[1].points).any(axis=1).sum() == 1
+    outcome = frames(open_recording(TOOLBOX))
+    assert np.isnan(outcome[1].points[2]).all()
+    assert np.isnan(outcome[1].points).any(axis=1).sum() == 1
 
 
 def test_the_third_axis_of_a_scalar_first_quaternion_is_the_direction():
@@ -56,13 +60,13 @@ def test_coils_that_look_to_the_proximal_end_are_turned_round(tmp_path):
 
 def test_one_block_in_the_header_serves_several_tools_with_different_markers_in_a_row():
     recording = open_recording(CORPUS / "tools_capi.csv")
-    found = frames(recording)
+    outcome = frames(recording)
     k = np.arange(5.0)
     np.testing.assert_array_equal(
-        found[0].points, np.column_stack([20 * k, 0.5 * k**2, np.full(5, -100.0)]) / 1000
+        outcome[0].points, np.column_stack([20 * k, 0.5 * k**2, np.full(5, -100.0)]) / 1000
     )
-    assert np.isnan(found[1].points[1]).all()
-    assert [frame.time for frame in found] == [100.0, 101.0, 102.0]
+    assert np.isnan(outcome[1].points[1]).all()
+    assert [frame.time for frame in outcome] == [100.0, 101.0, 102.0]
     assert recording.warnings == ("no time column: the frame numbers are taken as time, one a second",)
 
 

@@ -30,13 +30,13 @@ def test_a_recording_comes_back_in_si(tmp_path):
         tension_in_N=[1.0, np.nan, 3.0],
         s=np.arange(6.0),
     )
-    found = frames(recording)
+    outcome = frames(recording)
     assert (recording.unit, recording.kind, recording.timed, recording.frame_count) == ("mm", "npz", True, 3)
-    np.testing.assert_array_equal([frame.points for frame in found], POINTS / 1000)
-    assert [frame.time for frame in found] == [0.0, 0.5, 1.0]
-    assert [frame.tension_in for frame in found] == [1.0, None, 3.0]
-    assert found[2].stations is not None
-    np.testing.assert_array_equal(found[2].stations, np.arange(6) / 1000)
+    np.testing.assert_array_equal([frame.points for frame in outcome], POINTS / 1000)
+    assert [frame.time for frame in outcome] == [0.0, 0.5, 1.0]
+    assert [frame.tension_in for frame in outcome] == [1.0, None, 3.0]
+    assert outcome[2].stations is not None
+    np.testing.assert_array_equal(outcome[2].stations, np.arange(6) / 1000)
 
 
 def test_one_shape_is_static(tmp_path):

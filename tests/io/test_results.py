@@ -71,8 +71,8 @@ def written(items: Items, folder: Path) -> tuple[pa.Table, pa.Table, RunningSumm
 
 def test_one_shape_is_told_with_the_promised_keys():
     (result,) = process([Frame(half_circle())], Rig(), tension_in=15.0)
-    told = shape_summary("half", result)
-    assert list(told) == [
+    reported = shape_summary("half", result)
+    assert list(reported) == [
         *(
             "shape",
             "points",
@@ -85,30 +85,32 @@ def test_one_shape_is_told_with_the_promised_keys():
         ),
         *("tension_in_N", "tension_out_N", "elongation_m", "elongation_se_m", "warnings"),
     ]
-    assert list(told["segments"][0]) == ["length_m", "kappa_per_m", "angle_rad", "s_start_m"]
-    assert json.loads(json.dumps(told, allow_nan=False)) == told
+    assert list(reported["segments"][0]) == ["length_m", "kappa_per_m", "angle_rad", "s_start_m"]
+    assert json.loads(json.dumps(reported, allow_nan=False)) == reported
 
 
 def test_segments_add_up_to_length_and_angle():
     (result,) = process([Frame(s_bend())], Rig(), tension_in=15.0)
-    told = shape_summary("s", result)
-    assert sum(piece["length_m"] for piece in told["segments"]) == pytest.approx(told["length_m"], abs=1e-12)
-    assert sum(piece["angle_rad"] for piece in told["segments"]) == pytest.approx(
-        told["total_angle_rad"], abs=1e-12
+    reported = shape_summary("s", result)
+    assert sum(piece["length_m"] for piece in reported["segments"]) == pytest.approx(
+        reported["length_m"], abs=1e-12
     )
-    starts = np.cumsum([0.0, *(piece["length_m"] for piece in told["segments"])])[:-1]
-    np.testing.assert_allclose([piece["s_start_m"] for piece in told["segments"]], starts, atol=1e-12)
+    assert sum(piece["angle_rad"] for piece in reported["segments"]) == pytest.approx(
+        reported["total_angle_rad"], abs=1e-12
+    )
+    starts = np.cumsum([0.0, *(piece["length_m"] for piece in reported["segments"])])[:-1]
+    np.testing.assert_allclose([piece["s_start_m"] for piece in reported["segments"]], starts, atol=1e-12)
 
 
 def test_a_recording_is_told_by_its_last_good_frame_and_by_ranges(analysis, items):
-    told = analysis_object(analysis)
-    assert (told["frames"], told["rejected"], told["time_s"]) == (4, 1, 1.5)
-    assert told["tension_in_N"] == pytest.approx(10)
-    assert told["range"]["tension_in_N"] == pytest.approx([5, 15])
+    reported = analysis_object(analysis)
+    assert (reported["frames"], reported["rejected"], reported["time_s"]) == (4, 1, 1.5)
+    assert reported["tension_in_N"] == pytest.approx(10)
+    assert reported["range"]["tension_in_N"] == pytest.approx([5, 15])
     good = [item for item in items if isinstance(item, FrameResult)]
-    assert told["range"]["elongation_m"][1] == max(result.transmission.elongation for result in good)
-    assert told["warnings"][0] == "a note"
-    assert told["warnings"][1].endswith("(1 of 3 frames)")
+    assert reported["range"]["elongation_m"][1] == max(result.transmission.elongation for result in good)
+    assert reported["warnings"][0] == "a note"
+    assert reported["warnings"][1].endswith("(1 of 3 frames)")
 
 
 def test_the_summary_tells_the_last_peak_of_tension(analysis):
@@ -188,10 +190,12 @@ def record(folder: Path, *files: str) -> RunRecord:
 
 def test_the_record_of_a_run_tells_settings_inputs_and_counts(tmp_path):
     write_run(Folder.of(str(tmp_path)), record(tmp_path, "summary.parquet"))
-    told = json.loads((tmp_path / "run.json").read_text())
-    assert told["settings"]["rig"]["friction"]["coefficient"] == 0.145
-    assert told["inputs"][0]["sha256"] == "2d711642b726b04401627ca9fbac32f5c8530fb1903cc4db02258717921a4881"
-    assert told["counts"] == {"inputs": 1, "inputs_rejected": 0, "frames": 3, "frames_rejected": 1}
+    reported = json.loads((tmp_path / "run.json").read_text())
+    assert reported["settings"]["rig"]["friction"]["coefficient"] == 0.145
+    assert (
+        reported["inputs"][0]["sha256"] == "2d711642b726b04401627ca9fbac32f5c8530fb1903cc4db02258717921a4881"
+    )
+    assert reported["counts"] == {"inputs": 1, "inputs_rejected": 0, "frames": 3, "frames_rejected": 1}
 
 
 def test_an_earlier_run_is_removed_and_nothing_else(tmp_path):

@@ -75,10 +75,10 @@ def test_a_bag_comes_back_bit_for_bit_with_the_stamps_of_its_messages(tmp_path, 
 
 @pytest.mark.parametrize("name", ["shape.mcap", "shape.db3"])
 def test_a_file_without_its_metadata_is_read_too_and_nan_is_a_gap(name):
-    found = frames(open_recording(CORPUS / name, "mm"))
-    assert [frame.time for frame in found] == [100.5, 101.5, 102.5]
-    np.testing.assert_allclose(found[0].points[:, 0], 0.01 * np.arange(6), atol=0)
-    assert np.isnan(found[1].points).all(axis=1).tolist() == [False, False, True, False, False, False]
+    outcome = frames(open_recording(CORPUS / name, "mm"))
+    assert [frame.time for frame in outcome] == [100.5, 101.5, 102.5]
+    np.testing.assert_allclose(outcome[0].points[:, 0], 0.01 * np.arange(6), atol=0)
+    assert np.isnan(outcome[1].points).all(axis=1).tolist() == [False, False, True, False, False, False]
 
 
 def test_the_unit_has_to_be_said(tmp_path):
@@ -103,9 +103,9 @@ def test_a_topic_named_for_a_folder_is_looked_for_in_each_bag(tmp_path):
     for name in ("one", "two"):
         (tmp_path / name).mkdir()
         recorded(tmp_path / name, {"/plan": PATH, "/shape": ARRAY})
-    found = find_inputs([f"{tmp_path}#/shape"])
-    assert [str(path.relative_to(tmp_path)) for path in found] == ["one/bag#/shape", "two/bag#/shape"]
-    assert all(open_recording(path, "m").frame_count == 3 for path in found)
+    outcome = find_inputs([f"{tmp_path}#/shape"])
+    assert [str(path.relative_to(tmp_path)) for path in outcome] == ["one/bag#/shape", "two/bag#/shape"]
+    assert all(open_recording(path, "m").frame_count == 3 for path in outcome)
 
 
 def test_a_search_takes_a_bag_as_one_recording(tmp_path):

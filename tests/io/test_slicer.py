@@ -68,30 +68,30 @@ def test_ras_and_lps_give_the_same_places(tmp_path):
     ],
 )
 def test_the_unit_is_the_file_s_as_text_or_as_code(tmp_path, units, per_metre):
-    found = points_of(open_recording(saved(tmp_path, curve(coordinateUnits=units))))
-    np.testing.assert_array_equal(found, np.arange(12.0).reshape(4, 3) / per_metre)
+    outcome = points_of(open_recording(saved(tmp_path, curve(coordinateUnits=units))))
+    np.testing.assert_array_equal(outcome, np.arange(12.0).reshape(4, 3) / per_metre)
 
 
 def test_without_a_unit_it_is_the_schema_s_millimetre(tmp_path):
-    bare = curve()
-    del bare["coordinateUnits"]
-    assert open_recording(saved(tmp_path, bare)).unit == "mm"
+    plain = curve()
+    del plain["coordinateUnits"]
+    assert open_recording(saved(tmp_path, plain)).unit == "mm"
     with pytest.raises(ShapeError, match="the file is in mm, --unit says m"):
-        open_recording(saved(tmp_path, bare), "m")
+        open_recording(saved(tmp_path, plain), "m")
 
 
 def test_a_previewed_point_is_not_placed_yet(tmp_path):
     points = [*curve()["controlPoints"], {"position": [1, 2, 3], "positionStatus": "preview"}, {"id": "6"}]
-    found = points_of(open_recording(saved(tmp_path, curve(controlPoints=points))))
-    assert np.isnan(found[4:]).all()
-    assert len(found) == 6
+    outcome = points_of(open_recording(saved(tmp_path, curve(controlPoints=points))))
+    assert np.isnan(outcome[4:]).all()
+    assert len(outcome) == 6
 
 
 def test_each_curve_of_a_file_is_a_shape_of_its_own_called_by_its_name_or_number(tmp_path):
     path = saved(
         tmp_path, curve(name="left"), curve(), curve(name="twin"), curve(name="twin"), {"type": "ROI"}
     )
-    assert [found.name for found in find_inputs([path])] == [
+    assert [outcome.name for outcome in find_inputs([path])] == [
         "scene.mrk.json#left",
         "scene.mrk.json#2",
         "scene.mrk.json#3",
@@ -146,8 +146,8 @@ def test_a_point_list_of_slicer_4_is_read_in_mm():
 
 
 def test_slicer_5_adds_a_status_behind_a_carriage_return_and_writes_ras():
-    found = points_of(open_recording(CORPUS / "points_slicer5.fcsv"))
-    np.testing.assert_array_equal(found, np.array(LPS[:5]) / 1000)
+    outcome = points_of(open_recording(CORPUS / "points_slicer5.fcsv"))
+    np.testing.assert_array_equal(outcome, np.array(LPS[:5]) / 1000)
 
 
 @pytest.mark.parametrize(("system", "sign"), [("0", -1), ("RAS", -1), ("1", 1), ("LPS", 1)])

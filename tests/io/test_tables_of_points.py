@@ -184,9 +184,9 @@ RECORDING = ["0,0,1,0,0", "0,1,2,0,0", "1,0,1,0,0", "1,1,2,0,0", "2,0,1,0,0", "2
 def test_a_bad_row_of_a_recording_rejects_its_frame_only(tmp_path, row, text, says):
     rows = [*RECORDING[:row], text, *RECORDING[row + 1 :]]
     recording = opened(tmp_path, "time_s,point,x_mm,y_mm,z_mm\n" + "\n".join(rows))
-    found = reasons(recording)
-    assert says in found[1]
-    assert list(found) == [1]
+    outcome = reasons(recording)
+    assert says in outcome[1]
+    assert list(outcome) == [1]
     assert [item.time for item in recording.frames if isinstance(item, Frame)] == [0.0, 2.0]
 
 

@@ -24,13 +24,13 @@ def points_of(recording: Recording) -> np.ndarray:
 
 
 def poly_data(points: np.ndarray, *lines: list[int], unit: str | None = None) -> vtkPolyData:
-    data, places, cells = vtkPolyData(), vtkPoints(), vtkCellArray()
-    places.SetDataTypeToDouble()
+    data, positions, cells = vtkPolyData(), vtkPoints(), vtkCellArray()
+    positions.SetDataTypeToDouble()
     for point in points.tolist():
-        places.InsertNextPoint(point)
+        positions.InsertNextPoint(point)
     for line in lines:
         cells.InsertNextCell(len(line), line)
-    data.SetPoints(places)
+    data.SetPoints(positions)
     data.SetLines(cells)
     if unit is not None:
         said = vtkStringArray()
@@ -69,9 +69,9 @@ def test_the_unit_is_that_of_a_field_array_or_has_to_be_said(tmp_path):
 @pytest.mark.parametrize("kind", ["ascii", "binary", "appended"])
 def test_each_way_of_writing_gives_the_same_lines(kind):
     path = CORPUS / f"lines_{kind}.vtp"
-    found = find_inputs([path])
-    assert [each.name for each in found] == [f"lines_{kind}.vtp#1", f"lines_{kind}.vtp#2"]
-    first, second = (points_of(open_recording(each, "mm")) for each in found)
+    outcome = find_inputs([path])
+    assert [each.name for each in outcome] == [f"lines_{kind}.vtp#1", f"lines_{kind}.vtp#2"]
+    first, second = (points_of(open_recording(each, "mm")) for each in outcome)
     a = np.linspace(0, 1.5, 6)
     np.testing.assert_allclose(first, 0.05 * np.column_stack([np.sin(a), 1 - np.cos(a), 0 * a]), atol=1e-8)
     assert len(second) == 5
@@ -80,8 +80,8 @@ def test_each_way_of_writing_gives_the_same_lines(kind):
 def test_the_lines_of_a_vessel_tree_are_two_shapes():
     if not AORTA.is_dir():
         pytest.skip("needs the VMTK aorta lines")
-    found = find_inputs([AORTA / "aorta-centerline.vtp"])
-    assert [len(points_of(open_recording(each, "mm"))) for each in found] == [211, 198]
+    outcome = find_inputs([AORTA / "aorta-centerline.vtp"])
+    assert [len(points_of(open_recording(each, "mm"))) for each in outcome] == [211, 198]
 
 
 @pytest.mark.parametrize(

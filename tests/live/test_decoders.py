@@ -120,13 +120,13 @@ def test_of_a_line_without_end_no_more_is_kept_than_a_line_may_have():
 @QUICK
 @given(st.lists(damaged(LINES), min_size=1, max_size=40))
 def test_every_frame_is_answered_rejected_or_counted(texts):
-    mailbox, clock, told = Mailbox(), Clock(), 0
+    mailbox, clock, reported = Mailbox(), Clock(), 0
     for text in texts:
         mailbox.post(clock, lambda text=text: frame_or_refusal(text, None))
     while len(mailbox):
         arrival = mailbox.newest()
-        told += len(arrival.rejected) + (arrival.frame is not None)
-    assert told + mailbox.dropped == mailbox.arrived == len(texts)
+        reported += len(arrival.rejected) + (arrival.frame is not None)
+    assert reported + mailbox.dropped == mailbox.arrived == len(texts)
 
 
 @QUICK

@@ -15,7 +15,7 @@ from tests.live.peers import half_circle
 from tssgeom.io.network.igtl import HEADER, Message, header_of, message_of
 from tssgeom.io.network.igtl_peers import Rounds
 
-PLACES = half_circle(30)
+POSITIONS = half_circle(30)
 WHEN = 7000.0
 """Time of a frame, which no other source tells: answers to all of them are read."""
 
@@ -28,37 +28,37 @@ def peer(shared: Shared, reader: Reader) -> Iterator[socket.socket]:
         yield sock
 
 
-def told(reader: Reader, time: float) -> dict:
+def reported(reader: Reader, time: float) -> dict:
     """Return the answer to the frame of a time."""
     return reader.until("t", time)[-1]
 
 
-def transform(name: str, place: np.ndarray, time: float) -> bytes:
+def transform(name: str, position: np.ndarray, time: float) -> bytes:
     matrix = np.eye(4)
-    matrix[:3, 3] = place
+    matrix[:3, 3] = position
     return pyigtl.TransformMessage(matrix, timestamp=time, device_name=name).pack()
 
 
-def own_position(name: str, place: np.ndarray, time: float) -> bytes:
+def own_position(name: str, position: np.ndarray, time: float) -> bytes:
     """The protocol's own POSITION: a place and a quaternion."""
     message = pyigtl.StringMessage("", timestamp=time, device_name=name)
     message._message_type = "POSITION"
-    message._pack_content = lambda: np.array([*place, 0, 0, 0, 1], ">f4").tobytes()
+    message._pack_content = lambda: np.array([*position, 0, 0, 0, 1], ">f4").tobytes()
     return message.pack()
 
 
 @pytest.mark.parametrize(
     "message",
     [
-        pyigtl.PointMessage(PLACES, timestamp=WHEN, device_name="route"),
-        pyigtl.PolyDataMessage(points=PLACES.astype(np.float32), timestamp=WHEN, device_name="route"),
-        pyigtl.PositionMessage(PLACES, np.zeros((30, 4)), timestamp=WHEN, device_name="route"),
+        pyigtl.PointMessage(POSITIONS, timestamp=WHEN, device_name="route"),
+        pyigtl.PolyDataMessage(points=POSITIONS.astype(np.float32), timestamp=WHEN, device_name="route"),
+        pyigtl.PositionMessage(POSITIONS, np.zeros((30, 4)), timestamp=WHEN, device_name="route"),
     ],
     ids=["POINT", "POLYDATA", "POSITION"],
 )
 def test_a_message_with_a_whole_route_is_a_frame(peer, reader, message):
     peer.sendall(message.pack())
-    assert told(reader, WHEN)["length_m"] == pytest.approx(0.5, rel=1e-5)  # single precision
+    assert reported(reader, WHEN)["length_m"] == pytest.approx(0.5, rel=1e-5)  # single precision
 
 
 @pytest.mark.parametrize("one", [transform, own_position], ids=["TRANSFORM", "POSITION"])
@@ -66,9 +66,11 @@ def test_sensors_that_tell_one_place_each_make_frames_in_the_order_of_their_name
     for time in (20.0, 21.0, 22.0):
         order = np.random.default_rng(int(time)).permutation(12)
         for i in order:
-            peer.sendall(one(f"Sensor{i + 1}", PLACES[2 * i], time))
-    found = told(reader, 22.0)
-    assert found["total_angle_rad"] == pytest.approx(np.pi * 22 / 29, rel=1e-3)  # of the part that is sensed
+            peer.sendall(one(f"Sensor{i + 1}", POSITIONS[2 * i], time))
+    outcome = reported(reader, 22.0)
+    assert outcome["total_angle_rad"] == pytest.approx(
+        np.pi * 22 / 29, rel=1e-3
+    )  # of the part that is sensed
 
 
 def test_named_sensors_make_a_frame_in_the_order_named_and_one_that_is_silent_is_a_gap():
@@ -83,47 +85,47 @@ def test_named_sensors_make_a_frame_in_the_order_named_and_one_that_is_silent_is
     assert sensed("tip", 3.0) is None
     assert sensed("elsewhere", 9.0) is None
     assert sensed("base", 1.0) is None
-    _, places = sensed("middle", 2.0)
-    np.testing.assert_allclose(1e3 * places[:, 0], (1.0, 2.0, 3.0), rtol=1e-6)  # single precision
+    _, positions = sensed("middle", 2.0)
+    np.testing.assert_allclose(1e3 * positions[:, 0], (1.0, 2.0, 3.0), rtol=1e-6)  # single precision
     assert sensed("base", 1.0) is None
     assert sensed("tip", 3.0) is None
-    _, places = sensed("base", 1.5)
-    np.testing.assert_allclose(1e3 * places[:, 0], (1.0, np.nan, 3.0), rtol=1e-6)
+    _, positions = sensed("base", 1.5)
+    np.testing.assert_allclose(1e3 * positions[:, 0], (1.0, np.nan, 3.0), rtol=1e-6)
 
 
 def test_numbers_in_the_metadata_drive_the_tendon(peer, reader):
-    message = pyigtl.PointMessage(PLACES, timestamp=30.0, device_name="route")
+    message = pyigtl.PointMessage(POSITIONS, timestamp=30.0, device_name="route")
     message.header_version = 2
     message.metadata = {"tension_in_N": "7.5", "noise_m": "0.0004", "id": "with metadata"}
     peer.sendall(message.pack())
-    found = told(reader, 30.0)
-    assert found["tension_in_N"] == pytest.approx(7.5)
-    assert found["id"] == "with metadata"
+    outcome = reported(reader, 30.0)
+    assert outcome["tension_in_N"] == pytest.approx(7.5)
+    assert outcome["id"] == "with metadata"
 
 
 def test_damaged_messages_are_rejected_and_the_next_good_one_is_answered(peer, reader):
-    good = pyigtl.PointMessage(PLACES, timestamp=40.0, device_name="route").pack()
+    good = pyigtl.PointMessage(POSITIONS, timestamp=40.0, device_name="route").pack()
     peer.sendall(good[:-1] + bytes([good[-1] ^ 1]))
     assert "checksum" in reader.answer()["rejected"]
     peer.sendall(good)
-    assert "segments" in told(reader, 40.0)
+    assert "segments" in reported(reader, 40.0)
 
 
 def test_after_a_wrong_length_the_server_is_called_anew(shared, peer, reader):
-    good = pyigtl.PointMessage(PLACES, timestamp=50.0, device_name="route").pack()
+    good = pyigtl.PointMessage(POSITIONS, timestamp=50.0, device_name="route").pack()
     peer.sendall(good[:42] + (len(good) - 58 - 9).to_bytes(8, "big") + good[50:] + good)
     assert "rejected" in reader.answer()
     again, _ = shared.server.accept()
     with again:
         again.sendall(good)
-        assert "segments" in told(reader, 50.0)
+        assert "segments" in reported(reader, 50.0)
 
 
 def test_messages_of_other_kinds_are_passed_over(peer, reader):
     peer.sendall(pyigtl.StringMessage("hello", timestamp=1.0, device_name="chat").pack())
     peer.sendall(pyigtl.ImageMessage(np.zeros((2, 2, 2), np.uint8), timestamp=1.0, device_name="us").pack())
-    peer.sendall(pyigtl.PointMessage(PLACES, timestamp=60.0, device_name="route").pack())
-    assert told(reader, 60.0)["seq"] > 0
+    peer.sendall(pyigtl.PointMessage(POSITIONS, timestamp=60.0, device_name="route").pack())
+    assert reported(reader, 60.0)["seq"] > 0
 
 
 def test_clients_of_the_server_get_each_answer_as_text_and_each_route_as_lines(shared, peer, reader):
@@ -133,8 +135,8 @@ def test_clients_of_the_server_get_each_answer_as_text_and_each_route_as_lines(s
         client.settimeout(1.0)
         while len(kinds) < 2:
             time += 1.0
-            peer.sendall(pyigtl.PointMessage(PLACES, timestamp=time, device_name="route").pack())
-            told(reader, time)
+            peer.sendall(pyigtl.PointMessage(POSITIONS, timestamp=time, device_name="route").pack())
+            reported(reader, time)
             try:
                 while len(kinds) < 2:
                     kind, content = received(client)
@@ -147,7 +149,7 @@ def test_clients_of_the_server_get_each_answer_as_text_and_each_route_as_lines(s
     count = int.from_bytes(kinds["POLYDATA"][:4], "big")
     first = np.frombuffer(kinds["POLYDATA"], ">f4", 3, 40)
     assert count > 2
-    assert first == pytest.approx(PLACES[0], abs=1.0)  # mm; the fit smooths
+    assert first == pytest.approx(POSITIONS[0], abs=1.0)  # mm; the fit smooths
 
 
 def received(client: socket.socket) -> tuple[str, bytes]:

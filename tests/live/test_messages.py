@@ -12,19 +12,19 @@ def test_a_picture_arrives_as_it_was_sent():
     frame = Frame(1e-3 * half_circle(), 1.0, tension_in=5.0)
     result = next(process([frame], Rig(), tension_in=5.0))
     assert isinstance(result, FrameResult)
-    ((kind, found),) = unpacked(bytearray(packed("picture", result.strip())))
+    ((kind, outcome),) = unpacked(bytearray(packed("picture", result.strip())))
     assert kind == "picture"
-    np.testing.assert_array_equal(found.route.position, result.route.position)
-    np.testing.assert_array_equal(found.arcs.covariance, result.arcs.covariance)
-    assert found.transmission == result.transmission
-    assert not found.arcs.angle.flags.writeable
+    np.testing.assert_array_equal(outcome.route.position, result.route.position)
+    np.testing.assert_array_equal(outcome.arcs.covariance, result.arcs.covariance)
+    assert outcome.transmission == result.transmission
+    assert not outcome.arcs.angle.flags.writeable
 
 
 def test_arrays_keep_their_type_and_shape():
     turned = np.arange(6, dtype=np.int8).reshape(2, 3).T
     sent = [turned, np.zeros((0, 3)), np.array([True, False]), np.array(2.5)]
-    ((_, found),) = unpacked(bytearray(packed("numbers", sent)))
-    for before, after in zip(sent, found, strict=True):
+    ((_, outcome),) = unpacked(bytearray(packed("numbers", sent)))
+    for before, after in zip(sent, outcome, strict=True):
         np.testing.assert_array_equal(after, before)
         assert after.dtype == before.dtype
 

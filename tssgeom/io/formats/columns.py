@@ -156,9 +156,9 @@ def _one_unit(path: Path, names: Sequence[str], given: str | None) -> str:
             f"{path}: mixed units in columns {', '.join(names)}: write all of them in mm or all in m"
         )
     if stated and None in units and given is None:
-        bare = next(name for name in names if _split(name)[1] is None)
+        unitless = next(name for name in names if _split(name)[1] is None)
         raise ShapeError(
-            f"{path}: column {bare!r} has no unit: name it {bare}_{stated.pop()}, or give --unit mm|m"
+            f"{path}: column {unitless!r} has no unit: name it {unitless}_{stated.pop()}, or give --unit mm|m"
         )
     return agreed_unit(
         path,

@@ -67,7 +67,7 @@ class PoseFrames(Frames):
             )
 
     def _frame(self, message: Any, received: int) -> Frame:
-        positions = [pose.position for pose in map(_bare, message.poses)]
+        positions = [pose.position for pose in map(_pose_of, message.poses)]
         points = np.array([(p.x, p.y, p.z) for p in positions], dtype=np.float64).reshape(-1, 3)
         points[np.isnan(points).any(axis=1)] = np.nan
         time = _stamp(message) if self.stamped else received / _PER_SECOND
@@ -129,7 +129,7 @@ def _text(error: Exception) -> str:
     return " ".join(str(error).split()) or type(error).__name__
 
 
-def _bare(pose: Any) -> Any:
+def _pose_of(pose: Any) -> Any:
     """Return the pose of a `PoseStamped`, or the pose itself."""
     return getattr(pose, "pose", pose)
 

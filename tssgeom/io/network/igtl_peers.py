@@ -51,7 +51,7 @@ class Backoff:
     first_s: float = 0.1
     """First pause [s]; chosen."""
     longest_s: float = 5.0
-    """Longest pause [s]; chosen: a restarted server is found soon."""
+    """Longest pause [s]; chosen: a restarted server is reached soon."""
 
 
 BACKOFF = Backoff()

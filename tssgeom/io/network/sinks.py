@@ -17,12 +17,12 @@ _SLOW = f"it has not read {BACKLOG} bytes of results (1 MiB) that wait for it"
 
 
 class Sink:
-    """Answers to one address; without any of its methods overridden, they are discarded."""
+    """Answers to one address; the default methods discard them."""
 
-    text: str = "none"
+    text: str
     """Its address, as the user reads it."""
     unsent: int = 0
-    """Lines that found no room."""
+    """Lines without room."""
 
     def publish(self, line: bytes, result: FrameResult | None) -> None:
         """Send one line; `result` is the result that it holds, if it answers a good frame."""
@@ -42,6 +42,12 @@ class Sink:
 
     def close(self) -> None:
         """Close sockets."""
+
+
+class Nowhere(Sink):
+    """Answers that are discarded."""
+
+    text = "none"
 
 
 class StandardOutput(Sink):

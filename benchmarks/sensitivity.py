@@ -1,0 +1,342 @@
+"""What the tuned constants move when they are halved and doubled.
+
+    python -m benchmarks.sensitivity [NAME…] [--only route|tendon|identify] [--list] [--quick] [--fresh]
+
+A tuned constant is a field of a frozen dataclass or NamedTuple whose one instance is a module constant, such
+as `LIMITS = OutlierLimits()`. Each is changed in a copy of the code, at its default in the source, and the
+development cases run there in a process of their own. Kernels that use it are compiled again, which takes one
+to two minutes. Rows that are done are kept in `results/sensitivity.json`, so a run that was stopped goes on;
+where the code has changed, it starts again. `--list` prints the constants with unit and origin; `--quick`
+changes one constant, in few cases.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import hashlib
+import json
+import math
+import os
+import re
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from benchmarks.sensitivity_cases import CASES, CLOCK, Numbers
+from benchmarks.tables import ABSENT, machine, number, table
+
+ROOT = Path(__file__).parents[1]
+ORIGINS = ("derived", "cited", "fitted", "chosen", "measured")
+FACTORS = (0.5, 2.0)
+_COPIED = ("tssgeom", "pipelines", "benchmarks", "tests", "sample_shapes", "pyproject.toml", "CITATION.cff")
+_ROWS = ROOT / "results" / "sensitivity.json"
+_SAME = 1e-6  # relative change that counts as none: two compilations may round a sum in two ways
+_SMALL = 0.01  # relative change below which a number is not named
+_SLOWER = 1.5  # processor times differ by less from run to run
+_NAMED = 3  # numbers that a row names, those that move most first
+_CALL = "import sys; from benchmarks.sensitivity_cases import print_numbers as call; "
+_CALL += "call(sys.argv[2:], quick=sys.argv[1] == 'True')"
+
+
+@dataclass(frozen=True, slots=True)
+class Constant:
+    """One tuned number in the source."""
+
+    file: str
+    """Path below the root of the code."""
+    container: str
+    field: str
+    source: str
+    """Its default as it is written."""
+    line: int
+    column: int
+    end_line: int
+    end_column: int
+    """Position of the default, columns in bytes of UTF-8, as `ast` counts."""
+    text: str
+    """Its documentation."""
+    class_text: str
+
+    @property
+    def name(self) -> str:
+        """Module, container and field."""
+        return f"{self.file.removesuffix('.py').replace('/', '.')}.{self.container}.{self.field}"
+
+    @property
+    def unit(self) -> str:
+        """Unit in brackets, as the documentation has it."""
+        match = re.search(r"\[([^\]]+)\]", self.text)
+        return match[1] if match else ABSENT
+
+    @property
+    def origin(self) -> str:
+        """The word of the field's documentation, or else of the container's; a dash where there is none."""
+        for text in (self.text, self.class_text):
+            for word in ORIGINS:
+                if re.search(rf"\b{word}\b", text, re.IGNORECASE):
+                    return word
+        return ABSENT
+
+    @property
+    def area(self) -> str | None:
+        """The cases that may show it; None where there are none."""
+        folder = self.file.split("/")[1] if "/" in self.file else ""
+        folder = {"statistics.py": "route", "stream.py": "route", "effects": "tendon"}.get(folder, folder)
+        return folder if folder in CASES else None
+
+    def scaled(self, factor: float) -> str | None:
+        """Return the default times a factor as source; None where it is no number or would stay as it is."""
+        try:
+            value = eval(self.source, {"__builtins__": {"tuple": tuple, "range": range}, "math": math})
+        except NameError:
+            return None
+        new = _scaled(value, factor)
+        return None if new is None or new == value else repr(new)
+
+
+def _scaled(value: object, factor: float) -> object:
+    match value:
+        case bool() | str():
+            return None
+        case int():
+            return max(int(value * factor), min(value, 1))
+        case float():
+            return value * factor
+        case tuple():
+            parts = [_scaled(part, factor) for part in value]
+            return None if None in parts else tuple(parts)
+    return None
+
+
+def constants(root: Path) -> list[Constant]:
+    """Return every tuned constant below `tssgeom`, module by module."""
+    paths = sorted((root / "tssgeom").rglob("*.py"))
+    return [each for path in paths for each in _of_module(path, str(path.relative_to(root)))]
+
+
+def _of_module(path: Path, file: str) -> Iterator[Constant]:
+    code = path.read_text(encoding="utf-8")
+    body = ast.parse(code).body
+    made = re.findall(r"^_?[A-Z][A-Z0-9_]*(?:: [^=\n]+)? = (\w+)\(\)", code, re.MULTILINE)
+    for node in body:
+        if isinstance(node, ast.ClassDef) and node.name in made and _is_frozen(node):
+            yield from _of_class(node, file, code)
+
+
+def _is_frozen(node: ast.ClassDef) -> bool:
+    decorators = [ast.unparse(one) for one in node.decorator_list]
+    frozen = any(one.startswith("dataclass(") and "frozen=True" in one for one in decorators)
+    return frozen or "NamedTuple" in [ast.unparse(base) for base in node.bases]
+
+
+def _of_class(node: ast.ClassDef, file: str, code: str) -> Iterator[Constant]:
+    for i, one in enumerate(node.body):
+        if isinstance(one, ast.AnnAssign) and isinstance(one.target, ast.Name) and one.value is not None:
+            after = node.body[i + 1] if i + 1 < len(node.body) else None
+            text = ""
+            if isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant):
+                text = str(after.value.value)
+            value = one.value
+            position = (value.lineno, value.col_offset, value.end_lineno or 0, value.end_col_offset or 0)
+            source = ast.get_source_segment(code, value) or ""
+            yield Constant(
+                file, node.name, one.target.id, source, *position, text, ast.get_docstring(node) or ""
+            )
+
+
+def edit(root: Path, constant: Constant, new: str) -> None:
+    """Write another default into the source of a constant."""
+    path = root / constant.file
+    lines = path.read_bytes().splitlines(keepends=True)
+    first, last = constant.line - 1, constant.end_line - 1
+    head, tail = lines[first][: constant.column], lines[last][constant.end_column :]
+    lines[first : last + 1] = [head + new.encode() + tail]
+    path.write_bytes(b"".join(lines))
+
+
+def dependants(root: Path, file: str) -> set[str]:
+    """Return the files of `tssgeom` that import a file, directly or through others, itself included.
+
+    Kernels hold the constants and the kernels that they call as they were when they were compiled.
+    """
+    paths = (root / "tssgeom").rglob("*.py")
+    imports = {str(path.relative_to(root)): _imported(root, path) for path in paths}
+    reached, waiting = {file}, [file]
+    while waiting:
+        module = waiting.pop()
+        new = {each for each, used in imports.items() if module in used} - reached
+        reached |= new
+        waiting += new
+    return reached
+
+
+def _imported(root: Path, path: Path) -> set[str]:
+    files = set[str]()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("tssgeom"):
+            base = (node.module or "").replace(".", "/")
+            names = [base, *(f"{base}/{alias.name}" for alias in node.names)]
+            files |= {f"{name}.py" for name in names if (root / f"{name}.py").exists()}
+    return files
+
+
+def _forget_kernels(root: Path, file: str) -> int:
+    """Delete the compiled kernels that may hold a constant of a file; return from how many files."""
+    count = 0
+    for each in dependants(root, file):
+        path = root / each
+        compiled = list((path.parent / "__pycache__").glob(f"{path.stem}.*.nb[ic]"))
+        count += bool(compiled)
+        for one in compiled:
+            one.unlink()
+    return count
+
+
+def measured(root: Path, area: str, *, quick: bool) -> Numbers:
+    """Run the cases of an area in a copy of the code; raises RuntimeError where they fail."""
+    call = [sys.executable, "-c", _CALL, str(quick), area]
+    environment = {**os.environ, "PYTHONPATH": str(root)}
+    done = subprocess.run(call, cwd=root, env=environment, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise RuntimeError((done.stderr.strip() or "no reason").splitlines()[-1])
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def changes(before: Numbers, after: Numbers) -> str:
+    """Say which numbers moved, those that moved most first."""
+    sizes = dict[str, float]()
+    for name, old in before.items():
+        new = after.get(name, math.nan)
+        ratio = abs(new - old) / max(abs(old), 1e-12)
+        if not name.endswith(CLOCK) or max(new, old) > _SLOWER * min(new, old):
+            sizes[name] = ratio
+    moved = [name for name in sizes if not sizes[name] <= _SAME]
+    large = sorted((name for name in moved if not sizes[name] <= _SMALL), key=lambda name: -sizes[name])
+    if not moved or not large:
+        return f"below {_SMALL:.0%}" if moved else "NOTHING"
+    named = [f"{name} {number(before[name])} → {number(after.get(name, math.nan))}" for name in large]
+    return "; ".join([*named[:_NAMED], *([f"{len(large) - _NAMED} more"] if len(large) > _NAMED else [])])
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the benchmark and return the exit code."""
+    options = _options(arguments)
+    chosen = [
+        each
+        for each in constants(ROOT)
+        if (not options.only or each.area == options.only)
+        and (not options.names or any(word in each.name for word in options.names))
+    ]
+    if options.list:
+        print(listing(chosen, markdown=options.markdown))
+        return 0
+    print(machine())
+    usable = [each for each in chosen if each.area]
+    if options.quick:
+        usable.sort(key=lambda each: (each.area == "identify", len(dependants(ROOT, each.file))))
+        usable = usable[:1]
+    rows = _Rows(_ROWS if not options.quick else None, fresh=options.fresh)
+    with TemporaryDirectory(prefix="sensitivity-") as room:
+        _run(usable, rows, Path(room), quick=options.quick)
+    print(_table(usable, rows.done, markdown=options.markdown))
+    if others := len(chosen) - len(usable):
+        print(f"\n{others} constants have no development cases: no row")
+    return 0
+
+
+def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
+    summary = (__doc__ or "").split("\n")[0]
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.sensitivity", description=summary)
+    parser.add_argument("names", nargs="*", metavar="NAME", help="only constants with this in their name")
+    parser.add_argument("--only", choices=list(CASES), help="only constants of one area")
+    parser.add_argument("--list", action="store_true", help="print the constants with unit and origin")
+    parser.add_argument("--quick", action="store_true", help="one constant in few cases; keeps no rows")
+    parser.add_argument("--fresh", action="store_true", help="forget the rows that are done")
+    parser.add_argument("--markdown", action="store_true", help="tables to paste into documents")
+    return parser.parse_args(arguments)
+
+
+class _Rows:
+    """Numbers by constant and factor, kept in a file as long as the code stays the same."""
+
+    def __init__(self, path: Path | None, *, fresh: bool) -> None:
+        digest = hashlib.sha256()
+        for each in sorted((ROOT / "tssgeom").rglob("*.py")):
+            digest.update(each.read_bytes())
+        self.path, self.code = path, digest.hexdigest()
+        kept = json.loads(path.read_text("utf-8")) if path and path.exists() and not fresh else {}
+        self.done: dict[str, Numbers | str] = kept["rows"] if kept.get("code") == self.code else {}
+
+    def add(self, key: str, result: Numbers | str) -> None:
+        """Keep the numbers of one run, or the reason why there are none."""
+        self.done[key] = result
+        if self.path:
+            self.path.parent.mkdir(exist_ok=True)
+            self.path.write_text(json.dumps({"code": self.code, "rows": self.done}), encoding="utf-8")
+
+
+def _run(chosen: Sequence[Constant], rows: _Rows, room: Path, *, quick: bool) -> None:
+    base, work = room / "base", room / "work"
+    base.mkdir()
+    for name in _COPIED:
+        (shutil.copytree if (ROOT / name).is_dir() else shutil.copy2)(ROOT / name, base / name)
+    for area in dict.fromkeys(each.area for each in chosen if each.area):
+        if area not in rows.done:
+            print(f"{area}: as it is", file=sys.stderr, flush=True)
+            measured(base, area, quick=quick)  # compiles
+            rows.add(area, measured(base, area, quick=quick))
+    jobs = [(each, x) for each in chosen for x in FACTORS if f"{each.name} {x}" not in rows.done]
+    begin = time.perf_counter()
+    for count, (constant, factor) in enumerate(jobs):
+        passed = time.perf_counter() - begin
+        left = f", {passed / count * (len(jobs) - count) / 60:.0f} min left" if count else ""
+        print(f"{count + 1} of {len(jobs)}{left}: {constant.name} × {factor:g}", file=sys.stderr, flush=True)
+        if (new := constant.scaled(factor)) is None:
+            rows.add(f"{constant.name} {factor}", "—")
+            continue
+        shutil.copytree(base, work)
+        edit(work, constant, new)
+        recompiled = _forget_kernels(work, constant.file)
+        try:
+            numbers = measured(work, constant.area or "", quick=quick)
+            if recompiled:  # times without compiling; the kernels are there now
+                numbers = {key: value for key, value in numbers.items() if not key.endswith(CLOCK)}
+            rows.add(f"{constant.name} {factor}", numbers)
+        except RuntimeError as error:
+            rows.add(f"{constant.name} {factor}", f"fails: {error}")
+        shutil.rmtree(work)
+
+
+def _table(chosen: Sequence[Constant], done: Mapping[str, Numbers | str], *, markdown: bool) -> str:
+    def cell(each: Constant, factor: float) -> str:
+        before, after = done.get(each.area or ""), done.get(f"{each.name} {factor}", ABSENT)
+        return changes(before, after) if isinstance(before, dict) and isinstance(after, dict) else str(after)
+
+    rows = [
+        [_short(each), each.unit, each.origin, each.source, *(cell(each, factor) for factor in FACTORS)]
+        for each in chosen
+    ]
+    header = ["constant", "unit", "origin", "value", "½ ×", "2 ×"]
+    return table(header, rows, text_columns=6, markdown=markdown)
+
+
+def listing(chosen: Sequence[Constant], *, markdown: bool) -> str:
+    """Return every constant with unit and origin, and how many there are without an origin."""
+    rows = [[_short(each), each.source, each.unit, each.origin] for each in chosen]
+    without = sum(each.origin == ABSENT for each in chosen)
+    lines = table(["constant", "value", "unit", "origin"], rows, text_columns=4, markdown=markdown)
+    return f"{lines}\n\n{len(chosen)} constants, {without} without an origin"
+
+
+def _short(constant: Constant) -> str:
+    return constant.name.removeprefix("tssgeom.")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

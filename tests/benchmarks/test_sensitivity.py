@@ -1,0 +1,144 @@
+"""The sensitivity benchmark finds every tuned constant, changes it at its place, and names what moves."""
+
+from pathlib import Path
+
+import pytest
+
+from benchmarks import sensitivity
+from benchmarks.sensitivity import ABSENT, ROOT, changes, constants, dependants, edit, listing
+
+WITHOUT_ORIGIN = 0
+"""Constants without an origin today; lower this as origins are written. The goal is 0."""
+
+LIMITS = '''"""Where points are outliers: Größe."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+WIDTH = 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class OutlierLimits:
+    """Limits of a point."""
+
+    quantile: float = 0.9999
+    """Of the chance of a false alarm [1]; derived: one in ten thousand."""
+    neighbours: int = 3
+    """Points beside it [1]. Fitted: on chains of 30 points."""
+    scales: tuple[float, ...] = (1.0, 2.0**3)
+    """Without a unit or a reason."""
+    name: str = "ü"; floor: float = 1e-3
+    """Least spacing [m]; chosen."""
+
+
+class Moves(NamedTuple):
+    """Moves of a chain. All are cited from a book."""
+
+    rounds: int = 1
+    """Most moves [1]."""
+
+
+@dataclass
+class Loose:
+    size: float = 1.0
+
+
+@dataclass(frozen=True)
+class Result:
+    size: float = 1.0
+
+
+_MOVES: Moves = Moves()
+LIMITS = OutlierLimits()
+LOOSE = Loose()
+RESULT = Result(size=2.0)
+'''
+
+
+@pytest.fixture
+def tree(tmp_path: Path) -> Path:
+    files = {
+        "tssgeom/route/limits.py": LIMITS,
+        "tssgeom/route/kernels.py": "from tssgeom.route.limits import LIMITS\n",
+        "tssgeom/stream.py": "from tssgeom.route import kernels\n",
+        "tssgeom/rig.py": "SIZE = 1.0\n",
+    }
+    for name, text in files.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    return tmp_path
+
+
+def by_field(tree: Path) -> dict[str, sensitivity.Constant]:
+    return {each.field: each for each in constants(tree)}
+
+
+def test_fields_of_frozen_containers_with_one_instance_are_constants(tree):
+    assert list(by_field(tree)) == ["quantile", "neighbours", "scales", "name", "floor", "rounds"]
+    assert by_field(tree)["rounds"].name == "tssgeom.route.limits.Moves.rounds"
+
+
+def test_unit_and_origin_are_those_of_the_documentation(tree):
+    fields = by_field(tree)
+    assert [fields[name].unit for name in ("quantile", "floor", "scales")] == ["1", "m", ABSENT]
+    assert [each.origin for each in fields.values()] == [
+        "derived",
+        "fitted",
+        ABSENT,
+        ABSENT,
+        "chosen",
+        "cited",
+    ]
+    assert listing(list(fields.values()), markdown=False).endswith("6 constants, 2 without an origin")
+
+
+def test_halves_and_doubles_keep_the_type_and_what_is_no_number_stays(tree):
+    fields = by_field(tree)
+    new = {name: [each.scaled(factor) for factor in sensitivity.FACTORS] for name, each in fields.items()}
+    assert new == {
+        "quantile": ["0.49995", "1.9998"],
+        "neighbours": ["1", "6"],
+        "scales": ["(0.5, 4.0)", "(2.0, 16.0)"],
+        "name": [None, None],
+        "floor": ["0.0005", "0.002"],
+        "rounds": [None, "2"],  # half of one move is one move
+    }
+
+
+@pytest.mark.parametrize("field", ["quantile", "neighbours", "scales", "floor", "rounds"])
+def test_an_edit_changes_one_default_and_nothing_else(tree, field):
+    constant = by_field(tree)[field]
+    before = {name: each.source for name, each in by_field(tree).items()}
+    edit(tree, constant, "7.0")
+    assert {name: each.source for name, each in by_field(tree).items()} == before | {field: "7.0"}
+    text = (tree / constant.file).read_text(encoding="utf-8")
+    assert len(text) == len(LIMITS) - len(constant.source) + len("7.0")
+
+
+def test_kernels_that_import_a_constant_through_others_are_compiled_again(tree):
+    used = {"tssgeom/route/limits.py", "tssgeom/route/kernels.py", "tssgeom/stream.py"}
+    assert dependants(tree, "tssgeom/route/limits.py") == used
+
+
+def test_what_moves_is_named_the_most_moved_first_and_nothing_is_said_to_be_nothing():
+    before = {"rms": 1.0, "coverage": 95.0, "route: processor time [s]": 1.0}
+    assert changes(before, dict(before)) == "NOTHING"
+    assert changes(before, before | {"route: processor time [s]": 1.4}) == "NOTHING"
+    assert changes(before, before | {"rms": 1.004}) == "below 1%"
+    assert changes(before, before | {"rms": 2.0, "coverage": 80.0}) == "rms 1.00 → 2.00; coverage 95.0 → 80.0"
+
+
+def test_rows_that_are_done_are_kept_until_the_code_changes(tree, monkeypatch):
+    monkeypatch.setattr(sensitivity, "ROOT", tree)
+    kept = tree / "results" / "rows.json"
+    sensitivity._Rows(kept, fresh=False).add("one", {"rms": 1.0})
+    assert sensitivity._Rows(kept, fresh=False).done == {"one": {"rms": 1.0}}
+    assert sensitivity._Rows(kept, fresh=True).done == {}
+    (tree / "tssgeom" / "rig.py").write_text("SIZE = 2.0\n", encoding="utf-8")
+    assert sensitivity._Rows(kept, fresh=False).done == {}
+
+
+def test_every_constant_of_the_code_has_an_origin():
+    without = [each.name for each in constants(ROOT) if each.origin == ABSENT]
+    assert len(without) <= WITHOUT_ORIGIN, without
