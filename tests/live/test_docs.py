@@ -82,7 +82,7 @@ def served(ports: dict[str, int]) -> Iterator[Live]:
         assert stream.stop() == 0
 
 
-def test_a_server_of_pyigtl_is_found_and_its_route_answered(served, ports):
+def test_a_server_of_pyigtl_is_connected_and_its_route_answered(served, ports):
     process = started(ported(EXAMPLES["igtl"], **ports))
     reply = json.loads(served.output.readline())
     assert reply["total_angle_rad"] == pytest.approx(2.0, rel=1e-3)

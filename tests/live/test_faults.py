@@ -171,7 +171,7 @@ def test_a_source_that_dies_and_returns_is_served_again(shared):
             source.sendall(frame(time + 1.0)[:100])  # dies in the middle of a line
 
 
-def test_a_state_that_cannot_be_written_is_told_before_the_end(tmp_path):
+def test_a_state_that_cannot_be_written_is_reported_before_the_end(tmp_path):
     (tmp_path / "taken").touch()
     with live("--state", tmp_path / "taken" / "tendon.json") as stream:
         stream.input.write(frame(0.0))

@@ -134,7 +134,7 @@ def test_a_version_that_is_refused_leaves_no_table_of_the_one_before(tmp_path: P
     assert [path.name for path in (out / "frames").iterdir()] == ["b.parquet"]
 
 
-def test_a_second_run_into_the_same_folder_is_told_to_wait(inputs: Path, tmp_path: Path, run) -> None:
+def test_a_second_run_into_the_same_folder_is_refused(inputs: Path, tmp_path: Path, run) -> None:
     out = tmp_path / "out"
     with locked(Folder.of(str(out))):
         second = run("batch", inputs, "--out", out, *PLAIN)

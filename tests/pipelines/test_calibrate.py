@@ -66,7 +66,7 @@ def test_the_rig_is_used_by_the_other_commands(run, write_run, half, tmp_path):
     assert output["tension_out_N"] == pytest.approx(15.0 * math.exp(-MU * math.pi), rel=0.01)
 
 
-def test_what_the_columns_do_not_tell_is_null_and_not_a_number(run, write_run, half, tmp_path):
+def test_what_the_columns_do_not_identify_is_null_and_not_a_number(run, write_run, half, tmp_path):
     outcome = run(
         "calibrate",
         write_run("time_s", "tension_in_N", "tension_out_N"),

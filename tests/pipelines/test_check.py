@@ -9,7 +9,7 @@ import pytest
 import trimesh
 
 
-def test_a_good_shape_is_told(run, half):
+def test_a_good_shape_is_reported(run, half):
     outcome = run("check", half)
     assert (outcome.status, outcome.errors) == (0, [])
     assert f"{half}: shape in mm (csv)" in outcome.out
@@ -17,7 +17,7 @@ def test_a_good_shape_is_told(run, half):
     assert "length 500.0 mm" in outcome.out
 
 
-def test_a_recording_is_told_with_the_frames_that_are_wrong(run, recording):
+def test_a_recording_is_reported_with_the_frames_that_are_wrong(run, recording):
     outcome = run("check", recording, "--json")
     (output,) = json.loads(outcome.out)
     assert outcome.status == 1
@@ -38,7 +38,7 @@ def test_what_analyse_refuses_of_a_frame_is_wrong(run, tmp_path):
     assert [one.partition(":")[0] for one in output["wrong"]] == ["frame 0", "frame 1"]
 
 
-def test_frames_beyond_the_first_few_that_are_wrong_are_found_where_they_are_said_to_be(run, recording):
+def test_frames_beyond_the_first_few_that_are_wrong_are_found_at_their_frames(run, recording):
     with recording.open("a") as file:
         file.write('{"t": 9, "points": [[1,2\n' * 6)
     for command in (run("analyse", recording).errors[-1], run("check", recording).out):
@@ -48,7 +48,7 @@ def test_frames_beyond_the_first_few_that_are_wrong_are_found_where_they_are_sai
     assert len(output["wrong"]) == 7
 
 
-def test_gaps_and_stations_are_told(run, write_csv):
+def test_gaps_and_stations_are_reported(run, write_csv):
     angle = np.linspace(0.0, 2.0, 15)
     points = np.column_stack([np.cos(angle), np.sin(angle), 0 * angle, angle])
     points[4, :3] = np.nan
@@ -84,7 +84,7 @@ def test_length_noise_and_warnings_are_those_of_analyse(run, write_csv):
             assert output[key] == analysed[key]
 
 
-def test_a_frame_whose_points_no_fit_follows_is_wrong_and_the_next_one_is_told(run, recording):
+def test_a_frame_whose_points_no_fit_follows_is_wrong_and_the_next_one_is_reported(run, recording):
     few = np.delete(hairpin(4), 4, axis=0)  # one point of the turn was not sensed
     lost = {"t": -1.0, "points": few.tolist(), "unit": "mm"}
     recording.write_text(f"{json.dumps(lost)}\n{recording.read_text()}")
@@ -93,13 +93,13 @@ def test_a_frame_whose_points_no_fit_follows_is_wrong_and_the_next_one_is_told(r
     assert output["length_m"] == pytest.approx(0.5, rel=1e-3)  # twelve points of the half circle
 
 
-def test_a_column_that_is_not_read_is_told(run, write_csv):
+def test_a_column_that_is_not_read_is_reported(run, write_csv):
     points = np.column_stack([np.arange(6.0), np.arange(6.0) ** 2, np.zeros(6), np.ones(6)])
     outcome = run("check", write_csv("a.csv", points, "x_mm,y_mm,z_mm,tension_in"))
     assert "warning: column 'tension_in' is not read" in outcome.out
 
 
-def test_a_rig_and_a_mesh_are_told(run, tmp_path):
+def test_a_rig_and_a_mesh_are_reported(run, tmp_path):
     (tmp_path / "rig.toml").write_text("[friction]\ncoefficient = 0.2\n")
     trimesh.creation.box(extents=(10, 20, 30)).export(tmp_path / "a_lumen.ply")
     outcome = run("check", tmp_path / "rig.toml", tmp_path / "a_lumen.ply")
@@ -108,7 +108,7 @@ def test_a_rig_and_a_mesh_are_told(run, tmp_path):
     assert "mesh, 12 triangles, 10.0 × 20.0 × 30.0 mm" in outcome.out
 
 
-def test_what_is_wrong_is_told_with_the_remedy_and_the_rest_is_checked(run, half, write_csv):
+def test_what_is_wrong_is_reported_with_the_remedy_and_the_rest_is_checked(run, half, write_csv):
     bare = write_csv("bare.csv", np.zeros((5, 3)), "x,y,z")
     outcome = run("check", bare, half)
     assert outcome.status == 1
@@ -123,7 +123,7 @@ def test_unit_option_is_heard(run, write_csv):
     assert run("check", path).status == 2
 
 
-def test_a_campaign_is_told_run_by_run_and_what_is_wrong_with_one_in_a_line(run, tmp_path):
+def test_a_campaign_is_reported_run_by_run_and_what_is_wrong_with_one_in_a_line(run, tmp_path):
     sample = Path(__file__).parents[2] / "sample_shapes" / "campaign_clean"
     outcome = run("check", sample)
     assert outcome.status == 0
@@ -137,7 +137,7 @@ def test_a_campaign_is_told_run_by_run_and_what_is_wrong_with_one_in_a_line(run,
     assert "loop_fast.csv" in outcome.errors[0]
 
 
-def test_a_measured_run_is_told(run, tmp_path):
+def test_a_measured_run_is_reported(run, tmp_path):
     path = tmp_path / "pull.csv"
     path.write_text("time_s,tension_in_N,tension_out_N\n0,1,\n0.5,2,1\n")
     outcome = run("check", path)

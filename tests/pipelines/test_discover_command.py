@@ -84,7 +84,7 @@ def test_the_updated_rig_shrinks_the_gap_of_a_run_that_no_fit_saw(
     assert left["rig.updated"] < 0.08
 
 
-def test_the_page_says_what_the_report_says(results):
+def test_the_page_has_the_sentence_of_the_report(results):
     page = (results / "report.html").read_text("utf-8")
     assert "hidden bend" in page
     assert page.index(report(results)["sentence"][:20]) < page.index("<section>")
@@ -162,7 +162,7 @@ def test_a_campaign_without_drive_is_refused_in_one_line_and_leaves_nothing(run:
     assert not (tmp_path / "out").exists()
 
 
-def test_a_file_in_place_of_the_folder_is_refused(run: Run, tmp_path: Path) -> None:
+def test_a_file_instead_of_the_folder_is_refused(run: Run, tmp_path: Path) -> None:
     (tmp_path / "out").write_text("")
     done = run("discover", BEND, "--out", tmp_path / "out")
     assert done.status == 2

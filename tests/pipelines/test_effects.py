@@ -76,7 +76,7 @@ def test_simulate_gives_what_the_march_of_a_run_predicts(run: Run, half: Path, r
         assert simulated[channel] == pytest.approx(output[channel], rel=FITTED)
 
 
-def test_simulate_tells_what_is_and_beside_it_what_a_sensor_reads(
+def test_simulate_reports_what_is_and_beside_it_what_a_sensor_reads(
     run: Run, half: Path, rig: Any, tmp_path: Path
 ):
     drive = table(tmp_path / "drive.csv", time_s=[0, 1], tension_in_N=[5.0, 12.5])
@@ -104,7 +104,7 @@ def test_what_compensate_commands_brings_simulate_to_the_target(
         assert simulated == pytest.approx(target_m, rel=1e-9)
 
 
-def test_heat_moves_a_recording_and_its_absence_is_told(run: Run, half: Path, rig: Any, tmp_path: Path):
+def test_heat_moves_a_recording_and_its_absence_is_reported(run: Run, half: Path, rig: Any, tmp_path: Path):
     points = np.loadtxt(half, delimiter=",", skiprows=1).tolist()
     frames = [
         {"t": t, "points": points, "unit": "mm", "displacement_in_m": 4e-3, "temperature_C": 20.0 + 5.0 * t}

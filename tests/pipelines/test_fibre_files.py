@@ -34,7 +34,7 @@ def test_analyse_draws_it(run, fibre, tmp_path):
     assert (tmp_path / "out" / "fibre.rrd").stat().st_size > 0
 
 
-def test_check_tells_gratings_and_noise(run, fibre):
+def test_check_reports_gratings_and_noise(run, fibre):
     outcome = run("check", fibre)
     assert "gratings: 18, 1 not seen (gaps)" in outcome.out
     assert "length 500.0 mm" in outcome.out

@@ -45,7 +45,7 @@ def test_without_a_unit_it_is_refused_with_the_remedy(run, name):
         ("shape.mcap", "recording in mm (ros2), 3 frames in 2 s\n  points: 6, 1 not seen (gaps)"),
     ],
 )
-def test_check_tells_what_it_holds(run, name, holds):
+def test_check_reports_what_it_holds(run, name, holds):
     outcome = run("check", CORPUS / name, "--unit", "mm")
     assert (outcome.status, outcome.errors) == (0, [])
     assert f"{CORPUS / name}: {holds}" in outcome.out

@@ -39,7 +39,7 @@ MEASURED = {
 }
 
 
-def test_every_number_of_the_paper_is_told_and_agrees(output):
+def test_every_number_of_the_paper_is_reported_and_agrees(output):
     assert len(output["numbers"]) >= 15
     for row in output["numbers"]:
         allowed = MEASURED.get(row["quantity"], ROUNDED.get(row["unit"]))

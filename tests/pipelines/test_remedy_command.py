@@ -14,7 +14,7 @@ def told_by(run, half, *options):
     return json.loads(outcome.out)
 
 
-def test_the_table_tells_the_scaling_its_price_and_the_release(run, half):
+def test_the_table_has_the_scaling_its_price_and_the_release(run, half):
     output = told_by(run, half)
     with_curve = output["cases"]["same_tension_in"]
     assert with_curve["scaling_factor"] == pytest.approx(math.exp(-0.145 * 2 * math.pi), rel=1e-12)
@@ -30,7 +30,7 @@ def test_the_table_tells_the_scaling_its_price_and_the_release(run, half):
 @pytest.mark.parametrize(
     ("percent", "verdict"), [("50", "none needed"), ("4", "curve"), ("0.01", "out of reach")]
 )
-def test_the_recommendation_keeps_the_tolerance_or_says_that_none_can(run, half, percent, verdict):
+def test_the_recommendation_keeps_the_tolerance_or_reports_that_none_can(run, half, percent, verdict):
     output = told_by(run, half, "--tolerance-percent", percent)
     recommended = output["recommendation"]
     assert recommended["verdict"] == verdict

@@ -60,7 +60,7 @@ def test_writing_again_gives_the_same_bytes(folder, tmp_path):
         assert path.read_bytes() == (tmp_path / "again" / path.name).read_bytes()
 
 
-def test_the_readme_tells_columns_units_and_the_truth(folder):
+def test_the_readme_has_columns_units_and_the_truth(folder):
     text = (folder / "README.md").read_text()
     assert "| `arc_noisy.csv` | with noise | 25 | 0.2 | 500.00 | 3.14159 | 180.00 |" in text
     assert "25 × 3 frames" in text
@@ -122,7 +122,7 @@ def test_view_of_two_results_writes_their_comparison(run, half, tmp_path):
         (("a", "--out", "d"), "two recordings or folders"),
     ],
 )
-def test_view_says_how_many_paths_it_takes(run, arguments, words):
+def test_view_reports_how_many_paths_it_takes(run, arguments, words):
     outcome = run("view", *arguments)
     assert outcome.status == 2
     assert words in outcome.errors[0]

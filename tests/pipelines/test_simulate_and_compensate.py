@@ -137,7 +137,7 @@ def test_a_drive_that_cannot_be_is_one_line_that_names_its_file(run: Run, half: 
     assert f"{drive} on {half}: at time_s = 1: tension_in is -2 N" in done.errors[0]
 
 
-def test_a_bad_frame_is_told_and_the_rest_is_done(run: Run, opening: Path, tmp_path: Path):
+def test_a_bad_frame_is_reported_and_the_rest_is_done(run: Run, opening: Path, tmp_path: Path):
     lines = opening.read_text().splitlines()
     opening.write_text("\n".join([lines[0], '{"t": 0.5, "points": [[1,2', *lines[1:]]) + "\n")
     drive = write_run(tmp_path / "drive.csv", time_s=[0, 1], tension_in_N=[1.0, 2.0])

@@ -147,7 +147,7 @@ def test_covariances_stand_beside_the_points_in_both_formats(filmed, calibration
         (["--calibrate"], "--square-mm is missing"),
     ],
 )
-def test_what_is_missing_is_said_in_one_line(filmed, calibration, run, tmp_path, options, expected):
+def test_what_is_missing_is_reported_in_one_line(filmed, calibration, run, tmp_path, options, expected):
     given = [calibration if option == "CAMERAS" else option for option in options]
     outcome = run("track", *films(filmed), *given, "--out", tmp_path / "run.jsonl")
     assert outcome.status == 2
