@@ -5,9 +5,9 @@
 Recordings of 200 points go through what a worker of `tssgeom batch` does, without pictures, in one process
 and in one for each core. The peer reads the same archives with numpy and runs splprep, curvature and a search
 of ruptures on its frames, in as many processes. Starting (interpreter, imports, compiled code from its cache)
-is left out on both sides and told: every worker does a small recording before the clock starts. The clock is
-the processor time of the busiest worker, so that waiting for a core does not count; `--wall` takes the time
-on the wall, which wants a quiet machine. No time is asserted, for machines differ.
+is left out on both sides and printed: every worker does a small recording before the clock starts. The clock
+is the processor time of the busiest worker, so that waiting for a core does not count; `--wall` takes the
+time on the wall, which needs a quiet machine. No time is asserted, for machines differ.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Do the 95 % intervals of `tssgeom calibrate` hold the truth? The lumped chain of `tests/lumped` tells.
+"""Coverage of the 95 % intervals of `tssgeom calibrate`, on runs of the lumped chain of `tests/lumped`.
 
 `python -m benchmarks.calibration [--trials N] [--quick]` prints, for each kind of run, how often the interval
 of each number held the truth, and its median error.

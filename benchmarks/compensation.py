@@ -55,7 +55,7 @@ class Case:
     noise: float
     """Standard deviation of each coordinate of the sensed points [m]."""
     seed: int = 0
-    """Of the noise; its two lowest bits tell on which side the known friction and compliance are wrong."""
+    """Of the noise; its two lowest bits say on which side the known friction and compliance are wrong."""
 
 
 def sine(frames: int) -> Vector:
@@ -244,16 +244,16 @@ SHARE = 0.2
 
 _LEGEND = f"""\
 Rig: lumped chain, 0.5 m, 3.2 rad in three planes; moving: the pieces sway by up to 0.5 rad each.
-Known to those who command: friction and compliance, each off by {OFF:.0%} to either side, and {POINTS} noisy
+Known to the commanders: friction and compliance, each off by {OFF:.0%} to either side, and {POINTS} noisy
 points of each frame. Errors: after each command was carried out; none / it: of the rms errors.
 none                 the target plus the one constant that is best on this very run
 backlash inverse     two lines fitted to the rig itself on its first route, without any error
 closed form          the paper's elongation of full pulling or releasing on each sensed route
-ours                 `process`, the state carried from target to target, T_in never seen
+ours                 `process`, the state carried from target to target, T_in never measured
 ours, T_in measured  the same, but the state follows the rig's T_in with {TENSION_NOISE:g} N of noise"""
 
 Scores = Mapping[str, tuple[Matrix, Matrix]]
-"""By who commands: errors of place [m] and of T_out [N], a row for each seed."""
+"""By commander: errors of position [m] and of T_out [N], a row for each seed."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -288,7 +288,7 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
 
 
 def scores(target: str, frames: int, noise: float, *, moving: bool, seeds: Sequence[int]) -> Scores:
-    """Let everybody track a target, once for each seed."""
+    """Let every commander track a target, once for each seed."""
     cases = [case(target, frames, noise, moving=moving, seed=seed) for seed in seeds]
     errors = {}
     for name, commands in COMMANDERS.items():

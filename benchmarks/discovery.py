@@ -1,4 +1,4 @@
-"""How well the workflow finds what a model lacks, on campaigns that it has never seen.
+"""How well the workflow detects what a model lacks, on campaigns that were not used while it was made.
 
     python -m benchmarks.discovery [--quick] [--effects NAME…] [--seeds N] [--split test] [--jobs 2]
 
@@ -88,7 +88,7 @@ def _asked(case: Case, names: Sequence[str]) -> bool:
 
 
 def outcome(case: Case, *, with_baselines: bool) -> Outcome:
-    """Make a campaign in a folder of its own, let the workflow look at it, and return what it reports."""
+    """Make a campaign in a folder of its own, run the workflow on it, and return its report."""
     with TemporaryDirectory(prefix="discovery-") as room:
         folder = Path(room) / "campaign"
         truth = asdict(
@@ -147,7 +147,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _right(outcome: Outcome) -> bool:
-    """Tell whether the verdict is the one that the cause asks for."""
+    """Whether the verdict is the one that the cause requires."""
     if outcome.group == "clean":
         return verdict(outcome.report) == "none"
     if outcome.group == "outside":

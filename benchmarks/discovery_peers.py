@@ -64,7 +64,7 @@ def residuals(folder: Path) -> list[Residual]:
 
 
 def held_out_ratio(runs: Sequence[Residual], corrections: Sequence[Columns]) -> float:
-    """Return the gap of the held-out runs after the corrections [1, in noise] over that before."""
+    """Return the misfit of the held-out runs after the corrections [1, in noise] over that before."""
     one = dict.fromkeys(runs[0].left, 1.0)
     before, after = {}, {}
     held = [(run, each) for run, each in zip(runs, corrections, strict=True) if run.held_out]
@@ -136,7 +136,7 @@ def _pieces(file: Path, rig: Rig) -> Arcs:
 
 
 def _predicted(rig: Rig, arcs: Arcs, positions: np.ndarray) -> dict[str, np.ndarray]:
-    """Return what every channel should read; the one place that runs the model."""
+    """Return what every channel should read; only here the model runs."""
     state, rows = pretensioned_bars(rig, arcs, _BARS), []
     for position in positions:
         state = step(state, arcs, rig, displacement_in=float(position))
@@ -315,7 +315,7 @@ _PEERS = {
 
 
 def baselines(folder: Path) -> dict[str, Baseline]:
-    """Return what each installed peer makes of a campaign; one that fails on it is told, and has no part."""
+    """Return the result of each installed peer on a campaign; one that fails is printed, and left out."""
     installed = {name: work for name, (package, work) in _PEERS.items() if find_spec(package)}
     runs = residuals(folder) if installed else []
     predicted = dict[str, Baseline]()

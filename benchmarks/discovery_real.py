@@ -46,7 +46,7 @@ def write_tool_campaign(folder: Path, load: int, source: Path = TOOL) -> None:
 
     Torque over radius is taken as the tension of the pulling cable of a preloaded pair, which the motor
     at the distal end loads by a constant torque: hardly a spring under the mean distal tension. Radius,
-    route and compliance are assumed, as the data set does not tell them; preload and zero are read from
+    route and compliance are assumed, as the data set does not state them; preload and zero are read from
     the loops. The position of the distal end is left out: beside the cable it holds the gearing of the
     wrist. The pitch in the middle is held out.
     """
@@ -178,7 +178,7 @@ def _table(path: Path, columns: Mapping[str, Vector]) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the workflow on both campaigns, print what it found, and return the exit code."""
+    """Run the workflow on both campaigns, print the results, and return the exit code."""
     options = _options(arguments)
     print(machine())
     with TemporaryDirectory(prefix="discovery-real-") as room:

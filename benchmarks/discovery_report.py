@@ -163,7 +163,7 @@ def limits(outcomes: Sequence[Outcome], *, markdown: bool) -> str:
 
 
 def peers(outcomes: Sequence[Outcome], *, markdown: bool) -> str:
-    """Write names and held-out gaps of this project and of each baseline, on single causes."""
+    """Write names and held-out misfits of this project and of each baseline, on single causes."""
     mine = [one for one in outcomes if one.group == "single"]
     rows = [
         _peer(

@@ -22,7 +22,7 @@ class Baseline:
     name: str
     """The one cause that it points at; empty for a peer that names nothing."""
     held_out_ratio: float
-    """Held-out gap after over before."""
+    """Held-out misfit after over before."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,18 +80,18 @@ def ties(report: Report | None) -> list[list[str]]:
 
 
 def called(outcome: Outcome) -> str:
-    """Return the one word for what the workflow said: the first name, or the verdict."""
+    """Return the answer of the workflow in one word: the first name, or the verdict."""
     named = names(outcome.report)
     return named[0] if named else verdict(outcome.report)
 
 
 def right_first(outcome: Outcome) -> bool:
-    """Tell whether the first name is the cause."""
+    """Whether the first name is the cause."""
     return names(outcome.report)[:1] == list(outcome.causes[:1])
 
 
 def right_or_tied(outcome: Outcome) -> bool:
-    """Tell whether the first name, or a tie that was declared with the first name in it, is the cause."""
+    """Whether the first name, or a tie that was declared with the first name in it, is the cause."""
     if right_first(outcome):
         return True
     first, cause = names(outcome.report)[:1], outcome.causes[0]
@@ -99,7 +99,7 @@ def right_or_tied(outcome: Outcome) -> bool:
 
 
 def honest(outcome: Outcome) -> bool:
-    """Tell whether the cause is named, tied, or said to show in nothing that was measured."""
+    """Whether the cause is named, tied, or listed as unobservable."""
     hidden = outcome.report.get("unobservable", []) if outcome.report else []
     return right_or_tied(outcome) or (outcome.causes[0] in hidden and not names(outcome.report))
 
@@ -111,23 +111,23 @@ def tie_size(outcome: Outcome) -> int:
 
 
 def both_named(outcome: Outcome) -> bool:
-    """Tell whether every cause of a pair is named."""
+    """Whether every cause of a pair is named."""
     return set(outcome.causes) <= set(names(outcome.report))
 
 
 def tie_declared(outcome: Outcome) -> bool:
-    """Tell whether a tie with the cause is declared, and an experiment that breaks ties is given."""
+    """Whether a tie with the cause is declared, and an experiment that breaks ties is given."""
     held = any(outcome.causes[0] in tie and len(tie) > 1 for tie in ties(outcome.report))
     return held and bool(outcome.report and outcome.report.get("breaks_tie"))
 
 
 def gap(rms: Mapping[str, float], noise: Mapping[str, float]) -> float:
-    """Return the gap: the root mean over channels of what is beyond the noise, in units of it [1]."""
+    """Return the misfit: the root mean over channels of what is beyond the noise, in units of it [1]."""
     return math.sqrt(float(np.mean([max((rms[name] / noise[name]) ** 2 - 1.0, 0.0) for name in rms])))
 
 
 def held_out_ratio(report: Report | None) -> float:
-    """Return the held-out gap after over that before; NaN without a report or where there was no gap."""
+    """Return the held-out misfit after over that before; NaN without a report or where there was none."""
     if report is None:
         return math.nan
     misfits = report["gap"]
@@ -150,7 +150,7 @@ def parameters(outcomes: Iterable[Outcome]) -> tuple[list[float], list[bool]]:
 
 
 def bends(outcomes: Iterable[Outcome]) -> tuple[list[float], list[float]]:
-    """Return errors of place, over L, and of angle, relative, of named hidden bends of 0.3 rad and more."""
+    """Return errors of position, over L, and of angle, relative, of named hidden bends from 0.3 rad on."""
     position, angle = list[float](), list[float]()
     for outcome in outcomes:
         true = outcome.truth["parameters"].get("hidden_bend", {})

@@ -74,7 +74,7 @@ def cramer_rao(course: Course, station: Vector, noise: float, *, stations_known:
     noise
         Standard deviation of each coordinate [m].
     stations_known
-        Whether the sensor tells the stations.
+        Whether stations are known.
     """
     chain = _Chain(course, stations_known)
     jacobian = chain.jacobian(lambda theta: chain.points(theta, station))
@@ -104,7 +104,7 @@ class _Chain:
         return Course(np.diff(edges), bend)
 
     def points(self, theta: Vector, station: Vector) -> Points:
-        """Places of the stations; the last one moves with the length, where that is free."""
+        """Points at the stations; the last one moves with the length, where that is free."""
         moved = station.copy()
         course = self.at(theta)
         if not self.known:
@@ -150,12 +150,12 @@ def _deviations(jacobian: Matrix, gradient: Matrix) -> Vector:
 
 @dataclass(frozen=True, slots=True)
 class Sighting:
-    """Points as an estimator gets them."""
+    """Input of an estimator."""
 
     points: Points
-    """A row of NaN was not seen [m]."""
+    """A row of NaN is a missing point [m]."""
     stations: Vector | None
-    """Arc length at each point, where the sensor tells it [m]."""
+    """Arc length at each point, where it is known [m]."""
     noise: float | None
     """Standard deviation of each coordinate, where the sensor's is known [m]."""
     true_noise: float
@@ -164,7 +164,7 @@ class Sighting:
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """Geometry as one estimator sees it; a standard error it does not give is NaN, a count 0."""
+    """Result of one estimator; a standard error that it does not give is NaN, a count 0."""
 
     s: Vector
     """Arc length from the proximal end [m]."""
@@ -218,7 +218,7 @@ _TAUBIN_ROUNDS, _LAMBDA, _PASS_BAND = 100, 0.6307, 0.1  # Taubin 1995; VMTK's ow
 
 
 def _sensed(sighting: Sighting) -> tuple[Points, Vector]:
-    """Points that were seen, with their stations or chord lengths from 0 [m]."""
+    """Points that are not missing, with their stations or chord lengths from 0 [m]."""
     sensed = ~np.isnan(sighting.points).any(axis=1)
     points = sighting.points[sensed]
     if sighting.stations is not None:
@@ -311,7 +311,7 @@ def taubin_smoothing(sighting: Sighting) -> Estimate:
 
 @njit(cache=True, nogil=True)
 def _relax(points: np.ndarray, rounds: int, factor: float) -> None:
-    """Pull each inner point towards the middle of its neighbours, one after the other, in place."""
+    """Pull each inner point towards the middle of its neighbours, one after the other."""
     for _ in range(rounds):
         for i in range(1, len(points) - 1):
             for c in range(3):

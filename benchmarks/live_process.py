@@ -191,7 +191,7 @@ class Reader:
         self._data = b""
 
     def next(self) -> dict[str, Any]:
-        """Wait for the next line, whatever it tells."""
+        """Wait for the next line, whatever its kind."""
         while b"\n" not in self._data:
             chunk = self.sock.recv(1 << 18)
             if not chunk:

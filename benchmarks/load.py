@@ -1,11 +1,11 @@
-"""Latency, greatest rate and faults of `tssgeom live`, seen from another process over loopback.
+"""Latency, greatest rate and faults of `tssgeom live`, measured from another process over loopback.
 
     python -m benchmarks.load [--quick] [--minutes M] [--rate HZ] [--points N] [--faults-only] [--markdown]
 
-The route is seven pieces that sway, the noise half a millimetre and not told; the tension pulls and releases.
+The route is seven pieces that sway, the noise half a millimetre and unknown; the tension pulls and releases.
 A frame's latency runs from just before it was sent to when the first byte of its answer arrived. `--view`
-and `--record` are on, as said in each row. The load of the machine is told, since what else runs on it is
-seen in every number. The faults end with exit status 1 where one of them is not borne.
+and `--record` are on, as said in each row. The load of the machine is printed, since other work on it
+affects every number. The faults end with exit status 1 where one of them is not borne.
 """
 
 from __future__ import annotations
@@ -43,15 +43,15 @@ class _Answer(msgspec.Struct):
 
 @dataclass(frozen=True, slots=True)
 class Latencies:
-    """What became of a run of frames."""
+    """Result of a run of frames."""
 
     sent: int
     answered: int
     dropped: int
     outside: np.ndarray
-    """As a peer sees them [ms]."""
+    """As a peer measures them [ms]."""
     inside: np.ndarray
-    """As the stream tells them itself [ms]."""
+    """As the stream itself reports them [ms]."""
     seconds: float
 
     def percentiles(self, inside: bool = False) -> list[float]:

@@ -31,7 +31,7 @@ _DISK = 2_000_000  # bytes of a disk that is soon full
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """Whether a fault was borne, and what was seen."""
+    """Whether a fault was borne, and what happened."""
 
     name: str
     borne: bool

@@ -40,7 +40,7 @@ class Part:
     """One benchmark in the documents."""
 
     name: str
-    """Its module, and its place in docs/benchmarks.md."""
+    """Its module, and its mark in docs/benchmarks.md."""
     label: str
     """What README calls it."""
     full: tuple[str, ...]
@@ -204,7 +204,7 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
 
 
 def done(part: Part, root: Path, *, quick: bool) -> bool:
-    """Run one benchmark, and tell whether it went well."""
+    """Run one benchmark; whether it succeeded."""
     words = [f"benchmarks.{part.name}", *(part.quick if quick else part.full)]
     print(f"python -m {' '.join(words)}", flush=True)
     call = [sys.executable, "-m", *words, "--markdown"]

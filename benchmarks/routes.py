@@ -27,7 +27,7 @@ class Truth:
     """One route, known exactly."""
 
     position: Callable[[Vector], Points]
-    """Places [n, 3] at arc lengths [n] [m]."""
+    """Points [n, 3] at arc lengths [n] [m]."""
     s: Vector
     """Arc lengths between which φ is linear, or so fine that it might be [m]."""
     phi: Vector
@@ -47,7 +47,7 @@ class Truth:
 
 
 def arc_positions(course: Course) -> Callable[[Vector], Points]:
-    """Places at arc lengths [n] [m] along a chain of arcs, all at once."""
+    """Points at arc lengths [n] [m] along a chain of arcs, all at once."""
     joints, axes = synthetic.frames(course)
     begin = np.concatenate(([0.0], np.cumsum(course.length)))
 
@@ -148,7 +148,7 @@ def _fixed(name: str) -> Truth:
 
 
 def truth(name: str, rng: np.random.Generator) -> Truth:
-    """Return the named route; "harmonics" is a new one at each call, drawn from `rng`."""
+    """Return the named route; "harmonics" is a new random one at each call, from `rng`."""
     return _harmonics(rng) if name == "harmonics" else _fixed(name)
 
 
@@ -163,7 +163,7 @@ _NOISE = 5e-4  # where only the number of points changes [m]
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """One route, seen in one way."""
+    """One route, sensed in one way."""
 
     group: str
     route: str
@@ -171,17 +171,17 @@ class Cell:
     noise: float
     """True standard deviation of each coordinate [m]."""
     stations: Stations = "known"
-    """Even and told ("known"); not told and even, jittered by a fifth of the spacing, or uniformly random."""
+    """Even and known ("known"); unknown and even, jittered by a fifth of the spacing, or uniformly random."""
     noise_known: bool = True
-    """Whether the estimators of this project are told the noise."""
+    """Whether the noise is known to the estimators of this project."""
     outliers: float = 0.0
     """Share of the inner points that lie 20 standard deviations off [1]."""
     gap: float = 0.0
-    """Share of the points that were not seen, in two stretches [1]."""
+    """Share of missing points, in two stretches [1]."""
 
     @property
     def name(self) -> str:
-        """What tells this cell from the others of its group."""
+        """What distinguishes this cell in its group."""
         parts = [f"{self.route:11}", f"N {self.n:<4}", f"{self.noise * 1e3:g} mm".ljust(7), self.stations]
         if self.outliers:
             parts.append(f"{100 * self.outliers:g} % outliers")
@@ -197,15 +197,15 @@ class Cell:
 
 @dataclass(frozen=True, slots=True)
 class Draw:
-    """What one trial saw."""
+    """Points of one trial."""
 
     truth: Truth
     points: Points
-    """Noisy points; a row of NaN was not seen [m]."""
+    """Noisy points; a row of NaN is a missing point [m]."""
     station: Vector
     """True arc length of each point [m]."""
     good: np.ndarray
-    """Which points were seen and are no outliers."""
+    """Which points are neither missing nor outliers."""
 
 
 def draw(cell: Cell, trial: int) -> Draw:

@@ -158,6 +158,8 @@ def edit(root: Path, constant: Constant, new: str) -> None:
     head, tail = lines[first][: constant.column], lines[last][constant.end_column :]
     lines[first : last + 1] = [head + new.encode() + tail]
     path.write_bytes(b"".join(lines))
+    for compiled in (path.parent / "__pycache__").glob(f"{path.stem}.*.pyc"):
+        compiled.unlink()  # Python compares size and whole seconds only
 
 
 def dependants(root: Path, file: str) -> set[str]:

@@ -49,12 +49,15 @@ _TRIALS, _QUICK_TRIALS = 4, 1  # of each cell
 _FRAMES, _QUICK_FRAMES = 120, 24  # of each stream
 _GRATINGS = 40
 _FIBRE_NOISE = 0.3  # of a curvature component [1/m]
+_POINT_NOISE = 1e-4  # of a coordinate in the streams of the tendon [m]
 _DIRECTION_NOISE = math.radians(0.5)
 _INTERVAL = 1.959964
 _CAMPAIGNS = (("hidden_bend", 0), ("velocity_dependent_friction", 1), (None, 0), (None, 1))
 _KINDS = ("white", "no T_out", "by position")
 _EFFECTS = (
     {"name": "load_dependent_friction", "exponent": 0.2},
+    {"name": "velocity_dependent_friction", "gain": 0.1},
+    {"name": "viscous_drag", "coefficient_Ns_per_m2": 50.0},
     {"name": "creep", "ratio": 0.1, "time_s": 5.0},
     {"name": "backlash", "width_m": 2e-4},
     {"name": "slack_take_up", "slack_m": 1e-3, "end": "proximal"},
@@ -159,7 +162,12 @@ def tendon(*, quick: bool) -> Numbers:
     numbers: Numbers = {}
     for name, rig in rigs.items():
         for moving in (False, True):
-            bends = [_two_bends(2.0, 1.5 + 0.5 * moving * math.sin(t)) for t in time]
+            rng = np.random.default_rng(5)
+            bends = [
+                _two_bends(2.0, 1.5 + 0.5 * moving * math.sin(t))
+                + _POINT_NOISE * rng.standard_normal((80, 3))
+                for t in time
+            ]
             given = {"tension_in": pull, "displacement_in": moved, "displacement_target": half}
             for drive, values in given.items():
                 plain = map(Frame, bends, time)

@@ -27,7 +27,7 @@ _PAIRS, _QUICK_PAIRS = 400, 20
 _REPEATS, _QUICK_REPEATS = 9, 2
 _STEPS, _QUICK_STEPS = 200, 20
 _FRAMES, _QUICK_FRAMES, _SCALING_FRAMES = 16, 4, 2  # different frames, taken in turn
-_FINE = 1e-6  # a clock must tell apart what lies so far apart [s]
+_FINE = 1e-6  # a clock has to resolve this [s]
 
 Clock = Callable[[], float]
 

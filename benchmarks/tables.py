@@ -25,7 +25,7 @@ def machine() -> str:
 
 
 def _processor() -> str:
-    """Return the make of the processor, as far as the system tells it."""
+    """Return the make of the processor, as far as the system states it."""
     with suppress(OSError):
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
         names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]

@@ -73,7 +73,7 @@ def pulled(rod: Rod, state: Cells, turn: Vector, tension_in: float) -> Cells:
     Raises
     ------
     ArithmeticError
-        Where none is found.
+        Where there is none.
     """
     cells = len(turn) - 1
     stiffness = np.full(cells + 2, cells / (rod.compliance * rod.length))

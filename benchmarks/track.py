@@ -3,7 +3,7 @@
     python -m benchmarks.track [--quick] [--scenes N] [--markdown]
 
 Films are rendered ray by ray with lenses that distort, blur and noise (tests/scenes), so that the truth is
-known. Errors stand beside the bound: the noise of the centres as found, carried into space by the true
+known. Errors stand beside the bound: the noise of the centres as detected, propagated into space by the true
 cameras. Angles come from sightings with noise of their own, in scenes of different cameras and routes.
 No time is asserted.
 """
@@ -148,7 +148,7 @@ def _pixel_error(
     routes: Sequence[np.ndarray],
     tags: bool,
 ) -> float:
-    """Root mean square error of a coordinate of the centres that were found [px]."""
+    """Root mean square error of a coordinate of the detected centres [px]."""
     off = []
     for row, route in zip(detections, routes, strict=True):
         for lens, one in zip(lenses, row, strict=True):

@@ -155,7 +155,7 @@ def _send_strip(sender: Sender, sent: Sequence[RouteSamples], points: Sequence[n
 
 
 def _numbers(results: Sequence[FrameResult]) -> Cost:
-    """Send what `live` sends of every frame, drawn or not."""
+    """Send what `live` sends of every frame, with a picture or without."""
     numbers = np.array([numbers_of(one) for one in results])
     times = np.arange(len(results)) / _RATE
     pictures = dict[int, LivePicture]()

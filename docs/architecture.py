@@ -1,4 +1,4 @@
-"""Draw the layers of the code, their sizes and their imports, as the code itself tells them.
+"""Draw the layers of the code, their sizes and their imports, as they are in the code.
 
 python docs/architecture.py            # writes docs/architecture.png
 python docs/architecture.py --check    # is the picture that of the contract, and does the code keep it?
@@ -33,8 +33,8 @@ CAPTION = (
 
 def contract() -> dict[str, Any]:
     """Return the contract of the layers, as import-linter reads it."""
-    told = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"]
-    return next(each for each in told["contracts"] if each["type"] == "layers")
+    linter = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"]
+    return next(each for each in linter["contracts"] if each["type"] == "layers")
 
 
 def layers() -> list[list[str]]:

@@ -40,7 +40,7 @@ def test_the_picture_shows_the_layers_of_the_contract_and_the_code_keeps_them():
     assert (done.returncode, done.stderr) == (0, "")
 
 
-def test_a_picture_of_other_layers_and_an_import_upwards_are_told(tmp_path):
+def test_a_picture_of_other_layers_and_an_import_upwards_are_reported(tmp_path):
     script = a_copy(tmp_path, CONTRACT, "from tssgeom import upper\n")
     (script.parent / "architecture.png").write_bytes(SCRIPT.with_suffix(".png").read_bytes())
     done = checked(script)

@@ -74,7 +74,7 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return home
 
 
-def told(copy: Path, *words: str) -> str:
+def output_of(copy: Path, *words: str) -> str:
     """Run a module or a program of Python in the copy, and return what it says; it has to succeed."""
     done = subprocess.run(
         [sys.executable, *words],
@@ -90,7 +90,7 @@ def told(copy: Path, *words: str) -> str:
 
 def counted(copy: Path, *words: str) -> int:
     """Run tests in the copy, and return how many passed; none may fail."""
-    said = told(copy, "-m", "pytest", "-q", "-n0", "-p", "no:cacheprovider", *words)
+    said = output_of(copy, "-m", "pytest", "-q", "-n0", "-p", "no:cacheprovider", *words)
     return int(re.findall(r"(\d+) passed", said)[-1])
 
 
@@ -114,7 +114,7 @@ def test_a_channel_as_contributed_shows_the_effects_that_say_so_and_no_others(co
 def test_effect_format_and_sensor_as_contributed_work_together(copy):
     for name, text in (("bench.stylus", ROUTE), ("run.csv", RUN)):
         (copy / name).write_text(text, encoding="utf-8")
-    length, noise, lost, *measured = told(copy, "-c", CAMPAIGN).split()
+    length, noise, lost, *measured = output_of(copy, "-c", CAMPAIGN).split()
     assert measured == ["tension_lost_N"]
     assert float(length) == pytest.approx(0.3, rel=1e-12)
     assert float(noise) == pytest.approx((0.02**2 + 0.005**2 / 12) ** 0.5)
@@ -123,9 +123,9 @@ def test_effect_format_and_sensor_as_contributed_work_together(copy):
 
 def test_what_is_contributed_has_the_style_and_the_layers_of_the_rest(copy):
     paths = [name for name, kind, _ in BLOCKS if kind != "toml"]
-    told(copy, "-m", "ruff", "check", *paths)
-    told(copy, "-m", "ruff", "format", "--check", *paths)
-    told(copy, "-c", "import sys; from importlinter.cli import lint_imports; sys.exit(lint_imports())")
+    output_of(copy, "-m", "ruff", "check", *paths)
+    output_of(copy, "-m", "ruff", "format", "--check", *paths)
+    output_of(copy, "-c", "import sys; from importlinter.cli import lint_imports; sys.exit(lint_imports())")
 
 
 def statements(code: str) -> int:

@@ -40,7 +40,7 @@ def test_the_effects_of_the_formats_are_a_rig():
 
 
 @pytest.mark.parametrize("line", COMMANDS)
-def test_a_command_that_is_shown_has_the_options_that_are_shown(line):
+def test_a_command_of_the_documents_has_the_options_that_they_give_it(line):
     words = line.partition("tssgeom ")[2].partition(" #")[0].split()
     command = get_command(app).commands[words[0]]
     known = {option for parameter in command.params for option in parameter.opts}

@@ -7,7 +7,7 @@ import pytest
 
 from tests.vocabulary import ROOT, WORDS, count, parts, private_words, uses
 
-NAMES_LEFT, SENTENCES_LEFT, PROSE_LEFT = 1348, 215, 1253
+NAMES_LEFT, SENTENCES_LEFT, PROSE_LEFT = 1222, 200, 998
 """What is left today; lower these as names are cleaned. The goal is 0."""
 
 AGREED = {

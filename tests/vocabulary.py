@@ -60,6 +60,11 @@ ALLOWED = (
     # Ordinary words: the word of the table stands for another thing.
     ("tssgeom/view/", r"_?(drawn|DRAWN)(_\w+)?|_?draw_\w+", "a picture is drawn"),
     ("tests/view/", r"_?(drawn|DRAWN)(_\w+)?|test_drawn", "a picture is drawn"),
+    *(
+        (start, r"_?answered(_\w+)?", "a frame is answered")
+        for start in ("benchmarks/", "tests/live/", "pipelines/")
+    ),
+    ("tssgeom/io/network/", r"_?answered(_\w+)?", "a frame is answered"),
     ("tssgeom/vision/", r"_?(light|LIGHT)(_\w+)?", "brightness of a pixel"),
 )
 """Where the file starts so, names that match stay; the last entry says why. Keep this short."""

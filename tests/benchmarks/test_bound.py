@@ -62,10 +62,10 @@ def test_a_least_squares_circle_attains_the_bound():
 
     errors = []
     for _ in range(200):
-        seen = arc(np.pi / length) + noise * rng.standard_normal((n, 3))
+        observed = arc(np.pi / length) + noise * rng.standard_normal((n, 3))
 
-        def residual(x, seen=seen):
-            return (Rotation.from_rotvec(x[3:6]).apply(arc(x[6])) + x[:3] - seen).ravel()
+        def residual(x, observed=observed):
+            return (Rotation.from_rotvec(x[3:6]).apply(arc(x[6])) + x[:3] - observed).ravel()
 
         start = np.array([0.0] * 6 + [np.pi / length])
         errors.append(least_squares(residual, start).x[6] * length - np.pi)

@@ -62,7 +62,7 @@ def test_a_tie_counts_where_it_joins_the_first_name_to_the_cause():
     assert scores.tie_size(outcome("half", ["slack_take_up"], apart)) == 1
 
 
-def test_a_tie_is_told_with_the_experiment_that_breaks_it():
+def test_a_tie_is_declared_with_the_experiment_that_breaks_it():
     tie = [("viscous_drag", "straight_section_friction")]
     assert scores.tie_declared(
         outcome("G5", ["viscous_drag"], report("tie", "viscous_drag", tie=tie, breaks=["faster"]))
@@ -87,7 +87,7 @@ def test_both_of_a_pair_have_to_be_named_in_any_order():
     assert not scores.both_named(outcome("pair", pair, report("effect", "creep")))
 
 
-def test_the_gap_is_what_is_beyond_the_noise():
+def test_the_misfit_is_what_is_beyond_the_noise():
     # tension five times its noise, elongation at its noise: (25 − 1) / 2
     assert scores.gap({"tension_in_N": 0.10, "elongation_m": 2e-6}, NOISE) == pytest.approx(math.sqrt(12.0))
     assert scores.held_out_ratio(
@@ -144,8 +144,8 @@ def test_tables_say_what_was_reached_and_what_was_not_measured():
     assert not rows["outside the library: unknown"].kept
     assert rows["false alarms, clean"].text == "0 % (0 of 1), below 95 %"
     assert math.isnan(rows["both names of a pair"].value)
-    drawn = targets(outcomes, markdown=False)
-    assert "NO" in drawn
+    table_text = targets(outcomes, markdown=False)
+    assert "NO" in table_text
     assert "bent_load_cell  creep 1" in confusions(outcomes, markdown=False)
     assert limits(outcomes, markdown=False).splitlines()[-1].split() == ["creep", "100", "0", "—", "1.0"]
     assert "peer" in peers(outcomes, markdown=False)
@@ -153,7 +153,7 @@ def test_tables_say_what_was_reached_and_what_was_not_measured():
     assert failures(outcomes[:3]) == ""
 
 
-def test_every_cause_is_made_in_every_size_and_seeds_tell_campaigns_apart():
+def test_every_cause_is_made_in_every_size_and_seeds_differ():
     made = cases((), 2, "development", quick=False)
     assert len(set(made)) == len(made)
     assert {case.effects[0] for case in made if case.group == "quarter"} == set(INSIDE)
@@ -163,13 +163,13 @@ def test_every_cause_is_made_in_every_size_and_seeds_tell_campaigns_apart():
     assert Case("single", ("creep",), 1.0, "full", 0, "test") in only
 
 
-def test_a_workflow_without_a_report_is_told_by_what_it_said(tmp_path):
+def test_a_workflow_without_a_report_is_listed_with_its_message(tmp_path):
     report, said = discovered(tmp_path / "nothing here", tmp_path / "out")
     assert report is None
     assert said.startswith("exit 2")
 
 
-def test_a_name_that_is_no_cause_is_told(capsys):
+def test_a_name_that_is_no_cause_is_refused(capsys):
     assert discovery.main(["--effects", "gremlins"]) == 2
     assert "gremlins" in capsys.readouterr().out
 
@@ -182,7 +182,7 @@ def test_noise_in_a_dwell_turns_nothing_and_turns_of_the_drive_stay():
     assert np.abs(quiet - course).max() < 4e-6  # four times the noise
 
 
-def test_a_peer_that_knows_the_residual_leaves_no_gap():
+def test_a_peer_that_knows_the_residual_leaves_no_misfit():
     left = {"tension_in_N": np.full(50, 5.0)}
     runs = [Residual(held, {}, {}, left) for held in (False, True)]
     assert held_out_ratio(runs, [left, left]) == 0.0

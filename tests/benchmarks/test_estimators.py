@@ -33,7 +33,7 @@ def test_smoothing_takes_most_of_the_noise_out_of_turning_angles(smoothing):
     )
 
 
-def test_peers_do_without_the_points_that_were_not_seen():
+def test_peers_do_without_missing_points():
     sighting = _sighting(100)
     sighting.points[40:50] = np.nan
     for name, peer in PEERS.items():
@@ -72,7 +72,7 @@ def test_failures_are_counted_and_quoted():
     assert np.isnan(one.coverage)
 
 
-def test_the_bound_of_a_cell_leaves_outliers_and_unseen_points_out():
+def test_the_bound_of_a_cell_leaves_outliers_and_missing_points_out():
     good = bound(Cell("test", "half circle", 200, 5e-4), 1).angle
     spoilt = bound(Cell("test", "half circle", 200, 5e-4, outliers=0.05, gap=0.2), 5).angle
     assert good < spoilt < 1.3 * good

@@ -46,7 +46,7 @@ def documents(tmp_path):
     return tmp_path
 
 
-def test_tables_are_found_between_prose_without_their_rules():
+def test_tables_are_read_between_prose_without_their_rules():
     first, second = rendered(["a", "b"], ["x", "1"]), rendered(["c"], ["y"])
     assert tables(f"words\n\n{first}\nmore\n{second}\n") == [[["a", "b"], ["x", "1"]], [["c"], ["y"]]]
 
@@ -97,7 +97,7 @@ def test_rows_of_another_machine_go_since_one_is_named():
     assert [row[0] for row in tables(new)[0]] == ["measured", LABELS[0]]
 
 
-def test_every_part_has_its_place_in_the_documents(documents):
+def test_every_part_has_its_mark_in_the_documents(documents):
     for each in PARTS:
         extract = Extract(f"| {each.name} |", ["1", "2", "3"])
         write(documents, each, MACHINE, f"benchmarks.{each.name}", extract)

@@ -20,7 +20,7 @@ def test_dense_exact_points_turn_by_the_true_angle(name):
 
 
 @pytest.mark.parametrize("name", PIECEWISE)
-def test_places_are_those_of_the_package(name):
+def test_positions_are_those_of_the_package(name):
     route = truth(name, np.random.default_rng(0))
     s = np.linspace(0.0, route.length, 50)
     assert route.course is not None

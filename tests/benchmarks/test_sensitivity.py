@@ -139,6 +139,40 @@ def test_rows_that_are_done_are_kept_until_the_code_changes(tree, monkeypatch):
     assert sensitivity._Rows(kept, fresh=False).done == {}
 
 
+CASES = """
+import json
+from tssgeom.route.limits import LIMITS
+
+def print_numbers(names, *, quick):
+    assert LIMITS.scales[0] < 2.0, "too wide"
+    print(json.dumps({"misfit": LIMITS.floor + (0.0 if quick else 1.0), "outliers": 3.0 * LIMITS.neighbours}))
+"""
+
+
+def test_each_constant_is_changed_in_a_copy_and_a_run_that_was_stopped_goes_on(tree, monkeypatch, capsys):
+    for name in ("pipelines", "tests", "sample_shapes", "benchmarks"):
+        (tree / name).mkdir()
+    for name in ("pyproject.toml", "CITATION.cff", "tssgeom/__init__.py", "benchmarks/__init__.py"):
+        (tree / name).touch()
+    (tree / "tssgeom" / "route" / "__init__.py").touch()
+    (tree / "benchmarks" / "sensitivity_cases.py").write_text(CASES, encoding="utf-8")
+    monkeypatch.setattr(sensitivity, "ROOT", tree)
+    monkeypatch.setattr(sensitivity, "_ROWS", tree / "results" / "sensitivity.json")
+    assert sensitivity.main(["neighbours", "scales"]) == 0
+    printed = capsys.readouterr()
+    assert "outliers 9.00 → 3.00" in printed.out
+    assert "outliers 9.00 → 18.0" in printed.out
+    assert "fails: AssertionError: too wide" in printed.out
+    assert "NOTHING" in printed.out
+    assert "4 of 4" in printed.err
+    assert sensitivity.main(["neighbours", "scales", "quantile"]) == 0
+    again = capsys.readouterr()
+    assert "2 of 2" in again.err
+    assert "neighbours" not in again.err
+    assert "outliers 9.00 → 18.0" in again.out
+    assert (tree / "tssgeom" / "route" / "limits.py").read_text(encoding="utf-8") == LIMITS
+
+
 def test_every_constant_of_the_code_has_an_origin():
     without = [each.name for each in constants(ROOT) if each.origin == ABSENT]
     assert len(without) <= WITHOUT_ORIGIN, without
