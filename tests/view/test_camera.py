@@ -72,21 +72,21 @@ def test_labels_cover_neither_one_another_nor_the_route(moving: list[FrameResult
         assert (route.max(axis=2) > 0.5).all()
 
 
-@pytest.mark.parametrize("larger", [1.0, 1.6, 2.0])
-def test_in_a_crowd_labels_are_shortened_and_none_covers_an_end_or_the_scale(larger: float) -> None:
+@pytest.mark.parametrize("text_scale", [1.0, 1.6, 2.0])
+def test_in_a_crowd_labels_are_shortened_and_none_covers_an_end_or_the_scale(text_scale: float) -> None:
     turn = np.linspace(0.0, 1.0, 200)
     wave = 0.05 * np.column_stack([6 * turn, np.sin(12 * turn), np.sin(7 * turn)])
     (result,) = analysed([Frame(wave + np.random.default_rng(1).normal(0.0, 1e-4, wave.shape))])
     assert len(result.arcs.length) > 10
     view = looking_at(result.route.position)
-    placed = label_places(view, route_samples(result), result.arcs, larger)
+    placed = label_places(view, route_samples(result), result.arcs, text_scale)
     assert placed.whole[:2].all()
-    if larger > 1.0:
+    if text_scale > 1.0:
         assert not placed.whole.all()
-    centre, half = boxes(view, placed, larger)
-    _, _, anchor = scale_label(view, larger)
-    centre = np.vstack([centre, view.project(anchor) - (0.0, larger * RISE)])
-    half = np.vstack([half, larger * SCALE])
+    centre, half = boxes(view, placed, text_scale)
+    _, _, anchor = scale_label(view, text_scale)
+    centre = np.vstack([centre, view.project(anchor) - (0.0, text_scale * RISE)])
+    half = np.vstack([half, text_scale * SCALE])
     assert (apart(centre, half)[[0, 1, -1]] > 1.0).all()
 
 
@@ -95,10 +95,10 @@ WHOLE, NUMBER, SCALE = np.array([[0.12, 0.0185], [0.025, 0.0185], [0.042, 0.0185
 """Half of the size of labels as they are drawn in a view of common height, measured in a picture."""
 
 
-def boxes(view: Camera, placed: Placed, larger: float) -> tuple[np.ndarray, np.ndarray]:
+def boxes(view: Camera, placed: Placed, text_scale: float) -> tuple[np.ndarray, np.ndarray]:
     """Centres of the labels and half of their sizes on the screen, each [n, 2]."""
-    centre = view.project(placed.place) - (0.0, larger * RISE)
-    return centre, larger * np.where(placed.whole[:, None], WHOLE, NUMBER)
+    centre = view.project(placed.position) - (0.0, text_scale * RISE)
+    return centre, text_scale * np.where(placed.whole[:, None], WHOLE, NUMBER)
 
 
 def apart(centre: np.ndarray, half: np.ndarray) -> np.ndarray:

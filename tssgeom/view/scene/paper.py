@@ -46,7 +46,7 @@ from tssgeom.view.scene.writer import recording_file
 _NODES = 160
 _MOMENTS = 240
 _BOX = Box(width=1.55, text=0.095)
-_ALONG = Box(width=1.55, text=0.095, bare=True)
+_ALONG = Box(width=1.55, text=0.095, unitless=True)
 _LARGER = 1.7  # text beside the route, as the views of both setups are lower than one alone
 _ROUTES = ("a", "b", "half")
 _FORCES = {"a": ("A", FIRST), "b": ("B", SECOND)}

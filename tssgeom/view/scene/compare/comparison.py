@@ -43,7 +43,7 @@ from tssgeom.view.scene.writer import recording_file
 
 _LARGER = 1.6  # text beside the route, as the views of both are lower than one alone
 _COLOURS = {"a": FIRST, "b": SECOND}
-_CHART_BOX = Box(width=1.9, text=0.12, bare=True)
+_CHART_BOX = Box(width=1.9, text=0.12, unitless=True)
 _BOTH_BOX = Box(width=3.1, text=0.115)
 
 
