@@ -82,7 +82,7 @@ def write_picture(
         points=np.array([frame.points for frame in frames]),
         ids=found.ids,
         noise=np.array(noise),
-        words=summary,
+        summary=summary,
         images=images,
     )
     with replacing(path) as draft:
