@@ -26,7 +26,7 @@ from tssgeom.io.results.result_tables import write_summary
 from tssgeom.io.results.run_record import Rejection, RunRecord, Settings, remove_earlier_run, write_run
 from tssgeom.io.results.shapes import relative
 from tssgeom.io.storage import Folder, files_at, local
-from tssgeom.view.report.outlying_inputs import Oddity, oddest
+from tssgeom.view.report.outlying_inputs import OutlyingInput, outlying_inputs
 from tssgeom.view.report.report import Rendered, ReportEntry, rendered, write_report
 
 SUMMARY, REPORT = "summary.parquet", "report.html"
@@ -179,7 +179,7 @@ class Batch:
     refused: dict[str, str] = field(default_factory=dict)
     """Reasons, by name."""
     tally: Tally = field(default_factory=Tally)
-    odd: Sequence[Oddity] = ()
+    odd: Sequence[OutlyingInput] = ()
 
     @property
     def finished(self) -> list[Done]:
@@ -236,7 +236,7 @@ class Batch:
             Where the disk refuses.
         """
         finished = self.finished
-        self.odd = oddest([done.row for done in finished])
+        self.odd = outlying_inputs([done.row for done in finished])
         with self.out.replacing(SUMMARY) as draft:
             write_summary(draft, (done.row for done in finished))
         with self.out.replacing(REPORT) as draft:
@@ -246,7 +246,7 @@ class Batch:
                 list(self._rendered()),
                 rig=rig,
                 tension_in=tension_in,
-                odd=self.odd,
+                outlying=self.odd,
                 notes=self._notes(chosen),
             )
         record = RunRecord(

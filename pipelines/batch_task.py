@@ -255,14 +255,14 @@ def _printed(task: Task, analysis: Analysis) -> dict[str, int]:
 
 def _reported(task: Task, analysis: Analysis, *, drawn: bool) -> dict[str, object]:
     account = analysis.account
-    entry = ReportEntry.of_some(
+    entry = ReportEntry.of(
         analysis.name,
         account.results,
         timed=analysis.timed,
         rejected=account.rejected,
         recording=f"recordings/{task.name}.rrd" if drawn else "",
         used=account.used,
-        lost=account.refused,
+        rejected_frames=account.refused,
         warnings=account.warnings,
     )
     with _drawing:

@@ -129,7 +129,7 @@ def test_recordings_are_linked_by_their_relative_address(page: Page) -> None:
 
 
 def test_run_is_drawn_at_the_last_peak_of_its_tension(page: Page, entries: list[ReportEntry]) -> None:
-    shown = entries[1].shown
+    shown = entries[1].representative
     assert shown is not None
     assert shown.transmission.tension_in == 12.0
     assert f"at {shown.frame.time:.2f} s" in page.text

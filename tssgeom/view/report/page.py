@@ -1,4 +1,4 @@
-"""Pages that need nothing beside themselves: one style, parts filled into a template, written whole."""
+"""Self-contained pages: one style, parts filled into a template, written whole."""
 
 from __future__ import annotations
 
