@@ -23,7 +23,7 @@ class Quantity:
     words: str
     unit: str
     factor: float
-    """Units shown for each SI unit [1]."""
+    """Units of a picture in one SI unit [1]."""
     rgb: tuple[int, int, int]
     """Colour on the dark ground of a recording."""
     ink: str

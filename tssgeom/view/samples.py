@@ -27,7 +27,7 @@ class CurvatureAxis:
     steps: float = 2.0
     """Multiple of that curvature up to which pieces stay below its top. chosen."""
     headroom: float = 1.05
-    """Top over the largest curvature shown. chosen: a line at the very top is cut."""
+    """Top over the largest curvature. chosen: a line at the very top is cut."""
     least_angle: float = 0.2
     """Top of a nearly straight route, as if it turned by this angle in all [rad]. chosen: 11°."""
 

@@ -159,12 +159,12 @@ def _limits_across(axes: Axes, flat: Vector, names: list[Annotation]) -> tuple[f
 def tension_figure(result: FrameResult) -> Figure:
     """Draw the tension along the tendon, with the standard error that comes from the geometry."""
     frame = route_samples(result, _NODES)
-    seen, top = result.transmission, round_up(float(frame.tension.max()))
+    ends, top = result.transmission, round_up(float(frame.tension.max()))
     s, spread = ARC_LENGTH.factor * frame.s, tension_se(result, frame)
     with panels((COLUMN, _HEIGHT), 1) as (drawing, (axes,)):
         axes.fill_between(s, frame.tension - spread, frame.tension + spread, color=_BAND, linewidth=0)
         _coloured(axes, np.column_stack([s, frame.tension]), frame.tension, top, 1.5, outline=0.8)
-        text = f"T_out = {with_error(seen.tension_out, seen.tension_out_se, 2)} N"
+        text = f"T_out = {with_error(ends.tension_out, ends.tension_out_se, 2)} N"
         free = 0.06 if frame.tension[-1] > 0.5 * top else 0.96
         note(axes, text, (s[-1], free * top), ha="right", color=INK)
         axes.set_xlim(-0.02 * s[-1], 1.02 * s[-1])

@@ -222,6 +222,6 @@ def _blueprint(cameras: dict[str, Camera]) -> rrb.Blueprint:
         ),
         plot("δ [mm] over time [s]", [f"series/elongation_{one}" for one in _ROUTES]),
     )
-    text = rrb.TextDocumentView(origin="summary", name="What is seen")
+    text = rrb.TextDocumentView(origin="summary", name="Summary")
     middle, last = rrb.Horizontal(*along, charts[0], charts[3]), rrb.Horizontal(text, series, *charts[1:3])
     return layout(rrb.Vertical(spaces, middle, last, row_shares=[40, 29, 31]), time_panel())

@@ -106,14 +106,16 @@ def _send_images(recording: rr.RecordingStream, name: str, images: Sequence[tupl
 def _blueprint(tracked: Tracked, view: Camera) -> rrb.Blueprint:
     cameras = rrb.Horizontal(
         *(
-            rrb.Spatial2DView(origin=f"camera/{name}", name=f"{name}: what was found", background=BACKGROUND)
+            rrb.Spatial2DView(
+                origin=f"camera/{name}", name=f"{name}: image with detected markers", background=BACKGROUND
+            )
             for name in tracked.images
         )
     )
     title = f"{tracked.name}: markers along the sheath, numbered from proximal to distal"
     space = space_view(title, view, ("sensed", "route", "scale"))
     below = rrb.Horizontal(
-        rrb.TextDocumentView(origin="summary", name="What is seen"),
+        rrb.TextDocumentView(origin="summary", name="Summary"),
         rrb.TimeSeriesView(name="Markers placed [%] over time [s]", contents=["series/seen"]),
         rrb.TimeSeriesView(name="Noise of a coordinate [mm]", contents=["series/noise"]),
         column_shares=[40, 30, 30],

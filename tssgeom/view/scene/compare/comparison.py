@@ -150,8 +150,8 @@ def _send_both(still: Sender, a: Side, b: Side, limits: Ranges) -> None:
         line = chart.place(1e3 * frame.s, frame.tension)
         still.constant(f"tension/{key}", _line(line, _COLOURS[key], 2.0))
     s = np.linspace(0.0, min(float(frame.s[-1]) for frame in ends.values()), 128)
-    apart = np.abs(ends["b"].tension_at(s) - ends["a"].tension_at(s))
-    still.constant("tension/apart", _line(chart.place(1e3 * s, apart), colours.WHITE, 1.2))
+    change = np.abs(ends["b"].tension_at(s) - ends["a"].tension_at(s))
+    still.constant("tension/apart", _line(chart.place(1e3 * s, change), colours.WHITE, 1.2))
 
 
 def _line(line: Vector, colour: tuple[int, int, int], radius: float) -> rr.LineStrips2D:
