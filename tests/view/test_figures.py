@@ -152,9 +152,9 @@ def test_pulls_and_releases_have_a_name_each_and_measured_values_stand_beside(
 
 def test_the_report_shows_the_figures_that_are_printed(moving: list[FrameResult], tmp_path: Path) -> None:
     entry = ReportEntry.of("run", moving, timed=True)
-    assert entry.shown is not None
-    page = section(entry, entry.shown)
-    for draw in figures_of(entry.shown, entry.series).values():
+    assert entry.representative is not None
+    page = section(entry, entry.representative)
+    for draw in figures_of(entry.representative, entry.series).values():
         for axes in draw().axes:
             assert axes.get_title(loc="left") in page
-    assert page.count("<svg") == len(figures_of(entry.shown, entry.series))
+    assert page.count("<svg") == len(figures_of(entry.representative, entry.series))
