@@ -24,8 +24,8 @@ def looking_at(points: np.ndarray) -> Camera:
 @given(st.floats(0.3, 4), st.floats(0, 2), st.floats(1e-3, 10))
 def test_every_node_is_inside_the_view_whatever_the_size(turns: float, pitch: float, size: float) -> None:
     points = helix(turns, pitch, size)
-    seen = np.abs(looking_at(points).project(points))
-    assert (seen <= [0.5 * ASPECT, 0.5]).all()
+    screen = np.abs(looking_at(points).project(points))
+    assert (screen <= [0.5 * ASPECT, 0.5]).all()
 
 
 @given(st.floats(0.3, 4), st.floats(0.2, 2), st.floats(1e-3, 1e3))
@@ -67,7 +67,7 @@ def test_labels_cover_neither_one_another_nor_the_route(moving: list[FrameResult
         placed = label_places(view, frame, result.arcs)
         assert placed.whole.all()
         centre, half = boxes(view, placed, 1.0)
-        assert (apart(centre, half) > 1.0).all()
+        assert (separation(centre, half) > 1.0).all()
         route = np.abs(centre[:, None] - view.project(frame.position)[None]) / half[:, None]
         assert (route.max(axis=2) > 0.5).all()
 
@@ -87,7 +87,7 @@ def test_in_a_crowd_labels_are_shortened_and_none_covers_an_end_or_the_scale(tex
     _, _, anchor = scale_label(view, text_scale)
     centre = np.vstack([centre, view.project(anchor) - (0.0, text_scale * RISE)])
     half = np.vstack([half, text_scale * SCALE])
-    assert (apart(centre, half)[[0, 1, -1]] > 1.0).all()
+    assert (separation(centre, half)[[0, 1, -1]] > 1.0).all()
 
 
 RISE = 0.025  # Rerun hangs a label below its anchor, by this part of the height of the view
@@ -101,8 +101,8 @@ def boxes(view: Camera, placed: Placed, text_scale: float) -> tuple[np.ndarray, 
     return centre, text_scale * np.where(placed.whole[:, None], WHOLE, NUMBER)
 
 
-def apart(centre: np.ndarray, half: np.ndarray) -> np.ndarray:
-    """How far boxes are apart; up to 1 they overlap."""
+def separation(centre: np.ndarray, half: np.ndarray) -> np.ndarray:
+    """Separation of boxes in the sum of their half sizes; below 1 they overlap."""
     room = np.abs(centre[:, None] - centre[None]) / (half[:, None] + half[None])
     np.fill_diagonal(room[:, :, 0], np.inf)
     return room.max(axis=2)

@@ -47,7 +47,7 @@ _NODES = 160  # of a route
 _MOMENTS = 240  # of the cycle
 _BOX = Box(width=1.55, text=0.095)
 _ALONG = Box(width=1.55, text=0.095, unitless=True)
-_LARGER = 1.7  # text beside the route, as the views of both setups are lower than one alone
+_TEXT_SCALE = 1.7  # of text beside the route: the views of both setups are lower than one alone
 _ROUTES = ("a", "b", "half")
 _SETUPS = {"a": ("A", FIRST), "b": ("B", SECOND)}
 _LIMITS = Ranges(tension=paper.PEAK, length=0.5, kappa=1.0)
@@ -103,10 +103,10 @@ def _send_route(sender: Sender, setup: _Setup) -> None:
     """Draw a route and its tension at every moment, as every command does."""
     frames, pieces = setup.frames, [setup.arcs] * len(setup.frames)
     still = replace(sender, time=None)
-    send_scale_bar(still, setup.camera, _LARGER)
+    send_scale_bar(still, setup.camera, _TEXT_SCALE)
     send_joints(still, frames[:1], pieces[:1])
     send_route(sender, frames, paper.PEAK)
-    labels = label_places(setup.camera, frames[0], setup.arcs, _LARGER)
+    labels = label_places(setup.camera, frames[0], setup.arcs, _TEXT_SCALE)
     texts = [
         [*words.end_labels(*frame.tension[[0, -1]].tolist()), *words.piece_labels(setup.arcs)]
         for frame in frames

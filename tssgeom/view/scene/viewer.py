@@ -29,6 +29,8 @@ _HOST = "127.0.0.1"
 _DRIVES = ["/series/tension_in", "/a/series/tension_in"]
 _START_LIMIT = 20.0
 """Longest wait for the viewer to start [s]."""
+_END_LIMIT = 10.0
+"""Longest wait for the viewer to end by itself [s]."""
 _NOTICES = 3.5
 """Time from its start until the viewer's notices have gone from the picture [s]."""
 _SETTLE = 1.2
@@ -204,8 +206,16 @@ def _headless(path: Path, size: tuple[int, int]) -> Iterator[ViewerClient]:
         except (ConnectionError, RuntimeError, TimeoutError) as error:
             raise _failure(path, log) from error
         finally:
-            viewer.terminate()
-            viewer.wait(10)
+            _end(viewer)
+
+
+def _end(viewer: subprocess.Popen[bytes]) -> None:
+    viewer.terminate()
+    try:
+        viewer.wait(_END_LIMIT)
+    except subprocess.TimeoutExpired:  # on a busy machine it may not answer: the picture is written
+        viewer.kill()
+        viewer.wait()
 
 
 def _loaded(viewer: subprocess.Popen[bytes], port: int, began: float) -> ViewerClient:

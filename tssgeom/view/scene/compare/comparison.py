@@ -41,7 +41,7 @@ from tssgeom.view.scene.run import camera_of, send_line
 from tssgeom.view.scene.space import send_labels, send_piece_names, send_route, send_scale_bar
 from tssgeom.view.scene.writer import recording_file
 
-_LARGER = 1.6  # text beside the route, as the views of both are lower than one alone
+_TEXT_SCALE = 1.6  # of text beside the route: the views of both are lower than one alone
 _COLOURS = {"a": FIRST, "b": SECOND}
 _CHART_BOX = Box(width=1.9, text=0.12, unitless=True)
 _BOTH_BOX = Box(width=3.1, text=0.115)
@@ -109,9 +109,9 @@ def _send_side(recording: rr.RecordingStream, key: str, side: Side, limits: Rang
 
 def _send_labels(sender: Sender, side: Side, camera: Camera) -> None:
     """Write the labels anew, that of the scale too: in a lower view they need more room."""
-    send_scale_bar(sender, camera, _LARGER)
+    send_scale_bar(sender, camera, _TEXT_SCALE)
     placed = [
-        label_places(camera, frame, arcs, _LARGER)
+        label_places(camera, frame, arcs, _TEXT_SCALE)
         for frame, arcs in zip(side.frames, side.pieces, strict=True)
     ]
     send_labels(sender, placed, side.labels)
