@@ -57,9 +57,9 @@ def write_shape_figures(folder: Path, name: str, results: Sequence[FrameResult],
         Where the disk refuses.
     """
     from tssgeom.view.figures.shapes import figures_of
-    from tssgeom.view.report.entry import series_of, shown_of
+    from tssgeom.view.report.entry import representative, series_of
 
-    result = shown_of(results)
+    result = representative(results)
     if result is None:
         return []
     return write_figures(folder, name, figures_of(result, series_of(results) if timed else None))

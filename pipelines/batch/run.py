@@ -33,7 +33,7 @@ from tssgeom.io.results.run_record import (
 from tssgeom.io.results.shapes import relative
 from tssgeom.io.results.tables import write_summary
 from tssgeom.io.storage import Folder, files_at, local
-from tssgeom.view.report.outlying_inputs import Oddity, oddest
+from tssgeom.view.report.outlying_inputs import OutlyingInput, outlying_inputs
 from tssgeom.view.report.report import Rendered, ReportEntry, rendered, write_report
 
 SUMMARY, REPORT = "summary.parquet", "report.html"
@@ -211,7 +211,7 @@ class Batch:
     refused: dict[str, str] = field(default_factory=dict)
     """Reasons, by name."""
     tally: Tally = field(default_factory=Tally)
-    outlying: Sequence[Oddity] = ()
+    outlying: Sequence[OutlyingInput] = ()
 
     @property
     def finished(self) -> list[Done]:
@@ -268,7 +268,7 @@ class Batch:
             Where the disk refuses.
         """
         finished = self.finished
-        self.outlying = oddest([done.row for done in finished])
+        self.outlying = outlying_inputs([done.row for done in finished])
         with self.out.replacing(SUMMARY) as draft:
             write_summary(draft, (done.row for done in finished))
         with self.out.replacing(REPORT) as draft:
@@ -278,7 +278,7 @@ class Batch:
                 list(self._rendered()),
                 rig=rig,
                 tension_in=tension_in,
-                odd=self.outlying,
+                outlying=self.outlying,
                 notes=self._notes(settings),
             )
         record = RunRecord(

@@ -268,14 +268,14 @@ def _write_print_figures(task: Task, analysis: Analysis) -> dict[str, int]:
 
 def _report_entry(task: Task, analysis: Analysis, *, drawn: bool) -> dict[str, object]:
     account = analysis.summary
-    entry = ReportEntry.of_some(
+    entry = ReportEntry.of(
         analysis.name,
         account.results,
         timed=analysis.timed,
         rejected=account.rejected,
         recording=f"recordings/{task.name}.rrd" if drawn else "",
         used=account.used,
-        lost=account.refused,
+        rejected_frames=account.refused,
         warnings=account.warnings,
     )
     with _figure_lock:

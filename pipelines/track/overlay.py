@@ -90,7 +90,7 @@ def write_picture(path: Path, footage: DetectedFootage, text: str) -> str:
         points=np.array([frame.points for frame in frames]),
         ids=footage.tracked.ids,
         noise=np.array([np.nan if frame.noise is None else frame.noise for frame in frames]),
-        words=text,
+        summary=text,
         images=images,
     )
     with replacing(path) as draft:

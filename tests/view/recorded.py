@@ -1,4 +1,4 @@
-"""What a Rerun recording holds, read back by Rerun's own reader."""
+"""Content of a Rerun recording, read back by Rerun's own reader."""
 
 import subprocess
 from pathlib import Path
@@ -9,13 +9,13 @@ from rerun.chunk import RrdReader
 
 def columns(path: Path, entity: str, *, timed: bool, timeline: str = "time") -> dict[str, list]:
     """Columns of an entity's rows, without or with time."""
-    found: dict[str, list] = {}
+    values: dict[str, list] = {}
     for chunk in RrdReader(str(path)).stream().filter(content=entity):
         batch = chunk.to_record_batch()
         if (timeline in batch.schema.names) == timed:
             for name in batch.schema.names:
-                found.setdefault(name, []).extend(batch.column(name).to_pylist())
-    return found
+                values.setdefault(name, []).extend(batch.column(name).to_pylist())
+    return values
 
 
 def entities(path: Path) -> set[str]:
@@ -28,24 +28,24 @@ def timelines(path: Path) -> set[str]:
 
 
 def views(path: Path) -> list[str]:
-    """Kinds of the views that the recording's own layout shows."""
+    """Kinds of the views in the layout of a recording."""
     return _of_layout(path, "ViewBlueprint:class_identifier")
 
 
 def axes(path: Path) -> list[list[float]]:
-    """Where the upright axes of plots begin and end that the recording's own layout fixes."""
+    """Lower and upper ends of the vertical axes that the layout of a recording fixes."""
     return _of_layout(path, "ScalarAxis:range")
 
 
 def _of_layout(path: Path, column: str) -> list:
     reader = RrdReader(str(path))
-    found = list[object]()
+    values = list[object]()
     for entry in reader.blueprints():
         for chunk in reader.stream(store=entry):
             batch = chunk.to_record_batch()
             if column in batch.schema.names:
-                found += [value for row in batch.column(column).to_pylist() for value in row or []]
-    return found
+                values += [value for row in batch.column(column).to_pylist() for value in row or []]
+    return values
 
 
 def verify(path: Path) -> None:

@@ -24,8 +24,8 @@ def looking_at(points: np.ndarray) -> Camera:
 @given(st.floats(0.3, 4), st.floats(0, 2), st.floats(1e-3, 10))
 def test_every_node_is_inside_the_view_whatever_the_size(turns: float, pitch: float, size: float) -> None:
     points = helix(turns, pitch, size)
-    seen = np.abs(looking_at(points).project(points))
-    assert (seen <= [0.5 * ASPECT, 0.5]).all()
+    screen = np.abs(looking_at(points).project(points))
+    assert (screen <= [0.5 * ASPECT, 0.5]).all()
 
 
 @given(st.floats(0.3, 4), st.floats(0.2, 2), st.floats(1e-3, 1e3))
@@ -67,27 +67,27 @@ def test_labels_cover_neither_one_another_nor_the_route(moving: list[FrameResult
         placed = label_places(view, frame, result.arcs)
         assert placed.whole.all()
         centre, half = boxes(view, placed, 1.0)
-        assert (apart(centre, half) > 1.0).all()
+        assert (separation(centre, half) > 1.0).all()
         route = np.abs(centre[:, None] - view.project(frame.position)[None]) / half[:, None]
         assert (route.max(axis=2) > 0.5).all()
 
 
-@pytest.mark.parametrize("larger", [1.0, 1.6, 2.0])
-def test_in_a_crowd_labels_are_shortened_and_none_covers_an_end_or_the_scale(larger: float) -> None:
+@pytest.mark.parametrize("text_scale", [1.0, 1.6, 2.0])
+def test_in_a_crowd_labels_are_shortened_and_none_covers_an_end_or_the_scale(text_scale: float) -> None:
     turn = np.linspace(0.0, 1.0, 200)
     wave = 0.05 * np.column_stack([6 * turn, np.sin(12 * turn), np.sin(7 * turn)])
     (result,) = analysed([Frame(wave + np.random.default_rng(1).normal(0.0, 1e-4, wave.shape))])
     assert len(result.arcs.length) > 10
     view = looking_at(result.route.position)
-    placed = label_places(view, route_samples(result), result.arcs, larger)
+    placed = label_places(view, route_samples(result), result.arcs, text_scale)
     assert placed.whole[:2].all()
-    if larger > 1.0:
+    if text_scale > 1.0:
         assert not placed.whole.all()
-    centre, half = boxes(view, placed, larger)
-    _, _, anchor = scale_label(view, larger)
-    centre = np.vstack([centre, view.project(anchor) - (0.0, larger * RISE)])
-    half = np.vstack([half, larger * SCALE])
-    assert (apart(centre, half)[[0, 1, -1]] > 1.0).all()
+    centre, half = boxes(view, placed, text_scale)
+    _, _, anchor = scale_label(view, text_scale)
+    centre = np.vstack([centre, view.project(anchor) - (0.0, text_scale * RISE)])
+    half = np.vstack([half, text_scale * SCALE])
+    assert (separation(centre, half)[[0, 1, -1]] > 1.0).all()
 
 
 RISE = 0.025  # Rerun hangs a label below its anchor, by this part of the height of the view
@@ -95,14 +95,14 @@ WHOLE, NUMBER, SCALE = np.array([[0.12, 0.0185], [0.025, 0.0185], [0.042, 0.0185
 """Half of the size of labels as they are drawn in a view of common height, measured in a picture."""
 
 
-def boxes(view: Camera, placed: Placed, larger: float) -> tuple[np.ndarray, np.ndarray]:
+def boxes(view: Camera, placed: Placed, text_scale: float) -> tuple[np.ndarray, np.ndarray]:
     """Centres of the labels and half of their sizes on the screen, each [n, 2]."""
-    centre = view.project(placed.place) - (0.0, larger * RISE)
-    return centre, larger * np.where(placed.whole[:, None], WHOLE, NUMBER)
+    centre = view.project(placed.position) - (0.0, text_scale * RISE)
+    return centre, text_scale * np.where(placed.whole[:, None], WHOLE, NUMBER)
 
 
-def apart(centre: np.ndarray, half: np.ndarray) -> np.ndarray:
-    """How far boxes are apart; up to 1 they overlap."""
+def separation(centre: np.ndarray, half: np.ndarray) -> np.ndarray:
+    """Separation of boxes in the sum of their half sizes; below 1 they overlap."""
     room = np.abs(centre[:, None] - centre[None]) / (half[:, None] + half[None])
     np.fill_diagonal(room[:, :, 0], np.inf)
     return room.max(axis=2)

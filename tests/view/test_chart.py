@@ -28,9 +28,9 @@ def test_values_beyond_the_axes_are_held_at_the_edge() -> None:
 
 
 def test_grid_and_numbers_lie_inside_what_the_view_shows() -> None:
-    places, texts = CHART.numbers()
-    everything = np.vstack([places, *CHART.grid()])
-    assert len(places) == len(texts)
+    positions, texts = CHART.numbers()
+    everything = np.vstack([positions, *CHART.grid()])
+    assert len(positions) == len(texts)
     for axis, (low, high) in enumerate([CHART.box.x_range, CHART.box.y_range]):
         assert (everything[:, axis] > low).all()
         assert (everything[:, axis] < high).all()

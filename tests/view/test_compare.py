@@ -26,8 +26,8 @@ ROUGH = Rig(friction=Friction(coefficient=0.3))
 def rougher(results: list[FrameResult], later: float = 0.0) -> list[FrameResult]:
     """The same frames with more friction, and at later times [s]."""
     frames = [replace(one.frame, time=one.frame.time + later) for one in results]
-    found = process(frames, ROUGH, tension_in=15.0)
-    return [one for one in found if isinstance(one, FrameResult)]
+    results = process(frames, ROUGH, tension_in=15.0)
+    return [one for one in results if isinstance(one, FrameResult)]
 
 
 @pytest.fixture(scope="module")
@@ -49,23 +49,23 @@ def both(moving_file: Path, rough_file: Path, tmp_path_factory: pytest.TempPathF
     return path
 
 
-def test_a_recording_is_read_back_as_the_results_it_shows(moving_file: Path, moving: list[FrameResult]):
+def test_a_recording_is_read_back_as_the_results_in_it(moving_file: Path, moving: list[FrameResult]):
     side = read_side(moving_file)
     assert side.time is not None
     np.testing.assert_allclose(side.time, [one.frame.time for one in moving], atol=1e-9)
-    for seen, pieces, result in zip(side.frames, side.pieces, moving, strict=True):
-        told = route_samples(result)
+    for samples, pieces, result in zip(side.frames, side.pieces, moving, strict=True):
+        expected = route_samples(result)
         for name in ("s", "position", "tension", "phi", "kappa", "kappa_se", "phi_se"):
             # single precision
-            np.testing.assert_allclose(getattr(seen, name), getattr(told, name), rtol=1e-6, atol=1e-7)
+            np.testing.assert_allclose(getattr(samples, name), getattr(expected, name), rtol=1e-6, atol=1e-7)
         np.testing.assert_array_equal(pieces.angle, result.arcs.angle)
     outs = [one.transmission.tension_out for one in moving]
     np.testing.assert_array_equal(side.numbers["tension_out_N"], outs)
 
 
 def test_each_side_has_the_same_parts_and_the_views_are_in_pairs(both: Path):
-    seen = entities(both)
-    sides = [{name[2:] for name in seen if name.startswith(f"/{side}/")} for side in "ab"]
+    names = entities(both)
+    sides = [{name[2:] for name in names if name.startswith(f"/{side}/")} for side in "ab"]
     assert sides[0] == sides[1]
     assert {"/route", "/labels", "/joints", "/sensed", "/tension/curve", "/curvature/pieces"} <= sides[0]
     assert {"/series/tension_in", "/series/tension_out", "/series/elongation"} <= sides[0]
@@ -95,7 +95,7 @@ def test_the_difference_is_that_of_the_results_at_every_moment(both: Path, movin
         np.testing.assert_allclose(np.ravel(rows["Scalars:scalars"]), expected, rtol=1e-12)
 
 
-def test_the_words_say_the_numbers_of_the_greatest_pull(both: Path, moving, rough):
+def test_the_text_has_the_numbers_of_the_greatest_pull(both: Path, moving, rough):
     a, b = moving[3].transmission, rough[3].transmission
     (text,) = columns(both, "/difference/words", timed=False)["TextDocument:text"][0]
     error = float(np.hypot(a.tension_out_se, b.tension_out_se))
@@ -122,7 +122,7 @@ def test_recordings_of_other_times_both_begin_at_zero(moving_file: Path, moving,
     assert "time from its beginning" in comparison(a, b, difference(a, b))
 
 
-def test_recordings_of_one_name_are_told_apart_by_their_folders(moving_file: Path, tmp_path: Path):
+def test_recordings_of_one_name_get_names_with_their_folders(moving_file: Path, tmp_path: Path):
     other = tmp_path / "elsewhere" / moving_file.name
     other.parent.mkdir()
     other.write_bytes(moving_file.read_bytes())
@@ -153,14 +153,14 @@ def test_a_shape_stands_beside_a_run(still_file: Path, moving_file: Path, tmp_pa
     assert columns(tmp_path / "both.rrd", "/a/route", timed=True) == {}
 
 
-def test_tensions_part_where_the_routes_begin_to_differ(moving_file: Path):
+def test_tensions_differ_from_where_the_routes_differ(moving_file: Path):
     side = read_side(moving_file)
     assert parting(side, side) is None
     bent = side.frames[side.peak]
     changed = replace(bent, tension=np.where(bent.s > 0.1, 0.9, 1.0) * bent.tension)
     other: Side = replace(side, frames=[*side.frames[: side.peak], changed, *side.frames[side.peak + 1 :]])
-    found = parting(side, other)
-    assert found == pytest.approx(0.1, abs=0.005)  # the steps in which it is looked for
+    s = parting(side, other)
+    assert s == pytest.approx(0.1, abs=0.005)  # the step of arc length
 
 
 def test_a_recording_of_something_else_is_refused_with_what_can_be_compared(still_file: Path, tmp_path: Path):

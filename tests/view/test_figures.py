@@ -103,9 +103,9 @@ def test_the_band_of_the_tension_ends_at_the_error_that_is_told(
     for result in (still[0], moving[2], moving[3]):
         spread = tension_se(result, route_samples(result))
         assert spread[0] == pytest.approx(0.0, abs=1e-2 * result.transmission.tension_in)
-        # the error that is told is that of the pieces, the band that of the profile along the route
-        told = result.transmission.tension_out_se
-        assert spread[-1] == pytest.approx(told, rel=0.35)
+        # the error of T_out is that of the pieces, the band that of the profile along the route
+        error = result.transmission.tension_out_se
+        assert spread[-1] == pytest.approx(error, rel=0.35)
 
 
 def test_what_did_not_slide_yet_is_as_uncertain_as_what_held_it(moving: list[FrameResult]) -> None:
@@ -152,9 +152,9 @@ def test_pulls_and_releases_have_a_name_each_and_measured_values_stand_beside(
 
 def test_the_report_shows_the_figures_that_are_printed(moving: list[FrameResult], tmp_path: Path) -> None:
     entry = ReportEntry.of("run", moving, timed=True)
-    assert entry.shown is not None
-    page = section(entry, entry.shown)
-    for draw in figures_of(entry.shown, entry.series).values():
+    assert entry.representative is not None
+    page = section(entry, entry.representative)
+    for draw in figures_of(entry.representative, entry.series).values():
         for axes in draw().axes:
             assert axes.get_title(loc="left") in page
-    assert page.count("<svg") == len(figures_of(entry.shown, entry.series))
+    assert page.count("<svg") == len(figures_of(entry.representative, entry.series))

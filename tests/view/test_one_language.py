@@ -1,4 +1,4 @@
-"""What every command draws is drawn alike: entities, units, colours, words, time, and seen by its camera."""
+"""Recordings of all commands are alike: entities, units, colours, text, time and camera."""
 
 import math
 import re
@@ -30,23 +30,23 @@ CHART = {f"tension/{part}" for part in ("grid", "numbers", "colour_bar", "curve"
 MOVED = {"route/slip_front", "tension/slip_front"}
 
 
-class Shown(NamedTuple):
-    """What a command's recording has to hold."""
+class Expected(NamedTuple):
+    """Expected content of the recording of a command."""
 
     timeline: str | None
     words: str = "summary"
     below: tuple[str, ...] = ("",)
-    """What the routes are put below."""
+    """Entities below which the routes stand."""
 
 
 TABLE = {
-    "analyse": Shown(None),
-    "batch": Shown(TIMELINE),
-    "simulate": Shown(TIMELINE),
-    "live": Shown(TIMELINE),
-    "discover": Shown(COUNT),
-    "paper": Shown(TIMELINE, below=("a/", "b/")),
-    "view": Shown(TIMELINE, words="difference/words", below=("a/", "b/")),
+    "analyse": Expected(None),
+    "batch": Expected(TIMELINE),
+    "simulate": Expected(TIMELINE),
+    "live": Expected(TIMELINE),
+    "discover": Expected(COUNT),
+    "paper": Expected(TIMELINE, below=("a/", "b/")),
+    "view": Expected(TIMELINE, words="difference/words", below=("a/", "b/")),
 }
 
 
@@ -91,24 +91,24 @@ command = pytest.mark.parametrize("command", TABLE)
 
 @command
 def test_it_has_the_shared_entities_on_its_timeline_and_nothing_wrong(command: str, recordings):
-    path, shown = recordings[command], TABLE[command]
-    seen = entities(path)
-    wanted = ROUTE | CHART | (MOVED if shown.timeline else set())
-    for below in shown.below:
-        assert {f"/{below}{name}" for name in wanted} <= seen
-    assert f"/{shown.words}" in seen
-    assert timelines(path) == ({shown.timeline} if shown.timeline else set())
+    path, expected = recordings[command], TABLE[command]
+    present = entities(path)
+    wanted = ROUTE | CHART | (MOVED if expected.timeline else set())
+    for below in expected.below:
+        assert {f"/{below}{name}" for name in wanted} <= present
+    assert f"/{expected.words}" in present
+    assert timelines(path) == ({expected.timeline} if expected.timeline else set())
     verify(path)
 
 
 @pytest.mark.parametrize("command", ["simulate", "discover", "view"])
 def test_its_plot_of_tensions_begins_at_zero_and_holds_all_of_them(command: str, recordings):
-    path, shown = recordings[command], TABLE[command]
+    path, expected = recordings[command], TABLE[command]
     ((low, high),) = axes(path)
     assert -0.1 * high < low < 0.0  # so that 0 stands beside the one other number that the viewer writes
     most = max(
         float(value.removeprefix("proximal · T_in ").removesuffix(" N"))
-        for below in shown.below
+        for below in expected.below
         for value, *_ in rows(path, f"{below}labels", "Points3D:labels")
     )
     assert most < high < 1.5 * most
@@ -116,10 +116,10 @@ def test_its_plot_of_tensions_begins_at_zero_and_holds_all_of_them(command: str,
 
 @command
 def test_its_words_and_labels_have_numbers_with_units(command: str, recordings):
-    path, shown = recordings[command], TABLE[command]
-    texts = rows(path, shown.words, "TextDocument:text")
+    path, expected = recordings[command], TABLE[command]
+    texts = rows(path, expected.words, "TextDocument:text")
     assert all(len(text.split()) > 5 for row in texts for text in row)
-    for below in shown.below:
+    for below in expected.below:
         for row in rows(path, f"{below}labels", "Points3D:labels"):
             assert re.fullmatch(r"proximal · T_in \d+\.\d\d N", row[0])
             assert re.fullmatch(r"distal · T_out \d+\.\d\d N", row[1])
@@ -132,8 +132,8 @@ def test_its_words_and_labels_have_numbers_with_units(command: str, recordings):
 def test_one_tension_has_the_same_colour_on_its_bar_as_everywhere(command: str, recordings):
     for below in TABLE[command].below:
         bar = rows(recordings[command], f"{below}tension/colour_bar", "LineStrips2D:colors")[-1]
-        places = (np.arange(len(bar)) + 0.5) / len(bar)
-        np.testing.assert_array_equal(bar, colours.tension_rgba32(places, 1.0))
+        middles = (np.arange(len(bar)) + 0.5) / len(bar)
+        np.testing.assert_array_equal(bar, colours.tension_rgba32(middles, 1.0))
         shades = {
             shade
             for row in rows(recordings[command], f"{below}route", "LineStrips3D:colors")
@@ -142,7 +142,7 @@ def test_one_tension_has_the_same_colour_on_its_bar_as_everywhere(command: str, 
         assert shades <= set(colours.tension_rgba32(np.linspace(0.0, 1.0, 5001), 1.0).tolist())
 
 
-@pytest.mark.parametrize("command", [name for name, shown in TABLE.items() if shown.timeline])
+@pytest.mark.parametrize("command", [name for name, expected in TABLE.items() if expected.timeline])
 def test_every_line_over_time_has_a_name_with_its_unit(command: str, recordings):
     path = recordings[command]
     series = [entity for entity in entities(path) if "/series/" in entity]
@@ -162,34 +162,34 @@ def test_the_camera_sees_the_whole_route_and_not_from_afar(command: str, recordi
         )
         for below in TABLE[command].below
     ]
-    seen = eyes(path)
-    assert len(seen) >= len(routes)
-    for eye, target, up in seen:
+    cameras = eyes(path)
+    assert len(cameras) >= len(routes)
+    for eye, target, up in cameras:
         fits = [extent(route, eye, target, up) for route in routes]
         assert any(0.35 < most <= 1.0 for most in fits), fits
 
 
 def rows(path: Path, entity: str, column: str) -> list:
     """Every row of a column that is not empty, with or without a time."""
-    found = []
+    values = []
     for chunk in RrdReader(str(path)).stream().filter(content=f"/{entity}"):
         batch = chunk.to_record_batch()
         if column in batch.schema.names:
-            found += [row for row in batch.column(column).to_pylist() if row]
-    return found
+            values += [row for row in batch.column(column).to_pylist() if row]
+    return values
 
 
 def eyes(path: Path) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Place of each eye, what it looks at, and what is up."""
-    reader, found = RrdReader(str(path)), dict[str, dict[str, np.ndarray]]()
+    """Position, target and upward direction of each eye."""
+    reader, values = RrdReader(str(path)), dict[str, dict[str, np.ndarray]]()
     for entry in reader.blueprints():
         for chunk in reader.stream(store=entry):
             batch = chunk.to_record_batch()
             for name in batch.schema.names:
                 if name.startswith("EyeControls3D:") and batch.column(name)[0].as_py():
                     value = batch.column(name).to_pylist()[-1][0]
-                    found.setdefault(str(chunk.entity_path), {})[name.split(":")[1]] = np.array(value)
-    return [(eye["position"], eye["look_target"], eye["eye_up"]) for eye in found.values()]
+                    values.setdefault(str(chunk.entity_path), {})[name.split(":")[1]] = np.array(value)
+    return [(eye["position"], eye["look_target"], eye["eye_up"]) for eye in values.values()]
 
 
 def extent(route: np.ndarray, eye: np.ndarray, target: np.ndarray, up: np.ndarray) -> float:

@@ -106,9 +106,9 @@ def test_counts_and_rejections_come_first_and_give_the_reason(page: Page) -> Non
 
 
 def test_numbers_in_the_table_are_those_of_the_results(page: Page, still: list[FrameResult]) -> None:
-    seen = still[0].transmission
-    assert f"{seen.tension_out:.2f}" in page.text
-    assert with_error(1e3 * seen.elongation, 1e3 * seen.elongation_se, 3) in page.text
+    ends = still[0].transmission
+    assert f"{ends.tension_out:.2f}" in page.text
+    assert with_error(1e3 * ends.elongation, 1e3 * ends.elongation_se, 3) in page.text
 
 
 def test_warnings_of_all_frames_are_counted_and_written_out(
@@ -129,10 +129,10 @@ def test_recordings_are_linked_by_their_relative_address(page: Page) -> None:
 
 
 def test_run_is_drawn_at_the_last_peak_of_its_tension(page: Page, entries: list[ReportEntry]) -> None:
-    shown = entries[1].shown
-    assert shown is not None
-    assert shown.transmission.tension_in == 12.0
-    assert f"at {shown.frame.time:.2f} s" in page.text
+    result = entries[1].representative
+    assert result is not None
+    assert result.transmission.tension_in == 12.0
+    assert f"at {result.frame.time:.2f} s" in page.text
 
 
 def test_names_are_text_and_never_markup(path: Path) -> None:

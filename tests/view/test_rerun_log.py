@@ -123,9 +123,9 @@ def test_sensed_points_are_all_shown_and_the_outlier_once_more(
     still_file: Path, still: list[FrameResult]
 ) -> None:
     points = still[0].frame.points
-    shown = columns(still_file, "/sensed", timed=False)["Points3D:positions"]
+    rows = columns(still_file, "/sensed", timed=False)["Points3D:positions"]
     outliers = columns(still_file, "/sensed/outliers", timed=False)["Points3D:positions"]
-    assert [len(row) for row in shown if row] == [len(points)]
+    assert [len(row) for row in rows if row] == [len(points)]
     np.testing.assert_array_equal(next(row for row in outliers if row), points[[30]].astype(np.float32))
 
 
@@ -180,12 +180,12 @@ def test_lumen_normals_point_at_the_route_whichever_way_the_mesh_was_turned(
     wall = tube(route.position, route.tangent, np.ones(len(route.s)), 0.01)
     given = trimesh.Trimesh(wall.vertices, wall.faces[:, ::-1] if inverted else wall.faces, process=False)
     write_recording(tmp_path / "lumen.rrd", "lumen", still, timed=False, lumen=given)
-    shown = columns(tmp_path / "lumen.rrd", "/lumen", timed=False)
-    corners = np.array(shown["Mesh3D:vertex_positions"][0])[np.array(shown["Mesh3D:triangle_indices"][0])]
+    wall = columns(tmp_path / "lumen.rrd", "/lumen", timed=False)
+    corners = np.array(wall["Mesh3D:vertex_positions"][0])[np.array(wall["Mesh3D:triangle_indices"][0])]
     volume = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum() / 6
     assert volume > 0  # faces outward, of which "Back" shows the inner side
-    inward = route.position[20] - np.array(shown["Mesh3D:vertex_positions"][0])[20 * 16]
-    assert inward @ np.array(shown["Mesh3D:vertex_normals"][0])[20 * 16] > 0
+    inward = route.position[20] - np.array(wall["Mesh3D:vertex_positions"][0])[20 * 16]
+    assert inward @ np.array(wall["Mesh3D:vertex_normals"][0])[20 * 16] > 0
 
 
 def test_recording_of_nothing_is_refused(tmp_path: Path) -> None:

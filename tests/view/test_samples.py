@@ -43,12 +43,12 @@ def test_ranges_hold_every_tension_and_length_of_the_run(moving: list[FrameResul
     assert limits.kappa > max(np.median(frame.kappa) for frame in frames)
 
 
-def test_last_of_several_equal_peaks_is_found_at_its_top() -> None:
+def test_last_of_several_equal_peaks_is_taken_at_its_top() -> None:
     tension = np.array([0.0, 14.9, 15.0, 14.9, 3.0, 14.95, 15.0, 14.95, 1.0])
     assert last_peak(tension) == 6
 
 
-def test_gaps_and_repeated_points_are_no_outliers_and_a_stray_point_is() -> None:
+def test_missing_and_repeated_points_are_no_outliers_and_a_displaced_point_is() -> None:
     points = arc(40)
     points[20] += [0.0, 0.0, 0.02]
     points[10] = np.nan
@@ -59,5 +59,5 @@ def test_gaps_and_repeated_points_are_no_outliers_and_a_stray_point_is() -> None
 
 def arc(count: int) -> np.ndarray:
     turn = np.linspace(0.0, 2.0, count)
-    places = 0.1 * np.column_stack([np.sin(turn), 1 - np.cos(turn), 0 * turn])
-    return places + np.random.default_rng(0).normal(0.0, 1e-4, places.shape)
+    points = 0.1 * np.column_stack([np.sin(turn), 1 - np.cos(turn), 0 * turn])
+    return points + np.random.default_rng(0).normal(0.0, 1e-4, points.shape)

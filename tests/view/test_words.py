@@ -34,13 +34,13 @@ def test_pieces_are_labelled_by_number_angle_and_radius() -> None:
 
 def test_summary_says_length_angle_tensions_elongation_and_warnings(still: list[FrameResult]) -> None:
     text = summary("still", still[0], timed=False)
-    seen = still[0].transmission
+    ends = still[0].transmission
     for part in (
         f"L = {1e3 * still[0].arcs.total_length:.1f} mm",
         f"Φ = {angle_with_error(still[0].arcs.total_angle, still[0].arcs.total_angle_se)}",
         "T_in = 15.00 N",
-        f"T_out = {with_error(seen.tension_out, seen.tension_out_se, 2)} N",
-        f"δ = {with_error(1e3 * seen.elongation, 1e3 * seen.elongation_se, 3)} mm",
+        f"T_out = {with_error(ends.tension_out, ends.tension_out_se, 2)} N",
+        f"δ = {with_error(1e3 * ends.elongation, 1e3 * ends.elongation_se, 3)} mm",
         *still[0].warnings,
     ):
         assert part in text

@@ -26,13 +26,13 @@ ELONGATION = (86, 180, 233)
 ANGLE = (230, 159, 0)
 
 PIECES = ((230, 159, 0), (86, 180, 233), (204, 121, 167), (240, 228, 66), (213, 94, 0), (0, 158, 115))
-"""Colours of neighbouring pieces: a selection of Okabe and Ito, told apart by colour-blind people."""
+"""Colours of neighbouring pieces: a selection of Okabe and Ito, distinct to colour-blind people too."""
 
 BEFORE, AFTER = (230, 159, 0), (86, 180, 233)
-"""What a model said before something was added to it, and after."""
+"""A model before effects were added to it, and after."""
 
-_DARKEST = 0.15
-_SHIFTS = np.array([2.0**24, 2.0**16, 2.0**8])
+_DARKEST = 0.15  # of the map: darker colours vanish on the ground of a recording
+_SHIFTS = np.array([2.0**24, 2.0**16, 2.0**8])  # of red, green and blue in 0xRRGGBBAA
 _TABLE = np.asarray(colormaps["viridis"](np.linspace(_DARKEST, 1.0, 256)))[:, :3]
 _BLAME_TABLE = np.asarray(colormaps["inferno"](np.linspace(0.25, 0.95, 256)))[:, :3]
 
@@ -52,8 +52,7 @@ def tension_rgb(tension: Vector, top: float) -> NDArray[np.float64]:
     NDArray, shape (n, 3)
         Red, green and blue from 0 to 1.
     """
-    place = np.clip(np.asarray(tension, dtype=np.float64) / top, 0.0, 1.0)
-    return _TABLE[np.rint(place * (len(_TABLE) - 1)).astype(np.intp)]
+    return _looked_up(_TABLE, tension, top)
 
 
 def tension_rgba32(tension: Vector, top: float) -> NDArray[np.uint32]:
@@ -62,10 +61,14 @@ def tension_rgba32(tension: Vector, top: float) -> NDArray[np.uint32]:
 
 
 def blame_rgba32(value: Vector, top: float) -> NDArray[np.uint32]:
-    """Give colours of what is missing, from 0 to `top`, as opaque 0xRRGGBBAA; unlike any tension's."""
-    place = np.clip(np.asarray(value, dtype=np.float64) / top, 0.0, 1.0)
-    rgb = _BLAME_TABLE[np.rint(place * (len(_BLAME_TABLE) - 1)).astype(np.intp)]
-    return (np.rint(255 * rgb) @ _SHIFTS + 255).astype(np.uint32)
+    """Give colours of the misfit share, from 0 to `top`, as opaque 0xRRGGBBAA; unlike any tension's."""
+    return (np.rint(255 * _looked_up(_BLAME_TABLE, value, top)) @ _SHIFTS + 255).astype(np.uint32)
+
+
+def _looked_up(table: NDArray[np.float64], value: Vector, top: float) -> NDArray[np.float64]:
+    """Return the rows of a table of colours for values from 0 to `top`; beyond them its ends."""
+    share = np.clip(np.asarray(value, dtype=np.float64) / top, 0.0, 1.0)
+    return table[np.rint(share * (len(table) - 1)).astype(np.intp)]
 
 
 def piece_rgb(piece: int) -> tuple[int, int, int]:

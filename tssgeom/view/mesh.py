@@ -39,9 +39,9 @@ def tube(
     radius
         Radius of the tube [m].
     top
-        Tension of the brightest colour [N]; a plain number above the largest tension by default.
+        Tension of the brightest colour [N]; the largest tension, rounded up, by default.
     carried
-        Further numbers at each node, such as the tension itself, that the vertices are to carry by name.
+        Further values at each node, such as the tension itself; the vertices carry them by name.
 
     Returns
     -------
@@ -66,7 +66,7 @@ def tube(
 
 
 def rotation_minimising_frame(tangent: Points) -> tuple[Points, Points]:
-    """Carry a pair of unit normals along a curve without turning them about it.
+    """Carry a pair of unit normals along a curve without twist.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ def rotation_minimising_frame(tangent: Points) -> tuple[Points, Points]:
     first = np.empty_like(tangent)
     first[0] = _any_normal(tangent[0])
     for node in range(1, len(tangent)):
-        carried = _turn(first[node - 1], tangent[node - 1], tangent[node])
+        carried = _rotated(first[node - 1], tangent[node - 1], tangent[node])
         carried -= (carried @ tangent[node]) * tangent[node]
         first[node] = carried / np.linalg.norm(carried)
     return first, np.cross(tangent, first)
@@ -93,8 +93,8 @@ def _any_normal(tangent: Vector) -> Vector:
     return normal / np.linalg.norm(normal)
 
 
-def _turn(vector: Vector, old: Vector, new: Vector) -> Vector:
-    """Turn `vector` by the smallest rotation that takes the unit vector `old` to `new`."""
+def _rotated(vector: Vector, old: Vector, new: Vector) -> Vector:
+    """Rotate `vector` by the smallest rotation that takes the unit vector `old` to `new`."""
     middle = old + new
     reflected = vector - 2 * (vector @ old) * old
     square = float(middle @ middle)
@@ -110,16 +110,16 @@ def _circles(tangent: Points) -> NDArray[np.float64]:
 
 def _faces(nodes: int) -> NDArray[np.intp]:
     """Triangles of the wall and both caps; the last two vertices are the middles of the caps."""
-    here = np.arange(SIDES, dtype=np.intp)
-    after = np.roll(here, -1)
+    side = np.arange(SIDES, dtype=np.intp)
+    after = np.roll(side, -1)
     last = (nodes - 1) * SIDES
     bottom, top = nodes * SIDES, nodes * SIDES + 1
     start = np.arange(nodes - 1)[:, None] * SIDES
-    lower = np.stack([start + here, start + after, start + SIDES + here], axis=2).reshape(-1, 3)
-    upper = np.stack([start + after, start + SIDES + after, start + SIDES + here], axis=2).reshape(-1, 3)
+    lower = np.stack([start + side, start + after, start + SIDES + side], axis=2).reshape(-1, 3)
+    upper = np.stack([start + after, start + SIDES + after, start + SIDES + side], axis=2).reshape(-1, 3)
     caps = [
-        np.column_stack([after, here, np.full(SIDES, bottom)]),
-        np.column_stack([last + here, last + after, np.full(SIDES, top)]),
+        np.column_stack([after, side, np.full(SIDES, bottom)]),
+        np.column_stack([last + side, last + after, np.full(SIDES, top)]),
     ]
     return np.concatenate([lower, upper, *caps])
 
@@ -131,5 +131,5 @@ def _vertex_colours(tension: Vector, top: float) -> NDArray[np.uint8]:
 
 
 def _on_vertices(at_nodes: NDArray[Any]) -> NDArray[Any]:
-    """Repeat what each node has for its ring, then that of both ends for the middles of the caps."""
+    """Repeat the value of each node for its ring, then those of both ends for the middles of the caps."""
     return np.concatenate([np.repeat(at_nodes, SIDES, axis=0), at_nodes[[0, -1]]])

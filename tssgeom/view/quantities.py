@@ -1,6 +1,6 @@
-"""One visual language: how quantities, entities and time are called and coloured in every picture.
+"""One visual language: names, units and colours of quantities and timelines in every picture.
 
-The palette itself is in `colours`; what draws takes its names, units and colours from here.
+The palette itself is in `colours`; every picture takes names, units and colours from here.
 """
 
 from __future__ import annotations
@@ -12,22 +12,22 @@ from tssgeom.view import colours
 TIMELINE = "time"
 """Timeline of seconds."""
 COUNT = "sample"
-"""Timeline of what is counted: runs of unlike length, one after the other."""
+"""Timeline of counted samples: runs of unlike length, one after the other."""
 
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """How a quantity is called and drawn."""
+    """Name, unit and colours of a quantity."""
 
     symbol: str
     words: str
     unit: str
     factor: float
-    """Units shown for each SI unit [1]."""
+    """Units of a picture in one SI unit [1]."""
     rgb: tuple[int, int, int]
-    """Its colour on the dark ground of a recording."""
+    """Colour on the dark ground of a recording."""
     ink: str
-    """Its colour on paper."""
+    """Colour on paper."""
 
     @property
     def label(self) -> str:
@@ -36,7 +36,7 @@ class Quantity:
 
     @property
     def title(self) -> str:
-        """Words, symbol and unit, as an axis is called."""
+        """Words, symbol and unit, for an axis."""
         return f"{self.words} {self.label}"
 
 
@@ -52,7 +52,7 @@ TENSION_AT = Quantity("T", "tension", "N", 1.0, colours.TENSION_OUT, "#0072b2")
 TIME = Quantity("t", "time", "s", 1.0, colours.AXIS, "#697386")
 
 FIRST, SECOND = colours.ELONGATION, colours.ANGLE
-"""Colours of two things that are compared: A and B."""
+"""Colours of A and B where two things are compared."""
 
 CHANNELS = {
     "tension_in_N": TENSION_IN,

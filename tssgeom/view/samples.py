@@ -1,4 +1,4 @@
-"""What a picture draws of a frame: a few hundred nodes with their tension, and ranges for a whole run."""
+"""Samples of a route for a picture: a few hundred nodes with their tension, and axis ranges for a run."""
 
 from __future__ import annotations
 
@@ -16,18 +16,33 @@ from tssgeom.tendon.state import tension
 
 MOST_NODES = 256
 """A picture shows no more nodes of a route than this."""
-_LEAST_ANGLE = 0.2
-"""The curvature axis of a nearly straight route is as high as if it turned by this angle in all [rad]."""
+
+
+@dataclass(frozen=True, slots=True)
+class CurvatureAxis:
+    """Where the axis of curvature ends."""
+
+    quantile: float = 0.995
+    """Share of the nodes below its top. chosen: a single noisy node must not flatten all others."""
+    steps: float = 2.0
+    """Multiple of that curvature up to which pieces stay below its top. chosen."""
+    headroom: float = 1.05
+    """Top over the largest curvature. chosen: a line at the very top is cut."""
+    least_angle: float = 0.2
+    """Top of a nearly straight route, as if it turned by this angle in all [rad]. chosen: 11°."""
+
+
+_CURVATURE = CurvatureAxis()
 
 
 @dataclass(frozen=True, slots=True)
 class RouteSamples:
-    """The nodes of one route that a picture shows."""
+    """Values at the nodes of one route that a picture draws."""
 
     s: Vector
     """Arc length [m]."""
     position: Points
-    """Place [m]."""
+    """Position [m]."""
     tension: Vector
     """Tension of the tendon [N]."""
     phi: Vector
@@ -40,11 +55,11 @@ class RouteSamples:
     """Standard error of the accumulated curve angle [rad]."""
 
     def at(self, s: Vector) -> Points:
-        """Places at arc lengths `s` [m], between nodes along the chord."""
+        """Positions at arc lengths `s` [m], linear between nodes [m]."""
         return np.column_stack([np.interp(s, self.s, axis) for axis in self.position.T])
 
     def tension_at(self, s: Vector) -> Vector:
-        """Tension at arc lengths `s` [m], between nodes along a straight line [N]."""
+        """Tension at arc lengths `s` [m], linear between nodes [N]."""
         return np.interp(s, self.s, self.tension)
 
 
@@ -66,18 +81,17 @@ def route_samples(result: FrameResult, most: int = MOST_NODES) -> RouteSamples:
 
 def tension_se(result: FrameResult, frame: RouteSamples) -> Vector:
     """Return the standard error of the tension that comes from that of the curve angle [N]."""
-    sure, more, less = (
+    middle, upper, lower = (
         tension(result.state, np.maximum(frame.phi + side * frame.phi_se, 0.0)) for side in (0.0, 1.0, -1.0)
     )
-    return np.maximum(
-        np.abs(more - sure), np.abs(sure - less)
-    )  # the profile ends at Φ, its corners are sharp
+    # the larger of both sides: the tension has corners, and ends at Φ
+    return np.maximum(np.abs(upper - middle), np.abs(middle - lower))
 
 
 def numbers_of(result: FrameResult) -> tuple[float, float, float, float]:
     """T_in [N], T_out [N], elongation [m] and accumulated curve angle [rad] of one frame."""
-    seen = result.transmission
-    return seen.tension_in, seen.tension_out, seen.elongation, result.arcs.total_angle
+    ends = result.transmission
+    return ends.tension_in, ends.tension_out, ends.elongation, result.arcs.total_angle
 
 
 def front(result: FrameResult, frame: RouteSamples) -> float:
@@ -94,13 +108,13 @@ def evenly(count: int, most: int) -> NDArray[np.intp]:
 
 
 def outliers(result: FrameResult) -> Points:
-    """Sensed places that the route does not follow: left out as stray, or given no weight by the fit [m]."""
+    """Sensed points that the route does not follow: removed before the fit, or given no weight by it [m]."""
     points, kept = result.frame.points, result.shape.points
-    left_out = np.asarray(~np.isnan(points).any(axis=1))
-    left_out[result.shape.index.astype(np.intp)] = False
-    stray = points[left_out]
-    repeated = (stray[:, None] == kept[None]).all(axis=2).any(axis=1)
-    return np.concatenate([stray[~repeated], kept[result.route.weight < 0.5]])
+    is_removed = np.asarray(~np.isnan(points).any(axis=1))
+    is_removed[result.shape.index.astype(np.intp)] = False
+    removed = points[is_removed]
+    repeated = (removed[:, None] == kept[None]).all(axis=2).any(axis=1)
+    return np.concatenate([removed[~repeated], kept[result.route.weight < 0.5]])
 
 
 def staircase(arcs: Arcs) -> tuple[Vector, Vector]:
@@ -111,7 +125,7 @@ def staircase(arcs: Arcs) -> tuple[Vector, Vector]:
 
 @dataclass(frozen=True, slots=True)
 class Ranges:
-    """Where the axes and colours of a run end; they are the same in every frame of it."""
+    """Where the axes and colours of a run end, in every frame of it."""
 
     tension: float
     """[N]."""
@@ -122,25 +136,25 @@ class Ranges:
 
 
 def ranges(frames: Sequence[RouteSamples], pieces: Sequence[Arcs]) -> Ranges:
-    """Ranges from 0 that hold every frame; rare peaks of the sensed curvature may leave the top."""
+    """Ranges from 0 that hold every frame; rare peaks of the sensed curvature may exceed theirs."""
     length = max(float(frame.s[-1]) for frame in frames)
     return Ranges(
         tension=round_up(max(float(frame.tension.max()) for frame in frames)),
         length=length,
-        kappa=round_up(max(_common_curvature(frames, pieces), _LEAST_ANGLE / length)),
+        kappa=round_up(max(_common_curvature(frames, pieces), _CURVATURE.least_angle / length)),
     )
 
 
 def _common_curvature(frames: Sequence[RouteSamples], pieces: Sequence[Arcs]) -> float:
-    """Curvature that hardly any node exceeds, and no piece unless it is beyond twice that [1/m]."""
-    nodes = float(np.quantile(np.concatenate([frame.kappa for frame in frames]), 0.995))
+    """Curvature that few nodes exceed, and of the pieces only those beyond twice that of the nodes [1/m]."""
+    nodes = float(np.quantile(np.concatenate([frame.kappa for frame in frames]), _CURVATURE.quantile))
     steps = max(float(arcs.kappa.max()) for arcs in pieces)
     error = float(np.median(np.concatenate([frame.kappa_se for frame in frames])))
-    return 1.05 * max(nodes, min(steps, 2 * nodes)) + error
+    return _CURVATURE.headroom * max(nodes, min(steps, _CURVATURE.steps * nodes)) + error
 
 
 def round_up(value: float) -> float:
-    """Return the next number of two plain digits that is not below `value`; 1 for nothing at all."""
+    """Return the next round number that is not below `value`; 1 where that is not positive."""
     if value <= 0:
         return 1.0
     unit = 10.0 ** (math.floor(math.log10(value)) - 1)
@@ -149,6 +163,6 @@ def round_up(value: float) -> float:
 
 
 def round_down(value: float) -> float:
-    """Return the next number of the kind 1, 2, 5, 10, 20 and so on that is not above `value` > 0."""
+    """Return the next of 1, 2, 5, 10, 20 and so on that is not above `value` > 0."""
     unit = 10.0 ** math.floor(math.log10(value))
     return next(step * unit for step in (5, 2, 1) if step * unit <= value * (1 + 1e-9))

@@ -1,4 +1,4 @@
-"""What the pictures say in words and numbers: labels, the summary and the table of pieces."""
+"""Text of the pictures: labels, the summary and the table of pieces, with numbers and their errors."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ _STRAIGHT_RADIUS = 100.0
 
 
 def decimals(error: float, usual: int) -> int:
-    """Return with how many decimals a value is told: so many that its standard error shows two digits.
+    """Return the number of decimals of a value: so many that its standard error shows two digits.
 
-    The `usual` ones where the error is not known, or does not reach two decimals beyond them.
+    The `usual` number where the error is unknown, or below two decimals beyond them.
     """
     if not 10.0 ** -(usual + 2) <= error < math.inf:
         return usual
@@ -38,8 +38,8 @@ def with_error(value: float, error: float, usual: int, sign: str = "") -> str:
 
 def angle_with_error(angle: float, error: float) -> str:
     """Write an angle and its standard error [rad] in degrees."""
-    told, half = with_error(math.degrees(angle), math.degrees(error), 1).split(" ± ")
-    return f"{told}° ± {half}°"
+    value, half_width = with_error(math.degrees(angle), math.degrees(error), 1).split(" ± ")
+    return f"{value}° ± {half_width}°"
 
 
 def degrees(angle: float) -> str:
@@ -73,14 +73,14 @@ def end_labels(tension_in: float, tension_out: float) -> list[str]:
 
 
 def summary(name: str, result: FrameResult, timed: bool) -> str:
-    """Say in words what is seen in a frame, as markdown."""
+    """Describe a frame in words, as markdown: the route, the tendon, and warnings."""
     heading = f"### {name}" + (f" at {result.frame.time:.2f} s" if timed else "")
     warnings = "\n".join(f"- ⚠ {warning}" for warning in result.warnings)
     return "\n\n".join(part for part in (heading, *sentences(result), warnings) if part)
 
 
 def sentences(result: FrameResult) -> tuple[str, str]:
-    """Say in one paragraph what the route is, and in another what the tendon does, as markdown."""
+    """Describe the route in one paragraph and the tendon in another, as markdown."""
     return _route_words(result), _tension_words(result)
 
 
@@ -106,27 +106,27 @@ def noise(result: FrameResult) -> str:
 
 
 def _tension_words(result: FrameResult) -> str:
-    seen = result.transmission
-    verb = "Pulled" if seen.direction_index > 0 else "Released"
-    share = f" ({100 * seen.tension_out / seen.tension_in:.0f} %)" if seen.tension_in > 0 else ""
+    ends = result.transmission
+    verb = "Pulled" if ends.direction_index > 0 else "Released"
+    share = f" ({100 * ends.tension_out / ends.tension_in:.0f} %)" if ends.tension_in > 0 else ""
     return (
-        f"{verb} to **T_in = {seen.tension_in:.2f} N**, the distal end feels "
-        f"**T_out = {with_error(seen.tension_out, seen.tension_out_se, 2)} N**{share} and the tendon is "
-        f"stretched by **δ = {with_error(1e3 * seen.elongation, 1e3 * seen.elongation_se, 3)} mm**. "
+        f"{verb} to **T_in = {ends.tension_in:.2f} N**, the distal end feels "
+        f"**T_out = {with_error(ends.tension_out, ends.tension_out_se, 2)} N**{share} and the tendon is "
+        f"stretched by **δ = {with_error(1e3 * ends.elongation, 1e3 * ends.elongation_se, 3)} mm**. "
         + _dead_zone_words(result)
     )
 
 
 def _dead_zone_words(result: FrameResult) -> str:
-    seen = result.transmission
-    if not seen.dead_zone:
+    ends = result.transmission
+    if not ends.dead_zone:
         return "Every change of T_in now reaches the distal end."
-    change = "rise" if seen.direction_index > 0 else "fall"
-    return f"Dead zone: T_in has to {change} by another {seen.dead_zone_width:.2f} N before T_out answers."
+    change = "rise" if ends.direction_index > 0 else "fall"
+    return f"Dead zone: T_in has to {change} by another {ends.dead_zone_width:.2f} N before T_out answers."
 
 
 def piece_table(arcs: Arcs, frame: RouteSamples) -> str:
-    """Table of the pieces as markdown: place, length, angle, radius and tension at the distal side."""
+    """Table of the pieces as markdown: arc length, length, angle, radius and tension at the distal side."""
     ends = np.append(arcs.s_start[1:], arcs.total_length)
     rows = zip(arcs.s_start, arcs.length, arcs.angle, arcs.kappa, frame.tension_at(ends), strict=True)
     lines = [_table_row(number, *row) for number, row in enumerate(rows, start=1)]

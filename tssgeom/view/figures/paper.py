@@ -37,7 +37,7 @@ _PHASES = (
 
 
 def paper_figures() -> Mapping[str, Callable[[], Figure]]:
-    """Names of the figures, and what draws each."""
+    """Return the functions that draw each figure, by name."""
     return {
         "figure_4": figure_4,
         "figure_5": figure_5,
@@ -84,10 +84,10 @@ def figure_5() -> Figure:
         for name, colour, run in _phases():
             transmission.plot(run.tension_in, run.tension_out, color=colour, label=name)
             elongation.plot(run.tension_in, 1e3 * run.elongation, color=colour)
-            seen = run.tension_in >= paper.LINEAR_FROM - 1e-9
+            linear = run.tension_in >= paper.LINEAR_FROM - 1e-9
             elongation.plot(
-                run.tension_in[seen],
-                1e3 * (run.elongation[seen] + paper.OFFSET),
+                run.tension_in[linear],
+                1e3 * (run.elongation[linear] + paper.OFFSET),
                 color=SOFT,
                 linewidth=1.1,
                 linestyle=(0, (4, 2)),
@@ -205,20 +205,20 @@ def _mark_remedy(pulling: Axes, releasing: Axes) -> None:
     _point_at(releasing, "1/S = 2.487", (2.0, 1 / s), (2.5, 1.35))
 
 
-def _point_at(axes: Axes, text: str, place: tuple[float, float], words: tuple[float, float]) -> None:
+def _point_at(axes: Axes, text: str, target: tuple[float, float], position: tuple[float, float]) -> None:
     arrow = {"arrowstyle": "-", "color": ORANGE, "linewidth": 0.8, "shrinkB": 4}
-    axes.annotate(text, place, words, color=ORANGE, fontsize=7.5, arrowprops=arrow)
+    axes.annotate(text, target, position, color=ORANGE, fontsize=7.5, arrowprops=arrow)
 
 
 def _bracket(axes: Axes, low: float, high: float, text: str) -> None:
-    place = paper.PEAK + 0.35
+    x = paper.PEAK + 0.35
     axes.annotate(
         "",
-        (place, low),
-        (place, high),
+        (x, low),
+        (x, high),
         arrowprops={"arrowstyle": "|-|,widthA=0.25,widthB=0.25", "color": INK, "linewidth": 0.9},
     )
-    note(axes, text, (place + 0.2, 0.5 * (low + high)), color=INK)
+    note(axes, text, (x + 0.2, 0.5 * (low + high)), color=INK)
     axes.set_xlim(0, paper.PEAK + 2.9)
 
 

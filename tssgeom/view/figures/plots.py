@@ -1,4 +1,4 @@
-"""Figures for print: one look, each written as PDF, SVG and PNG."""
+"""Figures for print: one style, each written as PDF, SVG and PNG."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 
 INK, SOFT, FAINT = "#1d2330", "#697386", "#e8ebf0"
 BLUE, ORANGE, GREEN, PURPLE, SKY = "#0072b2", "#d55e00", "#009e73", "#a3508a", "#56b4e9"
-"""Colours of Okabe and Ito (purple darkened), which colour-blind people tell apart on white."""
+"""Colours of Okabe and Ito (purple darkened), distinct on white to colour-blind people too."""
 
 MEASURED: Any = {
     "linestyle": "none",
@@ -25,7 +25,7 @@ MEASURED: Any = {
     "markeredgewidth": 0.0,
     "label": "measured",
 }
-"""Dots of what was measured, for `Axes.plot`."""
+"""Style of measured values, dots, for `Axes.plot`."""
 
 COLUMN, PAGE = 85 / 25.4, 170 / 25.4
 """Widths of a column and of a page of a journal, 85 mm and 170 mm [inch]."""
@@ -33,7 +33,7 @@ COLUMN, PAGE = 85 / 25.4, 170 / 25.4
 FORMATS = ("pdf", "svg", "png")
 VECTOR = FORMATS[:2]
 SMALLEST = 7.0
-"""No text of a figure is smaller [pt]."""
+"""Smallest text of a figure [pt]."""
 _DPI = 200
 _LEFT, _RIGHT, _GAP, _BELOW, _ABOVE = 0.5, 0.1, 0.08, 0.42, 0.26
 """Room for numbers and titles around axes [inch]."""
@@ -70,7 +70,7 @@ _RC: Any = {
 
 @contextmanager
 def figure(size: tuple[float, float]) -> Iterator[Figure]:
-    """Yield a figure of `size` [inch] to draw on, in the look of all of them."""
+    """Yield a figure of `size` [inch] to draw on, in the common style."""
     with mpl.rc_context(_RC):
         yield Figure(figsize=size, layout="constrained")
 
@@ -79,7 +79,7 @@ def figure(size: tuple[float, float]) -> Iterator[Figure]:
 def panels(size: tuple[float, float], count: int) -> Iterator[tuple[Figure, list[Axes]]]:
     """Yield a figure of `size` [inch] with axes side by side, at fixed margins.
 
-    A layout that is worked out from every letter takes longer than the drawing itself.
+    A layout computed from the size of every text takes longer than the drawing itself.
     """
     width, height = size
     with mpl.rc_context(_RC):
@@ -97,22 +97,22 @@ def panels(size: tuple[float, float], count: int) -> Iterator[tuple[Figure, list
 
 
 def save(drawing: Figure, path: Path) -> None:
-    """Write a figure in the format that the ending tells; the same figure gives the same bytes.
+    """Write a figure in the format of its file's ending; the same figure gives the same bytes.
 
-    A PDF holds its fonts, and the letters of an SVG are outlines, so that both look alike everywhere.
+    A PDF holds its fonts, and the letters of an SVG are outlines: both look alike on every machine.
     """
     with mpl.rc_context({**_RC, "svg.fonttype": "path"}):
         drawing.savefig(path, dpi=_DPI, metadata=_METADATA[path.suffix[1:]])
 
 
 def markup(drawing: Figure) -> str:
-    """Write a figure in the look of all of them as SVG to stand inside a page."""
+    """Write a figure in the common style as SVG for the inside of a page."""
     with mpl.rc_context(_RC):
         return inline_svg(drawing)
 
 
 def inline_svg(drawing: Figure) -> str:
-    """Write a figure as SVG to stand inside a page: no header, no names that others could have too."""
+    """Write a figure as SVG for the inside of a page: without header, and without ids that could collide."""
     stream = io.StringIO()
     drawing.savefig(stream, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
     text = stream.getvalue()
@@ -132,6 +132,6 @@ def titles(axes: Axes, title: str, across: str, up: str) -> None:
 
 
 def note(axes: Axes, text: str, at: tuple[float, float], **style: Any) -> None:
-    """Write a remark at a place given in values of the axes."""
+    """Write a remark at a point given in values of the axes."""
     options: dict[str, Any] = {"fontsize": 7.5, "color": SOFT, "ha": "left", "va": "center"}
     axes.annotate(text, at, **{**options, **style})

@@ -53,15 +53,16 @@ _HEIGHT, _RUN_HEIGHT = 2.3, 2.4  # inch
 _SHADES = 64
 _BAND, _SENSED = "#d5dae3", "#5b6474"
 _PALE = 0.25  # opacity of a standard error
+_NAME_OFFSET = 7.0  # of the name of an end from it [pt]
 _STROKES = {1.0: ("pulling", BLUE), -1.0: ("releasing", ORANGE)}
 
 
-def figures_of(shown: FrameResult, series: Series | None) -> Mapping[str, Callable[[], Figure]]:
-    """Return what draws each figure, by name: those of one frame, and of a run those over its history."""
+def figures_of(result: FrameResult, series: Series | None) -> Mapping[str, Callable[[], Figure]]:
+    """Return the functions that draw each figure, by name: of one frame, and of a run over its history."""
     figures = {
-        "route": partial(route_figure, shown),
-        "tension": partial(tension_figure, shown),
-        "curvature": partial(curvature_figure, shown),
+        "route": partial(route_figure, result),
+        "tension": partial(tension_figure, result),
+        "curvature": partial(curvature_figure, result),
     }
     if series is None or len(series.time) < 2:
         return figures
@@ -72,7 +73,7 @@ def figures_of(shown: FrameResult, series: Series | None) -> Mapping[str, Callab
 
 
 def route_figure(result: FrameResult) -> Figure:
-    """Draw a route coloured by tension, as seen square to the plane in which it spreads most."""
+    """Draw a route coloured by tension, projected to the plane in which it spreads most."""
     frame = route_samples(result, _NODES)
     top = round_up(float(frame.tension.max()))
     with figure((COLUMN, _HEIGHT)) as drawing:
@@ -84,7 +85,7 @@ def route_figure(result: FrameResult) -> Figure:
 
 
 def _draw_colour_bar(drawing: Figure, top: float) -> None:
-    """Explain the colours of tension; few enough of them that the bar stays lines and no image."""
+    """Draw the scale of the colours; few enough of them that the bar is made of lines and no image."""
     colour_map = ListedColormap(colours.tension_rgb(np.linspace(0.0, top, _SHADES), top))
     bar = drawing.colorbar(
         ScalarMappable(Normalize(0.0, top), colour_map),
@@ -97,7 +98,7 @@ def _draw_colour_bar(drawing: Figure, top: float) -> None:
 
 
 def _draw_route(axes: Axes, frame: RouteSamples, arcs: Arcs, brightest: float) -> None:
-    """Draw the line, where its pieces begin, the names of its ends, and a bar for its size."""
+    """Draw the line, the beginnings of its pieces, the names of its ends, and a scale bar."""
     view = camera(frame.position, frame.position[-1] - frame.position[0])
     screen = ARC_LENGTH.factor * np.column_stack([view.across, view.up])
     flat = frame.position @ screen
@@ -113,7 +114,7 @@ def _draw_route(axes: Axes, frame: RouteSamples, arcs: Arcs, brightest: float) -
     )
     axes.set_aspect("equal", adjustable="datalim")
     low, top = (bar[0] @ screen)[1] - 0.06 * high, flat[:, 1].max() + 0.14 * high
-    left, right = _room_across(axes, flat, names)
+    left, right = _limits_across(axes, flat, names)
     axes.update_datalim([(left, low), (right, top)])
     axes.margins(x=0.02, y=0.0)
     axes.set_axis_off()
@@ -121,17 +122,17 @@ def _draw_route(axes: Axes, frame: RouteSamples, arcs: Arcs, brightest: float) -
 
 
 def _name_ends(axes: Axes, flat: Vector) -> list[Annotation]:
-    """Write the names of both ends beyond them, in the direction in which the route leaves."""
+    """Write the names of both ends beyond them, in the directions in which the route ends."""
     inner = min(8, len(flat) - 1)
-    ways = flat[[0, -1]] - flat[[inner, -1 - inner]]
+    directions = flat[[0, -1]] - flat[[inner, -1 - inner]]
     names = list[Annotation]()
-    for text, place, way in zip(("proximal", "distal"), flat[[0, -1]], ways, strict=True):
-        across, up = 7.0 * way / max(float(np.linalg.norm(way)), 1e-300)
+    for text, end, outward in zip(("proximal", "distal"), flat[[0, -1]], directions, strict=True):
+        across, up = _NAME_OFFSET * outward / max(float(np.linalg.norm(outward)), 1e-300)
         side = "left" if across > 3 else "right" if across < -3 else "center"
         level = "bottom" if up > 3 else "top" if up < -3 else "center"
         name = axes.annotate(
             text,
-            place,
+            end,
             xytext=(across, up),
             textcoords="offset points",
             color=INK,
@@ -144,8 +145,8 @@ def _name_ends(axes: Axes, flat: Vector) -> list[Annotation]:
     return names
 
 
-def _room_across(axes: Axes, flat: Vector, names: list[Annotation]) -> tuple[float, float]:
-    """Return from where to where the axes have to go, so that the names of both ends lie inside [mm]."""
+def _limits_across(axes: Axes, flat: Vector, names: list[Annotation]) -> tuple[float, float]:
+    """Return limits of the horizontal axis between which the names of both ends lie inside [mm]."""
     ends, boxes = flat[[0, -1], 0], [name.get_window_extent() for name in names]
     pixels = axes.transData.transform(flat[[0, -1]])[:, 0]
     left, right = pixels - [box.x0 for box in boxes], [box.x1 for box in boxes] - pixels
@@ -158,12 +159,12 @@ def _room_across(axes: Axes, flat: Vector, names: list[Annotation]) -> tuple[flo
 def tension_figure(result: FrameResult) -> Figure:
     """Draw the tension along the tendon, with the standard error that comes from the geometry."""
     frame = route_samples(result, _NODES)
-    seen, top = result.transmission, round_up(float(frame.tension.max()))
+    ends, top = result.transmission, round_up(float(frame.tension.max()))
     s, spread = ARC_LENGTH.factor * frame.s, tension_se(result, frame)
     with panels((COLUMN, _HEIGHT), 1) as (drawing, (axes,)):
         axes.fill_between(s, frame.tension - spread, frame.tension + spread, color=_BAND, linewidth=0)
         _coloured(axes, np.column_stack([s, frame.tension]), frame.tension, top, 1.5, outline=0.8)
-        text = f"T_out = {with_error(seen.tension_out, seen.tension_out_se, 2)} N"
+        text = f"T_out = {with_error(ends.tension_out, ends.tension_out_se, 2)} N"
         free = 0.06 if frame.tension[-1] > 0.5 * top else 0.96
         note(axes, text, (s[-1], free * top), ha="right", color=INK)
         axes.set_xlim(-0.02 * s[-1], 1.02 * s[-1])
@@ -228,11 +229,12 @@ def transmission_figure(run: Series) -> Figure:
     chosen = moments(run)
     across = run.tension_in[chosen]
     with panels((PAGE, _RUN_HEIGHT), 2) as (drawing, row):
-        for axes, (told, value, error, measured) in zip(row, _answers(run), strict=True):
-            _draw_strokes(axes, across, told.factor * value[chosen], told.factor * error[chosen])
+        for axes, (quantity, value, error, measured) in zip(row, _responses(run), strict=True):
+            factor = quantity.factor
+            _draw_strokes(axes, across, factor * value[chosen], factor * error[chosen])
             if measured is not None:
-                _draw_measured(axes, across, told.factor * measured[chosen])
-            titles(axes, f"{told.words.capitalize()} ± s.e.", TENSION_IN.title, told.title)
+                _draw_measured(axes, across, factor * measured[chosen])
+            titles(axes, f"{quantity.words.capitalize()} ± s.e.", TENSION_IN.title, quantity.title)
             axes.set_xlim(0.0, None)
             axes.set_ylim(min(0.0, axes.get_ylim()[0]), None)
         row[1].legend(loc="lower right")
@@ -245,14 +247,12 @@ def time_figure(run: Series) -> Figure:
     time = run.time[chosen]
     with panels((PAGE, _RUN_HEIGHT), 2) as (drawing, (tension, stretch)):
         tension.plot(time, run.tension_in[chosen], color=TENSION_IN.ink, linewidth=1.1, label="T_in")
-        for axes, (told, value, error, measured) in zip((tension, stretch), _answers(run), strict=True):
-            middle, spread = told.factor * value[chosen], told.factor * error[chosen]
-            axes.fill_between(
-                time, middle - spread, middle + spread, color=told.ink, alpha=_PALE, linewidth=0
-            )
-            axes.plot(time, middle, color=told.ink, linewidth=1.1, label=told.symbol)
+        for axes, (quantity, value, error, measured) in zip((tension, stretch), _responses(run), strict=True):
+            middle, half, ink = quantity.factor * value[chosen], quantity.factor * error[chosen], quantity.ink
+            axes.fill_between(time, middle - half, middle + half, color=ink, alpha=_PALE, linewidth=0)
+            axes.plot(time, middle, color=ink, linewidth=1.1, label=quantity.symbol)
             if measured is not None:
-                _draw_measured(axes, time, told.factor * measured[chosen])
+                _draw_measured(axes, time, quantity.factor * measured[chosen])
         titles(tension, "Tension ± s.e. over time", TIME.title, "tension T [N]")
         titles(stretch, "Elongation ± s.e. over time", TIME.title, ELONGATION.title)
         tension.margins(y=0.2)
@@ -261,20 +261,20 @@ def time_figure(run: Series) -> Figure:
 
 
 def moments(run: Series) -> np.ndarray:
-    """Return the samples that are drawn: evenly chosen, and every turn of the drive."""
+    """Return the indices of the samples to draw: evenly chosen, and every turn of the drive."""
     turns = [edge for edge, _ in strokes(run.tension_in)]
     return np.union1d(evenly(len(run.time), _MOMENTS), np.array(turns[:_MOMENTS], dtype=np.intp))
 
 
 def strokes(drive: Vector) -> list[tuple[int, int]]:
     """Cut a run where its drive turns: first and last sample of each pull and release."""
-    way = np.sign(np.diff(drive))
-    moving = np.flatnonzero(way)
-    turns = moving[1:][way[moving][1:] != way[moving][:-1]]
+    direction = np.sign(np.diff(drive))
+    moving = np.flatnonzero(direction)
+    turns = moving[1:][direction[moving][1:] != direction[moving][:-1]]
     return list(itertools.pairwise([0, *turns.tolist(), len(drive) - 1])) if len(drive) > 1 else []
 
 
-def _answers(run: Series) -> list[tuple[Quantity, Vector, Vector, Vector | None]]:
+def _responses(run: Series) -> list[tuple[Quantity, Vector, Vector, Vector | None]]:
     return [
         (TENSION_OUT, run.tension_out, run.tension_out_se, run.tension_out_measured),
         (ELONGATION, run.elongation, run.elongation_se, run.elongation_measured),
@@ -282,12 +282,12 @@ def _answers(run: Series) -> list[tuple[Quantity, Vector, Vector, Vector | None]
 
 
 def _draw_strokes(axes: Axes, across: Vector, value: Vector, error: Vector) -> None:
-    """Draw pulls and releases in their colours; each has its name once."""
+    """Draw pulls and releases in their colours; the legend names each kind once."""
     named = set[float]()
     for begin, end in strokes(across):
         part = slice(begin, end + 1)
-        way = 1.0 if across[end] >= across[begin] else -1.0
-        name, colour = _STROKES[way]
+        direction = 1.0 if across[end] >= across[begin] else -1.0
+        name, colour = _STROKES[direction]
         axes.fill_between(
             across[part],
             (value - error)[part],
@@ -296,9 +296,9 @@ def _draw_strokes(axes: Axes, across: Vector, value: Vector, error: Vector) -> N
             alpha=_PALE,
             linewidth=0,
         )
-        label = "_" if way in named else name
+        label = "_" if direction in named else name
         axes.plot(across[part], value[part], color=colour, linewidth=1.2, label=label, zorder=3)
-        named.add(way)
+        named.add(direction)
 
 
 def _draw_measured(axes: Axes, across: Vector, value: Vector) -> None:

@@ -1,1 +1,1 @@
-"""Pages of HTML: the report of a batch, and what `discover` found."""
+"""Pages of HTML: the report of a batch, and that of `discover`."""

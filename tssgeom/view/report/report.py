@@ -18,15 +18,15 @@ from tssgeom.rig import Rig
 from tssgeom.stream import FrameResult, Rejected
 from tssgeom.view import wording as words
 from tssgeom.view.report.entry import ReportEntry
-from tssgeom.view.report.outlying_inputs import Oddity
+from tssgeom.view.report.outlying_inputs import OutlyingInput
 from tssgeom.view.report.page import filled, program_version
 from tssgeom.view.samples import route_samples
 
 _MOST_WARNINGS = 5
-"""So many different warnings of one input are written out."""
+"""Number of different warnings of one input that are written out."""
 _MOST_REASONS = 10
-"""So many different reasons of rejected frames of one input are written out."""
-_PER_INCH = 88  # pixels of a page for an inch of a figure: four columns of print stand side by side
+"""Number of different reasons of rejected frames of one input that are written out."""
+_PER_INCH = 88  # pixels of a page for an inch of a figure: four columns of print fit side by side
 COLUMNS = (
     "name",
     "frames",
@@ -45,7 +45,7 @@ COLUMNS = (
 
 @dataclass(frozen=True, slots=True)
 class Rendered:
-    """The part of one input in the report, as HTML, and what the statement at the head counts."""
+    """The part of one input in the report, as HTML, and its counts for the statement at the head."""
 
     name: str
     kind: Literal["shape", "recording", "lost"]
@@ -63,11 +63,11 @@ def write_report(
     *,
     rig: Rig,
     tension_in: float,
-    odd: Sequence[Oddity] = (),
+    outlying: Sequence[OutlyingInput] = (),
     notes: Sequence[str] = (),
     title: str = "Tension along the sensed routes",
 ) -> None:
-    """Write a page that needs nothing beside itself; an older one gives way only when it is done.
+    """Write a self-contained page; an older one gives way only when it is done.
 
     Parameters
     ----------
@@ -79,10 +79,10 @@ def write_report(
         Tendon, friction and sensors that were used.
     tension_in
         Tension at the proximal end of frames that bring none [N].
-    odd
-        Inputs that stand out, the oddest first.
+    outlying
+        Inputs that differ from the others, the largest z first.
     notes
-        What else is to be said at the head.
+        Further paragraphs at the head.
     title
         Heading of the page.
 
@@ -97,7 +97,7 @@ def write_report(
         statement=_statement(entries, rig, tension_in, notes),
         head="".join(f"<th><button>{html.escape(column)}</button></th>" for column in COLUMNS),
         rows="\n".join(entry.row for entry in entries),
-        odd=_oddities(odd, entries),
+        outlying=_outlying(outlying, entries),
         rejected=_rejections(entries),
         sections="\n".join(entry.section for entry in entries if entry.section),
     )
@@ -119,8 +119,8 @@ def _statement(entries: Sequence[Rendered], rig: Rig, tension_in: float, notes: 
         "Program": f"tssgeom {program_version()}",
     }
     lines = "".join(f"<dt>{name}</dt><dd>{html.escape(text)}</dd>" for name, text in facts.items())
-    said = "".join(f"<p>{html.escape(text)}</p>\n" for text in (_counts(entries), *notes))
-    return f"{said}<dl>{lines}</dl>"
+    paragraphs = "".join(f"<p>{html.escape(text)}</p>\n" for text in (_counts(entries), *notes))
+    return f"{paragraphs}<dl>{lines}</dl>"
 
 
 def _counts(entries: Sequence[Rendered]) -> str:
@@ -136,8 +136,8 @@ def _rejected_count(entries: Sequence[Rendered], lost: int) -> str:
     frames = sum(entry.refused for entry in entries if entry.kind != "lost")
     if frames + lost == 0:
         return "Nothing was rejected."
-    what = [_many(count, noun) for count, noun in ((lost, "input"), (frames, "single frame")) if count]
-    return f"Rejected, each with its reason below: {' and '.join(what)}."
+    counts = [_many(count, noun) for count, noun in ((lost, "input"), (frames, "single frame")) if count]
+    return f"Rejected, each with its reason below: {' and '.join(counts)}."
 
 
 def _many(count: int, noun: str) -> str:
@@ -149,62 +149,64 @@ def _rejections(entries: Sequence[Rendered]) -> str:
     return f"<h3>Rejected</h3>\n<ul>{items}</ul>" if items else ""
 
 
-def _oddities(odd: Sequence[Oddity], entries: Sequence[Rendered]) -> str:
-    drawn = {entry.name for entry in entries if entry.section}
+def _outlying(inputs: Sequence[OutlyingInput], entries: Sequence[Rendered]) -> str:
+    linked = {entry.name for entry in entries if entry.section}
     items = "".join(
-        f"<li>{_name(each, drawn)}: {html.escape(each.words)} (z = {each.z:.0f})</li>" for each in odd
+        f"<li>{_name(each.name, linked)}: {html.escape(each.words)} (z = {each.z:.0f})</li>"
+        for each in inputs
     )
     return f"<h3>Furthest from the others</h3>\n<ul>{items}</ul>" if items else ""
 
 
-def _name(odd: Oddity, drawn: Collection[str]) -> str:
-    name = html.escape(odd.name)
-    return f'<a href="#{anchor(odd.name)}">{name}</a>' if odd.name in drawn else f"<b>{name}</b>"
+def _name(name: str, linked: Collection[str]) -> str:
+    text = html.escape(name)
+    return f'<a href="#{anchor(name)}">{text}</a>' if name in linked else f"<b>{text}</b>"
 
 
 def rendered(entry: ReportEntry, *, figures: bool = True) -> Rendered:
-    """Write everything that the report says of one input; figures take most of the time and room."""
-    drawn = figures and entry.shown is not None
-    kind = "lost" if entry.shown is None else "shape" if entry.series is None else "recording"
-    text = section(entry, entry.shown) if figures and entry.shown is not None else ""
-    told = "".join(_rejection_items(entry))
-    return Rendered(entry.name, kind, entry.used, entry.lost, row(entry, linked=drawn), text, told)
+    """Write the part of one input in the report; figures take most of the time and room."""
+    result = entry.representative
+    kind = "lost" if result is None else "shape" if entry.series is None else "recording"
+    text = section(entry, result) if figures and result is not None else ""
+    table_row = row(entry, linked=bool(text))
+    rejections = "".join(_rejection_items(entry))
+    return Rendered(entry.name, kind, entry.used, entry.rejected_frames, table_row, text, rejections)
 
 
 def anchor(name: str) -> str:
-    """Return the place of an input on the page."""
+    """Return the address of an input inside the page."""
     return f"input-{quote(name, safe='')}"
 
 
 def row(entry: ReportEntry, *, linked: bool = True) -> str:
     """Write the row of an input in the table of all."""
-    shown = entry.shown
-    if shown is None:
+    result = entry.representative
+    if result is None:
         cells = [(entry.name, html.escape(entry.name)), *[("-1", "–")] * (len(COLUMNS) - 3)]
         return _cells([*cells, (1e9, '<span class="warning">rejected</span>'), ("", "–")])
     name = html.escape(entry.name)
-    seen, arcs = shown.transmission, shown.arcs
+    ends, arcs = result.transmission, result.arcs
     angle, angle_se = math.degrees(arcs.total_angle), math.degrees(arcs.total_angle_se)
     return _cells(
         [
             (entry.name, _link_to(f"#{anchor(entry.name)}", name) if linked else name),
             (entry.used, f"{entry.used}"),
-            (entry.lost, _warned(entry.lost)),
+            (entry.rejected_frames, _warned(entry.rejected_frames)),
             (arcs.total_length, f"{1e3 * arcs.total_length:.1f}"),
             (angle, words.with_error(angle, angle_se, 1)),
             (len(arcs.length), f"{len(arcs.length)}"),
-            (seen.tension_in, f"{seen.tension_in:.2f}"),
-            (seen.tension_out, f"{seen.tension_out:.2f}"),
-            (seen.elongation, words.with_error(1e3 * seen.elongation, 1e3 * seen.elongation_se, 3)),
-            (shown.route.noise, html.escape(words.noise(shown))),
+            (ends.tension_in, f"{ends.tension_in:.2f}"),
+            (ends.tension_out, f"{ends.tension_out:.2f}"),
+            (ends.elongation, words.with_error(1e3 * ends.elongation, 1e3 * ends.elongation_se, 3)),
+            (result.route.noise, html.escape(words.noise(result))),
             (len(entry.warnings), _warned(len(entry.warnings))),
             (entry.name, _link_to(quote(entry.recording), "recording") if entry.recording else "–"),
         ]
     )
 
 
-def _link_to(place: str, text: str) -> str:
-    return f'<a href="{place}">{text}</a>'
+def _link_to(address: str, text: str) -> str:
+    return f'<a href="{address}">{text}</a>'
 
 
 def _warned(count: int) -> str:
@@ -216,32 +218,32 @@ def _cells(cells: Sequence[tuple[object, str]]) -> str:
     return f"<tr>{''.join(texts)}</tr>"
 
 
-def section(entry: ReportEntry, shown: FrameResult) -> str:
-    """Write the words, figures and pieces of an input; `shown` is drawn."""
+def section(entry: ReportEntry, result: FrameResult) -> str:
+    """Write text, figures and pieces of an input; those of one frame are of `result`."""
     moment = (
-        f" at {shown.frame.time:.2f} s, the last of its highest peaks of T_in"
+        f" at {result.frame.time:.2f} s, the last of its highest peaks of T_in"
         if entry.series is not None
         else ""
     )
     parts = [
         f'<section id="{anchor(entry.name)}">',
         f'<h2>{html.escape(entry.name)}<span class="soft">{moment}</span></h2>',
-        *(_paragraph(sentence) for sentence in words.sentences(shown)),
+        *(_paragraph(sentence) for sentence in words.sentences(result)),
         *_warnings(entry),
-        _figures(entry, shown),
-        _piece_table(shown),
+        _figures(entry, result),
+        _piece_table(result),
         _link(entry),
         "</section>",
     ]
     return "\n".join(part for part in parts if part)
 
 
-def _figures(entry: ReportEntry, shown: FrameResult) -> str:
-    """Draw what `figures_of` names, each as wide on the page as it is in print."""
+def _figures(entry: ReportEntry, result: FrameResult) -> str:
+    """Draw the figures, each as wide on the page as it is in print."""
     from tssgeom.view.figures.plots import markup
     from tssgeom.view.figures.shapes import figures_of  # here: a page of numbers alone needs no matplotlib
 
-    drawings = [draw() for draw in figures_of(shown, entry.series).values()]
+    drawings = [draw() for draw in figures_of(result, entry.series).values()]
     widths = [drawing.get_figwidth() for drawing in drawings]
     parts = [
         f'<figure style="flex: {width:.2f} 1 {_PER_INCH * width:.0f}px">{markup(drawing)}</figure>'
@@ -266,8 +268,8 @@ def _share(entry: ReportEntry, count: int) -> str:
     return "" if entry.series is None else f" ({count} of {entry.used} frames)"
 
 
-def _piece_table(shown: FrameResult) -> str:
-    head, _, *rows = words.piece_table(shown.arcs, route_samples(shown)).splitlines()
+def _piece_table(result: FrameResult) -> str:
+    head, _, *rows = words.piece_table(result.arcs, route_samples(result)).splitlines()
     body = "".join(f"<tr>{_markdown_cells(row, 'td')}</tr>" for row in rows)
     table = f"<table><thead><tr>{_markdown_cells(head, 'th')}</tr></thead><tbody>{body}</tbody></table>"
     return f"<details><summary>Pieces of constant curvature</summary>{table}</details>"
@@ -288,19 +290,19 @@ def _link(entry: ReportEntry) -> str:
 
 
 def _rejection_items(entry: ReportEntry) -> list[str]:
-    """Write each reason once, with the first frame it applies to; of many different ones, the first."""
+    """Write each reason once, with its first frame; of many different reasons, the first."""
     reasons = Counter(_reason(each) for each in entry.rejected)
     first = {_reason(each): each.seq for each in reversed(entry.rejected)}
-    told = list(reasons.items())[:_MOST_REASONS]
-    rest = entry.lost - sum(count for _, count in told)
-    items = [f"{_which(entry, count, first[reason])}: {html.escape(reason)}" for reason, count in told] + (
+    listed = list(reasons.items())[:_MOST_REASONS]
+    rest = entry.rejected_frames - sum(count for _, count in listed)
+    items = [f"{_which(entry, count, first[reason])}: {html.escape(reason)}" for reason, count in listed] + (
         [f", {rest} more frames"] if rest > 0 else []
     )
     return [f"<li><b>{html.escape(entry.name)}</b>{item}</li>" for item in items]
 
 
 def _reason(rejected: Rejected) -> str:
-    """Leave out the place in the file, which is another for each frame."""
+    """Omit the line or row in the file, which differs for each frame."""
     return re.sub(r"^(line|row) \d+: ", "", rejected.reason)
 
 

@@ -1,4 +1,4 @@
-"""What the Rerun viewer shows when it opens a recording: which views, where, and seen from where."""
+"""Layout of a recording in the Rerun viewer: its views, their sizes and cameras, and the time panel."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def _charts(*, timed: bool) -> tuple[rrb.Spatial2DView, rrb.Spatial2DView]:
 
 
 def _texts() -> rrb.Container:
-    summary = rrb.TextDocumentView(origin="summary", name="What is seen")
+    summary = rrb.TextDocumentView(origin="summary", name="Summary")
     table = rrb.TextDocumentView(origin="table", name="Pieces of constant curvature")
     return rrb.Horizontal(summary, table, column_shares=[5, 6])
 
@@ -133,7 +133,7 @@ def plot(
 ) -> rrb.TimeSeriesView:
     """Return a view of lines over time, from 0 to `top` where that is given.
 
-    Where the lines are `named`, their names stand in the view in the place of its title.
+    Where the lines are `named`, a legend stands in the view instead of its title bar.
     """
     return rrb.TimeSeriesView(
         name=title,

@@ -1,4 +1,4 @@
-"""Where to look from: the longest axis of a route across the screen, its proximal end on the left."""
+"""The camera of a view: the longest axis of a route across the screen, its proximal end on the left."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ _MARGIN = 1.25
 ASPECT = 1.5
 """Width of the spatial view over its height, on a common screen."""
 _TIE = np.array([1e-6, 1e-7, 1e-8])
-"""Decides which way round a route is seen whose ends lie one above the other."""
+"""Decides the direction across the screen of a route whose ends coincide or lie one above the other."""
 _LABEL_RISE = 0.025
 """Rerun writes a label below its point; lifted by this part of the view's height it sits on it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Camera:
-    """An eye that sees the whole route."""
+    """A camera that shows the whole route."""
 
     target: Vector
-    """What it looks at [m]."""
+    """Point in the middle of the screen [m]."""
     axes: Matrix
     """Unit vectors to the right of the screen, up the screen and towards the eye, one a row."""
     half_width: float
@@ -49,7 +49,7 @@ class Camera:
 
     @property
     def view_height(self) -> float:
-        """Height of what the view shows at the target [m]."""
+        """Height of the view at the target [m]."""
         return 2 * _MARGIN * max(self.half_height, self.half_width / ASPECT)
 
     @property
@@ -59,37 +59,38 @@ class Camera:
 
     @property
     def eye(self) -> Vector:
-        """Place of the eye [m]."""
+        """Position of the eye [m]."""
         return self.target + self.distance * self.axes[2]
 
     @property
     def room_below(self) -> float:
-        """How far below the route a scale bar with its number still fits [heights of the view]."""
+        """Distance below the route at which a scale bar with its number fits [heights of the view]."""
         return min(0.08, 0.44 - self.half_height / self.view_height)
 
     def scale_bar(self, below: float) -> tuple[Points, str]:
-        """Give the ends of a bar `below` the route [heights of the view], and its length in words."""
+        """Return the ends of a bar `below` the route [heights of the view], and its length as text."""
         length = round_down(0.3 * self.half_width)
         down = self.half_height + below * self.view_height
         left = self.target - self.half_width * self.across - down * self.up
         return np.array([left, left + length * self.across]), f"{1e3 * length:g} mm"
 
-    def project(self, places: Points) -> Vector:
-        """Where `places` are on the screen [n, 2], across and up from its middle, in heights of the view."""
-        seen = (places - self.target) @ self.axes.T
-        return seen[:, :2] / self._view_height_at(seen[:, 2])
+    def project(self, points: Points) -> Vector:
+        """Positions of points on the screen [n, 2], right and up from its middle, in heights of the view."""
+        local = (points - self.target) @ self.axes.T
+        return local[:, :2] / self._view_height_at(local[:, 2])
 
-    def label_anchor(self, place: Points, shift: Vector, larger: float = 1.0) -> Points:
-        """Place from which Rerun hangs a label whose centre is `shift` away from `place` on the screen.
+    def label_anchor(self, position: Points, shift: Vector, text_scale: float = 1.0) -> Points:
+        """Point under which Rerun writes a label whose centre is `shift` away from `position` on the screen.
 
-        In a low view text is `larger` beside the route than in one of common height.
+        `text_scale` is the size of text over its usual size, relative to the route.
         """
-        lifted = shift + np.array([0.0, larger * _LABEL_RISE])
-        return place + self._view_height_at((place - self.target) @ self.axes[2]) * lifted @ self.axes[:2]
+        lifted = shift + np.array([0.0, text_scale * _LABEL_RISE])
+        depth = (position - self.target) @ self.axes[2]
+        return position + self._view_height_at(depth) * lifted @ self.axes[:2]
 
-    def _view_height_at(self, nearer: Vector) -> Vector:
-        """Height [n, 1] of what the view shows so much nearer to the eye than the target [m]."""
-        return 2 * math.tan(_HALF_FIELD) * (self.distance - nearer)[:, None]
+    def _view_height_at(self, depth: Vector) -> Vector:
+        """Height of the view [n, 1] nearer to the eye than the target by `depth` [m]."""
+        return 2 * math.tan(_HALF_FIELD) * (self.distance - depth)[:, None]
 
 
 def camera(points: Points, forward: Vector) -> Camera:
@@ -98,9 +99,9 @@ def camera(points: Points, forward: Vector) -> Camera:
     Parameters
     ----------
     points
-        Every place that the route takes [m].
+        All positions that the route takes [m].
     forward
-        From the proximal to the distal end; it goes to the right of the screen where it can [m].
+        Vector from the proximal to the distal end; to the right of the screen where possible [m].
     """
     across, up = _principal_axes(points)
     forward = forward / max(float(np.linalg.norm(forward)), 1e-300) + _TIE

@@ -1,4 +1,4 @@
-"""Charts against arc length in 2-D views: Rerun draws lines and labels, this module says where they go."""
+"""Charts against arc length in 2-D views: Rerun draws lines and labels at the positions chosen here."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ class Box:
     """Width over height."""
     text: float
     """Height of a line of text over the height of the box."""
-    bare: bool = False
-    """Whether the numbers stand without their unit, where there is little room and the title has it."""
+    unitless: bool = False
+    """Whether the numbers omit their unit: in a small chart it stands in the title alone."""
 
     @property
     def x_range(self) -> list[float]:
-        """What the view shows across, numbers and margins with it."""
+        """Horizontal range of the view, numbers and margins included."""
         return [-3.1 * self.text, self.width + 2.0 * self.text]
 
     @property
     def y_range(self) -> list[float]:
-        """What the view shows downwards, numbers and margins with it."""
+        """Vertical range of the view downwards, numbers and margins included."""
         return [-0.8 * self.text, 1.0 + 1.7 * self.text]
 
 
@@ -71,7 +71,7 @@ class Chart:
     box: Box
 
     def place(self, x: Vector | float, y: Vector | float) -> Vector:
-        """Places [n, 2] of values in the plane; values beyond an edge are held at it."""
+        """Positions [n, 2] of values in the plane; values beyond an edge are held at it."""
         across = self.box.width * np.clip(np.asarray(x) / self.x.top, 0.0, 1.0)
         down = 1.0 - np.clip(np.asarray(y) / self.y.top, 0.0, 1.0)
         return np.column_stack(np.broadcast_arrays(across, down))
@@ -83,12 +83,12 @@ class Chart:
         return [*upright, *level]
 
     def numbers(self) -> tuple[Vector, list[str]]:
-        """Places [n, 2] and texts of the numbers along both axes."""
+        """Positions [n, 2] and texts of the numbers along both axes."""
         text = self.box.text
         below = self.place(self.x.ticks, 0.0) + np.array([0.0, 0.35 * text])
         beside = self.place(0.0, self.y.ticks) - np.array([1.9 * text, _LABEL_DROP * text])
         texts = [*self.x.labels, *self.y.labels]
-        return np.vstack([below, beside]), [text.split()[0] for text in texts] if self.box.bare else texts
+        return np.vstack([below, beside]), [text.split()[0] for text in texts] if self.box.unitless else texts
 
 
 _BAR_STEPS = 64
@@ -98,7 +98,7 @@ _CHART_NODES = 128
 def send_tension_chart(
     sender: Sender, frames: Sequence[RouteSamples], pieces: Sequence[Arcs], limits: Ranges, box: Box
 ) -> None:
-    """Draw the tension in its own colours, the bar that explains them as its axis, the pieces below."""
+    """Draw the tension in its colours, their bar along the tension axis, and the pieces along the foot."""
     chart = Chart(Axis(1e3 * limits.length, "mm"), Axis(limits.tension, "N"), box)
     send_axes(sender, "tension", chart)
     _send_colour_bar(sender, chart)
@@ -149,7 +149,7 @@ def _send_error_bars(sender: Sender, chart: Chart, frames: Sequence[RouteSamples
 
 
 def _error_bars(chart: Chart, frame: RouteSamples) -> Vector:
-    """Upright strips [m, 2, 2] between κ − s.e. and κ + s.e., dense enough to be seen as a band."""
+    """Upright strips [m, 2, 2] between κ − s.e. and κ + s.e., dense enough to look like a band."""
     chosen = evenly(len(frame.s), _CHART_NODES)
     s, kappa, spread = 1e3 * frame.s[chosen], frame.kappa[chosen], frame.kappa_se[chosen]
     return np.stack([chart.place(s, kappa - spread), chart.place(s, kappa + spread)], axis=1)
@@ -157,8 +157,8 @@ def _error_bars(chart: Chart, frame: RouteSamples) -> Vector:
 
 def _send_staircase(sender: Sender, chart: Chart, pieces: Sequence[Arcs]) -> None:
     steps = [staircase(arcs) for arcs in pieces]
-    places = np.concatenate([chart.place(1e3 * s, kappa) for s, kappa in steps])
-    _send_piece_lines(sender, "curvature/pieces", places.reshape(-1, 2, 2), pieces)
+    corners = np.concatenate([chart.place(1e3 * s, kappa) for s, kappa in steps])
+    _send_piece_lines(sender, "curvature/pieces", corners.reshape(-1, 2, 2), pieces)
 
 
 def _send_piece_strip(sender: Sender, entity: str, chart: Chart, pieces: Sequence[Arcs]) -> None:
@@ -182,15 +182,15 @@ def send_axes(sender: Sender, entity: str, chart: Chart) -> None:
         return
     grid = rr.LineStrips2D(chart.grid(), colors=[colours.GRID], radii=rr.Radius.ui_points(0.6), draw_order=1)
     sender.constant(f"{entity}/grid", grid)
-    places, texts = chart.numbers()
+    positions, texts = chart.numbers()
     labels = rr.Points2D(
-        places, radii=0.0, labels=texts, colors=[colours.WHITE], show_labels=True, draw_order=30
+        positions, radii=0.0, labels=texts, colors=[colours.WHITE], show_labels=True, draw_order=30
     )
     sender.constant(f"{entity}/numbers", labels)
 
 
 def _send_colour_bar(sender: Sender, chart: Chart) -> None:
-    """Draw the bar of colours along the tension axis, so that its numbers are the bar's too."""
+    """Draw the bar of colours along the tension axis, whose numbers it shares."""
     if not sender.repeats:
         return
     edges = np.linspace(0.0, chart.y.top, _BAR_STEPS + 1)
@@ -211,12 +211,12 @@ def send_slip_front(
     sender: Sender, frames: Sequence[RouteSamples], fronts: Sequence[float], limits: Ranges, box: Box
 ) -> None:
     """Mark the front [m] on the route of each frame, and as an upright line in the chart of tension."""
-    places = np.concatenate(
+    positions = np.concatenate(
         [frame.at(np.array([front])) for frame, front in zip(frames, fronts, strict=True)]
     )
     style = rr.Points3D.from_fields(colors=colours.FRONT, radii=rr.Radius.ui_points(9.0))
     sender.constant("route/slip_front", style)
-    sender.send("route/slip_front", rr.Points3D.columns(positions=places))
+    sender.send("route/slip_front", rr.Points3D.columns(positions=positions))
     chart = Chart(Axis(1e3 * limits.length, "mm"), Axis(limits.tension, "N"), box)
     uprights = np.stack([_upright(chart, 1e3 * front, limits.tension) for front in fronts])
     line = rr.LineStrips2D.from_fields(colors=colours.FRONT, radii=rr.Radius.ui_points(1.2), draw_order=12)
@@ -225,7 +225,7 @@ def send_slip_front(
 
 
 def slid_up_to(tension: Matrix, s: Vector) -> list[float]:
-    """Return how far the tendon slid up to each moment [m]: to the last node whose tension changed.
+    """Return the arc length up to which the tendon slid at each moment [m]: the last node of changed tension.
 
     Parameters
     ----------

@@ -22,11 +22,11 @@ class Sender:
     """Time of each row [s], or its number on the timeline `COUNT`; None for a static shape."""
     timeline: str = TIMELINE
     since: float | None = None
-    """Time from which on holds what is the same in every frame [s]; None: always."""
+    """Time from which on the constants hold [s]; None: always."""
     repeats: bool = True
-    """Whether that is sent at all; otherwise it was sent before and holds still."""
+    """Whether constants are sent at all; otherwise they were sent before, and still hold."""
     below: str = ""
-    """What every entity is put below, with a slash at its end."""
+    """Path below which all entities stand, with a slash at its end."""
 
     def send(
         self, entity: str, columns: rr.ComponentColumnList, lengths: Sequence[int] | None = None
@@ -36,7 +36,7 @@ class Sender:
         self.recording.send_columns(self.below + entity, indexes=self._indexes(), columns=rows, strict=True)
 
     def constant(self, entity: str, archetype: rr.AsComponents) -> None:
-        """Send what is the same in every frame."""
+        """Send a value that is the same in every frame."""
         if not self.repeats:
             return
         if self.since is not None:
@@ -85,7 +85,7 @@ def _strips(pairs: NDArray[np.float64], arrow_type: pa.DataType) -> pa.Array:
 
 
 def _cut(points: NDArray[np.float64], ends: NDArray[np.intp], arrow_type: pa.DataType) -> pa.Array:
-    """Cut a run of points into strips that end where `ends` says."""
+    """Cut points into strips that end at the indices `ends`."""
     numbers = pa.array(np.ascontiguousarray(points, dtype=np.float32).ravel())
     inner = pa.FixedSizeListArray.from_arrays(numbers, type=arrow_type.value_type)
     return pa.ListArray.from_arrays(pa.array(ends.astype(np.int32)), inner, type=arrow_type)

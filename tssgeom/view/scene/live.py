@@ -14,31 +14,31 @@ from tssgeom.rig import Rig
 from tssgeom.stream import Frame, FrameResult, process
 from tssgeom.view.samples import Ranges, RouteSamples, numbers_of, ranges, round_up, route_samples
 from tssgeom.view.scene.blueprint import blueprint
-from tssgeom.view.scene.camera import Camera, camera
+from tssgeom.view.scene.camera import ASPECT, Camera, camera
 from tssgeom.view.scene.columns import Sender
 from tssgeom.view.scene.recording import send_pictures
 from tssgeom.view.scene.run import Run, send_numbers
 
-_ROOM = 1.25  # of the ranges and of what the camera sees, for frames to come
+_HEADROOM = 1.25  # of axes and of the camera's view, for frames to come
 
 
 def warm_up() -> None:
-    """Draw once into nothing: the first picture of a process takes long."""
-    turn = np.linspace(0.0, 2.0, 40)
-    points = 0.1 * np.column_stack((np.sin(turn), 1 - np.cos(turn), 0.1 * turn))
+    """Draw once without a file: the first picture of a process takes long."""
+    angle = np.linspace(0.0, 2.0, 40)
+    points = 0.1 * np.column_stack((np.sin(angle), 1 - np.cos(angle), 0.1 * angle))
     frames = [Frame(points, float(i), tension_in=5.0 + i) for i in range(2)]
     results = [one for one in process(frames, Rig(), tension_in=5.0) if isinstance(one, FrameResult)]
     with rr.RecordingStream("warm up") as recording:
-        thrown_away = recording.binary_stream()
+        discarded = recording.binary_stream()
         picture = LivePicture(recording, "warm up")
         picture.draw(results)
         picture.number(np.array([0.0, 1.0]), np.array([numbers_of(one) for one in results]))
-        thrown_away.read()
+        discarded.read()
 
 
 @dataclass(slots=True)
 class LivePicture:
-    """What a stream of frames looks like, in one Rerun recording."""
+    """The picture of a stream of frames, in one Rerun recording."""
 
     recording: rr.RecordingStream
     name: str
@@ -46,13 +46,13 @@ class LivePicture:
     _camera: Camera | None = field(default=None)
     _ranges: Ranges | None = field(default=None)
     _pieces: int = 0
-    """The most pieces that have a name and a colour so far."""
+    """Number of pieces that have a name and a colour so far."""
 
     def __post_init__(self) -> None:
         self.recording.set_log_time_enabled(False)  # one time for all: that of the frames
 
     def draw(self, results: Sequence[FrameResult]) -> None:
-        """Draw frames, one row each; axes and camera grow where they leave them."""
+        """Draw frames, one row each; axes and camera grow where a frame exceeds them."""
         frames = [route_samples(result) for result in results]
         grown = self._grown(results, frames)
         assert self._camera is not None
@@ -63,24 +63,24 @@ class LivePicture:
         send_pictures(sender, run, self.lumen if grown else None)
 
     def number(self, times: Vector, numbers: Matrix) -> None:
-        """Draw the `rerun_series.numbers_of` frames at their times [s] as lines."""
+        """Draw the `samples.numbers_of` frames at their times [s] as lines."""
         send_numbers(Sender(self.recording, times), numbers)
 
     def _grown(self, results: Sequence[FrameResult], frames: Sequence[RouteSamples]) -> bool:
         """Make axes, camera and names hold these frames; return whether any of them changed."""
-        seen = ranges(frames, [result.arcs for result in results])
+        needed = ranges(frames, [result.arcs for result in results])
         pieces = max(len(result.arcs.length) for result in results)
-        wider = self._ranges is None or not _holds(self._ranges, seen)
+        wider = self._ranges is None or not _holds(self._ranges, needed)
         if wider:
-            self._ranges = _widened(seen, self._ranges)
-        moved = self._camera is None or not _sees(self._camera, frames)
+            self._ranges = _widened(needed, self._ranges)
+        moved = self._camera is None or not _shows(self._camera, frames)
         if moved:
-            self._look_at(results[0].frame.time, frames)
+            self._aim(frames)
         more = pieces > self._pieces
         self._pieces = max(pieces, self._pieces)
         return wider or moved or more
 
-    def _look_at(self, time: float, frames: Sequence[RouteSamples]) -> None:
+    def _aim(self, frames: Sequence[RouteSamples]) -> None:
         everywhere = np.concatenate([frame.position for frame in frames])
         forward = frames[-1].position[-1] - frames[-1].position[0]
         self._camera = camera(everywhere, forward)
@@ -88,22 +88,26 @@ class LivePicture:
         self.recording.send_blueprint(layout)
 
 
-def _holds(room: Ranges, seen: Ranges) -> bool:
-    return room.tension >= seen.tension and room.length >= seen.length and room.kappa >= seen.kappa
-
-
-def _widened(seen: Ranges, before: Ranges | None) -> Ranges:
-    known = seen if before is None else before
-    return Ranges(
-        tension=max(round_up(_ROOM * seen.tension), known.tension),
-        length=max(_ROOM * seen.length if before else seen.length, known.length),
-        kappa=max(round_up(_ROOM * seen.kappa), known.kappa),
+def _holds(current: Ranges, needed: Ranges) -> bool:
+    return (
+        current.tension >= needed.tension
+        and current.length >= needed.length
+        and current.kappa >= needed.kappa
     )
 
 
-def _sees(eye: Camera, frames: Sequence[RouteSamples]) -> bool:
-    """Whether the frames stay inside the view, with some room at its edges."""
-    places = np.concatenate([frame.position[[0, -1, len(frame.s) // 2]] for frame in frames])
-    seen = np.abs((places - eye.target) @ eye.axes[:2].T)
-    reach = _ROOM * max(eye.half_height, eye.half_width / 1.5)
-    return bool((seen[:, 1] <= reach).all() and (seen[:, 0] <= 1.5 * reach).all())
+def _widened(needed: Ranges, before: Ranges | None) -> Ranges:
+    least = needed if before is None else before
+    return Ranges(
+        tension=max(round_up(_HEADROOM * needed.tension), least.tension),
+        length=max(_HEADROOM * needed.length if before else needed.length, least.length),
+        kappa=max(round_up(_HEADROOM * needed.kappa), least.kappa),
+    )
+
+
+def _shows(view: Camera, frames: Sequence[RouteSamples]) -> bool:
+    """Whether the ends and the middle of all frames are inside the view, off its edges."""
+    points = np.concatenate([frame.position[[0, -1, len(frame.s) // 2]] for frame in frames])
+    across, up = np.abs((points - view.target) @ view.axes[:2].T).T
+    reach = _HEADROOM * max(view.half_height, view.half_width / ASPECT)
+    return bool((up <= reach).all() and (across <= ASPECT * reach).all())

@@ -43,13 +43,13 @@ from tssgeom.view.scene.space import (
 )
 from tssgeom.view.scene.writer import recording_file
 
-_NODES = 160
-_MOMENTS = 240
+_NODES = 160  # of a route
+_MOMENTS = 240  # of the cycle
 _BOX = Box(width=1.55, text=0.095)
-_ALONG = Box(width=1.55, text=0.095, bare=True)
-_LARGER = 1.7  # text beside the route, as the views of both setups are lower than one alone
+_ALONG = Box(width=1.55, text=0.095, unitless=True)
+_TEXT_SCALE = 1.7  # of text beside the route: the views of both setups are lower than one alone
 _ROUTES = ("a", "b", "half")
-_FORCES = {"a": ("A", FIRST), "b": ("B", SECOND)}
+_SETUPS = {"a": ("A", FIRST), "b": ("B", SECOND)}
 _LIMITS = Ranges(tension=paper.PEAK, length=0.5, kappa=1.0)
 
 
@@ -103,10 +103,10 @@ def _send_route(sender: Sender, setup: _Setup) -> None:
     """Draw a route and its tension at every moment, as every command does."""
     frames, pieces = setup.frames, [setup.arcs] * len(setup.frames)
     still = replace(sender, time=None)
-    send_scale_bar(still, setup.camera, _LARGER)
+    send_scale_bar(still, setup.camera, _TEXT_SCALE)
     send_joints(still, frames[:1], pieces[:1])
     send_route(sender, frames, paper.PEAK)
-    labels = label_places(setup.camera, frames[0], setup.arcs, _LARGER)
+    labels = label_places(setup.camera, frames[0], setup.arcs, _TEXT_SCALE)
     texts = [
         [*words.end_labels(*frame.tension[[0, -1]].tolist()), *words.piece_labels(setup.arcs)]
         for frame in frames
@@ -118,7 +118,7 @@ def _send_route(sender: Sender, setup: _Setup) -> None:
 
 
 def _words(a: History, b: History) -> str:
-    """Say what is seen, as markdown."""
+    """Describe the recording, as markdown."""
     peak = int(np.argmax(a.tension_in))
     out, first, second = a.tension_out[peak], 1e3 * a.elongation[peak], 1e3 * b.elongation[peak]
     return "\n\n".join(
@@ -135,8 +135,8 @@ def _words(a: History, b: History) -> str:
 
 
 def _send_ends(sender: Sender, name: str, run: History) -> None:
-    word, colour = _FORCES[name]
-    _send_answer(sender, name, word, colour, run)
+    word, colour = _SETUPS[name]
+    _send_response(sender, name, word, colour, run)
     chart = Chart(Axis(16.0, "N"), Axis(1.6, "mm"), _BOX)
     if name == "a":
         send_axes(sender, "figure_6", chart)
@@ -144,9 +144,9 @@ def _send_ends(sender: Sender, name: str, run: History) -> None:
 
 
 def _send_half_circle(sender: Sender, run: History) -> None:
-    """Send what figures 4 and 5 show."""
+    """Send the curves of figures 4 and 5."""
     send_line(sender, "tension_in", TENSION_IN, run.tension_in)
-    _send_answer(sender, "half", "the half circle", colours.TENSION_OUT, run)
+    _send_response(sender, "half", "the half circle", colours.TENSION_OUT, run)
     for name, values, top, unit in (
         ("figure_5a", run.tension_out, 10.0, "N"),
         ("figure_5b", 1e3 * run.elongation, 2.0, "mm"),
@@ -157,7 +157,7 @@ def _send_half_circle(sender: Sender, run: History) -> None:
 
 
 def _send_scaling(sender: Sender) -> None:
-    """Send S over the angle of the added curve, as figure 8 shows it."""
+    """Send S over the angle of the added curve, the curves of figure 8."""
     chart = Chart(Axis(720.0, "°"), Axis(1.0, ""), _BOX)
     send_axes(sender, "figure_8", chart)
     angle = np.linspace(0.0, 4 * math.pi, 120)
@@ -187,14 +187,14 @@ def _send_curve(sender: Sender, entity: str, line: Vector, colour: tuple[int, in
     sender.send(f"{entity}/now", rr.Points2D.columns(positions=line))
 
 
-def _send_answer(sender: Sender, name: str, word: str, colour: tuple[int, int, int], run: History) -> None:
+def _send_response(sender: Sender, name: str, word: str, colour: tuple[int, int, int], run: History) -> None:
     """Send output tension and elongation of one route against time."""
-    for entity, told, values in (
+    for entity, quantity, values in (
         ("tension_out", TENSION_OUT, run.tension_out),
         ("elongation", ELONGATION, run.elongation),
     ):
-        title = f"{told.symbol} of {word} [{told.unit}]"
-        send_line(sender, f"{entity}_{name}", told, values, name=title, colour=colour)
+        title = f"{quantity.symbol} of {word} [{quantity.unit}]"
+        send_line(sender, f"{entity}_{name}", quantity, values, name=title, colour=colour)
 
 
 def _blueprint(cameras: dict[str, Camera]) -> rrb.Blueprint:
@@ -202,8 +202,8 @@ def _blueprint(cameras: dict[str, Camera]) -> rrb.Blueprint:
     parts = ("route", "joints", "labels", "scale")
     spaces = rrb.Horizontal(
         *(
-            space_view(f"{titles[name]}: route coloured by tension [N]", seen, parts, below=f"{name}/")
-            for name, seen in cameras.items()
+            space_view(f"{titles[name]}: route coloured by tension [N]", view, parts, below=f"{name}/")
+            for name, view in cameras.items()
         )
     )
     along = [
@@ -222,6 +222,6 @@ def _blueprint(cameras: dict[str, Camera]) -> rrb.Blueprint:
         ),
         plot("δ [mm] over time [s]", [f"series/elongation_{one}" for one in _ROUTES]),
     )
-    text = rrb.TextDocumentView(origin="summary", name="What is seen")
+    text = rrb.TextDocumentView(origin="summary", name="Summary")
     middle, last = rrb.Horizontal(*along, charts[0], charts[3]), rrb.Horizontal(text, series, *charts[1:3])
     return layout(rrb.Vertical(spaces, middle, last, row_shares=[40, 29, 31]), time_panel())

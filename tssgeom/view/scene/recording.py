@@ -1,4 +1,4 @@
-"""Rerun recordings: the tension along a route, its pieces and all numbers, moved as one picture by time."""
+"""The recording of a shape or run: tension along the route, its pieces and numbers, moved by one time."""
 
 from __future__ import annotations
 
@@ -38,20 +38,20 @@ def write_recording(
     path
         The `.rrd` file.
     name
-        Name of the shape or run, shown in the picture.
+        Name of the shape or run.
     results
         Results of the frames, in order of time; at least one.
     timed
-        True: the frames are rows of the timeline `time` [s]. False: the last frame is shown without time.
+        True: the frames are rows of the timeline `time` [s]. False: the last frame alone, without time.
     lumen
         Wall around the route [m].
     clearance
-        What measures the clearance of a frame; the wall is marked where the tube touches it.
+        Measures the clearance of a frame; the wall is marked where the tube touches it.
 
     Raises
     ------
     SourceError
-        Where there is no result to show or the file cannot be written.
+        Where there is no result, or the file cannot be written.
     """
     if not results:
         raise SourceError(f"{path}: no frame of {name} could be used, so there is nothing to show")
@@ -72,7 +72,7 @@ def _times(run: Run) -> NDArray[np.float64] | None:
 def send_pictures(
     sender: Sender, run: Run, lumen: trimesh.Trimesh | None, measured: Sequence[Clearance] = ()
 ) -> None:
-    """Send everything but the numbers against time; `measured` is the clearance of each frame, or nothing."""
+    """Send everything but the lines over time; `measured` is the clearance of each frame, or empty."""
     send_space(sender, run, lumen)
     if measured:
         send_clearance(sender, run, measured)
@@ -89,8 +89,8 @@ def _send_words(sender: Sender, run: Run, measured: Sequence[Clearance]) -> None
     pairs = zip(run.results, run.frames, strict=True)
     summaries = [words.summary(run.name, result, run.timed) for result in run.results]
     if measured:
-        told = zip(summaries, measured, strict=True)
-        summaries = [f"{text}\n\n{clearance_words(one)}" for text, one in told]
+        parts = zip(summaries, measured, strict=True)
+        summaries = [f"{text}\n\n{clearance_words(one)}" for text, one in parts]
     tables = [words.piece_table(result.arcs, frame) for result, frame in pairs]
     for entity, texts in (("summary", summaries), ("table", tables)):
         sender.constant(entity, rr.TextDocument.from_fields(media_type=rr.MediaType.MARKDOWN))

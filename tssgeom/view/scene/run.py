@@ -21,7 +21,7 @@ from tssgeom.view.scene.columns import Sender
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """Everything that one recording shows."""
+    """Everything that one recording shows, chosen once for all its views."""
 
     name: str
     results: Sequence[FrameResult]
@@ -37,7 +37,7 @@ class Run:
 
 
 def run_of(name: str, results: Sequence[FrameResult], timed: bool) -> Run:
-    """Choose nodes, ranges and a camera that hold for every frame of a run."""
+    """Choose nodes, ranges and a camera for all frames of a run."""
     frames = [route_samples(result) for result in results]
     limits = ranges(frames, [result.arcs for result in results])
     return Run(name, results, frames, limits, camera_of(frames), timed)
@@ -50,13 +50,13 @@ def camera_of(frames: Sequence[RouteSamples]) -> Camera:
 
 
 def send_series(sender: Sender, results: Sequence[FrameResult]) -> None:
-    """Send what changes from frame to frame, in the units of the plots' titles."""
+    """Send the lines over time, in the units of the plots' titles."""
     send_numbers(sender, np.array([numbers_of(result) for result in results]))
     _send_measured(sender, results)
 
 
 def send_numbers(sender: Sender, numbers: Matrix) -> None:
-    """Send the `numbers_of` many frames [m, 4], in the units of the plots' titles."""
+    """Send the `numbers_of` of m frames [m, 4], in the units of the plots' titles."""
     tension_in, tension_out, elongation, angle = numbers.T
     send_line(sender, "tension_in", TENSION_IN, tension_in)
     send_line(sender, "tension_out", TENSION_OUT, tension_out)
@@ -65,39 +65,29 @@ def send_numbers(sender: Sender, numbers: Matrix) -> None:
 
 
 def _send_measured(sender: Sender, results: Sequence[FrameResult]) -> None:
-    """Send what was measured, where every frame brings it."""
-    outs = [result.frame.tension_out for result in results]
-    if all(value is not None for value in outs):
-        _send_reading(sender, "tension_out", TENSION_OUT, np.array(outs, dtype=np.float64))
-    elongations = [result.frame.elongation for result in results]
-    if all(value is not None for value in elongations):
-        _send_reading(sender, "elongation", ELONGATION, np.array(elongations, dtype=np.float64))
-
-
-def _send_reading(sender: Sender, entity: str, told: Quantity, values: Vector) -> None:
-    send_line(
-        sender,
-        f"{entity}_measured",
-        told,
-        values,
-        name=f"{told.symbol} measured [{told.unit}]",
-        colour=colours.MEASURED,
-    )
+    """Send measured values, where every frame has one."""
+    for field, quantity in (("tension_out", TENSION_OUT), ("elongation", ELONGATION)):
+        values = [getattr(result.frame, field) for result in results]
+        if all(value is not None for value in values):
+            name = f"{quantity.symbol} measured [{quantity.unit}]"
+            line = np.array(values, dtype=np.float64)
+            send_line(sender, f"{field}_measured", quantity, line, name=name, colour=colours.MEASURED)
 
 
 def send_line(
     sender: Sender,
     entity: str,
-    told: Quantity,
+    quantity: Quantity,
     values: Vector,
     *,
     name: str = "",
     colour: tuple[int, int, int] | None = None,
 ) -> None:
     """Send a quantity [SI] against time, in its own unit; name and colour are its own unless given."""
-    style = rr.SeriesLines(names=name or told.label, colors=[colour or told.rgb], widths=[2.0])
+    style = rr.SeriesLines(names=name or quantity.label, colors=[colour or quantity.rgb], widths=[2.0])
     sender.constant(f"series/{entity}", style)
-    sender.send(f"series/{entity}", rr.Scalars.columns(scalars=told.factor * np.asarray(values, np.float64)))
+    scalars = quantity.factor * np.asarray(values, np.float64)
+    sender.send(f"series/{entity}", rr.Scalars.columns(scalars=scalars))
 
 
 ON_ROUTE = ("s_m", "tension_N", "phi_rad", "kappa_per_m", "kappa_se_per_m", "phi_se_rad")
@@ -119,7 +109,7 @@ NUMBERS = (
 
 
 def send_numbers_of_route(sender: Sender, run: Run) -> None:
-    """Send what each node of the route, each piece and each frame is, beside what draws them."""
+    """Send the numbers of each node of the route, of each piece and of each frame, beside their pictures."""
     frames, lengths = run.frames, [len(frame.s) for frame in run.frames]
     columns = ("s", "tension", "phi", "kappa", "kappa_se", "phi_se")
     nodes = {
@@ -135,21 +125,20 @@ def send_numbers_of_route(sender: Sender, run: Run) -> None:
     sender.send("joints", _values(pieces), [len(one.length) for one in arcs])
     pairs = zip(run.results, run.fronts, strict=True)
     whole = np.array([(*_whole(result), front) for result, front in pairs])
-    told = dict[str, Vector](zip(NUMBERS, whole.T, strict=True))
-    sender.send("summary", _values(told))
+    sender.send("summary", _values(dict[str, Vector](zip(NUMBERS, whole.T, strict=True))))
 
 
 def _whole(result: FrameResult) -> tuple[float, ...]:
-    arcs, seen = result.arcs, result.transmission
+    arcs, ends = result.arcs, result.transmission
     return (
         arcs.total_length,
         arcs.total_angle,
         arcs.total_angle_se,
-        seen.tension_in,
-        seen.tension_out,
-        seen.tension_out_se,
-        seen.elongation,
-        seen.elongation_se,
+        ends.tension_in,
+        ends.tension_out,
+        ends.tension_out_se,
+        ends.elongation,
+        ends.elongation_se,
     )
 
 

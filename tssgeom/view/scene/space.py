@@ -22,11 +22,11 @@ from tssgeom.view.scene.labels import Placed, label_places, scale_label
 from tssgeom.view.scene.run import Run, send_numbers_of_route
 
 _FEW_POINTS = 40
-"""So few sensed points are drawn larger, as each of them is a marker."""
+"""Up to this number sensed points are drawn larger, as each of them is a marker."""
 
 
 def send_space(sender: Sender, run: Run, lumen: trimesh.Trimesh | None) -> None:
-    """Send everything that stands in space; the lumen only where there is one."""
+    """Send everything in the three-dimensional view; the lumen only where there is one."""
     pieces = [result.arcs for result in run.results]
     send_piece_names(sender, pieces)
     send_scale_bar(sender, run.camera)
@@ -35,8 +35,8 @@ def send_space(sender: Sender, run: Run, lumen: trimesh.Trimesh | None) -> None:
     send_route(sender, run.frames, run.ranges.tension)
     _send_sensed(sender, run)
     send_joints(sender, run.frames, pieces)
-    places = [label_places(run.camera, frame, arcs) for frame, arcs in zip(run.frames, pieces, strict=True)]
-    send_labels(sender, places, [_label_texts(result) for result in run.results])
+    placed = [label_places(run.camera, frame, arcs) for frame, arcs in zip(run.frames, pieces, strict=True)]
+    send_labels(sender, placed, [_label_texts(result) for result in run.results])
     send_numbers_of_route(sender, run)
 
 
@@ -49,18 +49,18 @@ def send_piece_names(sender: Sender, pieces: Sequence[Arcs]) -> None:
     sender.constant("/", rr.AnnotationContext(names))
 
 
-def send_scale_bar(sender: Sender, seen: Camera, larger: float = 1.0) -> None:
-    """Draw a bar of a plain length below the route, with its length, `larger` in a low view."""
+def send_scale_bar(sender: Sender, camera: Camera, text_scale: float = 1.0) -> None:
+    """Draw a bar of a round length below the route, with its length."""
     if not sender.repeats:
         return
-    bar, text, place = scale_label(seen, larger)
+    bar, text, anchor = scale_label(camera, text_scale)
     sender.constant("scale", rr.LineStrips3D([bar], colors=[colours.AXIS], radii=rr.Radius.ui_points(1.5)))
-    label = rr.Points3D(place, radii=0.0, labels=[text], colors=[colours.WHITE], show_labels=True)
+    label = rr.Points3D(anchor, radii=0.0, labels=[text], colors=[colours.WHITE], show_labels=True)
     sender.constant("scale/length", label)
 
 
 def _send_lumen(sender: Sender, run: Run, lumen: trimesh.Trimesh) -> None:
-    """Draw the wall with its inner side only, so that one looks through the near wall at the route."""
+    """Draw the inner side of the wall only, so that the near wall does not hide the route."""
     outward = _outward(lumen, run.frames[-1].position)
     wall = rr.Mesh3D(
         vertex_positions=outward.vertices.astype(np.float32),
@@ -83,7 +83,7 @@ def _outward(lumen: trimesh.Trimesh, route: Points) -> trimesh.Trimesh:
 
 
 def send_route(sender: Sender, frames: Sequence[RouteSamples], top: float) -> None:
-    """Draw routes in the colours of their tension, of which the brightest is that of `top` [N]."""
+    """Draw routes in the colours of their tension, the brightest for `top` [N]."""
     middles = np.concatenate([0.5 * (frame.tension[:-1] + frame.tension[1:]) for frame in frames])
     columns = rr.LineStrips3D.columns(
         strips=segments_3d([frame.position for frame in frames]),
@@ -95,11 +95,12 @@ def send_route(sender: Sender, frames: Sequence[RouteSamples], top: float) -> No
 
 def _send_sensed(sender: Sender, run: Run) -> None:
     """Draw the sensed points small, and once more in red where the route does not follow them."""
-    points = [seen[~np.isnan(seen).any(axis=1)] for seen in (result.frame.points for result in run.results)]
+    sensed = [result.frame.points for result in run.results]
+    points = [cloud[~np.isnan(cloud).any(axis=1)] for cloud in sensed]
     few = max(len(cloud) for cloud in points) <= _FEW_POINTS
     _send_points(sender, "sensed", points, colours.SENSED, 4.5 if few else 1.8)
-    stray = [outliers(result) for result in run.results]
-    _send_points(sender, "sensed/outliers", stray, colours.OUTLIER, 5.5)
+    beside = [outliers(result) for result in run.results]
+    _send_points(sender, "sensed/outliers", beside, colours.OUTLIER, 5.5)
 
 
 def _send_points(
@@ -128,7 +129,7 @@ def send_labels(sender: Sender, placed: Sequence[Placed], texts: Sequence[Sequen
     style = rr.Points3D.from_fields(radii=0.0, colors=colours.WHITE, show_labels=True)
     sender.constant("labels", style)
     columns = rr.Points3D.columns(
-        positions=np.concatenate([one.place for one in placed]),
+        positions=np.concatenate([one.position for one in placed]),
         labels=[
             text if whole else text.partition(" · ")[0]
             for one, row in zip(placed, texts, strict=True)
@@ -139,66 +140,58 @@ def send_labels(sender: Sender, placed: Sequence[Placed], texts: Sequence[Sequen
 
 
 def _label_texts(result: FrameResult) -> list[str]:
-    seen = result.transmission
-    return [*words.end_labels(seen.tension_in, seen.tension_out), *words.piece_labels(result.arcs)]
+    ends = result.transmission
+    return [*words.end_labels(ends.tension_in, ends.tension_out), *words.piece_labels(result.arcs)]
 
 
-def send_clearance(sender: Sender, run: Run, found: Sequence[Clearance]) -> None:
-    """Mark the wall where the tube touches it, and the narrowest place of each frame.
-
-    Parameters
-    ----------
-    sender, run
-        The recording and what it shows.
-    found
-        Clearance of each frame.
-    """
-    touching = [_touched(one) for one in found]
+def send_clearance(sender: Sender, run: Run, measured: Sequence[Clearance]) -> None:
+    """Mark the wall where the tube touches it, and the least clearance of each frame."""
+    touching = [_contact_points(one) for one in measured]
     style = rr.Points3D.from_fields(colors=colours.CONTACT, radii=rr.Radius.ui_points(4.0))
     sender.constant("lumen/contact", style)
     columns = rr.Points3D.columns(positions=np.concatenate(touching))
     sender.send("lumen/contact", columns, [len(one) for one in touching])
-    _send_narrowest(sender, run, found)
+    _send_narrowest(sender, run, measured)
 
 
-def _touched(one: Clearance) -> Points:
+def _contact_points(one: Clearance) -> Points:
     inside = [(region.begin <= one.s) & (one.s <= region.end) for region in (*one.contacts, *one.outside)]
     return one.wall_position[np.any(inside, axis=0)] if inside else np.zeros((0, 3))
 
 
-def _send_narrowest(sender: Sender, run: Run, found: Sequence[Clearance]) -> None:
-    """Draw a line from the route to the wall where it is narrowest, with the clearance as its label."""
-    known = [one.narrowest >= 0 for one in found]
+def _send_narrowest(sender: Sender, run: Run, measured: Sequence[Clearance]) -> None:
+    """Draw a line from the route to the wall at the least clearance, which is its label."""
+    known = [one.narrowest >= 0 for one in measured]
     lines = [
         np.array([frame.at(one.s[[one.narrowest]])[0], one.wall_position[one.narrowest]])
-        for frame, one, seen in zip(run.frames, found, known, strict=True)
-        if seen
+        for frame, one, is_known in zip(run.frames, measured, known, strict=True)
+        if is_known
     ]
     if not lines:
         return
-    counts = [int(seen) for seen in known]
+    counts = [int(is_known) for is_known in known]
     style = rr.LineStrips3D.from_fields(colors=colours.CONTACT, radii=rr.Radius.ui_points(2.0))
     sender.constant("lumen/narrowest", style)
     sender.send("lumen/narrowest", rr.LineStrips3D.columns(strips=segments_3d(lines)), counts)
     label = rr.Points3D.from_fields(radii=0.0, colors=colours.CONTACT, show_labels=True)
     sender.constant("lumen/narrowest/label", label)
-    texts = [_gap_words(one.least) for one in found if one.least is not None]
+    texts = [_distance_words(one.least) for one in measured if one.least is not None]
     columns = rr.Points3D.columns(positions=np.array([line[1] for line in lines]), labels=texts)
     sender.send("lumen/narrowest/label", columns, counts)
 
 
 def clearance_words(one: Clearance) -> str:
-    """Say in a paragraph how the tube lies in its lumen, as markdown."""
+    """Describe the clearance of a tube in its lumen, as markdown."""
     if one.least is None:
         return "The route lies beyond the ends of the lumen mesh."
     tube = f"A tube of {2e3 * one.radius:.1f} mm" if one.radius else "The middle of the tube"
     at = f"at s = {1e3 * one.s[one.narrowest]:.0f} mm"
-    said = f"{tube} is at its narrowest **{_gap_words(one.least)}** of the lumen, {at}."
+    text = f"{tube} is at its narrowest **{_distance_words(one.least)}** of the lumen, {at}."
     if one.contacts:
         length = sum(region.end - region.begin for region in one.contacts)
-        said += f" It touches the wall on {1e3 * length:.0f} mm, within the error of its places."
-    return " ".join([said, *(f"⚠ {warning}." for warning in one.warnings())])
+        text += f" It touches the wall on {1e3 * length:.0f} mm, within the noise of the route."
+    return " ".join([text, *(f"⚠ {warning}." for warning in one.warnings())])
 
 
-def _gap_words(least: float) -> str:
+def _distance_words(least: float) -> str:
     return f"{1e3 * abs(least):.1f} mm {'into' if least < 0 else 'from'} the wall"

@@ -1,4 +1,4 @@
-"""The recording of `track`: what each camera saw, the markers in space, and how sure their places are."""
+"""The recording of `track`: the images of each camera, the markers in space, and their noise."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tssgeom.view.scene.columns import Sender
 from tssgeom.view.scene.space import send_scale_bar
 from tssgeom.view.scene.writer import recording_file
 
-_NAMED = 40  # markers: of more, their numbers would hide one another
+_NAMED = 40  # markers: with more, their numbers would hide one another
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,13 +29,13 @@ class Tracked:
     time: Vector
     """[f] [s]."""
     points: np.ndarray
-    """[f, n, 3] NaN where a marker was not placed [m]."""
+    """[f, n, 3] NaN where the position of a marker is unknown [m]."""
     ids: Sequence[int]
     """[n]."""
     noise: Vector
-    """[f] Standard deviation of a coordinate across the route, NaN where it is not known [m]."""
-    words: str
-    """What was found, as markdown."""
+    """[f] Standard deviation of a coordinate across the route, NaN where it is unknown [m]."""
+    summary: str
+    """Description of the result, as markdown."""
     images: Mapping[str, Sequence[tuple[float, bytes]]]
     """For each camera times [s] and JPEG files."""
 
@@ -48,38 +48,38 @@ def write_track_recording(path: Path, tracked: Tracked) -> None:
     SourceError
         Where the file cannot be written.
     """
-    placed = tracked.points[~np.isnan(tracked.points).any(axis=2)]
-    seen = camera(placed, _forward(tracked.points))
-    views, application = _blueprint(tracked, seen), f"tssgeom track: {tracked.name}"
+    known = tracked.points[~np.isnan(tracked.points).any(axis=2)]
+    view = camera(known, _forward(tracked.points))
+    views, application = _blueprint(tracked, view), f"tssgeom track: {tracked.name}"
     with recording_file(path, tracked.name, views, application=application) as recording:
         sender = Sender(recording, tracked.time)
-        send_scale_bar(sender, seen)
+        send_scale_bar(sender, view)
         _send_markers(sender, tracked)
         _send_numbers(sender, tracked)
-        sender.constant_text("summary", tracked.words)
-        for name, shots in tracked.images.items():
-            _send_images(recording, name, shots)
+        sender.constant_text("summary", tracked.summary)
+        for name, images in tracked.images.items():
+            _send_images(recording, name, images)
 
 
 def _forward(points: np.ndarray) -> Vector:
-    """Return the way from the first to the last marker that a frame has, over all frames [m]."""
-    ways = [frame[seen][-1] - frame[seen][0] for frame in points if (seen := _placed(frame)).sum() > 1]
-    return np.mean(ways, axis=0) if ways else np.array([1.0, 0.0, 0.0])
+    """Return the mean vector from the first to the last known marker of a frame [m]."""
+    vectors = [frame[known][-1] - frame[known][0] for frame in points if (known := _known(frame)).sum() > 1]
+    return np.mean(vectors, axis=0) if vectors else np.array([1.0, 0.0, 0.0])
 
 
-def _placed(frame: Points) -> np.ndarray:
+def _known(frame: Points) -> np.ndarray:
     return np.asarray(~np.isnan(frame).any(axis=1))
 
 
 def _send_markers(sender: Sender, tracked: Tracked) -> None:
     """Draw the markers of each frame, with a line through neighbours and the number of each."""
-    clouds = [frame[_placed(frame)] for frame in tracked.points]
+    clouds = [frame[_known(frame)] for frame in tracked.points]
     counts = [len(cloud) for cloud in clouds]
     named = len(tracked.ids) <= _NAMED
     style = rr.Points3D.from_fields(colors=colours.SENSED, radii=rr.Radius.ui_points(4.5), show_labels=named)
     sender.constant("sensed", style)
     numbers = np.array([str(number) for number in tracked.ids])
-    labels = np.concatenate([numbers[_placed(frame)] for frame in tracked.points]).tolist()
+    labels = np.concatenate([numbers[_known(frame)] for frame in tracked.points]).tolist()
     columns = rr.Points3D.columns(positions=np.concatenate(clouds), labels=labels)
     sender.send("sensed", columns, counts)
     sender.constant("route", rr.LineStrips3D.from_fields(colors=colours.AXIS, radii=rr.Radius.ui_points(1.5)))
@@ -87,7 +87,7 @@ def _send_markers(sender: Sender, tracked: Tracked) -> None:
 
 
 def _send_numbers(sender: Sender, tracked: Tracked) -> None:
-    share = 100 * np.array([_placed(frame).mean() for frame in tracked.points])
+    share = 100 * np.array([_known(frame).mean() for frame in tracked.points])
     for entity, name, colour, values in (
         ("seen", "markers placed [%]", colours.TENSION_OUT, share),
         ("noise", "noise [mm]", colours.ANGLE, 1e3 * tracked.noise),
@@ -96,24 +96,26 @@ def _send_numbers(sender: Sender, tracked: Tracked) -> None:
         sender.send(f"series/{entity}", rr.Scalars.columns(scalars=values))
 
 
-def _send_images(recording: rr.RecordingStream, name: str, shots: Sequence[tuple[float, bytes]]) -> None:
-    sender = Sender(recording, np.array([time for time, _ in shots]))
-    blobs = [np.frombuffer(content, np.uint8) for _, content in shots]
+def _send_images(recording: rr.RecordingStream, name: str, images: Sequence[tuple[float, bytes]]) -> None:
+    sender = Sender(recording, np.array([time for time, _ in images]))
+    blobs = [np.frombuffer(content, np.uint8) for _, content in images]
     sender.constant(f"camera/{name}", rr.EncodedImage.from_fields(media_type="image/jpeg"))
     sender.send(f"camera/{name}", rr.EncodedImage.columns(blob=blobs))
 
 
-def _blueprint(tracked: Tracked, seen: Camera) -> rrb.Blueprint:
+def _blueprint(tracked: Tracked, view: Camera) -> rrb.Blueprint:
     cameras = rrb.Horizontal(
         *(
-            rrb.Spatial2DView(origin=f"camera/{name}", name=f"{name}: what was found", background=BACKGROUND)
+            rrb.Spatial2DView(
+                origin=f"camera/{name}", name=f"{name}: image with detected markers", background=BACKGROUND
+            )
             for name in tracked.images
         )
     )
     title = f"{tracked.name}: markers along the sheath, numbered from proximal to distal"
-    space = space_view(title, seen, ("sensed", "route", "scale"))
+    space = space_view(title, view, ("sensed", "route", "scale"))
     below = rrb.Horizontal(
-        rrb.TextDocumentView(origin="summary", name="What is seen"),
+        rrb.TextDocumentView(origin="summary", name="Summary"),
         rrb.TimeSeriesView(name="Markers placed [%] over time [s]", contents=["series/seen"]),
         rrb.TimeSeriesView(name="Noise of a coordinate [mm]", contents=["series/noise"]),
         column_shares=[40, 30, 30],

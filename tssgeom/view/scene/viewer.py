@@ -1,4 +1,4 @@
-"""The Rerun viewer as a program: opened on recordings, or asked for a picture where there is no screen."""
+"""The Rerun viewer as a program: opened on recordings, or run without a screen for a picture of one."""
 
 from __future__ import annotations
 
@@ -29,6 +29,8 @@ _HOST = "127.0.0.1"
 _DRIVES = ["/series/tension_in", "/a/series/tension_in"]
 _START_LIMIT = 20.0
 """Longest wait for the viewer to start [s]."""
+_END_LIMIT = 10.0
+"""Longest wait for the viewer to end by itself [s]."""
 _NOTICES = 3.5
 """Time from its start until the viewer's notices have gone from the picture [s]."""
 _SETTLE = 1.2
@@ -83,7 +85,7 @@ def screenshot(
     size
         Width and height of the picture [pixel].
     at
-        Time of the run that is shown [s]; the moment of greatest tension by default.
+        Time of the run in the picture [s]; the moment of greatest tension by default.
 
     Raises
     ------
@@ -104,15 +106,15 @@ def screenshot(
         raise SourceError(f"{png}: the viewer wrote no picture: check that the folder can be written")
 
 
-def _go_to(viewer: ViewerClient, timeline: str, place: float) -> None:
+def _go_to(viewer: ViewerClient, timeline: str, moment: float) -> None:
     if timeline == COUNT:
-        viewer.set_time(COUNT, sequence=int(place), play_state="paused")
+        viewer.set_time(COUNT, sequence=int(moment), play_state="paused")
     else:
-        viewer.set_time(timeline, duration=place, play_state="paused")
+        viewer.set_time(timeline, duration=moment, play_state="paused")
 
 
 def moment_of_greatest_tension(path: Path) -> tuple[str, float] | None:
-    """Timeline and place [s, or number] of the last of the greatest peaks of the proximal tension.
+    """Timeline and time [s, or number] of the last of the greatest peaks of the proximal tension.
 
     None for a static shape.
 
@@ -121,16 +123,16 @@ def moment_of_greatest_tension(path: Path) -> tuple[str, float] | None:
     SourceError
         Where the recording is cut short or damaged.
     """
-    found = dict[str, tuple[list[Vector], list[Vector]]]()
+    drives = dict[str, tuple[list[Vector], list[Vector]]]()
     for chunk in parts_of(path, _DRIVES):
         batch = chunk.to_record_batch()
         for timeline, unit in ((TIMELINE, 1e-9), (COUNT, 1.0)):
             if timeline in batch.schema.names:
-                places, tensions = found.setdefault(timeline, ([], []))
-                places.append(unit * batch.column(timeline).cast("int64").to_numpy())
+                times, tensions = drives.setdefault(timeline, ([], []))
+                times.append(unit * batch.column(timeline).cast("int64").to_numpy())
                 tensions.append(batch.column("Scalars:scalars").flatten().to_numpy())
-    for timeline, (places, tensions) in found.items():
-        return timeline, float(np.concatenate(places)[last_peak(np.concatenate(tensions))])
+    for timeline, (times, tensions) in drives.items():
+        return timeline, float(np.concatenate(times)[last_peak(np.concatenate(tensions))])
     return None
 
 
@@ -153,12 +155,12 @@ def parts_of(path: Path, entities: Sequence[str] | None = None) -> Iterator[Chun
 
 
 def require_recording(path: Path) -> None:
-    """Refuse what is no recording.
+    """Refuse a file that is no recording.
 
     Raises
     ------
     SourceError
-        Where the file is missing or is none.
+        Where the file is missing or is no recording.
     """
     try:
         with path.open("rb") as stream:
@@ -204,8 +206,16 @@ def _headless(path: Path, size: tuple[int, int]) -> Iterator[ViewerClient]:
         except (ConnectionError, RuntimeError, TimeoutError) as error:
             raise _failure(path, log) from error
         finally:
-            viewer.terminate()
-            viewer.wait(10)
+            _end(viewer)
+
+
+def _end(viewer: subprocess.Popen[bytes]) -> None:
+    viewer.terminate()
+    try:
+        viewer.wait(_END_LIMIT)
+    except subprocess.TimeoutExpired:  # on a busy machine it may not answer: the picture is written
+        viewer.kill()
+        viewer.wait()
 
 
 def _loaded(viewer: subprocess.Popen[bytes], port: int, began: float) -> ViewerClient:
@@ -240,5 +250,5 @@ def _failure(path: Path, log: IO[bytes]) -> SourceError:
             f"{path}: no picture, as there is no Vulkan driver: install one that needs no graphics card "
             "(Debian, Ubuntu: apt-get install mesa-vulkan-drivers)"
         )
-    said = next((line.strip() for line in text.splitlines() if line.strip()), "it gave no message")
-    return SourceError(f"{path}: the Rerun viewer failed ({said}): run `rerun rrd verify {path}`")
+    message = next((line.strip() for line in text.splitlines() if line.strip()), "it gave no message")
+    return SourceError(f"{path}: the Rerun viewer failed ({message}): run `rerun rrd verify {path}`")

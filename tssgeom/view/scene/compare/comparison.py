@@ -41,9 +41,9 @@ from tssgeom.view.scene.run import camera_of, send_line
 from tssgeom.view.scene.space import send_labels, send_piece_names, send_route, send_scale_bar
 from tssgeom.view.scene.writer import recording_file
 
-_LARGER = 1.6  # text beside the route, as the views of both are lower than one alone
+_TEXT_SCALE = 1.6  # of text beside the route: the views of both are lower than one alone
 _COLOURS = {"a": FIRST, "b": SECOND}
-_CHART_BOX = Box(width=1.9, text=0.12, bare=True)
+_CHART_BOX = Box(width=1.9, text=0.12, unitless=True)
 _BOTH_BOX = Box(width=3.1, text=0.115)
 
 
@@ -62,22 +62,22 @@ def write_comparison(path: Path, first: Path, second: Path) -> None:
     SourceError
         Where one of them cannot be used, or the file cannot be written.
     """
-    a, b = aligned(*_told_apart(read_side(first), read_side(second), first, second))
-    sides, gap = {"a": a, "b": b}, difference(a, b)
+    a, b = aligned(*_with_distinct_names(read_side(first), read_side(second), first, second))
+    sides, change = {"a": a, "b": b}, difference(a, b)
     cameras = {key: camera_of(side.frames) for key, side in sides.items()}
     names = {key: f"{key.upper()} · {side.name}" for key, side in sides.items()}
     limits = ranges([*a.frames, *b.frames], [*a.pieces, *b.pieces])
-    views = _blueprint(names, cameras, gap, limits.tension)
+    views = _blueprint(names, cameras, change, limits.tension)
     with recording_file(path, f"{a.name} and {b.name}", views) as recording:
         send_piece_names(Sender(recording, None), [*a.pieces, *b.pieces])
         for key, side in sides.items():
             _send_side(recording, key, side, limits)
             _send_labels(Sender(recording, side.time, below=f"{key}/"), side, cameras[key])
-        _send_difference(recording, a, b, gap, limits)
+        _send_difference(recording, a, b, change, limits)
 
 
-def _told_apart(a: Side, b: Side, first: Path, second: Path) -> tuple[Side, Side]:
-    """Name sides of one name by the folders in which they differ too."""
+def _with_distinct_names(a: Side, b: Side, first: Path, second: Path) -> tuple[Side, Side]:
+    """Add to two sides of the same name the folders in which they differ."""
     if a.name != b.name:
         return a, b
     folders = zip(first.resolve().parts[-2::-1], second.resolve().parts[-2::-1], strict=False)
@@ -88,7 +88,7 @@ def _told_apart(a: Side, b: Side, first: Path, second: Path) -> tuple[Side, Side
 
 
 def _send_side(recording: rr.RecordingStream, key: str, side: Side, limits: Ranges) -> None:
-    """Send what is shown as it was, and again what hangs on the scales that both have now."""
+    """Copy the entities that stay as they are, and draw anew what depends on the common scales."""
     recording.send_chunks([part.with_entity_path(f"/{key}{part.entity_path}") for part in side.parts])
     sender = Sender(recording, side.time, below=f"{key}/")
     send_route(sender, side.frames, limits.tension)
@@ -98,49 +98,51 @@ def _send_side(recording: rr.RecordingStream, key: str, side: Side, limits: Rang
     send_curvature_chart(sender, side.frames, side.pieces, limits, _CHART_BOX)
     if side.time is not None:
         name = key.upper()
-        for entity, told, column, colour in (
+        for entity, quantity, column, colour in (
             ("tension_in", TENSION_IN, "tension_in_N", colours.AXIS),
             ("tension_out", TENSION_OUT, "tension_out_N", _COLOURS[key]),
             ("elongation", ELONGATION, "elongation_m", _COLOURS[key]),
         ):
-            title = f"{told.symbol} of {name} [{told.unit}]"
-            send_line(sender, entity, told, side.numbers[column], name=title, colour=colour)
+            title = f"{quantity.symbol} of {name} [{quantity.unit}]"
+            send_line(sender, entity, quantity, side.numbers[column], name=title, colour=colour)
 
 
-def _send_labels(sender: Sender, side: Side, seen: Camera) -> None:
+def _send_labels(sender: Sender, side: Side, camera: Camera) -> None:
     """Write the labels anew, that of the scale too: in a lower view they need more room."""
-    send_scale_bar(sender, seen, _LARGER)
-    places = [
-        label_places(seen, frame, arcs, _LARGER) for frame, arcs in zip(side.frames, side.pieces, strict=True)
+    send_scale_bar(sender, camera, _TEXT_SCALE)
+    placed = [
+        label_places(camera, frame, arcs, _TEXT_SCALE)
+        for frame, arcs in zip(side.frames, side.pieces, strict=True)
     ]
-    send_labels(sender, places, side.labels)
+    send_labels(sender, placed, side.labels)
 
 
 def _send_difference(
-    recording: rr.RecordingStream, a: Side, b: Side, gap: Difference | None, limits: Ranges
+    recording: rr.RecordingStream, a: Side, b: Side, change: Difference | None, limits: Ranges
 ) -> None:
     still = Sender(recording, None, below="difference/")
-    still.constant_text("words", comparison(a, b, gap))
+    still.constant_text("words", comparison(a, b, change))
     still.constant_text("table", table(a, b))
     _send_both(still, a, b, limits)
-    if gap is None:
+    if change is None:
         return
-    sender = Sender(recording, gap.time)
-    for entity, told, column in (
+    sender = Sender(recording, change.time)
+    for entity, quantity, column in (
         ("tension_out", TENSION_OUT, "tension_out_N"),
         ("elongation", ELONGATION, "elongation_m"),
     ):
-        _send_gap(sender, entity, told, gap.values[column])
+        _send_change(sender, entity, quantity, change.values[column])
 
 
-def _send_gap(sender: Sender, entity: str, told: Quantity, values: Vector) -> None:
-    style = rr.SeriesLines(names=f"Δ{told.symbol} [{told.unit}]", colors=[colours.WHITE], widths=[2.0])
+def _send_change(sender: Sender, entity: str, quantity: Quantity, values: Vector) -> None:
+    name = f"Δ{quantity.symbol} [{quantity.unit}]"
+    style = rr.SeriesLines(names=name, colors=[colours.WHITE], widths=[2.0])
     sender.constant(f"difference/{entity}", style)
-    sender.send(f"difference/{entity}", rr.Scalars.columns(scalars=told.factor * values))
+    sender.send(f"difference/{entity}", rr.Scalars.columns(scalars=quantity.factor * values))
 
 
 def _send_both(still: Sender, a: Side, b: Side, limits: Ranges) -> None:
-    """Draw both tensions at the greatest pull over arc length, in one chart, and how far they are apart."""
+    """Draw both tensions at the greatest pull over arc length in one chart, and their absolute difference."""
     chart = Chart(Axis(1e3 * limits.length, "mm"), Axis(limits.tension, "N"), _BOTH_BOX)
     send_axes(still, "tension", chart)
     ends = {"a": a.frames[a.peak], "b": b.frames[b.peak]}
@@ -148,8 +150,8 @@ def _send_both(still: Sender, a: Side, b: Side, limits: Ranges) -> None:
         line = chart.place(1e3 * frame.s, frame.tension)
         still.constant(f"tension/{key}", _line(line, _COLOURS[key], 2.0))
     s = np.linspace(0.0, min(float(frame.s[-1]) for frame in ends.values()), 128)
-    apart = np.abs(ends["b"].tension_at(s) - ends["a"].tension_at(s))
-    still.constant("tension/apart", _line(chart.place(1e3 * s, apart), colours.WHITE, 1.2))
+    change = np.abs(ends["b"].tension_at(s) - ends["a"].tension_at(s))
+    still.constant("tension/apart", _line(chart.place(1e3 * s, change), colours.WHITE, 1.2))
 
 
 def _line(line: Vector, colour: tuple[int, int, int], radius: float) -> rr.LineStrips2D:
@@ -157,7 +159,7 @@ def _line(line: Vector, colour: tuple[int, int, int], radius: float) -> rr.LineS
 
 
 def _blueprint(
-    names: Mapping[str, str], cameras: Mapping[str, Camera], gap: Difference | None, tension: float
+    names: Mapping[str, str], cameras: Mapping[str, Camera], change: Difference | None, tension: float
 ) -> rrb.Blueprint:
     """Lay out the views; one time line moves both columns. The plot of tensions ends at `tension` [N]."""
     columns = rrb.Horizontal(*(_column(side, names[side], cameras[side]) for side in ("a", "b")))
@@ -165,20 +167,20 @@ def _blueprint(
     numbers = rrb.TextDocumentView(origin="difference/table", name="At the greatest pull of each")
     below = (
         rrb.Horizontal(text, numbers, _both(), column_shares=[30, 20, 50])
-        if gap is None
+        if change is None
         else rrb.Horizontal(text, numbers, *_plots(tension), column_shares=[26, 20, 27, 27])
     )
-    state = "hidden" if gap is None else "collapsed"
+    state = "hidden" if change is None else "collapsed"
     time = rrb.TimePanel(state=state, timeline=TIMELINE, play_state="paused", loop_mode="all")
     return layout(rrb.Vertical(columns, below, row_shares=[65, 35]), time)
 
 
-def _column(side: str, name: str, seen: Camera) -> rrb.Container:
+def _column(side: str, name: str, camera: Camera) -> rrb.Container:
     charts = rrb.Horizontal(
         chart(f"{side}/tension", "Tension T [N] against s [mm]", _CHART_BOX),
         chart(f"{side}/curvature", "Curvature κ ± s.e. [1/m] against s [mm]", _CHART_BOX),
     )
-    space = space_view(f"{name}: route coloured by tension [N]", seen, below=f"{side}/")
+    space = space_view(f"{name}: route coloured by tension [N]", camera, below=f"{side}/")
     return rrb.Vertical(space, charts, row_shares=[66, 34])
 
 

@@ -15,13 +15,31 @@ from tssgeom.view.wording import angle_with_error, with_error
 
 COMPARED = ("tension_in_N", "tension_out_N", "elongation_m")
 """What is compared over time."""
-_PARTS = 0.01  # of the greater tension: from there on two lines of tension run apart
-_STEPS = 200
+_STEPS = 200  # of arc length in which two tensions are compared
+
+
+@dataclass(frozen=True, slots=True)
+class ComparisonLimits:
+    """Which differences between two recordings the text mentions."""
+
+    standard_errors: float = 2.0
+    """Standard errors up to which two routes turn alike. derived: 95 % of a normal error."""
+    parting_share: float = 0.01
+    """Share of the greater tension from which on two tensions differ. chosen: visible in the picture."""
+    early_share: float = 0.05
+    """Share of the length before which tensions differ from the beginning. chosen."""
+    length_mm: float = 0.05
+    """Difference in length below which routes are equally long [mm]. chosen: half of the digit shown."""
+    drive_N: float = 0.01
+    """Difference below which drives are the same [N], rms over time. chosen: the last digit shown."""
+
+
+_LIMITS = ComparisonLimits()
 
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """B less A over the time that both have."""
+    """B less A over their common time."""
 
     time: Vector
     """[s]."""
@@ -34,8 +52,8 @@ class Difference:
 
     def most(self, name: str) -> tuple[float, float]:
         """Return the largest difference with its sign [SI], and when it is [s]."""
-        place = int(np.argmax(np.abs(self.values[name])))
-        return float(self.values[name][place]), float(self.time[place])
+        row = int(np.argmax(np.abs(self.values[name])))
+        return float(self.values[name][row]), float(self.time[row])
 
 
 def _mean(time: Vector, values: Vector) -> float:
@@ -44,7 +62,7 @@ def _mean(time: Vector, values: Vector) -> float:
 
 
 def aligned(a: Side, b: Side) -> tuple[Side, Side]:
-    """Return both on one time: as it is where their spans overlap, else each from its own beginning."""
+    """Return both on one time: unchanged where their spans overlap, else each from its own beginning."""
     if a.time is None or b.time is None or _overlap(a.time, b.time) is not None:
         return a, b
     return a.begun_at_zero(), b.begun_at_zero()
@@ -56,7 +74,7 @@ def _overlap(a: Vector, b: Vector) -> tuple[float, float] | None:
 
 
 def difference(a: Side, b: Side) -> Difference | None:
-    """Return B less A at every time of either; None where not both have a time in common."""
+    """Return B less A at every time of either; None where they have no common time."""
     if a.time is None or b.time is None:
         return None
     common = _overlap(a.time, b.time)
@@ -74,29 +92,25 @@ def difference(a: Side, b: Side) -> Difference | None:
 def parting(a: Side, b: Side) -> float | None:
     """Return the arc length from which on the tensions differ, each at its greatest pull [m].
 
-    None where they do not, and where they differ from the proximal end on.
+    None where they do not differ, or differ from the proximal end on.
     """
     ends = a.frames[a.peak], b.frames[b.peak]
     s = np.linspace(0.0, min(float(frame.s[-1]) for frame in ends), _STEPS)
     first, second = (frame.tension_at(s) for frame in ends)
-    apart = np.abs(second - first) > _PARTS * max(float(first.max()), float(second.max()), 1e-12)
-    place = int(np.argmax(apart))
-    return float(s[place]) if place > 0 else None
+    differ = np.abs(second - first) > _LIMITS.parting_share * max(
+        float(first.max()), float(second.max()), 1e-12
+    )
+    node = int(np.argmax(differ))
+    return float(s[node]) if node > 0 else None
 
 
-_SURE = 2.0  # standard errors beyond which a difference is none of chance
-_EARLY = 0.05  # of the length: tensions that part before it do so from the beginning
-_LONG = 0.05  # mm
-_SAME = 0.01  # N rms: drives that differ by less are called the same
-
-
-def comparison(a: Side, b: Side, gap: Difference | None) -> str:
-    """Say how B differs from A, as markdown: the route, the greatest pull, and over time."""
+def comparison(a: Side, b: Side, change: Difference | None) -> str:
+    """Describe how B differs from A, as markdown: the route, the greatest pull, and over time."""
     parts = [
         f"**A** is {_name(a)}, **B** is {_name(b)}.",
         _route_words(a, b),
         _peak_words(a, b),
-        "" if gap is None else _time_words(gap),
+        "" if change is None else _time_words(change),
     ]
     return "\n\n".join(part for part in parts if part)
 
@@ -111,8 +125,8 @@ def _route_words(a: Side, b: Side) -> str:
     longer = 1e3 * (_at_peak(b, "length_m") - _at_peak(a, "length_m"))
     more = "more" if turn >= 0 else "less"
     length = f"{abs(longer):.1f} mm {'longer' if longer > 0 else 'shorter'}"
-    length = "as long" if abs(longer) < _LONG else length
-    if abs(turn) <= _SURE * error or turn == 0.0:
+    length = "as long" if abs(longer) < _LIMITS.length_mm else length
+    if abs(turn) <= _LIMITS.standard_errors * error or turn == 0.0:
         return f"The routes turn alike: Φ differs by {_degrees(turn)}, within its error. B is {length}."
     return f"The route of B turns **{angle_with_error(abs(turn), error)} {more}** and is {length}."
 
@@ -127,10 +141,10 @@ def _peak_words(a: Side, b: Side) -> str:
     before = _at_peak(a, "tension_out_N")
     share = f", {100 * out / before:+.0f} %" if before > 0 else ""
     stretch, stretch_error = _change(a, b, "elongation_m", "elongation_se_m")
-    same = "the same T_in" if abs(pull) < _SAME else f"a T_in that is {pull:+.2f} N"
-    place = parting(a, b)
-    late = place is not None and place > _EARLY * _at_peak(a, "length_m")
-    where = f" The tensions run apart from s = {1e3 * place:.0f} mm on." if place and late else ""
+    same = "the same T_in" if abs(pull) < _LIMITS.drive_N else f"a T_in that is {pull:+.2f} N"
+    s = parting(a, b)
+    late = s is not None and s > _LIMITS.early_share * _at_peak(a, "length_m")
+    where = f" The tensions differ from s = {1e3 * s:.0f} mm on." if s and late else ""
     return (
         f"At the greatest pull, with {same}, the distal end of B feels "
         f"**{with_error(out, error, 2, '+')} N** ({before:.2f} to {before + out:.2f} N{share}), and δ is "
@@ -138,20 +152,22 @@ def _peak_words(a: Side, b: Side) -> str:
     )
 
 
-def _time_words(gap: Difference) -> str:
-    told = []
+def _time_words(change: Difference) -> str:
+    changes = []
     for name in ("tension_out_N", "elongation_m"):
-        channel, (most, when) = CHANNELS[name], gap.most(name)
-        told.append(
-            f"{channel.symbol} differs by {channel.factor * gap.rms(name):.3g} {channel.unit} rms, "
+        channel, (most, when) = CHANNELS[name], change.most(name)
+        changes.append(
+            f"{channel.symbol} differs by {channel.factor * change.rms(name):.3g} {channel.unit} rms, "
             f"at most by {channel.factor * most:+.3g} {channel.unit} at {when:.2f} s"
         )
-    drives = gap.rms("tension_in_N")
+    drives = change.rms("tension_in_N")
     drive = (
-        "the drives are the same" if drives < _SAME else f"but the drives differ by {drives:.3g} N rms too"
+        "the drives are the same"
+        if drives < _LIMITS.drive_N
+        else f"but the drives differ by {drives:.3g} N rms too"
     )
-    span = f"{gap.time[0]:.2f} to {gap.time[-1]:.2f} s"
-    return f"From {span}, {'; '.join(told)}; {drive}."
+    span = f"{change.time[0]:.2f} to {change.time[-1]:.2f} s"
+    return f"From {span}, {'; '.join(changes)}; {drive}."
 
 
 def _at_peak(side: Side, name: str) -> float:

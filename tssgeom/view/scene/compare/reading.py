@@ -1,4 +1,4 @@
-"""What a recording of a route holds, read back from its file."""
+"""A recording of a route, read back from its file."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from tssgeom.view.scene.run import NUMBERS, ON_JOINTS, ON_ROUTE
 from tssgeom.view.scene.viewer import parts_of, require_recording
 
 COPIED = ("/sensed", "/joints", "/lumen")
-"""Entities, and those below them, that a comparison shows as they are."""
+"""Entities that a comparison copies, with those below them."""
 _READ = ("/route", "/joints", "/summary", "/labels")
 _NS = 1e-9  # s
 
@@ -34,13 +34,13 @@ class Side:
     frames: Sequence[RouteSamples]
     pieces: Sequence[Arcs]
     labels: Sequence[Sequence[str]]
-    """What is written beside the ends and the pieces."""
+    """Texts beside the ends and the pieces."""
     numbers: Mapping[str, Vector]
     """`NUMBERS` of each frame [SI]."""
     parts: Sequence[Chunk]
-    """What is shown as it is."""
+    """Entities that are copied."""
     since: float = 0.0
-    """What was taken from all times [s]."""
+    """Time that was subtracted from all times [s]."""
 
     @property
     def peak(self) -> int:
@@ -71,7 +71,7 @@ def read_side(path: Path) -> Side:
     Raises
     ------
     SourceError
-        Where it is none, or shows no route with its numbers.
+        Where the file is no recording, or holds no route with its numbers.
     """
     require_recording(path)
     chunks = [chunk for chunk in parts_of(path) if not chunk.is_empty]
@@ -85,7 +85,7 @@ def read_side(path: Path) -> Side:
     return Side(
         name=path.stem,
         time=None if static else route["tension_N"].times,
-        frames=_drawn(route),
+        frames=_route_samples(route),
         pieces=[
             Arcs.exact(np.asarray(length, np.float64), np.asarray(angle, np.float64))
             for length, angle in zip(*(joints[name].values for name in ON_JOINTS), strict=True)
@@ -97,7 +97,7 @@ def read_side(path: Path) -> Side:
 
 
 def _is_copied(entity: str) -> bool:
-    return any(entity == shown or entity.startswith(f"{shown}/") for shown in COPIED)
+    return any(entity == copied or entity.startswith(f"{copied}/") for copied in COPIED)
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,17 +108,17 @@ class _Column:
 
 def _rows(chunks: Sequence[Chunk], entity: str) -> dict[str, _Column]:
     """Return every column of an entity in order of time; static rows only where there are no others."""
-    found = dict[str, _Column]()
+    columns = dict[str, _Column]()
     for timed in (False, True):
         rows = dict[str, list[tuple[float, np.ndarray]]]()
         for chunk in chunks:
             if str(chunk.entity_path) == entity and (TIMELINE in chunk.timeline_names) == timed:
                 _take(rows, chunk.to_record_batch(), timed=timed)
-        for name, told in rows.items():
-            told.sort(key=lambda row: row[0])
-            times = np.array([time for time, _ in told]) if timed else None
-            found[name] = _Column(times, [values for _, values in told])
-    return found
+        for name, cells in rows.items():
+            cells.sort(key=lambda row: row[0])
+            times = np.array([time for time, _ in cells]) if timed else None
+            columns[name] = _Column(times, [values for _, values in cells])
+    return columns
 
 
 def _take(rows: dict[str, list[tuple[float, np.ndarray]]], batch: pa.RecordBatch, *, timed: bool) -> None:
@@ -134,13 +134,13 @@ def _take(rows: dict[str, list[tuple[float, np.ndarray]]], batch: pa.RecordBatch
 
 
 def _flat(values: pa.Array) -> np.ndarray:
-    """Return the numbers of a row, however deep they lie."""
+    """Return the numbers of a row, whatever the depth of its lists."""
     while pa.types.is_list(values.type) or pa.types.is_fixed_size_list(values.type):
         values = values.flatten()
     return values.to_numpy(zero_copy_only=False)
 
 
-def _drawn(route: Mapping[str, _Column]) -> list[RouteSamples]:
+def _route_samples(route: Mapping[str, _Column]) -> list[RouteSamples]:
     columns = (route[name].values for name in (*ON_ROUTE, "LineStrips3D:strips"))
     return [
         RouteSamples(
@@ -157,7 +157,7 @@ def _drawn(route: Mapping[str, _Column]) -> list[RouteSamples]:
 
 
 def _nodes(strips: np.ndarray) -> Points:
-    """Return the places of the nodes from two-point strips between neighbours."""
+    """Return the positions of the nodes from two-point strips between neighbours [m]."""
     pairs = strips.astype(np.float64).reshape(-1, 2, 3)
     return np.concatenate([pairs[:, 0], pairs[-1:, 1]])
 
@@ -167,7 +167,7 @@ def _shifted(chunk: Chunk, since: float) -> list[Chunk]:
     if TIMELINE not in chunk.timeline_names:
         return [chunk]
     batch = chunk.to_record_batch()
-    place = batch.schema.get_field_index(TIMELINE)
-    field = batch.schema.field(place)
-    moved = pa.array(batch.column(place).cast(pa.int64()).to_numpy() - round(since / _NS), pa.int64())
-    return Chunk.from_record_batch(batch.set_column(place, field, moved.cast(field.type)))
+    index = batch.schema.get_field_index(TIMELINE)
+    field = batch.schema.field(index)
+    moved = pa.array(batch.column(index).cast(pa.int64()).to_numpy() - round(since / _NS), pa.int64())
+    return Chunk.from_record_batch(batch.set_column(index, field, moved.cast(field.type)))

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from uuid import uuid4
 
 import numpy as np
 import rerun as rr
 
-from tssgeom.atomic import replacing
 from tssgeom.identify.finding import Finding
 from tssgeom.view import colours
 from tssgeom.view import wording as words
@@ -25,6 +23,7 @@ from tssgeom.view.scene.finding.replay import Replay, replay
 from tssgeom.view.scene.finding.wording import send_words
 from tssgeom.view.scene.labels import label_places
 from tssgeom.view.scene.space import send_joints, send_labels, send_piece_names, send_scale_bar
+from tssgeom.view.scene.writer import recording_file
 
 _LARGER = 2.0  # text beside the route, in views that are lower than one alone
 
@@ -37,17 +36,10 @@ def write_finding_recording(path: Path, finding: Finding) -> None:
     SourceError
         Where the file cannot be written.
     """
-    with replacing(path) as draft:
-        draft.touch()
-        _write(draft, finding)
-
-
-def _write(path: Path, finding: Finding) -> None:
     shown = replay(finding)
     name = finding.campaign.name
-    with rr.RecordingStream(f"tssgeom discover: {name}", recording_id=uuid4()) as recording:
-        recording.save(path, default_blueprint=blueprint(finding, shown))
-        recording.send_recording_name(name)
+    views, application = blueprint(finding, shown), f"tssgeom discover: {name}"
+    with recording_file(path, name, views, application=application) as recording:
         runs = Sender(recording, np.array([float(each.first) for each in shown.stretches]), COUNT)
         rows = np.concatenate([each.first + each.rows for each in shown.stretches]).astype(float)
         moments = Sender(recording, rows, COUNT)
