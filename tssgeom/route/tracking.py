@@ -209,8 +209,8 @@ def _follow_chain(
     if shape.directions is not None:
         kappa = curvature_at_points(chain)
         data = with_tangents(data, shape.directions, shape.direction_noise**2, kappa, variance)
-        data = without_outlying_tangents(data, fit_fixed_pieces(data, chain, anew=True))
-    chain = fit_fixed_pieces(data, chain, anew=True)
+        data = without_outlying_tangents(data, fit_fixed_pieces(data, chain, restart=True))
+    chain = fit_fixed_pieces(data, chain, restart=True)
     weight = outlier_weights(data, chain, variance)
     if weight is not None:
         data = data._replace(weight=weight)
@@ -255,7 +255,7 @@ def _unfit(data: Data, chain: Chain, variance: float) -> bool:
 
     A chain that turns unobserved between its points fits nothing, however small the residuals of the inliers.
     """
-    if not turn_is_identifiable(data, chain.stations, chain.joints, chain.bend):
+    if not turn_is_identifiable(data, chain):
         return True
     freedom = max(value_count(data) - len(chain.matrix), 1)
     most = 1.0 + LIMITS.cost_deviations * math.sqrt(2.0 / freedom)
