@@ -158,6 +158,7 @@ def _check_bars(along: BarState) -> None:
     for name in _SCALARS:
         _require(abs(getattr(along, name)) <= _MOST, name)
     _require(isinstance(along.front, int), "front")
+    _require(isinstance(along.by_force, bool), "by_force")
     lagging = np.array(list(along.lags.values()))
     _require(along.lags.keys() <= set(CHANNELS) and bool((np.abs(lagging) <= _MOST).all()), "lags")
 
