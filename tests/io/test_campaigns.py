@@ -134,7 +134,7 @@ def test_sensors_are_found_by_short_names_and_in_millimetres(folder):
 def test_a_stretch_a_thousand_times_too_small_is_noted(folder):
     table(folder / "one.csv", pulled() | {"elongation_m": 1e-3 * pulled()["elongation_m"]})
     (note,) = read_campaign(folder).notes
-    assert "look at its unit" in note
+    assert "check its unit" in note
 
 
 @pytest.mark.parametrize(
@@ -175,7 +175,7 @@ def apart() -> dict[str, np.ndarray]:
     ("columns", "said"),
     [
         (kept("tension_out_N", "elongation_m"), "no drive"),
-        (kept("tension_in_N"), "nothing that it caused"),
+        (kept("tension_in_N"), "a drive without a response"),
         (apart(), "on one clock"),
         (pulled() | {"elongation_m": 1e3 * pulled()["elongation_m"]}, "wrong unit.*elongation_mm"),
         (pulled() | {"tension_in_N": 1e3 * pulled()["tension_in_N"]}, "give newtons"),
