@@ -25,7 +25,7 @@ from tssgeom.identify.workflow import discover
 from tssgeom.io.formats.campaigns import read_campaign
 from tssgeom.io.results.findings import write_report
 from tssgeom.rig import Friction, Load, Rig, Sensor, ShapeSensor, Tendon, write_rig
-from tssgeom.route.synthetic import chain, half_circle, places
+from tssgeom.route.synthetic import chain, half_circle, positions
 from tssgeom.tendon import paper
 from tssgeom.tendon.bars.model import predict
 
@@ -102,7 +102,7 @@ def _tool_route(pitch: float) -> Points:
     """Return a straight shaft, the pulleys of the wrist, and its pitch; the angles are assumed [m]."""
     wrist = np.pi + np.radians(pitch)
     course = chain(np.array([0.42, 0.03]), np.array([0.0, wrist / 0.03]))
-    return places(course, np.linspace(0.0, course.total_length, 200))
+    return positions(course, np.linspace(0.0, course.total_length, 200))
 
 
 def write_paper_campaign(folder: Path, law: str) -> None:
@@ -113,7 +113,7 @@ def write_paper_campaign(folder: Path, law: str) -> None:
     """
     folder.mkdir(parents=True, exist_ok=True)
     course = half_circle()
-    points = places(course, np.linspace(0.0, course.total_length, 150))
+    points = positions(course, np.linspace(0.0, course.total_length, 150))
     rng = np.random.default_rng(5)
     _table(folder / "half_circle.csv", _points(1e3 * points, "mm"))
     listing = []
@@ -222,10 +222,10 @@ def _show(campaign: Path, out: Path | None) -> None:
 
 
 def _lines(finding: Finding) -> list[str]:
-    judged = "held_out" if finding.gap.before["held_out"] else "fitted"
+    judged = "held_out" if finding.misfit.before["held_out"] else "fitted"
     lines = [
-        f"{channel}: rms {before:.3g} → {finding.gap.after[judged][channel]:.3g} ({judged})"
-        for channel, before in finding.gap.before[judged].items()
+        f"{channel}: rms {before:.3g} → {finding.misfit.after[judged][channel]:.3g} ({judged})"
+        for channel, before in finding.misfit.before[judged].items()
     ]
     lines += [
         f"base {name}: {each.value:.4g} [{each.low:.4g}, {each.high:.4g}]"

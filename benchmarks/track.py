@@ -23,7 +23,7 @@ from tests.scenes import Ball, Lens, Scene, TagAt, arch, loop, render, ring, tag
 from tssgeom.errors import TssgeomError
 from tssgeom.lumen.wall import Wall, nearest
 from tssgeom.rig import Rig
-from tssgeom.route.synthetic import colon, places
+from tssgeom.route.synthetic import colon, positions
 from tssgeom.stream import Frame, FrameResult, process
 from tssgeom.vision.across import noise_across
 from tssgeom.vision.blobs import BlobAppearance, blob_finder
@@ -229,7 +229,7 @@ def _clearance(triangles: int) -> tuple[str, ...]:
     along = triangles // (2 * around)
     course = colon()
     s = np.linspace(0.0, course.total_length, along)
-    middle = places(course, s)
+    middle = positions(course, s)
     tangent = np.gradient(middle, axis=0)
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     first = np.cross(tangent, [0.0, 0.0, 1.0])

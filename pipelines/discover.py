@@ -88,14 +88,14 @@ def _print_table(finding: Finding, out: Path, files: Sequence[str]) -> None:
     from tssgeom.view import finding_wording as words
 
     print_line(f"{words.VERDICTS[finding.verdict]}: {finding.sentence}")
-    judged = words.judged_runs(finding.gap)
+    judged = words.judged_runs(finding.misfit)
     title = (
         f"Measured less simulated, rms, on the {_RUNS[judged]}; “before” has friction and compliance refitted"
     )
     rows = []
-    for name, before in finding.gap.before[judged].items():
+    for name, before in finding.misfit.before[judged].items():
         channel = words.channel(name)
-        numbers = (finding.gap.noise[name], before, finding.gap.after[judged][name])
+        numbers = (finding.misfit.noise[name], before, finding.misfit.after[judged][name])
         rows.append((channel.label, *(f"{channel.factor * number:.3g}" for number in numbers)))
     print_table(title, ("channel", "sensors", "before", "after"), rows, notes=_notes(finding))
     print_line(f"written to {out}: {', '.join(files)}; picture: tssgeom view {out / PICTURE}")

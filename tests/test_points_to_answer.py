@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from tssgeom.rig import Friction, Rig
 from tssgeom.route.pieces import Arcs
-from tssgeom.route.synthetic import chain, half_circle, places
+from tssgeom.route.synthetic import chain, half_circle, positions
 from tssgeom.stream import Frame, FrameResult, process
 from tssgeom.tendon.state import pretensioned, step, transmit
 
@@ -37,7 +37,7 @@ def drawn(rng: np.random.Generator):
 def sensed(course, n: int, noise: float, rng: np.random.Generator) -> np.ndarray:
     s = np.linspace(0.0, course.total_length, n)
     s[1:-1] += 0.2 * s[1] * rng.uniform(-1.0, 1.0, n - 2)
-    return places(course, s) + noise * rng.standard_normal((n, 3))
+    return positions(course, s) + noise * rng.standard_normal((n, 3))
 
 
 def test_the_error_bar_of_the_elongation_holds_the_truth_as_often_as_it_says():
@@ -76,7 +76,7 @@ def test_from_the_other_end_the_route_is_the_same_within_its_error(seed):
 
 @pytest.mark.parametrize("n", [4, 5])
 def test_the_fewest_points_have_an_error_bar_that_holds_the_truth(n):
-    arcs = answer(places(half_circle(), np.linspace(0.0, 0.5, n))).arcs
+    arcs = answer(positions(half_circle(), np.linspace(0.0, 0.5, n))).arcs
     assert abs(arcs.total_angle - np.pi) < 2 * arcs.total_angle_se
 
 
@@ -88,7 +88,7 @@ def test_extreme_routes_and_friction_give_finite_numbers(angle, friction, drive,
     length = max(0.5, 0.03 * angle)
     course = chain(np.array([length]), np.array([angle / length]))
     s = np.linspace(0.0, length, max(60, int(6 * angle)))
-    points = places(course, s) + np.outer(s, [0.0, 0.0, 0.1])  # loops of a coil do not lie in each other
+    points = positions(course, s) + np.outer(s, [0.0, 0.0, 0.1])  # loops of a coil do not lie in each other
     points += noise * np.random.default_rng(1).standard_normal(points.shape)
     found = numbers(answer(points, Rig(friction=Friction(coefficient=friction)), **drive))
     assert np.isfinite(found).all()
@@ -98,7 +98,7 @@ def test_extreme_routes_and_friction_give_finite_numbers(angle, friction, drive,
 
 @pytest.mark.parametrize("length", [1e-3, 1.0, 50.0])
 def test_the_answer_scales_with_the_route_from_a_millimetre_to_fifty_metres(length):
-    points = places(half_circle(), np.linspace(0.0, 0.5, 60))
+    points = positions(half_circle(), np.linspace(0.0, 0.5, 60))
     small, large = numbers(answer(points)), numbers(answer(points * length / 0.5))
     np.testing.assert_allclose(large[[0, 4]], small[[0, 4]] * length / 0.5, rtol=1e-9)  # rounding of the fit
     np.testing.assert_allclose(large[[1, 3]], small[[1, 3]], rtol=1e-9)

@@ -30,7 +30,7 @@ from tssgeom.identify.finding import (
     Verdict,
 )
 from tssgeom.identify.synthetic import BELIEVED, COURSES, TRUE, SampleRun, arcs_of, sample_campaigns
-from tssgeom.route.synthetic import places
+from tssgeom.route.synthetic import positions
 from tssgeom.tendon.bars.model import begin, carry_on, prepare
 
 CHANNELS = ("tension_in_N", "tension_out_N", "elongation_m")
@@ -100,7 +100,7 @@ def _campaign() -> Campaign:
 
 def _route(name: str) -> Route:
     s = np.linspace(0.0, COURSES[name].total_length, 80)
-    return Route(name, arcs_of(COURSES[name]), places(COURSES[name], s), s)
+    return Route(name, arcs_of(COURSES[name]), positions(COURSES[name], s), s)
 
 
 def _columns(run: SampleRun) -> Mapping[str, np.ndarray]:

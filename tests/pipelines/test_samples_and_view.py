@@ -13,10 +13,10 @@ from tssgeom.errors import SourceError
 from tssgeom.io.formats.files import open_recording
 from tssgeom.io.formats.meshes import lumen_beside, read_lumen
 from tssgeom.io.results.samples import write_samples
-from tssgeom.route.synthetic import Sample, Tube, half_circle, places
+from tssgeom.route.synthetic import Sample, Tube, half_circle, positions
 from tssgeom.stream import Frame
 
-POINTS = places(half_circle(), np.linspace(0.0, 0.5, 25))
+POINTS = positions(half_circle(), np.linspace(0.0, 0.5, 25))
 TIME = np.arange(3) / 30
 SAMPLES = (
     Sample("arc", "half circle", POINTS, 0.0, 0.5, math.pi),

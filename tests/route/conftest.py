@@ -7,7 +7,7 @@ from tssgeom.route.curvature import CurvatureProfile, curvature_profile
 from tssgeom.route.observations import clean
 from tssgeom.route.pieces import Arcs, constant_curvature_pieces
 from tssgeom.route.spline.fit import Spline, fit
-from tssgeom.route.synthetic import Course, places
+from tssgeom.route.synthetic import Course, positions
 
 
 @pytest.fixture
@@ -16,7 +16,7 @@ def sensed():
 
     def make(course: Course, n: int, noise: float, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
         s = np.linspace(0.0, course.total_length, n)
-        return places(course, s) + noise * np.random.default_rng(seed).standard_normal((n, 3)), s
+        return positions(course, s) + noise * np.random.default_rng(seed).standard_normal((n, 3)), s
 
     return make
 

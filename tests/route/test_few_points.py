@@ -5,7 +5,7 @@ import pytest
 
 from tssgeom.route.geometry import measure
 from tssgeom.route.observations import clean
-from tssgeom.route.synthetic import Course, chain, half_circle, places, setup_a
+from tssgeom.route.synthetic import Course, chain, half_circle, positions, setup_a
 
 NOISE = 5e-4
 BENDS = chain(
@@ -20,7 +20,7 @@ def _uneven(course: Course, n: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
     s = np.linspace(0.0, 1.0, n)
     s[1:-1] += 0.2 / (n - 1) * rng.standard_normal(n - 2)
     s = course.total_length * np.sort(np.clip(s, 0.0, 1.0))
-    return places(course, s) + NOISE * rng.standard_normal((n, 3)), s
+    return positions(course, s) + NOISE * rng.standard_normal((n, 3)), s
 
 
 @pytest.mark.parametrize("course", COURSES.values(), ids=COURSES)
@@ -40,7 +40,7 @@ def test_an_end_far_from_crowded_points_is_no_outlier():
     for seed in range(60):
         rng = np.random.default_rng(seed)
         s = course.total_length * np.sort(np.concatenate(([0.0, 1.0], rng.uniform(0.0, 1.0, 198))))
-        arcs = measure(clean(places(course, s) + NOISE * rng.standard_normal((200, 3))), NOISE).arcs
+        arcs = measure(clean(positions(course, s) + NOISE * rng.standard_normal((200, 3))), NOISE).arcs
         assert arcs.total_length == pytest.approx(course.total_length, rel=0.006)
 
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from tssgeom.route.curvature import curvature_profile
 from tssgeom.route.observations import clean
 from tssgeom.route.spline.fit import fit
-from tssgeom.route.synthetic import chain, colon, half_circle, helix, places, setup_a, setup_b
+from tssgeom.route.synthetic import chain, colon, half_circle, helix, positions, setup_a, setup_b
 
 LINE = chain(np.array([0.5]), np.array([0.0]))
 S_BEND = chain(np.array([0.2, 0.2]), np.array([10.0, 15.0]), np.array([0.0, 2.0]))
@@ -49,7 +49,7 @@ def test_clothoid_curvature_grows_linearly(geometry):
     n = 2000
     s = (np.arange(n) + 0.5) * 0.5 / n
     course = chain(np.full(n, 0.5 / n), 40.0 * s)
-    _, profile, _ = geometry(places(course, np.linspace(0, 0.5, 200)))
+    _, profile, _ = geometry(positions(course, np.linspace(0, 0.5, 200)))
     inner = slice(5, -5)
     np.testing.assert_allclose(profile.kappa[inner], 40.0 * profile.s[inner], atol=0.02)
     assert profile.total_angle == pytest.approx(5.0, rel=1e-4)
@@ -102,7 +102,7 @@ def test_uneven_and_random_spacing_does_no_harm():
     for _ in range(4):
         s = np.sort(rng.uniform(0, course.total_length, 200))
         s[0], s[-1] = 0.0, course.total_length
-        phi, se = _phi(places(course, s) + 2e-4 * rng.standard_normal((200, 3)))
+        phi, se = _phi(positions(course, s) + 2e-4 * rng.standard_normal((200, 3)))
         assert phi == pytest.approx(course.total_angle, rel=0.02)
         assert abs(phi - course.total_angle) < 4 * se
 
@@ -164,7 +164,7 @@ def test_clear_points_are_not_taken_for_outliers(sensed):
 def test_angle_does_not_depend_on_place_attitude_or_scale(seed, scale, shift):
     rng = np.random.default_rng(seed)
     turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
-    points = places(S_BEND, np.linspace(0, 0.4, 80)) + 2e-4 * rng.standard_normal((80, 3))
+    points = positions(S_BEND, np.linspace(0, 0.4, 80)) + 2e-4 * rng.standard_normal((80, 3))
     phi, se = _phi(points)
     moved, moved_se = _phi(scale * (points @ turn.T + np.array(shift)))
     # the filter starts at one end in each of three coordinates: rounding passes through the search for λ

@@ -16,14 +16,14 @@ from tssgeom.route.model_choice import (
 )
 from tssgeom.route.observations import clean
 from tssgeom.route.pieces import spread_over_angles
-from tssgeom.route.synthetic import chain, places
+from tssgeom.route.synthetic import chain, positions
 
 
 @pytest.fixture(scope="module")
 def fits():
     """A spline and a chain through the same noisy points of three pieces."""
     course = chain(np.array([0.15, 0.2, 0.15]), np.array([2.0, 9.0, 3.0]))
-    points = places(course, np.linspace(0.0, course.total_length, 60))
+    points = positions(course, np.linspace(0.0, course.total_length, 60))
     shape = clean(points + 1e-3 * np.random.default_rng(0).standard_normal(points.shape))
     return measure(shape, 1e-3, "spline"), measure(shape, 1e-3, "arcs")
 

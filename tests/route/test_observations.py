@@ -6,11 +6,11 @@ from tssgeom.errors import ShapeError
 from tssgeom.route.observations import clean, clearly_sound, out_of_order
 from tssgeom.route.raw_outliers import worst_outlier
 from tssgeom.route.route import step_lengths
-from tssgeom.route.synthetic import half_circle, places, setup_a
+from tssgeom.route.synthetic import half_circle, positions, setup_a
 
 
 def _arc(n=50):
-    return places(half_circle(), np.linspace(0, 0.5, n))
+    return positions(half_circle(), np.linspace(0, 0.5, n))
 
 
 @pytest.mark.parametrize(
@@ -52,7 +52,7 @@ def test_a_half_that_runs_backwards_is_refused():
 @pytest.mark.parametrize("n", [8, 12, 30, 400])
 def test_loops_are_no_disorder(n):
     course = setup_a()
-    clean(places(course, np.linspace(0, course.total_length, n)))
+    clean(positions(course, np.linspace(0, course.total_length, n)))
 
 
 def test_dense_noise_is_no_disorder():

@@ -6,7 +6,7 @@ import pytest
 from tssgeom.route.curvature import curvature_profile
 from tssgeom.route.observations import clean
 from tssgeom.route.spline.fit import fit
-from tssgeom.route.synthetic import Course, chain, colon, helix, places
+from tssgeom.route.synthetic import Course, chain, colon, helix, positions
 
 _CELLS = 400
 
@@ -35,7 +35,7 @@ def _errors(courses, noise, known):
     relative, z = [], []
     for seed, course in enumerate(courses):
         s = np.linspace(0.0, course.total_length, 200)
-        points = places(course, s) + noise * np.random.default_rng(seed + 90).standard_normal((200, 3))
+        points = positions(course, s) + noise * np.random.default_rng(seed + 90).standard_normal((200, 3))
         phi, se = _angle(points, s if known else None)
         relative.append(phi / course.total_angle - 1.0)
         z.append((phi - course.total_angle) / se)
@@ -80,7 +80,7 @@ def _frames(n, noise, count):
     for k in range(count):
         course = _waves(3, 0.001 * k)
         s = np.linspace(0.0, course.total_length, n)
-        yield places(course, s) + noise * rng.standard_normal((n, 3)), s
+        yield positions(course, s) + noise * rng.standard_normal((n, 3)), s
 
 
 @pytest.mark.parametrize("known", [True, False])

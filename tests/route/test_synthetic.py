@@ -1,12 +1,12 @@
 import numpy as np
 import pytest
 
-from tssgeom.route.synthetic import chain, colon, frames, places, samples, setup_a, setup_b
+from tssgeom.route.synthetic import chain, colon, frames, positions, samples, setup_a, setup_b
 
 
 def test_an_arc_closes_after_a_full_turn():
     loop = chain(np.array([0.3, 0.7]) * 2 * np.pi * 0.05, np.array([20.0, 20.0]))
-    np.testing.assert_allclose(places(loop, np.array([loop.total_length])), 0.0, atol=1e-15)
+    np.testing.assert_allclose(positions(loop, np.array([loop.total_length])), 0.0, atol=1e-15)
 
 
 def test_axes_stay_orthonormal():
@@ -17,7 +17,7 @@ def test_axes_stay_orthonormal():
 def test_places_agree_with_stepping_along_the_tangent():
     course = chain(np.array([0.1, 0.2]), np.array([12.0, 30.0]), np.array([0.3, 2.0]))
     s = np.linspace(0, 0.3, 30001)
-    points = places(course, s)
+    points = positions(course, s)
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
     np.testing.assert_allclose(steps, 1e-5, rtol=1e-6)
     direction = np.diff(points, axis=0) / steps[:, None]

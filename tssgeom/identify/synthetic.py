@@ -16,7 +16,7 @@ from tssgeom.arrays import Points, Vector
 from tssgeom.effects import HiddenBend, Library, LoadDependentFriction, SlackTakeUp
 from tssgeom.rig import Friction, Load, Rig, Sensor, ShapeSensor, Tendon
 from tssgeom.route.pieces import Arcs
-from tssgeom.route.synthetic import Course, chain, half_circle, places, setup_a
+from tssgeom.route.synthetic import Course, chain, half_circle, positions, setup_a
 from tssgeom.tendon.bars.model import predict
 
 _BARS, _STEPS = 240, 4  # bars of the tendon, and steps of the model between two samples
@@ -139,7 +139,7 @@ def arcs_of(course: Course) -> Arcs:
 
 
 def _sensed(course: Course, rng: np.random.Generator) -> Points:
-    points = places(course, np.linspace(0.0, course.total_length, _POINTS))
+    points = positions(course, np.linspace(0.0, course.total_length, _POINTS))
     return points + _POINT_NOISE * rng.standard_normal(points.shape)
 
 

@@ -39,13 +39,13 @@ def chain(length: Vector, kappa: Vector, plane: Vector | float = 0.0) -> Course:
 
 def frames(course: Course) -> tuple[Points, np.ndarray]:
     """Place [k+1, 3] and axes [k+1, 3 axes, 3] (tangent and two normals) at the joints of a route."""
-    places, axes = np.zeros((len(course.length) + 1, 3)), np.zeros((len(course.length) + 1, 3, 3))
+    positions, axes = np.zeros((len(course.length) + 1, 3)), np.zeros((len(course.length) + 1, 3, 3))
     axes[0] = np.eye(3)
     for i, (length, bend) in enumerate(zip(course.length, course.bend, strict=True)):
         step, turn = _along(np.array([length]), bend)
-        places[i + 1] = places[i] + step[0] @ axes[i]
+        positions[i + 1] = positions[i] + step[0] @ axes[i]
         axes[i + 1] = turn[0] @ axes[i]
-    return places, axes
+    return positions, axes
 
 
 def _along(s: Vector, bend: Vector) -> tuple[Points, np.ndarray]:
@@ -65,7 +65,7 @@ def _along(s: Vector, bend: Vector) -> tuple[Points, np.ndarray]:
     return place, axes
 
 
-def places(course: Course, s: Vector) -> Points:
+def positions(course: Course, s: Vector) -> Points:
     """Places of a route at arc lengths `s` [n] [m]."""
     joints, axes = frames(course)
     begin = np.concatenate(([0.0], np.cumsum(course.length)))
@@ -184,7 +184,7 @@ def samples() -> tuple[Sample, ...]:
 
 
 def _sample(name: str, text: str, course: Course, n: int, noise: float, seed: int) -> Sample:
-    points = places(course, np.linspace(0.0, course.total_length, n))
+    points = positions(course, np.linspace(0.0, course.total_length, n))
     return Sample(name, text, _noisy(points, noise, seed), noise, course.total_length, course.total_angle)
 
 
@@ -208,7 +208,7 @@ def _insertion() -> Sample:
     way = colon(float(reach[-1]), scope - float(reach[0]))
     begin = reach - reach[0]
     s = begin[:, None] + np.linspace(0.0, scope, 60)
-    points = places(way, s.ravel()).reshape(*s.shape, 3)
+    points = positions(way, s.ravel()).reshape(*s.shape, 3)
     last = Course(way.length, way.bend * (np.cumsum(way.length) > begin[-1])[:, None])
     return Sample(
         name="insertion",

@@ -13,7 +13,7 @@ import rerun.blueprint as rrb
 
 from tssgeom.arrays import Vector
 from tssgeom.route.pieces import Arcs
-from tssgeom.route.synthetic import Course, places, setup_a, setup_b
+from tssgeom.route.synthetic import Course, positions, setup_a, setup_b
 from tssgeom.tendon import paper
 from tssgeom.tendon.history import History, driven, profiles
 from tssgeom.view import colours
@@ -93,7 +93,7 @@ def _setup(course: Course, arcs: Arcs, tension_in: Vector) -> _Setup:
     """Pull and release the tendon on a route whose pieces are known."""
     s = np.linspace(0.0, course.total_length, _NODES)
     phi = np.interp(s, np.append(arcs.s_start, arcs.total_length), np.cumsum([0.0, *arcs.angle]))
-    line, zero = places(course, s), np.zeros(_NODES)
+    line, zero = positions(course, s), np.zeros(_NODES)
     rows = profiles(tension_in, phi, paper.RIG)
     frames = [RouteSamples(s, line, row, phi, zero, zero, zero) for row in rows]
     return _Setup(arcs, driven(tension_in, arcs, paper.RIG), frames, camera(line, line[-1] - line[0]))
