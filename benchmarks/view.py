@@ -29,7 +29,7 @@ from tssgeom.rig import Rig
 from tssgeom.stream import Frame, FrameResult, process
 from tssgeom.view.samples import RouteSamples, numbers_of, route_samples
 from tssgeom.view.scene.columns import Sender, segments_3d
-from tssgeom.view.scene.labels import label_places
+from tssgeom.view.scene.labels import label_positions
 from tssgeom.view.scene.live import LivePicture, warm_up
 from tssgeom.view.scene.recording import write_recording
 from tssgeom.view.scene.run import run_of
@@ -196,7 +196,7 @@ def _labels(results: Sequence[FrameResult]) -> Cost:
     seconds = list[float]()
     for frame, result in zip(run.frames, run.results, strict=True):
         start = time.perf_counter()
-        label_places(run.camera, frame, result.arcs)
+        label_positions(run.camera, frame, result.arcs)
         seconds.append(time.perf_counter() - start)
     return Cost("of it: places of the labels", seconds, 1, math.nan)
 

@@ -67,28 +67,28 @@ def imports(path: Path) -> Iterator[str]:
 
 def crossings(rooms: list[str]) -> Counter[tuple[str, str]]:
     """Count the modules of a room that import from another."""
-    found = Counter[tuple[str, str]]()
+    counts = Counter[tuple[str, str]]()
     for module, path in modules().items():
         here = room_of(module, rooms)
-        found.update(
+        counts.update(
             {
                 (here, there)
                 for name in imports(path)
                 if here and (there := room_of(name, rooms)) not in (None, here)
             }
         )
-    return found
+    return counts
 
 
 def sizes(room: str) -> dict[str, int]:
     """Return lines by package within a room, its own files under "" first."""
-    found = Counter[str]({"": 0})
+    counts = Counter[str]({"": 0})
     for module, path in modules().items():
         if room_of(module, [room]):
             parts = path.relative_to(ROOT).parts[room.count(".") + 1 : -1]
-            found[parts[0] if parts else ""] += len(path.read_text(encoding="utf-8").splitlines())
-    own = found.pop("")
-    return {"": own, **dict(found.most_common())}
+            counts[parts[0] if parts else ""] += len(path.read_text(encoding="utf-8").splitlines())
+    own = counts.pop("")
+    return {"": own, **dict(counts.most_common())}
 
 
 def purpose(room: str) -> str:
@@ -104,10 +104,10 @@ def wrong() -> list[str]:
     rooms = [room for layer in wanted for room in layer]
     level = {room: depth for depth, layer in enumerate(wanted) for room in layer}
     with Image.open(PICTURE) as picture:
-        drawn = json.loads(picture.info.get("layers", "[]"))
-    if drawn != wanted:
+        pictured = json.loads(picture.info.get("layers", "[]"))
+    if pictured != wanted:
         said.append(
-            f"{PICTURE.name} shows {drawn}, the contract has {wanted}: run python docs/architecture.py"
+            f"{PICTURE.name} shows {pictured}, the contract has {wanted}: run python docs/architecture.py"
         )
     said += [
         f"{a} imports {b}, which is no layer below it" for a, b in crossings(rooms) if level[a] >= level[b]

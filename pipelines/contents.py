@@ -57,8 +57,10 @@ def checked(path: Path, unit: str | None) -> dict[str, Any]:
 def _checked_run(path: Path) -> dict[str, Any]:
     run = read_run(path)
     channels = {name: getattr(run, name) for name, _ in CHANNELS.values()}
-    gaps = {name: int(np.isnan(values).sum()) for name, values in channels.items() if values is not None}
-    listed = ", ".join(f"{name} ({count} missing)" if count else name for name, count in gaps.items())
+    missing_rows = {
+        name: int(np.isnan(values).sum()) for name, values in channels.items() if values is not None
+    }
+    listed = ", ".join(f"{name} ({count} missing)" if count else name for name, count in missing_rows.items())
     return {
         "file": str(path),
         "holds": "measured run",
@@ -170,10 +172,10 @@ def _fitted(frame: Frame) -> dict[str, Any]:
 
 def _fitted_fibre(fibre: Fibre) -> dict[str, Any]:
     """Fit a fibre; return its length, warnings, and the noise of curvature and of its distal end."""
-    found = fit_fibre(fibre)
+    result = fit_fibre(fibre)
     return {
         "length_m": fibre.length,
-        "noise_m": float(found.fit.noise),
-        "curvature_noise_per_m": float(found.curvature_noise),
-        "warnings": [*fibre.warnings, *found.fit.warnings],
+        "noise_m": float(result.fit.noise),
+        "curvature_noise_per_m": float(result.curvature_noise),
+        "warnings": [*fibre.warnings, *result.fit.warnings],
     }

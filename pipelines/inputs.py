@@ -146,15 +146,15 @@ def analysis_of(
         Where the file cannot be used, or none of its frames.
     """
     recording = open_recording(path, settings.unit)
-    account = RunningSummary.of(recording.frame_count)
+    running = RunningSummary.of(recording.frame_count)
     share = _size(path) / max(recording.frame_count, 1)
     for item in process(recording.frames, settings.rig, tension_in=settings.tension_in):
-        account.add(item, frame_row(item))
+        running.add(item, frame_row(item))
         step(1, share)
-    return require_used(name, relative(path), recording, account.close())
+    return require_used(name, relative(path), recording, running.close())
 
 
-def require_used(name: str, source: str, recording: Recording, account: RunningSummary) -> Analysis:
+def require_used(name: str, source: str, recording: Recording, running: RunningSummary) -> Analysis:
     """Return the analysis of an input.
 
     Raises
@@ -162,11 +162,11 @@ def require_used(name: str, source: str, recording: Recording, account: RunningS
     ShapeError
         Where none of its frames could be used.
     """
-    if account.used:
+    if running.used:
         kind, timed = recording.kind, recording.timed
-        return Analysis(name, source, recording.unit, kind, timed, account, recording.warnings)
-    first = f"{account.rejected[0].reason}" if account.rejected else "it holds no frame"
-    where = f"none of {account.frames} frames can be used; the first: " if account.frames > 1 else ""
+        return Analysis(name, source, recording.unit, kind, timed, running, recording.warnings)
+    first = f"{running.rejected[0].reason}" if running.rejected else "it holds no frame"
+    where = f"none of {running.frames} frames can be used; the first: " if running.frames > 1 else ""
     hints = "".join(f" ({warning})" for warning in recording.warnings)
     raise ShapeError(f"{recording.path}: {where}{first}{hints}")
 

@@ -31,10 +31,10 @@ def paper(
     from tssgeom.tendon.paper import EXACT, rows
 
     numbers = rows()
-    drawn = _draw(out, quiet=quiet or as_json)
+    plotted = _draw(out, quiet=quiet or as_json)
     write_text(out / "paper.csv", _as_csv(numbers))
     write_text(out / "paper.md", _as_markdown(numbers))
-    files = sorted([*drawn, "paper.csv", "paper.md"])
+    files = sorted([*plotted, "paper.csv", "paper.md"])
     if as_json:
         print_json({"numbers": [_object(row) for row in numbers], "files": files})
     elif not quiet:

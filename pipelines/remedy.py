@@ -197,7 +197,7 @@ def _swept(shape: Path, settings: RunSettings, design: Design, *, quiet: bool) -
             design.cycle,
             design.percentile,
             most=design.most,
-            tell=lambda curve: progress.end(f"β = {math.degrees(curve.angle):.0f}° tried"),
+            report=lambda curve: progress.end(f"β = {math.degrees(curve.angle):.0f}° tried"),
         )
     tolerance = _tolerance(design, tried)
     advice = None if tolerance is None else advise(tried, tolerance)

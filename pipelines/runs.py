@@ -29,7 +29,7 @@ from tssgeom.view.samples import evenly
 Row = TypeVar("Row")
 
 TEMPERATURE = "temperature_C"
-MOST_DRAWN = 400
+MOST_PLOTTED = 400
 """Moments of a run in its picture, evenly spread; chosen: as many as a batch keeps of a recording."""
 
 
@@ -145,7 +145,7 @@ def write_run_recording(path: Path, sensed: SensedRoute, run: MeasuredRun, momen
     from tssgeom.view.scene.recording import write_recording
 
     path.parent.mkdir(parents=True, exist_ok=True)
-    results = [_result_at(sensed, run, moments[k], int(k)) for k in evenly(len(moments), MOST_DRAWN)]
+    results = [_result_at(sensed, run, moments[k], int(k)) for k in evenly(len(moments), MOST_PLOTTED)]
     write_recording(path, f"{sensed.name} driven by {run.name}", results, timed=True)
 
 

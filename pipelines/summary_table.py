@@ -81,8 +81,8 @@ def _clearance(row: dict[str, Any]) -> str:
 def _with_error(row: dict[str, Any], key: str, error: float, factor: float, digits: int) -> str:
     from tssgeom.view.wording import decimals, plus_minus
 
-    shown = decimals(factor * error, digits)
-    return f"{_range(row, key, factor, shown)} {plus_minus(factor * error, digits)}"
+    displayed = decimals(factor * error, digits)
+    return f"{_range(row, key, factor, displayed)} {plus_minus(factor * error, digits)}"
 
 
 def _range(row: dict[str, Any], key: str, factor: float, digits: int) -> str:

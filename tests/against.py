@@ -143,7 +143,7 @@ def main() -> int:
             subprocess.run(["git", "-C", before, "checkout", "-q", chosen.revision], check=True)
         kept = chosen.keep or Path(folder) / "out"
         old, new = ran(before, kept / "before"), ran(ROOT, kept / "now")
-        found = [
+        results = [
             line
             for name in COMMANDS
             for line in differences(name, objects(name, old[name]), objects(name, new[name]))
@@ -152,10 +152,12 @@ def main() -> int:
             twin = kept / "now" / (inner := path.relative_to(kept / "before"))
             if not path.is_file() or (one := held(path)) is None:
                 continue
-            found += [f"{inner}: missing"] if not twin.exists() else differences(str(inner), one, held(twin))
-    sys.stdout.write("".join(f"{line}\n" for line in found[:200]))
-    sys.stdout.write(f"{len(COMMANDS)} commands, {len(found)} differences\n")
-    return int(bool(found))
+            results += (
+                [f"{inner}: missing"] if not twin.exists() else differences(str(inner), one, held(twin))
+            )
+    sys.stdout.write("".join(f"{line}\n" for line in results[:200]))
+    sys.stdout.write(f"{len(COMMANDS)} commands, {len(results)} differences\n")
+    return int(bool(results))
 
 
 if __name__ == "__main__":

@@ -23,11 +23,11 @@ def answer(points: np.ndarray, rig: Rig | None = None, **measured: float) -> Fra
 def numbers(result: FrameResult) -> np.ndarray:
     """Length, angle, its error, T_out and elongation with its error."""
     sent, arcs = result.transmission, result.arcs
-    found = (arcs.total_length, arcs.total_angle, arcs.total_angle_se)
-    return np.array((*found, sent.tension_out, sent.elongation, sent.elongation_se))
+    results = (arcs.total_length, arcs.total_angle, arcs.total_angle_se)
+    return np.array((*results, sent.tension_out, sent.elongation, sent.elongation_se))
 
 
-def drawn(rng: np.random.Generator):
+def plotted(rng: np.random.Generator):
     """A route of two to five pieces in any planes, a quarter of them straight."""
     k = int(rng.integers(2, 6))
     kappa = np.where(rng.random(k) < 0.25, 0.0, rng.uniform(3.0, 25.0, k))
@@ -44,11 +44,11 @@ def test_the_error_bar_of_the_elongation_holds_the_truth_as_often_as_it_says():
     """Of 120 routes 95 % are meant to be within 1.96; fewer than 106, or all, is a chance of 1 in 200."""
     rng, inside = np.random.default_rng(424_242), 0
     for _ in range(120):
-        course = drawn(rng)
-        seen = answer(sensed(course, 100, 2e-4, rng)).transmission
+        course = plotted(rng)
+        observed = answer(sensed(course, 100, 2e-4, rng)).transmission
         route = Arcs.exact(course.length, course.length * np.linalg.norm(course.bend, axis=1))
         truth = transmit(step(pretensioned(Rig()), route, Rig(), tension_in=PULL), Rig())
-        inside += abs(seen.elongation - truth.elongation) < 1.96 * seen.elongation_se
+        inside += abs(observed.elongation - truth.elongation) < 1.96 * observed.elongation_se
     assert 106 <= inside <= 119
 
 
@@ -56,7 +56,7 @@ def test_the_error_bar_of_the_elongation_holds_the_truth_as_often_as_it_says():
 @given(seed=st.integers(0, 2**32 - 1), shift=st.floats(-1e3, 1e3), mirrored=st.booleans())
 def test_tension_and_elongation_do_not_depend_on_place_attitude_or_hand(seed, shift, mirrored):
     rng = np.random.default_rng(seed)
-    points = sensed(drawn(rng), 60, 1e-4, rng)
+    points = sensed(plotted(rng), 60, 1e-4, rng)
     turn = np.linalg.qr(rng.standard_normal((3, 3)))[0]
     if (np.linalg.det(turn) < 0.0) != mirrored:
         turn[:, 0] *= -1.0
@@ -68,7 +68,7 @@ def test_tension_and_elongation_do_not_depend_on_place_attitude_or_hand(seed, sh
 @pytest.mark.parametrize("seed", range(6))
 def test_from_the_other_end_the_route_is_the_same_within_its_error(seed):
     rng = np.random.default_rng(seed)
-    points = sensed(drawn(rng), 80, 1e-4, rng)
+    points = sensed(plotted(rng), 80, 1e-4, rng)
     there, back = answer(points), answer(points[::-1])
     assert abs(there.arcs.total_angle - back.arcs.total_angle) < there.arcs.total_angle_se
     assert there.arcs.total_length == pytest.approx(back.arcs.total_length, rel=1e-3)
@@ -90,10 +90,10 @@ def test_extreme_routes_and_friction_give_finite_numbers(angle, friction, drive,
     s = np.linspace(0.0, length, max(60, int(6 * angle)))
     points = positions(course, s) + np.outer(s, [0.0, 0.0, 0.1])  # loops of a coil do not lie in each other
     points += noise * np.random.default_rng(1).standard_normal(points.shape)
-    found = numbers(answer(points, Rig(friction=Friction(coefficient=friction)), **drive))
-    assert np.isfinite(found).all()
+    results = numbers(answer(points, Rig(friction=Friction(coefficient=friction)), **drive))
+    assert np.isfinite(results).all()
     if not angle:
-        assert found[1] < 1e-3
+        assert results[1] < 1e-3
 
 
 @pytest.mark.parametrize("length", [1e-3, 1.0, 50.0])

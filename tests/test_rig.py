@@ -111,9 +111,9 @@ def test_zero_is_within_bounds(part):
         ("[friction\n", "mend the rig file"),
     ],
 )
-def test_a_wrong_file_is_refused_with_its_name_and_the_place(tmp_path, text, told):
+def test_a_wrong_file_is_refused_with_its_name_and_the_place(tmp_path, text, reported):
     path = written(tmp_path, text)
-    with pytest.raises(SettingsError, match=told) as caught:
+    with pytest.raises(SettingsError, match=reported) as caught:
         read_rig(path)
     assert str(path) in str(caught.value)
     assert "\n" not in str(caught.value)

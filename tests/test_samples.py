@@ -27,16 +27,16 @@ def contents(folder: Path) -> dict[str, bytes]:
 def test_analyse_finds_the_true_angle_of_every_sample(sample):
     done = CliRunner().invoke(app, ["analyse", str(SAMPLES / f"{sample.name}.csv"), "--json"])
     assert done.exit_code == 0
-    found = json.loads(done.stdout)
-    error = found["total_angle_rad"] - sample.total_angle
-    assert abs(error) < 2 * found["total_angle_se_rad"]
+    result = json.loads(done.stdout)
+    error = result["total_angle_rad"] - sample.total_angle
+    assert abs(error) < 2 * result["total_angle_se_rad"]
     assert abs(error) < (0.05 if "markers" in sample.name else 0.02) * sample.total_angle
     for whole, part in (("length_m", "length_m"), ("total_angle_rad", "angle_rad")):
-        assert sum(piece[part] for piece in found["segments"]) == pytest.approx(found[whole], rel=1e-12)
+        assert sum(piece[part] for piece in result["segments"]) == pytest.approx(result[whole], rel=1e-12)
 
 
 def test_half_circle_gives_the_numbers_of_the_paper():
     done = CliRunner().invoke(app, ["analyse", str(SAMPLES / "half_circle.csv"), "--json"])
-    found = json.loads(done.stdout)
-    assert found["tension_out_N"] / found["tension_in_N"] == pytest.approx(0.6341, abs=5e-5)
-    assert found["elongation_m"] == pytest.approx(1.9036e-3, abs=5e-8)
+    result = json.loads(done.stdout)
+    assert result["tension_out_N"] / result["tension_in_N"] == pytest.approx(0.6341, abs=5e-5)
+    assert result["elongation_m"] == pytest.approx(1.9036e-3, abs=5e-8)

@@ -70,9 +70,9 @@ def test_a_route_that_stands_still_stays_exact_in_spite_of_noise():
 
 def test_a_measured_displacement_drives_frames_that_bring_no_tension():
     by_force = results([Frame(bend(), float(k), tension_in=t) for k, t in enumerate((10.0, 15.0, 8.0))])
-    places = [one.transmission.displacement_in for one in by_force]
-    by_place = results([Frame(bend(), float(k), displacement_in=x) for k, x in enumerate(places)])
-    for one, other in zip(by_place, by_force, strict=True):
+    positions = [one.transmission.displacement_in for one in by_force]
+    by_position = results([Frame(bend(), float(k), displacement_in=x) for k, x in enumerate(positions)])
+    for one, other in zip(by_position, by_force, strict=True):
         # bars against corners: 5e-4 of δ, over a load spring of 1 N/mm and a tendon of 6 N/mm
         assert one.transmission.tension_out == pytest.approx(other.transmission.tension_out, rel=1e-3)
     both = results([Frame(bend(), 0.0, tension_in=10.0, displacement_in=1.0)])
@@ -121,7 +121,7 @@ def test_a_target_out_of_reach_leaves_the_tendon_as_it_was():
 # --- effects ------------------------------------------------------------------------------------------------
 
 SOME = (HiddenBend(at_m=0.2, angle_rad=0.6), Creep(ratio=0.1), ThermalDrift(expansion_per_K=1e-5))
-ACTING = changed(RIG, effects=SOME)
+EFFECTS = changed(RIG, effects=SOME)
 
 
 def warmed_run():
@@ -130,13 +130,13 @@ def warmed_run():
 
 def test_live_equals_batch_with_effects():
     frames = warmed_run()
-    batch = list(process(frames, ACTING, tension_in=15.0))
-    coming = process(iter(frames), ACTING, tension_in=15.0)
+    batch = list(process(frames, EFFECTS, tension_in=15.0))
+    coming = process(iter(frames), EFFECTS, tension_in=15.0)
     assert [next(coming).transmission for _ in frames] == [one.transmission for one in batch]
-    half = list(process(frames[:3], ACTING, tension_in=15.0))[-1]
+    half = list(process(frames[:3], EFFECTS, tension_in=15.0))[-1]
     by_hand, last = half.state, half.tracked
     for seq, frame in enumerate(frames[3:], 3):
-        result = advance(seq, frame, by_hand, ACTING, 15.0, last)
+        result = advance(seq, frame, by_hand, EFFECTS, 15.0, last)
         by_hand, last = result.state, result.tracked
         assert result.transmission == batch[seq].transmission
 
@@ -151,17 +151,17 @@ def test_a_hidden_bend_takes_its_share_on_a_route_that_moves():
 
 
 def test_a_frame_without_temperature_says_what_does_nothing():
-    warm, cold = (list(process(run(), ACTING, tension_in=15.0)) for run in (warmed_run, moving_run))
+    warm, cold = (list(process(run(), EFFECTS, tension_in=15.0)) for run in (warmed_run, moving_run))
     assert not any("temperature" in text for one in warm for text in one.warnings)
     assert all("no temperature_C: thermal_drift does nothing" in one.warnings for one in cold)
 
 
 def test_a_target_beside_a_drive_is_advice_with_effects_too():
     frame = Frame(bend(), 1.0, tension_in=10.0, tension_out_target=7.0, temperature=20.0)
-    (result,) = process([frame], ACTING, tension_in=15.0)
+    (result,) = process([frame], EFFECTS, tension_in=15.0)
     assert result.transmission.tension_in == 10.0
     (followed,) = process(
-        [replace(frame, tension_in=None)], ACTING, tension_in=15.0, state=pretensioned(ACTING, 0.0)
+        [replace(frame, tension_in=None)], EFFECTS, tension_in=15.0, state=pretensioned(EFFECTS, 0.0)
     )
     assert followed.transmission.tension_out == pytest.approx(7.0, rel=1e-9)
     assert followed.tension_command == followed.transmission.tension_in

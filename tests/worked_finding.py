@@ -67,7 +67,7 @@ def _made(verdict: Verdict) -> Finding:
         where=_where(verdict),
         heat=_heat(traces),
         along=_along(campaign),
-        misfit=_gap(traces),
+        misfit=_misfit(traces),
         base={
             "friction": Estimate(0.1491, "1", 0.1478, 0.1504),
             "compliance_per_N": Estimate(3.158e-4, "1/N", 3.13e-4, 3.19e-4),
@@ -113,11 +113,11 @@ def _columns(run: SampleRun) -> Mapping[str, np.ndarray]:
 def _trace(run: Run, rig: object) -> Trace:
     drive = calmed(run.columns["displacement_in_m"], 1e-6)
     given = {"time_s": run.columns["time_s"], "displacement_in_m": drive}
-    seen = []
+    observed = []
     for held in (TRUE, rig):
         model = prepare(given, run.route.arcs, held, drive="displacement_in_m")
-        seen.append((model, carry_on(model, begin(model), given, profile=True)[0]))
-    model, after = seen[1]
+        observed.append((model, carry_on(model, begin(model), given, profile=True)[0]))
+    model, after = observed[1]
     middle = 0.5 * (model.edge[1:] + model.edge[:-1])
     nodes = run.route.s / run.route.s[-1]
     bars = after.tension[:, -len(middle) :]
@@ -129,7 +129,7 @@ def _trace(run: Run, rig: object) -> Trace:
         phase=_phase(drive),
         tension_in=after.channels["tension_in_N"],
         measured={name: run.columns[name] for name in CHANNELS},
-        before={name: seen[0][1].channels[name] for name in CHANNELS},
+        before={name: observed[0][1].channels[name] for name in CHANNELS},
         after={name: after.channels[name] for name in CHANNELS},
         sigma={name: np.full(len(drive), 1.2 * BELIEVED.sensors[name].noise) for name in CHANNELS},
         tension=np.array([np.interp(nodes, middle, row) for row in bars]),
@@ -143,19 +143,19 @@ def _phase(drive: np.ndarray) -> np.ndarray:
 
 
 def _bend() -> Candidate:
-    told = {
+    reported = {
         "at_m": Estimate(0.2104, "m", 0.2061, 0.2149),
         "angle_rad": Estimate(0.598, "rad", 0.571, 0.627),
         "width_m": Estimate(0.02, "m", -np.inf, np.inf),
     }
-    return Candidate(("hidden_bend",), (BEND,), (told,), Evidence(412.3, 41.5, 6.2, 0.11), "")
+    return Candidate(("hidden_bend",), (BEND,), (reported,), Evidence(412.3, 41.5, 6.2, 0.11), "")
 
 
 def _other(effect: object, key: str, delta_bic: float, why: str) -> Candidate:
     name = msgspec.to_builtins(effect)["name"]
     value = getattr(effect, key)
-    told = {key: Estimate(value, "1", 0.5 * value, 1.5 * value)}
-    return Candidate((name,), (effect,), (told,), Evidence(delta_bic, 41.5, 0.7, np.nan), why)  # type: ignore[arg-type]
+    reported = {key: Estimate(value, "1", 0.5 * value, 1.5 * value)}
+    return Candidate((name,), (effect,), (reported,), Evidence(delta_bic, 41.5, 0.7, np.nan), why)  # type: ignore[arg-type]
 
 
 def _where(verdict: Verdict) -> tuple[MisfitShare, ...]:
@@ -187,15 +187,15 @@ def _heat(traces: tuple[Trace, ...]) -> HeatMap:
 
 def _along(campaign: Campaign) -> tuple[RouteMisfit, ...]:
     routes = {run.route.name: run.route for run in campaign.runs}
-    told = []
+    reported = []
     for route in routes.values():
         s = np.linspace(0.0, route.s[-1], 12)
-        extra = 14.0 * (1.0 + 0.3 * len(told)) * np.exp(-0.5 * ((s - 0.21) / 0.03) ** 2)
-        told.append(RouteMisfit(route.name, s, extra, np.full(12, 1.5)))
-    return tuple(told)
+        extra = 14.0 * (1.0 + 0.3 * len(reported)) * np.exp(-0.5 * ((s - 0.21) / 0.03) ** 2)
+        reported.append(RouteMisfit(route.name, s, extra, np.full(12, 1.5)))
+    return tuple(reported)
 
 
-def _gap(traces: tuple[Trace, ...]) -> Misfit:
+def _misfit(traces: tuple[Trace, ...]) -> Misfit:
     groups = {"fitted": [t for t in traces if not t.held_out], "held_out": [t for t in traces if t.held_out]}
     before, after = ({name: _left_of(group, when) for name, group in groups.items()} for when in _WHEN)
     (held,) = groups["held_out"]

@@ -148,8 +148,8 @@ def read_rig(path: str | Path) -> Rig:
     except OSError as error:
         raise SettingsError(f"{path}: cannot read the rig file ({error.strerror}): check the path") from error
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        told = _wrong_effect(content) if "$.effects" in str(error) else str(error)
-        raise SettingsError(f"{path}: {told}: mend the rig file (docs/formats.md, Rig)") from error
+        reported = _wrong_effect(content) if "$.effects" in str(error) else str(error)
+        raise SettingsError(f"{path}: {reported}: mend the rig file (docs/formats.md, Rig)") from error
 
 
 def write_rig(path: Path, rig: Rig, provenance: Sequence[str] = ()) -> None:

@@ -148,11 +148,11 @@ def _lumen_file(task: Task) -> Path | None:
 def _done(task: Task, path: Path, digest: str, key: str, share: Share | None) -> Done:
     name, out = task.name, task.out
     recording = open_recording(path, task.settings.unit)
-    account = RunningSummary.of(recording.frame_count)
+    running = RunningSummary.of(recording.frame_count)
     tables = (f"frames/{name}.parquet", f"segments/{name}.parquet")
     with out.replacing(tables[0]) as frames, out.replacing(tables[1]) as segments:
-        write_parts(frames, segments, _parts(task, recording, account.stride, share), account)
-        analysis = require_used(name, task.source, recording, account)
+        write_parts(frames, segments, _parts(task, recording, running.stride, share), running)
+        analysis = require_used(name, task.source, recording, running)
     report, row = analysis_object(analysis), summary_row(analysis)
     lumen, failures = _lumen(task, analysis)
     if lumen is not None:
@@ -167,7 +167,7 @@ def _done(task: Task, path: Path, digest: str, key: str, share: Share | None) ->
     figures = attempt(task.given, lambda: _write_print_figures(task, analysis))
     if isinstance(figures, Refusal):
         failures, figures = [*failures, figures.reason], dict[str, int]()
-    entry = _report_entry(task, analysis, drawn=len(files) > len(tables))
+    entry = _report_entry(task, analysis, plotted=len(files) > len(tables))
     return Done(
         key=key,
         input=_input(analysis, digest),
@@ -266,17 +266,17 @@ def _write_print_figures(task: Task, analysis: Analysis) -> dict[str, int]:
     return {file: task.print_folder.size(file) or 0 for file in written}
 
 
-def _report_entry(task: Task, analysis: Analysis, *, drawn: bool) -> dict[str, object]:
-    account = analysis.summary
+def _report_entry(task: Task, analysis: Analysis, *, plotted: bool) -> dict[str, object]:
+    running = analysis.summary
     entry = ReportEntry.of(
         analysis.name,
-        account.results,
+        running.results,
         timed=analysis.timed,
-        rejected=account.rejected,
-        recording=f"recordings/{task.name}.rrd" if drawn else "",
-        used=account.used,
-        rejected_frames=account.refused,
-        warnings=account.warnings,
+        rejected=running.rejected,
+        recording=f"recordings/{task.name}.rrd" if plotted else "",
+        used=running.used,
+        rejected_frames=running.refused,
+        warnings=running.warnings,
     )
     with _figure_lock:
         return asdict(rendered(entry, figures=task.figures))

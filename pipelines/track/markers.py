@@ -42,7 +42,11 @@ class ImageOptions:
 
 
 def image_options(
-    family: str | None, look: str | None, areas: tuple[float, float], rate: float | None, most: int | None
+    family: str | None,
+    appearance: str | None,
+    areas: tuple[float, float],
+    rate: float | None,
+    most: int | None,
 ) -> ImageOptions:
     """Check how the markers look.
 
@@ -51,9 +55,9 @@ def image_options(
     SettingsError
         Where neither tags nor blobs are given, or both.
     """
-    if (family is None) == (look is None):
+    if (family is None) == (appearance is None):
         raise SettingsError("say what the markers are: --tags FAMILY, or --blobs bright, dark or #RRGGBB")
-    return ImageOptions(family, BlobAppearance(look or "bright", *areas), rate, most)
+    return ImageOptions(family, BlobAppearance(appearance or "bright", *areas), rate, most)
 
 
 def marker_options(

@@ -19,7 +19,7 @@ from tssgeom.vision.overlay import annotated, annotated_board, beside, encoded
 from tssgeom.vision.sightings import Sightings
 from tssgeom.vision.track import Track
 
-_MOST_DRAWN = 500
+_MOST_PAINTED = 500
 """Frames that are drawn, evenly spread [1]; chosen: a few tens of megabytes."""
 
 
@@ -36,7 +36,7 @@ class DetectedFootage:
 
     def images(self) -> Iterator[tuple[int, list[np.ndarray]]]:
         """Yield some frames evenly, each with its number and the images of all cameras, markers drawn in."""
-        selected = set(evenly(len(self.frames), _MOST_DRAWN).tolist())
+        selected = set(evenly(len(self.frames), _MOST_PAINTED).tolist())
         with counted_progress(1, quiet=self.quiet) as progress:
             progress.begin("drawing")
             for k, images in enumerate(self.footage):
@@ -111,7 +111,7 @@ def write_board_overlays(
     SourceError
         Where the disk refuses.
     """
-    selected = set(evenly(len(detections), _MOST_DRAWN).tolist())
+    selected = set(evenly(len(detections), _MOST_PAINTED).tolist())
     written = list[str]()
     for k, images in enumerate(footage):
         if k >= len(detections):

@@ -19,7 +19,7 @@ def test_the_offset_that_the_paper_measured_is_named_slack_take_up(tmp_path, law
     slack = finding.effects[0].parameters[0]["slack_m"]
     if law == "exponential":  # the library's own law: the project's target for parameters is 10 %
         assert slack.value == pytest.approx(paper.OFFSET, rel=0.1)
-    after, before = (rms["held_out"]["elongation_m"] for rms in (finding.gap.after, finding.gap.before))
+    after, before = (rms["held_out"]["elongation_m"] for rms in (finding.misfit.after, finding.misfit.before))
     assert after < 0.1 * before
 
 
@@ -43,4 +43,4 @@ def test_the_instrument_goes_through_the_workflow_and_its_friction_is_a_cables(t
     # slopes of 1.29 to 1.47 of the loops over an assumed angle of 3.1 to 4.2 rad
     assert 0.05 < finding.base["friction"].value < 0.15
     assert finding.ranking
-    assert finding.gap.before["held_out"]
+    assert finding.misfit.before["held_out"]

@@ -24,7 +24,7 @@ def test_positions_are_those_of_the_package(name):
     route = truth(name, np.random.default_rng(0))
     s = np.linspace(0.0, route.length, 50)
     assert route.course is not None
-    np.testing.assert_allclose(route.position(s), synthetic.places(route.course, s), atol=1e-12)
+    np.testing.assert_allclose(route.position(s), synthetic.positions(route.course, s), atol=1e-12)
 
 
 def test_harmonics_are_new_in_every_trial_and_the_same_at_every_call():

@@ -52,8 +52,8 @@ def timed(course: Course, path: Path, believed: Physics, distal: Distal, plan: s
     """
     levels = np.array([believed.pretension_N, *course.levels])
     order = np.arange(len(levels), dtype=float)
-    seen = simulate(path, believed, Drive("force", order, levels), distal, order, 1.0)
-    there = seen.displacement_in
+    observed = simulate(path, believed, Drive("force", order, levels), distal, order, 1.0)
+    there = observed.displacement_in
     spans = np.abs(np.diff(there)) / course.speed
     rest = _REST * spans.sum()
     ends = rest + np.cumsum(spans + np.array([0.0, *course.dwells[:-1]]))

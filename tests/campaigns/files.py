@@ -20,8 +20,8 @@ def write(
     folder.mkdir(parents=True, exist_ok=True)
     for name, text in texts.items():
         (folder / name).write_text(text, encoding="utf-8")
-    for name, (points, unit, told) in shapes.items():
-        header = [f"{axis}_{unit}" for axis in ("xyzs" if told else "xyz")]
+    for name, (points, unit, reported) in shapes.items():
+        header = [f"{axis}_{unit}" for axis in ("xyzs" if reported else "xyz")]
         _table(folder / name, header, points.T, [4 if unit == "mm" else 7] * len(header))
     for name, _, _, columns in runs:
         decimals = [_DECIMALS.get(column, 7) for column in columns]

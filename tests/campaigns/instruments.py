@@ -22,7 +22,9 @@ _ZERO = {"tension_in_N": 0.004, "tension_out_N": 0.004, "elongation_m": 2e-6, "d
 # Zeros and drifts of the day: a fifth of the noise in tension; positions are zeroed by one reading.
 
 
-def seen(run: Run, changes: list[Change], columns: list[str], seed: int, day: int) -> dict[str, np.ndarray]:
+def observed(
+    run: Run, changes: list[Change], columns: list[str], seed: int, day: int
+) -> dict[str, np.ndarray]:
     """Return the columns of a measured file; `seed` is the instruments', `day` the run's."""
     built = measure(run, _built(changes, seed), seed)
     marred = replace(
@@ -43,8 +45,8 @@ def _built(changes: list[Change], seed: int) -> dict[str, Sensor]:
     rng = np.random.default_rng((seed, 77))
     share = rng.uniform(0.3, 1.0, len(SPECIFIED))
     sensors = {
-        name: Sensor(nonlinearity=part * told.nonlinearity, full_scale=told.full_scale)
-        for part, (name, told) in zip(share, SPECIFIED.items(), strict=True)
+        name: Sensor(nonlinearity=part * reported.nonlinearity, full_scale=reported.full_scale)
+        for part, (name, reported) in zip(share, SPECIFIED.items(), strict=True)
     }
     for change in changes:
         for name, faults in change.sensors.items():
@@ -53,9 +55,9 @@ def _built(changes: list[Change], seed: int) -> dict[str, Sensor]:
 
 
 def _today(name: str, rng: np.random.Generator) -> Sensor:
-    told, zero = SPECIFIED[name], _ZERO.get(name, 0.0)
+    reported, zero = SPECIFIED[name], _ZERO.get(name, 0.0)
     return replace(
-        told,
+        reported,
         nonlinearity=0.0,
         offset=zero * rng.standard_normal(),
         drift=_DRIFT.get(name, 0.0),

@@ -11,8 +11,8 @@ import numpy as np
 from tests.campaigns.causes import INSIDE, OUTSIDE, Change
 from tests.campaigns.drives import COURSES, SLOW, timed
 from tests.campaigns.files import write
-from tests.campaigns.instruments import SPECIFIED, seen
-from tests.campaigns.routes import Route, chain, half_and_loop, half_circle, path, places
+from tests.campaigns.instruments import SPECIFIED, observed
+from tests.campaigns.routes import Route, chain, half_and_loop, half_circle, path, positions
 from tests.lumped import Distal, Drive, Physics, simulate
 from tests.lumped.simulate import Run
 
@@ -100,7 +100,7 @@ def make_campaign(
     channels = columns(rig, plan)
     runs = []
     for day, course in enumerate(_courses(plan)):
-        read = seen(_run(rig, day, plan), list(rig.changes), channels, rig.seed, day)
+        read = observed(_run(rig, day, plan), list(rig.changes), channels, rig.seed, day)
         held = day == len(COURSES) - 1
         runs.append((f"run_{day + 1}", f"route_{course.route + 1}.csv", held, read))
     points = {
@@ -119,13 +119,14 @@ def signature(seed: int, effect: str, size: float = 1.0, plan: str = "full") -> 
     """
     with_it, without = (_rig(seed, (effect,), s, "development") for s in (size, 0.0))
     names = ["tension_in_N", "tension_out_N", "elongation_m", "displacement_out_m"]
-    gaps = []
+    missing_rows = []
     for day in range(len(COURSES)):
         a, b = (
-            seen(_run(rig, day, plan), list(rig.changes), names, rig.seed, day) for rig in (with_it, without)
+            observed(_run(rig, day, plan), list(rig.changes), names, rig.seed, day)
+            for rig in (with_it, without)
         )
-        gaps.append([(a[name] - b[name]) / SPECIFIED[name].noise for name in names])
-    return dict(zip(names, np.sqrt(np.mean(np.array(gaps) ** 2, axis=(0, 2))).tolist(), strict=True))
+        missing_rows.append([(a[name] - b[name]) / SPECIFIED[name].noise for name in names])
+    return dict(zip(names, np.sqrt(np.mean(np.array(missing_rows) ** 2, axis=(0, 2))).tolist(), strict=True))
 
 
 def columns(rig: Rig, plan: str) -> list[str]:
@@ -202,10 +203,12 @@ def _points(rig: Rig, k: int) -> tuple[np.ndarray, str, bool]:
     """Points of a route as sensed [n, 3 or 4], the unit of the file, and whether stations are told."""
     rng = np.random.default_rng((rig.seed, k, 9))
     stations = np.linspace(0.0, rig.length, int(rng.integers(120, 201)))
-    seen_at = places(rig.routes[k], stations, rig.angle_gain) + 2e-4 * rng.standard_normal((len(stations), 3))
-    unit, told = ("mm", "m")[rng.integers(2)], bool(rng.integers(2))
-    table = np.column_stack([seen_at, stations]) if told else seen_at
-    return (1e3 if unit == "mm" else 1.0) * table, unit, told
+    measured_at = positions(rig.routes[k], stations, rig.angle_gain) + 2e-4 * rng.standard_normal(
+        (len(stations), 3)
+    )
+    unit, reported = ("mm", "m")[rng.integers(2)], bool(rng.integers(2))
+    table = np.column_stack([measured_at, stations]) if reported else measured_at
+    return (1e3 if unit == "mm" else 1.0) * table, unit, reported
 
 
 def _believed(rig: Rig) -> str:
@@ -218,19 +221,19 @@ def _believed(rig: Rig) -> str:
         f"\n[load]\nstiffness_N_per_m = {rig.distal.stiffness_N_per_m}",
         "\n[shape]\nnoise_mm = 0.2\nangle_gain_sd = 0.005",
     ]
-    for name, told in SPECIFIED.items():
-        head.append(f"\n[sensors.{name}]\nnoise = {told.noise}\nresolution = {told.resolution}")
-        head.append(f"full_scale = {told.full_scale}\nnonlinearity = {told.nonlinearity}")
+    for name, reported in SPECIFIED.items():
+        head.append(f"\n[sensors.{name}]\nnoise = {reported.noise}\nresolution = {reported.resolution}")
+        head.append(f"full_scale = {reported.full_scale}\nnonlinearity = {reported.nonlinearity}")
     return "\n".join(head) + "\n"
 
 
 def _truth(rig: Rig, names: Iterable[str], size: float, plan: str, split: str, seed: int) -> Truth:
     effects = tuple(names)
-    told = {name: change.parameters for name, change in zip(effects, rig.changes, strict=True)}
+    reported = {name: change.parameters for name, change in zip(effects, rig.changes, strict=True)}
     return Truth(
         effects=effects,
         known=all(name in INSIDE for name in effects),
-        parameters=told,
+        parameters=reported,
         friction=float(rig.friction),
         compliance_per_N=float(rig.compliance),
         angle_gain=rig.angle_gain,

@@ -56,7 +56,7 @@ def path(route: Route, times: np.ndarray, sway_rad: float) -> Path:
     return from_pieces(route.lengths, angles, CELLS, frames)
 
 
-def places(route: Route, stations: np.ndarray, angle_gain: float) -> np.ndarray:
+def positions(route: Route, stations: np.ndarray, angle_gain: float) -> np.ndarray:
     """Return the points [n, 3] [m] at stations [m], all turns seen `angle_gain` times as wide."""
     edges = np.concatenate(([0.0], np.cumsum(route.lengths)))
     which = np.clip(np.searchsorted(edges, stations, side="right") - 1, 0, len(route.lengths) - 1)

@@ -13,7 +13,7 @@ from pipelines.contents import checked
 from tests.campaigns import INSIDE, OUTSIDE, PAIRS, PLANS, SEEDS, make_campaign
 from tests.campaigns.instruments import SPECIFIED
 from tests.campaigns.make import _rig, _run
-from tests.campaigns.routes import places
+from tests.campaigns.routes import positions
 from tssgeom.rig import Friction, Load, Rig, Tendon, read_rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.bars.bar_state import pretensioned_bars
@@ -61,9 +61,11 @@ def test_splits_share_no_rig(clean, tmp_path):
 
 def test_the_cause_is_beside_the_folder_and_not_in_it(tmp_path):
     truth = make_campaign(tmp_path / "c", 1, "backlash", size=0.5)
-    told = json.loads((tmp_path / "c.truth.json").read_text())
+    reported = json.loads((tmp_path / "c.truth.json").read_text())
     assert (
-        told["parameters"] == truth.parameters == {"backlash": {"width_m": pytest.approx(7.5e-5, rel=0.15)}}
+        reported["parameters"]
+        == truth.parameters
+        == {"backlash": {"width_m": pytest.approx(7.5e-5, rel=0.15)}}
     )
     assert not any(b"backlash" in text or b"truth" in text for text in contents(tmp_path / "c").values())
 
@@ -124,7 +126,7 @@ def test_a_full_plan_has_two_speeds_ten_times_apart_dwells_and_no_slack(clean):
 def test_points_of_a_chain_turn_and_reach_as_far_as_its_pieces():
     route = _rig(2, (), 1.0, "development").routes[2]
     total = route.lengths.sum()
-    steps = np.diff(places(route, np.linspace(0.0, total, 20_001), 1.0), axis=0)
+    steps = np.diff(positions(route, np.linspace(0.0, total, 20_001), 1.0), axis=0)
     size = np.linalg.norm(steps, axis=1)
     way = steps / size[:, None]
     assert size.sum() == pytest.approx(total, rel=1e-6)  # chords are short by (κ ds)²/24
@@ -136,8 +138,8 @@ def test_points_of_a_chain_turn_and_reach_as_far_as_its_pieces():
 
 def speed(run):
     """Median while the drive moves."""
-    seen = np.abs(np.diff(run["displacement_in_m"]) / np.diff(run["time_s"]))
-    return np.median(seen[seen > 0.5 * seen.max()])
+    observed = np.abs(np.diff(run["displacement_in_m"]) / np.diff(run["time_s"]))
+    return np.median(observed[observed > 0.5 * observed.max()])
 
 
 def test_names_inside_and_outside_are_apart_and_pairs_are_of_known_ones():
@@ -165,14 +167,14 @@ def test_a_clean_campaign_is_the_base_model_within_what_the_sensors_are_specifie
     out = modelled(rig, route, _run(rig, day, "full").displacement_in)
     assert truth.effects == ()
     for name, model in zip(("tension_in_N", "tension_out_N"), out, strict=True):
-        told = SPECIFIED[name]
+        reported = SPECIFIED[name]
         # noise, the bend of the cell, drift and zero of the day, 0.01 N of the simulator's cells
-        allowed = 4.0 * told.noise + told.nonlinearity * told.full_scale + 0.02 + 0.01
+        allowed = 4.0 * reported.noise + reported.nonlinearity * reported.full_scale + 0.02 + 0.01
         assert np.abs(read[name] - model).max() < allowed
-        assert np.std(read[name] - model) > 0.5 * told.noise
+        assert np.std(read[name] - model) > 0.5 * reported.noise
 
 
-def modelled(rig, route, positions):
+def modelled(rig, route, points):
     """Tension at both ends by the model that the workflow starts from, with the true coefficients."""
     believed = Rig(
         tendon=Tendon(compliance_per_N=rig.compliance, pretension_N=rig.believed.pretension_N),
@@ -181,6 +183,6 @@ def modelled(rig, route, positions):
     )
     arcs = Arcs.exact(route.lengths, route.angles)
     states = [pretensioned_bars(believed, arcs)]
-    for position in positions:
+    for position in points:
         states.append(step(states[-1], arcs, believed, displacement_in=position))
     return np.array([(state.tension_in, state.tension_out) for state in states[1:]]).T

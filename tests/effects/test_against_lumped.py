@@ -26,15 +26,15 @@ def base(drive):
 
 def differences(drive, effect, step=STEP, **physics):
     """Return for each channel the rms of the referee's signature and of what the model's misses of it."""
-    (plain, ours), seen = base(drive), refereed(drive, step, **physics)
+    (plain, ours), observed = base(drive), refereed(drive, step, **physics)
     mine = modelled(drive, effect, longest_step_s=step)
-    found = {}
+    result = {}
     for channel in ours:
         if channel != drive:
-            wanted = seen[channel] - plain[channel]
+            wanted = observed[channel] - plain[channel]
             missed = mine[channel] - ours[channel] - wanted
-            found[channel] = np.sqrt(np.mean(wanted**2)), np.sqrt(np.mean(missed**2))
-    return found
+            result[channel] = np.sqrt(np.mean(wanted**2)), np.sqrt(np.mean(missed**2))
+    return result
 
 
 @pytest.mark.parametrize("drive", [FORCE, POSITION])
@@ -56,8 +56,8 @@ def test_the_signature_is_the_referees(name, drive):
 @pytest.mark.parametrize("end", ["in", "out"])
 def test_a_fitting_that_holds_a_share_of_the_tension_is_the_referees(end):
     kind = EndFittingFrictionProximal if end == "in" else EndFittingFrictionDistal
-    found = differences(FORCE, kind(ratio=0.05), **{f"fitting_{end}_ratio": 0.05})
-    wanted, missed = found["tension_out_N"]
+    result = differences(FORCE, kind(ratio=0.05), **{f"fitting_{end}_ratio": 0.05})
+    wanted, missed = result["tension_out_N"]
     assert missed < SHARE * wanted
 
 

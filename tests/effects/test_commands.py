@@ -36,10 +36,10 @@ def with_effect(name):
 def test_the_model_carries_out_its_inverse(name, route):
     rig, path = with_effect(name), ROUTES[route]
     warm = TEMPERATURE[SOME]
-    found = list(commands(TIME[SOME], path, rig, tension_out=TARGETS, temperature=warm))
-    drives = {"displacement_in": np.array([one.displacement_in for one in found])}
+    result = list(commands(TIME[SOME], path, rig, tension_out=TARGETS, temperature=warm))
+    drives = {"displacement_in": np.array([one.displacement_in for one in result])}
     if name not in BY_SPEED:  # between two samples a position and a tension cannot both run straight
-        drives["tension_in"] = np.array([one.reading_in for one in found])
+        drives["tension_in"] = np.array([one.reading_in for one in result])
     for drive, values in drives.items():
         done = simulate(TIME[SOME], path, rig, temperature=warm, **{drive: values})
         reached = [moment.transmission.tension_out for moment in done]
@@ -48,17 +48,17 @@ def test_the_model_carries_out_its_inverse(name, route):
 
 def test_a_sensor_that_errs_does_not_change_the_command_but_its_reading():
     spoilt = changed(RIG, effects=(TensionInGain(gain_error=0.1), TensionInOffset(offset_N=0.3)))
-    told = compensate(pretensioned(spoilt), ARCS, spoilt, tension_out=9.0)
+    reported = compensate(pretensioned(spoilt), ARCS, spoilt, tension_out=9.0)
     plain = compensate(pretensioned(RIG), ARCS, RIG, tension_out=9.0)
-    assert told.tension_in == pytest.approx(plain.tension_in, rel=1e-9)
-    assert told.reading_in == pytest.approx(1.1 * plain.tension_in + 0.3, rel=1e-9)
+    assert reported.tension_in == pytest.approx(plain.tension_in, rel=1e-9)
+    assert reported.reading_in == pytest.approx(1.1 * plain.tension_in + 0.3, rel=1e-9)
     assert plain.reading_in == plain.tension_in
 
 
 def test_a_place_of_the_load_counts_from_the_pretension_that_is():
     rig = with_effect("pretension_error")
-    told = compensate(pretensioned(rig), ARCS, rig, displacement_out=1e-3)
-    assert told.state.tension_out == pytest.approx(2.6 + 3.0, rel=1e-9)
+    reported = compensate(pretensioned(rig), ARCS, rig, displacement_out=1e-3)
+    assert reported.state.tension_out == pytest.approx(2.6 + 3.0, rel=1e-9)
 
 
 def test_a_tension_that_friction_holds_without_any_pull_is_out_of_reach():

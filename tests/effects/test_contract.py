@@ -12,13 +12,13 @@ from tssgeom.tendon.bars.model import CHANNELS, begin, carry_on, predict, prepar
 
 KIND = pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)
 DRIVE = pytest.mark.parametrize("drive", [FORCE, POSITION])
-SEEN = {"N": 1e-3, "m": 1e-7}  # a tenth of what a good cell or encoder tells
-UNSEEN = {"N": 1e-8, "m": 1e-11}  # what an equilibrium leaves over: 1e-10 of 15 N, and that over 1e3 N/m
+OBSERVED = {"N": 1e-3, "m": 1e-7}  # a tenth of what a good cell or encoder tells
+UNOBSERVED = {"N": 1e-8, "m": 1e-11}  # what an equilibrium leaves over: 1e-10 of 15 N, and that over 1e3 N/m
 
 
 def signature(drive, effect):
-    seen, base = modelled(drive, effect), modelled(drive)
-    return {c: np.abs(seen[c] - base[c]).max() for c in CHANNELS if c != drive}
+    observed, base = modelled(drive, effect), modelled(drive)
+    return {c: np.abs(observed[c] - base[c]).max() for c in CHANNELS if c != drive}
 
 
 @DRIVE
@@ -32,12 +32,12 @@ def test_an_effect_of_no_size_leaves_every_digit(kind, drive):
 @DRIVE
 @KIND
 def test_an_effect_shows_in_its_channels_and_in_no_other(kind, drive):
-    told = kind.by_force if drive == FORCE else kind.by_position
+    reported = kind.by_force if drive == FORCE else kind.by_position
     sizes = signature(drive, with_size(kind))
-    assert any(sizes[c] > SEEN[c[-1]] for c in told)
+    assert any(sizes[c] > OBSERVED[c[-1]] for c in reported)
     for channel, size in sizes.items():
-        if channel not in told:
-            assert size < UNSEEN[channel[-1]]
+        if channel not in reported:
+            assert size < UNOBSERVED[channel[-1]]
 
 
 @KIND
@@ -51,7 +51,7 @@ def test_the_derivative_by_an_effect_does_not_depend_on_the_step(kind):
     coarse, fine = slope(0.02), slope(0.005)
     for channel in kind.by_force:
         size = np.sqrt(np.mean(fine[channel] ** 2))
-        if size > 10.0 * UNSEEN[channel[-1]]:
+        if size > 10.0 * UNOBSERVED[channel[-1]]:
             assert np.sqrt(np.mean((coarse[channel] - fine[channel]) ** 2)) < 0.05 * size
 
 
@@ -74,12 +74,12 @@ def test_an_effect_says_what_it_needs_to_be_found(kind):
     assert kind.__doc__
     assert "docs/model.md (" in kind.__doc__
     assert "Source: " in kind.__doc__
-    assert any(told.switch for told in kind.parameters.values())
-    for key, told in kind.parameters.items():
-        assert told.lower <= told.typical <= told.upper
-        assert told.prior_sd > 0.0
+    assert any(reported.switch for reported in kind.parameters.values())
+    for key, reported in kind.parameters.items():
+        assert reported.lower <= reported.typical <= reported.upper
+        assert reported.prior_sd > 0.0
         assert key in kind.__struct_fields__
-        assert not told.switch or told.lower <= 0.0 <= told.upper
+        assert not reported.switch or reported.lower <= 0.0 <= reported.upper
     for tie in kind.ties:
         assert tie.gauge
         assert tie.where
@@ -90,8 +90,8 @@ def test_an_effect_says_what_it_needs_to_be_found(kind):
 
 @KIND
 def test_a_value_out_of_bounds_is_refused_with_effect_and_unit(kind):
-    for key, told in kind.parameters.items():
-        for value in (told.upper * 2.0 + 1.0, float("nan")):
+    for key, reported in kind.parameters.items():
+        for value in (reported.upper * 2.0 + 1.0, float("nan")):
             with pytest.raises(SettingsError, match=rf"effects\..*{key} is .*: give "):
                 msgspec.structs.replace(with_size(kind), **{key: value})
 

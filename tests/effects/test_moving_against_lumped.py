@@ -59,15 +59,15 @@ def modelled(drive, effect):
     values = np.interp(ROWS, TIME, PULLS if drive == FORCE else STROKES)
     drives = {"tension_in" if drive == FORCE else "displacement_in": values}
     warm = np.interp(ROWS, TIME, TEMPERATURE)
-    seen = [
+    observed = [
         moment.transmission
         for moment in simulate(ROWS, ROUTE, changed(RIG, effects=(effect,)), temperature=warm, **drives)
     ]
     return {
-        "tension_in_N": np.array([one.tension_in for one in seen]),
-        "tension_out_N": np.array([one.tension_out for one in seen]),
-        "elongation_m": np.array([one.elongation for one in seen]),
-        "displacement_out_m": np.array([one.displacement_out for one in seen]),
+        "tension_in_N": np.array([one.tension_in for one in observed]),
+        "tension_out_N": np.array([one.tension_out for one in observed]),
+        "elongation_m": np.array([one.elongation for one in observed]),
+        "displacement_out_m": np.array([one.displacement_out for one in observed]),
     }
 
 
@@ -80,10 +80,10 @@ def base(drive):
 @pytest.mark.parametrize("name", NAMES)
 def test_the_signature_on_a_moving_route_is_the_referees(name, drive):
     plain, ours = base(drive)
-    seen, mine = refereed(drive, **PHYSICS[name]), modelled(drive, with_size(KINDS[name]))
+    observed, mine = refereed(drive, **PHYSICS[name]), modelled(drive, with_size(KINDS[name]))
     compared = 0
     for channel in ours:
-        wanted = seen[channel] - plain[channel]
+        wanted = observed[channel] - plain[channel]
         missed = np.sqrt(np.mean((mine[channel] - ours[channel] - wanted) ** 2))
         size = np.sqrt(np.mean(wanted**2))
         if channel != drive and size > LEAST[channel[-1]]:

@@ -24,7 +24,7 @@ NAMES = (
 @pytest.mark.parametrize("name", NAMES)
 def test_friction_compliance_and_effect_come_back_within_their_errors(name):
     kind, truth = KINDS[name], refereed(FORCE, **PHYSICS[name])
-    keys = [key for key, told in kind.parameters.items() if told.fitted]
+    keys = [key for key, reported in kind.parameters.items() if reported.fitted]
     typical = np.array([kind.parameters[key].typical for key in keys])
     rng = np.random.default_rng(5)
     data = {c: truth[c] + sd * rng.standard_normal(len(truth[c])) for c, sd in NOISE.items()}
@@ -33,8 +33,8 @@ def test_friction_compliance_and_effect_come_back_within_their_errors(name):
         tendon = Tendon(pretension_N=2.0, compliance_per_N=3.16e-4 * x[0])
         rig = Rig(tendon=tendon, friction=Friction(coefficient=0.145 * x[1]), load=RIG.load)
         effect = kind(**dict(zip(keys, (typical * x[2:]).tolist(), strict=True)))
-        seen = predict(RUNS[FORCE], ARCS, rig, [effect])
-        return np.concatenate([(seen[c] - data[c]) / sd for c, sd in NOISE.items()])
+        observed = predict(RUNS[FORCE], ARCS, rig, [effect])
+        return np.concatenate([(observed[c] - data[c]) / sd for c, sd in NOISE.items()])
 
     start = [1.0, 1.0, *(0.7 if kind.parameters[key].switch else 1.3 for key in keys)]
     fit = least_squares(missed, start, method="lm", diff_step=1e-4)

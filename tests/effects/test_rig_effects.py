@@ -46,9 +46,9 @@ def test_every_effect_is_saved_and_read_back(tmp_path, kind):
         ("ratio = 1.0", r"effects\[0\]: .*`name`.*effects are load_dependent_friction"),
     ],
 )
-def test_a_wrong_effect_is_refused_with_what_there_is(tmp_path, text, told):
+def test_a_wrong_effect_is_refused_with_what_there_is(tmp_path, text, reported):
     path = written(tmp_path, "[[effects]]\n" + text)
-    with pytest.raises(SettingsError, match=told) as caught:
+    with pytest.raises(SettingsError, match=reported) as caught:
         read_rig(path)
     assert str(path) in str(caught.value)
     assert "\n" not in str(caught.value)

@@ -59,12 +59,14 @@ def test_the_sweep_is_the_balance_of_all_contacts(name, drive):
 def test_the_base_is_the_corner_list(pulls):
     rig = Rig(tendon=Tendon(pretension_N=2.0))
     run = {"time_s": np.arange(len(pulls), dtype=float), FORCE: np.array(pulls)}
-    seen, state = predict(run, ARCS, rig, bars=60), profile.pretensioned(rig)
+    observed, state = predict(run, ARCS, rig, bars=60), profile.pretensioned(rig)
     for i, pull in enumerate(pulls):
         state = profile.step(state, pull, rig.friction.coefficient)
         exact = transmit(state, ARCS, rig)
-        assert seen["tension_out_N"][i] == pytest.approx(exact.tension_out, abs=1e-9)  # exact for any bars
-        assert seen["elongation_m"][i] == pytest.approx(exact.elongation, abs=2e-6)  # 60 bars, 3e-3 m
+        assert observed["tension_out_N"][i] == pytest.approx(
+            exact.tension_out, abs=1e-9
+        )  # exact for any bars
+        assert observed["elongation_m"][i] == pytest.approx(exact.elongation, abs=2e-6)  # 60 bars, 3e-3 m
 
 
 # Behind backlash or a fitting at the drive the position does not tell the tension; where the steps within a
@@ -117,17 +119,17 @@ def test_slow_and_fast_runs_are_one_where_no_effect_asks_for_time():
 
 def test_a_tendon_that_is_given_more_than_it_takes_hangs_slack():
     run = {"time_s": np.arange(4.0), POSITION: np.array([0.0, 3e-3, -2e-3, 3e-3])}
-    seen = predict(run, ARCS, RIG)
-    assert seen["tension_in_N"][2] == 0.0
-    assert seen["tension_out_N"][2] == 0.0
-    assert seen["tension_in_N"][3] == pytest.approx(seen["tension_in_N"][1], rel=1e-9)
+    observed = predict(run, ARCS, RIG)
+    assert observed["tension_in_N"][2] == 0.0
+    assert observed["tension_out_N"][2] == 0.0
+    assert observed["tension_in_N"][3] == pytest.approx(observed["tension_in_N"][1], rel=1e-9)
 
 
 def test_a_dead_weight_keeps_its_tension_and_runs_away_beyond_the_cone():
     rig = Rig(tendon=Tendon(pretension_N=5.0), load=Load(stiffness_N_per_m=0.0))
-    seen = predict({"time_s": TIME[:40], POSITION: 1e-3 * TIME[:40]}, ARCS, rig)
-    assert seen["tension_out_N"] == pytest.approx(np.full(40, 5.0), abs=1e-12)
-    assert seen["displacement_out_m"][-1] > 1e-3
+    observed = predict({"time_s": TIME[:40], POSITION: 1e-3 * TIME[:40]}, ARCS, rig)
+    assert observed["tension_out_N"] == pytest.approx(np.full(40, 5.0), abs=1e-12)
+    assert observed["displacement_out_m"][-1] > 1e-3
     with pytest.raises(FitError, match=r"no equilibrium .* at 1 s, tension_in_N 20"):
         predict({"time_s": np.arange(3.0), FORCE: np.array([5.0, 20.0, 5.0])}, ARCS, rig)
 
@@ -185,8 +187,8 @@ def test_bars_follow_bends_and_begin_small():
         ({"time_s": TIME, FORCE: TIME}, (ChannelLag(lag_s=0.1), ChannelLag(lag_s=0.2)), r"lags twice"),
     ],
 )
-def test_a_run_that_cannot_be_gone_through_is_refused(run, effects, told):
-    with pytest.raises(SettingsError, match=told):
+def test_a_run_that_cannot_be_gone_through_is_refused(run, effects, reported):
+    with pytest.raises(SettingsError, match=reported):
         predict(run, ARCS, RIG, effects)
 
 
@@ -249,12 +251,12 @@ def test_a_calmed_drive_leaves_no_noise_locked_in_a_hold():
     errors = []
     for seed in range(8):
         time, pulls, read = noisy(seed)
-        seen = [
+        observed = [
             predict({"time_s": time, FORCE: d}, ARCS, RIG)["tension_out_N"]
             for d in (pulls, read, calmed(read, 0.05))
         ]
         held = (time > 4.5) & (time < 6.0)
-        errors.append([np.mean((s - seen[0])[held]) for s in seen[1:]])
+        errors.append([np.mean((s - observed[0])[held]) for s in observed[1:]])
     raw, calm = np.mean(errors, axis=0)
     assert raw > 0.04  # near one standard deviation of the noise, the same in every run
     assert abs(calm) < 0.02

@@ -201,8 +201,8 @@ def test_g6_friction_by_curvature_is_friction_on_a_route_of_one_curvature():
 
 def test_g7_friction_by_load_is_friction_where_the_tension_is_one():
     bend = Arcs.exact(np.array([0.5]), np.array([0.02]))  # the tension rises by 0.3 %
-    seen = dragged(1e-3, LoadDependentFriction(exponent=-0.2), arcs=bend) - 5.0
-    assert seen == pytest.approx(dragged(1e-3, rig=rubbing(0.5**-0.2), arcs=bend) - 5.0, rel=NEARLY)
+    observed = dragged(1e-3, LoadDependentFriction(exponent=-0.2), arcs=bend) - 5.0
+    assert observed == pytest.approx(dragged(1e-3, rig=rubbing(0.5**-0.2), arcs=bend) - 5.0, rel=NEARLY)
 
 
 def test_g8_asymmetry_is_friction_as_long_as_all_is_pulled():

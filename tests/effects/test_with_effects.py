@@ -193,12 +193,12 @@ def test_the_drive_may_change_between_tension_and_position(name):
     rig = with_effects(with_size(KINDS[name]))
     state = driven(rig, (5.0, 14.0, 9.0))
     for time in (3.0, 5.0):
-        place = state.along.displacement_in
-        state = step(state, ARCS, rig, displacement_in=place, time=time)
+        position = state.along.displacement_in
+        state = step(state, ARCS, rig, displacement_in=position, time=time)
         state = step(state, ARCS, rig, tension_in=state.tension_in, time=time + 1.0)
         # by speed and with creep two seconds more are not nothing; 1 µm is 3 mN
         slack = 2e-4 if name in (*BY_SPEED, "creep") else 1e-9
-        assert state.along.displacement_in == pytest.approx(place, abs=slack)
+        assert state.along.displacement_in == pytest.approx(position, abs=slack)
         assert state.tension_in == pytest.approx(9.0, abs=3e3 * slack)
 
 

@@ -45,7 +45,7 @@ def campaign(tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
-def found(campaign):
+def result(campaign):
     """What the workflow finds in a campaign."""
 
     @cache

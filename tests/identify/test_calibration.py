@@ -34,22 +34,22 @@ def run_of(noise=0.0, seed=1, tension=TENSION, **left_out):
 
 
 def test_exact_readings_give_back_friction_compliance_and_zeros():
-    found = calibrate(run_of(), HALF, Rig()).estimates
+    result = calibrate(run_of(), HALF, Rig()).estimates
     # What is left of the slack above 4 N, 31 µm, is met by another law: to some 1e-4 of what is fitted.
-    assert found["friction"].value == pytest.approx(MU, rel=1e-4)
-    assert found["compliance"].value == pytest.approx(RHO, rel=2e-3)
-    assert found["tension_out_offset"].value == pytest.approx(OFFSET, abs=1e-3)
-    assert found["elongation_offset"].value == pytest.approx(SLACK, abs=5e-6)
+    assert result["friction"].value == pytest.approx(MU, rel=1e-4)
+    assert result["compliance"].value == pytest.approx(RHO, rel=2e-3)
+    assert result["tension_out_offset"].value == pytest.approx(OFFSET, abs=1e-3)
+    assert result["elongation_offset"].value == pytest.approx(SLACK, abs=5e-6)
 
 
 def test_noisy_readings_are_met_within_the_intervals():
-    found = calibrate(run_of(noise=0.03), HALF, Rig()).estimates
+    result = calibrate(run_of(noise=0.03), HALF, Rig()).estimates
     truth = {"friction": MU, "compliance": RHO, "tension_out_offset": OFFSET, "elongation_offset": SLACK}
     for name, value in truth.items():
-        told = found[name]
-        reach = told.high - told.value
-        assert told.observable
-        assert abs(told.value - value) < 1.5 * reach, name  # 3 standard errors: one draw
+        reported = result[name]
+        reach = reported.high - reported.value
+        assert reported.observable
+        assert abs(reported.value - value) < 1.5 * reach, name  # 3 standard errors: one draw
         assert reach < 0.02 * abs(value) + 0.02 * (name == "tension_out_offset"), name
 
 
@@ -65,16 +65,16 @@ def test_an_uncertain_angle_widens_the_interval_of_the_friction_as_much():
 
 
 def test_a_run_without_distal_tension_still_tells_friction_and_not_its_zero():
-    found = calibrate(run_of(noise=0.03, tension_out=None), HALF, Rig())
-    assert found.estimates["friction"].value == pytest.approx(MU, rel=0.03)
-    assert not found.estimates["tension_out_offset"].observable
-    assert any("no tension_out_N" in warning for warning in found.warnings)
+    result = calibrate(run_of(noise=0.03, tension_out=None), HALF, Rig())
+    assert result.estimates["friction"].value == pytest.approx(MU, rel=0.03)
+    assert not result.estimates["tension_out_offset"].observable
+    assert any("no tension_out_N" in warning for warning in result.warnings)
 
 
 def test_a_run_without_elongation_tells_no_compliance_and_leaves_that_of_the_rig():
-    found = calibrate(run_of(noise=0.03, elongation=None), HALF, Rig())
-    assert not found.estimates["compliance"].observable
-    applied = found.applied(Rig())
+    result = calibrate(run_of(noise=0.03, elongation=None), HALF, Rig())
+    assert not result.estimates["compliance"].observable
+    applied = result.applied(Rig())
     assert applied.tendon.compliance_per_N == Rig().tendon.compliance_per_N
     assert applied.friction.coefficient == pytest.approx(MU, rel=0.03)
 
@@ -83,13 +83,13 @@ def test_far_off_readings_hardly_count():
     run = run_of(noise=0.03)
     out = np.array(run.tension_out)
     out[::40] += 5.0
-    found = calibrate(Measured(run.time, run.tension_in, None, out, run.elongation), HALF, Rig())
-    assert found.estimates["friction"].value == pytest.approx(MU, rel=0.02)
+    result = calibrate(Measured(run.time, run.tension_in, None, out, run.elongation), HALF, Rig())
+    assert result.estimates["friction"].value == pytest.approx(MU, rel=0.02)
 
 
 def test_a_pull_alone_is_warned_of():
-    found = calibrate(run_of(noise=0.03, tension=TENSION[:150]), HALF, Rig())
-    assert any("never turns back" in warning for warning in found.warnings)
+    result = calibrate(run_of(noise=0.03, tension=TENSION[:150]), HALF, Rig())
+    assert any("never turns back" in warning for warning in result.warnings)
 
 
 def test_a_straight_route_is_refused():
@@ -108,21 +108,21 @@ def test_the_drive_between_turns_is_monotone_and_its_peak_is_not_that_of_the_noi
     peaks = []
     for seed in range(20):
         rng = np.random.default_rng(seed)
-        seen = legs(TENSION + 0.1 * rng.standard_normal(len(TENSION)))
-        assert len(seen.turns) == 1
-        assert np.all(np.diff(seen.values[: seen.turns[0]]) >= 0)
-        assert np.all(np.diff(seen.values[seen.turns[0] :]) <= 0)
-        peaks.append(seen.turn_values[0] - TENSION.max())
+        observed = legs(TENSION + 0.1 * rng.standard_normal(len(TENSION)))
+        assert len(observed.turns) == 1
+        assert np.all(np.diff(observed.values[: observed.turns[0]]) >= 0)
+        assert np.all(np.diff(observed.values[observed.turns[0] :]) <= 0)
+        peaks.append(observed.turn_values[0] - TENSION.max())
     # The largest raw reading is some 0.1 N too high; the error of the line is about half of the noise.
     assert abs(np.mean(peaks)) < 3 * 0.05 / math.sqrt(20) + 0.02
 
 
 def test_a_turn_lies_where_its_flatter_side_ends():
-    place = np.arange(120.0)
-    drive = np.where(place < 90.4, 5.0 + 0.02 * place, 5.0 + 0.02 * 90.4 - 0.5 * (place - 90.4))
-    (found,) = legs(drive).turn_values
+    position = np.arange(120.0)
+    drive = np.where(position < 90.4, 5.0 + 0.02 * position, 5.0 + 0.02 * 90.4 - 0.5 * (position - 90.4))
+    (result,) = legs(drive).turn_values
     # the flatter side is off by what it rises in a part of a step; the other by some 0.2 N
-    assert found == pytest.approx(5.0 + 0.02 * 90.4, abs=0.02)
+    assert result == pytest.approx(5.0 + 0.02 * 90.4, abs=0.02)
 
 
 def test_the_paper_s_rig_is_found_from_a_rig_that_is_twice_off():
@@ -138,8 +138,8 @@ def test_the_paper_s_rig_is_found_from_a_rig_that_is_twice_off():
         ends.elongation + slack + 5e-6 * rng.standard_normal(len(TIME)),
     )
     off = Rig(friction=Friction(coefficient=0.29), tendon=Tendon(compliance_per_N=1.6e-4))
-    found = calibrate(run, HALF, off).estimates
+    result = calibrate(run, HALF, off).estimates
     for name, value in (("friction", 0.145), ("compliance", 3.16e-4), ("elongation_offset", 1.69e-3)):
-        reach = found[name].high - found[name].value
-        assert abs(found[name].value - value) < 1.5 * reach, name  # 3 standard errors: one draw
+        reach = result[name].high - result[name].value
+        assert abs(result[name].value - value) < 1.5 * reach, name  # 3 standard errors: one draw
         assert reach < 0.02 * value, name

@@ -11,8 +11,8 @@ from tssgeom.identify.workflow import discover
 from tssgeom.rig import Rig
 
 
-def test_a_clean_campaign_lacks_nothing_and_the_refit_is_told_beside_the_nominal(found, campaign):
-    finding, truth = found(4), campaign(4)[1]
+def test_a_clean_campaign_lacks_nothing_and_the_refit_is_told_beside_the_nominal(result, campaign):
+    finding, truth = result(4), campaign(4)[1]
     assert finding.verdict == "none"
     assert finding.effects == ()
     assert (
@@ -23,59 +23,61 @@ def test_a_clean_campaign_lacks_nothing_and_the_refit_is_told_beside_the_nominal
 
 
 @pytest.mark.parametrize(("seed", "name"), [(1, "load_cell_crosstalk"), (0, "hidden_bend")])
-def test_a_cause_of_half_its_usual_size_is_named_with_its_numbers(found, campaign, seed, name):
-    finding, truth = found(seed, name, 0.5), campaign(seed, name, 0.5)[1]
+def test_a_cause_of_half_its_usual_size_is_named_with_its_numbers(result, campaign, seed, name):
+    finding, truth = result(seed, name, 0.5), campaign(seed, name, 0.5)[1]
     assert [one.names for one in finding.effects] == [(name,)]
     for key, value in truth.parameters[name].items():
-        told = finding.effects[0].parameters[0][key]
-        assert told.value == pytest.approx(value, rel=0.15)  # three standard errors at this size
+        reported = finding.effects[0].parameters[0][key]
+        assert reported.value == pytest.approx(value, rel=0.15)  # three standard errors at this size
     assert finding.rig.effects == finding.effects[0].effects
     assert finding.ranking[0].names == (name,)
     assert not re.search(r"_(m|rad|N|s)\b", finding.sentence)  # units stand beside numbers, not in names
     assert all(one.why_not for one in finding.ranking[1:])
 
 
-def test_the_gap_of_the_held_out_run_falls_with_the_cause_in_the_model(found):
-    told = found(0, "hidden_bend", 0.5).misfit
-    before, after = (beyond_noise(side["held_out"], told.noise) for side in (told.before, told.after))
+def test_the_gap_of_the_held_out_run_falls_with_the_cause_in_the_model(result):
+    reported = result(0, "hidden_bend", 0.5).misfit
+    before, after = (
+        beyond_noise(side["held_out"], reported.noise) for side in (reported.before, reported.after)
+    )
     assert before > 0.5
     assert after < 0.35 * before  # the project's target
 
 
 @pytest.mark.parametrize(("plan", "name"), [("round_turns", "slack_take_up"), ("force_driven", "backlash")])
-def test_a_cause_is_named_whatever_the_drive(found, campaign, plan, name):
-    finding, truth = found(0, name, 1.0, plan), campaign(0, name, 1.0, plan)[1]
+def test_a_cause_is_named_whatever_the_drive(result, campaign, plan, name):
+    finding, truth = result(0, name, 1.0, plan), campaign(0, name, 1.0, plan)[1]
     assert [one.names for one in finding.effects] == [(name,)]
     for key, value in truth.parameters[name].items():
         assert finding.effects[0].parameters[0][key].value == pytest.approx(value, rel=0.1)
 
 
-def test_both_of_a_pair_are_named(found):
+def test_both_of_a_pair_are_named(result):
     pair = ("creep", "tension_out_offset")
-    assert {one.names[0] for one in found(0, pair).effects} == {*pair}
+    assert {one.names[0] for one in result(0, pair).effects} == {*pair}
 
 
-def test_a_cause_without_a_name_is_called_unknown_and_its_shape_is_told(found):
-    finding = found(0, "wandering_load_cell")
+def test_a_cause_without_a_name_is_called_unknown_and_its_shape_is_told(result):
+    finding = result(0, "wandering_load_cell")
     assert finding.verdict == "unknown"
     assert finding.effects == ()
     assert finding.rig.effects == ()
     assert {"tension_N", "cycle", "s_m"} <= {shape.over for shape in finding.missing_shapes}
 
 
-def test_what_was_not_measured_is_said_to_show_nothing(found):
-    finding = found(0, "tension_out_offset", 1.0, "no_tension_out")
+def test_what_was_not_measured_is_said_to_show_nothing(result):
+    finding = result(0, "tension_out_offset", 1.0, "no_tension_out")
     assert finding.verdict == "none"
     assert {"tension_out_offset", "tension_out_gain", "load_cell_crosstalk"} <= finding.unobservable.keys()
 
 
 def test_the_same_seed_gives_the_same_answer_and_progress_grows(campaign):
-    told = []
+    reported = []
     runs = campaign(4)[0]
-    first = discover(runs, seed=3, progress=lambda step, share: told.append(share))
+    first = discover(runs, seed=3, progress=lambda step, share: reported.append(share))
     again = discover(runs, seed=3)
-    assert told == sorted(told)
-    assert told[-1] == 1.0
+    assert reported == sorted(reported)
+    assert reported[-1] == 1.0
     assert [one.evidence for one in first.ranking] == [one.evidence for one in again.ranking] or all(
         a.names == b.names and a.evidence.delta_bic == b.evidence.delta_bic
         for a, b in zip(first.ranking, again.ranking, strict=True)
@@ -83,8 +85,8 @@ def test_the_same_seed_gives_the_same_answer_and_progress_grows(campaign):
     assert first.sentence == again.sentence
 
 
-def test_traces_hold_every_run_with_its_phases_and_the_tension_along_the_route(found, campaign):
-    finding, runs = found(4), campaign(4)[0].runs
+def test_traces_hold_every_run_with_its_phases_and_the_tension_along_the_route(result, campaign):
+    finding, runs = result(4), campaign(4)[0].runs
     assert [trace.run for trace in finding.traces] == [run.name for run in runs]
     for trace, run in zip(finding.traces, runs, strict=True):
         assert trace.tension.shape == (len(trace.time), len(run.route.s))

@@ -54,15 +54,15 @@ def test_a_clean_campaign_leaves_white_noise(fitted):
 def test_the_threshold_is_that_of_its_seed_and_no_lower_than_ten(fitted):
     problem, errors, fit = fitted
     view = screening(problem, fit, variants(problem.stack)[0])
-    told = [threshold(problem, errors, view, seed) for seed in (1, 1, 2)]
-    assert told[0] == told[1]
-    assert min(told) >= 10.0
+    reported = [threshold(problem, errors, view, seed) for seed in (1, 1, 2)]
+    assert reported[0] == reported[1]
+    assert min(reported) >= 10.0
 
 
 def test_where_no_run_is_held_out_the_one_alone_on_its_route_is(campaign):
     runs = campaign(4)[0].runs
-    bare = replace(campaign(4)[0], runs=tuple(replace(run, held_out=False) for run in runs))
-    chosen, notes = readings(bare)
+    plain = replace(campaign(4)[0], runs=tuple(replace(run, held_out=False) for run in runs))
+    chosen, notes = readings(plain)
     assert [run.held_out for run in chosen] == [False] * 4 + [True]
     assert any("held out before anything was fitted" in note for note in notes)
 
@@ -119,8 +119,8 @@ def test_a_drive_that_swings_like_a_sine_is_no_noise():
     uneven = np.sort(time + rng.uniform(-0.04, 0.04, 300))
     for when in (time, uneven):
         swing = 3e-3 * np.sin(2 * np.pi * when / 10.0)
-        seen = reading_noise(swing + 1e-6 * rng.standard_normal(300), when)
-        assert seen == pytest.approx(1e-6, rel=0.35)  # the median of 300 tells it to 8 %
+        observed = reading_noise(swing + 1e-6 * rng.standard_normal(300), when)
+        assert observed == pytest.approx(1e-6, rel=0.35)  # the median of 300 tells it to 8 %
     assert reading_noise(drive, time) < 1e-9
     assert reading_noise(np.round(np.linspace(0.0, 1.0, 300), 1), time) == pytest.approx(0.1 / np.sqrt(12))
 

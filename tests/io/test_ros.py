@@ -30,8 +30,8 @@ def message(kind: str, points: np.ndarray, time: float):
     turn = STORE.types["geometry_msgs/msg/Quaternion"](x=0.0, y=0.0, z=0.0, w=1.0)
     poses = []
     for x, y, z in points.tolist():
-        place = STORE.types["geometry_msgs/msg/Point"](x=x, y=y, z=z)
-        pose = STORE.types["geometry_msgs/msg/Pose"](position=place, orientation=turn)
+        location = STORE.types["geometry_msgs/msg/Point"](x=x, y=y, z=z)
+        pose = STORE.types["geometry_msgs/msg/Pose"](position=location, orientation=turn)
         if kind == PATH:
             pose = STORE.types["geometry_msgs/msg/PoseStamped"](header=header(time), pose=pose)
         poses.append(pose)

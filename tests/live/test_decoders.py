@@ -60,21 +60,21 @@ def outcome(read: Callable[[], Read]) -> Read | str:
 @example(b'{"t": 1, "points": [[1, 1, 1]], "unit": "mm", "id": ' + b"9" * 400 + b"}", None)
 @example(b"x" * (LONGEST_LINE + 1), None)
 def test_a_line_gives_a_frame_or_a_reason(text, unit):
-    found = frame_or_refusal(text, unit)
-    if isinstance(found, Rejected):
-        assert found.reason
-        assert "\n" not in found.reason
+    result = frame_or_refusal(text, unit)
+    if isinstance(result, Rejected):
+        assert result.reason
+        assert "\n" not in result.reason
     else:
-        assert found.points.dtype == np.float64
-        assert found.points.shape[1:] == (3,)
+        assert result.points.dtype == np.float64
+        assert result.points.shape[1:] == (3,)
 
 
 @QUICK
 @given(damaged(MESSAGES), st.booleans())
 def test_a_message_gives_places_or_a_reason(data, mended):
     """With `mended`, the checksum is made right, so that the content is looked at."""
-    found = outcome(lambda: message_in(data, mended))
-    assert isinstance(found, str | None) or found.positions.shape[1:] == (3,)
+    result = outcome(lambda: message_in(data, mended))
+    assert isinstance(result, str | None) or result.positions.shape[1:] == (3,)
 
 
 def message_in(data: bytes, mended: bool) -> Message | None:
@@ -88,8 +88,8 @@ def message_in(data: bytes, mended: bool) -> Message | None:
 @QUICK
 @given(damaged(MESSAGES))
 def test_a_greeting_gives_a_token_or_is_waited_for(data):
-    found = first_string(data)
-    assert found is None or all(isinstance(part, bytes) for part in found)
+    result = first_string(data)
+    assert result is None or all(isinstance(part, bytes) for part in result)
 
 
 @QUICK
@@ -135,8 +135,8 @@ def test_every_frame_is_answered_rejected_or_counted(texts):
 )
 def test_an_address_is_understood_or_refused_in_one_line(text):
     for read in (source_of, sink_of):
-        found = outcome(lambda read=read: read(text))
-        assert isinstance(found, str) or found.scheme in ("-", "none", "tcp", "udp", "igtl", "replay")
+        result = outcome(lambda read=read: read(text))
+        assert isinstance(result, str) or result.scheme in ("-", "none", "tcp", "udp", "igtl", "replay")
 
 
 @settings(max_examples=50, deadline=None)

@@ -20,8 +20,8 @@ class Chain(NamedTuple):
     compliance: np.ndarray  # [b] m/N
     toe: np.ndarray  # [b] m
     toe_scale: np.ndarray  # [b] N
-    gap_per_turn: float  # m/rad
-    gap_scale: float  # N
+    clearance_per_turn: float  # m/rad
+    clearance_scale: float  # N
     expansion: np.ndarray  # [b] m/K
     creep_compliance: np.ndarray  # [b, c] m/N
     creep_time: np.ndarray  # [c] s
@@ -55,8 +55,8 @@ def chain(path: Path, physics: Physics, distal: Distal, force_driven: bool) -> C
         compliance=_ended(rho * bars, p.series_in_m_per_N + rigid, p.series_out_m_per_N + load + rigid),
         toe=_ended(p.toe_strain * bars, p.take_up_in_m, p.take_up_out_m),
         toe_scale=_ended(np.full_like(bars, p.toe_scale_N), p.take_up_in_scale_N, p.take_up_out_scale_N),
-        gap_per_turn=float(p.clearance_m),
-        gap_scale=float(p.clearance_scale_N),
+        clearance_per_turn=float(p.clearance_m),
+        clearance_scale=float(p.clearance_scale_N),
         expansion=_ended(p.expansion_per_K * bars, 0.0, 0.0),
         creep_compliance=np.outer(_ended(rho * bars, 0.0, 0.0), np.array(p.creep_ratios, dtype=float)),
         creep_time=np.array(p.creep_times_s, dtype=float),

@@ -8,13 +8,13 @@ LEAST_LOAD_N = 1e-3  # below it a friction coefficient that depends on the load 
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def stretched(tension, compliance, toe, toe_scale, gap, gap_scale):
+def stretched(tension, compliance, toe, toe_scale, gap, clearance_scale):
     """Return extension [m] of a taut bar beyond its loose length, and its compliance there [m/N].
 
     extension = compliance T + toe (1 − e^(−T/toe_scale)) + gap (1 − e^(−T/gap_scale))
     """
-    a, b = toe * math.exp(-tension / toe_scale), gap * math.exp(-tension / gap_scale)
-    return compliance * tension + (toe - a) + (gap - b), compliance + a / toe_scale + b / gap_scale
+    a, b = toe * math.exp(-tension / toe_scale), gap * math.exp(-tension / clearance_scale)
+    return compliance * tension + (toe - a) + (gap - b), compliance + a / toe_scale + b / clearance_scale
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

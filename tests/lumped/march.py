@@ -21,7 +21,7 @@ HALVINGS = 12
 class State(NamedTuple):
     """What a step leaves to the next."""
 
-    place: np.ndarray  # [k] displacement of the nodes, towards the proximal end [m]
+    position: np.ndarray  # [k] displacement of the nodes, towards the proximal end [m]
     tension: np.ndarray  # [b] N
     friction: np.ndarray  # [k] against motion to the proximal end [N]
     slip: np.ndarray  # [k] of the last step [m]
@@ -106,7 +106,7 @@ def advance(chain, state, rest, goal, span):
 
     Curved laws are straightened about the last pass until the tensions stay; straight laws need one.
     """
-    k = len(state.place)
+    k = len(state.position)
     base, soft = _offers(chain, state, rest, goal, span)
     offset, slope = np.empty(k + 1), np.empty(k + 1)
     up, down = np.empty((k, 3)), np.empty((k, 3))
@@ -114,9 +114,9 @@ def advance(chain, state, rest, goal, span):
     last = tension.copy()
     for done in range(PASSES):
         for j in range(k + 1):
-            gap = chain.gap_per_turn * _turn_of_bar(goal.turns, j)
+            gap = chain.clearance_per_turn * _turn_of_bar(goal.turns, j)
             ext, slope[j] = stretched(
-                last[j], soft[j], chain.toe[j], chain.toe_scale[j], gap, chain.gap_scale
+                last[j], soft[j], chain.toe[j], chain.toe_scale[j], gap, chain.clearance_scale
             )
             offset[j] = ext - slope[j] * last[j] - base[j]
         for i in range(k):
@@ -129,7 +129,7 @@ def advance(chain, state, rest, goal, span):
         change = np.abs(tension - last).max()
         last[:] = tension
         if change < TOLERANCE_N or (chain.straight and done == 0):
-            _settle(chain, state, goal, moved, tension, span)
+            _relaxed(chain, state, goal, moved, tension, span)
             return done + 1
     return -PASSES
 
@@ -143,7 +143,7 @@ def _contact(chain, state, goal, span, i, total, slip, up, down):
     cosine = math.cos(0.5 * goal.turns[i])
     pulling, releasing = grip(chain, goal.turns[i], state.travel[i], total, i)
     factor, extra = 1.0, 0.0
-    if chain.by_speed and 0 < i < len(state.place) - 1:
+    if chain.by_speed and 0 < i < len(state.position) - 1:
         kept = math.exp(-span / chain.speed_lag) if chain.speed_lag > 0.0 else 0.0
         fresh = (1.0 - kept) / span
         factor, rise = speed_factor(kept * state.speed[i] + fresh * slip, chain.speed_law)
@@ -160,11 +160,11 @@ def _contact(chain, state, goal, span, i, total, slip, up, down):
 @njit(cache=True, nogil=True, error_model="numpy")
 def _offers(chain, state, rest, goal, span):
     """Return extension [m] of each bar if no node moves, and its compliance [m/N], creep included."""
-    k = len(state.place)
+    k = len(state.position)
     base, soft = rest + goal.growth - chain.expansion * goal.warmth, chain.compliance.copy()
     for j in range(k + 1):
-        left = state.place[j - 1] if j > 0 else (0.0 if chain.force_driven else goal.drive)
-        right = state.place[j] if j < k else 0.0
+        left = state.position[j - 1] if j > 0 else (0.0 if chain.force_driven else goal.drive)
+        right = state.position[j] if j < k else 0.0
         base[j] += left - right
         for c in range(len(chain.creep_time)):
             kept, share_old, share_new = _creep_weights(span / chain.creep_time[c])
@@ -187,7 +187,7 @@ def _turn_of_bar(turns, j):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _settle(chain, state, goal, moved, tension, span):
+def _relaxed(chain, state, goal, moved, tension, span):
     for c in range(len(chain.creep_time)):
         kept, share_old, share_new = _creep_weights(span / chain.creep_time[c])
         pulled = share_old * state.tension + share_new * tension
@@ -197,7 +197,7 @@ def _settle(chain, state, goal, moved, tension, span):
         loss = tension[i] - tension[i + 1]
         state.work[0] += 0.5 * (state.tension[i] - state.tension[i + 1] + loss) * moved[i]
         state.friction[i] = loss * math.cos(0.5 * goal.turns[i])
-        state.place[i] += moved[i]
+        state.position[i] += moved[i]
         state.slip[i] = moved[i]
         state.travel[i] += abs(moved[i])
         state.speed[i] = kept * state.speed[i] + (1.0 - kept) * abs(moved[i]) / span
@@ -207,16 +207,16 @@ def _settle(chain, state, goal, moved, tension, span):
 @njit(cache=True, nogil=True, error_model="numpy")
 def _rest(chain, state, turns):
     """Return the extension [m] of each bar in the pretensioned state, on its way of loading."""
-    k = len(state.place)
+    k = len(state.position)
     turn = np.zeros(k)
     turn[1:-1] = turns
     rest = np.zeros(k + 1)
     tension = chain.pretension
     for j in range(k + 1):
-        gap = chain.gap_per_turn * _turn_of_bar(turn, j)
+        gap = chain.clearance_per_turn * _turn_of_bar(turn, j)
         rest[j] = (chain.compliance[j] + chain.creep_compliance[j].sum()) * tension
         rest[j] -= chain.toe[j] * math.expm1(-tension / chain.toe_scale[j])
-        rest[j] -= gap * math.expm1(-tension / chain.gap_scale)
+        rest[j] -= gap * math.expm1(-tension / chain.clearance_scale)
     return rest
 
 
@@ -234,9 +234,9 @@ def _between(before, after, share):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _record(records, row, state):
-    tension, place, friction, slip, work = records
+    tension, position, friction, slip, work = records
     tension[row] = state.tension
-    place[row] = state.place
+    position[row] = state.position
     friction[row] = state.friction
     slip[row] = state.slip
     work[row] = state.work[0]

@@ -64,8 +64,8 @@ def from_angle(edges: ArrayLike, angle: ArrayLike, times: Sequence[float] = (0.0
 
 def from_points(points: ArrayLike, times: Sequence[float] = (0.0,)) -> Path:
     """Return the polygon through points [n + 2, 3] or [F, n + 2, 3] [m], from end to end."""
-    place = np.asarray(points, dtype=float)
-    step = np.diff(place[None] if place.ndim == 2 else place, axis=1)
+    position = np.asarray(points, dtype=float)
+    step = np.diff(position[None] if position.ndim == 2 else position, axis=1)
     bars = np.linalg.norm(step, axis=2)
     way = step / bars[:, :, None]
     across = np.linalg.norm(np.cross(way[:, :-1], way[:, 1:]), axis=2)

@@ -71,13 +71,15 @@ def true_channels(run: Run) -> dict[str, np.ndarray]:
 def _read(times: np.ndarray, value: np.ndarray, sensor: Sensor, rng: np.random.Generator) -> np.ndarray:
     phase, shape = rng.uniform(0.0, 2.0 * np.pi, 2)
     wave = 2.0 * np.pi * (times - times[0]) / sensor.drift_time_s + phase
-    seen = sensor.gain * value + sensor.offset + sensor.drift * (np.sin(wave) - np.sin(phase))
+    observed = sensor.gain * value + sensor.offset + sensor.drift * (np.sin(wave) - np.sin(phase))
     if sensor.nonlinearity:
-        seen = seen + sensor.nonlinearity * sensor.full_scale * bend(seen / sensor.full_scale, shape)
-    seen = seen + sensor.noise * rng.standard_normal(len(times))
+        observed = observed + sensor.nonlinearity * sensor.full_scale * bend(
+            observed / sensor.full_scale, shape
+        )
+    observed = observed + sensor.noise * rng.standard_normal(len(times))
     if sensor.resolution:
-        seen = sensor.resolution * np.round(seen / sensor.resolution)
-    return np.clip(seen, -sensor.full_scale, sensor.full_scale)
+        observed = sensor.resolution * np.round(observed / sensor.resolution)
+    return np.clip(observed, -sensor.full_scale, sensor.full_scale)
 
 
 def bend(share: np.ndarray, shape: float) -> np.ndarray:

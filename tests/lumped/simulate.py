@@ -39,7 +39,7 @@ class Run:
     """[F, n + 1] In the bars before, between and behind the vertices [N]."""
     friction: np.ndarray
     """[F, n + 2] On fitting, vertices, fitting; > 0 against motion to the proximal end [N]."""
-    place: np.ndarray
+    position: np.ndarray
     """[F, n + 2] Displacement of the same [m]."""
     sliding: np.ndarray
     """[F, n + 2] In the last substep: −1 slipped to the distal end, 0 stuck, 1 to the proximal end."""
@@ -103,31 +103,31 @@ def simulate(
 
 
 def _run(times, values, celsius, keep, records, effort, longer, path, setting, parts: Chain) -> Run:
-    tension, place, friction, slip, heat = records
+    tension, position, friction, slip, heat = records
     physics, drive, distal = setting
     if drive.kind == "force":
-        lead = place[:, 0] + _extension(tension[:, 0], parts, 0)
-        shown = _play(lead, physics.backlash_m, inverse=True)
+        shift = position[:, 0] + _extension(tension[:, 0], parts, 0)
+        displayed = _play(shift, physics.backlash_m, inverse=True)
     else:
-        shown = values[keep]
+        displayed = values[keep]
     out = {
         "blocked": np.zeros(len(times)),
         "spring": (tension[:, -1] - parts.pretension) / (distal.stiffness_N_per_m or np.inf),
-        "weight": place[:, -1],
+        "weight": position[:, -1],
     }[distal.kind]
     return Run(
         times=times,
         tension_in=tension[:, 0],
         tension_out=tension[:, -1],
-        displacement_in=shown,
+        displacement_in=displayed,
         displacement_out=out,
-        elongation=shown - out,
-        stretch=place[:, 0] - place[:, -1] + longer,
+        elongation=displayed - out,
+        stretch=position[:, 0] - position[:, -1] + longer,
         temperature=celsius,
         stations=path.stations,
         tension=tension[:, 1:-1],
         friction=friction,
-        place=place,
+        position=position,
         sliding=(np.sign(slip) * (np.abs(slip) > STILL_M)).astype(np.int8),
         heat=heat,
         steps=effort[0],

@@ -54,16 +54,16 @@ def test_error_falls_with_the_square_of_the_cell(path):
 
 
 def test_error_of_a_moving_path_falls_with_the_step_in_time():
-    seen = errors([run(moving(40), step) for step in (0.025, 0.0125, 0.00625, 0.0015625)])
+    observed = errors([run(moving(40), step) for step in (0.025, 0.0125, 0.00625, 0.0015625)])
     assert np.all(
-        seen[0] / seen[2] > 3.0
+        observed[0] / observed[2] > 3.0
     )  # 4 for first order, 5 against a reference that is not infinitely fine
-    assert np.all(seen[1] < [0.01, 0.01, 1e-6])
+    assert np.all(observed[1] < [0.01, 0.01, 1e-6])
 
 
 def test_steps_in_time_change_nothing_on_a_static_path():
-    seen = errors([run(static(40), step) for step in (0.025, 0.005)])
-    assert np.all(seen < [1e-6, 1e-6, 1e-10])  # no more than rounding: strokes are monotone between knots
+    observed = errors([run(static(40), step) for step in (0.025, 0.005)])
+    assert np.all(observed < [1e-6, 1e-6, 1e-10])  # no more than rounding: strokes are monotone between knots
 
 
 def test_extrapolated_elongation_of_the_half_circle_is_1_90362_mm():

@@ -93,16 +93,16 @@ def test_a_rough_stretch_counts_by_the_turn_in_it():
 
 
 def test_friction_wears_with_the_travel_of_each_vertex():
-    seen = dragged(HALF, samples=21, wear_gain=0.5, wear_travel_m=1e-3)
-    assert seen[1] < seen[5] < seen[-1]
-    assert seen[-1] == pytest.approx(dragged(HALF, friction=0.145 * 1.5)[-1], abs=1e-4)  # e^-20 is left
+    observed = dragged(HALF, samples=21, wear_gain=0.5, wear_travel_m=1e-3)
+    assert observed[1] < observed[5] < observed[-1]
+    assert observed[-1] == pytest.approx(dragged(HALF, friction=0.145 * 1.5)[-1], abs=1e-4)  # e^-20 is left
 
 
 def test_friction_by_speed_takes_the_speed_of_sliding():
     for speed in (SLOW, 10 * SLOW):
         factor = 1 + 0.1 * math.log1p(speed / SLOW)
-        seen = dragged(HALF, speed=speed, step=0.01, speed_gain=0.1, speed_reference_m_per_s=SLOW)[-1]
-        assert seen == pytest.approx(dragged(HALF, friction=0.145 * factor)[-1], abs=EXACT_N)
+        observed = dragged(HALF, speed=speed, step=0.01, speed_gain=0.1, speed_reference_m_per_s=SLOW)[-1]
+        assert observed == pytest.approx(dragged(HALF, friction=0.145 * factor)[-1], abs=EXACT_N)
 
 
 def test_friction_that_falls_with_speed_settles_after_its_lag():

@@ -27,7 +27,7 @@ def run():
     return simulate(path, Physics(pretension_N=2.0), drive, Distal("spring", 3000.0), times)
 
 
-def seen(run, channel="tension_in_N", seed=0, **faults):
+def observed(run, channel="tension_in_N", seed=0, **faults):
     return measure(run, {channel: Sensor(**faults)}, seed)[channel]
 
 
@@ -47,20 +47,20 @@ def test_a_seed_gives_its_digits_whatever_other_channels_there_are(run):
 
 
 def test_noise_is_white_and_of_its_size(run):
-    noise = seen(run, noise=0.1) - run.tension_in
+    noise = observed(run, noise=0.1) - run.tension_in
     assert noise.std() == pytest.approx(0.1, rel=0.1)  # 1/√4000 = 1.6 % is one standard error
     assert abs(np.corrcoef(noise[1:], noise[:-1])[0, 1]) < 0.1  # 2.2 % is one
 
 
 def test_readings_have_digits_and_an_end(run):
-    read = seen(run, resolution=0.25, full_scale=10.0)
+    read = observed(run, resolution=0.25, full_scale=10.0)
     assert np.all(read % 0.25 == 0.0)
     assert np.abs(read - np.minimum(run.tension_in, 10.0)).max() <= 0.125 + 1e-12  # half a step
     assert read.max() == 10.0
 
 
 def test_gain_and_offset_are_a_straight_line(run):
-    assert seen(run, gain=1.02, offset=-0.3) == pytest.approx(1.02 * run.tension_in - 0.3, abs=1e-12)
+    assert observed(run, gain=1.02, offset=-0.3) == pytest.approx(1.02 * run.tension_in - 0.3, abs=1e-12)
 
 
 @pytest.mark.parametrize("shape", np.linspace(0.0, 6.0, 7))
@@ -72,12 +72,12 @@ def test_nonlinearity_peaks_at_its_size_and_leaves_the_ends(shape):
 
 
 def test_nonlinearity_is_a_share_of_the_full_scale(run):
-    off = seen(run, nonlinearity=2e-3, full_scale=20.0) - run.tension_in
+    off = observed(run, nonlinearity=2e-3, full_scale=20.0) - run.tension_in
     assert 0.01 < np.abs(off).max() <= 0.04 + 1e-9
 
 
 def test_drift_starts_at_nothing_and_is_slow(run):
-    off = seen(run, drift=0.2, drift_time_s=100.0) - run.tension_in
+    off = observed(run, drift=0.2, drift_time_s=100.0) - run.tension_in
     assert off[0] == 0.0
     assert 0.0 < np.abs(off).max() <= 0.4
     assert np.abs(np.diff(off)).max() <= 0.2 * 2 * np.pi / 100.0 * 0.005 * (
@@ -86,7 +86,7 @@ def test_drift_starts_at_nothing_and_is_slow(run):
 
 
 def test_lag_delays_a_ramp_by_its_time_constant(run):
-    lagged = seen(run, lag_s=0.1)
+    lagged = observed(run, lag_s=0.1)
     ramp = (run.times > 2.0) & (run.times < 5.0)
     assert (run.tension_in - lagged)[ramp] == pytest.approx(
         0.1 * 13.0 / 5.0, abs=1e-6
@@ -94,5 +94,5 @@ def test_lag_delays_a_ramp_by_its_time_constant(run):
 
 
 def test_crosstalk_adds_a_share_of_the_other_channel(run):
-    read = seen(run, "tension_out_N", crosstalk={"tension_in_N": 0.03})
+    read = observed(run, "tension_out_N", crosstalk={"tension_in_N": 0.03})
     assert read == pytest.approx(run.tension_out + 0.03 * run.tension_in, abs=1e-12)

@@ -146,21 +146,21 @@ def test_a_file_that_may_not_be_read_does_not_take_the_others_down(run, write_cs
     assert "Permission denied" in outcome.errors[0]
 
 
-GAP = GOOD.copy()
-GAP[15:18] = np.nan
+MISSING = GOOD.copy()
+MISSING[15:18] = np.nan
 OUTLIER = GOOD + np.random.default_rng(4).normal(scale=0.2, size=GOOD.shape)
 OUTLIER[22] += [0.0, 0.0, 20.0]
 
-DOUBTFUL = {
+UNCERTAIN = {
     "repeated points": (GOOD[np.repeat(np.arange(40), 2)], "merged"),
-    "a gap": (GAP, "3 points not seen"),
+    "a gap": (MISSING, "3 points not seen"),
     "one outlier": (OUTLIER, "1 outlying point"),
 }
 
 
-@pytest.mark.parametrize("case", DOUBTFUL)
+@pytest.mark.parametrize("case", UNCERTAIN)
 def test_a_doubtful_shape_is_used_with_a_warning(run, write_csv, case):
-    points, expected = DOUBTFUL[case]
+    points, expected = UNCERTAIN[case]
     output = json.loads(run("analyse", write_csv("doubt.csv", points), "--json").out)
     assert any(expected in warning for warning in output["warnings"])
     assert output["total_angle_rad"] == pytest.approx(math.pi, rel=0.02)

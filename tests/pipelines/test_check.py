@@ -109,8 +109,8 @@ def test_a_rig_and_a_mesh_are_reported(run, tmp_path):
 
 
 def test_what_is_wrong_is_reported_with_the_remedy_and_the_rest_is_checked(run, half, write_csv):
-    bare = write_csv("bare.csv", np.zeros((5, 3)), "x,y,z")
-    outcome = run("check", bare, half)
+    plain = write_csv("bare.csv", np.zeros((5, 3)), "x,y,z")
+    outcome = run("check", plain, half)
     assert outcome.status == 1
     assert outcome.errors[0].endswith("or give --unit mm|m")
     assert "half.csv: shape in mm" in outcome.out

@@ -8,14 +8,14 @@ import pytest
 QUICK = ("--trials", "20", "--most-beta-deg", "720")
 
 
-def told_by(run, half, *options):
+def reported_by(run, half, *options):
     outcome = run("remedy", "--shape", half, *QUICK, *options, "--json")
     assert outcome.status == 0
     return json.loads(outcome.out)
 
 
 def test_the_table_has_the_scaling_its_price_and_the_release(run, half):
-    output = told_by(run, half)
+    output = reported_by(run, half)
     with_curve = output["cases"]["same_tension_in"]
     assert with_curve["scaling_factor"] == pytest.approx(math.exp(-0.145 * 2 * math.pi), rel=1e-12)
     assert with_curve["release_amplification"] == pytest.approx(2.487, abs=0.0005)  # as printed
@@ -31,7 +31,7 @@ def test_the_table_has_the_scaling_its_price_and_the_release(run, half):
     ("percent", "verdict"), [("50", "none needed"), ("4", "curve"), ("0.01", "out of reach")]
 )
 def test_the_recommendation_keeps_the_tolerance_or_reports_that_none_can(run, half, percent, verdict):
-    output = told_by(run, half, "--tolerance-percent", percent)
+    output = reported_by(run, half, "--tolerance-percent", percent)
     recommended = output["recommendation"]
     assert recommended["verdict"] == verdict
     if verdict == "curve":

@@ -35,9 +35,9 @@ def filmed(tmp_path_factory) -> Path:
         for k, image in enumerate(board_images(lens, board, poses, v)):
             cv2.imwrite(str(folder / "boards" / f"cam{v}" / f"{k}.png"), image)
         film = cv2.VideoWriter(str(folder / f"cam{v}.avi"), cv2.VideoWriter_fourcc(*"FFV1"), 25.0, (480, 360))
-        for f, (places, _) in enumerate(routes()):
-            balls = [Ball(position, 0.005) for position in places]
-            x, y = lens.project(places[5:6])[0].astype(int)
+        for f, (locations, _) in enumerate(routes()):
+            balls = [Ball(position, 0.005) for position in locations]
+            x, y = lens.project(locations[5:6])[0].astype(int)
             hidden = [(v, x - 9, y - 9, x + 10, y + 10)] if v == 1 and f == 2 else []
             film.write(render(lens, Scene(balls, covers=hidden), v, f))
         film.release()
@@ -64,8 +64,8 @@ def films(filmed):
 def test_a_calibration_from_boards_reads_back_with_both_cameras_in_one_frame(calibration):
     one, two = read_cameras(calibration)
     assert (one.name, two.name) == ("cam0", "cam1")
-    apart = np.linalg.norm(LENSES[1].place - LENSES[0].place)
-    assert np.linalg.norm(two.place - one.place) == pytest.approx(
+    apart = np.linalg.norm(LENSES[1].position - LENSES[0].position)
+    assert np.linalg.norm(two.position - one.position) == pytest.approx(
         apart, rel=0.01
     )  # the s.e. of eight boards is 3 ‰
 
@@ -110,11 +110,11 @@ def test_the_picture_has_each_image_the_markers_in_space_and_how_sure_they_are(
         assert len(images) == FRAMES
         shape = cv2.imdecode(np.array(images[0][0], np.uint8), cv2.IMREAD_COLOR).shape
         assert shape == (360 + HEADING, 480, 3)
-    placed = columns(picture, "/sensed", timed=True)
+    located = columns(picture, "/sensed", timed=True)
     counts = [COUNT - (f == 2) for f in range(FRAMES)]  # one marker is hidden once
-    assert [len(row) for row in placed["Points3D:positions"]] == counts
+    assert [len(row) for row in located["Points3D:positions"]] == counts
     points = [frame.points for frame in open_recording(tmp_path / "run.jsonl").frames]
-    np.testing.assert_allclose(placed["Points3D:positions"][0], points[0], atol=1e-6)  # single precision
+    np.testing.assert_allclose(located["Points3D:positions"][0], points[0], atol=1e-6)  # single precision
     (text,) = columns(picture, "/summary", timed=False)["TextDocument:text"][0]
     assert f"**{COUNT} markers** along the sheath in {FRAMES} frames" in text
     assert views(picture).count("2D") == 2

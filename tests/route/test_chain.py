@@ -64,8 +64,8 @@ def test_normal_equations_are_those_of_finite_differences(start, free):
     jacobian = np.empty((60, 3, m))
     for i in range(m):
         step = 1e-6 * np.eye(m)[i]
-        ahead, behind = (along(s, *_moved(v, start, free))[0] for v in (step, -step))
-        jacobian[:, :, i] = (ahead - behind) / 2e-6
+        forward, behind = (along(s, *_moved(v, start, free))[0] for v in (step, -step))
+        jacobian[:, :, i] = (forward - behind) / 2e-6
     across = np.eye(3) - (tangent[:, :, None] * tangent[:, None, :] if free else 0.0)
     metric = across * weight[:, None, None] if free else np.eye(3) * weight[:, None, None]
     data = Data(points, weight, free, 0.0, 0.4 / 60)
@@ -92,8 +92,8 @@ def test_rows_of_directions_are_those_of_finite_differences(start, free):
     jacobian = np.empty((60, 3, m))
     for i in range(m):
         step = 1e-6 * np.eye(m)[i]
-        ahead, behind = (along(s, *_moved(v, start, free))[1] for v in (step, -step))
-        jacobian[:, :, i] = (ahead - behind) / 2e-6
+        forward, behind = (along(s, *_moved(v, start, free))[1] for v in (step, -step))
+        jacobian[:, :, i] = (forward - behind) / 2e-6
     metric = (np.eye(3) - tangent[:, :, None] * tangent[:, None, :]) * weight[:, None, None]
     # points on the chain have no residual; their share is taken off again
     alone = Data(read_only(here), np.ones(60), free, 0.0, 0.4 / 60)
@@ -131,14 +131,14 @@ def test_the_estimate_has_the_true_pieces(sensed, course, count, known):
     right = 0
     for seed in range(6):
         points, s = sensed(course, 200, 3e-4, seed)
-        found = measure(clean(points, s if known else None))
-        right += found.arcs.method == "arcs" and len(found.arcs.length) == count
+        result = measure(clean(points, s if known else None))
+        right += result.arcs.method == "arcs" and len(result.arcs.length) == count
     assert right >= 5  # 98 % each: two wrong of six have a chance of 0.6 %
 
 
 def test_the_estimate_of_a_straight_route_has_no_angle_at_all(sensed):
-    found = measure(clean(sensed(LINE, 100, 5e-4)[0]))
-    assert found.arcs.total_angle == 0.0
+    result = measure(clean(sensed(LINE, 100, 5e-4)[0]))
+    assert result.arcs.total_angle == 0.0
 
 
 @pytest.mark.parametrize("course", [setup_a(), SIX])
@@ -158,35 +158,35 @@ def test_the_error_bars_of_the_chain_are_right(sensed, course, known):
     z = []
     for seed in range(24):
         points, s = sensed(course, 120, 4e-4, seed + 100)
-        found = measure(clean(points, s if known else None), method="arcs").arcs
-        z.append((found.total_angle - course.total_angle) / found.total_angle_se)
+        result = measure(clean(points, s if known else None), method="arcs").arcs
+        z.append((result.total_angle - course.total_angle) / result.total_angle_se)
     spread = np.sqrt(np.mean(np.square(z)))
     assert 0.6 < spread < 1.45  # 24 draws: four standard deviations of 0.144 about 1
 
 
 def test_smooth_routes_stay_with_the_spline(sensed):
     for seed in range(4):
-        found = measure(clean(sensed(colon(), 200, 3e-4, seed)[0]))
-        assert found.arcs.method == "spline"
+        result = measure(clean(sensed(colon(), 200, 3e-4, seed)[0]))
+        assert result.arcs.method == "spline"
 
 
 @pytest.mark.parametrize("course", [half_circle(), SIX, colon()])
 @pytest.mark.parametrize("method", ["auto", "spline", "arcs"])
 def test_pieces_profile_and_route_agree(sensed, course, method):
-    found = measure(clean(sensed(course, 100, 3e-4)[0]), method=method)
-    assert found.arcs.total_length == pytest.approx(found.profile.length, rel=1e-12)
-    assert found.arcs.total_angle == pytest.approx(found.profile.total_angle, rel=1e-12)
-    assert found.arcs.total_angle_se == pytest.approx(found.profile.total_angle_se, rel=1e-6)
-    assert found.route.s[-1] == pytest.approx(found.profile.length, rel=1e-12)
-    step = np.linalg.norm(np.diff(found.route.position, axis=0), axis=1)
-    np.testing.assert_allclose(step, np.diff(found.route.s), rtol=2e-2, atol=1e-6)
+    result = measure(clean(sensed(course, 100, 3e-4)[0]), method=method)
+    assert result.arcs.total_length == pytest.approx(result.profile.length, rel=1e-12)
+    assert result.arcs.total_angle == pytest.approx(result.profile.total_angle, rel=1e-12)
+    assert result.arcs.total_angle_se == pytest.approx(result.profile.total_angle_se, rel=1e-6)
+    assert result.route.s[-1] == pytest.approx(result.profile.length, rel=1e-12)
+    step = np.linalg.norm(np.diff(result.route.position, axis=0), axis=1)
+    np.testing.assert_allclose(step, np.diff(result.route.s), rtol=2e-2, atol=1e-6)
 
 
 def test_exact_points_give_the_chain_to_rounding(sensed):
-    found = measure(clean(sensed(SIX, 200, 0.0)[0]), method="arcs")
-    assert found.arcs.total_angle == pytest.approx(SIX.total_angle, rel=1e-6)
+    result = measure(clean(sensed(SIX, 200, 0.0)[0]), method="arcs")
+    assert result.arcs.total_angle == pytest.approx(SIX.total_angle, rel=1e-6)
     for joint in np.cumsum(SIX.length)[:-1]:
-        assert np.min(np.abs(found.arcs.s_start - joint)) < 1e-6
+        assert np.min(np.abs(result.arcs.s_start - joint)) < 1e-6
 
 
 def test_the_error_of_the_length_holds_what_the_turned_end_adds(sensed):
@@ -208,7 +208,7 @@ def test_the_foot_of_the_last_point_slides_as_in_finite_differences(start):
     """A parameter that carries the end of the chain forwards leaves the foot behind."""
     end, step = 0.4, 1e-6
     point = along(np.array([end]), *start, JOINTS, BEND)[0][0]
-    found = slide_of_end(_chain(*start, JOINTS, BEND, np.array([0.0, end])))
+    result = slide_of_end(_chain(*start, JOINTS, BEND, np.array([0.0, end])))
 
     def foot(values):
         moved, s = _moved(values, start, True), end
@@ -217,11 +217,11 @@ def test_the_foot_of_the_last_point_slides_as_in_finite_differences(start):
             s -= float((position[0] - point) @ tangent[0])
         return s
 
-    for a in range(len(found)):
-        way = np.zeros(len(found))
+    for a in range(len(result)):
+        way = np.zeros(len(result))
         way[a] = step
         # second differences of the foot are some units of the parameters
-        assert found[a] == pytest.approx((foot(way) - foot(-way)) / (2 * step), rel=1e-5, abs=1e-7)
+        assert result[a] == pytest.approx((foot(way) - foot(-way)) / (2 * step), rel=1e-5, abs=1e-7)
 
 
 def test_a_chain_that_has_turned_far_keeps_its_axes_at_right_angles(start):
@@ -230,9 +230,9 @@ def test_a_chain_that_has_turned_far_keeps_its_axes_at_right_angles(start):
     points = along(s, position, axes, JOINTS, BEND)[0]
     astray = _chain(position, _turned(axes, 0.3 * axes[1]), JOINTS, BEND, s)
     data = Data(points, np.ones(60), False, 0.0, 0.4 / 60)
-    found = fit_fixed_pieces(data, astray)
-    assert found.cost < 1e-12  # exact points are met
-    np.testing.assert_allclose(found.axes @ found.axes.T, np.eye(3), atol=1e-12)  # rounding
+    result = fit_fixed_pieces(data, astray)
+    assert result.cost < 1e-12  # exact points are met
+    np.testing.assert_allclose(result.axes @ result.axes.T, np.eye(3), atol=1e-12)  # rounding
 
 
 def test_a_covariance_is_propagated_to_what_follows_from_the_parameters():
@@ -240,6 +240,6 @@ def test_a_covariance_is_propagated_to_what_follows_from_the_parameters():
     root, gradient = rng.standard_normal((12, 12)), rng.standard_normal((5, 12))
     matrix = root @ root.T + np.diag(10.0 ** rng.uniform(-3, 3, 12))
     expected = gradient @ np.linalg.solve(matrix, gradient.T)
-    found = propagated(*factor(matrix, 0.0), gradient)
+    result = propagated(*factor(matrix, 0.0), gradient)
     # the condition of the scaled matrix is some hundreds
-    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
+    np.testing.assert_allclose(result, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())

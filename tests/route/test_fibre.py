@@ -195,11 +195,13 @@ def test_a_helix_is_carried_to_its_own_places():
     per = radius**2 + rise**2
     s = np.linspace(0.0, LENGTH, 2001)
     turned = rise / per * s  # the frame without twist turns against the Frenet frame by the torsion
-    place, axes = integrated(s, radius / per * np.column_stack((np.cos(turned), np.sin(turned))))
+    location, axes = integrated(s, radius / per * np.column_stack((np.cos(turned), np.sin(turned))))
     true = helix(radius, pitch, s)
-    near, far = place[0] - place[1000], true[0] - true[1000]
+    near, far = location[0] - location[1000], true[0] - true[1000]
     assert np.linalg.norm(near) == pytest.approx(np.linalg.norm(far), rel=1e-5)  # second order in s steps
-    assert np.linalg.norm(place[-1] - place[0]) == pytest.approx(np.linalg.norm(true[-1] - true[0]), rel=1e-5)
+    assert np.linalg.norm(location[-1] - location[0]) == pytest.approx(
+        np.linalg.norm(true[-1] - true[0]), rel=1e-5
+    )
     np.testing.assert_allclose(
         np.einsum("iac,ibc->iab", axes, axes), np.tile(np.eye(3), (2001, 1, 1)), atol=1e-12
     )
@@ -235,8 +237,8 @@ def test_errors_that_were_integrated_are_covered_as_curvatures_and_not_as_points
 
 def test_points_on_an_arc_give_its_curvature_exactly():
     s = np.array([0.0, 0.03, 0.05, 0.11, 0.16, 0.2])  # uneven
-    place, _ = integrated(np.linspace(0, 0.2, 201), np.tile([9.0, 4.0], (201, 1)))
-    fibre = fibre_of_points(place[np.round(s * 1000).astype(int)], s)
+    location, _ = integrated(np.linspace(0, 0.2, 201), np.tile([9.0, 4.0], (201, 1)))
+    fibre = fibre_of_points(location[np.round(s * 1000).astype(int)], s)
     np.testing.assert_allclose(np.linalg.norm(fibre.curvatures, axis=1), np.hypot(9.0, 4.0), rtol=1e-9)
     assert (fibre.length, len(fibre.stations)) == (0.2, 4)
 
@@ -280,8 +282,8 @@ def test_what_cannot_be_used_is_refused_with_the_remedy(bend, s, reason):
 @pytest.mark.skipif(not NEEDLE.is_file(), reason="needs the FBG needle shape")
 def test_needle_shape_follows_from_its_own_curvatures():
     shape = json.loads(NEEDLE.read_text())["shape"]
-    place, spin = 1e-3 * np.array(shape["pos"]).T, 1e3 * np.array(shape["wv"])
-    s = np.linspace(0.0, 0.12, len(place))
+    location, spin = 1e-3 * np.array(shape["pos"]).T, 1e3 * np.array(shape["wv"])
+    s = np.linspace(0.0, 0.12, len(location))
     # its frame twists with the needle; ours does not, and the tangent moves by spin × tangent
     twist = np.concatenate(([0.0], np.cumsum(0.5 * (spin[2, 1:] + spin[2, :-1]) * np.diff(s))))
     cos, sin = np.cos(twist), np.sin(twist)
@@ -289,6 +291,6 @@ def test_needle_shape_follows_from_its_own_curvatures():
     geometry = measure_fibre(clean_fibre(bend, s))
     result = np.column_stack([np.interp(s, geometry.route.s, x) for x in geometry.route.position.T])
     # the reference steps by half a millimetre with one rotation each: that is 0.23 µm off at its end
-    assert np.max(np.linalg.norm(result - place, axis=1)) < 0.5e-6
+    assert np.max(np.linalg.norm(result - location, axis=1)) < 0.5e-6
     truth = np.trapezoid(np.hypot(*spin[:2]), s)
     assert geometry.arcs.total_angle == pytest.approx(truth, rel=1e-5)  # its curvature wanders by less a step

@@ -139,8 +139,8 @@ def test_five_per_cent_of_outliers_do_little_harm(sensed, seed):
     """Ten of 200 points are off by 20 standard deviations, along the route as well as across."""
     points, _ = sensed(setup_a(), 200, 5e-4, seed)
     rng = np.random.default_rng(seed + 50)
-    stray = rng.choice(np.arange(1, 199, 2), 10, replace=False)  # no two side by side
-    points[stray] += 0.01 * rng.normal(size=(10, 3))
+    outlier = rng.choice(np.arange(1, 199, 2), 10, replace=False)  # no two side by side
+    points[outlier] += 0.01 * rng.normal(size=(10, 3))
     phi, _ = _phi(points)
     assert phi == pytest.approx(3 * np.pi, rel=0.02)
 

@@ -113,8 +113,8 @@ def test_an_outlier_in_a_stream_is_ignored_like_any_other():
     last = fit(clean(*frames[0]))
     points = frames[1][0].copy()
     points[40] += 0.004
-    found = fit(clean(points, frames[1][1]), None, last)
-    assert found.route.weight[40] == 0.0
-    assert found.route.weight.sum() == 99.0
-    after = fit(clean(*frames[2]), None, found)
+    result = fit(clean(points, frames[1][1]), None, last)
+    assert result.route.weight[40] == 0.0
+    assert result.route.weight.sum() == 99.0
+    after = fit(clean(*frames[2]), None, result)
     assert after.route.weight.sum() == 100.0

@@ -160,9 +160,9 @@ def test_a_route_that_is_carried_away_takes_its_start_along():
     """Unknown stations leave the start free along the route; it must not fall behind for ever."""
     rng, last = np.random.default_rng(7), None
     here = _points(_swaying(0.0), 60, rng)
-    ahead = (here[1] - here[0]) / np.linalg.norm(here[1] - here[0])
+    forward = (here[1] - here[0]) / np.linalg.norm(here[1] - here[0])
     for i in range(200):
-        last = follow(clean(here + 1e-3 * i * ahead), None, last)
+        last = follow(clean(here + 1e-3 * i * forward), None, last)
     stations = last.fit.chain.stations
     # a foot goes farther than a noisy point's own error only where the start has stayed behind
     assert abs(stations[0]) < 5 * NOISE

@@ -60,13 +60,13 @@ def _bent(slope: np.ndarray, distortion: tuple[float, ...]) -> np.ndarray:
 
 def towards(position: np.ndarray, target: np.ndarray, roll: float = 0.0, **lens: object) -> Lens:
     """Camera at a place that looks at a target, the image's down along -z where it can be."""
-    ahead = target - position
-    ahead = ahead / np.linalg.norm(ahead)
-    right = np.cross(ahead, np.array([0.0, 0.0, 1.0]))
+    forward = target - position
+    forward = forward / np.linalg.norm(forward)
+    right = np.cross(forward, np.array([0.0, 0.0, 1.0]))
     right /= np.linalg.norm(right)
-    down = np.cross(ahead, right)
+    down = np.cross(forward, right)
     turned = np.cos(roll) * right + np.sin(roll) * down, -np.sin(roll) * right + np.cos(roll) * down
-    rotation = np.array([*turned, ahead])
+    rotation = np.array([*turned, forward])
     settings = {
         "focal": (650.0, 646.0),
         "centre": (316.0, 244.0),

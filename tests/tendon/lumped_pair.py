@@ -126,13 +126,13 @@ def _crept(step, crept, compliance, x):
 
 def by_corners(case, asked):
     """[3, len(asked)] The first three of `ROWS`, from the corner list: force drive on a fixed route."""
-    state, seen = profile.pretensioned(_rig(case)), []
+    state, observed = profile.pretensioned(_rig(case)), []
     for now in _grid(case, asked, 1.0):
         state = profile.step(state, _at(case, case.values, now), MU)
         if np.isclose(asked, now, rtol=0.0, atol=1e-9).any():
-            told = transmit(state, _arcs(case, now), _rig(case))
-            seen.append([told.tension_in, told.tension_out, told.elongation])
-    return np.array(seen).T
+            reported = transmit(state, _arcs(case, now), _rig(case))
+            observed.append([reported.tension_in, reported.tension_out, reported.elongation])
+    return np.array(observed).T
 
 
 def _rig(case):

@@ -28,10 +28,10 @@ from tssgeom.tendon.transmission import of_corners as transmit
 
 TENSION_IN, TENSION_OUT, ELONGATION = 0, 1, 2  # rows of a run
 FORCE_STILL = Case(*SETUP_B, "force", range(8), [2.0, 15.0, 8.0, 4.0, 12.0, 6.0, 9.0, 15.0])
-PLACE_STILL = Case(*SETUP_B, "displacement", range(7), np.array([0, 2, 1.5, 0.8, 1.6, 1.2, 2]) * MM)
+POSITION_STILL = Case(*SETUP_B, "displacement", range(7), np.array([0, 2, 1.5, 0.8, 1.6, 1.2, 2]) * MM)
 FORCE_MOVING = on_wander("force", STROKES["force"], SPRING)
-PLACE_MOVING = on_wander("displacement", STROKES["displacement"], BLOCKED)
-PLACE_HELD = on_wander("displacement", HELD["displacement"], BLOCKED)
+POSITION_MOVING = on_wander("displacement", STROKES["displacement"], BLOCKED)
+POSITION_HELD = on_wander("displacement", HELD["displacement"], BLOCKED)
 
 
 def rms(difference):
@@ -43,10 +43,10 @@ def rms(difference):
     ("case", "row", "left"),
     [
         (FORCE_STILL, ELONGATION, 0.14e-6),
-        (PLACE_STILL, ELONGATION, 0.04e-6),
+        (POSITION_STILL, ELONGATION, 0.04e-6),
         (FORCE_MOVING, ELONGATION, 0.04e-6),
-        (PLACE_MOVING, TENSION_OUT, 0.0013),
-        (PLACE_HELD, TENSION_OUT, 0.0005),
+        (POSITION_MOVING, TENSION_OUT, 0.0013),
+        (POSITION_HELD, TENSION_OUT, 0.0005),
     ],
     ids=["force", "position", "moving, force", "moving, position", "moving, position held"],
 )
@@ -60,7 +60,7 @@ def test_the_difference_falls_with_the_square_of_the_bars(case, row, left):
 
 @pytest.mark.parametrize(
     ("case", "row"),
-    [(FORCE_MOVING, ELONGATION), (PLACE_MOVING, TENSION_IN), (PLACE_MOVING, TENSION_OUT)],
+    [(FORCE_MOVING, ELONGATION), (POSITION_MOVING, TENSION_IN), (POSITION_MOVING, TENSION_OUT)],
     ids=["force", "position, near end", "position, far end"],
 )
 def test_the_difference_on_a_moving_route_falls_with_the_step_in_time(case, row):
@@ -70,16 +70,16 @@ def test_the_difference_on_a_moving_route_falls_with_the_step_in_time(case, row)
     assert long / short > 4.0  # 8 for order one, for which 0.2 s is rather long
 
 
-def exact_tension_in(places):
+def exact_tension_in(positions):
     """Tension [N] of a drive that was pulled to places[0] against a fixed end and goes back, closed form."""
     rig, arcs = Rig(tendon=Tendon(compliance_per_N=RHO, pretension_N=2.0)), Arcs.exact(*SETUP_B)
 
-    def missing(tension_in, state, place):
-        return transmit(step(state, tension_in, MU), arcs, rig).elongation - place
+    def missing(tension_in, state, location):
+        return transmit(step(state, tension_in, MU), arcs, rig).elongation - location
 
-    top = brentq(missing, 2.0, 100.0, args=(pretensioned(rig), places[0]), xtol=1e-12)
+    top = brentq(missing, 2.0, 100.0, args=(pretensioned(rig), positions[0]), xtol=1e-12)
     pulled = step(pretensioned(rig), top, MU)
-    return np.array([top, *(brentq(missing, 0.01, top, args=(pulled, x), xtol=1e-12) for x in places[1:])])
+    return np.array([top, *(brentq(missing, 0.01, top, args=(pulled, x), xtol=1e-12) for x in positions[1:])])
 
 
 def test_just_after_a_position_drive_turns_the_tension_errs_by_no_more_than_the_first_bar_holds():

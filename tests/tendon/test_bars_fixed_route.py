@@ -73,8 +73,10 @@ def test_setups_of_figure_6_differ_in_elongation_and_not_in_tension():
 
 @given(histories, pieces, st.sampled_from([0.0, 5.0]), st.floats(0.01, 0.4))
 @untimed
-def test_any_history_of_force_gives_the_tensions_of_the_corner_list(history, drawn, pretension, friction):
-    arcs, hardware = arcs_of(drawn), rig(pretension, friction)
+def test_any_history_of_force_gives_the_tensions_of_the_corner_list(
+    history, random_drive, pretension, friction
+):
+    arcs, hardware = arcs_of(random_drive), rig(pretension, friction)
     state, corners = driven(history, arcs, hardware, 25), by_corners(history, hardware)
     expected = to_bars(corners, arcs, hardware, 25)
     # the corner list treats changes of 1e-12 in ln T as rounding; bars solve to 1e-10 of 30 N
@@ -116,13 +118,13 @@ def test_distal_tension_and_displacement_are_exact_with_any_number_of_bars():
 @untimed
 def test_position_drive_retraces_force_drive(history):
     hardware = rig(5.0)
-    by_force = by_place = pretensioned_bars(hardware, SETUP_A, 30)
+    by_force = by_position = pretensioned_bars(hardware, SETUP_A, 30)
     for tension_in in history:
         before, by_force = by_force, step(by_force, SETUP_A, hardware, tension_in=tension_in)
-        by_place = step(by_place, SETUP_A, hardware, displacement_in=by_force.displacement_in)
-        np.testing.assert_allclose(by_place.tension[1:], by_force.tension[1:], atol=SOLVED)
+        by_position = step(by_position, SETUP_A, hardware, displacement_in=by_force.displacement_in)
+        np.testing.assert_allclose(by_position.tension[1:], by_force.tension[1:], atol=SOLVED)
         if abs(by_force.displacement_in - before.displacement_in) > 1e-12:  # less does not pass a contact
-            assert by_place.tension_in == pytest.approx(tension_in, abs=SOLVED)
+            assert by_position.tension_in == pytest.approx(tension_in, abs=SOLVED)
 
 
 @pytest.mark.parametrize("parts", [2, 37])
@@ -137,9 +139,9 @@ def test_many_small_steps_give_what_one_big_step_gives(parts):
 
 def test_an_inner_loop_of_position_is_forgotten():
     top, outer = driven([15.0], SETUP_A, rig()), driven([15.0, 5.0], SETUP_A, rig())
-    place, state = outer.displacement_in, outer
+    position, state = outer.displacement_in, outer
     for share in (0.8, 0.3, 0.6, 0.0):
-        back = place + share * (top.displacement_in - place)
+        back = position + share * (top.displacement_in - position)
         state = step(state, SETUP_A, rig(), displacement_in=back)
         assert share == 0.0 or state.tension_in > outer.tension_in + 1.0
     np.testing.assert_allclose(state.tension, outer.tension, atol=SOLVED)
@@ -147,8 +149,8 @@ def test_an_inner_loop_of_position_is_forgotten():
 
 def test_without_friction_the_tension_is_the_same_all_along():
     state = pretensioned_bars(rig(3.0, 0.0), SETUP_A, 20)
-    for place, arcs in ((1e-3, SETUP_A), (0.5e-3, HALF_CIRCLE), (2e-3, STRAIGHT)):
-        state = step(state, arcs, rig(3.0, 0.0), displacement_in=place)
+    for position, arcs in ((1e-3, SETUP_A), (0.5e-3, HALF_CIRCLE), (2e-3, STRAIGHT)):
+        state = step(state, arcs, rig(3.0, 0.0), displacement_in=position)
         np.testing.assert_allclose(state.tension, state.tension_in, atol=SOLVED)
 
 
@@ -157,8 +159,8 @@ def test_without_friction_the_tension_is_the_same_all_along():
 
 @given(histories, tensions, pieces)
 @untimed
-def test_it_does_not_matter_when_corners_are_exchanged_for_bars(history, last, drawn):
-    arcs, hardware = arcs_of(drawn), rig(5.0)
+def test_it_does_not_matter_when_corners_are_exchanged_for_bars(history, last, random_drive):
+    arcs, hardware = arcs_of(random_drive), rig(5.0)
     corners = by_corners(history, hardware)
     late = to_bars(profile.step(corners, last, MU), arcs, hardware, 20)
     early = step(to_bars(corners, arcs, hardware, 20), arcs, hardware, tension_in=last)
@@ -168,8 +170,8 @@ def test_it_does_not_matter_when_corners_are_exchanged_for_bars(history, last, d
 
 @given(histories, pieces)
 @untimed
-def test_bars_exchanged_for_corners_and_back_keep_their_tension(history, drawn):
-    arcs, hardware = arcs_of(drawn), rig(5.0)
+def test_bars_exchanged_for_corners_and_back_keep_their_tension(history, random_drive):
+    arcs, hardware = arcs_of(random_drive), rig(5.0)
     state = driven(history, arcs, hardware, 20)
     back = to_bars(cornered(state, arcs), arcs, hardware, 20)
     # corners on one line are dropped within 1e-9 in ln T; SOLVED where all is slack

@@ -25,15 +25,15 @@ pieces = st.lists(
 targets = st.lists(st.floats(0.1, 30.0), min_size=1, max_size=8)
 
 
-def arcs_of(drawn):
-    return Arcs.exact([length for length, _ in drawn], [angle for _, angle in drawn])
+def arcs_of(plotted):
+    return Arcs.exact([length for length, _ in plotted], [angle for _, angle in plotted])
 
 
 @given(targets, pieces, st.sampled_from([0.0, 5.0]), st.floats(0.0, 0.4))
 @untimed
-def test_on_a_fixed_route_the_model_carries_out_the_inverse(wanted, drawn, pretension, friction):
+def test_on_a_fixed_route_the_model_carries_out_the_inverse(wanted, plotted, pretension, friction):
     rig = Rig(tendon=Tendon(pretension_N=pretension), friction=Friction(coefficient=friction))
-    arcs, state = arcs_of(drawn), pretensioned(rig)
+    arcs, state = arcs_of(plotted), pretensioned(rig)
     forward = state
     for target in wanted:
         command = compensate(state, arcs, rig, tension_out=target)
@@ -46,21 +46,21 @@ def test_on_a_fixed_route_the_model_carries_out_the_inverse(wanted, drawn, prete
 
 @given(targets, pieces)
 @untimed
-def test_on_a_fixed_route_the_inverse_finds_the_drive_wherever_the_distal_end_answers(history, drawn):
+def test_on_a_fixed_route_the_inverse_finds_the_drive_wherever_the_distal_end_answers(history, plotted):
     """Forward, then back: outside the dead zones the drive is found again, inside them it is not needed."""
-    rig, arcs = Rig(), arcs_of(drawn)
+    rig, arcs = Rig(), arcs_of(plotted)
     forward = back = pretensioned(rig)
     tension_out = 0.0
     for tension_in in history:
         forward = step(forward, arcs, rig, tension_in=tension_in)
-        seen, before = transmit(forward, rig), tension_out
-        tension_out = seen.tension_out
-        command = compensate(back, arcs, rig, displacement_out=seen.displacement_out)
+        observed, before = transmit(forward, rig), tension_out
+        tension_out = observed.tension_out
+        command = compensate(back, arcs, rig, displacement_out=observed.displacement_out)
         # a drive that comes back to the end of the dead zone leaves the distal end where it was
-        answered = abs(seen.tension_out - before) > 1e-9 * before
-        if not seen.dead_zone and answered:
+        replied = abs(observed.tension_out - before) > 1e-9 * before
+        if not observed.dead_zone and replied:
             assert command.tension_in == pytest.approx(tension_in, rel=1e-9)
-            assert command.displacement_in == pytest.approx(seen.displacement_in, rel=1e-9, abs=1e-12)
+            assert command.displacement_in == pytest.approx(observed.displacement_in, rel=1e-9, abs=1e-12)
         back = forward
 
 
@@ -70,10 +70,10 @@ def test_on_a_moving_route_the_model_carries_out_the_inverse(moves):
     rig = Rig(tendon=Tendon(pretension_N=2.0))
     state = pretensioned(rig)
     forward = state
-    for target, drawn in moves:
-        command = compensate(state, arcs_of(drawn), rig, tension_out=target)
+    for target, plotted in moves:
+        command = compensate(state, arcs_of(plotted), rig, tension_out=target)
         state = command.state
-        forward = step(forward, arcs_of(drawn), rig, tension_in=command.tension_in)
+        forward = step(forward, arcs_of(plotted), rig, tension_in=command.tension_in)
         # equilibria are solved to 1e-10 of the greatest tension on the way, up to 30·exp(0.145·12) N here
         assert transmit(forward, rig).tension_out == pytest.approx(target, rel=1e-9, abs=3e-8)
 

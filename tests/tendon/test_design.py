@@ -68,8 +68,8 @@ def test_pretension_beyond_the_front_hides_perturbations_from_the_pull():
         6.0 * math.exp(MU * 3 * PI), rel=1e-12
     )  # 23.5 N: not reached
     assert cost.tension_out == pytest.approx(6.0, rel=1e-12)
-    seen = disturbed(HALF, ROUTES, rig, LOOP, np.array([15.0]), 95.0)
-    assert seen.tension[0] == pytest.approx(0.0, abs=1e-12)  # roundings of 6 N
+    observed = disturbed(HALF, ROUTES, rig, LOOP, np.array([15.0]), 95.0)
+    assert observed.tension[0] == pytest.approx(0.0, abs=1e-12)  # roundings of 6 N
 
 
 def test_bends_add_their_angle_where_they_lie_and_keep_the_length():
@@ -95,11 +95,11 @@ def test_advice_is_the_smallest_curve_that_reaches_the_tolerance_or_none():
     tried = sweep(HALF, ROUTES, Rig(), 40.0, CYCLE, 95.0, most=4 * PI)
     unhelped = tried[0].disturbed.worst
     assert advise(tried, 1.01 * unhelped).verdict == "none needed"
-    found = advise(tried, 0.5 * unhelped)
-    assert found.verdict == "curve"
-    assert found.tried is not None
-    assert found.tried.disturbed.worst <= 0.5 * unhelped
-    smaller = [each for each in tried if each.curve.angle < found.tried.curve.angle]
+    result = advise(tried, 0.5 * unhelped)
+    assert result.verdict == "curve"
+    assert result.tried is not None
+    assert result.tried.disturbed.worst <= 0.5 * unhelped
+    smaller = [each for each in tried if each.curve.angle < result.tried.curve.angle]
     assert all(each.disturbed.worst > 0.5 * unhelped for each in smaller)
     assert advise(tried, 0.05 * unhelped).verdict == "out of reach"
 

@@ -20,15 +20,15 @@ def test_a_history_is_the_steps_one_after_the_other():
     run, state = driven(DRIVE, ROUTE, RIG), pretensioned(RIG)
     for k, drive in enumerate(DRIVE):
         state = step(state, drive, RIG.friction.coefficient)
-        seen = transmit(state, ROUTE, RIG)
-        assert run.tension_out[k] == seen.tension_out
-        assert run.elongation[k] == pytest.approx(seen.elongation, abs=1e-15)  # adds in another order
+        observed = transmit(state, ROUTE, RIG)
+        assert run.tension_out[k] == observed.tension_out
+        assert run.elongation[k] == pytest.approx(observed.elongation, abs=1e-15)  # adds in another order
 
 
 def test_profiles_begin_with_the_proximal_and_end_with_the_distal_tension():
-    seen = profiles(DRIVE, np.array([0.0, ROUTE.total_angle]), RIG)
-    np.testing.assert_allclose(seen[:, 0], DRIVE, rtol=1e-12)  # a logarithm and back
-    np.testing.assert_allclose(seen[:, 1], driven(DRIVE, ROUTE, RIG).tension_out, rtol=1e-12)
+    observed = profiles(DRIVE, np.array([0.0, ROUTE.total_angle]), RIG)
+    np.testing.assert_allclose(observed[:, 0], DRIVE, rtol=1e-12)  # a logarithm and back
+    np.testing.assert_allclose(observed[:, 1], driven(DRIVE, ROUTE, RIG).tension_out, rtol=1e-12)
 
 
 def test_joined_routes_keep_the_errors_of_each():

@@ -63,10 +63,10 @@ def test_with_friction_the_pulled_tendon_loses_and_the_drawn_one_gains_tension()
     """The agonist slides towards its drive, the antagonist away from one that holds its tension."""
     pair = pretensioned_pair(rig(), ROUTES)
     pair = step(pair, ROUTES, rig(), JOINT, tension_in=Both(30.0, 5.0))
-    pulled, drawn = 30.0 * math.exp(-MU * PI), 5.0 * math.exp(MU * 1.5)
+    pulled, plotted = 30.0 * math.exp(-MU * PI), 5.0 * math.exp(MU * 1.5)
     assert pair.agonist.tension_out == pytest.approx(pulled, rel=SOLVED)
-    assert pair.antagonist.tension_out == pytest.approx(drawn, rel=SOLVED)
-    assert pair.angle == pytest.approx(JOINT.radius * (pulled - drawn) / JOINT.stiffness, rel=SOLVED)
+    assert pair.antagonist.tension_out == pytest.approx(plotted, rel=SOLVED)
+    assert pair.angle == pytest.approx(JOINT.radius * (pulled - plotted) / JOINT.stiffness, rel=SOLVED)
 
 
 def test_a_small_reversal_is_lost_in_both_sheaths():

@@ -154,9 +154,9 @@ def literal_13_mm(tension_in, arcs, sub_angle):
 def test_point_6_equal_sub_angles_serve_only_commensurable_curved_pieces():
     assert literal_13_mm(15.0, SETUP_A, PI) == pytest.approx(elongation_mm([15.0], SETUP_A), rel=RELATIVE)
     assert literal_13_mm(15.0, WITH_STRAIGHTS, PI) == pytest.approx(1.1422, abs=PRINTED)  # right is 1.9167
-    odd = Arcs.exact([0.25, 0.25], [1.0, math.sqrt(2.0)])  # no sub-angle divides both
-    assert literal_13_mm(15.0, odd, 1.0) == pytest.approx(1.7778, abs=PRINTED)
-    assert elongation_mm([15.0], odd) == pytest.approx(2.0299, abs=PRINTED)
+    unusual = Arcs.exact([0.25, 0.25], [1.0, math.sqrt(2.0)])  # no sub-angle divides both
+    assert literal_13_mm(15.0, unusual, 1.0) == pytest.approx(1.7778, abs=PRINTED)
+    assert elongation_mm([15.0], unusual) == pytest.approx(2.0299, abs=PRINTED)
 
 
 def test_point_6_the_limit_of_15b_is_the_whole_angle():

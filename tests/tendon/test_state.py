@@ -113,14 +113,14 @@ def test_an_inserted_tendon_is_not_stretched_by_its_route():
 
 
 def test_after_a_reversal_of_position_the_proximal_tension_is_that_of_the_corner_list():
-    rig, places, tensions = Rig(), [], [15.0, 14.0, 12.0, 14.5]
+    rig, positions, tensions = Rig(), [], [15.0, 14.0, 12.0, 14.5]
     corners = profile.pretensioned(rig)
     for tension_in in tensions:
         corners = profile.step(corners, tension_in, MU)
-        places.append(transmission.of_corners(corners, HALF_CIRCLE, rig).displacement_in)
+        positions.append(transmission.of_corners(corners, HALF_CIRCLE, rig).displacement_in)
     state = pretensioned(rig)
-    for place, tension_in in zip(places, tensions, strict=True):
-        state = step(state, HALF_CIRCLE, rig, displacement_in=place)
+    for location, tension_in in zip(positions, tensions, strict=True):
+        state = step(state, HALF_CIRCLE, rig, displacement_in=location)
         # known to half of the first bar, and δ to 1 µm where the dead zone is as stiff as 13 N/mm
         cone = MU * PI / 60 / 2**HALVINGS / 2
         assert state.tension_in == pytest.approx(tension_in, rel=cone, abs=0.013)
@@ -217,16 +217,16 @@ def test_bars_on_a_sensed_route_have_the_standard_errors_of_corners():
     arcs = sensed([0.2, 0.3], [1.0, 2.0], 0.02)
     corners = transmit(driven([15.0], arcs), Rig())
     bars = step(pretensioned(Rig()), arcs, Rig(), displacement_in=corners.displacement_in)
-    seen = transmit(bars, Rig())
-    assert seen.tension_out_se == pytest.approx(corners.tension_out_se, rel=1e-3)  # δ is known to 5e-4
-    assert seen.elongation_se == pytest.approx(corners.elongation_se, rel=1e-3)
+    observed = transmit(bars, Rig())
+    assert observed.tension_out_se == pytest.approx(corners.tension_out_se, rel=1e-3)  # δ is known to 5e-4
+    assert observed.elongation_se == pytest.approx(corners.elongation_se, rel=1e-3)
 
 
 def test_bars_are_drawn_with_the_tension_they_have():
     pulled = driven([15.0], HALF_CIRCLE)
     bars = step(pulled, BENT, Rig(), tension_in=15.0)
-    drawn = tension(bars, np.array([0.0, 3.5]))
-    assert drawn == pytest.approx([bars.tension_in, bars.tension_out], rel=1e-9)
+    plotted = tension(bars, np.array([0.0, 3.5]))
+    assert plotted == pytest.approx([bars.tension_in, bars.tension_out], rel=1e-9)
 
 
 @given(histories, st.booleans())
@@ -237,8 +237,8 @@ def test_a_saved_state_goes_on_bit_for_bit(history, moving):
         state = step(state, BENT, Rig(), tension_in=history[-1])
     revived = state_of(json.loads(json.dumps(state_object(state), allow_nan=False)))
     assert transmit(revived, Rig()) == transmit(state, Rig())
-    ahead = [step(one, BENT, Rig(), tension_in=7.0) for one in (state, revived)]
-    assert transmit(ahead[0], Rig()) == transmit(ahead[1], Rig())
+    forward = [step(one, BENT, Rig(), tension_in=7.0) for one in (state, revived)]
+    assert transmit(forward[0], Rig()) == transmit(forward[1], Rig())
 
 
 SETTINGS = Path(__file__).parents[1] / "io" / "corpus" / "settings"
@@ -257,8 +257,8 @@ OF_VERSION_3 = [
 def test_a_state_that_an_older_program_saved_goes_on_as_it_did_there(file, rig, tensions, position):
     """The numbers are those of the program that wrote version 3; 1e-11 is ten times what is solved to."""
     state, bent = read_state(SETTINGS / file), Arcs.exact([0.2, 0.3], [1.0, 1.5])
-    placed = step(state, bent, rig, displacement_in=0.003, time=2.0)
-    assert (placed.tension_in, placed.tension_out) == pytest.approx(tensions, rel=1e-9)
+    located = step(state, bent, rig, displacement_in=0.003, time=2.0)
+    assert (located.tension_in, located.tension_out) == pytest.approx(tensions, rel=1e-9)
     pulled = transmit(step(state, bent, rig, tension_in=6.0, time=2.0), rig)
     assert pulled.displacement_in == pytest.approx(position, rel=1e-11)
 
@@ -277,8 +277,8 @@ def test_a_tendon_on_no_route_has_no_distal_end():
 def test_a_tendon_that_hangs_loose_pulls_again_once_its_slack_is_taken_up():
     """Let go by 2 mm beyond its rest, drawn back: nothing for 2 mm, then as on the first pull."""
     rig, state = Rig(), driven([15.0], HALF_CIRCLE)
-    for place in (-2e-3, -1.5e-3, -0.3e-3, 0.0):
-        state = step(state, HALF_CIRCLE, rig, displacement_in=place)
+    for location in (-2e-3, -1.5e-3, -0.3e-3, 0.0):
+        state = step(state, HALF_CIRCLE, rig, displacement_in=location)
         assert (state.tension_in, state.tension_out) == (0.0, 0.0)
     # bars took over at 15 N with a δ that is off by up to 5e-4 of 1.9 mm: the slack ends that much off zero
     first = step(pretensioned(rig), HALF_CIRCLE, rig, displacement_in=5e-3)

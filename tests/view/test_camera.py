@@ -9,7 +9,7 @@ from tests.view.conftest import analysed
 from tssgeom.stream import Frame, FrameResult
 from tssgeom.view.samples import route_samples
 from tssgeom.view.scene.camera import ASPECT, Camera, camera
-from tssgeom.view.scene.labels import Placed, label_places, scale_label
+from tssgeom.view.scene.labels import Placed, label_positions, scale_label
 
 
 def helix(turns: float, pitch: float, size: float) -> np.ndarray:
@@ -64,9 +64,9 @@ def test_labels_cover_neither_one_another_nor_the_route(moving: list[FrameResult
     frames = [route_samples(result) for result in moving]
     view = looking_at(np.concatenate([frame.position for frame in frames]))
     for frame, result in zip(frames, moving, strict=True):
-        placed = label_places(view, frame, result.arcs)
-        assert placed.whole.all()
-        centre, half = boxes(view, placed, 1.0)
+        located = label_positions(view, frame, result.arcs)
+        assert located.whole.all()
+        centre, half = boxes(view, located, 1.0)
         assert (separation(centre, half) > 1.0).all()
         route = np.abs(centre[:, None] - view.project(frame.position)[None]) / half[:, None]
         assert (route.max(axis=2) > 0.5).all()
@@ -79,11 +79,11 @@ def test_in_a_crowd_labels_are_shortened_and_none_covers_an_end_or_the_scale(tex
     (result,) = analysed([Frame(wave + np.random.default_rng(1).normal(0.0, 1e-4, wave.shape))])
     assert len(result.arcs.length) > 10
     view = looking_at(result.route.position)
-    placed = label_places(view, route_samples(result), result.arcs, text_scale)
-    assert placed.whole[:2].all()
+    located = label_positions(view, route_samples(result), result.arcs, text_scale)
+    assert located.whole[:2].all()
     if text_scale > 1.0:
-        assert not placed.whole.all()
-    centre, half = boxes(view, placed, text_scale)
+        assert not located.whole.all()
+    centre, half = boxes(view, located, text_scale)
     _, _, anchor = scale_label(view, text_scale)
     centre = np.vstack([centre, view.project(anchor) - (0.0, text_scale * RISE)])
     half = np.vstack([half, text_scale * SCALE])
@@ -95,10 +95,10 @@ WHOLE, NUMBER, SCALE = np.array([[0.12, 0.0185], [0.025, 0.0185], [0.042, 0.0185
 """Half of the size of labels as they are drawn in a view of common height, measured in a picture."""
 
 
-def boxes(view: Camera, placed: Placed, text_scale: float) -> tuple[np.ndarray, np.ndarray]:
+def boxes(view: Camera, located: Placed, text_scale: float) -> tuple[np.ndarray, np.ndarray]:
     """Centres of the labels and half of their sizes on the screen, each [n, 2]."""
-    centre = view.project(placed.position) - (0.0, text_scale * RISE)
-    return centre, text_scale * np.where(placed.whole[:, None], WHOLE, NUMBER)
+    centre = view.project(located.position) - (0.0, text_scale * RISE)
+    return centre, text_scale * np.where(located.whole[:, None], WHOLE, NUMBER)
 
 
 def separation(centre: np.ndarray, half: np.ndarray) -> np.ndarray:

@@ -20,11 +20,13 @@ def test_numbers_carry_their_unit() -> None:
 
 
 def test_origin_is_the_lower_left_corner_as_rerun_counts_downwards() -> None:
-    np.testing.assert_allclose(CHART.place(np.array([0.0, 500.0]), np.array([0.0, 15.0])), [[0, 1], [2, 0]])
+    np.testing.assert_allclose(
+        CHART.position(np.array([0.0, 500.0]), np.array([0.0, 15.0])), [[0, 1], [2, 0]]
+    )
 
 
 def test_values_beyond_the_axes_are_held_at_the_edge() -> None:
-    np.testing.assert_allclose(CHART.place(600.0, -1.0), [[2.0, 1.0]])
+    np.testing.assert_allclose(CHART.position(600.0, -1.0), [[2.0, 1.0]])
 
 
 def test_grid_and_numbers_lie_inside_what_the_view_shows() -> None:

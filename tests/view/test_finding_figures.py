@@ -40,9 +40,9 @@ def test_loops_show_measured_before_and_after_of_the_held_out_run():
     drawing = transmission_figure(finding)
     output, elongation = (lines(drawing, k) for k in (0, 1))
     for when in ("measured", "before", "after"):
-        told = getattr(trace, when)
-        np.testing.assert_array_equal(output[when].T, [told["tension_in_N"], told["tension_out_N"]])
-        np.testing.assert_allclose(elongation[when][:, 1], 1e3 * told["elongation_m"], rtol=1e-12)
+        reported = getattr(trace, when)
+        np.testing.assert_array_equal(output[when].T, [reported["tension_in_N"], reported["tension_out_N"]])
+        np.testing.assert_allclose(elongation[when][:, 1], 1e3 * reported["elongation_m"], rtol=1e-12)
     assert [axes.get_ylabel() for axes in drawing.axes] == ["T_out [N]", "δ [mm]"]
 
 

@@ -23,12 +23,12 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def columns(path: Path, entity: str) -> dict[str, list[pa.Array]]:
-    found: dict[str, list[pa.Array]] = {}
+    result: dict[str, list[pa.Array]] = {}
     for chunk in RrdReader(str(path)).stream().filter(content=f"/{entity}"):
         batch = chunk.to_record_batch()
         for name, column in zip(batch.schema.names, batch.columns, strict=True):
-            found.setdefault(name, []).append(column)
-    return found
+            result.setdefault(name, []).append(column)
+    return result
 
 
 def values(path: Path, entity: str) -> np.ndarray:
@@ -40,8 +40,8 @@ def test_lines_hold_every_sample_of_every_run(path):
     traces = worked_finding().traces
     after = np.concatenate([trace.measured["elongation_m"] - trace.after["elongation_m"] for trace in traces])
     np.testing.assert_allclose(values(path, "left/elongation_m/line_3"), 1e3 * after, rtol=1e-12)
-    places = np.concatenate([part.to_numpy() for part in columns(path, "left/elongation_m/line_3")[COUNT]])
-    np.testing.assert_array_equal(places, np.arange(sum(len(trace.time) for trace in traces)))
+    locations = np.concatenate([part.to_numpy() for part in columns(path, "left/elongation_m/line_3")[COUNT]])
+    np.testing.assert_array_equal(locations, np.arange(sum(len(trace.time) for trace in traces)))
 
 
 def test_the_spread_is_two_standard_deviations(path):
@@ -52,28 +52,28 @@ def test_the_spread_is_two_standard_deviations(path):
 
 
 def test_the_route_is_sent_once_a_run_and_its_colours_at_every_row(path):
-    shown = replay(worked_finding())
+    displayed = replay(worked_finding())
     route = columns(path, "route")
     strips = [part for part in route["LineStrips3D:strips"] if part.null_count == 0]
     shades = [part for part in route["LineStrips3D:colors"] if part.null_count == 0]
-    assert sum(map(len, strips)) == len(shown.stretches)
-    rows = sum(len(stretch.rows) for stretch in shown.stretches)
+    assert sum(map(len, strips)) == len(displayed.stretches)
+    rows = sum(len(stretch.rows) for stretch in displayed.stretches)
     assert sum(map(len, shades)) == rows <= MOST_ROWS
-    segments = [len(stretch.s) - 1 for stretch in shown.stretches for _ in stretch.rows]
+    segments = [len(stretch.s) - 1 for stretch in displayed.stretches for _ in stretch.rows]
     assert [len(row) for part in shades for row in part] == segments
     assert max(segments) < MOST_NODES
 
 
 def test_blame_marks_the_bend_that_was_found(path):
-    found = columns(path, "blame/found")
+    result = columns(path, "blame/found")
     labels = [
-        text for part in found["Points3D:labels"] if part.null_count == 0 for row in part for text in row
+        text for part in result["Points3D:labels"] if part.null_count == 0 for row in part for text in row
     ]
     assert {text.as_py() for text in labels} == {"hidden bend, s = 210 mm"}
     stretch = replay(worked_finding()).stretches[0]
-    place = np.array([np.interp(0.21, stretch.s, axis) for axis in stretch.position.T])
-    first = found["Points3D:positions"][0][0].as_py()[0]
-    np.testing.assert_allclose(first, place, atol=1e-6)  # sent in single precision
+    location = np.array([np.interp(0.21, stretch.s, axis) for axis in stretch.position.T])
+    first = result["Points3D:positions"][0][0].as_py()[0]
+    np.testing.assert_allclose(first, location, atol=1e-6)  # sent in single precision
 
 
 def test_the_chart_of_what_is_missing_marks_the_same_place_by_its_arc_length(path):
@@ -103,9 +103,9 @@ def test_a_route_is_turned_without_being_bent():
 
 def test_the_picture_is_taken_at_the_greatest_tension(path):
     tension = np.concatenate([trace.tension_in for trace in worked_finding().traces])
-    timeline, place = moment_of_greatest_tension(path)
+    timeline, location = moment_of_greatest_tension(path)
     assert timeline == COUNT
-    assert tension[int(place)] > 0.99 * tension.max()
+    assert tension[int(location)] > 0.99 * tension.max()
 
 
 def test_a_recording_is_small(path):

@@ -194,11 +194,11 @@ def eyes(path: Path) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
 
 def extent(route: np.ndarray, eye: np.ndarray, target: np.ndarray, up: np.ndarray) -> float:
     """How much of the view a route takes, to its edge; above 1 it leaves the view."""
-    ahead = (target - eye) / np.linalg.norm(target - eye)
-    upright = up - (up @ ahead) * ahead
+    forward = (target - eye) / np.linalg.norm(target - eye)
+    upright = up - (up @ forward) * forward
     upright /= np.linalg.norm(upright)
-    across = np.cross(ahead, upright)
-    depth = (route - eye) @ ahead
+    across = np.cross(forward, upright)
+    depth = (route - eye) @ forward
     half = math.tan(math.radians(27.5)) * depth
     high = np.abs((route - eye) @ upright) / half
     wide = np.abs((route - eye) @ across) / (ASPECT * half)

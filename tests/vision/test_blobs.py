@@ -8,12 +8,12 @@ from tssgeom.errors import SettingsError
 from tssgeom.vision.blobs import BlobAppearance, blob_finder
 
 LENS = ring(1)[0]
-PLACES, _ = arch(12)
-TRUTH = LENS.project(PLACES)
+POSITIONS, _ = arch(12)
+TRUTH = LENS.project(POSITIONS)
 
 
 def balls(**view_set_of):
-    return [Ball(position, **view_set_of) for position in PLACES]
+    return [Ball(position, **view_set_of) for position in POSITIONS]
 
 
 def off(result, truth=TRUTH):
@@ -25,7 +25,7 @@ def off(result, truth=TRUTH):
 def test_every_ball_is_located_to_a_twentieth_of_a_pixel():
     result = blob_finder(BlobAppearance())(render(LENS, Scene(balls()), 0, 1))
     nearest, missed = off(result)
-    assert len(result) == len(PLACES)
+    assert len(result) == len(POSITIONS)
     assert max(nearest.max(), missed.max()) < 0.05
 
 
@@ -43,14 +43,14 @@ def test_the_error_of_a_centre_is_what_the_noise_of_the_image_allows():
 def test_dark_balls_are_detected_on_a_bright_ground():
     scene = Scene(balls(colour=(20.0, 20.0, 20.0)), background=170.0)
     result = blob_finder(BlobAppearance("dark"))(render(LENS, scene, 0, 2))
-    assert len(result) == len(PLACES)
+    assert len(result) == len(POSITIONS)
     assert off(result)[0].max() < 0.08
 
 
 def test_a_colour_is_distinguished_from_others_as_bright():
-    red = [Ball(position, colour=(40.0, 40.0, 220.0)) for position in PLACES[::2]]
+    red = [Ball(position, colour=(40.0, 40.0, 220.0)) for position in POSITIONS[::2]]
     colours = [(220.0, 40.0, 40.0), (230.0, 230.0, 230.0)] * 3
-    others = [Ball(p, colour=c) for p, c in zip(PLACES[1::2], colours, strict=True)]
+    others = [Ball(p, colour=c) for p, c in zip(POSITIONS[1::2], colours, strict=True)]
     result = blob_finder(BlobAppearance("#e03030"))(render(LENS, Scene([*red, *others]), 0, 3))
     assert len(result) == len(red)
     assert off(result, TRUTH[::2])[0].max() < 0.08

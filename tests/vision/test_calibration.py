@@ -12,8 +12,8 @@ from tssgeom.vision.bundle import CAMERA
 from tssgeom.vision.calibration import calibrated
 
 LENSES = ring(2)
-DRAWN = checkerboard()
-BOARD = Board(DRAWN.columns, DRAWN.rows, DRAWN.square)
+PLOTTED = checkerboard()
+BOARD = Board(PLOTTED.columns, PLOTTED.rows, PLOTTED.square)
 SIZES = [(lens.width, lens.height) for lens in LENSES]
 
 
@@ -47,7 +47,7 @@ def parameters(lens, first):
 
 
 def test_lenses_and_positions_are_estimated_to_within_their_errors():
-    poses = board_poses(DRAWN, 24)
+    poses = board_poses(PLOTTED, 24)
     result = calibrated(BOARD, ["a", "b"], SIZES, detections_of(LENSES, poses, 0.1))
     assert result.noise == pytest.approx(0.1, rel=0.05)  # 4000 coordinates tell it to 1 %
     for v, lens in enumerate(LENSES):
@@ -61,7 +61,7 @@ def test_lenses_and_positions_are_estimated_to_within_their_errors():
 
 
 def test_the_covariance_is_that_of_repeated_calibrations():
-    poses = board_poses(DRAWN, 9)
+    poses = board_poses(PLOTTED, 9)
     many = [
         calibrated(BOARD, ["a", "b"], SIZES, detections_of(LENSES, poses, 0.2, seed)) for seed in range(12)
     ]
@@ -75,11 +75,11 @@ def test_rendered_boards_calibrate_both_cameras():
     lenses = [smaller(lens) for lens in LENSES]
     poses = [
         pose
-        for pose in board_poses(DRAWN, 16)
+        for pose in board_poses(PLOTTED, 16)
         if all(inside(lens, lens.project(BOARD.corners @ pose[0].T + pose[1])) for lens in lenses)
     ]
     poses, find = poses[:6], board_finder(BOARD, 2)
-    views = [board_images(lens, DRAWN, poses, v) for v, lens in enumerate(lenses)]
+    views = [board_images(lens, PLOTTED, poses, v) for v, lens in enumerate(lenses)]
     detections = [[find(view[k]) for view in views] for k in range(len(poses))]
     result = calibrated(BOARD, ["a", "b"], [(400, 300)] * 2, detections)
     assert max(result.reprojection) < 0.25
@@ -88,7 +88,7 @@ def test_rendered_boards_calibrate_both_cameras():
 
 
 def test_a_board_frame_is_the_plane_of_the_common_frame():
-    poses = board_poses(DRAWN, 12)
+    poses = board_poses(PLOTTED, 12)
     detections = detections_of(LENSES, poses, 0.0)
     frame = next(k for k, row in enumerate(detections) if all(row))
     result = calibrated(BOARD, ["a", "b"], SIZES, detections, board_frame=frame)
@@ -98,7 +98,7 @@ def test_a_board_frame_is_the_plane_of_the_common_frame():
 
 
 def test_a_view_in_which_the_board_was_misread_is_left_out():
-    poses = board_poses(DRAWN, 16)
+    poses = board_poses(PLOTTED, 16)
     detections = detections_of(LENSES, poses, 0.1)
     frame = next(k for k, row in enumerate(detections) if all(row))
     good = detections[frame][0]
@@ -116,7 +116,7 @@ def test_a_checkerboard_that_is_the_same_upside_down_is_refused_for_two_cameras(
 def test_a_camera_that_sees_no_board_with_the_others_is_refused():
     detections = [
         [one, None] if k % 2 else [None, two]
-        for k, (one, two) in enumerate(detections_of(LENSES, board_poses(DRAWN, 24), 0.1))
+        for k, (one, two) in enumerate(detections_of(LENSES, board_poses(PLOTTED, 24), 0.1))
     ]
     with pytest.raises(ShapeError, match="no board together"):
         calibrated(BOARD, ["a", "b"], SIZES, detections)
@@ -124,4 +124,4 @@ def test_a_camera_that_sees_no_board_with_the_others_is_refused():
 
 def test_too_few_boards_are_refused():
     with pytest.raises(ShapeError, match="at least 4 poses"):
-        calibrated(BOARD, ["a", "b"], SIZES, detections_of(LENSES, board_poses(DRAWN, 2), 0.1))
+        calibrated(BOARD, ["a", "b"], SIZES, detections_of(LENSES, board_poses(PLOTTED, 2), 0.1))

@@ -7,15 +7,15 @@ from tests.scenes import arch, ring
 from tssgeom.errors import SettingsError
 from tssgeom.vision.cameras import pixels_by_slope, project, refuse_other_size, sight
 
-PLACES, _ = arch(30)
+POSITIONS, _ = arch(30)
 LENSES = ring(3)
 
 
 @pytest.mark.parametrize("view", range(3))
 def test_points_project_to_where_the_lens_bends_them(cameras_of, view):
-    sightings = project(cameras_of(LENSES)[view], PLACES)
+    sightings = project(cameras_of(LENSES)[view], POSITIONS)
     # two programs in double precision on the same formula
-    np.testing.assert_allclose(sightings, LENSES[view].project(PLACES), atol=1e-9)
+    np.testing.assert_allclose(sightings, LENSES[view].project(POSITIONS), atol=1e-9)
 
 
 def test_a_sight_undoes_the_lens_out_to_the_corners_of_the_image(cameras_of):
@@ -39,7 +39,7 @@ def test_the_derivative_of_a_pixel_is_that_of_the_lens(cameras_of):
 def test_a_point_behind_a_camera_has_no_pixel(cameras_of):
     camera = cameras_of(LENSES)[0]
     behind = camera.position - camera.rotation[2]
-    sightings = project(camera, np.array([behind, PLACES[0]]))
+    sightings = project(camera, np.array([behind, POSITIONS[0]]))
     assert np.isnan(sightings[0]).all()
     assert np.isfinite(sightings[1]).all()
 

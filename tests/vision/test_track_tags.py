@@ -13,7 +13,7 @@ from tssgeom.vision.track import Wanted, track
 FIND = tag_finder("4x4_50")
 SIDE = 0.018
 IDS = (7, 3, 12, 20, 31, 44, 0, 18, 25)
-PLACES, _ = arch(len(IDS))
+POSITIONS, _ = arch(len(IDS))
 
 
 def tag(number, position, axes):
@@ -22,8 +22,8 @@ def tag(number, position, axes):
 
 
 def scene(numbers=IDS, covers=(), toward=(0.0, -0.6, 0.2)):
-    poses = tag_poses(PLACES, np.array(toward))
-    tags = [tag(*one) for one in zip(numbers, PLACES, poses, strict=True)]
+    poses = tag_poses(POSITIONS, np.array(toward))
+    tags = [tag(*one) for one in zip(numbers, POSITIONS, poses, strict=True)]
     return Scene(tags=tags, covers=covers, background=90.0)
 
 
@@ -35,7 +35,7 @@ def test_tags_are_placed_at_their_middles_in_the_order_that_is_asked(cameras_of)
     lenses = ring(2)
     result = track(cameras_of(lenses), images_of(lenses, scene(), 4), Wanted(tags=True, ids=IDS))
     assert result.ids == IDS
-    error = np.array([one.points for one in result.frames]) - PLACES
+    error = np.array([one.points for one in result.frames]) - POSITIONS
     spread = np.array([one.covariance for one in result.frames])
     stated = np.sqrt(np.trace(spread, axis1=2, axis2=3).mean() / 3)
     assert np.isfinite(error).all()
@@ -48,12 +48,12 @@ def test_without_an_order_the_numbers_rise_along_the_route(cameras_of):
     lenses = ring(2)
     result = track(cameras_of(lenses), images_of(lenses, scene(sorted(IDS))), Wanted(tags=True))
     assert result.ids == tuple(sorted(IDS))
-    np.testing.assert_allclose(result.frames[0].points, PLACES, atol=3e-4)
+    np.testing.assert_allclose(result.frames[0].points, POSITIONS, atol=3e-4)
 
 
 def test_a_hidden_tag_is_missing(cameras_of):
     lenses = ring(2)
-    x, y = lenses[0].project(PLACES[4:5])[0].astype(int)
+    x, y = lenses[0].project(POSITIONS[4:5])[0].astype(int)
     hidden = scene(covers=((0, x - 14, y - 14, x + 3, y + 14),))
     result = track(cameras_of(lenses), images_of(lenses, hidden), Wanted(tags=True, ids=IDS))
     assert np.flatnonzero(np.isnan(result.frames[0].points[:, 0])).tolist() == [4]
@@ -77,7 +77,7 @@ def test_one_camera_locates_tags_of_a_known_side_with_large_errors(cameras_of):
     one = result.frames[0]
     sightings = np.isfinite(one.points[:, 0])
     assert sightings.sum() >= 5
-    error = one.points[sightings] - PLACES[sightings]
+    error = one.points[sightings] - POSITIONS[sightings]
     square = np.einsum("ni,nij,nj->n", error, np.linalg.inv(one.covariance[sightings]), error)
     assert np.sqrt(square.mean() / 3) < 2.0
     along = np.sqrt(

@@ -175,12 +175,12 @@ def misfits(runs: Sequence[Trace]) -> Misfit:
     """Return root mean squares of measured less simulated, by channel and phase."""
     fitted = [trace for trace in runs if not trace.held_out]
     held = [trace for trace in runs if trace.held_out]
-    shown = held or fitted
+    displayed = held or fitted
     return Misfit(
         noise={name: _trace_rms(runs, name, "sigma") for name in _channels(runs)},
         before={"fitted": _left(fitted, "before"), "held_out": _left(held, "before")},
         after={"fitted": _left(fitted, "after"), "held_out": _left(held, "after")},
-        by_phase={name: _by_phase(shown, name) for name in _channels(shown)},
+        by_phase={name: _by_phase(displayed, name) for name in _channels(displayed)},
     )
 
 

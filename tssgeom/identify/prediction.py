@@ -40,7 +40,7 @@ class NoiseModelSettings:
     """Of the nonlinearity: sine waves of a cell over its scale [1]; chosen on development seeds."""
     arc_modes: int = 4
     """Directions of the covariance of a route that count; chosen."""
-    blurred: float = 3.0
+    smoothed: float = 3.0
     """Over the median s.d. of a channel: a less exact reading is left out of its rms [1]; chosen."""
     draws: int = 8
     """Draws of the noise of the drive; chosen: its s.d. is known to 25 %."""
@@ -320,7 +320,7 @@ def total_sigma(errors: Errors) -> Vector:
 
 def exact(sigma: Vector) -> np.ndarray:
     """Return which readings of a channel are about as exact as its sensor: not those beside a turn, (112)."""
-    return sigma <= NOISE.blurred * np.nanmedian(sigma)
+    return sigma <= NOISE.smoothed * np.nanmedian(sigma)
 
 
 def run_channels(
@@ -334,8 +334,8 @@ def run_channels(
 ) -> dict[str, Vector]:
     """Return what each channel of one run should have read, on its route and drive or on others."""
     given = reading.given if drive is None else {**reading.given, reading.drive: drive}
-    laid = reading.route.arcs if arcs is None else arcs
-    model = prepare(given, laid, rig, effects, drive=reading.drive, bars=bars)
+    discretised = reading.route.arcs if arcs is None else arcs
+    model = prepare(given, discretised, rig, effects, drive=reading.drive, bars=bars)
     return carry_on(model, begin(model), given)[0].channels
 
 

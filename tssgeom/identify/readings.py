@@ -139,9 +139,9 @@ def noise_of(rig: Rig, channel: str, time: Vector, column: Vector) -> float:
     sensor = rig.sensors.get(channel, Sensor())
     stated = math.hypot(sensor.noise, sensor.resolution / math.sqrt(12.0))
     there = in_order(time, column)
-    shown = reading_noise(column[there], time[there]) if np.count_nonzero(there) > READING.few else 0.0
-    if stated == 0.0 or shown > READING.noisier * stated:
-        return max(shown, 1e-12)
+    displayed = reading_noise(column[there], time[there]) if np.count_nonzero(there) > READING.few else 0.0
+    if stated == 0.0 or displayed > READING.noisier * stated:
+        return max(displayed, 1e-12)
     return stated
 
 

@@ -51,7 +51,7 @@ _SCALES: Mapping[str, tuple[float, ...]] = {
     "travel_m": (0.01, 0.03, 0.1),
 }
 """Starts of scales [N, s, m]."""
-_PLACES = (np.arange(9) + 0.5) / 9.0  # of a hidden bend, over the length
+_POSITIONS = (np.arange(9) + 0.5) / 9.0  # of a hidden bend, over the length
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +110,7 @@ def _of(name: str, stack: Stack, channels: set[str]) -> Iterator[Variant]:
 def _started(name: str, effect: Library, stack: Stack, channels: set[str]) -> Iterator[Library]:
     if name == "hidden_bend":
         length = min(reading.route.arcs.total_length for reading in stack.readings)
-        yield from (changed(effect, at_m=float(share * length)) for share in _PLACES)
+        yield from (changed(effect, at_m=float(share * length)) for share in _POSITIONS)
     elif name == "channel_lag":
         answers = [channel for channel in channels if channel != stack.readings[0].drive]
         yield from (changed(effect, channel=channel) for channel in sorted(answers))
@@ -201,14 +201,14 @@ def refit(problem: Problem, fit: Fit, test: ScoreTest, base: Matrix, passes: int
 def threshold(problem: Problem, errors: Errors, screening: Screening, seed: int) -> float:
     """Return what ΔBIC has to pass, family-wise over the library; docs/model.md (110)."""
     rng = np.random.default_rng(seed)
-    drawn = problem.whitening.whitened(_clean(problem, errors, rng))
+    plotted = problem.whitening.whitened(_clean(problem, errors, rng))
     frame, _ = np.linalg.qr(screening.base)
-    drawn -= frame @ (frame.T @ drawn)
+    plotted -= frame @ (frame.T @ plotted)
     best = np.full(DETECTION.draws, -np.inf)
     for test in screening.tests:
         length = float(np.linalg.norm(test.column))
         if length > 0.0:
-            score = test.column @ drawn / length
+            score = test.column @ plotted / length
             gain = np.square(np.maximum(score, 0.0) if test.variant.positive else score)
             best = np.maximum(best, gain - len(test.variant.free) * math.log(problem.stack.size))
     return max(float(np.quantile(best, 1.0 - DETECTION.rate)), DETECTION.least_threshold)
@@ -217,8 +217,8 @@ def threshold(problem: Problem, errors: Errors, screening: Screening, seed: int)
 def _clean(problem: Problem, errors: Errors, rng: np.random.Generator) -> Matrix:
     """Residuals of clean campaigns [rows, draws] [N, m]."""
     size = problem.stack.size
-    drawn = np.array([0.0 if name.startswith("bend ") else 1.0 for name in errors.names])
-    weight = drawn[:, None] * rng.standard_normal((len(drawn), DETECTION.draws))
+    plotted = np.array([0.0 if name.startswith("bend ") else 1.0 for name in errors.names])
+    weight = plotted[:, None] * rng.standard_normal((len(plotted), DETECTION.draws))
     out = rng.standard_normal((size, DETECTION.draws)) + errors.modes @ weight
     out *= errors.sigma[:, None]
     for name in dict.fromkeys(block.channel for block in problem.stack.blocks):

@@ -149,7 +149,7 @@ def _recorded(
     """Return what the instruments read in a run that is driven by position."""
     arcs = arcs_of(COURSES[pull.route])
     time, position = _drive(pull, arcs)
-    seen = predict(
+    observed = predict(
         {"time_s": time, "displacement_in_m": position},
         arcs,
         TRUE,
@@ -157,7 +157,9 @@ def _recorded(
         drive="displacement_in_m",
         bars=_BARS,
     )
-    read = {name: _read(seen[name][::_STEPS], BELIEVED.sensors[name], bends[name], rng) for name in _CHANNELS}
+    read = {
+        name: _read(observed[name][::_STEPS], BELIEVED.sensors[name], bends[name], rng) for name in _CHANNELS
+    }
     return {"time_s": time[::_STEPS], **read}
 
 

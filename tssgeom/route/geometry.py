@@ -59,7 +59,7 @@ class ChainStart:
     """Points that a chain needs. Derived: one arc in space has 5 parameters across it beside its joints."""
     quick_moves: int = 8
     """Moves after which a first chain that is still hopeless is given up. Chosen."""
-    doubtful_angle: float = 0.03
+    uncertain_angle: float = 0.03
     """Relative standard error of Φ above which a smooth fit may hide kinks [1]. Chosen; model.md (33)."""
     far_off: float = 3.0
     """Noise of a smooth fit above which it may have lost the points [spacings]. Chosen."""
@@ -175,7 +175,7 @@ def _turns_unobserved(data: Data, chain: Chain) -> bool:
 def _first_guesses(data: Data, smooth: RouteFit) -> Iterator[tuple[Data, Chain]]:
     """First guesses of a chain: the pieces of the smooth fit, and where that is uncertain, corners."""
     yield data, first_chain(data, smooth)
-    sure = smooth.arcs.total_angle_se <= START.doubtful_angle * smooth.arcs.total_angle
+    sure = smooth.arcs.total_angle_se <= START.uncertain_angle * smooth.arcs.total_angle
     if not sure or smooth.noise > START.far_off * data.spacing:
         guess = cornered(data, smooth.route)
         if guess is not None:

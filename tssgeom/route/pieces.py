@@ -168,9 +168,9 @@ def parallel_components(tangent: np.ndarray, vector: np.ndarray) -> np.ndarray:
         here = tangent[i]
         if i > 0:
             before = tangent[i - 1]
-            lean = 1.0 + before[0] * here[0] + before[1] * here[1] + before[2] * here[2] + 1e-12
-            turned = (first[0] * here[0] + first[1] * here[1] + first[2] * here[2]) / lean
-            other = (second[0] * here[0] + second[1] * here[1] + second[2] * here[2]) / lean
+            stripped = 1.0 + before[0] * here[0] + before[1] * here[1] + before[2] * here[2] + 1e-12
+            turned = (first[0] * here[0] + first[1] * here[1] + first[2] * here[2]) / stripped
+            other = (second[0] * here[0] + second[1] * here[1] + second[2] * here[2]) / stripped
             for c in range(3):
                 middle = before[c] + here[c]
                 first[c] -= turned * middle

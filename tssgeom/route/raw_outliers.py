@@ -178,13 +178,13 @@ def _off_line(
 @njit(cache=True, nogil=True)
 def _backwards(before: np.ndarray, here: np.ndarray, after: np.ndarray) -> float:
     """Return how far a point lies ahead of the next one or behind the last, along the way between them."""
-    ahead, behind, way2 = 0.0, 0.0, 1e-300
+    forward, behind, way2 = 0.0, 0.0, 1e-300
     for c in range(3):
         way = after[c] - before[c]
-        ahead += (here[c] - before[c]) * way
+        forward += (here[c] - before[c]) * way
         behind += (after[c] - here[c]) * way
         way2 += way * way
-    return max(-min(ahead, behind) / math.sqrt(way2), 0.0)
+    return max(-min(forward, behind) / math.sqrt(way2), 0.0)
 
 
 @njit(cache=True, nogil=True)

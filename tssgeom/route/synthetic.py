@@ -55,14 +55,14 @@ def _along(s: Vector, bend: Vector) -> tuple[Points, np.ndarray]:
     angle = kappa * s
     forward = s * np.sinc(angle / np.pi)
     aside = 0.5 * kappa * s * s * np.sinc(0.5 * angle / np.pi) ** 2
-    place = np.column_stack((forward, aside[:, None] * way))
+    position = np.column_stack((forward, aside[:, None] * way))
     cos, sin = np.cos(angle), np.sin(angle)
     axes = np.empty((len(s), 3, 3))
     axes[:, 0] = np.column_stack((cos, sin[:, None] * way))
     for i in range(2):
         axes[:, i + 1, 0] = -sin * way[i]
         axes[:, i + 1, 1:] = np.eye(2)[i] + (cos - 1.0)[:, None] * way[i] * way
-    return place, axes
+    return position, axes
 
 
 def positions(course: Course, s: Vector) -> Points:

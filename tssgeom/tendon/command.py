@@ -62,7 +62,7 @@ class _Move:
         """Return the tendon with the drive at a tension [N]."""
         return self._driven(tension_in, None)
 
-    def placed(self, displacement_in: float) -> TendonState:
+    def located(self, displacement_in: float) -> TendonState:
         """Return the tendon with the drive at a position [m]."""
         return self._driven(None, displacement_in)
 
@@ -178,16 +178,16 @@ def _reached(move: _Move, held: TendonState) -> TendonState:
 def _by_position(move: _Move, answer: TendonState) -> TendonState:
     """Return the state reached by position: with friction by speed the way there matters; (65)."""
     near = transmit(answer, move.rig).displacement_in
-    start = move.placed(near)
+    start = move.located(near)
     error, reach = move.error(start), _FIRST_REACH
     far, other = near, start
     for _ in range(_WIDENINGS):
         if error * move.error(other) <= 0.0:
             break
         far, reach = near - math.copysign(reach, error), 2.0 * reach
-        other = move.placed(far)
+        other = move.located(far)
     if error == 0.0:
         return start
     low, high = sorted((near, far))
-    root: Any = brentq(lambda position: move.error(move.placed(position)), low, high, xtol=1e-16)
-    return move.placed(float(root))
+    root: Any = brentq(lambda position: move.error(move.located(position)), low, high, xtol=1e-16)
+    return move.located(float(root))

@@ -195,7 +195,7 @@ def sweep(
     percentile: float,
     *,
     most: float,
-    tell: Callable[[Curve], None] = lambda curve: None,
+    report: Callable[[Curve], None] = lambda curve: None,
 ) -> list[Tried]:
     """Try curves of 0° to `most` [rad] in steps of 45°, all on the same perturbed routes.
 
@@ -206,7 +206,7 @@ def sweep(
         curve = Curve(angle, kappa)
         disturbance = disturbed(arcs, routes, rig, curve, cycle.tensions, percentile)
         tried.append(Tried(curve, price(arcs, rig, curve, cycle), disturbance))
-        tell(curve)
+        report(curve)
     return tried
 
 

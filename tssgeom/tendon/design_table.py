@@ -111,14 +111,14 @@ def cases(
             scaling,
             load,
             price(arcs, rig, added, load),
-            _seen(arcs, routes, rig, added, load, low, percentile),
+            _observed(arcs, routes, rig, added, load, low, percentile),
             low,
         )
         for name, scaling, added, load in chosen
     ]
 
 
-def _seen(
+def _observed(
     arcs: Arcs, routes: Sequence[Arcs], rig: Rig, added: Curve, load: Cycle, low: float, percentile: float
 ) -> Disturbed:
     tensions = np.array([load.tension_in, load.release_to, low])

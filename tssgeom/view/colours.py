@@ -34,7 +34,7 @@ BEFORE, AFTER = (230, 159, 0), (86, 180, 233)
 _DARKEST = 0.15  # of the map: darker colours vanish on the ground of a recording
 _SHIFTS = np.array([2.0**24, 2.0**16, 2.0**8])  # of red, green and blue in 0xRRGGBBAA
 _TABLE = np.asarray(colormaps["viridis"](np.linspace(_DARKEST, 1.0, 256)))[:, :3]
-_BLAME_TABLE = np.asarray(colormaps["inferno"](np.linspace(0.25, 0.95, 256)))[:, :3]
+_MISFIT_TABLE = np.asarray(colormaps["inferno"](np.linspace(0.25, 0.95, 256)))[:, :3]
 
 
 def tension_rgb(tension: Vector, top: float) -> NDArray[np.float64]:
@@ -52,7 +52,7 @@ def tension_rgb(tension: Vector, top: float) -> NDArray[np.float64]:
     NDArray, shape (n, 3)
         Red, green and blue from 0 to 1.
     """
-    return _looked_up(_TABLE, tension, top)
+    return _interpolated(_TABLE, tension, top)
 
 
 def tension_rgba32(tension: Vector, top: float) -> NDArray[np.uint32]:
@@ -60,12 +60,12 @@ def tension_rgba32(tension: Vector, top: float) -> NDArray[np.uint32]:
     return (np.rint(255 * tension_rgb(tension, top)) @ _SHIFTS + 255).astype(np.uint32)
 
 
-def blame_rgba32(value: Vector, top: float) -> NDArray[np.uint32]:
+def misfit_rgba32(value: Vector, top: float) -> NDArray[np.uint32]:
     """Give colours of the misfit share, from 0 to `top`, as opaque 0xRRGGBBAA; unlike any tension's."""
-    return (np.rint(255 * _looked_up(_BLAME_TABLE, value, top)) @ _SHIFTS + 255).astype(np.uint32)
+    return (np.rint(255 * _interpolated(_MISFIT_TABLE, value, top)) @ _SHIFTS + 255).astype(np.uint32)
 
 
-def _looked_up(table: NDArray[np.float64], value: Vector, top: float) -> NDArray[np.float64]:
+def _interpolated(table: NDArray[np.float64], value: Vector, top: float) -> NDArray[np.float64]:
     """Return the rows of a table of colours for values from 0 to `top`; beyond them its ends."""
     share = np.clip(np.asarray(value, dtype=np.float64) / top, 0.0, 1.0)
     return table[np.rint(share * (len(table) - 1)).astype(np.intp)]

@@ -35,15 +35,15 @@ def channel(name: str) -> Quantity:
 
 def renamed(label: str) -> str:
     """Write the channel at the beginning of a label as its symbol, and a phase as words."""
-    for name, shown in CHANNELS.items():
+    for name, displayed in CHANNELS.items():
         if label.startswith(name):
-            return f"{shown.symbol}{label.removeprefix(name)}"
+            return f"{displayed.symbol}{label.removeprefix(name)}"
     return plain(label)
 
 
 def parameters(effect: Library, estimates: Mapping[str, Estimate]) -> dict[str, str]:
     """Write the numbers of an effect by name, then what was chosen, such as the end at which it acts."""
-    numbers = {parameter(key): shown(each) for key, each in estimates.items()}
+    numbers = {parameter(key): displayed(each) for key, each in estimates.items()}
     return numbers | {plain(key): plain(choice) for key, choice in chosen(effect).items()}
 
 
@@ -53,7 +53,7 @@ def meaning(name: str) -> str:
     return first.partition("; docs/")[0].rstrip(".")
 
 
-def shown(each: Estimate) -> str:
+def displayed(each: Estimate) -> str:
     """Write a number with its 95 % interval and unit; one that was held is marked so."""
     unit, factor = _UNITS.get(each.unit, (each.unit, 1.0))
     value = number(factor * each.value, factor * (each.high - each.low))

@@ -69,7 +69,7 @@ def calibrated(
     lens, free = np.array([one[0] for one in starts]), np.array([one[1] for one in starts])
     in_camera = {key: pose for _, _, poses in starts for key, pose in poses.items()}
     sighted = [one for one in sighted if (one.camera, one.frame) in in_camera]
-    pose, boards = _placed(names, in_camera)
+    pose, boards = _located(names, in_camera)
     fitted = fit_all(corners, sighted, lens, pose, boards, free)
     if board_frame is not None and board_frame not in fitted.boards:
         raise ShapeError(f"no board is seen in frame {board_frame}: name another --board-frame")
@@ -131,7 +131,7 @@ def _fitted_lens(corners: Points, sighted: Sequence[Sighted], size: tuple[int, i
     return _Lens(lens, poses, np.ravel(each), max(rms, 1e-9) ** 2)
 
 
-def _placed(
+def _located(
     names: Sequence[str], in_camera: dict[tuple[int, int], Pose]
 ) -> tuple[list[Pose], dict[int, Pose]]:
     """Place cameras and boards in the frame of the first camera, one after the other by shared boards."""

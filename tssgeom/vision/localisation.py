@@ -72,17 +72,17 @@ def _from_views(cameras: tuple[Camera, ...], view_set: ViewSet, which: np.ndarra
     slope, weight = gathered(view_set, which)
     views, count, corners = slope.shape[:3]
     flat = slope.reshape(views, -1, 2), weight.reshape(views, -1, 2, 2)
-    placed = triangulate(eyes(cameras), *flat, gate)
+    positioned = triangulate(eyes(cameras), *flat, gate)
     points, covariance = mean_of(
-        placed.points.reshape(count, corners, 3), placed.covariance.reshape(count, corners, 3, 3)
+        positioned.points.reshape(count, corners, 3), positioned.covariance.reshape(count, corners, 3, 3)
     )
     good = np.asarray(np.isfinite(points).all(axis=1))
-    used = placed.used.reshape(views, count, corners).all(axis=2).T
-    freedom = placed.freedom.reshape(count, corners).sum(axis=1)
+    used = positioned.used.reshape(views, count, corners).all(axis=2).T
+    freedom = positioned.freedom.reshape(count, corners).sum(axis=1)
     return Located(
         points,
         covariance,
-        placed.square.reshape(count, corners).sum(axis=1),
+        positioned.square.reshape(count, corners).sum(axis=1),
         np.where(good, freedom, 0.0),
         np.where(used & good[:, None], which, -1),
     )

@@ -19,7 +19,7 @@ _UNSLANTED = 0.8  # quantile of the spacings in an image that a slanted view has
 _BOTH = 2  # neighbours that a marker has at most
 _MISFIT, _ELSEWHERE = 0.35, 0.3  # spacings from where a marker should be: it is one, it is none
 _CLEARLY = 2.5  # times farther off than the one that is taken
-_GAP = 1.5  # spacings: a longer link has room for a marker
+_SPACING = 1.5  # spacings: a longer link has room for a marker
 
 
 def reach_of(cameras: tuple[Camera, ...], view_sets: Sequence[ViewSet], matches: Sequence[Matches]) -> float:
@@ -111,7 +111,7 @@ def _expected(chain: Points) -> tuple[Points, float]:
     usual = float(np.median(length))
     extended = np.vstack((_beyond(chain[::-1]), chain, _beyond(chain)))
     candidates = [extended[:1], extended[-1:]]
-    for i in np.flatnonzero(length > _GAP * usual):
+    for i in np.flatnonzero(length > _SPACING * usual):
         missing = round(float(length[i]) / usual) - 1
         x = (np.arange(1, missing + 1) / (missing + 1))[:, None]
         before, one, two, after = extended[i : i + 4]

@@ -13,7 +13,7 @@ from tssgeom.errors import ShapeError
 FEWEST = 4
 _LONGEST = 4.6  # median links: a longer one has many markers missing, or joins what does not belong
 _FEWEST_TOGETHER = 3
-_RIVAL = 1.15  # another chain less than this longer is as likely
+_ALTERNATIVE = 1.15  # another chain less than this longer is as likely
 _ROUNDS = 50
 
 
@@ -113,7 +113,7 @@ def _refuse_unclear(order: np.ndarray, distance: np.ndarray) -> None:
             f"{1e3 * usual:.1f} mm; mend the view of the missing ones, or use tags with numbers"
         )
     gain, _, _ = _best_turn(order, distance)
-    if -gain < (_RIVAL - 1.0) * usual:
+    if -gain < (_ALTERNATIVE - 1.0) * usual:
         raise ShapeError(
             f"the order of the markers is unclear: another chain is only {-1e3 * gain:.2f} mm longer, with "
             f"{1e3 * usual:.1f} mm from marker to marker; set them closer together, or use tags with numbers"

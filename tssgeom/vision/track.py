@@ -24,7 +24,7 @@ _GENEROUS = 5.0  # times the stated pixel noise, before it is estimated from the
 _PROBED = 60  # frames from which the pixel noise is estimated before anything is refused
 _FEW = 30.0  # degrees of freedom that the stated pixel noise weighs beside those of the views
 _UNUSED = 0.1  # of the blobs of a camera, above which more than chance is wrong
-_DOUBTFUL, _DOUBTFUL_PIXELS = 3.0, 0.2  # times the stated noise, and pixels
+_INCONSISTENT, _INCONSISTENT_PIXELS = 3.0, 0.2  # times the stated noise, and pixels
 _SELDOM = 0.02  # of the frames: a tag placed in fewer is a misreading
 
 
@@ -94,12 +94,12 @@ def _of_tags(cameras: tuple[Camera, ...], view_sets: Sequence[ViewSet], wanted: 
         )
     numbered = [_numbered(one, known) for one in view_sets]
 
-    def placed(scale: float, chosen: Sequence[int]) -> list[Located]:
+    def positioned(scale: float, chosen: Sequence[int]) -> list[Located]:
         gate = gates(len(cameras), scale)
         return [located(cameras, view_sets[k], numbered[k], gate, wanted.alone) for k in chosen]
 
-    scale = _scale(placed(_GENEROUS, _probes(view_sets)))
-    frames = placed(max(scale, 1.0), range(len(view_sets)))
+    scale = _scale(positioned(_GENEROUS, _probes(view_sets)))
+    frames = positioned(max(scale, 1.0), range(len(view_sets)))
     ids, frames, notes = _often(known, frames, stated=bool(wanted.ids))
     return _track(cameras, view_sets, ids, frames, notes)
 
@@ -224,7 +224,7 @@ def _track(
         for one in frames
     )
     off = _reprojection(cameras, view_sets, scaled)
-    if scale > _DOUBTFUL and np.nanmax(off) > _DOUBTFUL_PIXELS:
+    if scale > _INCONSISTENT and np.nanmax(off) > _INCONSISTENT_PIXELS:
         notes += (
             f"views miss each other by {np.nanmax(off):.2f} px, {scale:.1f} times what images allow: check "
             "that the calibration is of these cameras, in this order, and that they film in step",

@@ -74,7 +74,7 @@ def report_object(finding: Finding, version: str) -> dict[str, Any]:
         "unobservable_why": dict(finding.unobservable),
         "where": [_misfit_share(each) for each in finding.where],
         "along_route": [_along(each) for each in finding.along],
-        "gap": _gap(finding.misfit),
+        "gap": _misfit(finding.misfit),
         "base": {name: _base(name, each, finding.nominal) for name, each in finding.base.items()},
         "base_tie": finding.base_tie,
         "missing_shapes": [_shape(each) for each in finding.missing_shapes],
@@ -149,7 +149,7 @@ def _along(each: RouteMisfit) -> dict[str, Any]:
     }
 
 
-def _gap(each: Misfit) -> dict[str, Any]:
+def _misfit(each: Misfit) -> dict[str, Any]:
     return {
         "noise": dict(each.noise),
         "before": {runs: dict(rms) for runs, rms in each.before.items()},
@@ -194,7 +194,7 @@ def _provenance(finding: Finding, version: str) -> list[str]:
         f"Verdict: {finding.verdict}. {finding.sentence}",
         "Friction and compliance, nominal to refitted, with 95 % intervals:",
         *(f"  {name}: {_change(name, each, finding.nominal)}" for name, each in finding.base.items()),
-        *_gap_lines(finding.misfit),
+        *_misfit_lines(finding.misfit),
         *(
             f"Tied: {', '.join(tie.names)}: {tie.why}"
             for tie in finding.ties
@@ -210,7 +210,7 @@ def _change(name: str, each: Estimate, nominal: Mapping[str, float]) -> str:
     return f"{before}{each.value:.6g}{unit} [{each.low:.6g}, {each.high:.6g}]"
 
 
-def _gap_lines(misfit: Misfit) -> Sequence[str]:
+def _misfit_lines(misfit: Misfit) -> Sequence[str]:
     runs = "held_out" if misfit.before.get("held_out") else "fitted"
     before, after = misfit.before.get(runs, {}), misfit.after.get(runs, {})
     title = {"held_out": "on runs that were held out", "fitted": "on the runs that were fitted"}[runs]

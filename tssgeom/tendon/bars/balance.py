@@ -120,7 +120,7 @@ def balanced(plant, memory, by_force, target, weight, warmth, span, rest, cone, 
         w, tension, slip, more, residual = equilibrium(chain, hanging, slip, PATIENCE)
         solves += more
         change = np.max(np.abs(tension - about))
-        if one_pass or (change <= TOLERANCES.settled and residual <= TOLERANCES.accepted):
+        if one_pass or (change <= TOLERANCES.converged and residual <= TOLERANCES.accepted):
             break
         if done < TOLERANCES.full_passes:
             about[:], moved[:] = tension, w

@@ -21,7 +21,7 @@ class SolverTolerances(NamedTuple):
     """Residual that ends the iteration, of the greatest tension [1]; chosen: rounding, with room."""
     accepted: float = 1e-7
     """Largest residual of an equilibrium that is returned [N]; chosen: below what any sensor resolves."""
-    settled: float = 1e-8
+    converged: float = 1e-8
     """Greatest change of any tension in the last pass over curved laws [N]; chosen: a tenth of `accepted`."""
     passes: int = 90
     """Passes over curved laws before a step is given up [1]; chosen."""

@@ -55,7 +55,7 @@ def march(plant, memory, by_force, spans, drive, warmth, parts, out, profile):
                 continue
             weight = plant.pretension
             change, _ = balanced(plant, memory, by_force, target, weight, warm, span, rest, cone, room)
-            if not change <= 1e3 * TOLERANCES.settled:
+            if not change <= 1e3 * TOLERANCES.converged:
                 return g
         kept[0], kept[1], kept[5] = drive[g], warmth[g], rate
         _record(plant, memory, by_force, rest[0], g, out)
@@ -70,10 +70,10 @@ def _record(plant, memory, by_force, rest, g, out):
     tension, kept, last = memory.tension, memory.drive, memory.tension.size - 1
     out[0, g], out[1, g], out[2, g] = tension[0], tension[last], kept[0]
     if by_force:  # docs/model.md (59)
-        lead = memory.displacement[0] + stretch_of(plant, 0, tension[0]) - rest
-        lag = kept[3] + (kept[4] - lead) * plant.backlash / _TURN
-        kept[3], kept[4] = min(max(lag, 0.0), plant.backlash), lead
-        out[2, g] = lead - kept[3]
+        shift = memory.displacement[0] + stretch_of(plant, 0, tension[0]) - rest
+        lag = kept[3] + (kept[4] - shift) * plant.backlash / _TURN
+        kept[3], kept[4] = min(max(lag, 0.0), plant.backlash), shift
+        out[2, g] = shift - kept[3]
     if plant.load == 0.0:
         out[3, g] = memory.displacement[last - 1]
     else:

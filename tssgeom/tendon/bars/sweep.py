@@ -70,7 +70,7 @@ def _sweep(plant, old, start, rest, cone, tension, slip):
     law = (power, plant.load_reference)
     tension[0] = start
     stretch, slope = stretched(start, soft[0], toe[0], toe_scale[0], saved[0], saved_scale)
-    lead, share, near = stretch - rest[0], 1.0, start
+    shift, share, near = stretch - rest[0], 1.0, start
     for i in range(low.size):
         here = old[i + 1]
         lower, upper = low[i] * near - force[i], high[i] * near + force[i]
@@ -91,9 +91,9 @@ def _sweep(plant, old, start, rest, cone, tension, slip):
             slip[i], share = 0, 0.0
         tension[i + 1], near = here, here
         stretch, rise = stretched(here, soft[i + 1], toe[i + 1], toe_scale[i + 1], saved[i + 1], saved_scale)
-        lead += stretch - rest[i + 1]
+        shift += stretch - rest[i + 1]
         slope += share * rise
-    return lead, slope
+    return shift, slope
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -113,29 +113,29 @@ def _sliding_from(plant, tension, cone, pull):
 def _at_position(plant, old, target, rest, cone, tension, slip):
     """Sweep with the tension that puts the drive at `target`; return how far off it is [m]."""
     start = old[0]
-    lead, slope = _sweep(plant, old, start, rest, cone, tension, slip)
-    if abs(lead - target) <= SWEEP.close or (start == 0.0 and lead > target):
+    shift, slope = _sweep(plant, old, start, rest, cone, tension, slip)
+    if abs(shift - target) <= SWEEP.close or (start == 0.0 and shift > target):
         return 0.0
-    below, above = (start, np.inf) if lead < target else (0.0, start)
+    below, above = (start, np.inf) if shift < target else (0.0, start)
     if slope <= 0.0:
-        start = _sliding_from(plant, old, cone, lead < target)
-        lead, slope = _sweep(plant, old, start, rest, cone, tension, slip)
+        start = _sliding_from(plant, old, cone, shift < target)
+        shift, slope = _sweep(plant, old, start, rest, cone, tension, slip)
     for _ in range(SWEEP.trials):
-        if abs(lead - target) <= SWEEP.close:
+        if abs(shift - target) <= SWEEP.close:
             return 0.0
-        below, above = (max(below, start), above) if lead < target else (below, min(above, start))
-        new = start - (lead - target) / slope if slope > 0.0 else -1.0
-        if new <= 0.0 and below == 0.0 and start > 0.0 and lead > target:
+        below, above = (max(below, start), above) if shift < target else (below, min(above, start))
+        new = start - (shift - target) / slope if slope > 0.0 else -1.0
+        if new <= 0.0 and below == 0.0 and start > 0.0 and shift > target:
             new = 0.0  # perhaps more is given than the tendon takes back
         elif not below < new < above:
             new = 2.0 * below + 1.0 if above == np.inf else 0.5 * (below + above)
         if new == start or above - below <= 1e-15 * below:
             break
         start = new
-        lead, slope = _sweep(plant, old, start, rest, cone, tension, slip)
-        if start == 0.0 and lead >= target:
+        shift, slope = _sweep(plant, old, start, rest, cone, tension, slip)
+        if start == 0.0 and shift >= target:
             return 0.0
-    return abs(lead - target)
+    return abs(shift - target)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

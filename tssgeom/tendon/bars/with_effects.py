@@ -81,9 +81,9 @@ def _put(model: Model, memory: Memory) -> None:
     """Put every contact, and the drive, where the tensions of the bars have it; docs/model.md (51)."""
     plant = model.plant
     gained = [stretch_of(plant, j, float(pull)) - plant.rest[j] for j, pull in enumerate(memory.tension)]
-    lead = np.cumsum(gained[::-1])[::-1]
-    memory.displacement[:] = lead[1:]
-    memory.drive[0], memory.drive[2], memory.drive[4] = memory.tension[0], lead[0], lead[0]
+    shift = np.cumsum(gained[::-1])[::-1]
+    memory.displacement[:] = shift[1:]
+    memory.drive[0], memory.drive[2], memory.drive[4] = memory.tension[0], shift[0], shift[0]
 
 
 def model_on(state: BarState, route: Arcs, setup: Setup) -> Model:

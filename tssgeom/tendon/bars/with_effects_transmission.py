@@ -32,7 +32,7 @@ def of_effects(state: BarState, model: Model, route: Arcs) -> Transmission:
         (route.length, 1.0 + 2.0 * model.setup.curvature_gain_m * route.kappa, route.covariance),
     )
     width = way * (answering(state, model, tension_out, way) - tension_in)
-    answered = int(state.memory.slip[-1]) == way or width <= _ANSWERS * max(tension_in, tension_out, 1.0)
+    replied = int(state.memory.slip[-1]) == way or width <= _ANSWERS * max(tension_in, tension_out, 1.0)
     return Transmission(
         tension_in=tension_in,
         tension_out=tension_out,
@@ -40,8 +40,8 @@ def of_effects(state: BarState, model: Model, route: Arcs) -> Transmission:
         elongation_se=math.sqrt(variance),
         tension_out_se=tension_out * abs(slope_out) * math.sqrt(angle_variance),
         direction_index=way,
-        dead_zone=not answered,
-        dead_zone_width=0.0 if answered else width,
+        dead_zone=not replied,
+        dead_zone_width=0.0 if replied else width,
         slip_front=_front(state, route),
         displacement_in=state.displacement_in,
         displacement_out=state.displacement_out,

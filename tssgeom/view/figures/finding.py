@@ -20,7 +20,7 @@ _HELD = "#f6f3e6"
 _ACROSS = ("tension_out_N", "elongation_m", "displacement_out_m", "tension_in_N")
 """What is drawn against the proximal tension, the first two that were measured."""
 _MOST_PANELS = 2
-_SEEN = 99.0  # percentile of the residual before that its axis shows
+_MEASURED = 99.0  # percentile of the residual before that its axis shows
 _SIGMAS = 2.0
 _STYLES: Mapping[str, Any] = {
     "before": {"color": ORANGE, "linestyle": (0, (4, 1.5))},
@@ -41,8 +41,8 @@ def transmission_figure(finding: Finding) -> Figure:
         row = drawing.subplots(1, len(channels), squeeze=False)[0]
         for axes, name in zip(row, channels, strict=True):
             _draw_loops(axes, trace, name, models(finding))
-            told = words.channel(name)
-            titles(axes, f"{told.symbol} over T_in", "input tension T_in [N]", told.label)
+            reported = words.channel(name)
+            titles(axes, f"{reported.symbol} over T_in", "input tension T_in [N]", reported.label)
         _legend(drawing, row[0])
     return drawing
 
@@ -59,8 +59,8 @@ def _legend(drawing: Figure, axes: Axes) -> None:
 
 def panels(trace: Trace) -> list[str]:
     """Return the channels that are drawn over the input tension; where only that was measured, itself."""
-    seen = [name for name in _ACROSS if name in trace.measured]
-    return [name for name in seen if name != "tension_in_N"][:_MOST_PANELS] or seen[:1]
+    observed = [name for name in _ACROSS if name in trace.measured]
+    return [name for name in observed if name != "tension_in_N"][:_MOST_PANELS] or observed[:1]
 
 
 def _draw_loops(axes: Axes, trace: Trace, name: str, drawn: Mapping[str, str]) -> None:
@@ -113,17 +113,17 @@ def measured_channels(traces: Sequence[Trace]) -> list[str]:
 
 
 def _draw_residual(axes: Axes, traces: Sequence[Trace], name: str, drawn: Mapping[str, str]) -> None:
-    told = words.channel(name)
-    shown = [(k, trace) for k, trace in enumerate(traces) if name in trace.measured]
-    for k, trace in shown:
-        _draw_run(axes, k, trace, name, drawn if k == shown[0][0] else dict.fromkeys(drawn, "_"))
+    reported = words.channel(name)
+    displayed = [(k, trace) for k, trace in enumerate(traces) if name in trace.measured]
+    for k, trace in displayed:
+        _draw_run(axes, k, trace, name, drawn if k == displayed[0][0] else dict.fromkeys(drawn, "_"))
     for k, trace in enumerate(traces):
         axes.axvspan(k, k + 1, color=_HELD if trace.held_out else "white", linewidth=0, zorder=0)
-    top = 1.25 * max(_most(trace, name) for _, trace in shown)
+    top = 1.25 * max(_most(trace, name) for _, trace in displayed)
     axes.set_ylim(-top, top)
     axes.set_xlim(0, len(traces))
     axes.set_xticks(range(len(traces) + 1), [""] * (len(traces) + 1))
-    axes.set_ylabel(f"Δ{told.symbol} [{told.unit}]")
+    axes.set_ylabel(f"Δ{reported.symbol} [{reported.unit}]")
 
 
 def _draw_run(axes: Axes, first: int, trace: Trace, name: str, drawn: Mapping[str, str]) -> None:
@@ -140,7 +140,7 @@ def _draw_run(axes: Axes, first: int, trace: Trace, name: str, drawn: Mapping[st
 def _most(trace: Trace, name: str) -> float:
     """Return how far the axis of a residual has to reach, rare peaks left out."""
     left = np.abs(trace.measured[name] - trace.before[name])
-    reach = max(np.nanpercentile(left, _SEEN), 2.0 * float(np.nanmax(trace.sigma[name])))
+    reach = max(np.nanpercentile(left, _MEASURED), 2.0 * float(np.nanmax(trace.sigma[name])))
     return words.channel(name).factor * float(reach)
 
 

@@ -25,7 +25,7 @@ from tssgeom.view.figures.plots import (
 
 _LINES = (BLUE, ORANGE, GREEN, PURPLE, SKY)
 _MOST = 1e3
-_LIGHT = 0.45  # place on the scale of colours from which a number is written dark on light
+_PALE = 0.45  # place on the scale of colours from which a number is written dark on light
 
 
 def heat_figure(finding: Finding) -> Figure:
@@ -42,7 +42,7 @@ def heat_figure(finding: Finding) -> Figure:
         axes.invert_yaxis()
         for i, j in zip(*np.nonzero(np.isfinite(power)), strict=True):
             value = float(power[i, j])
-            shade = INK if float(scale(max(value, 1.0))) > _LIGHT else "white"
+            shade = INK if float(scale(max(value, 1.0))) > _PALE else "white"
             axes.text(
                 j + 0.5, i + 0.5, _digits(value), ha="center", va="center", fontsize=SMALLEST, color=shade
             )

@@ -35,7 +35,7 @@ VECTOR = FORMATS[:2]
 SMALLEST = 7.0
 """Smallest text of a figure [pt]."""
 _DPI = 200
-_LEFT, _RIGHT, _GAP, _BELOW, _ABOVE = 0.5, 0.1, 0.08, 0.42, 0.26
+_LEFT, _RIGHT, _SPACING, _BELOW, _ABOVE = 0.5, 0.1, 0.08, 0.42, 0.26
 """Room for numbers and titles around axes [inch]."""
 _RC: Any = {
     "pdf.fonttype": 42,
@@ -84,14 +84,14 @@ def panels(size: tuple[float, float], count: int) -> Iterator[tuple[Figure, list
     width, height = size
     with mpl.rc_context(_RC):
         drawing = Figure(figsize=size)
-        each = (width - count * _LEFT - (count - 1) * _GAP - _RIGHT) / count
+        each = (width - count * _LEFT - (count - 1) * _SPACING - _RIGHT) / count
         row = drawing.subplots(1, count, squeeze=False)[0].tolist()
         drawing.subplots_adjust(
             left=_LEFT / width,
             right=1 - _RIGHT / width,
             bottom=_BELOW / height,
             top=1 - _ABOVE / height,
-            wspace=(_LEFT + _GAP) / each,
+            wspace=(_LEFT + _SPACING) / each,
         )
         yield drawing, row
 

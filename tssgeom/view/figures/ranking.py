@@ -12,14 +12,14 @@ MOST = 10
 _PALE = "#c3c9d4"
 
 
-def shown_candidates(finding: Finding) -> tuple[Candidate, ...]:
+def listed_candidates(finding: Finding) -> tuple[Candidate, ...]:
     """Return the first candidates of the ranking, those that were chosen with them."""
     return finding.ranking[:MOST]
 
 
 def ranking_figure(finding: Finding) -> Figure:
     """Draw how much each candidate lowers the information criterion, and what it has to pass."""
-    candidates = shown_candidates(finding)
+    candidates = listed_candidates(finding)
     chosen = {name for each in finding.effects for name in each.names}
     with figure((PAGE, 0.75 + 0.24 * len(candidates))) as drawing:
         axes = drawing.subplots()

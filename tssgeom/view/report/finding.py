@@ -15,8 +15,8 @@ from tssgeom.view import finding_wording as words
 from tssgeom.view.figures.finding import judged, missing_figure, residual_figure, transmission_figure
 from tssgeom.view.figures.heat_map import along_figure, heat_figure
 from tssgeom.view.figures.plots import markup
-from tssgeom.view.figures.ranking import ranking_figure, shown_candidates
-from tssgeom.view.report.misfit_table import gap_table, phase_table
+from tssgeom.view.figures.ranking import listed_candidates, ranking_figure
+from tssgeom.view.report.misfit_table import misfit_table, phase_table
 from tssgeom.view.report.page import filled, program_version
 
 _ACCENTS = {"none": "#009e73", "effect": "#0072b2", "tie": "#a35c00", "unknown": "#a3508a"}
@@ -72,18 +72,18 @@ def _effects(finding: Finding) -> str:
 
 
 def _effect_rows(each: Candidate) -> list[list[str]]:
-    seen = each.evidence
+    observed = each.evidence
     return [
         [
             words.plain(name),
             words.meaning(name),
-            "\n".join([*(f"{key} = {value}" for key, value in words.parameters(effect, told).items())])
+            "\n".join([*(f"{key} = {value}" for key, value in words.parameters(effect, reported).items())])
             or "–",
-            f"{seen.delta_bic:.0f} ({seen.threshold:.0f})",
-            words.ratio(seen.size_over_limit),
-            words.ratio(seen.heldout_ratio),
+            f"{observed.delta_bic:.0f} ({observed.threshold:.0f})",
+            words.ratio(observed.size_over_limit),
+            words.ratio(observed.heldout_ratio),
         ]
-        for name, effect, told in zip(each.names, each.effects, each.parameters, strict=True)
+        for name, effect, reported in zip(each.names, each.effects, each.parameters, strict=True)
     ]
 
 
@@ -96,27 +96,27 @@ def _tie_words(finding: Finding) -> str:
     return "".join(f'<p class="warning">{html.escape(line)}</p>' for line in lines)
 
 
-def _gap(finding: Finding) -> str:
+def _misfit(finding: Finding) -> str:
     one = not finding.effects
     phases = phase_table(finding.misfit, one=one)
     trace = judged(finding)
     held = ", which was held out" if trace.held_out else ""
     return _section(
         "The gap" if one else "The gap before and after",
-        f"<p>{_gap_words(finding)}</p>",
-        gap_table(finding.misfit, one=one),
+        f"<p>{_misfit_text(finding)}</p>",
+        misfit_table(finding.misfit, one=one),
         f"<details><summary>By phase, on the same runs</summary>{phases}</details>",
         _figure(transmission_figure, finding, f"Run {trace.run} on route {trace.route}{held}."),
     )
 
 
-def _gap_words(finding: Finding) -> str:
-    told = words.judged_runs(finding.misfit)
+def _misfit_text(finding: Finding) -> str:
+    reported = words.judged_runs(finding.misfit)
     runs = {"held_out": "runs that were held out", "fitted": "the fitted runs, since none was held out,"}[
-        told
+        reported
     ]
     before, after = (
-        words.beyond_noise(rms[told], finding.misfit.noise)
+        words.beyond_noise(rms[reported], finding.misfit.noise)
         for rms in (finding.misfit.before, finding.misfit.after)
     )
     if not finding.effects:
@@ -189,8 +189,8 @@ def _missing(finding: Finding) -> str:
 
 
 def _ranking(finding: Finding) -> str:
-    told = shown_candidates(finding)
-    if not told:
+    reported = listed_candidates(finding)
+    if not reported:
         return ""
     chosen = {name for each in finding.effects for name in each.names}
     rows = [
@@ -201,10 +201,10 @@ def _ranking(finding: Finding) -> str:
             words.ratio(each.evidence.size_over_limit),
             words.ratio(each.evidence.heldout_ratio),
         ]
-        for each in told
+        for each in reported
     ]
     head = ("candidate", "why not", "ΔBIC", "size / detection limit", "held-out gap, ratio")
-    more = len(finding.ranking) - len(told)
+    more = len(finding.ranking) - len(reported)
     note = f'<p class="soft">and {more} more in report.json</p>' if more > 0 else ""
     return _section(
         "Runners-up, and why not", _figure(ranking_figure, finding, ""), _table(head, rows, text=(1,)), note
@@ -255,14 +255,14 @@ _FIGURES: Mapping[str, tuple[Callable[[Finding], Figure], Callable[[Finding], ob
     "residual": (residual_figure, lambda finding: finding.traces),
     "along": (along_figure, lambda finding: finding.along),
     "heat": (heat_figure, lambda finding: finding.traces),
-    "ranking": (ranking_figure, shown_candidates),
+    "ranking": (ranking_figure, listed_candidates),
     "missing": (missing_figure, lambda finding: finding.missing_shapes),
 }
 
 _SECTIONS: tuple[Callable[[Finding], str], ...] = (
     _effects,
     _missing,
-    _gap,
+    _misfit,
     _next,
     _where,
     _residuals,
@@ -280,8 +280,8 @@ def _section(title: str, *parts: str) -> str:
 
 
 def _figure(draw: Callable[[Finding], Figure], finding: Finding, caption: str) -> str:
-    told = f"<figcaption>{html.escape(caption)}</figcaption>" if caption else ""
-    return f"<figure>{markup(draw(finding))}{told}</figure>"
+    reported = f"<figcaption>{html.escape(caption)}</figcaption>" if caption else ""
+    return f"<figure>{markup(draw(finding))}{reported}</figure>"
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]], text: Sequence[int] = ()) -> str:

@@ -10,7 +10,7 @@ from tssgeom.view import finding_wording as words
 _CLEARLY = 0.05  # share of a change below which a number is neither better nor worse
 
 
-def gap_table(misfit: Misfit, *, one: bool) -> str:
+def misfit_table(misfit: Misfit, *, one: bool) -> str:
     """Write the root mean squares of every channel, fitted and held out; `one` where before is after."""
     groups = [(runs, title) for runs, title in _GROUPS if misfit.before.get(runs)]
     names = ["left"] if one else ["before", "after"]

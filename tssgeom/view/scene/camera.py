@@ -13,7 +13,7 @@ from tssgeom.view.samples import round_down
 _HALF_FIELD = math.radians(27.5)
 """Half of the vertical field of view of a spatial view [rad]."""
 
-_MARGIN = 1.25
+_BORDER = 1.25
 ASPECT = 1.5
 """Width of the spatial view over its height, on a common screen."""
 _TIE = np.array([1e-6, 1e-7, 1e-8])
@@ -50,7 +50,7 @@ class Camera:
     @property
     def view_height(self) -> float:
         """Height of the view at the target [m]."""
-        return 2 * _MARGIN * max(self.half_height, self.half_width / ASPECT)
+        return 2 * _BORDER * max(self.half_height, self.half_width / ASPECT)
 
     @property
     def distance(self) -> float:

@@ -70,7 +70,7 @@ class Chart:
     y: Axis
     box: Box
 
-    def place(self, x: Vector | float, y: Vector | float) -> Vector:
+    def position(self, x: Vector | float, y: Vector | float) -> Vector:
         """Positions [n, 2] of values in the plane; values beyond an edge are held at it."""
         across = self.box.width * np.clip(np.asarray(x) / self.x.top, 0.0, 1.0)
         down = 1.0 - np.clip(np.asarray(y) / self.y.top, 0.0, 1.0)
@@ -78,15 +78,15 @@ class Chart:
 
     def grid(self) -> list[Vector]:
         """Lines across the box at every tick, each [2, 2]."""
-        upright = [self.place(x, np.array([0.0, self.y.top])) for x in self.x.ticks]
-        level = [self.place(np.array([0.0, self.x.top]), y) for y in self.y.ticks]
+        upright = [self.position(x, np.array([0.0, self.y.top])) for x in self.x.ticks]
+        level = [self.position(np.array([0.0, self.x.top]), y) for y in self.y.ticks]
         return [*upright, *level]
 
     def numbers(self) -> tuple[Vector, list[str]]:
         """Positions [n, 2] and texts of the numbers along both axes."""
         text = self.box.text
-        below = self.place(self.x.ticks, 0.0) + np.array([0.0, 0.35 * text])
-        beside = self.place(0.0, self.y.ticks) - np.array([1.9 * text, _LABEL_DROP * text])
+        below = self.position(self.x.ticks, 0.0) + np.array([0.0, 0.35 * text])
+        beside = self.position(0.0, self.y.ticks) - np.array([1.9 * text, _LABEL_DROP * text])
         texts = [*self.x.labels, *self.y.labels]
         return np.vstack([below, beside]), [text.split()[0] for text in texts] if self.box.unitless else texts
 
@@ -105,7 +105,7 @@ def send_tension_chart(
     nodes = [evenly(len(frame.s), _CHART_NODES) for frame in frames]
     heights = [frame.tension[chosen] for frame, chosen in zip(frames, nodes, strict=True)]
     lines = [
-        chart.place(1e3 * frame.s[chosen], height)
+        chart.position(1e3 * frame.s[chosen], height)
         for frame, chosen, height in zip(frames, nodes, heights, strict=True)
     ]
     middles = np.concatenate([0.5 * (height[:-1] + height[1:]) for height in heights])
@@ -126,7 +126,7 @@ def send_curvature_chart(
     _send_error_bars(sender, chart, frames)
     nodes = [evenly(len(frame.s), _CHART_NODES) for frame in frames]
     lines = [
-        chart.place(1e3 * frame.s[chosen], frame.kappa[chosen])
+        chart.position(1e3 * frame.s[chosen], frame.kappa[chosen])
         for frame, chosen in zip(frames, nodes, strict=True)
     ]
     sender.constant(
@@ -152,19 +152,19 @@ def _error_bars(chart: Chart, frame: RouteSamples) -> Vector:
     """Upright strips [m, 2, 2] between κ − s.e. and κ + s.e., dense enough to look like a band."""
     chosen = evenly(len(frame.s), _CHART_NODES)
     s, kappa, spread = 1e3 * frame.s[chosen], frame.kappa[chosen], frame.kappa_se[chosen]
-    return np.stack([chart.place(s, kappa - spread), chart.place(s, kappa + spread)], axis=1)
+    return np.stack([chart.position(s, kappa - spread), chart.position(s, kappa + spread)], axis=1)
 
 
 def _send_staircase(sender: Sender, chart: Chart, pieces: Sequence[Arcs]) -> None:
     steps = [staircase(arcs) for arcs in pieces]
-    corners = np.concatenate([chart.place(1e3 * s, kappa) for s, kappa in steps])
+    corners = np.concatenate([chart.position(1e3 * s, kappa) for s, kappa in steps])
     _send_piece_lines(sender, "curvature/pieces", corners.reshape(-1, 2, 2), pieces)
 
 
 def _send_piece_strip(sender: Sender, entity: str, chart: Chart, pieces: Sequence[Arcs]) -> None:
     """Show the pieces by their colours along the foot of a chart."""
     along = np.concatenate([staircase(arcs)[0] for arcs in pieces])
-    _send_piece_lines(sender, entity, chart.place(1e3 * along, 0.0).reshape(-1, 2, 2), pieces)
+    _send_piece_lines(sender, entity, chart.position(1e3 * along, 0.0).reshape(-1, 2, 2), pieces)
 
 
 def _send_piece_lines(sender: Sender, entity: str, strips: Vector, pieces: Sequence[Arcs]) -> None:
@@ -194,7 +194,7 @@ def _send_colour_bar(sender: Sender, chart: Chart) -> None:
     if not sender.repeats:
         return
     edges = np.linspace(0.0, chart.y.top, _BAR_STEPS + 1)
-    line = chart.place(0.0, edges) - [0.32 * chart.box.text, 0.0]
+    line = chart.position(0.0, edges) - [0.32 * chart.box.text, 0.0]
     bar = rr.LineStrips2D(
         segments_2d([line]),
         colors=colours.tension_rgba32(0.5 * (edges[:-1] + edges[1:]), chart.y.top),
@@ -240,4 +240,4 @@ def slid_up_to(tension: Matrix, s: Vector) -> list[float]:
 
 
 def _upright(chart: Chart, s_mm: float, top: float) -> Vector:
-    return chart.place(np.array([s_mm, s_mm]), np.array([0.0, top]))
+    return chart.position(np.array([s_mm, s_mm]), np.array([0.0, top]))

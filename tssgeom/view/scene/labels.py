@@ -63,7 +63,7 @@ class Candidates:
     """[n, m, 2] Half of the size of the label, in heights of the view."""
 
 
-def label_places(camera: Camera, frame: RouteSamples, arcs: Arcs, text_scale: float = 1.0) -> Placed:
+def label_positions(camera: Camera, frame: RouteSamples, arcs: Arcs, text_scale: float = 1.0) -> Placed:
     """Choose positions for the labels of both ends, then of the pieces; that of the scale is fixed.
 
     `text_scale` is the size of text over its usual size, relative to the route: larger in a low view.

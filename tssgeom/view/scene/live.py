@@ -75,12 +75,12 @@ class LivePicture:
             self._ranges = _widened(needed, self._ranges)
         moved = self._camera is None or not _shows(self._camera, frames)
         if moved:
-            self._aim(frames)
+            self._point_camera(frames)
         more = pieces > self._pieces
         self._pieces = max(pieces, self._pieces)
         return wider or moved or more
 
-    def _aim(self, frames: Sequence[RouteSamples]) -> None:
+    def _point_camera(self, frames: Sequence[RouteSamples]) -> None:
         everywhere = np.concatenate([frame.position for frame in frames])
         forward = frames[-1].position[-1] - frames[-1].position[0]
         self._camera = camera(everywhere, forward)

@@ -32,7 +32,7 @@ from tssgeom.view.scene.charts import (
     slid_up_to,
 )
 from tssgeom.view.scene.columns import Sender
-from tssgeom.view.scene.labels import label_places
+from tssgeom.view.scene.labels import label_positions
 from tssgeom.view.scene.run import send_line
 from tssgeom.view.scene.space import (
     send_joints,
@@ -106,7 +106,7 @@ def _send_route(sender: Sender, setup: _Setup) -> None:
     send_scale_bar(still, setup.camera, _TEXT_SCALE)
     send_joints(still, frames[:1], pieces[:1])
     send_route(sender, frames, paper.PEAK)
-    labels = label_places(setup.camera, frames[0], setup.arcs, _TEXT_SCALE)
+    labels = label_positions(setup.camera, frames[0], setup.arcs, _TEXT_SCALE)
     texts = [
         [*words.end_labels(*frame.tension[[0, -1]].tolist()), *words.piece_labels(setup.arcs)]
         for frame in frames
@@ -140,7 +140,7 @@ def _send_ends(sender: Sender, name: str, run: History) -> None:
     chart = Chart(Axis(16.0, "N"), Axis(1.6, "mm"), _BOX)
     if name == "a":
         send_axes(sender, "figure_6", chart)
-    _send_curve(sender, f"figure_6/{name}", chart.place(run.tension_in, 1e3 * run.elongation), colour)
+    _send_curve(sender, f"figure_6/{name}", chart.position(run.tension_in, 1e3 * run.elongation), colour)
 
 
 def _send_half_circle(sender: Sender, run: History) -> None:
@@ -153,7 +153,7 @@ def _send_half_circle(sender: Sender, run: History) -> None:
     ):
         chart = Chart(Axis(16.0, "N"), Axis(top, unit), _BOX)
         send_axes(sender, name, chart)
-        _send_curve(sender, f"{name}/curve", chart.place(run.tension_in, values), colours.TENSION_OUT)
+        _send_curve(sender, f"{name}/curve", chart.position(run.tension_in, values), colours.TENSION_OUT)
 
 
 def _send_scaling(sender: Sender) -> None:
@@ -162,7 +162,7 @@ def _send_scaling(sender: Sender) -> None:
     send_axes(sender, "figure_8", chart)
     angle = np.linspace(0.0, 4 * math.pi, 120)
     for number, friction in enumerate(paper.FRICTIONS):
-        line = chart.place(np.degrees(angle), paper.scaling_factor(angle, friction))
+        line = chart.position(np.degrees(angle), paper.scaling_factor(angle, friction))
         drawing = rr.LineStrips2D(
             [line], colors=[colours.piece_rgb(number)], radii=rr.Radius.ui_points(1.6), draw_order=10
         )

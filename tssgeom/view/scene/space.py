@@ -18,7 +18,7 @@ from tssgeom.view import wording as words
 from tssgeom.view.samples import RouteSamples, outliers
 from tssgeom.view.scene.camera import Camera
 from tssgeom.view.scene.columns import Sender, segments_3d
-from tssgeom.view.scene.labels import Placed, label_places, scale_label
+from tssgeom.view.scene.labels import Placed, label_positions, scale_label
 from tssgeom.view.scene.run import Run, send_numbers_of_route
 
 _FEW_POINTS = 40
@@ -35,8 +35,10 @@ def send_space(sender: Sender, run: Run, lumen: trimesh.Trimesh | None) -> None:
     send_route(sender, run.frames, run.ranges.tension)
     _send_sensed(sender, run)
     send_joints(sender, run.frames, pieces)
-    placed = [label_places(run.camera, frame, arcs) for frame, arcs in zip(run.frames, pieces, strict=True)]
-    send_labels(sender, placed, [_label_texts(result) for result in run.results])
+    located = [
+        label_positions(run.camera, frame, arcs) for frame, arcs in zip(run.frames, pieces, strict=True)
+    ]
+    send_labels(sender, located, [_label_texts(result) for result in run.results])
     send_numbers_of_route(sender, run)
 
 
@@ -124,15 +126,15 @@ def send_joints(sender: Sender, frames: Sequence[RouteSamples], pieces: Sequence
     sender.send("joints", columns, counts)
 
 
-def send_labels(sender: Sender, placed: Sequence[Placed], texts: Sequence[Sequence[str]]) -> None:
+def send_labels(sender: Sender, located: Sequence[Placed], texts: Sequence[Sequence[str]]) -> None:
     """Write the tension beside each end, and the angle and radius beside each piece where there is room."""
     style = rr.Points3D.from_fields(radii=0.0, colors=colours.WHITE, show_labels=True)
     sender.constant("labels", style)
     columns = rr.Points3D.columns(
-        positions=np.concatenate([one.position for one in placed]),
+        positions=np.concatenate([one.position for one in located]),
         labels=[
             text if whole else text.partition(" · ")[0]
-            for one, row in zip(placed, texts, strict=True)
+            for one, row in zip(located, texts, strict=True)
             for text, whole in zip(row, one.whole.tolist(), strict=True)
         ],
     )

@@ -33,7 +33,7 @@ _END_LIMIT = 10.0
 """Longest wait for the viewer to end by itself [s]."""
 _NOTICES = 3.5
 """Time from its start until the viewer's notices have gone from the picture [s]."""
-_SETTLE = 1.2
+_WAIT = 1.2
 """Time to draw after the last change [s]."""
 
 
@@ -100,7 +100,7 @@ def screenshot(
     with _headless(path, size) as viewer:
         if moment is not None:
             _go_to(viewer, *moment)
-        time.sleep(_SETTLE)
+        time.sleep(_WAIT)
         viewer.save_screenshot(str(png.resolve()))
     if not png.is_file():
         raise SourceError(f"{png}: the viewer wrote no picture: check that the folder can be written")

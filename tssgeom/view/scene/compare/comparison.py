@@ -36,7 +36,7 @@ from tssgeom.view.scene.charts import (
 from tssgeom.view.scene.columns import Sender
 from tssgeom.view.scene.compare.difference import Difference, aligned, comparison, difference, table
 from tssgeom.view.scene.compare.reading import Side, read_side
-from tssgeom.view.scene.labels import label_places
+from tssgeom.view.scene.labels import label_positions
 from tssgeom.view.scene.run import camera_of, send_line
 from tssgeom.view.scene.space import send_labels, send_piece_names, send_route, send_scale_bar
 from tssgeom.view.scene.writer import recording_file
@@ -110,11 +110,11 @@ def _send_side(recording: rr.RecordingStream, key: str, side: Side, limits: Rang
 def _send_labels(sender: Sender, side: Side, camera: Camera) -> None:
     """Write the labels anew, that of the scale too: in a lower view they need more room."""
     send_scale_bar(sender, camera, _TEXT_SCALE)
-    placed = [
-        label_places(camera, frame, arcs, _TEXT_SCALE)
+    located = [
+        label_positions(camera, frame, arcs, _TEXT_SCALE)
         for frame, arcs in zip(side.frames, side.pieces, strict=True)
     ]
-    send_labels(sender, placed, side.labels)
+    send_labels(sender, located, side.labels)
 
 
 def _send_difference(
@@ -147,11 +147,11 @@ def _send_both(still: Sender, a: Side, b: Side, limits: Ranges) -> None:
     send_axes(still, "tension", chart)
     ends = {"a": a.frames[a.peak], "b": b.frames[b.peak]}
     for key, frame in ends.items():
-        line = chart.place(1e3 * frame.s, frame.tension)
+        line = chart.position(1e3 * frame.s, frame.tension)
         still.constant(f"tension/{key}", _line(line, _COLOURS[key], 2.0))
     s = np.linspace(0.0, min(float(frame.s[-1]) for frame in ends.values()), 128)
     change = np.abs(ends["b"].tension_at(s) - ends["a"].tension_at(s))
-    still.constant("tension/apart", _line(chart.place(1e3 * s, change), colours.WHITE, 1.2))
+    still.constant("tension/apart", _line(chart.position(1e3 * s, change), colours.WHITE, 1.2))
 
 
 def _line(line: Vector, colour: tuple[int, int, int], radius: float) -> rr.LineStrips2D:

@@ -11,7 +11,7 @@ from tssgeom.view import finding_wording as words
 from tssgeom.view.quantities import COUNT
 from tssgeom.view.scene.blueprint import from_zero
 from tssgeom.view.scene.charts import Box
-from tssgeom.view.scene.finding.lines import shown_channels
+from tssgeom.view.scene.finding.lines import plotted_channels
 from tssgeom.view.scene.finding.replay import Replay
 
 TENSION_BOX = MISFIT_BOX = Box(width=1.9, text=0.1)
@@ -20,11 +20,11 @@ TENSION_BOX = MISFIT_BOX = Box(width=1.9, text=0.1)
 _ROUTE = ["route/**", "joints/**", "labels/**", "scale/**"]
 
 
-def blueprint(finding: Finding, shown: Replay) -> rrb.Blueprint:
+def blueprint(finding: Finding, displayed: Replay) -> rrb.Blueprint:
     """Lay out the views; one slider over the samples of all runs moves them together."""
     spaces = rrb.Horizontal(
-        _space(_ROUTE, "Route coloured by tension [N]; slip front in pink", shown),
-        _space(["blame/**"], "What this route misses, before [rad/m]", shown),
+        _space(_ROUTE, "Route coloured by tension [N]; slip front in pink", displayed),
+        _space(["blame/**"], "What this route misses, before [rad/m]", displayed),
     )
     charts = rrb.Horizontal(
         _chart("tension", "Tension T [N] against arc length s [mm]", TENSION_BOX),
@@ -36,7 +36,7 @@ def blueprint(finding: Finding, shown: Replay) -> rrb.Blueprint:
         column_shares=[6, 5],
     )
     left = rrb.Vertical(spaces, charts, text, row_shares=[38, 30, 32])
-    right = rrb.Vertical(*_plots(finding, shown.tension))
+    right = rrb.Vertical(*_plots(finding, displayed.tension))
     return rrb.Blueprint(
         rrb.Horizontal(left, right, column_shares=[56, 44]),
         rrb.BlueprintPanel(state="collapsed"),
@@ -47,15 +47,15 @@ def blueprint(finding: Finding, shown: Replay) -> rrb.Blueprint:
     )
 
 
-def _space(contents: list[str], title: str, shown: Replay) -> rrb.Spatial3DView:
-    seen = shown.camera
+def _space(contents: list[str], title: str, displayed: Replay) -> rrb.Spatial3DView:
+    observed = displayed.camera
     return rrb.Spatial3DView(
         contents=contents,
         name=title,
         background=rrb.Background(color=colours.BACKGROUND),
         line_grid=False,
         eye_controls=rrb.EyeControls3D(
-            kind="Orbital", position=seen.eye, look_target=seen.target, eye_up=seen.up
+            kind="Orbital", position=observed.eye, look_target=observed.target, eye_up=observed.up
         ),
     )
 
@@ -71,14 +71,16 @@ def _chart(origin: str, title: str, box: Box) -> rrb.Spatial2DView:
 
 def _plots(finding: Finding, tension: float) -> list[rrb.TimeSeriesView]:
     """Lay out the channel with the widest gap, and below it what is left of each channel."""
-    channels = [(name, words.channel(name)) for name in shown_channels(finding)]
+    channels = [(name, words.channel(name)) for name in plotted_channels(finding)]
     name, widest = channels[0]
     most = max(float(np.nanmax(each.measured.get(name, 0.0), initial=0.0)) for each in finding.traces)
     top = max(tension, most) if widest.unit == "N" else None
     first = _plot("channel", f"{widest.label} over the samples of all runs", legend=True, top=top)
     left = [
-        _plot(f"left/{name}", f"Δ{told.label}, measured less simulated, ± 2σ of the sensors", legend=k == 0)
-        for k, (name, told) in enumerate(channels)
+        _plot(
+            f"left/{name}", f"Δ{reported.label}, measured less simulated, ± 2σ of the sensors", legend=k == 0
+        )
+        for k, (name, reported) in enumerate(channels)
     ]
     return [first, *left]
 

@@ -19,12 +19,12 @@ _SIGMAS = 2.0
 _COLOURS = {"measured": colours.MEASURED, "before": colours.BEFORE, "after": colours.AFTER}
 
 
-def shown_channels(finding: Finding) -> list[str]:
+def plotted_channels(finding: Finding) -> list[str]:
     """Return the channels that are plotted, the one with the widest gap before first."""
     gap = finding.misfit
-    told = gap.before[words.judged_runs(gap)]
-    known = [name for name in measured_channels(finding.traces) if name in told]
-    return sorted(known, key=lambda name: -told[name] / gap.noise[name])[:MOST_CHANNELS]
+    reported = gap.before[words.judged_runs(gap)]
+    known = [name for name in measured_channels(finding.traces) if name in reported]
+    return sorted(known, key=lambda name: -reported[name] / gap.noise[name])[:MOST_CHANNELS]
 
 
 def send_lines(samples: Sender, finding: Finding) -> None:
@@ -32,7 +32,7 @@ def send_lines(samples: Sender, finding: Finding) -> None:
     traces = finding.traces
     pull = np.concatenate([trace.tension_in for trace in traces])
     _line(samples, "series/tension_in", "T_in of the model [N]", colours.TENSION_IN, pull)
-    channels = shown_channels(finding)
+    channels = plotted_channels(finding)
     for order, when in enumerate(("measured", *models(finding))):
         values = words.channel(channels[0]).factor * _column(traces, when, channels[0])
         _line(samples, f"channel/line_{order}", when, _COLOURS[when], values, 3.0 if order == 0 else 1.5)

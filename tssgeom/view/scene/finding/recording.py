@@ -21,7 +21,7 @@ from tssgeom.view.scene.finding.layout import MISFIT_BOX, TENSION_BOX, blueprint
 from tssgeom.view.scene.finding.lines import send_lines
 from tssgeom.view.scene.finding.replay import Replay, replay
 from tssgeom.view.scene.finding.wording import send_words
-from tssgeom.view.scene.labels import label_places
+from tssgeom.view.scene.labels import label_positions
 from tssgeom.view.scene.space import send_joints, send_labels, send_piece_names, send_scale_bar
 from tssgeom.view.scene.writer import recording_file
 
@@ -36,74 +36,74 @@ def write_finding_recording(path: Path, finding: Finding) -> None:
     SourceError
         Where the file cannot be written.
     """
-    shown = replay(finding)
+    displayed = replay(finding)
     name = finding.campaign.name
-    views, application = blueprint(finding, shown), f"tssgeom discover: {name}"
+    views, application = blueprint(finding, displayed), f"tssgeom discover: {name}"
     with recording_file(path, name, views, application=application) as recording:
-        runs = Sender(recording, np.array([float(each.first) for each in shown.stretches]), COUNT)
-        rows = np.concatenate([each.first + each.rows for each in shown.stretches]).astype(float)
+        runs = Sender(recording, np.array([float(each.first) for each in displayed.stretches]), COUNT)
+        rows = np.concatenate([each.first + each.rows for each in displayed.stretches]).astype(float)
         moments = Sender(recording, rows, COUNT)
         samples = Sender(recording, np.arange(float(sum(len(t.time) for t in finding.traces))), COUNT)
-        _send_route(runs, moments, shown)
-        _send_blame(runs, finding, shown)
-        _send_charts(runs, moments, finding, shown)
+        _send_route(runs, moments, displayed)
+        _send_misfit(runs, finding, displayed)
+        _send_charts(runs, moments, finding, displayed)
         send_lines(samples, finding)
         send_words(runs, finding)
 
 
-def _send_route(runs: Sender, moments: Sender, shown: Replay) -> None:
+def _send_route(runs: Sender, moments: Sender, displayed: Replay) -> None:
     """Draw the route in the colours of its tension: where it is once a run, the colours at every row."""
-    each = shown.stretches
+    each = displayed.stretches
     runs.constant("route", rr.LineStrips3D.from_fields(radii=rr.Radius.ui_points(3.5)))
     strips = rr.LineStrips3D.columns(strips=segments_3d([stretch.position for stretch in each]))
     runs.send("route", strips, [len(stretch.s) - 1 for stretch in each])
     frames = [frame for stretch in each for frame in stretch.frames()]
     middles = [0.5 * (frame.tension[:-1] + frame.tension[1:]) for frame in frames]
-    shades = colours.tension_rgba32(np.concatenate(middles), shown.tension)
+    shades = colours.tension_rgba32(np.concatenate(middles), displayed.tension)
     moments.send("route", rr.LineStrips3D.columns(colors=shades), [len(middle) for middle in middles])
-    places = [label_places(shown.camera, one.frames()[0], one.arcs, _LARGER) for one in each]
+    locations = [label_positions(displayed.camera, one.frames()[0], one.arcs, _LARGER) for one in each]
     send_joints(runs, [one.frames()[0] for one in each], [one.arcs for one in each])
     for sender in (runs, replace(runs, below="blame/")):
-        send_scale_bar(sender, shown.camera, _LARGER)
+        send_scale_bar(sender, displayed.camera, _LARGER)
     rows = [
-        (place, [*words.end_labels(*ends), *words.piece_labels(one.arcs)])
-        for one, place in zip(each, places, strict=True)
+        (location, [*words.end_labels(*ends), *words.piece_labels(one.arcs)])
+        for one, location in zip(each, locations, strict=True)
         for ends in one.trace.tension[one.rows][:, [0, -1]].tolist()
     ]
-    send_labels(moments, [place for place, _ in rows], [texts for _, texts in rows])
+    send_labels(moments, [location for location, _ in rows], [texts for _, texts in rows])
 
 
-def _send_blame(runs: Sender, finding: Finding, shown: Replay) -> None:
+def _send_misfit(runs: Sender, finding: Finding, displayed: Replay) -> None:
     """Draw the route in the colours of what it misses, and mark the bends that were found."""
-    each = shown.stretches
+    each = displayed.stretches
     runs.constant("blame/route", rr.LineStrips3D.from_fields(radii=rr.Radius.ui_points(3.5)))
     middles = np.concatenate([0.5 * (stretch.misfit[:-1] + stretch.misfit[1:]) for stretch in each])
     columns = rr.LineStrips3D.columns(
         strips=segments_3d([stretch.position for stretch in each]),
-        colors=colours.blame_rgba32(middles, shown.misfit),
+        colors=colours.misfit_rgba32(middles, displayed.misfit),
     )
     runs.send("blame/route", columns, [len(stretch.s) - 1 for stretch in each])
-    found = bends(finding.effects)
-    if found:
+    result = bends(finding.effects)
+    if result:
         style = rr.Points3D.from_fields(
             radii=rr.Radius.ui_points(8.0), colors=colours.AFTER, show_labels=True
         )
         runs.constant("blame/found", style)
-        places = [
-            np.column_stack([np.interp(found, stretch.s, axis) for axis in stretch.position.T])
+        locations = [
+            np.column_stack([np.interp(result, stretch.s, axis) for axis in stretch.position.T])
             for stretch in each
         ]
-        texts = [f"hidden bend, s = {1e3 * at:.0f} mm" for _ in each for at in found]
-        marks = rr.Points3D.columns(positions=np.concatenate(places), labels=texts)
-        runs.send("blame/found", marks, [len(found)] * len(each))
+        texts = [f"hidden bend, s = {1e3 * at:.0f} mm" for _ in each for at in result]
+        marks = rr.Points3D.columns(positions=np.concatenate(locations), labels=texts)
+        runs.send("blame/found", marks, [len(result)] * len(each))
 
 
-def _send_charts(runs: Sender, moments: Sender, finding: Finding, shown: Replay) -> None:
-    frames = [frame for stretch in shown.stretches for frame in stretch.frames()]
-    pieces = [stretch.arcs for stretch in shown.stretches for _ in stretch.rows]
-    limits = Ranges(shown.tension, shown.length, 1.0)
+def _send_charts(runs: Sender, moments: Sender, finding: Finding, displayed: Replay) -> None:
+    frames = [frame for stretch in displayed.stretches for frame in stretch.frames()]
+    pieces = [stretch.arcs for stretch in displayed.stretches for _ in stretch.rows]
+    limits = Ranges(displayed.tension, displayed.length, 1.0)
     send_piece_names(runs, pieces)
     send_tension_chart(moments, frames, pieces, limits, TENSION_BOX)
-    fronts = [front for stretch in shown.stretches for front in stretch.fronts()]
+    fronts = [front for stretch in displayed.stretches for front in stretch.fronts()]
     send_slip_front(moments, frames, fronts, limits, TENSION_BOX)
-    send_misfit_chart(runs, shown, bends(finding.effects), MISFIT_BOX)
+    send_misfit_chart(runs, displayed, bends(finding.effects), MISFIT_BOX)

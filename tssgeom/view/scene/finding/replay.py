@@ -105,5 +105,5 @@ def _stretch(trace: Trace, route: Route, along: RouteMisfit | None, first: int, 
 
 def _square_on(position: Points) -> Points:
     """Turn a route so that the plane in which it spreads most is the screen."""
-    seen = camera(position, position[-1] - position[0])
-    return (position - seen.target) @ seen.axes.T
+    observed = camera(position, position[-1] - position[0])
+    return (position - observed.target) @ observed.axes.T

@@ -22,8 +22,10 @@ def verdict_words(finding: Finding) -> str:
     """Say the verdict, the effects with their numbers, and what to measure next, as markdown."""
     lines = [f"### {words.VERDICTS[finding.verdict].capitalize()}", finding.sentence]
     for each in finding.effects:
-        for name, told in zip(each.names, each.parameters, strict=True):
-            numbers = ", ".join(f"{words.parameter(key)} {words.shown(value)}" for key, value in told.items())
+        for name, reported in zip(each.names, each.parameters, strict=True):
+            numbers = ", ".join(
+                f"{words.parameter(key)} {words.displayed(value)}" for key, value in reported.items()
+            )
             lines.append(f"- **{words.plain(name)}**: {numbers}")
     lines += [
         f"- tied ({tie.gauge}): {', '.join(map(words.plain, tie.names))}"
