@@ -66,8 +66,8 @@ class SensedRoute:
 def warn_about_rig(run: Path, sensed: SensedRoute, rig: Rig, tension_in: float) -> None:
     """Warn where the rig hardly fits the longest route and the greatest tension [N] of a run."""
     longest = max(result.arcs.total_length for result in sensed.results)
-    for doubt in plausibility_warnings(rig, longest, tension_in):
-        print_message(f"{run}: warning: {doubt}")
+    for warning in plausibility_warnings(rig, longest, tension_in):
+        print_message(f"{run}: warning: {warning}")
 
 
 def sensed_route(path: Path, settings: RunSettings) -> SensedRoute:

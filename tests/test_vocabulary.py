@@ -7,23 +7,8 @@ import pytest
 
 from tests.vocabulary import ROOT, WORDS, count, parts, private_words, uses
 
-NAMES_LEFT, SENTENCES_LEFT, PROSE_LEFT = 1222, 200, 998
-"""What is left today; lower these as names are cleaned. The goal is 0."""
-
-AGREED = {
-    *(
-        "ContactGrid",
-        "MisfitShare",
-        "NoiseModel",
-        "OutlyingInput",
-        "RouteSamples",
-        "RunningSummary",
-        "ScoreTest",
-    ),
-    *("Screening", "WorkerPool", "detection_limit", "discretise", "log_evidence", "log_evidence_difference"),
-    "model_choice_variance",
-}
-"""Code names of the glossary that are agreed and may not be there yet; empty this as they arrive."""
+SENTENCES_LEFT, PROSE_LEFT = 134, 346
+"""What is left today in names of tests and in prose; lower these as they are cleaned. The goal is 0."""
 
 PLANTED = '''"""Where the stray went."""
 
@@ -85,11 +70,11 @@ def test_the_code_names_of_the_glossary_are_names_of_the_code():
     modules = [*(ROOT / "tssgeom").rglob("*.py"), *(ROOT / "pipelines").rglob("*.py")]
     known = {word for path in modules for word in re.findall(r"\w+", path.read_text(encoding="utf-8"))}
     assert len(listed) > 60
-    assert listed - known <= AGREED
+    assert listed <= known
 
 
 def test_no_more_private_words_are_left_than_the_last_time():
     left = uses(ROOT)
-    assert count(left, "name") <= NAMES_LEFT
+    assert [use.text for use in left if use.kind == "name"] == []
     assert count(left, "sentence") <= SENTENCES_LEFT
     assert count(left, "prose") <= PROSE_LEFT

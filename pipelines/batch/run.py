@@ -114,7 +114,7 @@ def run(
         finally:
             folder.tidy(_FOLDERS)
     if as_json:
-        print_json([done.told for done in batch.finished])
+        print_json([done.printed for done in batch.finished])
     elif not quiet and batch.done:
         print_summary([done.row for done in batch.finished], settings)
         _print_end(batch, out)

@@ -172,7 +172,7 @@ def _done(task: Task, path: Path, digest: str, key: str, share: Share | None) ->
         key=key,
         input=_input(analysis, digest),
         row=row,
-        told=report,
+        printed=report,
         lines=lines,
         failures=failures,
         report=entry,

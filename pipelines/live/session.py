@@ -110,7 +110,7 @@ class Session:
         The tendon's clock never goes back, so creep goes on when a sender is replaced. The offset is kept
         only when the frame is answered, since it may still be rejected.
         """
-        offset = clock.ahead
+        offset = clock.offset
         if not frame.time + offset > self.time:
             pause = monotonic() - self._last_answer
             offset = self.time + min(max(pause, _LIMITS.least_pause), _LIMITS.longest_pause) - frame.time
@@ -133,7 +133,7 @@ class Session:
             self._refuse(Rejected(arrival.seq, frame.time, result.reason, result.id))
             return
         self._last_good, self.time = arrival, frame.time + self._clock_offset
-        arrival.clock.latest, arrival.clock.ahead = frame.time, self._clock_offset
+        arrival.clock.latest, arrival.clock.offset = frame.time, self._clock_offset
         self._fresh_since = self._last_answer = monotonic()
         latency_us = (perf_counter_ns() - arrival.arrived) / 1e3
         line = answers.answer(result, frame.time, arrival.seq, round(latency_us, 1), self.mailbox.dropped)

@@ -84,7 +84,7 @@ def ring(
     target: np.ndarray | None = None,
 ) -> list[Lens]:
     """Cameras side by side on an arc around a target, looking down on it, each a little different."""
-    aim = np.zeros(3) if target is None else target
+    focus_point = np.zeros(3) if target is None else target
     angles = np.linspace(-0.5, 0.5, count) * spread if count > 1 else np.array([0.2])
     result = []
     for k, angle in enumerate(angles):
@@ -93,5 +93,7 @@ def ring(
             "focal": (650.0 + 9 * k, 646.0 + 7 * k),
             "distortion": (-0.21 + 0.03 * k, 0.06, 4e-4, -6e-4, 0.0),
         }
-        result.append(towards(aim + distance * way / np.linalg.norm(way), aim, 0.03 * k, **lens))
+        result.append(
+            towards(focus_point + distance * way / np.linalg.norm(way), focus_point, 0.03 * k, **lens)
+        )
     return result

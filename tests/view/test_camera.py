@@ -9,7 +9,7 @@ from tests.view.conftest import analysed
 from tssgeom.stream import Frame, FrameResult
 from tssgeom.view.samples import route_samples
 from tssgeom.view.scene.camera import ASPECT, Camera, camera
-from tssgeom.view.scene.labels import Placed, label_positions, scale_label
+from tssgeom.view.scene.labels import LabelPositions, label_positions, scale_label
 
 
 def helix(turns: float, pitch: float, size: float) -> np.ndarray:
@@ -95,7 +95,7 @@ WHOLE, NUMBER, SCALE = np.array([[0.12, 0.0185], [0.025, 0.0185], [0.042, 0.0185
 """Half of the size of labels as they are drawn in a view of common height, measured in a picture."""
 
 
-def boxes(view: Camera, located: Placed, text_scale: float) -> tuple[np.ndarray, np.ndarray]:
+def boxes(view: Camera, located: LabelPositions, text_scale: float) -> tuple[np.ndarray, np.ndarray]:
     """Centres of the labels and half of their sizes on the screen, each [n, 2]."""
     centre = view.project(located.position) - (0.0, text_scale * RISE)
     return centre, text_scale * np.where(located.whole[:, None], WHOLE, NUMBER)

@@ -45,7 +45,7 @@ class NoiseModelSettings:
     draws: int = 8
     """Draws of the noise of the drive; chosen: its s.d. is known to 25 %."""
     seed: int = 20
-    """Seed of these, the same in all fits of a campaign."""
+    """Seed of these, the same in all fits of a campaign; chosen."""
     unsure: float = 0.3
     """Of the change about a sharp turn: s.d. of a channel there [1]; chosen near 1/√12."""
     soft: int = 3

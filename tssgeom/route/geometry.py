@@ -18,7 +18,7 @@ from tssgeom.errors import FitError
 from tssgeom.route.arcs.chain import Chain, Data
 from tssgeom.route.arcs.corners import cornered
 from tssgeom.route.arcs.fit import fit_fixed_pieces
-from tssgeom.route.arcs.moves import fit_chain, without_piece, without_short_pieces
+from tssgeom.route.arcs.moves import fit_chain, without_piece
 from tssgeom.route.arcs.outliers import refitted_with_tangents, with_tangents, without_outliers
 from tssgeom.route.arcs.summary import chain_nodes, chain_pieces
 from tssgeom.route.curvature import curvature_profile
@@ -76,6 +76,9 @@ class IdentifiableBend(NamedTuple):
     """Standard error of the angle of any piece from which on it is dropped [rad]. Chosen: half a turn."""
     largest_se_short: float = 0.3
     """The same of a short piece [rad]. Chosen."""
+    shortest: float = 1.5
+    """Shortest piece of a first guess beside directions [mean spacings]. Chosen: a shorter one may hold no
+    point."""
 
 
 START = ChainStart()
@@ -286,7 +289,7 @@ def _competitive(data: Data, chain: Chain, spline: Spline) -> Chain | None:
 def first_chain(data: Data, smooth: RouteFit) -> Chain:
     """First guess of a chain from a smooth fit; directions identify even pieces of few points."""
     chain = _chain_of_pieces(smooth.route, smooth.arcs)
-    return chain if data.tangents is None else without_short_pieces(chain, data)
+    return chain if data.tangents is None else _without_short_pieces(chain, data)
 
 
 def _chain_of_pieces(route: Route, arcs: Arcs) -> Chain:
@@ -307,3 +310,20 @@ def _chain_of_pieces(route: Route, arcs: Arcs) -> Chain:
         cost=0.0,
         square=np.zeros(0),
     )
+
+
+def _without_short_pieces(chain: Chain, data: Data) -> Chain:
+    """Merge each piece that is too short for a first guess with the neighbour that bends most alike."""
+    joints, bend = np.append(chain.joints, chain.stations[-1]), chain.bend
+    while len(bend) > 1:
+        length = np.diff(joints)
+        i = int(np.argmin(length))
+        if length[i] >= START.shortest * data.spacing:
+            break
+        unlike = np.linalg.norm(np.diff(bend, axis=0), axis=1)
+        lower = min(range(max(i - 1, 0), min(i + 1, len(bend) - 1)), key=lambda j: unlike[j])
+        pair = slice(lower, lower + 2)
+        mean = length[pair] @ bend[pair] / length[pair].sum()
+        bend = np.vstack((bend[:lower], mean, bend[lower + 2 :]))
+        joints = np.delete(joints, lower + 1)
+    return chain._replace(joints=joints[:-1], bend=bend, curved=np.ones(len(bend), np.bool_))

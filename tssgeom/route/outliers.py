@@ -36,7 +36,7 @@ class OutlierLimits(NamedTuple):
     """Residual of a direction over the turn from point to point that a jump of curvature alone gives [1];
     chosen."""
     least_own: float = 1e-3
-    """Least share of the variance of a direction that the rest of the fit leaves to it [1]; rounding."""
+    """Least share of the variance of a direction that the rest of the fit leaves to it [1]; chosen."""
     backwards: float = 4.0
     """Squared residual of a direction that points against the route [rad²]; derived: (2 sin(π/2))²."""
 

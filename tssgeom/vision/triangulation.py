@@ -19,7 +19,7 @@ _LEAST_ANGLE = 2e-2  # between rays: below, depth is noise alone [rad]
 
 
 @dataclass(frozen=True, slots=True)
-class Placed:
+class Triangulated:
     """Points in space, and how well their views agree."""
 
     points: Points
@@ -51,7 +51,7 @@ def gates(views: int, scale: float = 1.0) -> Vector:
     return np.where(free > 0, chi2.isf(_CHANCE, np.maximum(free, 1)), 0.0) * scale**2
 
 
-def triangulate(eyes: Eyes, slope: np.ndarray, weight: np.ndarray, gate: Vector) -> Placed:
+def triangulate(eyes: Eyes, slope: np.ndarray, weight: np.ndarray, gate: Vector) -> Triangulated:
     """Place points that several cameras see; docs/model.md (132).
 
     Parameters
@@ -70,7 +70,7 @@ def triangulate(eyes: Eyes, slope: np.ndarray, weight: np.ndarray, gate: Vector)
     points, covariance = np.full((count, 3), np.nan), np.full((count, 3, 3), np.nan)
     square, used = np.full(count, np.nan), np.zeros((views, count), np.bool_)
     _triangulate_all(eyes.rotation, eyes.shift, slope, weight, gate, points, covariance, square, used)
-    return Placed(points, covariance, square, used)
+    return Triangulated(points, covariance, square, used)
 
 
 @njit(cache=True, nogil=True)

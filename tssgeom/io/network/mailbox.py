@@ -79,7 +79,7 @@ class Clock:
     """Time of the last answered frame of one connection."""
 
     latest: float = -math.inf
-    ahead: float = 0.0
+    offset: float = 0.0
     """Time of the stream minus time of this sender [s]."""
 
     def refusal(self, frame: Frame) -> str:

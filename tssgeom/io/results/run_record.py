@@ -144,7 +144,7 @@ class Done(msgspec.Struct, frozen=True, kw_only=True):
     input: Input
     row: dict[str, Any]
     """Its row in the summary."""
-    told: dict[str, Any]
+    printed: dict[str, Any] = msgspec.field(name="told")
     """Its object in JSON."""
     lines: Sequence[str]
     """Messages about its rejected frames, a line each."""

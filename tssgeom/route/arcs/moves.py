@@ -32,7 +32,7 @@ class ChainMoves(NamedTuple):
     parts: int = 4
     """Parts into which a piece is cut to see where another joint would help [1]; chosen."""
     damping: float = 1e-12
-    """Damping of the equations behind a promise, of the diagonal [1]; rounding."""
+    """Damping of the equations behind a promise, of the diagonal [1]; derived: rounding."""
     most_pieces: int = 40
     """Most pieces of a chain [1]; chosen."""
     most_moves: int = 120
@@ -51,9 +51,6 @@ class ChainMoves(NamedTuple):
     """Parameters of another joint [1]; derived: the joint and the curvature behind it."""
     latest: float = 3.0
     """Rise of the criterion that a simpler chain may promise and still be tried [ln n]; chosen."""
-    shortest_guess: float = 1.5
-    """Shortest piece of a first guess beside directions [mean spacings]: a shorter one may hold no point;
-    chosen."""
 
 
 MOVES = ChainMoves()
@@ -336,20 +333,3 @@ def _saved(
                             side_own[here + c, there + e] += own[j, i, c, j, other, e]
             saved[j, cut] = saved_by_more(lower, unit, gradient, side_cross, side_own, side_slope)
     return saved
-
-
-def without_short_pieces(chain: Chain, data: Data) -> Chain:
-    """Merge each piece that is too short for a first guess with the neighbour that bends most alike."""
-    joints, bend = np.append(chain.joints, chain.stations[-1]), chain.bend
-    while len(bend) > 1:
-        length = np.diff(joints)
-        i = int(np.argmin(length))
-        if length[i] >= MOVES.shortest_guess * data.spacing:
-            break
-        unlike = np.linalg.norm(np.diff(bend, axis=0), axis=1)
-        lower = min(range(max(i - 1, 0), min(i + 1, len(bend) - 1)), key=lambda j: unlike[j])
-        pair = slice(lower, lower + 2)
-        mean = length[pair] @ bend[pair] / length[pair].sum()
-        bend = np.vstack((bend[:lower], mean, bend[lower + 2 :]))
-        joints = np.delete(joints, lower + 1)
-    return chain._replace(joints=joints[:-1], bend=bend, curved=np.ones(len(bend), np.bool_))

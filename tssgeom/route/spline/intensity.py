@@ -24,7 +24,7 @@ class RatioSearch(NamedTuple):
     fine: float = 0.4
     """Half width of the last parabola [decades]; derived: a twentieth of the smoother's window."""
     steps: int = 40
-    """Most steps of one width [1]: more than there are on the whole range."""
+    """Most steps of one width [1]; derived: more than there are on the whole range."""
     price_per_decade: float = 1.0
     """-2 ln of the prior of λ by decade [1]; chosen: no route is taken for exactly linear in curvature."""
     first_noise: tuple[float, ...] = tuple(math.log(10.0**-k) for k in (10, 8, 6, 5, 4, 3, 2))

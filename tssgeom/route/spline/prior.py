@@ -31,9 +31,9 @@ class SplinePrior(NamedTuple):
     noise_share: float = 0.375
     """Noise in the posterior variance of the curvature [1]; derived: 3/8, docs/model.md (24)."""
     least_bend: float = 1e-18
-    """Least variance of a and b of (20) at both ends [spacing^-2, spacing^-4]; rounding."""
+    """Least variance of a and b of (20) at both ends [spacing^-2, spacing^-4]; chosen: rounding."""
     rounding: float = 1e-6
-    """Least noise [spacing]: less is rounding, which a filter of four states must not take for truth."""
+    """Least noise [spacing]; chosen: less is rounding, not truth, to a filter of four states."""
     vague: float = 1e4
     """Variance of position and direction at the first station over that of the last pass or guess [1];
     chosen."""
@@ -42,9 +42,9 @@ class SplinePrior(NamedTuple):
     guess_points: int = 9
     """Points between whose chords the first guess of the curvature is taken [1]; chosen."""
     least_step: float = 1e-7
-    """Least distance of neighbouring stations whose feet coincide [spacing]; rounding."""
+    """Least distance of neighbouring stations whose feet coincide [spacing]; chosen: rounding."""
     least_weight: float = 1e-6
-    """Weight of an outlier where stations are put in order [1]: small, but a foot it must have."""
+    """Weight of an outlier where stations are put in order [1]; chosen: small, but not 0."""
 
 
 PRIOR = SplinePrior()

@@ -42,7 +42,7 @@ _PLACEMENT = LabelPlacement()
 
 
 @dataclass(frozen=True, slots=True)
-class Placed:
+class LabelPositions:
     """Positions of the labels of both ends and of the k pieces."""
 
     position: Points
@@ -63,7 +63,9 @@ class Candidates:
     """[n, m, 2] Half of the size of the label, in heights of the view."""
 
 
-def label_positions(camera: Camera, frame: RouteSamples, arcs: Arcs, text_scale: float = 1.0) -> Placed:
+def label_positions(
+    camera: Camera, frame: RouteSamples, arcs: Arcs, text_scale: float = 1.0
+) -> LabelPositions:
     """Choose positions for the labels of both ends, then of the pieces; that of the scale is fixed.
 
     `text_scale` is the size of text over its usual size, relative to the route: larger in a low view.
@@ -82,7 +84,7 @@ def label_positions(camera: Camera, frame: RouteSamples, arcs: Arcs, text_scale:
     edge = np.array(_PLACEMENT.edge)
     chosen = _chosen(camera.project(position) + shift, half, counts, taken, edge)[1:]
     whole = half[chosen, 0] == text_scale * _HALF_SIZE[0]
-    return Placed(camera.label_anchor(position[chosen], shift[chosen], text_scale), whole)
+    return LabelPositions(camera.label_anchor(position[chosen], shift[chosen], text_scale), whole)
 
 
 def scale_label(camera: Camera, text_scale: float = 1.0) -> tuple[Points, str, Points]:

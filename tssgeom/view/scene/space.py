@@ -18,7 +18,7 @@ from tssgeom.view import wording as words
 from tssgeom.view.samples import RouteSamples, outliers
 from tssgeom.view.scene.camera import Camera
 from tssgeom.view.scene.columns import Sender, segments_3d
-from tssgeom.view.scene.labels import Placed, label_positions, scale_label
+from tssgeom.view.scene.labels import LabelPositions, label_positions, scale_label
 from tssgeom.view.scene.run import Run, send_numbers_of_route
 
 _FEW_POINTS = 40
@@ -126,7 +126,7 @@ def send_joints(sender: Sender, frames: Sequence[RouteSamples], pieces: Sequence
     sender.send("joints", columns, counts)
 
 
-def send_labels(sender: Sender, located: Sequence[Placed], texts: Sequence[Sequence[str]]) -> None:
+def send_labels(sender: Sender, located: Sequence[LabelPositions], texts: Sequence[Sequence[str]]) -> None:
     """Write the tension beside each end, and the angle and radius beside each piece where there is room."""
     style = rr.Points3D.from_fields(radii=0.0, colors=colours.WHITE, show_labels=True)
     sender.constant("labels", style)
