@@ -1,17 +1,31 @@
 """Tension and elongation of tendon-sheath transmissions on sensed three-dimensional routes."""
 
-from tssgeom.errors import FitError, SettingsError, ShapeError, SourceError, TssgeomError
-from tssgeom.rig import Rig, read_rig
-from tssgeom.route.curvature import CurvatureProfile, curvature_profile
-from tssgeom.route.geometry import measure
-from tssgeom.route.observations import Shape, clean
-from tssgeom.route.pieces import Arcs, constant_curvature_pieces
-from tssgeom.route.route import Route
-from tssgeom.route.route_fit import RouteFit
-from tssgeom.route.spline.fit import Spline, fit
-from tssgeom.stream import Frame, FrameResult, Rejected, process
-from tssgeom.tendon.state import TendonState, pretensioned, step, tension, transmit
-from tssgeom.tendon.transmission import Transmission
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from tssgeom.analysis import analyse
+    from tssgeom.errors import FitError, SettingsError, ShapeError, SourceError, TssgeomError
+    from tssgeom.identify.calibrated_run import Measured
+    from tssgeom.identify.calibration import Calibration, calibrate
+    from tssgeom.identify.campaign import Campaign, Run
+    from tssgeom.identify.finding import Finding
+    from tssgeom.identify.workflow import discover
+    from tssgeom.io.formats.campaigns import read_campaign
+    from tssgeom.rig import Rig, read_rig
+    from tssgeom.route.curvature import CurvatureProfile, curvature_profile
+    from tssgeom.route.geometry import measure
+    from tssgeom.route.observations import Shape, clean
+    from tssgeom.route.pieces import Arcs, constant_curvature_pieces
+    from tssgeom.route.route import Route
+    from tssgeom.route.route_fit import RouteFit
+    from tssgeom.route.spline.fit import Spline, fit
+    from tssgeom.stream import Frame, FrameResult, Rejected, process
+    from tssgeom.tendon.command import Command, compensate
+    from tssgeom.tendon.moving import MovingRoute
+    from tssgeom.tendon.simulation import Moment, simulate
+    from tssgeom.tendon.state import TendonState, pretensioned, step, tension, transmit
+    from tssgeom.tendon.transmission import Transmission
 
 __all__ = [
     # errors
@@ -20,7 +34,7 @@ __all__ = [
     "ShapeError",
     "SourceError",
     "TssgeomError",
-    # settings
+    # the rig
     "Rig",
     "read_rig",
     # sensed points to geometry
@@ -42,9 +56,63 @@ __all__ = [
     "step",
     "tension",
     "transmit",
-    # the engine
+    # the engine: frames in, results out
     "Frame",
     "FrameResult",
     "Rejected",
+    "analyse",
     "process",
+    # runs over time
+    "Command",
+    "Moment",
+    "MovingRoute",
+    "compensate",
+    "simulate",
+    # measured against simulated
+    "Calibration",
+    "Campaign",
+    "Finding",
+    "Measured",
+    "Run",
+    "calibrate",
+    "discover",
+    "read_campaign",
 ]
+
+_MODULES = {
+    "analysis": "analyse",
+    "errors": "FitError SettingsError ShapeError SourceError TssgeomError",
+    "identify.calibrated_run": "Measured",
+    "identify.calibration": "Calibration calibrate",
+    "identify.campaign": "Campaign Run",
+    "identify.finding": "Finding",
+    "identify.workflow": "discover",
+    "io.formats.campaigns": "read_campaign",
+    "rig": "Rig read_rig",
+    "route.curvature": "CurvatureProfile curvature_profile",
+    "route.geometry": "measure",
+    "route.observations": "Shape clean",
+    "route.pieces": "Arcs constant_curvature_pieces",
+    "route.route": "Route",
+    "route.route_fit": "RouteFit",
+    "route.spline.fit": "Spline fit",
+    "stream": "Frame FrameResult Rejected process",
+    "tendon.command": "Command compensate",
+    "tendon.moving": "MovingRoute",
+    "tendon.simulation": "Moment simulate",
+    "tendon.state": "TendonState pretensioned step tension transmit",
+    "tendon.transmission": "Transmission",
+}
+_MODULE_OF = {name: f"tssgeom.{module}" for module, names in _MODULES.items() for name in names.split()}
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name when it is first used, so that each command loads no more than it needs."""
+    if name not in _MODULE_OF:
+        raise AttributeError(f"module 'tssgeom' has no attribute {name!r}")
+    value = globals()[name] = getattr(import_module(_MODULE_OF[name]), name)
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

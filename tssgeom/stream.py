@@ -123,6 +123,16 @@ def process(
         Total tension at the proximal end for frames that bring no drive and no target [N].
     state
         Tension along the tendon before the first frame; the rig's pretension by default.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tssgeom import Frame, Rig, process
+    >>> angle = np.linspace(0.0, np.pi, 40)  # a half circle of 0.5 m
+    >>> points = 0.5 / np.pi * np.column_stack((np.sin(angle), 1 - np.cos(angle), 0 * angle))
+    >>> frames = (Frame(points, time=t, tension_in=pull) for t, pull in enumerate([5.0, 15.0, 10.0]))
+    >>> [round(float(each.transmission.tension_out), 2) for each in process(frames, Rig(), tension_in=15.0)]
+    [3.17, 9.51, 9.51]
     """
     current = pretensioned(rig) if state is None else state
     last: TrackedFit | None = None

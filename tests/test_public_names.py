@@ -1,0 +1,47 @@
+"""The public names of the package: each has a docstring, and the examples in them run."""
+
+import doctest
+import inspect
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import tssgeom
+
+STAGES = ("analyse", "process", "simulate", "compensate", "calibrate", "discover")
+"""The functions that README promises to users of every stage."""
+
+
+@pytest.mark.parametrize("name", tssgeom.__all__)
+def test_a_public_name_is_there_with_a_docstring(name):
+    assert inspect.getdoc(getattr(tssgeom, name))
+
+
+@pytest.mark.parametrize("name", STAGES)
+def test_the_docstring_of_a_stage_has_parameters_errors_source_and_example(name):
+    text = inspect.getdoc(getattr(tssgeom, name)) or ""
+    wanted = {"Parameters", "Examples"} | ({"Raises", "Notes"} if name != "process" else set())
+    assert wanted <= set(text.splitlines())
+
+
+@pytest.mark.parametrize("name", STAGES)
+def test_the_example_of_a_stage_runs(name, monkeypatch):
+    monkeypatch.chdir(Path(__file__).parents[1])
+    stage = getattr(tssgeom, name)
+    examples = doctest.DocTestFinder(recurse=False).find(stage, name, globs={})
+    runner = doctest.DocTestRunner()
+    assert sum(runner.run(example).attempted for example in examples) > 0
+    assert runner.failures == 0
+
+
+def test_an_unknown_name_is_an_attribute_error():
+    with pytest.raises(AttributeError, match="no attribute 'analyze'"):
+        tssgeom.analyze  # noqa: B018
+
+
+def test_the_package_imports_nothing_before_a_name_is_used():
+    code = "import sys, tssgeom; print(*sorted({'numpy', 'numba', 'scipy'} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == []

@@ -1,0 +1,71 @@
+"""One shape in, its route, tension and elongation out: the engine of the stream for a single frame."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tssgeom.arrays import Points, Vector, read_only
+from tssgeom.rig import Rig
+from tssgeom.stream import Frame, FrameResult, advance
+from tssgeom.tendon.state import pretensioned
+
+
+def analyse(
+    points: Points | Frame,
+    rig: Rig | None = None,
+    *,
+    tension_in: float = 15.0,
+    stations: Vector | None = None,
+) -> FrameResult:
+    """Fit the route of one shape and pull its tendon for the first time.
+
+    Parameters
+    ----------
+    points
+        [n, 3] Sensed points from the proximal to the distal end, n >= 4; a row of NaN is a missing point [m].
+        Or a `Frame`, which also holds what was measured beside the points.
+    rig
+        Tendon, friction, load and sensors; that of the paper by default.
+    tension_in
+        Total tension at the proximal end, where the frame has no drive [N].
+    stations
+        [n] Known arc length of the points, increasing [m]; estimated where left out.
+
+    Returns
+    -------
+    FrameResult
+        `profile.total_angle` ± `profile.total_angle_se` [rad], `arcs` (pieces of constant curvature),
+        `transmission.tension_out` [N] and `transmission.elongation` [m], `warnings`.
+
+    Raises
+    ------
+    ShapeError
+        Where the points cannot be a route.
+    SettingsError
+        Where the tension is negative or not finite.
+    FitError
+        Where the points give no finite curve.
+
+    Notes
+    -----
+    Source: docs/model.md (1) to (34); Sun, Wang and Phee (2014), eqs. (5) to (12).
+
+    Examples
+    --------
+    A half circle of 0.5 m at 15 N passes exp(-0.145 π) of the tension:
+
+    >>> import numpy as np
+    >>> from tssgeom import analyse
+    >>> s = np.linspace(0.0, 0.5, 40)
+    >>> angle = 2 * np.pi * s
+    >>> points = np.column_stack((np.sin(angle), 1 - np.cos(angle), 0 * s)) / (2 * np.pi)
+    >>> result = analyse(points, tension_in=15.0)
+    >>> print(f"{result.profile.total_angle:.4f} rad, {result.transmission.tension_out:.3f} N")
+    3.1416 rad, 9.512 N
+    """
+    if isinstance(points, Frame):
+        frame = points
+    else:
+        frame = Frame(read_only(np.array(points, dtype=np.float64)), stations=stations)
+    chosen = Rig() if rig is None else rig
+    return advance(0, frame, pretensioned(chosen), chosen, tension_in)
