@@ -17,7 +17,15 @@ import pytest
 ROOT = Path(__file__).parents[1]
 TEXT = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"<!-- apply: (\S+) -->\n```(\w+)\n(.*?)```", TEXT, re.DOTALL)
-NEEDED = ("tssgeom", "pipelines", "tests/io", "tests/tendon", "tests/lumped", "pyproject.toml")
+NEEDED = (
+    "tssgeom",
+    "pipelines",
+    "tests/io",
+    "tests/effects",
+    "tests/tendon",
+    "tests/lumped",
+    "pyproject.toml",
+)
 
 ROUTE = "mm\n" + "".join(f"{10 * k} 0 0\n" for k in range(31))
 RIG = (

@@ -56,7 +56,7 @@ def test_a_draw_repeats_and_the_next_differs():
 
 
 def test_the_table_names_everybody_and_fails_where_too_much_is_left(capsys, monkeypatch):
-    monkeypatch.setattr(compensation, "TARGETS", ["steps"])
+    monkeypatch.setattr(compensation, "TARGETS", {"steps": compensation.TARGETS["steps"]})
     assert compensation.main(["--quick", "--frames", "16"]) == 0
     printed = capsys.readouterr().out
     assert all(printed.count(f"  {name}  ") == 2 for name in COMMANDERS)  # on either route

@@ -30,7 +30,7 @@ def straight(start, end, noise=1e-5, nodes=201):
     s = np.linalg.norm(position - position[0], axis=1)
     tangent = np.tile((position[-1] - position[0]) / s[-1], (nodes, 1))
     zero = np.zeros((nodes, 3))
-    return Route(s, position, tangent, zero, noise, np.ones(nodes), s, zero, ())
+    return Route(s, position, tangent, zero, noise, np.ones(nodes), s, zero)
 
 
 def boxes_distance(points, half):

@@ -65,6 +65,9 @@ class ChainStart:
     """Noise of a smooth fit above which it may have lost the points [spacings]. Chosen."""
     most_turn_over_chord: float = 2.8
     """Turn up to which a chord is lengthened to its arc [rad]. Chosen: just below half a turn."""
+    shortest: float = 1.5
+    """Shortest piece of a first guess beside directions [mean spacings]. Chosen: a shorter one may hold no
+    point."""
 
 
 class IdentifiableBend(NamedTuple):
@@ -76,9 +79,6 @@ class IdentifiableBend(NamedTuple):
     """Standard error of the angle of any piece from which on it is dropped [rad]. Chosen: half a turn."""
     largest_se_short: float = 0.3
     """The same of a short piece [rad]. Chosen."""
-    shortest: float = 1.5
-    """Shortest piece of a first guess beside directions [mean spacings]. Chosen: a shorter one may hold no
-    point."""
 
 
 START = ChainStart()
