@@ -101,7 +101,7 @@ def test_zero_is_within_bounds(part):
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "reported"),
     [
         ("[tendon]\nstiffness = 3.0\n", r"stiffness.*\$\.tendon"),
         ("[frictoin]\ncoefficient = 0.1\n", "frictoin"),

@@ -37,7 +37,7 @@ def test_every_effect_is_saved_and_read_back(tmp_path, kind):
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "reported"),
     [
         ('name = "hidden_bent"', r"effects\[0\]: .*hidden_bent.*effects are .*hidden_bend, .*creep"),
         ('name = "creep"\nratioo = 1.0', r"effects\[0\]: .*`ratioo`.*its parameters are ratio, time_s"),

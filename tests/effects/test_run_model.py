@@ -170,7 +170,7 @@ def test_bars_follow_bends_and_begin_small():
 
 
 @pytest.mark.parametrize(
-    ("run", "effects", "told"),
+    ("run", "effects", "reported"),
     [
         ({"time_s": TIME}, (), r"the run has no drive: it needs a column tension_in_N"),
         ({"time_s": TIME[::-1], FORCE: TIME}, (), r"time_s goes from 24 to 23.8 s: give increasing"),
