@@ -58,7 +58,7 @@ def test_effects_of_no_size_leave_every_digit():
         speed_lag_s=0.3,
     )
     plain, other = (pulled(HALF, 0.0, 15.0, 5.0, physics=p, samples=20) for p in (Physics(), silent))
-    for name in ("tension", "friction", "place", "elongation", "tension_out", "heat"):
+    for name in ("tension", "friction", "position", "elongation", "tension_out", "heat"):
         assert np.array_equal(getattr(plain, name), getattr(other, name))
 
 

@@ -78,9 +78,9 @@ def test_no_help_has_a_unit_that_the_terminal_takes_for_a_style():
     assert [text for text in helps if Text.from_markup(text).plain != text] == []
 
 
-def test_the_newest_entry_of_the_changelog_is_the_version():
+def test_the_newest_released_entry_of_the_changelog_is_the_version():
     text = re.search(r"^version: (\S+)$", (ROOT / "CITATION.cff").read_text(), re.MULTILINE)
-    newest = re.search(r"^## (\S+)", (ROOT / "CHANGELOG.md").read_text("utf-8"), re.MULTILINE)
+    newest = re.search(r"^## (?!Unreleased)(\S+)", (ROOT / "CHANGELOG.md").read_text("utf-8"), re.MULTILINE)
     assert text is not None
     assert newest is not None
     assert newest[1] == text[1]
