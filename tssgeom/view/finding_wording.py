@@ -79,12 +79,6 @@ def number(value: float, spread: float = math.nan) -> str:
     return f"{value:.{digits}f}"
 
 
-def amount(name: str, value: float) -> str:
-    """Write a value of a channel with its unit."""
-    quantity = channel(name)
-    return f"{quantity.factor * value:.3g} {quantity.unit}"
-
-
 def ratio(value: float) -> str:
     """Write a ratio; a dash where there is none."""
     return f"{value:.2f}" if math.isfinite(value) else "–"
