@@ -1,0 +1,56 @@
+"""How Python calls the core: the library, its error codes, and checks at the door."""
+
+from __future__ import annotations
+
+import sys
+import threading
+from pathlib import Path
+from typing import NoReturn
+
+import numpy as np
+
+from tssgeom.core._declarations import ffi
+from tssgeom.errors import FitError
+
+F8, I8, U1 = np.dtype(np.float64), np.dtype(np.int64), np.dtype(np.bool_)
+_NAME = "_tssgeom_core" + (".dll" if sys.platform == "win32" else ".so")
+library = ffi.dlopen(str(Path(__file__).with_name(_NAME)))
+NULL, from_buffer, new, empty = ffi.NULL, ffi.from_buffer, ffi.new, np.empty
+
+_FAULTS = {  # codes of core.h
+    1: "the points give no finite curve: check the unit and look for outlying points",
+    2: "the tendon finds no equilibrium: check stiffness, friction and tension of the rig",
+}
+_buffers = threading.local()
+
+
+def scratch(name: str, size: int) -> object:
+    """Return the address of so many bytes that an entry may use while it runs; each thread has its own."""
+    held = _buffers.__dict__.get(name)
+    if held is None or held[0] < size:
+        held = size, from_buffer(np.empty(size // 8 + 1))
+        _buffers.__dict__[name] = held
+    return held[1]
+
+
+def array(value: object, dtype: np.dtype, changed: bool) -> np.ndarray:
+    """Return a contiguous array of the type that an entry takes; one that it changes must be so already."""
+    if changed:
+        raise TypeError(f"an array that is changed must be contiguous {dtype}")
+    return np.ascontiguousarray(value, dtype=dtype)
+
+
+def wrong(entry: str, name: str, shape: tuple[int, ...], wanted: tuple[int, ...]) -> NoReturn:
+    """Refuse an array of another shape than the entry takes."""
+    raise ValueError(f"{entry}: {name} has shape {shape}, not {wanted}")
+
+
+def failed(status: int, entry: str) -> NoReturn:
+    """Raise the error of a code that an entry returned.
+
+    Raises
+    ------
+    FitError
+        With the sentence of that code.
+    """
+    raise FitError(_FAULTS.get(status, f"{entry} cannot be computed (code {status})"))

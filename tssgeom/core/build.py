@@ -1,0 +1,320 @@
+"""Builds the compiled core: constants and prototypes to code, C to one shared library.
+
+`pip` calls the hook at the end of this file. In an editable installation `tssgeom.core` calls `build` when a
+source is newer than the library. Nothing of this module is needed, or shipped, in a wheel.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import runpy
+import shlex
+import shutil
+import subprocess
+import sys
+import sysconfig
+import tempfile
+from pathlib import Path
+from typing import Any
+
+HERE = Path(__file__).resolve().parent
+LIBRARY = "_tssgeom_core" + (".dll" if sys.platform == "win32" else ".so")
+FLAGS = (
+    "-std=c11 -O3 -fPIC -shared -fvisibility=hidden -Wall -Wextra -Werror=implicit-function-declaration "
+    # sums are neither fused nor reordered, so that every processor and compiler gives the same digits
+    "-ffp-contract=off -fno-math-errno -fno-trapping-math"
+).split()
+_C_TYPES = {"float": "double", "int": "int64_t", "bool": "int64_t"}
+_DTYPES = {"double": "float64", "int64_t": "int64", "uint8_t": "bool"}
+
+
+class NoCompiler(RuntimeError):
+    """Neither a C compiler nor the package `ziglang` was found."""
+
+
+def sources() -> list[Path]:
+    """Files on which the library depends."""
+    return sorted(path for kind in ("*.c", "*.h", "constants*.py", "build.py") for path in HERE.glob(kind))
+
+
+def build(folder: Path, *, flags: list[str] | None = None, target: str | None = None) -> list[Path]:
+    """Put the library and its generated Python into a folder.
+
+    Parameters
+    ----------
+    folder
+        Where the files go; they replace those of an earlier build in one step each.
+    flags
+        Compiler flags beside the usual ones, such as sanitizers.
+    target
+        A `zig` target such as `aarch64-linux-gnu.2.17` to build for another machine.
+
+    Raises
+    ------
+    NoCompiler
+        Where there is none.
+    """
+    with tempfile.TemporaryDirectory(dir=folder) as name:
+        work = Path(name)
+        (work / "constants.h").write_text(constants_header(), encoding="utf-8")
+        library = work / (LIBRARY if target is None else _library_for(target))
+        command = [*_compiler(target), *FLAGS, *(flags or []), "-I", str(work), "-I", str(HERE)]
+        command += [str(each) for each in sorted(HERE.glob("*.c"))]
+        command += ["-o", str(library)] + ([] if _is_windows(target) else ["-lm"])
+        made = subprocess.run(command, capture_output=True, text=True, check=False)
+        if made.returncode:
+            raise RuntimeError(f"the core does not compile:\n{shlex.join(command)}\n{made.stderr}")
+        if made.stderr and flags is None:
+            print(made.stderr, file=sys.stderr)  # noqa: T201 - warnings of the compiler
+        headers = [path.read_text(encoding="utf-8") for path in sorted(HERE.glob("*.h"))]
+        prototypes = [each for header in headers for each in read_prototypes(header)]
+        _emit_declarations(prototypes, work / "_declarations.py")
+        (work / "_entries.py").write_text(_entries(prototypes), encoding="utf-8")
+        result = []
+        for path in (work / "_declarations.py", work / "_entries.py", library):
+            result.append(path.replace(folder / path.name))
+    return result
+
+
+def _is_windows(target: str | None) -> bool:
+    return sys.platform == "win32" if target is None else "windows" in target
+
+
+def _library_for(target: str) -> str:
+    return "_tssgeom_core" + (".dll" if "windows" in target else ".so")
+
+
+def _compiler(target: str | None) -> list[str]:
+    """Return the command of a C compiler: that of the system, or else zig's."""
+    if target is None and (system := _system_compiler()):
+        return system
+    try:
+        import ziglang  # noqa: F401, PLC0415
+    except ImportError:
+        raise NoCompiler("no C compiler: install one (gcc, clang) or `pip install ziglang`") from None
+    zig = [sys.executable, "-m", "ziglang", "cc", "-mcpu=baseline", "-fno-sanitize=undefined", "-g0"]
+    return zig if target is None else [*zig, "-target", target]
+
+
+def _system_compiler() -> list[str] | None:
+    chosen = os.environ.get("CC")
+    if chosen:
+        return shlex.split(chosen)
+    return next(([path] for name in ("cc", "gcc", "clang") if (path := shutil.which(name))), None)
+
+
+def constants_header() -> str:
+    """Write the tuned numbers of `constants*.py` as C, each container as one constant structure."""
+    lines = ["/* Generated from constants*.py. */", "#pragma once", "#include <stdint.h>"]
+    containers: dict[str, Any] = {}
+    for path in sorted(HERE.glob("constants*.py")):
+        containers.update(
+            {name: value for name, value in runpy.run_path(str(path)).items() if name.isupper()}
+        )
+    for name, value in containers.items():
+        kinds = {field: _C_TYPES[type(getattr(value, field)).__name__] for field in value._fields}
+        fields = " ".join(f"{kind} {field};" for field, kind in kinds.items())
+        numbers = ", ".join(
+            float(number).hex() if kind == "double" else str(int(number))
+            for number, kind in zip(value, kinds.values(), strict=True)
+        )
+        lines.append(f"__attribute__((unused)) static const struct {{ {fields} }} {name} = {{ {numbers} }};")
+    return "\n".join([*lines, ""])
+
+
+class Parameter:
+    """One parameter of an entry: `[OUT|INOUT|OPTIONAL|WORK] [const] type name[shape]…`."""
+
+    def __init__(self, text: str) -> None:
+        match = re.fullmatch(
+            r"(?:(?P<role>OUT|INOUT|OPTIONAL|WORK) )?(?P<const>const )?(?P<type>double|int64_t|uint8_t) "
+            r"(?P<star>\*)?(?P<name>\w+)(?P<shape>(?:\[[^\]]+\])*)",
+            text.strip(),
+        )
+        if match is None:
+            raise ValueError(
+                f"a parameter of the core's headers is not in the form of its conventions: {text!r}"
+            )
+        self.role = match["role"] or ""
+        self.type, self.name, self.scalar_out = match["type"], match["name"], bool(match["star"])
+        self.shape = re.findall(r"\[([^\]]+)\]", match["shape"])
+        if self.shape and not self.role and not match["const"]:
+            raise ValueError(f"{self.name} is changed: mark it OUT, INOUT or WORK")
+
+    @property
+    def pointer(self) -> bool:
+        """Whether it is passed by address."""
+        return bool(self.shape) or self.scalar_out
+
+
+class Prototype:
+    """One entry of the core."""
+
+    def __init__(self, returns: str, name: str, parameters: str, doc: str) -> None:
+        self.returns, self.name, self.doc = returns, name, doc
+        self.parameters = [Parameter(text) for text in re.split(r",(?![^\[]*\])", parameters)]
+
+
+def read_prototypes(header: str) -> list[Prototype]:
+    """Read the entries of a header: a comment `/** … */` before `ENTRY type tss_name(…);`."""
+    pattern = (
+        r"/\*\*(?P<doc>(?:(?!\*/).)*)\*/\s*ENTRY (?P<returns>\w+) tss_(?P<name>\w+)\((?P<parameters>[^;]*)\);"
+    )
+    found = [
+        Prototype(
+            each["returns"], each["name"], " ".join(each["parameters"].split()), _sentences(each["doc"])
+        )
+        for each in re.finditer(pattern, header, re.DOTALL)
+    ]
+    if len(found) != header.count("\nENTRY "):
+        raise ValueError("every ENTRY of a header needs a comment /** … */ before it")
+    return found
+
+
+def _sentences(comment: str) -> str:
+    lines = [re.sub(r"^\s*\* ?", "", line).rstrip() for line in comment.strip().splitlines()]
+    return "\n".join(lines).strip()
+
+
+def _emit_declarations(prototypes: list[Prototype], path: Path) -> None:
+    """Write what cffi needs to call the entries, so that no C is parsed when the package is imported."""
+    from cffi import FFI  # noqa: PLC0415 - needed for building only
+
+    ffi = FFI()
+    for each in prototypes:
+        kinds = ", ".join("void *" if one.pointer else one.type for one in each.parameters)
+        returns = "int" if each.returns == "status" else each.returns
+        ffi.cdef(f"{returns} tss_{each.name}({kinds});")
+    ffi.set_source("_declarations", None)
+    ffi.emit_python_code(str(path))
+
+
+_ENTRIES = '''"""The entries of the core as functions of arrays. Generated from the headers by build.py."""
+
+# ruff: noqa
+# pyright: basic
+from tssgeom.core.binding import F8, I8, U1, empty, library, failed, from_buffer, new, scratch, array, wrong
+
+'''
+_SHORT = {"double": "F8", "int64_t": "I8", "uint8_t": "U1"}
+
+
+def _entries(prototypes: list[Prototype]) -> str:
+    return _ENTRIES + "\n\n".join(_entry(each) for each in prototypes) + "\n"
+
+
+def _entry(each: Prototype) -> str:
+    """Write one entry: sizes follow from the arrays, results are made and returned, `work` is handed in."""
+    parameters = each.parameters
+    inputs = [one for one in parameters if one.shape and one.role in ("", "INOUT", "OPTIONAL")]
+    sizes = {one.name for one in parameters if one.type == "int64_t" and not one.pointer}
+    inferred: dict[str, str] = {}
+    for one in sorted(inputs, key=lambda one: one.role == "OPTIONAL"):
+        if one.role == "OPTIONAL":
+            continue
+        for axis, size in enumerate(one.shape):
+            if size in sizes and size not in inferred:
+                inferred[size] = f"{one.name}.shape[{axis}]"
+    given = [one for one in parameters if one in inputs or not (one.pointer or one.name in inferred)]
+    body = []
+    for one in inputs:
+        short = _SHORT[one.type]
+        check = f"if {one.name}.dtype is not {short} or not {one.name}.flags.c_contiguous:"
+        convert = f"{one.name} = array({one.name}, {short}, {one.role == 'INOUT'})"
+        if one.role == "OPTIONAL":
+            check = f"if {one.name} is not None and ({check[3:-1]}):"
+        body += [check, f"    {convert}"]
+    body += [f"{size} = {source}" for size, source in inferred.items()]
+    for one in inputs:
+        shape = _tuple(one.shape)
+        condition = f"{one.name} is not None and " if one.role == "OPTIONAL" else ""
+        body += [f"if {condition}{one.name}.shape != {shape}:"]
+        body += [f'    wrong("{each.name}", "{one.name}", {one.name}.shape, {shape})']
+    results, arguments = [], []
+    for one in parameters:
+        if one.role == "OUT" and one.scalar_out:
+            body.append(f'{one.name} = new("{one.type} *")')
+            results.append(f"{one.name}[0]")
+            arguments.append(one.name)
+        elif one.role == "OUT":
+            body.append(f"{one.name} = empty({_tuple(one.shape)}, {_SHORT[one.type]})")
+            results.append(one.name)
+            arguments.append(f"from_buffer({one.name})")
+        elif one.role == "WORK":
+            size = " * ".join(f"({part})" for part in one.shape)
+            arguments.append(f'scratch("{one.name}", 8 * {size})')
+        elif one.role == "OPTIONAL":
+            arguments.append(f"None if {one.name} is None else from_buffer({one.name})")
+        elif one.pointer:
+            arguments.append(f"from_buffer({one.name}{', True' if one.role == 'INOUT' else ''})")
+        else:
+            arguments.append(one.name)
+    arguments = [each.replace("None if", "NULL if") for each in arguments]
+    call = f"library.tss_{each.name}({', '.join(arguments)})"
+    if each.returns == "status":
+        body += [f"status = {call}", "if status:", f'    failed(status, "{each.name}")']
+    elif each.returns == "void":
+        body.append(call)
+    else:
+        body.append(f"value = {call}")
+        results.insert(0, "value")
+    if results:
+        body.append("return " + ", ".join(results))
+    doc = f'"""{each.doc}"""'.replace("\n", "\n    ")
+    lines = [f"def {each.name}({', '.join(one.name for one in given)}):", f"    {doc}"]
+    return "\n".join(lines + [f"    {line}" for line in body]) + "\n"
+
+
+def _tuple(sizes: list[str]) -> str:
+    return f"({', '.join(sizes)},)"
+
+
+try:
+    from hatchling.builders.hooks.plugin.interface import BuildHookInterface
+except ImportError:  # an editable installation that is rebuilt: pip is not at work
+    pass
+else:
+
+    class CoreBuildHook(BuildHookInterface):
+        """Builds the core where pip makes a wheel or an editable installation."""
+
+        def dependencies(self) -> list[str]:
+            """Ask for a compiler from PyPI where the system has none."""
+            wanted = ["cffi>=1.17"]
+            if _system_compiler() is None or os.environ.get("TSSGEOM_TARGET"):
+                wanted.append("ziglang>=0.13")
+            return wanted
+
+        def initialize(self, version: str, build_data: dict[str, Any]) -> None:
+            """Build into the tree for an editable installation, else into the wheel only."""
+            if version == "editable":
+                build(HERE)
+                return
+            target = os.environ.get("TSSGEOM_TARGET")
+            self._made = tempfile.TemporaryDirectory()
+            for path in build(Path(self._made.name), target=target):
+                build_data["force_include"][str(path)] = f"tssgeom/core/{path.name}"
+            build_data["pure_python"] = False
+            build_data["tag"] = f"py3-none-{_platform(target)}"
+
+        def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:
+            """Remove what was built once the wheel has it."""
+            if version != "editable":
+                self._made.cleanup()
+
+
+_PLATFORMS = {
+    "x86_64-linux-gnu.2.17": "manylinux_2_17_x86_64",
+    "aarch64-linux-gnu.2.17": "manylinux_2_17_aarch64",
+    "x86_64-macos": "macosx_11_0_x86_64",
+    "aarch64-macos": "macosx_11_0_arm64",
+    "x86_64-windows-gnu": "win_amd64",
+}
+
+
+def _platform(target: str | None) -> str:
+    """Return the platform tag of a wheel."""
+    if target is not None:
+        return _PLATFORMS[target]
+    return sysconfig.get_platform().replace("-", "_").replace(".", "_")
