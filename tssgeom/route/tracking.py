@@ -13,6 +13,7 @@ from typing import Literal
 
 import numpy as np
 
+from tssgeom import core
 from tssgeom.arrays import Vector
 from tssgeom.errors import FitError
 from tssgeom.route.arcs.chain import KINK, Chain, Data, has_kink, value_count
@@ -43,7 +44,6 @@ from tssgeom.route.model_choice import (
     undecided,
 )
 from tssgeom.route.observations import Shape
-from tssgeom.route.route import spacing_of_pieces
 from tssgeom.route.route_fit import RouteFit
 from tssgeom.route.spline.fit import Spline, fit
 
@@ -194,7 +194,7 @@ def _follow_chain(
     shape: Shape, noise: float | None, last: TrackedFit, chain: Chain, method: Method
 ) -> TrackedFit | None:
     """Go on with a chain; None where it fits no longer."""
-    spacing = spacing_of_pieces(shape.points, float(chain.stations[-1] - chain.stations[0]))
+    spacing = core.spacing_of_pieces(shape.points, float(chain.stations[-1] - chain.stations[0]))
     data = Data(
         shape.points,
         np.ones(len(shape.points)),

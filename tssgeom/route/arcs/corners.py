@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tssgeom import core
 from tssgeom.arrays import Points
 from tssgeom.route.arcs.chain import KINK, Chain, Data, unfitted
-from tssgeom.route.pieces import normals
 from tssgeom.route.route import Route
 
 
@@ -62,7 +62,7 @@ def cornered(data: Data, route: Route) -> tuple[Data, Chain] | None:
     data = data._replace(
         weight=np.ones(len(points)), spacing=float(stations[-1]) / len(points), shortest=KINK
     )
-    axes = np.array([leg[0], *normals(leg[0])])
+    axes = np.array([leg[0], *core.normals(leg[0])])
     frame, half = axes, 0.5 * data.spacing
     joints, bend = [0.0], [np.zeros(2)]
     for k in range(1, len(leg)):
