@@ -126,3 +126,21 @@ int64_t tss_joints(
     const double covariance[n][10], double freedom, int64_t points, int64_t joints[n + 1], double work[20][n + 1]) {
     return pieces_of_curvature(n, s, tangent, bend, covariance, freedom, (double)points, joints, work[0]);
 }
+
+void tss_totals(
+    int64_t k, const double length[k], const double angle[k], int64_t values, const double covariance[values][values],
+    double *total_length, double *total_angle, double *total_angle_se, double *shortest, double *all) {
+    double lengths = 0.0, angles = 0.0, variance = 0.0, sum = 0.0;
+    *shortest = INFINITY;
+    for (int64_t j = 0; j < k; j++) {
+        lengths += length[j], angles += angle[j];
+        *shortest = least(length[j], *shortest);
+    }
+    for (int64_t j = 0; j < values; j++)
+        for (int64_t i = 0; i < values; i++) {
+            sum += covariance[j][i];
+            if (j >= values / 2 && i >= values / 2) variance += covariance[j][i];
+        }
+    *total_length = lengths, *total_angle = angles, *total_angle_se = sqrt(most(variance, 0.0));
+    *all = lengths + angles + sum;
+}

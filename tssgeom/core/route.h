@@ -53,6 +53,13 @@ ENTRY int64_t tss_clearly_sound(int64_t n, const double points[n][3], WORK doubl
 /** The greatest outlier among eight points or more of a median spacing [m], the ends first; -1 for none. */
 ENTRY int64_t tss_worst_outlier(int64_t n, const double points[n][3], double spacing, WORK double work[n]);
 
+/** Sums of a fit: length and angle of all pieces, and the standard error of that angle; finite or not, by the sum
+of every number. Parameters: length [m] and angle [rad] of each piece, and their covariance. */
+ENTRY void tss_totals(
+    int64_t k, const double length[k], const double angle[k], int64_t values, const double covariance[values][values],
+    OUT double *total_length, OUT double *total_angle, OUT double *total_angle_se, OUT double *shortest,
+    OUT double *all);
+
 /** How many points have no weight, and the length of the path through the others [m]. */
 ENTRY void tss_path_length(
     int64_t n, const double points[n][3], const double weight[n], OUT int64_t *ignored, OUT double *path);

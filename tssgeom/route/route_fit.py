@@ -272,19 +272,19 @@ def refuse_lost(fit: RouteFit, points: Points) -> None:
         or the path from point to point is longer than the route, or far shorter.
     """
     arcs = fit.arcs
-    finite = math.isfinite(arcs.total_length + arcs.total_angle + arcs.covariance.sum())
-    if not finite or arcs.length.min() <= 0.0:
+    length, _, angle_se, shortest, every = core.totals(arcs.length, arcs.angle, arcs.covariance)
+    if not math.isfinite(every) or shortest <= 0.0:
         raise FitError("the points give no finite curve: check the unit and look for outlying points")
     ignored, path = core.path_length(points, fit.weight)
-    chord = math.hypot(arcs.total_length / len(points), math.sqrt(6.0) * fit.noise)
+    chord = math.hypot(length / len(points), math.sqrt(6.0) * fit.noise)
     too_long = path > AGREEMENT.longest_path * len(points) * chord
     lost = ignored > AGREEMENT.most_ignored * len(points) or too_long
-    if lost or arcs.total_length > AGREEMENT.longest_detour * path:
+    if lost or length > AGREEMENT.longest_detour * path:
         raise FitError(
             f"no route fits the points, {ignored} of {len(points)} lie off it: sense it more densely where "
             "it turns sharply, and look for points out of order"
         )
-    if arcs.total_angle_se > AGREEMENT.largest_angle_se:
+    if angle_se > AGREEMENT.largest_angle_se:
         raise FitError(
             f"{len(points)} points do not determine how far the route turns: sense it more densely where it "
             "turns sharply, and look for points out of order"

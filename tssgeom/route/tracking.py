@@ -155,7 +155,8 @@ def follow(shape: Shape, noise: float | None, last: TrackedFit | None, method: M
         tracked = _follow_spline(shape, noise, last, method)
     if tracked is not None:
         with suppress(FitError):  # a route that leaps may be lost, and fitted again from nothing
-            return replace(tracked, fit=checked(tracked.fit, shape))
+            fit = checked(tracked.fit, shape)
+            return tracked if fit is tracked.fit else replace(tracked, fit=fit)
     return TrackedFit(measure(shape, noise, method), shape.index)
 
 
@@ -304,7 +305,16 @@ def _follow_spline(shape: Shape, noise: float | None, last: TrackedFit, method: 
     check = ModelCheck(shape, noise, "chain") if due and chain_allowed(shape, spline) else None
     smooth = with_few_points_variance(spline_fit(spline), shape)
     result = smooth.with_model_choice_variance(last.model_choice_variance)
-    return replace(last, fit=result, index=shape.index, age=age, check=check)
+    return TrackedFit(
+        result,
+        shape.index,
+        age,
+        last.interval,
+        last.checks,
+        last.candidate,
+        last.model_choice_variance,
+        check,
+    )
 
 
 def _with_chain_tried(check: ModelCheck, last: TrackedFit) -> TrackedFit:
