@@ -194,7 +194,7 @@ _ENTRIES = '''"""The entries of the core as functions of arrays. Generated from 
 
 # ruff: noqa
 # pyright: basic
-from tssgeom.core.binding import F8, I8, U1, empty, library, failed, from_buffer, new, scratch, array, wrong
+from tssgeom.core.binding import F8, I8, NULL, U1, empty, library, failed, from_buffer, new, scratch, array, wrong
 
 '''
 _SHORT = {"double": "F8", "int64_t": "I8", "uint8_t": "U1"}
