@@ -33,7 +33,7 @@
 #include "constants.h"
 
 typedef int status;
-enum { DONE = 0, NO_FINITE_CURVE = 1, NO_EQUILIBRIUM = 2 };
+enum { DONE = 0, NO_FINITE_CURVE = 1, NO_EQUILIBRIUM = 2, WRONG_SIZE = 3 };
 
 #if defined(_WIN32)
 #define ENTRY __declspec(dllexport)

@@ -8,20 +8,18 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from operator import itemgetter
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
-from numba import njit
 
 from tssgeom import core
 from tssgeom.arrays import Vector, read_only
 from tssgeom.errors import FitError
-from tssgeom.route.arcs.chain import Chain, Data
+from tssgeom.route.arcs.chain import Chain, Data, fit_fixed_pieces
 from tssgeom.route.arcs.corners import cornered
-from tssgeom.route.arcs.fit import fit_fixed_pieces
 from tssgeom.route.arcs.moves import fit_chain, without_piece
 from tssgeom.route.arcs.outliers import refitted_with_tangents, with_tangents, without_outliers
-from tssgeom.route.arcs.summary import chain_nodes, chain_pieces
+from tssgeom.route.arcs.summary import ChainPieces, chain_nodes, chain_pieces
 from tssgeom.route.directions import direction_warnings
 from tssgeom.route.model_choice import (
     CHOICE,
@@ -70,19 +68,7 @@ class ChainStart:
     point."""
 
 
-class IdentifiableBend(NamedTuple):
-    """Which pieces have a bend that their points determine."""
-
-    short: float = 3.0
-    """Length below which a piece holds few points [spacings]. Chosen."""
-    largest_se: float = 3.0
-    """Standard error of the angle of any piece from which on it is dropped [rad]. Chosen: half a turn."""
-    largest_se_short: float = 0.3
-    """The same of a short piece [rad]. Chosen."""
-
-
 START = ChainStart()
-IDENTIFIABLE = IdentifiableBend()
 
 
 def measure(shape: Shape, noise: float | None = None, method: Method = "auto") -> RouteFit:
@@ -212,13 +198,13 @@ def with_few_points_variance(smooth: RouteFit, shape: Shape) -> RouteFit:
     return smooth.with_model_choice_variance(float(whole - smooth.arcs.total_angle) ** 2)
 
 
-def chain_fit(shape: Shape, data: Data, chain: Chain) -> RouteFit:
-    """Pieces of a fitted chain; its nodes and evidence are deferred."""
+def chain_fit(shape: Shape, data: Data, chain: Chain, pieces: ChainPieces | None = None) -> RouteFit:
+    """Fit of a chain with its pieces, where they are known already; its nodes and evidence are deferred."""
     warnings = outlier_warnings(shape, data.weight)
     if data.tangents is not None:
         used = np.where(data.tangents.variance[:, None] > 0.0, data.tangents.unit, np.nan)
         warnings += direction_warnings(shape.directions, used, shape.index)
-    chain, arcs, noise = _identifiable(data, chain)
+    chain, arcs, noise = _identifiable(data, chain, pieces)
     if data.free:
         warnings += order_warnings(shape, data.weight, chain.stations, noise)
     return RouteFit(
@@ -236,30 +222,13 @@ def _chain_log_evidence(data: Data, chain: Chain) -> float:
     return -0.5 * chain_deviance(data, chain)
 
 
-def _identifiable(data: Data, chain: Chain) -> tuple[Chain, Arcs, float]:
+def _identifiable(data: Data, chain: Chain, pieces: ChainPieces | None = None) -> tuple[Chain, Arcs, float]:
     """Drop pieces whose bend the points do not determine; returns also the pieces, and the noise [m]."""
-    while True:
-        arcs, noise = chain_pieces(data, chain)
-        unidentifiable = _unidentifiable(arcs.length, arcs.covariance, data.spacing)
-        if unidentifiable < 0:
-            return chain, arcs, noise
-        chain = without_piece(data, chain, unidentifiable)
-
-
-@njit(cache=True, nogil=True)
-def _unidentifiable(length: np.ndarray, covariance: np.ndarray, spacing: float) -> int:
-    """Return the piece whose bend is known least, if its points do not determine it, or -1.
-
-    Such a piece may lie beyond the last joint that points surround.
-    """
-    k, worst, error = len(length), -1, IDENTIFIABLE.largest_se_short
-    for j in range(k):
-        variance = covariance[k + j, k + j]
-        short = length[j] < IDENTIFIABLE.short * spacing
-        least = error if short else max(error, IDENTIFIABLE.largest_se)
-        if not math.sqrt(max(variance, 0.0)) < least:
-            worst, error = j, math.sqrt(max(variance, 0.0))
-    return worst if k > 1 else -1
+    pieces = pieces or chain_pieces(data, chain)
+    while pieces.unidentifiable >= 0:
+        chain = without_piece(data, chain, pieces.unidentifiable)
+        pieces = chain_pieces(data, chain)
+    return chain, pieces.arcs, pieces.noise
 
 
 def chain_data(shape: Shape, noise: float | None, spline: Spline) -> Data:

@@ -13,10 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tssgeom.arrays import Vector
-from tssgeom.route.arcs.chain import Chain, Data, tangent_count
+from tssgeom.route.arcs.chain import Chain, Data, squared_distances, tangent_count
 from tssgeom.route.arcs.moves import saved_by_slopes
 from tssgeom.route.arcs.outliers import squared_tangent_residuals
-from tssgeom.route.arcs.positions import squared_distances
 from tssgeom.route.route_fit import RouteFit
 from tssgeom.route.spline.fit import Spline
 
@@ -125,7 +124,7 @@ def chain_deviance(data: Data, chain: Chain) -> float:
 
 def _deviance_of_points(data: Data, chain: Chain) -> float:
     """-2 ln evidence of the points normal to a chain, infinite where it has too many parameters for them."""
-    square = squared_distances(data.points, chain.stations, *chain[:4], True)
+    square = squared_distances(data, chain, across=True)
     cost, values = float(data.weight @ square), 2 * int(np.count_nonzero(data.weight))
     fitted = values + 2 * tangent_count(data.tangents)
     parameters = len(chain.matrix) - (0 if data.free else 1)

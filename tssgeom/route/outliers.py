@@ -4,20 +4,14 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
 from tssgeom.core.constants_route import OUTLIERS
 
-LIMITS = OUTLIERS
 
-
-@njit(cache=True, nogil=True)
 def outlier_limit(count: int, variance: float) -> float:
     """Return the square beyond which a residual of this variance, one of `count`, is an outlier."""
     return (OUTLIERS.square + OUTLIERS.square_per_log_count * math.log(count)) * variance
 
 
-@njit(cache=True, nogil=True)
 def residual_variance(known: float, robust: float, spacing: float) -> float:
     """Return the variance by which residuals are judged: the greatest of three.
 

@@ -13,7 +13,7 @@ import numpy as np
 from tssgeom import core
 from tssgeom.arrays import Matrix, Points, Vector, read_only
 from tssgeom.errors import FitError
-from tssgeom.route.arcs.fit import Chain
+from tssgeom.route.arcs.chain import Chain
 from tssgeom.route.curvature import CurvatureProfile
 from tssgeom.route.pieces import Arcs, spread_over_angles
 from tssgeom.route.route import Route

@@ -6,7 +6,6 @@ one, after the result is out and a little at a time, so that no frame waits for 
 
 from __future__ import annotations
 
-import math
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -15,16 +14,12 @@ import numpy as np
 
 from tssgeom import core
 from tssgeom.arrays import Vector
+from tssgeom.core.constants_arcs import CHAIN_FIT
 from tssgeom.errors import FitError
-from tssgeom.route.arcs.chain import KINK, Chain, Data, has_kink, value_count
-from tssgeom.route.arcs.fit import fit_fixed_pieces, turn_is_identifiable
+from tssgeom.route.arcs.chain import Chain, Data, fit_fixed_pieces, has_kink, parameter_count
 from tssgeom.route.arcs.moves import finer, fit_chain, simpler
-from tssgeom.route.arcs.outliers import (
-    curvature_at_points,
-    outlier_weights,
-    with_tangents,
-    without_outlying_tangents,
-)
+from tssgeom.route.arcs.outliers import curvature_at_points, with_tangents, without_outlying_tangents
+from tssgeom.route.arcs.summary import pieces_of
 from tssgeom.route.geometry import (
     Method,
     chain_allowed,
@@ -72,24 +67,7 @@ class TrackingSchedule:
     """Frames in which a candidate chain that is hopeless may still come up. Chosen."""
 
 
-@dataclass(frozen=True, slots=True)
-class TrackingLimits:
-    """Whether a chain of the last frame still fits the points of this one."""
-
-    cost_deviations: float = 6.0
-    """Standard deviations of the cost above which a chain does not fit [1]. Chosen: 1e-9 of normal errors."""
-    quieter: float = 100.0
-    """Noise variance of the last frame over that of this one, from which the fit begins anew [1]. Chosen."""
-    noisier: float = 2.0
-    """Unknown noise variance over that of the last frame, above which a chain is unfit [1]. Chosen."""
-    rounding: float = 1e-9
-    """Noise below which the last frame counts as exact [spacings]. Derived: rounding of coordinates."""
-    exact: float = 1e-5
-    """Noise below which two frames are equally quiet [spacings]. Chosen: below any sensor."""
-
-
 SCHEDULE = TrackingSchedule()
-LIMITS = TrackingLimits()
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,7 +180,7 @@ def _follow_chain(
         shape.stations is None,
         0.0 if noise is None else noise * noise,
         spacing,
-        shortest=KINK if has_kink(chain, spacing) else 1.0,
+        shortest=CHAIN_FIT.kink if has_kink(chain, spacing) else 1.0,
     )
     age = last.age + 1
     variance = last.fit.noise**2
@@ -211,16 +189,16 @@ def _follow_chain(
         kappa = curvature_at_points(chain)
         data = with_tangents(data, shape.directions, shape.direction_noise**2, kappa, variance)
         data = without_outlying_tangents(data, fit_fixed_pieces(data, chain, restart=True))
-    chain = fit_fixed_pieces(data, chain, restart=True)
-    weight = outlier_weights(data, chain, variance)
-    if weight is not None:
-        data = data._replace(weight=weight)
-        chain = fit_fixed_pieces(data, chain)
-    if _unfit(data, chain, variance):
-        chain = fit_chain(data, chain)
-        if _unfit(data, chain, variance):
+    count = parameter_count(chain.curved, data.free)
+    fits, weight, *fitted = core.follow_chain(count, *data.sensed, data.shortest, *chain[:6], variance)
+    data, pieces = data._replace(weight=weight), pieces_of(*fitted[8:])
+    chain = Chain(*fitted[:4], chain.curved, *fitted[4:8])
+    if not fits:
+        chain, pieces = fit_chain(data, chain), None
+        if not _fits(data, chain, variance):
             return None
-    result = chain_fit(shape, data, chain).with_model_choice_variance(last.model_choice_variance)
+    result = chain_fit(shape, data, chain, pieces)
+    result = result.with_model_choice_variance(last.model_choice_variance)
     check = None
     if method == "auto" and age >= last.interval:
         check = ModelCheck(shape, noise, "spline", data)
@@ -251,21 +229,11 @@ def _stations(shape: Shape, last: TrackedFit, chain: Chain) -> Vector:
     return chain.stations[0] + share * (chain.stations[-1] - chain.stations[0])
 
 
-def _unfit(data: Data, chain: Chain, variance: float) -> bool:
-    """Whether the points are off the chain by more than noise, of a variance as in the last frame [m²].
-
-    A chain that turns unobserved between its points fits nothing, however small the residuals of the inliers.
-    """
-    if not turn_is_identifiable(data, chain):
-        return True
-    freedom = max(value_count(data) - len(chain.matrix), 1)
-    most = 1.0 + LIMITS.cost_deviations * math.sqrt(2.0 / freedom)
-    if data.variance > 0.0:
-        return not chain.cost < most * data.variance * freedom
-    usual = max(variance, (LIMITS.rounding * data.spacing) ** 2) * freedom
-    least = (LIMITS.exact * data.spacing) ** 2 * freedom
-    quieter = LIMITS.quieter * max(chain.cost, least) < usual  # the last frame is no measure of this one
-    return quieter or not chain.cost < max(LIMITS.noisier, 1.5 * most) * usual
+def _fits(data: Data, chain: Chain, variance: float) -> bool:
+    """Whether a chain is off the points by no more than noise, of a variance as in the last frame [m²]."""
+    weights = None if data.tangents is None else data.tangents.weight
+    known = (len(chain.matrix), data.weight, data.free, data.variance, data.spacing, weights)
+    return bool(core.chain_fits(*known, chain.joints, chain.bend, chain.stations, chain.cost, variance))
 
 
 def _with_spline_tried(check: ModelCheck, data: Data, chain: Chain, last: TrackedFit) -> TrackedFit:

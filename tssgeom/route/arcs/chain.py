@@ -1,4 +1,10 @@
-"""A chain of arcs and the points that it is fitted to: parameters in order, values that count, criterion."""
+"""A chain of arcs and the points that it is fitted to: parameters in order, fit, values that count, criterion.
+
+The chain starts at a position with axes (tangent and two normals, carried along without twist). Piece j runs
+from arc length b_j to b_j+1 with constant curvature components K_j on the normals, so a straight piece and a
+change of the bending plane are regular points. The last piece goes on without end. The fit itself is compiled:
+`tssgeom/core/arcs.h`; docs/model.md (30) to (32).
+"""
 
 from __future__ import annotations
 
@@ -6,16 +12,11 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from tssgeom import core
 from tssgeom.arrays import Matrix, Points, Vector
+from tssgeom.core.constants_arcs import CHAIN_FIT
 from tssgeom.statistics import information_price
-
-KINK = 0.1
-"""Shortest piece of a chain with kinks [mean spacings]."""
-
-_CLEARLY = 0.9  # of the mean spacing: a piece shorter than this is a kink
-_LEAST_VARIANCE = 1e-26  # rounding of coordinates [m²]
 
 
 class WeightedTangents(NamedTuple):
@@ -43,7 +44,13 @@ class Data(NamedTuple):
     tangents: WeightedTangents | None = None
     """Sensed directions, where there are any."""
     shortest: float = 1.0
-    """Shortest piece [mean spacings]: `KINK` where there are kinks, or noise would look like them."""
+    """Shortest piece [mean spacings]: `CHAIN_FIT.kink` where there are kinks, or noise would look like them."""
+
+    @property
+    def sensed(self) -> tuple[object, ...]:
+        """Points and directions as the core takes them."""
+        directions = (None, None) if self.tangents is None else self.tangents[:2]
+        return (*self[:5], *directions)
 
 
 class Chain(NamedTuple):
@@ -74,50 +81,78 @@ class Chain(NamedTuple):
 
 
 def unfitted(start: Vector, axes: Matrix, joints: Vector, bend: Points, stations: Vector) -> Chain:
-    """Return a chain of curved pieces that is yet to be fitted.
-
-    Every array is a copy: numba compiles a kernel once for arrays that can be written and once more for those
-    that cannot, and fitted chains can.
-    """
+    """Return a chain of curved pieces that is yet to be fitted."""
     curved = np.ones(len(bend), dtype=np.bool_)
-    given = (np.array(start), np.array(axes), np.array(joints), np.array(bend), curved, np.array(stations))
-    return Chain(*given, matrix=np.zeros((0, 0)), cost=0.0, square=np.zeros(0))
+    return Chain(start, axes, joints, bend, curved, stations, np.zeros((0, 0)), 0.0, np.zeros(0))
 
 
-@njit(cache=True, nogil=True)
+def fit_fixed_pieces(data: Data, chain: Chain, *, restart: bool = False) -> Chain:
+    """Fit a chain of as many pieces by Levenberg and Marquardt; its matrix and cost are not used.
+
+    Parameters
+    ----------
+    data, chain
+        The points, and where the fit starts.
+    restart
+        Let the chain begin at the foot of the first point, where stations are unknown: in a fit its start
+        moves only across itself, so the ends of a route that moves would run away from it.
+    """
+    return _fitted(data, chain, math.inf, restart)[1]
+
+
+def fit_candidate(data: Data, candidate: Chain, least: float) -> Chain | None:
+    """Return the candidate, fitted, if its criterion is below `least` and its points determine every piece."""
+    better, fitted = _fitted(data, candidate, least, False)
+    return fitted if better else None
+
+
+def _fitted(data: Data, chain: Chain, least: float, restart: bool) -> tuple[bool, Chain]:
+    count = parameter_count(chain.curved, data.free)
+    fitted = core.fit_pieces(count, *data.sensed, data.shortest, *chain[:6], least, restart)
+    return bool(fitted[0]), Chain(*fitted[1:5], chain.curved, *fitted[5:])
+
+
+def along(
+    s: Vector, start: Vector, axes: Matrix, joints: Vector, bend: Points
+) -> tuple[Points, Points, Points]:
+    """Position [n, 3] [m], unit tangent and curvature vector [n, 3] [1/m] at arc lengths `s` [n] [m]; (30)."""
+    position, frame = core.along_chain(s, start, axes, joints, bend)
+    here = bend[np.searchsorted(joints[1:], s, side="right")]
+    return position, frame[:, 0], here[:, :1] * frame[:, 1] + here[:, 1:] * frame[:, 2]
+
+
+def squared_distances(data: Data, chain: Chain, *, across: bool) -> Vector:
+    """Squared distance of the points from the chain at their stations [n], whole or across it [m²]."""
+    position, frame = core.along_chain(chain.stations, *chain[:4])
+    off = data.points - position
+    square = np.einsum("ij,ij->i", off, off)
+    return np.maximum(square - np.einsum("ij,ij->i", off, frame[:, 0]) ** 2, 0.0) if across else square
+
+
 def piece_length(chain: Chain, j: int) -> float:
     """Length of piece j [m]."""
     end = chain.joints[j + 1] if j + 1 < len(chain.joints) else chain.stations[-1]
-    return end - chain.joints[j]
+    return float(end - chain.joints[j])
 
 
-@njit(cache=True, nogil=True)
 def has_kink(chain: Chain, spacing: float) -> bool:
     """Whether an inner piece is clearly shorter than the mean spacing [m]."""
-    least, joints = math.inf, chain.joints
-    for j in range(1, len(joints) - 1):
-        least = min(least, joints[j + 1] - joints[j])
-    return least < _CLEARLY * spacing
+    inner = chain.joints[1:].tolist()
+    least = CHAIN_FIT.clearly * spacing
+    return any(after - before < least for before, after in zip(inner, inner[1:], strict=False))
 
 
-@njit(cache=True, nogil=True)
 def value_count(data: Data) -> int:
     """Return the number of values that are fitted."""
-    used = 0
-    for weight in data.weight:
-        used += 1 if weight > 0.0 else 0
+    used = int(np.count_nonzero(data.weight > 0.0))
     return (2 if data.free else 3) * used + 2 * tangent_count(data.tangents)
 
 
-@njit(cache=True, nogil=True)
 def tangent_count(tangents: WeightedTangents | None) -> int:
     """Return the number of directions that are fitted."""
-    if tangents is None:
-        return 0
-    return int(np.sum(tangents.weight > 0.0))
+    return 0 if tangents is None else int(np.count_nonzero(tangents.weight > 0.0))
 
 
-@njit(cache=True, nogil=True)
 def first_joint_column(free: bool) -> int:
     """Return the parameter of the first inner joint: before it stand the start and two turns."""
     return (2 if free else 3) + 2
@@ -125,43 +160,26 @@ def first_joint_column(free: bool) -> int:
 
 def parameter_count(curved: np.ndarray, free: bool) -> int:
     """Return the number of parameters of a chain: start, turns, joints, curvatures."""
-    return first_joint_column(free) + len(curved) - 1 + 2 * int(curved.sum())
+    return first_joint_column(free) + len(curved) - 1 + 2 * int(np.count_nonzero(curved))
 
 
-@njit(cache=True, nogil=True)
-def curvature_columns(curved: np.ndarray, free: bool) -> np.ndarray:
-    """First parameter of each piece's curvature [k], -1 for a straight piece."""
-    column = np.full(len(curved), -1)
-    following = first_joint_column(free) + len(curved) - 1
-    for j in range(len(curved)):
-        if curved[j]:
-            column[j] = following
-            following += 2
-    return column
+def curvature_columns(curved: np.ndarray, free: bool) -> list[int]:
+    """First parameter of each piece's curvature [k]; that of a straight piece has no meaning."""
+    first = first_joint_column(free) + len(curved) - 1
+    return (first + 2 * (np.cumsum(curved) - curved)).tolist()
 
 
-@njit(cache=True, nogil=True)
 def criterion(data: Data, chain: Chain) -> float:
     """Bayesian information criterion: -2 ln of the greatest likelihood, plus the price of every parameter."""
     n = value_count(data)
-    price = information_price(len(chain.matrix), n)
+    price = information_price(float(len(chain.matrix)), n)
     if data.variance > 0.0:
         return chain.cost / data.variance + n * math.log(data.variance) + price
     return n * math.log(chain.cost / n + 1e-300) + n + price
 
 
-def cost_at_criterion(data: Data, parameters: int, least: float) -> float:
-    """Cost [m²] at which a chain of so many parameters has the criterion `least`."""
-    n = value_count(data)
-    rest = least - information_price(parameters, n)
-    if data.variance > 0.0:
-        return (rest - n * math.log(data.variance)) * data.variance
-    return n * math.exp(min(rest / n - 1.0, 700.0))
-
-
-@njit(cache=True, nogil=True)
 def noise_variance(data: Data, chain: Chain) -> float:
     """Noise variance of a coordinate, known or from the residuals [m²]."""
     if data.variance > 0.0:
         return data.variance
-    return max(chain.cost / max(value_count(data) - len(chain.matrix), 1), _LEAST_VARIANCE)
+    return max(chain.cost / max(value_count(data) - len(chain.matrix), 1), CHAIN_FIT.least_variance)

@@ -9,7 +9,8 @@ import numpy as np
 
 from tssgeom import core
 from tssgeom.arrays import Points
-from tssgeom.route.arcs.chain import KINK, Chain, Data, unfitted
+from tssgeom.core.constants_arcs import CHAIN_FIT
+from tssgeom.route.arcs.chain import Chain, Data, unfitted
 from tssgeom.route.route import Route
 
 
@@ -60,7 +61,7 @@ def cornered(data: Data, route: Route) -> tuple[Data, Chain] | None:
     leg /= size[:, None]
     stations = _along(points, at, leg, size) if data.free else np.array(route.station)
     data = data._replace(
-        weight=np.ones(len(points)), spacing=float(stations[-1]) / len(points), shortest=KINK
+        weight=np.ones(len(points)), spacing=float(stations[-1]) / len(points), shortest=CHAIN_FIT.kink
     )
     axes = np.array([leg[0], *core.normals(leg[0])])
     frame, half = axes, 0.5 * data.spacing

@@ -3,23 +3,24 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from tssgeom import core
 from tssgeom.arrays import Points, Vector
+from tssgeom.core.constants_route import OUTLIERS
 from tssgeom.route.arcs.chain import (
     Chain,
     Data,
     WeightedTangents,
+    along,
+    fit_fixed_pieces,
     noise_variance,
+    squared_distances,
     tangent_count,
     value_count,
 )
-from tssgeom.route.arcs.fit import fit_fixed_pieces
 from tssgeom.route.arcs.moves import fit_chain
-from tssgeom.route.arcs.positions import along, squared_distances
 from tssgeom.route.directions import tangent_variances
-from tssgeom.route.outliers import LIMITS, outlier_limit, residual_variance
-from tssgeom.statistics import MEDIANS
+from tssgeom.route.outliers import outlier_limit
 
 _SAME_NOISE = 0.1  # relative change of the noise variance for which directions keep their weights
 _ROUNDING = 1e-9  # of the mean spacing
@@ -35,31 +36,14 @@ def outlier_weights(data: Data, chain: Chain, variance: float = 0.0) -> Vector |
     variance
         Least noise variance that is assumed where `data` knows none [m²].
     """
-    square, count = chain.square, len(chain.square)
-    known = data.variance or variance
-    limit = outlier_limit(count, residual_variance(known, 0.0, data.spacing))
-    if not _any_changes(square, data.weight, limit):
-        return None
-    if not data.variance:
-        robust = float(np.median(square)) / (MEDIANS.square_2 if data.free else MEDIANS.square_3)
-        limit = outlier_limit(count, residual_variance(known, robust, data.spacing))
-    weight = np.where(square > limit, 0.0, 1.0)
-    few = np.count_nonzero(weight == 0.0) <= LIMITS.share * len(weight)
-    return weight if few and not np.array_equal(weight, data.weight) else None
-
-
-@njit(cache=True, nogil=True)
-def _any_changes(square: np.ndarray, weight: np.ndarray, limit: float) -> bool:
-    """Whether any point is beyond the limit or has no weight."""
-    off = False
-    for i in range(len(square)):
-        off |= not square[i] <= limit or weight[i] == 0.0
-    return off
+    known = (data.weight, data.free, data.variance, data.spacing)
+    differ, weight = core.outlier_weights(chain.square, *known, variance)
+    return weight if differ else None
 
 
 def without_outliers(data: Data, chain: Chain) -> tuple[Data, Chain]:
     """Weight the points by the chain and fit it again, until no weight changes."""
-    for _ in range(LIMITS.chain_rounds):
+    for _ in range(OUTLIERS.chain_rounds):
         weight = outlier_weights(data, chain)
         if weight is None:
             break
@@ -109,7 +93,7 @@ def squared_tangent_residuals(data: Data, chain: Chain) -> Vector:
         return np.zeros(0)
     _, fitted, _ = along(chain.stations, *chain[:4])
     cosine = np.einsum("ij,ij->i", data.tangents.unit, fitted)
-    square = np.where(cosine > 0.0, np.maximum(1.0 - cosine * cosine, 0.0), LIMITS.backwards)
+    square = np.where(cosine > 0.0, np.maximum(1.0 - cosine * cosine, 0.0), OUTLIERS.backwards)
     return np.where(data.tangents.variance > 0.0, square, 0.0)
 
 
@@ -117,7 +101,7 @@ def refitted_with_tangents(data: Data, chain: Chain) -> tuple[Data, Chain]:
     """Fit again without outlying directions, and with weights that follow the noise of the points."""
     if data.tangents is None:
         return data, chain
-    for _ in range(LIMITS.chain_rounds_of_tangents):
+    for _ in range(OUTLIERS.chain_rounds_of_tangents):
         changed = _weighted_by_noise(without_outlying_tangents(data, chain), chain)
         if changed is data:
             break
@@ -136,7 +120,7 @@ def without_outlying_tangents(data: Data, chain: Chain) -> Data:
     if not data.variance:
         limit *= max(noise_variance(data, chain) / variance, 1.0)
     outlier = squared_tangent_residuals(data, chain) > limit * tangents.variance
-    if not outlier.any() or np.count_nonzero(outlier) > max(LIMITS.share * count, 1.0):
+    if not outlier.any() or np.count_nonzero(outlier) > max(OUTLIERS.share * count, 1.0):
         return data
     return _weighted(data, tangents.unit, np.where(outlier, 0.0, tangents.variance), variance)
 
@@ -146,7 +130,7 @@ def _weighted_by_noise(data: Data, chain: Chain) -> Data:
     tangents, count = data.tangents, tangent_count(data.tangents)
     if tangents is None or data.variance or not count:
         return data
-    square = squared_distances(data.points, chain.stations, *chain[:4], data.free)
+    square = squared_distances(data, chain, across=data.free)
     values = value_count(data)
     points = values - 2 * count
     freedom = max(points * (1.0 - len(chain.matrix) / values), 1.0)

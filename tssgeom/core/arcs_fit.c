@@ -1,0 +1,309 @@
+/* Fitting a chain of so many arcs to points by Levenberg and Marquardt; docs/model.md (31). */
+#include "arcs.h"
+#include "route.h"
+
+#include <string.h>
+
+/* Number of values that are fitted. */
+int64_t value_count(const Data *data) {
+    int64_t points = 0, directions = 0;
+    for (int64_t i = 0; i < data->n; i++) {
+        points += data->weight[i] > 0.0;
+        directions += data->unit_weight != NULL && data->unit_weight[i] > 0.0;
+    }
+    return (data->free ? 2 : 3) * points + 2 * directions;
+}
+
+static int64_t parameter_count(int64_t k, const uint8_t curved[], int64_t free) {
+    int64_t count = first_joint_column(free) + k - 1;
+    for (int64_t j = 0; j < k; j++) count += curved[j] ? 2 : 0;
+    return count;
+}
+
+/* Whether arrays that a caller sized fit together. */
+int64_t is_sized(int64_t n, int64_t k, int64_t m, const uint8_t curved[], int64_t free) {
+    return n > 0 && k > 0 && m == parameter_count(k, curved, free);
+}
+
+/* Length of piece j [m]. */
+double piece_length(const Data *data, const Chain *chain, int64_t j) {
+    return (j + 1 < chain->k ? chain->joints[j + 1] : chain->stations[data->n - 1]) - chain->joints[j];
+}
+
+/* Noise variance of a coordinate, known or from the residuals [m²]. */
+double noise_variance(const Data *data, const Chain *chain) {
+    if (data->variance > 0.0) return data->variance;
+    int64_t freedom = value_count(data) - chain->m;
+    return most(chain->cost / (double)(freedom > 1 ? freedom : 1), CHAIN_FIT.least_variance);
+}
+
+/* Bayesian information criterion: -2 ln of the greatest likelihood, plus the price of every parameter. */
+static double criterion_of(const Data *data, const Chain *chain) {
+    double n = (double)value_count(data), price = (double)chain->m * log(n);
+    if (data->variance > 0.0) return chain->cost / data->variance + n * log(data->variance) + price;
+    return n * log(chain->cost / n + 1e-300) + n + price;
+}
+
+/* Cost [m²] at which a chain with m parameters has the criterion `least`. */
+static double cost_at_criterion(const Data *data, int64_t m, double least_criterion) {
+    double n = (double)value_count(data), rest = least_criterion - (double)m * log(n);
+    if (data->variance > 0.0) return (rest - n * log(data->variance)) * data->variance;
+    return n * exp(least(rest / n - 1.0, 700.0));
+}
+
+/* Let a chain begin at the foot of the first point, where that is on the first piece. */
+static void from_first_foot(int64_t n, Chain *chain) {
+    double begin = chain->stations[0], local[4][3], axes[3][3], moved[3];
+    if (chain->k > 1 && !(begin < chain->joints[1])) return;
+    const double *bend = chain->bend[0], h = begin - chain->joints[0];
+    arc_frame(bend, h, local);
+    memcpy(axes, chain->axes, sizeof axes);
+    in_axes(axes, local[0], moved);
+    for (int c = 0; c < 3; c++) {
+        chain->start[c] += moved[c];
+        in_axes(axes, local[1 + c], chain->axes[c]);
+    }
+    for (int64_t j = 0; j < chain->k; j++) chain->joints[j] -= begin;
+    chain->joints[0] = 0.0;
+    for (int64_t i = 0; i < n; i++) chain->stations[i] -= begin;
+}
+
+/* Shift and turn the start of a chain by the first parameters of a step. */
+static void turn_start(const double step[], int64_t free, const Chain *from, Chain *to) {
+    int64_t shifts = free ? 2 : 3;
+    double unit[3], size;
+    memcpy(to->start, from->start, sizeof to->start);
+    memcpy(to->axes, from->axes, sizeof to->axes);
+    for (int i = 0; i < 3; i++) {
+        unit[i] = step[shifts] * from->axes[1][i] + step[shifts + 1] * from->axes[2][i];
+        if (!free) to->start[i] += step[i];
+        else to->start[i] += step[0] * from->axes[1][i] + step[1] * from->axes[2][i];
+    }
+    size = sqrt(dot3(unit, unit));
+    if (!(size > 0.0)) return;
+    double half = sin(0.5 * size), sine = sin(size);
+    for (int i = 0; i < 3; i++) unit[i] /= size;
+    for (int i = 0; i < 3; i++) { /* Rodrigues */
+        const double *axis = from->axes[i];
+        double along = dot3(unit, axis);
+        for (int c = 0; c < 3; c++) {
+            int d = (c + 1) % 3, e = (c + 2) % 3;
+            to->axes[i][c] += sine * (unit[d] * axis[e] - unit[e] * axis[d]);
+            to->axes[i][c] += 2 * half * half * (unit[c] * along - axis[c]);
+        }
+    }
+}
+
+/* Apply a parameter step, joints kept in order and at least `shortest` [m] apart.
+
+   Where joints move, the turn of a piece follows its step, not the curvature: that of a short piece would need many
+   steps along a bent valley. */
+static void step_chain(
+    const double step[], int64_t free, double shortest, double end, const Chain *from, Chain *to) {
+    int64_t k = from->k, row = first_joint_column(free);
+    turn_start(step, free, from, to);
+    to->joints[0] = from->joints[0];
+    for (int64_t j = 1; j < k; j++)
+        to->joints[j] = most(from->joints[j] + step[row++], to->joints[j - 1] + shortest);
+    for (int64_t j = k - 1; j > 0; j--)
+        to->joints[j] = least(to->joints[j], (j + 1 < k ? to->joints[j + 1] : end) - shortest);
+    for (int64_t j = 0; j < k; j++) {
+        to->bend[j][0] = from->bend[j][0], to->bend[j][1] = from->bend[j][1];
+        if (!from->curved[j]) continue;
+        double before = (j + 1 < k ? from->joints[j + 1] : end) - from->joints[j];
+        double after = (j + 1 < k ? to->joints[j + 1] : end) - to->joints[j];
+        double scale = most(before, shortest) / most(after, shortest);
+        to->bend[j][0] += scale * step[row++];
+        to->bend[j][1] += scale * step[row++];
+    }
+}
+
+static double curvature(const double bend[2]) { return sqrt(bend[0] * bend[0] + bend[1] * bend[1]); }
+
+/* Angle by which a chain turns from `here`, on piece *j, to `there` [rad]; *j becomes the piece there. */
+static double turned_to(double there, double here, const Chain *chain, int64_t *j) {
+    double turned = 0.0;
+    for (; *j + 1 < chain->k && chain->joints[*j + 1] <= there; ++*j) {
+        double next = chain->joints[*j + 1];
+        turned += most(next - here, 0.0) * curvature(chain->bend[*j]);
+        here = most(next, here);
+    }
+    return turned + most(there - here, 0.0) * curvature(chain->bend[*j]);
+}
+
+/* Whether the chain turns so little from one point to the next that the points can determine it. */
+static int64_t turn_is_identifiable(const Data *data, const Chain *chain) {
+    const double *s = chain->stations;
+    int64_t j = 0, before = -1;
+    double here = s[0];
+    for (int64_t i = 0; i < data->n; i++) {
+        if (!(data->weight[i] > 0.0)) continue;
+        double turned = turned_to(s[i], here, chain, &j);
+        int64_t wide = before >= 0 && s[i] - s[before] > CHAIN_FIT.wide * data->spacing;
+        if (before >= 0 && !(turned < (wide ? CHAIN_FIT.most_turn_unobserved : CHAIN_FIT.most_turn))) return 0;
+        before = i, here = s[i];
+    }
+    double end = most(s[data->n - 1], chain->joints[chain->k - 1]); /* where no point counts */
+    return turned_to(end, here, chain, &j) < CHAIN_FIT.most_turn_unobserved;
+}
+
+static Chain without_values(Chain chain, int64_t n, Work *w) {
+    chain.joints = take(w, chain.k), chain.bend = (double(*)[2])take(w, 2 * chain.k);
+    chain.stations = take(w, n), chain.square = take(w, n);
+    chain.matrix = take(w, chain.m * chain.m), chain.gradient = take(w, chain.m);
+    return chain;
+}
+
+/* A chain of given arrays; those that a fit writes are to be replaced before. */
+Chain given_chain(
+    int64_t k, int64_t m, const double start[3], const double axes[3][3], const double joints[],
+    const double bend[][2], const uint8_t curved[], const double stations[], const double matrix[], double cost) {
+    Chain chain = {.k = k, .m = m, .joints = (double *)joints, .bend = (double(*)[2])bend, .curved = curved,
+                   .stations = (double *)stations, .matrix = (double *)matrix, .cost = cost};
+    memcpy(chain.start, start, sizeof chain.start);
+    memcpy(chain.axes, axes, sizeof chain.axes);
+    return chain;
+}
+
+void copy_form(const Chain *from, Chain *to, int64_t n) {
+    memcpy(to->start, from->start, sizeof to->start);
+    memcpy(to->axes, from->axes, sizeof to->axes);
+    memcpy(to->joints, from->joints, (size_t)from->k * sizeof(double));
+    memcpy(to->bend, from->bend, (size_t)from->k * sizeof *to->bend);
+    memcpy(to->stations, from->stations, (size_t)n * sizeof(double));
+}
+
+/* Fit a chain by Levenberg and Marquardt, in place; see tss_fit_pieces. */
+void fit_pieces(const Data *data, Chain *chain, double goal, int64_t restart, Work w) {
+    int64_t m = chain->m, n = data->n;
+    double *lower = take(&w, m * m), *unit = take(&w, m), *step = take(&w, m), damping = CHAIN_FIT.first_damping;
+    double values = (double)value_count(data), reach = CHAIN_FIT.reach * data->spacing;
+    Chain now = *chain, tried = without_values(*chain, n, &w);
+    if (restart && data->free) from_first_foot(n, &now);
+    normal_equations(data, &now, reach, w);
+    for (int64_t count = 0; count < CHAIN_FIT.most_steps; count++) {
+        factor(m, now.matrix, damping, lower, unit);
+        solve(m, lower, unit, now.gradient, step);
+        double enough = CHAIN_FIT.converged * (data->variance > 0.0 ? data->variance : now.cost / values);
+        double promised = 0.0;
+        for (int64_t a = 0; a < m; a++) promised += step[a] * now.gradient[a];
+        if (!(promised >= enough) || damping > CHAIN_FIT.most_damping) break;
+        if (count >= CHAIN_FIT.trial_steps && now.cost - CHAIN_FIT.still_expected * promised > goal) break;
+        step_chain(step, data->free, data->shortest * data->spacing, now.stations[n - 1], &now, &tried);
+        memcpy(tried.stations, now.stations, (size_t)n * sizeof(double));
+        normal_equations(data, &tried, reach, w);
+        if (tried.cost < now.cost && turn_is_identifiable(data, &tried)) {
+            double saved = now.cost - tried.cost;
+            Chain before = now;
+            now = tried, tried = before;
+            if (saved < enough && damping <= CHAIN_FIT.damping_of_failure) break;
+            damping = most(CHAIN_FIT.easier * damping, CHAIN_FIT.least_damping);
+        } else {
+            damping = most(CHAIN_FIT.harder * damping, CHAIN_FIT.damping_of_failure);
+        }
+    }
+    if (now.matrix != chain->matrix) { /* the result is in the other chain's memory */
+        copy_form(&now, chain, n);
+        memcpy(chain->square, now.square, (size_t)n * sizeof(double));
+        memcpy(chain->gradient, now.gradient, (size_t)m * sizeof(double));
+        memcpy(chain->matrix, now.matrix, (size_t)(m * m) * sizeof(double));
+        chain->cost = now.cost;
+    } else {
+        *chain = now;
+    }
+}
+
+/* Whether the points are off the chain by no more than noise, of a variance as in the last frame [m²]. */
+int64_t chain_fits(const Data *data, const Chain *chain, double last) {
+    if (!turn_is_identifiable(data, chain)) return 0;
+    int64_t left = value_count(data) - chain->m;
+    double freedom = (double)(left > 1 ? left : 1);
+    double highest = 1.0 + CHAIN_TRACKING.cost_deviations * sqrt(2.0 / freedom);
+    if (data->variance > 0.0) return chain->cost < highest * data->variance * freedom;
+    double usual = most(last, squared(CHAIN_TRACKING.rounding * data->spacing)) * freedom;
+    double lowest = squared(CHAIN_TRACKING.exact * data->spacing) * freedom;
+    if (CHAIN_TRACKING.quieter * most(chain->cost, lowest) < usual) return 0; /* no measure of this frame */
+    return chain->cost < most(CHAIN_TRACKING.noisier, 1.5 * highest) * usual;
+}
+
+/* Square beyond which a residual of this variance, one of `count`, is an outlier. */
+/* Weights by the distance across a chain, and whether they differ from those of `data`; see tss_outlier_weights. */
+int64_t outlier_weights(const Data *data, const double square[], double last, double weight[], Work w) {
+    int64_t n = data->n, outliers = 0, differ = 0;
+    double known = data->variance > 0.0 ? data->variance : last, robust = 0.0, *values = take(&w, n);
+    double limit = outlier_limit(n, residual_variance(known, 0.0, data->spacing));
+    for (int64_t i = 0; i < n; i++) differ |= !(square[i] <= limit) || data->weight[i] == 0.0;
+    memcpy(weight, data->weight, (size_t)n * sizeof(double));
+    if (!differ) return 0;
+    if (!(data->variance > 0.0)) {
+        memcpy(values, square, (size_t)n * sizeof(double));
+        robust = median_of(n, values) / (data->free ? MEDIANS.square_2 : MEDIANS.square_3);
+        limit = outlier_limit(n, residual_variance(known, robust, data->spacing));
+    }
+    for (int64_t i = 0; i < n; i++) outliers += square[i] > limit;
+    if ((double)outliers > OUTLIERS.share * (double)n) return 0;
+    differ = 0;
+    for (int64_t i = 0; i < n; i++) {
+        weight[i] = square[i] > limit ? 0.0 : 1.0;
+        differ |= weight[i] != data->weight[i];
+    }
+    return differ;
+}
+
+int64_t tss_outlier_weights(
+    int64_t n, const double square[n], const double weight[n], int64_t free, double variance, double spacing,
+    double last, double new_weight[n], double work[n]) {
+    Data data = {.n = n, .weight = weight, .free = free, .variance = variance, .spacing = spacing};
+    return outlier_weights(&data, square, last, new_weight, (Work){work});
+}
+
+int64_t tss_chain_fits(
+    int64_t n, int64_t k, int64_t m, const double weight[n], int64_t free, double variance, double spacing,
+    const double unit_weight[n], const double joints[k], const double bend[k][2], const double stations[n],
+    double cost, double last) {
+    if (n < 1 || k < 1) return 0;
+    Data data = {.n = n, .weight = weight, .free = free, .variance = variance, .spacing = spacing,
+                 .unit_weight = unit_weight};
+    Chain chain = {.k = k, .m = m, .joints = (double *)joints, .bend = (double(*)[2])bend,
+                   .stations = (double *)stations, .cost = cost};
+    return chain_fits(&data, &chain, last);
+}
+
+/* Whether there is a point on every piece, or it is a kink between two points. */
+static int64_t is_observed(const Data *data, const Chain *chain, Work w) {
+    uint8_t *occupied = (uint8_t *)take(&w, chain->k);
+    memset(occupied, 0, (size_t)chain->k);
+    for (int64_t i = 0, j = 0; i < data->n; i++) {
+        j = piece_of(chain->k, chain->joints, chain->stations[i], j);
+        occupied[j] |= data->weight[i] > 0.0;
+    }
+    for (int64_t j = 0; j < chain->k; j++)
+        if (!occupied[j] && !(piece_length(data, chain, j) < data->spacing)) return 0;
+    return 1;
+}
+
+status tss_fit_pieces(
+    int64_t n, int64_t k, int64_t m, const double points[n][3], const double weight[n], int64_t free,
+    double variance, double spacing, const double unit[n][3], const double unit_weight[n],
+    double shortest, const double start[3], const double axes[3][3], const double joints[k],
+    const double bend[k][2], const uint8_t curved[k], const double stations[n], double least_criterion, int64_t restart, int64_t *better,
+    double new_start[3], double new_axes[3][3], double new_joints[k], double new_bend[k][2],
+    double new_stations[n], double matrix[m][m], double *cost, double square[n],
+    double work[4 * n + 60 * k * k + 600 * k + 400]) {
+    if (!is_sized(n, k, m, curved, free)) return WRONG_SIZE;
+    Work w = {work};
+    Data data = {n, points, weight, free, variance, spacing, unit, unit_weight, shortest};
+    Chain given = given_chain(k, m, start, axes, joints, bend, curved, stations, matrix[0], 0.0), chain = given;
+    chain.joints = new_joints, chain.bend = new_bend, chain.stations = new_stations;
+    chain.gradient = take(&w, m), chain.square = square;
+    copy_form(&given, &chain, n);
+    double goal = isinf(least_criterion) ? INFINITY : cost_at_criterion(&data, m, least_criterion);
+    fit_pieces(&data, &chain, goal, restart, w);
+    *better = criterion_of(&data, &chain) < least_criterion && is_observed(&data, &chain, w);
+    /* a fit that came down slowly may have stopped short of its best */
+    if (*better && !isinf(least_criterion)) fit_pieces(&data, &chain, INFINITY, 0, w);
+    memcpy(new_start, chain.start, sizeof chain.start);
+    memcpy(new_axes, chain.axes, sizeof chain.axes);
+    *cost = chain.cost;
+    return DONE;
+}

@@ -1,0 +1,262 @@
+/* What follows from a fitted chain of arcs: its pieces with their errors, and what other pieces promise. */
+#include "arcs.h"
+
+#include <string.h>
+
+/* Mean square of the curvature that each straight piece may have [1/m²], 0 for a curved one; (124).
+
+   A piece is straight where the criterion prefers it without curvature. It may be curved all the same, with the odds
+   that the criterion gives, and then as in the best fit. */
+static void hidden_bends(const Data *data, const Chain *chain, const double lower[], const double unit[],
+                         double hidden[], Work w) {
+    int64_t k = chain->k, m = chain->m, straight = 0;
+    for (int64_t j = 0; j < k; j++) hidden[j] = 0.0, straight += !chain->curved[j];
+    if (!straight) return;
+    int64_t first = first_joint_column(data->free) + k - 1, all = first + 2 * k;
+    uint8_t *curved = (uint8_t *)take(&w, k);
+    memset(curved, 1, (size_t)k);
+    Chain bent = *chain;
+    bent.curved = curved, bent.m = all, bent.square = take(&w, data->n);
+    bent.matrix = take(&w, all * all), bent.gradient = take(&w, all);
+    normal_equations(data, &bent, 0.0, w);
+    int64_t *fitted = (int64_t *)take(&w, m); /* where the parameters of the chain are among all */
+    for (int64_t a = 0; a < first; a++) fitted[a] = a;
+    for (int64_t j = 0, a = first; j < k; j++)
+        for (int64_t c = 0; c < 2 && chain->curved[j]; c++) fitted[a++] = first + 2 * j + c;
+    double *cross = take(&w, 2 * m), *gradient = take(&w, m), own[4], left[4], rest[2], root[4], units[2], bend[2];
+    double variance = noise_variance(data, chain), price = 2.0 * log((double)value_count(data));
+    for (int64_t a = 0; a < m; a++) gradient[a] = bent.gradient[fitted[a]];
+    for (int64_t j = 0; j < k; j++) {
+        if (chain->curved[j]) continue;
+        int64_t at = first + 2 * j;
+        for (int64_t c = 0; c < 2; c++) {
+            for (int64_t a = 0; a < m; a++) cross[2 * a + c] = bent.matrix[fitted[a] * all + at + c];
+            for (int64_t e = 0; e < 2; e++) own[2 * c + e] = bent.matrix[(at + c) * all + at + e];
+        }
+        schur_complement(m, lower, unit, gradient, 2, cross, own, bent.gradient + at, left, rest, w);
+        for (int e = 0; e < 4; e += 3) left[e] = most(left[e], CHAIN_MOVES.damping * own[e]);
+        factor(2, left, CHAIN_FIT.least_information, root, units);
+        solve(2, root, units, rest, bend);
+        const double both[4] = {1.0, 0.0, 0.0, 1.0};
+        double spread[4];
+        propagated(2, root, units, 2, both, spread, w);
+        double saved = bend[0] * rest[0] + bend[1] * rest[1];
+        double odds = exp(least(0.5 * (saved / variance - price), 700.0));
+        double share = k > 1 ? odds / (1.0 + odds) : 1.0;
+        hidden[j] = share * (squared(bend[0]) + squared(bend[1]) + variance * (spread[0] + spread[3]));
+    }
+}
+
+/* Piece whose bend is known least, if its points do not determine it, or -1. Such a piece may lie beyond the last joint
+   that points surround. */
+static int64_t unidentifiable_of(int64_t k, const double length[], const double covariance[], double spacing) {
+    int64_t worst = -1;
+    double error = IDENTIFIABLE.largest_se_short;
+    for (int64_t j = 0; j < k; j++) {
+        double se = sqrt(most(covariance[(k + j) * 2 * k + k + j], 0.0));
+        double limit = length[j] < IDENTIFIABLE.few_points * spacing ? error : most(error, IDENTIFIABLE.largest_se);
+        if (!(se < limit)) worst = j, error = se;
+    }
+    return k > 1 ? worst : -1;
+}
+
+/* Lengths, angles, covariance [2k, 2k] and hidden bends of the pieces; returns the noise [m]; (33). */
+double pieces_of(
+    const Data *data, const Chain *chain, double length[], double angle[], double covariance[], double hidden[],
+    Work w) {
+    int64_t k = chain->k, m = chain->m, r = 2 * k, joint = first_joint_column(data->free) - 1;
+    double *gradient = take(&w, r * m), *lower = take(&w, m * m), *unit = take(&w, m);
+    double variance = noise_variance(data, chain);
+    memset(gradient, 0, (size_t)(r * m) * sizeof(double));
+    for (int64_t j = 0, column = joint + k; j < k; j++) {
+        double *of_length = gradient + j * m, *of_angle = gradient + (k + j) * m;
+        double k0 = chain->bend[j][0], k1 = chain->bend[j][1], kappa = sqrt(k0 * k0 + k1 * k1);
+        double begin = j > 0 ? chain->joints[j] : chain->stations[0];
+        length[j] = (j + 1 < k ? chain->joints[j + 1] : chain->stations[data->n - 1]) - begin;
+        angle[j] = kappa * length[j];
+        if (chain->curved[j]) {
+            if (kappa > 0.0)
+                of_angle[column] = length[j] * k0 / kappa, of_angle[column + 1] = length[j] * k1 / kappa;
+            column += 2;
+        }
+        if (j > 0) of_length[joint + j] = -1.0, of_angle[joint + j] = -kappa;
+        if (j + 1 < k) of_length[joint + j + 1] = 1.0, of_angle[joint + j + 1] = kappa;
+        else if (data->free) {
+            double *slide = unit; /* used before the factor is */
+            slide_of_end(data->n, chain, slide, w);
+            for (int64_t a = 0; a < m; a++) of_length[a] += slide[a], of_angle[a] += kappa * slide[a];
+        }
+    }
+    factor(m, chain->matrix, CHAIN_FIT.least_information, lower, unit);
+    propagated(m, lower, unit, r, gradient, covariance, w);
+    for (int64_t a = 0; a < r * r; a++) covariance[a] *= variance;
+    hidden_bends(data, chain, lower, unit, hidden, w);
+    for (int64_t j = 0; j < k; j++) covariance[(k + j) * r + k + j] += hidden[j] * squared(length[j]);
+    if (data->free) /* an unknown station of an end takes its angle along */
+        for (int end = 0; end < 2; end++) {
+            int64_t j = end ? k - 1 : 0;
+            double kappa = sqrt(squared(chain->bend[j][0]) + squared(chain->bend[j][1]));
+            covariance[j * r + j] += variance;
+            covariance[j * r + k + j] += variance * kappa;
+            covariance[(k + j) * r + j] += variance * kappa;
+            covariance[(k + j) * r + k + j] += variance * kappa * kappa;
+        }
+    return sqrt(variance);
+}
+
+status tss_chain_pieces(
+    int64_t n, int64_t k, int64_t m, const double points[n][3], const double weight[n], int64_t free,
+    double variance, double spacing, const double unit[n][3], const double unit_weight[n], const double start[3],
+    const double axes[3][3], const double joints[k], const double bend[k][2], const uint8_t curved[k],
+    const double stations[n], const double matrix[m][m], double cost, double length[k], double angle[k],
+    double covariance[2 * k][2 * k], double *noise, int64_t *unidentifiable, double hidden[k],
+    double work[4 * n + 60 * k * k + 600 * k + 400]) {
+    if (!is_sized(n, k, m, curved, free)) return WRONG_SIZE;
+    Data data = {n, points, weight, free, variance, spacing, unit, unit_weight, 1.0};
+    Chain chain = given_chain(k, m, start, axes, joints, bend, curved, stations, matrix[0], cost);
+    *noise = pieces_of(&data, &chain, length, angle, covariance[0], hidden, (Work){work});
+    *unidentifiable = unidentifiable_of(k, length, covariance[0], spacing);
+    return DONE;
+}
+
+status tss_follow_chain(
+    int64_t n, int64_t k, int64_t m, const double points[n][3], const double weight[n], int64_t free,
+    double variance, double spacing, const double unit[n][3], const double unit_weight[n],
+    double shortest, const double start[3], const double axes[3][3], const double joints[k],
+    const double bend[k][2], const uint8_t curved[k], const double stations[n], double last, int64_t *fits, double new_weight[n],
+    double new_start[3], double new_axes[3][3], double new_joints[k], double new_bend[k][2],
+    double new_stations[n], double matrix[m][m], double *cost, double square[n], double length[k],
+    double angle[k], double covariance[2 * k][2 * k], double *noise, int64_t *unidentifiable,
+    double work[4 * n + 60 * k * k + 600 * k + 400]) {
+    if (!is_sized(n, k, m, curved, free)) return WRONG_SIZE;
+    Work w = {work};
+    Data data = {n, points, weight, free, variance, spacing, unit, unit_weight, shortest};
+    Chain given = given_chain(k, m, start, axes, joints, bend, curved, stations, matrix[0], 0.0), chain = given;
+    chain.joints = new_joints, chain.bend = new_bend, chain.stations = new_stations;
+    chain.gradient = take(&w, m), chain.square = square;
+    copy_form(&given, &chain, n);
+    fit_pieces(&data, &chain, INFINITY, 1, w);
+    if (outlier_weights(&data, square, last, new_weight, w)) {
+        data.weight = new_weight;
+        fit_pieces(&data, &chain, INFINITY, 0, w);
+    }
+    data.weight = new_weight;
+    *fits = chain_fits(&data, &chain, last);
+    double *hidden = take(&w, k);
+    *noise = pieces_of(&data, &chain, length, angle, covariance[0], hidden, w);
+    *unidentifiable = unidentifiable_of(k, length, covariance[0], spacing);
+    memcpy(new_start, chain.start, sizeof chain.start);
+    memcpy(new_axes, chain.axes, sizeof chain.axes);
+    *cost = chain.cost;
+    return DONE;
+}
+
+/* What d sums of p more parameters save of the cost [m²]: left and rest are the information [p, p] and the gradient [p]
+   of these, the rest of the chain fitted with them, and own the information without that; rows are `stride` apart. */
+static double saved_by_sums(
+    int64_t p, int64_t stride, const double left[], const double own[], const double rest[], int64_t d,
+    const double sums[], Work w) {
+    double *matrix = take(&w, d * d), *slope = take(&w, d), *step = take(&w, d), *half = take(&w, 2 * p);
+    double *lower = take(&w, d * d), *unit = take(&w, d), saved = 0.0;
+    for (int64_t e = 0; e < d; e++) {
+        const double *sum = sums + e * p;
+        double whole = 0.0;
+        slope[e] = 0.0;
+        for (int64_t a = 0; a < p; a++) {
+            half[a] = half[p + a] = 0.0;
+            for (int64_t b = 0; b < p; b++) {
+                half[a] += left[a * stride + b] * sum[b];
+                half[p + a] += own[a * stride + b] * sum[b];
+            }
+            slope[e] += sum[a] * rest[a];
+            whole += sum[a] * half[p + a];
+        }
+        for (int64_t f = 0; f < d; f++) {
+            double value = 0.0;
+            for (int64_t a = 0; a < p; a++) value += sums[f * p + a] * half[a];
+            matrix[e * d + f] = e == f ? most(value, CHAIN_MOVES.damping * whole) : value;
+        }
+    }
+    factor(d, matrix, CHAIN_MOVES.damping, lower, unit);
+    solve(d, lower, unit, slope, step);
+    for (int64_t e = 0; e < d; e++) saved += step[e] * slope[e];
+    return saved;
+}
+
+/* Write the normal equations of a chain with every piece cut into equal parts that have curvatures of their own.
+
+   What is left of the information on these p = 2 parts k curvatures [p, p] and of their gradient [p], the parameters of
+   the chain fitted with them, and their information before that: `left`, `rest` and `own`. */
+static void part_equations(
+    const Data *data, const Chain *chain, double left[], double rest[], double own[], Work w) {
+    int64_t k = chain->k, m = chain->m, parts = CHAIN_MOVES.parts, n = parts * k, p = 2 * n;
+    int64_t base = first_joint_column(data->free), first = base + n - 1, all = first + p, row = base + k - 1;
+    uint8_t *curved = (uint8_t *)take(&w, n);
+    memset(curved, 1, (size_t)n);
+    Chain cut = *chain;
+    cut.k = n, cut.m = all, cut.curved = curved, cut.joints = take(&w, n), cut.bend = (double(*)[2])take(&w, 2 * n);
+    cut.matrix = take(&w, all * all), cut.gradient = take(&w, all), cut.square = take(&w, data->n);
+    for (int64_t i = 0; i < n; i++) {
+        int64_t j = i / parts;
+        double share = (double)(i % parts) / (double)parts;
+        cut.joints[i] = chain->joints[j] + piece_length(data, chain, j) * share;
+        memcpy(cut.bend[i], chain->bend[j], sizeof *cut.bend);
+    }
+    normal_equations(data, &cut, 0.0, w);
+    double *cross = take(&w, m * p), *gradient = take(&w, m), *lower = take(&w, m * m), *unit = take(&w, m);
+    memset(cross, 0, (size_t)(m * p) * sizeof(double));
+    memset(gradient, 0, (size_t)m * sizeof(double));
+    /* the joints inside a piece have no effect, the curvature being the same; a piece's is that of its parts */
+    for (int64_t a = 0; a < row; a++) {
+        int64_t source = a < base ? a : base + parts * (a - base + 1) - 1;
+        gradient[a] = cut.gradient[source];
+        memcpy(cross + a * p, cut.matrix + source * all + first, (size_t)p * sizeof(double));
+    }
+    for (int64_t i = 0; i < p; i++) {
+        memcpy(own + i * p, cut.matrix + (first + i) * all + first, (size_t)p * sizeof(double));
+        if (i > 0 && i % (2 * parts) == 0) row += chain->curved[i / (2 * parts) - 1] ? 2 : 0;
+        if (!chain->curved[i / (2 * parts)]) continue;
+        int64_t a = row + i % 2;
+        gradient[a] += cut.gradient[first + i];
+        for (int64_t b = 0; b < p; b++) cross[a * p + b] += own[i * p + b];
+    }
+    factor(m, chain->matrix, CHAIN_MOVES.damping, lower, unit);
+    schur_complement(m, lower, unit, gradient, p, cross, own, cut.gradient + first, left, rest, w);
+}
+
+status tss_saved_by_parts(
+    int64_t n, int64_t k, int64_t m, const double points[n][3], const double weight[n], int64_t free,
+    double variance, double spacing, const double unit[n][3], const double unit_weight[n], const double start[3],
+    const double axes[3][3], const double joints[k], const double bend[k][2], const uint8_t curved[k],
+    const double stations[n], const double matrix[m][m], double cost, double saved[k], int64_t part[k],
+    double *by_slopes, double work[4 * n + 500 * k * k + 2400 * k + 800]) {
+    if (!is_sized(n, k, m, curved, free)) return WRONG_SIZE;
+    Work w = {work};
+    Data data = {n, points, weight, free, variance, spacing, unit, unit_weight, 1.0};
+    Chain chain = given_chain(k, m, start, axes, joints, bend, curved, stations, matrix[0], cost);
+    int64_t parts = CHAIN_MOVES.parts, of_piece = 2 * parts, p = of_piece * k;
+    double *left = take(&w, p * p), *rest = take(&w, p), *own = take(&w, p * p), *sums = take(&w, 2 * k * p);
+    double noise = noise_variance(&data, &chain);
+    part_equations(&data, &chain, left, rest, own, w);
+    for (int64_t j = 0; j < k; j++) {
+        int64_t corner = of_piece * j * (p + 1);
+        saved[j] = 0.0, part[j] = 0;
+        if (!(piece_length(&data, &chain, j) >= CHAIN_MOVES.split_above * spacing)) continue;
+        for (int64_t cut = 1; cut < parts; cut++) {
+            /* the level of a curved piece is a parameter already: one side of the joint is enough */
+            int64_t d = curved[j] ? 2 : 4;
+            for (int64_t e = 0; e < d; e++)
+                for (int64_t a = 0; a < of_piece; a++)
+                    sums[e * of_piece + a] = a % 2 == e % 2 && (a / 2 >= cut) == (e >= 2);
+            double here = saved_by_sums(of_piece, p, left + corner, own + corner, rest + of_piece * j, d, sums, w);
+            if (here / noise > saved[j]) saved[j] = here / noise, part[j] = cut;
+        }
+    }
+    for (int64_t e = 0; e < 2 * k; e++)
+        for (int64_t a = 0; a < p; a++) {
+            int64_t same = a / of_piece == e / 2 && a % 2 == e % 2;
+            sums[e * p + a] = same ? (double)(a % of_piece / 2) - 0.5 * (double)(parts - 1) : 0.0;
+        }
+    *by_slopes = saved_by_sums(p, p, left, own, rest, 2 * k, sums, w) / noise - (double)(2 * k);
+    return DONE;
+}

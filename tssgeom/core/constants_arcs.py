@@ -1,0 +1,130 @@
+"""Tuned numbers of chains of arcs: how they are fitted, searched, and judged."""
+
+from typing import NamedTuple
+
+
+class FootSearch(NamedTuple):
+    """How an unknown station moves to the foot of its point in one evaluation of a fit."""
+
+    steps: int = 2
+    """Most Newton steps [1]; chosen: the fit itself goes on from there."""
+    near: float = 0.15
+    """Step after which there is no other [of the longest step]; chosen."""
+    least_slope: float = 0.3
+    """Least derivative of the distance along the chain [1]: points beyond the centre of an arc have none;
+    chosen."""
+
+
+FOOT = FootSearch()
+
+
+class ChainFit(NamedTuple):
+    """How a chain with a given number of pieces is fitted, and when that ends."""
+
+    converged: float = 1e-3
+    """Promised or actual decrease of the cost at which the fit has converged [noise variances]; chosen: far
+    below what any decision between chains needs."""
+    most_steps: int = 40
+    """Most steps [1]; chosen."""
+    reach: float = 2.0
+    """Longest move of a foot at a time [mean spacings]; chosen."""
+
+    first_damping: float = 1e-9
+    """Damping of the first step, of the diagonal [1]; chosen: nearly that of Gauss and Newton."""
+    least_damping: float = 1e-13
+    """Least damping [1]; rounding."""
+    damping_of_failure: float = 1e-6
+    """Least damping after a step that does not decrease the cost [1]; chosen."""
+    most_damping: float = 1e6
+    """Damping above which there is no way down [1]; chosen."""
+    easier: float = 0.03
+    """Factor on the damping after a step that decreases the cost [1]; chosen."""
+    harder: float = 30.0
+    """Factor on it after one that does not [1]; chosen."""
+
+    trial_steps: int = 2
+    """Steps before a fit may be given up as too far from its goal [1]; chosen."""
+    still_expected: float = 4.0
+    """Decrease that may still come [promised decrease of the next step]; chosen."""
+
+    most_turn: float = 2.0
+    """Greatest turn from point to point that is identifiable [rad]; chosen, below π."""
+    most_turn_unobserved: float = 4.0
+    """The same between points that have unobserved ones between them [rad]; chosen."""
+    wide: float = 3.0
+    """Distance of points that have unobserved ones between them [mean spacings]; chosen."""
+
+    least_variance: float = 1e-26
+    """Least noise variance of a coordinate [m²]; rounding of coordinates."""
+    least_information: float = 1e-13
+    """Least information on a parameter beside the others, of its own [1]: below it the others determine all of
+    it, but for rounding."""
+    kink: float = 0.1
+    """Shortest piece of a chain with kinks [mean spacings]; chosen."""
+    clearly: float = 0.9
+    """Length of a piece below which it is a kink [mean spacings]; chosen."""
+
+
+CHAIN_FIT = ChainFit()
+
+
+class ChainMoves(NamedTuple):
+    """How other pieces of a chain are searched. Promises come from a straight line and may be wrong."""
+
+    parts: int = 4
+    """Parts into which a piece is cut to see where another joint would help [1]; chosen."""
+    damping: float = 1e-12
+    """Damping of the equations behind a promise, of the diagonal [1]; derived: rounding."""
+    most_pieces: int = 40
+    """Most pieces of a chain [1]; chosen."""
+    most_moves: int = 120
+    """Most moves of a fit from nothing [1]; chosen."""
+    trials_between_frames: int = 6
+    """Simpler chains that are tried between two frames [1]; chosen: no frame waits longer."""
+    trials: int = 12
+    """Simpler chains that are tried in a fit from nothing [1]; chosen."""
+    splits: int = 3
+    """Pieces in which another joint is tried [1]; chosen."""
+    dropped_below: float = 8.0
+    """Length of a piece below which it may be dropped whole [mean spacings]; chosen."""
+    split_above: float = 4.0
+    """Length of a piece from which on it may be split [mean spacings]; derived: a point for each part."""
+    joint_parameters: float = 3.0
+    """Parameters of another joint [1]; derived: the joint and the curvature behind it."""
+    latest: float = 3.0
+    """Rise of the criterion that a simpler chain may promise and still be tried [ln n]; chosen."""
+
+
+CHAIN_MOVES = ChainMoves()
+
+
+class TrackingLimits(NamedTuple):
+    """Whether a chain of the last frame still fits the points of this one."""
+
+    cost_deviations: float = 6.0
+    """Standard deviations of the cost above which a chain does not fit [1]. Chosen: 1e-9 of normal errors."""
+    quieter: float = 100.0
+    """Noise variance of the last frame over that of this one, from which the fit begins anew [1]. Chosen."""
+    noisier: float = 2.0
+    """Unknown noise variance over that of the last frame, above which a chain is unfit [1]. Chosen."""
+    rounding: float = 1e-9
+    """Noise below which the last frame counts as exact [spacings]. Derived: rounding of coordinates."""
+    exact: float = 1e-5
+    """Noise below which two frames are equally quiet [spacings]. Chosen: below any sensor."""
+
+
+CHAIN_TRACKING = TrackingLimits()
+
+
+class IdentifiableBend(NamedTuple):
+    """Which pieces have a bend that their points determine."""
+
+    few_points: float = 3.0
+    """Length below which a piece holds few points [spacings]. Chosen."""
+    largest_se: float = 3.0
+    """Standard error of the angle of any piece from which on it is dropped [rad]. Chosen: half a turn."""
+    largest_se_short: float = 0.3
+    """The same of a short piece [rad]. Chosen."""
+
+
+IDENTIFIABLE = IdentifiableBend()
