@@ -33,7 +33,12 @@
 #include "constants.h"
 
 typedef int status;
-enum { DONE = 0, NO_FINITE_CURVE = 1, NO_EQUILIBRIUM = 2, WRONG_SIZE = 3 };
+enum {
+    DONE = 0,
+    NO_FINITE_CURVE = 1,
+    NO_EQUILIBRIUM = 2,
+    WRONG_SIZE = 3, /* sizes or indices that do not belong to each other: a mistake of the caller */
+};
 
 #if defined(_WIN32)
 #define ENTRY __declspec(dllexport)
