@@ -3,13 +3,10 @@
 import numpy as np
 import pytest
 
+from tests.core.twins.arcs_equations import normal_equations, slide_of_end
+from tssgeom import core
 from tssgeom.arrays import read_only
-from tssgeom.route.arcs.chain import Chain, Data, WeightedTangents
-from tssgeom.route.arcs.dense import factor, propagated
-from tssgeom.route.arcs.equations import normal_equations
-from tssgeom.route.arcs.fit import fit_fixed_pieces
-from tssgeom.route.arcs.positions import along, squared_distances
-from tssgeom.route.arcs.summary import slide_of_end
+from tssgeom.route.arcs.chain import Chain, Data, WeightedTangents, along, fit_fixed_pieces, squared_distances
 from tssgeom.route.geometry import measure
 from tssgeom.route.observations import clean
 from tssgeom.route.synthetic import chain, colon, half_circle, setup_a
@@ -68,8 +65,8 @@ def test_normal_equations_are_those_of_finite_differences(start, free):
         jacobian[:, :, i] = (forward - behind) / 2e-6
     across = np.eye(3) - (tangent[:, :, None] * tangent[:, None, :] if free else 0.0)
     metric = across * weight[:, None, None] if free else np.eye(3) * weight[:, None, None]
-    data = Data(points, weight, free, 0.0, 0.4 / 60)
-    matrix, gradient, cost, square = normal_equations(data, _chain(*start, JOINTS, BEND, s), 0.0)
+    data, given = Data(points, weight, free, 0.0, 0.4 / 60), _chain(*start, JOINTS, BEND, s)
+    matrix, gradient, cost, square = normal_equations(data, given, 0.0)
     expected = np.einsum("nia,nij,njb->ab", jacobian, metric, jacobian)
     scale = np.sqrt(np.diag(expected))
     # central differences with a step of 1e-6 are good to 1e-9 of curvatures up to 20/m
@@ -77,7 +74,7 @@ def test_normal_equations_are_those_of_finite_differences(start, free):
     slope = np.einsum("nia,nij,nj->a", jacobian, metric, points - here)
     np.testing.assert_allclose(gradient / scale, slope / scale, atol=1e-9)
     assert cost == pytest.approx(np.einsum("ni,nij,nj->", points - here, metric, points - here), rel=1e-12)
-    distance = squared_distances(points, s, *start, JOINTS, BEND, free)
+    distance = squared_distances(data, given, across=free)
     np.testing.assert_allclose(square, distance, rtol=1e-9)  # of 1 mm, to the rounding of positions of 0.1 m
 
 
@@ -240,6 +237,6 @@ def test_a_covariance_is_propagated_to_what_follows_from_the_parameters():
     root, gradient = rng.standard_normal((12, 12)), rng.standard_normal((5, 12))
     matrix = root @ root.T + np.diag(10.0 ** rng.uniform(-3, 3, 12))
     expected = gradient @ np.linalg.solve(matrix, gradient.T)
-    result = propagated(*factor(matrix, 0.0), gradient)
+    result = core.propagated(matrix, gradient, 0.0)
     # the condition of the scaled matrix is some hundreds
     np.testing.assert_allclose(result, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tssgeom.errors import ShapeError
-from tssgeom.route.arcs.positions import along
+from tssgeom.route.arcs.chain import along
 from tssgeom.route.geometry import measure
 from tssgeom.route.observations import clean
 from tssgeom.route.spline.filtering import FilterModel, SensedTangents

@@ -1,6 +1,6 @@
 /* A chain of circular arcs fitted to points; docs/model.md (30) to (34).
 
-   Every entry takes the points and the chain in the same way.
+      Every entry takes the points and the chain in the same way.
      points [n][3] [m], weight [n] (0 for an outlier); free: 1 where stations are unknown, so that only distances
      across the chain count; variance: known noise of a coordinate, 0 where unknown [m²]; spacing: mean spacing of
      the points [m]; shortest: shortest piece [spacings]; unit [n][3], unit_weight [n]: sensed directions, and the
@@ -39,10 +39,10 @@ ENTRY status tss_along_chain(
 
 /** Fit a chain with its number of pieces by Levenberg and Marquardt; (31).
 
-With a finite `least` it is a candidate: `better` is whether its criterion comes below that, with a point on every piece
-or kink; the fit is given up, unfinished, where that is out of reach. With `restart` it begins anew at the foot of the
-first point, where stations are unknown: in a fit its start moves only across itself, so the ends of a route that moves
-would run away from it. */
+With a finite `least` it is a candidate: `better` is whether its criterion comes below that, with a point on
+every piece or kink; the fit is given up, unfinished, where that is out of reach. With `restart` it begins
+anew at the foot of the first point, where stations are unknown: in a fit its start moves only across
+itself, so the ends of a route that moves would run away from it. */
 ENTRY status tss_fit_pieces(
     int64_t n, int64_t k, int64_t m, const double points[n][3], const double weight[n], int64_t free,
     double variance, double spacing, OPTIONAL const double unit[n][3],
@@ -52,26 +52,29 @@ ENTRY status tss_fit_pieces(
     OUT double new_joints[k], OUT double new_bend[k][2], OUT double new_stations[n], OUT double matrix[m][m],
     OUT double *cost, OUT double square[n], WORK double work[4 * n + 60 * k * k + 600 * k + 400]);
 
-/** Return weights by distance from a chain: 0 for an outlier; and before these whether they differ from those given.
+/** Return weights by distance from a chain: 0 for an outlier; and before these whether they differ from those
+given.
 
 `last`: least noise variance that is assumed where none is known [m²]. */
 ENTRY int64_t tss_outlier_weights(
     int64_t n, const double square[n], const double weight[n], int64_t free, double variance, double spacing,
     double last, OUT double new_weight[n], WORK double work[n]);
 
-/** Return whether a chain of m parameters is off the points by no more than noise, as it was in the last frame.
+/** Return whether a chain of m parameters is off the points by no more than noise, as it was in the last
+frame.
 
-`last`: noise variance of the last frame [m²]. A chain that turns unobserved between its points fits nothing, however
-small the residuals of the inliers. */
+`last`: noise variance of the last frame [m²]. A chain that turns unobserved between its points fits
+nothing, however small the residuals of the inliers. */
 ENTRY int64_t tss_chain_fits(
     int64_t n, int64_t k, int64_t m, const double weight[n], int64_t free, double variance, double spacing,
     OPTIONAL const double unit_weight[n], const double joints[k], const double bend[k][2],
     const double stations[n], double cost, double last);
 
-/** Return the pieces of a fitted chain: lengths [m], angles [rad], covariance of both, noise [m]; (33), (124).
+/** Return the pieces of a fitted chain: lengths [m], angles [rad], covariance of both, noise [m]; (33),
+(124).
 
-`unidentifiable` is the piece whose bend is known least, if its points do not determine it, or -1; `hidden` the mean
-square of the curvature that each straight piece may have [1/m²]. */
+`unidentifiable` is the piece whose bend is known least, if its points do not determine it, or -1; `hidden`
+the mean square of the curvature that each straight piece may have [1/m²]. */
 ENTRY status tss_chain_pieces(
     int64_t n, int64_t k, int64_t m, const double points[n][3], const double weight[n], int64_t free,
     double variance, double spacing, OPTIONAL const double unit[n][3], OPTIONAL const double unit_weight[n],
@@ -82,7 +85,8 @@ ENTRY status tss_chain_pieces(
 
 /** Fit the chain of the last frame to the points of this one, without outliers, and return its pieces; (34).
 
-`last`: noise variance of the last frame [m²]; `fits` as in `chain_fits`; the rest as in `fit_pieces`, `chain_pieces`. */
+`last`: noise variance of the last frame [m²]; `fits` as in `chain_fits`; the rest as in `fit_pieces`,
+`chain_pieces`. */
 ENTRY status tss_follow_chain(
     int64_t n, int64_t k, int64_t m, const double points[n][3], const double weight[n], int64_t free,
     double variance, double spacing, OPTIONAL const double unit[n][3],
@@ -93,7 +97,8 @@ ENTRY status tss_follow_chain(
     OUT double square[n], OUT double length[k], OUT double angle[k], OUT double covariance[2 * k][2 * k],
     OUT double *noise, OUT int64_t *unidentifiable, WORK double work[4 * n + 60 * k * k + 600 * k + 400]);
 
-/** Return the covariance of r values of gradient [r, m], by the inverse of normal equations and of unit noise.
+/** Return the covariance of r values of gradient [r, m], by the inverse of normal equations and of unit
+noise.
 
 `damping` is added to the diagonal of the matrix, scaled to 1. */
 ENTRY void tss_propagated(
@@ -102,9 +107,9 @@ ENTRY void tss_propagated(
 
 /** Return what a joint in each piece would save at best, and at which part of it, and what slopes would save.
 
-`saved` [k] in noise variances; `part` [k]: part of the piece before which the joint is; `by_slopes`: what sloping
-curvature in every piece would save beyond chance [noise variances]. The steps of a staircase that stands for a smooth
-route fit better with a slope; those of true pieces do not. */
+`saved` [k] in noise variances; `part` [k]: part of the piece before which the joint is; `by_slopes`: what
+sloping curvature in every piece would save beyond chance [noise variances]. The steps of a staircase that
+stands for a smooth route fit better with a slope; those of true pieces do not. */
 ENTRY status tss_saved_by_parts(
     int64_t n, int64_t k, int64_t m, const double points[n][3], const double weight[n], int64_t free,
     double variance, double spacing, OPTIONAL const double unit[n][3], OPTIONAL const double unit_weight[n],
@@ -113,7 +118,8 @@ ENTRY status tss_saved_by_parts(
     OUT double saved[k], OUT int64_t part[k], OUT double *by_slopes,
     WORK double work[4 * n + 500 * k * k + 2400 * k + 800]);
 
-/* Memory of an entry, from which functions take parts; it is passed by value, so that they need not give it back. */
+/* Memory of an entry, from which functions take parts; it is passed by value, so that they need not give it
+   back. */
 typedef struct {
     double *next;
 } Work;

@@ -1,8 +1,8 @@
 /* The normal equations of fitting a chain of arcs to points, exactly and in linear time.
 
-   A change of any parameter before a point moves the point by a rigid twist (a, θ): δx = a + θ × x. The normal
-   equations therefore need of each piece only the moments of its points, and cost O(points + pieces²);
-   docs/model.md (30) to (32). */
+   A change of any parameter before a point moves the point by a rigid twist (a, θ): δx = a + θ × x. The
+   normal equations therefore need of each piece only the moments of its points, and cost O(points +
+   pieces²); docs/model.md (30) to (32). */
 #include "arcs.h"
 
 #include <string.h>
@@ -15,8 +15,8 @@ static void twist_of_turn(const double theta[3], const double centre[3], double 
     for (int i = 0; i < 3; i++) twist[3 + i] = theta[i];
 }
 
-/* Twist of every parameter [m], the first piece it moves, and the piece it bends (or -1); position and frame are those
-   where each piece begins. */
+/* Twist of every parameter [m], the first piece it moves, and the piece it bends (or -1); position and
+   frame are those where each piece begins. */
 static void twists(
     const Chain *chain, int64_t free, double position[][3], double frame[][3][3], double twist[][6],
     int64_t first[], int64_t own[]) {
@@ -55,8 +55,8 @@ static void twists(
     }
 }
 
-/* Write matrix, gradient, cost and squares of a chain; (31), (32). Unknown stations are first moved towards the feet
-   of their points, by at most `reach` at a time [m]. */
+/* Write matrix, gradient, cost and squares of a chain; (31), (32). Unknown stations are first moved towards
+   the feet of their points, by at most `reach` at a time [m]. */
 void normal_equations(const Data *data, Chain *chain, double reach, Work w) {
     int64_t k = chain->k, m = chain->m;
     double(*position)[3] = (double(*)[3])take(&w, 3 * k), (*frame)[3][3] = (double(*)[3][3])take(&w, 9 * k);
@@ -96,8 +96,8 @@ void normal_equations(const Data *data, Chain *chain, double reach, Work w) {
     }
 }
 
-/* How the foot of the last point moves along the chain with each parameter [m]; (31). A parameter that carries the end
-   forwards leaves the point behind it. */
+/* How the foot of the last point moves along the chain with each parameter [m]; (31). A parameter that
+   carries the end forwards leaves the point behind it. */
 void slide_of_end(int64_t n, const Chain *chain, double slide[], Work w) {
     int64_t k = chain->k, m = chain->m, side = 1;
     double(*position)[3] = (double(*)[3])take(&w, 3 * k), (*frame)[3][3] = (double(*)[3][3])take(&w, 9 * k);

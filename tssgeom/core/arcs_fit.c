@@ -95,8 +95,8 @@ static void turn_start(const double step[], int64_t free, const Chain *from, Cha
 
 /* Apply a parameter step, joints kept in order and at least `shortest` [m] apart.
 
-   Where joints move, the turn of a piece follows its step, not the curvature: that of a short piece would need many
-   steps along a bent valley. */
+   Where joints move, the turn of a piece follows its step, not the curvature: that of a short piece would
+   need many steps along a bent valley. */
 static void step_chain(
     const double step[], int64_t free, double shortest, double end, const Chain *from, Chain *to) {
     int64_t k = from->k, row = first_joint_column(free);
@@ -235,7 +235,8 @@ static double residual_variance(double known, double robust, double spacing) {
     return most(most(robust, known), squared(OUTLIERS.floor * spacing));
 }
 
-/* Weights by the distance across a chain, and whether they differ from those of `data`; see tss_outlier_weights. */
+/* Weights by the distance across a chain, and whether they differ from those of `data`; see
+   tss_outlier_weights. */
 int64_t outlier_weights(const Data *data, const double square[], double last, double weight[], Work w) {
     int64_t n = data->n, outliers = 0, differ = 0;
     double known = data->variance > 0.0 ? data->variance : last, robust = 0.0, *values = take(&w, n);

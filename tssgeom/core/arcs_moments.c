@@ -1,17 +1,18 @@
 /* Positions along a chain of arcs, and moments of the points on it.
 
-   The chain starts at a position with axes (tangent and two normals, carried along without twist). Piece j runs from
-   arc length b_j to b_j+1 with constant curvature components K_j on the normals, so a straight piece and a change of
-   the bending plane are regular points. The last piece goes on without end; docs/model.md (30).
+   The chain starts at a position with axes (tangent and two normals, carried along without twist). Piece j
+   runs from arc length b_j to b_j+1 with constant curvature components K_j on the normals, so a straight
+   piece and a change of the bending plane are regular points. The last piece goes on without end;
+   docs/model.md (30).
 
-   Moments of a piece are the products of the rows of its points (n, x × n, n·dx/dK, residual), summed: all that the
-   normal equations of a fit need of it; (32). */
+   Moments of a piece are the products of the rows of its points (n, x × n, n·dx/dK, residual), summed: all
+   that the normal equations of a fit need of it; (32). */
 #include "arcs.h"
 
 #include <string.h>
 
-/* Position and axes (rows: position, tangent, normals) at arc length h, in the axes at the start of the arc; returns
-   the functions of its squared turn. */
+/* Position and axes (rows: position, tangent, normals) at arc length h, in the axes at the start of the
+   arc; returns the functions of its squared turn. */
 ArcFunctions arc_frame(const double bend[2], double h, double local[4][3]) {
     ArcFunctions f = arc_functions((bend[0] * bend[0] + bend[1] * bend[1]) * h * h);
     double a = f.a, b = f.b, w0 = bend[0] * h, w1 = bend[1] * h;
@@ -82,9 +83,10 @@ status tss_along_chain(
     return DONE;
 }
 
-/* The plane in which a piece bends: its curvature, the direction of that on both normals, and axes: the tangent where
-   the piece begins, the normal that it bends to, and the one across. In it the piece is at x = (x₀, κg) with tangent
-   (1 - κ²g, κx₀), where x₀ = sin κh/κ and g = (1 - cos κh)/κ² are regular for a straight piece too. */
+/* The plane in which a piece bends: its curvature, the direction of that on both normals, and axes: the
+   tangent where the piece begins, the normal that it bends to, and the one across. In it the piece is at x
+   = (x₀, κg) with tangent (1 - κ²g, κx₀), where x₀ = sin κh/κ and g = (1 - cos κh)/κ² are regular for a
+   straight piece too. */
 typedef struct {
     double kappa, towards[2], axes[3][3];
 } Plane;
@@ -166,8 +168,9 @@ static void add_sums_across(
     add_rows(second, products, of + 9, moments);
 }
 
-/* Unknown stations: they are moved to the feet of their points, by at most `reach` [m] at a time and a second time
-   where the first took them far; a reach of 0 leaves them where they are. Only distances across the chain count. */
+/* Unknown stations: they are moved to the feet of their points, by at most `reach` [m] at a time and a
+   second time where the first took them far; a reach of 0 leaves them where they are. Only distances across
+   the chain count. */
 static double moments_across(
     const Data *data, Chain *chain, double position[][3], double frame[][3][3], double reach,
     double moments[][9][9], Work w) {
@@ -272,8 +275,8 @@ static double add_tangents(
     return cost;
 }
 
-/* Moments of each piece [k], in the world's axes; writes squared distances, moves unknown stations towards the feet of
-   their points, by at most `reach` at a time [m], and returns the weighted sum of squares [m²]. */
+/* Moments of each piece [k], in the world's axes; writes squared distances, moves unknown stations towards
+   the feet of their points, by at most `reach` at a time [m], and returns the weighted sum of squares [m²]. */
 double moments_of_points(
     const Data *data, Chain *chain, double position[][3], double frame[][3][3], double reach,
     double moments[][9][9], Work w) {

@@ -5,8 +5,8 @@
 
 /* Mean square of the curvature that each straight piece may have [1/m²], 0 for a curved one; (124).
 
-   A piece is straight where the criterion prefers it without curvature. It may be curved all the same, with the odds
-   that the criterion gives, and then as in the best fit. */
+   A piece is straight where the criterion prefers it without curvature. It may be curved all the same, with
+   the odds that the criterion gives, and then as in the best fit. */
 static void hidden_bends(const Data *data, const Chain *chain, const double lower[], const double unit[],
                          double hidden[], Work w) {
     int64_t k = chain->k, m = chain->m, straight = 0;
@@ -47,8 +47,8 @@ static void hidden_bends(const Data *data, const Chain *chain, const double lowe
     }
 }
 
-/* Piece whose bend is known least, if its points do not determine it, or -1. Such a piece may lie beyond the last joint
-   that points surround. */
+/* Piece whose bend is known least, if its points do not determine it, or -1. Such a piece may lie beyond
+   the last joint that points surround. */
 static int64_t unidentifiable_of(int64_t k, const double length[], const double covariance[], double spacing) {
     int64_t worst = -1;
     double error = IDENTIFIABLE.largest_se_short;
@@ -151,8 +151,9 @@ status tss_follow_chain(
     return DONE;
 }
 
-/* What d sums of p more parameters save of the cost [m²]: left and rest are the information [p, p] and the gradient [p]
-   of these, the rest of the chain fitted with them, and own the information without that; rows are `stride` apart. */
+/* What d sums of p more parameters save of the cost [m²]: left and rest are the information [p, p] and the
+   gradient [p] of these, the rest of the chain fitted with them, and own the information without that; rows
+   are `stride` apart. */
 static double saved_by_sums(
     int64_t p, int64_t stride, const double left[], const double own[], const double rest[], int64_t d,
     const double sums[], Work w) {
@@ -183,10 +184,11 @@ static double saved_by_sums(
     return saved;
 }
 
-/* Write the normal equations of a chain with every piece cut into equal parts that have curvatures of their own.
+/* Write the normal equations of a chain with every piece cut into equal parts that have curvatures of their
+   own.
 
-   What is left of the information on these p = 2 parts k curvatures [p, p] and of their gradient [p], the parameters of
-   the chain fitted with them, and their information before that: `left`, `rest` and `own`. */
+   What is left of the information on these p = 2 parts k curvatures [p, p] and of their gradient [p], the
+   parameters of the chain fitted with them, and their information before that: `left`, `rest` and `own`. */
 static void part_equations(
     const Data *data, const Chain *chain, double left[], double rest[], double own[], Work w) {
     int64_t k = chain->k, m = chain->m, parts = CHAIN_MOVES.parts, n = parts * k, p = 2 * n;
@@ -235,7 +237,7 @@ status tss_saved_by_parts(
     Data data = {n, points, weight, free, variance, spacing, unit, unit_weight, 1.0};
     Chain chain = given_chain(k, m, start, axes, joints, bend, curved, stations, matrix[0], cost);
     int64_t parts = CHAIN_MOVES.parts, of_piece = 2 * parts, p = of_piece * k;
-    double *left = take(&w, p * p), *rest = take(&w, p), *own = take(&w, p * p), *sums = take(&w, 2 * k * p);
+    double *left = take(&w, p * p), *rest = take(&w, p), *own = take(&w, p * p), *sums = take(&w, (2 * k + 2) * p);
     double noise = noise_variance(&data, &chain);
     part_equations(&data, &chain, left, rest, own, w);
     for (int64_t j = 0; j < k; j++) {

@@ -5,13 +5,14 @@
 enum { NEGLIGIBLE = 28 }; /* of ln evidence below the likeliest: e^-28 is rounding */
 static const double TAU = 6.283185307179586476925;
 
-/* Sums over the gratings before one: precision, precision times both components, and -2 ln likelihood about zero. */
+/* Sums over the gratings before one: precision, precision times both components, and -2 ln likelihood about
+   zero. */
 typedef struct {
     double mass, first[2], square;
 } Sums;
 
-/* Of all partitions of the gratings before one: ln evidence, mean and mean square of φ, and of |κ| of the last piece;
-   ln evidence of the likeliest. */
+/* Of all partitions of the gratings before one: ln evidence, mean and mean square of φ, and of |κ| of the
+   last piece; ln evidence of the likeliest. */
 typedef struct {
     double total, best, phi, phi2, kappa, kappa2;
 } Average;

@@ -8,7 +8,6 @@ from numba import njit
 
 from tssgeom.core.constants_arcs import OUTLIERS
 
-
 LIMITS = OUTLIERS
 
 

@@ -1,13 +1,14 @@
-"""A chain of arcs and the points that it is fitted to: parameters in order, fit, values that count, criterion.
+"""A chain of arcs and the points that it is fitted to: parameters, fit, values that count, criterion.
 
 The chain starts at a position with axes (tangent and two normals, carried along without twist). Piece j runs
 from arc length b_j to b_j+1 with constant curvature components K_j on the normals, so a straight piece and a
-change of the bending plane are regular points. The last piece goes on without end. The fit itself is compiled:
+change of the bending plane are regular points. The last piece goes on without end. The fit itself is in
 `tssgeom/core/arcs.h`; docs/model.md (30) to (32).
 """
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import NamedTuple
 
@@ -44,7 +45,7 @@ class Data(NamedTuple):
     tangents: WeightedTangents | None = None
     """Sensed directions, where there are any."""
     shortest: float = 1.0
-    """Shortest piece [mean spacings]: `CHAIN_FIT.kink` where there are kinks, or noise would look like them."""
+    """Shortest piece [mean spacings]: less than 1 where there are kinks, or noise would look like them."""
 
     @property
     def sensed(self) -> tuple[object, ...]:
@@ -101,7 +102,7 @@ def fit_fixed_pieces(data: Data, chain: Chain, *, restart: bool = False) -> Chai
 
 
 def fit_candidate(data: Data, candidate: Chain, least: float) -> Chain | None:
-    """Return the candidate, fitted, if its criterion is below `least` and its points determine every piece."""
+    """Return the candidate, fitted, if its criterion is below `least` and there are points on its pieces."""
     better, fitted = _fitted(data, candidate, least, False)
     return fitted if better else None
 
@@ -115,7 +116,7 @@ def _fitted(data: Data, chain: Chain, least: float, restart: bool) -> tuple[bool
 def along(
     s: Vector, start: Vector, axes: Matrix, joints: Vector, bend: Points
 ) -> tuple[Points, Points, Points]:
-    """Position [n, 3] [m], unit tangent and curvature vector [n, 3] [1/m] at arc lengths `s` [n] [m]; (30)."""
+    """Position [m], unit tangent and curvature vector [1/m], each [n, 3], at arc lengths `s` [m]; (30)."""
     position, frame = core.along_chain(s, start, axes, joints, bend)
     here = bend[np.searchsorted(joints[1:], s, side="right")]
     return position, frame[:, 0], here[:, :1] * frame[:, 1] + here[:, 1:] * frame[:, 2]
@@ -139,7 +140,7 @@ def has_kink(chain: Chain, spacing: float) -> bool:
     """Whether an inner piece is clearly shorter than the mean spacing [m]."""
     inner = chain.joints[1:].tolist()
     least = CHAIN_FIT.clearly * spacing
-    return any(after - before < least for before, after in zip(inner, inner[1:], strict=False))
+    return any(after - before < least for before, after in itertools.pairwise(inner))
 
 
 def value_count(data: Data) -> int:

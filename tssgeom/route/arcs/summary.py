@@ -40,7 +40,7 @@ class ChainPieces(NamedTuple):
 
 
 def chain_nodes(data: Data, chain: Chain, noise: float) -> Nodes:
-    """Route and profile of a fitted chain on nodes, with the noise of a coordinate [m]; docs/model.md (33)."""
+    """Route and profile of a fitted chain on nodes, with the noise of a coordinate [m]; model.md (33)."""
     ends = np.concatenate((chain.stations[:1], chain.joints[1:], chain.stations[-1:]))
     at = ends[0] + (ends[-1] - ends[0]) * np.arange(_NODES) / (_NODES - 1)
     at[-1] = ends[-1]
