@@ -13,10 +13,10 @@ if TYPE_CHECKING:
     from tssgeom.identify.workflow import discover
     from tssgeom.io.formats.campaigns import read_campaign
     from tssgeom.rig import Rig, read_rig
-    from tssgeom.route.curvature import CurvatureProfile, curvature_profile
+    from tssgeom.route.curvature import CurvatureProfile
     from tssgeom.route.geometry import measure
     from tssgeom.route.observations import Shape, clean
-    from tssgeom.route.pieces import Arcs, constant_curvature_pieces
+    from tssgeom.route.pieces import Arcs, constant_curvature_pieces, curvature_profile
     from tssgeom.route.route import Route
     from tssgeom.route.route_fit import RouteFit
     from tssgeom.route.spline.fit import Spline, fit
@@ -89,10 +89,10 @@ _MODULES = {
     "identify.workflow": "discover",
     "io.formats.campaigns": "read_campaign",
     "rig": "Rig read_rig",
-    "route.curvature": "CurvatureProfile curvature_profile",
+    "route.curvature": "CurvatureProfile",
     "route.geometry": "measure",
     "route.observations": "Shape clean",
-    "route.pieces": "Arcs constant_curvature_pieces",
+    "route.pieces": "Arcs constant_curvature_pieces curvature_profile",
     "route.route": "Route",
     "route.route_fit": "RouteFit",
     "route.spline.fit": "Spline fit",

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from tssgeom.route.curvature import CurvatureProfile, curvature_profile
+from tssgeom.route.curvature import CurvatureProfile
 from tssgeom.route.observations import clean
-from tssgeom.route.pieces import Arcs, constant_curvature_pieces
+from tssgeom.route.pieces import Arcs, smooth_geometry
 from tssgeom.route.spline.fit import Spline, fit
 from tssgeom.route.synthetic import Course, positions
 
@@ -27,7 +27,6 @@ def geometry():
 
     def make(points, stations=None, noise=None) -> tuple[Spline, CurvatureProfile, Arcs]:
         spline = fit(clean(points, stations), noise)
-        profile = curvature_profile(spline)
-        return spline, profile, constant_curvature_pieces(spline, profile)
+        return spline, *smooth_geometry(spline)
 
     return make

@@ -3,13 +3,12 @@
 import numpy as np
 import pytest
 
+from tssgeom import core
 from tssgeom.errors import ShapeError
 from tssgeom.route.arcs.chain import along
 from tssgeom.route.geometry import measure
 from tssgeom.route.observations import clean
-from tssgeom.route.spline.filtering import FilterModel, SensedTangents
-from tssgeom.route.spline.prior import transitions
-from tssgeom.route.spline.smoother import smooth
+from tssgeom.route.spline.problem import FilterModel
 from tssgeom.route.synthetic import Course, chain, half_circle
 from tssgeom.route.tracking import follow
 
@@ -36,17 +35,21 @@ def test_a_direction_conditions_the_tangent_as_any_gaussian_value_does():
     n, variance = 12, 0.0025
     u = np.arange(float(n))
     y = np.column_stack((u, 0.05 * u**2, 0.0 * u)) + 0.1 * np.random.default_rng(1).normal(size=(n, 3))
-    tangents = SensedTangents(np.full((n, 3), np.nan), np.zeros(n))
-    tangents.unit[5], tangents.variance[5] = (0.85, 0.6, 0.1), variance
+    unit, variances = np.full((n, 3), np.nan), np.zeros(n)
+    unit[5], variances[5] = (0.85, 0.6, 0.1), variance
     start = np.zeros((3, 4))
     start[0, 1] = 1.0
-    step, ends, zeros = transitions(u, np.zeros((n, 3))), np.array([1e6, 1e6, 1.0, 1.0]), np.zeros((n, 3))
+    step, ends, zeros = (
+        core.transitions(u, np.zeros((n, 3))),
+        np.array([1e6, 1e6, 1.0, 1.0]),
+        np.zeros((n, 3)),
+    )
     model = FilterModel(u, y, np.ones(n), step, start, ends, zeros, across_only=False)
-    before, wide, _ = smooth(model, 1.0, None, 0.0)
-    after, narrow, _ = smooth(model, 1.0, tangents, 1.0)
+    before, wide, _ = core.smooth(*model, None, None, 1.0, 0.0)
+    after, narrow, _ = core.smooth(*model, unit, variances, 1.0, 1.0)
     whole = wide[5, 4] + variance
     gain = wide[5, [1, 4, 5, 6]] / whole
-    expected = before[5] + (tangents.unit[5] - before[5, :, 1])[:, None] * gain
+    expected = before[5] + (unit[5] - before[5, :, 1])[:, None] * gain
     # the filter's vague start, 1e6 times the noise, costs digits
     np.testing.assert_allclose(after[5], expected, rtol=1e-7, atol=1e-8)
     assert narrow[5, 4] == pytest.approx(wide[5, 4] * variance / whole, rel=1e-7)

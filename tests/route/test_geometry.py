@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tssgeom.route.curvature import curvature_profile
 from tssgeom.route.observations import clean
+from tssgeom.route.pieces import curvature_profile
 from tssgeom.route.spline.fit import fit
 from tssgeom.route.synthetic import chain, colon, half_circle, helix, positions, setup_a, setup_b
 
@@ -214,5 +214,5 @@ def test_every_array_is_finite_and_read_only(geometry, sensed):
         for name in part.__slots__
         if isinstance(value := getattr(part, name), np.ndarray)
     ]
-    assert len(arrays) == 17
+    assert len(arrays) == 18
     assert all(np.isfinite(a).all() and not a.flags.writeable for a in arrays)

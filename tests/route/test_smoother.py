@@ -5,10 +5,9 @@ from math import factorial
 import numpy as np
 import pytest
 
-from tssgeom.route.spline.filtering import FilterModel, innovations
-from tssgeom.route.spline.intensity import best_ratio
-from tssgeom.route.spline.prior import transitions
-from tssgeom.route.spline.smoother import smooth
+from tssgeom import core
+from tssgeom.core import transitions
+from tssgeom.route.spline.problem import FilterModel
 
 _X, _W = np.polynomial.legendre.leggauss(5)  # exact for the polynomials of sixth degree below
 _BEND, _RATE = 0.05, 0.01  # variances of a and b at both ends over that of the noise
@@ -86,7 +85,7 @@ def test_posterior_is_that_of_universal_kriging(uneven, ratio, order):
     u, y = uneven
     weight = np.ones(14)
     weight[5] = 0.5
-    mean, covariance, _ = smooth(_model(u, y, weight, _given(u, y)), ratio, None, 0.0)
+    mean, covariance, _ = core.smooth(*_model(u, y, weight, _given(u, y)), None, None, ratio, 0.0)
     expected, variance, _, _ = _dense(u, y, ratio / weight, ratio, order)
     # the dense way subtracts prior variances 1e8 times the noise; the filter's vague start is worth 1e-7
     rounding = 1e-4 if ratio >= 1.0 else 2e-2
@@ -99,7 +98,7 @@ def test_likelihood_is_the_restricted_one_up_to_a_constant(uneven):
     constant = []
     for ratio in (1e-2, 1.0, 1e2):
         model = _model(u, y, np.ones(14), _given(u, y))
-        log_s, squares, n = innovations(model, ratio, np.empty((0, 3)), None, 0.0)
+        log_s, squares, n = core.innovations(*model, None, None, ratio, 0.0)[1:]
         _, _, log_k, fit = _dense(u, y, np.full(14, ratio), ratio, 0)
         assert n == 12  # three coordinates' worth of position and direction are unknown
         assert squares == pytest.approx(fit, rel=2e-3)
@@ -112,8 +111,10 @@ def test_unobserved_stations_change_nothing_elsewhere(uneven):
     with_hole = np.insert(u, 7, 0.5 * (u[6] + u[7]))
     outlier = np.insert(y, 7, 1e3, axis=0)
     weight = np.insert(np.ones(14), 7, 0.0)
-    mean, covariance, _ = smooth(_model(u, y, np.ones(14), _given(u, y)), 1.0, None, 0.0)
-    more, wider, _ = smooth(_model(with_hole, outlier, weight, _given(with_hole, outlier)), 1.0, None, 0.0)
+    mean, covariance, _ = core.smooth(*_model(u, y, np.ones(14), _given(u, y)), None, None, 1.0, 0.0)
+    more, wider, _ = core.smooth(
+        *_model(with_hole, outlier, weight, _given(with_hole, outlier)), None, None, 1.0, 0.0
+    )
     keep = np.arange(15) != 7
     # the first guess of the direction counts for a part in 1e7
     np.testing.assert_allclose(more[keep], mean, rtol=1e-6, atol=1e-6)
@@ -124,11 +125,11 @@ def test_gain_gives_the_covariance_of_neighbours(uneven):
     """Pushing one observation shifts neighbours as their covariance says."""
     u, y = uneven
     given = _given(u, y)
-    base, covariance, gain = smooth(_model(u, y, np.ones(14), given), 1.0, None, 0.0)
+    base, covariance, gain = core.smooth(*_model(u, y, np.ones(14), given), None, None, 1.0, 0.0)
     i, push = 6, 1e-4
     shifted = y.copy()
     shifted[i + 1] += push
-    moved, _, _ = smooth(_model(u, shifted, np.ones(14), given), 1.0, None, 0.0)
+    moved, _, _ = core.smooth(*_model(u, shifted, np.ones(14), given), None, None, 1.0, 0.0)
     cross = gain[i] @ _full(covariance[i + 1])
     # pushing an observation of unit noise variance moves state i by its covariance with that position
     np.testing.assert_allclose((moved - base)[i, 0] / push, cross[:, 0], rtol=1e-5, atol=1e-8)
@@ -146,7 +147,7 @@ def test_a_circle_costs_nothing_once_the_prior_bends_with_it():
     u, k = np.arange(40.0), 0.1
     y = np.column_stack((np.sin(k * u), 1 - np.cos(k * u), 0 * u)) / k
     bending = _bending(u, y, np.full(40, k * k), np.zeros(40), 0.0)
-    mean, _, _ = smooth(_model(u, y, np.ones(40), bending), 1e14, None, 0.0)
+    mean, _, _ = core.smooth(*_model(u, y, np.ones(40), bending), None, None, 1e14, 0.0)
     np.testing.assert_allclose(mean[:, :, 0], y, atol=1e-6)
 
 
@@ -157,10 +158,10 @@ def test_a_helix_costs_nothing_once_the_prior_turns_with_its_torsion():
     y = np.column_stack((radius * np.cos(turn * u), radius * np.sin(turn * u), climb * u))
     y -= y[0]
     bending = _bending(u, y, np.full(60, k * k), np.zeros(60), torsion**2)
-    mean, _, _ = smooth(_model(u, y, np.ones(60), bending), 1e16, None, 0.0)
+    mean, _, _ = core.smooth(*_model(u, y, np.ones(60), bending), None, None, 1e16, 0.0)
     np.testing.assert_allclose(mean[:, :, 0], y, atol=1e-6)
     without = _bending(u, y, np.full(60, k * k), np.zeros(60), 0.0)
-    straight, _, _ = smooth(_model(u, y, np.ones(60), without), 1e16, None, 0.0)
+    straight, _, _ = core.smooth(*_model(u, y, np.ones(60), without), None, None, 1e16, 0.0)
     assert np.abs(straight[:, :, 0] - y).max() > 1e-3  # what ω² is for
 
 
@@ -183,7 +184,7 @@ def test_covariance_stays_positive_on_long_smooth_routes():
     y = np.column_stack((u, 0 * u, 0 * u))
     step, start, _ = _given(u, y)
     prior = (step, start, np.array([1e4, 1e4, 1e-9, 1e-15]))
-    _, covariance, _ = smooth(_model(u, y, np.ones(n), prior), 1e22, None, 0.0)
+    _, covariance, _ = core.smooth(*_model(u, y, np.ones(n), prior), None, None, 1e22, 0.0)
     assert (covariance[:, [0, 4, 7, 9]] > 0).all()
     assert covariance[0, 7] == pytest.approx(covariance[-1, 7], rel=1e-2)  # the same from either end
 
@@ -199,6 +200,6 @@ def test_noise_is_found_where_the_prior_holds(known):
     y += 0.7 * rng.normal(size=(n, 3))
     step, start, ends = transitions(u, np.zeros((n, 3))), np.zeros((3, 4)), np.array([1e4, 1e4, 20.0, 1e-3])
     model = _model(u, y, np.ones(n), (step, start, ends))
-    ratio, q = best_ratio(model, 0.49 if known else 0.0, 0.0, None)[:2]
+    ratio, q = core.best_ratio(*model, None, None, 0.49 if known else 0.0, 0.0)[:2]
     assert np.sqrt(ratio * q) == pytest.approx(0.7, rel=1e-12 if known else 0.06)  # 3 sd of 1800 values: 5 %
     assert np.sqrt(q) == pytest.approx(0.0003, rel=0.3)  # a few smoothing windows a decade of the spectrum

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from tssgeom.route.curvature import curvature_profile
 from tssgeom.route.observations import clean
+from tssgeom.route.pieces import curvature_profile
 from tssgeom.route.spline.fit import fit
 from tssgeom.route.synthetic import Course, chain, colon, helix, positions
 

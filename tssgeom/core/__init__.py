@@ -9,17 +9,14 @@ _HERE = Path(__file__).parent
 
 def _rebuilt() -> None:
     """Build the library again where an editable installation has a source that is newer than it."""
-    from tssgeom.core import build  # noqa: PLC0415 - not in a wheel
+    from tssgeom.core import build  # not in a wheel
 
-    library = _HERE / build.LIBRARY
-    made = library.stat().st_mtime if library.exists() else 0.0
-    if all(each.stat().st_mtime <= made for each in build.sources()):
+    if not build.is_stale(_HERE):
         return
-    from filelock import FileLock  # noqa: PLC0415 - needed for building only
+    from filelock import FileLock  # needed for building only
 
     with FileLock(_HERE / ".build.lock"):
-        made = library.stat().st_mtime if library.exists() else 0.0
-        if any(each.stat().st_mtime > made for each in build.sources()):
+        if build.is_stale(_HERE):
             build.build(_HERE)
 
 

@@ -1,5 +1,6 @@
 /* Fitting a chain of so many arcs to points by Levenberg and Marquardt; docs/model.md (31). */
 #include "arcs.h"
+#include "route.h"
 
 #include <string.h>
 
@@ -223,16 +224,6 @@ int64_t chain_fits(const Data *data, const Chain *chain, double last) {
     double lowest = squared(CHAIN_TRACKING.exact * data->spacing) * freedom;
     if (CHAIN_TRACKING.quieter * most(chain->cost, lowest) < usual) return 0; /* no measure of this frame */
     return chain->cost < most(CHAIN_TRACKING.noisier, 1.5 * highest) * usual;
-}
-
-/* Square beyond which a residual of this variance, one of `count`, is an outlier. */
-static double outlier_limit(int64_t count, double variance) {
-    return (OUTLIERS.square + OUTLIERS.square_per_log_count * log((double)count)) * variance;
-}
-
-/* Variance by which residuals are judged: known, by their median, or a small part of the spacing. */
-static double residual_variance(double known, double robust, double spacing) {
-    return most(most(robust, known), squared(OUTLIERS.floor * spacing));
 }
 
 /* Weights by the distance across a chain, and whether they differ from those of `data`; see

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import threading
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -13,8 +14,20 @@ from tssgeom.core._declarations import ffi
 from tssgeom.errors import FitError
 
 F8, I8, U1 = np.dtype(np.float64), np.dtype(np.int64), np.dtype(np.bool_)
-_NAME = "_tssgeom_core" + (".dll" if sys.platform == "win32" else ".so")
-library = ffi.dlopen(str(Path(__file__).with_name(_NAME)))
+
+
+def _library() -> Any:
+    """Load the library for this processor; both give the same digits."""
+    end = ".dll" if sys.platform == "win32" else ".so"
+    here = Path(__file__).parent
+    any_processor = ffi.dlopen(str(here / f"_core{end}"))
+    faster = here / f"_core_avx2{end}"
+    if faster.exists() and any_processor.tss_has_avx2() and not os.environ.get("TSSGEOM_NO_AVX2"):
+        return ffi.dlopen(str(faster))
+    return any_processor
+
+
+library = _library()
 NULL, from_buffer, new, empty = ffi.NULL, ffi.from_buffer, ffi.new, np.empty
 
 _FAULTS = {  # codes of core.h

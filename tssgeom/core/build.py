@@ -6,7 +6,9 @@ source is newer than the library. Nothing of this module is needed, or shipped, 
 
 from __future__ import annotations
 
+import contextlib
 import os
+import platform
 import re
 import runpy
 import shlex
@@ -15,27 +17,37 @@ import subprocess
 import sys
 import sysconfig
 import tempfile
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 HERE = Path(__file__).resolve().parent
-LIBRARY = "_tssgeom_core" + (".dll" if sys.platform == "win32" else ".so")
-FLAGS = (
-    "-std=c11 -O3 -fPIC -shared -fvisibility=hidden -Wall -Wextra -Werror=implicit-function-declaration "
+FLAGS = [
+    *("-std=c11", "-O3", "-fPIC", "-shared", "-fvisibility=hidden"),
+    *("-Wall", "-Wextra", "-Wno-psabi", "-Werror=implicit-function-declaration"),
     # sums are neither fused nor reordered, so that every processor and compiler gives the same digits
-    "-ffp-contract=off -fno-math-errno -fno-trapping-math"
-).split()
+    *("-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math"),
+]
 _C_TYPES = {"float": "double", "int": "int64_t", "bool": "int64_t"}
 _DTYPES = {"double": "float64", "int64_t": "int64", "uint8_t": "bool"}
 
 
-class NoCompiler(RuntimeError):
+class NoCompilerError(RuntimeError):
     """Neither a C compiler nor the package `ziglang` was found."""
 
 
 def sources() -> list[Path]:
     """Files on which the library depends."""
-    return sorted(path for kind in ("*.c", "*.h", "constants*.py", "build.py") for path in HERE.glob(kind))
+    return sorted(
+        path for kind in ("*.c", "*.h", "*.inl", "constants*.py", "build.py") for path in HERE.glob(kind)
+    )
+
+
+def is_stale(folder: Path) -> bool:
+    """Whether a library of a folder is missing, or older than a source."""
+    made = [folder / name for name in library_flags()]
+    newest = max(each.stat().st_mtime for each in sources())
+    return any(not each.exists() or each.stat().st_mtime < newest for each in made)
 
 
 def build(folder: Path, *, flags: list[str] | None = None, target: str | None = None) -> list[Path]:
@@ -52,37 +64,59 @@ def build(folder: Path, *, flags: list[str] | None = None, target: str | None = 
 
     Raises
     ------
-    NoCompiler
+    NoCompilerError
         Where there is none.
     """
     with tempfile.TemporaryDirectory(dir=folder) as name:
         work = Path(name)
         (work / "constants.h").write_text(constants_header(), encoding="utf-8")
-        library = work / (LIBRARY if target is None else _library_for(target))
-        command = [*_compiler(target), *FLAGS, *(flags or []), "-I", str(work), "-I", str(HERE)]
-        command += [str(each) for each in sorted(HERE.glob("*.c"))]
-        command += ["-o", str(library)] + ([] if _is_windows(target) else ["-lm"])
-        made = subprocess.run(command, capture_output=True, text=True, check=False)
-        if made.returncode:
-            raise RuntimeError(f"the core does not compile:\n{shlex.join(command)}\n{made.stderr}")
-        if made.stderr and flags is None:
-            print(made.stderr, file=sys.stderr)  # noqa: T201 - warnings of the compiler
+        compiler, files = _compiler(target), [str(each) for each in sorted(HERE.glob("*.c"))]
+        end = [] if "windows" in (target or sys.platform) or sys.platform == "win32" else ["-lm"]
+        libraries = {work / name: more for name, more in library_flags(target).items()}
+        commands = [
+            [
+                *compiler,
+                *FLAGS,
+                *more,
+                *(flags or []),
+                "-I",
+                str(work),
+                "-I",
+                str(HERE),
+                *files,
+                "-o",
+                str(path),
+                *end,
+            ]
+            for path, more in libraries.items()
+        ]
+        with ThreadPoolExecutor() as pool:
+            list(pool.map(_run, commands))
         headers = [path.read_text(encoding="utf-8") for path in sorted(HERE.glob("*.h"))]
         prototypes = [each for header in headers for each in read_prototypes(header)]
         _emit_declarations(prototypes, work / "_declarations.py")
         (work / "_entries.py").write_text(_entries(prototypes), encoding="utf-8")
-        result = []
-        for path in (work / "_declarations.py", work / "_entries.py", library):
-            result.append(path.replace(folder / path.name))
-    return result
+        built = (work / "_declarations.py", work / "_entries.py", *libraries)
+        return [path.replace(folder / path.name) for path in built]
 
 
-def _is_windows(target: str | None) -> bool:
-    return sys.platform == "win32" if target is None else "windows" in target
+def library_flags(target: str | None = None) -> dict[str, list[str]]:
+    """Return the libraries of a machine and the flags of each: one for any, and on x86-64 one for AVX2.
+
+    Both give the same digits, since sums are neither fused nor reordered.
+    """
+    windows = "windows" in target if target else sys.platform == "win32"
+    end = ".dll" if windows else ".so"
+    x86 = "x86_64" in target if target else platform.machine().lower() in ("x86_64", "amd64")
+    return {f"_core{end}": []} | ({f"_core_avx2{end}": ["-mavx2"]} if x86 else {})
 
 
-def _library_for(target: str) -> str:
-    return "_tssgeom_core" + (".dll" if "windows" in target else ".so")
+def _run(command: list[str]) -> None:
+    made = subprocess.run(command, capture_output=True, text=True, check=False)
+    if made.returncode:
+        raise RuntimeError(f"the core does not compile:\n{shlex.join(command)}\n{made.stderr}")
+    if made.stderr:
+        sys.stderr.write(made.stderr)  # warnings of the compiler
 
 
 def _compiler(target: str | None) -> list[str]:
@@ -90,9 +124,9 @@ def _compiler(target: str | None) -> list[str]:
     if target is None and (system := _system_compiler()):
         return system
     try:
-        import ziglang  # noqa: F401, PLC0415
+        import ziglang  # noqa: F401
     except ImportError:
-        raise NoCompiler("no C compiler: install one (gcc, clang) or `pip install ziglang`") from None
+        raise NoCompilerError("no C compiler: install one (gcc, clang) or `pip install ziglang`") from None
     zig = [sys.executable, "-m", "ziglang", "cc", "-mcpu=baseline", "-fno-sanitize=undefined", "-g0"]
     return zig if target is None else [*zig, "-target", target]
 
@@ -153,7 +187,8 @@ class Prototype:
 
     def __init__(self, returns: str, name: str, parameters: str, doc: str) -> None:
         self.returns, self.name, self.doc = returns, name, doc
-        self.parameters = [Parameter(text) for text in re.split(r",(?![^\[]*\])", parameters)]
+        each = [] if parameters == "void" else re.split(r",(?![^\[]*\])", parameters)
+        self.parameters = [Parameter(text) for text in each]
 
 
 def read_prototypes(header: str) -> list[Prototype]:
@@ -179,7 +214,7 @@ def _sentences(comment: str) -> str:
 
 def _emit_declarations(prototypes: list[Prototype], path: Path) -> None:
     """Write what cffi needs to call the entries, so that no C is parsed when the package is imported."""
-    from cffi import FFI  # noqa: PLC0415 - needed for building only
+    from cffi import FFI
 
     ffi = FFI()
     for each in prototypes:
@@ -187,14 +222,16 @@ def _emit_declarations(prototypes: list[Prototype], path: Path) -> None:
         returns = "int" if each.returns == "status" else each.returns
         ffi.cdef(f"{returns} tss_{each.name}({kinds});")
     ffi.set_source("_declarations", None)
-    ffi.emit_python_code(str(path))
+    with contextlib.redirect_stdout(None):  # it says that it writes a file
+        ffi.emit_python_code(str(path))
 
 
 _ENTRIES = '''"""The entries of the core as functions of arrays. Generated from the headers by build.py."""
 
 # ruff: noqa
 # pyright: basic
-from tssgeom.core.binding import F8, I8, NULL, U1, empty, library, failed, from_buffer, new, scratch, array, wrong
+from tssgeom.core.binding import F8, I8, NULL, U1, array, empty, failed
+from tssgeom.core.binding import from_buffer, library, new, scratch, wrong
 
 '''
 _SHORT = {"double": "F8", "int64_t": "I8", "uint8_t": "U1"}

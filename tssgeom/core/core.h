@@ -56,3 +56,9 @@ static inline double distance3(const double a[3], const double b[3]) {
 
 /* Median of some numbers [n], which are put into another order. */
 double median_of(int64_t n, double values[]);
+
+/* The number that a sort would put at index k; the numbers [n] are put into another order. */
+double quantile_of(int64_t n, double values[], int64_t k);
+
+/** Whether this processor has AVX2. */
+ENTRY int64_t tss_has_avx2(void);

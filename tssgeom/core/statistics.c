@@ -35,6 +35,12 @@ double median_of(int64_t n, double values[]) {
     return 0.5 * (below + values[half]);
 }
 
+double quantile_of(int64_t n, double values[], int64_t k) {
+    if (n == 0) return NAN;
+    select_kth(n, values, k);
+    return values[k];
+}
+
 double tss_median(int64_t n, const double values[n], double work[n]) {
     memcpy(work, values, (size_t)n * sizeof *work);
     return median_of(n, work);
@@ -55,4 +61,12 @@ void tss_isotonic_regression(
     }
     for (int64_t block = 0, i = 0; block < top; block++)
         for (int64_t k = 0; k < (int64_t)count[block]; k++) result[i++] = level[block];
+}
+
+int64_t tss_has_avx2(void) {
+#if defined(__x86_64__)
+    return __builtin_cpu_supports("avx2") != 0;
+#else
+    return 0;
+#endif
 }

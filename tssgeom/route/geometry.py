@@ -12,6 +12,7 @@ from typing import Literal
 
 import numpy as np
 
+from tssgeom import core
 from tssgeom.arrays import Vector, read_only
 from tssgeom.errors import FitError
 from tssgeom.route.arcs.chain import Chain, Data, fit_fixed_pieces
@@ -19,7 +20,6 @@ from tssgeom.route.arcs.corners import cornered
 from tssgeom.route.arcs.moves import fit_chain, without_piece
 from tssgeom.route.arcs.outliers import refitted_with_tangents, with_tangents, without_outliers
 from tssgeom.route.arcs.summary import ChainPieces, chain_nodes, chain_pieces
-from tssgeom.route.curvature import curvature_profile
 from tssgeom.route.directions import direction_warnings
 from tssgeom.route.model_choice import (
     CHOICE,
@@ -29,8 +29,8 @@ from tssgeom.route.model_choice import (
     selected,
 )
 from tssgeom.route.observations import Shape, order_warnings, outlier_warnings
-from tssgeom.route.pieces import Arcs, constant_curvature_pieces, normals, parallel_components
-from tssgeom.route.route import Route, spacing_of_pieces, summed
+from tssgeom.route.pieces import Arcs, smooth_geometry
+from tssgeom.route.route import Route, summed
 from tssgeom.route.route_fit import (
     Deferred,
     Nodes,
@@ -173,9 +173,10 @@ def _first_guesses(data: Data, smooth: RouteFit) -> Iterator[tuple[Data, Chain]]
 
 def spline_fit(spline: Spline) -> RouteFit:
     """Profile and pieces of a smooth fit."""
-    route, profile = spline.route, curvature_profile(spline)
+    route = spline.route
+    profile, arcs = smooth_geometry(spline)
     return RouteFit(
-        arcs=constant_curvature_pieces(spline, profile),
+        arcs=arcs,
         noise=route.noise,
         weight=route.weight,
         nodes=available(Nodes(route, profile)),
@@ -233,12 +234,12 @@ def _identifiable(data: Data, chain: Chain, pieces: ChainPieces | None = None) -
 def chain_data(shape: Shape, noise: float | None, spline: Spline) -> Data:
     """Points as the chain needs them, weighted as in the spline that was fitted to them."""
     variance, route = 0.0 if noise is None else noise * noise, spline.route
-    spacing = spacing_of_pieces(shape.points, float(route.s[-1]))
+    spacing = core.spacing_of_pieces(shape.points, float(route.s[-1]))
     data = Data(shape.points, np.array(route.weight), shape.stations is None, variance, spacing)
     if shape.directions is None:
         return data
     kappa = np.interp(route.station, route.s, np.linalg.norm(route.curvature_vector, axis=1))
-    return with_tangents(data, spline.memory[0].tangents, shape.direction_noise**2, kappa, route.noise**2)
+    return with_tangents(data, spline.memory.tangents, shape.direction_noise**2, kappa, route.noise**2)
 
 
 def chain_allowed(shape: Shape, spline: Spline) -> bool:
@@ -264,8 +265,8 @@ def first_chain(data: Data, smooth: RouteFit) -> Chain:
 def _chain_of_pieces(route: Route, arcs: Arcs) -> Chain:
     """Chain with the joints of the spline's pieces, and the mean curvature vector of each."""
     tangent = route.tangent[0]
-    first, second = normals(tangent)
-    parts = parallel_components(route.tangent, route.curvature_vector)
+    first, second = core.normals(tangent)
+    parts = core.parallel_components(route.tangent, route.curvature_vector)
     at = np.searchsorted(route.s, np.append(arcs.s_start, route.s[-1]))
     bend = np.array([parts[a : max(b, a + 1)].mean(axis=0) for a, b in itertools.pairwise(at)])
     return Chain(

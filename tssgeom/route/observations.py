@@ -5,60 +5,19 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
-from numba import njit
-from scipy.spatial import KDTree
 
+from tssgeom import core
 from tssgeom.arrays import Points, Vector, read_only
+from tssgeom.core.constants_route import ORDERING, POINTS, RAW
 from tssgeom.errors import ShapeError
 from tssgeom.route.directions import checked_directions, listed
-from tssgeom.route.raw_outliers import FEWEST, raw_outliers, worst_outlier
-from tssgeom.route.route import checked_stations, distance, station_warnings, step_lengths
-from tssgeom.statistics import median
+from tssgeom.route.raw_outliers import raw_outliers
+from tssgeom.route.route import checked_stations, station_warnings, step_lengths
 
 MIN_POINTS = 4
-
-
-class PointLimits(NamedTuple):
-    """Which coordinates can be those of a route."""
-
-    least_extent: float = 1e-6
-    """Extent below which points have none [m]. Chosen: below any tendon."""
-    usual_least: float = 1e-3
-    """Extent below which the unit may be wrong [m]. Chosen."""
-    usual_most: float = 100.0
-    """Extent above which the unit may be wrong [m]. Chosen."""
-    farthest: float = 1e6
-    """Distance from the origin above which points are refused [m]. Derived: rounding of 1e-10 m."""
-
-
-class OrderingLimits(NamedTuple):
-    """Whether points follow each other along a route."""
-
-    wandering: float = 0.9
-    """Median step over the median distance from the mean of a sequence that may be at random [1]. Chosen."""
-    nearer_neighbours: float = 3.0
-    """Median step over the median distance to the nearest point of one at random [1]. Chosen."""
-    leap: float = 10.0
-    """Median steps that make a leap [1]. Chosen."""
-    leap_of_spread: float = 0.4
-    """The same over the median distance from the mean [1]. Chosen."""
-    most_leaps: int = 20
-    """Leaps that are tested. Chosen: by speed."""
-    elsewhere: float = 2.0
-    """Median steps around the ends of a leap in which no other part of the route may lie [1]. Chosen."""
-    neighbours: int = 5
-    """Points apart in the sequence up to which points may be near each other. Chosen."""
-    far_behind: float = 10.0
-    """Noises by which a point may lie behind one before it on the fitted route [1]. Chosen."""
-    behind: float = 1e-6
-    """The same over the length of the route [1]. Derived: rounding of a fit."""
-
-
-POINTS = PointLimits()
-ORDERING = OrderingLimits()
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,52 +122,24 @@ def _counts(n: int) -> Vector:
 
 def _sound(points: Points) -> bool:
     """Whether every point may be used as it is."""
-    if len(points) < FEWEST:
-        return False
-    if not _plain(points):
-        return False
-    if clearly_sound(points):
-        return True
-    return not out_of_order(points) and worst_outlier(points, median(step_lengths(points))) < 0
-
-
-@njit(cache=True, nogil=True)
-def clearly_sound(points: np.ndarray) -> bool:
-    """Whether quick bounds show that points are in order and none is an outlier; False where they do not."""
-    steps = step_lengths(points)
-    spacing = median(steps)
-    if np.max(steps) > ORDERING.leap * spacing or not _spread_out(points, spacing / ORDERING.wandering):
-        return False
-    return worst_outlier(points, spacing) < 0
-
-
-@njit(cache=True, nogil=True)
-def _spread_out(points: np.ndarray, far: float) -> bool:
-    """Whether more than half of the points are at least so far from their mean [m]."""
-    mean, beyond = _mean(points), 0
-    for i in range(len(points)):
-        beyond += 1 if distance(points[i], mean) >= far else 0
-    return beyond > len(points) // 2 + 1
-
-
-@njit(cache=True, nogil=True)
-def _mean(points: np.ndarray) -> np.ndarray:
-    mean = np.zeros(3)
-    for i in range(len(points)):
-        for c in range(3):
-            mean[c] += points[i, c] / len(points)
-    return mean
+    bounds = core.clearly_sound(points)
+    if bounds >= 0:
+        return bounds > 0
+    return not out_of_order(points) and core.worst_outlier(points, core.median(step_lengths(points))) < 0
 
 
 def out_of_order(points: Points) -> bool:
     """Whether the sequence wanders at random, or leaps away from where another part of it lies."""
-    if len(points) < FEWEST:
+    if len(points) < RAW.fewest:
         return False
-    steps, typical, spread = _steps(points)
+    steps, off = step_lengths(points), points - points.mean(axis=0)
+    typical, spread = np.median(steps), np.median(np.sqrt(np.einsum("ij,ij->i", off, off)))
     leap = max(ORDERING.leap * typical, ORDERING.leap_of_spread * spread)
     wandering = typical > ORDERING.wandering * spread
     if not wandering and steps.max() <= leap:
         return False
+    from scipy.spatial import KDTree  # rarely needed, and slow to import
+
     tree = KDTree(points)
     if wandering and typical > ORDERING.nearer_neighbours * np.median(tree.query(points, k=2)[0][:, 1]):
         return True
@@ -219,48 +150,9 @@ def out_of_order(points: Points) -> bool:
     return any(_passed_elsewhere(tree, points[j], j, near) for i in leaps for j in (i, i + 1))
 
 
-@njit(cache=True, nogil=True)
-def _steps(points: np.ndarray) -> tuple[np.ndarray, float, float]:
-    """Measure steps from point to point [n - 1], their median, and the median distance from the mean [m]."""
-    steps, far, mean = step_lengths(points), np.empty(len(points)), _mean(points)
-    for i in range(len(points)):
-        far[i] = distance(points[i], mean)
-    return steps, median(steps), median(far)
-
-
-def _passed_elsewhere(tree: KDTree, point: Vector, index: int, radius: float) -> bool:
+def _passed_elsewhere(tree: Any, point: Vector, index: int, radius: float) -> bool:
     """Whether a point far off in the sequence lies within `radius` [m] of this one."""
     return any(abs(other - index) > ORDERING.neighbours for other in tree.query_ball_point(point, radius))
-
-
-@njit(cache=True, nogil=True)
-def _plain(points: np.ndarray) -> bool:
-    """Whether points are finite, differ from the one before and four from each other, and span as usual."""
-    square, distinct = 0.0, 0
-    others = np.empty(MIN_POINTS, np.int64)
-    for c in range(3):
-        least, most = points[0, c], points[0, c]
-        for i in range(len(points)):
-            x = points[i, c]
-            if not abs(x) <= POINTS.farthest:
-                return False
-            least, most = min(least, x), max(most, x)
-        square += (most - least) ** 2
-    for i in range(len(points)):
-        if i > 0 and _same(points[i], points[i - 1]):
-            return False
-        new = distinct < MIN_POINTS
-        for k in range(distinct):
-            new = new and not _same(points[i], points[others[k]])
-        if new:
-            others[distinct] = i
-            distinct += 1
-    return distinct == MIN_POINTS and POINTS.usual_least**2 <= square <= POINTS.usual_most**2
-
-
-@njit(cache=True, nogil=True)
-def _same(a: np.ndarray, b: np.ndarray) -> bool:
-    return a[0] == b[0] and a[1] == b[1] and a[2] == b[2]
 
 
 def _usable(points: Points, known: Vector | None) -> tuple[np.ndarray, tuple[str, ...]]:

@@ -1,23 +1,19 @@
-"""When a sensed point or direction is an outlier: one limit for every estimator, and its reasons."""
+"""When a sensed point or direction is an outlier: one limit for every estimator."""
 
 from __future__ import annotations
 
 import math
 
-from numba import njit
-
-from tssgeom.core.constants_arcs import OUTLIERS
+from tssgeom.core.constants_route import OUTLIERS
 
 LIMITS = OUTLIERS
 
 
-@njit(cache=True, nogil=True)
 def outlier_limit(count: int, variance: float) -> float:
     """Return the square beyond which a residual of this variance, one of `count`, is an outlier."""
-    return (LIMITS.square + LIMITS.square_per_log_count * math.log(count)) * variance
+    return (OUTLIERS.square + OUTLIERS.square_per_log_count * math.log(count)) * variance
 
 
-@njit(cache=True, nogil=True)
 def residual_variance(known: float, robust: float, spacing: float) -> float:
     """Return the variance by which residuals are judged: the greatest of three.
 
@@ -30,4 +26,4 @@ def residual_variance(known: float, robust: float, spacing: float) -> float:
     spacing
         Mean spacing of the points, of which a small part is always allowed.
     """
-    return max(robust, known, (LIMITS.floor * spacing) ** 2)
+    return max(robust, known, (OUTLIERS.floor * spacing) ** 2)

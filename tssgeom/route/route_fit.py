@@ -10,12 +10,13 @@ from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 
+from tssgeom import core
 from tssgeom.arrays import Matrix, Points, Vector, read_only
 from tssgeom.errors import FitError
 from tssgeom.route.arcs.chain import Chain
 from tssgeom.route.curvature import CurvatureProfile
 from tssgeom.route.pieces import Arcs, spread_over_angles
-from tssgeom.route.route import Route, path_length
+from tssgeom.route.route import Route
 from tssgeom.route.spline.fit import Spline
 
 Value = TypeVar("Value")
@@ -271,19 +272,19 @@ def refuse_lost(fit: RouteFit, points: Points) -> None:
         or the path from point to point is longer than the route, or far shorter.
     """
     arcs = fit.arcs
-    finite = math.isfinite(arcs.total_length + arcs.total_angle + arcs.covariance.sum())
-    if not finite or arcs.length.min() <= 0.0:
+    length, _, angle_se, shortest, every = core.totals(arcs.length, arcs.angle, arcs.covariance)
+    if not math.isfinite(every) or shortest <= 0.0:
         raise FitError("the points give no finite curve: check the unit and look for outlying points")
-    ignored, path = path_length(points, fit.weight)
-    chord = math.hypot(arcs.total_length / len(points), math.sqrt(6.0) * fit.noise)
+    ignored, path = core.path_length(points, fit.weight)
+    chord = math.hypot(length / len(points), math.sqrt(6.0) * fit.noise)
     too_long = path > AGREEMENT.longest_path * len(points) * chord
     lost = ignored > AGREEMENT.most_ignored * len(points) or too_long
-    if lost or arcs.total_length > AGREEMENT.longest_detour * path:
+    if lost or length > AGREEMENT.longest_detour * path:
         raise FitError(
             f"no route fits the points, {ignored} of {len(points)} lie off it: sense it more densely where "
             "it turns sharply, and look for points out of order"
         )
-    if arcs.total_angle_se > AGREEMENT.largest_angle_se:
+    if angle_se > AGREEMENT.largest_angle_se:
         raise FitError(
             f"{len(points)} points do not determine how far the route turns: sense it more densely where it "
             "turns sharply, and look for points out of order"
@@ -301,5 +302,5 @@ def turns_unobserved(points: Points, weight: Vector, stations: Vector, turned: V
         Arc length [m] and accumulated angle [rad] of the route at the points.
     """
     length = stations[-1] - stations[0]
-    detour = length > AGREEMENT.longest_detour * path_length(points, weight)[1]
+    detour = length > AGREEMENT.longest_detour * core.path_length(points, weight)[1]
     return bool(detour or np.diff(turned[weight > 0.0]).max() > AGREEMENT.most_unobserved_turn)

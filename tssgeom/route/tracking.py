@@ -39,7 +39,6 @@ from tssgeom.route.model_choice import (
     undecided,
 )
 from tssgeom.route.observations import Shape
-from tssgeom.route.route import spacing_of_pieces
 from tssgeom.route.route_fit import RouteFit
 from tssgeom.route.spline.fit import Spline, fit
 
@@ -134,7 +133,8 @@ def follow(shape: Shape, noise: float | None, last: TrackedFit | None, method: M
         tracked = _follow_spline(shape, noise, last, method)
     if tracked is not None:
         with suppress(FitError):  # a route that leaps may be lost, and fitted again from nothing
-            return replace(tracked, fit=checked(tracked.fit, shape))
+            fit = checked(tracked.fit, shape)
+            return tracked if fit is tracked.fit else replace(tracked, fit=fit)
     return TrackedFit(measure(shape, noise, method), shape.index)
 
 
@@ -173,7 +173,7 @@ def _follow_chain(
     shape: Shape, noise: float | None, last: TrackedFit, chain: Chain, method: Method
 ) -> TrackedFit | None:
     """Go on with a chain; None where it fits no longer."""
-    spacing = spacing_of_pieces(shape.points, float(chain.stations[-1] - chain.stations[0]))
+    spacing = core.spacing_of_pieces(shape.points, float(chain.stations[-1] - chain.stations[0]))
     data = Data(
         shape.points,
         np.ones(len(shape.points)),
@@ -273,7 +273,16 @@ def _follow_spline(shape: Shape, noise: float | None, last: TrackedFit, method: 
     check = ModelCheck(shape, noise, "chain") if due and chain_allowed(shape, spline) else None
     smooth = with_few_points_variance(spline_fit(spline), shape)
     result = smooth.with_model_choice_variance(last.model_choice_variance)
-    return replace(last, fit=result, index=shape.index, age=age, check=check)
+    return TrackedFit(
+        result,
+        shape.index,
+        age,
+        last.interval,
+        last.checks,
+        last.candidate,
+        last.model_choice_variance,
+        check,
+    )
 
 
 def _with_chain_tried(check: ModelCheck, last: TrackedFit) -> TrackedFit:

@@ -7,7 +7,8 @@ import numpy as np
 from tests.core.twins.arcs_equations import normal_equations
 from tests.core.twins.arcs_moments import joint_frames
 from tssgeom.core.constants import MEDIANS
-from tssgeom.core.constants_arcs import CHAIN_FIT, CHAIN_TRACKING, OUTLIERS
+from tssgeom.core.constants_arcs import CHAIN_FIT, CHAIN_TRACKING
+from tssgeom.core.constants_route import OUTLIERS
 from tssgeom.route.arcs.chain import (
     Chain,
     criterion,

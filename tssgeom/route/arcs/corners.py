@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tssgeom import core
 from tssgeom.arrays import Points
 from tssgeom.core.constants_arcs import CHAIN_FIT
 from tssgeom.route.arcs.chain import Chain, Data, unfitted
-from tssgeom.route.pieces import normals
 from tssgeom.route.route import Route
 
 
@@ -63,7 +63,7 @@ def cornered(data: Data, route: Route) -> tuple[Data, Chain] | None:
     data = data._replace(
         weight=np.ones(len(points)), spacing=float(stations[-1]) / len(points), shortest=CHAIN_FIT.kink
     )
-    axes = np.array([leg[0], *normals(leg[0])])
+    axes = np.array([leg[0], *core.normals(leg[0])])
     frame, half = axes, 0.5 * data.spacing
     joints, bend = [0.0], [np.zeros(2)]
     for k in range(1, len(leg)):

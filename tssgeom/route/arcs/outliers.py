@@ -6,7 +6,7 @@ import numpy as np
 
 from tssgeom import core
 from tssgeom.arrays import Points, Vector
-from tssgeom.core.constants_arcs import OUTLIERS
+from tssgeom.core.constants_route import OUTLIERS
 from tssgeom.route.arcs.chain import (
     Chain,
     Data,

@@ -9,6 +9,7 @@ import numpy as np
 
 from tssgeom import core
 from tssgeom.arrays import Matrix, Points, Vector, read_only
+from tssgeom.core.constants_route import STAIRCASE
 from tssgeom.route.curvature import CurvatureProfile
 from tssgeom.route.fibre.models import (
     Partition,
@@ -21,7 +22,7 @@ from tssgeom.route.fibre.models import (
     posterior,
     wander_nodes,
 )
-from tssgeom.route.pieces import STAIRCASE, Arcs, best_partition, spread_over_angles
+from tssgeom.route.pieces import Arcs, spread_over_angles
 from tssgeom.route.route import Route, accumulated
 from tssgeom.route.route_fit import Nodes, RouteFit, available
 
@@ -142,7 +143,9 @@ def _staircase(curve: FibreCurve, freedom: float, count: int) -> np.ndarray:
     v = np.diag(curve.covariance)
     floor = (STAIRCASE.least_step * np.max(np.linalg.norm(curve.bend, axis=1))) ** 2
     weight = freedom * cell / curve.s[-1] / np.maximum(0.5 * (v[1:] + v[:-1]) + floor, 1e-300)
-    return best_partition(mean, weight, STAIRCASE.parameters_per_piece * math.log(max(count, 2)))
+    penalty = STAIRCASE.parameters_per_piece * math.log(max(count, 2))
+    pieces, joints = core.best_partition(mean, weight, penalty)
+    return joints[: pieces + 1]
 
 
 def _wander_arcs(ends: Vector, phi: Vector, of_phi: Matrix, variance: float) -> Arcs:

@@ -15,6 +15,7 @@ import numpy as np
 from scipy.linalg import solve_banded
 from scipy.optimize import minimize_scalar
 
+from tssgeom import core
 from tssgeom.arrays import Matrix, Points, Vector, read_only
 from tssgeom.errors import ShapeError
 from tssgeom.route.fibre.models import (
@@ -33,7 +34,6 @@ from tssgeom.route.fibre.route import fit_of_pieces, fit_of_wander
 from tssgeom.route.geometry import Method
 from tssgeom.route.model_choice import log_sum, mixture_variance, model_probabilities
 from tssgeom.route.observations import Shape
-from tssgeom.route.pieces import parallel_components
 from tssgeom.route.route_fit import RouteFit
 
 MIN_GRATINGS = 3
@@ -199,7 +199,7 @@ def fibre_of_points(points: Points, stations: Vector) -> Fibre:
     angle = 2.0 * np.arcsin(np.minimum(half, 1.0))
     tangent = way[1:] + way[:-1]
     tangent = tangent / np.linalg.norm(tangent, axis=1)[:, None]
-    turned = parallel_components(tangent, turn * (angle / np.maximum(2.0 * half, 1e-300))[:, None])
+    turned = core.parallel_components(tangent, turn * (angle / np.maximum(2.0 * half, 1e-300))[:, None])
     bend = np.full((len(points), 2), np.nan)
     bend[1:-1] = _unmixed(turned, np.diff(stations))
     return clean_fibre(bend, stations)

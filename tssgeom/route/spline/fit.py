@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
-from tssgeom.arrays import Matrix, Points, Vector, read_only
+from tssgeom import core
+from tssgeom.arrays import Matrix, Points, read_only
+from tssgeom.core.constants_route import NODES, PRIOR
 from tssgeom.route.directions import direction_warnings
 from tssgeom.route.observations import Shape, outlier_warnings
-from tssgeom.route.route import Route, insert_nodes, mean_spacing
-from tssgeom.route.spline.filtering import FilterModel, SensedTangents, innovations
-from tssgeom.route.spline.posterior import Problem, Solution, deviance, posterior, scaled_ends, warmed
-from tssgeom.route.spline.prior import transitions
-from tssgeom.route.spline.smoother import smooth
-
-_NODES = 120  # fewest nodes on which curvature is evaluated
+from tssgeom.route.route import Route
+from tssgeom.route.spline.posterior import posterior, warmed
+from tssgeom.route.spline.problem import LastPass, Problem, Solution, deviance
 
 
 class SharedErrors(NamedTuple):
@@ -65,8 +64,10 @@ class Spline:
     """-2 ln of the evidence of the points normal to the route [ln m²]."""
     stations_known: bool
     """Whether the sensor gives the stations."""
-    memory: tuple[Problem, Solution, float]
-    """What the next fit of a moving route begins with, and its mean spacing [m]."""
+    memory: LastPass
+    """What the next fit of a moving route begins with."""
+    joints: np.ndarray
+    """Nodes at which pieces of constant curvature meet, with both ends."""
     shared_angle_error: float = 0.0
     """Relative standard error of all angles that comes from errors that neighbouring points share [1]."""
     tangent_share: float = 0.0
@@ -94,19 +95,21 @@ def fit(shape: Shape, noise: float | None = None, last: Spline | None = None) ->
         Where the points give no finite curve.
     """
     if last is not None and last.shared_angle_error == 0.0:
-        warm = warmed(shape, noise, last.memory)
-        if warm is not None:
-            return _spline(shape, *warm)
-    spline = _fit_white(shape, noise)
+        moved = _moved(shape, noise, last)
+        if moved is not None:
+            return moved
+    spline, correlation = _fit_white(shape, noise)
     alone = noise is None and shape.stations is None and shape.directions is None
-    if alone and _clustered(shape.points, spline.route.noise) and _correlation(spline) < SHARED.correlation:
+    if alone and _clustered(shape.points, spline.route.noise) and correlation() < SHARED.correlation:
         return _fit_cells(shape, spline)
     return spline
 
 
-def _fit_white(shape: Shape, noise: float | None) -> Spline:
+def _fit_white(shape: Shape, noise: float | None) -> tuple[Spline, Callable[[], float]]:
+    """Fit a route as if all errors were white; returns also how to ask for their correlation."""
     spacing = _mean_spacing(shape)
-    return _spline(shape, *posterior(shape, spacing, noise), spacing)
+    problem, solution = posterior(shape, spacing, noise)
+    return _spline(shape, problem, solution, spacing), partial(_correlation, problem, solution)
 
 
 def _clustered(points: Points, noise: float) -> bool:
@@ -119,17 +122,15 @@ def _clustered(points: Points, noise: float) -> bool:
     return bool(noise > SHARED.quiet * usual and np.mean(steps < SHARED.close * usual) > SHARED.many)
 
 
-def _correlation(spline: Spline) -> float:
+def _correlation(problem: Problem, solution: Solution) -> float:
     """Return the most negative autocorrelation of the innovations, in standard deviations of chance.
 
     It is taken at lags 1 to 3, times the root of their number; white errors give values above -3, errors that
     neighbours share give large negative ones.
     """
-    problem, solution, _ = spline.memory
-    e, tangents = np.zeros_like(problem.model.y), problem.sensed_tangents
-    innovations(
-        problem.model, solution.ratio, e, tangents, 0.0 if tangents is None else 1.0 / solution.intensity
-    )
+    sensed = problem.sensed
+    inverse_intensity = 0.0 if sensed[0] is None else 1.0 / solution.intensity
+    e = core.innovations(*problem.model, *sensed, solution.ratio, inverse_intensity)[0]
     e = e[np.any(e != 0.0, axis=1)]
     if len(e) <= SHARED.lags[-1]:
         return 0.0
@@ -141,7 +142,7 @@ def _correlation(spline: Spline) -> float:
 def _mean_spacing(shape: Shape) -> float:
     if shape.stations is not None:
         return float(shape.stations[-1]) / (len(shape.stations) - 1)
-    return mean_spacing(shape.points)
+    return core.mean_spacing(shape.points)
 
 
 def _fit_cells(shape: Shape, spline: Spline) -> Spline:
@@ -155,15 +156,20 @@ def _fit_cells(shape: Shape, spline: Spline) -> Spline:
         coarse, cell_of = _merged(shape, cell)
         if len(coarse.points) < SHARED.fewest_cells:
             return spline
-        fitted = _fit_white(coarse, None)
-        if _correlation(fitted) >= SHARED.correlation_of_cells:
+        fitted, correlation = _fit_white(coarse, None)
+        if correlation() >= SHARED.correlation_of_cells:
             break
         cell *= SHARED.growth
     finer, coarser = (_angle_in_cells(shape, cell * x) for x in (0.5**0.5, 2**0.5))
     error = 0.5 * abs(finer - coarser) / _raw_angle(fitted.route)
     warning = f"neighbouring points share their errors: merged into cells of {cell * 1e3:.3g} mm"
-    route = _on_all_points(shape, fitted.route, cell_of)
-    return replace(fitted, route=route, shared_angle_error=error, warnings=(warning,))
+    return replace(
+        fitted,
+        route=_on_all_points(shape, fitted.route, cell_of),
+        joints=_joints(fitted.route, fitted.covariance, fitted.freedom, len(shape.points)),
+        shared_angle_error=error,
+        warnings=(warning,),
+    )
 
 
 def _merged(shape: Shape, cell: float) -> tuple[Shape, np.ndarray]:
@@ -175,23 +181,17 @@ def _merged(shape: Shape, cell: float) -> tuple[Shape, np.ndarray]:
     return Shape(read_only(sums / count[:, None]), read_only(index), None, shape.warnings), cell_of
 
 
-@njit(cache=True, nogil=True)
-def _cells(points: np.ndarray, cell: float) -> np.ndarray:
-    out = np.zeros(len(points), dtype=np.int64)
-    first = 0
-    for i in range(1, len(points)):
-        out[i] = out[i - 1]
-        square = 0.0
-        for c in range(3):
-            square += (points[i, c] - points[first, c]) ** 2
-        if square > cell * cell:
-            out[i] += 1
-            first = i
-    return out
+def _cells(points: Points, cell: float) -> np.ndarray:
+    out, first, count = [], 0, 0
+    for i, point in enumerate(points):
+        if math.dist(point, points[first]) > cell:
+            first, count = i, count + 1
+        out.append(count)
+    return np.array(out, dtype=np.int64)
 
 
 def _angle_in_cells(shape: Shape, cell: float) -> float:
-    return _raw_angle(_fit_white(_merged(shape, cell)[0], None).route)
+    return _raw_angle(_fit_white(_merged(shape, cell)[0], None)[0].route)
 
 
 def _raw_angle(route: Route) -> float:
@@ -212,43 +212,139 @@ def _on_all_points(shape: Shape, route: Route, cell_of: np.ndarray) -> Route:
     )
 
 
+def _moved(shape: Shape, noise: float | None, last: Spline) -> Spline | None:
+    """Spline of the same route a moment after the last one, or None where that no longer holds."""
+    before = last.memory
+    same = (shape.stations is not None) == before.stations_known
+    same &= (shape.directions is None) == (before.tangents is None)
+    if len(shape.points) != len(before.u) or not same:
+        return None
+    if shape.directions is None:
+        return _moved_at_once(shape, noise, before)
+    warm = warmed(shape, noise, before)
+    return None if warm is None else _spline(shape, *warm, before.spacing)
+
+
+def _moved_at_once(shape: Shape, noise: float | None, last: LastPass) -> Spline | None:
+    """Do as `warmed` and `_spline` do, in one call of the core."""
+    n, spacing = len(shape.points), last.spacing
+    variance = 0.0 if noise is None else max(noise / spacing, PRIOR.rounding) ** 2
+    result, u, y, mean, state, count, *nodes, pieces = core.spline_frame(
+        shape.points,
+        last.u,
+        last.y,
+        last.weight,
+        last.mean,
+        last.covariance,
+        last.ratio,
+        last.intensity,
+        spacing,
+        variance,
+        shape.stations,
+        _rows(n),
+    )
+    ratio, intensity, freedom, least, held = result.tolist()
+    if not held:
+        return None
+    s, vectors, covariance, gain, station, residual, joints = nodes
+    for array in (s, vectors, covariance, gain, station, residual, joints):
+        array.flags.writeable = False
+    position, tangent, bend = vectors
+    route = Route(
+        s=s[:count],
+        position=position[:count],
+        tangent=tangent[:count],
+        curvature_vector=bend[:count],
+        noise=math.sqrt(ratio * intensity) * spacing,
+        weight=last.weight,
+        station=station,
+        residual=residual,
+    )
+    return Spline(
+        route=route,
+        covariance=covariance[:count],
+        gain=gain[: count - 1],
+        freedom=freedom,
+        deviance=least,
+        stations_known=last.stations_known,
+        memory=LastPass(u, y, last.weight, mean, state, ratio, intensity, spacing, last.stations_known, None),
+        joints=joints[: pieces + 1],
+    )
+
+
+def _rows(n: int) -> int:
+    """Room for the nodes of a route of n stations."""
+    return n if n >= NODES.fewest else n + NODES.fewest
+
+
 def _spline(shape: Shape, problem: Problem, solution: Solution, spacing: float) -> Spline:
     """Spline on its nodes in SI; the nodes are the stations, and more in between where these are few."""
-    u, where = problem.model.u, None
-    mean, covariance, gain = solution[5:]
-    if len(u) < _NODES:
-        u, where = insert_nodes(u, u[-1] / _NODES)
-        mean, covariance, gain = _on_nodes(problem, solution, u, where)
-    q, weight = solution.intensity, problem.model.weight
-    s, position, tangent, bend, covariance, gain = _in_metres(
-        u, mean, covariance, gain, shape.points[0], spacing, q, problem.stations_known
+    model, n = problem.model, len(shape.points)
+    count, s, vectors, covariance, gain, where = core.spline_nodes(
+        model.u,
+        model.y,
+        model.weight,
+        model.start,
+        problem.ends_at(solution.variance),
+        model.across_only,
+        problem.coupling,
+        *problem.sensed,
+        solution.ratio,
+        solution.intensity,
+        solution.mean,
+        solution.covariance,
+        solution.gain,
+        shape.points[0],
+        spacing,
+        problem.stations_known,
+        _rows(n),
     )
-    feet = slice(None) if where is None else where
+    s, (position, tangent, bend) = s[:count], vectors[:, :count]
+    by_tangents = _parameters_of_tangents(problem, solution)
+    freedom = float(model.weight @ solution.covariance[:, 0]) / solution.ratio + by_tangents
+    covariance = covariance[:count]
     route = Route(
         s=read_only(s),
         position=read_only(position),
         tangent=read_only(tangent),
         curvature_vector=read_only(bend),
-        noise=math.sqrt(solution.ratio * q) * spacing,
-        weight=read_only(weight),
-        station=read_only(s[feet]),
-        residual=read_only(shape.points - position[feet]),
+        noise=math.sqrt(solution.variance) * spacing,
+        weight=read_only(model.weight),
+        station=read_only(s[where]),
+        residual=read_only(shape.points - position[where]),
     )
-    warnings = outlier_warnings(shape, weight)
+    warnings = outlier_warnings(shape, model.weight)
     warnings += direction_warnings(shape.directions, problem.tangents, shape.index)
-    by_tangents = _parameters_of_tangents(problem, solution)
-    freedom = float(weight @ solution.covariance[:, 0]) / solution.ratio + by_tangents
     return Spline(
         route=route,
         covariance=read_only(covariance),
-        gain=read_only(gain),
+        gain=read_only(gain[: count - 1]),
         freedom=freedom,
         deviance=deviance(problem, solution, spacing),
         stations_known=problem.stations_known,
-        memory=(problem, solution, spacing),
+        memory=LastPass(
+            model.u,
+            model.y,
+            model.weight,
+            solution.mean,
+            solution.covariance,
+            solution.ratio,
+            solution.intensity,
+            spacing,
+            problem.stations_known,
+            problem.tangents,
+        ),
+        joints=_joints(route, covariance, freedom, n),
         tangent_share=by_tangents / freedom,
         warnings=warnings,
     )
+
+
+def _joints(route: Route, covariance: Matrix, freedom: float, points: int) -> np.ndarray:
+    """Nodes at which pieces of constant curvature meet, with both ends."""
+    pieces, joints = core.joints(route.s, route.tangent, route.curvature_vector, covariance, freedom, points)
+    joints.flags.writeable = False
+    return joints[: pieces + 1]
 
 
 def _parameters_of_tangents(problem: Problem, solution: Solution) -> float:
@@ -258,66 +354,3 @@ def _parameters_of_tangents(problem: Problem, solution: Solution) -> float:
         return 0.0
     used = variance > 0.0
     return float(np.sum(solution.covariance[used, 4] / variance[used])) * solution.intensity
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _in_metres(
-    u: np.ndarray,
-    mean: np.ndarray,
-    covariance: np.ndarray,
-    gain: np.ndarray,
-    origin: np.ndarray,
-    spacing: float,
-    q: float,
-    known: bool,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Arc length, positions, tangents, curvature vectors, covariance and gains in SI."""
-    n = len(u)
-    s, position, tangent, bend = np.empty(n), np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3))
-    wide, gains = np.empty((n, 10)), np.empty((n - 1, 4, 4))
-    unit = np.array([spacing, 1.0, 1.0 / spacing, spacing**-2])
-    pair = np.empty(10)
-    k = 0
-    for i in range(4):
-        for j in range(i, 4):
-            pair[k] = unit[i] * unit[j] * q
-            k += 1
-    arc, before = 0.0, 0.0
-    for i in range(n):
-        m = mean[i]
-        square = max(m[0, 1] ** 2 + m[1, 1] ** 2 + m[2, 1] ** 2, 1e-24)
-        speed = math.sqrt(square)
-        along = (m[0, 1] * m[0, 2] + m[1, 1] * m[1, 2] + m[2, 1] * m[2, 2]) / square
-        for c in range(3):
-            position[i, c] = m[c, 0] * spacing + origin[c]
-            tangent[i, c] = m[c, 1] / speed
-            bend[i, c] = (m[c, 2] - along * m[c, 1]) / (square * spacing)
-        if i > 0:
-            arc += 0.5 * (speed + before) * (u[i] - u[i - 1])
-        before = speed
-        s[i] = (u[i] if known else arc) * spacing
-        for k in range(10):
-            wide[i, k] = covariance[i, k] * pair[k]
-        if i < n - 1:
-            for j in range(4):
-                for k in range(4):
-                    gains[i, j, k] = gain[i, j, k] * unit[j] / unit[k]
-    return s, position, tangent, bend, wide, gains
-
-
-def _on_nodes(
-    problem: Problem, solution: Solution, u: Vector, where: np.ndarray
-) -> tuple[Matrix, Matrix, Matrix]:
-    """Posterior on more nodes than the stations, which are `where` among them."""
-    n, given = len(u), problem.model
-    y, weight = np.zeros((n, 3)), np.zeros(n)
-    y[where], weight[where] = given.y, given.weight
-    interval = np.minimum(np.searchsorted(where, np.arange(n)), len(where) - 1)
-    step = transitions(u, problem.coupling[interval])
-    ends = scaled_ends(problem, solution.ratio * solution.intensity)
-    model = FilterModel(u, y, weight, step, given.start, ends, np.zeros((n, 3)), given.across_only)
-    if problem.sensed_tangents is None:
-        return smooth(model, solution.ratio, None, 0.0)
-    tangents = SensedTangents(np.zeros((n, 3)), np.zeros(n))
-    tangents.unit[where], tangents.variance[where] = problem.sensed_tangents
-    return smooth(model, solution.ratio, tangents, 1.0 / solution.intensity)

@@ -1,62 +1,18 @@
-"""A Kalman filter for a route: points and directions in order, each an observation of the state.
-
-The state at a station is r, r' = T, T' = a, and b, which move as the prior says (`prior.transitions`). Its
-covariance is shared by x, y and z and kept as its upper triangle: 00, 01, 02, 03, 11, 12, 13, 22, 23, 33.
-"""
+"""The filter of a route and the search for its smoothness in plain Python, as oracle of the core."""
 
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
-from numba import njit
 
-from tssgeom.arrays import Matrix, Points, Vector
+from tssgeom.core.constants_route import PRIOR, SEARCH
+from tssgeom.route.spline.problem import FilterModel
 
-Triangle: TypeAlias = tuple[float, float, float, float, float, float, float, float, float, float]
-
-FAST: Any = {
-    "cache": True,
-    "nogil": True,
-    "error_model": "numpy",
-    "fastmath": {"contract", "reassoc", "arcp"},  # sums may be fused; nan and infinity keep their meaning
-}
-_DIFFUSE = 2  # innovations spent on the unknown position and direction at the first station
+_DIFFUSE = 2
 
 
-class FilterModel(NamedTuple):
-    """Points and prior as the filter takes them, all lengths in units of the mean spacing."""
-
-    u: Vector
-    """Stations [n]."""
-    y: Points
-    """Points [n, 3]."""
-    weight: Vector
-    """Weight of each point, 0 where it was not observed or is an outlier [n]."""
-    transition: Matrix
-    """Transitions of the state, `transitions` [n, 12]."""
-    start: Matrix
-    """Guess of the state at the first station [3, 4]."""
-    ends: Vector
-    """Variances of r and T at the first station, and of a and b at both ends, over the noise variance [4]."""
-    curve_tangent: Points
-    """Unit tangents of the curve of the last pass [n, 3]."""
-    across_only: bool
-    """Whether only the part of an innovation normal to these counts."""
-
-
-class SensedTangents(NamedTuple):
-    """Sensed directions beside the points."""
-
-    unit: Points
-    """Unit tangents [n, 3]; a row without variance is not read."""
-    variance: Vector
-    """Variance of a component of each, 0 where none is used [n] [rad²]."""
-
-
-@njit(**FAST)
-def predict_covariance(p: Triangle, f: np.ndarray, h: float) -> Triangle:
+def predict_covariance(p: tuple, f: np.ndarray, h: float) -> tuple:
     """Carry a covariance over a step: F p F' + Q, with Q what white noise of intensity 1 brings."""
     p00, p01, p02, p03, p11, p12, p13, p22, p23, p33 = p
     r1, r2, r3, t1, t2, t3 = f[0], f[1], f[2], f[3], f[4], f[5]
@@ -90,8 +46,7 @@ def predict_covariance(p: Triangle, f: np.ndarray, h: float) -> Triangle:
     )
 
 
-@njit(**FAST)
-def update_by_position(p: Triangle, variance: float) -> Triangle:
+def update_by_position(p: tuple, variance: float) -> tuple:
     """Covariance after the position was observed with the given variance."""
     p00, p01, p02, p03, p11, p12, p13, p22, p23, p33 = p
     s = p00 + variance
@@ -110,8 +65,7 @@ def update_by_position(p: Triangle, variance: float) -> Triangle:
     )
 
 
-@njit(**FAST)
-def update_by_tangent(p: Triangle, variance: float) -> Triangle:
+def update_by_tangent(p: tuple, variance: float) -> tuple:
     """Covariance after the direction was observed with the given variance; docs/model.md (90)."""
     p00, p01, p02, p03, p11, p12, p13, p22, p23, p33 = p
     s = p11 + variance
@@ -130,8 +84,7 @@ def update_by_tangent(p: Triangle, variance: float) -> Triangle:
     )
 
 
-@njit(**FAST)
-def update_mean_by_tangent(p: Triangle, m: np.ndarray, tangent: np.ndarray, variance: float) -> np.ndarray:
+def update_mean_by_tangent(p: tuple, m: np.ndarray, tangent: np.ndarray, variance: float) -> np.ndarray:
     """Update the mean [3, 4] by an observed direction [3]; returns the innovation [3]."""
     s = p[4] + variance
     off = tangent - m[:, 1]
@@ -143,7 +96,6 @@ def update_mean_by_tangent(p: Triangle, m: np.ndarray, tangent: np.ndarray, vari
     return off
 
 
-@njit(**FAST)
 def predict_mean(m: np.ndarray, f: np.ndarray, out: np.ndarray) -> None:
     """Carry the mean of all coordinates [3, 4] over a step; `out` may be `m`."""
     for c in range(3):
@@ -154,8 +106,7 @@ def predict_mean(m: np.ndarray, f: np.ndarray, out: np.ndarray) -> None:
         out[c, 3] = f[9] * t + f[10] * a + f[11] * b
 
 
-@njit(**FAST)
-def initial_covariance(ends: np.ndarray, ratio: float) -> Triangle:
+def initial_covariance(ends: np.ndarray, ratio: float) -> tuple:
     """Covariance before the first point is observed."""
     zero = 0.0 * ratio
     return (
@@ -172,10 +123,9 @@ def initial_covariance(ends: np.ndarray, ratio: float) -> Triangle:
     )
 
 
-@njit(**FAST)
 def update_by_end(
-    p: Triangle, m: np.ndarray, variance_a: float, variance_b: float
-) -> tuple[Triangle, float, np.ndarray]:
+    p: tuple, m: np.ndarray, variance_a: float, variance_b: float
+) -> tuple[tuple, float, np.ndarray]:
     """Update by the prior of the last station: a and b are zero with the given variances.
 
     Returns
@@ -217,12 +167,11 @@ def update_by_end(
     return after, s * z, white
 
 
-@njit(**FAST)
 def innovations(
     model: FilterModel,
     ratio: float,
     out: np.ndarray,
-    tangents: SensedTangents | None,
+    tangents: tuple | None,
     inverse_intensity: float,
 ) -> tuple[float, float, int]:
     """Filter forward, for noise variance ratio/weight and q = 1.
@@ -257,10 +206,10 @@ def innovations(
             p = predict_covariance(p, transition[i], u[i] - u[i - 1])
             predict_mean(m, transition[i], m)
         if tangents is not None:
-            variance = tangents.variance[i] * inverse_intensity
+            variance = tangents[1][i] * inverse_intensity
             if variance > 0.0:
                 s = p[4] + variance
-                off = update_mean_by_tangent(p, m, tangents.unit[i], variance)
+                off = update_mean_by_tangent(p, m, tangents[0][i], variance)
                 p = update_by_tangent(p, variance)
                 used += 1
                 if direction_known:
@@ -305,3 +254,83 @@ def innovations(
     p23, p33 = vb * length + length**2 / 2.0, 2.0 * vb + length
     log_s += math.log(product) + math.log(determinant) - math.log(p22 * p33 - p23 * p23)
     return log_s, squares, used - _DIFFUSE
+
+
+def _criterion(model: FilterModel, variance: float, tangents: tuple | None, x: float) -> float:
+    """-2 ln of the posterior of λ = 10^x, the noise known or put where it is likeliest; (21)."""
+    ratio, dimensions = 10.0**x, 2 if model.across_only else 3
+    log_s, squares, n = _innovations(model, variance, tangents, ratio)
+    q = _intensity(squares, dimensions * n, ratio, variance)
+    return dimensions * (n * math.log(q) + log_s) + squares / q + SEARCH.price_per_decade * x
+
+
+def _innovations(
+    model: FilterModel, variance: float, tangents: tuple | None, ratio: float
+) -> tuple[float, float, int]:
+    """Filter as `innovations` does, q following from λ and the noise where directions are sensed."""
+    not_wanted = np.empty((0, 3))
+    if tangents is None:
+        return innovations(model, ratio, not_wanted, None, 0.0)
+    return innovations(model, ratio, not_wanted, tangents, ratio / variance)
+
+
+def _intensity(squares: float, values: int, ratio: float, variance: float) -> float:
+    """Intensity that goes with a known noise variance, or the likeliest one above rounding."""
+    least = PRIOR.rounding**2
+    return variance / ratio if variance > 0.0 else max(squares / max(values, 1), least / ratio)
+
+
+def best_ratio(
+    model: FilterModel, variance: float, guess: float, tangents: tuple | None
+) -> tuple[float, float, float, float, int]:
+    """Smoothing ratio λ of greatest restricted likelihood, its intensity q, and `innovations` there.
+
+    Parameters
+    ----------
+    model
+        As `innovations` takes it.
+    variance
+        Known noise variance in units of the mean spacing, or 0 where it is unknown.
+    guess
+        λ to begin with; where it is not positive, everything from interpolation to one cubic through all
+        points is tried.
+    tangents
+        As `innovations` takes them; the variance is not 0 then.
+    """
+    width = SEARCH.fine
+    if guess > 0.0:
+        x = min(max(math.log10(guess), SEARCH.least), SEARCH.most)
+    else:
+        x, width = SEARCH.least, SEARCH.coarse
+        best = np.inf
+        trial, top = SEARCH.least, min(8.0 * math.log10(len(model.u)) + 1.0, SEARCH.most)
+        while trial <= top:
+            value = _criterion(model, variance, tangents, trial)
+            if value < best:
+                x, best = trial, value
+            trial += SEARCH.coarse
+    left = _criterion(model, variance, tangents, x - width)
+    middle = _criterion(model, variance, tangents, x)
+    right = _criterion(model, variance, tangents, x + width)
+    while True:
+        for _ in range(SEARCH.steps):
+            if left < middle and left <= right and x > SEARCH.least:
+                x -= width
+                left, middle, right = _criterion(model, variance, tangents, x - width), left, middle
+            elif right < middle and x < SEARCH.most:
+                x += width
+                left, middle, right = middle, right, _criterion(model, variance, tangents, x + width)
+            else:
+                break
+        if width <= SEARCH.fine:
+            break
+        width = max(0.5 * width, SEARCH.fine)
+        left = _criterion(model, variance, tangents, x - width)
+        right = _criterion(model, variance, tangents, x + width)
+    bend = left - 2.0 * middle + right
+    if bend > 0.0:
+        x += min(max(0.5 * width * (left - right) / bend, -width), width)
+    ratio = 10.0**x
+    log_s, squares, n = _innovations(model, variance, tangents, ratio)
+    values = (2 if model.across_only else 3) * n
+    return ratio, _intensity(squares, values, ratio, variance), log_s, squares, n

@@ -1,0 +1,263 @@
+"""Tuned numbers of the geometry of a route: once for C, once for Python."""
+
+from typing import NamedTuple
+
+
+class OutlierLimits(NamedTuple):
+    """Limits on residuals. Squares are in variances of the noise, lengths in spacings of the points."""
+
+    square: float = 16.0
+    """Squared residual of one value of many [1]. Derived: with 2 ln n added, pure noise of two components
+    takes one of n values for an outlier with a chance of e^-8 = 0.03 %, whatever n is."""
+    square_per_log_count: float = 2.0
+    """What each unit of ln n adds to it [1]; derived: as above."""
+    floor: float = 1e-4
+    """Noise that every residual is allowed [spacing]: below some five times this none is an outlier, however
+    exact the other points; chosen."""
+    share: float = 0.1
+    """Most outliers of all values; where there are more, the fit is wrong [1]; chosen."""
+
+    bend_share: float = 0.3
+    """Residual over κh² that a jump of curvature alone gives a point of a smooth curve [1]; chosen."""
+    bend_share_at_end: float = 2.0
+    """The same at the first and last point, which have neighbours on one side only [1]; chosen."""
+    bend_share_next_to_end: float = 1.0
+    """The same one point farther in [1]; chosen."""
+    sharpest: float = 1.0
+    """Greatest turn from point to point in this test [rad]; chosen: a sharper one comes from an outlier."""
+    neighbours: int = 3
+    """Points on either side among which only the worst becomes an outlier at once [1]; chosen."""
+    turn_share: float = 0.5
+    """Residual of a direction over the turn from point to point that a jump of curvature alone gives [1];
+    chosen."""
+    least_own: float = 1e-3
+    """Least share of the variance of a direction that the rest of the fit leaves to it [1]; chosen."""
+    backwards: float = 4.0
+    """Squared residual of a direction that points against the route [rad²]; derived: (2 sin(π/2))²."""
+
+    run_at_end: int = 4
+    """Outliers side by side at an end, beyond which they are the end [1]; chosen."""
+    run_within: int = 8
+    """Outliers side by side between two points that are none, beyond which they are the route [1]; chosen."""
+    run_share: float = 0.1
+    """The same as a share of all points, where that is more [1]; chosen."""
+
+    spline_rounds: int = 8
+    """Most fits of a spline without its outliers [1]; chosen."""
+    chain_rounds: int = 4
+    """The same of a chain [1]; chosen."""
+    chain_rounds_of_tangents: int = 3
+    """The same for the directions beside a chain [1]; chosen."""
+
+
+OUTLIERS = OutlierLimits()
+
+
+class RawOutlierLimits(NamedTuple):
+    """Which points are outliers before any fit, judged by their neighbours alone."""
+
+    off_curve: float = 6.0
+    """Typical distances from the neighbours' curve, above which a point may be an outlier [1]. Chosen."""
+    end_off_direction: float = 15.0
+    """Typical distances by which an end must leap aside to be an outlier [1]. Chosen."""
+    end_off_curve: float = 0.1
+    """Residual of the last five points on their parabola, from which an end is tested [spacings]. Chosen."""
+    end_leap: float = 1.5
+    """Step from an end to its neighbour that is a leap [spacings]. Chosen."""
+    end_leap_aside: float = 0.6
+    """Share of such a step that must go aside [1]. Chosen."""
+    end_too_far: float = 6.0
+    """Step from an end to its neighbour that no bend explains [spacings]. Chosen."""
+    most_discount: float = 4.0
+    """Factor by which a leap longer than the way that shows the direction counts less at most [1]. Chosen."""
+    end_improvement: float = 0.3
+    """Residual without the outlier over that with it, at most [1]. Chosen."""
+    longest_run: int = 3
+    """Points in a row that may be outliers together. Chosen: a longer run is a break of the sequence."""
+    uneven: float = 4.0
+    """Steps by which unevenly spaced points may lie ahead or behind [1]. Chosen."""
+    extrapolated_from: int = 6
+    """Points whose line is extrapolated beyond an end. Chosen."""
+    most: float = 0.1
+    """Share of all points that may be outliers [1]. Chosen: where more are off, the cause is another."""
+    fewest: int = 8
+    """Fewest points among which outliers and the order of all can be judged [1]. Chosen."""
+
+
+RAW = RawOutlierLimits()
+
+
+class PointLimits(NamedTuple):
+    """Which coordinates can be those of a route."""
+
+    least_extent: float = 1e-6
+    """Extent below which points have none [m]. Chosen: below any tendon."""
+    usual_least: float = 1e-3
+    """Extent below which the unit may be wrong [m]. Chosen."""
+    usual_most: float = 100.0
+    """Extent above which the unit may be wrong [m]. Chosen."""
+    farthest: float = 1e6
+    """Distance from the origin above which points are refused [m]. Derived: rounding of 1e-10 m."""
+
+
+POINTS = PointLimits()
+
+
+class OrderingLimits(NamedTuple):
+    """Whether points follow each other along a route."""
+
+    wandering: float = 0.9
+    """Median step over the median distance from the mean of a sequence that may be at random [1]. Chosen."""
+    nearer_neighbours: float = 3.0
+    """Median step over the median distance to the nearest point of one at random [1]. Chosen."""
+    leap: float = 10.0
+    """Median steps that make a leap [1]. Chosen."""
+    leap_of_spread: float = 0.4
+    """The same over the median distance from the mean [1]. Chosen."""
+    most_leaps: int = 20
+    """Leaps that are tested. Chosen: by speed."""
+    elsewhere: float = 2.0
+    """Median steps around the ends of a leap in which no other part of the route may lie [1]. Chosen."""
+    neighbours: int = 5
+    """Points apart in the sequence up to which points may be near each other. Chosen."""
+    far_behind: float = 10.0
+    """Noises by which a point may lie behind one before it on the fitted route [1]. Chosen."""
+    behind: float = 1e-6
+    """The same over the length of the route [1]. Derived: rounding of a fit."""
+
+
+ORDERING = OrderingLimits()
+
+
+class SpacingRule(NamedTuple):
+    """Which spacing of the points bounds the length of a piece, where points crowd in a part of a route."""
+
+    crowd_quantile: float = 0.3
+    """Quantile of the steps that represents the denser part [1]. Chosen."""
+    most_over_crowd: float = 4.0
+    """Most times that step which the mean spacing may count as [1]. Chosen."""
+
+
+SPACING = SpacingRule()
+
+
+class SplinePrior(NamedTuple):
+    """What the prior of a smooth route may follow. Lengths in spacings of the points."""
+
+    sharpest: float = 1.5
+    """Greatest turn from point to point that the prior follows [rad]; chosen."""
+    change: float = 0.5
+    """Greatest relative change of curvature, or turn of its plane [rad], from point to point; chosen."""
+    noise_share: float = 0.375
+    """Noise in the posterior variance of the curvature [1]; derived: 3/8, docs/model.md (24)."""
+    least_bend: float = 1e-18
+    """Least variance of a and b of (20) at both ends [spacing^-2, spacing^-4]; chosen: rounding."""
+    rounding: float = 1e-6
+    """Least noise [spacing]; chosen: less is rounding, not truth, to a filter of four states."""
+    vague: float = 1e4
+    """Variance of position and direction at the first station over that of the last pass or guess [1];
+    chosen."""
+    vague_bend: float = 4.0
+    """Variance of a and b at both ends over that of the first guess [1]; chosen."""
+    guess_points: int = 9
+    """Points between whose chords the first guess of the curvature is taken [1]; chosen."""
+    least_step: float = 1e-7
+    """Least distance of neighbouring stations whose feet coincide [spacing]; chosen: rounding."""
+    least_weight: float = 1e-6
+    """Weight of an outlier where stations are put in order [1]; chosen: small, but not 0."""
+
+
+PRIOR = SplinePrior()
+
+
+class RatioSearch(NamedTuple):
+    """Where the smoothing ratio λ is searched, and how closely. λ in decades, of units of the spacing."""
+
+    least: float = -8.0
+    """Least λ [decades]: interpolation; chosen."""
+    most: float = 20.0
+    """Greatest λ [decades]: one cubic through a thousand points and more; chosen."""
+    coarse: float = 2.0
+    """Distance of the first trials [decades]; chosen."""
+    fine: float = 0.4
+    """Half width of the last parabola [decades]; derived: a twentieth of the smoother's window."""
+    steps: int = 40
+    """Most steps of one width [1]; derived: more than there are on the whole range."""
+    price_per_decade: float = 1.0
+    """-2 ln of the prior of λ by decade [1]; chosen: no route is taken for exactly linear in curvature."""
+    widths: int = 8
+    """Most widths [1]; derived: halving from `coarse` reaches `fine` in four."""
+
+
+SEARCH = RatioSearch()
+
+
+class SplinePasses(NamedTuple):
+    """How many passes a fit takes, each with its prior along the curve of the last one, and when they end."""
+
+    most: int = 12
+    """Most passes [1]; chosen: at a kink no pass is the last."""
+    same_noise: float = 0.01
+    """Relative change of the noise variance at which they have converged [1]; chosen."""
+    same_ratio: float = 0.05
+    """Change of ln λ at which they have converged [1]; chosen."""
+    uneven: float = 2.0
+    """ln likelihood of a point by which chord lengths must beat even spacing as first stations [1];
+    chosen."""
+    warm_searches: int = 4
+    """Searches for λ from its last value in a route that moves [1]; chosen."""
+    warm_ratio: float = 3.0
+    """Change of ln λ in such a search above which another one is needed [1]; chosen."""
+    warm_noise: float = 2.0
+    """Factor on the noise variance of the last fit beyond which a fit begins from nothing [1]; chosen."""
+
+
+PASSES = SplinePasses()
+
+
+class AngleErrors(NamedTuple):
+    """Errors of Φ beside those of the posterior; docs/model.md (26)."""
+
+    natural_ends: float = 1e-3
+    """Relative error of an exact circle over the fourth power of its turn a point [1/rad⁴]. Fitted."""
+    rounding: float = 1e-8
+    """Relative error of exact points [1]. Fitted: exact circles and helices."""
+    sparse: float = 0.1
+    """Standard error for each rad⁵ of uneven turns from point to point [rad/rad⁵]. Fitted; model.md (26)."""
+    typical_peak: float = 2.0
+    """Peak of the rate of curvature over its root mean square on smooth routes [1]. Fitted; model.md (26)."""
+    lost: float = 0.33
+    """Share of a sharper peak that smoothing takes away [1]. Fitted; model.md (26)."""
+    few_parameters: float = 7.0
+    """Parameters from which a prior is known to its own size [1]. Fitted; model.md (26)."""
+    unobserved: float = 5.0
+    """Mean spacings between points, from which what lies between is a guess [1]. Chosen."""
+    rectified: float = 0.3
+    """Share of the Rician excess taken as one standard error [1]. Fitted; model.md (26)."""
+
+
+ANGLE_ERRORS = AngleErrors()
+
+
+class Staircase(NamedTuple):
+    """How smooth curvature is cut into pieces of constant curvature; docs/model.md (27)."""
+
+    most_cells: int = 400
+    """Cells on which joints may lie. Chosen: by speed, the cut takes time quadratic in them."""
+    least_step: float = 0.03
+    """Steps of curvature below which a piece is not worth it, over the greatest curvature [1]. Chosen."""
+    parameters_per_piece: float = 3.0
+    """Parameters of one more piece [1]. Derived: two of curvature, one joint."""
+
+
+STAIRCASE = Staircase()
+
+
+class NodeRule(NamedTuple):
+    """On how many nodes a smooth route is evaluated."""
+
+    fewest: int = 120
+    """Fewest nodes [1]; chosen: a turn of a helix then has some ten."""
+
+
+NODES = NodeRule()
