@@ -6,7 +6,15 @@ import pytest
 from tests.core.twins.arcs_equations import normal_equations, slide_of_end
 from tssgeom import core
 from tssgeom.arrays import read_only
-from tssgeom.route.arcs.chain import Chain, Data, WeightedTangents, along, fit_fixed_pieces, squared_distances
+from tssgeom.route.arcs.chain import (
+    Data,
+    WeightedTangents,
+    along,
+    fit_fixed_pieces,
+    form_of,
+    squared_distances,
+    unfitted,
+)
 from tssgeom.route.geometry import measure
 from tssgeom.route.observations import clean
 from tssgeom.route.synthetic import chain, colon, half_circle, setup_a
@@ -55,13 +63,13 @@ def test_normal_equations_are_those_of_finite_differences(start, free):
     rng = np.random.default_rng(1)
     s = np.sort(rng.uniform(0, 0.4, 60))
     m = (2 if free else 3) + 2 + 3 + 6
-    here, tangent, _ = along(s, *_moved(np.zeros(m), start, free))
+    here, tangent, _ = along(s, form_of(*_moved(np.zeros(m), start, free)))
     points = read_only(here + 1e-3 * rng.normal(size=(60, 3)))
     weight = rng.uniform(0.5, 2.0, 60)
     jacobian = np.empty((60, 3, m))
     for i in range(m):
         step = 1e-6 * np.eye(m)[i]
-        forward, behind = (along(s, *_moved(v, start, free))[0] for v in (step, -step))
+        forward, behind = (along(s, form_of(*_moved(v, start, free)))[0] for v in (step, -step))
         jacobian[:, :, i] = (forward - behind) / 2e-6
     across = np.eye(3) - (tangent[:, :, None] * tangent[:, None, :] if free else 0.0)
     metric = across * weight[:, None, None] if free else np.eye(3) * weight[:, None, None]
@@ -83,13 +91,13 @@ def test_rows_of_directions_are_those_of_finite_differences(start, free):
     rng = np.random.default_rng(4)
     s = np.sort(rng.uniform(-0.01, 0.41, 60))
     m = (2 if free else 3) + 2 + 3 + 6
-    here, tangent, _ = along(s, *_moved(np.zeros(m), start, free))
+    here, tangent, _ = along(s, form_of(*_moved(np.zeros(m), start, free)))
     sensed = tangent + 1e-3 * rng.normal(size=(60, 3))
     weight = np.where(rng.uniform(size=60) < 0.2, 0.0, rng.uniform(0.5, 2.0, 60))
     jacobian = np.empty((60, 3, m))
     for i in range(m):
         step = 1e-6 * np.eye(m)[i]
-        forward, behind = (along(s, *_moved(v, start, free))[1] for v in (step, -step))
+        forward, behind = (along(s, form_of(*_moved(v, start, free)))[1] for v in (step, -step))
         jacobian[:, :, i] = (forward - behind) / 2e-6
     metric = (np.eye(3) - tangent[:, :, None] * tangent[:, None, :]) * weight[:, None, None]
     # points on the chain have no residual; their share is taken off again
@@ -111,13 +119,13 @@ def test_rows_of_directions_are_those_of_finite_differences(start, free):
 def test_feet_are_where_the_distance_is_least(start):
     rng = np.random.default_rng(2)
     s = np.linspace(0.02, 0.38, 40)
-    x, _, _ = along(s, *start, JOINTS, BEND)
+    x, _, _ = along(s, form_of(*start, JOINTS, BEND))
     points = read_only(x + 2e-3 * rng.normal(size=(40, 3)))
     foot, data = s.copy(), Data(points, np.ones(40), True, 0.0, 0.4 / 40)
     for _ in range(6):
         normal_equations(data, _chain(*start, JOINTS, BEND, foot), 0.01)
     fine = np.linspace(0.0, 0.4, 40001)
-    curve, _, _ = along(fine, *start, JOINTS, BEND)
+    curve, _, _ = along(fine, form_of(*start, JOINTS, BEND))
     nearest = np.array([fine[np.argmin(np.sum((curve - p) ** 2, axis=1))] for p in points])
     np.testing.assert_allclose(foot, nearest, atol=2e-5)  # the grid is 1e-5 m
 
@@ -197,20 +205,19 @@ def test_the_error_of_the_length_holds_what_the_turned_end_adds(sensed):
 
 
 def _chain(start, axes, joints, bend, stations):
-    nothing = np.zeros((0, 0))
-    return Chain(start, axes, joints, bend, CURVED, stations, nothing, 0.0, np.zeros(len(stations)))
+    return unfitted(start, axes, joints, bend, stations)._replace(curved=CURVED)
 
 
 def test_the_foot_of_the_last_point_slides_as_in_finite_differences(start):
     """A parameter that carries the end of the chain forwards leaves the foot behind."""
     end, step = 0.4, 1e-6
-    point = along(np.array([end]), *start, JOINTS, BEND)[0][0]
+    point = along(np.array([end]), form_of(*start, JOINTS, BEND))[0][0]
     result = slide_of_end(_chain(*start, JOINTS, BEND, np.array([0.0, end])))
 
     def foot(values):
         moved, s = _moved(values, start, True), end
         for _ in range(5):
-            position, tangent, _ = along(np.array([s]), *moved)
+            position, tangent, _ = along(np.array([s]), form_of(*moved))
             s -= float((position[0] - point) @ tangent[0])
         return s
 
@@ -224,7 +231,7 @@ def test_the_foot_of_the_last_point_slides_as_in_finite_differences(start):
 def test_a_chain_that_has_turned_far_keeps_its_axes_at_right_angles(start):
     position, axes = start
     s = np.linspace(0.0, 0.4, 60)
-    points = along(s, position, axes, JOINTS, BEND)[0]
+    points = along(s, form_of(position, axes, JOINTS, BEND))[0]
     astray = _chain(position, _turned(axes, 0.3 * axes[1]), JOINTS, BEND, s)
     data = Data(points, np.ones(60), False, 0.0, 0.4 / 60)
     result = fit_fixed_pieces(data, astray)

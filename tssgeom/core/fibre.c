@@ -18,12 +18,13 @@ typedef struct {
 } Average;
 
 void tss_average_partitions(
-    int64_t n, const double s[n], const double bend[n][2], const double precision[n], const double cell[n + 1],
-    double rate, double variance, double *log_evidence, double *mean, double *angle_variance,
-    int64_t origin[n + 1], uint8_t curved[n + 1], double work[14 * n + 12]) {
+    int64_t n, const double s[n], const double bend[n][2], const double precision[n],
+    const double cell[n + 1], double rate, double variance, double *log_evidence, double *mean,
+    double *angle_variance, int64_t origin[n + 1], uint8_t curved[n + 1], double work[14 * n + 12]) {
     Sums *sum = (Sums *)work;
     Average *at = (Average *)(work + 4 * (n + 1));
-    double(*log_of)[2] = (double(*)[2])(work + 10 * (n + 1)), *joint = work + 12 * n + 10, *interval2 = joint + n;
+    double(*log_of)[2] = (double(*)[2])(work + 10 * (n + 1));
+    double *joint = work + 12 * n + 10, *interval2 = joint + n;
     memset(work, 0, (size_t)(10 * (n + 1)) * sizeof(double));
     memset(origin, 0, (size_t)(n + 1) * sizeof(int64_t));
     memset(curved, 0, (size_t)(n + 1));

@@ -12,6 +12,7 @@ bounds of the stretch that each grating stands for [m]. Returned are ln of the e
 variance [rad²] of the whole angle, and of the likeliest partition before each grating, and at the end,
 where its last piece begins, and whether that is curved [n + 1]. */
 ENTRY void tss_average_partitions(
-    int64_t n, const double s[n], const double bend[n][2], const double precision[n], const double cell[n + 1],
-    double rate, double variance, OUT double *log_evidence, OUT double *mean, OUT double *angle_variance,
-    OUT int64_t origin[n + 1], OUT uint8_t curved[n + 1], WORK double work[14 * n + 12]);
+    int64_t n, const double s[n], const double bend[n][2], const double precision[n],
+    const double cell[n + 1], double rate, double variance, OUT double *log_evidence, OUT double *mean,
+    OUT double *angle_variance, OUT int64_t origin[n + 1], OUT uint8_t curved[n + 1],
+    WORK double work[14 * n + 12]);

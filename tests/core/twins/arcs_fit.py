@@ -1,6 +1,7 @@
 """Slow twins of arcs_dense.c and arcs_fit.c: a chain of so many arcs, fitted by Levenberg and Marquardt."""
 
 import math
+from collections import namedtuple
 
 import numpy as np
 
@@ -10,13 +11,14 @@ from tssgeom.core.constants import MEDIANS
 from tssgeom.core.constants_arcs import CHAIN_FIT, CHAIN_TRACKING
 from tssgeom.core.constants_route import OUTLIERS
 from tssgeom.route.arcs.chain import (
-    Chain,
     criterion,
     first_joint_column,
     parameter_count,
     piece_length,
     value_count,
 )
+
+TwinChain = namedtuple("TwinChain", "start axes joints bend curved stations matrix cost square")
 
 
 def factor(matrix, damping):
@@ -189,7 +191,7 @@ def fit_pieces(data, chain, goal, restart):
 
 def evaluated(data, chain):
     """Return a chain with its equations, and the gradient."""
-    return _evaluated_at(data, chain.stations, *chain[:4], chain)
+    return _evaluated_at(data, chain.stations, chain.start, chain.axes, chain.joints, chain.bend, chain)
 
 
 def improved(data, candidate, least):
@@ -210,7 +212,7 @@ def improved(data, candidate, least):
 
 def equations_with_pieces(data, chain, joints, bend, curved):
     """Return matrix and gradient of the normal equations of other pieces on the curve of a chain."""
-    other = Chain(
+    other = TwinChain(
         chain.start, chain.axes, joints, bend, curved, chain.stations, chain.matrix, chain.cost, chain.square
     )
     matrix, gradient, _, _ = normal_equations(data, other, 0.0)
@@ -255,9 +257,9 @@ def _evaluated_at(
 
     What is not given is that of `chain`."""
     s = stations.copy()
-    at = Chain(start, axes, joints, bend, chain.curved, s, chain.matrix, chain.cost, chain.square)
+    at = TwinChain(start, axes, joints, bend, chain.curved, s, chain.matrix, chain.cost, chain.square)
     matrix, gradient, cost, square = normal_equations(data, at, CHAIN_FIT.reach * data.spacing)
-    return Chain(start, axes, joints, bend, chain.curved, s, matrix, cost, square), gradient
+    return TwinChain(start, axes, joints, bend, chain.curved, s, matrix, cost, square), gradient
 
 
 def _stepped(step, chain, free, shortest):
