@@ -17,9 +17,9 @@ from tssgeom.errors import SettingsError, ShapeError, SpaceError, TssgeomError, 
 from tssgeom.io.formats.files import Recording, find_inputs, open_recording, output_names, real
 from tssgeom.io.results.shapes import Analysis, frame_row, relative
 from tssgeom.rig import Rig, read_rig
-from tssgeom.route.arcs.equations import normal_equations
 from tssgeom.stream import Rejected, process
 from tssgeom.summary import RunningSummary
+from tssgeom.tendon.bars.march import march
 
 Done = TypeVar("Done")
 
@@ -91,8 +91,8 @@ def announce_compiling() -> None:
 
 def _is_compiled() -> bool:
     """Whether a kernel that every route needs is in the cache, compiled by whatever version."""
-    stats = getattr(normal_equations, "stats", None)  # missing where numba is set not to compile
-    return stats is None or any(Path(stats.cache_path).glob("*.normal_equations-*.nbi"))
+    stats = getattr(march, "stats", None)  # missing where numba is set not to compile
+    return stats is None or any(Path(stats.cache_path).glob("*.march-*.nbi"))
 
 
 def inputs_of(paths: Iterable[Path], besides: Collection[Path] = ()) -> Iterator[Path | Refusal]:

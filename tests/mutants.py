@@ -19,7 +19,7 @@ COMMANDS = "tests/effects/test_commands.py -k place_of_the_load"
 ARCS = "tests/route/test_arcs.py -k 'partition or parallel or given'"
 DIRECTIONS = "tests/route/test_directions.py -k 'refused or flipped'"
 TABLES = "tests/io/test_tables_of_points.py"
-CHAIN = "tests/route/test_chain.py -k 'finite_differences or feet or propagated or right_angles'"
+CORE_ARCS = "tests/core/test_arcs.py"
 DRIVE = "tests/identify/test_parts.py -k"
 LEGS = "tests/identify/test_calibration.py -k 'monotone or flatter'"
 
@@ -201,30 +201,31 @@ MUTANTS = (
     ),
     # the chain of arcs
     Mutant(
-        "tssgeom/route/arcs/equations.py",
-        "theta[i] = d0 * frame[j, 2, i] - d1 * frame[j, 1, i]",
-        "theta[i] = d0 * frame[j, 2, i] + d1 * frame[j, 1, i]",
-        CHAIN,
+        "tssgeom/core/arcs_equations.c",
+        "theta[i] = d0 * frame[j][2][i] - d1 * frame[j][1][i]",
+        "theta[i] = d0 * frame[j][2][i] + d1 * frame[j][1][i]",
+        CORE_ARCS,
+    ),
+    Mutant("tssgeom/core/arcs_moments.c", "sign = part == 2 ? 1.0 : -1.0", "sign = 1.0", CORE_ARCS),
+    Mutant("tssgeom/core/arcs.h", "f.b = (1 - cosine) / q", "f.b = (1 + cosine) / q", CORE_ARCS),
+    Mutant("tssgeom/core/arcs_dense.c", "value -= lower[a * m + c] * x[c]", "value -= 0.0", CORE_ARCS),
+    Mutant(
+        "tssgeom/core/arcs_fit.c", "(unit[c] * along - axis[c])", "(unit[c] * along + axis[c])", CORE_ARCS
     ),
     Mutant(
-        "tssgeom/route/arcs/equations.py",
-        "sign = 1.0 if part == 2 else -1.0",
-        "sign = 1.0",
-        CHAIN,
-    ),
-    Mutant("tssgeom/route/arcs/positions.py", "b = (1 - cos) / q", "b = (1 + cos) / q", CHAIN),
-    Mutant("tssgeom/route/arcs/dense.py", "value -= lower[a, c] * half[i, c]", "pass", CHAIN),
-    Mutant(
-        "tssgeom/route/arcs/fit.py",
-        "bow = unit[c] * along - axes[i, c]",
-        "bow = unit[c] * along + axes[i, c]",
-        CHAIN,
+        "tssgeom/core/arcs_equations.c",
+        "slide[a] = -dot3(tangent, moved)",
+        "slide[a] = dot3(tangent, moved)",
+        CORE_ARCS,
     ),
     Mutant(
-        "tssgeom/route/arcs/summary.py",
-        "slide[a] -= tangent[c] * moved",
-        "slide[a] += tangent[c] * moved",
-        CHAIN,
+        "tssgeom/core/arcs_summary.c", "hidden[j] * squared(length[j])", "hidden[j] * length[j]", CORE_ARCS
+    ),
+    Mutant(
+        "tssgeom/core/fibre.c",
+        "v = 1.0 / (mass + 1.0 / variance)",
+        "v = 1.0 / mass",
+        "tests/core/test_fibre.py",
     ),
     # what drives, and what is read
     Mutant(

@@ -9,8 +9,10 @@ from tests.mutation import ROOT
 
 
 @pytest.mark.parametrize("mutant", MUTANTS, ids=lambda each: each.text)
-def test_a_mutant_changes_one_text_and_is_still_python(mutant):
+def test_a_mutant_changes_one_text_and_python_stays_python(mutant):
     text = (ROOT / mutant.file).read_text(encoding="utf-8")
     assert text.count(mutant.old) == 1, f"the code has moved on: mend {mutant.text!r} in tests/mutants.py"
     broken = text.replace(mutant.old, mutant.new)
-    assert ast.dump(ast.parse(broken)) != ast.dump(ast.parse(text))
+    assert broken != text
+    if mutant.file.endswith(".py"):
+        assert ast.dump(ast.parse(broken)) != ast.dump(ast.parse(text))

@@ -26,8 +26,8 @@ def terminal_text(cache: Path) -> str:
 
 def test_it_is_reported_on_a_terminal_while_nothing_is_compiled(tmp_path):
     assert "compiling takes a minute or two" in terminal_text(tmp_path)
-    (folder,) = tmp_path.glob("arcs_*")
-    (folder / "equations.normal_equations-1.py311.nbi").touch()
+    (folder,) = tmp_path.glob("bars_*")
+    (folder / "march.march-1.py311.nbi").touch()
     assert terminal_text(tmp_path) == ""
 
 

@@ -3,13 +3,18 @@
 import numpy as np
 import pytest
 
+from tests.core.twins.arcs_equations import normal_equations, slide_of_end
+from tssgeom import core
 from tssgeom.arrays import read_only
-from tssgeom.route.arcs.chain import Chain, Data, WeightedTangents
-from tssgeom.route.arcs.dense import factor, propagated
-from tssgeom.route.arcs.equations import normal_equations
-from tssgeom.route.arcs.fit import fit_fixed_pieces
-from tssgeom.route.arcs.positions import along, squared_distances
-from tssgeom.route.arcs.summary import slide_of_end
+from tssgeom.route.arcs.chain import (
+    Data,
+    WeightedTangents,
+    along,
+    fit_fixed_pieces,
+    form_of,
+    squared_distances,
+    unfitted,
+)
 from tssgeom.route.geometry import measure
 from tssgeom.route.observations import clean
 from tssgeom.route.synthetic import chain, colon, half_circle, setup_a
@@ -58,18 +63,18 @@ def test_normal_equations_are_those_of_finite_differences(start, free):
     rng = np.random.default_rng(1)
     s = np.sort(rng.uniform(0, 0.4, 60))
     m = (2 if free else 3) + 2 + 3 + 6
-    here, tangent, _ = along(s, *_moved(np.zeros(m), start, free))
+    here, tangent, _ = along(s, form_of(*_moved(np.zeros(m), start, free)))
     points = read_only(here + 1e-3 * rng.normal(size=(60, 3)))
     weight = rng.uniform(0.5, 2.0, 60)
     jacobian = np.empty((60, 3, m))
     for i in range(m):
         step = 1e-6 * np.eye(m)[i]
-        forward, behind = (along(s, *_moved(v, start, free))[0] for v in (step, -step))
+        forward, behind = (along(s, form_of(*_moved(v, start, free)))[0] for v in (step, -step))
         jacobian[:, :, i] = (forward - behind) / 2e-6
     across = np.eye(3) - (tangent[:, :, None] * tangent[:, None, :] if free else 0.0)
     metric = across * weight[:, None, None] if free else np.eye(3) * weight[:, None, None]
-    data = Data(points, weight, free, 0.0, 0.4 / 60)
-    matrix, gradient, cost, square = normal_equations(data, _chain(*start, JOINTS, BEND, s), 0.0)
+    data, given = Data(points, weight, free, 0.0, 0.4 / 60), _chain(*start, JOINTS, BEND, s)
+    matrix, gradient, cost, square = normal_equations(data, given, 0.0)
     expected = np.einsum("nia,nij,njb->ab", jacobian, metric, jacobian)
     scale = np.sqrt(np.diag(expected))
     # central differences with a step of 1e-6 are good to 1e-9 of curvatures up to 20/m
@@ -77,7 +82,7 @@ def test_normal_equations_are_those_of_finite_differences(start, free):
     slope = np.einsum("nia,nij,nj->a", jacobian, metric, points - here)
     np.testing.assert_allclose(gradient / scale, slope / scale, atol=1e-9)
     assert cost == pytest.approx(np.einsum("ni,nij,nj->", points - here, metric, points - here), rel=1e-12)
-    distance = squared_distances(points, s, *start, JOINTS, BEND, free)
+    distance = squared_distances(data, given, across=free)
     np.testing.assert_allclose(square, distance, rtol=1e-9)  # of 1 mm, to the rounding of positions of 0.1 m
 
 
@@ -86,13 +91,13 @@ def test_rows_of_directions_are_those_of_finite_differences(start, free):
     rng = np.random.default_rng(4)
     s = np.sort(rng.uniform(-0.01, 0.41, 60))
     m = (2 if free else 3) + 2 + 3 + 6
-    here, tangent, _ = along(s, *_moved(np.zeros(m), start, free))
+    here, tangent, _ = along(s, form_of(*_moved(np.zeros(m), start, free)))
     sensed = tangent + 1e-3 * rng.normal(size=(60, 3))
     weight = np.where(rng.uniform(size=60) < 0.2, 0.0, rng.uniform(0.5, 2.0, 60))
     jacobian = np.empty((60, 3, m))
     for i in range(m):
         step = 1e-6 * np.eye(m)[i]
-        forward, behind = (along(s, *_moved(v, start, free))[1] for v in (step, -step))
+        forward, behind = (along(s, form_of(*_moved(v, start, free)))[1] for v in (step, -step))
         jacobian[:, :, i] = (forward - behind) / 2e-6
     metric = (np.eye(3) - tangent[:, :, None] * tangent[:, None, :]) * weight[:, None, None]
     # points on the chain have no residual; their share is taken off again
@@ -114,13 +119,13 @@ def test_rows_of_directions_are_those_of_finite_differences(start, free):
 def test_feet_are_where_the_distance_is_least(start):
     rng = np.random.default_rng(2)
     s = np.linspace(0.02, 0.38, 40)
-    x, _, _ = along(s, *start, JOINTS, BEND)
+    x, _, _ = along(s, form_of(*start, JOINTS, BEND))
     points = read_only(x + 2e-3 * rng.normal(size=(40, 3)))
     foot, data = s.copy(), Data(points, np.ones(40), True, 0.0, 0.4 / 40)
     for _ in range(6):
         normal_equations(data, _chain(*start, JOINTS, BEND, foot), 0.01)
     fine = np.linspace(0.0, 0.4, 40001)
-    curve, _, _ = along(fine, *start, JOINTS, BEND)
+    curve, _, _ = along(fine, form_of(*start, JOINTS, BEND))
     nearest = np.array([fine[np.argmin(np.sum((curve - p) ** 2, axis=1))] for p in points])
     np.testing.assert_allclose(foot, nearest, atol=2e-5)  # the grid is 1e-5 m
 
@@ -200,20 +205,19 @@ def test_the_error_of_the_length_holds_what_the_turned_end_adds(sensed):
 
 
 def _chain(start, axes, joints, bend, stations):
-    nothing = np.zeros((0, 0))
-    return Chain(start, axes, joints, bend, CURVED, stations, nothing, 0.0, np.zeros(len(stations)))
+    return unfitted(start, axes, joints, bend, stations)._replace(curved=CURVED)
 
 
 def test_the_foot_of_the_last_point_slides_as_in_finite_differences(start):
     """A parameter that carries the end of the chain forwards leaves the foot behind."""
     end, step = 0.4, 1e-6
-    point = along(np.array([end]), *start, JOINTS, BEND)[0][0]
+    point = along(np.array([end]), form_of(*start, JOINTS, BEND))[0][0]
     result = slide_of_end(_chain(*start, JOINTS, BEND, np.array([0.0, end])))
 
     def foot(values):
         moved, s = _moved(values, start, True), end
         for _ in range(5):
-            position, tangent, _ = along(np.array([s]), *moved)
+            position, tangent, _ = along(np.array([s]), form_of(*moved))
             s -= float((position[0] - point) @ tangent[0])
         return s
 
@@ -227,7 +231,7 @@ def test_the_foot_of_the_last_point_slides_as_in_finite_differences(start):
 def test_a_chain_that_has_turned_far_keeps_its_axes_at_right_angles(start):
     position, axes = start
     s = np.linspace(0.0, 0.4, 60)
-    points = along(s, position, axes, JOINTS, BEND)[0]
+    points = along(s, form_of(position, axes, JOINTS, BEND))[0]
     astray = _chain(position, _turned(axes, 0.3 * axes[1]), JOINTS, BEND, s)
     data = Data(points, np.ones(60), False, 0.0, 0.4 / 60)
     result = fit_fixed_pieces(data, astray)
@@ -240,6 +244,6 @@ def test_a_covariance_is_propagated_to_what_follows_from_the_parameters():
     root, gradient = rng.standard_normal((12, 12)), rng.standard_normal((5, 12))
     matrix = root @ root.T + np.diag(10.0 ** rng.uniform(-3, 3, 12))
     expected = gradient @ np.linalg.solve(matrix, gradient.T)
-    result = propagated(*factor(matrix, 0.0), gradient)
+    result = core.propagated(matrix, gradient, 0.0)
     # the condition of the scaled matrix is some hundreds
     np.testing.assert_allclose(result, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())

@@ -5,7 +5,7 @@ import pytest
 
 from tssgeom import core
 from tssgeom.errors import ShapeError
-from tssgeom.route.arcs.positions import along
+from tssgeom.route.arcs.chain import along, form_of
 from tssgeom.route.geometry import measure
 from tssgeom.route.observations import clean
 from tssgeom.route.spline.problem import FilterModel
@@ -25,7 +25,7 @@ def _coils(course: Course, seed: int, n: int = 20):
     rng = np.random.default_rng(seed)
     s = np.linspace(0.0, course.total_length, n)
     joints = np.concatenate(([0.0], np.cumsum(course.length)[:-1]))
-    position, tangent, _ = along(s, np.zeros(3), np.eye(3), joints, course.bend)
+    position, tangent, _ = along(s, form_of(np.zeros(3), np.eye(3), joints, course.bend))
     sensed = tangent + TURN * rng.standard_normal((n, 3))
     points = position + NOISE * rng.standard_normal((n, 3))
     return points, s, sensed / np.linalg.norm(sensed, axis=1)[:, None]

@@ -57,8 +57,9 @@ void tss_propagated(
 
 /* Information [d, d] and gradient [d] of d more parameters, the m factored ones fitted with them.
 
-   gradient [m] is that of the m parameters, near zero where they are at their best; cross [m, d] and own [d, d]: the
-   information between the m and the d parameters and of the d among themselves; slope [d]: the gradient of the d. */
+   gradient [m] is that of the m parameters, near zero where they are at their best; cross [m, d] and own
+   [d, d]: the information between the m and the d parameters and of the d among themselves; slope [d]: the
+   gradient of the d. */
 void schur_complement(
     int64_t m, const double lower[], const double unit[], const double gradient[], int64_t d,
     const double cross[], const double own[], const double slope[], double left[], double rest[], Work w) {

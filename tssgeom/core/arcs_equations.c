@@ -1,8 +1,8 @@
 /* The normal equations of fitting a chain of arcs to points, exactly and in linear time.
 
-   A change of any parameter before a point moves the point by a rigid twist (a, θ): δx = a + θ × x. The normal
-   equations therefore need of each piece only the moments of its points, and cost O(points + pieces²);
-   docs/model.md (30) to (32). */
+   A change of any parameter before a point moves the point by a rigid twist (a, θ): δx = a + θ × x. The
+   normal equations therefore need of each piece only the moments of its points, and cost O(points +
+   pieces²); docs/model.md (30) to (32). */
 #include "arcs.h"
 
 #include <string.h>
@@ -15,13 +15,14 @@ static void twist_of_turn(const double theta[3], const double centre[3], double 
     for (int i = 0; i < 3; i++) twist[3 + i] = theta[i];
 }
 
-/* Twist of every parameter [m], the first piece it moves, and the piece it bends (or -1); position and frame are those
-   where each piece begins. */
+/* Twist of every parameter [m], the first piece it moves, and the piece it bends (or -1); position and
+   frame are those where each piece begins. */
 static void twists(
     const Chain *chain, int64_t free, double position[][3], double frame[][3][3], double twist[][6],
     int64_t first[], int64_t own[]) {
     int64_t k = chain->k, shifts = free ? 2 : 3, row = shifts + 2;
-    double(*bend)[2] = chain->bend, theta[3], moved[2][3], turned[2][3], local[4][3];
+    const Form *form = chain->form;
+    double theta[3], moved[2][3], turned[2][3], local[4][3];
     memset(twist, 0, (size_t)chain->m * sizeof *twist);
     for (int64_t a = 0; a < chain->m; a++) first[a] = 0, own[a] = -1;
     for (int64_t c = 0; c < shifts; c++) {
@@ -30,7 +31,8 @@ static void twists(
     }
     for (int c = 0; c < 2; c++) twist_of_turn(frame[0][1 + c], position[0], twist[shifts + c]);
     for (int64_t j = 1; j < k; j++) {
-        double d0 = bend[j - 1][0] - bend[j][0], d1 = bend[j - 1][1] - bend[j][1];
+        const double *bend = form->piece[j].bend, *before = form->piece[j - 1].bend;
+        double d0 = before[0] - bend[0], d1 = before[1] - bend[1];
         for (int i = 0; i < 3; i++) theta[i] = d0 * frame[j][2][i] - d1 * frame[j][1][i]; /* t × e1 = e2 */
         twist_of_turn(theta, position[j], twist[row]);
         first[row++] = j;
@@ -38,10 +40,10 @@ static void twists(
     for (int64_t j = 0; j < k; j++) {
         if (!chain->curved[j]) continue;
         if (j + 1 < k) {
-            double h = chain->joints[j + 1] - chain->joints[j];
-            ArcFunctions f = arc_frame(bend[j], h, local);
-            turn_by_curvature(f, bend[j], h, turned);
-            position_by_curvature(f, bend[j], h, moved);
+            const double *bend = form->piece[j].bend, h = form->piece[j + 1].begin - form->piece[j].begin;
+            ArcFunctions f = arc_frame(bend, h, local);
+            turn_by_curvature(f, bend, h, turned);
+            position_by_curvature(f, bend, h, moved);
         }
         for (int c = 0; c < 2; c++, row++) {
             first[row] = j + 1, own[row] = j;
@@ -55,15 +57,15 @@ static void twists(
     }
 }
 
-/* Write matrix, gradient, cost and squares of a chain; (31), (32). Unknown stations are first moved towards the feet
-   of their points, by at most `reach` at a time [m]. */
+/* Write matrix, gradient, cost and squares of a chain; (31), (32). Unknown stations are first moved towards
+   the feet of their points, by at most `reach` at a time [m]. */
 void normal_equations(const Data *data, Chain *chain, double reach, Work w) {
     int64_t k = chain->k, m = chain->m;
     double(*position)[3] = (double(*)[3])take(&w, 3 * k), (*frame)[3][3] = (double(*)[3][3])take(&w, 9 * k);
     double(*twist)[6] = (double(*)[6])take(&w, 6 * m), (*moments)[9][9] = (double(*)[9][9])take(&w, 81 * k);
     int64_t *first = (int64_t *)take(&w, m), *own = (int64_t *)take(&w, m);
-    double(*beyond)[6][7] = (double(*)[6][7])take(&w, 42 * (k + 1)); /* moments, and those with the residual, of a
-                                                                        piece and all that follow */
+    /* moments, and those with the residual, of a piece and all that follow */
+    double(*beyond)[6][7] = (double(*)[6][7])take(&w, 42 * (k + 1));
     joint_frames(chain, position, frame);
     twists(chain, data->free, position, frame, twist, first, own);
     chain->cost = moments_of_points(data, chain, position, frame, reach, moments, w);
@@ -96,8 +98,8 @@ void normal_equations(const Data *data, Chain *chain, double reach, Work w) {
     }
 }
 
-/* How the foot of the last point moves along the chain with each parameter [m]; (31). A parameter that carries the end
-   forwards leaves the point behind it. */
+/* How the foot of the last point moves along the chain with each parameter [m]; (31). A parameter that
+   carries the end forwards leaves the point behind it. */
 void slide_of_end(int64_t n, const Chain *chain, double slide[], Work w) {
     int64_t k = chain->k, m = chain->m, side = 1;
     double(*position)[3] = (double(*)[3])take(&w, 3 * k), (*frame)[3][3] = (double(*)[3][3])take(&w, 9 * k);
@@ -105,7 +107,8 @@ void slide_of_end(int64_t n, const Chain *chain, double slide[], Work w) {
     int64_t *first = (int64_t *)take(&w, m), *own = (int64_t *)take(&w, m);
     joint_frames(chain, position, frame);
     twists(chain, 1, position, frame, twist, first, own);
-    const double *bend = chain->bend[k - 1], h = chain->stations[n - 1] - chain->joints[k - 1];
+    const double *bend = chain->form->piece[k - 1].bend;
+    double h = chain->stations[n - 1] - chain->form->piece[k - 1].begin;
     ArcFunctions f = arc_frame(bend, h, local);
     position_by_curvature(f, bend, h, by);
     in_axes(frame[k - 1], local[0], end);

@@ -27,7 +27,8 @@ int64_t is_sized(int64_t n, int64_t k, int64_t m, const uint8_t curved[], int64_
 
 /* Length of piece j [m]. */
 double piece_length(const Data *data, const Chain *chain, int64_t j) {
-    return (j + 1 < chain->k ? chain->joints[j + 1] : chain->stations[data->n - 1]) - chain->joints[j];
+    double end = j + 1 < chain->k ? chain->form->piece[j + 1].begin : chain->stations[data->n - 1];
+    return end - chain->form->piece[j].begin;
 }
 
 /* Noise variance of a coordinate, known or from the residuals [m²]. */
@@ -54,30 +55,27 @@ static double cost_at_criterion(const Data *data, int64_t m, double least_criter
 /* Let a chain begin at the foot of the first point, where that is on the first piece. */
 static void from_first_foot(int64_t n, Chain *chain) {
     double begin = chain->stations[0], local[4][3], axes[3][3], moved[3];
-    if (chain->k > 1 && !(begin < chain->joints[1])) return;
-    const double *bend = chain->bend[0], h = begin - chain->joints[0];
+    if (chain->k > 1 && !(begin < chain->form->piece[1].begin)) return;
+    const double *bend = chain->form->piece[0].bend, h = begin - chain->form->piece[0].begin;
     arc_frame(bend, h, local);
-    memcpy(axes, chain->axes, sizeof axes);
+    memcpy(axes, chain->form->axes, sizeof axes);
     in_axes(axes, local[0], moved);
     for (int c = 0; c < 3; c++) {
-        chain->start[c] += moved[c];
-        in_axes(axes, local[1 + c], chain->axes[c]);
+        chain->form->start[c] += moved[c];
+        in_axes(axes, local[1 + c], chain->form->axes[c]);
     }
-    for (int64_t j = 0; j < chain->k; j++) chain->joints[j] -= begin;
-    chain->joints[0] = 0.0;
+    for (int64_t j = 0; j < chain->k; j++) chain->form->piece[j].begin -= begin;
+    chain->form->piece[0].begin = 0.0;
     for (int64_t i = 0; i < n; i++) chain->stations[i] -= begin;
 }
 
 /* Shift and turn the start of a chain by the first parameters of a step. */
-static void turn_start(const double step[], int64_t free, const Chain *from, Chain *to) {
+static void turn_start(const double step[], int64_t free, const Form *from, Form *to) {
     int64_t shifts = free ? 2 : 3;
     double unit[3], size;
-    memcpy(to->start, from->start, sizeof to->start);
-    memcpy(to->axes, from->axes, sizeof to->axes);
     for (int i = 0; i < 3; i++) {
         unit[i] = step[shifts] * from->axes[1][i] + step[shifts + 1] * from->axes[2][i];
-        if (!free) to->start[i] += step[i];
-        else to->start[i] += step[0] * from->axes[1][i] + step[1] * from->axes[2][i];
+        to->start[i] += free ? step[0] * from->axes[1][i] + step[1] * from->axes[2][i] : step[i];
     }
     size = sqrt(dot3(unit, unit));
     if (!(size > 0.0)) return;
@@ -94,27 +92,28 @@ static void turn_start(const double step[], int64_t free, const Chain *from, Cha
     }
 }
 
+static size_t form_size(int64_t k) { return (size_t)(12 + 3 * k) * sizeof(double); }
+
 /* Apply a parameter step, joints kept in order and at least `shortest` [m] apart.
 
-   Where joints move, the turn of a piece follows its step, not the curvature: that of a short piece would need many
-   steps along a bent valley. */
+   Where joints move, the turn of a piece follows its step, not the curvature: that of a short piece would
+   need many steps along a bent valley. */
 static void step_chain(
-    const double step[], int64_t free, double shortest, double end, const Chain *from, Chain *to) {
-    int64_t k = from->k, row = first_joint_column(free);
+    const double step[], int64_t free, double shortest, double end, const Chain *chain, Form *to) {
+    int64_t k = chain->k, row = first_joint_column(free);
+    const Form *from = chain->form;
+    memcpy(to, from, form_size(k));
     turn_start(step, free, from, to);
-    to->joints[0] = from->joints[0];
     for (int64_t j = 1; j < k; j++)
-        to->joints[j] = most(from->joints[j] + step[row++], to->joints[j - 1] + shortest);
+        to->piece[j].begin = most(from->piece[j].begin + step[row++], to->piece[j - 1].begin + shortest);
     for (int64_t j = k - 1; j > 0; j--)
-        to->joints[j] = least(to->joints[j], (j + 1 < k ? to->joints[j + 1] : end) - shortest);
+        to->piece[j].begin = least(to->piece[j].begin, (j + 1 < k ? to->piece[j + 1].begin : end) - shortest);
     for (int64_t j = 0; j < k; j++) {
-        to->bend[j][0] = from->bend[j][0], to->bend[j][1] = from->bend[j][1];
-        if (!from->curved[j]) continue;
-        double before = (j + 1 < k ? from->joints[j + 1] : end) - from->joints[j];
-        double after = (j + 1 < k ? to->joints[j + 1] : end) - to->joints[j];
+        if (!chain->curved[j]) continue;
+        double before = (j + 1 < k ? from->piece[j + 1].begin : end) - from->piece[j].begin;
+        double after = (j + 1 < k ? to->piece[j + 1].begin : end) - to->piece[j].begin;
         double scale = most(before, shortest) / most(after, shortest);
-        to->bend[j][0] += scale * step[row++];
-        to->bend[j][1] += scale * step[row++];
+        for (int c = 0; c < 2; c++) to->piece[j].bend[c] += scale * step[row++];
     }
 }
 
@@ -123,12 +122,12 @@ static double curvature(const double bend[2]) { return sqrt(bend[0] * bend[0] + 
 /* Angle by which a chain turns from `here`, on piece *j, to `there` [rad]; *j becomes the piece there. */
 static double turned_to(double there, double here, const Chain *chain, int64_t *j) {
     double turned = 0.0;
-    for (; *j + 1 < chain->k && chain->joints[*j + 1] <= there; ++*j) {
-        double next = chain->joints[*j + 1];
-        turned += most(next - here, 0.0) * curvature(chain->bend[*j]);
+    for (; *j + 1 < chain->k && chain->form->piece[*j + 1].begin <= there; ++*j) {
+        double next = chain->form->piece[*j + 1].begin;
+        turned += most(next - here, 0.0) * curvature(chain->form->piece[*j].bend);
         here = most(next, here);
     }
-    return turned + most(there - here, 0.0) * curvature(chain->bend[*j]);
+    return turned + most(there - here, 0.0) * curvature(chain->form->piece[*j].bend);
 }
 
 /* Whether the chain turns so little from one point to the next that the points can determine it. */
@@ -140,45 +139,30 @@ static int64_t turn_is_identifiable(const Data *data, const Chain *chain) {
         if (!(data->weight[i] > 0.0)) continue;
         double turned = turned_to(s[i], here, chain, &j);
         int64_t wide = before >= 0 && s[i] - s[before] > CHAIN_FIT.wide * data->spacing;
-        if (before >= 0 && !(turned < (wide ? CHAIN_FIT.most_turn_unobserved : CHAIN_FIT.most_turn))) return 0;
+        double limit = wide ? CHAIN_FIT.most_turn_unobserved : CHAIN_FIT.most_turn;
+        if (before >= 0 && !(turned < limit)) return 0;
         before = i, here = s[i];
     }
-    double end = most(s[data->n - 1], chain->joints[chain->k - 1]); /* where no point counts */
+    double end = most(s[data->n - 1], chain->form->piece[chain->k - 1].begin); /* where no point counts */
     return turned_to(end, here, chain, &j) < CHAIN_FIT.most_turn_unobserved;
 }
 
-static Chain without_values(Chain chain, int64_t n, Work *w) {
-    chain.joints = take(w, chain.k), chain.bend = (double(*)[2])take(w, 2 * chain.k);
-    chain.stations = take(w, n), chain.square = take(w, n);
-    chain.matrix = take(w, chain.m * chain.m), chain.gradient = take(w, chain.m);
-    return chain;
-}
-
-/* A chain of given arrays; those that a fit writes are to be replaced before. */
-Chain given_chain(
-    int64_t k, int64_t m, const double start[3], const double axes[3][3], const double joints[],
-    const double bend[][2], const uint8_t curved[], const double stations[], const double matrix[], double cost) {
-    Chain chain = {.k = k, .m = m, .joints = (double *)joints, .bend = (double(*)[2])bend, .curved = curved,
-                   .stations = (double *)stations, .matrix = (double *)matrix, .cost = cost};
-    memcpy(chain.start, start, sizeof chain.start);
-    memcpy(chain.axes, axes, sizeof chain.axes);
-    return chain;
-}
-
-void copy_form(const Chain *from, Chain *to, int64_t n) {
-    memcpy(to->start, from->start, sizeof to->start);
-    memcpy(to->axes, from->axes, sizeof to->axes);
-    memcpy(to->joints, from->joints, (size_t)from->k * sizeof(double));
-    memcpy(to->bend, from->bend, (size_t)from->k * sizeof *to->bend);
-    memcpy(to->stations, from->stations, (size_t)n * sizeof(double));
+Chain chain_of(
+    int64_t k, int64_t m, const double form[][3], const uint8_t curved[], const double stations[],
+    const double matrix[], double cost) {
+    return (Chain){.k = k, .m = m, .form = (Form *)form, .curved = curved, .stations = (double *)stations,
+                   .matrix = (double *)matrix, .cost = cost};
 }
 
 /* Fit a chain by Levenberg and Marquardt, in place; see tss_fit_pieces. */
 void fit_pieces(const Data *data, Chain *chain, double goal, int64_t restart, Work w) {
     int64_t m = chain->m, n = data->n;
-    double *lower = take(&w, m * m), *unit = take(&w, m), *step = take(&w, m), damping = CHAIN_FIT.first_damping;
-    double values = (double)value_count(data), reach = CHAIN_FIT.reach * data->spacing;
-    Chain now = *chain, tried = without_values(*chain, n, &w);
+    double *lower = take(&w, m * m), *unit = take(&w, m), *step = take(&w, m);
+    double damping = CHAIN_FIT.first_damping, reach = CHAIN_FIT.reach * data->spacing;
+    double values = (double)value_count(data);
+    Chain now = *chain, tried = *chain;
+    tried.form = (Form *)take(&w, 12 + 3 * chain->k), tried.stations = take(&w, n), tried.square = take(&w, n);
+    tried.matrix = take(&w, m * m), tried.gradient = take(&w, m);
     if (restart && data->free) from_first_foot(n, &now);
     normal_equations(data, &now, reach, w);
     for (int64_t count = 0; count < CHAIN_FIT.most_steps; count++) {
@@ -189,7 +173,7 @@ void fit_pieces(const Data *data, Chain *chain, double goal, int64_t restart, Wo
         for (int64_t a = 0; a < m; a++) promised += step[a] * now.gradient[a];
         if (!(promised >= enough) || damping > CHAIN_FIT.most_damping) break;
         if (count >= CHAIN_FIT.trial_steps && now.cost - CHAIN_FIT.still_expected * promised > goal) break;
-        step_chain(step, data->free, data->shortest * data->spacing, now.stations[n - 1], &now, &tried);
+        step_chain(step, data->free, data->shortest * data->spacing, now.stations[n - 1], &now, tried.form);
         memcpy(tried.stations, now.stations, (size_t)n * sizeof(double));
         normal_equations(data, &tried, reach, w);
         if (tried.cost < now.cost && turn_is_identifiable(data, &tried)) {
@@ -202,15 +186,14 @@ void fit_pieces(const Data *data, Chain *chain, double goal, int64_t restart, Wo
             damping = most(CHAIN_FIT.harder * damping, CHAIN_FIT.damping_of_failure);
         }
     }
-    if (now.matrix != chain->matrix) { /* the result is in the other chain's memory */
-        copy_form(&now, chain, n);
+    if (now.form != chain->form) { /* the result is in the memory of the other */
+        memcpy(chain->form, now.form, form_size(chain->k));
+        memcpy(chain->stations, now.stations, (size_t)n * sizeof(double));
         memcpy(chain->square, now.square, (size_t)n * sizeof(double));
         memcpy(chain->gradient, now.gradient, (size_t)m * sizeof(double));
         memcpy(chain->matrix, now.matrix, (size_t)(m * m) * sizeof(double));
-        chain->cost = now.cost;
-    } else {
-        *chain = now;
     }
+    chain->cost = now.cost;
 }
 
 /* Whether the points are off the chain by no more than noise, of a variance as in the last frame [m²]. */
@@ -226,8 +209,8 @@ int64_t chain_fits(const Data *data, const Chain *chain, double last) {
     return chain->cost < most(CHAIN_TRACKING.noisier, 1.5 * highest) * usual;
 }
 
-/* Square beyond which a residual of this variance, one of `count`, is an outlier. */
-/* Weights by the distance across a chain, and whether they differ from those of `data`; see tss_outlier_weights. */
+/* Weights by the distance across a chain, and whether they differ from those of `data`; see
+   tss_outlier_weights. */
 int64_t outlier_weights(const Data *data, const double square[], double last, double weight[], Work w) {
     int64_t n = data->n, outliers = 0, differ = 0;
     double known = data->variance > 0.0 ? data->variance : last, robust = 0.0, *values = take(&w, n);
@@ -258,14 +241,13 @@ int64_t tss_outlier_weights(
 }
 
 int64_t tss_chain_fits(
-    int64_t n, int64_t k, int64_t m, const double weight[n], int64_t free, double variance, double spacing,
-    const double unit_weight[n], const double joints[k], const double bend[k][2], const double stations[n],
-    double cost, double last) {
-    if (n < 1 || k < 1) return 0;
+    int64_t n, int64_t rows, int64_t m, const double weight[n], int64_t free, double variance, double spacing,
+    const double unit_weight[n], const double form[rows][3], const double stations[n], double cost,
+    double last) {
+    if (n < 1 || rows < 5) return 0;
     Data data = {.n = n, .weight = weight, .free = free, .variance = variance, .spacing = spacing,
                  .unit_weight = unit_weight};
-    Chain chain = {.k = k, .m = m, .joints = (double *)joints, .bend = (double(*)[2])bend,
-                   .stations = (double *)stations, .cost = cost};
+    Chain chain = chain_of(rows - 4, m, form, NULL, stations, NULL, cost);
     return chain_fits(&data, &chain, last);
 }
 
@@ -274,7 +256,7 @@ static int64_t is_observed(const Data *data, const Chain *chain, Work w) {
     uint8_t *occupied = (uint8_t *)take(&w, chain->k);
     memset(occupied, 0, (size_t)chain->k);
     for (int64_t i = 0, j = 0; i < data->n; i++) {
-        j = piece_of(chain->k, chain->joints, chain->stations[i], j);
+        j = piece_of(chain, chain->stations[i], j);
         occupied[j] |= data->weight[i] > 0.0;
     }
     for (int64_t j = 0; j < chain->k; j++)
@@ -282,28 +264,33 @@ static int64_t is_observed(const Data *data, const Chain *chain, Work w) {
     return 1;
 }
 
+/* A chain that a fit writes into arrays of the caller's, as it is before. */
+Chain begun_chain(
+    int64_t n, int64_t k, int64_t m, const double form[][3], const uint8_t curved[], const double stations[],
+    double new_form[][3], double new_stations[], double matrix[], double square[], Work *w) {
+    Chain chain = chain_of(k, m, new_form, curved, new_stations, matrix, 0.0);
+    chain.square = square, chain.gradient = take(w, m);
+    memcpy(new_form, form, form_size(k));
+    memcpy(new_stations, stations, (size_t)n * sizeof(double));
+    return chain;
+}
+
 status tss_fit_pieces(
     int64_t n, int64_t k, int64_t m, const double points[n][3], const double weight[n], int64_t free,
-    double variance, double spacing, const double unit[n][3], const double unit_weight[n],
-    double shortest, const double start[3], const double axes[3][3], const double joints[k],
-    const double bend[k][2], const uint8_t curved[k], const double stations[n], double least_criterion, int64_t restart, int64_t *better,
-    double new_start[3], double new_axes[3][3], double new_joints[k], double new_bend[k][2],
-    double new_stations[n], double matrix[m][m], double *cost, double square[n],
-    double work[4 * n + 60 * k * k + 600 * k + 400]) {
+    double variance, double spacing, const double unit[n][3], const double unit_weight[n], double shortest,
+    const double form[k + 4][3], const uint8_t curved[k], const double stations[n], double least_criterion,
+    int64_t restart, int64_t *better, double new_form[k + 4][3], double new_stations[n], double matrix[m][m],
+    double *cost, double square[n], double work[4 * n + 60 * k * k + 600 * k + 400]) {
     if (!is_sized(n, k, m, curved, free)) return WRONG_SIZE;
     Work w = {work};
     Data data = {n, points, weight, free, variance, spacing, unit, unit_weight, shortest};
-    Chain given = given_chain(k, m, start, axes, joints, bend, curved, stations, matrix[0], 0.0), chain = given;
-    chain.joints = new_joints, chain.bend = new_bend, chain.stations = new_stations;
-    chain.gradient = take(&w, m), chain.square = square;
-    copy_form(&given, &chain, n);
+    Chain chain =
+        begun_chain(n, k, m, form, curved, stations, new_form, new_stations, matrix[0], square, &w);
     double goal = isinf(least_criterion) ? INFINITY : cost_at_criterion(&data, m, least_criterion);
     fit_pieces(&data, &chain, goal, restart, w);
     *better = criterion_of(&data, &chain) < least_criterion && is_observed(&data, &chain, w);
     /* a fit that came down slowly may have stopped short of its best */
     if (*better && !isinf(least_criterion)) fit_pieces(&data, &chain, INFINITY, 0, w);
-    memcpy(new_start, chain.start, sizeof chain.start);
-    memcpy(new_axes, chain.axes, sizeof chain.axes);
     *cost = chain.cost;
     return DONE;
 }

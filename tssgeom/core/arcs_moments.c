@@ -1,17 +1,18 @@
 /* Positions along a chain of arcs, and moments of the points on it.
 
-   The chain starts at a position with axes (tangent and two normals, carried along without twist). Piece j runs from
-   arc length b_j to b_j+1 with constant curvature components K_j on the normals, so a straight piece and a change of
-   the bending plane are regular points. The last piece goes on without end; docs/model.md (30).
+   The chain starts at a position with axes (tangent and two normals, carried along without twist). Piece j
+   runs from arc length b_j to b_j+1 with constant curvature components K_j on the normals, so a straight
+   piece and a change of the bending plane are regular points. The last piece goes on without end;
+   docs/model.md (30).
 
-   Moments of a piece are the products of the rows of its points (n, x × n, n·dx/dK, residual), summed: all that the
-   normal equations of a fit need of it; (32). */
+   Moments of a piece are the products of the rows of its points (n, x × n, n·dx/dK, residual), summed: all
+   that the normal equations of a fit need of it; (32). */
 #include "arcs.h"
 
 #include <string.h>
 
-/* Position and axes (rows: position, tangent, normals) at arc length h, in the axes at the start of the arc; returns
-   the functions of its squared turn. */
+/* Position and axes (rows: position, tangent, normals) at arc length h, in the axes at the start of the
+   arc; returns the functions of its squared turn. */
 ArcFunctions arc_frame(const double bend[2], double h, double local[4][3]) {
     ArcFunctions f = arc_functions((bend[0] * bend[0] + bend[1] * bend[1]) * h * h);
     double a = f.a, b = f.b, w0 = bend[0] * h, w1 = bend[1] * h;
@@ -28,11 +29,12 @@ void in_axes(double axes[3][3], const double local[3], double world[3]) {
 }
 
 void joint_frames(const Chain *chain, double position[][3], double frame[][3][3]) {
-    memcpy(position[0], chain->start, sizeof chain->start);
-    memcpy(frame[0], chain->axes, sizeof chain->axes);
+    memcpy(position[0], chain->form->start, sizeof chain->form->start);
+    memcpy(frame[0], chain->form->axes, sizeof chain->form->axes);
     double local[4][3];
     for (int64_t j = 1; j < chain->k; j++) {
-        arc_frame(chain->bend[j - 1], chain->joints[j] - chain->joints[j - 1], local);
+        double h = chain->form->piece[j].begin - chain->form->piece[j - 1].begin;
+        arc_frame(chain->form->piece[j - 1].bend, h, local);
         in_axes(frame[j - 1], local[0], position[j]);
         for (int c = 0; c < 3; c++) position[j][c] += position[j - 1][c];
         for (int c = 0; c < 3; c++) in_axes(frame[j - 1], local[1 + c], frame[j][c]);
@@ -63,28 +65,26 @@ void turn_by_curvature(ArcFunctions f, const double bend[2], double h, double tu
 }
 
 status tss_along_chain(
-    int64_t r, int64_t k, const double s[r], const double start[3], const double axes[3][3],
-    const double joints[k], const double bend[k][2], double position[r][3], double frame[r][3][3],
-    double work[12 * k]) {
-    if (k < 1) return WRONG_SIZE;
-    Chain chain = {.k = k, .joints = (double *)joints, .bend = (double(*)[2])bend};
-    double(*begin)[3] = (double(*)[3])work, (*begin_axes)[3][3] = (double(*)[3][3])(work + 3 * k), local[4][3];
-    memcpy(chain.start, start, sizeof chain.start);
-    memcpy(chain.axes, axes, sizeof chain.axes);
-    joint_frames(&chain, begin, begin_axes);
+    int64_t r, int64_t rows, const double s[r], const double form[rows][3], double position[r][3],
+    double frame[r][3][3], double work[12 * rows]) {
+    if (rows < 5) return WRONG_SIZE;
+    Chain chain = chain_of(rows - 4, 0, form, NULL, NULL, NULL, 0.0);
+    double(*begin)[3] = (double(*)[3])work, (*axes)[3][3] = (double(*)[3][3])(work + 3 * rows), local[4][3];
+    joint_frames(&chain, begin, axes);
     for (int64_t i = 0, j = 0; i < r; i++) {
-        j = piece_of(k, joints, s[i], j);
-        arc_frame(bend[j], s[i] - joints[j], local);
-        in_axes(begin_axes[j], local[0], position[i]);
+        j = piece_of(&chain, s[i], j);
+        arc_frame(chain.form->piece[j].bend, s[i] - chain.form->piece[j].begin, local);
+        in_axes(axes[j], local[0], position[i]);
         for (int c = 0; c < 3; c++) position[i][c] += begin[j][c];
-        for (int c = 0; c < 3; c++) in_axes(begin_axes[j], local[1 + c], frame[i][c]);
+        for (int c = 0; c < 3; c++) in_axes(axes[j], local[1 + c], frame[i][c]);
     }
     return DONE;
 }
 
-/* The plane in which a piece bends: its curvature, the direction of that on both normals, and axes: the tangent where
-   the piece begins, the normal that it bends to, and the one across. In it the piece is at x = (x₀, κg) with tangent
-   (1 - κ²g, κx₀), where x₀ = sin κh/κ and g = (1 - cos κh)/κ² are regular for a straight piece too. */
+/* The plane in which a piece bends: its curvature, the direction of that on both normals, and axes: the
+   tangent where the piece begins, the normal that it bends to, and the one across. In it the piece is at x
+   = (x₀, κg) with tangent (1 - κ²g, κx₀), where x₀ = sin κh/κ and g = (1 - cos κh)/κ² are regular for a
+   straight piece too. */
 typedef struct {
     double kappa, towards[2], axes[3][3];
 } Plane;
@@ -166,23 +166,24 @@ static void add_sums_across(
     add_rows(second, products, of + 9, moments);
 }
 
-/* Unknown stations: they are moved to the feet of their points, by at most `reach` [m] at a time and a second time
-   where the first took them far; a reach of 0 leaves them where they are. Only distances across the chain count. */
+/* Unknown stations: they are moved to the feet of their points, by at most `reach` [m] at a time and a
+   second time where the first took them far; a reach of 0 leaves them where they are. Only distances across
+   the chain count. */
 static double moments_across(
     const Data *data, Chain *chain, double position[][3], double frame[][3][3], double reach,
     double moments[][9][9], Work w) {
     Plane *planes = (Plane *)take(&w, chain->k * (int64_t)(sizeof *planes / sizeof(double)));
     double(*sums)[12] = (double(*)[12])take(&w, 12 * chain->k); /* of products with 1, x₀ and g */
     memset(sums, 0, (size_t)chain->k * sizeof *sums);
-    for (int64_t j = 0; j < chain->k; j++) planes[j] = bending_plane(frame[j], chain->bend[j]);
+    for (int64_t j = 0; j < chain->k; j++) planes[j] = bending_plane(frame[j], chain->form->piece[j].bend);
     double cost = 0.0, near = FOOT.near * reach;
     /* each point goes on from where the last one was before it moved, so that both may be worked on at once */
     int64_t base = 0;
-    double base_at = chain->joints[0], base_x = 0.0, base_g = 0.0;
+    double base_at = chain->form->piece[0].begin, base_x = 0.0, base_g = 0.0;
     for (int64_t i = 0; i < data->n; i++) {
         double s = chain->stations[i], r1 = 0.0, off[3];
-        int64_t j = piece_of(chain->k, chain->joints, s, base);
-        if (j != base) base = j, base_at = chain->joints[j], base_x = base_g = 0.0;
+        int64_t j = piece_of(chain, s, base);
+        if (j != base) base = j, base_at = chain->form->piece[j].begin, base_x = base_g = 0.0;
         advance(planes[j].kappa, s - base_at, &base_x, &base_g);
         base_at = s;
         double x = base_x, g = base_g;
@@ -197,8 +198,8 @@ static double moments_across(
             if (!(fabs(move) >= near)) steps = 1; /* there is no other step */
             s += move;
             int64_t before = j;
-            j = piece_of(chain->k, chain->joints, s, j);
-            if (j != before) x = g = 0.0, move = s - chain->joints[j];
+            j = piece_of(chain, s, j);
+            if (j != before) x = g = 0.0, move = s - chain->form->piece[j].begin;
             advance(planes[j].kappa, move, &x, &g);
         }
         double r2 = off[2], w = data->weight[i], *of = sums[j];
@@ -227,8 +228,8 @@ static double moments_known(
     double cost = 0.0, local[4][3], moved[2][3], x[3], by[2][3];
     for (int64_t i = 0, j = 0; i < data->n; i++) {
         double s = chain->stations[i], weight = data->weight[i];
-        j = piece_of(chain->k, chain->joints, s, j);
-        const double *bend = chain->bend[j], h = s - chain->joints[j];
+        j = piece_of(chain, s, j);
+        const double *bend = chain->form->piece[j].bend, h = s - chain->form->piece[j].begin;
         ArcFunctions f = arc_frame(bend, h, local);
         in_axes(frame[j], local[0], x);
         for (int c = 0; c < 3; c++) x[c] += position[j][c];
@@ -255,8 +256,8 @@ static double add_tangents(
     for (int64_t i = 0, j = 0; i < data->n; i++) {
         double weight = data->unit_weight[i];
         if (!(weight > 0.0)) continue;
-        j = piece_of(chain->k, chain->joints, chain->stations[i], j);
-        const double *bend = chain->bend[j], h = chain->stations[i] - chain->joints[j];
+        j = piece_of(chain, chain->stations[i], j);
+        const double *bend = chain->form->piece[j].bend, h = chain->stations[i] - chain->form->piece[j].begin;
         ArcFunctions f = arc_frame(bend, h, local);
         turn_by_curvature(f, bend, h, by);
         for (int c = 0; c < 3; c++) off[c] = dot3(data->unit[i], frame[j][c]);
@@ -264,7 +265,8 @@ static double add_tangents(
             double *turn = local[5 - part], sign = part == 2 ? 1.0 : -1.0, row[9] = {0};
             in_axes(frame[j], turn, row + 3);
             for (int c = 0; c < 3; c++) row[3 + c] *= sign;
-            row[6] = sign * dot3(by[0], turn), row[7] = sign * dot3(by[1], turn), row[8] = dot3(off, local[part]);
+            for (int c = 0; c < 2; c++) row[6 + c] = sign * dot3(by[c], turn);
+            row[8] = dot3(off, local[part]);
             cost += weight * row[8] * row[8];
             add_row(weight, row, moments[j]);
         }
@@ -272,8 +274,8 @@ static double add_tangents(
     return cost;
 }
 
-/* Moments of each piece [k], in the world's axes; writes squared distances, moves unknown stations towards the feet of
-   their points, by at most `reach` at a time [m], and returns the weighted sum of squares [m²]. */
+/* Moments of each piece [k], in the world's axes; writes squared distances, moves unknown stations towards
+   the feet of their points, by at most `reach` at a time [m], and returns the weighted sum of squares [m²]. */
 double moments_of_points(
     const Data *data, Chain *chain, double position[][3], double frame[][3][3], double reach,
     double moments[][9][9], Work w) {

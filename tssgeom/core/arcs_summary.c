@@ -5,8 +5,8 @@
 
 /* Mean square of the curvature that each straight piece may have [1/m²], 0 for a curved one; (124).
 
-   A piece is straight where the criterion prefers it without curvature. It may be curved all the same, with the odds
-   that the criterion gives, and then as in the best fit. */
+   A piece is straight where the criterion prefers it without curvature. It may be curved all the same, with
+   the odds that the criterion gives, and then as in the best fit. */
 static void hidden_bends(const Data *data, const Chain *chain, const double lower[], const double unit[],
                          double hidden[], Work w) {
     int64_t k = chain->k, m = chain->m, straight = 0;
@@ -23,7 +23,8 @@ static void hidden_bends(const Data *data, const Chain *chain, const double lowe
     for (int64_t a = 0; a < first; a++) fitted[a] = a;
     for (int64_t j = 0, a = first; j < k; j++)
         for (int64_t c = 0; c < 2 && chain->curved[j]; c++) fitted[a++] = first + 2 * j + c;
-    double *cross = take(&w, 2 * m), *gradient = take(&w, m), own[4], left[4], rest[2], root[4], units[2], bend[2];
+    double *cross = take(&w, 2 * m), *gradient = take(&w, m);
+    double own[4], left[4], rest[2], root[4], units[2], bend[2];
     double variance = noise_variance(data, chain), price = 2.0 * log((double)value_count(data));
     for (int64_t a = 0; a < m; a++) gradient[a] = bent.gradient[fitted[a]];
     for (int64_t j = 0; j < k; j++) {
@@ -47,14 +48,15 @@ static void hidden_bends(const Data *data, const Chain *chain, const double lowe
     }
 }
 
-/* Piece whose bend is known least, if its points do not determine it, or -1. Such a piece may lie beyond the last joint
-   that points surround. */
+/* Piece whose bend is known least, if its points do not determine it, or -1. Such a piece may lie beyond
+   the last joint that points surround. */
 static int64_t unidentifiable_of(int64_t k, const double length[], const double covariance[], double spacing) {
     int64_t worst = -1;
     double error = IDENTIFIABLE.largest_se_short;
     for (int64_t j = 0; j < k; j++) {
         double se = sqrt(most(covariance[(k + j) * 2 * k + k + j], 0.0));
-        double limit = length[j] < IDENTIFIABLE.few_points * spacing ? error : most(error, IDENTIFIABLE.largest_se);
+        int few = length[j] < IDENTIFIABLE.few_points * spacing;
+        double limit = few ? error : most(error, IDENTIFIABLE.largest_se);
         if (!(se < limit)) worst = j, error = se;
     }
     return k > 1 ? worst : -1;
@@ -70,13 +72,14 @@ double pieces_of(
     memset(gradient, 0, (size_t)(r * m) * sizeof(double));
     for (int64_t j = 0, column = joint + k; j < k; j++) {
         double *of_length = gradient + j * m, *of_angle = gradient + (k + j) * m;
-        double k0 = chain->bend[j][0], k1 = chain->bend[j][1], kappa = sqrt(k0 * k0 + k1 * k1);
-        double begin = j > 0 ? chain->joints[j] : chain->stations[0];
-        length[j] = (j + 1 < k ? chain->joints[j + 1] : chain->stations[data->n - 1]) - begin;
+        const double *bend = chain->form->piece[j].bend;
+        double kappa = sqrt(bend[0] * bend[0] + bend[1] * bend[1]);
+        double begin = j > 0 ? chain->form->piece[j].begin : chain->stations[0];
+        length[j] = (j + 1 < k ? chain->form->piece[j + 1].begin : chain->stations[data->n - 1]) - begin;
         angle[j] = kappa * length[j];
         if (chain->curved[j]) {
             if (kappa > 0.0)
-                of_angle[column] = length[j] * k0 / kappa, of_angle[column + 1] = length[j] * k1 / kappa;
+                for (int c = 0; c < 2; c++) of_angle[column + c] = length[j] * bend[c] / kappa;
             column += 2;
         }
         if (j > 0) of_length[joint + j] = -1.0, of_angle[joint + j] = -kappa;
@@ -95,7 +98,7 @@ double pieces_of(
     if (data->free) /* an unknown station of an end takes its angle along */
         for (int end = 0; end < 2; end++) {
             int64_t j = end ? k - 1 : 0;
-            double kappa = sqrt(squared(chain->bend[j][0]) + squared(chain->bend[j][1]));
+            double kappa = sqrt(squared(chain->form->piece[j].bend[0]) + squared(chain->form->piece[j].bend[1]));
             covariance[j * r + j] += variance;
             covariance[j * r + k + j] += variance * kappa;
             covariance[(k + j) * r + j] += variance * kappa;
@@ -106,14 +109,13 @@ double pieces_of(
 
 status tss_chain_pieces(
     int64_t n, int64_t k, int64_t m, const double points[n][3], const double weight[n], int64_t free,
-    double variance, double spacing, const double unit[n][3], const double unit_weight[n], const double start[3],
-    const double axes[3][3], const double joints[k], const double bend[k][2], const uint8_t curved[k],
-    const double stations[n], const double matrix[m][m], double cost, double length[k], double angle[k],
-    double covariance[2 * k][2 * k], double *noise, int64_t *unidentifiable, double hidden[k],
-    double work[4 * n + 60 * k * k + 600 * k + 400]) {
+    double variance, double spacing, const double unit[n][3], const double unit_weight[n],
+    const double form[k + 4][3], const uint8_t curved[k], const double stations[n], const double matrix[m][m],
+    double cost, double length[k], double angle[k], double covariance[2 * k][2 * k], double *noise,
+    int64_t *unidentifiable, double hidden[k], double work[4 * n + 60 * k * k + 600 * k + 400]) {
     if (!is_sized(n, k, m, curved, free)) return WRONG_SIZE;
     Data data = {n, points, weight, free, variance, spacing, unit, unit_weight, 1.0};
-    Chain chain = given_chain(k, m, start, axes, joints, bend, curved, stations, matrix[0], cost);
+    Chain chain = chain_of(k, m, form, curved, stations, matrix[0], cost);
     *noise = pieces_of(&data, &chain, length, angle, covariance[0], hidden, (Work){work});
     *unidentifiable = unidentifiable_of(k, length, covariance[0], spacing);
     return DONE;
@@ -121,38 +123,31 @@ status tss_chain_pieces(
 
 status tss_follow_chain(
     int64_t n, int64_t k, int64_t m, const double points[n][3], const double weight[n], int64_t free,
-    double variance, double spacing, const double unit[n][3], const double unit_weight[n],
-    double shortest, const double start[3], const double axes[3][3], const double joints[k],
-    const double bend[k][2], const uint8_t curved[k], const double stations[n], double last, int64_t *fits, double new_weight[n],
-    double new_start[3], double new_axes[3][3], double new_joints[k], double new_bend[k][2],
-    double new_stations[n], double matrix[m][m], double *cost, double square[n], double length[k],
-    double angle[k], double covariance[2 * k][2 * k], double *noise, int64_t *unidentifiable,
+    double variance, double spacing, const double unit[n][3], const double unit_weight[n], double shortest,
+    const double form[k + 4][3], const uint8_t curved[k], const double stations[n], double last,
+    int64_t *fits, double new_weight[n], double new_form[k + 4][3], double new_stations[n],
+    double matrix[m][m], double *cost, double square[n], double length[k], double angle[k],
+    double covariance[2 * k][2 * k], double *noise, int64_t *unidentifiable, double hidden[k],
     double work[4 * n + 60 * k * k + 600 * k + 400]) {
     if (!is_sized(n, k, m, curved, free)) return WRONG_SIZE;
     Work w = {work};
     Data data = {n, points, weight, free, variance, spacing, unit, unit_weight, shortest};
-    Chain given = given_chain(k, m, start, axes, joints, bend, curved, stations, matrix[0], 0.0), chain = given;
-    chain.joints = new_joints, chain.bend = new_bend, chain.stations = new_stations;
-    chain.gradient = take(&w, m), chain.square = square;
-    copy_form(&given, &chain, n);
+    Chain chain =
+        begun_chain(n, k, m, form, curved, stations, new_form, new_stations, matrix[0], square, &w);
     fit_pieces(&data, &chain, INFINITY, 1, w);
-    if (outlier_weights(&data, square, last, new_weight, w)) {
-        data.weight = new_weight;
-        fit_pieces(&data, &chain, INFINITY, 0, w);
-    }
+    int64_t differ = outlier_weights(&data, square, last, new_weight, w);
     data.weight = new_weight;
+    if (differ) fit_pieces(&data, &chain, INFINITY, 0, w);
     *fits = chain_fits(&data, &chain, last);
-    double *hidden = take(&w, k);
+    *cost = chain.cost;
     *noise = pieces_of(&data, &chain, length, angle, covariance[0], hidden, w);
     *unidentifiable = unidentifiable_of(k, length, covariance[0], spacing);
-    memcpy(new_start, chain.start, sizeof chain.start);
-    memcpy(new_axes, chain.axes, sizeof chain.axes);
-    *cost = chain.cost;
     return DONE;
 }
 
-/* What d sums of p more parameters save of the cost [m²]: left and rest are the information [p, p] and the gradient [p]
-   of these, the rest of the chain fitted with them, and own the information without that; rows are `stride` apart. */
+/* What d sums of p more parameters save of the cost [m²]: left and rest are the information [p, p] and the
+   gradient [p] of these, the rest of the chain fitted with them, and own the information without that; rows
+   are `stride` apart. */
 static double saved_by_sums(
     int64_t p, int64_t stride, const double left[], const double own[], const double rest[], int64_t d,
     const double sums[], Work w) {
@@ -183,10 +178,11 @@ static double saved_by_sums(
     return saved;
 }
 
-/* Write the normal equations of a chain with every piece cut into equal parts that have curvatures of their own.
+/* Write the normal equations of a chain with every piece cut into equal parts that have curvatures of their
+   own.
 
-   What is left of the information on these p = 2 parts k curvatures [p, p] and of their gradient [p], the parameters of
-   the chain fitted with them, and their information before that: `left`, `rest` and `own`. */
+   What is left of the information on these p = 2 parts k curvatures [p, p] and of their gradient [p], the
+   parameters of the chain fitted with them, and their information before that: `left`, `rest` and `own`. */
 static void part_equations(
     const Data *data, const Chain *chain, double left[], double rest[], double own[], Work w) {
     int64_t k = chain->k, m = chain->m, parts = CHAIN_MOVES.parts, n = parts * k, p = 2 * n;
@@ -194,13 +190,14 @@ static void part_equations(
     uint8_t *curved = (uint8_t *)take(&w, n);
     memset(curved, 1, (size_t)n);
     Chain cut = *chain;
-    cut.k = n, cut.m = all, cut.curved = curved, cut.joints = take(&w, n), cut.bend = (double(*)[2])take(&w, 2 * n);
+    cut.k = n, cut.m = all, cut.curved = curved, cut.form = (Form *)take(&w, 12 + 3 * n);
     cut.matrix = take(&w, all * all), cut.gradient = take(&w, all), cut.square = take(&w, data->n);
+    memcpy(cut.form, chain->form, sizeof *cut.form);
     for (int64_t i = 0; i < n; i++) {
         int64_t j = i / parts;
         double share = (double)(i % parts) / (double)parts;
-        cut.joints[i] = chain->joints[j] + piece_length(data, chain, j) * share;
-        memcpy(cut.bend[i], chain->bend[j], sizeof *cut.bend);
+        cut.form->piece[i].begin = chain->form->piece[j].begin + piece_length(data, chain, j) * share;
+        memcpy(cut.form->piece[i].bend, chain->form->piece[j].bend, sizeof cut.form->piece[i].bend);
     }
     normal_equations(data, &cut, 0.0, w);
     double *cross = take(&w, m * p), *gradient = take(&w, m), *lower = take(&w, m * m), *unit = take(&w, m);
@@ -226,16 +223,17 @@ static void part_equations(
 
 status tss_saved_by_parts(
     int64_t n, int64_t k, int64_t m, const double points[n][3], const double weight[n], int64_t free,
-    double variance, double spacing, const double unit[n][3], const double unit_weight[n], const double start[3],
-    const double axes[3][3], const double joints[k], const double bend[k][2], const uint8_t curved[k],
-    const double stations[n], const double matrix[m][m], double cost, double saved[k], int64_t part[k],
-    double *by_slopes, double work[4 * n + 500 * k * k + 2400 * k + 800]) {
+    double variance, double spacing, const double unit[n][3], const double unit_weight[n],
+    const double form[k + 4][3], const uint8_t curved[k], const double stations[n], const double matrix[m][m],
+    double cost, double saved[k], int64_t part[k], double *by_slopes,
+    double work[4 * n + 500 * k * k + 2400 * k + 800]) {
     if (!is_sized(n, k, m, curved, free)) return WRONG_SIZE;
     Work w = {work};
     Data data = {n, points, weight, free, variance, spacing, unit, unit_weight, 1.0};
-    Chain chain = given_chain(k, m, start, axes, joints, bend, curved, stations, matrix[0], cost);
+    Chain chain = chain_of(k, m, form, curved, stations, matrix[0], cost);
     int64_t parts = CHAIN_MOVES.parts, of_piece = 2 * parts, p = of_piece * k;
-    double *left = take(&w, p * p), *rest = take(&w, p), *own = take(&w, p * p), *sums = take(&w, 2 * k * p);
+    double *left = take(&w, p * p), *rest = take(&w, p), *own = take(&w, p * p);
+    double *sums = take(&w, (2 * k + 2) * p);
     double noise = noise_variance(&data, &chain);
     part_equations(&data, &chain, left, rest, own, w);
     for (int64_t j = 0; j < k; j++) {
@@ -248,7 +246,8 @@ status tss_saved_by_parts(
             for (int64_t e = 0; e < d; e++)
                 for (int64_t a = 0; a < of_piece; a++)
                     sums[e * of_piece + a] = a % 2 == e % 2 && (a / 2 >= cut) == (e >= 2);
-            double here = saved_by_sums(of_piece, p, left + corner, own + corner, rest + of_piece * j, d, sums, w);
+            double here =
+                saved_by_sums(of_piece, p, left + corner, own + corner, rest + of_piece * j, d, sums, w);
             if (here / noise > saved[j]) saved[j] = here / noise, part[j] = cut;
         }
     }

@@ -57,8 +57,8 @@ class ChainFit(NamedTuple):
     least_variance: float = 1e-26
     """Least noise variance of a coordinate [m²]; rounding of coordinates."""
     least_information: float = 1e-13
-    """Least information on a parameter beside the others, of its own [1]: below it the others determine all of
-    it, but for rounding."""
+    """Least information on a parameter beside the others, of its own [1]: below it the others determine all
+    of it, but for rounding."""
     kink: float = 0.1
     """Shortest piece of a chain with kinks [mean spacings]; chosen."""
     clearly: float = 0.9

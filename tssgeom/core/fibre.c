@@ -5,24 +5,26 @@
 enum { NEGLIGIBLE = 28 }; /* of ln evidence below the likeliest: e^-28 is rounding */
 static const double TAU = 6.283185307179586476925;
 
-/* Sums over the gratings before one: precision, precision times both components, and -2 ln likelihood about zero. */
+/* Sums over the gratings before one: precision, precision times both components, and -2 ln likelihood about
+   zero. */
 typedef struct {
     double mass, first[2], square;
 } Sums;
 
-/* Of all partitions of the gratings before one: ln evidence, mean and mean square of φ, and of |κ| of the last piece;
-   ln evidence of the likeliest. */
+/* Of all partitions of the gratings before one: ln evidence, mean and mean square of φ, and of |κ| of the
+   last piece; ln evidence of the likeliest. */
 typedef struct {
     double total, best, phi, phi2, kappa, kappa2;
 } Average;
 
 void tss_average_partitions(
-    int64_t n, const double s[n], const double bend[n][2], const double precision[n], const double cell[n + 1],
-    double rate, double variance, double *log_evidence, double *mean, double *angle_variance,
-    int64_t origin[n + 1], uint8_t curved[n + 1], double work[14 * n + 12]) {
+    int64_t n, const double s[n], const double bend[n][2], const double precision[n],
+    const double cell[n + 1], double rate, double variance, double *log_evidence, double *mean,
+    double *angle_variance, int64_t origin[n + 1], uint8_t curved[n + 1], double work[14 * n + 12]) {
     Sums *sum = (Sums *)work;
     Average *at = (Average *)(work + 4 * (n + 1));
-    double(*log_of)[2] = (double(*)[2])(work + 10 * (n + 1)), *joint = work + 12 * n + 10, *interval2 = joint + n;
+    double(*log_of)[2] = (double(*)[2])(work + 10 * (n + 1));
+    double *joint = work + 12 * n + 10, *interval2 = joint + n;
     memset(work, 0, (size_t)(10 * (n + 1)) * sizeof(double));
     memset(origin, 0, (size_t)(n + 1) * sizeof(int64_t));
     memset(curved, 0, (size_t)(n + 1));

@@ -15,7 +15,7 @@ import numpy as np
 from tssgeom import core
 from tssgeom.arrays import Vector, read_only
 from tssgeom.errors import FitError
-from tssgeom.route.arcs.chain import Chain, Data, fit_fixed_pieces
+from tssgeom.route.arcs.chain import Chain, Data, fit_fixed_pieces, unfitted
 from tssgeom.route.arcs.corners import cornered
 from tssgeom.route.arcs.moves import fit_chain, without_piece
 from tssgeom.route.arcs.outliers import refitted_with_tangents, with_tangents, without_outliers
@@ -150,7 +150,7 @@ def _chains(data: Data, smooth: RouteFit, spline: Spline, *, required: bool) -> 
             chain = _competitive(given, chain, spline)
         for one in () if chain is None else (fit_chain(given, chain), chain):
             weighted, fitted = refitted_with_tangents(given, one)
-            fitted, _, _ = _identifiable(weighted, fitted)
+            fitted, _ = _identifiable(weighted, fitted)
             yield weighted, fitted
 
 
@@ -204,14 +204,14 @@ def chain_fit(shape: Shape, data: Data, chain: Chain, pieces: ChainPieces | None
     if data.tangents is not None:
         used = np.where(data.tangents.variance[:, None] > 0.0, data.tangents.unit, np.nan)
         warnings += direction_warnings(shape.directions, used, shape.index)
-    chain, arcs, noise = _identifiable(data, chain, pieces)
+    chain, pieces = _identifiable(data, chain, pieces)
     if data.free:
-        warnings += order_warnings(shape, data.weight, chain.stations, noise)
+        warnings += order_warnings(shape, data.weight, chain.stations, pieces.noise)
     return RouteFit(
-        arcs=arcs,
-        noise=noise,
+        arcs=pieces.arcs,
+        noise=pieces.noise,
         weight=data.weight,
-        nodes=Deferred(partial(chain_nodes, data, chain, noise)),
+        nodes=Deferred(partial(chain_nodes, data, chain, pieces)),
         evidence=Deferred(partial(_chain_log_evidence, data, chain)),
         warnings=warnings,
         chain=chain,
@@ -222,13 +222,13 @@ def _chain_log_evidence(data: Data, chain: Chain) -> float:
     return -0.5 * chain_deviance(data, chain)
 
 
-def _identifiable(data: Data, chain: Chain, pieces: ChainPieces | None = None) -> tuple[Chain, Arcs, float]:
-    """Drop pieces whose bend the points do not determine; returns also the pieces, and the noise [m]."""
+def _identifiable(data: Data, chain: Chain, pieces: ChainPieces | None = None) -> tuple[Chain, ChainPieces]:
+    """Drop pieces whose bend the points do not determine; returns also those that remain."""
     pieces = pieces or chain_pieces(data, chain)
     while pieces.unidentifiable >= 0:
         chain = without_piece(data, chain, pieces.unidentifiable)
         pieces = chain_pieces(data, chain)
-    return chain, pieces.arcs, pieces.noise
+    return chain, pieces
 
 
 def chain_data(shape: Shape, noise: float | None, spline: Spline) -> Data:
@@ -269,17 +269,8 @@ def _chain_of_pieces(route: Route, arcs: Arcs) -> Chain:
     parts = core.parallel_components(route.tangent, route.curvature_vector)
     at = np.searchsorted(route.s, np.append(arcs.s_start, route.s[-1]))
     bend = np.array([parts[a : max(b, a + 1)].mean(axis=0) for a, b in itertools.pairwise(at)])
-    return Chain(
-        start=np.array(route.position[0]),
-        axes=np.array([tangent, first, second]),
-        joints=np.array(arcs.s_start),
-        bend=bend,
-        curved=np.ones(len(bend), dtype=np.bool_),
-        stations=np.array(route.station),
-        matrix=np.zeros((0, 0)),
-        cost=0.0,
-        square=np.zeros(0),
-    )
+    axes = np.array([tangent, first, second])
+    return unfitted(route.position[0], axes, arcs.s_start, bend, np.array(route.station))
 
 
 def _without_short_pieces(chain: Chain, data: Data) -> Chain:
@@ -296,4 +287,4 @@ def _without_short_pieces(chain: Chain, data: Data) -> Chain:
         mean = length[pair] @ bend[pair] / length[pair].sum()
         bend = np.vstack((bend[:lower], mean, bend[lower + 2 :]))
         joints = np.delete(joints, lower + 1)
-    return chain._replace(joints=joints[:-1], bend=bend, curved=np.ones(len(bend), np.bool_))
+    return unfitted(chain.start, chain.axes, joints[:-1], bend, chain.stations)

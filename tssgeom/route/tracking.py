@@ -190,9 +190,9 @@ def _follow_chain(
         data = with_tangents(data, shape.directions, shape.direction_noise**2, kappa, variance)
         data = without_outlying_tangents(data, fit_fixed_pieces(data, chain, restart=True))
     count = parameter_count(chain.curved, data.free)
-    fits, weight, *fitted = core.follow_chain(count, *data.sensed, data.shortest, *chain[:6], variance)
-    data, pieces = data._replace(weight=weight), pieces_of(*fitted[8:])
-    chain = Chain(*fitted[:4], chain.curved, *fitted[4:8])
+    fits, weight, *fitted = core.follow_chain(count, *data.sensed, data.shortest, *chain[:3], variance)
+    data, pieces = data._replace(weight=weight), pieces_of(*fitted[5:])
+    chain = Chain(fitted[0], chain.curved, *fitted[1:5])
     if not fits:
         chain, pieces = fit_chain(data, chain), None
         if not _fits(data, chain, variance):
@@ -233,7 +233,7 @@ def _fits(data: Data, chain: Chain, variance: float) -> bool:
     """Whether a chain is off the points by no more than noise, of a variance as in the last frame [m²]."""
     weights = None if data.tangents is None else data.tangents.weight
     known = (len(chain.matrix), data.weight, data.free, data.variance, data.spacing, weights)
-    return bool(core.chain_fits(*known, chain.joints, chain.bend, chain.stations, chain.cost, variance))
+    return bool(core.chain_fits(*known, chain.form, chain.stations, chain.cost, variance))
 
 
 def _with_spline_tried(check: ModelCheck, data: Data, chain: Chain, last: TrackedFit) -> TrackedFit:

@@ -1,13 +1,14 @@
-"""A chain of arcs and the points that it is fitted to: parameters in order, fit, values that count, criterion.
+"""A chain of arcs and the points that it is fitted to: parameters, fit, values that count, criterion.
 
 The chain starts at a position with axes (tangent and two normals, carried along without twist). Piece j runs
 from arc length b_j to b_j+1 with constant curvature components K_j on the normals, so a straight piece and a
-change of the bending plane are regular points. The last piece goes on without end. The fit itself is compiled:
+change of the bending plane are regular points. The last piece goes on without end. The fit itself is in
 `tssgeom/core/arcs.h`; docs/model.md (30) to (32).
 """
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import NamedTuple
 
@@ -44,7 +45,7 @@ class Data(NamedTuple):
     tangents: WeightedTangents | None = None
     """Sensed directions, where there are any."""
     shortest: float = 1.0
-    """Shortest piece [mean spacings]: `CHAIN_FIT.kink` where there are kinks, or noise would look like them."""
+    """Shortest piece [mean spacings]: less than 1 where there are kinks, or noise would look like them."""
 
     @property
     def sensed(self) -> tuple[object, ...]:
@@ -60,14 +61,9 @@ class Chain(NamedTuple):
     then slide along), turns about both normals, inner joints, and curvature components of the curved pieces.
     """
 
-    start: Vector
-    """Position of the start [3] [m]."""
-    axes: Matrix
-    """Tangent and both normals there [3, 3]."""
-    joints: Vector
-    """Arc length at which each piece begins [k] [m]."""
-    bend: Points
-    """Curvature components of each piece [k, 2] [1/m]."""
+    form: Points
+    """Position of the start [m]; tangent and both normals there; then of each piece the arc length at which
+    it begins [m] and its curvature components [1/m]; [4 + k, 3]."""
     curved: np.ndarray
     """Which pieces may be curved [k]."""
     stations: Vector
@@ -79,11 +75,38 @@ class Chain(NamedTuple):
     square: Vector
     """Squared distance of each point, across the chain where stations are unknown [n] [m²]."""
 
+    @property
+    def start(self) -> Vector:
+        """Position of the start [3] [m]."""
+        return self.form[0]
+
+    @property
+    def axes(self) -> Matrix:
+        """Tangent and both normals there [3, 3]."""
+        return self.form[1:4]
+
+    @property
+    def joints(self) -> Vector:
+        """Arc length at which each piece begins [k] [m]."""
+        return self.form[4:, 0]
+
+    @property
+    def bend(self) -> Points:
+        """Curvature components of each piece [k, 2] [1/m]."""
+        return self.form[4:, 1:]
+
+
+def form_of(start: Vector, axes: Matrix, joints: Vector, bend: Points) -> Points:
+    """Form of a chain: parameters as its properties."""
+    form = np.empty((4 + len(joints), 3))
+    form[0], form[1:4], form[4:, 0], form[4:, 1:] = start, axes, joints, bend
+    return form
+
 
 def unfitted(start: Vector, axes: Matrix, joints: Vector, bend: Points, stations: Vector) -> Chain:
     """Return a chain of curved pieces that is yet to be fitted."""
-    curved = np.ones(len(bend), dtype=np.bool_)
-    return Chain(start, axes, joints, bend, curved, stations, np.zeros((0, 0)), 0.0, np.zeros(0))
+    form, curved = form_of(start, axes, joints, bend), np.ones(len(bend), dtype=np.bool_)
+    return Chain(form, curved, stations, np.zeros((0, 0)), 0.0, np.zeros(0))
 
 
 def fit_fixed_pieces(data: Data, chain: Chain, *, restart: bool = False) -> Chain:
@@ -101,29 +124,27 @@ def fit_fixed_pieces(data: Data, chain: Chain, *, restart: bool = False) -> Chai
 
 
 def fit_candidate(data: Data, candidate: Chain, least: float) -> Chain | None:
-    """Return the candidate, fitted, if its criterion is below `least` and its points determine every piece."""
+    """Return the candidate, fitted, if its criterion is below `least` and there are points on its pieces."""
     better, fitted = _fitted(data, candidate, least, False)
     return fitted if better else None
 
 
 def _fitted(data: Data, chain: Chain, least: float, restart: bool) -> tuple[bool, Chain]:
     count = parameter_count(chain.curved, data.free)
-    fitted = core.fit_pieces(count, *data.sensed, data.shortest, *chain[:6], least, restart)
-    return bool(fitted[0]), Chain(*fitted[1:5], chain.curved, *fitted[5:])
+    fitted = core.fit_pieces(count, *data.sensed, data.shortest, *chain[:3], least, restart)
+    return bool(fitted[0]), Chain(fitted[1], chain.curved, *fitted[2:])
 
 
-def along(
-    s: Vector, start: Vector, axes: Matrix, joints: Vector, bend: Points
-) -> tuple[Points, Points, Points]:
-    """Position [n, 3] [m], unit tangent and curvature vector [n, 3] [1/m] at arc lengths `s` [n] [m]; (30)."""
-    position, frame = core.along_chain(s, start, axes, joints, bend)
-    here = bend[np.searchsorted(joints[1:], s, side="right")]
-    return position, frame[:, 0], here[:, :1] * frame[:, 1] + here[:, 1:] * frame[:, 2]
+def along(s: Vector, form: Points) -> tuple[Points, Points, Points]:
+    """Position [m], unit tangent and curvature vector [1/m], each [n, 3], at arc lengths `s` [m]; (30)."""
+    position, frame = core.along_chain(s, form)
+    here = form[4 + np.searchsorted(form[5:, 0], s, side="right")]
+    return position, frame[:, 0], here[:, 1:2] * frame[:, 1] + here[:, 2:] * frame[:, 2]
 
 
 def squared_distances(data: Data, chain: Chain, *, across: bool) -> Vector:
     """Squared distance of the points from the chain at their stations [n], whole or across it [m²]."""
-    position, frame = core.along_chain(chain.stations, *chain[:4])
+    position, frame = core.along_chain(chain.stations, chain.form)
     off = data.points - position
     square = np.einsum("ij,ij->i", off, off)
     return np.maximum(square - np.einsum("ij,ij->i", off, frame[:, 0]) ** 2, 0.0) if across else square
@@ -139,7 +160,7 @@ def has_kink(chain: Chain, spacing: float) -> bool:
     """Whether an inner piece is clearly shorter than the mean spacing [m]."""
     inner = chain.joints[1:].tolist()
     least = CHAIN_FIT.clearly * spacing
-    return any(after - before < least for before, after in zip(inner, inner[1:], strict=False))
+    return any(after - before < least for before, after in itertools.pairwise(inner))
 
 
 def value_count(data: Data) -> int:

@@ -79,7 +79,7 @@ def finer_tried(data: Data, chain: Chain, unlikely: slice = _ALL) -> Iterator[Ch
     """Try the candidates of `finer`, one at a time: each is the better chain, or None."""
     if len(chain.bend) >= CHAIN_MOVES.most_pieces:
         return
-    saved, part, _ = core.saved_by_parts(*data.sensed, *chain[:8])
+    saved, part, _ = core.saved_by_parts(*data.sensed, *chain[:5])
     price, now = information_price(1.0, value_count(data)), criterion(data, chain)
     order = [j for j in np.argsort(-saved)[: CHAIN_MOVES.splits].tolist() if saved[j] > price]
     sure = [bool(saved[j] > CHAIN_MOVES.joint_parameters * price) for j in order]
@@ -94,7 +94,7 @@ def saved_by_slopes(data: Data, chain: Chain) -> float:
     The steps of a staircase that stands for a smooth route fit better with a slope; those of true pieces do
     not.
     """
-    return core.saved_by_parts(*data.sensed, *chain[:8])[2]
+    return core.saved_by_parts(*data.sensed, *chain[:5])[2]
 
 
 def _tried(order: Sequence[int], sure: Sequence[bool], unlikely: slice) -> list[int]:
@@ -146,19 +146,21 @@ def _wald_statistics(step: np.ndarray, covariance: np.ndarray) -> list[float]:
 
 def _simplified(chain: Chain, kind: int, j: int) -> Chain:
     """Piece j straightened, merged with the piece before, or dropped between its neighbours."""
-    bend, curved = chain.bend.copy(), chain.curved.copy()
+    k, candidate = len(chain.bend), chain._replace(form=chain.form.copy(), curved=chain.curved.copy())
+    joints, bend, curved = candidate.joints, candidate.bend, candidate.curved
     if kind == _STRAIGHTENED:
         bend[j], curved[j] = 0.0, False
-        return chain._replace(bend=bend, curved=curved)
-    joints, index = chain.joints.copy(), np.arange(len(bend))
+        return candidate
     if kind == _MERGED:
         before, after = piece_length(chain, j - 1), piece_length(chain, j)
         bend[j - 1] = (before * bend[j - 1] + after * bend[j]) / max(before + after, 1e-12)
         curved[j - 1] |= curved[j]
-    elif 0 < j < len(joints) - 1:
+    elif j == 0:
+        joints[1] = joints[0]
+    elif j < k - 1:
         joints[j + 1] = 0.5 * (joints[j] + joints[j + 1])
-    kept = index != j
-    return chain._replace(joints=joints[index != max(j, 1)], bend=bend[kept], curved=curved[kept])
+    kept = np.arange(-4, k) != j
+    return candidate._replace(form=candidate.form[kept], curved=curved[kept[4:]])
 
 
 def without_piece(data: Data, chain: Chain, j: int) -> Chain:
@@ -174,8 +176,8 @@ def without_piece(data: Data, chain: Chain, j: int) -> Chain:
 
 def _split(chain: Chain, j: int, where: float) -> Chain:
     """Piece j cut at arc length `where`, both parts curved as it was."""
-    twice = np.arange(len(chain.bend) + 1)
-    twice[j + 1 :] -= 1
-    joints, curved = chain.joints[twice], chain.curved[twice]
-    joints[j + 1], curved[j : j + 2] = where, True
-    return chain._replace(joints=joints, bend=chain.bend[twice], curved=curved)
+    twice = np.arange(len(chain.form) + 1)
+    twice[5 + j :] -= 1
+    candidate = chain._replace(form=chain.form[twice], curved=chain.curved[twice[4:] - 4])
+    candidate.joints[j + 1], candidate.curved[j : j + 2] = where, True
+    return candidate

@@ -91,7 +91,7 @@ def squared_tangent_residuals(data: Data, chain: Chain) -> Vector:
     """Squared residuals of the directions across the chain, 0 where none is used [n] [rad²]."""
     if data.tangents is None:
         return np.zeros(0)
-    _, fitted, _ = along(chain.stations, *chain[:4])
+    _, fitted, _ = along(chain.stations, chain.form)
     cosine = np.einsum("ij,ij->i", data.tangents.unit, fitted)
     square = np.where(cosine > 0.0, np.maximum(1.0 - cosine * cosine, 0.0), OUTLIERS.backwards)
     return np.where(data.tangents.variance > 0.0, square, 0.0)

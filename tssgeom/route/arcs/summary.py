@@ -37,61 +37,62 @@ class ChainPieces(NamedTuple):
     """Noise of a coordinate [m]."""
     unidentifiable: int
     """Piece whose bend is known least, if its points do not determine it, or -1."""
+    hidden: Vector
+    """Mean square of the curvature that each straight piece may have [k] [1/m²]; (124)."""
 
 
-def chain_nodes(data: Data, chain: Chain, noise: float) -> Nodes:
-    """Route and profile of a fitted chain on nodes, with the noise of a coordinate [m]; docs/model.md (33)."""
+def chain_nodes(data: Data, chain: Chain, pieces: ChainPieces) -> Nodes:
+    """Route and profile of a fitted chain on nodes; docs/model.md (33)."""
     ends = np.concatenate((chain.stations[:1], chain.joints[1:], chain.stations[-1:]))
     at = ends[0] + (ends[-1] - ends[0]) * np.arange(_NODES) / (_NODES - 1)
     at[-1] = ends[-1]
-    at = np.unique(np.concatenate((at, ends[ends < ends[-1]])))
-    position, tangent, curvature_vector = along(at, *chain[:4])
+    at = np.sort(np.concatenate((at, ends[ends < ends[-1]])))
+    at = at[np.append(True, at[1:] > at[:-1])]
+    position, tangent, curvature_vector = along(at, chain.form)
     begin = float(ends[0])
     route = Route(
         s=read_only(at - begin),
         position=read_only(position),
         tangent=read_only(tangent),
         curvature_vector=read_only(curvature_vector),
-        noise=noise,
+        noise=pieces.noise,
         weight=read_only(data.weight),
         station=read_only(chain.stations - begin),
-        residual=read_only(data.points - along(chain.stations, *chain[:4])[0]),
+        residual=read_only(data.points - core.along_chain(chain.stations, chain.form)[0]),
     )
-    return Nodes(route, _profile(data, chain, ends, at))
+    return Nodes(route, _profile(data, chain, pieces, ends, at))
 
 
 def chain_pieces(data: Data, chain: Chain) -> ChainPieces:
     """Return the pieces of a fitted chain; docs/model.md (33)."""
-    length, angle, covariance, noise, unidentifiable, _ = core.chain_pieces(*data.sensed, *chain[:8])
-    return pieces_of(length, angle, covariance, noise, unidentifiable)
+    return pieces_of(*core.chain_pieces(*data.sensed, *chain[:5]))
 
 
 def pieces_of(
-    length: Vector, angle: Vector, covariance: Matrix, noise: float, unidentifiable: int
+    length: Vector, angle: Vector, covariance: Matrix, noise: float, unidentifiable: int, hidden: Vector
 ) -> ChainPieces:
     """Pieces as the core returns them."""
     for array in (length, angle, covariance):
         array.flags.writeable = False
-    return ChainPieces(Arcs(length, angle, covariance, "arcs"), noise, unidentifiable)
+    return ChainPieces(Arcs(length, angle, covariance, "arcs"), noise, unidentifiable, hidden)
 
 
-def _profile(data: Data, chain: Chain, ends: Vector, at: Vector) -> CurvatureProfile:
+def _profile(data: Data, chain: Chain, pieces: ChainPieces, ends: Vector, at: Vector) -> CurvatureProfile:
     """Curvature and angle at arc lengths `at` [m] along a chain, with their standard errors; (33)."""
-    k, variance = len(chain.bend), noise_variance(data, chain)
-    _, _, of_pieces, _, _, hidden = core.chain_pieces(*data.sensed, *chain[:8])
-    kappa, length = np.linalg.norm(chain.bend, axis=1), np.diff(ends)
+    k, hidden, variance = len(chain.curved), pieces.hidden, noise_variance(data, chain)
+    kappa, length = np.sqrt(np.sum(chain.bend**2, axis=1)), np.diff(ends)
     own, level = _gradients(data, chain, kappa, length)
     spread = variance * core.propagated(
         chain.matrix, np.concatenate((own, level)), CHAIN_FIT.least_information
     )
-    square, tilt = np.diag(spread)[:k] + hidden, np.diag(spread[k:, :k])
+    square, tilt = np.diag(spread)[:k] + hidden, np.diag(spread, -k)
     before = np.diag(spread)[k:] + summed(hidden * length**2)[:-1]
     if data.free:  # an unknown station of an end takes its angle along
         before = before + variance * (kappa[0] ** 2 + kappa**2)
-    j = np.clip(np.searchsorted(ends[1:-1], at, side="right"), 0, k - 1)
+    j = np.searchsorted(ends[1:-1], at, side="right")
     t = at - ends[j]
     phi_se = np.sqrt(np.maximum(before[j] + 2 * t * tilt[j] + t**2 * square[j], 0.0))
-    phi_se[0], phi_se[-1] = 0.0, np.sqrt(max(float(np.sum(of_pieces[k:, k:])), 0.0))
+    phi_se[0], phi_se[-1] = 0.0, pieces.arcs.total_angle_se
     return CurvatureProfile(
         s=read_only(at - ends[0]),
         kappa=read_only(kappa[j]),

@@ -10,6 +10,7 @@ import numpy as np
 from tssgeom import core
 from tssgeom.arrays import Matrix, Points, Vector, read_only
 from tssgeom.core.constants_route import STAIRCASE
+from tssgeom.route.arcs.chain import form_of
 from tssgeom.route.curvature import CurvatureProfile
 from tssgeom.route.fibre.models import (
     Partition,
@@ -55,7 +56,7 @@ def integrated(s: Vector, bend: Points) -> tuple[Points, np.ndarray]:
     halves[0:-1:2], halves[1:-1:2], halves[-1] = (5 * a + b) / 6, (a + 5 * b) / 6, bend[-1]
     at = np.empty(len(halves))
     at[::2], at[1::2] = s, 0.5 * (s[1:] + s[:-1])
-    position, axes = core.along_chain(at, np.zeros(3), AXES, at, halves)
+    position, axes = core.along_chain(at, form_of(np.zeros(3), AXES, at, halves))
     return position[::2], axes[::2]
 
 
@@ -87,7 +88,7 @@ def fit_of_pieces(
     passed = np.square(np.diff(kappa)) * shift * (s[:, None] > joint)
     of_phi = np.square(travelled) @ spread + passed.sum(axis=1)
     profile = _profile(s, kappa[piece], travelled @ kappa, np.sqrt(spread[piece]), of_phi, variance)
-    position, axes = core.along_chain(s, np.zeros(3), AXES, s, mean[piece])
+    position, axes = core.along_chain(s, form_of(np.zeros(3), AXES, s, mean[piece]))
     same_piece = piece[:, None] == piece
     curve = FibreCurve(s, position, axes, mean[piece], spread[piece][:, None] * same_piece)
     return _fit(curve, stations, profile, arcs, log_evidence)
