@@ -22,6 +22,7 @@ HERE = Path(__file__).resolve().parent
 LIBRARY = "_tssgeom_core" + (".dll" if sys.platform == "win32" else ".so")
 FLAGS = (
     "-std=c11 -O3 -fPIC -shared -fvisibility=hidden -Wall -Wextra -Werror=implicit-function-declaration "
+    "-Wno-vla-parameter "  # gcc takes bounds of two parameters for each other
     # sums are neither fused nor reordered, so that every processor and compiler gives the same digits
     "-ffp-contract=off -fno-math-errno -fno-trapping-math"
 ).split()
