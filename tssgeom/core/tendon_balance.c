@@ -1,44 +1,52 @@
 /* The laws of bars and contacts, and the equilibrium of one step with all of them, on any route.
 
-   The laws are made straight about the last pass. Displacements are absolute, so that nothing drifts in a hold;
-   docs/model.md (40)-(47), (50)-(58). */
+   The laws are made straight about the last pass. Displacements are absolute, so that nothing drifts in a
+   hold; docs/model.md (40)-(47), (50)-(58). */
 #include "tendon_bars.h"
 
 #include <string.h>
 
-int64_t memory_size(int64_t k) { return 7 * (k + 1) + 6; }
-int64_t plant_size(int64_t k) { return 14 * (k + 1) + 19; }
+size_t memory_bytes(int64_t k) { return (size_t)(7 * (k + 1) + 6) * sizeof(double); }
+size_t plant_bytes(int64_t k) { return (size_t)(14 * (k + 1) + 19) * sizeof(double); }
 
 bar_laws laws_of(int64_t k, const double *plant) {
     int64_t b = k + 1;
     const double *number = plant + 14 * b;
-    return (bar_laws){
-        k, plant + LAW.soft * b, plant + LAW.toe * b, plant + LAW.toe_scale * b, plant + LAW.saved * b,
-        plant + LAW.creep_soft * b, plant + LAW.warm * b, plant + LAW.rest * b, plant + LAW.pulling * b,
-        plant + LAW.releasing * b, plant + LAW.fitting * b, plant + LAW.low * b, plant + LAW.high * b,
-        plant + LAW.force * b, plant + LAW.drag * b,
-        number[PLANT.pretension], number[PLANT.load], number[PLANT.saved_scale], number[PLANT.clearance],
-        number[PLANT.creep_time], number[PLANT.load_exponent], number[PLANT.load_reference],
-        number[PLANT.wear_gain], number[PLANT.wear_travel], number[PLANT.speed_gain],
-        number[PLANT.speed_reference], number[PLANT.backlash],
-        number[PLANT.curved] != 0.0, number[PLANT.by_rate] != 0.0, number[PLANT.varied] != 0.0,
-        number[PLANT.swift] != 0.0};
+    bar_laws laws = {.k = k};
+    laws.soft = plant + LAW.soft * b, laws.toe = plant + LAW.toe * b,
+    laws.toe_scale = plant + LAW.toe_scale * b;
+    laws.saved = plant + LAW.saved * b, laws.creep_soft = plant + LAW.creep_soft * b;
+    laws.warm = plant + LAW.warm * b, laws.rest = plant + LAW.rest * b;
+    laws.pulling = plant + LAW.pulling * b, laws.releasing = plant + LAW.releasing * b;
+    laws.fitting = plant + LAW.fitting * b, laws.low = plant + LAW.low * b, laws.high = plant + LAW.high * b;
+    laws.force = plant + LAW.force * b, laws.drag = plant + LAW.drag * b;
+    laws.pretension = number[PLANT.pretension], laws.load = number[PLANT.load];
+    laws.saved_scale = number[PLANT.saved_scale], laws.clearance = number[PLANT.clearance];
+    laws.creep_time = number[PLANT.creep_time], laws.backlash = number[PLANT.backlash];
+    laws.load_exponent = number[PLANT.load_exponent], laws.load_reference = number[PLANT.load_reference];
+    laws.wear_gain = number[PLANT.wear_gain], laws.wear_travel = number[PLANT.wear_travel];
+    laws.speed_gain = number[PLANT.speed_gain], laws.speed_reference = number[PLANT.speed_reference];
+    laws.curved = number[PLANT.curved] != 0.0, laws.by_rate = number[PLANT.by_rate] != 0.0;
+    laws.varied = number[PLANT.varied] != 0.0, laws.swift = number[PLANT.swift] != 0.0;
+    return laws;
 }
 
-bar_memory memory_of(int64_t k, double *memory) {
+bar_memory memory_of(int64_t k, double *block) {
     int64_t b = k + 1;
-    return (bar_memory){
-        memory + MEMORY.tension * b, memory + MEMORY.creep * b, memory + MEMORY.rest * b,
-        memory + MEMORY.displacement * b, memory + MEMORY.speed * b, memory + MEMORY.travel * b,
-        memory + MEMORY.slip * b, memory + 7 * b};
+    bar_memory memory = {.held = block + 7 * b};
+    memory.tension = block + MEMORY.tension * b, memory.creep = block + MEMORY.creep * b;
+    memory.rest = block + MEMORY.rest * b, memory.displacement = block + MEMORY.displacement * b;
+    memory.speed = block + MEMORY.speed * b, memory.travel = block + MEMORY.travel * b;
+    memory.slip = block + MEMORY.slip * b;
+    return memory;
 }
 
 step_room room_of(int64_t k, double *work) {
     int64_t b = k + 1;
-    bar_chain chain = {
-        k, work, work + b, work + 2 * b, work + 3 * b, work + 4 * b, work + 5 * b, 0, 0, 0.0, work + 6 * b,
-        work + 7 * b, work + 8 * b, (int8_t *)(work + 9 * b), (int8_t *)(work + 10 * b)};
-    return (step_room){chain, work + 11 * b, work + 12 * b, work + 13 * b, work + 14 * b, work + 15 * b};
+    bar_chain c = {.k = k, .trial = work, .stiffness = work + b, .low = work + 2 * b, .high = work + 3 * b};
+    c.force = work + 4 * b, c.drag = work + 5 * b, c.tension = work + 6 * b, c.w = work + 7 * b;
+    c.ratios = work + 8 * b, c.slip = (int8_t *)(work + 9 * b), c.tight = (int8_t *)(work + 10 * b);
+    return (step_room){c, work + 11 * b, work + 12 * b, work + 13 * b, work + 14 * b, work + 15 * b};
 }
 
 void begin_room(const bar_laws *laws, step_room *room) {
@@ -132,7 +140,8 @@ static void set_cones(const bar_laws *laws, const step_room *room, double span) 
 }
 
 /* Write what the step did into the memory; returns whether it is finite. */
-static int keep(const bar_laws *laws, bar_memory *memory, const bar_chain *c, creep_shares shares, double span) {
+static int
+keep(const bar_laws *laws, bar_memory *memory, const bar_chain *c, creep_shares shares, double span) {
     double sum = 0.0;
     for (int64_t j = 0; j <= laws->k; j++) sum += c->tension[j] + (j < laws->k ? c->w[j] : 0.0);
     if (!isfinite(sum)) return 0;
@@ -184,7 +193,8 @@ double balance(
         if (by_force && hanging) { /* docs/model.md (47) */
             double range[2];
             range_of_drive(k, weight, c->low, c->high, c->force, range);
-            if (!(range[0] * (1.0 - SOLVER.dead_weight) <= target && target <= range[1] * (1.0 + SOLVER.dead_weight)))
+            if (!(range[0] * (1.0 - SOLVER.dead_weight) <= target
+                  && target <= range[1] * (1.0 + SOLVER.dead_weight)))
                 return INFINITY;
         }
         *solves += equilibrium(c, hanging, SOLVER.from_before, SOLVER.from_guess, &residual);

@@ -1,6 +1,7 @@
 /* One step of a tendon without memory of effects, whose bars follow the sensed length of any route.
 
-   It is the equilibrium nearest to the old bars, with laws of bars that are not curved; docs/model.md (40)-(49). */
+   It is the equilibrium nearest to the old bars, with laws of bars that are not curved; docs/model.md
+   (40)-(49). */
 #include "tendon_bars.h"
 
 #include <string.h>
@@ -22,10 +23,11 @@ static void set_rest(
 
 /* Whether the drive lets all tension go; the memory then has what each contact did.
 
-   No tension at one contact is none anywhere, so the tendon hangs loose as soon as its path is no longer than it is
-   itself. Each contact moves as little as leaves every bar loose; docs/model.md (46a). */
+   No tension at one contact is none anywhere, so the tendon hangs loose as soon as its path is no longer than
+   it is itself. Each contact moves as little as leaves every bar loose; docs/model.md (46a). */
 static int hangs_loose(
-    const bar_laws *laws, bar_memory *memory, const double given[], int by_force, double target, double room[]) {
+    const bar_laws *laws, bar_memory *memory, const double given[], int by_force, double target,
+    double room[]) {
     int64_t n = laws->k - 1;
     if (laws->load == 0.0 || (by_force ? target > 0.0 : laws->soft[0] > 0.0)) return 0;
     for (int64_t i = 0; i <= n; i++)
@@ -45,8 +47,8 @@ static int hangs_loose(
 }
 
 /* Set how far the drive moved, where the load is that was at `load`, and the elongation [m]. */
-static void set_ends(
-    const bar_laws *laws, const bar_memory *memory, const double given[], double load, double ends[3]) {
+static void
+set_ends(const bar_laws *laws, const bar_memory *memory, const double given[], double load, double ends[3]) {
     const double *tension = memory->tension, *moved = memory->displacement;
     int64_t n = laws->k - 1;
     double elongation = 0.0, series = laws->soft[n + 1];
@@ -64,10 +66,11 @@ static void set_ends(
     ends[2] = elongation;
 }
 
-/* Step to a drive; sets position of drive and load, elongation, solves; slip of the first contact; and (47). */
+/* Step to a drive; sets position of drive and load, elongation, solves; slip of the first contact; and (47).
+ */
 static int64_t advance(
-    const bar_laws *laws, const double *before, const double growth[], double drive, int by_force, double position,
-    double *after, double ends[9], double *work) {
+    const bar_laws *laws, const double *before, const double growth[], double drive, int by_force,
+    double position, double *after, double ends[9], double *work) {
     int64_t k = laws->k, n = k - 1;
     bar_memory old = memory_of(k, (double *)before), memory = memory_of(k, after);
     step_room room = room_of(k, work);
@@ -107,15 +110,15 @@ static int64_t advance(
 }
 
 static int64_t no_step(int64_t k, const double *before, double *after, double ends[9], int64_t code) {
-    memcpy(after, before, (size_t)memory_size(k) * sizeof(double));
+    memcpy(after, before, memory_bytes(k));
     for (int i = 0; i < 9; i++) ends[i] = 0.0;
     return code;
 }
 
 int64_t tss_step_laws(
     int64_t k, const double memory[7 * (k + 1) + 6], const double plant[14 * (k + 1) + 19],
-    const double growth[k + 1], double drive, int64_t by_force, double position, double after[7 * (k + 1) + 6],
-    double ends[9], double work[20][k + 1]) {
+    const double growth[k + 1], double drive, int64_t by_force, double position,
+    double after[7 * (k + 1) + 6], double ends[9], double work[20][k + 1]) {
     if (k < 2) return no_step(k, memory, after, ends, NO_EQUILIBRIUM);
     bar_laws laws = laws_of(k, plant);
     no_step(k, memory, after, ends, STEPPED);
@@ -123,47 +126,40 @@ int64_t tss_step_laws(
 }
 
 int64_t tss_step_bars(
-    int64_t k, const double edge[k], const double memory[7 * (k + 1) + 6],
-    int64_t p, const double before_length[p], const double before_angle[p],
-    const double before_covariance[2 * p][2 * p],
-    int64_t q, const double now_length[q], const double now_angle[q], const double now_covariance[2 * q][2 * q],
-    int64_t compare, double friction, double compliance, double pretension, double stiffness, double lift,
-    double most_friction, double length_before, double drive, int64_t by_force, double position,
-    double after[7 * (k + 1) + 6], double ends[9], double work[44][k + 1]) {
+    int64_t k, const double edge[k], const double memory[7 * (k + 1) + 6], int64_t p,
+    const double before_length[p], const double before_angle[p], const double before_covariance[2 * p][2 * p],
+    int64_t q, const double now_length[q], const double now_angle[q],
+    const double now_covariance[2 * q][2 * q], int64_t compare, double friction, double compliance,
+    double pretension, double stiffness, double lift, double most_friction, double length_before,
+    double drive, int64_t by_force, double position, double after[7 * (k + 1) + 6], double ends[9],
+    double work[48][k + 1]) {
     no_step(k, memory, after, ends, NO_EQUILIBRIUM);
     if (k < 2 || p == 0 || q == 0) return NO_EQUILIBRIUM;
-    int stays = compare && tss_is_unmoved(
-                               p, before_length, before_angle, before_covariance, q, now_length, now_angle,
-                               now_covariance);
+    int stays =
+        compare
+        && tss_is_unmoved(
+            p, before_length, before_angle, before_covariance, q, now_length, now_angle, now_covariance);
     if (!stays) p = q, before_length = now_length, before_angle = now_angle;
     double bend = friction * total(p, before_angle);
     ends[5] = !stays, ends[8] = bend;
     if (bend > most_friction) return STUCK_FAST;
 
-    contact_grid grid = grid_of(k, work[24]);
+    contact_grid grid = grid_of(k, work[20]);
+    double *growth = work[24], *plant = work[25], *number = plant + 14 * (k + 1);
     discretise(k, edge, p, before_length, before_angle, grid);
-    double whole = total(k - 1, grid.length);
+    double whole = total(k - 1, grid.length), *soft = plant + LAW.soft * (k + 1);
     double share = length_before > 0.0 ? 1.0 - length_before / whole : 0.0; /* by which the path grew */
-    double *none = work[28], *soft = work[29], *growth = work[30], *exponent = work[31], *low = work[32];
-    double *high = work[33];
-    const double *tension = memory + MEMORY.tension * (k + 1);
-    for (int64_t j = 0; j <= k; j++) none[j] = 0.0;
-    soft[0] = growth[0] = 0.0;
+    memset(plant, 0, plant_bytes(k));
+    growth[0] = 0.0, ends[4] = whole;
     for (int64_t j = 1; j < k; j++) {
         soft[j] = compliance * grid.length[j - 1];
-        growth[j] = share * (grid.length[j - 1] - soft[j] * tension[j]); /* docs/model.md (40) */
+        growth[j] = share * (grid.length[j - 1] - soft[j] * memory[MEMORY.tension * (k + 1) + j]); /* (40) */
     }
     soft[k] = stiffness > 0.0 ? 1.0 / stiffness : 0.0;
     growth[k] = soft[k] * lift;
-    for (int64_t i = 0; i < k; i++) {
-        exponent[i] = friction * grid.angle[i]; /* docs/model.md (41) */
-        low[i] = exp(-exponent[i]), high[i] = exp(exponent[i]);
-    }
-    ends[4] = whole;
-    bar_laws laws = {
-        .k = k, .soft = soft, .toe = none, .toe_scale = none, .saved = none, .creep_soft = none, .warm = none,
-        .rest = none, .pulling = exponent, .releasing = exponent, .fitting = none, .low = low, .high = high,
-        .force = none, .drag = none, .pretension = pretension, .load = stiffness, .saved_scale = 1.0,
-        .creep_time = 1.0, .load_reference = 1.0, .wear_travel = 1.0, .speed_reference = 1.0};
+    number[PLANT.pretension] = pretension, number[PLANT.load] = stiffness, number[PLANT.creep_time] = 1.0;
+    number[PLANT.friction] = friction;
+    set_contacts(k, plant, grid.angle);
+    bar_laws laws = laws_of(k, plant);
     return advance(&laws, memory, growth, drive, (int)by_force, position, after, ends, work[0]);
 }

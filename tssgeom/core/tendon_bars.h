@@ -28,45 +28,45 @@ typedef struct {
 /* Linear laws of k + 1 bars and friction of the k contacts between them for one step, and their solution. */
 typedef struct {
     int64_t k;
-    double *trial;     /* [k+1] tension of each bar if no contact moved, negative where it would be slack [N] */
-    double *stiffness; /* [k+1] 0 where the tension is given (force drive, dead weight) and at rigid ends [N/m] */
-    double *low;       /* [k] least T[i+1] over T[i], but for the force of friction [1] */
-    double *high;      /* [k] greatest T[i+1] over T[i], but for the force of friction [1] */
-    double *force;     /* [k] T[i+1] lies between low·T[i] − force and high·T[i] + force [N] */
-    double *drag;      /* [k] friction for each metre moved in this step [N/m] */
-    int rigid_in;      /* whether the proximal end moves by exactly `shift` */
-    int rigid_out;     /* whether the distal end is fixed */
-    double shift;      /* [m] */
-    double *tension;   /* [k+1] N */
-    double *w;         /* [k] movement of each contact [m] */
-    double *ratios;    /* [k] of the elimination */
-    int8_t *slip;      /* [k] what each contact does */
-    int8_t *tight;     /* [k+1] whether each bar carries tension */
+    double *trial; /* [k+1] tension of each bar if no contact moved, negative where it would be slack [N] */
+    double *
+        stiffness; /* [k+1] 0 where the tension is given (force drive, dead weight) and at rigid ends [N/m] */
+    double *low; /* [k] least T[i+1] over T[i], but for the force of friction [1] */
+    double *high; /* [k] greatest T[i+1] over T[i], but for the force of friction [1] */
+    double *force; /* [k] T[i+1] lies between low·T[i] − force and high·T[i] + force [N] */
+    double *drag; /* [k] friction for each metre moved in this step [N/m] */
+    int rigid_in; /* whether the proximal end moves by exactly `shift` */
+    int rigid_out; /* whether the distal end is fixed */
+    double shift; /* [m] */
+    double *tension; /* [k+1] N */
+    double *w; /* [k] movement of each contact [m] */
+    double *ratios; /* [k] of the elimination */
+    int8_t *slip; /* [k] what each contact does */
+    int8_t *tight; /* [k+1] whether each bar carries tension */
 } bar_chain;
 
 /* Room of one step: the chain, and what bars and contacts would do; 20 rows of k + 1 numbers. */
 typedef struct {
     bar_chain chain;
-    double *given;               /* [k+1] stretch of each bar if no contact moved [m] */
-    double *about, *moved;       /* [k+1] N, [k] m: the last pass */
+    double *given; /* [k+1] stretch of each bar if no contact moved [m] */
+    double *about, *moved; /* [k+1] N, [k] m: the last pass */
     double *pulling, *releasing; /* [k] exponents after wear [1] */
 } step_room;
 
-enum { ROOM_ROWS = 20 };
-
 bar_laws laws_of(int64_t k, const double *plant);
-bar_memory memory_of(int64_t k, double *memory);
+bar_memory memory_of(int64_t k, double *block);
 step_room room_of(int64_t k, double *work);
 contact_grid grid_of(int64_t k, double *work);
-int64_t memory_size(int64_t k);
-int64_t plant_size(int64_t k);
+size_t memory_bytes(int64_t k);
+size_t plant_bytes(int64_t k);
 
 /* Put bars at their fractions of a route; docs/model.md (41). */
 void discretise(
-    int64_t k, const double edge[], int64_t p, const double length[], const double angle[], contact_grid grid);
+    int64_t k, const double edge[], int64_t p, const double length[], const double angle[],
+    contact_grid grid);
 int64_t add_bends(
-    int64_t p, const double length[], const double angle[], int64_t m, const double bends[][3], double *pieces[2],
-    double *spare[2]);
+    int64_t p, const double length[], const double angle[], int64_t m, const double bends[][3],
+    double *pieces[2], double *spare[2]);
 double total(int64_t n, const double values[]);
 double row_dot(int64_t n, const double a[], const double b[]);
 double quadratic_form(int64_t n, const double a[], const double *matrix, int64_t width);
@@ -77,6 +77,8 @@ double stretch_of(const bar_laws *laws, int64_t j, double tension, double *slope
 double load_factor(const bar_laws *laws, double load);
 /* What the path slid so far makes of it [1]; docs/model.md (52). */
 double wear_factor(const bar_laws *laws, double travel);
+/* Cones of a plant whose contacts have these curve angles [k]. */
+void set_contacts(int64_t k, double *plant, const double angle[]);
 /* Contacts and saved paths of a plant on a route. */
 void put_on_route(
     int64_t k, const double edge[], double *plant, int64_t p, const double length[], const double angle[],
@@ -97,5 +99,5 @@ double balance(
     const bar_laws *laws, bar_memory *memory, step_room *room, int by_force, double target, double weight,
     double warmth, double span, const double rest[], int64_t *solves);
 /* The same in one sweep on a fixed route; returns how far the drive is off [m]. */
-double sweep(
-    const bar_laws *laws, bar_memory *memory, step_room *room, int by_force, double target, double span);
+double
+sweep(const bar_laws *laws, bar_memory *memory, step_room *room, int by_force, double target, double span);

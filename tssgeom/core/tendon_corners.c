@@ -26,7 +26,8 @@ int64_t tss_step_corners(
     corners[0][1] = meeting, corners[1][1] = drive - way * friction * meeting; /* docs/model.md (3) */
     for (int64_t i = wiped; i < c; i++)
         corners[0][2 + i - wiped] = angle[i], corners[1][2 + i - wiped] = log_tension[i];
-    if (wiped == c) corners[1][1] = log_tension[c - 1]; /* the constant rest keeps its tension to the last digit */
+    if (wiped == c)
+        corners[1][1] = log_tension[c - 1]; /* the constant rest keeps its tension to the last digit */
     return (int64_t)way * (2 + c - wiped);
 }
 
@@ -49,9 +50,9 @@ typedef struct {
     double log_tension_out, slope_out;
 } profile;
 
-/* Means over the arc length of each piece [3, p]: of T [N]; of dT/dφ, which is the derivative of the first by the
-   angle of any earlier piece [N/rad]; of t·dT/dφ with t from 0 to 1 along the piece, its derivative by the piece's
-   own angle [N/rad]. */
+/* Means over the arc length of each piece [3, p]: of T [N]; of dT/dφ, which is the derivative of the first by
+   the angle of any earlier piece [N/rad]; of t·dT/dφ with t from 0 to 1 along the piece, its derivative by
+   the piece's own angle [N/rad]. */
 static void means_on_pieces(int64_t p, const double piece_angle[], profile *along, double *means) {
     const double *angle = along->angle, *log_tension = along->log_tension;
     int64_t segment = 0, last = along->count - 1;
@@ -66,7 +67,8 @@ static void means_on_pieces(int64_t p, const double piece_angle[], profile *alon
                                     : (log_tension[segment + 1] - log_tension[segment])
                                           / (angle[segment + 1] - angle[segment]);
             here = log_tension[segment] + slope * (at - angle[segment]);
-            double fall = fabs(slope) * (stop - at); /* from where tension is greater: it may start from none */
+            double fall =
+                fabs(slope) * (stop - at); /* from where tension is greater: it may start from none */
             double greatest = share * exp(here + most(0.0, slope * (stop - at)));
             double level = greatest * mean_decay(fall), moment = greatest * mean_decay_moment(fall);
             if (slope > 0.0) moment = level - moment;
@@ -93,7 +95,7 @@ static void transmit(
     double elongation = 0.0, turned = 0.0, angle_variance = 0.0;
     double later = 0.0; /* what the later pieces gain for an angle added anywhere before them */
     for (int64_t i = p - 1; i >= 0; i--) {
-        gradient[i] = compliance * (means[i] - pretension);                    /* docs/model.md (10) */
+        gradient[i] = compliance * (means[i] - pretension); /* docs/model.md (10) */
         gradient[p + i] = compliance * (length[i] * means[2 * p + i] + later); /* docs/model.md (11) */
         later += length[i] * means[p + i];
     }
@@ -119,7 +121,8 @@ static void transmit(
     double tension_out = exp(log_tension_out); /* docs/model.md (5) */
     ends[0] = tension_out;
     ends[1] = tension_out * fabs(along.slope_out) * sqrt(most(0.0, angle_variance)); /* docs/model.md (14) */
-    ends[2] = elongation, ends[3] = sqrt(variance), ends[4] = width, ends[5] = front, ends[6] = along.slope_out;
+    ends[2] = elongation, ends[3] = sqrt(variance), ends[4] = width, ends[5] = front,
+    ends[6] = along.slope_out;
 }
 
 void tss_transmit_corners(
@@ -128,8 +131,9 @@ void tss_transmit_corners(
     double friction, int64_t way, double ends[7], double gradient[2 * p], double means[3][p]) {
     if (c == 0 || p == 0) return;
     profile along = {c, angle, log_tension, 0.0, 0.0};
-    transmit(along, p, length, piece_angle, covariance[0], compliance, pretension, friction, (double)way, means[0],
-             gradient, ends);
+    transmit(
+        along, p, length, piece_angle, covariance[0], compliance, pretension, friction, (double)way, means[0],
+        gradient, ends);
 }
 
 /* Corners through the means of the bars and both ends, as few as are needed; docs/model.md (49).
@@ -175,6 +179,7 @@ void tss_transmit_bars(
     const double *tension = memory + MEMORY.tension * (k + 1);
     profile along = {0, work[6], work[7], 0.0, 0.0};
     along.count = through_bars(k, edge, tension, p, length, piece_angle, work[6], work[7], work[0]);
-    transmit(along, p, length, piece_angle, covariance[0], compliance, pretension, friction, (double)way, means[0],
-             means[3], ends);
+    transmit(
+        along, p, length, piece_angle, covariance[0], compliance, pretension, friction, (double)way, means[0],
+        means[3], ends);
 }

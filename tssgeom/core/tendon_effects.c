@@ -13,15 +13,26 @@ static double angle_at(int64_t p, const double length[], const double angle[], d
     return phi;
 }
 
+void set_contacts(int64_t k, double *plant, const double angle[]) {
+    int64_t b = k + 1;
+    double friction = plant[14 * b + PLANT.friction], asymmetry = plant[14 * b + PLANT.asymmetry];
+    for (int64_t i = 0; i < k; i++) { /* docs/model.md (41), (52) */
+        double base = friction * angle[i], fitting = plant[LAW.fitting * b + i];
+        double pulling = base * (1.0 + asymmetry), releasing = base * (1.0 - asymmetry);
+        plant[LAW.pulling * b + i] = pulling, plant[LAW.low * b + i] = exp(-pulling - fitting);
+        plant[LAW.releasing * b + i] = releasing, plant[LAW.high * b + i] = exp(releasing + fitting);
+    }
+}
+
 void put_on_route(
     int64_t k, const double edge[], double *plant, int64_t p, const double length[], const double angle[],
     int64_t m, const double bends[][3], double *pieces, double *work) {
     int64_t b = k + 1, room = p + 2 * m;
-    double *number = plant + 14 * b, *fitting = plant + LAW.fitting * b, *saved = plant + LAW.saved * b;
-    double *pulling = plant + LAW.pulling * b, *releasing = plant + LAW.releasing * b;
+    double *number = plant + 14 * b, *saved = plant + LAW.saved * b;
     if (m > 0) { /* docs/model.md (60) */
-        p = add_bends(p, length, angle, m, bends, (double *[2]){pieces, pieces + room},
-                      (double *[2]){pieces + 2 * room, pieces + 3 * room});
+        p = add_bends(
+            p, length, angle, m, bends, (double *[2]){pieces, pieces + room},
+            (double *[2]){pieces + 2 * room, pieces + 3 * room});
         length = pieces, angle = pieces + room;
     }
     double gain = number[PLANT.curvature_gain], clearance = number[PLANT.clearance], before = 0.0;
@@ -34,36 +45,33 @@ void put_on_route(
     }
     if (gain != 0.0) { /* docs/model.md (53) */
         double *pressing = pieces + 4 * room;
-        for (int64_t i = 0; i < p; i++) pressing[i] = angle[i] * most(0.0, 1.0 + gain * (angle[i] / length[i]));
+        for (int64_t i = 0; i < p; i++)
+            pressing[i] = angle[i] * most(0.0, 1.0 + gain * (angle[i] / length[i]));
         angle = pressing;
     }
     contact_grid grid = grid_of(k, work);
     discretise(k, edge, p, length, angle, grid);
-    for (int64_t i = 0; i < k; i++) { /* docs/model.md (41), (52) */
-        double base = number[PLANT.friction] * grid.angle[i], asymmetry = number[PLANT.asymmetry];
-        pulling[i] = base * (1.0 + asymmetry), releasing[i] = base * (1.0 - asymmetry);
-        plant[LAW.low * b + i] = exp(-pulling[i] - fitting[i]);
-        plant[LAW.high * b + i] = exp(releasing[i] + fitting[i]);
-    }
+    set_contacts(k, plant, grid.angle);
 }
 
 void tss_plant_on_route(
     int64_t k, const double edge[k], const double plant[14 * (k + 1) + 19], int64_t p, const double length[p],
     const double angle[p], int64_t m, const double bends[m][3], double after[14 * (k + 1) + 19],
     double pieces[5][p + 2 * m], double work[4][k]) {
-    memcpy(after, plant, (size_t)plant_size(k) * sizeof(double));
+    memcpy(after, plant, plant_bytes(k));
     if (k > 1 && p > 0) put_on_route(k, edge, after, p, length, angle, m, bends, pieces[0], work[0]);
 }
 
 double tss_answering(
-    int64_t k, const double plant[14 * (k + 1) + 19], const double memory[7 * (k + 1) + 6], double tension_out,
-    int64_t way) {
+    int64_t k, const double plant[14 * (k + 1) + 19], const double memory[7 * (k + 1) + 6],
+    double tension_out, int64_t way) {
     bar_laws laws = laws_of(k, plant);
     const double *travel = memory + MEMORY.travel * (k + 1);
     double here = tension_out, sign = way > 0 ? 1.0 : -1.0;
     for (int64_t i = k - 1; i >= 0; i--) { /* from load to drive, along the side on which all slides slowly */
         double exponent = (way > 0 ? laws.pulling[i] : laws.releasing[i]) * wear_factor(&laws, travel[i]);
-        double far = most(0.0, here + sign * laws.force[i]), near = far * exp(sign * (exponent + laws.fitting[i]));
+        double far = most(0.0, here + sign * laws.force[i]),
+               near = far * exp(sign * (exponent + laws.fitting[i]));
         int64_t searches = laws.load_exponent != 0.0 && far > 0.0 ? BAR.searches : 0;
         for (int64_t search = 0; search < searches; search++) {
             double factor = load_factor(&laws, 0.5 * (near + here)), last = near;
@@ -88,9 +96,10 @@ static double used_share(const bar_laws *laws, const bar_memory *memory, int64_t
 }
 
 void tss_transmit_with_effects(
-    int64_t k, const double edge[k], const double plant[14 * (k + 1) + 19], const double memory[7 * (k + 1) + 6],
-    int64_t p, const double length[p], const double angle[p], const double covariance[2 * p][2 * p], int64_t way,
-    int64_t front, double ends[5], double gradient[3][p], double work[4][k]) {
+    int64_t k, const double edge[k], const double plant[14 * (k + 1) + 19],
+    const double memory[7 * (k + 1) + 6], int64_t p, const double length[p], const double angle[p],
+    const double covariance[2 * p][2 * p], int64_t way, int64_t front, double ends[5], double gradient[3][p],
+    double work[4][k]) {
     for (int i = 0; i < 5; i++) ends[i] = NAN;
     if (k < 2 || p == 0) return;
     bar_laws laws = laws_of(k, plant);
@@ -128,8 +137,9 @@ void tss_transmit_with_effects(
     double angle_variance = quadratic_form(p, pressed, covariance[p] + p, 2 * p);
     double tension_in = tension[0], tension_out = tension[k];
     double width = (double)way * (tss_answering(k, plant, memory, tension_out, way) - tension_in);
-    int replied = kept.slip[k - 1] == (double)way
-                  || width <= BAR.answers * most(1.0, most(tension_out, tension_in)); /* docs/model.md (122) */
+    int replied =
+        kept.slip[k - 1] == (double)way
+        || width <= BAR.answers * most(1.0, most(tension_out, tension_in)); /* docs/model.md (122) */
     double slid = 0.0;
     if (front == k) slid = total(p, angle);
     else if (front > 0) {

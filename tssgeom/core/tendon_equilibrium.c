@@ -1,8 +1,9 @@
 /* Equilibrium of a loaded tendon whose every contact may stick or slide: one step, any size.
 
-   The tendon is a chain of elastic bars between contacts. A contact with movement w > 0 slides towards the proximal
-   end and is on the lower side of its friction cone, one with w < 0 on the upper side; inside it sticks. Which
-   contacts slide is found by policy iteration on a tridiagonal M-matrix; docs/model.md (40)-(46). */
+   The tendon is a chain of elastic bars between contacts. A contact with movement w > 0 slides towards the
+   proximal end and is on the lower side of its friction cone, one with w < 0 on the upper side; inside it
+   sticks. Which contacts slide is found by policy iteration on a tridiagonal M-matrix; docs/model.md
+   (40)-(46). */
 #include "tendon_bars.h"
 
 /* Solve the bar laws with every contact doing what `slip` says, for the movements w [m]. */
@@ -154,8 +155,8 @@ static int choose_pulled(const bar_chain *c, double tie) {
 
 /* Solve by policy iteration within policy iteration, which cannot cycle; returns the solves spent.
 
-   The inner loop decides what is released, the outer one what is pulled, and each w is above the one before. Slack
-   bars stay as they are marked; docs/model.md (46). */
+   The inner loop decides what is released, the outer one what is pulled, and each w is above the one before.
+   Slack bars stay as they are marked; docs/model.md (46). */
 static int64_t solve_nested(const bar_chain *c, double tie) {
     int64_t solves = 0;
     for (int64_t outer = 0; outer < 4 * c->k; outer++) {
@@ -170,8 +171,8 @@ static int64_t solve_nested(const bar_chain *c, double tie) {
 }
 
 /* Movement [m] to one side of the cone; near and far without it, negative where slack [N]. */
-static double balanced_move(
-    const bar_chain *c, int64_t i, double near, double far, double side, double kept) {
+static double
+balanced_move(const bar_chain *c, int64_t i, double near, double far, double side, double kept) {
     double k_near = c->stiffness[i], k_far = c->stiffness[i + 1], drag = c->drag[i];
     double move = (side * near + kept - far) / (k_far + side * k_near + drag);
     if (move > 0.0 && far + k_far * move < 0.0 && side * k_near + drag > 0.0) /* the far bar stays slack */
@@ -207,9 +208,11 @@ static void free_from_rounding(const bar_chain *c) {
     for (int64_t i = 0; i < c->k; i++) {
         if (c->slip[i] == STUCK || !(c->tension[i + 1] > 0.0 && c->stiffness[i + 1] > 0.0)) continue;
         double side = c->slip[i] == PULLED ? c->low[i] : c->high[i];
-        if (c->w[i] == 0.0) c->slip[i] = STUCK; /* a mark left over from a bar that was taken for slack on the way */
-        else c->tension[i + 1] = most(
-                 0.0, side * c->tension[i] - c->slip[i] * c->force[i] - c->drag[i] * c->w[i]);
+        if (c->w[i] == 0.0)
+            c->slip[i] = STUCK; /* a mark left over from a bar that was taken for slack on the way */
+        else
+            c->tension[i + 1] =
+                most(0.0, side * c->tension[i] - c->slip[i] * c->force[i] - c->drag[i] * c->w[i]);
     }
 }
 
@@ -243,9 +246,10 @@ int64_t equilibrium(bar_chain *c, int hanging, int64_t from_before, int64_t from
 }
 
 int64_t tss_equilibrium(
-    int64_t k, const double trial[k + 1], const double stiffness[k + 1], const double cone[4][k], int64_t rigid_in,
-    int64_t rigid_out, double shift, int64_t hanging, const double slip[k], int64_t from_before, int64_t from_guess,
-    double tension[k + 1], double contacts[2][k], double residual[1], double work[20][k + 1]) {
+    int64_t k, const double trial[k + 1], const double stiffness[k + 1], const double cone[4][k],
+    int64_t rigid_in, int64_t rigid_out, double shift, int64_t hanging, const double slip[k],
+    int64_t from_before, int64_t from_guess, double tension[k + 1], double contacts[2][k], double residual[1],
+    double work[20][k + 1]) {
     residual[0] = NAN;
     if (k == 0) return 0;
     bar_chain c = room_of(k, work[0]).chain;

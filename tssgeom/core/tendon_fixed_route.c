@@ -1,13 +1,14 @@
 /* A chain of bars on a route that stands: exact there, and the first guess of an equilibrium elsewhere.
 
-   The tension is carried from the drive to the load, as far as the friction of each contact makes it; a position
-   finds its tension by the secant method; docs/model.md (3), (47). */
+   The tension is carried from the drive to the load, as far as the friction of each contact makes it; a
+   position finds its tension by the secant method; docs/model.md (3), (47). */
 #include "tendon_bars.h"
 
 /* Carry tension[0] to the distal end as on a fixed route; returns the stretch gained [m], and its slope. */
 static double carry(const bar_chain *c, double *slope) {
     double gained = 0.0, gain = 0.0, share = 1.0, *tension = c->tension;
-    if (c->stiffness[0] > 0.0) gained = (tension[0] - c->trial[0]) / c->stiffness[0], gain = 1.0 / c->stiffness[0];
+    if (c->stiffness[0] > 0.0)
+        gained = (tension[0] - c->trial[0]) / c->stiffness[0], gain = 1.0 / c->stiffness[0];
     for (int64_t i = 0; i < c->k; i++) {
         double lower = c->low[i] * tension[i] - c->force[i], upper = c->high[i] * tension[i] + c->force[i];
         double here = most(0.0, c->trial[i + 1]);
@@ -26,7 +27,8 @@ static double carry(const bar_chain *c, double *slope) {
 }
 
 void range_of_drive(
-    int64_t k, double weight, const double low[], const double high[], const double force[], double range[2]) {
+    int64_t k, double weight, const double low[], const double high[], const double force[],
+    double range[2]) {
     range[0] = weight, range[1] = weight;
     for (int64_t i = k - 1; i >= 0; i--) {
         range[0] = most(0.0, range[0] - force[i]) / high[i];
@@ -45,7 +47,8 @@ static double find_drive(const bar_chain *c, const double range[2]) {
         double new = start[0] - (gained - c->shift) / most(1e-3 / c->stiffness[1], slope);
         if ((new <= below && below == lowest) || (new >= above && above == highest))
             new = least(highest, most(lowest, new));
-        else if (!(below < new && new < above)) new = above == INFINITY ? 2.0 * below + 1.0 : 0.5 * (below + above);
+        else if (!(below < new && new < above))
+            new = above == INFINITY ? 2.0 * below + 1.0 : 0.5 * (below + above);
         if (fabs(new - start[0]) <= 1e-13 * start[0]) break;
         start[0] = new;
     }
@@ -67,5 +70,6 @@ void guess_fixed_route(bar_chain *c, int hanging) {
         for (int64_t i = 0; i < k; i++) c->slip[i] = PULLED;
     else if (hanging && 0.0 < drive && drive <= range[0])
         for (int64_t i = 0; i < k; i++) c->slip[i] = RELEASED;
-    else if (drive <= 0.0 && gained > c->shift) c->tight[0] = 0; /* more is given than the tendon can take back */
+    else if (drive <= 0.0 && gained > c->shift)
+        c->tight[0] = 0; /* more is given than the tendon can take back */
 }

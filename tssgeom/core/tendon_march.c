@@ -29,7 +29,8 @@ static double slide_loaded(
 }
 
 /* Carry the tension `start` to the distal end; returns where the drive is then [m], and its slope [m/N]. */
-static double carry(const bar_laws *laws, const bar_memory *memory, step_room *room, double start, double *slope) {
+static double
+carry(const bar_laws *laws, const bar_memory *memory, step_room *room, double start, double *slope) {
     const bar_chain *c = &room->chain;
     double *tension = c->tension, rise, share = 1.0, near = start;
     tension[0] = start;
@@ -59,15 +60,18 @@ static double sliding_from(const bar_laws *laws, const bar_memory *memory, const
     const double *tension = memory->tension;
     double factor = load_factor(laws, 0.5 * (tension[0] + tension[1])), fixed = laws->fitting[0];
     if (pull) {
-        double ratio = laws->load_exponent == 0.0 ? room->chain.low[0] : exp(-room->pulling[0] * factor - fixed);
+        double ratio =
+            laws->load_exponent == 0.0 ? room->chain.low[0] : exp(-room->pulling[0] * factor - fixed);
         return (tension[1] + laws->force[0]) / ratio * (1.0 + 1e-12);
     }
-    double ratio = laws->load_exponent == 0.0 ? room->chain.high[0] : exp(room->releasing[0] * factor + fixed);
+    double ratio =
+        laws->load_exponent == 0.0 ? room->chain.high[0] : exp(room->releasing[0] * factor + fixed);
     return most(0.0, tension[1] - laws->force[0]) / ratio * (1.0 - 1e-12);
 }
 
 /* Sweep with the tension that puts the drive at `target`; returns how far off it is [m]. */
-static double sweep_to_position(const bar_laws *laws, const bar_memory *memory, step_room *room, double target) {
+static double
+sweep_to_position(const bar_laws *laws, const bar_memory *memory, step_room *room, double target) {
     double start = memory->tension[0], slope, shift = carry(laws, memory, room, start, &slope);
     if (fabs(shift - target) <= SWEEP.close || (start == 0.0 && shift > target)) return 0.0;
     double below = shift < target ? start : 0.0, above = shift < target ? INFINITY : start;
@@ -82,7 +86,8 @@ static double sweep_to_position(const bar_laws *laws, const bar_memory *memory, 
         double new = slope > 0.0 ? start - (shift - target) / slope : -1.0;
         if (new <= 0.0 && below == 0.0 && start > 0.0 && shift > target)
             new = 0.0; /* perhaps more is given than the tendon takes back */
-        else if (!(below < new && new < above)) new = above == INFINITY ? 2.0 * below + 1.0 : 0.5 * (below + above);
+        else if (!(below < new && new < above))
+            new = above == INFINITY ? 2.0 * below + 1.0 : 0.5 * (below + above);
         if (new == start || above - below <= 1e-15 * below) break;
         start = new;
         shift = carry(laws, memory, room, start, &slope);
@@ -91,8 +96,8 @@ static double sweep_to_position(const bar_laws *laws, const bar_memory *memory, 
     return fabs(shift - target);
 }
 
-double sweep(
-    const bar_laws *laws, bar_memory *memory, step_room *room, int by_force, double target, double span) {
+double
+sweep(const bar_laws *laws, bar_memory *memory, step_room *room, int by_force, double target, double span) {
     bar_chain *c = &room->chain;
     double off = 0.0, slope;
     for (int64_t i = 0; laws->wear_gain != 0.0 && i < laws->k; i++) {
@@ -126,7 +131,8 @@ static double cut_at(int64_t cut, int turned, double parts) {
     return cut < 6 ? AFTER_A_TURN[cut] / parts : (double)(cut - 4) / parts;
 }
 
-/* Read T_in, T_out [N], x_in, x_out [m], slip of the first and last contact; returns whether all are finite. */
+/* Read T_in, T_out [N], x_in, x_out [m], slip of the first and last contact; returns whether all are finite.
+ */
 static int record(const bar_laws *laws, const bar_memory *memory, int by_force, double out[6]) {
     const double *tension = memory->tension;
     double *held = memory->held, slope;
@@ -138,7 +144,8 @@ static int record(const bar_laws *laws, const bar_memory *memory, int by_force, 
         held[HELD.lag] = within(lag, 0.0, laws->backlash), held[HELD.shift] = shift;
         out[2] = shift - held[HELD.lag];
     }
-    out[3] = laws->load == 0.0 ? memory->displacement[last - 1] : (tension[last] - laws->pretension) / laws->load;
+    out[3] =
+        laws->load == 0.0 ? memory->displacement[last - 1] : (tension[last] - laws->pretension) / laws->load;
     out[4] = memory->slip[0], out[5] = memory->slip[last - 1];
     return isfinite(out[0] + out[1] + out[2] + out[3]);
 }
@@ -178,7 +185,7 @@ int64_t tss_march(
     int64_t s, const double spans[s], const double drive[s], const double warmth[s], const int64_t parts[s],
     int64_t rows, double after[7 * (k + 1) + 6], double out[6][s], double profile[rows][k + 1],
     double work[20][k + 1]) {
-    memcpy(after, memory, (size_t)memory_size(k) * sizeof(double));
+    memcpy(after, memory, memory_bytes(k));
     for (int64_t i = 0; i < 6 * s; i++) out[0][i] = NAN;
     for (int64_t i = 0; i < rows * (k + 1); i++) profile[0][i] = NAN;
     if (k < 2) return 0;
@@ -188,7 +195,8 @@ int64_t tss_march(
     begin_room(&laws, &room);
     for (int64_t g = 0; g < s; g++) {
         double read[6];
-        if (!take_sample(&laws, &kept, &room, (int)by_force, spans[g], drive[g], warmth[g], parts[g])) return g;
+        if (!take_sample(&laws, &kept, &room, (int)by_force, spans[g], drive[g], warmth[g], parts[g]))
+            return g;
         if (!record(&laws, &kept, (int)by_force, read)) return g;
         for (int row = 0; row < 6; row++) out[row][g] = read[row];
         if (rows > 0) memcpy(profile[g], kept.tension, (size_t)(k + 1) * sizeof(double));
@@ -199,7 +207,9 @@ int64_t tss_march(
 /* Go from one kind of drive to the other: the tendon's end and the drive stay where they are; (59). */
 static void switch_drive(const bar_memory *memory, double position, int by_force) {
     double *held = memory->held, engaged = held[HELD.engaged];
-    if (by_force) held[HELD.drive] = memory->tension[0], held[HELD.lag] = engaged - position, held[HELD.shift] = engaged;
+    if (by_force)
+        held[HELD.drive] = memory->tension[0], held[HELD.lag] = engaged - position,
+        held[HELD.shift] = engaged;
     else held[HELD.drive] = position, held[HELD.engaged] = held[HELD.shift];
     held[HELD.rate] = 0.0;
 }
@@ -213,22 +223,22 @@ static int64_t slid_from_drive(const bar_laws *laws, const bar_memory *memory, i
 }
 
 int64_t tss_step_with_effects(
-    int64_t k, const double edge[k], const double plant[14 * (k + 1) + 19], const double memory[7 * (k + 1) + 6],
-    int64_t p, const double before_length[p], const double before_angle[p],
-    const double before_covariance[2 * p][2 * p],
-    int64_t q, const double now_length[q], const double now_angle[q], const double now_covariance[2 * q][2 * q],
-    int64_t m, const double bends[m][3], int64_t compare, double friction, double most_friction,
-    double drive, int64_t by_force, int64_t was_by_force, double position, int64_t front,
-    double span, double warmth,
+    int64_t k, const double edge[k], const double plant[14 * (k + 1) + 19],
+    const double memory[7 * (k + 1) + 6], int64_t p, const double before_length[p],
+    const double before_angle[p], const double before_covariance[2 * p][2 * p], int64_t q,
+    const double now_length[q], const double now_angle[q], const double now_covariance[2 * q][2 * q],
+    int64_t m, const double bends[m][3], int64_t compare, double friction, double most_friction, double drive,
+    int64_t by_force, int64_t was_by_force, double position, int64_t front, double span, double warmth,
     double after[7 * (k + 1) + 6], double plant_after[14 * (k + 1) + 19], double ends[10],
     double pieces[5][q + 2 * m], double work[24][k + 1]) {
-    memcpy(after, memory, (size_t)memory_size(k) * sizeof(double));
-    memcpy(plant_after, plant, (size_t)plant_size(k) * sizeof(double));
+    memcpy(after, memory, memory_bytes(k));
+    memcpy(plant_after, plant, plant_bytes(k));
     for (int i = 0; i < 10; i++) ends[i] = 0.0;
     if (k < 2 || p == 0 || q == 0) return 0;
-    int moves = compare && !tss_is_unmoved(
-                               p, before_length, before_angle, before_covariance, q, now_length, now_angle,
-                               now_covariance);
+    int moves =
+        compare
+        && !tss_is_unmoved(
+            p, before_length, before_angle, before_covariance, q, now_length, now_angle, now_covariance);
     ends[8] = moves, ends[9] = friction * (moves ? total(q, now_angle) : total(p, before_angle));
     if (ends[9] > most_friction) return 0;
     if (moves) {

@@ -1,7 +1,10 @@
-/* What a sensed route makes of the tendon: whether it moved, where bars and contacts lie on it, hidden bends. */
+/* What a sensed route makes of the tendon: whether it moved, where bars and contacts lie on it, hidden bends.
+ */
 #include "tendon_bars.h"
 
-enum { SHARES = 8 }; /* even shares of the length at which the curve angles of two routes are compared; chosen */
+enum {
+    SHARES = 8
+}; /* even shares of the length at which the curve angles of two routes are compared; chosen */
 
 double total(int64_t n, const double values[]) {
     double sum = 0.0;
@@ -35,18 +38,20 @@ typedef struct {
 
 /* Accumulated curve angle at even shares of the length, and its variance; docs/model.md (80).
 
-   At the share σ, in piece i, the derivative is κ(σ − u) by the lengths and u by the angles, where u is 1 before
-   that piece, the part passed in it, and 0 behind. So the variance follows from sums over leading blocks. */
+   At the share σ, in piece i, the derivative is κ(σ − u) by the lengths and u by the angles, where u is 1
+   before that piece, the part passed in it, and 0 behind. So the variance follows from sums over leading
+   blocks. */
 static void at_shares(
     int64_t p, const double length[], const double angle[], const double *covariance, route_shares *result) {
     double whole = total(p, length), begin = 0.0, phi = 0.0;
-    double lengths = 0.0, mixed = 0.0, angles = 0.0;   /* over the leading blocks before piece i */
-    double row_lengths = 0.0, row_mixed = 0.0;         /* over all of the rows before piece i */
+    double lengths = 0.0, mixed = 0.0, angles = 0.0; /* over the leading blocks before piece i */
+    double row_lengths = 0.0, row_mixed = 0.0; /* over all of the rows before piece i */
     double by_length[SHARES], all_lengths = 0.0;
     int share = 0;
     for (int64_t i = 0; i < p; i++) {
         const double *of_length = covariance + i * 2 * p, *of_angle = covariance + (p + i) * 2 * p;
-        double before_l = 0.0, before_la = 0.0, before_al = 0.0, before_a = 0.0, behind_l = 0.0, behind_al = 0.0;
+        double before_l = 0.0, before_la = 0.0, before_al = 0.0, before_a = 0.0, behind_l = 0.0,
+               behind_al = 0.0;
         for (int64_t j = 0; j < i; j++) {
             before_l += of_length[j], before_la += of_length[p + j];
             before_al += of_angle[j], before_a += of_angle[p + j];
@@ -67,7 +72,8 @@ static void at_shares(
             result->variance[share] = kappa * kappa * (uu_lengths - 2.0 * sigma * one_u_lengths)
                                       + 2.0 * kappa * (sigma * one_u_mixed - uu_mixed) + uu_angles;
         }
-        lengths += 2.0 * before_l + own_l, mixed += before_la + before_al + own_m, angles += 2.0 * before_a + own_a;
+        lengths += 2.0 * before_l + own_l, mixed += before_la + before_al + own_m,
+            angles += 2.0 * before_a + own_a;
         row_lengths += row_l, row_mixed += row_al, all_lengths += row_l;
         begin += length[i], phi += angle[i];
     }
@@ -76,8 +82,9 @@ static void at_shares(
 }
 
 int64_t tss_is_unmoved(
-    int64_t p, const double length[p], const double angle[p], const double covariance[2 * p][2 * p], int64_t q,
-    const double length_now[q], const double angle_now[q], const double covariance_now[2 * q][2 * q]) {
+    int64_t p, const double length[p], const double angle[p], const double covariance[2 * p][2 * p],
+    int64_t q, const double length_now[q], const double angle_now[q],
+    const double covariance_now[2 * q][2 * q]) {
     if (p == 0 || q == 0) return 0;
     route_shares before, now;
     at_shares(p, length, angle, covariance[0], &before);
@@ -97,10 +104,11 @@ contact_grid grid_of(int64_t k, double *work) {
 }
 
 void discretise(
-    int64_t k, const double edge[], int64_t p, const double length[], const double angle[], contact_grid grid) {
+    int64_t k, const double edge[], int64_t p, const double length[], const double angle[],
+    contact_grid grid) {
     double whole = total(p, length);
     int64_t piece = 0;
-    double begin = 0.0, phi = 0.0;                      /* where the piece begins, and φ there */
+    double begin = 0.0, phi = 0.0; /* where the piece begins, and φ there */
     double s = 0.0, phi_here = 0.0, phi_before = 0.0, middle_before = 0.0;
     for (int64_t j = 0; j < k - 1; j++) {
         double start = s, end = j == k - 2 ? whole : edge[j + 1] * whole, moment = 0.0;
@@ -157,8 +165,8 @@ static int64_t add_bend(
 
 /* Add bends one after the other; the result is in `pieces`, length and angle. */
 int64_t add_bends(
-    int64_t p, const double length[], const double angle[], int64_t m, const double bends[][3], double *pieces[2],
-    double *spare[2]) {
+    int64_t p, const double length[], const double angle[], int64_t m, const double bends[][3],
+    double *pieces[2], double *spare[2]) {
     for (int64_t i = 0; i < p; i++) pieces[0][i] = length[i], pieces[1][i] = angle[i];
     for (int64_t each = 0; each < m; each++) {
         for (int64_t i = 0; i < p; i++) spare[0][i] = pieces[0][i], spare[1][i] = pieces[1][i];
@@ -171,6 +179,6 @@ int64_t tss_add_bends(
     int64_t p, const double length[p], const double angle[p], int64_t m, const double bends[m][3],
     double pieces[2][p + 2 * m], double work[2][p + 2 * m]) {
     for (int64_t i = 0; i < 2 * (p + 2 * m); i++) pieces[0][i] = 0.0;
-    return add_bends(p, length, angle, m, bends, (double *[2]){pieces[0], pieces[1]},
-                     (double *[2]){work[0], work[1]});
+    return add_bends(
+        p, length, angle, m, bends, (double *[2]){pieces[0], pieces[1]}, (double *[2]){work[0], work[1]});
 }

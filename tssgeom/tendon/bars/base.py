@@ -191,7 +191,7 @@ def after_step(
     if code:
         raise no_equilibrium(goal, by_force)
     block.setflags(write=False)
-    position, way = ends[0], state.direction_index
+    position = ends[0]
     return BarState(
         edge=state.edge,
         memory=Memory(block),

@@ -61,9 +61,7 @@ def cut(along: Corners, arcs: Arcs, setup: Setup) -> BarState:
         mean_angle = discretise(model.edge, arcs).mean_angle
         held = tension(along, np.concatenate(([0.0], mean_angle, [arcs.total_angle])))
         gained = model.plant.stretch(held) - model.plant.rows[LAW.rest]
-        shift = np.cumsum(gained[::-1])[
-            ::-1
-        ]  # contacts and drive, where the tensions have them; (51)
+        shift = np.cumsum(gained[::-1])[::-1]  # contacts and drive, where the tensions have them; (51)
         drive = np.array([held[0], 0.0, shift[0], 0.0, shift[0], 0.0])
         memory = memory_of(held, creep=memory.creep, displacement=shift[1:], drive=drive)
     out = memory.tension[-1] - setup.pretension
