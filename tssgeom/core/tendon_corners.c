@@ -1,10 +1,12 @@
 /* Tension over the curve angle as a list of corners: one step of it, and what it means on a route. */
 #include "tendon_bars.h"
 
+#include <string.h>
+
 int64_t tss_step_corners(
     int64_t c, const double angle[c], const double log_tension[c], double drive, double friction,
     double corners[2][c + 1]) {
-    for (int64_t i = 0; i < 2 * (c + 1); i++) corners[0][i] = 0.0;
+    memset(corners, 0, (size_t)(2 * (c + 1)) * sizeof(double));
     if (c == 0) return 0;
     double change = drive - log_tension[0];
     if (!(fabs(change) > PROFILE.resolution)) return 0;

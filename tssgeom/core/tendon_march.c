@@ -186,8 +186,9 @@ int64_t tss_march(
     int64_t rows, double after[7 * (k + 1) + 6], double out[6][s], double profile[rows][k + 1],
     double work[20][k + 1]) {
     memcpy(after, memory, memory_bytes(k));
-    for (int64_t i = 0; i < 6 * s; i++) out[0][i] = NAN;
-    for (int64_t i = 0; i < rows * (k + 1); i++) profile[0][i] = NAN;
+    double *read_out = *out, *tensions = *profile;
+    for (int64_t i = 0; i < 6 * s; i++) read_out[i] = NAN;
+    for (int64_t i = 0; i < rows * (k + 1); i++) tensions[i] = NAN;
     if (k < 2) return 0;
     bar_laws laws = laws_of(k, plant);
     bar_memory kept = memory_of(k, after);

@@ -2,6 +2,8 @@
  */
 #include "tendon_bars.h"
 
+#include <string.h>
+
 enum {
     SHARES = 8
 }; /* even shares of the length at which the curve angles of two routes are compared; chosen */
@@ -178,7 +180,7 @@ int64_t add_bends(
 int64_t tss_add_bends(
     int64_t p, const double length[p], const double angle[p], int64_t m, const double bends[m][3],
     double pieces[2][p + 2 * m], double work[2][p + 2 * m]) {
-    for (int64_t i = 0; i < 2 * (p + 2 * m); i++) pieces[0][i] = 0.0;
+    memset(pieces, 0, (size_t)(2 * (p + 2 * m)) * sizeof(double));
     return add_bends(
         p, length, angle, m, bends, (double *[2]){pieces[0], pieces[1]}, (double *[2]){work[0], work[1]});
 }
