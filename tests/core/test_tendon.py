@@ -8,7 +8,8 @@ from tests.core.twins.tendon_base import advanced, on_route
 from tests.core.twins.tendon_equilibrium import Chain, equilibrium
 from tests.core.twins.tendon_laws import remembered, unpacked
 from tssgeom import core
-from tssgeom.core.constants_tendon import MEMORY, PROFILE, SOLVER
+from tssgeom.core.constants_tendon import PROFILE, SOLVER
+from tssgeom.core.constants_tendon_rows import MEMORY
 from tssgeom.effects import Setup
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.bars.contact_grid import edges, equal_edges

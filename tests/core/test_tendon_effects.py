@@ -10,7 +10,7 @@ from tests.core.twins import tendon_ends, tendon_march
 from tests.core.twins.tendon_laws import remembered, unpacked
 from tests.core.twins.tendon_profile import discretised, is_unmoved
 from tssgeom import core
-from tssgeom.core.constants_tendon import PLANT
+from tssgeom.core.constants_tendon_rows import PLANT
 from tssgeom.effects import KINDS, Setup, together, with_size
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.bars.contact_grid import bends_of, edges

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from tests.effects.rig import ARCS, FORCE, POSITION, RIG, RUNS, TIME, modelled
 from tests.tendon.bars import with_laws
-from tssgeom.core.constants_tendon import PLANT
+from tssgeom.core.constants_tendon_rows import PLANT
 from tssgeom.effects import (
     KINDS,
     Backlash,

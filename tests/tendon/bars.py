@@ -7,7 +7,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 
 from tssgeom import core
-from tssgeom.core.constants_tendon import LAW, PLANT
+from tssgeom.core.constants_tendon_rows import LAW, PLANT
 from tssgeom.effects import Setup
 from tssgeom.rig import Friction, Load, Rig, Tendon
 from tssgeom.route.pieces import Arcs

@@ -20,7 +20,7 @@ from tests.tendon.bars import (
     with_cone,
     with_laws,
 )
-from tssgeom.core.constants_tendon import LAW
+from tssgeom.core.constants_tendon_rows import LAW
 from tssgeom.errors import SettingsError
 from tssgeom.rig import Rig, Tendon
 from tssgeom.tendon.bars.bar_state import pretensioned_bars

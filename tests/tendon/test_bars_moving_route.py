@@ -28,7 +28,7 @@ from tests.tendon.bars import (
     with_cone,
     with_laws,
 )
-from tssgeom.core.constants_tendon import LAW, PLANT
+from tssgeom.core.constants_tendon_rows import LAW, PLANT
 from tssgeom.effects import Setup
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.bars.bar_state import pretensioned_bars

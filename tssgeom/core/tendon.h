@@ -4,7 +4,7 @@
    all angles. A tendon of bars has k contacts with the sheath and k + 1 bars: bar 0 drives the proximal end,
    the last one is what the distal end pulls against; `edge` [k] is where the others are cut, as fractions of
    the length from 0 to 1. A `plant` is the rows of LAW followed by the numbers of PLANT, a `memory` the rows
-   of MEMORY followed by the numbers of HELD (constants_tendon.py); each row is k + 1 long. */
+   of MEMORY followed by the numbers of HELD (constants_tendon_rows.py); each row is k + 1 long. */
 #pragma once
 #include "core.h"
 

@@ -10,7 +10,7 @@ typedef struct {
     double *length, *mean_angle, *angle, *span;
 } contact_grid;
 
-/* Laws of k + 1 bars and k contacts; the fields are those of LAW and PLANT in constants_tendon.py. */
+/* Laws of k + 1 bars and k contacts; the fields are those of LAW and PLANT in constants_tendon_rows.py. */
 typedef struct {
     int64_t k;
     const double *soft, *toe, *toe_scale, *saved, *creep_soft, *warm, *rest;

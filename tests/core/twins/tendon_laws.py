@@ -6,7 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from tests.core.twins.tendon_equilibrium import Chain, equilibrium, range_of_drive
-from tssgeom.core.constants_tendon import BAR, LAW, MEMORY, PLANT, SOLVER
+from tssgeom.core.constants_tendon import BAR, SOLVER
+from tssgeom.core.constants_tendon_rows import LAW, MEMORY, PLANT
 
 _PATIENCE = SOLVER.from_before, SOLVER.from_guess
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from tssgeom import core
 from tssgeom.arrays import Matrix, Vector, read_only
-from tssgeom.core.constants_tendon import LAW, PLANT
+from tssgeom.core.constants_tendon_rows import LAW, PLANT
 from tssgeom.effects import Library, Setup, together
 from tssgeom.errors import FitError, SettingsError
 from tssgeom.rig import Rig

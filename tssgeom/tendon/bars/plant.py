@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tssgeom import core
 from tssgeom.arrays import Matrix, Vector
-from tssgeom.core.constants_tendon import HELD, LAW, MEMORY, PLANT
+from tssgeom.core.constants_tendon_rows import HELD, LAW, MEMORY, PLANT
 from tssgeom.effects.kinds import Setup
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.bars.contact_grid import bends_of, discretise, with_bends

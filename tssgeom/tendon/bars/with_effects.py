@@ -14,7 +14,7 @@ from msgspec.structs import replace as changed
 
 from tssgeom import core
 from tssgeom.arrays import Vector
-from tssgeom.core.constants_tendon import LAW
+from tssgeom.core.constants_tendon_rows import LAW
 from tssgeom.effects import Library, Setup
 from tssgeom.errors import SettingsError
 from tssgeom.rig import Friction, Load, Rig, Tendon
