@@ -6,6 +6,8 @@ source is newer than the library. Nothing of this module is needed, or shipped, 
 
 from __future__ import annotations
 
+import contextlib
+import io
 import os
 import re
 import runpy
@@ -188,7 +190,8 @@ def _emit_declarations(prototypes: list[Prototype], path: Path) -> None:
         returns = "int" if each.returns == "status" else each.returns
         ffi.cdef(f"{returns} tss_{each.name}({kinds});")
     ffi.set_source("_declarations", None)
-    ffi.emit_python_code(str(path))
+    with contextlib.redirect_stdout(io.StringIO()):  # cffi prints what it writes
+        ffi.emit_python_code(str(path))
 
 
 _ENTRIES = '''"""The entries of the core as functions of arrays. Generated from the headers by build.py."""
