@@ -43,7 +43,7 @@ LAW = LawRows()
 
 
 class PlantNumbers(NamedTuple):
-    """Numbers that follow the rows of `LawRows`; the last four are 0 or 1. Their order is derived: they count."""
+    """Numbers that follow the rows of `LawRows`; the last four are 0 or 1. Derived: they count."""
 
     pretension: int = 0
     """[N]"""
@@ -111,7 +111,7 @@ MEMORY = MemoryRows()
 
 
 class DriveNumbers(NamedTuple):
-    """Numbers that follow the rows of `MemoryRows`: what effects remember of the drive. Derived: they count."""
+    """Numbers that follow the rows of `MemoryRows`: what effects keep of the drive. Derived: they count."""
 
     drive: int = 0
     """Last drive [N] or [m]."""
