@@ -24,7 +24,7 @@ from typing import Any
 HERE = Path(__file__).resolve().parent
 FLAGS = [
     *("-std=c11", "-O3", "-fPIC", "-shared", "-fvisibility=hidden"),
-    *("-Wall", "-Wextra", "-Wno-psabi", "-Werror=implicit-function-declaration"),
+    *("-Wall", "-Wextra", "-Wno-psabi", "-Wno-vla-parameter", "-Werror=implicit-function-declaration"),
     # sums are neither fused nor reordered, so that every processor and compiler gives the same digits
     *("-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math"),
 ]
