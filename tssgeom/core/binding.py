@@ -12,7 +12,7 @@ import numpy as np
 from tssgeom.core._declarations import ffi
 from tssgeom.errors import FitError
 
-F8, I8, U1, C1 = (np.dtype(kind) for kind in (np.float64, np.int64, np.bool_, np.uint8))
+F8, I8, U1, C1 = np.dtype(np.float64), np.dtype(np.int64), np.dtype(np.bool_), np.dtype(np.uint8)
 _NAME = "_tssgeom_core" + (".dll" if sys.platform == "win32" else ".so")
 library = ffi.dlopen(str(Path(__file__).with_name(_NAME)))
 NULL, from_buffer, new, empty = ffi.NULL, ffi.from_buffer, ffi.new, np.empty
