@@ -165,7 +165,7 @@ def _chosen(
     covers another label comes after all others, and one that covers the scale or an end last of all.
     """
     free = _spacing(centres[:, None] - taken, half[:, None]).min(axis=1, initial=np.inf)
-    beyond = (np.abs(centres) > edge - half).any(axis=1)
+    beyond = np.asarray((np.abs(centres) > edge - half).any(axis=1))
     chosen = list[int]()
     ends = np.cumsum(counts)
     for first, end in zip(ends - counts, ends, strict=True):
