@@ -4,11 +4,13 @@
 
 #include "lumped.h"
 
-static const double LEAST_LOAD = 1e-3; /* N; below it a friction coefficient that depends on the load does so no more */
+/* Below it a friction coefficient that depends on the load does so no more [N]. */
+static const double LEAST_LOAD = 1e-3;
 
 /* extension = compliance T + toe (1 − e^(−T/toe_scale)) + gap (1 − e^(−T/gap_scale)) */
 double stretched(
-    double tension, double compliance, double toe, double toe_scale, double gap, double gap_scale, double *slope) {
+    double tension, double compliance, double toe, double toe_scale, double gap, double gap_scale,
+    double *slope) {
     double a = toe * exp(-tension / toe_scale), b = gap * exp(-tension / gap_scale);
     *slope = compliance + a / toe_scale + b / gap_scale;
     return compliance * tension + (toe - a) + (gap - b);

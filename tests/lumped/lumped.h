@@ -28,7 +28,8 @@ typedef struct {
 
 /* A curved law of a bar: extension [m] when taut beyond its loose length; its compliance there [m/N]. */
 double stretched(
-    double tension, double compliance, double toe, double toe_scale, double gap, double gap_scale, double *slope);
+    double tension, double compliance, double toe, double toe_scale, double gap, double gap_scale,
+    double *slope);
 
 /* What a sliding speed [m/s] makes of the friction; its slope [s/m] where that is above zero. */
 double speed_factor(double speed, const double law[4], double *slope);
@@ -38,8 +39,8 @@ void grip(const Chain *chain, double turn, double travel, double total, int64_t 
 
 /* Fill in tension [b] and motion [k] of a step; return whether there is an equilibrium. work: [24 k + 40]. */
 int answer(
-    const Chain *chain, const double *offset, const double *slope, const double (*up)[3], const double (*down)[3],
-    double drive, double *tension, double *moved, double *work);
+    const Chain *chain, const double *offset, const double *slope, const double (*up)[3],
+    const double (*down)[3], double drive, double *tension, double *moved, double *work);
 
 /* Run the steps; return how many, or minus the grid point, from 1, where no balance was found. */
 int64_t march(const Chain *chain, const Imposed *imposed, Records *records, int64_t *passes);

@@ -1,7 +1,8 @@
 /* The chain in time: backward Euler steps, each balanced to rounding.
 
    Nothing here knows a closed form of the tension along a sheath. A node is in balance when the two bars and
-   the friction, projected on the tangent of the sheath, add to zero; the bars press the contact force into it. */
+   the friction, projected on the tangent of the sheath, add to zero; the bars press the contact force into
+   it. */
 #include <math.h>
 #include <stdint.h>
 #include <stdlib.h>
@@ -9,7 +10,7 @@
 
 #include "lumped.h"
 
-static const double TOLERANCE = 1e-9; /* N, between passes over curved laws; displacements of 1e-2 m round so */
+static const double TOLERANCE = 1e-9; /* N, between passes; displacements of 1e-2 m round so */
 enum { PASSES = 60 };                 /* more than that and the step is halved */
 static const double LEAST_PART = 1.0 / 4096.0; /* of a step: twelve halvings */
 
@@ -48,7 +49,8 @@ static double turn_of_bar(const Chain *chain, const double *turns, int64_t j) {
 
 /* Put in what is imposed at grid point g, between two frames of the path. */
 static void impose(Inputs *now, const Chain *chain, const Imposed *imposed, int64_t g) {
-    int64_t k = chain->nodes, at = imposed->frame[g], after = at + 1 < imposed->frames ? at + 1 : imposed->frames - 1;
+    int64_t k = chain->nodes, at = imposed->frame[g];
+    int64_t after = at + 1 < imposed->frames ? at + 1 : imposed->frames - 1;
     double share = imposed->weight[g];
     now->drive = imposed->drive[g], now->warmth = imposed->warmth[g];
     now->growth[0] = now->growth[k] = now->turns[0] = now->turns[k - 1] = 0.0;
@@ -59,15 +61,15 @@ static void impose(Inputs *now, const Chain *chain, const Imposed *imposed, int6
         now->turns[i + 1] = (1.0 - share) * turns[at * (k - 2) + i] + share * turns[after * (k - 2) + i];
 }
 
+static double mixed(double before, double after, double share) {
+    return share < 1.0 ? before + share * (after - before) : after;
+}
+
 static void between(Inputs *goal, const Inputs *before, const Inputs *after, double share, int64_t k) {
-    share = share < 1.0 ? share : 1.0;
-    goal->drive = share < 1.0 ? before->drive + share * (after->drive - before->drive) : after->drive;
-    goal->warmth = share < 1.0 ? before->warmth + share * (after->warmth - before->warmth) : after->warmth;
-    for (int64_t j = 0; j < k + 1; j++)
-        goal->growth[j] =
-            share < 1.0 ? before->growth[j] + share * (after->growth[j] - before->growth[j]) : after->growth[j];
-    for (int64_t i = 0; i < k; i++)
-        goal->turns[i] = share < 1.0 ? before->turns[i] + share * (after->turns[i] - before->turns[i]) : after->turns[i];
+    goal->drive = mixed(before->drive, after->drive, share);
+    goal->warmth = mixed(before->warmth, after->warmth, share);
+    for (int64_t j = 0; j < k + 1; j++) goal->growth[j] = mixed(before->growth[j], after->growth[j], share);
+    for (int64_t i = 0; i < k; i++) goal->turns[i] = mixed(before->turns[i], after->turns[i], share);
 }
 
 /* Weights of old creep, old and new tension; the tension is linear over x relaxation times. */
@@ -78,7 +80,8 @@ static void creep_weights(double x, double weights[3]) {
 
 /* Extension [m] of each bar if no node moves, and its compliance [m/N], creep included. */
 static void offers(
-    const Chain *chain, const State *state, const double *rest, const Inputs *goal, double span, Memory *memory) {
+    const Chain *chain, const State *state, const double *rest, const Inputs *goal, double span,
+    Memory *memory) {
     int64_t k = chain->nodes, creeps = chain->creeps;
     for (int64_t j = 0; j < k + 1; j++) {
         double left = j > 0 ? state->position[j - 1] : chain->force_driven ? 0.0 : goal->drive;
@@ -89,7 +92,8 @@ static void offers(
         for (int64_t c = 0; c < creeps; c++) {
             double share[3], compliance = chain->creep_compliance[j * creeps + c];
             creep_weights(span / chain->creep_time[c], share);
-            memory->base[j] -= share[0] * state->creep[j * creeps + c] + share[1] * compliance * state->tension[j];
+            double crept = share[0] * state->creep[j * creeps + c];
+            memory->base[j] -= crept + share[1] * compliance * state->tension[j];
             memory->soft[j] += share[2] * compliance;
         }
     }
@@ -99,12 +103,13 @@ static void offers(
 
    On the tangent of the sheath (a − b) cos(turn/2) = ± (grip (a + b) h(v) + floor + drag v). */
 static void contact(
-    const Chain *chain, const State *state, const Inputs *goal, double span, int64_t i, double total, double slip,
-    double up[3], double down[3]) {
+    const Chain *chain, const State *state, const Inputs *goal, double span, int64_t i, double total,
+    double slip, double up[3], double down[3]) {
     double cosine = cos(0.5 * goal->turns[i]), held[2], factor = 1.0, extra = 0.0;
     grip(chain, goal->turns[i], state->travel[i], total, i, held);
     if (chain->by_speed && i > 0 && i < chain->nodes - 1) {
-        double kept = chain->speed_lag > 0.0 ? exp(-span / chain->speed_lag) : 0.0, fresh = (1.0 - kept) / span, rise;
+        double kept = chain->speed_lag > 0.0 ? exp(-span / chain->speed_lag) : 0.0;
+        double fresh = (1.0 - kept) / span, rise;
         factor = speed_factor(kept * state->speed[i] + fresh * slip, chain->speed_law, &rise);
         factor -= rise * fresh * slip;
         extra = rise * fresh * total;
@@ -112,11 +117,13 @@ static void contact(
     double g = held[0] * factor, d = chain->drag[i] / span + held[0] * extra;
     up[0] = (cosine + g) / (cosine - g), up[1] = chain->floor[i] / (cosine - g), up[2] = d / (cosine - g);
     g = held[1] * factor, d = chain->drag[i] / span + held[1] * extra;
-    down[0] = (cosine - g) / (cosine + g), down[1] = -chain->floor[i] / (cosine + g), down[2] = d / (cosine + g);
+    down[0] = (cosine - g) / (cosine + g), down[1] = -chain->floor[i] / (cosine + g);
+    down[2] = d / (cosine + g);
 }
 
 /* Take over tension and motion of a balanced step. */
-static void take_over(const Chain *chain, State *state, const Inputs *goal, const Memory *memory, double span) {
+static void take_over(
+    const Chain *chain, State *state, const Inputs *goal, const Memory *memory, double span) {
     int64_t k = chain->nodes, creeps = chain->creeps;
     const double *tension = memory->tension, *moved = memory->moved;
     for (int64_t c = 0; c < creeps; c++) {
@@ -214,13 +221,13 @@ static int64_t run(
     Inputs after = { 0.0, 0.0, piece(&memory, b), piece(&memory, k) };
     Inputs goal = { 0.0, 0.0, piece(&memory, b), piece(&memory, k) };
     double *rest = piece(&memory, b);
-    Memory step = { piece(&memory, b), piece(&memory, b), piece(&memory, b), piece(&memory, b), piece(&memory, b),
-                    piece(&memory, b), piece(&memory, k), piece(&memory, 24 * k + 40),
+    Memory step = { piece(&memory, b), piece(&memory, b), piece(&memory, b), piece(&memory, b),
+                    piece(&memory, b), piece(&memory, b), piece(&memory, k), piece(&memory, 24 * k + 40),
                     (double (*)[3])piece(&memory, 3 * k), (double (*)[3])piece(&memory, 3 * k) };
     for (int64_t j = 0; j < b; j++) { /* pretensioned: one tension, no friction, creep at rest */
         state.tension[j] = chain->pretension;
-        for (int64_t c = 0; c < chain->creeps; c++)
-            state.creep[j * chain->creeps + c] = chain->creep_compliance[j * chain->creeps + c] * chain->pretension;
+        for (int64_t c = j * chain->creeps; c < (j + 1) * chain->creeps; c++)
+            state.creep[c] = chain->creep_compliance[c] * chain->pretension;
     }
     for (int64_t i = 1; i < k - 1; i++) goal.turns[i] = imposed->turns[i - 1];
     find_rest(chain, goal.turns, rest);

@@ -1,18 +1,20 @@
 /* The chain answered exactly in one sweep, for straight laws.
 
-   From the proximal side, all that lies distal of a point is one curve: how far the point moves in this step, w,
-   against the tension T there. It rises, and is a polyline for straight laws. A bar adds its extension to w. A
-   node that sticks holds w = 0 over a range of tensions, so it pulls the curve apart there: what moves to the
-   proximal end is shifted to higher tensions, what moves to the distal end to lower ones. At the drive the
-   tension or the displacement picks the point of the last curve, and the way back gives every node. Nothing is
-   guessed, iterated or regularised. */
+   From the proximal side, all that lies distal of a point is one curve: how far the point moves in this
+   step, w, against the tension T there. It rises, and is a polyline for straight laws. A bar adds its
+   extension to w. A node that sticks holds w = 0 over a range of tensions, so it pulls the curve apart there:
+   what moves to the proximal end is shifted to higher tensions, what moves to the distal end to lower ones.
+   At the drive the tension or the displacement picks the point of the last curve, and the way back gives
+   every node. Nothing is guessed, iterated or regularised. */
 #include <math.h>
 #include <stdint.h>
 
 #include "lumped.h"
 
-static const double FAR_N = 1e5, FAR_M = 10.0; /* where curves end: no tension and no motion of a run comes near */
-static const double EDGE = 1e-11; /* of the tension: so close to a limit a node slips, by 0 or, under a weight, by any w */
+/* Where curves end: no tension and no motion of a run comes near. */
+static const double FAR_N = 1e5, FAR_M = 10.0;
+/* Of the tension: so close to a limit a node slips, by w = 0 or, under a weight, by any w. */
+static const double EDGE = 1e-11;
 
 typedef struct {
     int64_t size;
@@ -30,8 +32,8 @@ static void far_end(Curve *curve, const Chain *chain) {
     curve->t[1] = chain->weight ? chain->pretension : FAR_N, curve->w[1] = chain->weight ? FAR_M : 0.0;
 }
 
-/* Add a bar, which goes slack at no tension: the curve then falls straight down. Return where the right end of
-   the bar rests when it is slack [m]. */
+/* Add a bar, which goes slack at no tension: the curve then falls straight down. Return where the right end
+   of the bar rests when it is slack [m]. */
 static double add_bar(Curve *curve, double offset, double slope) {
     double *t = curve->t, *w = curve->w;
     if (t[0] > 0.0) { /* a weight at the end: never slack */
@@ -40,7 +42,8 @@ static double add_bar(Curve *curve, double offset, double slope) {
     }
     int64_t first = 0;
     while (first + 2 < curve->size && t[first + 1] <= 0.0) first++;
-    double share = -t[first] / (t[first + 1] - t[first]), loose = w[first] + share * (w[first + 1] - w[first]);
+    double share = -t[first] / (t[first + 1] - t[first]);
+    double loose = w[first] + share * (w[first + 1] - w[first]);
     int64_t kept = curve->size - first - 1;
     if (first == 0) /* one point more than before */
         for (int64_t m = kept; m > 0; m--) t[m + 1] = t[m], w[m + 1] = w[m];
@@ -77,8 +80,8 @@ static Held add_node(const Curve *from, Curve *to, const double up[3], const dou
 }
 
 int answer(
-    const Chain *chain, const double *offset, const double *slope, const double (*up)[3], const double (*down)[3],
-    double drive, double *tension, double *moved, double *work) {
+    const Chain *chain, const double *offset, const double *slope, const double (*up)[3],
+    const double (*down)[3], double drive, double *tension, double *moved, double *work) {
     int64_t k = chain->nodes, room = 4 * k + 8;
     Curve here = { 0, work, work + room }, other = { 0, work + 2 * room, work + 3 * room };
     Held *held = (Held *)(work + 4 * room); /* [k] */

@@ -60,8 +60,8 @@ static double nearest_on_triangle(const double p[3], const double t[3][3], doubl
     return least;
 }
 
-/* Visit the triangles within a distance of p [m²], those of near boxes first. With `around` they are gathered,
-   and how many there are is returned; else the distance shrinks to that of the nearest, whose point becomes q. */
+/* Visit the triangles within a distance of p, those of near boxes first. With `around` they are gathered, and
+   how many there are is returned; else the distance shrinks to the nearest, whose point becomes q [m²]. */
 static int64_t search(const double p[3], double *square, const Tree *tree, double q[3], int64_t around[]) {
     int64_t pending[MOST_PENDING], top = 0, count = 0;
     double away[MOST_PENDING]; /* square of the distance to each of them */
@@ -146,7 +146,7 @@ void tss_nearest_on_wall(
     for (int64_t i = 0; i < n; i++) {
         double at[3], away[3], normal[3] = { 0.0, 0.0, 0.0 }, angle = 0.0;
         double square = INFINITY;
-        for (int c = 0; c < 3; c++) position[i][c] = points[i][c]; /* where no triangle is at a finite distance */
+        for (int c = 0; c < 3; c++) position[i][c] = points[i][c]; /* for points that are not finite */
         search(points[i], &square, &tree, position[i], NULL);
         distance[i] = sqrt(square);
         double near = WALL.same_point * (distance[i] + WALL.smallest_distance);
