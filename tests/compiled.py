@@ -22,8 +22,8 @@ def compiler() -> list[str]:
     """Return the command of a C compiler: that of the system, or else zig's."""
     if chosen := os.environ.get("CC"):
         return shlex.split(chosen)
-    found = next(filter(None, map(shutil.which, ("cc", "gcc", "clang"))), None)
-    return [found] if found else [sys.executable, "-m", "ziglang", "cc"]
+    path = next(filter(None, map(shutil.which, ("cc", "gcc", "clang"))), None)
+    return [path] if path else [sys.executable, "-m", "ziglang", "cc"]
 
 
 def library_of(header: Path, sources: Sequence[Path]) -> tuple[FFI, Any]:

@@ -114,10 +114,10 @@ def _met(poses: Eyes, slope: np.ndarray, weight: np.ndarray, rows: np.ndarray) -
 def _nearest(rotation: np.ndarray, shift: np.ndarray, slope: np.ndarray, points: Points) -> np.ndarray:
     """Return the blob of a view that is nearest to the projection of each point, -1 where there is none."""
     p = points @ rotation.T + shift
-    ahead = p[:, 2] > 0.0
-    at = p[:, :2] / np.where(ahead, p[:, 2], 1.0)[:, None]
+    in_front = p[:, 2] > 0.0
+    at = p[:, :2] / np.where(in_front, p[:, 2], 1.0)[:, None]
     far = np.nan_to_num(((slope - at[:, None]) ** 2).sum(axis=2), nan=np.inf)
-    return np.where(ahead & np.isfinite(far).any(axis=1), far.argmin(axis=1), -1)
+    return np.where(in_front & np.isfinite(far).any(axis=1), far.argmin(axis=1), -1)
 
 
 def _whole(blobs: np.ndarray) -> np.ndarray:

@@ -100,7 +100,7 @@ def intersections(
         ray /= np.sqrt(np.einsum("vnc,vnc->vn", ray, ray))[..., None]
         x = _first_guess(eyes, ray, visible)
         moving = _wide_enough(ray, visible) & np.isfinite(x).all(axis=1)
-        placed = moving.copy()
+        good = moving.copy()
         for _ in range(_STEPS):
             at = np.flatnonzero(moving)
             if not len(at):
@@ -109,21 +109,21 @@ def intersections(
             pull, normal, _, deep = _equations(eyes, *views, x[at])
             step = np.einsum("nij,nj->ni", _inverse(normal), pull)
             x[at] = np.where(deep[:, None] > 0.0, x[at] + step, x[at])
-            placed[at] = deep > 0.0
+            good[at] = deep > 0.0
             moving[at] = (deep > 0.0) & (np.abs(step).max(axis=1) > _STILL * deep)
         _, normal, square, deep = _equations(eyes, slope, weight, visible, x)
-        placed &= (deep > 0.0) & np.isfinite(square)
+        good &= (deep > 0.0) & np.isfinite(square)
         covariance = _inverse(normal)
-    return x, np.where(placed[:, None, None], covariance, np.nan), np.where(placed, square, np.inf)
+    return x, np.where(good[:, None, None], covariance, np.nan), np.where(good, square, np.inf)
 
 
 def _equations(
     eyes: Eyes, slope: np.ndarray, weight: np.ndarray, visible: np.ndarray, x: Points
 ) -> tuple[np.ndarray, np.ndarray, Vector, Vector]:
     """Return right side and matrix of the normal equations at positions, the squares and the least depths."""
-    seen = np.einsum("vij,nj->vni", eyes.rotation, x) + eyes.shift[:, None]
-    depth = np.where(visible, seen[..., 2], 1.0)
-    at = seen[..., :2] / depth[..., None]
+    local = np.einsum("vij,nj->vni", eyes.rotation, x) + eyes.shift[:, None]
+    depth = np.where(visible, local[..., 2], 1.0)
+    at = local[..., :2] / depth[..., None]
     error = slope - at
     turned = eyes.rotation[:, None, :2] - at[..., None] * eyes.rotation[:, None, 2:]
     jac = turned / depth[..., None, None]  # docs/model.md (132)
