@@ -204,8 +204,8 @@ MUTANTS = (
         f"{WITH_EFFECTS} -k 'simulated and tension_in_offset'",
     ),
     # the route
-    Mutant("tssgeom/route/pieces.py", "first[c] -= turned * middle", "first[c] += turned * middle", ARCS),
-    Mutant("tssgeom/route/pieces.py", "if so_far[k] + penalty < cost[j]:", "if so_far[k] < cost[j]:", ARCS),
+    Mutant("tssgeom/core/pieces.c", "first[c] -= turned * middle", "first[c] += turned * middle", ARCS),
+    Mutant("tssgeom/core/pieces.c", "if (so_far[k] + penalty < best)", "if (so_far[k] < best)", ARCS),
     Mutant(
         "tssgeom/route/pieces.py",
         "self.covariance[k:, k:].sum()",

@@ -5,7 +5,7 @@
    Parameters
      int64_t n            a size; the wrapper takes it from the first array that has it as a dimension,
                           any other integer, and every double, is an argument
-     const T a[n][3]      input, C-contiguous, read only; T is double, int64_t or uint8_t (0 or 1)
+     const T a[n][3]      input, C-contiguous, read only; T is double, int64_t, uint8_t (0 or 1) or char
      OPTIONAL const T a[] input or NULL
      INOUT T a[n]         changed in place
      OUT T a[n]           made by the wrapper and returned; every element is written
