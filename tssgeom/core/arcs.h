@@ -3,9 +3,9 @@
    Every entry takes the points and the chain in the same way.
      points [n][3] [m]; weight [n], 0 for an outlier; free: 1 where stations are unknown, so that only
      distances across the chain count; variance: known noise of a coordinate, 0 where unknown [m²]; spacing:
-     mean spacing of the points [m]; shortest: shortest piece [spacings]; unit [n][3] and unit_weight [n]: sensed
-     directions, and the noise variance of the points over that of each direction, 0 where it is not used [m²],
-     or NULL.
+     mean spacing of the points [m]; shortest: shortest piece [spacings]; unit [n][3] and unit_weight [n]:
+     sensed directions, and the noise variance of the points over that of each direction, 0 where it is not
+     used [m²], or NULL.
      form [k + 4][3]: position where the chain begins [m]; its axes there: tangent, both normals; then of each
      piece the arc length at which it begins [m], and its curvature components on the normals [1/m].
      curved [k]: 0 for a straight piece. stations [n]: arc length of the foot of each point [m].
@@ -81,9 +81,9 @@ ENTRY int64_t tss_chain_fits(
 /** Return the pieces of a fitted chain: lengths [m], angles [rad], covariance of both, noise [m]; (33),
 (124).
 
-`unidentifiable` is the piece whose bend is known least, if its points do not determine it, or -1; `hidden` the
-mean square of the curvature that each straight piece may have [1/m²]; `variances` those of the angle where each
-piece begins [rad²] and of its curvature [1/m²], and the covariance of both [1/m], without what is hidden. */
+`unidentifiable` is the piece whose bend is known least, if its points do not determine it, or -1; `hidden`
+the mean square of the curvature that each straight piece may have [1/m²]; `variances` those of the angle where
+each piece begins [rad²] and of its curvature [1/m²], and their covariance [1/m], without what is hidden. */
 ENTRY status tss_chain_pieces(
     int64_t n, int64_t k, int64_t m, const double points[n][3], const double weight[n], int64_t free,
     double variance, double spacing, OPTIONAL const double unit[n][3], OPTIONAL const double unit_weight[n],

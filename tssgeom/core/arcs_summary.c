@@ -50,7 +50,8 @@ static void hidden_bends(const Data *data, const Chain *chain, const double lowe
 
 /* Piece whose bend is known least, if its points do not determine it, or -1. Such a piece may lie beyond
    the last joint that points surround. */
-static int64_t unidentifiable_of(int64_t k, const double length[], const double covariance[], double spacing) {
+static int64_t unidentifiable_of(
+    int64_t k, const double length[], const double covariance[], double spacing) {
     int64_t worst = -1;
     double error = IDENTIFIABLE.largest_se_short;
     for (int64_t j = 0; j < k; j++) {
@@ -62,7 +63,7 @@ static int64_t unidentifiable_of(int64_t k, const double length[], const double 
     return k > 1 ? worst : -1;
 }
 
-/* Variances [k][3] of φ where each piece begins, of κ on it, and their covariance in between, of unit noise. */
+/* Variances [k][3] of φ where each piece begins and of κ on it, and their covariance, of unit noise. */
 static void variances_of_angle(
     const Chain *chain, int64_t joint, const double length[], const double lower[], const double unit[],
     double variances[][3], Work w) {
@@ -87,11 +88,11 @@ static void variances_of_angle(
     }
 }
 
-/* Lengths, angles, covariance [2k, 2k] and hidden bends of the pieces; returns the noise [m]; (33). Variances along the
-   pieces are written unless NULL. */
+/* Lengths, angles, covariance [2k, 2k] and hidden bends of the pieces; returns the noise [m]; (33). Variances
+   along the pieces are written unless NULL. */
 static double pieces_of(
-    const Data *data, const Chain *chain, double length[], double angle[], double covariance[], double hidden[],
-    double variances[][3], Work w) {
+    const Data *data, const Chain *chain, double length[], double angle[], double covariance[],
+    double hidden[], double variances[][3], Work w) {
     int64_t k = chain->k, m = chain->m, r = 2 * k, joint = first_joint_column(data->free) - 1;
     double *gradient = take(&w, r * m), *lower = take(&w, m * m), *unit = take(&w, m);
     double variance = noise_variance(data, chain);
@@ -129,7 +130,8 @@ static double pieces_of(
     if (data->free) /* an unknown station of an end takes its angle along */
         for (int end = 0; end < 2; end++) {
             int64_t j = end ? k - 1 : 0;
-            double kappa = sqrt(squared(chain->form->piece[j].bend[0]) + squared(chain->form->piece[j].bend[1]));
+            const double *bend = chain->form->piece[j].bend;
+            double kappa = sqrt(bend[0] * bend[0] + bend[1] * bend[1]);
             covariance[j * r + j] += variance;
             covariance[j * r + k + j] += variance * kappa;
             covariance[(k + j) * r + j] += variance * kappa;
@@ -143,7 +145,8 @@ status tss_chain_pieces(
     double variance, double spacing, const double unit[n][3], const double unit_weight[n],
     const double form[k + 4][3], const uint8_t curved[k], const double stations[n], const double matrix[m][m],
     double cost, double length[k], double angle[k], double covariance[2 * k][2 * k], double *noise,
-    int64_t *unidentifiable, double hidden[k], double variances[k][3], double work[4 * n + 60 * k * k + 600 * k + 400]) {
+    int64_t *unidentifiable, double hidden[k], double variances[k][3],
+    double work[4 * n + 60 * k * k + 600 * k + 400]) {
     if (!is_sized(n, k, m, curved, free)) return WRONG_SIZE;
     Data data = {n, points, weight, free, variance, spacing, unit, unit_weight, 1.0};
     Chain chain = chain_of(k, m, form, curved, stations, matrix[0], cost);
@@ -235,7 +238,7 @@ static void part_equations(
     double *cross = take(&w, m * p), *gradient = take(&w, m), *lower = take(&w, m * m), *unit = take(&w, m);
     memset(cross, 0, (size_t)(m * p) * sizeof(double));
     memset(gradient, 0, (size_t)m * sizeof(double));
-    /* the joints inside a piece have no effect, the curvature being the same; a piece's is that of its parts */
+    /* joints inside a piece have no effect, the curvature being the same; a piece's is that of its parts */
     for (int64_t a = 0; a < row; a++) {
         int64_t source = a < base ? a : base + parts * (a - base + 1) - 1;
         gradient[a] = cut.gradient[source];

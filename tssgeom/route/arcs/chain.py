@@ -48,7 +48,7 @@ class Data(NamedTuple):
     """Shortest piece [mean spacings]: less than 1 where there are kinks, or noise would look like them."""
 
     @property
-    def sensed(self) -> tuple[object, ...]:
+    def sensed(self) -> tuple[Points, Vector, bool, float, float, Points | None, Vector | None]:
         """Points and directions as the core takes them."""
         directions = (None, None) if self.tangents is None else self.tangents[:2]
         return (*self[:5], *directions)
