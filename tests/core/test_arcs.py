@@ -187,7 +187,7 @@ def test_pieces_and_their_errors():
     for data, chain in fitted(100):
         k = len(chain.bend)
         sizes, covariance, noise, hidden = arcs_summary.pieces(data, chain)
-        length, angle, result, own, which, bends = core.chain_pieces(*data.sensed, *chain[:5])
+        length, angle, result, own, which, bends, _ = core.chain_pieces(*data.sensed, *chain[:5])
         close(length, sizes[:k])
         close(angle, sizes[k:])
         close_matrix(result, covariance)
@@ -198,7 +198,7 @@ def test_pieces_and_their_errors():
 
 def test_profiles_on_nodes():
     for data, chain in fitted(30):
-        nodes = chain_nodes(data, chain, chain_pieces(data, chain))
+        nodes = chain_nodes(data, chain, 1e-3)
         profile, route = nodes.profile, nodes.route
         begin = chain.stations[0]
         expected = arcs_summary.profile(data, chain, route.s + begin)

@@ -3,9 +3,9 @@
    Every entry takes the points and the chain in the same way.
      points [n][3] [m]; weight [n], 0 for an outlier; free: 1 where stations are unknown, so that only
      distances across the chain count; variance: known noise of a coordinate, 0 where unknown [m²]; spacing:
-     mean spacing of the points [m]; shortest: shortest piece [spacings]; unit [n][3] and unit_weight [n]: sensed
-     directions, and the noise variance of the points over that of each direction, 0 where it is not used [m²],
-     or NULL.
+     mean spacing of the points [m]; shortest: shortest piece [spacings]; unit [n][3] and unit_weight [n]:
+     sensed directions, and the noise variance of the points over that of each direction, 0 where it is not
+     used [m²], or NULL.
      form [k + 4][3]: position where the chain begins [m]; its axes there: tangent, both normals; then of each
      piece the arc length at which it begins [m], and its curvature components on the normals [1/m].
      curved [k]: 0 for a straight piece. stations [n]: arc length of the foot of each point [m].
@@ -82,14 +82,15 @@ ENTRY int64_t tss_chain_fits(
 (124).
 
 `unidentifiable` is the piece whose bend is known least, if its points do not determine it, or -1; `hidden`
-the mean square of the curvature that each straight piece may have [1/m²]. */
+the mean square of the curvature that each straight piece may have [1/m²]; `variances` those of the angle where
+each piece begins [rad²] and of its curvature [1/m²], and their covariance [1/m], without what is hidden. */
 ENTRY status tss_chain_pieces(
     int64_t n, int64_t k, int64_t m, const double points[n][3], const double weight[n], int64_t free,
     double variance, double spacing, OPTIONAL const double unit[n][3], OPTIONAL const double unit_weight[n],
     const double form[k + 4][3], const uint8_t curved[k], const double stations[n], const double matrix[m][m],
     double cost, OUT double length[k], OUT double angle[k], OUT double covariance[2 * k][2 * k],
     OUT double *noise, OUT int64_t *unidentifiable, OUT double hidden[k],
-    WORK double work[4 * n + 60 * k * k + 600 * k + 400]);
+    OUT double variances[k][3], WORK double work[4 * n + 60 * k * k + 600 * k + 400]);
 
 /** Fit the chain of the last frame to the points of this one, without outliers, and return its pieces; (34).
 
@@ -102,7 +103,7 @@ ENTRY status tss_follow_chain(
     double last, OUT int64_t *fits, OUT double new_weight[n], OUT double new_form[k + 4][3],
     OUT double new_stations[n], OUT double matrix[m][m], OUT double *cost, OUT double square[n],
     OUT double length[k], OUT double angle[k], OUT double covariance[2 * k][2 * k], OUT double *noise,
-    OUT int64_t *unidentifiable, OUT double hidden[k], WORK double work[4 * n + 60 * k * k + 600 * k + 400]);
+    OUT int64_t *unidentifiable, WORK double work[4 * n + 60 * k * k + 600 * k + 400]);
 
 /** Return the covariance of r values of gradient [r, m], by the inverse of normal equations and of unit
 noise.

@@ -161,8 +161,8 @@ void fit_pieces(const Data *data, Chain *chain, double goal, int64_t restart, Wo
     double damping = CHAIN_FIT.first_damping, reach = CHAIN_FIT.reach * data->spacing;
     double values = (double)value_count(data);
     Chain now = *chain, tried = *chain;
-    tried.form = (Form *)take(&w, 12 + 3 * chain->k), tried.stations = take(&w, n), tried.square = take(&w, n);
-    tried.matrix = take(&w, m * m), tried.gradient = take(&w, m);
+    tried.form = (Form *)take(&w, 12 + 3 * chain->k), tried.stations = take(&w, n);
+    tried.square = take(&w, n), tried.matrix = take(&w, m * m), tried.gradient = take(&w, m);
     if (restart && data->free) from_first_foot(n, &now);
     normal_equations(data, &now, reach, w);
     for (int64_t count = 0; count < CHAIN_FIT.most_steps; count++) {

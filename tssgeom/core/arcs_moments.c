@@ -177,7 +177,7 @@ static double moments_across(
     memset(sums, 0, (size_t)chain->k * sizeof *sums);
     for (int64_t j = 0; j < chain->k; j++) planes[j] = bending_plane(frame[j], chain->form->piece[j].bend);
     double cost = 0.0, near = FOOT.near * reach;
-    /* each point goes on from where the last one was before it moved, so that both may be worked on at once */
+    /* each point goes on from where the last one was before it moved: both may be worked on at once */
     int64_t base = 0;
     double base_at = chain->form->piece[0].begin, base_x = 0.0, base_g = 0.0;
     for (int64_t i = 0; i < data->n; i++) {
@@ -275,7 +275,7 @@ static double add_tangents(
 }
 
 /* Moments of each piece [k], in the world's axes; writes squared distances, moves unknown stations towards
-   the feet of their points, by at most `reach` at a time [m], and returns the weighted sum of squares [m²]. */
+   the feet of their points, by at most `reach` at a time [m], and returns the weighted sum of squares. */
 double moments_of_points(
     const Data *data, Chain *chain, double position[][3], double frame[][3][3], double reach,
     double moments[][9][9], Work w) {

@@ -50,7 +50,8 @@ static void hidden_bends(const Data *data, const Chain *chain, const double lowe
 
 /* Piece whose bend is known least, if its points do not determine it, or -1. Such a piece may lie beyond
    the last joint that points surround. */
-static int64_t unidentifiable_of(int64_t k, const double length[], const double covariance[], double spacing) {
+static int64_t unidentifiable_of(
+    int64_t k, const double length[], const double covariance[], double spacing) {
     int64_t worst = -1;
     double error = IDENTIFIABLE.largest_se_short;
     for (int64_t j = 0; j < k; j++) {
@@ -62,10 +63,36 @@ static int64_t unidentifiable_of(int64_t k, const double length[], const double 
     return k > 1 ? worst : -1;
 }
 
-/* Lengths, angles, covariance [2k, 2k] and hidden bends of the pieces; returns the noise [m]; (33). */
-double pieces_of(
-    const Data *data, const Chain *chain, double length[], double angle[], double covariance[], double hidden[],
-    Work w) {
+/* Variances [k][3] of φ where each piece begins and of κ on it, and their covariance, of unit noise. */
+static void variances_of_angle(
+    const Chain *chain, int64_t joint, const double length[], const double lower[], const double unit[],
+    double variances[][3], Work w) {
+    int64_t k = chain->k, m = chain->m, r = 2 * k;
+    double *gradient = take(&w, r * m), *spread = take(&w, r * r), before = 0.0;
+    memset(gradient, 0, (size_t)(r * m) * sizeof(double));
+    for (int64_t j = 0, column = joint + k; j < k; j++) { /* rows of κ, then of φ */
+        double *own = gradient + j * m, *level = gradient + (k + j) * m, *last = level - m;
+        const double *bend = chain->form->piece[j].bend;
+        double kappa = sqrt(bend[0] * bend[0] + bend[1] * bend[1]);
+        for (int64_t c = 0; c < 2 && chain->curved[j]; c++, column++)
+            if (kappa > 0.0) own[column] = bend[c] / kappa;
+        for (int64_t a = 0; a < m && j > 0; a++) level[a] = last[a] + length[j - 1] * own[a - m];
+        if (j > 0) level[joint + j] = before - kappa;
+        before = kappa;
+    }
+    propagated(m, lower, unit, r, gradient, spread, w);
+    for (int64_t j = 0; j < k; j++) {
+        variances[j][0] = spread[(k + j) * r + k + j];
+        variances[j][1] = spread[j * r + j];
+        variances[j][2] = spread[(k + j) * r + j];
+    }
+}
+
+/* Lengths, angles, covariance [2k, 2k] and hidden bends of the pieces; returns the noise [m]; (33). Variances
+   along the pieces are written unless NULL. */
+static double pieces_of(
+    const Data *data, const Chain *chain, double length[], double angle[], double covariance[],
+    double hidden[], double variances[][3], Work w) {
     int64_t k = chain->k, m = chain->m, r = 2 * k, joint = first_joint_column(data->free) - 1;
     double *gradient = take(&w, r * m), *lower = take(&w, m * m), *unit = take(&w, m);
     double variance = noise_variance(data, chain);
@@ -94,11 +121,17 @@ double pieces_of(
     propagated(m, lower, unit, r, gradient, covariance, w);
     for (int64_t a = 0; a < r * r; a++) covariance[a] *= variance;
     hidden_bends(data, chain, lower, unit, hidden, w);
+    if (variances != NULL) {
+        variances_of_angle(chain, joint, length, lower, unit, variances, w);
+        for (int64_t j = 0; j < k; j++)
+            for (int c = 0; c < 3; c++) variances[j][c] *= variance;
+    }
     for (int64_t j = 0; j < k; j++) covariance[(k + j) * r + k + j] += hidden[j] * squared(length[j]);
     if (data->free) /* an unknown station of an end takes its angle along */
         for (int end = 0; end < 2; end++) {
             int64_t j = end ? k - 1 : 0;
-            double kappa = sqrt(squared(chain->form->piece[j].bend[0]) + squared(chain->form->piece[j].bend[1]));
+            const double *bend = chain->form->piece[j].bend;
+            double kappa = sqrt(bend[0] * bend[0] + bend[1] * bend[1]);
             covariance[j * r + j] += variance;
             covariance[j * r + k + j] += variance * kappa;
             covariance[(k + j) * r + j] += variance * kappa;
@@ -112,11 +145,12 @@ status tss_chain_pieces(
     double variance, double spacing, const double unit[n][3], const double unit_weight[n],
     const double form[k + 4][3], const uint8_t curved[k], const double stations[n], const double matrix[m][m],
     double cost, double length[k], double angle[k], double covariance[2 * k][2 * k], double *noise,
-    int64_t *unidentifiable, double hidden[k], double work[4 * n + 60 * k * k + 600 * k + 400]) {
+    int64_t *unidentifiable, double hidden[k], double variances[k][3],
+    double work[4 * n + 60 * k * k + 600 * k + 400]) {
     if (!is_sized(n, k, m, curved, free)) return WRONG_SIZE;
     Data data = {n, points, weight, free, variance, spacing, unit, unit_weight, 1.0};
     Chain chain = chain_of(k, m, form, curved, stations, matrix[0], cost);
-    *noise = pieces_of(&data, &chain, length, angle, covariance[0], hidden, (Work){work});
+    *noise = pieces_of(&data, &chain, length, angle, covariance[0], hidden, variances, (Work){work});
     *unidentifiable = unidentifiable_of(k, length, covariance[0], spacing);
     return DONE;
 }
@@ -127,7 +161,7 @@ status tss_follow_chain(
     const double form[k + 4][3], const uint8_t curved[k], const double stations[n], double last,
     int64_t *fits, double new_weight[n], double new_form[k + 4][3], double new_stations[n],
     double matrix[m][m], double *cost, double square[n], double length[k], double angle[k],
-    double covariance[2 * k][2 * k], double *noise, int64_t *unidentifiable, double hidden[k],
+    double covariance[2 * k][2 * k], double *noise, int64_t *unidentifiable,
     double work[4 * n + 60 * k * k + 600 * k + 400]) {
     if (!is_sized(n, k, m, curved, free)) return WRONG_SIZE;
     Work w = {work};
@@ -140,7 +174,8 @@ status tss_follow_chain(
     if (differ) fit_pieces(&data, &chain, INFINITY, 0, w);
     *fits = chain_fits(&data, &chain, last);
     *cost = chain.cost;
-    *noise = pieces_of(&data, &chain, length, angle, covariance[0], hidden, w);
+    double *hidden = take(&w, k);
+    *noise = pieces_of(&data, &chain, length, angle, covariance[0], hidden, NULL, w);
     *unidentifiable = unidentifiable_of(k, length, covariance[0], spacing);
     return DONE;
 }
@@ -203,7 +238,7 @@ static void part_equations(
     double *cross = take(&w, m * p), *gradient = take(&w, m), *lower = take(&w, m * m), *unit = take(&w, m);
     memset(cross, 0, (size_t)(m * p) * sizeof(double));
     memset(gradient, 0, (size_t)m * sizeof(double));
-    /* the joints inside a piece have no effect, the curvature being the same; a piece's is that of its parts */
+    /* joints inside a piece have no effect, the curvature being the same; a piece's is that of its parts */
     for (int64_t a = 0; a < row; a++) {
         int64_t source = a < base ? a : base + parts * (a - base + 1) - 1;
         gradient[a] = cut.gradient[source];

@@ -32,7 +32,8 @@ void tss_average_partitions(
         double p = precision[i], step = i > 0 ? s[i] - s[i - 1] : 0.0;
         sum[i + 1].mass = sum[i].mass + p;
         for (int c = 0; c < 2; c++) sum[i + 1].first[c] = sum[i].first[c] + p * bend[i][c];
-        sum[i + 1].square = sum[i].square + 0.5 * p * (squared(bend[i][0]) + squared(bend[i][1])) - log(p / TAU);
+        double size = squared(bend[i][0]) + squared(bend[i][1]);
+        sum[i + 1].square = sum[i].square + 0.5 * p * size - log(p / TAU);
         joint[i] = i > 0 ? log(-expm1(-rate * step) + 1e-300) : 0.0; /* no joint is before the first */
         interval2[i] = step * step / 12.0;
     }

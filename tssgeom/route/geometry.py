@@ -211,7 +211,7 @@ def chain_fit(shape: Shape, data: Data, chain: Chain, pieces: ChainPieces | None
         arcs=pieces.arcs,
         noise=pieces.noise,
         weight=data.weight,
-        nodes=Deferred(partial(chain_nodes, data, chain, pieces)),
+        nodes=Deferred(partial(chain_nodes, data, chain, pieces.noise)),
         evidence=Deferred(partial(_chain_log_evidence, data, chain)),
         warnings=warnings,
         chain=chain,

@@ -48,7 +48,7 @@ class Data(NamedTuple):
     """Shortest piece [mean spacings]: less than 1 where there are kinks, or noise would look like them."""
 
     @property
-    def sensed(self) -> tuple[object, ...]:
+    def sensed(self) -> tuple[Points, Vector, bool, float, float, Points | None, Vector | None]:
         """Points and directions as the core takes them."""
         directions = (None, None) if self.tangents is None else self.tangents[:2]
         return (*self[:5], *directions)
@@ -184,10 +184,10 @@ def parameter_count(curved: np.ndarray, free: bool) -> int:
     return first_joint_column(free) + len(curved) - 1 + 2 * int(np.count_nonzero(curved))
 
 
-def curvature_columns(curved: np.ndarray, free: bool) -> list[int]:
+def curvature_columns(curved: np.ndarray, free: bool) -> np.ndarray:
     """First parameter of each piece's curvature [k]; that of a straight piece has no meaning."""
     first = first_joint_column(free) + len(curved) - 1
-    return (first + 2 * (np.cumsum(curved) - curved)).tolist()
+    return first + 2 * (np.cumsum(curved) - curved)
 
 
 def criterion(data: Data, chain: Chain) -> float:

@@ -105,23 +105,22 @@ def _tried(order: Sequence[int], sure: Sequence[bool], unlikely: slice) -> list[
 
 def _simplifications(data: Data, chain: Chain) -> list[tuple[float, int, int]]:
     """List what could be left out: expected change of the criterion, kind and piece."""
-    k, m, price = len(chain.bend), len(chain.matrix), information_price(1.0, value_count(data))
-    bends = np.zeros((k, 2, m))
-    for j, column in enumerate(curvature_columns(chain.curved, data.free)):
-        if chain.curved[j]:
-            bends[j, 0, column] = bends[j, 1, column + 1] = 1.0
-    steps = np.concatenate((bends, np.diff(bends, axis=0))).reshape(-1, m)
-    covariance = noise_variance(data, chain) * core.propagated(
-        chain.matrix, steps, CHAIN_FIT.least_information
-    )
-    wald = _wald_statistics(np.concatenate((chain.bend, np.diff(chain.bend, axis=0))), covariance)
+    price, bend = information_price(1.0, value_count(data)), chain.bend
+    k, column = len(bend), curvature_columns(chain.curved, data.free)
+    length = np.diff(chain.joints, append=chain.stations[-1])
+    components, curved = np.zeros((k, 2, len(chain.matrix))), np.flatnonzero(chain.curved)
+    components[curved, 0, column[curved]] = components[curved, 1, column[curved] + 1] = 1.0
+    gradient = np.concatenate((components, components[1:] - components[:-1])).reshape(2 * (2 * k - 1), -1)
+    covariance = core.propagated(chain.matrix, gradient, CHAIN_FIT.least_information)
+    steps = np.concatenate((bend, bend[1:] - bend[:-1]))
+    wald = _wald_statistics(steps, noise_variance(data, chain) * covariance)
     listed = []
-    for j in range(k):
+    for j, short in enumerate((length < CHAIN_MOVES.dropped_below * data.spacing).tolist()):
         if chain.curved[j]:
             listed.append((wald[j] - 2 * price, _STRAIGHTENED, j))
         if j > 0:
             listed.append((wald[k + j - 1] - 3 * price, _MERGED, j))
-        if k > 1 and piece_length(chain, j) < CHAIN_MOVES.dropped_below * data.spacing:
+        if k > 1 and short:
             listed.append((-price, _DROPPED, j))
     return listed
 

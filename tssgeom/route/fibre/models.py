@@ -80,12 +80,12 @@ class Partition(NamedTuple):
 def average_partitions(sensed: Sensed, noise: float, rate: float) -> Partition:
     """Average all partitions for a given noise [1/m] and rate of joints [1/m]; docs/model.md (36)."""
     given = (sensed.s, sensed.bend, sensed.merged / noise**2, sensed.cell)
-    *average, origin, curved = core.average_partitions(*given, rate, sensed.typical**2)
+    log_evidence, mean, variance, origin, curved = core.average_partitions(*given, rate, sensed.typical**2)
     joints = [len(sensed.s)]
     while joints[-1] > 0:
         joints.append(int(origin[joints[-1]]))
     joints.reverse()
-    return Partition(*average, np.array(joints), curved[joints[1:]])
+    return Partition(log_evidence, mean, variance, np.array(joints), curved[joints[1:]])
 
 
 def piece_means(sensed: Sensed, joints: np.ndarray, curved: np.ndarray) -> tuple[Points, Vector]:
