@@ -73,9 +73,11 @@ double tss_answering(
         double far = most(0.0, here + sign * laws.force[i]),
                near = far * exp(sign * (exponent + laws.fitting[i]));
         int64_t searches = laws.load_exponent != 0.0 && far > 0.0 ? BAR.searches : 0;
-        for (int64_t search = 0; search < searches; search++) {
-            double factor = load_factor(&laws, 0.5 * (near + here)), last = near;
-            near = far * exp(sign * (exponent * factor + laws.fitting[i]));
+        for (int64_t search = 0; search < searches; search++) { /* Newton's method on near = far·exp(…) */
+            double load = 0.5 * (near + here), factor = load_factor(&laws, load), last = near;
+            double wanted = far * exp(sign * (exponent * factor + laws.fitting[i]));
+            double share = load > BAR.least_load ? laws.load_exponent * 0.5 / load : 0.0;
+            near -= (near - wanted) / (1.0 - wanted * sign * exponent * factor * share);
             if (fabs(near - last) <= BAR.close * near) break;
         }
         here = near;

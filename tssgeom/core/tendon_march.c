@@ -40,10 +40,11 @@ carry(const bar_laws *laws, const bar_memory *memory, step_room *room, double st
         double lower = down * near - laws->force[i], upper = up * near + laws->force[i];
         if (laws->load_exponent != 0.0) {
             double factor = load_factor(laws, 0.5 * (near + here));
-            lower = exp(-room->pulling[i] * factor - laws->fitting[i]) * near - laws->force[i];
-            upper = exp(room->releasing[i] * factor + laws->fitting[i]) * near + laws->force[i];
+            lower = exp(-room->pulling[i] * factor - laws->fitting[i]) * near - laws->force[i],
+            upper = INFINITY;
             if (here < lower) lower = slide_loaded(laws, i, near, here, room->pulling[i], -1.0, &down);
-            else if (here > upper) upper = slide_loaded(laws, i, near, here, room->releasing[i], 1.0, &up);
+            else upper = exp(room->releasing[i] * factor + laws->fitting[i]) * near + laws->force[i];
+            if (here > upper) upper = slide_loaded(laws, i, near, here, room->releasing[i], 1.0, &up);
         }
         if (here < lower) here = lower, c->slip[i] = PULLED, share *= down;
         else if (here > upper) here = upper, c->slip[i] = RELEASED, share *= up;

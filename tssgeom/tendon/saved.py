@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from tssgeom.arrays import Vector, read_only
+from tssgeom.arrays import read_only
 from tssgeom.errors import SettingsError
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.bars.bar_state import BarState
@@ -237,5 +237,5 @@ def _memory(saved: Mapping[str, Any]) -> Memory:
     return memory
 
 
-def _array(numbers: list[Any]) -> Vector:
+def _array(numbers: list[Any]) -> Any:
     return read_only(np.array(numbers, dtype=np.float64))
