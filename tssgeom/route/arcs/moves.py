@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
+from itertools import chain as one_after_the_other
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from tssgeom.route.arcs.chain import (
     piece_length,
     value_count,
 )
+from tssgeom.route.steps import at_once
 from tssgeom.statistics import information_price
 
 _ALL = slice(None)
@@ -37,13 +39,27 @@ def fit_chain(data: Data, first: Chain, most: int = CHAIN_MOVES.most_moves) -> C
     most
         How many moves to make at most.
     """
+    return at_once(fit_chain_in_steps(data, first, most))
+
+
+def fit_chain_in_steps(data: Data, first: Chain, most: int) -> Generator[int, None, Chain]:
+    """Do as `fit_chain`, with a stop after each candidate."""
     best = first
     for _ in range(most):
-        better = simpler(data, best) or finer(data, best)
+        better = None
+        for better in one_after_the_other(simpler_tried(data, best), finer_tried(data, best)):
+            yield work_of_candidate(data, best)
+            if better is not None:
+                break
         if better is None:
             break
         best = better
     return best
+
+
+def work_of_candidate(data: Data, chain: Chain) -> int:
+    """Return the work of trying one candidate: points times parameters."""
+    return len(data.points) * len(chain.matrix)
 
 
 def simpler(data: Data, chain: Chain, unlikely: slice = _ALL) -> Chain | None:
@@ -67,6 +83,7 @@ def finer(data: Data, chain: Chain, unlikely: slice = _ALL) -> Chain | None:
 def simpler_tried(data: Data, chain: Chain, unlikely: slice = _ALL) -> Iterator[Chain | None]:
     """Try the candidates of `simpler`, one at a time: each is the better chain, or None."""
     promised = _simplifications(data, chain)
+    yield None
     now, latest = criterion(data, chain), information_price(CHAIN_MOVES.latest, value_count(data))
     most = CHAIN_MOVES.trials if unlikely is _ALL else CHAIN_MOVES.trials_between_frames
     promise = np.array([each[0] for each in promised])
@@ -80,6 +97,7 @@ def finer_tried(data: Data, chain: Chain, unlikely: slice = _ALL) -> Iterator[Ch
     if len(chain.bend) >= CHAIN_MOVES.most_pieces:
         return
     saved, part, _ = core.saved_by_parts(*data.sensed, *chain[:5])
+    yield None
     price, now = information_price(1.0, value_count(data)), criterion(data, chain)
     order = [j for j in np.argsort(-saved)[: CHAIN_MOVES.splits].tolist() if saved[j] > price]
     sure = [bool(saved[j] > CHAIN_MOVES.joint_parameters * price) for j in order]

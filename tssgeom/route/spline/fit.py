@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple
@@ -16,8 +16,9 @@ from tssgeom.core.constants_route import NODES, PRIOR
 from tssgeom.route.directions import direction_warnings
 from tssgeom.route.observations import Shape, outlier_warnings
 from tssgeom.route.route import Route
-from tssgeom.route.spline.posterior import posterior, warmed
+from tssgeom.route.spline.posterior import PARAMETERS, posterior_in_steps, warmed
 from tssgeom.route.spline.problem import LastPass, Problem, Solution, deviance
+from tssgeom.route.steps import at_once
 
 
 class SharedErrors(NamedTuple):
@@ -98,17 +99,29 @@ def fit(shape: Shape, noise: float | None = None, last: Spline | None = None) ->
         moved = _moved(shape, noise, last)
         if moved is not None:
             return moved
-    spline, correlation = _fit_white(shape, noise)
+    return at_once(fit_in_steps(shape, noise))
+
+
+def fit_in_steps(
+    shape: Shape, noise: float | None, last: Spline | None = None
+) -> Generator[int, None, Spline]:
+    """Do as `fit`, with a stop after each pass."""
+    if last is not None and last.shared_angle_error == 0.0:
+        moved = _moved(shape, noise, last)
+        if moved is not None:
+            return moved
+        yield PARAMETERS * len(shape.points)
+    spline, correlation = yield from _fit_white(shape, noise)
     alone = noise is None and shape.stations is None and shape.directions is None
     if alone and _clustered(shape.points, spline.route.noise) and correlation() < SHARED.correlation:
         return _fit_cells(shape, spline)
     return spline
 
 
-def _fit_white(shape: Shape, noise: float | None) -> tuple[Spline, Callable[[], float]]:
+def _fit_white(shape: Shape, noise: float | None) -> Generator[int, None, tuple[Spline, Callable[[], float]]]:
     """Fit a route as if all errors were white; returns also how to ask for their correlation."""
     spacing = _mean_spacing(shape)
-    problem, solution = posterior(shape, spacing, noise)
+    problem, solution = yield from posterior_in_steps(shape, spacing, noise)
     return _spline(shape, problem, solution, spacing), partial(_correlation, problem, solution)
 
 
@@ -156,7 +169,7 @@ def _fit_cells(shape: Shape, spline: Spline) -> Spline:
         coarse, cell_of = _merged(shape, cell)
         if len(coarse.points) < SHARED.fewest_cells:
             return spline
-        fitted, correlation = _fit_white(coarse, None)
+        fitted, correlation = at_once(_fit_white(coarse, None))
         if correlation() >= SHARED.correlation_of_cells:
             break
         cell *= SHARED.growth
@@ -191,7 +204,7 @@ def _cells(points: Points, cell: float) -> np.ndarray:
 
 
 def _angle_in_cells(shape: Shape, cell: float) -> float:
-    return _raw_angle(_fit_white(_merged(shape, cell)[0], None)[0].route)
+    return _raw_angle(at_once(_fit_white(_merged(shape, cell)[0], None))[0].route)
 
 
 def _raw_angle(route: Route) -> float:

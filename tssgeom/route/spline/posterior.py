@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Generator
 
 import numpy as np
 
@@ -15,9 +16,14 @@ from tssgeom.route.route import summed
 from tssgeom.route.spline.outliers import leaves_out_a_stretch, may_drop_tangent, outlying_tangent
 from tssgeom.route.spline.problem import FilterModel, LastPass, Problem, Solution, deviance, next_pass, solve
 
+PARAMETERS = 20
+"""A pass of the spline takes as long as one over a chain of so many parameters. Chosen: by latency."""
 
-def posterior(shape: Shape, spacing: float, noise: float | None) -> tuple[Problem, Solution]:
-    """Stations, weights and posterior of a shape; docs/model.md (20) to (22).
+
+def posterior_in_steps(
+    shape: Shape, spacing: float, noise: float | None
+) -> Generator[int, None, tuple[Problem, Solution]]:
+    """Stations, weights and posterior of a shape, with a stop after each pass; docs/model.md (20) to (22).
 
     Raises
     ------
@@ -39,6 +45,7 @@ def posterior(shape: Shape, spacing: float, noise: float | None) -> tuple[Proble
         reached = deviance(problem, solution, spacing)
         if reached < least:
             best, least = (problem, solution), reached
+        yield PARAMETERS * len(shape.points)
     return best  # at a kink the prior and the curve along which it is linearised sharpen each other
 
 

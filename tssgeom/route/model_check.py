@@ -1,0 +1,256 @@
+"""Whether the estimator behind a tracked route is still the right one, tested in steps between frames.
+
+A check is made of the points of one frame, one step after each frame that follows, so that none waits for
+more than one fit of a candidate. What it selects is where the next frame starts; docs/model.md (34).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from tssgeom.arrays import Vector
+from tssgeom.errors import FitError
+from tssgeom.route.arcs.chain import Chain, Data, fit_fixed_pieces
+from tssgeom.route.arcs.moves import (
+    finer_tried,
+    fit_chain_in_steps,
+    simpler_tried,
+    work_of_candidate,
+)
+from tssgeom.route.geometry import chain_data, chain_fit, first_chain, spline_fit
+from tssgeom.route.model_choice import (
+    CHOICE,
+    log_evidence_difference,
+    model_choice_variance,
+    penalised_log_evidence_difference,
+    undecided,
+)
+from tssgeom.route.observations import Shape
+from tssgeom.route.route_fit import RouteFit
+from tssgeom.route.spline.fit import Spline, fit_in_steps
+
+
+@dataclass(frozen=True, slots=True)
+class TrackingSchedule:
+    """When which model is checked while a route is tracked; docs/model.md (34). Evidence counts as 2 ln."""
+
+    joints_interval: int = 4
+    """Frames between two checks of a chain, for fewer joints and for more in turn. Chosen: by latency."""
+    unlikely_interval: int = 4
+    """Checks of a kind after which an unlikely joint is tried as well. Chosen: by latency."""
+    unlikely_ranks: int = 4
+    """Unlikely joints that take turns. Chosen: by latency."""
+    first_interval: int = 16
+    """Frames after which the other estimator is tried. Chosen: by latency."""
+    longest_interval: int = 512
+    """The same where the other was far behind again and again [frames]. Chosen."""
+    takeover: float = 10.0
+    """Evidence difference by which the other must lead to take over [2 ln]. Chosen: odds of 1 to 150."""
+    far_behind: float = 60.0
+    """Evidence difference beyond which the interval to the next trial doubles [2 ln]. Chosen."""
+    work: int = 3000
+    """Work of a check after one frame, as its steps count it [points times parameters]. Chosen: 0.2 ms."""
+    moves: int = 2
+    """Moves of a candidate chain in one check. Chosen: by latency."""
+    patience: int = 4
+    """Checks in which a candidate chain that is hopeless may still come up. Chosen."""
+
+
+SCHEDULE = TrackingSchedule()
+
+
+@dataclass(frozen=True, slots=True)
+class ModelCheck:
+    """What is to be checked, by the points of one frame."""
+
+    shape: Shape
+    noise: float | None
+    """Known standard deviation of each coordinate [m]."""
+    candidate: Literal["spline", "chain", "joints"]
+    """What is tried: a spline, a chain, or other joints of the chain that is tracked."""
+    data: Data | None = None
+    """The points as given to the chain; None where a spline was tracked."""
+
+
+@dataclass(frozen=True, slots=True)
+class TrackedFit:
+    """Fit of the last frame, and what the next one needs to go on from it."""
+
+    fit: RouteFit
+    index: Vector
+    """Count of each fitted point in the sensed sequence."""
+    age: int = 0
+    """Frames since the other estimator was tried."""
+    interval: int = SCHEDULE.first_interval
+    """Frames after which it is tried again."""
+    checks: int = 2
+    """Checks of the joints of a chain since they changed."""
+    candidate: Chain | Spline | None = None
+    """What may take over: a chain under trial, or the spline of the last trial."""
+    model_choice_variance: float = 0.0
+    """Variance of Φ from the choice between the two [rad²]."""
+    trials: int = 0
+    """Checks that the candidate chain has gone through."""
+    run: CheckRun | None = None
+    """The check that is under way."""
+    frames: int = 0
+    """Frames that it has taken so far."""
+    due: bool = False
+    """Whether the steps that follow this frame are still to be made."""
+
+    def with_check(self, check: ModelCheck | None) -> TrackedFit:
+        """Begin a check, where there is one."""
+        if check is None:
+            return self
+        return replace(self, run=CheckRun(_steps(check, self)), frames=0, due=True)
+
+
+Outcome: TypeAlias = Callable[[TrackedFit], TrackedFit]
+"""What a check changes of what is tracked when it ends, some frames after it began."""
+Steps: TypeAlias = Generator[int, None, Outcome]
+
+
+class CheckRun:
+    """A check under way. Asked twice for the same frame, it gives the same answer."""
+
+    def __init__(self, steps: Steps) -> None:
+        self._steps, self._frames, self._outcome = steps, 0, None
+
+    def after(self, frames: int) -> Outcome | None:
+        """Make the steps of so many frames in all; return what they change, or None before the last one."""
+        while self._frames < frames and self._outcome is None:
+            self._frames += 1
+            work = 0
+            try:
+                while work < SCHEDULE.work:
+                    work += next(self._steps)
+            except StopIteration as ended:
+                self._outcome = ended.value
+            except FitError:  # a candidate that cannot be fitted is no better than what is tracked
+                self._outcome = _unchanged
+        return self._outcome if self._frames <= frames else None
+
+
+def model_checked(last: TrackedFit) -> TrackedFit:
+    """Make the steps of a check that are due after a frame; its end may select another estimator or joints.
+
+    `follow` does so itself where it was not done; to have it done between two frames changes nothing else.
+    """
+    if not last.due or last.run is None:
+        return last
+    outcome = last.run.after(last.frames + 1)
+    if outcome is None:
+        return replace(last, frames=last.frames + 1, due=False)
+    return replace(outcome(last), run=None, frames=0, due=False)
+
+
+def _unchanged(now: TrackedFit) -> TrackedFit:
+    return now
+
+
+def _steps(check: ModelCheck, begun: TrackedFit) -> Steps:
+    """Choose the check of what was tracked when it began."""
+    chain = begun.fit.chain
+    if check.data is None or chain is None:
+        return _chain_tried(check, begun)
+    if check.candidate == "spline":
+        return _spline_tried(check, check.data, chain, begun)
+    return _joints_tried(check, check.data, chain, begun.checks)
+
+
+def _joints_tried(check: ModelCheck, data: Data, chain: Chain, checks: int) -> Steps:
+    """Try fewer joints and more in turn, some of them that are unlikely."""
+    count, more_joints = divmod(checks, 2)
+    rank, now = divmod(count, SCHEDULE.unlikely_interval)
+    rank %= SCHEDULE.unlikely_ranks
+    unlikely = slice(rank, rank if now else rank + 1)
+    for better in (finer_tried if more_joints else simpler_tried)(data, chain, unlikely):
+        yield work_of_candidate(data, chain)
+        if better is not None:
+            better = yield from fit_chain_in_steps(data, better, SCHEDULE.moves - 1)
+            return partial(_with_joints, check, chain, better)
+    return partial(_with_joints, check, chain, None)
+
+
+def _with_joints(check: ModelCheck, begun: Chain, better: Chain | None, now: TrackedFit) -> TrackedFit:
+    """Go on with the better chain, unless another one is tracked by now."""
+    chain = now.fit.chain
+    if chain is None or len(chain.bend) != len(begun.bend):
+        return now
+    if better is None:
+        return replace(now, checks=now.checks + 1)
+    if now.index is not check.shape.index:
+        better = better._replace(stations=chain.stations)
+    return replace(now, fit=replace(now.fit, chain=better), checks=0)
+
+
+def _spline_tried(check: ModelCheck, data: Data, chain: Chain, begun: TrackedFit) -> Steps:
+    """Let a spline take over from a chain, or drop it for the time being.
+
+    It starts from the last one, which may be old: its first fit only brings it up to date.
+    """
+    before = begun.candidate if isinstance(begun.candidate, Spline) else None
+    spline = yield from fit_in_steps(check.shape, check.noise, before)
+    if before is not None and begun.age == begun.interval:
+        return partial(replace, candidate=spline)
+    yield 0
+    difference = penalised_log_evidence_difference(data, chain, spline)
+    if difference > 0.0 and not undecided(difference, len(chain.bend)):
+        return partial(_not_taken_over, -difference, spline, 0.0)
+    smooth = spline_fit(spline)
+    variance = model_choice_variance(smooth, begun.fit, difference)
+    if difference < -SCHEDULE.takeover:
+        taken = TrackedFit(smooth, check.shape.index, model_choice_variance=variance)
+        return partial(_taken_over, taken)
+    return partial(_not_taken_over, -difference, spline, variance)
+
+
+def _taken_over(taken: TrackedFit, now: TrackedFit) -> TrackedFit:
+    """Go on with the other estimator, unless it is the one that is tracked by now."""
+    return now if (taken.fit.chain is None) == (now.fit.chain is None) else taken
+
+
+def _not_taken_over(
+    difference: float, candidate: Spline | None, variance: float, now: TrackedFit
+) -> TrackedFit:
+    """Go on as before, the candidate's evidence being ahead by the difference [2 ln], mostly negative."""
+    interval = SCHEDULE.first_interval
+    if difference < -SCHEDULE.far_behind:
+        interval = min(2 * now.interval, SCHEDULE.longest_interval)
+    return replace(
+        now, age=0, interval=interval, candidate=candidate, trials=0, model_choice_variance=variance
+    )
+
+
+def _chain_tried(check: ModelCheck, begun: TrackedFit) -> Steps:
+    """Let a chain take over from a spline, give it a few more moves, or drop it for the time being."""
+    smooth, spline = begun.fit, begun.fit.spline
+    if spline is None:
+        return _unchanged
+    data = chain_data(check.shape, check.noise, spline)
+    if isinstance(begun.candidate, Chain):
+        first = begun.candidate._replace(stations=np.array(spline.route.station))
+    else:
+        first = first_chain(data, smooth)
+    candidate = fit_fixed_pieces(data, first)
+    yield work_of_candidate(data, candidate)
+    moved = yield from fit_chain_in_steps(data, candidate, SCHEDULE.moves)
+    difference = log_evidence_difference(data, moved, spline)
+    converged = len(moved.bend) == len(candidate.bend)
+    if difference < CHOICE.hopeless and (converged or begun.trials >= SCHEDULE.patience):
+        return partial(_not_taken_over, difference, None, 0.0)
+    if not converged:
+        return partial(replace, candidate=moved, trials=begun.trials + 1)
+    yield work_of_candidate(data, moved)
+    arcs = chain_fit(check.shape, data, moved)
+    difference = penalised_log_evidence_difference(data, moved, spline)
+    variance = model_choice_variance(smooth, arcs, difference)
+    if difference > SCHEDULE.takeover:
+        taken = TrackedFit(arcs, check.shape.index, candidate=spline, model_choice_variance=variance)
+        return partial(_taken_over, taken)
+    return partial(_not_taken_over, difference, None, variance)
