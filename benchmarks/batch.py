@@ -73,12 +73,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     each = options.frames or (_QUICK_FRAMES if options.quick else _FRAMES)
     print(machine())
     clock = "wall time" if options.wall else "processor time of the busiest worker"
-    print(f"settings: {_RECORDINGS} recordings of {each} frames, {clock}, started and compiled before")
+    print(f"settings: {_RECORDINGS} recordings of {each} frames, {clock}, started before")
     print(f"\n{_LEGEND}\n", flush=True)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        load = Load([record(folder / f"run{k}.npz", each) for k in range(_RECORDINGS)], each)
-        print(_speed_table(folder, load, wall=options.wall, markdown=options.markdown), flush=True)
+        for smooth in (True, False):
+            part = folder / ("smooth" if smooth else "pieces")
+            part.mkdir()
+            files = [record(part / f"run{k}.npz", each, smooth=smooth) for k in range(_RECORDINGS)]
+            print("a smooth route that sways:\n" if smooth else "\nseven pieces that sway:\n")
+            load = Load(files, each)
+            print(_speed_table(part, load, wall=options.wall, markdown=options.markdown), flush=True)
         large = options.large or (_QUICK_LARGE if options.quick else _LARGE)
         print(f"\n{_large_table(folder, sorted({1000, large // 10, large}), markdown=options.markdown)}")
     return 0
@@ -95,9 +100,9 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     return parser.parse_args(arguments)
 
 
-def record(path: Path, count: int) -> Path:
-    """Write a recording of so many frames: seven pieces that sway, while the tension goes up and down."""
-    sensed = frames(POINTS, _DISTINCT)
+def record(path: Path, count: int, *, smooth: bool = True) -> Path:
+    """Write a recording of so many frames of a route that sways, while the tension goes up and down."""
+    sensed = frames(POINTS, _DISTINCT, smooth=smooth)
     points = np.lib.format.open_memmap(path.with_suffix(".npy"), "w+", shape=(count, POINTS, 3))
     for k in range(count):
         points[k] = sensed[k % _DISTINCT].points

@@ -22,8 +22,8 @@ from typing import Any
 
 import numpy as np
 from csaps import csaps
-from numba import njit
 from scipy.interpolate import make_smoothing_spline, make_splprep, splev, splprep
+from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 from benchmarks.routes import arc_positions
@@ -295,7 +295,8 @@ def vmtk_smoothing(sighting: Sighting) -> Estimate:
     """Sum turning angles after VMTK's smoothing of centre lines, with its defaults."""
     points, u = _sensed(sighting)
     smoothed = points.copy()
-    _relax(smoothed, _VMTK_ROUNDS, _VMTK_FACTOR)
+    for _ in range(_VMTK_ROUNDS):
+        _relax(smoothed, _VMTK_FACTOR)
     return _of_polyline(smoothed, u if sighting.stations is not None else _chord(smoothed))
 
 
@@ -309,13 +310,11 @@ def taubin_smoothing(sighting: Sighting) -> Estimate:
     return _of_polyline(points, u if sighting.stations is not None else _chord(points))
 
 
-@njit(cache=True, nogil=True)
-def _relax(points: np.ndarray, rounds: int, factor: float) -> None:
+def _relax(points: np.ndarray, factor: float) -> None:
     """Pull each inner point towards the middle of its neighbours, one after the other."""
-    for _ in range(rounds):
-        for i in range(1, len(points) - 1):
-            for c in range(3):
-                points[i, c] += factor * (0.5 * (points[i - 1, c] + points[i + 1, c]) - points[i, c])
+    share = 0.5 * factor  # of the neighbour before, which has been pulled already
+    free = (1.0 - factor) * points[1:-1] + share * points[2:]
+    points[1:-1] = lfilter([1.0], [1.0, -share], free, axis=0, zi=share * points[:1])[0]
 
 
 def _of_polyline(points: Points, s: Vector) -> Estimate:

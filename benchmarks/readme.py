@@ -108,15 +108,16 @@ def _accuracy(text: str) -> Extract:
 
 def _speed(text: str) -> Extract:
     printed = tables(text)
-    frame, tendon = printed[1], printed[3]
+    smooth, pieces, tendon = printed[2], printed[3], printed[6]
+    mine = "whole frame, stations not told"
     whole, pelt, kernel = (
-        cell(frame, row, "p50 [µs]")
-        for row in ("whole frame, stations known", "scipy + ruptures PELT", "scipy + ruptures kernel")
+        cell(smooth, row, "p50 [µs]") for row in (mine, "scipy + ruptures PELT", "scipy + ruptures kernel")
     )
-    ratios = [cell(frame, "whole frame, stations known", name) for name in ("PELT / it", "kernel / it")]
+    ratios = [cell(smooth, mine, name) for name in ("PELT / it", "kernel / it")]
     beside = f"splprep + ruptures: {pelt} µs (PELT), {kernel} µs (kernel, C); no tendon, no error bars"
     step = f"One step of the tendon:\n\n{_rendered(tendon, 0)}"
-    body = f"A frame of 200 points:\n\n{_rendered(frame, 1)}\n\n{step}"
+    body = f"A frame of 200 points on a smooth route:\n\n{_rendered(smooth, 1)}\n\n"
+    body += f"On 7 pieces:\n\n{_rendered(pieces, 1)}\n\n{step}"
     return Extract(body, [f"{whole} µs", beside, " ×, ".join(ratios) + " ×"])
 
 
@@ -129,13 +130,14 @@ def _live(text: str) -> Extract:
 
 
 def _batch(text: str) -> Extract:
-    speed, large = tables(text)
+    speed, pieces, large = tables(text)
     count = speed[-1][0]
     columns = ("frames/s", "PELT/s", "kernel/s", "to PELT", "to kernel")
     mine, pelt, kernel, to_pelt, to_kernel = (cell(speed, count, name) for name in columns)
     beside = f"splprep + ruptures in as many: {pelt}/s (PELT), {kernel}/s (kernel, C)"
     key = [f"{mine}/s", beside, f"{to_pelt} ×, {to_kernel} ×"]
-    return Extract(f"{_rendered(speed, 0)}\n\nOne long recording:\n\n{_rendered(large, 0)}", key)
+    body = f"A smooth route:\n\n{_rendered(speed, 0)}\n\nSeven pieces:\n\n{_rendered(pieces, 0)}\n\n"
+    return Extract(f"{body}One long recording:\n\n{_rendered(large, 0)}", key)
 
 
 def _discovery(text: str) -> Extract:
@@ -155,7 +157,13 @@ PARTS = (
         ("--quick",),
         _accuracy,
     ),
-    Part("speed", "a frame of 200 points, sensed points to elongation, one core", (), ("--quick",), _speed),
+    Part(
+        "speed",
+        "a frame of 200 points on a smooth route, sensed points to elongation, one core",
+        (),
+        ("--quick",),
+        _speed,
+    ),
     Part(
         "load",
         "`live` with `--view --record`, 1000 frames/s: latency p50 / p99 / p99.9",

@@ -118,14 +118,14 @@ def _colon() -> Truth:
     return of_arcs(synthetic.colon(), piecewise=False)
 
 
-def _harmonics(rng: np.random.Generator) -> Truth:
+def harmonic_course(rng: np.random.Generator) -> Course:
     """Draw half a metre with a few random harmonics in each component of the curvature vector."""
     t = (np.arange(_CELLS) + 0.5) / _CELLS
     wave = np.arange(_HARMONICS)[:, None] * np.pi * t
     size = 12.0 / np.sqrt(_HARMONICS) * rng.standard_normal((2, _HARMONICS))
     phase = rng.uniform(0.0, 2 * np.pi, (2, _HARMONICS))
     bend = np.einsum("ck,ckt->tc", size, np.cos(wave + phase[:, :, None]))
-    return of_arcs(Course(np.full(_CELLS, 0.5 / _CELLS), bend), piecewise=False)
+    return Course(np.full(_CELLS, 0.5 / _CELLS), bend)
 
 
 _FIXED: dict[str, Callable[[], Truth]] = {
@@ -149,7 +149,9 @@ def _fixed(name: str) -> Truth:
 
 def truth(name: str, rng: np.random.Generator) -> Truth:
     """Return the named route; "harmonics" is a new random one at each call, from `rng`."""
-    return _harmonics(rng) if name == "harmonics" else _fixed(name)
+    if name == "harmonics":
+        return of_arcs(harmonic_course(rng), piecewise=False)
+    return _fixed(name)
 
 
 Stations = Literal["known", "even", "jitter", "random"]

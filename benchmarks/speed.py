@@ -2,7 +2,7 @@
 
     python -m benchmarks.speed [--quick] [--pairs N] [--wall] [--markdown]
 
-Everything is compiled and run before the clock starts, and runs in one thread. Each repetition times the
+Everything is run before the clock starts, and runs in one thread. Each repetition times the
 peers and every stage once, one after the other, so that what else the machine does strikes all alike. The
 clock is the processor time of the thread, so that waiting for a core does not count; `--wall` takes the time
 on the wall. No time is asserted, for machines differ. `--quick` takes less than 20 s of one core.
@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 
-from benchmarks.stages import NOISE, PIPELINES, STAGES, frames
+from benchmarks.stages import NOISE, PIPELINES, SMOOTH_STAGES, STAGES, Stage, frames
 from benchmarks.tables import machine, number, table
 from benchmarks.tendon_steps import LEGEND, step_table
 
@@ -36,7 +36,8 @@ p50, p99: of the time of one frame, the second of two in a row; everything else 
 Last columns: median over the pairs of the time of a whole peer pipeline over that of the stage, so more than
 1 where the stage is faster. Peers: splprep of scipy (quintic, s = 3Nσ², stations known), curvature by numpy,
 then ruptures: PELT with the l2 cost (Python) or KernelCPD with the linear kernel (C).
-Points: 7 pieces in space that sway slowly from frame to frame, noise {NOISE * 1e3:g} mm and known."""
+Points sway slowly from frame to frame, noise {NOISE * 1e3:g} mm and known: first on a smooth route, as
+endoscopes have, then on 7 pieces in space."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -47,11 +48,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     sensed = _QUICK_FRAMES if options.quick else _FRAMES
     begin = time.perf_counter()
     print(machine())
-    print(f"settings: one thread, {pairs} pairs, {named}, compiled and warmed up first")
+    print(f"settings: one thread, {pairs} pairs, {named}, warmed up first")
     print(f"\n{_LEGEND}", flush=True)
     for n in _COUNTS:
-        print(f"\n{_heading(f'N = {n}', options)}\n")
-        print(_stage_table(_paired_times(n, pairs, sensed, clock), markdown=options.markdown), flush=True)
+        for smooth in (True, False):
+            kind = "a smooth route" if smooth else "7 pieces"
+            print(f"\n{_heading(f'N = {n}, {kind}', options)}\n")
+            times = _paired_times(n, pairs, sensed, clock, smooth=smooth)
+            print(_stage_table(times, markdown=options.markdown), flush=True)
     print(f"\n{_heading('one step of the tendon', options)}\n\n{LEGEND}\n")
     print(step_table(_QUICK_STEPS if options.quick else _STEPS, clock, markdown=options.markdown), flush=True)
     counts, repeats = (_QUICK_SCALING, _QUICK_REPEATS) if options.quick else (_SCALING, _REPEATS)
@@ -82,10 +86,11 @@ def _clock(*, wall: bool) -> tuple[Clock, str]:
     return time.thread_time, "processor time of the thread"
 
 
-def _paired_times(n: int, pairs: int, count: int, clock: Clock) -> Mapping[str, np.ndarray]:
+def _paired_times(n: int, pairs: int, count: int, clock: Clock, *, smooth: bool) -> Mapping[str, np.ndarray]:
     """Seconds of every stage and peer in every repetition, on `count` frames of `n` points in turn."""
-    sensed = frames(n, count)
-    calls = {stage.name: stage.calls(sensed) for stage in (*STAGES, *PIPELINES)}
+    sensed = frames(n, count, smooth=smooth)
+    stages: Sequence[Stage] = SMOOTH_STAGES if smooth else STAGES
+    calls = {stage.name: stage.calls(sensed) for stage in (*stages, *PIPELINES)}
     for upcoming in calls.values():
         next(upcoming)()
     times = {name: np.empty(pairs) for name in calls}

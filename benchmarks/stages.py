@@ -14,15 +14,15 @@ from scipy.interpolate import splev, splprep
 
 from benchmarks.estimators import RIG
 from benchmarks.live_process import line
-from benchmarks.routes import PIECEWISE, of_arcs, truth
+from benchmarks.routes import PIECEWISE, harmonic_course, of_arcs, truth
+from tssgeom import core
 from tssgeom.arrays import Points, Vector
 from tssgeom.io.formats.jsonl import frame_of
 from tssgeom.io.results.answers import answer
 from tssgeom.rig import Rig, ShapeSensor
-from tssgeom.route.curvature import CurvatureProfile, curvature_profile
 from tssgeom.route.geometry import Method, measure
 from tssgeom.route.observations import Shape, clean
-from tssgeom.route.pieces import Arcs, constant_curvature_pieces
+from tssgeom.route.pieces import Arcs, constant_curvature_pieces, smooth_geometry
 from tssgeom.route.route_fit import RouteFit
 from tssgeom.route.spline.fit import Spline, fit
 from tssgeom.route.synthetic import Course
@@ -52,17 +52,25 @@ class Stage:
     """Endless calls on frames; what each is given is made before the call."""
 
 
-def frames(n: int, count: int) -> list[Frame]:
-    """Return frames of `n` points on seven pieces that sway slowly, the tension going up and down."""
+def moving_course(*, smooth: bool) -> Course:
+    """Return the route that sways in the frames: smooth, or of seven pieces."""
+    if smooth:
+        return harmonic_course(np.random.default_rng(5))
     course = truth(PIECEWISE[-1], np.random.default_rng(0)).course
     if course is None:
         raise TypeError(f"{PIECEWISE[-1]} has no pieces: choose another route for the frames")
+    return course
+
+
+def frames(n: int, count: int, *, smooth: bool = False) -> list[Frame]:
+    """Return frames of `n` points on a route that sways slowly, the tension going up and down."""
+    course = moving_course(smooth=smooth)
     rng = np.random.default_rng(1)
     stations = np.linspace(0.0, course.total_length, n)
     sensed = []
     for i in range(count):
         sway = 1.0 + _SWAY * np.sin(2 * np.pi * i / count)
-        route = of_arcs(Course(course.length, sway * course.bend), piecewise=True)
+        route = of_arcs(Course(course.length, sway * course.bend), piecewise=not smooth)
         points = route.position(stations) + NOISE * rng.standard_normal((n, 3))
         sensed.append(Frame(points, float(i), stations, _TENSIONS[i % 2]))
     return sensed
@@ -91,13 +99,8 @@ def _fitted(frame: Frame) -> Spline:
     return fit(_known(frame), NOISE)
 
 
-def _profiled(frame: Frame) -> tuple[Spline, CurvatureProfile]:
-    spline = _fitted(frame)
-    return spline, curvature_profile(spline)
-
-
-def _pieces(given: tuple[Spline, CurvatureProfile]) -> Arcs:
-    return constant_curvature_pieces(*given)
+def _pieces(frame: Frame) -> Arcs:
+    return constant_curvature_pieces(_fitted(frame))
 
 
 def _measured(shape: Shape, method: Method = "auto") -> RouteFit:
@@ -115,7 +118,7 @@ def _stepped(given: tuple[Corners, float]) -> Corners:
 
 
 def _loaded(frame: Frame) -> tuple[Corners, Arcs]:
-    return _stepped(_moving(frame)), _pieces(_profiled(frame))
+    return _stepped(_moving(frame)), _pieces(frame)
 
 
 def _followed(method: Method, *, stations: bool) -> _Calls:
@@ -136,7 +139,7 @@ def _followed(method: Method, *, stations: bool) -> _Calls:
 
 def _bent(frame: Frame) -> tuple[BarState, Arcs, float]:
     """Bars after a pull and a release on a route that is not quite the frame's, and where the drive goes."""
-    arcs = _pieces(_profiled(frame))
+    arcs = _pieces(frame)
     before = Arcs.exact(arcs.length, (1.0 + _SWAY) * arcs.angle)
     state = pretensioned_bars(RIG, before)
     for tension_in in (15.0, 9.0):
@@ -178,14 +181,60 @@ def _answer_line(result: FrameResult) -> bytes:
     return answer(result, result.frame.time, result.seq, 0.0, 0)
 
 
+def _core_alone(sensed: Sequence[Frame]) -> Iterator[Callable[[], object]]:
+    """Compiled calls of the geometry and the tendon of a frame, everything ready and nothing done with it."""
+    first = fit(_clean(sensed[0]), NOISE)
+    last, route, n = first.memory, first.route, len(sensed[0].points)
+    variance = (NOISE / last.spacing) ** 2
+    arcs = constant_curvature_pieces(first)
+    state = base.step(pretensioned_bars(RIG, arcs), arcs, RIG, tension_in=15.0)
+
+    def calls(frame: Frame) -> object:
+        core.clearly_sound(frame.points)
+        core.spline_frame(
+            frame.points,
+            last.u,
+            last.y,
+            last.weight,
+            last.mean,
+            last.covariance,
+            last.ratio,
+            last.intensity,
+            last.spacing,
+            variance,
+            None,
+            max(n, 120 + n * (n < 120)),
+        )
+        core.curvature_profile(
+            route.s,
+            route.tangent,
+            route.curvature_vector,
+            first.covariance,
+            first.gain,
+            first.freedom,
+            route.noise,
+            False,
+            0.0,
+            0.0,
+            route.station,
+            first.joints,
+        )
+        return base.step(state, arcs, RIG, tension_in=14.0)
+
+    return cycle([partial(calls, frame) for frame in sensed])
+
+
+WHOLE = (
+    Stage("whole frame, stations known", _streamed(stations=True)),
+    Stage("whole frame, stations not told", _streamed(stations=False)),
+)
 STAGES = (
     _stage("line of JSON read", _line, partial(frame_of, unit=None)),
     _stage("clean, stations not told", _frame, _clean),
     _stage("clean, stations known", _frame, _known),
     _stage("spline fit, stations known", _known, partial(fit, noise=NOISE)),
     _stage("spline fit, stations not told", _clean, partial(fit, noise=NOISE)),
-    _stage("curvature profile", _fitted, curvature_profile),
-    _stage("pieces of the spline", _profiled, _pieces),
+    _stage("curvature profile and pieces", _fitted, smooth_geometry),
     _stage("cold: spline, stations known", _known, partial(_measured, method="spline")),
     _stage("cold: arcs, stations known", _known, partial(_measured, method="arcs")),
     _stage("cold: chosen, stations known", _known, _measured),
@@ -198,9 +247,10 @@ STAGES = (
     _stage(f"tendon step, moving route, {BARS} bars", _bent, _moved),
     _stage("transmit", _loaded, lambda given: transmit(*given, RIG)),
     _stage("line of JSON answered", _result, _answer_line),
-    Stage("whole frame, stations known", _streamed(stations=True)),
-    Stage("whole frame, stations not told", _streamed(stations=False)),
+    *WHOLE,
 )
+SMOOTH_STAGES = (*WHOLE, Stage("its arithmetic alone, the limit", _core_alone))
+"""What is timed on a smooth route that moves."""
 
 
 _CURVATURE_NOISE = 1.0  # what ruptures shall take for noise [1/m]

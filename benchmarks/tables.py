@@ -19,7 +19,7 @@ def machine() -> str:
         load = f", load {os.getloadavg()[0]:.1f}"
     except OSError:
         load = ""
-    packages = ", ".join(f"{name} {version(name)}" for name in ("numpy", "scipy", "numba"))
+    packages = ", ".join(f"{name} {version(name)}" for name in ("numpy", "scipy"))
     system = f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores ({_processor()})"
     return f"machine: {system}{load}, Python {platform.python_version()}, {packages}"
 

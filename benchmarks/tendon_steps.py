@@ -8,13 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
+from pathlib import Path
+from typing import Any
 
 import numpy as np
-from numba import njit
 
 from benchmarks.routes import PIECEWISE, truth
 from benchmarks.tables import number, table
+from tests.compiled import library_of
 from tssgeom.arrays import Vector
 from tssgeom.rig import Rig, Tendon
 from tssgeom.route.pieces import Arcs
@@ -22,10 +24,6 @@ from tssgeom.tendon import capstan as profile
 from tssgeom.tendon.bars import base
 from tssgeom.tendon.bars.bar_state import BarState, pretensioned_bars
 from tssgeom.tendon.transmission import of_corners as transmit
-
-_TOLERANCE = 1e-10  # of the greatest tension
-_PASSES = 4  # for each face, before a step is halved
-_LEAST = 2.0**-12  # of a step
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,8 +76,11 @@ def pulled(rod: Rod, state: Cells, turn: Vector, tension_in: float) -> Cells:
     cells = len(turn) - 1
     stiffness = np.full(cells + 2, cells / (rod.compliance * rod.length))
     stiffness[0], stiffness[-1] = 0.0, rod.load_stiffness
-    tension, parts = _pulled(state.tension, state.turn, turn, stiffness, tension_in)
-    if parts == 0:
+    ffi, library = _compiled()
+    tension, memory = state.tension.copy(), np.empty(8 * cells + 9)
+    arrays = (tension, state.turn, turn, stiffness)
+    given = [ffi.from_buffer("double[]", each) for each in (*arrays, memory)]
+    if not library.pull(cells + 1, *given[:4], tension_in, given[4]):
         raise ArithmeticError(f"no equilibrium of {cells} cells at {tension_in:g} N")
     return Cells(tension, turn)
 
@@ -89,73 +90,10 @@ def elongation(rod: Rod, state: Cells) -> float:
     return rod.compliance * rod.length * float(np.mean(state.tension[1:-1]) - rod.pretension)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _pulled(tension, turn_before, turn_after, stiffness, drive):
-    """Return tension and the number of parts the step was cut into; 0 where it failed."""
-    done, part, parts = 0.0, 1.0, 0
-    start = tension[0]
-    while done < 1.0:
-        goal = min(done + part, 1.0)
-        turn = turn_before + goal * (turn_after - turn_before)
-        converged, new = _balanced(tension, turn, stiffness, start + goal * (drive - start))
-        if converged:
-            tension, done, parts = new, goal, parts + 1
-        else:
-            part *= 0.5
-            if part < _LEAST:
-                return tension, 0
-    return tension, parts
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _balanced(old, turn, stiffness, drive):
-    """Guess who slides and how much friction each face holds, solve, and repeat until both stay."""
-    faces = turn.size
-    slides, w = np.full(faces, np.int8(np.sign(drive - old[0]))), np.zeros(faces)
-    tension, force, limit = old.copy(), np.empty(faces), np.zeros(faces)
-    tension[0] = drive
-    for i in range(faces):
-        force[i] = tension[i] - tension[i + 1]
-    start = force.copy()
-    enough = _TOLERANCE * max(drive, old.max())
-    for _ in range(_PASSES * faces):
-        worst, turned = 0.0, False
-        for i in range(faces):
-            new = max(0.5 * turn[i] * (tension[i] + tension[i + 1]), 0.0)
-            worst, limit[i] = max(worst, abs(new - limit[i])), new
-            side = slides[i]
-            if side == 0:
-                side = 1 if force[i] > new + enough else -1 if force[i] < -new - enough else 0
-            elif w[i] * side < 0.0:
-                side = 0
-            turned |= side != slides[i]
-            slides[i] = side
-        if worst <= enough and not turned:
-            return True, tension
-        _moves(start, slides, limit, stiffness, w)
-        for k in range(1, faces):
-            tension[k] = old[k] + stiffness[k] * (w[k - 1] - w[k])
-        tension[faces] = old[faces] + stiffness[faces] * w[faces - 1]
-        for i in range(faces):
-            force[i] = tension[i] - tension[i + 1]
-    return False, tension
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _moves(start, slides, limit, stiffness, w):
-    """Solve for the movements w [m] of the faces that slide, each at its limit, by elimination."""
-    faces = w.size
-    behind, last = np.empty(faces), 0.0
-    for i in range(faces):
-        w[i], behind[i] = 0.0, 0.0
-        if slides[i] != 0:
-            near = stiffness[i]
-            diagonal = near + stiffness[i + 1] - (near * behind[i - 1] if i > 0 else 0.0)
-            w[i] = (start[i] - slides[i] * limit[i] + near * last) / diagonal
-            behind[i] = stiffness[i + 1] / diagonal
-        last = w[i]
-    for i in range(faces - 2, -1, -1):
-        w[i] += behind[i] * w[i + 1]
+@cache
+def _compiled() -> tuple[Any, Any]:
+    here = Path(__file__).parent
+    return library_of(here / "volumes.h", [here / "volumes.c"])
 
 
 BARS = (15, 30, 60, 120, 240)

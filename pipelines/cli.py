@@ -6,61 +6,76 @@ What a command needs is imported when it runs, so that `--help` is quick.
 from __future__ import annotations
 
 import _thread
+import inspect
 import os
 import sys
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from importlib import import_module
 from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from pipelines import tssgeom_version
-from pipelines.analyse import analyse
-from pipelines.batch import batch
-from pipelines.calibrate import calibrate
-from pipelines.check import check
-from pipelines.compensate import compensate
-from pipelines.discover import discover
-from pipelines.live import live
-from pipelines.paper import paper
-from pipelines.remedy import remedy
-from pipelines.samples import samples
-from pipelines.simulate import simulate
 from pipelines.terminal import print_message
-from pipelines.track import track
-from pipelines.view import view
 
 _INTERRUPTED = 130  # exit status that shells and typer give Ctrl-C
 _REPEATED_AFTER = 0.05  # s from a lost KeyboardInterrupt until it is raised again; chosen: it feels immediate
 
-_COMMANDS = (
-    track,
-    analyse,
-    batch,
-    check,
-    live,
-    samples,
-    view,
-    simulate,
-    compensate,
-    paper,
-    calibrate,
-    remedy,
-    discover,
+COMMANDS = (
+    "track",
+    "analyse",
+    "batch",
+    "check",
+    "live",
+    "samples",
+    "view",
+    "simulate",
+    "compensate",
+    "paper",
+    "calibrate",
+    "remedy",
+    "discover",
 )
-"""In the order in which `--help` names them."""
+"""In the order in which `--help` names them; NAME is a function in the module `pipelines.NAME`."""
+
+
+def command(name: str) -> Callable[..., None]:
+    """Return the function of a command."""
+    return getattr(import_module(f"pipelines.{name}"), name)
+
+
+class _Commands(TyperGroup):
+    """The commands, each imported and built when it is called: `--help` builds none of them."""
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        return list(COMMANDS)
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        for name in (cmd_name,) if cmd_name in COMMANDS else COMMANDS:  # a misspelt one is compared with all
+            if name not in self.commands:
+                single = typer.Typer(add_completion=False, rich_markup_mode=None)
+                single.command(name)(command(name))
+                self.commands[name] = typer.main.get_command(single)
+        return self.commands.get(cmd_name)
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        with formatter.section("Commands"):
+            docs = ((name, inspect.getdoc(command(name)) or "") for name in COMMANDS)
+            formatter.write_dl([(name, doc.partition("\n\n")[0].replace("\n", " ")) for name, doc in docs])
+
 
 app = typer.Typer(
     name="tssgeom",
+    cls=_Commands,
     help="Tension and elongation of tendon-sheath transmissions on sensed three-dimensional routes.",
     no_args_is_help=True,
     add_completion=False,
+    rich_markup_mode=None,  # plain help: rich takes a tenth of a second to import
     pretty_exceptions_enable=False,
 )
-
-for _command in _COMMANDS:
-    app.command()(_command)
 
 
 def _print_version(wanted: bool) -> None:

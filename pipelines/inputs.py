@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -19,7 +18,6 @@ from tssgeom.io.results.shapes import Analysis, frame_row, relative
 from tssgeom.rig import Rig, read_rig
 from tssgeom.stream import Rejected, process
 from tssgeom.summary import RunningSummary
-from tssgeom.tendon.bars.march import march
 
 Done = TypeVar("Done")
 
@@ -73,26 +71,12 @@ def run_settings(
     rig_read = Rig() if rig is None else read_rig(rig)
     if tube_mm is not None and not 0 < tube_mm < math.inf:
         raise SettingsError(f"--tube-mm is {tube_mm:g} mm: give the outer diameter of the tube, > 0 mm")
-    announce_compiling()
     return RunSettings(rig_read, rig, tension_in, unit, lumen, geometry_only, 0.5e-3 * (tube_mm or 0.0))
 
 
 def without_effects(settings: RunSettings) -> RunSettings:
     """Return the settings for the fit of a route, where the tendon does not matter."""
     return replace(settings, rig=changed(settings.rig, effects=()))
-
-
-def announce_compiling() -> None:
-    """Announce on a terminal that the first run compiles for minutes before it shows anything."""
-    if sys.stderr.isatty() and not _is_compiled():
-        text = "first run on this machine: compiling takes a minute or two; what is compiled is kept"
-        print(text, file=sys.stderr, flush=True)  # noqa: T201
-
-
-def _is_compiled() -> bool:
-    """Whether a kernel that every route needs is in the cache, compiled by whatever version."""
-    stats = getattr(march, "stats", None)  # missing where numba is set not to compile
-    return stats is None or any(Path(stats.cache_path).glob("*.march-*.nbi"))
 
 
 def inputs_of(paths: Iterable[Path], besides: Collection[Path] = ()) -> Iterator[Path | Refusal]:

@@ -24,6 +24,7 @@ NEEDED = (
     "tests/effects",
     "tests/tendon",
     "tests/lumped",
+    "tests/compiled.py",
     "pyproject.toml",
 )
 

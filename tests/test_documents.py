@@ -7,6 +7,7 @@ from pathlib import Path
 
 import msgspec
 import pytest
+from typer import Context
 from typer.main import get_command
 
 from pipelines.cli import app
@@ -42,7 +43,8 @@ def test_the_effects_of_the_formats_are_a_rig():
 @pytest.mark.parametrize("line", COMMANDS)
 def test_a_command_of_the_documents_has_the_options_that_they_give_it(line):
     words = line.partition("tssgeom ")[2].partition(" #")[0].split()
-    command = get_command(app).commands[words[0]]
+    group = get_command(app)
+    command = group.get_command(Context(group), words[0])
     known = {option for parameter in command.params for option in parameter.opts}
     assert {word for word in words if word.startswith("--")} <= known
 

@@ -2,8 +2,6 @@
 
 import doctest
 import inspect
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -39,9 +37,3 @@ def test_the_example_of_a_stage_runs(name, monkeypatch):
 def test_an_unknown_name_is_an_attribute_error():
     with pytest.raises(AttributeError, match="no attribute 'analyze'"):
         tssgeom.analyze  # noqa: B018
-
-
-def test_the_package_imports_nothing_before_a_name_is_used():
-    code = "import sys, tssgeom; print(*sorted({'numpy', 'numba', 'scipy'} & set(sys.modules)))"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.split() == []

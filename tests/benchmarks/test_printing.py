@@ -7,7 +7,7 @@ from benchmarks import accuracy, speed
 from benchmarks.accuracy import failings, targets
 from benchmarks.routes import Cell
 from benchmarks.scores import METHODS, Outcome, Result, Score, bound, details, matrix, run, summary
-from benchmarks.stages import PIPELINES, STAGES, frames
+from benchmarks.stages import PIPELINES, SMOOTH_STAGES, STAGES, frames
 from benchmarks.tables import machine, number, table
 
 CELL = Cell("test", "half circle", 30, 5e-4)
@@ -84,7 +84,7 @@ def test_an_unknown_cell_is_an_error(capsys):
     assert "no such cell" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("stage", [*STAGES, *PIPELINES], ids=lambda stage: stage.name)
+@pytest.mark.parametrize("stage", [*STAGES, SMOOTH_STAGES[-1], *PIPELINES], ids=lambda stage: stage.name)
 def test_every_timed_stage_runs_on_one_frame_after_the_other(stage):
     calls = stage.calls(frames(30, 2))
     for _ in range(3):
@@ -97,4 +97,5 @@ def test_speed_prints_a_line_for_every_stage(capsys, monkeypatch):
     assert speed.main(["--quick", "--pairs", "2"]) == 0
     printed = capsys.readouterr().out
     assert printed.startswith("machine: ")
-    assert all(printed.count(f"\n{stage.name} ") == 2 for stage in STAGES)
+    assert all(printed.count(f"\n{stage.name} ") == 2 + (stage in SMOOTH_STAGES) for stage in STAGES)
+    assert all(printed.count(f"\n{stage.name} ") > 0 for stage in SMOOTH_STAGES)

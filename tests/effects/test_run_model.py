@@ -8,6 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.effects.rig import ARCS, FORCE, POSITION, RIG, RUNS, TIME, modelled
+from tests.tendon.bars import with_laws
+from tssgeom.core.constants_tendon_rows import PLANT
 from tssgeom.effects import (
     KINDS,
     Backlash,
@@ -19,6 +21,7 @@ from tssgeom.effects import (
     ViscousDrag,
     with_size,
 )
+from tssgeom.effects.kinds import Bend, Setup
 from tssgeom.errors import FitError, SettingsError
 from tssgeom.identify.drive import calmed
 from tssgeom.rig import Load, Rig, Tendon
@@ -26,12 +29,14 @@ from tssgeom.route.pieces import Arcs
 from tssgeom.tendon import capstan as profile
 from tssgeom.tendon.bars.bar_state import pretensioned_bars
 from tssgeom.tendon.bars.base import step
-from tssgeom.tendon.bars.contact_grid import bent, edges
+from tssgeom.tendon.bars.contact_grid import edges, with_bends
 from tssgeom.tendon.bars.model import CHANNELS, begin, carry_on, moved, predict, prepare
 from tssgeom.tendon.transmission import of_corners as transmit
 
 SWIFT = [
-    name for name, kind in KINDS.items() if prepare(RUNS[FORCE], ARCS, RIG, [with_size(kind)]).plant.swift
+    name
+    for name, kind in KINDS.items()
+    if prepare(RUNS[FORCE], ARCS, RIG, [with_size(kind)]).plant.number(PLANT.swift)
 ]
 
 
@@ -48,7 +53,7 @@ def test_only_what_moves_the_tendon_by_itself_or_by_its_speed_takes_the_long_way
 @pytest.mark.parametrize("name", SWIFT)
 def test_the_sweep_is_the_balance_of_all_contacts(name, drive):
     model = prepare(RUNS[drive], ARCS, RIG, [with_size(KINDS[name])])
-    slow = replace(model, plant=model.plant._replace(swift=False))
+    slow = replace(model, plant=with_laws(model.plant, swift=0.0))
     short, long = (carry_on(m, begin(m), RUNS[drive])[0].channels for m in (model, slow))
     for channel in CHANNELS:  # the balance leaves 1e-8 N to its passes
         assert np.abs(short[channel] - long[channel]).max() < {"N": 1e-7, "m": 1e-11}[channel[-1]]
@@ -149,7 +154,8 @@ def test_backlash_is_lost_at_a_turn_and_found_at_the_next():
 
 @pytest.mark.parametrize(("at", "width"), [(0.0, 0.02), (0.25, 0.02), (0.5, 0.02), (0.2, 1e-6), (0.7, 0.02)])
 def test_a_hidden_bend_keeps_the_length_and_adds_its_angle(at, width):
-    length, angle = bent(ARCS.length, ARCS.angle, np.array([[at, 0.6, width]]))
+    setup = Setup(0.1, 1e-4, 0.0, 1e3, bends=(Bend(at, 0.6, width),))
+    length, angle = with_bends(setup, ARCS).length, with_bends(setup, ARCS).angle
     assert length.sum() == pytest.approx(0.5, rel=1e-14)
     assert angle.sum() == pytest.approx(ARCS.total_angle + 0.6, rel=1e-14)
     assert length.min() > 0.0
@@ -202,7 +208,7 @@ def test_a_fitting_that_holds_leaves_the_tendon_behind_it_as_it_was():
     run = {"time_s": np.arange(4.0), FORCE: np.array([0.0, 5.88, 0.47, 0.55])}
     arcs, rig = Arcs.exact(np.array([0.3]), np.array([1.0])), Rig(load=Load(stiffness_N_per_m=100.0))
     model = prepare(run, arcs, rig, [EndFittingFrictionProximal(force_N=0.6, ratio=0.1)])
-    slow = replace(model, plant=model.plant._replace(swift=False))
+    slow = replace(model, plant=with_laws(model.plant, swift=0.0))
     for way in (model, slow):
         tension = carry_on(way, begin(way), run, profile=True)[0].tension
         assert tension[3, 1:] == pytest.approx(tension[2, 1:], abs=1e-9)

@@ -6,11 +6,11 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from tssgeom.io.formats.coordinates import points_of
+from tssgeom.io.formats.jsonl import plain_points
 
 
 def _read(text: str) -> np.ndarray:
-    return points_of(np.frombuffer(text.encode(), np.uint8))
+    return plain_points(text.encode())
 
 
 def _written(rng: np.random.Generator, value: float) -> str:

@@ -8,6 +8,7 @@ import pyarrow.parquet as papq
 import pytest
 
 from tssgeom.errors import ShapeError, SourceError
+from tssgeom.io.formats import tables
 from tssgeom.io.formats.files import Recording, open_recording
 from tssgeom.stream import Frame, Rejected
 
@@ -253,3 +254,21 @@ def test_columns_of_directions_arrive_all_three_or_none(tmp_path):
     np.testing.assert_array_equal(frame.directions, [[1.0, 0.0, 0.0], [np.nan] * 3])
     with pytest.raises(ShapeError, match="no column tz beside tx"):
         opened(tmp_path, "x_mm,y_mm,z_mm,tx,ty\n0,0,0,1,0\n")
+
+
+@pytest.mark.parametrize("strange", ["", "nan", "inf", " 7 ", "1_0", '"1.5"', "+1", "1e400", "NA", "x", "-0"])
+def test_a_table_reads_the_same_whether_numpy_pyarrow_or_neither_can_read_it(tmp_path, monkeypatch, strange):
+    rng = np.random.default_rng(len(strange))
+    numbers = rng.normal(size=(60, 3)) * 10.0 ** rng.integers(-12, 12, (60, 3))
+    cells = [[repr(float(number)) for number in row] for row in numbers]
+    cells[30][1] = strange or cells[30][1]
+    path = tmp_path / "shape.csv"
+    path.write_text("time_s,x_mm,y_mm,z_mm\n" + "\n".join(",".join(("0", *row)) for row in cells) + "\n")
+    small = tables.read_csv(path, None)
+    monkeypatch.setattr(tables, "_SMALL", 0)
+    large = tables.read_csv(path, None)
+    assert (small.faults, small.columns) == (large.faults, large.columns)
+    for one, other in zip(
+        (small.number, *small.values.values()), (large.number, *large.values.values()), strict=True
+    ):
+        np.testing.assert_array_equal(one, other)

@@ -1,11 +1,11 @@
 """An independent lumped simulator of a tendon in a sheath: referee of the model, source of test runs.
 
-It imports nothing of `tssgeom` and shares no idea with it. The sheath is a polygon; the tendon is bars
-between its vertices, which pull only; a vertex carries the contact force that its two bars press into it,
-and Coulomb friction up to a coefficient times that. No exponential of an angle stands anywhere: the loss
-along a curve comes out of the balance of forces. Each step in time is solved by handing the response curve
-"motion against tension" of all that lies distal from bar to bar, which is exact for straight laws
-(`sweep.py`), so nothing creeps in a hold.
+It shares no code and no idea with `tssgeom`: its C (`march.c`) is its own, and is compiled by itself. The
+sheath is a polygon; the tendon is bars between its vertices, which pull only; a vertex carries the contact
+force that its two bars press into it, and Coulomb friction up to a coefficient times that. No exponential of
+an angle stands anywhere: the loss along a curve comes out of the balance of forces. Each step in time is
+solved by handing the response curve "motion against tension" of all that lies distal from bar to bar, which
+is exact for straight laws (`sweep.c`), so nothing creeps in a hold.
 
     path = from_pieces([0.1, 0.3, 0.1], [0.0, np.pi, 0.0], cells=64)
     drive = Drive("force", np.array([0.0, 5.0, 10.0]), np.array([2.0, 15.0, 2.0]))
@@ -22,9 +22,7 @@ Errors fall with the square of the cell and, on moving paths, with the step in t
 circle of the paper are right to 2 mN and 0.1 µm, 160 on routes of up to 8 rad to 4 mN and 0.6 µm. Just after
 a position drive turns back, before the front has passed the first vertex, T_in is wrong by up to a quarter
 of what that vertex holds (0.01 N at 160 cells and 15 N). Keep the turn of a vertex below 0.1 rad. A step
-costs 0.04 ms with 64 cells and 0.2 ms with 160; with curved laws some six times that.
-
-After a change of one compiled module remove `__pycache__`: numba looks at the calling file only.
+costs 0.02 ms with 64 cells and 0.06 ms with 160; with curved laws some five times that.
 """
 
 from tests.lumped.physics import Distal, Drive, Physics

@@ -2,6 +2,7 @@
 
 import ast
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -39,6 +40,9 @@ def test_the_simulator_imports_nothing_of_what_it_judges():
             names = [a.name for a in node.names] if isinstance(node, ast.Import) else []
             names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
             assert not any(name.split(".")[0] == "tssgeom" for name in names), file
+    for file in Path(__file__).parent.glob("*.[ch]"):
+        included = re.findall(r"^#include (\S+)", file.read_text(encoding="utf-8"), re.MULTILINE)
+        assert {name for name in included if not name.startswith("<")} <= {'"lumped.h"'}, file
 
 
 def test_half_circle_passes_0_6341_pulling_and_1_5770_releasing():

@@ -6,13 +6,15 @@ import numpy as np
 from hypothesis import settings
 from hypothesis import strategies as st
 
+from tssgeom import core
+from tssgeom.core.constants_tendon_rows import LAW, PLANT
 from tssgeom.effects import Setup
 from tssgeom.rig import Friction, Load, Rig, Tendon
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.bars.bar_state import pretensioned_bars
-from tssgeom.tendon.bars.base import advanced, after_step, check_balance, of_bars, one_drive, step
+from tssgeom.tendon.bars.base import after_step, one_drive, step
 from tssgeom.tendon.bars.contact_grid import discretise
-from tssgeom.tendon.bars.plant import plant
+from tssgeom.tendon.bars.plant import Plant, plant
 
 MU, RHO, PI = 0.145, 3.16e-4, math.pi  # the paper's tendon and sheath, section III-B
 HALF_CIRCLE = Arcs.exact([0.5], [PI])
@@ -25,7 +27,7 @@ SETUP_B = Arcs.exact([LOOP, HALF], [2 * PI, PI])
 # An equilibrium is accepted at 1e-10 of the greatest tension on the way, which may be many times the last.
 SOLVED = 1e-7
 
-untimed = settings(deadline=None, max_examples=30)  # the first example compiles the kernels
+untimed = settings(deadline=None, max_examples=30)
 tensions = st.one_of(st.just(0.0), st.floats(0.1, 30.0))
 histories = st.lists(tensions, min_size=1, max_size=8)
 pieces = st.lists(
@@ -63,22 +65,32 @@ def growth_on(state, arcs, laws, strain, stretches_with_route):
     """[n+2] What a longer path and a strain of each bar add to its stretch [m]; docs/model.md (40)."""
     length, growth = discretise(state.edge, arcs).length, np.zeros(len(state.tension))
     share = 1 - state.length / arcs.total_length if stretches_with_route else 0.0
-    growth[1:-1] = share * (length - (laws.soft * state.tension)[1:-1]) - strain * length
+    growth[1:-1] = share * (length - (laws.rows[LAW.soft] * state.tension)[1:-1]) - strain * length
     return growth
 
 
 def stepped(state, arcs, laws, *, stretches_with_route=True, strain=0.0, **drive):
     """Step with any laws of bars and contacts; a longer route stretches the tendon."""
     goal, by_force = one_drive(drive.get("tension_in"), drive.get("displacement_in"))
-    if by_force and laws.load == 0.0:
-        check_balance(goal, state.tension_out, laws.low, laws.high, laws.force)
     growth = growth_on(state, arcs, laws, strain, stretches_with_route)
-    where = (goal, by_force, state.displacement_in)
-    result = advanced(laws, of_bars(state), growth, where, arcs.total_length)
-    return after_step(state, result, goal, by_force)
+    memory, position = state.memory.block, state.displacement_in
+    code, block, ends = core.step_laws(len(state.edge), memory, laws.block, growth, goal, by_force, position)
+    ends[4] = arcs.total_length
+    return after_step(state, code, block, ends.tolist(), (goal, by_force))
+
+
+def with_laws(laws, **changed):
+    """Return laws with other rows, by the names of `LawRows`, and numbers, by those of `PlantNumbers`."""
+    result = Plant(laws.block.copy())
+    for name, values in changed.items():
+        if name in LAW._fields:
+            result.rows[getattr(LAW, name), : np.size(values) if np.ndim(values) else None] = values
+        else:
+            result.block[getattr(PLANT, name) - len(PLANT)] = values
+    return result
 
 
 def with_cone(laws, pulling, releasing, force):
     """Give each contact other friction: exponents on a pull and on a release [1], and a force [N]."""
     sides = {"low": np.exp(-pulling), "high": np.exp(releasing)}
-    return laws._replace(pulling=pulling, releasing=releasing, force=force, **sides)
+    return with_laws(laws, pulling=pulling, releasing=releasing, force=force, **sides)

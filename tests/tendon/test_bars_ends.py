@@ -18,7 +18,9 @@ from tests.tendon.bars import (
     rig,
     stepped,
     with_cone,
+    with_laws,
 )
+from tssgeom.core.constants_tendon_rows import LAW
 from tssgeom.errors import SettingsError
 from tssgeom.rig import Rig, Tendon
 from tssgeom.tendon.bars.bar_state import pretensioned_bars
@@ -101,8 +103,8 @@ def test_each_number_of_the_cone_acts_on_its_side():
 
 def test_drag_takes_force_in_proportion_to_the_movement_and_nothing_where_it_sticks():
     state = pretensioned_bars(rig(5.0), STRAIGHT, 8)
-    laws = plant_on(state, STRAIGHT, 0.0, 5.0)._replace(drag=np.full(9, 30.0))
-    rigid = laws._replace(soft=laws.soft * (1e-8 / RHO))  # all contacts move alike
+    laws = with_laws(plant_on(state, STRAIGHT, 0.0, 5.0), drag=np.full(9, 30.0))
+    rigid = with_laws(laws, soft=laws.rows[LAW.soft] * (1e-8 / RHO))  # all contacts move alike
     moved = stepped(state, STRAIGHT, rigid, displacement_in=2e-3)
     assert moved.tension_in == pytest.approx(
         5.0 + 9 * 30.0 * 2e-3, rel=1e-4

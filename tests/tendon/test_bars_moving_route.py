@@ -26,7 +26,9 @@ from tests.tendon.bars import (
     stepped,
     untimed,
     with_cone,
+    with_laws,
 )
+from tssgeom.core.constants_tendon_rows import LAW, PLANT
 from tssgeom.effects import Setup
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.bars.bar_state import pretensioned_bars
@@ -107,22 +109,24 @@ def residual_of(old, new, arcs, laws, strain, *, stretches_with_route=True):
 
     Bar law, cone, sign of the movement on either side, load, drive: none of it uses the solver's numbers.
     """
-    length, stretch = discretise(old.edge, arcs).length, laws.soft[1:-1]
+    soft, load = laws.rows[LAW.soft], laws.number(PLANT.load)
+    pulling, releasing, force, drag = laws.rows[[LAW.pulling, LAW.releasing, LAW.force, LAW.drag], :-1]
+    length, stretch = discretise(old.edge, arcs).length, soft[1:-1]
     growth = 1 - old.length / arcs.total_length if stretches_with_route else 0.0
     gained = stretch * (new.tension - (1 - growth) * old.tension)[1:-1] - (new.slack - old.slack)[1:-1]
     gained += (strain - growth) * length
     change, loosened = new.tension - old.tension, new.slack - old.slack
-    series_out = laws.soft[-1] - 1 / laws.load
+    series_out = soft[-1] - 1 / load
     last = new.displacement_out - old.displacement_out + series_out * change[-1] - loosened[-1]
     w = last + np.append(np.cumsum(gained[::-1])[::-1], 0.0)
-    first = new.displacement_in - old.displacement_in - laws.soft[0] * change[0] + loosened[0]
+    first = new.displacement_in - old.displacement_in - soft[0] * change[0] + loosened[0]
     breach = [abs(first - w[0]) / stretch.min()]
-    if laws.load < math.inf:
-        carried = laws.load * (new.displacement_out - old.displacement_out)
+    if load < math.inf:
+        carried = load * (new.displacement_out - old.displacement_out)
         breach.append(abs(change[-1] - carried))
-    here = new.tension[1:] + laws.drag * w
-    low = np.exp(-laws.pulling) * new.tension[:-1] - laws.force
-    high = np.exp(laws.releasing) * new.tension[:-1] + laws.force
+    here = new.tension[1:] + drag * w
+    low = np.exp(-pulling) * new.tension[:-1] - force
+    high = np.exp(releasing) * new.tension[:-1] + force
     moved = 1e-12  # less than an atom
     breach += [np.max(low - here), np.max(here - high)]
     breach += [np.max(np.abs(here - low)[w > moved], initial=0.0)]
@@ -151,9 +155,11 @@ def test_every_step_obeys_bar_law_cone_and_signs(seed):
         arcs = Arcs.exact(length, angle)
         grid = discretise(state.edge, arcs)
         laws = plant_on(state, arcs, stiffness, 5.0, **series)
-        soft = np.concatenate((laws.soft[:1], compliance * grid.length, laws.soft[-1:]))
+        soft = np.array(laws.rows[LAW.soft])
+        soft[1:-1] = compliance * grid.length
         bend = friction * grid.angle
-        laws = with_cone(laws, bend, skew * bend, 0.2 * skew * grid.span)._replace(soft=soft, drag=drag)
+        laws = with_cone(laws, bend, skew * bend, 0.2 * skew * grid.span)
+        laws = with_laws(laws, soft=soft, drag=drag)
         strain = 1e-4 * size * rng.normal(size=bars)
         if rng.integers(2):
             drive = {"tension_in": max(state.tension_in + 5 * size * rng.normal(), 0.5)}

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from tssgeom.tendon.bars.equilibrium import equilibrium
-from tssgeom.tendon.bars.fixed_route import Chain
+from tssgeom import core
 
 
 def balanced(trial, stiffness, low, high, force):
@@ -40,18 +39,19 @@ def random_chain(rng, bars):
     trial = rng.uniform(4.0, 12.0, bars + 2)
     force = rng.uniform(0.0, 0.2, bars + 1)
     none = np.zeros(bars + 1)
-    return Chain(trial, stiffness, np.exp(-angle), np.exp(1.3 * angle), force, none, False, False, 0.0)
+    return trial, stiffness, np.array([np.exp(-angle), np.exp(1.3 * angle), force, none])
 
 
 @pytest.mark.parametrize("patience", [(6, 10), (0, 10), (0, 0)])
 @pytest.mark.parametrize("seed", range(8))
 def test_newton_and_nested_iteration_find_the_equilibrium_of_the_slow_twin(seed, patience):
     rng = np.random.default_rng(seed)
-    chain = random_chain(rng, 6)
-    before = rng.integers(-1, 2, 7).astype(np.int8)
-    _, tension, _, _, residual = equilibrium(chain, False, before, patience)
+    trial, stiffness, cone = random_chain(rng, 6)
+    before = rng.integers(-1, 2, 7).astype(float)
+    free, stays = (False, False, 0.0), False
+    _, tension, _, residual = core.equilibrium(trial, stiffness, cone, *free, stays, before, *patience)
     assert residual <= 1e-9 * 12.0  # ten times what is accepted, of the greatest tension
-    expected = balanced(*chain[:5])
+    expected = balanced(trial, stiffness, *cone[:3])
     np.testing.assert_allclose(
         tension, expected, atol=1e-8
     )  # the twin stops at 1e-17 m and creeps by 1e-2 a sweep

@@ -13,7 +13,7 @@ import numpy as np
 from tssgeom.core._declarations import ffi
 from tssgeom.errors import FitError
 
-F8, I8, U1 = np.dtype(np.float64), np.dtype(np.int64), np.dtype(np.bool_)
+F8, I8, U1, C1 = np.dtype(np.float64), np.dtype(np.int64), np.dtype(np.bool_), np.dtype(np.uint8)
 
 
 def _library() -> Any:

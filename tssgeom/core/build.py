@@ -24,7 +24,7 @@ from typing import Any
 HERE = Path(__file__).resolve().parent
 FLAGS = [
     *("-std=c11", "-O3", "-fPIC", "-shared", "-fvisibility=hidden"),
-    *("-Wall", "-Wextra", "-Wno-psabi", "-Werror=implicit-function-declaration"),
+    *("-Wall", "-Wextra", "-Wno-psabi", "-Wno-vla-parameter", "-Werror=implicit-function-declaration"),
     # sums are neither fused nor reordered, so that every processor and compiler gives the same digits
     *("-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math"),
 ]
@@ -162,7 +162,7 @@ class Parameter:
 
     def __init__(self, text: str) -> None:
         match = re.fullmatch(
-            r"(?:(?P<role>OUT|INOUT|OPTIONAL|WORK) )?(?P<const>const )?(?P<type>double|int64_t|uint8_t) "
+            r"(?:(?P<role>OUT|INOUT|OPTIONAL|WORK) )?(?P<const>const )?(?P<type>double|int64_t|uint8_t|char) "
             r"(?P<star>\*)?(?P<name>\w+)(?P<shape>(?:\[[^\]]+\])*)",
             text.strip(),
         )
@@ -230,11 +230,11 @@ _ENTRIES = '''"""The entries of the core as functions of arrays. Generated from 
 
 # ruff: noqa
 # pyright: basic
-from tssgeom.core.binding import F8, I8, NULL, U1, array, empty, failed
+from tssgeom.core.binding import C1, F8, I8, NULL, U1, array, empty, failed
 from tssgeom.core.binding import from_buffer, library, new, scratch, wrong
 
 '''
-_SHORT = {"double": "F8", "int64_t": "I8", "uint8_t": "U1"}
+_SHORT = {"double": "F8", "int64_t": "I8", "uint8_t": "U1", "char": "C1"}
 
 
 def _entries(prototypes: list[Prototype]) -> str:
@@ -284,7 +284,8 @@ def _entry(each: Prototype) -> str:
         elif one.role == "OPTIONAL":
             arguments.append(f"None if {one.name} is None else from_buffer({one.name})")
         elif one.pointer:
-            arguments.append(f"from_buffer({one.name}{', True' if one.role == 'INOUT' else ''})")
+            writable = ", require_writable=True" if one.role == "INOUT" else ""
+            arguments.append(f"from_buffer({one.name}{writable})")
         else:
             arguments.append(one.name)
     arguments = [each.replace("None if", "NULL if") for each in arguments]

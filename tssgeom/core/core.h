@@ -5,7 +5,7 @@
    Parameters
      int64_t n            a size; the wrapper takes it from the first array that has it as a dimension,
                           any other integer, and every double, is an argument
-     const T a[n][3]      input, C-contiguous, read only; T is double, int64_t or uint8_t (0 or 1)
+     const T a[n][3]      input, C-contiguous, read only; T is double, int64_t, uint8_t (0 or 1) or char
      OPTIONAL const T a[] input or NULL
      INOUT T a[n]         changed in place
      OUT T a[n]           made by the wrapper and returned; every element is written
@@ -33,7 +33,12 @@
 #include "constants.h"
 
 typedef int status;
-enum { DONE = 0, NO_FINITE_CURVE = 1, NO_EQUILIBRIUM = 2, WRONG_SIZE = 3 };
+enum {
+    DONE = 0,
+    NO_FINITE_CURVE = 1,
+    NO_EQUILIBRIUM = 2,
+    WRONG_SIZE = 3, /* sizes or indices that do not belong to each other: a mistake of the caller */
+};
 
 #if defined(_WIN32)
 #define ENTRY __declspec(dllexport)

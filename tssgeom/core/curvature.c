@@ -244,14 +244,22 @@ static double curvature_on_nodes(
     return ANGLE_ERRORS.lost * most(sqrt(highest) - ANGLE_ERRORS.typical_peak * sqrt(whole), 0.0) * window * window;
 }
 
-void tss_curvature_profile(
+/* Whether the nodes at which pieces meet begin at the first, end at the last, and increase. */
+static int are_joints(int64_t n, int64_t count, const int64_t joints[]) {
+    if (n < 2 || count < 2 || joints[0] != 0 || joints[count - 1] != n - 1) return 0;
+    for (int64_t k = 1; k < count; k++)
+        if (joints[k] <= joints[k - 1]) return 0;
+    return 1;
+}
+
+status tss_curvature_profile(
     int64_t n, const double s[n], const double tangent[n][3], const double bend[n][3],
     const double covariance[n][10], int64_t gains, const double gain[gains][4][4], double freedom, double noise,
     int64_t known, double shared_angle_error, double tangent_share, int64_t points,
     const double station[points], int64_t joint_count, const int64_t joints[joint_count], double profile[4][n],
     double pieces[2][joint_count - 1], double piece_covariance[2 * joint_count - 2][2 * joint_count - 2],
     double work[41][n + joint_count]) {
-    (void)gains;
+    if (!are_joints(n, joint_count, joints) || gains != n - 1 || points < 2) return WRONG_SIZE;
     double *kappa = profile[0], *phi = profile[1], *kappa_se = profile[2], *variance = profile[3];
     double *rectified = work[0];
     PieceErrors *errors = (PieceErrors *)work[1];
@@ -286,4 +294,5 @@ void tss_curvature_profile(
         for (int64_t k = 0; k < count; k++) angles[j * stride + k] += rest * pieces[1][j] * pieces[1][k];
     if (!known) lengths[0] += squared(noise), lengths[(count - 1) * stride + count - 1] += squared(noise);
     for (int64_t i = 0; i < n; i++) variance[i] = sqrt(variance[i]);
+    return DONE;
 }

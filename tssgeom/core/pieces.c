@@ -94,6 +94,8 @@ int64_t tss_best_partition(
 int64_t pieces_of_curvature(
     int64_t n, const double s[], const double tangent[][3], const double bend[][3], const double covariance[][10],
     double freedom, double points, int64_t joints[], double *work) {
+    for (int64_t k = 0; k <= n; k++) joints[k] = 0;
+    if (n < 2) return 0;
     int64_t cells = n - 1 < STAIRCASE.most_cells ? n - 1 : STAIRCASE.most_cells;
     double(*parts)[2] = (double(*)[2])work, (*mean)[2] = parts + n, *weight = work + 4 * n;
     int64_t *nodes = (int64_t *)(weight + n);

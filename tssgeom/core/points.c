@@ -29,10 +29,12 @@ static double median_step(int64_t n, const double points[][3], double *work) {
 }
 
 double tss_mean_spacing(int64_t n, const double points[n][3], double work[n]) {
+    if (n < 2) return NAN;
     return most(median_step(n, points, work), distance3(points[n - 1], points[0]) / (double)(n - 1));
 }
 
 double tss_spacing_of_pieces(int64_t n, const double points[n][3], double length, double work[n]) {
+    if (n < 2) return NAN;
     for (int64_t i = 0; i + 1 < n; i++) work[i] = distance3(points[i + 1], points[i]);
     double crowded = quantile_of(n - 1, work, (int64_t)(SPACING.crowd_quantile * (double)(n - 1)));
     return least(length / (double)n, SPACING.most_over_crowd * crowded);

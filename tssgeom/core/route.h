@@ -37,7 +37,7 @@ the effective number of parameters; noise [m]; whether stations are known; the r
 neighbours share; the share of the parameters that directions determine; the nodes of the points [m]; and the
 nodes at which the pieces meet. Returns κ [1/m], φ [rad] and their standard errors on the nodes; length [m] and
 angle [rad] of each piece; and the covariance of all lengths followed by all angles. */
-ENTRY void tss_curvature_profile(
+ENTRY status tss_curvature_profile(
     int64_t n, const double s[n], const double tangent[n][3], const double bend[n][3],
     const double covariance[n][10], int64_t gains, const double gain[gains][4][4], double freedom, double noise,
     int64_t known, double shared_angle_error, double tangent_share, int64_t points,

@@ -21,6 +21,16 @@ typedef struct {
     const double *tangent_variance;  /* of a component of each, 0 where none is used [n] [rad²] */
 } FilterModel;
 
+/* The model of an entry's parameters; directions count where they have variances. */
+static inline FilterModel filter_model(
+    int64_t n, const double u[], const double y[][3], const double weight[], const double transition[][12],
+    const double start[][4], const double ends[], const double curve_tangent[][3], int64_t across_only,
+    const double tangent[][3], const double tangent_variance[]) {
+    return (FilterModel){
+        n, u, y, weight, transition, start, ends, curve_tangent, across_only, tangent_variance ? tangent : NULL,
+        tangent_variance};
+}
+
 /* What a filter or a search ends with. */
 typedef struct {
     double ratio, intensity; /* λ and q */

@@ -177,11 +177,12 @@ void tss_innovations(
     const double curve_tangent[n][3], int64_t across_only, const double tangent[n][3],
     const double tangent_variance[n], double ratio, double inverse_intensity, double standardised[n][3],
     double *log_s, double *squares, int64_t *values) {
-    FilterModel model = {n, u, y, weight, transition, start, ends, curve_tangent, across_only, tangent, tangent_variance};
-    Lanes logarithms, total;
+    FilterModel model =
+        filter_model(n, u, y, weight, transition, start, ends, curve_tangent, across_only, tangent, tangent_variance);
+    Lanes logarithms = all(0.0), total = all(0.0);
     for (int64_t i = 0; i < n; i++)
         for (int c = 0; c < 3; c++) standardised[i][c] = 0.0;
-    *values = filtered(&model, all(ratio), all(inverse_intensity), &logarithms, &total, standardised);
+    *values = n < 1 ? 0 : filtered(&model, all(ratio), all(inverse_intensity), &logarithms, &total, standardised);
     *log_s = logarithms[0], *squares = total[0];
 }
 
@@ -191,10 +192,11 @@ void tss_best_ratio(
     const double curve_tangent[n][3], int64_t across_only, const double tangent[n][3],
     const double tangent_variance[n], double variance, double guess, double *ratio, double *intensity,
     double *log_s, double *squares, int64_t *values) {
-    FilterModel model = {n, u, y, weight, transition, start, ends, curve_tangent, across_only, tangent, tangent_variance};
-    double best = best_ratio(&model, variance, guess), ratios[LANES] = {best, best, best, best};
-    Likelihood at[LANES];
-    likelihoods(&model, variance, ratios, at);
+    FilterModel model =
+        filter_model(n, u, y, weight, transition, start, ends, curve_tangent, across_only, tangent, tangent_variance);
+    double best = n < 1 ? NAN : best_ratio(&model, variance, guess), ratios[LANES] = {best, best, best, best};
+    Likelihood at[LANES] = {{NAN, NAN, NAN, NAN, 0}};
+    if (n > 0) likelihoods(&model, variance, ratios, at);
     *ratio = best, *intensity = at[0].intensity, *log_s = at[0].log_s;
     *squares = at[0].squares, *values = at[0].values;
 }

@@ -136,7 +136,8 @@ status tss_spline_nodes(
     const double covariance[n][10], const double gain[n - 1][4][4], const double origin[3], double spacing,
     int64_t known, int64_t rows, int64_t *count, double s[rows], double vectors[3][rows][3],
     double node_covariance[rows][10], double node_gain[rows][4][4], int64_t where[n], double work[60][rows]) {
-    FilterModel model = {n, u, y, weight, NULL, start, ends, NULL, across_only, tangent, tangent_variance};
+    if (n < 2 || rows < n) return WRONG_SIZE;
+    FilterModel model = filter_model(n, u, y, weight, NULL, start, ends, NULL, across_only, tangent, tangent_variance);
     Likelihood at = {ratio, intensity, 0.0, 0.0, 0};
     Nodes out = {s, vectors[0], vectors[1], vectors[2], node_covariance, node_gain};
     *count = spline_nodes(&model, coupling, at, mean, covariance, gain, origin, spacing, known, rows, out, where, work[0]);
@@ -167,6 +168,7 @@ status tss_spline_frame(
     double y[n][3], double mean[n][3][4], double covariance[n][10], int64_t *count, double s[rows],
     double vectors[3][rows][3], double node_covariance[rows][10], double node_gain[rows][4][4], double station[n],
     double residual[n][3], int64_t joints[rows + 1], int64_t *pieces, double work[120][rows]) {
+    if (n < 2 || rows < n) return WRONG_SIZE;
     double *room = work[0], ends[4], start[3][4];
     double(*coupling)[3] = (double(*)[3])take(&room, 3 * n), (*curve_tangent)[3] = (double(*)[3])take(&room, 3 * n);
     double(*f)[12] = (double(*)[12])take(&room, 12 * n), (*gain)[4][4] = (double(*)[4][4])take(&room, 16 * n);

@@ -48,6 +48,8 @@ void tss_prior_along_curve(
     const double mean[n][3][4], const double covariance[n][10], int64_t known, double next_u[n],
     double coupling[n][3], double ends[4], double tangent[n][3], double work[5][n]) {
     double bends = 0.0, rates = 0.0, growth_at_end = 0.0, bend_integral = 0.0, rate_integral = 0.0;
+    for (int k = 0; k < 4; k++) ends[k] = 0.0;
+    if (n < 1) return;
     double arc = 0.0, speed_before = 0.0, bend_before = 0.0, rate_before = 0.0, *feet = work[0], *firm = work[1];
     for (int64_t i = 0; i < n; i++) {
         double r[3], t[3], a[3], b[3];

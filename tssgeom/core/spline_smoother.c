@@ -143,7 +143,8 @@ status tss_smooth(
     const double curve_tangent[n][3], int64_t across_only, const double tangent[n][3],
     const double tangent_variance[n], double ratio, double inverse_intensity, double mean[n][3][4],
     double covariance[n][10], double gain[n - 1][4][4], double predicted[n][10]) {
-    FilterModel model = {n, u, y, weight, transition, start, ends, curve_tangent, across_only, tangent, tangent_variance};
+    FilterModel model =
+        filter_model(n, u, y, weight, transition, start, ends, curve_tangent, across_only, tangent, tangent_variance);
     smooth(&model, ratio, inverse_intensity, mean, covariance, gain, predicted, NULL);
     double sum = 0.0;
     for (int64_t i = 0; i < n; i++)

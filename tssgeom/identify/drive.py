@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numba import njit
 from scipy.optimize import isotonic_regression
 from scipy.special import ndtri
 
@@ -130,39 +129,30 @@ def _rounded(
     return start, fitted
 
 
-@njit(cache=True, nogil=True)
-def _rounds(time, drive, joints):
+def _rounds(time: Vector, drive: Vector, joints: Vector) -> Vector:
     """Fit a half of a parabola, a level and another half, the joints tried at all pairs of joints.
 
-    Returns the fitted values [n].
+    Returns the fitted values [n]; none is a number where all are inflections, which are no turns.
     """
-    n, best = drive.size, np.inf
-    fitted = np.full(n, np.inf)  # none is numbers where all are inflections
-    shape, numbers = np.empty((3, n)), np.empty(3)
-    matrix, right = np.empty((3, 3)), np.empty(3)
-    for i in range(joints.size):
-        for j in range(i, joints.size):
-            for k in range(n):
-                before, behind = min(time[k] - joints[i], 0.0), max(time[k] - joints[j], 0.0)
-                shape[0, k], shape[1, k], shape[2, k] = 1.0, before * before, behind * behind
-            for a in range(3):
-                right[a] = np.dot(shape[a], drive)
-                for b in range(3):
-                    matrix[a, b] = np.dot(shape[a], shape[b])
-                matrix[a, a] *= 1.0 + 1e-12  # a half without readings
-                matrix[a, a] += 1e-300
-            numbers[:] = np.linalg.solve(matrix, right)
-            if numbers[1] * numbers[2] <= 0.0:  # an inflection is no turn
-                continue
-            left = 0.0
-            for k in range(n):
-                off = drive[k] - numbers[0] - numbers[1] * shape[1, k] - numbers[2] * shape[2, k]
-                left += off * off
-            if left < best:
-                best = left
-                for k in range(n):
-                    fitted[k] = numbers[0] + numbers[1] * shape[1, k] + numbers[2] * shape[2, k]
-    return fitted
+    first, last = np.triu_indices(len(joints))
+    came = np.minimum(time - joints[:, None], 0.0) ** 2
+    left = np.maximum(time - joints[:, None], 0.0) ** 2
+    matrix, right = np.empty((len(first), 3, 3)), np.empty((len(first), 3, 1))
+    matrix[:, 0, 0], right[:, 0, 0] = len(time), drive.sum()
+    matrix[:, 0, 1] = matrix[:, 1, 0] = came.sum(axis=1)[first]
+    matrix[:, 0, 2] = matrix[:, 2, 0] = left.sum(axis=1)[last]
+    matrix[:, 1, 1], right[:, 1, 0] = (came**2).sum(axis=1)[first], (came @ drive)[first]
+    matrix[:, 2, 2], right[:, 2, 0] = (left**2).sum(axis=1)[last], (left @ drive)[last]
+    matrix[:, 1, 2] = matrix[:, 2, 1] = (came @ left.T)[first, last]
+    matrix[:, range(3), range(3)] *= 1.0 + 1e-12
+    matrix[:, range(3), range(3)] += 1e-300  # a half without readings
+    level, one, other = np.linalg.solve(matrix, right).T[0]
+    turns = np.flatnonzero(one * other > 0.0)
+    if len(turns) == 0:
+        return np.full(len(drive), np.inf)
+    level, one, other = (each[turns, None] for each in (level, one, other))
+    values = level + one * came[first[turns]] + other * left[last[turns]]
+    return values[np.argmin(np.square(drive - values).sum(axis=1))]
 
 
 def _write_round(out: Vector, turns: np.ndarray, k: int, turn: tuple[int, Vector]) -> int:
@@ -288,26 +278,25 @@ def _extreme(drive: Vector, turns: np.ndarray, k: int, noise: float) -> float:
     return float(drive[here] - sign * noise * max(ndtri((count - 0.375) / (count + 0.25)), 0.0))
 
 
-@njit(cache=True, nogil=True)
-def _turns(drive, back):
+def _turns(drive: Vector, back: float) -> np.ndarray:
     """Return the samples at which the drive turns by more than `back`, with both ends."""
-    result = [0]
+    result, readings = [0], drive.tolist()
     low, high, sense = 0, 0, 0
-    for i in range(1, drive.size):
-        if drive[i] >= drive[high]:
+    for i, here in enumerate(readings):
+        if here >= readings[high]:
             high = i
-        if drive[i] <= drive[low]:
+        if here <= readings[low]:
             low = i
-        if sense >= 0 and drive[high] - drive[i] > back:
+        if sense >= 0 and readings[high] - here > back:
             if high > result[-1]:
                 result.append(high)
             sense, low, high = -1, i, i
-        elif sense <= 0 and drive[i] - drive[low] > back:
+        elif sense <= 0 and here - readings[low] > back:
             if low > result[-1]:
                 result.append(low)
             sense, low, high = 1, i, i
-    if drive.size - 1 > result[-1]:
-        result.append(drive.size - 1)
+    if len(readings) - 1 > result[-1]:
+        result.append(len(readings) - 1)
     return np.array(result)
 
 

@@ -8,11 +8,13 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from shutil import copyfileobj
-
-import pyarrow.fs as pafs
+from typing import TYPE_CHECKING
 
 from tssgeom.atomic import remove_drafts, replacing
 from tssgeom.errors import SourceError, first_line, unwritable
+
+if TYPE_CHECKING:
+    import pyarrow.fs as pafs
 
 _BLOCK = 1 << 20  # bytes that are copied at a time
 
@@ -27,11 +29,15 @@ def local(address: str) -> Path | None:
     """
     if "://" not in address:
         return Path(address)
+    import pyarrow.fs as pafs
+
     system, path = _reached(address)
     return Path(path) if isinstance(system, pafs.LocalFileSystem) else None
 
 
 def _reached(address: str) -> tuple[pafs.FileSystem, str]:
+    import pyarrow.fs as pafs
+
     try:
         return pafs.FileSystem.from_uri(address)
     except (OSError, ValueError, ImportError) as error:
@@ -48,6 +54,8 @@ def files_at(address: str) -> list[tuple[str, int]]:
     SourceError
         Where the address cannot be listed.
     """
+    import pyarrow.fs as pafs
+
     system, path = _reached(address)
     try:
         info = system.get_file_info(path)
@@ -152,6 +160,8 @@ class Folder:
         if self.here is not None:
             file = self.here / name
             return file.stat().st_size if file.is_file() else None
+        import pyarrow.fs as pafs
+
         system, path = _reached(self.address)
         info = system.get_file_info(f"{path}/{name}")
         return info.size if info.type is pafs.FileType.File else None
@@ -161,6 +171,8 @@ class Folder:
         if self.here is not None:
             inside = self.here / below
             return sorted(f"{below}/{file.name}" for file in inside.iterdir()) if inside.is_dir() else []
+        import pyarrow.fs as pafs
+
         system, path = _reached(self.address)
         inside = pafs.FileSelector(f"{path}/{below}", allow_not_found=True)
         return sorted(f"{below}/{info.base_name}" for info in system.get_file_info(inside))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 
@@ -138,21 +137,26 @@ def out_of_order(points: Points) -> bool:
     wandering = typical > ORDERING.wandering * spread
     if not wandering and steps.max() <= leap:
         return False
-    from scipy.spatial import KDTree  # rarely needed, and slow to import
-
-    tree = KDTree(points)
-    if wandering and typical > ORDERING.nearer_neighbours * np.median(tree.query(points, k=2)[0][:, 1]):
+    if wandering and typical > ORDERING.nearer_neighbours * _typical_to_nearest(points):
         return True
     leaps = np.flatnonzero(steps > leap)[: ORDERING.most_leaps]
     near = ORDERING.elsewhere * typical
     if len(leaps) and np.linalg.norm(points[0] - points[-1]) < near:
         return True
-    return any(_passed_elsewhere(tree, points[j], j, near) for i in leaps for j in (i, i + 1))
+    return any(_passed_elsewhere(points, j, near) for i in leaps for j in (i, i + 1))
 
 
-def _passed_elsewhere(tree: Any, point: Vector, index: int, radius: float) -> bool:
+def _typical_to_nearest(points: Points) -> float:
+    """Return the median distance from a point to the nearest other [m]."""
+    from scipy.spatial import KDTree
+
+    return float(np.median(KDTree(points).query(points, k=2)[0][:, 1]))
+
+
+def _passed_elsewhere(points: Points, index: int, radius: float) -> bool:
     """Whether a point far off in the sequence lies within `radius` [m] of this one."""
-    return any(abs(other - index) > ORDERING.neighbours for other in tree.query_ball_point(point, radius))
+    near = np.flatnonzero(np.linalg.norm(points - points[index], axis=1) <= radius)
+    return bool((np.abs(near - index) > ORDERING.neighbours).any())
 
 
 def _usable(points: Points, known: Vector | None) -> tuple[np.ndarray, tuple[str, ...]]:

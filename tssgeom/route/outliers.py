@@ -6,8 +6,6 @@ import math
 
 from tssgeom.core.constants_route import OUTLIERS
 
-LIMITS = OUTLIERS
-
 
 def outlier_limit(count: int, variance: float) -> float:
     """Return the square beyond which a residual of this variance, one of `count`, is an outlier."""

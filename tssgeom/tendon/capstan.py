@@ -10,16 +10,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from tssgeom import core
 from tssgeom.arrays import Matrix, Vector
+from tssgeom.core.constants_tendon import PROFILE
 from tssgeom.errors import SettingsError
 from tssgeom.rig import Rig
 
-SLACK = -2000.0
-"""Stands for ln 0, so that every corner is finite: exp(−2000) is zero in float64 [1]."""
-RESOLUTION = 1e-12
-"""Differences of ln T that count as rounding and not as motion [1]."""
 MOST_TENSION = 1e9
 """Above it a tension is taken for a mistake of units or of a sensor [N]."""
 MAX_CORNERS = 512
@@ -37,7 +34,7 @@ class Corners:
     angle: Vector
     """[c] Accumulated curve angle φ of the corners, the first 0, not decreasing [rad]."""
     log_tension: Vector
-    """[c] ln T at the corners, T in N; `SLACK` where the tension is zero [1]."""
+    """[c] ln T at the corners, T in N; `PROFILE.slack` where the tension is zero [1]."""
     direction_index: int
     """ζ: +1 where the tension was last raised, or never changed; −1 where it was last lowered."""
     tension_in: float
@@ -92,12 +89,13 @@ def step(state: Corners, tension_in: float, friction: float) -> Corners:
     check_tension(tension_in)
     if tension_in == 0.0 or friction < _FRICTIONLESS:
         return _levelled(state, tension_in)
-    corners, direction_index = _stepped(state.angle, state.log_tension, math.log(tension_in), friction)
-    if direction_index == 0:
+    count, corners = core.step_corners(state.angle, state.log_tension, math.log(tension_in), friction)
+    if count == 0:
         return state
-    if corners.shape[1] > MAX_CORNERS:
+    corners = corners[:, : abs(count)]
+    if abs(count) > MAX_CORNERS:
         corners = _thinned(corners)
-    return _state(corners, direction_index, tension_in)
+    return _state(corners, 1 if count > 0 else -1, tension_in)
 
 
 def tension(state: Corners, phi: Vector) -> Vector:
@@ -115,13 +113,13 @@ def load_moved(tension_out: float, rig: Rig) -> float:
 
 
 def _log(tension_in: float) -> float:
-    return math.log(tension_in) if tension_in > 0.0 else SLACK
+    return math.log(tension_in) if tension_in > 0.0 else PROFILE.slack
 
 
 def _levelled(state: Corners, drive: float) -> Corners:
     """Return the same tension all along: what a drive without friction leaves, and one that lets go."""
     change = _log(drive) - state.log_tension[0]
-    return state if abs(change) <= RESOLUTION else level(drive, 1 if change > 0 else -1)
+    return state if abs(change) <= PROFILE.resolution else level(drive, 1 if change > 0 else -1)
 
 
 def _state(corners: Matrix, direction_index: int, tension_in: float) -> Corners:
@@ -136,36 +134,3 @@ def _thinned(corners: Matrix) -> Matrix:
     """
     distance = corners[0, 2:] - corners[0, :-2]
     return np.delete(corners, 1 + int(np.argmin(distance)), axis=1)
-
-
-@njit(cache=True, nogil=True)
-def _front(angle, log_tension, drive, friction, direction_index):
-    """Return how many corners the front wipes out, and the angle φ* where it meets the old profile."""
-    before = direction_index * (drive - log_tension[0])  # excess of the front over the old profile [1]
-    for k in range(1, angle.size):
-        here = direction_index * (drive - log_tension[k]) - friction * angle[k]
-        if here <= -RESOLUTION:
-            return k, angle[k - 1] + (angle[k] - angle[k - 1]) * before / (before - here)  # docs/model.md (4)
-        before = max(here, 0.0)
-    return angle.size, angle[-1] + before / friction  # docs/model.md (4)
-
-
-@njit(cache=True, nogil=True)
-def _stepped(angle, log_tension, drive, friction):
-    """Return the corners [2, c] of max(u, ln T − μφ) on a pull, min(u, ln T + μφ) on a release, and which.
-
-    A drive that does not move gives the index 0, and corners that are none.
-    """
-    change = drive - log_tension[0]
-    if abs(change) <= RESOLUTION:
-        return np.empty((2, 0)), 0
-    direction_index = 1 if change > 0.0 else -1
-    wiped, meeting = _front(angle, log_tension, drive, friction, direction_index)
-    corners = np.empty((2, 2 + angle.size - wiped))
-    corners[0, 0], corners[1, 0] = 0.0, drive
-    corners[0, 1], corners[1, 1] = meeting, drive - direction_index * friction * meeting  # docs/model.md (3)
-    for k in range(wiped, angle.size):
-        corners[0, 2 + k - wiped], corners[1, 2 + k - wiped] = angle[k], log_tension[k]
-    if wiped == angle.size:
-        corners[1, 1] = log_tension[-1]  # the constant rest keeps its tension to the last digit
-    return corners, direction_index

@@ -10,8 +10,6 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from scipy.optimize import brentq
-
 from tssgeom.errors import SettingsError
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
@@ -184,6 +182,8 @@ def _reached(move: _Move, held: TendonState) -> TendonState:
     if move.error(answer) == 0.0:
         return answer
     low, high = sorted((start, far))  # not all slides one way where the route has moved too
+    from scipy.optimize import brentq
+
     root: Any = brentq(
         lambda tension_in: move.error(move.pulled(tension_in)), low, high, xtol=1e-13 * max(high, 1.0)
     )
@@ -204,5 +204,7 @@ def _by_position(move: _Move, answer: TendonState) -> TendonState:
     if error == 0.0:
         return start
     low, high = sorted((near, far))
+    from scipy.optimize import brentq
+
     root: Any = brentq(lambda position: move.error(move.located(position)), low, high, xtol=1e-16)
     return move.located(float(root))

@@ -5,7 +5,6 @@ Sources: docs/model.md (3), (5), (9).
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -15,7 +14,7 @@ from tssgeom.arrays import Matrix, Vector, read_only
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.capstan import pretensioned, step, tension
-from tssgeom.tendon.transmission import means_on_pieces
+from tssgeom.tendon.transmission import tension_and_elongation
 
 _ROUNDING = 1e-12  # of a tension that is held
 
@@ -43,15 +42,9 @@ def driven(tension_in: Iterable[float], arcs: Arcs, rig: Rig) -> History:
     state, rows = pretensioned(rig), list[tuple[float, float, float]]()
     for drive in tension_in:
         state = step(state, drive, rig.friction.coefficient)
-        means, log_tension_out, _ = means_on_pieces(arcs.angle, state.angle, state.log_tension)
-        rows.append((drive, math.exp(log_tension_out), float(arcs.length @ means[0])))
+        rows.append((drive, *tension_and_elongation(state, arcs, rig)))
     columns = np.array(rows, dtype=np.float64).reshape(-1, 3).T
-    excess = columns[2] - rig.tendon.pretension_N * arcs.total_length
-    return History(
-        read_only(columns[0]),
-        read_only(columns[1]),  # docs/model.md (5)
-        read_only(rig.tendon.compliance_per_N * excess),  # docs/model.md (9)
-    )
+    return History(read_only(columns[0]), read_only(columns[1]), read_only(columns[2]))
 
 
 def profiles(tension_in: Iterable[float], phi: Vector, rig: Rig) -> Matrix:

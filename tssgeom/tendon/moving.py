@@ -4,29 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from tssgeom import core
 from tssgeom.arrays import Matrix, Vector, read_only
+from tssgeom.core.constants_tendon import SAME_ROUTE
 from tssgeom.errors import ShapeError
 from tssgeom.route.pieces import Arcs
-
-
-class RouteComparison(NamedTuple):
-    """When two sensed routes count as one that has not moved."""
-
-    shares: int = 8
-    """Even shares of the length at which the curve angles are compared [1]; chosen."""
-    sigmas: float = 3.0
-    """Standard errors of a difference that still count as noise [1]; chosen: 99.7 % of normal errors."""
-    rounding: float = 1e-9
-    """Difference of lengths [1] and angles [rad] that is rounding; chosen."""
-
-
-SAME = RouteComparison()
-"""Used wherever two sensed routes are compared."""
 
 
 def unmoved(before: Arcs, now: Arcs) -> bool:
@@ -34,7 +19,9 @@ def unmoved(before: Arcs, now: Arcs) -> bool:
 
     The accumulated curve angle is compared at even shares of the length, and the length itself.
     """
-    return _unmoved(before.length, before.angle, before.covariance, now.length, now.angle, now.covariance)
+    return bool(
+        core.is_unmoved(before.length, before.angle, before.covariance, now.length, now.angle, now.covariance)
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +76,7 @@ def _shares(arcs: Arcs) -> Vector:
 def _merged(first: Vector, second: Vector) -> Vector:
     """Return all joints in order; of joints within rounding of each other one."""
     edges = np.union1d(first, second)
-    kept = edges[np.concatenate(([True], np.diff(edges) > SAME.rounding))]
+    kept = edges[np.concatenate(([True], np.diff(edges) > SAME_ROUTE.rounding))]
     kept[-1] = 1.0
     return kept
 
@@ -102,44 +89,3 @@ def _onto(arcs: Arcs, edges: Vector) -> Matrix:
     onto[: len(overlap), :k] = np.diff(edges)[:, None]
     onto[len(overlap) :, k:] = np.maximum(overlap, 0.0) / np.diff(joints)
     return onto
-
-
-@njit(cache=True, nogil=True)
-def _angle_at(share, length, angle, covariance, gradient):
-    """Return φ at a share of the length and its variance; `gradient` is room for 2k numbers."""
-    k, whole = length.size, np.sum(length)
-    piece, begin, phi = 0, 0.0, 0.0
-    gradient[:] = 0.0
-    while piece < k - 1 and begin + length[piece] < share * whole:
-        gradient[k + piece] = 1.0
-        begin, phi, piece = begin + length[piece], phi + angle[piece], piece + 1
-    inside = min((share * whole - begin) / length[piece], 1.0)
-    kappa = angle[piece] / length[piece]
-    gradient[k + piece] = inside
-    for i in range(k):
-        gradient[i] = kappa * share
-        if i < piece:
-            gradient[i] -= kappa
-    gradient[piece] -= kappa * inside
-    variance = 0.0
-    for i in range(2 * k):
-        for j in range(2 * k):
-            variance += gradient[i] * covariance[i, j] * gradient[j]
-    return phi + inside * angle[piece], variance
-
-
-@njit(cache=True, nogil=True)
-def _unmoved(length, angle, covariance, length_now, angle_now, covariance_now):
-    k, m = length.size, length_now.size
-    change = np.sum(length_now) - np.sum(length)
-    variance = np.sum(covariance[:k, :k]) + np.sum(covariance_now[:m, :m])
-    if abs(change) > SAME.sigmas * np.sqrt(max(variance, 0.0)) + SAME.rounding * np.sum(length):
-        return False
-    room, room_now = np.empty(2 * k), np.empty(2 * m)
-    for step in range(SAME.shares, 0, -1):
-        share = step / SAME.shares
-        phi, spread = _angle_at(share, length, angle, covariance, room)
-        phi_now, spread_now = _angle_at(share, length_now, angle_now, covariance_now, room_now)
-        if abs(phi_now - phi) > SAME.sigmas * np.sqrt(max(spread + spread_now, 0.0)) + SAME.rounding:
-            return False
-    return True

@@ -7,8 +7,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from scipy.optimize import brentq
-
 from tssgeom.effects import named
 from tssgeom.errors import FitError, SettingsError
 from tssgeom.rig import Rig
@@ -154,6 +152,8 @@ def _common_tension(pulls: tuple[_Pull, _Pull], pair: PairState) -> float:
     def opening(growth: float) -> float:
         agonist, antagonist = (pull(growth) for pull in pulls)
         return agonist.displacement_out + antagonist.displacement_out
+
+    from scipy.optimize import brentq
 
     at_rest = opening(0.0)
     if abs(at_rest) <= _CLOSED:

@@ -13,7 +13,7 @@ from tssgeom.arrays import read_only
 from tssgeom.errors import SettingsError
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.bars.bar_state import BarState
-from tssgeom.tendon.bars.plant import Memory
+from tssgeom.tendon.bars.plant import Memory, memory_of
 from tssgeom.tendon.bars.sensors import CHANNELS
 from tssgeom.tendon.capstan import MOST_TENSION, Corners, check_tension
 from tssgeom.tendon.state import TendonState
@@ -22,8 +22,9 @@ VERSION = 4
 """Version of the objects that `state_object` writes; `state_of` reads version 3 too."""
 _KINDS = {"corners": Corners, "bars": BarState}
 _ROUTE = "route"  # stands for the route of the state where the bars were cut on it
-_OF_BARS = ("tension", "creep", "rest")
-_OF_CONTACTS = ("slip", "displacement", "speed", "travel")
+_OF_BARS = ("tension", "creep")
+_OF_CONTACTS = ("displacement", "speed", "travel", "slip")
+_MEMORY = (*_OF_BARS, *_OF_CONTACTS, "drive")
 _SCALARS = ("length", "elongation", "displacement_in", "displacement_out", "span", "front", "iterations")
 _DRIVE = 6  # numbers that bars with effects remember of their drive
 _MOST = 1e12  # of any number in a state
@@ -34,8 +35,11 @@ def state_object(state: TendonState) -> dict[str, Any]:
     """Return a state as an object for JSON, from which `state_of` makes the same state to the last bit."""
     kind = next(name for name, each in _KINDS.items() if isinstance(state.along, each))
     along = _plain(state.along)
-    if isinstance(state.along, BarState) and state.along.has_effects and state.along.cut is state.route:
-        along["cut"] = _ROUTE
+    if isinstance(state.along, BarState):
+        along["memory"] = {name: getattr(state.along.memory, name).tolist() for name in _MEMORY}
+        along["rest"] = _written(state.along.rest)
+        if state.along.has_effects and state.along.cut is state.route:
+            along["cut"] = _ROUTE
     route = None if state.route is None else _plain(state.route)
     return {
         "version": VERSION,
@@ -144,16 +148,6 @@ def _check_bars(along: BarState) -> None:
     _require(
         _numbers(along.edge, contacts) and contacts > 1 and bool((np.diff(along.edge) > 0).all()), "edge"
     )
-    sizes = {
-        **dict.fromkeys(_OF_BARS, contacts + 1),
-        **dict.fromkeys(_OF_CONTACTS, contacts),
-        "drive": _DRIVE,
-    }
-    arrays = along.memory._asdict()
-    _require((along.rest is None) == along.has_effects, "rest")
-    arrays |= {} if along.rest is None else {"rest": along.rest}
-    for name, values in arrays.items():
-        _require(_numbers(values, sizes[name]), name)
     _require(along.tension.min() >= 0.0 and along.tension.max() <= MOST_TENSION, "tension")
     for name in _SCALARS:
         _require(abs(getattr(along, name)) <= _MOST, name)
@@ -179,15 +173,19 @@ def _require(sound: bool, name: str) -> None:
         raise ValueError(name)
 
 
-def _plain(part: Corners | BarState | Arcs | Memory) -> dict[str, Any]:
-    names = part._fields if isinstance(part, Memory) else [field.name for field in fields(part)]
-    return {name: _written(getattr(part, name)) for name in names if name != "model"}
+def _plain(part: Corners | BarState | Arcs) -> dict[str, Any]:
+    left_out = ("model", "memory")
+    return {
+        field.name: _written(getattr(part, field.name))
+        for field in fields(part)
+        if field.name not in left_out
+    }
 
 
 def _written(value: Any) -> Any:
     if isinstance(value, np.ndarray):
         return value.tolist()
-    if isinstance(value, (Arcs, Memory)):
+    if isinstance(value, Arcs):
         return _plain(value)
     if isinstance(value, Mapping):
         return {name: list(pair) for name, pair in value.items()}
@@ -206,25 +204,38 @@ def _or_nan(value: float | None) -> float:
 def _revived(kind: type[_Part], saved: Mapping[str, Any]) -> _Part:
     """Build a part from its plain values; arrays were written as lists."""
     return kind(
-        **{name: _array(name, value) if isinstance(value, list) else value for name, value in saved.items()}
+        **{name: _array(value) if isinstance(value, list) else value for name, value in saved.items()}
     )
 
 
 def _bars(saved: Mapping[str, Any], route: Arcs | None) -> BarState:
     _require("model" not in saved, "model")
-    memory = Memory(**{name: _array(name, value) for name, value in saved["memory"].items()})
     cut = saved["cut"]
     if cut is not None:
         cut = route if cut == _ROUTE else _revived(Arcs, cut)
         _require(cut is not None, "cut")
     lags = {channel: (float(true), float(read)) for channel, (true, read) in saved["lags"].items()}
-    rest = {"memory": memory, "cut": cut, "lags": lags, "temperature": _or_nan(saved["temperature"])}
-    return _revived(BarState, {**saved, **rest})
+    others = {name: value for name, value in saved.items() if name != "rest"}
+    rest = {"memory": _memory(saved), "cut": cut, "lags": lags}
+    return _revived(BarState, {**others, **rest, "temperature": _or_nan(saved["temperature"])})
 
 
-def _array(name: str, numbers: list[Any]) -> Any:
-    if name != "slip":
-        return read_only(np.array(numbers, dtype=np.float64))
-    signs = np.array(numbers, dtype=np.int8)
-    signs.setflags(write=False)
-    return signs
+def _memory(saved: Mapping[str, Any]) -> Memory:
+    """Return what bars remember; its arrays have the sizes that the number of contacts gives them."""
+    contacts = len(saved["edge"])
+    sizes = dict.fromkeys(_OF_BARS, contacts + 1) | dict.fromkeys(_OF_CONTACTS, contacts) | {"drive": _DRIVE}
+    _require(saved["memory"].keys() == sizes.keys(), "memory")
+    arrays = {name: _array(saved["memory"][name]) for name in sizes}
+    _require((saved["rest"] is None) == (saved["cut"] is not None), "rest")
+    if saved["rest"] is not None:
+        arrays["rest"], sizes["rest"] = _array(saved["rest"]), contacts + 1
+    for name, values in arrays.items():
+        _require(_numbers(values, sizes[name]), name)
+    _require(bool(np.isin(arrays["slip"], (-1.0, 0.0, 1.0)).all()), "slip")
+    memory = memory_of(**arrays)
+    memory.block.setflags(write=False)
+    return memory
+
+
+def _array(numbers: list[Any]) -> Any:
+    return read_only(np.array(numbers, dtype=np.float64))

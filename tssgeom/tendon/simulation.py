@@ -10,11 +10,11 @@ from itertools import repeat
 from typing import Literal
 
 from tssgeom.arrays import Vector
+from tssgeom.core.constants_tendon import PROFILE
 from tssgeom.errors import TssgeomError
 from tssgeom.rig import Rig
 from tssgeom.tendon.bars.model import setup_of
 from tssgeom.tendon.bars.sensors import Drive, check_drive
-from tssgeom.tendon.capstan import RESOLUTION
 from tssgeom.tendon.command import Command, compensate
 from tssgeom.tendon.moving import MovingRoute
 from tssgeom.tendon.state import (
@@ -168,7 +168,7 @@ def _each(values: Vector | None, time: Vector) -> Iterable[float | None]:
 
 def _phase(last: float | None, drive: float, ends: Transmission) -> Phase:
     """Return the phase after a move of the drive from `last`, in the unit of the drive."""
-    if last is not None and abs(drive - last) <= RESOLUTION * max(abs(drive), abs(last)):
+    if last is not None and abs(drive - last) <= PROFILE.resolution * max(abs(drive), abs(last)):
         return "hold"
     if ends.direction_index > 0:
         return "release_to_pull" if ends.dead_zone else "pull"

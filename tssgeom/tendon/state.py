@@ -13,13 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from tssgeom.arrays import Vector
+from tssgeom.core.constants_tendon import BAR
 from tssgeom.effects import Setup
 from tssgeom.errors import SettingsError
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon import capstan, transmission
-from tssgeom.tendon.bars import base, with_effects, with_effects_transmission
-from tssgeom.tendon.bars.bar_state import UNTIMED, BarState, to_bars, to_corners
+from tssgeom.tendon.bars import base, with_effects
+from tssgeom.tendon.bars.bar_state import BarState, to_bars, to_corners
 from tssgeom.tendon.bars.sensors import err
 from tssgeom.tendon.bars.with_effects import effective_setup
 from tssgeom.tendon.capstan import Corners
@@ -117,75 +118,66 @@ def step(
     FitError
         Where no equilibrium was found.
     """
-    before = _before(state, arcs)
-    route = before if arcs is before or unmoved(before, arcs) else arcs
     now = state.time if time is None else time
-    setup = effective_setup(rig)
+    drives, setup = (tension_in, displacement_in), effective_setup(rig)
     if setup is None:
-        drives = (tension_in, displacement_in)
-        return TendonState(
-            _without_effects(state, before, route, rig, drives, stretches_with_route), route, now
-        )
+        along, route = _without_effects(state, arcs, rig, drives, stretches_with_route)
+        return TendonState(along, route, now)
     if stretches_with_route:
         raise SettingsError(
             "where effects act, a route cannot stretch the tendon: leave stretches_with_route"
         )
-    _check_friction(rig, route)
-    drive, by_force = base.one_drive(tension_in, displacement_in)
-    along = state.along
-    if not (isinstance(along, BarState) and along.has_effects):
+    drive, along = base.one_drive(*drives), state.along
+    if isinstance(along, BarState) and along.has_effects:
+        before = arcs if state.route is None else state.route
+        routes = before, arcs
+    else:
+        before, moves = _compared(state, arcs)
         along = with_effects.cut(corners(state), before, setup)
+        routes = before, arcs if moves else before
     model = with_effects.model_on(along, before, setup)
-    model = model if route is before else with_effects.moved(model, route)
-    span = _span(state, along, setup, time)
-    return TendonState(with_effects.driven(along, model, drive, by_force, span, temperature), route, now)
+    span, friction = _span(state, along, setup, time), (rig.friction.coefficient, _MOST_FRICTION)
+    return TendonState(*with_effects.driven(along, model, routes, drive, span, temperature, friction), now)
 
 
 def _without_effects(
     state: TendonState,
-    before: Arcs,
-    route: Arcs,
+    arcs: Arcs,
     rig: Rig,
     drives: tuple[float | None, float | None],
     stretches_with_route: bool,
-) -> Corners | BarState:
-    """Step the tendon of the base model, from the route `before` to `route`."""
+) -> tuple[Corners | BarState, Arcs]:
+    """Step the tendon of the base model; return it and the route on which it lies."""
     tension_in, displacement_in = drives
-    along = state.along
-    if isinstance(along, BarState) and along.has_effects:
+    along, load = state.along, (rig.load.stiffness_N_per_m, 0.0)
+    if isinstance(along, BarState) and not along.has_effects:
+        routes = arcs if state.route is None else state.route, arcs
+    else:
+        before, moves = _compared(state, arcs)
         along = corners(state)
-    if isinstance(along, Corners):
-        if route is before and displacement_in is None and tension_in is not None:
-            return capstan.step(along, tension_in, rig.friction.coefficient)
+        if not moves and displacement_in is None and tension_in is not None:
+            return capstan.step(along, tension_in, rig.friction.coefficient), before
         along = to_bars(along, before, rig, halvings=HALVINGS)
-    _check_friction(rig, route)
-    return base.step(
-        along,
-        route,
-        rig,
-        tension_in=tension_in,
-        displacement_in=displacement_in,
-        stretches_with_route=stretches_with_route,
+        routes = before, arcs if moves else before
+    return base.step_on(
+        along, routes, rig, load, base.one_drive(*drives), stretches_with_route, _MOST_FRICTION
     )
 
 
 def _check_friction(rig: Rig, route: Arcs) -> None:
     """Refuse friction so large that no float holds what it makes of a tension [N]."""
     if rig.friction.coefficient * route.total_angle > _MOST_FRICTION:
-        raise SettingsError(
-            f"friction.coefficient is {rig.friction.coefficient:g} on {route.total_angle:.3g} rad of route: "
-            "nothing gets through; check the coefficient"
-        )
+        raise base.too_much_friction(rig.friction.coefficient, route.total_angle)
 
 
 def _span(state: TendonState, along: BarState, setup: Setup, time: float | None) -> float:
     """Return how long a step lasts [s]."""
     if not with_effects.timed(setup):
-        return UNTIMED
+        return BAR.untimed
     if time is None:
         raise SettingsError("some of the effects act over time: give the time of each step [s]")
     if math.isnan(state.time):
-        return UNTIMED
+        return BAR.untimed
     if time < state.time:
         raise SettingsError(f"time goes from {state.time:g} to {time:g} s: give increasing times")
     return time - state.time if time > state.time else along.span
@@ -225,7 +217,7 @@ def transmit(state: TendonState, rig: Rig) -> Transmission:
     if not along.has_effects:
         return transmission.of_bars(along, route, rig)
     model = with_effects.model_on(along, route, _setup_of(rig))
-    return with_effects_transmission.of_effects(along, model, route)
+    return transmission.of_effects(along, model, route)
 
 
 def answering(state: TendonState, rig: Rig, tension_out: float, way: int) -> float:
@@ -236,7 +228,7 @@ def answering(state: TendonState, rig: Rig, tension_out: float, way: int) -> flo
     route, along = _route(state), state.along
     if isinstance(along, BarState) and along.has_effects:
         model = with_effects.model_on(along, route, _setup_of(rig))
-        return with_effects_transmission.answering(along, model, tension_out, way)
+        return transmission.answering(along, model, tension_out, way)
     _check_friction(rig, route)
     return tension_out * math.exp(way * rig.friction.coefficient * route.total_angle)
 
@@ -276,15 +268,17 @@ def readings(state: TendonState, rig: Rig) -> dict[str, float]:
     return with_effects.readings(state.along, _setup_of(rig))
 
 
-def _before(state: TendonState, arcs: Arcs) -> Arcs:
-    """Return the route on which the tendon lies before a step that is to end on `arcs`."""
+def _compared(state: TendonState, arcs: Arcs) -> tuple[Arcs, bool]:
+    """Return the route on which the tendon lies before a step, and whether it moves to `arcs`."""
     known, along = state.route, state.along
-    if known is None or arcs is known or not isinstance(along, Corners):
-        return arcs if known is None else known
-    if len(along.angle) == 1:
-        return arcs  # a tension that is the same all along lies as well on any route
-    sharper = arcs.total_angle_se < _SHARPER * known.total_angle_se and unmoved(known, arcs)
-    return arcs if sharper else known
+    if known is None or arcs is known:
+        return arcs, False
+    if isinstance(along, Corners) and len(along.angle) == 1:
+        return arcs, False  # a tension that is the same all along lies as well on any route
+    if not unmoved(known, arcs):
+        return known, True
+    sharper = isinstance(along, Corners) and arcs.total_angle_se < _SHARPER * known.total_angle_se
+    return arcs if sharper else known, False
 
 
 def _route(state: TendonState) -> Arcs:

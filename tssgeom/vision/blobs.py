@@ -8,10 +8,9 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numba import njit
 
+from tssgeom.core.constants import MEDIANS
 from tssgeom.errors import SettingsError
-from tssgeom.statistics import MEDIANS
 from tssgeom.vision.sightings import Sightings, nothing
 from tssgeom.vision.tags import grey
 
@@ -94,12 +93,13 @@ def _blobs(strength: np.ndarray, wanted: BlobAppearance) -> Sightings:
     area = stats[:, cv2.CC_STAT_AREA]
     fit = (area >= wanted.least) & (area <= wanted.most) & (np.arange(count) > 0)
     boxes = stats[:, [cv2.CC_STAT_LEFT, cv2.CC_STAT_TOP, cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]]
-    chosen = np.flatnonzero(fit)
-    centres = _centres(strength, labels, chosen, boxes[chosen], floor, noise)
-    good = centres[:, 0] > 0
-    centres, size = centres[good], area[chosen][good].astype(np.float64)
-    ids = np.full(len(centres), -1)
-    return Sightings(centres[:, None, 1:3], np.maximum(centres[:, 3], _LEAST_NOISE), ids, size)
+    chosen = np.flatnonzero(fit & _is_round(labels, count)).tolist()
+    centres = {k: at for k in chosen if (at := _centre(strength, labels, k, boxes[k], floor, noise))}
+    if not centres:
+        return nothing(1)
+    whole = np.array(list(centres.values()))
+    size, ids = area[list(centres)].astype(np.float64), np.full(len(whole), -1)
+    return Sightings(whole[:, None, :2], np.maximum(whole[:, 2], _LEAST_NOISE), ids, size)
 
 
 def _floor(strength: np.ndarray) -> tuple[float, float]:
@@ -109,102 +109,46 @@ def _floor(strength: np.ndarray) -> tuple[float, float]:
     return float(np.median(rows)), max(noise, _EIGHT_BIT)
 
 
-@njit(cache=True, nogil=True)
-def _centres(
-    strength: np.ndarray,
-    labels: np.ndarray,
-    chosen: np.ndarray,
-    boxes: np.ndarray,
-    floor: float,
-    noise: float,
-) -> np.ndarray:
-    """Centre of each patch by its strength above the ground around it: [n] good, x, y, standard deviation."""
-    out = np.zeros((len(chosen), 4))
-    height, width = strength.shape
-    for i in range(len(chosen)):
-        left, top, wide, high = boxes[i]
-        if left < _RIM + 1 or top < _RIM + 1 or left + wide > width - _RIM - 1:
-            continue
-        if top + high > height - _RIM - 1 or not _is_round(labels, chosen[i], boxes[i]):
-            continue
-        x0, x1, y0, y1 = left - _RIM, left + wide + _RIM, top - _RIM, top + high + _RIM
-        ground, clear = _ground(strength, labels, chosen[i], x0 - 1, x1 + 1, y0 - 1, y1 + 1, floor)
-        if not clear:
-            continue
-        total, mx, my = 0.0, 0.0, 0.0
-        for y in range(y0, y1):
-            for x in range(x0, x1):
-                if _counts(labels, chosen[i], x, y):
-                    part = strength[y, x] - ground
-                    total += part
-                    mx += part * x
-                    my += part * y
-        mx, my = mx / total, my / total
-        spread = 0.0
-        for y in range(y0, y1):
-            for x in range(x0, x1):
-                if _counts(labels, chosen[i], x, y):
-                    spread += (x - mx) ** 2 + (y - my) ** 2
-        # the noise of every pixel that counts moves the centre; docs/model.md (134)
-        out[i] = (1.0, mx, my, noise * np.sqrt(0.5 * spread) / total)
-    return out
-
-
-@njit(cache=True, nogil=True)
-def _counts(labels: np.ndarray, label: int, x: int, y: int) -> bool:
-    """Whether a pixel is of a patch, or within its rim."""
-    for j in range(max(y - _RIM, 0), min(y + _RIM + 1, labels.shape[0])):
-        for i in range(max(x - _RIM, 0), min(x + _RIM + 1, labels.shape[1])):
-            if labels[j, i] == label:
-                return True
-    return False
-
-
-@njit(cache=True, nogil=True)
-def _ground(
-    strength: np.ndarray, labels: np.ndarray, label: int, x0: int, x1: int, y0: int, y1: int, floor: float
-) -> tuple[float, bool]:
-    """Strength just outside the rim of a patch, and whether no other patch reaches into the rim."""
-    total, count = 0.0, 0
-    for y in range(y0, y1):
-        for x in range(x0, x1):
-            inside = _counts(labels, label, x, y)
-            if labels[y, x] != 0 and labels[y, x] != label:
-                if inside:
-                    return floor, False
-            elif not inside and not _beside_other(labels, label, x, y):
-                total += strength[y, x]
-                count += 1
-    return (total / count if count else floor), True
-
-
-@njit(cache=True, nogil=True)
-def _beside_other(labels: np.ndarray, label: int, x: int, y: int) -> bool:
-    """Whether a pixel is next to another patch."""
-    for j in range(max(y - 1, 0), min(y + 2, labels.shape[0])):
-        for i in range(max(x - 1, 0), min(x + 2, labels.shape[1])):
-            if labels[j, i] != 0 and labels[j, i] != label:
-                return True
-    return False
-
-
-@njit(cache=True, nogil=True)
-def _is_round(labels: np.ndarray, label: int, box: np.ndarray) -> bool:
-    """Whether a patch fills the ellipse with its moments, as a whole disc does and a part of one does not."""
-    left, top, wide, high = box
-    n, mx, my, xx, xy, yy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for y in range(top, top + high):
-        for x in range(left, left + wide):
-            if labels[y, x] == label:
-                n += 1.0
-                mx += x
-                my += y
-                xx += x * x
-                xy += x * y
-                yy += y * y
-    mx, my = mx / n, my / n
-    xx, xy, yy = xx / n - mx * mx + 1 / 12, xy / n - mx * my, yy / n - my * my + 1 / 12
-    area = xx * yy - xy * xy
+def _is_round(labels: np.ndarray, count: int) -> np.ndarray:
+    """Whether each of `count` patches fills the ellipse with its moments, as no part of a disc does."""
+    rows, columns = np.nonzero(labels)
+    of = labels[rows, columns]
+    x, y = columns.astype(np.float64), rows.astype(np.float64)
+    n, *sums = (np.bincount(of, part, count) for part in (None, x, y, x * x, x * y, y * y))
+    mx, my, xx, xy, yy = (one / np.maximum(n, 1) for one in sums)
+    xx, xy, yy = xx - mx * mx + 1 / 12, xy - mx * my, yy - my * my + 1 / 12
     half, half_difference = 0.5 * (xx + yy), np.sqrt(0.25 * (xx - yy) ** 2 + xy * xy)
-    filled = n / (4.0 * np.pi * np.sqrt(max(area, 1e-12)))
-    return _ROUND[0] < filled < _ROUND[1] and half - half_difference > _SLIM * (half + half_difference)
+    filled = n / (4.0 * np.pi * np.sqrt(np.maximum(xx * yy - xy * xy, 1e-12)))
+    slim = half - half_difference <= _SLIM * (half + half_difference)
+    return (_ROUND[0] < filled) & (filled < _ROUND[1]) & ~slim
+
+
+def _centre(
+    strength: np.ndarray, labels: np.ndarray, label: int, box: np.ndarray, floor: float, noise: float
+) -> tuple[float, float, float] | None:
+    """Return centre and standard deviation of a patch by its strength above the ground around it [px].
+
+    None where it is too near to the edge of the image, or where another patch reaches into its rim.
+    """
+    (left, top, wide, high), edge = box.tolist(), _RIM + 1
+    height, width = labels.shape
+    if min(left, top) < edge or left + wide > width - edge or top + high > height - edge:
+        return None
+    # one pixel more than the ground, in which others count too
+    x0, y0 = max(left - edge - 1, 0), max(top - edge - 1, 0)
+    around = labels[y0 : top + high + edge + 1, x0 : left + wide + edge + 1]
+    own, other = (around == label).astype(np.uint8), ((around != 0) & (around != label)).astype(np.uint8)
+    counts = cv2.dilate(own, np.ones((2 * _RIM + 1, 2 * _RIM + 1), np.uint8)) > 0
+    if (counts & (other > 0)).any():
+        return None
+    value = strength[y0 : y0 + len(around), x0 : x0 + around.shape[1]].astype(np.float64)
+    zone = (slice(top - edge - y0, top + high + edge - y0), slice(left - edge - x0, left + wide + edge - x0))
+    outside = ~(counts | (cv2.dilate(other, np.ones((3, 3), np.uint8)) > 0))[zone]
+    ground = value[zone][outside].mean() if outside.any() else floor
+    y, x = np.nonzero(counts)
+    part = value[y, x] - ground
+    total = part.sum()
+    mx, my = (part * x).sum() / total, (part * y).sum() / total
+    spread = ((x - mx) ** 2 + (y - my) ** 2).sum()
+    # the noise of every pixel that counts moves the centre; docs/model.md (134)
+    return x0 + mx, y0 + my, noise * np.sqrt(0.5 * spread) / total

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numba import njit
 
 from tssgeom.vision.cameras import Camera
 from tssgeom.vision.views import Located, ViewSet
@@ -43,16 +42,12 @@ def uncovered(
     return list(np.where((share < _WHOLE[0]) | (share > _WHOLE[1]), -1, which))
 
 
-@njit(cache=True, nogil=True)
 def _usual(size: np.ndarray) -> np.ndarray:
     """Median over the frames around, NaN where too few of them have a value [f, n, v]."""
-    out = np.full_like(size, np.nan)
-    for f in range(size.shape[0]):
-        around = size[max(f - _HALF, 0) : f + _HALF + 1]
-        for n in range(size.shape[1]):
-            for v in range(size.shape[2]):
-                one = around[:, n, v]
-                view_set = one[np.isfinite(one)]
-                if len(view_set) >= _FEWEST:
-                    out[f, n, v] = np.median(view_set)
-    return out
+    usual = np.full_like(size, np.nan)
+    for f in range(len(size)):
+        around = np.sort(size[max(f - _HALF, 0) : f + _HALF + 1], axis=0)  # NaN last
+        known = np.isfinite(around).sum(axis=0)
+        middle = [np.take_along_axis(around, k[None], axis=0)[0] for k in ((known - 1) // 2, known // 2)]
+        usual[f] = np.where(known >= _FEWEST, 0.5 * (middle[0] + middle[1]), np.nan)
+    return usual

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import itertools
-import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from tssgeom.arrays import Points, Vector
 from tssgeom.vision.cameras import Camera, Eyes, eyes
 from tssgeom.vision.localisation import Alone
 from tssgeom.vision.single_view import on_plane
-from tssgeom.vision.triangulation import intersection
+from tssgeom.vision.triangulation import intersections
 from tssgeom.vision.views import ViewSet
 
 
@@ -70,13 +68,20 @@ def match(poses: Eyes, slopes: list[np.ndarray], weights: list[np.ndarray], gate
     slope, weight = np.full((views, most, 2), np.nan), np.zeros((views, most, 2, 2))
     for v in range(views):
         slope[v, : len(slopes[v])], weight[v, : len(slopes[v])] = slopes[v], weights[v]
-    candidates = [
-        _pairs(poses.rotation, poses.shift, slope, weight, gate, a, b)
-        for a, b in itertools.combinations(range(views), 2)
-    ]
-    rows = np.concatenate([rows for rows, _, _ in candidates])
-    points = np.concatenate([points for _, points, _ in candidates])
-    square = np.concatenate([square for _, _, square in candidates])
+    rows = np.concatenate(
+        [_pairs(poses, slope, weight, gate[2], a, b) for a, b in itertools.combinations(range(views), 2)]
+    )
+    points, square = _met(poses, slope, weight, rows)
+    meet = square <= gate[2]
+    rows, points, square = rows[meet], points[meet], square[meet]
+    for v in range(views) if views > 2 else ():  # the nearest blob of another view may join
+        left = np.flatnonzero(rows[:, v] < 0)
+        more = rows[left]
+        more[:, v] = _nearest(poses.rotation[v], poses.shift[v], slope[v], points[left])
+        position, q = _met(poses, slope, weight, more)
+        agree = (more[:, v] >= 0) & (q <= gate[(more >= 0).sum(axis=1)])
+        joined = left[agree]
+        rows[joined], points[joined], square[joined] = more[agree], position[agree], q[agree]
     _, first = np.unique(rows, axis=0, return_index=True)
     all_of = Matches(rows, points, square).take(first)
     support = (all_of.blobs >= 0).sum(axis=1)
@@ -84,93 +89,41 @@ def match(poses: Eyes, slopes: list[np.ndarray], weights: list[np.ndarray], gate
     return ordered.take(_whole(ordered.blobs))
 
 
-@njit(cache=True, nogil=True)
-def _pairs(
-    rotation: np.ndarray,
-    shift: np.ndarray,
-    slope: np.ndarray,
-    weight: np.ndarray,
-    gate: np.ndarray,
-    a: int,
-    b: int,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Pairs of blobs of two views whose rays meet, each with the blobs of other views that join them."""
-    views, most = slope.shape[0], slope.shape[1]
-    rows = np.full((most * most, views), -1)
-    points, squares = np.empty((most * most, 3)), np.empty(most * most)
-    visible, trial, count = np.zeros(views, np.bool_), np.empty((views, 2)), 0
-    chosen_weight = np.zeros((views, 2, 2))
-    turn = rotation[b] @ rotation[a].T
-    move = shift[b] - turn @ shift[a]
+def _pairs(poses: Eyes, slope: np.ndarray, weight: np.ndarray, gate: float, a: int, b: int) -> np.ndarray:
+    """Return pairs of blobs of two views, as near to epipolar lines as noise can bring them [k, v]."""
+    turn = poses.rotation[b] @ poses.rotation[a].T
+    move = poses.shift[b] - turn @ poses.shift[a]
     cross = np.array([[0.0, -move[2], move[1]], [move[2], 0.0, -move[0]], [-move[1], move[0], 0.0]])
-    essential = cross @ turn
-    for i in range(most):
-        if not math.isfinite(slope[a, i, 0]):
-            continue
-        line = essential @ np.array([slope[a, i, 0], slope[a, i, 1], 1.0])
-        for j in range(most):
-            if not math.isfinite(slope[b, j, 0]) or _far_off(line, slope[b, j], weight[b, j], gate[2]):
-                continue
-            visible[:] = False
-            visible[a] = visible[b] = True
-            trial[a], trial[b] = slope[a, i], slope[b, j]
-            chosen_weight[a], chosen_weight[b] = weight[a, i], weight[b, j]
-            x, _, q = intersection(rotation, shift, trial, chosen_weight, visible)
-            if not q <= gate[2]:
-                continue
-            rows[count, a], rows[count, b] = i, j
-            agreeing = 2
-            for v in range(views):
-                if v in (a, b):
-                    continue
-                near = _nearest(rotation[v], shift[v], slope[v], x)
-                if near < 0:
-                    continue
-                visible[v], trial[v], chosen_weight[v] = True, slope[v, near], weight[v, near]
-                x1, _, q1 = intersection(rotation, shift, trial, chosen_weight, visible)
-                if q1 <= gate[agreeing + 1]:
-                    agreeing += 1
-                    rows[count, v], x, q = near, x1, q1
-                else:
-                    visible[v] = False
-            points[count], squares[count] = x, q
-            count += 1
-    return rows[:count], points[:count], squares[:count]
+    line = np.column_stack((slope[a], np.ones(len(slope[a])))) @ (cross @ turn).T
+    off = line[:, :2] @ slope[b].T + line[:, 2:]
+    least = np.minimum(weight[b, :, 0, 0], weight[b, :, 1, 1]) * off * off
+    near = least <= 16.0 * gate * (line[:, :1] ** 2 + line[:, 1:2] ** 2)  # False for NaN, which is no blob
+    i, j = np.nonzero(near)
+    rows = np.full((len(i), len(slope)), -1)
+    rows[:, a], rows[:, b] = i, j
+    return rows
 
 
-@njit(cache=True, nogil=True)
-def _far_off(line: np.ndarray, slope: np.ndarray, weight: np.ndarray, gate: float) -> bool:
-    """Whether a sight is farther off an epipolar line than noise in both views can bring it."""
-    off = line[0] * slope[0] + line[1] * slope[1] + line[2]
-    least = min(weight[0, 0], weight[1, 1]) * off * off
-    return least > 16.0 * gate * (line[0] ** 2 + line[1] ** 2)
+def _met(poses: Eyes, slope: np.ndarray, weight: np.ndarray, rows: np.ndarray) -> tuple[Points, Vector]:
+    """Return where the rays of each combination of blobs meet, and the squares of what they miss."""
+    view = np.arange(len(slope))[:, None]
+    points, _, square = intersections(poses, slope[view, rows.T], weight[view, rows.T], rows.T >= 0)
+    return points, square
 
 
-@njit(cache=True, nogil=True)
-def _nearest(rotation: np.ndarray, shift: np.ndarray, slope: np.ndarray, x: np.ndarray) -> int:
-    """Return the blob of a view that is nearest to the projection of a point, -1 where there is none."""
-    p = rotation @ x + shift
-    best, least = -1, math.inf
-    if p[2] > 0.0:
-        for k in range(len(slope)):
-            far = (slope[k, 0] - p[0] / p[2]) ** 2 + (slope[k, 1] - p[1] / p[2]) ** 2
-            if far < least:
-                best, least = k, far
-    return best
+def _nearest(rotation: np.ndarray, shift: np.ndarray, slope: np.ndarray, points: Points) -> np.ndarray:
+    """Return the blob of a view that is nearest to the projection of each point, -1 where there is none."""
+    p = points @ rotation.T + shift
+    in_front = p[:, 2] > 0.0
+    at = p[:, :2] / np.where(in_front, p[:, 2], 1.0)[:, None]
+    far = np.nan_to_num(((slope - at[:, None]) ** 2).sum(axis=2), nan=np.inf)
+    return np.where(in_front & np.isfinite(far).any(axis=1), far.argmin(axis=1), -1)
 
 
-@njit(cache=True, nogil=True)
 def _whole(blobs: np.ndarray) -> np.ndarray:
     """Mark each combination that is no part of one before it."""
-    keep = np.ones(len(blobs), np.bool_)
-    for i in range(len(blobs)):
-        for j in range(i):
-            if keep[j] and keep[i]:
-                part = True
-                for v in range(blobs.shape[1]):
-                    part = part and (blobs[i, v] < 0 or blobs[i, v] == blobs[j, v])
-                keep[i] = not part
-    return keep
+    part = ((blobs[:, None] < 0) | (blobs[:, None] == blobs)).all(axis=2)
+    return ~np.tril(part, -1).any(axis=1)
 
 
 def clash(blobs: np.ndarray) -> np.ndarray:

@@ -6,7 +6,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from scipy.stats import chi2
 
 from tssgeom.arrays import Points, Vector
@@ -66,169 +65,95 @@ def triangulate(eyes: Eyes, slope: np.ndarray, weight: np.ndarray, gate: Vector)
         Largest square by the number of views, from `gates`; one view beyond it may be left out where
         two others agree.
     """
-    views, count = slope.shape[:2]
-    points, covariance = np.full((count, 3), np.nan), np.full((count, 3, 3), np.nan)
-    square, used = np.full(count, np.nan), np.zeros((views, count), np.bool_)
-    _triangulate_all(eyes.rotation, eyes.shift, slope, weight, gate, points, covariance, square, used)
+    used = np.isfinite(slope[..., 0])
+    sights = used.sum(axis=0)
+    points, covariance, square = intersections(eyes, slope, weight, used)
+    beyond = (sights > 2) & ~(square <= gate[sights])
+    square[beyond], whole = np.inf, used.copy()
+    for v in range(len(slope)) if beyond.any() else ():
+        tried = np.flatnonzero(beyond & whole[v])
+        rest = whole[:, tried]
+        rest[v] = False
+        x, c, q = intersections(eyes, slope[:, tried], weight[:, tried], rest)
+        better = q < square[tried]
+        at = tried[better]
+        points[at], covariance[at], square[at], used[:, at] = x[better], c[better], q[better], rest[:, better]
+    good = (sights >= 2) & (square <= gate[sights - beyond])
+    points[~good], covariance[~good], square[~good], used[:, ~good] = np.nan, np.nan, np.nan, False
     return Triangulated(points, covariance, square, used)
 
 
-@njit(cache=True, nogil=True)
-def _triangulate_all(
-    rotation: np.ndarray,
-    shift: np.ndarray,
-    slope: np.ndarray,
-    weight: np.ndarray,
-    gate: np.ndarray,
-    points: np.ndarray,
-    covariance: np.ndarray,
-    square: np.ndarray,
-    used: np.ndarray,
-) -> None:
-    views, count = slope.shape[0], slope.shape[1]
-    visible, best = np.empty(views, np.bool_), np.empty(views, np.bool_)
-    for i in range(count):
-        sights = 0
-        for v in range(views):
-            visible[v] = math.isfinite(slope[v, i, 0])
-            sights += 1 if visible[v] else 0
-        if sights < 2:
-            continue
-        x, c, q = intersection(rotation, shift, slope[:, i], weight[:, i], visible)
-        best[:] = visible
-        if sights > 2 and not q <= gate[sights]:
-            q, left = math.inf, -1
-            for v in range(views):
-                if visible[v]:
-                    visible[v] = False
-                    x1, c1, q1 = intersection(rotation, shift, slope[:, i], weight[:, i], visible)
-                    visible[v] = True
-                    if q1 < q:
-                        x, c, q, left = x1, c1, q1, v
-            if left >= 0:
-                best[left] = False
-            sights -= 1
-        if q <= gate[sights]:
-            points[i], covariance[i], square[i] = x, c, q
-            used[:, i] = best
+def intersections(
+    eyes: Eyes, slope: np.ndarray, weight: np.ndarray, visible: np.ndarray
+) -> tuple[Points, np.ndarray, Vector]:
+    """Place each point by Gauss-Newton from the views to which it is `visible` [v, n].
+
+    Returns
+    -------
+    tuple of ndarray
+        Positions [n, 3], covariances [n, 3, 3], and squares [n], infinite where a point could not be placed.
+    """
+    slope = np.where(visible[..., None], slope, 0.0)
+    weight = np.where(visible[..., None, None], weight, 0.0)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # points that cannot be placed
+        ray = np.einsum("vic,vni->vnc", eyes.rotation[:, :2], slope) + eyes.rotation[:, None, 2]
+        ray /= np.sqrt(np.einsum("vnc,vnc->vn", ray, ray))[..., None]
+        x = _first_guess(eyes, ray, visible)
+        moving = _wide_enough(ray, visible) & np.isfinite(x).all(axis=1)
+        good = moving.copy()
+        for _ in range(_STEPS):
+            at = np.flatnonzero(moving)
+            if not len(at):
+                break
+            views = slope[:, at], weight[:, at], visible[:, at]
+            pull, normal, _, deep = _equations(eyes, *views, x[at])
+            step = np.einsum("nij,nj->ni", _inverse(normal), pull)
+            x[at] = np.where(deep[:, None] > 0.0, x[at] + step, x[at])
+            good[at] = deep > 0.0
+            moving[at] = (deep > 0.0) & (np.abs(step).max(axis=1) > _STILL * deep)
+        _, normal, square, deep = _equations(eyes, slope, weight, visible, x)
+        good &= (deep > 0.0) & np.isfinite(square)
+        covariance = _inverse(normal)
+    return x, np.where(good[:, None, None], covariance, np.nan), np.where(good, square, np.inf)
 
 
-@njit(cache=True, nogil=True)
-def intersection(
-    rotation: np.ndarray, shift: np.ndarray, slope: np.ndarray, weight: np.ndarray, visible: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """Place one point by Gauss-Newton; return position, covariance and square, infinite on failure."""
-    x, ok = _first_guess(rotation, shift, slope, visible)
-    nothing = np.full((3, 3), np.nan)
-    if not ok or not _wide_enough(rotation, shift, slope, visible):
-        return x, nothing, math.inf
-    normal, inverse = np.empty((3, 3)), nothing
-    for _ in range(_STEPS):
-        pull, _, deep = _equations(rotation, shift, slope, weight, visible, x, normal)
-        if not deep > 0.0:
-            return x, nothing, math.inf
-        inverse = _inverse(normal)
-        step = inverse @ pull
-        x = x + step
-        if not np.abs(step).max() > _STILL * deep:
-            break
-    _, square, deep = _equations(rotation, shift, slope, weight, visible, x, normal)
-    if not (deep > 0.0 and math.isfinite(square)):
-        return x, nothing, math.inf
-    return x, _inverse(normal), square
-
-
-@njit(cache=True, nogil=True)
 def _equations(
-    rotation: np.ndarray,
-    shift: np.ndarray,
-    slope: np.ndarray,
-    weight: np.ndarray,
-    visible: np.ndarray,
-    x: np.ndarray,
-    normal: np.ndarray,
-) -> tuple[np.ndarray, float, float]:
-    """Fill the normal equations at a position; return their right side, the square and the least depth."""
-    normal[:] = 0.0
-    pull, square, deep = np.zeros(3), 0.0, math.inf
-    jac, weighted = np.empty((2, 3)), np.empty((2, 3))
-    for v in range(len(visible)):
-        if not visible[v]:
-            continue
-        r, w = rotation[v], weight[v]
-        depth = r[2, 0] * x[0] + r[2, 1] * x[1] + r[2, 2] * x[2] + shift[v, 2]
-        deep = min(deep, depth)
-        if not depth > 0.0:
-            break
-        a = (r[0, 0] * x[0] + r[0, 1] * x[1] + r[0, 2] * x[2] + shift[v, 0]) / depth
-        b = (r[1, 0] * x[0] + r[1, 1] * x[1] + r[1, 2] * x[2] + shift[v, 1]) / depth
-        ea, eb = slope[v, 0] - a, slope[v, 1] - b
-        for c in range(3):
-            jac[0, c] = (r[0, c] - a * r[2, c]) / depth  # docs/model.md (132)
-            jac[1, c] = (r[1, c] - b * r[2, c]) / depth
-            weighted[0, c] = w[0, 0] * jac[0, c] + w[0, 1] * jac[1, c]
-            weighted[1, c] = w[1, 0] * jac[0, c] + w[1, 1] * jac[1, c]
-        square += ea * (w[0, 0] * ea + w[0, 1] * eb) + eb * (w[1, 0] * ea + w[1, 1] * eb)
-        for c in range(3):
-            pull[c] += weighted[0, c] * ea + weighted[1, c] * eb
-            for d in range(3):
-                normal[c, d] += jac[0, c] * weighted[0, d] + jac[1, c] * weighted[1, d]
-    return pull, square, deep
+    eyes: Eyes, slope: np.ndarray, weight: np.ndarray, visible: np.ndarray, x: Points
+) -> tuple[np.ndarray, np.ndarray, Vector, Vector]:
+    """Return right side and matrix of the normal equations at positions, the squares and the least depths."""
+    local = np.einsum("vij,nj->vni", eyes.rotation, x) + eyes.shift[:, None]
+    depth = np.where(visible, local[..., 2], 1.0)
+    at = local[..., :2] / depth[..., None]
+    error = slope - at
+    turned = eyes.rotation[:, None, :2] - at[..., None] * eyes.rotation[:, None, 2:]
+    jac = turned / depth[..., None, None]  # docs/model.md (132)
+    weighted = weight @ jac
+    pull = np.einsum("vnic,vni->nc", weighted, error)
+    normal = np.einsum("vnic,vnid->ncd", jac, weighted)
+    square = np.einsum("vni,vnij,vnj->n", error, weight, error)
+    return pull, normal, square, np.where(visible, depth, np.inf).min(axis=0)
 
 
-@njit(cache=True, nogil=True)
-def _first_guess(
-    rotation: np.ndarray, shift: np.ndarray, slope: np.ndarray, visible: np.ndarray
-) -> tuple[np.ndarray, bool]:
-    """Return the point nearest to all rays."""
-    normal, pull = np.zeros((3, 3)), np.zeros(3)
-    for v in range(len(visible)):
-        if not visible[v]:
-            continue
-        ray, centre = _ray(rotation[v], shift[v], slope[v])
-        for c in range(3):
-            for d in range(3):
-                across = (1.0 if c == d else 0.0) - ray[c] * ray[d]
-                normal[c, d] += across
-                pull[c] += across * centre[d]
-    x = _inverse(normal) @ pull
-    return x, bool(np.isfinite(x).all())
+def _first_guess(eyes: Eyes, ray: np.ndarray, visible: np.ndarray) -> Points:
+    """Return the points nearest to all rays, whose unit vectors are [v, n, 3]."""
+    across = np.where(visible[..., None, None], np.eye(3) - ray[..., :, None] * ray[..., None, :], 0.0)
+    centre = -np.einsum("vij,vi->vj", eyes.rotation, eyes.shift)
+    pull = np.einsum("vnij,vj->ni", across, centre)
+    return np.einsum("nij,nj->ni", _inverse(across.sum(axis=0)), pull)
 
 
-@njit(cache=True, nogil=True)
-def _wide_enough(rotation: np.ndarray, shift: np.ndarray, slope: np.ndarray, visible: np.ndarray) -> bool:
-    """Whether two of the rays differ by an angle that determines depth."""
-    least = math.cos(_LEAST_ANGLE)
-    for v in range(len(visible)):
-        for u in range(v):
-            if visible[v] and visible[u]:
-                one, _ = _ray(rotation[v], shift[v], slope[v])
-                other, _ = _ray(rotation[u], shift[u], slope[u])
-                if one[0] * other[0] + one[1] * other[1] + one[2] * other[2] < least:
-                    return True
-    return False
+def _wide_enough(ray: np.ndarray, visible: np.ndarray) -> np.ndarray:
+    """Whether two of the rays differ by an angle that determines depth [n] bool."""
+    together = np.einsum("vni,uni->vun", ray, ray)
+    return ((together < math.cos(_LEAST_ANGLE)) & visible[:, None] & visible).any(axis=(0, 1))
 
 
-@njit(cache=True, nogil=True)
-def _ray(rotation: np.ndarray, shift: np.ndarray, slope: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the unit vector of a sight and the centre of its camera, in the common frame."""
-    ray, centre = np.empty(3), np.empty(3)
-    for c in range(3):
-        ray[c] = rotation[0, c] * slope[0] + rotation[1, c] * slope[1] + rotation[2, c]
-        centre[c] = -(rotation[0, c] * shift[0] + rotation[1, c] * shift[1] + rotation[2, c] * shift[2])
-    return ray / math.sqrt(ray[0] ** 2 + ray[1] ** 2 + ray[2] ** 2), centre
-
-
-@njit(cache=True, nogil=True)
 def _inverse(m: np.ndarray) -> np.ndarray:
-    """Inverse of a symmetric matrix [3, 3], NaN where it has none."""
-    a, b, c, d, e, f = m[0, 0], m[0, 1], m[0, 2], m[1, 1], m[1, 2], m[2, 2]
-    out = np.empty((3, 3))
-    out[0, 0], out[0, 1], out[0, 2] = d * f - e * e, c * e - b * f, b * e - c * d
-    out[1, 1], out[1, 2], out[2, 2] = a * f - c * c, b * c - a * e, a * d - b * b
-    out[1, 0], out[2, 0], out[2, 1] = out[0, 1], out[0, 2], out[1, 2]
-    whole = a * out[0, 0] + b * out[0, 1] + c * out[0, 2]
-    return out / (whole if whole != 0.0 else math.nan)
+    """Inverse of symmetric matrices [n, 3, 3], not finite where there is none."""
+    a, b, c, d, e, f = (m[:, i, j] for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)))
+    entries = d * f - e * e, c * e - b * f, b * e - c * d, a * f - c * c, b * c - a * e, a * d - b * b
+    whole = a * entries[0] + b * entries[1] + c * entries[2]
+    return np.array(entries)[[0, 1, 2, 1, 3, 4, 2, 4, 5]].T.reshape(-1, 3, 3) / whole[:, None, None]
 
 
 def pixel_scale(square: Vector, freedom: Vector) -> float:

@@ -14,18 +14,23 @@ import pyarrow as pa
 import pyarrow.csv as pacsv
 import pyarrow.parquet as papq
 
-from tssgeom.errors import SourceError, first_line
-from tssgeom.io.formats.columns import Columns, columns_of
+from tssgeom.errors import ShapeError, SourceError, first_line
+from tssgeom.io.formats.columns import POINT, TIME, Columns, columns_of
+from tssgeom.io.formats.longform import MOST_AT_ONCE, LongFrames, filled, lowest_point, runs_of
 from tssgeom.io.formats.paths import reading
+from tssgeom.io.formats.recording import Frames, Recording
 from tssgeom.io.formats.tables import (
+    NO_ROW,
     Table,
     as_numbers,
     convert_options,
     header_of,
+    parquet_names,
     read_options,
     slow_table,
     table_of,
 )
+from tssgeom.stream import Frame, Rejected
 
 _HEADER_BYTES = 1 << 16  # bytes of a CSV file in which its header ends; chosen
 _BLANK_LINE = re.compile(rb"\n\r?\n\s*\S")
@@ -140,13 +145,7 @@ def csv_blocks(path: Path, given_unit: str | None) -> CsvBlocks:
 
 def parquet_blocks(path: Path, given_unit: str | None) -> ParquetBlocks:
     """Open a Parquet file to be read in blocks; the errors are those of `read_parquet`."""
-    try:
-        names = papq.read_schema(path).names
-    except (OSError, pa.ArrowException) as error:
-        raise SourceError(
-            f"{path}: cannot be read as Parquet ({first_line(error)}): write the file anew"
-        ) from error
-    return ParquetBlocks(path, columns_of(path, names, given_unit))
+    return ParquetBlocks(path, columns_of(path, parquet_names(path), given_unit))
 
 
 def joined(before: Table | None, after: Table) -> Table:
@@ -173,3 +172,73 @@ def rows_from(table: Table, first: int) -> Table:
         table.number_name,
         {row - first: text for row, text in table.faults.items() if row >= first},
     )
+
+
+@dataclass(frozen=True, slots=True)
+class BlockFrames(Frames):
+    """The frames of a table too large for the memory, of which a few blocks are held at a time."""
+
+    source: Blocks
+    lowest: float
+    """The lowest point number of the file."""
+
+    def read(self) -> Iterator[Frame | Rejected]:
+        """Yield the frames as the file holds them."""
+        rest: Table | None = None
+        for block in self.source.blocks(self.source.columns.names):
+            table = joined(rest, block)
+            *whole, last = runs_of(table)
+            yield from LongFrames(table, tuple(whole), self.lowest).read()
+            rest = rows_from(table, int(last.min()))
+        if rest is not None:
+            yield from LongFrames(rest, runs_of(rest), self.lowest).read()
+
+
+def open_large(path: Path, kind: str, source: Blocks) -> Recording:
+    """Open a large table; a first pass over it counts the frames and detects faults.
+
+    Raises
+    ------
+    ShapeError
+        Where it is one shape, or its points are numbered and their rows not in the order of time.
+    """
+    columns = source.columns
+    if not columns.timed:
+        raise ShapeError(
+            f"{path}: one shape of more than {MOST_AT_ONCE >> 20} MiB: name the time of its frames {TIME}"
+        )
+    try:
+        survey = _survey(source)
+    except pa.ArrowInvalid:  # only the slow way gives each fault its line
+        if not isinstance(source, CsvBlocks):
+            raise
+        source = replace(source, clean=False)
+        survey = _survey(source)
+    if columns.numbered and not survey.ordered:
+        raise ShapeError(f"{path}: the rows are not in the order of {TIME}: sort so large a file by it first")
+    if not survey.frames:
+        raise ShapeError(f"{path}: {NO_ROW}")
+    frames = BlockFrames(source, survey.lowest)
+    return Recording(path.stem, path, columns.unit, kind, True, survey.frames, frames, columns.warnings)
+
+
+class _Survey(NamedTuple):
+    frames: int
+    ordered: bool
+    """Whether time never decreases, and is known from the first row on."""
+    lowest: float
+
+
+def _survey(source: Blocks) -> _Survey:
+    wanted = [TIME, POINT] if source.columns.numbered else [TIME]
+    frames, ordered, lowest, latest = 0, True, np.inf, np.nan
+    for table in source.blocks(wanted):
+        if not len(table):
+            continue
+        time = filled(np.concatenate(([latest], table.values[TIME])))
+        step = np.nan_to_num(time, nan=-np.inf)
+        frames += int(np.count_nonzero(step[1:] != step[:-1])) + (frames == 0 and step[1] == step[0])
+        ordered &= not np.isnan(time[1:]).any() and bool((step[1:] >= step[:-1]).all())
+        lowest = min(lowest, lowest_point(table))
+        latest = time[-1]
+    return _Survey(frames, ordered, lowest)

@@ -14,9 +14,9 @@ from typing import Any, BinaryIO, Generic, NamedTuple, TypeVar
 import msgspec
 import numpy as np
 
+from tssgeom import core
 from tssgeom.arrays import read_only
 from tssgeom.errors import ShapeError
-from tssgeom.io.formats.coordinates import points_of
 from tssgeom.io.formats.paths import LONGEST_LINE, reading
 from tssgeom.io.formats.recording import PER_METRE, UNTIMED, Frames, Recording, agreed_unit
 from tssgeom.stream import Frame, Rejected
@@ -116,8 +116,15 @@ def _decoded_fast(text: bytes) -> tuple[Line[msgspec.Raw], np.ndarray] | None:
         line = _quick_decoder.decode(text)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
         return None
-    points = points_of(np.frombuffer(line.points, np.uint8))
+    points = plain_points(line.points)
     return (line, points) if len(points) else None
+
+
+def plain_points(text: bytes | msgspec.Raw) -> np.ndarray:
+    """Read `[[x,y,z],null,…]` without the JSON library; no row where the text is anything else [n, 3]."""
+    characters = np.frombuffer(text, np.uint8)
+    points = np.empty((len(characters) // 5 + 1, 3))  # the shortest row is a null and a comma
+    return points[: core.read_points(characters, points)].copy()
 
 
 def frame_or_refusal(text: bytes, unit: str | None) -> Frame | Rejected:

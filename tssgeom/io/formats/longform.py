@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-import pyarrow as pa
 from numpy.typing import NDArray
 
 from tssgeom.arrays import Points, Vector, read_only
 from tssgeom.errors import ShapeError
-from tssgeom.io.formats.blocks import Blocks, CsvBlocks, csv_blocks, joined, parquet_blocks, rows_from
 from tssgeom.io.formats.columns import MEASURED, POINT, TIME
 from tssgeom.io.formats.recording import PER_METRE, Frames, Recording
-from tssgeom.io.formats.tables import NO_ROW, Table, read_csv, read_parquet
+from tssgeom.io.formats.tables import Table, read_csv, read_parquet
 from tssgeom.stream import Frame, Rejected
 
 MOST_AT_ONCE = 64 << 20
@@ -120,14 +118,18 @@ def open_csv(path: Path, unit: str | None) -> Recording:
     """Open a comma-separated file; see `read_csv` for the errors."""
     if _size(path) <= MOST_AT_ONCE:
         return _recording(path, "csv", read_csv(path, unit))
-    return _large(path, "csv", csv_blocks(path, unit))
+    from tssgeom.io.formats.blocks import csv_blocks, open_large
+
+    return open_large(path, "csv", csv_blocks(path, unit))
 
 
 def open_parquet(path: Path, unit: str | None) -> Recording:
     """Open a Parquet file; see `read_parquet` for the errors."""
     if _size(path) <= MOST_AT_ONCE:
         return _recording(path, "parquet", read_parquet(path, unit))
-    return _large(path, "parquet", parquet_blocks(path, unit))
+    from tssgeom.io.formats.blocks import open_large, parquet_blocks
+
+    return open_large(path, "parquet", parquet_blocks(path, unit))
 
 
 def _size(path: Path) -> int:
@@ -138,94 +140,25 @@ def _recording(path: Path, kind: str, table: Table) -> Recording:
     columns = table.columns
     if table.faults and not columns.timed:
         raise ShapeError(f"{path}: {next(iter(table.faults.values()))}{_more(len(table.faults) - 1)}")
-    frames = LongFrames(table, _runs(table), _lowest(table))
+    frames = LongFrames(table, runs_of(table), lowest_point(table))
     return Recording(
         path.stem, path, columns.unit, kind, columns.timed, len(frames.runs), frames, columns.warnings
     )
 
 
-def _lowest(table: Table) -> float:
+def lowest_point(table: Table) -> float:
+    """Return the lowest point number of a table; infinity where points are not numbered."""
     numbers = table.values[POINT] if table.columns.numbered else np.zeros(0)
     return float(np.min(numbers[np.isfinite(numbers)], initial=np.inf))
-
-
-@dataclass(frozen=True, slots=True)
-class BlockFrames(Frames):
-    """The frames of a table too large for the memory, of which a few blocks are held at a time."""
-
-    source: Blocks
-    lowest: float
-    """The lowest point number of the file."""
-
-    def read(self) -> Iterator[Frame | Rejected]:
-        """Yield the frames as the file holds them."""
-        rest: Table | None = None
-        for block in self.source.blocks(self.source.columns.names):
-            table = joined(rest, block)
-            *whole, last = _runs(table)
-            yield from LongFrames(table, tuple(whole), self.lowest).read()
-            rest = rows_from(table, int(last.min()))
-        if rest is not None:
-            yield from LongFrames(rest, _runs(rest), self.lowest).read()
-
-
-def _large(path: Path, kind: str, source: Blocks) -> Recording:
-    """Open a large table; a first pass over it counts the frames and detects faults.
-
-    Raises
-    ------
-    ShapeError
-        Where it is one shape, or its points are numbered and their rows not in the order of time.
-    """
-    columns = source.columns
-    if not columns.timed:
-        raise ShapeError(
-            f"{path}: one shape of more than {MOST_AT_ONCE >> 20} MiB: name the time of its frames {TIME}"
-        )
-    try:
-        survey = _survey(source)
-    except pa.ArrowInvalid:  # only the slow way gives each fault its line
-        if not isinstance(source, CsvBlocks):
-            raise
-        source = replace(source, clean=False)
-        survey = _survey(source)
-    if columns.numbered and not survey.ordered:
-        raise ShapeError(f"{path}: the rows are not in the order of {TIME}: sort so large a file by it first")
-    if not survey.frames:
-        raise ShapeError(f"{path}: {NO_ROW}")
-    frames = BlockFrames(source, survey.lowest)
-    return Recording(path.stem, path, columns.unit, kind, True, survey.frames, frames, columns.warnings)
-
-
-class _Survey(NamedTuple):
-    frames: int
-    ordered: bool
-    """Whether time never decreases, and is known from the first row on."""
-    lowest: float
-
-
-def _survey(source: Blocks) -> _Survey:
-    wanted = [TIME, POINT] if source.columns.numbered else [TIME]
-    frames, ordered, lowest, latest = 0, True, np.inf, np.nan
-    for table in source.blocks(wanted):
-        if not len(table):
-            continue
-        time = _filled(np.concatenate(([latest], table.values[TIME])))
-        step = np.nan_to_num(time, nan=-np.inf)
-        frames += int(np.count_nonzero(step[1:] != step[:-1])) + (frames == 0 and step[1] == step[0])
-        ordered &= not np.isnan(time[1:]).any() and bool((step[1:] >= step[:-1]).all())
-        lowest = min(lowest, _lowest(table))
-        latest = time[-1]
-    return _Survey(frames, ordered, lowest)
 
 
 def _more(count: int) -> str:
     return f" (and {count} more such lines)" if count else ""
 
 
-def _runs(table: Table) -> tuple[Rows, ...]:
+def runs_of(table: Table) -> tuple[Rows, ...]:
     """Return the rows of each frame: of one time each, sorted where the points are numbered."""
-    time = _filled(table.values[TIME]) if table.columns.timed else np.zeros(len(table))
+    time = filled(table.values[TIME]) if table.columns.timed else np.zeros(len(table))
     order = np.arange(len(table))
     if table.columns.numbered:
         order = np.lexsort((table.values[POINT], time))
@@ -234,7 +167,7 @@ def _runs(table: Table) -> tuple[Rows, ...]:
     return tuple(np.split(order, np.flatnonzero(step[1:] != step[:-1]) + 1))
 
 
-def _filled(time: Vector) -> Vector:
+def filled(time: Vector) -> Vector:
     """Give each row without a time the time of the row before it, so that its frame stays one."""
     known = np.where(np.isnan(time), -1, np.arange(len(time)))
     latest = np.maximum.accumulate(known)

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import trimesh
 
 from tssgeom.errors import ShapeError, SourceError, first_line, unreadable
 from tssgeom.io.formats.paths import split
 from tssgeom.io.formats.recording import PER_METRE
 from tssgeom.lumen.wall import Wall
+
+if TYPE_CHECKING:
+    import trimesh
 
 ENDINGS = (".ply", ".stl", ".obj", ".glb")
 _MARK = "_lumen"
@@ -76,6 +79,8 @@ def wall_of(mesh: trimesh.Trimesh) -> Wall:
 
 
 def _loaded(path: Path) -> trimesh.Trimesh:
+    import trimesh
+
     try:
         return trimesh.load_mesh(path)
     except OSError as error:

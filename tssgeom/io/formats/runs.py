@@ -7,14 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as papq
 
 from tssgeom.arrays import Vector, read_only
 from tssgeom.errors import SettingsError, SourceError, TssgeomError, first_line
 from tssgeom.io.formats.columns import AXES, BENDS, CHANNELS, TIME
 from tssgeom.io.formats.paths import bytes_of
-from tssgeom.io.formats.tables import cells_of, header_of
+from tssgeom.io.formats.tables import cells_of, header_of, parquet_names
 
 IN_SI = {field: name for name, (field, per_si) in CHANNELS.items() if per_si == 1.0}
 """The column in SI of each field of `MeasuredRun`."""
@@ -90,10 +88,10 @@ def holds_run(path: Path) -> bool:
     """Whether a table has measured columns and no points, and so is a run."""
     try:
         if path.suffix.lower() == ".parquet":
-            names = papq.read_schema(path).names
+            names = parquet_names(path)
         else:
             names = header_of(path, bytes_of(path), _HEADER) if path.suffix.lower() == ".csv" else []
-    except (OSError, pa.ArrowException, UnicodeDecodeError, TssgeomError):
+    except TssgeomError:
         return False  # the reader of the file reports the reason
     points = any(name.partition("_")[0] in AXES or name.startswith(BENDS) for name in names)
     return not points and any(name.startswith(_QUANTITIES) for name in names)
@@ -181,6 +179,9 @@ def _number(path: Path, line: int, name: str, cell: str) -> float:
 
 
 def _parquet(path: Path) -> dict[str, Vector]:
+    import pyarrow as pa
+    import pyarrow.parquet as papq
+
     try:
         with papq.ParquetFile(path) as file:
             names = file.schema_arrow.names

@@ -7,12 +7,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.csv as pacsv
-import pyarrow.parquet as papq
 from numpy.typing import NDArray
 
 from tssgeom.arrays import Vector
@@ -20,7 +17,13 @@ from tssgeom.errors import ShapeError, SourceError, first_line
 from tssgeom.io.formats.columns import Columns, columns_of
 from tssgeom.io.formats.paths import bytes_of
 
+if TYPE_CHECKING:
+    import pyarrow as pa
+    import pyarrow.csv as pacsv
+
 NO_ROW = "no row of points: write one row for each point"
+_SMALL = 1 << 16
+"""Size of a CSV file below which numpy reads it [B]; measured: that takes less than to import pyarrow."""
 _MISSING = ["", "nan", "NaN", "NAN", "null", "NA"]
 
 
@@ -45,7 +48,8 @@ class Table:
 def read_csv(path: Path, given_unit: str | None) -> Table:
     """Read a comma-separated file with a header.
 
-    A table without faults is read by pyarrow; any other one line by line, so that each fault has its line.
+    A small table of numbers alone is read by numpy, a larger one without faults by pyarrow, and any other
+    line by line, so that each fault has its line.
 
     Raises
     ------
@@ -58,10 +62,9 @@ def read_csv(path: Path, given_unit: str | None) -> Table:
     names = header_of(path, raw)
     columns = columns_of(path, names, given_unit)
     if b"\n\n" not in raw.rstrip() and b"\n\r\n" not in raw.rstrip():
-        try:
-            return _table(path, columns, _fast(raw, names, columns), "line", 2)
-        except pa.ArrowInvalid:
-            pass
+        table = (_small if len(raw) < _SMALL else _fast)(path, raw, names, columns)
+        if table is not None:
+            return table
     return _slow(path, raw, names, columns)
 
 
@@ -75,6 +78,9 @@ def read_parquet(path: Path, given_unit: str | None) -> Table:
     SourceError
         Where the file cannot be read.
     """
+    import pyarrow as pa
+    import pyarrow.parquet as papq
+
     try:
         with papq.ParquetFile(path) as file:
             columns = columns_of(path, file.schema_arrow.names, given_unit)
@@ -86,7 +92,26 @@ def read_parquet(path: Path, given_unit: str | None) -> Table:
     return _table(path, columns, as_numbers(path, table), "row", 1)
 
 
-_Columns = TypeVar("_Columns", pa.Table, pa.RecordBatch)
+def parquet_names(path: Path) -> list[str]:
+    """Return the names of the columns of a Parquet file.
+
+    Raises
+    ------
+    SourceError
+        Where the file cannot be read.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as papq
+
+    try:
+        return papq.read_schema(path).names
+    except (OSError, pa.ArrowException, UnicodeDecodeError) as error:
+        raise SourceError(
+            f"{path}: cannot be read as Parquet ({first_line(error)}): write the file anew"
+        ) from error
+
+
+_Columns = TypeVar("_Columns", "pa.Table", "pa.RecordBatch")
 
 
 def as_numbers(path: Path, table: _Columns) -> _Columns:
@@ -97,6 +122,8 @@ def as_numbers(path: Path, table: _Columns) -> _Columns:
     ShapeError
         Where a column holds something else.
     """
+    import pyarrow as pa
+
     try:
         return table.cast(pa.schema([(name, pa.float64()) for name in table.schema.names]))
     except pa.ArrowException as error:
@@ -128,18 +155,51 @@ def header_of(path: Path, raw: bytes, such_as: str = "x_mm,y_mm,z_mm") -> list[s
     return names
 
 
-def _fast(raw: bytes, names: list[str], columns: Columns) -> pa.Table:
+def _small(path: Path, raw: bytes, names: list[str], columns: Columns) -> Table | None:
+    """Read the rows of a small file; None where a line or a cell is empty or holds no number."""
+    lines = raw.rstrip().decode("utf-8", errors="replace").splitlines()[1:]
+    if not lines or not all(lines):
+        return None
+    try:
+        numbers = np.loadtxt(lines, delimiter=",", comments=None, ndmin=2)
+    except ValueError:
+        return None
+    if numbers.shape[1] != len(names):
+        return None
+    values = {name: np.ascontiguousarray(numbers[:, names.index(name)]) for name in columns.names}
+    return Table(columns, values, np.arange(2, 2 + len(lines)), "line", {})
+
+
+def _fast(path: Path, raw: bytes, names: list[str], columns: Columns) -> Table | None:
+    """Read the rows; None where a cell holds no number.
+
+    Raises
+    ------
+    ShapeError
+        Where there is no row.
+    """
+    import pyarrow as pa
+    import pyarrow.csv as pacsv
+
     options = {"read_options": read_options(names), "convert_options": convert_options(columns.names)}
-    return pacsv.read_csv(BytesIO(raw), **options)
+    try:
+        return _table(path, columns, pacsv.read_csv(BytesIO(raw), **options), "line", 2)
+    except pa.ArrowInvalid:
+        return None
 
 
 def read_options(names: Sequence[str], block: int | None = None) -> pacsv.ReadOptions:
     """Options of pyarrow to read a table under its header, `block` bytes at a time."""
+    import pyarrow.csv as pacsv
+
     return pacsv.ReadOptions(use_threads=False, skip_rows=1, column_names=list(names), block_size=block)
 
 
 def convert_options(wanted: Sequence[str]) -> pacsv.ConvertOptions:
     """Options of pyarrow to take the wanted columns, and them alone, as numbers."""
+    import pyarrow as pa
+    import pyarrow.csv as pacsv
+
     kinds = {name: pa.float64() for name in wanted}
     return pacsv.ConvertOptions(column_types=kinds, include_columns=list(wanted), null_values=_MISSING)
 
@@ -159,6 +219,8 @@ def table_of(columns: Columns, rows: pa.Table | pa.RecordBatch, number_name: str
 
 
 def _numbers(column: pa.ChunkedArray | pa.Array) -> Vector:
+    import pyarrow as pa
+
     plain = column.combine_chunks() if isinstance(column, pa.ChunkedArray) else column
     return np.asarray(plain.to_numpy(zero_copy_only=False), dtype=np.float64)
 

@@ -6,10 +6,9 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
-import trimesh
 
 from tssgeom.arrays import Points, Vector
 from tssgeom.atomic import replacing, write_text
@@ -17,6 +16,9 @@ from tssgeom.errors import SettingsError, SourceError
 from tssgeom.io.formats.recording import PER_METRE
 from tssgeom.io.formats.vtk import UNIT
 from tssgeom.stream import FrameResult
+
+if TYPE_CHECKING:
+    import trimesh
 
 _SCHEMA = (
     "https://raw.githubusercontent.com/slicer/slicer/master/Modules/Loadable/Markups/Resources/Schema/"
@@ -225,7 +227,7 @@ def write_vtp(path: Path, line: TensionLine, tube: trimesh.Trimesh) -> None:
             raise SourceError(f"{path}: cannot be written: check the folder")
 
 
-Writer = Callable[[Path, TensionLine, trimesh.Trimesh], None]
+Writer: TypeAlias = "Callable[[Path, TensionLine, trimesh.Trimesh], None]"
 
 WRITERS: dict[str, Writer] = {
     "mrk.json": write_curve,

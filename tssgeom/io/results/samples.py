@@ -9,7 +9,6 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
-import trimesh
 
 from tssgeom.arrays import Vector
 from tssgeom.atomic import replacing, write_text
@@ -123,6 +122,8 @@ def _rounded(points: np.ndarray, digits: int) -> np.ndarray:
 
 
 def _write_mesh(path: Path, tube: Tube) -> None:
+    import trimesh
+
     vertices = _rounded(tube.vertices, _NOISY)
     with replacing(path) as draft:
         trimesh.Trimesh(vertices, tube.faces, process=False).export(draft, vertex_normal=False)

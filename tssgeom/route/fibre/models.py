@@ -16,8 +16,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve, eigh
-from scipy.special import i0e, i1e
 
 from tssgeom import core
 from tssgeom.arrays import Matrix, Points, Vector
@@ -172,6 +170,8 @@ class Spectrum(NamedTuple):
 
 def spectrum(sensed: Sensed, order: int, wander: float) -> Spectrum:
     """Take a prior of the given order and wander [1/m] apart."""
+    from scipy.linalg import eigh
+
     root = np.sqrt(sensed.merged)
     scaled = _kernel(sensed, Prior(order, wander, 0.0), sensed.s, sensed.s) * root[:, None] * root
     values, vectors = eigh(scaled)
@@ -189,6 +189,8 @@ def log_evidence(of: Spectrum, noise: float) -> float:
 
 def posterior(sensed: Sensed, prior: Prior, nodes: Vector) -> Posterior:
     """Posterior of the curvature at nodes [m] along the fibre; docs/model.md (37)."""
+    from scipy.linalg import cho_factor, cho_solve
+
     total = _kernel(sensed, prior, sensed.s, sensed.s)
     total[np.diag_indices_from(total)] += prior.noise**2 / sensed.merged
     cross = _kernel(sensed, prior, nodes, sensed.s)
@@ -220,6 +222,8 @@ def magnitude(smooth: Posterior) -> tuple[Vector, Matrix]:
     The mean is that of the Rice distribution. The covariance is its Hermite series to second order: what a
     shift of the vector does to the mean, and what two shifts do.
     """
+    from scipy.special import i0e, i1e
+
     square = np.einsum("ij,ij->i", smooth.mean, smooth.mean)
     v = np.maximum(np.diag(smooth.covariance), SCALE.rounding * np.mean(square) + 1e-300)
     size = np.sqrt(square) + 1e-12 * np.sqrt(v)

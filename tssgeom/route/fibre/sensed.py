@@ -12,8 +12,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import solve_banded
-from scipy.optimize import minimize_scalar
 
 from tssgeom import core
 from tssgeom.arrays import Matrix, Points, Vector, read_only
@@ -207,6 +205,8 @@ def fibre_of_points(points: Points, stations: Vector) -> Fibre:
 
 def _unmixed(turned: Matrix, step: Vector) -> Matrix:
     """Curvatures at the inner points [n-2, 2] from the turns between chords [rad] and the steps [m]; (39)."""
+    from scipy.linalg import solve_banded
+
     before, after = step[:-1] / 6.0, step[1:] / 6.0
     middle = 2.0 * (before + after)
     middle[0] += before[0]  # beyond the last inner point curvature stays as it is
@@ -298,6 +298,8 @@ def _noises(sensed: Sensed, score: Callable[[float], float]) -> tuple[Vector, Ve
 
     A priori the logarithm of the noise is even over three decades; the grid is fine about the likeliest.
     """
+    from scipy.optimize import minimize_scalar
+
     if sensed.noise > 0.0:
         return np.array([sensed.noise]), np.zeros(1)
     coarse = np.log(np.geomspace(*GRID.noise, GRID.noise_levels) * sensed.typical)

@@ -10,21 +10,21 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numba import njit
+from numpy.typing import NDArray
 
+from tssgeom import core
 from tssgeom.arrays import Vector, read_only
+from tssgeom.core.constants_tendon import BAR
 from tssgeom.effects import Channel
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
-from tssgeom.tendon.bars.contact_grid import discretise, discretised, equal_edges
+from tssgeom.tendon.bars.contact_grid import discretise, equal_edges
 from tssgeom.tendon.bars.model import Model
-from tssgeom.tendon.bars.plant import Memory
-from tssgeom.tendon.capstan import RESOLUTION, SLACK, Corners, load_moved, tension
+from tssgeom.tendon.bars.plant import Memory, memory_of
+from tssgeom.tendon.capstan import Corners, load_moved, tension
 
 BARS = 60
 """Bars of a tendon without effects, where nothing else is asked for."""
-UNTIMED = 1.0
-"""A step without a time, and the first one of a stream, is taken to last so long [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +33,7 @@ class BarState:
 
     Bar 0 is what drives the proximal end, the last bar what the distal end pulls against; between them are
     the n bars of the tendon in the sheath. Contacts with the sheath lie between neighbours. A state without
-    effects follows the sensed length of its route and holds `rest`; one with effects keeps the lengths that
+    effects follows the sensed length of its route and has a `rest`; one with effects keeps the lengths that
     its bars have on the route `cut`.
     """
 
@@ -51,15 +51,13 @@ class BarState:
     """ζ: +1 where the proximal end was last pulled, or never moved; −1 where it was last released."""
     length: float
     """Length of the route at the last step [m]."""
-    rest: Vector | None = None
-    """[n+2] Stretch of each bar where no contact is displaced [m]; None with effects."""
     iterations: int = 0
     """Linear solves that the last step took; 0 with effects."""
     cut: Arcs | None = None
     """The route on which the tendon was cut into bars that keep their lengths; None without effects."""
     by_force: bool = True
     """Whether a tension drove the last step, or else a position."""
-    span: float = UNTIMED
+    span: float = BAR.untimed
     """Time that the last step took [s]."""
     temperature: float = math.nan
     """The first temperature that was given [°C]; NaN before it."""
@@ -81,28 +79,33 @@ class BarState:
         return self.memory.tension
 
     @property
-    def slip(self) -> Vector:
+    def slip(self) -> NDArray[np.int8]:
         """[n+1] What each contact did last: +1 slid on a pull, 0 stuck, −1 slid on a release."""
         return self.memory.slip
 
     @property
+    def rest(self) -> Vector | None:
+        """[n+2] Stretch of each bar where no contact is displaced [m]; None with effects."""
+        return None if self.has_effects else self.memory.rest
+
+    @property
     def slack(self) -> Vector:
         """[n+2] Length that each bar without effects has to be pulled before it carries tension [m]."""
-        none = np.zeros(len(self.tension))
-        if self.rest is None:
+        none, rest = np.zeros(len(self.tension)), self.rest
+        if rest is None:
             return none
         ends = np.concatenate(([self.displacement_in], self.memory.displacement, [0.0]))
-        return np.where(self.tension > 0.0, none, np.maximum(np.diff(ends) - self.rest, 0.0))
+        return np.where(self.tension > 0.0, none, np.maximum(np.diff(ends) - rest, 0.0))
 
     @property
     def tension_in(self) -> float:
         """Total tension at the proximal end [N]."""
-        return float(self.memory.tension[0])
+        return self.memory.block.item(0)
 
     @property
     def tension_out(self) -> float:
         """Total tension at the distal end [N]."""
-        return float(self.memory.tension[-1])
+        return self.memory.block.item(len(self.edge))
 
 
 def pretensioned_bars(rig: Rig, arcs: Arcs, bars: int = BARS, *, halvings: int = 0) -> BarState:
@@ -135,18 +138,9 @@ def _with_tension(edge: Vector, held: Vector, direction_index: int, arcs: Arcs, 
     gained = softness[1:-1] * (held[1:-1] - pretension)
     elongation, moved = float(gained.sum()), load_moved(float(held[-1]), rig)
     softness[-1] = 1.0 / stiffness if stiffness > 0.0 else 0.0
-    memory = Memory(
-        tension=held,
-        displacement=moved + np.concatenate((np.cumsum(gained[::-1])[::-1], [0.0])),
-        speed=np.zeros(contacts),
-        travel=np.zeros(contacts),
-        creep=np.zeros(contacts + 1),
-        slip=np.zeros(contacts, dtype=np.int8),
-        drive=np.zeros(6),
-    )
-    for array in memory:
-        array.setflags(write=False)
-    rest = read_only(softness * pretension)
+    displacement = moved + np.concatenate((np.cumsum(gained[::-1])[::-1], [0.0]))
+    memory = memory_of(held, displacement=displacement, rest=softness * pretension)
+    memory.block.setflags(write=False)
     return BarState(
         edge=read_only(edge),
         memory=memory,
@@ -155,7 +149,6 @@ def _with_tension(edge: Vector, held: Vector, direction_index: int, arcs: Arcs, 
         elongation=elongation,
         direction_index=direction_index,
         length=arcs.total_length,
-        rest=rest,
     )
 
 
@@ -165,42 +158,6 @@ def to_corners(edge: Vector, held: Vector, direction_index: int, arcs: Arcs) -> 
     The bars are cut at the fractions `edge` [n+1] and have the tensions `held` [n+2] [N]. The list knows
     neither slack nor displacement, and friction that bounds the slope of ln T over φ; docs/model.md (49).
     """
-    angle, log_tension = through_bars(edge, held, arcs.length, arcs.angle, arcs.total_angle)
-    return Corners(read_only(angle), read_only(log_tension), direction_index, float(held[0]))
-
-
-@njit(cache=True, nogil=True)
-def _corners(phi, log_tension):
-    """Return which points are needed: of points at one angle the last, of points on one line its ends."""
-    keep = np.zeros(phi.size, dtype=np.bool_)
-    keep[0] = True
-    last = 0
-    for i in range(1, phi.size - 1):
-        if phi[i + 1] <= phi[i] or phi[i] <= phi[last]:
-            continue
-        here = (log_tension[i] - log_tension[last]) / (phi[i] - phi[last])
-        bend = (log_tension[i + 1] - log_tension[i]) / (phi[i + 1] - phi[i]) - here
-        if abs(bend) * (phi[i + 1] - phi[last]) > 1e3 * RESOLUTION:
-            keep[i] = True
-            last = i
-    keep[-1] = phi[-1] > phi[last]
-    return keep
-
-
-@njit(cache=True, nogil=True)
-def through_bars(edge, held, piece_length, piece_angle, turned):
-    """Return φ and ln T of the corners through bars on a route that turns by `turned` [rad], [ln N]."""
-    _, mean_angle, _, _ = discretised(edge, piece_length, piece_angle)
-    end = turned * (1.0 + 0.1 * RESOLUTION)  # rounding shall not leave the distal end beyond the last corner
-    return _profile(mean_angle, end, held)
-
-
-@njit(cache=True, nogil=True)
-def _profile(mean_angle, end, tension):
-    """Return φ and ln T of the corners through the means of the bars and both ends, as few as are needed."""
-    phi, log_tension = np.empty(tension.size), np.empty(tension.size)
-    phi[0], phi[1:-1], phi[-1] = 0.0, mean_angle, end
-    for i in range(tension.size):
-        log_tension[i] = np.log(tension[i]) if tension[i] > 0.0 else SLACK
-    keep = _corners(phi, log_tension)
-    return phi[keep], log_tension[keep]
+    count, corners = core.corners_of_bars(edge, held, arcs.length, arcs.angle)
+    corners.setflags(write=False)
+    return Corners(corners[0, :count], corners[1, :count], direction_index, float(held[0]))

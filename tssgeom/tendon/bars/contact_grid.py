@@ -7,9 +7,9 @@ from step to step and the history of each bar stays with it. Source: docs/model.
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
-from tssgeom.arrays import Vector
+from tssgeom import core
+from tssgeom.arrays import Matrix, Vector
 from tssgeom.effects.kinds import Setup
 from tssgeom.route.pieces import Arcs
 
@@ -60,72 +60,20 @@ def edges(arcs: Arcs, bars: int) -> Vector:
     return cut
 
 
-@njit(cache=True, nogil=True)
-def bent(length, angle, bends):
-    """Return lengths and angles of the pieces with hidden bends added; docs/model.md (60).
-
-    `bends` [m, 3] holds the middle [m], the angle [rad] and the width [m] of each.
-    """
-    for i in range(bends.shape[0]):
-        middle, extra, width = bends[i]
-        end = np.concatenate((np.zeros(1), np.cumsum(length)))
-        whole = end[-1]
-        start = min(max(middle - 0.5 * width, 0.0), whole)
-        stop = min(max(middle + 0.5 * width, 0.0), whole)
-        if stop - start < 1e-9 * whole:
-            start, stop = max(start - width, 0.0), min(stop + width, whole)
-        knots = np.unique(np.concatenate((np.array([start, stop]), end)))
-        phi = np.interp(knots, end, np.concatenate((np.zeros(1), np.cumsum(angle))))
-        for k in range(knots.size):
-            phi[k] += extra * min(max((knots[k] - start) / (stop - start), 0.0), 1.0)
-        length, angle = np.diff(knots), np.diff(phi)
-    return length, angle
+def bends_of(setup: Setup) -> Matrix:
+    """Return middle [m], angle [rad] and width [m] of each hidden bend, [m, 3]."""
+    return np.array(setup.bends, dtype=np.float64).reshape(-1, 3)
 
 
 def with_bends(setup: Setup, arcs: Arcs) -> Arcs:
     """Return the route as the tendon feels it, hidden bends included; docs/model.md (60)."""
     if not setup.bends:
         return arcs
-    return Arcs.exact(*bent(arcs.length, arcs.angle, np.array(setup.bends)))
+    count, pieces = core.add_bends(arcs.length, arcs.angle, bends_of(setup))
+    return Arcs.exact(pieces[0, :count], pieces[1, :count])
 
 
 def discretise(edge: Vector, arcs: Arcs) -> ContactGrid:
     """Put bars, cut at the fractions `edge` of the tendon, at the same fractions of a route."""
-    return ContactGrid(*discretised(edge, arcs.length, arcs.angle))
-
-
-@njit(cache=True, nogil=True)
-def discretised(edge, piece_length, piece_angle):
-    """Return length and mean φ of each bar, angle and span of each contact; docs/model.md (41)."""
-    n = edge.size - 1
-    length, mean_angle = np.empty(n), np.empty(n)
-    angle, span = np.empty(n + 1), np.empty(n + 1)
-    whole = np.sum(piece_length)
-    piece, begin, phi = 0, 0.0, 0.0  # the piece, where it begins, and φ there
-    s, phi_before, middle_before = 0.0, 0.0, 0.0
-    phi_here = 0.0
-    for k in range(n):
-        start, end = s, edge[k + 1] * whole
-        if k == n - 1:
-            end = whole
-        moment = 0.0
-        while True:
-            stop = begin + piece_length[piece]
-            if piece == piece_length.size - 1 or stop > end:
-                stop = end
-            phi_stop = phi + piece_angle[piece] * (stop - begin) / piece_length[piece]
-            moment += 0.5 * (phi_here + phi_stop) * (stop - s)
-            s, phi_here = stop, phi_stop
-            if s >= end:
-                break
-            begin += piece_length[piece]
-            phi += piece_angle[piece]
-            piece += 1
-        length[k] = end - start
-        mean_angle[k] = moment / length[k]
-        angle[k] = max(mean_angle[k] - phi_before, 0.0)
-        span[k] = 0.5 * (start + end) - middle_before
-        phi_before, middle_before = mean_angle[k], 0.5 * (start + end)
-    angle[n] = max(phi_here - phi_before, 0.0)
-    span[n] = whole - middle_before
-    return length, mean_angle, angle, span
+    bars, contacts = core.discretise(edge, arcs.length, arcs.angle)
+    return ContactGrid(*bars, *contacts)

@@ -10,14 +10,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tssgeom import core
 from tssgeom.arrays import Matrix, Vector, read_only
+from tssgeom.core.constants_tendon_rows import LAW, PLANT
 from tssgeom.effects import Library, Setup, together
 from tssgeom.errors import FitError, SettingsError
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.bars.contact_grid import edges
-from tssgeom.tendon.bars.march import march
-from tssgeom.tendon.bars.plant import Memory, Plant, moved_plant, plant
+from tssgeom.tendon.bars.plant import Memory, Plant, memory_of, moved_plant, plant
 from tssgeom.tendon.bars.sensors import CHANNELS as CHANNELS
 from tssgeom.tendon.bars.sensors import Drive, Lags, check_drive, sensed, true_drive, with_lags
 
@@ -168,16 +169,10 @@ def setup_of(rig: Rig) -> Setup:
 
 def begin(model: Model) -> RunState:
     """Return the tendon at rest under its pretension, before the first sample."""
-    k = len(model.plant.force)
-    memory = Memory(
-        tension=np.full(k + 1, model.plant.pretension),
-        displacement=np.zeros(k),
-        speed=np.zeros(k),
-        travel=np.zeros(k),
-        creep=model.plant.creep_soft * model.plant.pretension,
-        slip=np.zeros(k, dtype=np.int8),
-        drive=np.array([model.plant.pretension if model.drive == "tension_in_N" else 0.0, 0, 0, 0, 0, 0]),
-    )
+    pretension = model.plant.number(PLANT.pretension)
+    creep = model.plant.rows[LAW.creep_soft] * pretension
+    drive = np.array([pretension if model.drive == "tension_in_N" else 0.0, 0, 0, 0, 0, 0])
+    memory = memory_of(np.full(len(creep), pretension), creep=creep, drive=drive)
     return RunState(memory, math.nan, math.nan, {})
 
 
@@ -208,13 +203,21 @@ def carry_on(
         parts = np.maximum(np.ceil(spans / longest_step_s - 1e-9), 1.0).astype(np.int64)
     temperature = np.asarray(run.get("temperature_C", np.zeros(len(time))), dtype=float)
     coldest = temperature[0] if math.isnan(state.temperature) else state.temperature
-    given = np.array(run[model.drive], dtype=float)  # one that refuses writes would compile `march` anew
+    given = np.array(run[model.drive], dtype=float)
     _check(time, spans, given, temperature, model.drive)
     by_force = model.drive == "tension_in_N"
-    memory = Memory(*(array.copy() for array in state.memory))
-    out, rows = np.empty((6, len(time))), np.empty((len(time) if profile else 0, len(memory.tension)))
-    pulled = true_drive(model.setup, model.drive, given)
-    done = march(model.plant, memory, by_force, spans, pulled, temperature - coldest, parts, out, rows)
+    pulled, rows = true_drive(model.setup, model.drive, given), len(time) if profile else 0
+    done, memory, out, tension = core.march(
+        len(model.edge),
+        model.plant.block,
+        state.memory.block,
+        by_force,
+        spans,
+        pulled,
+        temperature - coldest,
+        parts,
+        rows,
+    )
     if done < len(time):
         raise FitError(
             f"no equilibrium of the tendon was found at {time[done]:g} s, {model.drive} {given[done]:g}: "
@@ -222,8 +225,8 @@ def carry_on(
         )
     read = sensed(model.setup, out) | {model.drive: given}
     channels, lags = with_lags(model.setup, read, spans, state.lags)
-    trace = RunTrace(channels, out[5], read_only(rows))
-    return trace, RunState(memory, float(time[-1]), float(coldest), lags)
+    trace = RunTrace(channels, out[5], read_only(tension))
+    return trace, RunState(Memory(memory), float(time[-1]), float(coldest), lags)
 
 
 def _check(time: Vector, spans: Vector, given: Vector, temperature: Vector, drive: str) -> None:

@@ -1,12 +1,11 @@
 """What the sensors of a rig read: gains, zeros, crosstalk, lags; docs/model.md (61), (62)."""
 
-import math
 from collections.abc import Mapping
 from typing import Literal, TypeAlias, get_args
 
 import numpy as np
-from numba import njit
 
+from tssgeom import core
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.effects import Channel, Setup
 from tssgeom.errors import SettingsError
@@ -68,20 +67,6 @@ def with_lags(
         value = channels[channel]
         first = float(value[0])
         if lag > 0.0:
-            read[channel] = lagged(value, spans, lag, before.get(channel, (first, first)))
+            read[channel] = core.lagged(value, spans, lag, *before.get(channel, (first, first)))
         lags[channel] = (float(value[-1]), float(read[channel][-1]))
     return read, lags
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def lagged(values, spans, lag, before):
-    """Pass samples, straight between, through a lag that stands at `before`: in, out; docs/model.md (62)."""
-    out = np.empty_like(values)
-    last, read = before
-    for i in range(values.size):
-        if spans[i] > 0.0:
-            behind = (values[i] - last) / spans[i] * lag
-            read = values[i] - behind + (read - last + behind) * math.exp(-spans[i] / lag)
-        last = values[i]
-        out[i] = read
-    return out

@@ -11,25 +11,25 @@ from functools import lru_cache
 
 import numpy as np
 from msgspec.structs import replace as changed
-from numba import njit
 
+from tssgeom import core
 from tssgeom.arrays import Vector
+from tssgeom.core.constants_tendon_rows import LAW
 from tssgeom.effects import Library, Setup
 from tssgeom.errors import SettingsError
 from tssgeom.rig import Friction, Load, Rig, Tendon
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.bars.bar_state import BarState
-from tssgeom.tendon.bars.base import direction_after, no_equilibrium
-from tssgeom.tendon.bars.contact_grid import discretise, edges, with_bends
-from tssgeom.tendon.bars.march import march
+from tssgeom.tendon.bars.base import direction_after, no_equilibrium, too_much_friction
+from tssgeom.tendon.bars.contact_grid import bends_of, discretise, edges, with_bends
 from tssgeom.tendon.bars.model import BARS, Model, begin, model_of, moved, setup_of
-from tssgeom.tendon.bars.plant import Memory, stretch_of
+from tssgeom.tendon.bars.plant import Memory, Plant, memory_of
 from tssgeom.tendon.bars.sensors import Lags, sensed, with_lags
 from tssgeom.tendon.capstan import Corners, tension
 
 _BY_LENGTH = 1e-4  # rad along the whole route, so that positions on straight pieces have an order
 _SLACK = 1e-9  # N that stand for no tension in a logarithm
-_ONE, _NO_PROFILE = np.ones(1, dtype=np.int64), np.empty((0, 0))
+_NO_BENDS = np.empty((0, 3))
 
 
 def effective_setup(rig: Rig) -> Setup | None:
@@ -59,8 +59,11 @@ def cut(along: Corners, arcs: Arcs, setup: Setup) -> BarState:
     memory = begin(model).memory
     if len(along.angle) > 1 or along.tension_in != setup.pretension:
         mean_angle = discretise(model.edge, arcs).mean_angle
-        memory.tension[:] = tension(along, np.concatenate(([0.0], mean_angle, [arcs.total_angle])))
-        _put(model, memory)
+        held = tension(along, np.concatenate(([0.0], mean_angle, [arcs.total_angle])))
+        gained = model.plant.stretch(held) - model.plant.rows[LAW.rest]
+        shift = np.cumsum(gained[::-1])[::-1]  # contacts and drive, where the tensions have them; (51)
+        drive = np.array([held[0], 0.0, shift[0], 0.0, shift[0], 0.0])
+        memory = memory_of(held, creep=memory.creep, displacement=shift[1:], drive=drive)
     out = memory.tension[-1] - setup.pretension
     displacement_in = float(memory.drive[4])
     displacement_out = float(out / setup.load_stiffness) if setup.load_stiffness > 0.0 else 0.0
@@ -77,15 +80,6 @@ def cut(along: Corners, arcs: Arcs, setup: Setup) -> BarState:
     )
 
 
-def _put(model: Model, memory: Memory) -> None:
-    """Put every contact, and the drive, where the tensions of the bars have it; docs/model.md (51)."""
-    plant = model.plant
-    gained = [stretch_of(plant, j, float(pull)) - plant.rest[j] for j, pull in enumerate(memory.tension)]
-    shift = np.cumsum(gained[::-1])[::-1]
-    memory.displacement[:] = shift[1:]
-    memory.drive[0], memory.drive[2], memory.drive[4] = memory.tension[0], shift[0], shift[0]
-
-
 def model_on(state: BarState, route: Arcs, setup: Setup) -> Model:
     """Return the rig on the route on which the tendon lies."""
     if state.model is not None and state.model.setup is setup:
@@ -96,54 +90,87 @@ def model_on(state: BarState, route: Arcs, setup: Setup) -> Model:
 
 
 def driven(
-    state: BarState, model: Model, drive: float, by_force: bool, span: float, temperature: float | None
-) -> BarState:
-    """Drive the tendon to a tension [N] or a position [m] within `span` [s], on the route of the model.
+    state: BarState,
+    model: Model,
+    routes: tuple[Arcs, Arcs],
+    drive: tuple[float, bool],
+    span: float,
+    temperature: float | None,
+    friction: tuple[float, float],
+) -> tuple[BarState, Arcs]:
+    """Drive the tendon; return its state and the route on which it lies: the second where that has moved.
 
     Parameters
     ----------
     state
         The tendon before the step.
     model
-        The rig on the route after the step.
-    drive, by_force
-        True tension [N], or position [m].
+        The rig on the first route.
+    routes
+        The route before the step, and as sensed after it.
+    drive
+        True tension [N] or position [m], and whether it is a tension.
     span
         Time that the step takes [s].
     temperature
         Temperature at the end of the step [°C]; None where it is as before.
+    friction
+        Base coefficient μ, and the most of μΦ that is stepped [1].
 
     Raises
     ------
+    SettingsError
+        Where μΦ is too much.
     FitError
         Where no equilibrium was found.
     """
-    memory = Memory(*(array.copy() for array in state.memory))
-    if by_force != state.by_force:
-        _switch(memory, state.displacement_in, by_force)
-    first, warmth = _warmth(state, memory, temperature)
-    out, before = np.empty((6, 1)), float(memory.drive[0])
-    spans, drives = np.array([span]), np.array([drive])
-    done = march(model.plant, memory, by_force, spans, drives, np.array([warmth]), _ONE, out, _NO_PROFILE)
+    first, warmth = _warmth(state, temperature)
+    before, now = routes
+    goal, by_force = drive
+    done, block, laws, ends = core.step_with_effects(
+        state.edge,
+        model.plant.block,
+        state.memory.block,
+        before.length,
+        before.angle,
+        before.covariance,
+        now.length,
+        now.angle,
+        now.covariance,
+        bends_of(model.setup) if model.setup.bends else _NO_BENDS,
+        before is not now,
+        *friction,
+        goal,
+        by_force,
+        state.by_force,
+        state.displacement_in,
+        state.front,
+        span,
+        warmth,
+    )
+    numbers = ends.tolist()
+    if numbers[9] > friction[1]:
+        raise too_much_friction(friction[0], numbers[9] / friction[0])
     if done == 0:
-        raise no_equilibrium(drive, by_force)
-    displacement_in, displacement_out = float(out[2, 0]), float(out[3, 0])
-    return BarState(
+        raise no_equilibrium(goal, by_force)
+    displacement_in, displacement_out, slip, _, last_drive, front, moves, _ = numbers[2:]
+    after = BarState(
         edge=state.edge,
-        memory=memory,
+        memory=Memory(block),
         displacement_in=displacement_in,
         displacement_out=displacement_out,
         elongation=displacement_in - displacement_out,  # docs/model.md (121)
-        direction_index=direction_after(int(memory.slip[0]), drive - before, state.direction_index),
+        direction_index=direction_after(int(slip), goal - last_drive, state.direction_index),
         length=state.length,
         cut=state.cut,
         by_force=by_force,
         span=span,
         temperature=first,
-        lags=_lagging(model.setup, out, spans, state.lags),
-        front=_front(memory.slip, state.front, drive == before),
-        model=model,
+        lags=_lagging(model.setup, ends, span, state.lags) if model.setup.lags else {},
+        front=int(front),
+        model=Model(model.setup, Plant(laws), model.drive, model.edge) if moves else model,
     )
+    return after, now if moves else before
 
 
 def readings(state: BarState, setup: Setup) -> dict[str, float]:
@@ -171,36 +198,15 @@ def tension_along(state: BarState, route: Arcs, s: Vector) -> Vector:
     return np.exp(np.interp(at, known, np.log(held)))
 
 
-def _switch(memory: Memory, displacement_in: float, by_force: bool) -> None:
-    """Go from one kind of drive to the other: the tendon's end and the drive stay where they are; (59)."""
-    drive = memory.drive
-    if by_force:
-        drive[0], drive[3], drive[4] = memory.tension[0], drive[2] - displacement_in, drive[2]
-    else:
-        drive[0], drive[2] = displacement_in, drive[4]
-    drive[5] = 0.0
-
-
-def _warmth(state: BarState, memory: Memory, temperature: float | None) -> tuple[float, float]:
-    """Return the first temperature [°C], and how much warmer it is now [K]."""
+def _warmth(state: BarState, temperature: float | None) -> tuple[float, float]:
+    """Return the first temperature [°C], and how much warmer it is now [K]; NaN where it is as before."""
     if temperature is None:
-        return state.temperature, float(memory.drive[1])
+        return state.temperature, math.nan
     if not math.isfinite(temperature):
         raise SettingsError(f"the temperature is {temperature:g} °C: give a finite one, or leave it out")
     first = temperature if math.isnan(state.temperature) else state.temperature
     return first, temperature - first
 
 
-def _lagging(setup: Setup, out: np.ndarray, spans: Vector, before: Lags) -> Lags:
-    return with_lags(setup, sensed(setup, out), spans, before)[1] if setup.lags else {}
-
-
-@njit(cache=True, nogil=True)
-def _front(slip, before, stands):
-    """Return how many contacts from the drive on slid one way; as before where nothing moved there."""
-    if slip[0] == 0:
-        return before if stands else 0
-    count = 1
-    while count < slip.size and slip[count] == slip[0]:
-        count += 1
-    return count
+def _lagging(setup: Setup, ends: Vector, span: float, before: Lags) -> Lags:
+    return with_lags(setup, sensed(setup, ends[:4, None]), np.array([span]), before)[1]

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from tssgeom.arrays import Points, Vector
@@ -156,7 +155,6 @@ def _around(
     )
 
 
-@njit(cache=True, nogil=True)
 def _chosen(
     centres: Points, half: Points, counts: NDArray[np.intp], taken: Points, edge: Vector
 ) -> NDArray[np.intp]:
@@ -166,29 +164,23 @@ def _chosen(
     label, in the sum of both half sizes; a candidate beyond the `edge` has a tenth of it. A candidate that
     covers another label comes after all others, and one that covers the scale or an end last of all.
     """
-    chosen = np.empty(len(counts), np.intp)
-    first = 0
-    for label in range(len(counts)):
-        best, most = first, -np.inf
-        for candidate in range(first, first + counts[label]):
-            (x, y), (wide, high) = centres[candidate], half[candidate]
-            room = apart = np.inf
-            for k in range(len(taken)):
-                room = min(room, max(abs(x - taken[k, 0]) / wide, abs(y - taken[k, 1]) / high))
-            for k in range(label):
-                other, size = centres[chosen[k]], half[chosen[k]]
-                spacing = max(abs(x - other[0]) / (wide + size[0]), abs(y - other[1]) / (high + size[1]))
-                apart = min(apart, spacing - 1.0 if spacing < 1.0 and k < _FIRST else spacing)
-            room = min(room, apart)
-            if abs(x) > edge[0] - wide or abs(y) > edge[1] - high:
-                room = 0.1 * min(room, 1.0)
-            if apart < 1.0:
-                room = apart - 1.0
-            if room > most:
-                best, most = candidate, room
-            if room >= 1.0:
-                best = candidate
-                break
-        chosen[label] = best
-        first += counts[label]
-    return chosen
+    free = _spacing(centres[:, None] - taken, half[:, None]).min(axis=1, initial=np.inf)
+    beyond = np.asarray((np.abs(centres) > edge - half).any(axis=1))
+    chosen = list[int]()
+    ends = np.cumsum(counts)
+    for first, end in zip(ends - counts, ends, strict=True):
+        apart = _spacing(centres[first:end, None] - centres[chosen], half[first:end, None] + half[chosen])
+        apart = np.where((apart < 1.0) & (np.arange(len(chosen)) < _FIRST), apart - 1.0, apart)
+        to_labels = apart.min(axis=1, initial=np.inf)
+        room = np.minimum(free[first:end], to_labels)
+        room = np.where(beyond[first:end], 0.1 * np.minimum(room, 1.0), room)
+        room = np.where(to_labels < 1.0, to_labels - 1.0, room)
+        good = np.flatnonzero(room >= 1.0)
+        chosen.append(int(first + (good[0] if len(good) else np.argmax(room))))
+    return np.array(chosen)
+
+
+def _spacing(between: NDArray[np.float64], half: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the larger component of distances on the screen [..., 2], in half sizes."""
+    parts = np.abs(between) / half
+    return np.maximum(parts[..., 0], parts[..., 1])

@@ -1,51 +1,107 @@
-"""Equilibrium of a loaded tendon whose every contact may stick or slide: one step, any size.
-
-The tendon is a chain of elastic bars between contacts. Bar 0 is what drives the proximal end, the last bar
-what the distal end pulls against. A contact with movement w > 0 slides towards the proximal end and is on the
-lower side of its friction cone, one with w < 0 on the upper side; inside it sticks. Which contacts slide is
-found by policy iteration on a tridiagonal M-matrix; docs/model.md (40)-(46).
-"""
+"""Slow twin of the equilibrium of a chain of bars; docs/model.md (40)-(47)."""
 
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
-from tssgeom.tendon.bars.fixed_route import PULLED, RELEASED, STUCK, guess
+from tssgeom.core.constants_tendon import SOLVER
 
-
-class SolverTolerances(NamedTuple):
-    """How exactly the balance of a chain of bars is solved."""
-
-    accuracy: float = 1e-10
-    """Residual that ends the iteration, of the greatest tension [1]; chosen: rounding, with room."""
-    accepted: float = 1e-7
-    """Largest residual of an equilibrium that is returned [N]; chosen: below what any sensor resolves."""
-    converged: float = 1e-8
-    """Greatest change of any tension in the last pass over curved laws [N]; chosen: a tenth of `accepted`."""
-    passes: int = 90
-    """Passes over curved laws before a step is given up [1]; chosen."""
-    full_passes: int = 15
-    """Passes that go all the way, the others half of it [1]; chosen."""
-    dead_weight: float = 1e-9
-    """Room at the ends of the range of drives that hold a dead weight [1]; chosen: rounding."""
-    motion: float = 1e-3
-    """Weight of movement against force [1]; chosen: so small that contacts stop before they turn round."""
-    rounding: float = 2e-15
-    """Residual that the solve itself leaves, of stiffness times movement [1]; derived: ten roundings."""
-    markings: int = 10
-    """Times that slack bars are marked anew before the movements are relaxed [1]; chosen."""
-    rounds: int = 7
-    """Rounds of relaxation, each four times as long as the one before [1]; chosen."""
+PULLED, STUCK, RELEASED = 1, 0, -1
 
 
-TOLERANCES = SolverTolerances()
-"""Used wherever bars are balanced."""
-PATIENCE = (np.int64(6), np.int64(10))  # not literals: the kernel would be compiled anew for each literal
-"""Newton iterations from what slid last, then from what would slide on a fixed route; few steps need many."""
+class Chain(NamedTuple):
+    """The linear laws of n + 2 bars and the friction of the n + 1 contacts between them, for one step."""
+
+    trial: np.ndarray
+    """[n+2] Tension of each bar if no contact moved, negative where it would be slack [N]."""
+    stiffness: np.ndarray
+    """[n+2] 0 where the tension is given (force drive, dead weight) and at rigid ends [N/m]."""
+    low: np.ndarray
+    """[n+1] Least T[i+1] over T[i], but for the force of friction [1]."""
+    high: np.ndarray
+    """[n+1] Greatest T[i+1] over T[i], but for the force of friction [1]."""
+    force: np.ndarray
+    """[n+1] T[i+1] lies between low·T[i] − force and high·T[i] + force [N]."""
+    drag: np.ndarray
+    """[n+1] Friction for each metre moved in this step [N/m]."""
+    rigid_in: bool
+    """Whether the proximal end moves by exactly `shift`."""
+    rigid_out: bool
+    """Whether the distal end is fixed."""
+    shift: float
+    """Movement of a rigid proximal end in this step [m]."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+def carry(chain, tension, slip):
+    """Carry tension[0] to the distal end as on a fixed route; return the stretch gained [m] and its slope."""
+    trial, stiffness, low, high, force = chain.trial, chain.stiffness, chain.low, chain.high, chain.force
+    gained, gain, share = 0.0, 0.0, 1.0
+    if stiffness[0] > 0.0:
+        gained, gain = (tension[0] - trial[0]) / stiffness[0], 1.0 / stiffness[0]
+    for i in range(slip.size):
+        lower, upper = low[i] * tension[i] - force[i], high[i] * tension[i] + force[i]
+        here = max(trial[i + 1], 0.0)
+        slip[i] = STUCK
+        if here < lower:
+            here, slip[i], share = lower, PULLED, share * low[i]
+        elif here > upper:
+            here, slip[i], share = upper, RELEASED, share * high[i]
+        else:
+            share = 0.0
+        tension[i + 1] = here
+        if stiffness[i + 1] > 0.0:
+            gained += (here - trial[i + 1]) / stiffness[i + 1]
+            gain += share / stiffness[i + 1]
+    return gained, gain
+
+
+def range_of_drive(weight, low, high, force):
+    """Return the proximal tensions between which a dead weight stays where it is [N]; docs/model.md (47)."""
+    least, most = weight, weight
+    for i in range(low.size - 1, -1, -1):
+        least = max(least - force[i], 0.0) / high[i]
+        most = (most + force[i]) / low[i]
+    return least, most
+
+
+def find_drive(chain, least, most, tension, slip):
+    """Sweep with the tension between `least` and `most` that gains the shift; return what is gained [m]."""
+    shift, below, above = chain.shift, least, most
+    tension[0] = min(max(chain.trial[0], least), most)
+    for _ in range(SOLVER.secants):
+        gained, gain = carry(chain, tension, slip)
+        below, above = (below, tension[0]) if gained > shift else (tension[0], above)
+        new = tension[0] - (gained - shift) / max(gain, 1e-3 / chain.stiffness[1])
+        if (new <= below and below == least) or (new >= above and above == most):
+            new = min(max(new, least), most)
+        elif not below < new < above:
+            new = 2.0 * below + 1.0 if above == np.inf else 0.5 * (below + above)
+        if abs(new - tension[0]) <= 1e-13 * tension[0]:
+            break
+        tension[0] = new
+    return carry(chain, tension, slip)[0]
+
+
+def guess(chain, hanging, tension, slip, tight):
+    """Set slip and tight as they would be on a fixed route; exact there, for force and for position."""
+    trial, shift = chain.trial, chain.shift
+    tight[:] = True
+    if not chain.rigid_in and chain.stiffness[0] == 0.0:
+        tension[0] = trial[0]
+        carry(chain, tension, slip)
+        return
+    least, most = 0.0, np.inf
+    if hanging:
+        least, most = range_of_drive(trial[slip.size], chain.low, chain.high, chain.force)
+    gained = find_drive(chain, least, most, tension, slip)
+    if tension[0] >= most:
+        slip[:] = PULLED
+    elif hanging and 0.0 < tension[0] <= least:
+        slip[:] = RELEASED
+    elif tension[0] <= 0.0 and gained > shift:
+        tight[0] = False  # more is given than the tendon can take back: it hangs loose at the drive
+
+
 def _solve(chain, slip, tight, w, ratios):
     """Solve the bar laws with every contact doing what `slip` says, for the movements w [m]."""
     trial, stiffness, low, high = chain.trial, chain.stiffness, chain.low, chain.high
@@ -75,7 +131,6 @@ def _solve(chain, slip, tight, w, ratios):
         w[i] -= ratios[i] * w[i + 1]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
 def _linear(chain, w, j):
     """Return the tension of a bar by Hooke's law alone, negative where slack [N]; docs/model.md (40)."""
     near = w[j - 1] if j > 0 else 0.0
@@ -83,7 +138,6 @@ def _linear(chain, w, j):
     return chain.trial[j] + chain.stiffness[j] * (near - far)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
 def _tensions(chain, w, tension):
     """Set the tension of every bar from the movements, zero where it is slack."""
     trial, low, high, force, drag = chain.trial, chain.low, chain.high, chain.force, chain.drag
@@ -100,18 +154,16 @@ def _tensions(chain, w, tension):
         tension[last + 1] = max(min(here, high[last] * tension[last] + force[last]), 0.0)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
 def _excess(chain, w, i, near, far):
     """Return how far a contact is above both sides of its cone, and its movement, all as forces [N]."""
     stiffness, force = chain.stiffness, chain.force
     if i == 0 and chain.rigid_in:
         near = 0.0  # a rigid end is judged as if it were loose
     far += chain.drag[i] * w[i]
-    motion = TOLERANCES.motion * (stiffness[i] + stiffness[i + 1]) * w[i]
+    motion = SOLVER.motion * (stiffness[i] + stiffness[i + 1]) * w[i]
     return far - chain.low[i] * near + force[i], far - chain.high[i] * near - force[i], motion
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
 def _judge(chain, w, tension, slip, tight, renew):
     """Return the greatest residual of the complementarity [N]; with `renew`, choose slip and tight anew."""
     stiffness, worst = chain.stiffness, 0.0
@@ -122,15 +174,14 @@ def _judge(chain, w, tension, slip, tight, renew):
             taut = stiffness[1] * (w[0] - chain.shift)
             tight[0] = taut <= left if renew else tight[0]
             left = min(left, taut)
-        worst = max(worst, abs(left) - TOLERANCES.rounding * (stiffness[i] + stiffness[i + 1]) * abs(w[i]))
+        worst = max(worst, abs(left) - SOLVER.rounding * (stiffness[i] + stiffness[i + 1]) * abs(w[i]))
         if renew:
             slip[i] = PULLED if over_low < motion else RELEASED if over_high > motion else STUCK
     if renew:
-        _marked_anew(chain, w, tight, TOLERANCES.accuracy * (np.max(tension) + 1e-9))
+        _marked_anew(chain, w, tight, SOLVER.accuracy * (np.max(tension) + 1e-9))
     return worst
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
 def _marked_anew(chain, w, tight, tie):
     """Mark anew which bars are tight; return whether any mark changed."""
     changed = False
@@ -141,7 +192,6 @@ def _marked_anew(chain, w, tight, tie):
     return changed
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
 def _newton(chain, slip, tight, w, tension, ratios, accepted, patience):
     """Return the solves spent and the residual of the semi-smooth Newton iteration."""
     residual = np.inf
@@ -156,14 +206,12 @@ def _newton(chain, slip, tight, w, tension, ratios, accepted, patience):
     return patience, residual
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
 def _marked(chain, w, tight, i):
     """Return the excess of a contact with tight bars linear even below zero, and slack bars at zero [N]."""
     near = _linear(chain, w, i) if tight[i] else 0.0
     return _excess(chain, w, i, near, _linear(chain, w, i + 1) if tight[i + 1] else 0.0)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
 def _released(chain, slip, tight, w, tie):
     """Choose anew which contacts that are not pulled are released; return whether any changed."""
     changed = False
@@ -176,7 +224,6 @@ def _released(chain, slip, tight, w, tie):
     return changed
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
 def _pulled(chain, slip, tight, w, tie):
     """Choose anew which contacts are pulled, and whether a rigid drive is taut; return if any changed."""
     changed = False
@@ -194,7 +241,6 @@ def _pulled(chain, slip, tight, w, tie):
     return changed
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
 def _nested(chain, slip, tight, w, ratios, tie):
     """Solve by policy iteration within policy iteration, which cannot cycle; return the solves spent.
 
@@ -213,7 +259,6 @@ def _nested(chain, slip, tight, w, ratios, tie):
     return solves
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
 def _balance(near, far, stiff, side, kept, drag):
     """Return the movement [m] to one side of the cone; near and far without it, negative where slack [N]."""
     k_near, k_far = stiff
@@ -225,7 +270,6 @@ def _balance(near, far, stiff, side, kept, drag):
     return move
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
 def _relax(chain, w, sweeps):
     """Improve w by sweeps that balance one contact after the other, slowly but surely; docs/model.md (46)."""
     stiffness, low, high, force, drag = chain.stiffness, chain.low, chain.high, chain.force, chain.drag
@@ -247,7 +291,6 @@ def _relax(chain, w, sweeps):
                 w[0] = max(w[0], chain.shift)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
 def _freed_from_rounding(chain, slip, w, tension):
     """Free the tensions on the cone from the rounding of the solve, and mark the rigid ends."""
     if chain.rigid_in:
@@ -264,7 +307,6 @@ def _freed_from_rounding(chain, slip, w, tension):
                 slip[i] = STUCK  # a mark left over from a bar that was taken for slack on the way
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
 def equilibrium(chain, hanging, before, patience):
     """Return movements [n+1] [m], tensions [n+2] [N], slip [n+1] [1], the solves spent, and the residual [N].
 
@@ -275,21 +317,21 @@ def equilibrium(chain, hanging, before, patience):
     tension, w, ratios = np.empty(nodes + 1), np.zeros(nodes), np.empty(nodes)
     slip, tight = before.copy(), np.ones(nodes + 1, dtype=np.bool_)
     scale = max(np.max(np.abs(chain.trial)), 1e-6)
-    accepted = TOLERANCES.accuracy * scale
+    accepted = SOLVER.accuracy * scale
     solves, residual = _newton(chain, slip, tight, w, tension, ratios, accepted, patience[0])
     if residual > accepted:
         guess(chain, hanging, tension, slip, tight)
-        accepted = TOLERANCES.accuracy * max(scale, np.max(tension))
+        accepted = SOLVER.accuracy * max(scale, np.max(tension))
         more, residual = _newton(chain, slip, tight, w, tension, ratios, accepted, patience[1])
         solves += more
-    for attempt in range(TOLERANCES.rounds):
+    for attempt in range(SOLVER.rounds):
         if residual <= accepted:
             break
         if attempt > 0:
             _relax(chain, w, 20 * 4**attempt)
             _tensions(chain, w, tension)
             _judge(chain, w, tension, slip, tight, True)
-        for _ in range(TOLERANCES.markings):
+        for _ in range(SOLVER.markings):
             solves += _nested(chain, slip, tight, w, ratios, 0.01 * accepted)
             _tensions(chain, w, tension)
             residual = _judge(chain, w, tension, slip, tight, False)

@@ -1,20 +1,129 @@
-"""The equilibrium of all contacts for one step, with or without effects, on any route.
-
-It is solved with the laws of bars and contacts made straight about the last pass. Displacements are absolute,
-so that nothing drifts in a hold. Source: docs/model.md (40)-(47), (50)-(58).
-"""
+"""Slow twin of the laws of bars and contacts, and of the equilibrium of one step; docs/model.md (50)-(58)."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
-from tssgeom.tendon.bars.equilibrium import PATIENCE, TOLERANCES, equilibrium
-from tssgeom.tendon.bars.fixed_route import Chain, range_of_drive
-from tssgeom.tendon.bars.plant import creep_weights, load_factor, stretched, worn
+from tests.core.twins.tendon_equilibrium import Chain, equilibrium, range_of_drive
+from tssgeom.core.constants_tendon import BAR, SOLVER
+from tssgeom.core.constants_tendon_rows import LAW, MEMORY, PLANT
+
+_PATIENCE = SOLVER.from_before, SOLVER.from_guess
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+class Plant(NamedTuple):
+    """What stays the same during a run; b = n + 2 bars, k = n + 1 contacts."""
+
+    soft: np.ndarray  # [b] stretch per tension [m/N]
+    toe: np.ndarray  # [b] stretch of the toe [m]
+    toe_scale: np.ndarray  # [b] N
+    saved: np.ndarray  # [b] path saved when taut [m]
+    saved_scale: float  # N
+    clearance: float  # path saved for each radian when taut [m/rad]
+    creep_soft: np.ndarray  # [b] creep per tension in the end [m/N]
+    creep_time: float  # s
+    warm: np.ndarray  # [b] m/K
+    rest: np.ndarray  # [b] stretch under the pretension, before the run and on its first route [m]
+    pulling: np.ndarray  # [k] exponent of the cone, before load, wear and speed
+    releasing: np.ndarray  # [k]
+    fitting: np.ndarray  # [k] exponent whatever load, wear and speed
+    low: np.ndarray  # [k] exp of the exponents, where nothing changes them
+    high: np.ndarray  # [k]
+    force: np.ndarray  # [k] N
+    drag: np.ndarray  # [k] N·s/m
+    load_exponent: float
+    load_reference: float  # N
+    wear_gain: float
+    wear_travel: float  # m
+    speed_gain: float
+    speed_reference: float  # m/s
+    backlash: float  # m
+    pretension: float  # N
+    load: float  # N/m
+    curved: bool  # stretch is no straight line over tension
+    by_rate: bool  # friction depends on the speed of sliding
+    varied: bool  # the cone depends on tension, travel or speed
+    swift: bool  # nothing but the drive moves the tendon: one sweep gives the answer
+
+
+class Memory(NamedTuple):
+    """What one sample leaves to the next, b bars and k contacts; each step writes into these arrays."""
+
+    tension: np.ndarray  # [b] N
+    displacement: np.ndarray  # [k] displacement of each contact since the pretensioned state [m]
+    speed: np.ndarray  # [k] of the last step [m/s]
+    travel: np.ndarray  # [k] path slid so far, either way [m]
+    creep: np.ndarray  # [b] m
+    slip: np.ndarray  # [k] int8: +1 slid on a pull, 0 stuck, −1 slid on a release
+    drive: np.ndarray
+    """[6] last drive [N or m], warmth [K], position past the backlash [m], lag [m], lead [m], rate [m/s]"""
+
+
+def unpacked(plant):
+    """Return the twin of a `plant.Plant`."""
+    bars = LAW._fields[: LAW.pulling]
+    rows = {name: plant.rows[i, : None if name in bars else -1] for i, name in enumerate(LAW._fields)}
+    numbers = {name: plant.number(i) for i, name in enumerate(PLANT._fields) if name in Plant._fields}
+    return Plant(**rows, **numbers)
+
+
+def remembered(block):
+    """Return the twin of a memory, and the rest of its bars."""
+    rows = block[:-6].reshape(len(MEMORY), -1)
+    memory = Memory(
+        tension=rows[MEMORY.tension].copy(),
+        displacement=rows[MEMORY.displacement, :-1].copy(),
+        speed=rows[MEMORY.speed, :-1].copy(),
+        travel=rows[MEMORY.travel, :-1].copy(),
+        creep=rows[MEMORY.creep].copy(),
+        slip=rows[MEMORY.slip, :-1].astype(np.int8),
+        drive=block[-6:].copy(),
+    )
+    return memory, rows[MEMORY.rest].copy()
+
+
+def stretched(tension, soft, toe, toe_scale, saved, saved_scale):
+    """Return stretch [m] of a taut bar and its slope [m/N]; docs/model.md (50)."""
+    stretch, slope = soft * tension, soft
+    if toe != 0.0:
+        rest = math.exp(-tension / toe_scale)
+        stretch += toe * (1.0 - rest)
+        slope += toe * rest / toe_scale
+    if saved != 0.0:
+        rest = math.exp(-tension / saved_scale)
+        stretch += saved * (1.0 - rest)
+        slope += saved * rest / saved_scale
+    return stretch, slope
+
+
+def stretch_of(plant, j, tension):
+    """Return the stretch of bar j [m]; docs/model.md (50)."""
+    soft, toe, toe_scale = plant.soft[j], plant.toe[j], plant.toe_scale[j]
+    return stretched(tension, soft, toe, toe_scale, plant.saved[j], plant.saved_scale)[0]
+
+
+def load_factor(load, exponent, reference):
+    """Return what the tension at a contact makes of the friction there [1]; docs/model.md (52)."""
+    if exponent == 0.0:
+        return 1.0
+    return math.exp(exponent * math.log(max(load, BAR.least_load) / reference))
+
+
+def worn(plant, travel, pulling, releasing):
+    """Set the exponents of the cone after wear by the travel so far; docs/model.md (52)."""
+    for i in range(travel.size):
+        factor = 1.0 - plant.wear_gain * math.expm1(-travel[i] / plant.wear_travel)
+        pulling[i], releasing[i] = plant.pulling[i] * factor, plant.releasing[i] * factor
+
+
+def creep_weights(x):
+    """Return weights of old creep, old and new tension after x time constants; docs/model.md (57)."""
+    kept = math.exp(-x)
+    mean = -math.expm1(-x) / x
+    return kept, mean - kept, 1.0 - mean
+
+
 def _given(plant, memory, warmth, weights, target, rest, given):
     """Set the stretch that each bar would have if no contact moved [m]; docs/model.md (51), (58)."""
     kept, old, _ = weights
@@ -28,7 +137,6 @@ def _given(plant, memory, warmth, weights, target, rest, given):
             given[j] += creep_soft[j] * (plant.pretension - old * tension[j]) - kept * creep[j]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
 def _offer(plant, given, share, about, trial, stiffness):
     """Set the straight law of each bar about the tensions `about`; docs/model.md (50), (57)."""
     soft, toe, toe_scale, saved, saved_scale = (
@@ -47,7 +155,6 @@ def _offer(plant, given, share, about, trial, stiffness):
         trial[j] = about[j] + stiffness[j] * (given[j] - stretch)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
 def _cone(plant, exponents, about, moved, span, low, high, force, drag):
     """Set the cone of each contact about the last pass's tensions and movements; docs/model.md (52)-(56)."""
     pulling, releasing = exponents
@@ -67,7 +174,6 @@ def _cone(plant, exponents, about, moved, span, low, high, force, drag):
         high[i] = math.exp(releasing[i] * factor + fitting[i])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
 def workspace(plant):
     """Return arrays that steps write into: exponents and sides of the cone, and room for `balanced`."""
     k = plant.force.size
@@ -76,7 +182,6 @@ def workspace(plant):
     return cone, (wide[0], wide[1], wide[2], plant.force.copy(), narrow[0], wide[3], narrow[1])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
 def balanced(plant, memory, by_force, target, weight, warmth, span, rest, cone, room):
     """Bring the memory to a new drive; return how much the last pass changed any tension [N], and solves.
 
@@ -101,7 +206,7 @@ def balanced(plant, memory, by_force, target, weight, warmth, span, rest, cone, 
     tension, w, residual = about, moved, np.inf
     change, slip, solves = np.inf, memory.slip, 0
     one_pass = not (plant.curved or plant.varied)
-    for done in range(1 if one_pass else TOLERANCES.passes):
+    for done in range(1 if one_pass else SOLVER.passes):
         _offer(plant, given, weights[2], about, trial, stiffness)
         if by_force:
             trial[0], stiffness[0] = target, 0.0
@@ -115,24 +220,23 @@ def balanced(plant, memory, by_force, target, weight, warmth, span, rest, cone, 
             _cone(plant, (pulling, releasing), about, moved, span, low, high, force, drag)
         if by_force and hanging:  # docs/model.md (47)
             least, most = range_of_drive(weight, low, high, force)
-            if not least * (1.0 - TOLERANCES.dead_weight) <= target <= most * (1.0 + TOLERANCES.dead_weight):
+            if not least * (1.0 - SOLVER.dead_weight) <= target <= most * (1.0 + SOLVER.dead_weight):
                 return np.inf, solves
-        w, tension, slip, more, residual = equilibrium(chain, hanging, slip, PATIENCE)
+        w, tension, slip, more, residual = equilibrium(chain, hanging, slip, _PATIENCE)
         solves += more
         change = np.max(np.abs(tension - about))
-        if one_pass or (change <= TOLERANCES.converged and residual <= TOLERANCES.accepted):
+        if one_pass or (change <= SOLVER.converged and residual <= SOLVER.accepted):
             break
-        if done < TOLERANCES.full_passes:
+        if done < SOLVER.full_passes:
             about[:], moved[:] = tension, w
         else:  # it swings from side to side of a bend in some law
             about[:], moved[:] = 0.5 * (about + tension), 0.5 * (moved + w)
-    if not residual <= TOLERANCES.accepted:
+    if not residual <= SOLVER.accepted:
         return np.inf, solves
     _keep(plant, memory, weights, tension, w, slip, span)
     return 0.0 if one_pass else change, solves
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
 def _keep(plant, memory, weights, tension, moved, slip, span):
     """Write what the step did into the memory."""
     kept, old, new = weights

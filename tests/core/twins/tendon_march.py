@@ -1,38 +1,15 @@
-"""One sample on a fixed route where nothing but the drive moves the tendon: exact in one sweep.
-
-The tension goes from contact to contact as far as the cone makes it; a position finds its tension by Newton's
-method on the sum of all stretches. Source: docs/model.md (3), (50)-(54), (64).
-"""
+"""Slow twin of the march through a run; docs/model.md (3), (50)-(65)."""
 
 import math
-from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
-from tssgeom.tendon.bars.plant import load_factor, stretch_of, stretched, worn
+from tests.core.twins.tendon_laws import balanced, load_factor, stretch_of, stretched, workspace, worn
+from tssgeom.core.constants_tendon import BAR, SOLVER, SWEEP
 
-
-class SweepTolerances(NamedTuple):
-    """How exactly one sweep over the contacts of a fixed route finds a position."""
-
-    trials: int = 80
-    """Tensions tried for a position [1]; derived: bisection alone would need some 60."""
-    close: float = 1e-14
-    """Distance from a position that ends the search [m]; chosen: rounding of a metre, with room."""
-    accepted: float = 1e-10
-    """Greatest distance from a position that is returned [m]; chosen: an atom."""
-    load: float = 1e-7
-    """Change of an exponent by the load that ends its iteration [1]; chosen: the next error is its square."""
-    turns: int = 20
-    """Most iterations of an exponent by the load [1]; chosen: Newton's method needs a few."""
+_AFTER_A_TURN = np.array([0.02, 0.06, 0.15, 0.35, 0.65, 1.0])
 
 
-SWEEP = SweepTolerances()
-"""Used wherever a fixed route is swept."""
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
 def _side(near, old, exponent, fixed, force, sign, law):
     """Return the tension behind a contact that slides, and its slope, with the load that it has itself.
 
@@ -55,7 +32,6 @@ def _side(near, old, exponent, fixed, force, sign, law):
     return max(ratio * near + sign * force, 0.0), (ratio + sign * share) / (1.0 - sign * share)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
 def _sweep(plant, old, start, rest, cone, tension, slip):
     """Carry the tension `start` to the distal end; return where the drive is then [m], and slope [m/N]."""
     pulling, releasing, low, high = cone
@@ -96,7 +72,6 @@ def _sweep(plant, old, start, rest, cone, tension, slip):
     return shift, slope
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
 def _sliding_from(plant, tension, cone, pull):
     """Return the drive's tension at which the first contact begins to slide [N]."""
     pulling, releasing, low, high = cone
@@ -109,7 +84,6 @@ def _sliding_from(plant, tension, cone, pull):
     return max(tension[1] - plant.force[0], 0.0) / ratio * (1.0 - 1e-12)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
 def _at_position(plant, old, target, rest, cone, tension, slip):
     """Sweep with the tension that puts the drive at `target`; return how far off it is [m]."""
     start = old[0]
@@ -138,7 +112,6 @@ def _at_position(plant, old, target, rest, cone, tension, slip):
     return abs(shift - target)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
 def swept(plant, memory, by_force, target, span, rest, cone, tension):
     """Bring the memory to a new drive, a tension [N] or a position [m]; return how far it is off [m]."""
     off = 0.0
@@ -170,3 +143,97 @@ def swept(plant, memory, by_force, target, span, rest, cone, tension):
         memory.tension[i] = tension[i]
         here += stretched(tension[i], soft[i], toe[i], toe_scale[i], saved[i], saved_scale)[0] - rest[i]
     return off
+
+
+def _cuts(before, now, parts, by_rate):
+    """Return where to cut a step, as shares of it; docs/model.md (65)."""
+    if by_rate and (abs(now) < 0.5 * abs(before) or now * before < 0.0):
+        first = _AFTER_A_TURN / parts
+        return np.concatenate((first, np.arange(2, parts + 1) / parts))
+    return np.arange(1, parts + 1) / parts
+
+
+def march(plant, memory, by_force, spans, drive, warmth, parts, out, profile):
+    """Go through the samples; fill `out` [6, m] and, where it has rows, `profile` [m, b].
+
+    `spans` [m] is the time since the sample before [s], `drive` [m] N or m, `warmth` [m] K since the run
+    began, `parts` [m] the steps of each sample. Rows of `out`: T_in, T_out [N], x_in, x_out [m], what the
+    first and the last contact did (+1 pulled, 0 stuck, −1 released). Return the number of samples done, fewer
+    where one failed.
+    """
+    kept = memory.drive
+    cone, room = workspace(plant)
+    rest, whole = plant.rest, np.ones(1)
+    for g in range(drive.size):
+        first, cold, done = kept[0], kept[1], 0.0
+        rate = (drive[g] - first) / max(spans[g], BAR.least_time)
+        cuts = _cuts(kept[5], rate, parts[g], plant.by_rate) if plant.by_rate or parts[g] > 1 else whole
+        for share in cuts:
+            goal = drive[g] if share == 1.0 else first + share * (drive[g] - first)
+            warm = warmth[g] if share == 1.0 else cold + share * (warmth[g] - cold)
+            span, done = max((share - done) * spans[g], BAR.least_time), share
+            if not by_force:
+                kept[2] = min(max(kept[2], goal), goal + plant.backlash)  # docs/model.md (59)
+            target = goal if by_force else kept[2]
+            if plant.swift:
+                if not swept(plant, memory, by_force, target, span, rest, cone, room[5]) <= SWEEP.accepted:
+                    return g
+                continue
+            weight = plant.pretension
+            change, _ = balanced(plant, memory, by_force, target, weight, warm, span, rest, cone, room)
+            if not change <= 1e3 * SOLVER.converged:
+                return g
+        kept[0], kept[1], kept[5] = drive[g], warmth[g], rate
+        _record(plant, memory, by_force, rest[0], g, out)
+        if profile.shape[0] > 0:
+            profile[g] = memory.tension
+    return drive.size
+
+
+def _record(plant, memory, by_force, rest, g, out):
+    """Write one sample into `out`."""
+    tension, kept, last = memory.tension, memory.drive, memory.tension.size - 1
+    out[0, g], out[1, g], out[2, g] = tension[0], tension[last], kept[0]
+    if by_force:  # docs/model.md (59)
+        shift = memory.displacement[0] + stretch_of(plant, 0, tension[0]) - rest
+        lag = kept[3] + (kept[4] - shift) * plant.backlash / BAR.turn
+        kept[3], kept[4] = min(max(lag, 0.0), plant.backlash), shift
+        out[2, g] = shift - kept[3]
+    if plant.load == 0.0:
+        out[3, g] = memory.displacement[last - 1]
+    else:
+        out[3, g] = (tension[last] - plant.pretension) / plant.load
+    out[4, g], out[5, g] = memory.slip[0], memory.slip[last - 1]
+
+
+def lagged(values, spans, lag, before):
+    """Pass samples, straight between, through a lag that stands at `before`: in, out; docs/model.md (62)."""
+    out = np.empty_like(values)
+    last, read = before
+    for i in range(values.size):
+        if spans[i] > 0.0:
+            behind = (values[i] - last) / spans[i] * lag
+            read = values[i] - behind + (read - last + behind) * math.exp(-spans[i] / lag)
+        last = values[i]
+        out[i] = read
+    return out
+
+
+def front_of(slip, before, stands):
+    """Return how many contacts from the drive on slid one way; as before where nothing moved there."""
+    if slip[0] == 0:
+        return before if stands else 0
+    count = 1
+    while count < slip.size and slip[count] == slip[0]:
+        count += 1
+    return count
+
+
+def switch(memory, displacement_in, by_force):
+    """Go from one kind of drive to the other: the tendon's end and the drive stay where they are; (59)."""
+    drive = memory.drive
+    if by_force:
+        drive[0], drive[3], drive[4] = memory.tension[0], drive[2] - displacement_in, drive[2]
+    else:
+        drive[0], drive[2] = displacement_in, drive[4]
+    drive[5] = 0.0

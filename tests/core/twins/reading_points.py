@@ -1,14 +1,10 @@
-"""Points straight from their text: rows of three numbers in JSON, each rounded to the nearest float64.
-
-Any other text is left to the JSON library, and every returned number is the one that it would return.
-"""
+"""Points straight from their text in plain Python: what `core.read_points` has to return."""
 
 from __future__ import annotations
 
 import math
 
 import numpy as np
-from numba import njit
 
 _POWERS = np.array([10.0**i for i in range(23)])  # all exact
 _EXACT = 1 << 53  # whole numbers up to here are exact in float64
@@ -22,20 +18,8 @@ _NULL = np.array([110, 117, 108, 108], dtype=np.uint8)
 _BAD = -1
 
 
-@njit(cache=True, nogil=True)
 def points_of(text: np.ndarray) -> np.ndarray:
-    """Read `[[x,y,z],...]`, a row of NaN where a row is null.
-
-    Parameters
-    ----------
-    text
-        The characters [uint8].
-
-    Returns
-    -------
-    numpy.ndarray
-        The points [n, 3]; none where the text is anything else, or has a number that is hard to round.
-    """
+    """Read `[[x,y,z],...]`, a row of NaN where a row is null; no row where the text is anything else."""
     out = np.empty((len(text) // 5 + 1, 3))  # the shortest row is a null and a comma
     none = out[:0]
     i = _past(text, _OPEN, _blank(text, 0))
@@ -52,7 +36,6 @@ def points_of(text: np.ndarray) -> np.ndarray:
     return none
 
 
-@njit(cache=True, nogil=True)
 def _blank(text: np.ndarray, i: int) -> int:
     """Return the index of the next character that is no white space."""
     while i < len(text) and (text[i] == _SPACE or text[i] in (_TAB, _LINE, _RETURN)):
@@ -60,7 +43,6 @@ def _blank(text: np.ndarray, i: int) -> int:
     return i
 
 
-@njit(cache=True, nogil=True)
 def _past(text: np.ndarray, sign: int, i: int) -> int:
     """Go past a sign and white space to the next character; -1 where there is another, or an end."""
     if i >= len(text) or text[i] != sign:
@@ -69,7 +51,6 @@ def _past(text: np.ndarray, sign: int, i: int) -> int:
     return i if i < len(text) else _BAD
 
 
-@njit(cache=True, nogil=True)
 def _null(text: np.ndarray, i: int, row: np.ndarray) -> int:
     """Read a null, which is a point that was not observed; return where it ends, or -1."""
     if len(text) < i + 4:
@@ -81,7 +62,6 @@ def _null(text: np.ndarray, i: int, row: np.ndarray) -> int:
     return i + 4
 
 
-@njit(cache=True, nogil=True)
 def _row(text: np.ndarray, i: int, row: np.ndarray) -> int:
     """Read three numbers in brackets; return where they end, or -1."""
     for c in range(3):
@@ -95,7 +75,6 @@ def _row(text: np.ndarray, i: int, row: np.ndarray) -> int:
     return i + 1 if i < len(text) and text[i] == _CLOSE else _BAD
 
 
-@njit(cache=True, nogil=True)
 def _number(text: np.ndarray, i: int) -> tuple[float, int]:
     """Read a number; return it and where it ends, or -1."""
     n = len(text)
@@ -123,7 +102,6 @@ def _number(text: np.ndarray, i: int) -> tuple[float, int]:
     return -value if negative else value, i
 
 
-@njit(cache=True, nogil=True)
 def _digits(text: np.ndarray, i: int, whole: int) -> tuple[int, int]:
     """Append digits to a whole number until it is too large; return it and where they end."""
     while i < len(text) and whole < _MOST:
@@ -135,7 +113,6 @@ def _digits(text: np.ndarray, i: int, whole: int) -> tuple[int, int]:
     return whole, i
 
 
-@njit(cache=True, nogil=True)
 def _exponent(text: np.ndarray, i: int) -> tuple[int, int]:
     """Read the exponent of a number; return it and where it ends, or -1."""
     negative = i < len(text) and text[i] == _MINUS
@@ -146,7 +123,6 @@ def _exponent(text: np.ndarray, i: int) -> tuple[int, int]:
     return -power if negative else power, i if begin < i < begin + 4 else _BAD
 
 
-@njit(cache=True, nogil=True)
 def _nearest(whole: int, behind: int) -> float:
     """Return whole / 10^behind rounded to the nearest number; NaN where two are equally near."""
     if whole <= _EXACT:
@@ -166,7 +142,6 @@ def _nearest(whole: int, behind: int) -> float:
     return value
 
 
-@njit(cache=True, nogil=True)
 def _product(a: float, b: float) -> tuple[float, float]:
     """Return a product and its rounding error, exactly (Dekker)."""
     high, other = _SPLIT * a, _SPLIT * b

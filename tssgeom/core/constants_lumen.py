@@ -1,0 +1,19 @@
+"""Tuned numbers of the wall of a lumen."""
+
+from typing import NamedTuple
+
+
+class WallTolerance(NamedTuple):
+    """When numbers of a wall differ by rounding alone."""
+
+    same_point: float = 1e-7
+    """Relative to the distance and to the side of a triangle. chosen: above the rounding of a foot."""
+    shared_corner: float = 1e-6
+    """Of the side of a triangle: corners of neighbours. chosen: ten times `same_point`."""
+    flat: float = 1e-12
+    """Squared sine between two sides, below which a triangle has no area. chosen: above its rounding."""
+    smallest_distance: float = 1e-6
+    """[m] Added to the distance, so that a point on the wall has a tolerance. chosen: 1 µm."""
+
+
+WALL = WallTolerance()

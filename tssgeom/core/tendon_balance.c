@@ -1,0 +1,212 @@
+/* The laws of bars and contacts, and the equilibrium of one step with all of them, on any route.
+
+   The laws are made straight about the last pass. Displacements are absolute, so that nothing drifts in a
+   hold; docs/model.md (40)-(47), (50)-(58). */
+#include "tendon_bars.h"
+
+#include <string.h>
+
+size_t memory_bytes(int64_t k) { return (size_t)(7 * (k + 1) + 6) * sizeof(double); }
+size_t plant_bytes(int64_t k) { return (size_t)(14 * (k + 1) + 19) * sizeof(double); }
+
+bar_laws laws_of(int64_t k, const double *plant) {
+    int64_t b = k + 1;
+    const double *number = plant + 14 * b;
+    bar_laws laws = {.k = k};
+    laws.soft = plant + LAW.soft * b, laws.toe = plant + LAW.toe * b,
+    laws.toe_scale = plant + LAW.toe_scale * b;
+    laws.saved = plant + LAW.saved * b, laws.creep_soft = plant + LAW.creep_soft * b;
+    laws.warm = plant + LAW.warm * b, laws.rest = plant + LAW.rest * b;
+    laws.pulling = plant + LAW.pulling * b, laws.releasing = plant + LAW.releasing * b;
+    laws.fitting = plant + LAW.fitting * b, laws.low = plant + LAW.low * b, laws.high = plant + LAW.high * b;
+    laws.force = plant + LAW.force * b, laws.drag = plant + LAW.drag * b;
+    laws.pretension = number[PLANT.pretension], laws.load = number[PLANT.load];
+    laws.saved_scale = number[PLANT.saved_scale], laws.clearance = number[PLANT.clearance];
+    laws.creep_time = number[PLANT.creep_time], laws.backlash = number[PLANT.backlash];
+    laws.load_exponent = number[PLANT.load_exponent], laws.load_reference = number[PLANT.load_reference];
+    laws.wear_gain = number[PLANT.wear_gain], laws.wear_travel = number[PLANT.wear_travel];
+    laws.speed_gain = number[PLANT.speed_gain], laws.speed_reference = number[PLANT.speed_reference];
+    laws.curved = number[PLANT.curved] != 0.0, laws.by_rate = number[PLANT.by_rate] != 0.0;
+    laws.varied = number[PLANT.varied] != 0.0, laws.swift = number[PLANT.swift] != 0.0;
+    return laws;
+}
+
+bar_memory memory_of(int64_t k, double *block) {
+    int64_t b = k + 1;
+    bar_memory memory = {.held = block + 7 * b};
+    memory.tension = block + MEMORY.tension * b, memory.creep = block + MEMORY.creep * b;
+    memory.rest = block + MEMORY.rest * b, memory.displacement = block + MEMORY.displacement * b;
+    memory.speed = block + MEMORY.speed * b, memory.travel = block + MEMORY.travel * b;
+    memory.slip = block + MEMORY.slip * b;
+    return memory;
+}
+
+step_room room_of(int64_t k, double *work) {
+    int64_t b = k + 1;
+    bar_chain c = {.k = k, .trial = work, .stiffness = work + b, .low = work + 2 * b, .high = work + 3 * b};
+    c.force = work + 4 * b, c.drag = work + 5 * b, c.tension = work + 6 * b, c.w = work + 7 * b;
+    c.ratios = work + 8 * b, c.slip = (int8_t *)(work + 9 * b), c.tight = (int8_t *)(work + 10 * b);
+    return (step_room){c, work + 11 * b, work + 12 * b, work + 13 * b, work + 14 * b, work + 15 * b};
+}
+
+void begin_room(const bar_laws *laws, step_room *room) {
+    size_t size = (size_t)laws->k * sizeof(double);
+    memcpy(room->pulling, laws->pulling, size);
+    memcpy(room->releasing, laws->releasing, size);
+    memcpy(room->chain.low, laws->low, size);
+    memcpy(room->chain.high, laws->high, size);
+    memcpy(room->chain.force, laws->force, size);
+}
+
+double stretch_of(const bar_laws *laws, int64_t j, double tension, double *slope) {
+    double stretch = laws->soft[j] * tension, rise = laws->soft[j]; /* docs/model.md (50) */
+    if (laws->toe[j] != 0.0) {
+        double rest = exp(-tension / laws->toe_scale[j]);
+        stretch += laws->toe[j] * (1.0 - rest);
+        rise += laws->toe[j] * rest / laws->toe_scale[j];
+    }
+    if (laws->saved[j] != 0.0) {
+        double rest = exp(-tension / laws->saved_scale);
+        stretch += laws->saved[j] * (1.0 - rest);
+        rise += laws->saved[j] * rest / laws->saved_scale;
+    }
+    *slope = rise;
+    return stretch;
+}
+
+double load_factor(const bar_laws *laws, double load) {
+    if (laws->load_exponent == 0.0) return 1.0;
+    return exp(laws->load_exponent * log(most(BAR.least_load, load) / laws->load_reference));
+}
+
+double wear_factor(const bar_laws *laws, double travel) {
+    return 1.0 - laws->wear_gain * expm1(-travel / laws->wear_travel);
+}
+
+/* Shares of old creep, old and new tension in the creep after a step; docs/model.md (57). */
+typedef struct {
+    double kept, old, new;
+} creep_shares;
+
+static creep_shares creep_after(double time_constants) {
+    double mean = -expm1(-time_constants) / time_constants, kept = exp(-time_constants);
+    return (creep_shares){kept, mean - kept, 1.0 - mean};
+}
+
+/* Stretch that each bar would have if no contact moved [m]; docs/model.md (51), (58). */
+static void set_given(
+    const bar_laws *laws, const bar_memory *memory, double warmth, creep_shares shares, double target,
+    const double rest[], double given[]) {
+    int64_t last = laws->k;
+    for (int64_t j = 0; j <= last; j++) {
+        double left = j > 0 ? memory->displacement[j - 1] : target;
+        double right = j < last ? memory->displacement[j] : 0.0;
+        given[j] = left - right + rest[j] - laws->warm[j] * warmth;
+        if (laws->creep_soft[j] != 0.0)
+            given[j] += laws->creep_soft[j] * (laws->pretension - shares.old * memory->tension[j])
+                        - shares.kept * memory->creep[j];
+    }
+}
+
+/* The straight law of each bar about the tensions of the last pass; docs/model.md (50), (57). */
+static void set_bars(const bar_laws *laws, const step_room *room, double share) {
+    for (int64_t j = 0; j <= laws->k; j++) {
+        double slope, stretch = stretch_of(laws, j, room->about[j], &slope);
+        stretch += share * laws->creep_soft[j] * room->about[j];
+        slope += share * laws->creep_soft[j];
+        room->chain.stiffness[j] = slope > 0.0 ? 1.0 / slope : 0.0;
+        room->chain.trial[j] = room->about[j] + room->chain.stiffness[j] * (room->given[j] - stretch);
+    }
+}
+
+/* The cone of each contact about the tensions and movements of the last pass; docs/model.md (52)-(56). */
+static void set_cones(const bar_laws *laws, const step_room *room, double span) {
+    double gain = laws->speed_gain, path = laws->speed_reference * span;
+    const bar_chain *c = &room->chain;
+    for (int64_t i = 0; i < laws->k; i++) {
+        double factor = load_factor(laws, 0.5 * (room->about[i] + room->about[i + 1]));
+        c->force[i] = laws->force[i], c->drag[i] = laws->drag[i] / span;
+        if (gain != 0.0) {
+            double slid = fabs(room->moved[i]);
+            double exponent = room->moved[i] >= 0.0 ? room->pulling[i] : room->releasing[i];
+            double slope = room->about[i + 1] * exponent * factor * most(0.0, gain) / (path + slid);
+            factor *= most(0.0, 1.0 + gain * log1p(slid / path));
+            c->drag[i] += slope; /* docs/model.md (56) */
+            c->force[i] -= slope * slid;
+        }
+        c->low[i] = exp(-room->pulling[i] * factor - laws->fitting[i]);
+        c->high[i] = exp(room->releasing[i] * factor + laws->fitting[i]);
+    }
+}
+
+/* Write what the step did into the memory; returns whether it is finite. */
+static int
+keep(const bar_laws *laws, bar_memory *memory, const bar_chain *c, creep_shares shares, double span) {
+    double sum = 0.0;
+    for (int64_t j = 0; j <= laws->k; j++) sum += c->tension[j] + (j < laws->k ? c->w[j] : 0.0);
+    if (!isfinite(sum)) return 0;
+    for (int64_t j = 0; j <= laws->k; j++) {
+        if (laws->creep_soft[j] != 0.0) { /* docs/model.md (57) */
+            double pulled = shares.old * memory->tension[j] + shares.new * c->tension[j];
+            memory->creep[j] = shares.kept * memory->creep[j] + laws->creep_soft[j] * pulled;
+        }
+        memory->tension[j] = c->tension[j];
+    }
+    for (int64_t i = 0; i < laws->k; i++) {
+        memory->displacement[i] += c->w[i];
+        memory->travel[i] += fabs(c->w[i]);
+        memory->speed[i] = c->w[i] / span;
+        memory->slip[i] = c->slip[i];
+    }
+    return 1;
+}
+
+double balance(
+    const bar_laws *laws, bar_memory *memory, step_room *room, int by_force, double target, double weight,
+    double warmth, double span, const double rest[], int64_t *solves) {
+    bar_chain *c = &room->chain;
+    int64_t k = laws->k, last = k;
+    creep_shares shares = creep_after(span / laws->creep_time);
+    int hanging = laws->load == 0.0, one_pass = !(laws->curved || laws->varied);
+    c->rigid_in = !by_force && laws->soft[0] == 0.0 && laws->toe[0] == 0.0;
+    c->rigid_out = laws->load == INFINITY && laws->soft[last] == 0.0 && laws->toe[last] == 0.0;
+    c->shift = c->rigid_in ? target - memory->displacement[0] : 0.0;
+    set_given(laws, memory, warmth, shares, by_force ? 0.0 : target, rest, room->given);
+    memcpy(room->about, memory->tension, (size_t)(k + 1) * sizeof(double));
+    for (int64_t i = 0; i < k; i++) {
+        room->moved[i] = memory->speed[i] * span;
+        c->drag[i] = laws->drag[i] / span;
+        c->slip[i] = (int8_t)memory->slip[i];
+        if (laws->wear_gain == 0.0) continue;
+        double factor = wear_factor(laws, memory->travel[i]);
+        room->pulling[i] = laws->pulling[i] * factor, room->releasing[i] = laws->releasing[i] * factor;
+    }
+    double change = INFINITY, residual = INFINITY;
+    *solves = 0;
+    for (int64_t done = 0; done < (one_pass ? 1 : SOLVER.passes); done++) {
+        set_bars(laws, room, shares.new);
+        if (by_force) c->trial[0] = target, c->stiffness[0] = 0.0;
+        else if (c->rigid_in) c->trial[0] = memory->tension[0], c->stiffness[0] = 0.0;
+        if (hanging) c->trial[last] = weight, c->stiffness[last] = 0.0;
+        else if (c->rigid_out) c->trial[last] = memory->tension[last], c->stiffness[last] = 0.0;
+        if (laws->varied) set_cones(laws, room, span);
+        if (by_force && hanging) { /* docs/model.md (47) */
+            double range[2];
+            range_of_drive(k, weight, c->low, c->high, c->force, range);
+            if (!(range[0] * (1.0 - SOLVER.dead_weight) <= target
+                  && target <= range[1] * (1.0 + SOLVER.dead_weight)))
+                return INFINITY;
+        }
+        *solves += equilibrium(c, hanging, SOLVER.from_before, SOLVER.from_guess, &residual);
+        change = 0.0;
+        for (int64_t j = 0; j <= k; j++) change = most(fabs(c->tension[j] - room->about[j]), change);
+        if (one_pass || (change <= SOLVER.converged && residual <= SOLVER.accepted)) break;
+        /* after a while it swings from side to side of a bend in some law */
+        int full = done < SOLVER.full_passes;
+        for (int64_t j = 0; j <= k; j++)
+            room->about[j] = full ? c->tension[j] : 0.5 * (room->about[j] + c->tension[j]);
+        for (int64_t i = 0; i < k; i++) room->moved[i] = full ? c->w[i] : 0.5 * (room->moved[i] + c->w[i]);
+    }
+    if (!(residual <= SOLVER.accepted) || !keep(laws, memory, c, shares, span)) return INFINITY;
+    return one_pass ? 0.0 : change;
+}

@@ -1,0 +1,103 @@
+/* Bars and contacts: what the files of the tendon share. */
+#pragma once
+#include "tendon.h"
+
+/* What a contact does: slides towards the proximal end, holds, slides towards the distal end. */
+enum { PULLED = 1, STUCK = 0, RELEASED = -1 };
+
+/* The grid of a tendon on a route: length and mean φ of k − 1 bars, angle and span of k contacts. */
+typedef struct {
+    double *length, *mean_angle, *angle, *span;
+} contact_grid;
+
+/* Laws of k + 1 bars and k contacts; the fields are those of LAW and PLANT in constants_tendon_rows.py. */
+typedef struct {
+    int64_t k;
+    const double *soft, *toe, *toe_scale, *saved, *creep_soft, *warm, *rest;
+    const double *pulling, *releasing, *fitting, *low, *high, *force, *drag;
+    double pretension, load, saved_scale, clearance, creep_time, load_exponent, load_reference;
+    double wear_gain, wear_travel, speed_gain, speed_reference, backlash;
+    int curved, by_rate, varied, swift;
+} bar_laws;
+
+/* What one step leaves to the next: the rows of MEMORY and the numbers of HELD. */
+typedef struct {
+    double *tension, *creep, *rest, *displacement, *speed, *travel, *slip, *held;
+} bar_memory;
+
+/* Linear laws of k + 1 bars and friction of the k contacts between them for one step, and their solution. */
+typedef struct {
+    int64_t k;
+    double *trial; /* [k+1] tension of each bar if no contact moved, negative where it would be slack [N] */
+    double *
+        stiffness; /* [k+1] 0 where the tension is given (force drive, dead weight) and at rigid ends [N/m] */
+    double *low; /* [k] least T[i+1] over T[i], but for the force of friction [1] */
+    double *high; /* [k] greatest T[i+1] over T[i], but for the force of friction [1] */
+    double *force; /* [k] T[i+1] lies between low·T[i] − force and high·T[i] + force [N] */
+    double *drag; /* [k] friction for each metre moved in this step [N/m] */
+    int rigid_in; /* whether the proximal end moves by exactly `shift` */
+    int rigid_out; /* whether the distal end is fixed */
+    double shift; /* [m] */
+    double *tension; /* [k+1] N */
+    double *w; /* [k] movement of each contact [m] */
+    double *ratios; /* [k] of the elimination */
+    int8_t *slip; /* [k] what each contact does */
+    int8_t *tight; /* [k+1] whether each bar carries tension */
+} bar_chain;
+
+/* Room of one step: the chain, and what bars and contacts would do; 20 rows of k + 1 numbers. */
+typedef struct {
+    bar_chain chain;
+    double *given; /* [k+1] stretch of each bar if no contact moved [m] */
+    double *about, *moved; /* [k+1] N, [k] m: the last pass */
+    double *pulling, *releasing; /* [k] exponents after wear [1] */
+} step_room;
+
+bar_laws laws_of(int64_t k, const double *plant);
+bar_memory memory_of(int64_t k, double *block);
+step_room room_of(int64_t k, double *work);
+contact_grid grid_of(int64_t k, double *work);
+size_t memory_bytes(int64_t k);
+size_t plant_bytes(int64_t k);
+
+/* Put bars at their fractions of a route; docs/model.md (41). */
+void discretise(
+    int64_t k, const double edge[], int64_t p, const double length[], const double angle[],
+    contact_grid grid);
+int64_t add_bends(
+    int64_t p, const double length[], const double angle[], int64_t m, const double bends[][3],
+    double *pieces[2], double *spare[2]);
+double total(int64_t n, const double values[]);
+double row_dot(int64_t n, const double a[], const double b[]);
+double quadratic_form(int64_t n, const double a[], const double *matrix, int64_t width);
+
+/* Stretch of a taut bar [m] and its slope [m/N]; docs/model.md (50). */
+double stretch_of(const bar_laws *laws, int64_t j, double tension, double *slope);
+/* What the tension at a contact makes of the friction there [1]; docs/model.md (52). */
+double load_factor(const bar_laws *laws, double load);
+/* What the path slid so far makes of it [1]; docs/model.md (52). */
+double wear_factor(const bar_laws *laws, double travel);
+/* Cones of a plant whose contacts have these curve angles [k]. */
+void set_contacts(int64_t k, double *plant, const double angle[]);
+/* Contacts and saved paths of a plant on a route. */
+void put_on_route(
+    int64_t k, const double edge[], double *plant, int64_t p, const double length[], const double angle[],
+    int64_t m, const double bends[][3], double *pieces, double *work);
+
+/* Bring the chain into equilibrium; returns the solves spent, and the residual [N]. */
+int64_t equilibrium(bar_chain *chain, int hanging, int64_t from_before, int64_t from_guess, double *residual);
+/* Set slip and tight as they would be on a fixed route; exact there, for force and for position. */
+void guess_fixed_route(bar_chain *chain, int hanging);
+/* Proximal tensions between which a dead weight stays where it is [N]; docs/model.md (47). */
+void range_of_drive(
+    int64_t k, double weight, const double low[], const double high[], const double force[], double range[2]);
+
+/* Start the cone of a room from the laws. */
+void begin_room(const bar_laws *laws, step_room *room);
+/* Bring a memory to a new drive by equilibrium; returns how much the last pass changed any tension [N]. */
+double balance(
+    const bar_laws *laws, bar_memory *memory, step_room *room, int by_force, double target, double weight,
+    double warmth, double span, const double rest[], int64_t *solves);
+/* The same in one sweep on a fixed route; returns how far the drive is off [m]. */
+double
+sweep(const bar_laws *laws, bar_memory *memory, step_room *room, int by_force, double target, double span);

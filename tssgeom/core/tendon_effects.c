@@ -1,0 +1,168 @@
+/* What effects make of a route and of both ends: contacts, dead zone, front, standard errors, lags. */
+#include "tendon_bars.h"
+
+#include <string.h>
+
+/* Accumulated curve angle at an arc length of a route; φ is linear between the ends of its pieces. */
+static double angle_at(int64_t p, const double length[], const double angle[], double s) {
+    double begin = 0.0, phi = 0.0;
+    for (int64_t i = 0; i < p; i++) {
+        if (s < begin + length[i]) return phi + (s - begin) * (angle[i] / length[i]);
+        begin += length[i], phi += angle[i];
+    }
+    return phi;
+}
+
+void set_contacts(int64_t k, double *plant, const double angle[]) {
+    int64_t b = k + 1;
+    double friction = plant[14 * b + PLANT.friction], asymmetry = plant[14 * b + PLANT.asymmetry];
+    for (int64_t i = 0; i < k; i++) { /* docs/model.md (41), (52) */
+        double base = friction * angle[i], fitting = plant[LAW.fitting * b + i];
+        double pulling = base * (1.0 + asymmetry), releasing = base * (1.0 - asymmetry);
+        plant[LAW.pulling * b + i] = pulling, plant[LAW.low * b + i] = exp(-pulling - fitting);
+        plant[LAW.releasing * b + i] = releasing, plant[LAW.high * b + i] = exp(releasing + fitting);
+    }
+}
+
+void put_on_route(
+    int64_t k, const double edge[], double *plant, int64_t p, const double length[], const double angle[],
+    int64_t m, const double bends[][3], double *pieces, double *work) {
+    int64_t b = k + 1, room = p + 2 * m;
+    double *number = plant + 14 * b, *saved = plant + LAW.saved * b;
+    if (m > 0) { /* docs/model.md (60) */
+        p = add_bends(
+            p, length, angle, m, bends, (double *[2]){pieces, pieces + room},
+            (double *[2]){pieces + 2 * room, pieces + 3 * room});
+        length = pieces, angle = pieces + room;
+    }
+    double gain = number[PLANT.curvature_gain], clearance = number[PLANT.clearance], before = 0.0;
+    saved[0] = saved[k] = 0.0;
+    double whole = total(p, length);
+    for (int64_t j = 1; j < k; j++) { /* docs/model.md (58) */
+        double here = clearance == 0.0 ? 0.0 : angle_at(p, length, angle, edge[j] * whole);
+        saved[j] = clearance * (here - before);
+        before = here;
+    }
+    if (gain != 0.0) { /* docs/model.md (53) */
+        double *pressing = pieces + 4 * room;
+        for (int64_t i = 0; i < p; i++)
+            pressing[i] = angle[i] * most(0.0, 1.0 + gain * (angle[i] / length[i]));
+        angle = pressing;
+    }
+    contact_grid grid = grid_of(k, work);
+    discretise(k, edge, p, length, angle, grid);
+    set_contacts(k, plant, grid.angle);
+}
+
+void tss_plant_on_route(
+    int64_t k, const double edge[k], const double plant[14 * (k + 1) + 19], int64_t p, const double length[p],
+    const double angle[p], int64_t m, const double bends[m][3], double after[14 * (k + 1) + 19],
+    double pieces[5][p + 2 * m], double work[4][k]) {
+    memcpy(after, plant, plant_bytes(k));
+    if (k > 1 && p > 0) put_on_route(k, edge, after, p, length, angle, m, bends, pieces[0], work[0]);
+}
+
+double tss_answering(
+    int64_t k, const double plant[14 * (k + 1) + 19], const double memory[7 * (k + 1) + 6],
+    double tension_out, int64_t way) {
+    bar_laws laws = laws_of(k, plant);
+    const double *travel = memory + MEMORY.travel * (k + 1);
+    double here = tension_out, sign = way > 0 ? 1.0 : -1.0;
+    for (int64_t i = k - 1; i >= 0; i--) { /* from load to drive, along the side on which all slides slowly */
+        double exponent = (way > 0 ? laws.pulling[i] : laws.releasing[i]) * wear_factor(&laws, travel[i]);
+        double far = most(0.0, here + sign * laws.force[i]),
+               near = far * exp(sign * (exponent + laws.fitting[i]));
+        int64_t searches = laws.load_exponent != 0.0 && far > 0.0 ? BAR.searches : 0;
+        for (int64_t search = 0; search < searches; search++) { /* Newton's method on near = far·exp(…) */
+            double load = 0.5 * (near + here), factor = load_factor(&laws, load), last = near;
+            double wanted = far * exp(sign * (exponent * factor + laws.fitting[i]));
+            double share = load > BAR.least_load ? laws.load_exponent * 0.5 / load : 0.0;
+            near -= (near - wanted) / (1.0 - wanted * sign * exponent * factor * share);
+            if (fabs(near - last) <= BAR.close * near) break;
+        }
+        here = near;
+    }
+    return here;
+}
+
+/* How much of its cone a contact uses, −1 pulled to +1 released; and its exponent then [1]. */
+static double used_share(const bar_laws *laws, const bar_memory *memory, int64_t i, double *exponent) {
+    double near = memory->tension[i], far = memory->tension[i + 1];
+    *exponent = 0.0;
+    if (most(far, near) < BAR.answers) return 0.0; /* a loose tendon uses nothing of it */
+    double factor = load_factor(laws, 0.5 * (near + far)) * wear_factor(laws, memory->travel[i]);
+    *exponent = (far < near ? laws->pulling[i] : laws->releasing[i]) * factor;
+    double side = *exponent + laws->fitting[i], whole = far < near ? -expm1(-side) : expm1(side);
+    double share = (far - near) / most(1e-300, whole * near + laws->force[i]);
+    return laws->speed_gain != 0.0 ? share : within(share, -1.0, 1.0);
+}
+
+void tss_transmit_with_effects(
+    int64_t k, const double edge[k], const double plant[14 * (k + 1) + 19],
+    const double memory[7 * (k + 1) + 6], int64_t p, const double length[p], const double angle[p],
+    const double covariance[2 * p][2 * p], int64_t way, int64_t front, double ends[5], double gradient[3][p],
+    double work[4][k]) {
+    for (int i = 0; i < 5; i++) ends[i] = NAN;
+    if (k < 2 || p == 0) return;
+    bar_laws laws = laws_of(k, plant);
+    bar_memory kept = memory_of(k, (double *)memory);
+    const double *number = plant + 14 * (k + 1), *tension = kept.tension;
+    double friction = number[PLANT.friction], asymmetry = number[PLANT.asymmetry];
+    double *by_length = gradient[0], *by_angle = gradient[1], *pressed = gradient[2];
+    double whole = total(p, length), used = 0.0, slope = 0.0, rest = exp(-laws.pretension / laws.saved_scale);
+    for (int64_t i = 0; i < p; i++) {
+        pressed[i] = 1.0 + 2.0 * number[PLANT.curvature_gain] * (angle[i] / length[i]); /* of ψ in (53) [1] */
+        by_length[i] = by_angle[i] = 0.0;
+    }
+    for (int64_t j = 1; j <= k; j++) { /* bars in the sheath, then what lies between sheath and load */
+        int inside = j < k;
+        double pull = tension[j], exponent, rise, share = used_share(&laws, &kept, j - 1, &exponent);
+        if (exponent > BAR.straight) used = share; /* on a straight stretch as before it */
+        double coefficient = friction * (used < 0.0 ? 1.0 + asymmetry : 1.0 - asymmetry);
+        slope = used * coefficient * load_factor(&laws, pull) * wear_factor(&laws, kept.travel[j - 1]);
+        stretch_of(&laws, j, pull, &rise);
+        if (!inside && laws.load > 0.0) rise -= 1.0 / laws.load;
+        double begin = inside ? edge[j - 1] * whole : whole, end = inside ? edge[j] * whole : whole;
+        double strain = inside ? (kept.displacement[j - 1] - kept.displacement[j]) / (end - begin) : 0.0;
+        double taut = laws.clearance == 0.0 ? 0.0 : laws.clearance * (rest - exp(-pull / laws.saved_scale));
+        double start = 0.0, middle = 0.5 * (begin + end);
+        for (int64_t i = 0; i < p && start <= end; i++) { /* docs/model.md (123) */
+            double stop = start + length[i];
+            double overlap = most(0.0, least(stop, end) - most(start, begin)) / length[i];
+            double passed = within((middle - start) / length[i], 0.0, 1.0);
+            by_length[i] += strain * overlap;
+            by_angle[i] += rise * pull * slope * passed * pressed[i] + taut * overlap;
+            start = stop;
+        }
+    }
+    double variance = quadratic_form(2 * p, by_length, covariance[0], 2 * p);
+    double angle_variance = quadratic_form(p, pressed, covariance[p] + p, 2 * p);
+    double tension_in = tension[0], tension_out = tension[k];
+    double width = (double)way * (tss_answering(k, plant, memory, tension_out, way) - tension_in);
+    int replied =
+        kept.slip[k - 1] == (double)way
+        || width <= BAR.answers * most(1.0, most(tension_out, tension_in)); /* docs/model.md (122) */
+    double slid = 0.0;
+    if (front == k) slid = total(p, angle);
+    else if (front > 0) {
+        contact_grid grid = grid_of(k, work[0]);
+        discretise(k, edge, p, length, angle, grid);
+        slid = grid.mean_angle[front - 1];
+    }
+    ends[0] = sqrt(most(0.0, variance));
+    ends[1] = tension_out * fabs(slope) * sqrt(most(0.0, angle_variance));
+    ends[2] = replied ? 0.0 : width, ends[3] = replied, ends[4] = slid;
+}
+
+void tss_lagged(
+    int64_t s, const double values[s], const double spans[s], double lag, double given, double read,
+    double out[s]) {
+    for (int64_t i = 0; i < s; i++) {
+        if (spans[i] > 0.0) { /* docs/model.md (62) */
+            double behind = (values[i] - given) / spans[i] * lag;
+            read = values[i] - behind + (read - given + behind) * exp(-spans[i] / lag);
+        }
+        given = values[i];
+        out[i] = read;
+    }
+}

@@ -1,0 +1,266 @@
+/* Equilibrium of a loaded tendon whose every contact may stick or slide: one step, any size.
+
+   The tendon is a chain of elastic bars between contacts. A contact with movement w > 0 slides towards the
+   proximal end and is on the lower side of its friction cone, one with w < 0 on the upper side; inside it
+   sticks. Which contacts slide is found by policy iteration on a tridiagonal M-matrix; docs/model.md
+   (40)-(46). */
+#include "tendon_bars.h"
+
+/* Solve the bar laws with every contact doing what `slip` says, for the movements w [m]. */
+static void solve(const bar_chain *c) {
+    int64_t k = c->k;
+    for (int64_t i = 0; i < k; i++) {
+        double before = 0.0, here = 1.0, behind = 0.0, right = 0.0;
+        if (i == 0 && c->rigid_in && c->tight[0]) {
+            right = c->shift;
+        } else if (c->slip[i] != STUCK && !(i == k - 1 && c->rigid_out)) {
+            double side = c->slip[i] == PULLED ? c->low[i] : c->high[i];
+            double near = c->tight[i] ? side * c->stiffness[i] : 0.0;
+            double far = c->tight[i + 1] ? c->stiffness[i + 1] : 0.0;
+            if (near + far + c->drag[i] > 0.0) {
+                before = -near, here = near + far + c->drag[i], behind = -far; /* docs/model.md (43) */
+                right = -c->slip[i] * c->force[i];
+                if (c->tight[i]) right += side * c->trial[i];
+                if (c->tight[i + 1]) right -= c->trial[i + 1];
+            }
+        }
+        if (i > 0) here -= before * c->ratios[i - 1], right -= before * c->w[i - 1];
+        if (here <= 0.0) behind = 0.0, here = 1.0, right = 0.0; /* slack all around: any movement will do */
+        c->ratios[i] = behind / here;
+        c->w[i] = right / here;
+    }
+    for (int64_t i = k - 2; i >= 0; i--) c->w[i] -= c->ratios[i] * c->w[i + 1];
+}
+
+/* Tension of a bar by Hooke's law alone, negative where slack [N]; docs/model.md (40). */
+static inline double linear(const bar_chain *c, int64_t j) {
+    double near = j > 0 ? c->w[j - 1] : 0.0, far = j < c->k ? c->w[j] : 0.0;
+    return c->trial[j] + c->stiffness[j] * (near - far);
+}
+
+/* Set the tension of every bar from the movements, zero where it is slack. */
+static void set_tensions(const bar_chain *c) {
+    int64_t last = c->k - 1;
+    double *tension = c->tension;
+    for (int64_t j = 0; j <= c->k; j++) tension[j] = most(0.0, linear(c, j));
+    if (c->rigid_in) { /* docs/model.md (45) */
+        double upper = (tension[1] + c->force[0] + c->drag[0] * c->w[0]) / c->low[0];
+        double lower = most(0.0, tension[1] - c->force[0] + c->drag[0] * c->w[0]) / c->high[0];
+        double held = c->w[0] > 0.0 ? upper : c->w[0] < 0.0 ? lower : least(upper, most(lower, c->trial[0]));
+        tension[0] = c->w[0] > c->shift ? 0.0 : held;
+    }
+    if (c->rigid_out) {
+        double here = most(c->low[last] * tension[last] - c->force[last], c->trial[last + 1]);
+        tension[last + 1] = most(0.0, least(c->high[last] * tension[last] + c->force[last], here));
+    }
+}
+
+/* How far a contact is above both sides of its cone, and its movement, all as forces [N]. */
+typedef struct {
+    double low, high, motion;
+} cone_excess;
+
+static inline cone_excess excess(const bar_chain *c, int64_t i, double near, double far) {
+    if (i == 0 && c->rigid_in) near = 0.0; /* a rigid end is judged as if it were loose */
+    far += c->drag[i] * c->w[i];
+    return (cone_excess){
+        far - c->low[i] * near + c->force[i], far - c->high[i] * near - c->force[i],
+        SOLVER.motion * (c->stiffness[i] + c->stiffness[i + 1]) * c->w[i]};
+}
+
+/* The same with tight bars linear even below zero, and slack bars at zero. */
+static inline cone_excess marked_excess(const bar_chain *c, int64_t i) {
+    return excess(c, i, c->tight[i] ? linear(c, i) : 0.0, c->tight[i + 1] ? linear(c, i + 1) : 0.0);
+}
+
+static double greatest(int64_t n, const double values[]) {
+    double result = values[0];
+    for (int64_t i = 1; i < n; i++) result = most(result, values[i]);
+    return result;
+}
+
+/* Mark anew which bars are tight; returns whether any mark changed. */
+static int mark_tight(const bar_chain *c, double tie) {
+    int changed = 0;
+    for (int64_t j = c->rigid_in ? 1 : 0; j <= c->k; j++) {
+        int now = linear(c, j) >= -tie;
+        changed |= now != c->tight[j];
+        c->tight[j] = (int8_t)now;
+    }
+    return changed;
+}
+
+static inline int64_t free_contacts(const bar_chain *c) { return c->rigid_out ? c->k - 1 : c->k; }
+
+/* Greatest residual of the complementarity [N]; with `renew`, chooses slip and tight anew. */
+static double judge(const bar_chain *c, int renew) {
+    double worst = 0.0;
+    for (int64_t i = 0; i < free_contacts(c); i++) {
+        cone_excess over = excess(c, i, c->tension[i], c->tension[i + 1]);
+        double left = least(most(over.high, over.motion), over.low); /* docs/model.md (42) */
+        if (i == 0 && c->rigid_in) {
+            double taut = c->stiffness[1] * (c->w[0] - c->shift);
+            if (renew) c->tight[0] = taut <= left;
+            left = least(taut, left);
+        }
+        double rounding = SOLVER.rounding * (c->stiffness[i] + c->stiffness[i + 1]) * fabs(c->w[i]);
+        worst = most(fabs(left) - rounding, worst);
+        if (renew) c->slip[i] = over.low < over.motion ? PULLED : over.high > over.motion ? RELEASED : STUCK;
+    }
+    if (renew) mark_tight(c, SOLVER.accuracy * (greatest(c->k + 1, c->tension) + 1e-9));
+    return worst;
+}
+
+/* Solves spent and the residual of the semi-smooth Newton iteration. */
+static int64_t newton(const bar_chain *c, double accepted, int64_t patience, double *residual) {
+    *residual = INFINITY;
+    for (int64_t turn = 0; turn < patience; turn++) {
+        if (turn > 0) judge(c, 1);
+        solve(c);
+        set_tensions(c);
+        *residual = judge(c, 0);
+        if (*residual <= accepted) return turn + 1;
+    }
+    return patience;
+}
+
+/* Choose anew which contacts that are not pulled are released; returns whether any changed. */
+static int choose_released(const bar_chain *c, double tie) {
+    int changed = 0;
+    for (int64_t i = 0; i < free_contacts(c); i++) {
+        cone_excess over = marked_excess(c, i);
+        if (c->slip[i] == STUCK && over.high > tie + over.motion) c->slip[i] = RELEASED, changed = 1;
+        else if (c->slip[i] == RELEASED && over.motion > tie + over.high) c->slip[i] = STUCK, changed = 1;
+    }
+    return changed;
+}
+
+/* Choose anew which contacts are pulled, and whether a rigid drive is taut; returns whether any changed. */
+static int choose_pulled(const bar_chain *c, double tie) {
+    int changed = 0;
+    for (int64_t i = 0; i < free_contacts(c); i++) {
+        cone_excess over = marked_excess(c, i);
+        double other = most(over.high, over.motion);
+        if (i == 0 && c->rigid_in) {
+            double taut = c->stiffness[1] * (c->w[0] - c->shift);
+            int now = taut <= least(other, over.low) + (c->tight[0] ? tie : -tie);
+            if (c->tight[0] != now) c->tight[0] = (int8_t)now, changed = 1;
+        }
+        if (c->slip[i] != PULLED && over.low < other - tie) c->slip[i] = PULLED, changed = 1;
+        else if (c->slip[i] == PULLED && other < over.low - tie)
+            c->slip[i] = over.high > over.motion ? RELEASED : STUCK, changed = 1;
+    }
+    return changed;
+}
+
+/* Solve by policy iteration within policy iteration, which cannot cycle; returns the solves spent.
+
+   The inner loop decides what is released, the outer one what is pulled, and each w is above the one before.
+   Slack bars stay as they are marked; docs/model.md (46). */
+static int64_t solve_nested(const bar_chain *c, double tie) {
+    int64_t solves = 0;
+    for (int64_t outer = 0; outer < 4 * c->k; outer++) {
+        for (int64_t inner = 0; inner < 4 * c->k; inner++) {
+            solve(c);
+            solves++;
+            if (!choose_released(c, tie)) break;
+        }
+        if (!choose_pulled(c, tie)) break;
+    }
+    return solves;
+}
+
+/* Movement [m] to one side of the cone; near and far without it, negative where slack [N]. */
+static double
+balanced_move(const bar_chain *c, int64_t i, double near, double far, double side, double kept) {
+    double k_near = c->stiffness[i], k_far = c->stiffness[i + 1], drag = c->drag[i];
+    double move = (side * near + kept - far) / (k_far + side * k_near + drag);
+    if (move > 0.0 && far + k_far * move < 0.0 && side * k_near + drag > 0.0) /* the far bar stays slack */
+        return (side * near + kept) / (side * k_near + drag);
+    if (move < 0.0 && near - k_near * move < 0.0 && k_far + drag > 0.0) /* the near bar stays slack */
+        return (kept - far) / (k_far + drag);
+    return move;
+}
+
+/* Improve w by sweeps that balance one contact after the other, slowly but surely; docs/model.md (46). */
+static void relax(const bar_chain *c, int64_t sweeps) {
+    int64_t last = c->k - 1, count = free_contacts(c);
+    if (c->rigid_out) c->w[last] = 0.0;
+    for (int64_t pass = 0; pass < sweeps; pass++) {
+        for (int64_t turn = 0; turn < count; turn++) {
+            int64_t i = pass % 2 == 0 ? turn : count - 1 - turn;
+            c->w[i] = 0.0;
+            double near = i == 0 && c->rigid_in ? 0.0 : linear(c, i), far = linear(c, i + 1);
+            double low = c->low[i], high = c->high[i], force = c->force[i];
+            if (most(0.0, far) < low * most(0.0, near) - force)
+                c->w[i] = most(0.0, balanced_move(c, i, near, far, low, -force));
+            else if (most(0.0, far) > high * most(0.0, near) + force)
+                c->w[i] = least(0.0, balanced_move(c, i, near, far, high, force));
+            if (i == 0 && c->rigid_in) c->w[0] = most(c->shift, c->w[0]);
+        }
+    }
+}
+
+/* Free the tensions on the cone from the rounding of the solve, and mark the rigid ends. */
+static void free_from_rounding(const bar_chain *c) {
+    if (c->rigid_in) c->slip[0] = c->w[0] > 0.0 ? PULLED : c->w[0] < 0.0 ? RELEASED : STUCK;
+    if (c->rigid_out) c->slip[c->k - 1] = STUCK;
+    for (int64_t i = 0; i < c->k; i++) {
+        if (c->slip[i] == STUCK || !(c->tension[i + 1] > 0.0 && c->stiffness[i + 1] > 0.0)) continue;
+        double side = c->slip[i] == PULLED ? c->low[i] : c->high[i];
+        if (c->w[i] == 0.0)
+            c->slip[i] = STUCK; /* a mark left over from a bar that was taken for slack on the way */
+        else
+            c->tension[i + 1] =
+                most(0.0, side * c->tension[i] - c->slip[i] * c->force[i] - c->drag[i] * c->w[i]);
+    }
+}
+
+int64_t equilibrium(bar_chain *c, int hanging, int64_t from_before, int64_t from_guess, double *residual) {
+    double scale = 1e-6;
+    for (int64_t j = 0; j <= c->k; j++) scale = most(fabs(c->trial[j]), scale), c->tight[j] = 1;
+    for (int64_t i = 0; i < c->k; i++) c->w[i] = 0.0;
+    double accepted = SOLVER.accuracy * scale;
+    int64_t solves = newton(c, accepted, from_before, residual);
+    if (*residual > accepted) {
+        guess_fixed_route(c, hanging);
+        accepted = SOLVER.accuracy * most(greatest(c->k + 1, c->tension), scale);
+        solves += newton(c, accepted, from_guess, residual);
+    }
+    int64_t sweeps = 20;
+    for (int64_t attempt = 0; attempt < SOLVER.rounds && !(*residual <= accepted); attempt++, sweeps *= 4) {
+        if (attempt > 0) {
+            relax(c, sweeps);
+            set_tensions(c);
+            judge(c, 1);
+        }
+        for (int64_t marking = 0; marking < SOLVER.markings; marking++) {
+            solves += solve_nested(c, 0.01 * accepted);
+            set_tensions(c);
+            *residual = judge(c, 0);
+            if (*residual <= accepted || !mark_tight(c, accepted)) break;
+        }
+    }
+    free_from_rounding(c);
+    return solves;
+}
+
+int64_t tss_equilibrium(
+    int64_t k, const double trial[k + 1], const double stiffness[k + 1], const double cone[4][k],
+    int64_t rigid_in, int64_t rigid_out, double shift, int64_t hanging, const double slip[k],
+    int64_t from_before, int64_t from_guess, double tension[k + 1], double contacts[2][k], double residual[1],
+    double work[20][k + 1]) {
+    residual[0] = NAN;
+    if (k == 0) return 0;
+    bar_chain c = room_of(k, work[0]).chain;
+    for (int64_t j = 0; j <= k; j++) c.trial[j] = trial[j], c.stiffness[j] = stiffness[j];
+    for (int64_t i = 0; i < k; i++) {
+        c.low[i] = cone[0][i], c.high[i] = cone[1][i], c.force[i] = cone[2][i], c.drag[i] = cone[3][i];
+        c.slip[i] = (int8_t)slip[i];
+    }
+    c.rigid_in = (int)rigid_in, c.rigid_out = (int)rigid_out, c.shift = shift;
+    int64_t solves = equilibrium(&c, (int)hanging, from_before, from_guess, residual);
+    for (int64_t j = 0; j <= k; j++) tension[j] = c.tension[j];
+    for (int64_t i = 0; i < k; i++) contacts[0][i] = c.w[i], contacts[1][i] = c.slip[i];
+    return solves;
+}
