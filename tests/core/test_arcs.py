@@ -217,10 +217,18 @@ def test_a_frame_is_a_fit_without_outliers_and_its_pieces():
     outliers = 0
     for seed in range(80):
         data, chain = problem(seed)
-        data = data._replace(weight=np.ones(len(data.points)))
+        spacing = core.spacing_of_pieces(data.points, float(chain.stations[-1] - chain.stations[0]))
+        kinks = np.any(np.diff(chain.joints[1:]) < CHAIN_FIT.clearly * spacing)
+        shortest = CHAIN_FIT.kink if kinks else 1.0
+        data = data._replace(weight=np.ones(len(data.points)), spacing=spacing, shortest=shortest)
+        assert core.chain_scale(data.points, chain.form, chain.stations) == (spacing, shortest)
         last = 1e-7
         count = parameter_count(chain.curved, data.free)
-        fits, weight, *rest = core.follow_chain(count, *data.sensed, data.shortest, *chain[:3], last)
+        points, _, free, variance, _, *directions = data.sensed
+        given = (count, points, free, variance, *directions, *chain[:3], last)
+        *scale, fits, weight = (results := core.follow_chain(*given))[:4]
+        assert scale == [spacing, shortest]
+        rest = results[4:]
         expected = fit_fixed_pieces(data, chain, restart=True)
         weights = outlier_weights(data, expected, last)
         if weights is not None:
@@ -292,8 +300,11 @@ def test_numbers_that_are_none_end_without_a_result():
         getattr(nowhere, name)[...] = math.nan
         assert math.isnan(fit_fixed_pieces(data, nowhere).cost)
         count = parameter_count(chain.curved, data.free)
-        assert not core.follow_chain(count, *data.sensed, data.shortest, *nowhere[:3], 0.0)[0]
+        known = (count, data.points, data.free, 0.0, None, None)
+        assert not core.follow_chain(*known, *nowhere[:3], 0.0)[2]
         assert fit_candidate(data, nowhere, 1e9) is None
+    unknown = np.full_like(data.points, math.nan)
+    assert not core.follow_chain(count, unknown, data.free, 0.0, None, None, *chain[:3], 0.0)[2]
 
 
 def test_points_in_one_position_and_one_point_alone_end():
@@ -309,6 +320,9 @@ def test_arrays_that_do_not_belong_together_are_refused():
     count = parameter_count(chain.curved, data.free)
     with pytest.raises(FitError, match="cannot be computed"):
         core.fit_pieces(count + 1, *data.sensed, data.shortest, *chain[:3], math.inf, False)
+    given = (data.points[:1], data.free, 0.0, None, None, *chain[:2], chain.stations[:1], 0.0)
+    with pytest.raises(FitError, match="cannot be computed"):  # one point has no spacing
+        core.follow_chain(count, *given)
     with pytest.raises(ValueError, match="stations has shape"):
         core.fit_pieces(count, *data.sensed, data.shortest, *chain[:2], chain.stations[:-1], math.inf, False)
 

@@ -92,18 +92,23 @@ ENTRY status tss_chain_pieces(
     OUT double *noise, OUT int64_t *unidentifiable, OUT double hidden[k],
     OUT double variances[k][3], WORK double work[4 * n + 60 * k * k + 600 * k + 400]);
 
+/** Return the mean spacing of points and the shortest piece of a chain that goes on with them [m], [spacings]. */
+ENTRY status tss_chain_scale(
+    int64_t n, int64_t rows, const double points[n][3], const double form[rows][3], const double stations[n],
+    OUT double *spacing, OUT double *shortest, WORK double work[n]);
+
 /** Fit the chain of the last frame to the points of this one, without outliers, and return its pieces; (34).
 
-`last`: noise variance of the last frame [m²]; `fits` as in `chain_fits`; the rest as in `fit_pieces`,
-`chain_pieces`. */
+`last`: noise variance of the last frame [m²]; `spacing` and `shortest` as in `chain_scale`; `fits` as in
+`chain_fits`; the rest as in `fit_pieces`, `chain_pieces`. */
 ENTRY status tss_follow_chain(
-    int64_t n, int64_t k, int64_t m, const double points[n][3], const double weight[n], int64_t free,
-    double variance, double spacing, OPTIONAL const double unit[n][3], OPTIONAL const double unit_weight[n],
-    double shortest, const double form[k + 4][3], const uint8_t curved[k], const double stations[n],
-    double last, OUT int64_t *fits, OUT double new_weight[n], OUT double new_form[k + 4][3],
-    OUT double new_stations[n], OUT double matrix[m][m], OUT double *cost, OUT double square[n],
-    OUT double length[k], OUT double angle[k], OUT double covariance[2 * k][2 * k], OUT double *noise,
-    OUT int64_t *unidentifiable, WORK double work[4 * n + 60 * k * k + 600 * k + 400]);
+    int64_t n, int64_t k, int64_t m, const double points[n][3], int64_t free, double variance,
+    OPTIONAL const double unit[n][3], OPTIONAL const double unit_weight[n], const double form[k + 4][3],
+    const uint8_t curved[k], const double stations[n], double last, OUT double *spacing, OUT double *shortest,
+    OUT int64_t *fits, OUT double new_weight[n], OUT double new_form[k + 4][3], OUT double new_stations[n],
+    OUT double matrix[m][m], OUT double *cost, OUT double square[n], OUT double length[k], OUT double angle[k],
+    OUT double covariance[2 * k][2 * k], OUT double *noise, OUT int64_t *unidentifiable,
+    WORK double work[6 * n + 60 * k * k + 600 * k + 400]);
 
 /** Return the covariance of r values of gradient [r, m], by the inverse of normal equations and of unit
 noise.

@@ -282,5 +282,6 @@ double moments_of_points(
     memset(moments, 0, (size_t)chain->k * sizeof *moments);
     double cost = data->free ? moments_across(data, chain, position, frame, reach, moments, w)
                              : moments_known(data, chain, position, frame, moments);
-    return data->unit == NULL ? cost : cost + add_tangents(data, chain, frame, moments);
+    if (data->unit == NULL || data->unit_weight == NULL) return cost;
+    return cost + add_tangents(data, chain, frame, moments);
 }

@@ -1,5 +1,6 @@
 /* What follows from a fitted chain of arcs: its pieces with their errors, and what other pieces promise. */
 #include "arcs.h"
+#include "route.h"
 
 #include <string.h>
 
@@ -155,17 +156,30 @@ status tss_chain_pieces(
     return DONE;
 }
 
+status tss_chain_scale(
+    int64_t n, int64_t rows, const double points[n][3], const double form[rows][3], const double stations[n],
+    double *spacing, double *shortest, double work[n]) {
+    if (n < 2) return WRONG_SIZE;
+    *spacing = tss_spacing_of_pieces(n, points, stations[n - 1] - stations[0], work);
+    *shortest = 1.0;
+    for (int64_t i = 5; i + 1 < rows; i++) /* a kink is an inner piece that is clearly shorter than the spacing */
+        if (form[i + 1][0] - form[i][0] < CHAIN_FIT.clearly * *spacing) *shortest = CHAIN_FIT.kink;
+    return DONE;
+}
+
 status tss_follow_chain(
-    int64_t n, int64_t k, int64_t m, const double points[n][3], const double weight[n], int64_t free,
-    double variance, double spacing, const double unit[n][3], const double unit_weight[n], double shortest,
-    const double form[k + 4][3], const uint8_t curved[k], const double stations[n], double last,
-    int64_t *fits, double new_weight[n], double new_form[k + 4][3], double new_stations[n],
-    double matrix[m][m], double *cost, double square[n], double length[k], double angle[k],
-    double covariance[2 * k][2 * k], double *noise, int64_t *unidentifiable,
-    double work[4 * n + 60 * k * k + 600 * k + 400]) {
-    if (!is_sized(n, k, m, curved, free)) return WRONG_SIZE;
+    int64_t n, int64_t k, int64_t m, const double points[n][3], int64_t free, double variance,
+    const double unit[n][3], const double unit_weight[n], const double form[k + 4][3], const uint8_t curved[k],
+    const double stations[n], double last, double *spacing, double *shortest, int64_t *fits,
+    double new_weight[n], double new_form[k + 4][3], double new_stations[n], double matrix[m][m], double *cost,
+    double square[n], double length[k], double angle[k], double covariance[2 * k][2 * k], double *noise,
+    int64_t *unidentifiable, double work[6 * n + 60 * k * k + 600 * k + 400]) {
+    if (n < 2 || !is_sized(n, k, m, curved, free)) return WRONG_SIZE;
     Work w = {work};
-    Data data = {n, points, weight, free, variance, spacing, unit, unit_weight, shortest};
+    double *ones = take(&w, n), *hidden = take(&w, k);
+    tss_chain_scale(n, k + 4, points, form, stations, spacing, shortest, ones);
+    for (int64_t i = 0; i < n; i++) ones[i] = 1.0;
+    Data data = {n, points, ones, free, variance, *spacing, unit, unit_weight, *shortest};
     Chain chain =
         begun_chain(n, k, m, form, curved, stations, new_form, new_stations, matrix[0], square, &w);
     fit_pieces(&data, &chain, INFINITY, 1, w);
@@ -174,9 +188,8 @@ status tss_follow_chain(
     if (differ) fit_pieces(&data, &chain, INFINITY, 0, w);
     *fits = chain_fits(&data, &chain, last);
     *cost = chain.cost;
-    double *hidden = take(&w, k);
     *noise = pieces_of(&data, &chain, length, angle, covariance[0], hidden, NULL, w);
-    *unidentifiable = unidentifiable_of(k, length, covariance[0], spacing);
+    *unidentifiable = unidentifiable_of(k, length, covariance[0], *spacing);
     return DONE;
 }
 

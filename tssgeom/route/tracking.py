@@ -13,9 +13,8 @@ import numpy as np
 
 from tssgeom import core
 from tssgeom.arrays import Vector
-from tssgeom.core.constants_arcs import CHAIN_FIT
 from tssgeom.errors import FitError
-from tssgeom.route.arcs.chain import Chain, Data, fit_fixed_pieces, has_kink, parameter_count
+from tssgeom.route.arcs.chain import Chain, Data, fit_fixed_pieces, parameter_count
 from tssgeom.route.arcs.moves import fit_chain
 from tssgeom.route.arcs.outliers import curvature_at_points, with_tangents, without_outlying_tangents
 from tssgeom.route.arcs.summary import pieces_of
@@ -72,26 +71,24 @@ def _follow_chain(
     shape: Shape, noise: float | None, last: TrackedFit, chain: Chain, method: Method
 ) -> TrackedFit | None:
     """Go on with a chain; None where it fits no longer."""
-    spacing = core.spacing_of_pieces(shape.points, float(chain.stations[-1] - chain.stations[0]))
-    data = Data(
-        shape.points,
-        np.ones(len(shape.points)),
-        shape.stations is None,
-        0.0 if noise is None else noise * noise,
-        spacing,
-        shortest=CHAIN_FIT.kink if has_kink(chain, spacing) else 1.0,
-    )
-    age = last.age + 1
+    age, known, free = last.age + 1, 0.0 if noise is None else noise * noise, shape.stations is None
     variance = last.fit.noise**2
     chain = chain._replace(stations=_stations(shape, last, chain))
+    tangents = unit = weights = None
     if shape.directions is not None:
+        spacing, shortest = core.chain_scale(shape.points, chain.form, chain.stations)
+        data = Data(shape.points, np.ones(len(shape.points)), free, known, spacing, shortest=shortest)
         kappa = curvature_at_points(chain)
         data = with_tangents(data, shape.directions, shape.direction_noise**2, kappa, variance)
-        data = without_outlying_tangents(data, fit_fixed_pieces(data, chain, restart=True))
-    count = parameter_count(chain.curved, data.free)
-    fits, weight, *fitted = core.follow_chain(count, *data.sensed, data.shortest, *chain[:3], variance)
-    data, pieces = data._replace(weight=weight), pieces_of(*fitted[5:])
-    chain = Chain(fitted[0], chain.curved, *fitted[1:5])
+        tangents = without_outlying_tangents(data, fit_fixed_pieces(data, chain, restart=True)).tangents
+    if tangents is not None:
+        unit, weights = tangents.unit, tangents.weight
+    count = parameter_count(chain.curved, free)
+    spacing, shortest, fits, weight, *fitted = core.follow_chain(
+        count, shape.points, free, known, unit, weights, *chain[:3], variance
+    )
+    data = Data(shape.points, weight, free, known, spacing, tangents, shortest)
+    chain, pieces = Chain(fitted[0], chain.curved, *fitted[1:5]), pieces_of(*fitted[5:])
     if not fits:
         chain, pieces = fit_chain(data, chain), None
         if not _fits(data, chain, variance):

@@ -8,7 +8,6 @@ change of the bending plane are regular points. The last piece goes on without e
 
 from __future__ import annotations
 
-import itertools
 import math
 from typing import NamedTuple
 
@@ -50,8 +49,9 @@ class Data(NamedTuple):
     @property
     def sensed(self) -> tuple[Points, Vector, bool, float, float, Points | None, Vector | None]:
         """Points and directions as the core takes them."""
-        directions = (None, None) if self.tangents is None else self.tangents[:2]
-        return (*self[:5], *directions)
+        tangents = self.tangents
+        unit, weight = (None, None) if tangents is None else (tangents.unit, tangents.weight)
+        return (*self[:5], unit, weight)
 
 
 class Chain(NamedTuple):
@@ -154,13 +154,6 @@ def piece_length(chain: Chain, j: int) -> float:
     """Length of piece j [m]."""
     end = chain.joints[j + 1] if j + 1 < len(chain.joints) else chain.stations[-1]
     return float(end - chain.joints[j])
-
-
-def has_kink(chain: Chain, spacing: float) -> bool:
-    """Whether an inner piece is clearly shorter than the mean spacing [m]."""
-    inner = chain.joints[1:].tolist()
-    least = CHAIN_FIT.clearly * spacing
-    return any(after - before < least for before, after in itertools.pairwise(inner))
 
 
 def value_count(data: Data) -> int:

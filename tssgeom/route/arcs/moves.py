@@ -153,12 +153,15 @@ def _wald_statistics(step: np.ndarray, covariance: np.ndarray) -> list[float]:
         diagonal[1::2],
         np.diag(covariance, 1)[::2],
     )
-    determinant = of_x * of_y - of_both**2
-    flat = determinant <= 1e-12 * of_x * of_y
-    squares = of_y * x**2 - 2 * of_both * x * y + of_x * y**2
     largest = np.maximum(of_x, of_y)
-    of_largest = np.divide(x**2 + y**2, largest, out=np.zeros(len(step)), where=largest > 0.0)
-    return np.divide(squares, determinant, out=of_largest, where=~flat).tolist()
+    with np.errstate(
+        over="ignore", invalid="ignore"
+    ):  # of a bend that no point determines: it promises nothing
+        determinant = of_x * of_y - of_both**2
+        flat = determinant <= 1e-12 * of_x * of_y
+        squares = of_y * x**2 - 2 * of_both * x * y + of_x * y**2
+        of_largest = np.divide(x**2 + y**2, largest, out=np.zeros(len(step)), where=largest > 0.0)
+        return np.divide(squares, determinant, out=of_largest, where=~flat).tolist()
 
 
 def _simplified(chain: Chain, kind: int, j: int) -> Chain:
