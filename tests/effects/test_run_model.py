@@ -226,7 +226,7 @@ def test_on_a_moving_route_one_sample_at_a_time_is_the_step_without_effects(driv
     run = {key: column[:60] for key, column in RUNS[drive].items()}
     model = prepare(run, ARCS, RIG)
     state = begin(model)
-    bars = replace(pretensioned_bars(RIG, ARCS, len(model.edge) - 1), edge=model.edge)
+    bars = pretensioned_bars(RIG, ARCS, len(model.edge) - 1)._replace(edge=model.edge)
     for i in range(60):
         route = Arcs.exact(ARCS.length, ARCS.angle * (1.0 + 0.5 * np.sin(0.3 * i + np.arange(4))))
         trace, state = carry_on(

@@ -27,7 +27,7 @@ ENTRY void tss_discretise(
 
 /** Return the number of pieces of a route with hidden bends added, and the pieces; docs/model.md (60).
 
-`bends` [m, 3] holds the middle [m], the angle [rad] and the width [m] of each; `pieces` their length and angle. */
+`bends` [m, 3] holds middle [m], angle [rad] and width [m] of each; `pieces` is lengths, then angles. */
 ENTRY int64_t tss_add_bends(
     int64_t p, const double length[p], const double angle[p], int64_t m, const double bends[m][3],
     OUT double pieces[2][p + 2 * m], WORK double work[2][p + 2 * m]);

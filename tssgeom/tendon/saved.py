@@ -174,12 +174,8 @@ def _require(sound: bool, name: str) -> None:
 
 
 def _plain(part: Corners | BarState | Arcs) -> dict[str, Any]:
-    left_out = ("model", "memory")
-    return {
-        field.name: _written(getattr(part, field.name))
-        for field in fields(part)
-        if field.name not in left_out
-    }
+    names = part._fields if isinstance(part, BarState) else [field.name for field in fields(part)]
+    return {name: _written(getattr(part, name)) for name in names if name not in ("model", "memory")}
 
 
 def _written(value: Any) -> Any:

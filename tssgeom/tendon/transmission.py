@@ -7,6 +7,7 @@ eqs. (9)-(12).
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from tssgeom import core
 from tssgeom.arrays import Vector, read_only
@@ -19,8 +20,7 @@ from tssgeom.tendon.capstan import Corners, load_moved
 _SOLVED = 1e-8  # ln T of bars within which the front has come through: they are solved to 1e-10
 
 
-@dataclass(frozen=True, slots=True)
-class Transmission:
+class Transmission(NamedTuple):
     """Tension and elongation of a tendon on a route, at one instant."""
 
     tension_in: float

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,10 +25,10 @@ from tssgeom.tendon.capstan import Corners, load_moved, tension
 
 BARS = 60
 """Bars of a tendon without effects, where nothing else is asked for."""
+_NO_LAGS: Mapping[Channel, tuple[float, float]] = {}
 
 
-@dataclass(frozen=True, slots=True)
-class BarState:
+class BarState(NamedTuple):
     """A tendon of bars: their tension, their contacts with the sheath, and both of its ends.
 
     Bar 0 is what drives the proximal end, the last bar what the distal end pulls against; between them are
@@ -61,7 +61,7 @@ class BarState:
     """Time that the last step took [s]."""
     temperature: float = math.nan
     """The first temperature that was given [°C]; NaN before it."""
-    lags: Mapping[Channel, tuple[float, float]] = field(default_factory=dict[Channel, tuple[float, float]])
+    lags: Mapping[Channel, tuple[float, float]] = _NO_LAGS
     """Last true value and last reading of each sensor that lags."""
     front: int = 0
     """Contacts, from the proximal end on, that slid when the drive last moved; 0 without effects."""

@@ -36,9 +36,12 @@ class Plant(NamedTuple):
 
     def stretch(self, tension: Vector | float) -> Vector:
         """Return the stretch [b] of taut bars [m] under tensions [b] [N]; docs/model.md (50)."""
-        soft, toe, toe_scale, saved = self.rows[[LAW.soft, LAW.toe, LAW.toe_scale, LAW.saved]]
-        stretch = soft * tension + toe * (1.0 - np.exp(-tension / np.where(toe == 0.0, 1.0, toe_scale)))
-        return stretch + saved * (1.0 - np.exp(-tension / self.number(PLANT.saved_scale)))
+        rows = self.rows
+        if not self.number(PLANT.curved):
+            return rows[LAW.soft] * tension
+        toe, scale = rows[LAW.toe], np.where(rows[LAW.toe] == 0.0, 1.0, rows[LAW.toe_scale])
+        stretch = rows[LAW.soft] * tension + toe * (1.0 - np.exp(-tension / scale))
+        return stretch + rows[LAW.saved] * (1.0 - np.exp(-tension / self.number(PLANT.saved_scale)))
 
 
 class Memory(NamedTuple):
@@ -115,30 +118,29 @@ def moved_plant(held: Plant, setup: Setup, arcs: Arcs, edge: Vector) -> Plant:
 
 def plant(setup: Setup, arcs: Arcs, edge: Vector) -> Plant:
     """Return tendon, friction and ends on a route, with bars cut at the fractions `edge`."""
-    grid = discretise(edge, with_bends(setup, arcs))
-    bars = len(edge) + 1
+    grid, bars = discretise(edge, with_bends(setup, arcs)), len(edge) + 1
     block = np.zeros(len(LAW) * bars + len(PLANT))
     block[-len(PLANT) :] = _numbers(setup)
     rows = Plant(block).rows
-    rho_l = setup.compliance * grid.length
     load = 1.0 / setup.load_stiffness if setup.load_stiffness > 0.0 else 0.0
-    rows[LAW.soft, 1:-1] = rho_l
-    rows[LAW.soft, 0] = max(setup.series_in_m_per_N, _LEAST if setup.take_up_in_m else 0.0)
-    rows[LAW.soft, -1] = max(setup.series_out_m_per_N + load, _LEAST if setup.take_up_out_m else 0.0)
-    rows[LAW.toe, 1:-1] = setup.toe_strain * grid.length
-    rows[LAW.toe, 0], rows[LAW.toe, -1] = setup.take_up_in_m, setup.take_up_out_m
-    rows[LAW.toe_scale] = setup.toe_scale_N
-    rows[LAW.toe_scale, 0], rows[LAW.toe_scale, -1] = setup.take_up_in_scale_N, setup.take_up_out_scale_N
-    rows[LAW.creep_soft, 1:-1] = setup.creep_ratio * rho_l
-    rows[LAW.warm, 1:-1] = setup.expansion_per_K * grid.length
+    first = max(setup.series_in_m_per_N, _LEAST if setup.take_up_in_m else 0.0)
+    last = max(setup.series_out_m_per_N + load, _LEAST if setup.take_up_out_m else 0.0)
+    for row, values, in_front, behind in (
+        (LAW.soft, setup.compliance * grid.length, first, last),
+        (LAW.toe, setup.toe_strain * grid.length, setup.take_up_in_m, setup.take_up_out_m),
+        (LAW.toe_scale, setup.toe_scale_N, setup.take_up_in_scale_N, setup.take_up_out_scale_N),
+        (LAW.creep_soft, setup.creep_ratio * (setup.compliance * grid.length), 0.0, 0.0),
+        (LAW.warm, setup.expansion_per_K * grid.length, 0.0, 0.0),
+    ):
+        rows[row, 1:-1], rows[row, 0], rows[row, -1] = values, in_front, behind
     rows[LAW.force, :-1] = setup.straight_friction_N_per_m * grid.span  # docs/model.md (54)
     rows[LAW.drag, :-1] = setup.drag_Ns_per_m2 * grid.span
-    for row, first, last in (
-        (rows[LAW.force], setup.fitting_in_N, setup.fitting_out_N),
-        (rows[LAW.fitting], setup.fitting_in_exponent, setup.fitting_out_exponent),
+    for row, at_drive, at_load in (
+        (LAW.force, setup.fitting_in_N, setup.fitting_out_N),
+        (LAW.fitting, setup.fitting_in_exponent, setup.fitting_out_exponent),
     ):
-        row[0] += first
-        row[-2] += last
+        rows[row, 0] += at_drive
+        rows[row, -2] += at_load
     result = Plant(core.plant_on_route(edge, block, arcs.length, arcs.angle, bends_of(setup)))
     result.rows[LAW.rest] = result.stretch(float(setup.pretension))
     return result
