@@ -7,13 +7,13 @@
 /* Below it a friction coefficient that depends on the load does so no more [N]. */
 static const double LEAST_LOAD = 1e-3;
 
-/* extension = compliance T + toe (1 − e^(−T/toe_scale)) + gap (1 − e^(−T/gap_scale)) */
+/* extension = compliance T + toe (1 − e^(−T/toe_scale)) + clearance (1 − e^(−T/clearance_scale)) */
 double stretched(
-    double tension, double compliance, double toe, double toe_scale, double gap, double gap_scale,
+    double tension, double compliance, double toe, double toe_scale, double clearance, double clearance_scale,
     double *slope) {
-    double a = toe * exp(-tension / toe_scale), b = gap * exp(-tension / gap_scale);
-    *slope = compliance + a / toe_scale + b / gap_scale;
-    return compliance * tension + (toe - a) + (gap - b);
+    double a = toe * exp(-tension / toe_scale), b = clearance * exp(-tension / clearance_scale);
+    *slope = compliance + a / toe_scale + b / clearance_scale;
+    return compliance * tension + (toe - a) + (clearance - b);
 }
 
 /* law: gain, reference speed, Stribeck gain, Stribeck speed */

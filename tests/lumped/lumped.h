@@ -28,7 +28,7 @@ typedef struct {
 
 /* A curved law of a bar: extension [m] when taut beyond its loose length; its compliance there [m/N]. */
 double stretched(
-    double tension, double compliance, double toe, double toe_scale, double gap, double gap_scale,
+    double tension, double compliance, double toe, double toe_scale, double clearance, double clearance_scale,
     double *slope);
 
 /* What a sliding speed [m/s] makes of the friction; its slope [s/m] where that is above zero. */

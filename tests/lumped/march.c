@@ -161,10 +161,10 @@ static int64_t advance(
     memcpy(last, state->tension, (size_t)(k + 1) * sizeof *last);
     for (int64_t done = 0; done < PASSES; done++) {
         for (int64_t j = 0; j < k + 1; j++) {
-            double gap = chain->clearance_per_turn * turn_of_bar(chain, goal->turns, j);
+            double clearance = chain->clearance_per_turn * turn_of_bar(chain, goal->turns, j);
             double extension = stretched(
-                last[j], memory->soft[j], chain->toe[j], chain->toe_scale[j], gap, chain->clearance_scale,
-                &memory->slope[j]);
+                last[j], memory->soft[j], chain->toe[j], chain->toe_scale[j], clearance,
+                chain->clearance_scale, &memory->slope[j]);
             memory->offset[j] = extension - memory->slope[j] * last[j] - memory->base[j];
         }
         for (int64_t i = 0; i < k; i++)
@@ -194,11 +194,11 @@ static int64_t advance(
 static void find_rest(const Chain *chain, const double *turns, double *rest) {
     double tension = chain->pretension;
     for (int64_t j = 0; j < chain->nodes + 1; j++) {
-        double creep = 0.0, gap = chain->clearance_per_turn * turn_of_bar(chain, turns, j);
+        double creep = 0.0, clearance = chain->clearance_per_turn * turn_of_bar(chain, turns, j);
         for (int64_t c = 0; c < chain->creeps; c++) creep += chain->creep_compliance[j * chain->creeps + c];
         rest[j] = (chain->compliance[j] + creep) * tension;
         rest[j] -= chain->toe[j] * expm1(-tension / chain->toe_scale[j]);
-        rest[j] -= gap * expm1(-tension / chain->clearance_scale);
+        rest[j] -= clearance * expm1(-tension / chain->clearance_scale);
     }
 }
 

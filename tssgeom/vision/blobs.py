@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,6 +20,8 @@ _SLIM = 0.12  # smallest ratio of the squared axes: a disc viewed at 70 degrees
 _CLEAR = 8.0  # standard deviations of the image noise that a blob stands out at least
 _LEVEL = 0.4  # of the brightest: where the edge of a blob lies
 _RIM = 2  # pixels around a blob that count for its centre
+_RIM_OF_PATCH = np.ones((2 * _RIM + 1, 2 * _RIM + 1), np.uint8)
+_NEIGHBOURS = np.ones((3, 3), np.uint8)
 _EIGHT_BIT = 0.29  # noise of rounding to whole grey levels
 _LEAST_NOISE = 0.02  # left by lighting and neighbouring pixels in an image without noise [px]
 _SATURATION = 60.0  # of a colour, below which a pixel has none
@@ -88,12 +91,14 @@ def _blobs(strength: np.ndarray, wanted: BlobAppearance) -> Sightings:
     level = max(_LEVEL * peak, _CLEAR * noise)
     if peak <= level:
         return nothing(1)
-    mask = (strength > floor + level).astype(np.uint8)
-    count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8, ltype=cv2.CV_32S)
+    mask = strength > floor + level
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(
+        mask.view(np.uint8), connectivity=8, ltype=cv2.CV_32S
+    )
     area = stats[:, cv2.CC_STAT_AREA]
     fit = (area >= wanted.least) & (area <= wanted.most) & (np.arange(count) > 0)
     boxes = stats[:, [cv2.CC_STAT_LEFT, cv2.CC_STAT_TOP, cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]]
-    chosen = np.flatnonzero(fit & _is_round(labels, count)).tolist()
+    chosen = np.flatnonzero(fit & _is_round(mask, labels, count)).tolist()
     centres = {k: at for k in chosen if (at := _centre(strength, labels, k, boxes[k], floor, noise))}
     if not centres:
         return nothing(1)
@@ -109,11 +114,11 @@ def _floor(strength: np.ndarray) -> tuple[float, float]:
     return float(np.median(rows)), max(noise, _EIGHT_BIT)
 
 
-def _is_round(labels: np.ndarray, count: int) -> np.ndarray:
+def _is_round(mask: np.ndarray, labels: np.ndarray, count: int) -> np.ndarray:
     """Whether each of `count` patches fills the ellipse with its moments, as no part of a disc does."""
-    rows, columns = np.nonzero(labels)
-    of = labels[rows, columns]
-    x, y = columns.astype(np.float64), rows.astype(np.float64)
+    at = np.flatnonzero(mask)
+    of = labels.ravel()[at]
+    y, x = (part.astype(np.float64) for part in np.divmod(at, labels.shape[1]))
     n, *sums = (np.bincount(of, part, count) for part in (None, x, y, x * x, x * y, y * y))
     mx, my, xx, xy, yy = (one / np.maximum(n, 1) for one in sums)
     xx, xy, yy = xx - mx * mx + 1 / 12, xy - mx * my, yy - my * my + 1 / 12
@@ -137,18 +142,19 @@ def _centre(
     # one pixel more than the ground, in which others count too
     x0, y0 = max(left - edge - 1, 0), max(top - edge - 1, 0)
     around = labels[y0 : top + high + edge + 1, x0 : left + wide + edge + 1]
-    own, other = (around == label).astype(np.uint8), ((around != 0) & (around != label)).astype(np.uint8)
-    counts = cv2.dilate(own, np.ones((2 * _RIM + 1, 2 * _RIM + 1), np.uint8)) > 0
-    if (counts & (other > 0)).any():
+    own, other = (around == label).view(np.uint8), ((around != 0) & (around != label)).view(np.uint8)
+    counts = cv2.dilate(own, _RIM_OF_PATCH)
+    if (counts & other).any():
         return None
     value = strength[y0 : y0 + len(around), x0 : x0 + around.shape[1]].astype(np.float64)
     zone = (slice(top - edge - y0, top + high + edge - y0), slice(left - edge - x0, left + wide + edge - x0))
-    outside = ~(counts | (cv2.dilate(other, np.ones((3, 3), np.uint8)) > 0))[zone]
-    ground = value[zone][outside].mean() if outside.any() else floor
-    y, x = np.nonzero(counts)
-    part = value[y, x] - ground
-    total = part.sum()
-    mx, my = (part * x).sum() / total, (part * y).sum() / total
-    spread = ((x - mx) ** 2 + (y - my) ** 2).sum()
+    beside = cv2.dilate(other, _NEIGHBOURS)
+    outside = ((counts == 0) & (beside == 0)).view(np.uint8)[zone]
+    ground = cv2.mean(value[zone], outside)[0] if outside.any() else floor
+    part, flat = cv2.moments((value - ground) * counts), cv2.moments(counts)
+    total, count = part["m00"], flat["m00"]
+    mx, my = part["m10"] / total, part["m01"] / total
+    off = (flat["m10"] / count - mx) ** 2 + (flat["m01"] / count - my) ** 2
+    spread = flat["mu20"] + flat["mu02"] + count * off
     # the noise of every pixel that counts moves the centre; docs/model.md (134)
-    return x0 + mx, y0 + my, noise * np.sqrt(0.5 * spread) / total
+    return x0 + mx, y0 + my, noise * math.sqrt(0.5 * spread) / total

@@ -105,6 +105,7 @@ def intersections(
             at = np.flatnonzero(moving)
             if not len(at):
                 break
+            at = slice(None) if len(at) == len(x) else at
             views = slope[:, at], weight[:, at], visible[:, at]
             pull, normal, _, deep = _equations(eyes, *views, x[at])
             step = np.einsum("nij,nj->ni", _inverse(normal), pull)
@@ -121,7 +122,7 @@ def _equations(
     eyes: Eyes, slope: np.ndarray, weight: np.ndarray, visible: np.ndarray, x: Points
 ) -> tuple[np.ndarray, np.ndarray, Vector, Vector]:
     """Return right side and matrix of the normal equations at positions, the squares and the least depths."""
-    local = np.einsum("vij,nj->vni", eyes.rotation, x) + eyes.shift[:, None]
+    local = x @ eyes.rotation.transpose(0, 2, 1) + eyes.shift[:, None]
     depth = np.where(visible, local[..., 2], 1.0)
     at = local[..., :2] / depth[..., None]
     error = slope - at
