@@ -196,15 +196,15 @@ def read_prototypes(header: str) -> list[Prototype]:
     pattern = (
         r"/\*\*(?P<doc>(?:(?!\*/).)*)\*/\s*ENTRY (?P<returns>\w+) tss_(?P<name>\w+)\((?P<parameters>[^;]*)\);"
     )
-    found = [
+    prototypes = [
         Prototype(
             each["returns"], each["name"], " ".join(each["parameters"].split()), _sentences(each["doc"])
         )
         for each in re.finditer(pattern, header, re.DOTALL)
     ]
-    if len(found) != header.count("\nENTRY "):
+    if len(prototypes) != header.count("\nENTRY "):
         raise ValueError("every ENTRY of a header needs a comment /** … */ before it")
-    return found
+    return prototypes
 
 
 def _sentences(comment: str) -> str:

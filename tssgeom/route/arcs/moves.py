@@ -154,9 +154,7 @@ def _wald_statistics(step: np.ndarray, covariance: np.ndarray) -> list[float]:
         np.diag(covariance, 1)[::2],
     )
     largest = np.maximum(of_x, of_y)
-    with np.errstate(
-        over="ignore", invalid="ignore"
-    ):  # of a bend that no point determines: it promises nothing
+    with np.errstate(over="ignore", invalid="ignore"):  # of a bend that no point determines
         determinant = of_x * of_y - of_both**2
         flat = determinant <= 1e-12 * of_x * of_y
         squares = of_y * x**2 - 2 * of_both * x * y + of_x * y**2
