@@ -29,12 +29,12 @@ def run(module: str, *arguments: str) -> int:
         stamp = time.time() + 86400.0  # newer than the sources: it shall not be built again without the flags
         for path in (copy / "core").glob("_*"):
             os.utime(path, (stamp, stamp))
-        found = subprocess.run(
+        asan = subprocess.run(
             ["gcc", "-print-file-name=libasan.so"], capture_output=True, text=True, check=True
         )
         env = os.environ | {
             "PYTHONPATH": os.pathsep.join([name, str(ROOT)]),
-            "LD_PRELOAD": found.stdout.strip(),
+            "LD_PRELOAD": asan.stdout.strip(),
             "ASAN_OPTIONS": "detect_leaks=0",  # Python leaves memory to the end of the process
             "PYTHONDONTWRITEBYTECODE": "1",
         }

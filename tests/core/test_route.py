@@ -91,7 +91,7 @@ def test_median_and_isotonic_regression():
 
 
 def test_checks_of_points():
-    rng, seen = np.random.default_rng(1), set()
+    rng, answers = np.random.default_rng(1), set()
     for _ in range(8 * CASES):
         p = broken_route(rng)
         spacing = float(np.median(np.linalg.norm(np.diff(p, axis=0), axis=1)))
@@ -99,10 +99,10 @@ def test_checks_of_points():
         if len(p) >= 8 and points._plain(p):
             expected = 1 if points.clearly_sound(p) else -1
         assert core.clearly_sound(p) == expected
-        seen.add(expected)
+        answers.add(expected)
         if len(p) >= 8 and np.isfinite(p).all():
             assert core.worst_outlier(p, spacing) == raw_outliers.worst_outlier(p, spacing)
-    assert seen == {-1, 0, 1}
+    assert answers == {-1, 0, 1}
 
 
 def test_lengths_of_points():

@@ -118,17 +118,25 @@ def test_a_smooth_route_stays_smooth_and_a_staircase_takes_over():
     assert last.fit.arcs.method == "arcs"
 
 
-def test_a_chain_that_takes_over_has_the_model_choice_variance_at_once():
+def _tracked_until_a_chain_takes_over(seed):
+    """Fits of noisy frames of three pieces, from a spline on, until one after a chain took over."""
     course = chain(np.array([0.15, 0.2, 0.15]), np.array([2.0, 9.0, 3.0]), np.zeros(3))
-    rng, tracked = np.random.default_rng(0), []
-    for i in range(60):
+    rng, tracked = np.random.default_rng(seed), []
+    while len(tracked) < 2 or tracked[-2].fit.chain is None:
         s = np.linspace(0.0, course.total_length, 60)
         shape = clean(arc_positions(course)(s) + 1.75e-3 * rng.standard_normal((60, 3)))
-        tracked.append(follow(shape, 1.75e-3, tracked[-1] if i else None, "auto" if i else "spline"))
-    taken = next(i for i, one in enumerate(tracked) if one.fit.chain is not None)
-    assert tracked[taken].model_choice_variance > 5e-4  # rad²: the call was close
-    first, second = (tracked[i].fit.arcs.total_angle_se ** 2 for i in (taken, taken + 1))
-    assert first == pytest.approx(second, rel=0.1)  # the same variance; without it 0.6
+        last = tracked[-1] if tracked else None
+        tracked.append(follow(shape, 1.75e-3, last, "auto" if tracked else "spline"))
+        assert len(tracked) < 200
+    return tracked
+
+
+def test_a_chain_that_takes_over_has_the_model_choice_variance_at_once():
+    taken = [_tracked_until_a_chain_takes_over(seed)[-2:] for seed in range(16)]
+    close = [pair for pair in taken if pair[0].model_choice_variance > 5e-4]  # rad²: a close call
+    assert len(close) >= 3
+    shares = [first.fit.arcs.total_angle_se**2 / second.fit.arcs.total_angle_se**2 for first, second in close]
+    assert np.median(shares) == pytest.approx(1.0, rel=0.1)  # the same variance; without it 0.6
 
 
 @pytest.mark.parametrize("course", [_swaying, _arriving], ids=["joints wander", "a piece comes and goes"])
