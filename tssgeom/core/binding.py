@@ -10,9 +10,10 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from tssgeom.core._declarations import ffi
+from tssgeom.core import _declarations
 from tssgeom.errors import FitError
 
+ffi: Any = _declarations.ffi
 F8, I8, U1, C1 = np.dtype(np.float64), np.dtype(np.int64), np.dtype(np.bool_), np.dtype(np.uint8)
 
 

@@ -1,7 +1,7 @@
 """Builds the compiled core: constants and prototypes to code, C to one shared library.
 
-`pip` calls the hook at the end of this file. In an editable installation `tssgeom.core` calls `build` when a
-source is newer than the library. Nothing of this module is needed, or shipped, in a wheel.
+`hook.py` calls it for `pip`. In an editable installation `tssgeom.core` calls `build` when a source is newer
+than the library. Nothing of this module is needed, or shipped, in a wheel.
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ import shlex
 import shutil
 import subprocess
 import sys
-import sysconfig
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -121,17 +120,18 @@ def _run(command: list[str]) -> None:
 
 def _compiler(target: str | None) -> list[str]:
     """Return the command of a C compiler: that of the system, or else zig's."""
-    if target is None and (system := _system_compiler()):
+    if target is None and (system := system_compiler()):
         return system
     try:
-        import ziglang  # noqa: F401
+        import ziglang  # noqa: F401  # pyright: ignore[reportMissingImports]
     except ImportError:
         raise NoCompilerError("no C compiler: install one (gcc, clang) or `pip install ziglang`") from None
     zig = [sys.executable, "-m", "ziglang", "cc", "-mcpu=baseline", "-fno-sanitize=undefined", "-g0"]
     return zig if target is None else [*zig, "-target", target]
 
 
-def _system_compiler() -> list[str] | None:
+def system_compiler() -> list[str] | None:
+    """Return the command of the system's C compiler, or that of `CC`; None where there is none."""
     chosen = os.environ.get("CC")
     if chosen:
         return shlex.split(chosen)
@@ -181,6 +181,13 @@ class Parameter:
         """Whether it is passed by address."""
         return bool(self.shape) or self.scalar_out
 
+    @property
+    def annotation(self) -> str:
+        """Its type in Python."""
+        if self.shape:
+            return "np.ndarray | None" if self.role == "OPTIONAL" else "np.ndarray"
+        return _PYTHON_TYPES[self.type]
+
 
 class Prototype:
     """One entry of the core."""
@@ -229,11 +236,13 @@ def _emit_declarations(prototypes: list[Prototype], path: Path) -> None:
 _ENTRIES = '''"""The entries of the core as functions of arrays. Generated from the headers by build.py."""
 
 # ruff: noqa
-# pyright: basic
+import numpy as np
+
 from tssgeom.core.binding import C1, F8, I8, NULL, U1, array, empty, failed
 from tssgeom.core.binding import from_buffer, library, new, scratch, wrong
 
 '''
+_PYTHON_TYPES = {"double": "float", "int64_t": "int"}
 _SHORT = {"double": "F8", "int64_t": "I8", "uint8_t": "U1", "char": "C1"}
 
 
@@ -295,64 +304,22 @@ def _entry(each: Prototype) -> str:
     elif each.returns == "void":
         body.append(call)
     else:
-        body.append(f"value = {call}")
-        results.insert(0, "value")
+        body.append(f"returned = {call}")
+        results.insert(0, "returned")
     if results:
         body.append("return " + ", ".join(results))
     doc = f'"""{each.doc}"""'.replace("\n", "\n    ")
-    lines = [f"def {each.name}({', '.join(one.name for one in given)}):", f"    {doc}"]
+    annotated = ", ".join(f"{one.name}: {one.annotation}" for one in given)
+    lines = [f"def {each.name}({annotated}) -> {_returned(each)}:", f"    {doc}"]
     return "\n".join(lines + [f"    {line}" for line in body]) + "\n"
+
+
+def _returned(each: Prototype) -> str:
+    """Write the type of what an entry returns."""
+    types = [] if each.returns in ("status", "void") else [_PYTHON_TYPES[each.returns]]
+    types += [one.annotation for one in each.parameters if one.role == "OUT"]
+    return "None" if not types else types[0] if len(types) == 1 else f"tuple[{', '.join(types)}]"
 
 
 def _tuple(sizes: list[str]) -> str:
     return f"({', '.join(sizes)},)"
-
-
-try:
-    from hatchling.builders.hooks.plugin.interface import BuildHookInterface
-except ImportError:  # an editable installation that is rebuilt: pip is not at work
-    pass
-else:
-
-    class CoreBuildHook(BuildHookInterface):
-        """Builds the core where pip makes a wheel or an editable installation."""
-
-        def dependencies(self) -> list[str]:
-            """Ask for a compiler from PyPI where the system has none."""
-            wanted = ["cffi>=1.17"]
-            if _system_compiler() is None or os.environ.get("TSSGEOM_TARGET"):
-                wanted.append("ziglang>=0.13")
-            return wanted
-
-        def initialize(self, version: str, build_data: dict[str, Any]) -> None:
-            """Build into the tree for an editable installation, else into the wheel only."""
-            if version == "editable":
-                build(HERE)
-                return
-            target = os.environ.get("TSSGEOM_TARGET")
-            self._made = tempfile.TemporaryDirectory()
-            for path in build(Path(self._made.name), target=target):
-                build_data["force_include"][str(path)] = f"tssgeom/core/{path.name}"
-            build_data["pure_python"] = False
-            build_data["tag"] = f"py3-none-{_platform(target)}"
-
-        def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:
-            """Remove what was built once the wheel has it."""
-            if version != "editable":
-                self._made.cleanup()
-
-
-_PLATFORMS = {
-    "x86_64-linux-gnu.2.17": "manylinux_2_17_x86_64",
-    "aarch64-linux-gnu.2.17": "manylinux_2_17_aarch64",
-    "x86_64-macos": "macosx_11_0_x86_64",
-    "aarch64-macos": "macosx_11_0_arm64",
-    "x86_64-windows-gnu": "win_amd64",
-}
-
-
-def _platform(target: str | None) -> str:
-    """Return the platform tag of a wheel."""
-    if target is not None:
-        return _PLATFORMS[target]
-    return sysconfig.get_platform().replace("-", "_").replace(".", "_")

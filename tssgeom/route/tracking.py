@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import replace
+from typing import Any, cast
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from tssgeom.errors import FitError
 from tssgeom.route.arcs.chain import Chain, Data, fit_fixed_pieces, parameter_count
 from tssgeom.route.arcs.moves import fit_chain
 from tssgeom.route.arcs.outliers import curvature_at_points, with_tangents, without_outlying_tangents
-from tssgeom.route.arcs.summary import pieces_of
+from tssgeom.route.arcs.summary import ChainPieces, pieces_of
 from tssgeom.route.geometry import (
     Method,
     chain_allowed,
@@ -84,11 +85,12 @@ def _follow_chain(
     if tangents is not None:
         unit, weights = tangents.unit, tangents.weight
     count = parameter_count(chain.curved, free)
-    spacing, shortest, fits, weight, *fitted = core.follow_chain(
+    spacing, shortest, fits, weight, form, stations, matrix, cost, square, *of_pieces = core.follow_chain(
         count, shape.points, free, known, unit, weights, *chain[:3], variance
     )
     data = Data(shape.points, weight, free, known, spacing, tangents, shortest)
-    chain, pieces = Chain(fitted[0], chain.curved, *fitted[1:5]), pieces_of(*fitted[5:])
+    chain = Chain(form, chain.curved, stations, matrix, cost, square)
+    pieces: ChainPieces | None = pieces_of(*cast("tuple[Any, ...]", of_pieces))
     if not fits:
         chain, pieces = fit_chain(data, chain), None
         if not _fits(data, chain, variance):
