@@ -137,10 +137,21 @@ static void add_normal(const double t[3][3], double weight, double sum[3]) {
     for (int c = 0; c < 3; c++) sum[c] += weight * (n[c] / size);
 }
 
-void tss_nearest_on_wall(
+/* Whether the boxes are a complete binary tree, its lowest row full, and every triangle is one of those given. */
+static int is_tree(int64_t f, int64_t g, int64_t b, const int64_t order[]) {
+    int64_t leaves = (b + 1) / 2;
+    if (b < 1 || leaves > (int64_t)1 << (MOST_PENDING - 2) || (leaves & (leaves - 1)) || 2 * leaves - 1 != b) return 0;
+    if (g % leaves) return 0;
+    for (int64_t i = 0; i < g; i++)
+        if (order[i] >= f) return 0;
+    return 1;
+}
+
+status tss_nearest_on_wall(
     int64_t n, int64_t f, int64_t g, int64_t b, const double points[n][3], const double corners[f][3][3],
     const int64_t order[g], const double low[b][3], const double high[b][3],
     double position[n][3], double distance[n], double side[n], uint8_t on_rim[n]) {
+    if (!is_tree(f, g, b, order)) return WRONG_SIZE;
     Tree tree = { corners, order, low, high, (b + 1) / 2, 2 * g / (b + 1) };
     int64_t around[MOST_AROUND];
     for (int64_t i = 0; i < n; i++) {
@@ -163,4 +174,5 @@ void tss_nearest_on_wall(
         side[i] = dot3(away, normal) >= 0.0 ? 1.0 : -1.0;
         on_rim[i] = angle < 2.0 * PI && is_on_rim(position[i], &tree, count, around);
     }
+    return DONE;
 }

@@ -190,7 +190,7 @@ int64_t tss_march(
     double *read_out = *out, *tensions = *profile;
     for (int64_t i = 0; i < 6 * s; i++) read_out[i] = NAN;
     for (int64_t i = 0; i < rows * (k + 1); i++) tensions[i] = NAN;
-    if (k < 2) return 0;
+    if (k < 2 || (rows != 0 && rows != s)) return 0;
     bar_laws laws = laws_of(k, plant);
     bar_memory kept = memory_of(k, after);
     step_room room = room_of(k, work[0]);

@@ -155,7 +155,8 @@ static int64_t add_bend(
         double knots[3] = {start, stop, end};
         for (int each = 0; each < 3; each++) {
             double knot = knots[each];
-            if (each < 2 && !(begin < knot && knot < end && knot > last_knot)) continue;
+            int inside = begin < knot && knot < end && knot > last_knot;
+            if (each < 2 && (!inside || count >= i + 2)) continue;
             double here = each == 2 ? phi : phi_begin + (knot - begin) * (angle[i] / (end - begin));
             here += extra * within((knot - start) / (stop - start), 0.0, 1.0); /* docs/model.md (60) */
             new_length[count] = knot - last_knot, new_angle[count++] = here - last_phi;
