@@ -4,10 +4,10 @@
 
 A tuned constant is a field of a frozen dataclass or NamedTuple whose one instance is a module constant, such
 as `LIMITS = OutlierLimits()`. Each is changed in a copy of the code, at its default in the source, and the
-development cases run there in a process of their own. Kernels that use it are compiled again, which takes one
-to two minutes. Rows that are done are kept in `results/sensitivity.json`, so a run that was stopped goes on;
-where the code has changed, it starts again. `--list` prints the constants with unit and origin; `--quick`
-changes one constant, in few cases.
+development cases run there in a process of their own; the core is built again where it holds the constant.
+Rows that are done are kept in `results/sensitivity.json`, so a run that was stopped goes on; where the code
+has changed, it starts again. `--list` prints the constants with unit and origin; `--quick` changes one
+constant, in few cases.
 """
 
 from __future__ import annotations
@@ -35,8 +35,15 @@ ROOT = Path(__file__).parents[1]
 ORIGINS = ("derived", "cited", "fitted", "chosen", "measured")
 FACTORS = (0.5, 2.0)
 _COPIED = ("tssgeom", "pipelines", "benchmarks", "tests", "sample_shapes", "pyproject.toml", "CITATION.cff")
+_CODE = ("*.py", "*.c", "*.h", "*.inl")
 _ROWS = ROOT / "results" / "sensitivity.json"
-_SAME = 1e-6  # relative change that counts as none: two compilations may round a sum in two ways
+_AREA_OF_CORE = {
+    "constants": "route",
+    "constants_route": "route",
+    "constants_arcs": "route",
+    "constants_tendon": "tendon",
+}
+_SAME = 1e-6  # relative change that counts as none: a search may end one step away
 _SMALL = 0.01  # relative change below which a number is not named
 _SLOWER = 1.5  # processor times differ by less from run to run
 _NAMED = 3  # numbers that a row names, those that move most first
@@ -86,7 +93,9 @@ class Constant:
     @property
     def area(self) -> str | None:
         """The cases that may show it; None where there are none."""
-        folder = self.file.split("/")[1] if "/" in self.file else ""
+        folder, stem = (self.file.split("/")[1] if "/" in self.file else ""), Path(self.file).stem
+        if folder == "core":
+            return _AREA_OF_CORE.get(stem)
         folder = {"statistics.py": "route", "stream.py": "route", "effects": "tendon"}.get(folder, folder)
         return folder if folder in CASES else None
 
@@ -115,8 +124,8 @@ def _scaled(value: object, factor: float) -> object:
 
 
 def constants(root: Path) -> list[Constant]:
-    """Return every tuned constant below `tssgeom`, module by module."""
-    paths = sorted((root / "tssgeom").rglob("*.py"))
+    """Return every tuned constant below `tssgeom`, module by module; rows of matrices are none."""
+    paths = sorted(each for each in (root / "tssgeom").rglob("*.py") if not each.stem.endswith("_rows"))
     return [each for path in paths for each in _of_module(path, str(path.relative_to(root)))]
 
 
@@ -162,44 +171,6 @@ def edit(root: Path, constant: Constant, new: str) -> None:
         compiled.unlink()  # Python compares size and whole seconds only
 
 
-def dependants(root: Path, file: str) -> set[str]:
-    """Return the files of `tssgeom` that import a file, directly or through others, itself included.
-
-    Kernels hold the constants and the kernels that they call as they were when they were compiled.
-    """
-    paths = (root / "tssgeom").rglob("*.py")
-    imports = {str(path.relative_to(root)): _imported(root, path) for path in paths}
-    reached, waiting = {file}, [file]
-    while waiting:
-        module = waiting.pop()
-        new = {each for each, used in imports.items() if module in used} - reached
-        reached |= new
-        waiting += new
-    return reached
-
-
-def _imported(root: Path, path: Path) -> set[str]:
-    files = set[str]()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("tssgeom"):
-            base = (node.module or "").replace(".", "/")
-            names = [base, *(f"{base}/{alias.name}" for alias in node.names)]
-            files |= {f"{name}.py" for name in names if (root / f"{name}.py").exists()}
-    return files
-
-
-def _forget_kernels(root: Path, file: str) -> int:
-    """Delete the compiled kernels that may hold a constant of a file; return from how many files."""
-    count = 0
-    for each in dependants(root, file):
-        path = root / each
-        compiled = list((path.parent / "__pycache__").glob(f"{path.stem}.*.nb[ic]"))
-        count += bool(compiled)
-        for one in compiled:
-            one.unlink()
-    return count
-
-
 def measured(root: Path, area: str, *, quick: bool) -> Numbers:
     """Run the cases of an area in a copy of the code; raises RuntimeError where they fail."""
     call = [sys.executable, "-c", _CALL, str(quick), area]
@@ -241,7 +212,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     print(machine())
     usable = [each for each in chosen if each.area]
     if options.quick:
-        usable.sort(key=lambda each: (each.area == "identify", len(dependants(ROOT, each.file))))
+        usable.sort(key=lambda each: (each.area == "identify", each.name))
         usable = usable[:1]
     rows = _Rows(_ROWS if not options.quick else None, fresh=options.fresh)
     with TemporaryDirectory(prefix="sensitivity-") as room:
@@ -269,7 +240,7 @@ class _Rows:
 
     def __init__(self, path: Path | None, *, fresh: bool) -> None:
         digest = hashlib.sha256()
-        for each in sorted((ROOT / "tssgeom").rglob("*.py")):
+        for each in sorted(path for kind in _CODE for path in (ROOT / "tssgeom").rglob(kind)):
             digest.update(each.read_bytes())
         self.path, self.code = path, digest.hexdigest()
         kept = json.loads(path.read_text("utf-8")) if path and path.exists() and not fresh else {}
@@ -291,7 +262,6 @@ def _run(chosen: Sequence[Constant], rows: _Rows, room: Path, *, quick: bool) ->
     for area in dict.fromkeys(each.area for each in chosen if each.area):
         if area not in rows.done:
             print(f"{area}: as it is", file=sys.stderr, flush=True)
-            measured(base, area, quick=quick)  # compiles
             rows.add(area, measured(base, area, quick=quick))
     jobs = [(each, x) for each in chosen for x in FACTORS if f"{each.name} {x}" not in rows.done]
     begin = time.perf_counter()
@@ -304,12 +274,8 @@ def _run(chosen: Sequence[Constant], rows: _Rows, room: Path, *, quick: bool) ->
             continue
         shutil.copytree(base, work)
         edit(work, constant, new)
-        recompiled = _forget_kernels(work, constant.file)
         try:
-            numbers = measured(work, constant.area or "", quick=quick)
-            if recompiled:  # times without compiling; the kernels are there now
-                numbers = {key: value for key, value in numbers.items() if not key.endswith(CLOCK)}
-            rows.add(f"{constant.name} {factor}", numbers)
+            rows.add(f"{constant.name} {factor}", measured(work, constant.area or "", quick=quick))
         except RuntimeError as error:
             rows.add(f"{constant.name} {factor}", f"fails: {error}")
         shutil.rmtree(work)

@@ -1,8 +1,8 @@
 """Run the mutants of `tests/mutants.py`: `python -m tests.mutants`.
 
 Each is put into a copy of the code. Its tests have to pass there without it, otherwise the mutant proves
-nothing; a test that does not end in time counts as one that fails. Kernels run uncompiled, since compiling
-them again would take longer than the tests.
+nothing; a test that does not end in time counts as one that fails. The core of the copy is built again where
+a mutant is in its C.
 """
 
 import argparse
@@ -42,7 +42,7 @@ class Verdict:
 def run_tests(copy: Path, tests: str) -> tuple[bool, str]:
     """Run tests in the copy; return whether all pass, and the first that does not."""
     words = [sys.executable, "-m", "pytest", "-x", "-q", "-n0", "-p", "no:cacheprovider", *shlex.split(tests)]
-    env = {**os.environ, "PYTHONPATH": str(copy), "NUMBA_DISABLE_JIT": "1", "PYTHONDONTWRITEBYTECODE": "1"}
+    env = {**os.environ, "PYTHONPATH": str(copy), "PYTHONDONTWRITEBYTECODE": "1"}
     try:
         done = subprocess.run(
             words, cwd=copy, env=env, capture_output=True, text=True, timeout=PATIENCE, check=False
