@@ -1,7 +1,6 @@
 """How the core is built and called: equal digits on every processor, and mistakes in a header are named."""
 
 import os
-import re
 import subprocess
 import sys
 from pathlib import Path
