@@ -107,7 +107,9 @@ def held(path: Path) -> Any:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     if path.suffix == ".parquet":
         return pq.read_table(path).to_pylist()
-    return path.read_text(encoding="utf-8").split() if path.suffix in (".csv", ".ply") else None
+    if path.suffix == ".ply":  # binary
+        return path.read_bytes().hex()
+    return path.read_text(encoding="utf-8").split() if path.suffix == ".csv" else None
 
 
 def differences(where: str, one: Any, other: Any) -> Iterator[str]:
