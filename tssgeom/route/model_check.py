@@ -1,11 +1,13 @@
 """Whether the estimator behind a tracked route is still the right one, tested in steps between frames.
 
-A check is made of the points of one frame, one step after each frame that follows, so that none waits for
-more than one fit of a candidate. What it selects is where the next frame starts; docs/model.md (34).
+A check is made of the points of one frame. Where a chain is tried beside a spline, which takes milliseconds, a
+step is made after each frame that follows, so that none waits for more than one fit of a candidate. What it
+selects is where the next frame starts; docs/model.md (34).
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Generator
 from dataclasses import dataclass, replace
 from functools import partial
@@ -107,7 +109,9 @@ class TrackedFit:
         """Begin a check, where there is one."""
         if check is None:
             return self
-        return replace(self, run=CheckRun(_steps(check, self)), frames=0, due=True)
+        # beside a chain all is tried at once: the joints of a route that slides are soon wrong
+        work = SCHEDULE.work if check.candidate == "chain" else math.inf
+        return replace(self, run=CheckRun(_steps(check, self), work), frames=0, due=True)
 
 
 Outcome: TypeAlias = Callable[[TrackedFit], TrackedFit]
@@ -118,8 +122,8 @@ Steps: TypeAlias = Generator[int, None, Outcome]
 class CheckRun:
     """A check under way. Asked twice for the same frame, it gives the same answer."""
 
-    def __init__(self, steps: Steps) -> None:
-        self._steps, self._frames, self._outcome = steps, 0, None
+    def __init__(self, steps: Steps, work: float) -> None:
+        self._steps, self._work, self._frames, self._outcome = steps, work, 0, None
 
     def after(self, frames: int) -> Outcome | None:
         """Make the steps of so many frames in all; return what they change, or None before the last one."""
@@ -127,7 +131,7 @@ class CheckRun:
             self._frames += 1
             work = 0
             try:
-                while work < SCHEDULE.work:
+                while work < self._work:
                     work += next(self._steps)
             except StopIteration as ended:
                 self._outcome = ended.value
