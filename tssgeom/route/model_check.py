@@ -1,8 +1,8 @@
 """Whether the estimator behind a tracked route is still the right one, tested in steps between frames.
 
-A check is made of the points of one frame. Where a chain is tried beside a spline, which takes milliseconds, a
-step is made after each frame that follows, so that none waits for more than one fit of a candidate. What it
-selects is where the next frame starts; docs/model.md (34).
+A check is made of the points of one frame. Where a chain is tried beside a spline, which takes milliseconds,
+a step is made after each frame that follows, so that none waits for more than one fit of a candidate. What
+it selects is where the next frame starts; docs/model.md (34).
 """
 
 from __future__ import annotations
