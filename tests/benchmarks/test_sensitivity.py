@@ -116,7 +116,7 @@ def test_an_edit_changes_one_default_and_nothing_else(tree, field):
     assert len(text) == len(LIMITS) - len(constant.source) + len("7.0")
 
 
-def test_every_tuned_constant_of_the_core_has_cases_that_may_show_it():
+def test_every_tuned_constant_of_the_core_has_an_area():
     of_core = [each for each in constants(sensitivity.ROOT) if each.file.startswith("tssgeom/core/")]
     assert {each.area for each in of_core if "lumen" not in each.file} == {
         "route",

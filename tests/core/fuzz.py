@@ -1,4 +1,4 @@
-"""Calls every entry of the core with numbers that make no sense, and looks for calls that do not end.
+"""Calls every entry of the core with numbers that make no sense, and reports calls that do not end.
 
     python -m tests.core.fuzz --seconds 60                           # crashes and endless loops
     python -m tests.core.sanitized tests.core.fuzz --seconds 60      # reads and writes beyond an array too

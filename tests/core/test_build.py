@@ -42,7 +42,7 @@ def test_digits_are_equal_with_and_without_the_instructions_of_this_processor():
     assert digest(TSSGEOM_NO_AVX2="1") == digest(TSSGEOM_NO_AVX2="")
 
 
-def test_without_a_compiler_the_error_names_both_remedies(monkeypatch, tmp_path):
+def test_without_a_compiler_the_error_names_both_ways_out(monkeypatch, tmp_path):
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.delenv("CC", raising=False)
     monkeypatch.setitem(sys.modules, "ziglang", None)
@@ -50,7 +50,7 @@ def test_without_a_compiler_the_error_names_both_remedies(monkeypatch, tmp_path)
         build.build(tmp_path)
 
 
-def test_a_core_that_does_not_compile_says_what_the_compiler_said(monkeypatch, tmp_path):
+def test_an_error_of_the_compiler_is_reported(monkeypatch, tmp_path):
     with pytest.raises(RuntimeError, match="the core does not compile"):
         build.build(tmp_path, flags=["-D_TSSGEOM_MISTAKE", "-include", "no_such_header.h"])
     assert list(tmp_path.iterdir()) == []  # nothing half built is left
@@ -67,12 +67,12 @@ def test_a_core_that_does_not_compile_says_what_the_compiler_said(monkeypatch, t
         ("\nENTRY double tss_x(double y);", "every ENTRY of a header needs a comment"),
     ],
 )
-def test_a_header_against_the_conventions_is_refused(header, mistake):
+def test_a_header_that_breaks_a_convention_is_refused(header, mistake):
     with pytest.raises(ValueError, match=mistake):
         build.read_prototypes(header)
 
 
-def test_a_library_older_than_a_source_is_stale(tmp_path):
+def test_a_library_older_than_a_source_is_built_again(tmp_path):
     assert build.is_stale(tmp_path)
     for name in build.library_flags():
         (tmp_path / name).touch()
