@@ -24,7 +24,7 @@ from tssgeom.route.geometry import Method, measure
 from tssgeom.route.observations import Shape, clean
 from tssgeom.route.pieces import Arcs, constant_curvature_pieces, smooth_geometry
 from tssgeom.route.route_fit import RouteFit
-from tssgeom.route.spline.fit import Spline, fit
+from tssgeom.route.spline.fit import Spline, fit, rows_for
 from tssgeom.route.synthetic import Course
 from tssgeom.route.tracking import TrackedFit, follow
 from tssgeom.stream import Frame, FrameResult, process
@@ -203,7 +203,7 @@ def _core_alone(sensed: Sequence[Frame]) -> Iterator[Callable[[], object]]:
             last.spacing,
             variance,
             None,
-            max(n, 120 + n * (n < 120)),
+            rows_for(n),
         )
         core.curvature_profile(
             route.s,

@@ -28,7 +28,6 @@ FLAGS = [
     *("-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math"),
 ]
 _C_TYPES = {"float": "double", "int": "int64_t", "bool": "int64_t"}
-_DTYPES = {"double": "float64", "int64_t": "int64", "uint8_t": "bool"}
 
 
 class NoCompilerError(RuntimeError):

@@ -10,6 +10,7 @@ from tests.core.twins.raw_outliers import worst_outlier
 from tests.core.twins.statistics import median
 from tssgeom.core.constants import MEDIANS
 from tssgeom.core.constants_route import ORDERING, OUTLIERS, POINTS, SPACING
+from tssgeom.route.outliers import outlier_limit, residual_variance
 
 MIN_POINTS = 4
 
@@ -180,26 +181,6 @@ def outlying_points(
             outlier[i] = True
             count += 1
     return outlier, count
-
-
-def outlier_limit(count: int, variance: float) -> float:
-    """Return the square beyond which a residual of this variance, one of `count`, is an outlier."""
-    return (OUTLIERS.square + OUTLIERS.square_per_log_count * math.log(count)) * variance
-
-
-def residual_variance(known: float, robust: float, spacing: float) -> float:
-    """Return the variance by which residuals are judged: the greatest of three.
-
-    Parameters
-    ----------
-    known
-        Noise variance of a coordinate, 0 where unknown.
-    robust
-        The same from the median of the residuals, 0 where it does not count.
-    spacing
-        Mean spacing of the points, of which a small part is always allowed.
-    """
-    return max(robust, known, (OUTLIERS.floor * spacing) ** 2)
 
 
 def _in_metres(

@@ -6,48 +6,26 @@ import math
 from collections.abc import Callable, Generator
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 
 from tssgeom import core
-from tssgeom.arrays import Matrix, Points, read_only
+from tssgeom.arrays import Matrix, read_only
 from tssgeom.core.constants_route import NODES, PRIOR
 from tssgeom.route.directions import direction_warnings
 from tssgeom.route.observations import Shape, outlier_warnings
 from tssgeom.route.route import Route
+from tssgeom.route.spline.cells import (
+    SHARED,
+    clustered,
+    correlation_of_innovations,
+    merged,
+    on_all_points,
+    raw_angle,
+)
 from tssgeom.route.spline.posterior import PARAMETERS, posterior_in_steps, warmed
 from tssgeom.route.spline.problem import LastPass, Problem, Solution, deviance
 from tssgeom.route.steps import at_once
-
-
-class SharedErrors(NamedTuple):
-    """When neighbouring points share their errors, as in centre lines traced in images, and what is done."""
-
-    close: float = 0.25
-    """Distance of neighbours that are close, of the median [1]; chosen."""
-    many: float = 0.08
-    """Share of close neighbours that no even sensor has [1]; chosen."""
-    quiet: float = 0.01
-    """Noise of the median distance [1], below which neighbours are close because the route bends; chosen."""
-    correlation: float = -3.5
-    """Autocorrelation of the innovations below which errors are not white [standard deviations]; chosen:
-    white ones stay above -3."""
-    correlation_of_cells: float = -4.0
-    """The same for points merged into cells [standard deviations]; chosen."""
-    lags: tuple[int, ...] = (1, 2, 3)
-    """Lags at which it is taken [points]; chosen."""
-    clipped: float = 3.0
-    """Innovation beyond which it is clipped, so that no outlier decides [standard deviations]; chosen."""
-    first_cell: float = 2.83
-    """Size of the first cells [mean spacings]; chosen: 2√2, docs/model.md (28)."""
-    growth: float = 2.0**0.5
-    """Factor from one size of cells to the next [1]; chosen."""
-    fewest_cells: int = 12
-    """Fewest cells that are fitted [1]; chosen."""
-
-
-SHARED = SharedErrors()
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,11 +73,7 @@ def fit(shape: Shape, noise: float | None = None, last: Spline | None = None) ->
     FitError
         Where the points give no finite curve.
     """
-    if last is not None and last.shared_angle_error == 0.0:
-        moved = _moved(shape, noise, last)
-        if moved is not None:
-            return moved
-    return at_once(fit_in_steps(shape, noise))
+    return at_once(fit_in_steps(shape, noise, last))
 
 
 def fit_in_steps(
@@ -113,7 +87,7 @@ def fit_in_steps(
         yield PARAMETERS * len(shape.points)
     spline, correlation = yield from _fit_white(shape, noise)
     alone = noise is None and shape.stations is None and shape.directions is None
-    if alone and _clustered(shape.points, spline.route.noise) and correlation() < SHARED.correlation:
+    if alone and clustered(shape.points, spline.route.noise) and correlation() < SHARED.correlation:
         return _fit_cells(shape, spline)
     return spline
 
@@ -122,34 +96,7 @@ def _fit_white(shape: Shape, noise: float | None) -> Generator[int, None, tuple[
     """Fit a route as if all errors were white; returns also how to ask for their correlation."""
     spacing = _mean_spacing(shape)
     problem, solution = yield from posterior_in_steps(shape, spacing, noise)
-    return _spline(shape, problem, solution, spacing), partial(_correlation, problem, solution)
-
-
-def _clustered(points: Points, noise: float) -> bool:
-    """Whether many neighbours lie far closer together than the rest, as no even sensor puts them.
-
-    Points with hardly any noise [m] lie closer together because the route bends there.
-    """
-    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    usual = np.median(steps)
-    return bool(noise > SHARED.quiet * usual and np.mean(steps < SHARED.close * usual) > SHARED.many)
-
-
-def _correlation(problem: Problem, solution: Solution) -> float:
-    """Return the most negative autocorrelation of the innovations, in standard deviations of chance.
-
-    It is taken at lags 1 to 3, times the root of their number; white errors give values above -3, errors that
-    neighbours share give large negative ones.
-    """
-    sensed = problem.sensed
-    inverse_intensity = 0.0 if sensed[0] is None else 1.0 / solution.intensity
-    e = core.innovations(*problem.model, *sensed, solution.ratio, inverse_intensity)[0]
-    e = e[np.any(e != 0.0, axis=1)]
-    if len(e) <= SHARED.lags[-1]:
-        return 0.0
-    e = np.clip(e / np.sqrt(np.mean(e * e)), -SHARED.clipped, SHARED.clipped)
-    power = np.sum(e * e)
-    return float(min(np.sum(e[lag:] * e[:-lag]) for lag in SHARED.lags) / power * np.sqrt(2.0 * len(e)))
+    return _spline(shape, problem, solution, spacing), partial(correlation_of_innovations, problem, solution)
 
 
 def _mean_spacing(shape: Shape) -> float:
@@ -166,7 +113,7 @@ def _fit_cells(shape: Shape, spline: Spline) -> Spline:
     """
     cell = SHARED.first_cell * float(spline.route.s[-1]) / len(shape.points)
     while True:
-        coarse, cell_of = _merged(shape, cell)
+        coarse, cell_of = merged(shape, cell)
         if len(coarse.points) < SHARED.fewest_cells:
             return spline
         fitted, correlation = at_once(_fit_white(coarse, None))
@@ -174,55 +121,19 @@ def _fit_cells(shape: Shape, spline: Spline) -> Spline:
             break
         cell *= SHARED.growth
     finer, coarser = (_angle_in_cells(shape, cell * x) for x in (0.5**0.5, 2**0.5))
-    error = 0.5 * abs(finer - coarser) / _raw_angle(fitted.route)
+    error = 0.5 * abs(finer - coarser) / raw_angle(fitted.route)
     warning = f"neighbouring points share their errors: merged into cells of {cell * 1e3:.3g} mm"
     return replace(
         fitted,
-        route=_on_all_points(shape, fitted.route, cell_of),
+        route=on_all_points(shape, fitted.route, cell_of),
         joints=_joints(fitted.route, fitted.covariance, fitted.freedom, len(shape.points)),
         shared_angle_error=error,
         warnings=(warning,),
     )
 
 
-def _merged(shape: Shape, cell: float) -> tuple[Shape, np.ndarray]:
-    """Return the mean of the points in each cell of a size [m], and the cell of each point [n]."""
-    cell_of = _cells(shape.points, cell)
-    count = np.bincount(cell_of)
-    sums = np.column_stack([np.bincount(cell_of, shape.points[:, c]) for c in range(3)])
-    index = np.arange(len(count), dtype=np.float64)
-    return Shape(read_only(sums / count[:, None]), read_only(index), None, shape.warnings), cell_of
-
-
-def _cells(points: Points, cell: float) -> np.ndarray:
-    out, first, count = [], 0, 0
-    for i, point in enumerate(points):
-        if math.dist(point, points[first]) > cell:
-            first, count = i, count + 1
-        out.append(count)
-    return np.array(out, dtype=np.int64)
-
-
 def _angle_in_cells(shape: Shape, cell: float) -> float:
-    return _raw_angle(at_once(_fit_white(_merged(shape, cell)[0], None))[0].route)
-
-
-def _raw_angle(route: Route) -> float:
-    return float(np.trapezoid(np.linalg.norm(route.curvature_vector, axis=1), route.s)) + 1e-12
-
-
-def _on_all_points(shape: Shape, route: Route, cell_of: np.ndarray) -> Route:
-    """Give each sensed point its foot on a route that was fitted to cells."""
-    near = np.interp(route.station[cell_of], route.s, np.arange(len(route.s))).round().astype(int)
-    along = np.einsum("ij,ij->i", shape.points - route.position[near], route.tangent[near])
-    station = np.clip(route.s[near] + along, 0.0, route.s[-1])
-    foot = np.column_stack([np.interp(station, route.s, route.position[:, c]) for c in range(3)])
-    return replace(
-        route,
-        weight=read_only(route.weight[cell_of]),
-        station=read_only(station),
-        residual=read_only(shape.points - foot),
-    )
+    return raw_angle(at_once(_fit_white(merged(shape, cell)[0], None))[0].route)
 
 
 def _moved(shape: Shape, noise: float | None, last: Spline) -> Spline | None:
@@ -254,7 +165,7 @@ def _moved_at_once(shape: Shape, noise: float | None, last: LastPass) -> Spline 
         spacing,
         variance,
         shape.stations,
-        _rows(n),
+        rows_for(n),
     )
     ratio, intensity, freedom, least, held = result.tolist()
     if not held:
@@ -285,7 +196,7 @@ def _moved_at_once(shape: Shape, noise: float | None, last: LastPass) -> Spline 
     )
 
 
-def _rows(n: int) -> int:
+def rows_for(n: int) -> int:
     """Room for the nodes of a route of n stations."""
     return n if n >= NODES.fewest else n + NODES.fewest
 
@@ -310,7 +221,7 @@ def _spline(shape: Shape, problem: Problem, solution: Solution, spacing: float) 
         shape.points[0],
         spacing,
         problem.stations_known,
-        _rows(n),
+        rows_for(n),
     )
     s, (position, tangent, bend) = s[:count], vectors[:, :count]
     by_tangents = _parameters_of_tangents(problem, solution)
