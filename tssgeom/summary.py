@@ -1,4 +1,4 @@
-"""Running summary of the frames of an input, in memory that does not grow with their number."""
+"""Running summary of an input's frames, in constant memory."""
 
 from __future__ import annotations
 
