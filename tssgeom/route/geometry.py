@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import itertools
-import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from operator import itemgetter
 from typing import Literal
@@ -13,13 +12,13 @@ from typing import Literal
 import numpy as np
 
 from tssgeom import core
-from tssgeom.arrays import Vector, read_only
 from tssgeom.errors import FitError
 from tssgeom.route.arcs.chain import Chain, Data, fit_fixed_pieces, unfitted
 from tssgeom.route.arcs.corners import cornered
 from tssgeom.route.arcs.moves import fit_chain, without_piece
 from tssgeom.route.arcs.outliers import refitted_with_tangents, with_tangents, without_outliers
 from tssgeom.route.arcs.summary import ChainPieces, chain_nodes, chain_pieces
+from tssgeom.route.bounds import polygon
 from tssgeom.route.directions import direction_warnings
 from tssgeom.route.model_choice import (
     CHOICE,
@@ -30,6 +29,7 @@ from tssgeom.route.model_choice import (
 )
 from tssgeom.route.observations import Shape, order_warnings, outlier_warnings
 from tssgeom.route.pieces import Arcs, smooth_geometry
+from tssgeom.route.ratio_average import averaged
 from tssgeom.route.route import Route, summed
 from tssgeom.route.route_fit import (
     Deferred,
@@ -42,7 +42,7 @@ from tssgeom.route.route_fit import (
     refuse_lost,
     turns_unobserved,
 )
-from tssgeom.route.spline.fit import Spline, fit
+from tssgeom.route.spline.fit import Spline, fit, on_chords
 
 Method = Literal["auto", "spline", "arcs"]
 
@@ -61,8 +61,6 @@ class ChainStart:
     """Relative standard error of Φ above which a smooth fit may hide kinks [1]. Chosen; model.md (33)."""
     far_off: float = 3.0
     """Noise of a smooth fit above which it may have lost the points [spacings]. Chosen."""
-    most_turn_over_chord: float = 2.8
-    """Turn up to which a chord is lengthened to its arc [rad]. Chosen: just below half a turn."""
     shortest: float = 1.5
     """Shortest piece of a first guess beside directions [mean spacings]. Chosen: a shorter one may hold no
     point."""
@@ -89,21 +87,18 @@ def measure(shape: Shape, noise: float | None = None, method: Method = "auto") -
         Where the points give no finite curve.
     """
     try:
-        return checked(_measured(shape, noise, method), shape)
+        return within_bounds(checked(_measured(shape, noise, method), shape), shape)
     except FitError:
         if shape.stations is not None:
             raise
-    stations = _arcs_over_chords(shape, noise)
-    result = checked(_measured(replace(shape, stations=stations), noise, method), shape)
-    return result.warned(_FROM_CHORDS)
+    fit = checked(_measured(on_chords(shape), noise, method), shape).warned(_FROM_CHORDS)
+    return within_bounds(fit, shape)
 
 
-def _arcs_over_chords(shape: Shape, noise: float | None) -> Vector:
-    """Stations by the chords between points, each made longer by the turn in a fit on chords alone [m]."""
-    chord = np.linalg.norm(np.diff(shape.points, axis=0), axis=1)
-    first = spline_fit(fit(replace(shape, stations=read_only(summed(chord))), noise))
-    turn = np.diff(np.interp(first.route.station, first.profile.s, first.profile.phi))
-    return read_only(summed(chord / np.sinc(np.minimum(turn, START.most_turn_over_chord) / (2.0 * math.pi))))
+def within_bounds(fit: RouteFit, shape: Shape) -> RouteFit:
+    """Return a fit, with a warning where it is shorter or turns less than the polygon through its points."""
+    broken = polygon(shape.points, fit.weight).broken(fit.arcs.total_length, fit.arcs.total_angle, fit.noise)
+    return fit if broken is None else fit.warned(broken)
 
 
 def checked(result: RouteFit, shape: Shape) -> RouteFit:
@@ -124,7 +119,7 @@ def checked(result: RouteFit, shape: Shape) -> RouteFit:
 
 
 def _measured(shape: Shape, noise: float | None, method: Method) -> RouteFit:
-    spline = fit(shape, noise)
+    spline = averaged(shape, noise, fit(shape, noise))
     smooth = with_few_points_variance(spline_fit(spline), shape)
     if method == "spline" or not chain_allowed(shape, spline):
         refuse_folded(spline.route)
@@ -175,7 +170,7 @@ def spline_fit(spline: Spline) -> RouteFit:
     """Profile and pieces of a smooth fit."""
     route = spline.route
     profile, arcs = smooth_geometry(spline)
-    return RouteFit(
+    smooth = RouteFit(
         arcs=arcs,
         noise=route.noise,
         weight=route.weight,
@@ -184,6 +179,7 @@ def spline_fit(spline: Spline) -> RouteFit:
         warnings=spline.warnings,
         spline=spline,
     )
+    return smooth.with_model_choice_variance(spline.ratio_variance * arcs.total_angle**2)
 
 
 def with_few_points_variance(smooth: RouteFit, shape: Shape) -> RouteFit:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tssgeom.arrays import Vector
-from tssgeom.route.arcs.chain import Chain, Data, squared_distances, tangent_count
+from tssgeom.route.arcs.chain import Chain, Data, noise_variance, squared_distances, tangent_count
 from tssgeom.route.arcs.moves import saved_by_slopes
 from tssgeom.route.arcs.outliers import squared_tangent_residuals
 from tssgeom.route.route_fit import RouteFit
@@ -32,6 +32,8 @@ class ModelChoice:
     """Evidence that a chain is given beforehand [2 ln]. Fitted, as above."""
     joint_price: float = 18.0
     """What each joint must save beyond its parameters [2 ln]. Fitted: staircases resemble smooth routes."""
+    whole_price_from: int = 30
+    """Points from which on both count as a whole, and fewer in proportion [1]. Fitted on 8 to 40 points."""
     many_pieces: int = 7
     """Pieces from which on each must save more. Fitted, as above."""
     further_piece_price: float = 4.0
@@ -51,6 +53,24 @@ class ModelChoice:
 
 
 CHOICE = ModelChoice()
+
+
+@dataclass(frozen=True, slots=True)
+class NoisePrior:
+    """What is known beforehand of the noise of a sensor, over the length of the route; docs/model.md (152)."""
+
+    typical: float = 1e-3
+    """Typical noise [1]. Chosen: cameras, magnetic trackers and fibres lie on both sides of it."""
+    decades: float = 0.7
+    """Standard deviation of its logarithm [decades]. Chosen: 4e-5 to 2e-2 in nineteen of twenty sensors."""
+
+
+NOISE_PRIOR = NoisePrior()
+
+
+def noise_price(noise: float) -> float:
+    """Return -2 ln of the prior of an unknown noise, over the length of the route [1], above its least."""
+    return (math.log10(max(noise, 1e-300) / NOISE_PRIOR.typical) / NOISE_PRIOR.decades) ** 2
 
 
 def model_probabilities(log_evidence: Vector) -> Vector:
@@ -107,9 +127,14 @@ def penalised_log_evidence_difference(data: Data, chain: Chain, spline: Spline) 
 def log_evidence_difference(data: Data, chain: Chain, spline: Spline) -> float:
     """Evidence of the chain over the spline, after the additional price of its joints [2 ln]; (34)."""
     pieces = len(chain.bend)
-    price = CHOICE.joint_price * (pieces - 1)
+    share = min(len(data.points) / CHOICE.whole_price_from, 1.0)
+    price = CHOICE.joint_price * (pieces - 1) * share
     price += CHOICE.further_piece_price * max(pieces - CHOICE.many_pieces, 0)
-    return spline.deviance - chain_deviance(data, chain) + CHOICE.chain_bonus - price
+    if data.variance == 0.0:
+        length = float(chain.stations.max() - chain.stations.min())
+        price += noise_price(math.sqrt(noise_variance(data, chain)) / length)
+        price -= noise_price(spline.route.noise / float(spline.route.s[-1]))
+    return spline.deviance - chain_deviance(data, chain) + CHOICE.chain_bonus * share - price
 
 
 def chain_deviance(data: Data, chain: Chain) -> float:

@@ -23,6 +23,8 @@ class StationLimits:
     """Chords over their stations above which the frame is refused [1]. Chosen: a wrong unit or column."""
     shortest_path: float = 1 / 3
     """Path from point to point over the stations [1]. Derived: below it neighbours are half a turn apart."""
+    most_turn_over_chord: float = 2.8
+    """Turn up to which a chord is lengthened to its arc [rad]. Chosen: just below half a turn."""
 
 
 STATIONS = StationLimits()
@@ -76,6 +78,22 @@ def step_lengths(points: Points) -> Vector:
     """Distances from point to point [n - 1] [m]."""
     step = np.diff(points, axis=0)
     return np.sqrt(np.einsum("ij,ij->i", step, step))
+
+
+def arcs_over_chords(points: Points) -> Vector:
+    """Return stations of points by circular arcs over the chords between them, from 0 [n] [m].
+
+    Each chord turns by the mean curvature of the polygon at its two ends; docs/model.md (151).
+    """
+    chord = np.diff(points, axis=0)
+    size = step_lengths(points)
+    turn = np.arctan2(
+        np.linalg.norm(np.cross(chord[:-1], chord[1:]), axis=1), np.einsum("ij,ij->i", chord[:-1], chord[1:])
+    )
+    curvature = 2.0 * turn / (size[:-1] + size[1:])
+    ends = np.concatenate((curvature[:1], curvature, curvature[-1:]))
+    turned = np.minimum(0.5 * size * (ends[:-1] + ends[1:]), STATIONS.most_turn_over_chord)
+    return summed(size / np.sinc(turned / (2.0 * np.pi)))
 
 
 def checked_stations(points: Points, stations: Vector | None) -> Vector | None:

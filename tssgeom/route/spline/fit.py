@@ -10,11 +10,11 @@ from functools import partial
 import numpy as np
 
 from tssgeom import core
-from tssgeom.arrays import Matrix, read_only
+from tssgeom.arrays import Matrix, Vector, read_only
 from tssgeom.core.constants_route import NODES, PRIOR
 from tssgeom.route.directions import direction_warnings
 from tssgeom.route.observations import Shape, outlier_warnings
-from tssgeom.route.route import Route
+from tssgeom.route.route import Route, arcs_over_chords
 from tssgeom.route.spline.cells import (
     SHARED,
     clustered,
@@ -49,10 +49,23 @@ class Spline:
     """Nodes at which pieces of constant curvature meet, with both ends."""
     shared_angle_error: float = 0.0
     """Relative standard error of all angles that comes from errors that neighbouring points share [1]."""
+    by_chords: bool = False
+    """Whether the stations are those of arcs over the chords between the points."""
+    ratio_variance: float = 0.0
+    """Variance of Φ from not knowing λ, over Φ² [1]."""
     tangent_share: float = 0.0
     """Share of the effective parameters that sensed directions determine [1]."""
     warnings: tuple[str, ...] = ()
     """What the user should know of the fit."""
+
+    def averaged_as(self, other: Spline) -> Spline:
+        """Return it with the stations and the unknown λ of a fit of the same route a moment ago."""
+        if not other.by_chords and other.ratio_variance == 0.0:
+            return self
+        known = self.stations_known and not other.by_chords
+        return replace(
+            self, stations_known=known, by_chords=other.by_chords, ratio_variance=other.ratio_variance
+        )
 
 
 def fit(shape: Shape, noise: float | None = None, last: Spline | None = None) -> Spline:
@@ -96,7 +109,21 @@ def _fit_white(shape: Shape, noise: float | None) -> Generator[int, None, tuple[
     """Fit a route as if all errors were white; returns also how to ask for their correlation."""
     spacing = _mean_spacing(shape)
     problem, solution = yield from posterior_in_steps(shape, spacing, noise)
-    return _spline(shape, problem, solution, spacing), partial(correlation_of_innovations, problem, solution)
+    return spline_of(shape, problem, solution, spacing), partial(
+        correlation_of_innovations, problem, solution
+    )
+
+
+def on_chords(shape: Shape, weight: Vector | None = None) -> Shape:
+    """Return a shape with the stations of arcs over the chords between its points that have a weight [n]."""
+    if weight is None or weight.min() > 0.0:
+        return replace(shape, stations=read_only(arcs_over_chords(shape.points)))
+    used, every = np.flatnonzero(weight > 0.0), np.arange(len(weight))
+    inside = np.interp(every, used, arcs_over_chords(shape.points[used]))
+    # an end that is not used lies one mean step beyond
+    beyond = np.minimum(every - used[0], 0) + np.maximum(every - used[-1], 0)
+    stations = inside + beyond * (inside[-1] / (used[-1] - used[0]))
+    return replace(shape, stations=read_only(stations - stations[0]))
 
 
 def _mean_spacing(shape: Shape) -> float:
@@ -139,18 +166,22 @@ def _angle_in_cells(shape: Shape, cell: float) -> float:
 def _moved(shape: Shape, noise: float | None, last: Spline) -> Spline | None:
     """Spline of the same route a moment after the last one, or None where that no longer holds."""
     before = last.memory
+    if last.by_chords and shape.stations is None:
+        shape = on_chords(shape)
     same = (shape.stations is not None) == before.stations_known
     same &= (shape.directions is None) == (before.tangents is None)
     if len(shape.points) != len(before.u) or not same:
         return None
     if shape.directions is None:
-        return _moved_at_once(shape, noise, before)
-    warm = warmed(shape, noise, before)
-    return None if warm is None else _spline(shape, *warm, before.spacing)
+        moved = _moved_at_once(shape, noise, before)
+    else:
+        warm = warmed(shape, noise, before)
+        moved = None if warm is None else spline_of(shape, *warm, before.spacing)
+    return None if moved is None else moved.averaged_as(last)
 
 
 def _moved_at_once(shape: Shape, noise: float | None, last: LastPass) -> Spline | None:
-    """Do as `warmed` and `_spline` do, in one call of the core."""
+    """Do as `warmed` and `spline_of` do, in one call of the core."""
     n, spacing = len(shape.points), last.spacing
     variance = 0.0 if noise is None else max(noise / spacing, PRIOR.rounding) ** 2
     result, u, y, mean, state, count, *nodes, pieces = core.spline_frame(
@@ -201,7 +232,7 @@ def rows_for(n: int) -> int:
     return n if n >= NODES.fewest else n + NODES.fewest
 
 
-def _spline(shape: Shape, problem: Problem, solution: Solution, spacing: float) -> Spline:
+def spline_of(shape: Shape, problem: Problem, solution: Solution, spacing: float) -> Spline:
     """Spline on its nodes in SI; the nodes are the stations, and more in between where these are few."""
     model, n = problem.model, len(shape.points)
     count, s, vectors, covariance, gain, where = core.spline_nodes(

@@ -1,0 +1,218 @@
+"""A smooth fit averaged over the smoothing ratio λ, which few points do not determine; docs/model.md (152)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from tssgeom import core
+from tssgeom.core.constants_route import PRIOR, SEARCH
+from tssgeom.errors import FitError
+from tssgeom.route.bounds import Polygon, polygon
+from tssgeom.route.model_choice import mixture_variance, model_probabilities, noise_price
+from tssgeom.route.observations import Shape
+from tssgeom.route.pieces import smooth_geometry
+from tssgeom.route.spline.fit import Spline, fit, on_chords, spline_of
+from tssgeom.route.spline.problem import FilterModel, LastPass, Problem, Solution, next_pass
+
+
+@dataclass(frozen=True, slots=True)
+class RatioGrid:
+    """On which λ a fit is made, and which of the fits count."""
+
+    most_points: int = 40
+    """Points up to which λ is averaged over. Chosen: more determine it to a small part of the error of Φ."""
+    widest: float = 1.0
+    """Greatest distance of neighbouring λ [decades]. Chosen."""
+    narrowest: float = 0.3
+    """Least distance of neighbouring λ [decades]. Chosen."""
+    deviations: float = 1.25
+    """Distance of neighbouring λ [standard deviations of ln λ]. Derived: the sum over a normal density on
+    such a grid is exact to 1e-5."""
+    passes: int = 5
+    """Most passes at one λ. Chosen."""
+    converged: float = 0.1
+    """Change of -2 ln of the posterior of λ in the last pass [1]. Chosen."""
+    negligible: float = 9.0
+    """-2 ln of a posterior, above the least, that counts no more [1]. Derived: a weight of 1 %."""
+    missed: int = 2
+    """Neighbouring λ that do not count or give no curve, after which the search ends. Chosen."""
+    most: int = 20
+    """Most λ on either side of the likeliest one. Derived: the range of the search in steps of one decade."""
+    chord_bias: float = 6.0
+    """Relative error of Φ on stations by chords over the square of the noise in mean spacings [1]. Derived:
+    noise makes each chord longer by twice that square, and (26) counts a length three times."""
+    most_bias: float = 0.3
+    """Such an error over the standard error of Φ up to which chords give the stations [1]. Chosen."""
+    outlier_price: float = 13.6
+    """-2 ln of the probability density of one outlier across the route, in mean spacings [1]. Chosen: one
+    point in a hundred is one, within three spacings."""
+    representative: float = 0.05
+    """Posterior over the greatest one of a fit that may stand for all [1]. Chosen."""
+
+
+GRID = RatioGrid()
+
+
+class _Candidate(NamedTuple):
+    """A fit at one λ."""
+
+    spline: Spline
+    criterion: float
+    """-2 ln of the posterior density of λ, in decades, times the width of its cell."""
+    angle: float
+    variance: float
+
+
+class _State(NamedTuple):
+    """Where the passes at one λ ended."""
+
+    problem: Problem
+    solution: Solution
+    criterion: float
+    """-2 ln of the posterior density of λ, in decades."""
+
+
+def averaged(shape: Shape, noise: float | None, spline: Spline) -> Spline:
+    """Return the fit that stands for those at every λ, with the variance of Φ that they have in common.
+
+    Where stations are unknown and the points accurate, stations by arcs over the chords are tried as well:
+    on few points those at the feet of the points may not converge.
+    """
+    if len(shape.points) > GRID.most_points or spline.shared_angle_error:
+        return spline
+    candidates = list(_candidates(shape, noise, spline))
+    if shape.stations is None:
+        with suppress(FitError):
+            candidates += _by_chords(shape, noise)
+    return spline if len(candidates) < 2 else _representative(shape, candidates)
+
+
+def _by_chords(shape: Shape, noise: float | None) -> list[_Candidate]:
+    """Fits on the stations of arcs over the chords; a chord to an outlier is none of the route."""
+    sensed = on_chords(shape)
+    spline = fit(sensed, noise)
+    if spline.route.weight.min() <= 0.0:
+        sensed = on_chords(shape, spline.route.weight)
+        spline = fit(sensed, noise)
+    spacing = float(spline.route.s[-1]) / (len(shape.points) - 1)
+    return [
+        one._replace(spline=replace(one.spline, stations_known=False, by_chords=True))
+        for one in _candidates(sensed, noise, spline)
+        if _chord_bias(one, spacing) <= GRID.most_bias * math.sqrt(one.variance)
+    ]
+
+
+def _chord_bias(one: _Candidate, spacing: float) -> float:
+    """Error of Φ that noise brings by longer chords [rad]."""
+    return GRID.chord_bias * (one.spline.route.noise / spacing) ** 2 * one.angle
+
+
+def _representative(shape: Shape, candidates: list[_Candidate]) -> Spline:
+    """Return the fit that is nearest to the mean over all, with the mean square error of its angle."""
+    sound = list(_within_bounds(shape, candidates)) or candidates
+    criterion = np.array([one.criterion for one in sound])
+    angle = np.array([one.angle for one in sound])
+    variance = np.array([one.variance for one in sound])
+    probability = model_probabilities(-0.5 * criterion)
+    mean = float(probability @ angle)
+    likely = probability >= GRID.representative * probability.max()
+    chosen = sound[int(np.argmin(np.where(likely, np.abs(angle - mean), math.inf)))]
+    total = mixture_variance(probability, angle, variance, chosen.angle)
+    best = sound[int(np.argmin(criterion))].spline
+    more = max(total - chosen.variance, 0.0) / max(chosen.angle, 1e-12) ** 2
+    return replace(chosen.spline, deviance=best.deviance, ratio_variance=more)
+
+
+def _within_bounds(shape: Shape, candidates: list[_Candidate]) -> Iterator[_Candidate]:
+    polygons = dict[bytes, Polygon]()  # by which points are used
+    for one in candidates:
+        route = one.spline.route
+        key = route.weight.tobytes()
+        if key not in polygons:
+            polygons[key] = polygon(shape.points, route.weight)
+        if not polygons[key].broken(float(route.s[-1]), one.angle, route.noise):
+            yield one
+
+
+def _candidates(shape: Shape, noise: float | None, spline: Spline) -> Iterator[_Candidate]:
+    """Fits on a grid of λ about that of a fit, as far as they count."""
+    first = _converged(_problem(shape, noise, spline), spline.memory, spline.memory.ratio)
+    step = _step(first)
+    states = [first, *_aside(first, -step), *_aside(first, step)]
+    least = min(state.criterion for state in states)
+    for state in states:
+        if state.criterion <= least + GRID.negligible:
+            fitted = spline_of(shape, state.problem, state.solution, spline.memory.spacing)
+            arcs = smooth_geometry(fitted)[1]
+            angle, variance = arcs.total_angle, arcs.total_angle_se**2
+            if math.isfinite(angle + variance):
+                criterion = state.criterion - 2.0 * math.log(step)
+                yield _Candidate(fitted, criterion, angle, min(variance, angle**2))
+
+
+def _aside(first: _State, step: float) -> Iterator[_State]:
+    """Yield states at λ in steps [decades] to one side, until two of them do not count or fail."""
+    x, state, least, missed = math.log10(first.solution.ratio), first, first.criterion, 0
+    for count in range(1, GRID.most):
+        at = x + step * count
+        if missed == GRID.missed or not SEARCH.least <= at <= SEARCH.most:
+            break
+        missed += 1
+        with suppress(FitError):
+            state = _converged(state.problem, state.solution, 10.0**at)
+            yield state
+            missed = missed if state.criterion > least + GRID.negligible else 0
+            least = min(least, state.criterion)
+
+
+def _problem(shape: Shape, noise: float | None, spline: Spline) -> Problem:
+    last = spline.memory
+    if shape.directions is not None and noise is None:
+        noise = spline.route.noise  # beside directions λ alone does not give it
+    variance = 0.0 if noise is None else max(noise / last.spacing, PRIOR.rounding) ** 2
+    model = FilterModel(last.u, last.y, last.weight, *(np.zeros(0),) * 4, across_only=True)
+    known = shape.stations is not None
+    return Problem(model, variance, np.zeros(0), known, last.tangents, shape.direction_noise**2)
+
+
+def _converged(problem: Problem, before: Solution | LastPass, ratio: float) -> _State:
+    """Passes at one λ until they change little; raises FitError where the points give no finite curve."""
+    solution, reached = before, math.inf
+    for _ in range(GRID.passes):
+        problem, last = next_pass(problem, solution), reached
+        solution, reached = _solved(problem, ratio)
+        if abs(reached - last) < GRID.converged:
+            break
+    if not (isinstance(solution, Solution) and math.isfinite(reached)):
+        raise FitError("the points give no finite curve: check the unit and look for outlying points")
+    return _State(problem, solution, reached)
+
+
+def _solved(problem: Problem, ratio: float) -> tuple[Solution, float]:
+    """Solution at one λ, and -2 ln of the posterior of λ; docs/model.md (21), (152)."""
+    model, sensed = problem.model, problem.sensed
+    inverse_intensity = 0.0 if sensed[0] is None else ratio / problem.variance
+    _, log_s, squares, values = core.innovations(*model, *sensed, ratio, inverse_intensity)
+    q = problem.variance / ratio or max(squares / max(2 * values, 1), PRIOR.rounding**2 / ratio)
+    criterion = 2 * (values * math.log(q) + log_s) + squares / q + SEARCH.price_per_decade * math.log10(ratio)
+    if problem.variance == 0.0:
+        criterion += noise_price(math.sqrt(ratio * q) / float(model.u[-1] - model.u[0]))
+    criterion += GRID.outlier_price * int(np.count_nonzero(model.weight <= 0.0))
+    return Solution(ratio, q, log_s, squares, values, *core.smooth(*model, *sensed, ratio, inverse_intensity)), criterion
+
+
+def _step(state: _State) -> float:
+    """Distance of neighbouring λ by the posterior about the likeliest one [decades]."""
+    near = [
+        _solved(state.problem, state.solution.ratio * 10.0**x)[1] for x in (-SEARCH.fine, 0.0, SEARCH.fine)
+    ]
+    bend = (near[0] - 2.0 * near[1] + near[2]) / SEARCH.fine**2
+    if bend <= 0.0:
+        return GRID.widest
+    return min(max(GRID.deviations * math.sqrt(2.0 / bend), GRID.narrowest), GRID.widest)
