@@ -173,6 +173,7 @@ int64_t tss_corners_of_bars(
     return through_bars(k, edge, tension, p, length, piece_angle, corners[0], corners[1], work[0]);
 }
 
+/* What the corners through the bars mean on a route; docs/model.md (49). */
 void tss_transmit_bars(
     int64_t k, const double edge[k], const double memory[7 * (k + 1) + 6], int64_t p, const double length[p],
     const double piece_angle[p], const double covariance[2 * p][2 * p], double compliance, double pretension,
