@@ -102,7 +102,7 @@ static void transmit(
         later += length[i] * means[p + i];
     }
     for (int64_t i = 0; i < p; i++) {
-        elongation += compliance * length[i] * (means[i] - pretension); /* docs/model.md (9) */
+        elongation += compliance * length[i] * (means[i] - pretension); /* docs/model.md (7), (9) */
         turned += piece_angle[i];
         const double *row = covariance + (p + i) * 2 * p + p;
         double sum[4] = {0.0, 0.0, 0.0, 0.0};

@@ -128,6 +128,7 @@ sweep(const bar_laws *laws, bar_memory *memory, step_room *room, int by_force, d
 /* Shares of a step at which it is cut; friction by speed lets go just after a turn; docs/model.md (65). */
 static const double AFTER_A_TURN[6] = {0.02, 0.06, 0.15, 0.35, 0.65, 1.0};
 
+/* Share of a step at which one of its parts ends; docs/model.md (65). */
 static double cut_at(int64_t cut, int turned, double parts) {
     if (!turned) return (double)(cut + 1) / parts;
     return cut < 6 ? AFTER_A_TURN[cut] / parts : (double)(cut - 4) / parts;

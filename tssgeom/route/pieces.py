@@ -49,7 +49,7 @@ class Arcs:
 
     @property
     def total_angle(self) -> float:
-        """Accumulated curve angle of the whole route, Φ [rad]."""
+        """Accumulated curve angle of the whole route, Φ [rad]; docs/model.md (1)."""
         return math.fsum(self.angle)
 
     @property
