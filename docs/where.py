@@ -1,7 +1,7 @@
 """Write the table of docs/where.md: which functions compute which equation of docs/model.md.
 
-python docs/where.py            # writes the table anew, below the questions, which are written by hand
-python docs/where.py --check    # is it that of the code, and is everything there that a question names?
+python docs/where.py            # writes the table anew, below the topics, which are written by hand
+python docs/where.py --check    # is it that of the code, and is everything there that the topics name?
 
 A comment or docstring of the code states the number of its equation: `docs/model.md (29)`, or `; (29)`.
 """

@@ -1,4 +1,4 @@
-"""docs/where.md is the table of the code, and its questions name functions that exist."""
+"""docs/where.md is the table of the code, and its topics name functions that exist."""
 
 import shutil
 import subprocess
