@@ -43,6 +43,12 @@ class Arcs:
         return np.concatenate(([0.0], np.cumsum(self.length)[:-1]))
 
     @property
+    def angle_se(self) -> Vector:
+        """Standard error of the angle of each piece, the bend that points may hide included [rad]; (124)."""
+        k = len(self.length)
+        return np.sqrt(np.maximum(np.diag(self.covariance)[k:], 0.0))
+
+    @property
     def total_length(self) -> float:
         """Arc length of the whole route [m]."""
         return math.fsum(self.length)
