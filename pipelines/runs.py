@@ -43,7 +43,7 @@ def errors_naming(run: Path, shape: Path) -> Iterator[None]:
 
 
 def measured_run(path: Path) -> MeasuredRun:
-    """Read a run, and warn of columns that look like channels and are not read."""
+    """Read a run, and warn of columns that resemble channels and are not read."""
     run = read_run(path)
     for warning in run.warnings:
         print_message(f"{path}: warning: {warning}")

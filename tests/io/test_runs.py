@@ -29,7 +29,7 @@ def test_columns_are_read_in_si_and_others_passed_over(tmp_path):
 
 
 @pytest.mark.parametrize("kind", ["csv", "parquet"])
-def test_a_column_that_looks_like_a_channel_and_is_not_read_is_reported(tmp_path, kind):
+def test_a_column_that_resembles_a_channel_and_is_not_read_is_reported(tmp_path, kind):
     path = tmp_path / f"run.{kind}"
     columns = {
         "time_s": [0.0, 1.0],

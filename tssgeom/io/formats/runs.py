@@ -43,7 +43,7 @@ class MeasuredRun:
     temperature: Vector | None = None
     """[n] Temperature [°C]."""
     warnings: tuple[str, ...] = ()
-    """Columns that are not read though they look like channels, a sentence each."""
+    """Columns that are not read though they resemble channels, a sentence each."""
 
     def channel(self, names: Sequence[str]) -> tuple[str, Vector]:
         """Return name and values of the first of these columns that the run has; every sample is finite.
