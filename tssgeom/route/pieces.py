@@ -46,7 +46,7 @@ class Arcs:
     def angle_se(self) -> Vector:
         """Standard error of the angle of each piece, the bend that points may hide included [rad]; (124)."""
         k = len(self.length)
-        return np.sqrt(np.maximum(np.diag(self.covariance)[k:], 0.0))
+        return np.sqrt(np.maximum(self.covariance.diagonal()[k:], 0.0))
 
     @property
     def total_length(self) -> float:
