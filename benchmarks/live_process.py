@@ -12,17 +12,19 @@ import sys
 import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
+from functools import cache
 from pathlib import Path
 from time import monotonic
 from typing import IO, Any
 
 import numpy as np
 
-from benchmarks.routes import PIECEWISE, of_arcs, truth
+from benchmarks.routes import harmonic_course, of_arcs, truth
 from tssgeom.route.synthetic import Course
 
 _SWAY = 0.02  # of all curvatures, to both sides
 _PERIOD, _PULLS = 2.0, 3.0  # s of the route and of the tension
+_ARCS_OF_ONE = 16  # of the random route, since fewer arcs take less time
 _DIGITS = 4  # after the point, in mm
 
 _WRONG = {
@@ -44,14 +46,26 @@ _WRONG = {
 }
 
 
-def points_mm(n: int, time: float, seed: int = 0, noise: float = 5e-4) -> np.ndarray:
-    """Noisy points [n, 3] of seven pieces that sway [mm]; `noise` of each coordinate [m]."""
-    course = truth(PIECEWISE[-1], np.random.default_rng(0)).course
-    assert course is not None
+ROUTES = ("7 pieces", "harmonics")
+"""Those that `points_mm` knows: one of pieces and a smooth one."""
+
+
+def points_mm(n: int, time: float, seed: int = 0, noise: float = 5e-4, route: str = ROUTES[0]) -> np.ndarray:
+    """Noisy points [n, 3] of a route that sways [mm]; `noise` of each coordinate [m]."""
+    course = _course(route)
     sway = 1.0 + _SWAY * np.sin(2 * np.pi * time / _PERIOD)
-    route = of_arcs(Course(course.length, sway * course.bend), piecewise=True)
-    positions = route.position(np.linspace(0.0, course.total_length, n))
+    swayed = of_arcs(Course(course.length, sway * course.bend), piecewise=True)
+    positions = swayed.position(np.linspace(0.0, course.total_length, n))
     return 1e3 * (positions + noise * np.random.default_rng(seed).standard_normal((n, 3)))
+
+
+@cache
+def _course(route: str) -> Course:
+    """Pieces as they are, a smooth route as arcs so short that their steps are far below the noise."""
+    if pieces := truth(route, np.random.default_rng(0)).course:
+        return pieces
+    fine, short = harmonic_course(np.random.default_rng(0)), _ARCS_OF_ONE
+    return Course(short * fine.length[::short], fine.bend[short // 2 :: short])
 
 
 def line(points: np.ndarray, time: float, **more: object) -> bytes:
@@ -62,9 +76,9 @@ def line(points: np.ndarray, time: float, **more: object) -> bytes:
     return json.dumps(content, separators=(",", ":")).encode() + b"\n"
 
 
-def lines(n: int, count: int, rate: float) -> list[bytes]:
+def lines(n: int, count: int, rate: float, route: str = ROUTES[0]) -> list[bytes]:
     """Frames at a rate [Hz], the first at time 0."""
-    return [line(points_mm(n, i / rate, i), i / rate) for i in range(count)]
+    return [line(points_mm(n, i / rate, i, route=route), i / rate) for i in range(count)]
 
 
 def retimed(text: bytes, time: float) -> bytes:

@@ -126,7 +126,7 @@ def _live(text: str) -> Extract:
     times = [cell(latency, "--view --record", name) for name in ("p50", "p99", "p99.9")]
     borne = sum(row[1] == "yes" for row in faults[1:])
     key = [f"{' / '.join(times)} ms", "wanted: at most 0.5 / 1 / 3 ms", ABSENT]
-    return Extract(f"{_rendered(latency, 1)}\n\n{borne} of {len(faults) - 1} faults are borne.", key)
+    return Extract(f"{_rendered(latency, 2)}\n\n{borne} of {len(faults) - 1} faults are borne.", key)
 
 
 def _batch(text: str) -> Extract:

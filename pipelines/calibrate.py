@@ -54,17 +54,16 @@ def calibrate(
     rig; zeros are only reported.
     """
     from pipelines.inputs import analysis_of, run_settings, without_effects
-    from pipelines.runs import errors_naming
+    from pipelines.runs import errors_naming, measured_run
     from tssgeom.errors import SettingsError, require_replaceable
     from tssgeom.identify import calibration
-    from tssgeom.io.formats.runs import read_run
     from tssgeom.rig import write_rig
 
     settings = run_settings(rig, TENSION_IN, unit)
     if out.is_dir():
         raise SettingsError(f"--out {out} is a folder: name the rig file, such as {out / 'rig.toml'}")
     require_replaceable(out)
-    measured = _columns(read_run(run))
+    measured = _columns(measured_run(run))
     result = analysis_of(shape.stem, shape, without_effects(settings)).results[-1]
     with errors_naming(run, shape):
         fitted = calibration.calibrate(measured, result.arcs, settings.rig, from_tension=from_tension)

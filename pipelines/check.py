@@ -47,7 +47,8 @@ def check(
 
 def _as_text(report: dict[str, Any]) -> str:
     if "told" in report:
-        return f"{report['file']}: {report['holds']}, {report['told']}"
+        warnings = (f"\n  warning: {warning}" for warning in report.get("warnings", ()))
+        return f"{report['file']}: {report['holds']}, {report['told']}" + "".join(warnings)
     if "runs" in report:
         return _campaign_as_text(report)
     from pipelines.inputs import MOST_REPORTED

@@ -31,15 +31,21 @@ def compensate(
 ) -> None:
     """Compute the proximal command that makes the distal end follow a target."""
     from pipelines.inputs import run_settings
-    from pipelines.runs import computed_rows, sensed_route, temperature_of, value_range, warn_about_rig
+    from pipelines.runs import (
+        computed_rows,
+        measured_run,
+        sensed_route,
+        temperature_of,
+        value_range,
+        warn_about_rig,
+    )
     from pipelines.summary_table import with_effects
     from tssgeom.io.formats.columns import CHANNELS
-    from tssgeom.io.formats.runs import read_run
     from tssgeom.io.results.tables import write_commands
     from tssgeom.tendon import simulation
 
     settings = run_settings(rig, TENSION_IN, unit)
-    run = read_run(target)
+    run = measured_run(target)
     channel, values = run.channel(_TARGETS)
     sensed = sensed_route(shapes, settings)
     rows = simulation.commands(

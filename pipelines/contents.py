@@ -13,7 +13,7 @@ from pipelines.inputs import Refusal, inputs_of
 from tssgeom.arrays import Matrix
 from tssgeom.errors import ShapeError, TssgeomError
 from tssgeom.io.formats.campaigns import is_campaign, read_campaign
-from tssgeom.io.formats.columns import CHANNELS
+from tssgeom.io.formats.columns import CHANNELS, MEASURED
 from tssgeom.io.formats.files import Recording, open_recording
 from tssgeom.io.formats.meshes import ENDINGS, read_lumen
 from tssgeom.io.formats.runs import holds_run, read_run
@@ -22,7 +22,7 @@ from tssgeom.route.fibre.sensed import Fibre, clean_fibre, fit_fibre
 from tssgeom.stream import Frame, Rejected, fit_frame, require_usable
 
 _ANY_RIG = Rig()  # the geometry does not depend on it
-_MEASURED = ("tension_in", "tension_out", "displacement_in", "elongation", "temperature")
+_MEASURED = {field for field, _ in MEASURED.values()} - {"noise"}  # that is of the points
 
 
 def files_and_campaigns(paths: Sequence[Path]) -> Iterator[Path | Refusal]:
@@ -65,6 +65,7 @@ def _checked_run(path: Path) -> dict[str, Any]:
         "file": str(path),
         "holds": "measured run",
         "told": f"{len(run.time)} samples in {np.ptp(run.time):.4g} s: {listed}",
+        "warnings": list(run.warnings),
         "wrong": [],
     }
 

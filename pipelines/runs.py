@@ -18,7 +18,7 @@ from tssgeom.effects import named
 from tssgeom.errors import ShapeError, TssgeomError
 from tssgeom.io.formats.files import open_recording
 from tssgeom.io.formats.recording import in_order
-from tssgeom.io.formats.runs import MeasuredRun
+from tssgeom.io.formats.runs import MeasuredRun, read_run
 from tssgeom.rig import Rig
 from tssgeom.stream import Frame, FrameResult, Rejected, plausibility_warnings, process
 from tssgeom.tendon.history import last_peak
@@ -40,6 +40,14 @@ def errors_naming(run: Path, shape: Path) -> Iterator[None]:
         yield
     except TssgeomError as error:
         raise type(error)(f"{run} on {shape}: {error}") from error
+
+
+def measured_run(path: Path) -> MeasuredRun:
+    """Read a run, and warn of columns that resemble channels and are not read."""
+    run = read_run(path)
+    for warning in run.warnings:
+        print_message(f"{path}: warning: {warning}")
+    return run
 
 
 @dataclass(frozen=True, slots=True)

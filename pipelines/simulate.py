@@ -42,6 +42,7 @@ def simulate(
     from pipelines.inputs import run_settings
     from pipelines.runs import (
         computed_rows,
+        measured_run,
         sensed_route,
         temperature_of,
         warn_about_rig,
@@ -49,12 +50,11 @@ def simulate(
         write_run_recording,
     )
     from pipelines.summary_table import with_effects
-    from tssgeom.io.formats.runs import read_run
     from tssgeom.io.results.tables import write_simulation
     from tssgeom.tendon import simulation
 
     settings = run_settings(rig, TENSION_IN, unit)
-    run = read_run(drive)
+    run = measured_run(drive)
     channel, values = run.channel(_DRIVES)
     sensed = sensed_route(shapes, settings)
     by_tension = channel == _DRIVES[0]

@@ -1,10 +1,11 @@
 """CONTRIBUTING.md is done as it stands: its blocks are applied to a copy of the code, and that is tried.
 
-One run takes all three: its route is in the new format, its rig has the new effect and the sensor of the new
-channel, and the run holds that channel.
+One run takes effect, format and channel: its route is in the new format, its rig has the new effect and the
+sensor of the new channel, and the run holds that channel. The reading has files of its own.
 """
 
 import ast
+import json
 import os
 import re
 import shutil
@@ -56,6 +57,21 @@ assert check_run(Path("run.csv"), run, rig) == []
 (reading,), _ = readings(Campaign("bench", rig, (run,)))
 lost = run_channels(reading, rig)["tension_lost_N"]
 print(s[-1], reading.noise["tension_lost_N"], lost[-1], *reading.measured)
+"""
+
+
+CARRIED = """
+from pathlib import Path
+from tssgeom import Rig
+from tssgeom.io.formats.files import open_recording
+from tssgeom.io.formats.runs import read_run
+from tssgeom.io.results.tables import part_of
+from tssgeom.stream import process
+
+print(*read_run(Path("current.csv")).current)
+for name in ("frames.jsonl", "frames.csv"):
+    part = part_of("bench", process(open_recording(name).frames, Rig(), tension_in=5.0), 1)
+    print(*part.frames.column("measured_current_A").to_pylist())
 """
 
 
@@ -120,6 +136,27 @@ def test_a_channel_as_contributed_shows_the_effects_that_say_so_and_no_others(co
     assert counted(copy, "tests/effects/test_contract.py", "-k", few) == 3
 
 
+def test_a_format_as_contributed_names_the_line_that_holds_no_point(copy):
+    (copy / "bad.stylus").write_text("mm\n1 2 3\n1 2\n", encoding="utf-8")
+    said = output_of(
+        copy,
+        "-c",
+        "from tssgeom.io.formats.files import open_recording\n"
+        "try: open_recording('bad.stylus')\nexcept Exception as error: print(error)",
+    )
+    assert said == "bad.stylus: line 3: no point in '1 2': write x y z\n"
+
+
+def test_a_reading_as_contributed_comes_with_runs_and_frames_and_goes_into_the_table(copy):
+    points = [[10 * k, k * k, 0] for k in range(8)]
+    lines = [json.dumps({"t": t, "unit": "mm", "points": points, "current_A": 0.5 + t}) for t in range(2)]
+    rows = [f"{t},{x},{y},{z},{0.5 + t}" for t in range(2) for x, y, z in points]
+    (copy / "frames.jsonl").write_text("\n".join(lines), encoding="utf-8")
+    (copy / "frames.csv").write_text("\n".join(["time_s,x_mm,y_mm,z_mm,current_A", *rows]), encoding="utf-8")
+    (copy / "current.csv").write_text("time_s,tension_in_N,current_A\n0,5,0.5\n1,6,1.5\n", encoding="utf-8")
+    assert output_of(copy, "-c", CARRIED).splitlines() == ["0.5 1.5"] * 3
+
+
 def test_effect_format_and_sensor_as_contributed_work_together(copy):
     for name, text in (("bench.stylus", ROUTE), ("run.csv", RUN)):
         (copy / name).write_text(text, encoding="utf-8")
@@ -145,7 +182,7 @@ def statements(code: str) -> int:
     )
 
 
-@pytest.mark.parametrize("heading", ["An effect", "A format", "A sensor"])
+@pytest.mark.parametrize("heading", ["An effect", "A format", "A reading", "A sensor"])
 def test_each_addition_takes_about_ten_lines(heading):
     part = TEXT.partition(f"## {heading}")[2].partition("\n## ")[0]
     written = sum(statements(code) for code in re.findall(r"```python\n(.*?)```", part, re.DOTALL))

@@ -85,7 +85,9 @@ def test_one_shape_is_told_with_the_promised_keys():
         ),
         *("tension_in_N", "tension_out_N", "elongation_m", "elongation_se_m", "warnings"),
     ]
-    assert list(reported["segments"][0]) == ["length_m", "kappa_per_m", "angle_rad", "s_start_m"]
+    assert list(reported["segments"][0]) == [
+        *("length_m", "kappa_per_m", "angle_rad", "s_start_m", "angle_se_rad")
+    ]
     assert json.loads(json.dumps(reported, allow_nan=False)) == reported
 
 
@@ -100,6 +102,16 @@ def test_segments_add_up_to_length_and_angle():
     )
     starts = np.cumsum([0.0, *(piece["length_m"] for piece in reported["segments"])])[:-1]
     np.testing.assert_allclose([piece["s_start_m"] for piece in reported["segments"]], starts, atol=1e-12)
+
+
+def test_the_error_of_an_angle_is_that_of_its_piece_and_a_straight_one_may_hide_a_bend():
+    """All pieces in one: its error is that of Φ, also where the piece is straight and its angle 0."""
+    rng = np.random.default_rng(3)
+    line = np.outer(np.linspace(0.0, 0.2, 40), [1.0, 0.0, 0.0]) + rng.normal(0.0, 2e-4, (40, 3))
+    (result,) = process([Frame(line)], Rig(), tension_in=15.0)
+    (piece,) = shape_summary("line", result)["segments"]
+    assert (piece["angle_rad"], piece["angle_se_rad"]) == (0.0, result.arcs.total_angle_se)
+    assert piece["angle_se_rad"] > 0.0
 
 
 def test_a_recording_is_told_by_its_last_good_frame_and_by_ranges(analysis, items):
@@ -154,6 +166,7 @@ def test_segments_come_back_with_units_and_add_up_to_their_frame(items, tmp_path
     assert [row["piece"] for row in pieces] == list(range(len(pieces)))
     total = frames.to_pylist()[3]["total_angle_rad"]
     assert sum(row["angle_rad"] for row in pieces) == pytest.approx(total, abs=1e-12)  # rounding of a sum
+    assert all(row["angle_se_rad"] > 0.0 for row in pieces)
     assert {row["seq"] for row in table.to_pylist()} == {0, 1, 3}
 
 

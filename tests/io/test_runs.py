@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.csv
 import pyarrow.parquet as papq
 import pytest
 
@@ -25,6 +26,21 @@ def test_columns_are_read_in_si_and_others_passed_over(tmp_path):
     assert run.tension_out is None
     name, values = run.channel(["displacement_in_m", "tension_in_N"])
     assert (name, values.tolist()) == ("tension_in_N", [3.0, 4.0])
+
+
+@pytest.mark.parametrize("kind", ["csv", "parquet"])
+def test_a_column_that_resembles_a_channel_and_is_not_read_is_reported(tmp_path, kind):
+    path = tmp_path / f"run.{kind}"
+    columns = {
+        "time_s": [0.0, 1.0],
+        "tension_in_N": [2.0, 3.0],
+        "tension_middle_N": [2.0, 2.0],
+        "note": [0, 0],
+    }
+    write = papq.write_table if kind == "parquet" else pyarrow.csv.write_csv
+    write(pa.table(columns), path)
+    (warning,) = read_run(path).warnings
+    assert warning.startswith("column 'tension_middle_N' is not read: known are displacement_in_m, ")
 
 
 def test_parquet_holds_the_same(tmp_path):

@@ -60,6 +60,7 @@ def test_a_frame_is_answered_with_its_geometry_tension_and_elongation(source, re
     assert sum(piece["angle_rad"] for piece in reply["segments"]) == pytest.approx(
         reply["total_angle_rad"], abs=1e-12
     )
+    assert all(0.0 <= piece["angle_se_rad"] <= 0.01 for piece in reply["segments"])
     assert 0 < reply["tension_out_N"] < 10.0
     assert reply["latency_us"] > 0
     assert reply["stale"] is False

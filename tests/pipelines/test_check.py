@@ -99,6 +99,17 @@ def test_a_column_that_is_not_read_is_reported(run, write_csv):
     assert "warning: column 'tension_in' is not read" in outcome.out
 
 
+def test_a_column_of_a_run_that_is_not_read_is_reported_and_the_others_are_used(run, tmp_path, half):
+    drive = tmp_path / "run.csv"
+    drive.write_text("time_s,tension_in_N,tension_middle_N\n0,2,2\n1,3,2\n")
+    outcome = run("check", drive)
+    assert outcome.status == 0
+    assert "2 samples in 1 s: tension_in\n  warning: column 'tension_middle_N' is not read" in outcome.out
+    assert "warnings" in json.loads(run("check", drive, "--json").out)[0]
+    (error,) = run("simulate", half, "--drive", drive, "--out", tmp_path / "out", "--quiet").errors
+    assert f"{drive}: warning: column 'tension_middle_N' is not read" in error
+
+
 def test_a_rig_and_a_mesh_are_reported(run, tmp_path):
     (tmp_path / "rig.toml").write_text("[friction]\ncoefficient = 0.2\n")
     trimesh.creation.box(extents=(10, 20, 30)).export(tmp_path / "a_lumen.ply")

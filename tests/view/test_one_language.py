@@ -124,7 +124,7 @@ def test_its_words_and_labels_have_numbers_with_units(command: str, recordings):
             assert re.fullmatch(r"proximal · T_in \d+\.\d\d N", row[0])
             assert re.fullmatch(r"distal · T_out \d+\.\d\d N", row[1])
             for number, text in enumerate(row[2:], start=1):
-                assert re.fullmatch(rf"{number}( · (straight|[\d.]+° · r [\d.]+ m?m))?", text)
+                assert re.fullmatch(rf"{number}( · ((?:nearly )?straight|[\d.]+° · r [\d.]+ m?m))?", text)
             assert len(row) > 2
 
 

@@ -22,13 +22,14 @@ def test_an_error_that_is_nothing_beside_the_value_is_told_with_one_digit() -> N
 
 
 def test_pieces_are_labelled_by_number_angle_and_radius() -> None:
-    angle = np.array([0.0, np.pi / 4, np.pi, 0.01])
-    arcs = Arcs.exact(np.array([0.2, 0.0847 * np.pi / 4, 2.0 * np.pi, 0.5]), angle)
+    angle = np.array([0.0, np.pi / 4, np.pi, 0.01, 0.001])
+    arcs = Arcs.exact(np.array([0.2, 0.0847 * np.pi / 4, 2.0 * np.pi, 0.5, 0.2]), angle)
     assert piece_labels(arcs) == [
         "1 · straight",
         "2 · 45.0° · r 84.7 mm",
         "3 · 180° · r 2.00 m",
         "4 · 0.6° · r 50.00 m",
+        "5 · nearly straight",
     ]
 
 

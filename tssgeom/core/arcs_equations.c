@@ -7,7 +7,7 @@
 
 #include <string.h>
 
-/* Twist of a turn θ about a centre: a = -θ × centre. */
+/* Twist of a turn θ about a centre: a = -θ × centre; docs/model.md (31). */
 static void twist_of_turn(const double theta[3], const double centre[3], double twist[6]) {
     twist[0] = -(theta[1] * centre[2] - theta[2] * centre[1]);
     twist[1] = -(theta[2] * centre[0] - theta[0] * centre[2]);

@@ -38,14 +38,15 @@ double noise_variance(const Data *data, const Chain *chain) {
     return most(chain->cost / (double)(freedom > 1 ? freedom : 1), CHAIN_FIT.least_variance);
 }
 
-/* Bayesian information criterion: -2 ln of the greatest likelihood, plus the price of every parameter. */
+/* Bayesian information criterion: -2 ln of the greatest likelihood, plus the price of every parameter;
+   docs/model.md (125). */
 static double criterion_of(const Data *data, const Chain *chain) {
     double n = (double)value_count(data), price = (double)chain->m * log(n);
     if (data->variance > 0.0) return chain->cost / data->variance + n * log(data->variance) + price;
     return n * log(chain->cost / n + 1e-300) + n + price;
 }
 
-/* Cost [m²] at which a chain with m parameters has the criterion `least`. */
+/* Cost [m²] at which a chain with m parameters has the criterion `least`; docs/model.md (125). */
 static double cost_at_criterion(const Data *data, int64_t m, double least_criterion) {
     double n = (double)value_count(data), rest = least_criterion - (double)m * log(n);
     if (data->variance > 0.0) return (rest - n * log(data->variance)) * data->variance;
@@ -166,7 +167,7 @@ void fit_pieces(const Data *data, Chain *chain, double goal, int64_t restart, Wo
     if (restart && data->free) from_first_foot(n, &now);
     normal_equations(data, &now, reach, w);
     for (int64_t count = 0; count < CHAIN_FIT.most_steps; count++) {
-        factor(m, now.matrix, damping, lower, unit);
+        factor(m, now.matrix, damping, lower, unit); /* docs/model.md (32) */
         solve(m, lower, unit, now.gradient, step);
         double enough = CHAIN_FIT.converged * (data->variance > 0.0 ? data->variance : now.cost / values);
         double promised = 0.0;
@@ -221,7 +222,7 @@ int64_t outlier_weights(const Data *data, const double square[], double last, do
     if (!(data->variance > 0.0)) {
         memcpy(values, square, (size_t)n * sizeof(double));
         robust = median_of(n, values) / (data->free ? MEDIANS.square_2 : MEDIANS.square_3);
-        limit = outlier_limit(n, residual_variance(known, robust, data->spacing));
+        limit = outlier_limit(n, residual_variance(known, robust, data->spacing)); /* docs/model.md (29) */
     }
     for (int64_t i = 0; i < n; i++) outliers += square[i] > limit;
     if ((double)outliers > OUTLIERS.share * (double)n) return 0;
@@ -288,6 +289,7 @@ status tss_fit_pieces(
         begun_chain(n, k, m, form, curved, stations, new_form, new_stations, matrix[0], square, &w);
     double goal = isinf(least_criterion) ? INFINITY : cost_at_criterion(&data, m, least_criterion);
     fit_pieces(&data, &chain, goal, restart, w);
+    /* a straightened, merged, dropped or split piece stays where the criterion falls; docs/model.md (126) */
     *better = criterion_of(&data, &chain) < least_criterion && is_observed(&data, &chain, w);
     /* a fit that came down slowly may have stopped short of its best */
     if (*better && !isinf(least_criterion)) fit_pieces(&data, &chain, INFINITY, 0, w);

@@ -216,13 +216,13 @@ static double moments_across(
     return cost;
 }
 
-/* Add one row of a fit, of some weight, to the moments of its piece. */
+/* Add one row of a fit, of some weight, to the moments of its piece; docs/model.md (32). */
 static inline void add_row(double weight, const double row[9], double moments[9][9]) {
     for (int a = 0; a < 9; a++)
         for (int b = 0; b < 9; b++) moments[a][b] += weight * row[a] * row[b];
 }
 
-/* Known stations: every coordinate counts. */
+/* Known stations: every coordinate counts; docs/model.md (30). */
 static double moments_known(
     const Data *data, Chain *chain, double position[][3], double frame[][3][3], double moments[][9][9]) {
     double cost = 0.0, local[4][3], moved[2][3], x[3], by[2][3];
@@ -275,7 +275,8 @@ static double add_tangents(
 }
 
 /* Moments of each piece [k], in the world's axes; writes squared distances, moves unknown stations towards
-   the feet of their points, by at most `reach` at a time [m], and returns the weighted sum of squares. */
+   the feet of their points, by at most `reach` at a time [m], and returns the weighted sum of squares; docs/model.md
+   (30). */
 double moments_of_points(
     const Data *data, Chain *chain, double position[][3], double frame[][3][3], double reach,
     double moments[][9][9], Work w) {

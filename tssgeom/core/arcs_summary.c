@@ -104,7 +104,7 @@ static double pieces_of(
         double kappa = sqrt(bend[0] * bend[0] + bend[1] * bend[1]);
         double begin = j > 0 ? chain->form->piece[j].begin : chain->stations[0];
         length[j] = (j + 1 < k ? chain->form->piece[j + 1].begin : chain->stations[data->n - 1]) - begin;
-        angle[j] = kappa * length[j];
+        angle[j] = kappa * length[j]; /* docs/model.md (33) */
         if (chain->curved[j]) {
             if (kappa > 0.0)
                 for (int c = 0; c < 2; c++) of_angle[column + c] = length[j] * bend[c] / kappa;

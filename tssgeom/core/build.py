@@ -68,12 +68,12 @@ def build(folder: Path, *, flags: list[str] | None = None, target: str | None = 
     with tempfile.TemporaryDirectory(dir=folder) as name:
         work = Path(name)
         (work / "constants.h").write_text(constants_header(), encoding="utf-8")
-        compiler, files = _compiler(target), [str(each) for each in sorted(HERE.glob("*.c"))]
+        command, files = compiler(target), [str(each) for each in sorted(HERE.glob("*.c"))]
         end = [] if "windows" in (target or sys.platform) or sys.platform == "win32" else ["-lm"]
         libraries = {work / name: more for name, more in library_flags(target).items()}
         commands = [
             [
-                *compiler,
+                *command,
                 *FLAGS,
                 *more,
                 *(flags or []),
@@ -117,8 +117,14 @@ def _run(command: list[str]) -> None:
         sys.stderr.write(made.stderr)  # warnings of the compiler
 
 
-def _compiler(target: str | None) -> list[str]:
-    """Return the command of a C compiler: that of the system, or else zig's."""
+def compiler(target: str | None = None) -> list[str]:
+    """Return the command of a C compiler: that of the system, or else zig's.
+
+    Raises
+    ------
+    NoCompilerError
+        Where there is none.
+    """
     if target is None and (system := system_compiler()):
         return system
     try:

@@ -234,7 +234,7 @@ static double curvature_on_nodes(
         excess = sqrt(square + v) - sqrt(square);
         if (i == 0) continue;
         double h = s[i] - s[i - 1];
-        phi[i] = phi[i - 1] + 0.5 * (kappa[i] + kappa[i - 1]) * h;
+        phi[i] = phi[i - 1] + 0.5 * (kappa[i] + kappa[i - 1]) * h; /* docs/model.md (23) */
         rectified[i] = rectified[i - 1] + 0.5 * ANGLE_ERRORS.rectified * (excess + before) * h;
         double rate = rate_across(bend[i - 1], bend[i], tangent[i]) / (h * h);
         whole += rate / (double)(n - 1);
@@ -274,6 +274,7 @@ status tss_curvature_profile(
     angle_covariance(n, s, tangent, bend, covariance, gain, known ? 2.0 : 1.0, count, joints, variance, angles, stride, errors);
     double factor = unknown_prior(freedom);
     for (int64_t i = 1; i < n; i++) {
+        /* docs/model.md (26) */
         variance[i] = variance[i] * factor + relative * squared(phi[i]) + squared(rectified[i]);
         if (!known) variance[i] += squared(noise) * (squared(kappa[0]) + squared(kappa[i]));
         if (i >= peak) variance[i] += squared(lost);

@@ -17,6 +17,7 @@ typedef struct {
     double total, best, phi, phi2, kappa, kappa2;
 } Average;
 
+/* Sums over all partitions of the gratings into pieces, and the likeliest partition; docs/model.md (36). */
 void tss_average_partitions(
     int64_t n, const double s[n], const double bend[n][2], const double precision[n],
     const double cell[n + 1], double rate, double variance, double *log_evidence, double *mean,

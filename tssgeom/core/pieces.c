@@ -69,7 +69,7 @@ int64_t tss_best_partition(
         for (int64_t k = 0; k < left; k++) {
             double a = first - alive.first[k], b = second - alive.second[k];
             double inside = square - alive.square[k] - (a * a + b * b) / (mass - alive.mass[k]);
-            so_far[k] = alive.cost[k] + most(inside, 0.0);
+            so_far[k] = alive.cost[k] + most(inside, 0.0); /* docs/model.md (27) */
         }
         begin[j] = j - 1;
         for (int64_t k = 0; k < left; k++)
@@ -91,6 +91,7 @@ int64_t tss_best_partition(
     return runs;
 }
 
+/* Nodes at which pieces of constant curvature meet, by the least cost; docs/model.md (27). */
 int64_t pieces_of_curvature(
     int64_t n, const double s[], const double tangent[][3], const double bend[][3], const double covariance[][10],
     double freedom, double points, int64_t joints[], double *work) {

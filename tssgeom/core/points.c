@@ -1,10 +1,12 @@
 /* Sensed points before any fit: what may be used as it is, and which point stands off its neighbours. SI units. */
 #include "route.h"
 
+/* Square beyond which a residual, one of `count`, is an outlier; docs/model.md (29). */
 double outlier_limit(int64_t count, double variance) {
     return (OUTLIERS.square + OUTLIERS.square_per_log_count * log((double)count)) * variance;
 }
 
+/* Variance by which residuals are judged: the greatest of three; docs/model.md (29). */
 double residual_variance(double known, double robust, double spacing) {
     return most(most(robust, known), squared(OUTLIERS.floor * spacing));
 }

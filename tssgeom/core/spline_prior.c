@@ -16,7 +16,8 @@ static const double INVERSE[TERMS] = {
     1.0 / 11, 1.0 / 12, 1.0 / 13, 1.0 / 14, 1.0 / 15, 1.0 / 16, 1.0 / 17, 1.0 / 18, 1.0 / 19, 1.0 / 20,
     1.0 / 21, 1.0 / 22, 1.0 / 23, 1.0 / 24, 1.0 / 25, 1.0 / 26, 1.0 / 27, 1.0 / 28, 1.0 / 29, 1.0 / 30};
 
-/* One step of length h. The series of T obeys T_k+3 = -κκ' T_k - (κ² + ω²) T_k+1; r is its integral. */
+/* One step of length h; docs/model.md (20). The series of T obeys T_k+3 = -κκ' T_k - (κ² + ω²) T_k+1; r is its
+   integral. */
 INLINE void transition_over(double h, const double coupling[3], double f[12]) {
     double c2 = coupling[0], c3 = coupling[1], stiffness = coupling[0] + coupling[2];
     Lanes x = {1.0, 0.0, 0.0, 0.0}, y = {0.0, 1.0, 0.0, 0.0}, z = {-c2, 0.0, 1.0, 0.0}; /* T_k, T_k+1, T_k+2 */
@@ -87,6 +88,7 @@ void tss_prior_along_curve(
         feet[i] = arc + off;
         firm[i] = most(weight[i], PRIOR.least_weight);
     }
+    /* docs/model.md (20a) */
     double omega_square = within((rate_integral - growth_at_end) / most(bend_integral, 1e-300), 0.0, squared(PRIOR.change));
     for (int64_t i = n - 1; i > 0; i--) {
         coupling[i][0] = 0.5 * (coupling[i][0] + coupling[i - 1][0]);
@@ -97,12 +99,14 @@ void tss_prior_along_curve(
     double noise = most(ratio * q, squared(PRIOR.rounding));
     ends[0] = PRIOR.vague * covariance[0][0] / ratio;
     ends[1] = PRIOR.vague * covariance[0][4] / ratio;
+    /* docs/model.md (20b) */
     ends[2] = (PRIOR.least_bend + 0.5 * bends) / noise;
     ends[3] = (PRIOR.least_bend + 0.5 * rates) / noise;
     if (known) {
         for (int64_t i = 0; i < n; i++) next_u[i] = u[i];
         return;
     }
+    /* docs/model.md (22) */
     tss_isotonic_regression(n, feet, firm, next_u, (double (*)[n])(work + 2));
     double first = next_u[0];
     for (int64_t i = 0; i < n; i++) next_u[i] += PRIOR.least_step * (double)i - first;

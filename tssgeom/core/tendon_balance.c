@@ -97,10 +97,10 @@ static creep_shares creep_after(double time_constants) {
 static void set_given(
     const bar_laws *laws, const bar_memory *memory, double warmth, creep_shares shares, double target,
     const double rest[], double given[]) {
-    int64_t last = laws->k;
-    for (int64_t j = 0; j <= last; j++) {
+    int64_t last_bar = laws->k;
+    for (int64_t j = 0; j <= last_bar; j++) {
         double left = j > 0 ? memory->displacement[j - 1] : target;
-        double right = j < last ? memory->displacement[j] : 0.0;
+        double right = j < last_bar ? memory->displacement[j] : 0.0;
         given[j] = left - right + rest[j] - laws->warm[j] * warmth;
         if (laws->creep_soft[j] != 0.0)
             given[j] += laws->creep_soft[j] * (laws->pretension - shares.old * memory->tension[j])
@@ -165,11 +165,11 @@ double balance(
     const bar_laws *laws, bar_memory *memory, step_room *room, int by_force, double target, double weight,
     double warmth, double span, const double rest[], int64_t *solves) {
     bar_chain *c = &room->chain;
-    int64_t k = laws->k, last = k;
+    int64_t k = laws->k, last_bar = k;
     creep_shares shares = creep_after(span / laws->creep_time);
     int hanging = laws->load == 0.0, one_pass = !(laws->curved || laws->varied);
     c->rigid_in = !by_force && laws->soft[0] == 0.0 && laws->toe[0] == 0.0;
-    c->rigid_out = laws->load == INFINITY && laws->soft[last] == 0.0 && laws->toe[last] == 0.0;
+    c->rigid_out = laws->load == INFINITY && laws->soft[last_bar] == 0.0 && laws->toe[last_bar] == 0.0;
     c->shift = c->rigid_in ? target - memory->displacement[0] : 0.0;
     set_given(laws, memory, warmth, shares, by_force ? 0.0 : target, rest, room->given);
     memcpy(room->about, memory->tension, (size_t)(k + 1) * sizeof(double));
@@ -187,8 +187,8 @@ double balance(
         set_bars(laws, room, shares.new);
         if (by_force) c->trial[0] = target, c->stiffness[0] = 0.0;
         else if (c->rigid_in) c->trial[0] = memory->tension[0], c->stiffness[0] = 0.0;
-        if (hanging) c->trial[last] = weight, c->stiffness[last] = 0.0;
-        else if (c->rigid_out) c->trial[last] = memory->tension[last], c->stiffness[last] = 0.0;
+        if (hanging) c->trial[last_bar] = weight, c->stiffness[last_bar] = 0.0;
+        else if (c->rigid_out) c->trial[last_bar] = memory->tension[last_bar], c->stiffness[last_bar] = 0.0;
         if (laws->varied) set_cones(laws, room, span);
         if (by_force && hanging) { /* docs/model.md (47) */
             double range[2];

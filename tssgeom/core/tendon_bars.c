@@ -12,10 +12,10 @@
 static void set_rest(
     const bar_laws *laws, const bar_memory *old, const double growth[], double position, double rest[],
     double given[]) {
-    int64_t last = laws->k;
-    for (int64_t j = 0; j <= last; j++) {
+    int64_t last_bar = laws->k;
+    for (int64_t j = 0; j <= last_bar; j++) {
         double apart = j > 0 ? old->displacement[j - 1] : position, pull = old->tension[j];
-        apart -= j < last ? old->displacement[j] : 0.0;
+        apart -= j < last_bar ? old->displacement[j] : 0.0;
         given[j] = (pull > 0.0 ? laws->soft[j] * pull : least(0.0, apart + old->rest[j])) + growth[j];
         rest[j] = laws->soft[j] > 0.0 ? given[j] - apart : 0.0;
     }

@@ -102,7 +102,7 @@ static void transmit(
         later += length[i] * means[p + i];
     }
     for (int64_t i = 0; i < p; i++) {
-        elongation += compliance * length[i] * (means[i] - pretension); /* docs/model.md (9) */
+        elongation += compliance * length[i] * (means[i] - pretension); /* docs/model.md (7), (9) */
         turned += piece_angle[i];
         const double *row = covariance + (p + i) * 2 * p + p;
         double sum[4] = {0.0, 0.0, 0.0, 0.0};
@@ -173,6 +173,7 @@ int64_t tss_corners_of_bars(
     return through_bars(k, edge, tension, p, length, piece_angle, corners[0], corners[1], work[0]);
 }
 
+/* What the corners through the bars mean on a route; docs/model.md (49). */
 void tss_transmit_bars(
     int64_t k, const double edge[k], const double memory[7 * (k + 1) + 6], int64_t p, const double length[p],
     const double piece_angle[p], const double covariance[2 * p][2 * p], double compliance, double pretension,

@@ -62,6 +62,7 @@ void tss_plant_on_route(
     if (k > 1 && p > 0) put_on_route(k, edge, after, p, length, angle, m, bends, pieces[0], work[0]);
 }
 
+/* Proximal tension from which on a slow motion reaches the load; docs/model.md (122). */
 double tss_answering(
     int64_t k, const double plant[14 * (k + 1) + 19], const double memory[7 * (k + 1) + 6],
     double tension_out, int64_t way) {
@@ -85,7 +86,7 @@ double tss_answering(
     return here;
 }
 
-/* How much of its cone a contact uses, −1 pulled to +1 released; and its exponent then [1]. */
+/* How much of its cone a contact uses, −1 pulled to +1 released; and its exponent then [1]; (123). */
 static double used_share(const bar_laws *laws, const bar_memory *memory, int64_t i, double *exponent) {
     double near = memory->tension[i], far = memory->tension[i + 1];
     *exponent = 0.0;

@@ -38,9 +38,9 @@ static inline double linear(const bar_chain *c, int64_t j) {
     return c->trial[j] + c->stiffness[j] * (near - far);
 }
 
-/* Set the tension of every bar from the movements, zero where it is slack. */
+/* Set the tension of every bar from the movements, zero where it is slack; docs/model.md (40), (45). */
 static void set_tensions(const bar_chain *c) {
-    int64_t last = c->k - 1;
+    int64_t last_contact = c->k - 1;
     double *tension = c->tension;
     for (int64_t j = 0; j <= c->k; j++) tension[j] = most(0.0, linear(c, j));
     if (c->rigid_in) { /* docs/model.md (45) */
@@ -50,8 +50,9 @@ static void set_tensions(const bar_chain *c) {
         tension[0] = c->w[0] > c->shift ? 0.0 : held;
     }
     if (c->rigid_out) {
-        double here = most(c->low[last] * tension[last] - c->force[last], c->trial[last + 1]);
-        tension[last + 1] = most(0.0, least(c->high[last] * tension[last] + c->force[last], here));
+        double near = tension[last_contact], force = c->force[last_contact]; /* of the bar and the contact before it */
+        double here = most(c->low[last_contact] * near - force, c->trial[last_contact + 1]);
+        tension[last_contact + 1] = most(0.0, least(c->high[last_contact] * near + force, here));
     }
 }
 
@@ -60,6 +61,7 @@ typedef struct {
     double low, high, motion;
 } cone_excess;
 
+/* docs/model.md (41), (42) */
 static inline cone_excess excess(const bar_chain *c, int64_t i, double near, double far) {
     if (i == 0 && c->rigid_in) near = 0.0; /* a rigid end is judged as if it were loose */
     far += c->drag[i] * c->w[i];
@@ -184,15 +186,15 @@ balanced_move(const bar_chain *c, int64_t i, double near, double far, double sid
 
 /* Improve w by sweeps that balance one contact after the other, slowly but surely; docs/model.md (46). */
 static void relax(const bar_chain *c, int64_t sweeps) {
-    int64_t last = c->k - 1, count = free_contacts(c);
-    if (c->rigid_out) c->w[last] = 0.0;
+    int64_t last_contact = c->k - 1, count = free_contacts(c);
+    if (c->rigid_out) c->w[last_contact] = 0.0;
     for (int64_t pass = 0; pass < sweeps; pass++) {
         for (int64_t turn = 0; turn < count; turn++) {
             int64_t i = pass % 2 == 0 ? turn : count - 1 - turn;
             c->w[i] = 0.0;
             double near = i == 0 && c->rigid_in ? 0.0 : linear(c, i), far = linear(c, i + 1);
             double low = c->low[i], high = c->high[i], force = c->force[i];
-            if (most(0.0, far) < low * most(0.0, near) - force)
+            if (most(0.0, far) < low * most(0.0, near) - force) /* outside of the cone; docs/model.md (41) */
                 c->w[i] = most(0.0, balanced_move(c, i, near, far, low, -force));
             else if (most(0.0, far) > high * most(0.0, near) + force)
                 c->w[i] = least(0.0, balanced_move(c, i, near, far, high, force));
@@ -211,7 +213,7 @@ static void free_from_rounding(const bar_chain *c) {
         if (c->w[i] == 0.0)
             c->slip[i] = STUCK; /* a mark left over from a bar that was taken for slack on the way */
         else
-            c->tension[i + 1] =
+            c->tension[i + 1] = /* on the side of the cone; docs/model.md (41) */
                 most(0.0, side * c->tension[i] - c->slip[i] * c->force[i] - c->drag[i] * c->w[i]);
     }
 }

@@ -4,7 +4,8 @@
    position finds its tension by the secant method; docs/model.md (3), (47). */
 #include "tendon_bars.h"
 
-/* Carry tension[0] to the distal end as on a fixed route; returns the stretch gained [m], and its slope. */
+/* Carry tension[0] to the distal end as on a fixed route; returns the stretch gained [m], and its slope;
+   docs/model.md (64). */
 static double carry(const bar_chain *c, double *slope) {
     double gained = 0.0, gain = 0.0, share = 1.0, *tension = c->tension;
     if (c->stiffness[0] > 0.0)
@@ -26,6 +27,7 @@ static double carry(const bar_chain *c, double *slope) {
     return gained;
 }
 
+/* Proximal tensions between which the load stays: its own, shrunk and grown by all cones; docs/model.md (47). */
 void range_of_drive(
     int64_t k, double weight, const double low[], const double high[], const double force[],
     double range[2]) {

@@ -28,7 +28,8 @@ static double slide_loaded(
     return most(0.0, ratio * near + sign * force);
 }
 
-/* Carry the tension `start` to the distal end; returns where the drive is then [m], and its slope [m/N]. */
+/* Carry the tension `start` to the distal end; returns where the drive is then [m], and its slope [m/N];
+   docs/model.md (64). */
 static double
 carry(const bar_laws *laws, const bar_memory *memory, step_room *room, double start, double *slope) {
     const bar_chain *c = &room->chain;
@@ -109,10 +110,10 @@ sweep(const bar_laws *laws, bar_memory *memory, step_room *room, int by_force, d
     }
     if (by_force) carry(laws, memory, room, target, &slope);
     else off = sweep_to_position(laws, memory, room, target);
-    int64_t last = laws->k;
-    memory->tension[last] = c->tension[last];
-    double here = stretch_of(laws, last, c->tension[last], &slope) - laws->rest[last];
-    for (int64_t i = last - 1; i >= 0; i--) {
+    int64_t last_bar = laws->k;
+    memory->tension[last_bar] = c->tension[last_bar];
+    double here = stretch_of(laws, last_bar, c->tension[last_bar], &slope) - laws->rest[last_bar];
+    for (int64_t i = last_bar - 1; i >= 0; i--) {
         double moved = here - memory->displacement[i];
         memory->displacement[i] = here;
         memory->travel[i] += fabs(moved);
@@ -127,6 +128,7 @@ sweep(const bar_laws *laws, bar_memory *memory, step_room *room, int by_force, d
 /* Shares of a step at which it is cut; friction by speed lets go just after a turn; docs/model.md (65). */
 static const double AFTER_A_TURN[6] = {0.02, 0.06, 0.15, 0.35, 0.65, 1.0};
 
+/* Share of a step at which one of its parts ends; docs/model.md (65). */
 static double cut_at(int64_t cut, int turned, double parts) {
     if (!turned) return (double)(cut + 1) / parts;
     return cut < 6 ? AFTER_A_TURN[cut] / parts : (double)(cut - 4) / parts;
@@ -137,8 +139,8 @@ static double cut_at(int64_t cut, int turned, double parts) {
 static int record(const bar_laws *laws, const bar_memory *memory, int by_force, double out[6]) {
     const double *tension = memory->tension;
     double *held = memory->held, slope;
-    int64_t last = laws->k;
-    out[0] = tension[0], out[1] = tension[last], out[2] = held[HELD.drive];
+    int64_t last_bar = laws->k;
+    out[0] = tension[0], out[1] = tension[last_bar], out[2] = held[HELD.drive];
     if (by_force) { /* docs/model.md (59) */
         double shift = memory->displacement[0] + stretch_of(laws, 0, tension[0], &slope) - laws->rest[0];
         double lag = held[HELD.lag] + (held[HELD.shift] - shift) * laws->backlash / BAR.turn;
@@ -146,8 +148,9 @@ static int record(const bar_laws *laws, const bar_memory *memory, int by_force, 
         out[2] = shift - held[HELD.lag];
     }
     out[3] =
-        laws->load == 0.0 ? memory->displacement[last - 1] : (tension[last] - laws->pretension) / laws->load;
-    out[4] = memory->slip[0], out[5] = memory->slip[last - 1];
+        laws->load == 0.0 ? memory->displacement[last_bar - 1]
+                          : (tension[last_bar] - laws->pretension) / laws->load;
+    out[4] = memory->slip[0], out[5] = memory->slip[last_bar - 1];
     return isfinite(out[0] + out[1] + out[2] + out[3]);
 }
 

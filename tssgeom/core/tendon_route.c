@@ -105,6 +105,7 @@ contact_grid grid_of(int64_t k, double *work) {
     return (contact_grid){work, work + k, work + 2 * k, work + 3 * k};
 }
 
+/* Bars and contacts on a route: lengths, and angles from mean to mean; docs/model.md (41). */
 void discretise(
     int64_t k, const double edge[], int64_t p, const double length[], const double angle[],
     contact_grid grid) {

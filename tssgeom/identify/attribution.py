@@ -54,7 +54,7 @@ ATTRIBUTION = AttributionSettings()
 
 
 def heat_map(problem: Problem, at: Point) -> tuple[HeatMap, tuple[MisfitShare, ...]]:
-    """Return calibrated residual power by channel and run over phase and tension, and its worst cells."""
+    """Return residual power by channel and run over phase and tension and its worst cells; (108)."""
     stack, most = problem.stack, ATTRIBUTION.bins
     whitened = problem.whitening.whitened(problem.left(at))[: stack.size]
     runs = [simulated_run(reading, problem.rig, at) for reading in stack.readings]

@@ -62,6 +62,8 @@ DRIVE = DriveSettings()
 def calmed(drive: Vector, noise: float, time: Vector | None = None) -> Vector:
     """Return the drive monotone between turns, round in round turns, and level in holds at turns and ends.
 
+    Source: docs/model.md (66).
+
     Parameters
     ----------
     drive

@@ -243,7 +243,7 @@ def refined(problem: Problem, start: Point, base: Matrix | None = None, passes: 
 
 def _chi2(problem: Problem, at: Point, residual: Vector) -> float:
     prior = _prior(problem, at)
-    return float(residual @ residual + prior @ prior)
+    return float(residual @ residual + prior @ prior)  # docs/model.md (104), (105)
 
 
 def _better(
@@ -282,7 +282,7 @@ class Whitening:
     """[k, k]"""
 
     def whitened(self, residual: np.ndarray) -> np.ndarray:
-        """Return residuals [rows] or [rows, c], [N, m], as [rows + k (, c)] whose squares add to χ²."""
+        """Return residuals [rows] or [rows, c], [N, m], as [rows + k (, c)], squares of sum χ²; (103)."""
         scaled = (residual.T / self.sigma).T
         rows, k = self.basis.shape[0] - self.basis.shape[1], self.basis.shape[1]
         own = self.basis[:rows].T @ scaled
@@ -323,4 +323,4 @@ def posed(stack: Stack, rig: Rig, at: Point) -> tuple[Problem, Errors]:
     here = at.rig(rig)
     errors = errors_of(stack, here, at.effects)
     fine = simulated(stack, here, at.effects, bars=FINE) - simulated(stack, here, at.effects)
-    return Problem(stack, whitening(errors), rig, stack.measured - fine), errors
+    return Problem(stack, whitening(errors), rig, stack.measured - fine), errors  # docs/model.md (106)

@@ -170,7 +170,7 @@ def separable_from() -> float:
 
 
 def close_candidates(now: Step) -> list[Tried]:
-    """Return the runners-up that the readings do not separate from the best."""
+    """Return the runners-up that the readings do not separate from the best; docs/model.md (116)."""
     best = now.tried[0]
     top = max(one.delta_bic for one in now.tried)
     return [

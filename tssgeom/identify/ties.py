@@ -139,7 +139,7 @@ def _of_rig(partners: Sequence[str]) -> list[str]:
 
 def _alike(one: ScoreTest, other: ScoreTest) -> bool:
     lengths = float(np.linalg.norm(one.column) * np.linalg.norm(other.column))
-    return lengths > 0.0 and abs(float(one.column @ other.column)) > TIES.alike * lengths
+    return lengths > 0.0 and abs(float(one.column @ other.column)) > TIES.alike * lengths  # (116)
 
 
 def _absorbed(test: ScoreTest, small: bool) -> bool:

@@ -56,7 +56,7 @@ class Legs:
 
 
 def legs(readings: Vector) -> Legs:
-    """Make readings of a proximal tension [n] [N] monotone from turn to turn."""
+    """Make readings of a proximal tension [n] [N] monotone from turn to turn; docs/model.md (70)."""
     noise = reading_noise(readings)
     turns = _turns(readings, max(LEGS.reversal * noise, LEGS.least_reversal * float(np.ptp(readings))))
     edges = np.concatenate(([0], turns, [len(readings) - 1]))

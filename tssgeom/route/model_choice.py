@@ -109,7 +109,7 @@ def _scale(pieces: int) -> float:
 
 
 def model_choice_variance(smooth: RouteFit, arcs: RouteFit, log_evidence_difference: float) -> float:
-    """Return the variance of Φ from not knowing which of the two models is right [rad²]."""
+    """Return the variance of Φ from not knowing which of the two models is right [rad²]; (34)."""
     pieces = len(arcs.arcs.length)
     if not undecided(log_evidence_difference, pieces):
         return 0.0

@@ -1,4 +1,4 @@
-"""When a sensed point or direction is an outlier: one limit for every estimator."""
+"""When a sensed point or direction is an outlier: one limit for every estimator; docs/model.md (29)."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from tssgeom.core.constants_route import OUTLIERS
 
 
 def outlier_limit(count: int, variance: float) -> float:
-    """Return the square beyond which a residual of this variance, one of `count`, is an outlier."""
+    """Return the square beyond which a residual of this variance, one of `count`, is an outlier; (29)."""
     return (OUTLIERS.square + OUTLIERS.square_per_log_count * math.log(count)) * variance
 
 
 def residual_variance(known: float, robust: float, spacing: float) -> float:
-    """Return the variance by which residuals are judged: the greatest of three.
+    """Return the variance by which residuals are judged: the greatest of three; docs/model.md (29).
 
     Parameters
     ----------

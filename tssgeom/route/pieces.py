@@ -43,13 +43,19 @@ class Arcs:
         return np.concatenate(([0.0], np.cumsum(self.length)[:-1]))
 
     @property
+    def angle_se(self) -> Vector:
+        """Standard error of the angle of each piece, the bend that points may hide included [rad]; (124)."""
+        k = len(self.length)
+        return np.sqrt(np.maximum(self.covariance.diagonal()[k:], 0.0))
+
+    @property
     def total_length(self) -> float:
         """Arc length of the whole route [m]."""
         return math.fsum(self.length)
 
     @property
     def total_angle(self) -> float:
-        """Accumulated curve angle of the whole route, Φ [rad]."""
+        """Accumulated curve angle of the whole route, Φ [rad]; docs/model.md (1)."""
         return math.fsum(self.angle)
 
     @property

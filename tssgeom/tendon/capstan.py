@@ -69,8 +69,8 @@ def level(tension: float, direction_index: int = 1) -> Corners:
 def step(state: Corners, tension_in: float, friction: float) -> Corners:
     """Move the proximal tension to `tension_in` and return the new tension along the tendon.
 
-    The step is exact for a drive that goes there monotonically, at any speed. An unchanged tension returns
-    the same state. One history uses one friction coefficient.
+    The step is exact for a drive that goes there monotonically, at any speed; docs/model.md (2), (3). An
+    unchanged tension returns the same state. One history uses one friction coefficient.
 
     Parameters
     ----------

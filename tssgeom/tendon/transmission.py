@@ -94,9 +94,10 @@ def of_bars(state: BarState, arcs: Arcs, rig: Rig) -> Transmission:
         rig.friction.coefficient,
         way,
     )
-    tension_out, tension_out_se, _, elongation_se, width, front, _ = ends.tolist()
+    # the tension of corners through the bars scales the dead zone alone; that of the result was solved for
+    through_bars, tension_out_se, _, elongation_se, width, front, _ = ends.tolist()
     tension_in = state.tension_in
-    inside = width > _SOLVED * max(tension_in, tension_out)  # bars are less exact than corners
+    inside = width > _SOLVED * max(tension_in, through_bars)  # bars are less exact than corners
     return Transmission(
         tension_in=tension_in,
         tension_out=state.tension_out,

@@ -11,7 +11,7 @@ from tssgeom.stream import FrameResult
 from tssgeom.view.samples import RouteSamples
 
 _STRAIGHT_RADIUS = 100.0
-"""A piece of a larger radius than this is called straight [m]."""
+"""A piece of a larger radius than this is called nearly straight [m]."""
 
 
 def decimals(error: float, usual: int) -> int:
@@ -49,9 +49,11 @@ def degrees(angle: float) -> str:
 
 
 def radius(kappa: float) -> str:
-    """Write the radius of a curvature [1/m], or "straight"."""
-    if kappa * _STRAIGHT_RADIUS < 1:
+    """Write the radius of a curvature [1/m], "straight" where it is zero, "nearly straight" below 0.01."""
+    if kappa == 0.0:
         return "straight"
+    if kappa * _STRAIGHT_RADIUS < 1:
+        return "nearly straight"
     return f"r {1e3 / kappa:.1f} mm" if kappa > 1 else f"r {1 / kappa:.2f} m"
 
 
@@ -63,7 +65,7 @@ def piece_labels(arcs: Arcs) -> list[str]:
 
 def _piece_label(number: int, angle: float, kappa: float) -> str:
     if kappa * _STRAIGHT_RADIUS < 1:
-        return f"{number} · straight"
+        return f"{number} · {radius(kappa)}"
     return f"{number} · {degrees(angle)} · {radius(kappa)}"
 
 

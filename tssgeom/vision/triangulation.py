@@ -51,7 +51,7 @@ def gates(views: int, scale: float = 1.0) -> Vector:
 
 
 def triangulate(eyes: Eyes, slope: np.ndarray, weight: np.ndarray, gate: Vector) -> Triangulated:
-    """Place points that several cameras see; docs/model.md (132).
+    """Locate points that several cameras see; docs/model.md (132).
 
     Parameters
     ----------

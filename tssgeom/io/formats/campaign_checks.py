@@ -10,10 +10,10 @@ import numpy as np
 from tssgeom.arrays import Vector
 from tssgeom.errors import SettingsError
 from tssgeom.identify.campaign import Run
+from tssgeom.identify.readings import RESPONSES
 from tssgeom.rig import Rig, Sensor
 
 DRIVES = ("tension_in_N", "displacement_in_m")
-RESPONSES = ("tension_out_N", "elongation_m", "displacement_out_m", *DRIVES)
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +57,8 @@ def _check_channels(path: Path, run: Run) -> None:
     if not any(channel in run.columns for channel in DRIVES):
         raise SettingsError(f"{path}: no drive: add a column {' or '.join(DRIVES)}")
     if sum(channel in run.columns for channel in RESPONSES) < 2:
-        raise SettingsError(f"{path}: a drive without a response: add one of {', '.join(RESPONSES[:3])}")
+        others = ", ".join(name for name in RESPONSES if name not in DRIVES)
+        raise SettingsError(f"{path}: a drive without a response: add one of {others}")
 
 
 def _check_overlap(path: Path, run: Run) -> None:

@@ -71,7 +71,7 @@ def read_campaign(folder: Path, unit: str | None = None) -> Campaign:
     routes = _routes(home, plan.run, rig, unit, notes)
     runs = []
     for name, listed in zip(names, plan.run, strict=True):
-        run = _run(home / listed.data, name, routes[listed.shape], held_out=listed.held_out)
+        run = _run(home / listed.data, name, routes[listed.shape], notes, held_out=listed.held_out)
         notes += check_run(home / listed.data, run, rig)
         runs.append(run)
     return Campaign(home.resolve().name, rig, tuple(runs), tuple(notes))
@@ -174,10 +174,11 @@ def _shape_alone(frame: Frame | Rejected) -> Frame | Rejected:
     )
 
 
-def _run(path: Path, name: str, route: Route, *, held_out: bool) -> Run:
+def _run(path: Path, name: str, route: Route, notes: list[str], *, held_out: bool) -> Run:
     if not path.is_file():
         raise SourceError(f"{path}: no such file: mend data in {CAMPAIGN}")
     measured = read_run(path)
+    notes += [f"{name}: {warning}" for warning in measured.warnings]
     columns = {"time_s": measured.time}
     for channel, (field, per_unit) in CHANNELS.items():
         values = getattr(measured, field)

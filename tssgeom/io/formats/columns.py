@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 
@@ -99,7 +99,7 @@ def columns_of(path: Path, names: Sequence[str], given_unit: str | None) -> Colu
         TIME in names,
         POINT in names,
         measured,
-        _unread(names),
+        unread(names, {TIME, *MEASURED, *CHANNELS}),
         bend_unit,
         () if fibre else _directions(path, names),
     )
@@ -172,9 +172,8 @@ def _with_unit(names: Sequence[str], unit: str) -> str:
     return ",".join(f"{_split(name)[0]}_{unit}" for name in names)
 
 
-def _unread(names: Sequence[str]) -> tuple[str, ...]:
+def unread(names: Sequence[str], known: Collection[str]) -> tuple[str, ...]:
     """Warn of columns whose name begins like that of a measurement and is unknown."""
-    known = {TIME, *MEASURED, *CHANNELS}
     return tuple(
         f"column {name!r} is not read: known are {', '.join(sorted(known))}"
         for name in names

@@ -10,7 +10,7 @@ import numpy as np
 
 from tssgeom.arrays import Vector, read_only
 from tssgeom.errors import SettingsError, SourceError, TssgeomError, first_line
-from tssgeom.io.formats.columns import AXES, BENDS, CHANNELS, TIME
+from tssgeom.io.formats.columns import AXES, BENDS, CHANNELS, TIME, unread
 from tssgeom.io.formats.paths import bytes_of
 from tssgeom.io.formats.tables import cells_of, header_of, parquet_names
 
@@ -42,6 +42,8 @@ class MeasuredRun:
     """[n] Position of the load, towards the tendon positive [m]."""
     temperature: Vector | None = None
     """[n] Temperature [°C]."""
+    warnings: tuple[str, ...] = ()
+    """Columns that are not read though they resemble channels, a sentence each."""
 
     def channel(self, names: Sequence[str]) -> tuple[str, Vector]:
         """Return name and values of the first of these columns that the run has; every sample is finite.
@@ -79,9 +81,9 @@ def read_run(path: Path) -> MeasuredRun:
     readers = {".csv": _csv, ".parquet": _parquet}
     if path.suffix.lower() not in readers:
         raise SourceError(f"{path}: a run is a table: use {' or '.join(readers)}")
-    columns = readers[path.suffix.lower()](path)
-    channels = _channels(path, columns)
-    return MeasuredRun(path.stem, path, _times(path, columns[TIME]), **channels)
+    names, columns = readers[path.suffix.lower()](path)
+    channels, warnings = _channels(path, columns), unread(names, (TIME, *CHANNELS))
+    return MeasuredRun(path.stem, path, _times(path, columns[TIME]), **channels, warnings=warnings)
 
 
 def holds_run(path: Path) -> bool:
@@ -123,7 +125,8 @@ def _times(path: Path, time: Vector) -> Vector:
     return read_only(time)
 
 
-def _csv(path: Path) -> dict[str, Vector]:
+def _csv(path: Path) -> tuple[Sequence[str], dict[str, Vector]]:
+    """Return the names of all columns, and the columns that are read."""
     raw = bytes_of(path)
     names = header_of(path, raw, _HEADER)
     lines = raw.decode(errors="replace").splitlines()
@@ -132,7 +135,7 @@ def _csv(path: Path) -> dict[str, Vector]:
         _numbers(path, line, text, names, wanted) for line, text in enumerate(lines[1:], 2) if text.strip()
     ]
     table = np.array(rows, dtype=np.float64).reshape(-1, len(wanted))
-    return {names[k]: table[:, i] for i, k in enumerate(wanted)}
+    return names, {names[k]: table[:, i] for i, k in enumerate(wanted)}
 
 
 def _wanted(path: Path, names: Sequence[str]) -> list[int]:
@@ -178,7 +181,7 @@ def _number(path: Path, line: int, name: str, cell: str) -> float:
         ) from error
 
 
-def _parquet(path: Path) -> dict[str, Vector]:
+def _parquet(path: Path) -> tuple[Sequence[str], dict[str, Vector]]:
     import pyarrow as pa
     import pyarrow.parquet as papq
 
@@ -191,4 +194,5 @@ def _parquet(path: Path) -> dict[str, Vector]:
         raise SourceError(
             f"{path}: cannot be read as a table of numbers ({first_line(error)}): write float64"
         ) from error
-    return {name: np.asarray(numbers[name].to_numpy(), dtype=np.float64) for name in numbers.column_names}
+    columns = {name: np.asarray(numbers[name].to_numpy(), np.float64) for name in numbers.column_names}
+    return names, columns

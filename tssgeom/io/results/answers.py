@@ -20,6 +20,8 @@ class Segment(msgspec.Struct, frozen=True):
     kappa_per_m: float
     angle_rad: float
     s_start_m: float
+    angle_se_rad: float
+    """Standard error of the angle; of a straight piece with the bend that its points may hide."""
 
 
 class Answer(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -121,8 +123,8 @@ def stale(time: float, seq: int, silent: float, dropped: int) -> bytes:
 
 
 def _segments(arcs: Arcs) -> list[Segment]:
-    columns = (arcs.length.tolist(), arcs.kappa.tolist(), arcs.angle.tolist(), arcs.s_start.tolist())
-    return [Segment(*row) for row in zip(*columns, strict=True)]
+    columns = (arcs.length, arcs.kappa, arcs.angle, arcs.s_start, arcs.angle_se)
+    return [Segment(*row) for row in zip(*(column.tolist() for column in columns), strict=True)]
 
 
 def _line(message: msgspec.Struct) -> bytes:

@@ -91,8 +91,8 @@ def _geometry(result: FrameResult) -> dict[str, Any]:
 
 def segments(arcs: Arcs) -> list[dict[str, float]]:
     """Return the constant-curvature pieces of a route as plain objects, proximal to distal."""
-    columns = (arcs.length, arcs.kappa, arcs.angle, arcs.s_start)
-    names = ("length_m", "kappa_per_m", "angle_rad", "s_start_m")
+    columns = (arcs.length, arcs.kappa, arcs.angle, arcs.s_start, arcs.angle_se)
+    names = ("length_m", "kappa_per_m", "angle_rad", "s_start_m", "angle_se_rad")
     return [dict(zip(names, map(float, row), strict=True)) for row in zip(*columns, strict=True)]
 
 

@@ -113,6 +113,7 @@ SEGMENTS = pa.schema(
         _field("length_m", "arc length of the piece"),
         _field("kappa_per_m", "curvature of the piece", unit="1/m"),
         _field("angle_rad", "accumulated curve angle of the piece"),
+        _field("angle_se_rad", "standard error of the angle of the piece"),
     ]
 )
 """A row for each constant-curvature piece of each good frame."""
@@ -164,7 +165,7 @@ def _segments(name: str, pieces: Sequence[tuple[int, Arcs]]) -> pa.RecordBatch:
         _joined([np.arange(count) for count in counts], np.int64),
         *(
             _joined([getattr(arcs, quantity) for _, arcs in pieces], np.float64)
-            for quantity in ("s_start", "length", "kappa", "angle")
+            for quantity in ("s_start", "length", "kappa", "angle", "angle_se")
         ),
     ]
     arrays = [pa.array(column) for column in columns]

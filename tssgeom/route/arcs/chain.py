@@ -184,7 +184,7 @@ def curvature_columns(curved: np.ndarray, free: bool) -> np.ndarray:
 
 
 def criterion(data: Data, chain: Chain) -> float:
-    """Bayesian information criterion: -2 ln of the greatest likelihood, plus the price of every parameter."""
+    """Bayesian information criterion: -2 ln of the greatest likelihood, and a price a parameter; (125)."""
     n = value_count(data)
     price = information_price(float(len(chain.matrix)), n)
     if data.variance > 0.0:

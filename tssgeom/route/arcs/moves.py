@@ -1,4 +1,4 @@
-"""How many pieces a chain of arcs needs: they are straightened, merged, dropped and split by BIC."""
+"""How many pieces a chain of arcs needs: straightened, merged, dropped, split by BIC; docs/model.md (126)."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def finer(data: Data, chain: Chain, unlikely: slice = _ALL) -> Chain | None:
 
 
 def simpler_tried(data: Data, chain: Chain, unlikely: slice = _ALL) -> Iterator[Chain | None]:
-    """Try the candidates of `simpler`, one at a time: each is the better chain, or None."""
+    """Try the candidates of `simpler`, one at a time: each is the better chain, or None; (126)."""
     promised = _simplifications(data, chain)
     yield None
     now, latest = criterion(data, chain), information_price(CHAIN_MOVES.latest, value_count(data))
@@ -93,7 +93,7 @@ def simpler_tried(data: Data, chain: Chain, unlikely: slice = _ALL) -> Iterator[
 
 
 def finer_tried(data: Data, chain: Chain, unlikely: slice = _ALL) -> Iterator[Chain | None]:
-    """Try the candidates of `finer`, one at a time: each is the better chain, or None."""
+    """Try the candidates of `finer`, one at a time: each is the better chain, or None; (126)."""
     if len(chain.bend) >= CHAIN_MOVES.most_pieces:
         return
     saved, part, _ = core.saved_by_parts(*data.sensed, *chain[:5])
@@ -107,7 +107,7 @@ def finer_tried(data: Data, chain: Chain, unlikely: slice = _ALL) -> Iterator[Ch
 
 
 def saved_by_slopes(data: Data, chain: Chain) -> float:
-    """Return what sloping curvature in every piece would save beyond chance, in noise variances.
+    """Return what sloping curvature in every piece would save beyond chance, in noise variances; (34).
 
     The steps of a staircase that stands for a smooth route fit better with a slope; those of true pieces do
     not.
@@ -135,7 +135,7 @@ def _simplifications(data: Data, chain: Chain) -> list[tuple[float, int, int]]:
     listed = []
     for j, short in enumerate((length < CHAIN_MOVES.dropped_below * data.spacing).tolist()):
         if chain.curved[j]:
-            listed.append((wald[j] - 2 * price, _STRAIGHTENED, j))
+            listed.append((wald[j] - 2 * price, _STRAIGHTENED, j))  # docs/model.md (126)
         if j > 0:
             listed.append((wald[k + j - 1] - 3 * price, _MERGED, j))
         if k > 1 and short:

@@ -116,7 +116,7 @@ def without_outlying_tangents(data: Data, chain: Chain) -> Data:
     if tangents is None or not count:
         return data
     variance = _variance_in_weights(tangents)
-    limit = outlier_limit(max(count, 2), 1.0)
+    limit = outlier_limit(max(count, 2), 1.0)  # docs/model.md (29)
     if not data.variance:
         limit *= max(noise_variance(data, chain) / variance, 1.0)
     outlier = squared_tangent_residuals(data, chain) > limit * tangents.variance

@@ -40,7 +40,7 @@ def outlying_tangent(tangents: Points, variance: Vector, u: Vector, mean: Matrix
     cosine = np.einsum("ij,ij->i", tangents[used], fitted[used])
     off = np.where(cosine > 0.0, np.maximum(1.0 - cosine**2, 0.0), OUTLIERS.backwards)
     own = np.maximum(1.0 - spread[used] / variance[used], OUTLIERS.least_own)
-    over_limit = off / (variance[used] * own * outlier_limit(len(used), 1.0))
+    over_limit = off / (variance[used] * own * outlier_limit(len(used), 1.0))  # docs/model.md (29)
     over_limit = np.where(np.sqrt(off) / own > turn, over_limit, 0.0)
     worst = int(np.argmax(over_limit))
     return int(used[worst]) if over_limit[worst] > 1.0 else -1
