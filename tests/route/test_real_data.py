@@ -9,9 +9,13 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+from tssgeom.route.geometry import measure
+from tssgeom.route.observations import clean
+
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 needs_aorta = pytest.mark.skipif(not (DATA / "vmtk_aorta").is_dir(), reason="needs the VMTK aorta lines")
 needs_needle = pytest.mark.skipif(not (DATA / "fbg_needle").is_dir(), reason="needs the FBG needle shape")
+needs_fibre = pytest.mark.skipif(not (DATA / "real" / "fibre_mocap").is_dir(), reason="needs the fibre")
 _TYPES = {"Float32": "<f4", "Float64": "<f8", "Int32": "<i4", "Int64": "<i8"}
 
 
@@ -81,3 +85,31 @@ def test_needle_angle_is_the_integral_of_its_own_curvature(geometry, noise):
     else:
         assert abs(profile.total_angle - truth) < 3 * profile.total_angle_se
         assert profile.total_angle == pytest.approx(truth, rel=0.1)
+
+
+@needs_fibre
+def test_markers_on_a_fibre_give_its_length_whatever_its_bend():
+    """The fibre keeps its length; the chords between its markers become shorter when it bends."""
+    length, angle, chords = [], [], []
+    for name in ("1606_3min_first", "1606_3min_second"):
+        lines = np.loadtxt(DATA / "real" / "fibre_mocap" / f"{name}_label.txt")
+        for points in 1e-3 * lines.reshape(-1, 20, 3):
+            chord = np.linalg.norm(np.diff(points, axis=0), axis=1).sum()
+            if chord > 0.3005:  # all markers were observed
+                fit = measure(clean(points))
+                length.append(fit.arcs.total_length)
+                angle.append(fit.arcs.total_angle)
+                chords.append(chord)
+                assert not any("polygon" in text or "apart" in text for text in fit.warnings)
+    off = np.array(length) - 0.3028
+    assert np.mean(np.abs(off) < 3e-4) > 0.9
+    assert abs(np.polyfit(angle, length, 1)[0]) < 0.3 * abs(np.polyfit(angle, chords, 1)[0])
+
+
+@needs_fibre
+def test_a_lost_marker_lengthens_no_fibre():
+    lines = np.loadtxt(DATA / "real" / "fibre_mocap" / "RandomTest_1606_label.txt")
+    for row in (20, 30, 35):
+        fit = measure(clean(1e-3 * lines[row].reshape(20, 3)))
+        assert fit.arcs.total_length == pytest.approx(0.3028, abs=5e-4)
+        assert any("outlying" in text for text in fit.warnings)

@@ -1,4 +1,4 @@
-"""A curve through points is no shorter and turns no less than their polygon; docs/model.md (150)."""
+"""A curve through points is no shorter and turns no less than their polygon; docs/model.md (153)."""
 
 from __future__ import annotations
 
@@ -26,7 +26,9 @@ class BoundLimits:
 
 LIMITS = BoundLimits()
 
-_RAYLEIGH = math.sqrt(0.5 * math.pi)  # mean size of a plane vector over the standard deviation of its components
+_RAYLEIGH = math.sqrt(
+    0.5 * math.pi
+)  # mean size of a plane vector over the standard deviation of its components
 
 
 @dataclass(frozen=True, slots=True)

@@ -57,7 +57,7 @@ CHOICE = ModelChoice()
 
 @dataclass(frozen=True, slots=True)
 class NoisePrior:
-    """What is known beforehand of the noise of a sensor, over the length of the route; docs/model.md (152)."""
+    """What is known beforehand of the noise of a sensor, over the length of the route; model.md (150)."""
 
     typical: float = 1e-3
     """Typical noise [1]. Chosen: cameras, magnetic trackers and fibres lie on both sides of it."""

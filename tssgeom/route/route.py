@@ -83,7 +83,7 @@ def step_lengths(points: Points) -> Vector:
 def arcs_over_chords(points: Points) -> Vector:
     """Return stations of points by circular arcs over the chords between them, from 0 [n] [m].
 
-    Each chord turns by the mean curvature of the polygon at its two ends; docs/model.md (151).
+    Each chord turns by the mean curvature of the polygon at its two ends; docs/model.md (152).
     """
     chord = np.diff(points, axis=0)
     size = step_lengths(points)
