@@ -27,6 +27,7 @@ from tssgeom.errors import TssgeomError
 from tssgeom.io.formats.files import open_recording
 from tssgeom.route.bounds import polygon
 from tssgeom.route.geometry import measure
+from tssgeom.route.marker_offset import follow_markers
 from tssgeom.route.observations import clean
 from tssgeom.route.route import step_lengths
 from tssgeom.stream import Frame
@@ -44,6 +45,9 @@ _TENTACLE_FILES = {  # markers from base to tip, and Φ of the makers' kind of r
     "m2_u02": ((3, 2, 4, 1, 0), 186.0),
     "m12_u001002": ((3, 2, 1, 0, 4), 149.0),
 }
+_TENTACLE_START = (-0.030, -0.013, 0.0)  # m; the centre line begins beside the base, along +y
+_TENTACLE_OFFSETS = ((0, 0, 0), (25, 0, 0), (-21, 0, 0), (20, 0, 0), (0, 0, 8))  # mm, first axis along +x
+_START_NOISE = math.radians(1.0)  # of the direction in which it is clamped
 _ROD_ERROR = 20.0  # degrees
 _AORTA = DATA / "vmtk_aorta" / "aorta-centerline.vtp"
 _GRID = 2000
@@ -78,7 +82,7 @@ def tssgeom(points: Points, _: float) -> Fitted:
 
 
 def peer(estimator: Callable[[Sighting], Estimate], points: Points, noise: float) -> Fitted:
-    """Fit a shape by another method, which is told the noise that the set states [m]."""
+    """Fit a shape by another method, given the noise that the set states [m]."""
     result = estimator(Sighting(points, None, None, noise))
     return Fitted(float(result.s[-1] - result.s[0]), result.total_angle, math.nan, noise, warned=False)
 
@@ -245,8 +249,7 @@ def _tentacle(_: int, *, markdown: bool) -> tuple[str, int]:
     for name, method in METHODS.items():
         row = [name]
         for file, (order, rod) in _TENTACLE_FILES.items():
-            line = np.loadtxt(_TENTACLE / f"{file}.csv", delimiter=",", max_rows=1)
-            points = line[2:].reshape(5, 3)[list(order)]
+            points = _tentacle_markers(file, order)
             one = fitted(method, points, 1e-5)
             if one is None:
                 row.append("refused")
@@ -255,9 +258,26 @@ def _tentacle(_: int, *, markdown: bool) -> tuple[str, int]:
             row.append(f"{math.degrees(one.angle):.0f}{se} ({rod:.0f})")
             wrong += name == "tssgeom" and not keeps_bounds(points, one)
         rows.append(row)
+    rows.insert(1, ["tssgeom, offsets", *(_on_rod(*each) for each in _TENTACLE_FILES.items())])
     lines = table(["method", *_TENTACLE_FILES], rows, text_columns=1, markdown=markdown)
     note = f"Φ [°]; in brackets that of a rod with the markers beside it, good to {_ROD_ERROR:.0f}°"
     return f"{lines}\n\n{note}", wrong
+
+
+def _tentacle_markers(file: str, order: Sequence[int]) -> Points:
+    line = np.loadtxt(_TENTACLE / f"{file}.csv", delimiter=",", max_rows=1)
+    return line[2:].reshape(5, 3)[list(order)]
+
+
+def _on_rod(file: str, known: tuple[Sequence[int], float]) -> str:
+    """Fit the centre line with offsets and the direction at the start; says also what the rod gives."""
+    points = _tentacle_markers(file, known[0])
+    points[0] += _TENTACLE_START
+    directions = np.full_like(points, np.nan)
+    directions[0] = (0.0, 1.0, 0.0)
+    shape = clean(points, None, directions, _START_NOISE)
+    arcs = follow_markers(shape, None, _TENTACLE_OFFSETS, (1.0, 0.0, 0.0))[1].fit.arcs
+    return f"{math.degrees(arcs.total_angle):.0f} ± {math.degrees(arcs.total_angle_se):.0f} ({known[1]:.0f})"
 
 
 def _aorta(_: int, *, markdown: bool) -> tuple[str, int]:

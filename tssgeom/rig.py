@@ -1,6 +1,7 @@
 """The rig: tendon, friction, load and sensors, held alike from Python and from a TOML file."""
 
 import codecs
+import itertools
 import math
 import tomllib
 from collections.abc import Sequence
@@ -89,6 +90,11 @@ class ShapeSensor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     """Standard deviation of the stated length of a route [mm]."""
     angle_gain_sd: float = 0.0
     """Standard deviation of a common scale error of all sensed angles [1]."""
+    marker_offset_mm: tuple[tuple[float, float, float], ...] = ()
+    """Where each marker sits beside the centre line: along two axes across the route, then along it [mm]."""
+    marker_axis: tuple[float, float, float] | None = None
+    """Direction of the first axis at the first marker, in the coordinates of the points; left out, it is
+    estimated."""
 
     def __post_init__(self) -> None:
         for name, unit in (("noise_mm", "mm"), ("curvature_noise_per_m", "1/m")):
@@ -101,6 +107,16 @@ class ShapeSensor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
             _require(0 < turn < 90, "shape.direction_noise_deg", turn, remedy)
         _finite_at_least_zero("shape.length_noise_mm", self.length_noise_mm, "mm")
         _finite_at_least_zero("shape.angle_gain_sd", self.angle_gain_sd, "")
+        for value in (*itertools.chain.from_iterable(self.marker_offset_mm), *(self.marker_axis or ())):
+            _require(
+                math.isfinite(value), "shape.marker_offset_mm or marker_axis", value, "give finite numbers"
+            )
+        if self.marker_axis is not None and not any(self.marker_axis):
+            raise SettingsError(
+                "shape.marker_axis has no direction: give one across the route, or leave it out"
+            )
+        if self.marker_axis is not None and not self.marker_offset_mm:
+            raise SettingsError("shape.marker_axis without shape.marker_offset_mm: give both, or neither")
 
     @property
     def noise(self) -> float | None:

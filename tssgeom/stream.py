@@ -12,6 +12,7 @@ from tssgeom.errors import ShapeError, TssgeomError
 from tssgeom.rig import Rig
 from tssgeom.route.curvature import CurvatureProfile
 from tssgeom.route.fibre.sensed import clean_fibre, measure_fibre, sensed_shape
+from tssgeom.route.marker_offset import follow_markers
 from tssgeom.route.observations import Shape, clean
 from tssgeom.route.pieces import Arcs
 from tssgeom.route.route import Route
@@ -233,8 +234,12 @@ def fit_frame(frame: Frame, rig: Rig, last: TrackedFit | None = None) -> tuple[S
         fit = measure_fibre(fibre, rig.shape.curvature_noise_per_m)
         return sensed_shape(fibre, fit), TrackedFit(fit, fibre.index)
     shape = sensed_points(frame, rig)
-    of_points = last is not None and (last.fit.chain is not None or last.fit.spline is not None)
-    return shape, follow(shape, noise_of(frame, rig), last if of_points else None)
+    if last is not None and last.fit.chain is None and last.fit.spline is None:
+        last = None
+    if rig.shape.marker_offset_mm:
+        given = rig.shape
+        return follow_markers(shape, noise_of(frame, rig), given.marker_offset_mm, given.marker_axis, last)
+    return shape, follow(shape, noise_of(frame, rig), last)
 
 
 def noise_of(frame: Frame, rig: Rig) -> float | None:

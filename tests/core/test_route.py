@@ -234,7 +234,7 @@ def test_a_frame_in_one_call_is_the_same_as_in_many(n, stations):
         assert (at_once is None) == (in_parts is None)
         if at_once is None or in_parts is None:
             continue
-        expected, agreed = fits._spline(shape, *in_parts, last.memory.spacing), agreed + 1
+        expected, agreed = fits.spline_of(shape, *in_parts, last.memory.spacing), agreed + 1
         for name in ("s", "position", "tangent", "curvature_vector", "station", "residual", "noise"):
             close(getattr(at_once.route, name), getattr(expected.route, name), 1e-8)
         for name in ("covariance", "gain", "freedom", "deviance", "joints"):

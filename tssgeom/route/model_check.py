@@ -104,6 +104,8 @@ class TrackedFit:
     """Frames that it has taken so far."""
     due: bool = False
     """Whether the steps that follow this frame are still to be made."""
+    marker_axis: Vector | None = None
+    """First axis across the route at the first marker, where markers sit beside the route [3]."""
 
     def with_check(self, check: ModelCheck | None) -> TrackedFit:
         """Begin a check, where there is one."""
