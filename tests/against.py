@@ -5,7 +5,8 @@
 
 A change of structure changes no result. Both revisions run the same commands in processes of their own; every
 JSON object, table and rig that they write is compared. Numbers agree where they differ by at most `RELATIVE`
-of their size or by `ABSOLUTE`, since two compilations may fuse a sum in different ways; text agrees exactly.
+of their size or by `ABSOLUTE`, since two compilations may fuse a sum in different ways; text agrees exactly,
+and keys may be added.
 """
 
 from __future__ import annotations
@@ -115,8 +116,8 @@ def held(path: Path) -> Any:
 def differences(where: str, one: Any, other: Any) -> Iterator[str]:
     """Yield each place at which two objects disagree."""
     if isinstance(one, dict) and isinstance(other, dict):
-        if one.keys() != other.keys():
-            yield f"{where}: keys differ: {sorted(one.keys() ^ other.keys())}"
+        if lost := one.keys() - other.keys():
+            yield f"{where}: keys are lost: {sorted(lost)}"
         for key in one.keys() & other.keys() - IGNORED:
             yield from differences(f"{where}.{key}", one[key], other[key])
     elif isinstance(one, list) and isinstance(other, list):

@@ -279,6 +279,7 @@ status tss_saved_by_parts(
     Work w = {work};
     Data data = {n, points, weight, free, variance, spacing, unit, unit_weight, 1.0};
     Chain chain = chain_of(k, m, form, curved, stations, matrix[0], cost);
+    if (CHAIN_MOVES.parts > 4) return WRONG_SIZE; /* the header's working memory is that of four */
     int64_t parts = CHAIN_MOVES.parts, of_piece = 2 * parts, p = of_piece * k;
     double *left = take(&w, p * p), *rest = take(&w, p), *own = take(&w, p * p);
     double *sums = take(&w, (2 * k + 2) * p);
