@@ -4,9 +4,11 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicHermiteSpline
 
 from tssgeom.errors import FitError
 from tssgeom.route import ratio_average
+from tssgeom.route.arcs.chain import along, form_of
 from tssgeom.route.geometry import measure
 from tssgeom.route.observations import clean
 from tssgeom.route.ratio_average import GRID, averaged
@@ -111,3 +113,34 @@ def test_a_stream_goes_on_with_the_stations_and_the_variance_of_its_first_fit():
         errors.append(last.fit.arcs.total_angle_se)
         assert last.fit.arcs.total_angle == pytest.approx(angle, rel=0.1)
     assert max(errors) < 2.0 * min(errors)
+
+
+def _hermite(points: np.ndarray, tangents: np.ndarray) -> float:
+    """Φ of cubic Hermite pieces over the chords [rad]."""
+    u = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))))
+    curve, at = CubicHermiteSpline(u, points, tangents), np.linspace(0.0, u[-1], 1001)
+    first, second = curve(at, 1), curve(at, 2)
+    rate = np.linalg.norm(np.cross(first, second), axis=1) / np.linalg.norm(first, axis=1) ** 2
+    return float(np.sum(0.5 * (rate[1:] + rate[:-1]) * np.diff(at)))
+
+
+@pytest.mark.parametrize("n", [6, 8])
+def test_few_sensors_with_directions_give_the_angle_as_hermite_pieces_do(n):
+    ours, peer, inside = [], [], []
+    for seed in range(16):
+        rng = np.random.default_rng([seed, n, 7])
+        course = _random_course(rng)
+        joints = np.concatenate(([0.0], np.cumsum(course.length)[:-1]))
+        s, form = np.linspace(0.0, 0.5, n), form_of(np.zeros(3), np.eye(3), joints, course.bend)
+        position, tangent, _ = along(s, form)
+        points = position + 5e-4 * rng.standard_normal((n, 3))
+        sensed = tangent + np.radians(0.5) * rng.standard_normal((n, 3))
+        sensed /= np.linalg.norm(sensed, axis=1)[:, None]
+        with suppress(FitError):  # few sensors may be too few
+            arcs = measure(clean(points, None, sensed, np.radians(0.5))).arcs
+            ours.append(abs(arcs.total_angle - course.total_angle))
+            peer.append(abs(_hermite(points, sensed) - course.total_angle))
+            inside.append(ours[-1] < 1.96 * arcs.total_angle_se)
+    assert len(ours) >= 14
+    assert np.median(ours) < 1.3 * np.median(peer)
+    assert np.mean(inside) >= 0.87

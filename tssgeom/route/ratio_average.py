@@ -14,10 +14,15 @@ from tssgeom import core
 from tssgeom.core.constants_route import PRIOR, SEARCH
 from tssgeom.errors import FitError
 from tssgeom.route.bounds import Polygon, polygon
-from tssgeom.route.model_choice import mixture_variance, model_probabilities, noise_price
+from tssgeom.route.model_choice import (
+    NOISE_PRIOR,
+    mixture_variance,
+    model_probabilities,
+    noise_price,
+)
 from tssgeom.route.observations import Shape
 from tssgeom.route.pieces import smooth_geometry
-from tssgeom.route.route import Route, across
+from tssgeom.route.route import Route, across, step_lengths
 from tssgeom.route.spline.fit import Spline, fit, on_chords, spline_of
 from tssgeom.route.spline.problem import FilterModel, LastPass, Problem, Solution, next_pass
 
@@ -95,7 +100,22 @@ def averaged(shape: Shape, noise: float | None, spline: Spline) -> Spline:
     if shape.stations is None:
         with suppress(FitError):
             candidates += _by_chords(shape, noise)
+    if shape.directions is not None and noise is None:
+        # beside directions λ alone does not give the noise: the typical one is tried as well
+        typical = NOISE_PRIOR.typical * float(np.sum(step_lengths(shape.points)))
+        candidates = [_priced(one) for one in candidates]
+        with suppress(FitError):
+            candidates += map(_priced, _candidates(shape, typical, fit(shape, typical)))
+        if shape.stations is None:
+            with suppress(FitError):
+                candidates += map(_priced, _by_chords(shape, typical))
     return _representative(shape, candidates) if candidates else spline
+
+
+def _priced(one: _Candidate) -> _Candidate:
+    """Return a fit at a noise that was given, with the price of that noise."""
+    route = one.spline.route
+    return one._replace(criterion=one.criterion + noise_price(route.noise / float(route.s[-1])))
 
 
 def _by_chords(shape: Shape, noise: float | None) -> list[_Candidate]:
@@ -196,7 +216,7 @@ def _aside(first: _State, step: float) -> Iterator[_State]:
 def _problem(shape: Shape, noise: float | None, spline: Spline) -> Problem:
     last = spline.memory
     if shape.directions is not None and noise is None:
-        noise = spline.route.noise  # beside directions λ alone does not give it
+        noise = spline.route.noise
     variance = 0.0 if noise is None else max(noise / last.spacing, PRIOR.rounding) ** 2
     model = FilterModel(last.u, last.y, last.weight, *(np.zeros(0),) * 4, across_only=True)
     known = shape.stations is not None
