@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicHermiteSpline
 
-from tssgeom.errors import FitError
+from tssgeom.errors import FitError, ShapeError
 from tssgeom.route import ratio_average
 from tssgeom.route.arcs.chain import along, form_of
 from tssgeom.route.geometry import measure
@@ -136,7 +136,7 @@ def test_few_sensors_with_directions_give_the_angle_as_hermite_pieces_do(n):
         points = position + 5e-4 * rng.standard_normal((n, 3))
         sensed = tangent + np.radians(0.5) * rng.standard_normal((n, 3))
         sensed /= np.linalg.norm(sensed, axis=1)[:, None]
-        with suppress(FitError):  # few sensors may be too few
+        with suppress(FitError, ShapeError):  # few sensors may be too few, or a coil seem out of order
             arcs = measure(clean(points, None, sensed, np.radians(0.5))).arcs
             ours.append(abs(arcs.total_angle - course.total_angle))
             peer.append(abs(_hermite(points, sensed) - course.total_angle))
