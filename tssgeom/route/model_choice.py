@@ -30,10 +30,12 @@ class ModelChoice:
 
     chain_bonus: float = 23.0
     """Evidence that a chain is given beforehand [2 ln]. Fitted, as above."""
+    whole_bonus_from: int = 30
+    """Points from which on it counts as a whole, and fewer in proportion [1]. Fitted on 8 to 40 points."""
     joint_price: float = 18.0
     """What each joint must save beyond its parameters [2 ln]. Fitted: staircases resemble smooth routes."""
-    whole_price_from: int = 30
-    """Points from which on both count as a whole, and fewer in proportion [1]. Fitted on 8 to 40 points."""
+    whole_price_from: int = 20
+    """The same of the price of joints [1]. Fitted, as above."""
     many_pieces: int = 7
     """Pieces from which on each must save more. Fitted, as above."""
     further_piece_price: float = 4.0
@@ -127,14 +129,15 @@ def penalised_log_evidence_difference(data: Data, chain: Chain, spline: Spline) 
 def log_evidence_difference(data: Data, chain: Chain, spline: Spline) -> float:
     """Evidence of the chain over the spline, after the additional price of its joints [2 ln]; (34)."""
     pieces = len(chain.bend)
-    share = min(len(data.points) / CHOICE.whole_price_from, 1.0)
-    price = CHOICE.joint_price * (pieces - 1) * share
+    points = len(data.points)
+    bonus = CHOICE.chain_bonus * min(points / CHOICE.whole_bonus_from, 1.0)
+    price = CHOICE.joint_price * (pieces - 1) * min(points / CHOICE.whole_price_from, 1.0)
     price += CHOICE.further_piece_price * max(pieces - CHOICE.many_pieces, 0)
     if data.variance == 0.0:
         length = float(chain.stations.max() - chain.stations.min())
         price += noise_price(math.sqrt(noise_variance(data, chain)) / length)
         price -= noise_price(spline.route.noise / float(spline.route.s[-1]))
-    return spline.deviance - chain_deviance(data, chain) + CHOICE.chain_bonus * share - price
+    return spline.deviance - chain_deviance(data, chain) + bonus - price
 
 
 def chain_deviance(data: Data, chain: Chain) -> float:

@@ -50,6 +50,9 @@ class RatioGrid:
     """Neighbouring λ that do not count or give no curve, after which the search ends. Chosen."""
     most: int = 20
     """Most λ on either side of the likeliest one. Derived: the range of the search in steps of one decade."""
+    much_likelier: float = 4.0
+    """Difference in -2 ln of the posterior from which fits on stations by chords are selected [1]. Chosen:
+    odds of 7 to 1."""
     chord_bias: float = 6.0
     """Relative error of Φ on stations by chords over the square of the noise in mean spacings [1]. Derived:
     noise makes each chord longer by twice that square, and (26) counts a length three times."""
@@ -60,6 +63,8 @@ class RatioGrid:
     point in a hundred is one, within three spacings."""
     unresolved: float = 1.25
     """Factor on (154) [1]. Fitted on random routes of one to six pieces, of 8 to 40 points."""
+    agreement: float = 0.5
+    """Difference to the mean Φ up to which the likeliest λ stands for all [standard errors]. Chosen."""
     representative: float = 0.05
     """Posterior over the greatest one of a fit that may stand for all [1]. Chosen."""
 
@@ -97,25 +102,37 @@ def averaged(shape: Shape, noise: float | None, spline: Spline) -> Spline:
     if len(shape.points) > GRID.most_points or spline.shared_angle_error:
         return spline
     candidates = list(_candidates(shape, noise, spline))
+    first = candidates[:1]
     if shape.stations is None:
-        with suppress(FitError):
-            candidates += _by_chords(shape, noise)
+        candidates = _likelier(candidates, shape, noise)
     if shape.directions is not None and noise is None:
         # beside directions λ alone does not give the noise: the typical one is tried as well
         typical = NOISE_PRIOR.typical * float(np.sum(step_lengths(shape.points)))
-        candidates = [_priced(one) for one in candidates]
+        candidates, first = [_priced(one) for one in candidates], []
         with suppress(FitError):
             candidates += map(_priced, _candidates(shape, typical, fit(shape, typical)))
         if shape.stations is None:
-            with suppress(FitError):
-                candidates += map(_priced, _by_chords(shape, typical))
-    return _representative(shape, candidates) if candidates else spline
+            candidates += map(_priced, _likelier([], shape, typical))
+    return _representative(shape, candidates, first) if candidates else spline
 
 
 def _priced(one: _Candidate) -> _Candidate:
     """Return a fit at a noise that was given, with the price of that noise."""
     route = one.spline.route
     return one._replace(criterion=one.criterion + noise_price(route.noise / float(route.s[-1])))
+
+
+def _likelier(candidates: list[_Candidate], shape: Shape, noise: float | None) -> list[_Candidate]:
+    """Return fits on stations by chords instead of those given, where they are much likelier."""
+    try:
+        others = _by_chords(shape, noise)
+    except FitError:
+        return candidates
+    if not others:
+        return candidates
+    least = min((one.criterion for one in candidates), default=math.inf)
+    difference = least - min(one.criterion for one in others)
+    return others if difference > GRID.much_likelier else candidates
 
 
 def _by_chords(shape: Shape, noise: float | None) -> list[_Candidate]:
@@ -138,22 +155,29 @@ def _chord_bias(one: _Candidate, spacing: float) -> float:
     return GRID.chord_bias * (one.spline.route.noise / spacing) ** 2 * one.angle
 
 
-def _representative(shape: Shape, candidates: list[_Candidate]) -> Spline:
-    """Return the fit that is nearest to the mean over all, with the mean square error of its angle; (151)."""
+def _representative(shape: Shape, candidates: list[_Candidate], first: list[_Candidate]) -> Spline:
+    """Return the fit that stands for all, with the mean square error of its angle; (151).
+
+    It is the likeliest λ's where that agrees with the mean, else the fit that is nearest to the mean.
+    """
     sound = list(_within_bounds(shape, candidates)) or candidates
     criterion = np.array([one.criterion for one in sound])
     angle = np.array([one.angle for one in sound])
     own = np.array([one.variance for one in sound])
     variance, probability = np.minimum(own, angle**2), model_probabilities(-0.5 * criterion)
-    off = np.abs(angle - float(probability @ angle))
+    mean = float(probability @ angle)
+    spread = math.sqrt(mixture_variance(probability, angle, variance, mean))
     eligible = probability >= GRID.representative * probability.max()
     if (eligible & (own <= angle**2)).any():
         eligible &= own <= angle**2
-    k = int(np.argmin(np.where(eligible, off, math.inf)))
-    chosen, best = sound[k].spline, sound[int(np.argmin(criterion))].spline
-    more = max(mixture_variance(probability, angle, variance, float(angle[k])) - float(own[k]), 0.0)
-    share = (more + unresolved_turn(chosen.route) ** 2) / max(float(angle[k]), 1e-12) ** 2
-    return replace(chosen, deviance=best.deviance, ratio_variance=share)
+    chosen = sound[int(np.argmin(np.where(eligible, np.abs(angle - mean), math.inf)))]
+    for one in _within_bounds(shape, first):
+        if abs(one.angle - mean) <= GRID.agreement * spread and one.variance <= one.angle**2:
+            chosen = one
+    best = sound[int(np.argmin(criterion))].spline
+    more = max(mixture_variance(probability, angle, variance, chosen.angle) - chosen.variance, 0.0)
+    share = (more + unresolved_turn(chosen.spline.route) ** 2) / max(chosen.angle, 1e-12) ** 2
+    return replace(chosen.spline, deviance=best.deviance, ratio_variance=share)
 
 
 def unresolved_turn(route: Route) -> float:
@@ -224,22 +248,24 @@ def _problem(shape: Shape, noise: float | None, spline: Spline) -> Problem:
 
 
 def _converged(problem: Problem, before: Solution | LastPass, ratio: float) -> _State:
-    """Fit at one λ in passes, until they change little.
+    """Fit at one λ in passes, until they change little; returns that of the greatest posterior.
 
     Raises
     ------
     FitError
         Where the points give no finite curve.
     """
-    solution, reached = before, math.inf
+    solution, reached, best = before, math.inf, None
     for _ in range(GRID.passes):
         problem, last = next_pass(problem, solution), reached
         solution, reached = _solved(problem, ratio)
+        if math.isfinite(reached) and (best is None or reached < best.criterion):
+            best = _State(problem, solution, reached)
         if abs(reached - last) < GRID.converged:
             break
-    if not (isinstance(solution, Solution) and math.isfinite(reached)):
+    if best is None:
         raise FitError("the points give no finite curve: check the unit and look for outlying points")
-    return _State(problem, solution, reached)
+    return best  # at a kink the prior and the curve along which it is linearised sharpen each other
 
 
 def _solved(problem: Problem, ratio: float) -> tuple[Solution, float]:
