@@ -236,10 +236,10 @@ def fit_frame(frame: Frame, rig: Rig, last: TrackedFit | None = None) -> tuple[S
     shape = sensed_points(frame, rig)
     if last is not None and last.fit.chain is None and last.fit.spline is None:
         last = None
-    if rig.shape.marker_offset_mm:
-        given = rig.shape
-        return follow_markers(shape, noise_of(frame, rig), given.marker_offset_mm, given.marker_axis, last)
-    return shape, follow(shape, noise_of(frame, rig), last)
+    noise, given = noise_of(frame, rig), rig.shape
+    if given.marker_offset_mm:
+        return follow_markers(shape, noise, given.marker_offset_mm, given.marker_axis, last)
+    return shape, follow(shape, noise, last)
 
 
 def noise_of(frame: Frame, rig: Rig) -> float | None:

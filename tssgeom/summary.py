@@ -1,4 +1,4 @@
-"""Running summary of an input's frames, in constant memory."""
+"""Summary of an input's frames, in constant memory."""
 
 from __future__ import annotations
 
