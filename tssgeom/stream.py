@@ -234,8 +234,7 @@ def fit_frame(frame: Frame, rig: Rig, last: TrackedFit | None = None) -> tuple[S
         fit = measure_fibre(fibre, rig.shape.curvature_noise_per_m)
         return sensed_shape(fibre, fit), TrackedFit(fit, fibre.index)
     shape = sensed_points(frame, rig)
-    if last is not None and last.fit.chain is None and last.fit.spline is None:
-        last = None
+    last = None if last is None or (last.fit.chain or last.fit.spline) is None else last
     noise, given = noise_of(frame, rig), rig.shape
     if given.marker_offset_mm:
         return follow_markers(shape, noise, given.marker_offset_mm, given.marker_axis, last)
