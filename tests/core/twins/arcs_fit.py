@@ -10,13 +10,7 @@ from tests.core.twins.arcs_moments import joint_frames
 from tssgeom.core.constants import MEDIANS
 from tssgeom.core.constants_arcs import CHAIN_FIT, CHAIN_TRACKING
 from tssgeom.core.constants_route import OUTLIERS
-from tssgeom.route.arcs.chain import (
-    criterion,
-    first_joint_column,
-    parameter_count,
-    piece_length,
-    value_count,
-)
+from tssgeom.route.arcs.chain import criterion, first_joint_column, parameter_count, piece_length, value_count
 
 TwinChain = namedtuple("TwinChain", "start axes joints bend curved stations matrix cost square")
 
