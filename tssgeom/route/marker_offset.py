@@ -11,11 +11,12 @@ import numpy as np
 from tssgeom import core
 from tssgeom.arrays import Matrix, Points, Vector, read_only
 from tssgeom.errors import FitError, ShapeError
+from tssgeom.route.model_check import TrackedFit, model_checked
 from tssgeom.route.model_choice import mixture_variance, model_probabilities
 from tssgeom.route.observations import Shape
 from tssgeom.route.route import Route
 from tssgeom.route.spline.fit import fit, on_chords
-from tssgeom.route.tracking import TrackedFit, follow
+from tssgeom.route.tracking import follow
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +73,7 @@ def follow_markers(
             f"{sensed} markers, {len(offset_mm)} offsets: give [shape] marker_offset_mm a row for each marker"
         )
     offset = 1e-3 * np.array(offset_mm, dtype=np.float64)[shape.index.astype(np.int64)]
+    last = None if last is None else model_checked(last)  # once: two fits start from it
     if axis is not None:
         return _fitted(shape, noise, offset, np.array(axis, dtype=np.float64), last)
     if last is not None and last.marker_axis is not None:
