@@ -223,14 +223,15 @@ def _sensed(sighting: Sighting) -> tuple[Points, Vector]:
     points = sighting.points[sensed]
     if sighting.stations is not None:
         return points, sighting.stations[sensed]
-    return points, _chord(points)
+    return points, chord_lengths(points)
 
 
-def _chord(points: Points) -> Vector:
+def chord_lengths(points: Points) -> Vector:
+    """Return the length of the polygon up to each point [n] [m]."""
     return np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))))
 
 
-def _of_curve(u: Vector, first: Points, second: Points, *, known: bool) -> Estimate:
+def of_curve(u: Vector, first: Points, second: Points, *, known: bool) -> Estimate:
     """Angle along a curve from its derivatives at `u`, which is arc length where stations are known."""
     speed = np.linalg.norm(first, axis=1)
     turning = np.linalg.norm(np.cross(first, second), axis=1) / np.maximum(speed, 1e-12) ** 2
@@ -249,7 +250,7 @@ def scipy_splprep(sighting: Sighting) -> Estimate:
         tck, _ = splprep(points.T, u=u, k=min(5, len(u) - 1), s=points.size * sighting.true_noise**2)
     at = np.linspace(u[0], u[-1], _GRID)
     first, second = (np.array(splev(at, tck, order)).T for order in (1, 2))
-    return _of_curve(at, first, second, known=sighting.stations is not None)
+    return of_curve(at, first, second, known=sighting.stations is not None)
 
 
 def scipy_make_splprep(sighting: Sighting) -> Estimate:
@@ -260,7 +261,7 @@ def scipy_make_splprep(sighting: Sighting) -> Estimate:
         warnings.simplefilter("ignore")
         spline, _ = make_splprep(points.T, u=u, k=min(5, len(u) - 1), s=left)
     at = np.linspace(u[0], u[-1], _GRID)
-    return _of_curve(at, spline(at, 1).T, spline(at, 2).T, known=sighting.stations is not None)
+    return of_curve(at, spline(at, 1).T, spline(at, 2).T, known=sighting.stations is not None)
 
 
 def scipy_smoothing_spline(sighting: Sighting) -> Estimate:
@@ -274,7 +275,7 @@ def scipy_smoothing_spline(sighting: Sighting) -> Estimate:
     spline = make_smoothing_spline(u / spacing, points)
     at = np.linspace(u[0], u[-1], _GRID)
     first, second = spline(at / spacing, 1) / spacing, spline(at / spacing, 2) / spacing**2
-    return _of_curve(at, first, second, known=sighting.stations is not None)
+    return of_curve(at, first, second, known=sighting.stations is not None)
 
 
 def csaps_spline(sighting: Sighting) -> Estimate:
@@ -283,7 +284,7 @@ def csaps_spline(sighting: Sighting) -> Estimate:
     spline = csaps(u, points.T).spline
     at = np.linspace(u[0], u[-1], _GRID)
     first, second = (np.asarray(spline(at, nu=order)).T for order in (1, 2))
-    return _of_curve(at, first, second, known=sighting.stations is not None)
+    return of_curve(at, first, second, known=sighting.stations is not None)
 
 
 def turning_angles(sighting: Sighting) -> Estimate:
@@ -297,7 +298,7 @@ def vmtk_smoothing(sighting: Sighting) -> Estimate:
     smoothed = points.copy()
     for _ in range(_VMTK_ROUNDS):
         _relax(smoothed, _VMTK_FACTOR)
-    return _of_polyline(smoothed, u if sighting.stations is not None else _chord(smoothed))
+    return _of_polyline(smoothed, u if sighting.stations is not None else chord_lengths(smoothed))
 
 
 def taubin_smoothing(sighting: Sighting) -> Estimate:
@@ -307,7 +308,7 @@ def taubin_smoothing(sighting: Sighting) -> Estimate:
     for factor in (_LAMBDA, mu) * _TAUBIN_ROUNDS:
         points = points.copy()
         points[1:-1] += factor * (0.5 * (points[:-2] + points[2:]) - points[1:-1])
-    return _of_polyline(points, u if sighting.stations is not None else _chord(points))
+    return _of_polyline(points, u if sighting.stations is not None else chord_lengths(points))
 
 
 def _relax(points: np.ndarray, factor: float) -> None:

@@ -20,7 +20,8 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from benchmarks.estimators import PEERS, Estimate, Sighting, scipy_splprep
+from benchmarks.estimators import PEERS, Estimate, Sighting, chord_lengths, of_curve, scipy_splprep
+from benchmarks.scores import INTERVAL
 from benchmarks.tables import ABSENT, machine, number, share, table
 from tssgeom.arrays import Points, Vector
 from tssgeom.errors import TssgeomError
@@ -51,7 +52,6 @@ _START_NOISE = math.radians(1.0)  # of the direction in which it is clamped
 _ROD_ERROR = 20.0  # degrees
 _AORTA = DATA / "vmtk_aorta" / "aorta-centerline.vtp"
 _GRID = 2000
-_INTERVAL = 1.959964
 _WINDOW, _DEGREE = 5, 3  # of the local regression
 _QUICK_STEP = 10
 
@@ -90,15 +90,15 @@ def peer(estimator: Callable[[Sighting], Estimate], points: Points, noise: float
 def hermite(sighting: Sighting) -> Estimate:
     """Interpolate by a cubic spline over the chords."""
     points = sighting.points
-    u = np.concatenate(([0.0], np.cumsum(step_lengths(points))))
+    u = chord_lengths(points)
     spline, at = CubicSpline(u, points), np.linspace(0.0, u[-1], _GRID)
-    return _of_derivatives(at, spline(at, 1), spline(at, 2))
+    return of_curve(at, spline(at, 1), spline(at, 2), known=False)
 
 
 def local_polynomial(sighting: Sighting) -> Estimate:
     """Differentiate by local cubic regression over five points, as packages for Frenet frames do."""
     points = sighting.points
-    u = np.concatenate(([0.0], np.cumsum(step_lengths(points))))
+    u = chord_lengths(points)
     first, second = np.empty_like(points), np.empty_like(points)
     for i in range(len(u)):
         low = min(max(i - _WINDOW // 2, 0), max(len(u) - _WINDOW, 0))
@@ -107,14 +107,7 @@ def local_polynomial(sighting: Sighting) -> Estimate:
         power = np.vander(u[part] - u[i], degree + 1, increasing=True)
         weights = np.linalg.lstsq(power, points[part], rcond=None)[0]
         first[i], second[i] = weights[1], 2.0 * weights[2]
-    return _of_derivatives(u, first, second)
-
-
-def _of_derivatives(u: Vector, first: Points, second: Points) -> Estimate:
-    speed = np.linalg.norm(first, axis=1)
-    rate = np.linalg.norm(np.cross(first, second), axis=1) / np.maximum(speed, 1e-12) ** 2
-    sums = [np.append(0.0, np.cumsum(0.5 * (y[1:] + y[:-1]) * np.diff(u))) for y in (speed, rate)]
-    return Estimate(sums[0], sums[1], math.nan)
+    return of_curve(u, first, second, known=False)
 
 
 METHODS: dict[str, Method] = {
@@ -230,7 +223,7 @@ def _sensed(every: int, *, markdown: bool) -> tuple[str, int]:
                     continue
                 errors.append(math.degrees(one.angle - true.angle))
                 se = math.hypot(one.angle_se, true.angle_se)
-                inside.append(abs(one.angle - true.angle) <= _INTERVAL * se)
+                inside.append(abs(one.angle - true.angle) <= INTERVAL * se)
                 kept.append(keeps_bounds(sensed, one))
             wrong += kept.count(False) if name == "tssgeom" else 0
             row += [

@@ -14,7 +14,7 @@ from benchmarks.tables import ABSENT, number, share, table
 
 _LAYOUTS = 20  # draws of stations over which the bound is averaged
 _GRID = 501  # stations at which φ(s) is compared
-_INTERVAL = 1.959964  # standard errors to both sides that hold 95 %
+INTERVAL = 1.959964  # standard errors to both sides that hold 95 %
 _SLOW_POINTS, _SLOW_SHARE = 100, 4  # slow peers run every fourth trial of more points than this
 
 METHODS: Mapping[str, Callable[[Sighting], Estimate]] = {**OURS, **PEERS}
@@ -152,7 +152,7 @@ def _rms(x: np.ndarray) -> float:
 def _coverage(error: np.ndarray, se: np.ndarray) -> float:
     if not len(se) or np.isnan(se).all():
         return np.nan
-    return float(np.mean(np.abs(error) <= _INTERVAL * se))
+    return float(np.mean(np.abs(error) <= INTERVAL * se))
 
 
 def bound(cell: Cell, trials: int) -> Bound:

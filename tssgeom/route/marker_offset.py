@@ -12,7 +12,7 @@ from tssgeom import core
 from tssgeom.arrays import Matrix, Points, Vector, read_only
 from tssgeom.errors import FitError, ShapeError
 from tssgeom.route.model_check import TrackedFit, model_checked
-from tssgeom.route.model_choice import mixture_variance, model_probabilities
+from tssgeom.route.model_choice import added_variance, model_probabilities
 from tssgeom.route.observations import Shape
 from tssgeom.route.route import Route
 from tssgeom.route.spline.fit import fit, on_chords
@@ -101,9 +101,7 @@ def _over_rolls(shape: Shape, noise: float | None, offset: Matrix) -> tuple[Shap
     own = np.array([one.fit.arcs.total_angle_se**2 for _, one in fits])
     k = int(np.argmax(evidence))
     points, best = fits[k]
-    variance = np.minimum(own, angle**2)
-    whole = mixture_variance(model_probabilities(evidence), angle, variance, float(angle[k]))
-    more = max(whole - float(own[k]), 0.0)
+    more = added_variance(model_probabilities(evidence), angle, own, float(angle[k]), float(own[k]))
     fit = best.fit.with_model_choice_variance(more)
     return points, replace(best, fit=fit, model_choice_variance=best.model_choice_variance + more)
 
@@ -138,7 +136,8 @@ def _straight(shape: Shape, offset: Matrix, axis: Vector) -> Points:
     chord = shape.points[-1] - shape.points[0]
     if shape.directions is not None and not np.isnan(shape.directions[0]).any():
         chord = shape.directions[0]
-    return _turned(chord / np.linalg.norm(chord), axis, offset)
+    tangent = np.tile(chord / np.linalg.norm(chord), (len(offset), 1))
+    return _on_axes(tangent, carried_axis(tangent, axis), offset)
 
 
 def _aside(route: Route, shape: Shape, offset: Matrix, axis: Vector) -> Points:
@@ -147,17 +146,12 @@ def _aside(route: Route, shape: Shape, offset: Matrix, axis: Vector) -> Points:
     if len(station) != len(shape.points):  # a marker came or was lost
         station = np.linspace(0.0, route.s[-1], len(shape.points))
     at = np.searchsorted(route.s, station - 1e-12 * route.s[-1]).clip(0, len(route.s) - 1)
-    first = carried_axis(route.tangent, axis)[at]
-    tangent = route.tangent[at]
-    second = np.cross(tangent, first)
-    axes = np.stack((first, second, tangent), axis=1)
+    return _on_axes(route.tangent[at], carried_axis(route.tangent, axis)[at], offset)
+
+
+def _on_axes(tangent: Points, first: Points, offset: Matrix) -> Points:
+    axes = np.stack((first, np.cross(tangent, first), tangent), axis=1)
     return np.einsum("ij,ijk->ik", offset, axes).astype(np.float64)
-
-
-def _turned(tangent: Vector, axis: Vector, offset: Matrix) -> Points:
-    first = carried_axis(tangent[None], axis)[0]
-    axes = np.array([first, np.cross(tangent, first), tangent], dtype=np.float64)
-    return np.matmul(offset, axes, dtype=np.float64)
 
 
 def carried_axis(tangent: Points, axis: Vector) -> Points:

@@ -95,6 +95,20 @@ def mixture_variance(probability: Vector, mean: Vector, variance: Vector | float
     return float(probability @ (variance + (mean - about) ** 2))
 
 
+def added_variance(probability: Vector, angle: Vector, own: Vector, about: float, known: float) -> float:
+    """Return what other fits add to the variance of Φ of the one that stands for them [rad²]; (151).
+
+    Parameters
+    ----------
+    probability, angle, own
+        Posterior probability of each fit [n], its Φ [rad] and the variance of that [rad²].
+    about, known
+        Φ of the fit that stands for all [rad], and its own variance [rad²].
+    """
+    # a variance above Φ² only says that a fit is not linear in its errors
+    return max(mixture_variance(probability, angle, np.minimum(own, angle**2), about) - known, 0.0)
+
+
 def selected(smooth: RouteFit, arcs: RouteFit, log_evidence_difference: float) -> RouteFit:
     """Select the likelier model and add the variance of that choice; the chain is ahead by the difference."""
     likelier = replace(arcs if log_evidence_difference > 0 else smooth, spline=smooth.spline)

@@ -16,7 +16,7 @@ from tssgeom.errors import FitError
 from tssgeom.route.bounds import Polygon, polygon
 from tssgeom.route.model_choice import (
     NOISE_PRIOR,
-    mixture_variance,
+    added_variance,
     model_probabilities,
     noise_price,
 )
@@ -24,7 +24,14 @@ from tssgeom.route.observations import Shape
 from tssgeom.route.pieces import smooth_geometry
 from tssgeom.route.route import Route, across, step_lengths
 from tssgeom.route.spline.fit import Spline, fit, on_chords, spline_of
-from tssgeom.route.spline.problem import FilterModel, LastPass, Problem, Solution, next_pass
+from tssgeom.route.spline.problem import (
+    LastPass,
+    Problem,
+    Solution,
+    before_pass,
+    next_pass,
+    scaled_variance,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +88,7 @@ class _Candidate(NamedTuple):
     angle: float
     """Φ [rad]."""
     variance: float
-    """Its variance [rad²]; more than Φ² only says that the fit is not linear in its errors."""
+    """Its variance [rad²]."""
 
 
 class _State(NamedTuple):
@@ -164,9 +171,9 @@ def _representative(shape: Shape, candidates: list[_Candidate], first: list[_Can
     criterion = np.array([one.criterion for one in sound])
     angle = np.array([one.angle for one in sound])
     own = np.array([one.variance for one in sound])
-    variance, probability = np.minimum(own, angle**2), model_probabilities(-0.5 * criterion)
+    probability = model_probabilities(-0.5 * criterion)
     mean = float(probability @ angle)
-    spread = math.sqrt(mixture_variance(probability, angle, variance, mean))
+    spread = math.sqrt(added_variance(probability, angle, own, mean, 0.0))
     eligible = probability >= GRID.representative * probability.max()
     if (eligible & (own <= angle**2)).any():
         eligible &= own <= angle**2
@@ -175,7 +182,7 @@ def _representative(shape: Shape, candidates: list[_Candidate], first: list[_Can
         if abs(one.angle - mean) <= GRID.agreement * spread and one.variance <= one.angle**2:
             chosen = one
     best = sound[int(np.argmin(criterion))].spline
-    more = max(mixture_variance(probability, angle, variance, chosen.angle) - chosen.variance, 0.0)
+    more = added_variance(probability, angle, own, chosen.angle, chosen.variance)
     share = (more + unresolved_turn(chosen.spline.route) ** 2) / max(chosen.angle, 1e-12) ** 2
     return replace(chosen.spline, deviance=best.deviance, ratio_variance=share)
 
@@ -241,10 +248,8 @@ def _problem(shape: Shape, noise: float | None, spline: Spline) -> Problem:
     last = spline.memory
     if shape.directions is not None and noise is None:
         noise = spline.route.noise
-    variance = 0.0 if noise is None else max(noise / last.spacing, PRIOR.rounding) ** 2
-    model = FilterModel(last.u, last.y, last.weight, *(np.zeros(0),) * 4, across_only=True)
-    known = shape.stations is not None
-    return Problem(model, variance, np.zeros(0), known, last.tangents, shape.direction_noise**2)
+    variance = scaled_variance(noise, last.spacing)
+    return before_pass(last, variance, last.tangents, shape.direction_noise**2)
 
 
 def _converged(problem: Problem, before: Solution | LastPass, ratio: float) -> _State:

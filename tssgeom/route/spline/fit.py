@@ -11,7 +11,7 @@ import numpy as np
 
 from tssgeom import core
 from tssgeom.arrays import Matrix, Vector, read_only
-from tssgeom.core.constants_route import NODES, PRIOR
+from tssgeom.core.constants_route import NODES
 from tssgeom.route.directions import direction_warnings
 from tssgeom.route.observations import Shape, outlier_warnings
 from tssgeom.route.route import Route, arcs_over_chords
@@ -24,7 +24,7 @@ from tssgeom.route.spline.cells import (
     raw_angle,
 )
 from tssgeom.route.spline.posterior import PARAMETERS, posterior_in_steps, warmed
-from tssgeom.route.spline.problem import LastPass, Problem, Solution, deviance
+from tssgeom.route.spline.problem import LastPass, Problem, Solution, deviance, scaled_variance
 from tssgeom.route.steps import at_once
 
 
@@ -183,7 +183,7 @@ def _moved(shape: Shape, noise: float | None, last: Spline) -> Spline | None:
 def _moved_at_once(shape: Shape, noise: float | None, last: LastPass) -> Spline | None:
     """Do as `warmed` and `spline_of` do, in one call of the core."""
     n, spacing = len(shape.points), last.spacing
-    variance = 0.0 if noise is None else max(noise / spacing, PRIOR.rounding) ** 2
+    variance = scaled_variance(noise, spacing)
     result, u, y, mean, state, count, *nodes, pieces = core.spline_frame(
         shape.points,
         last.u,

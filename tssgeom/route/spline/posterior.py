@@ -14,7 +14,17 @@ from tssgeom.errors import FitError
 from tssgeom.route.observations import Shape
 from tssgeom.route.route import summed
 from tssgeom.route.spline.outliers import leaves_out_a_stretch, may_drop_tangent, outlying_tangent
-from tssgeom.route.spline.problem import FilterModel, LastPass, Problem, Solution, deviance, next_pass, solve
+from tssgeom.route.spline.problem import (
+    FilterModel,
+    LastPass,
+    Problem,
+    Solution,
+    before_pass,
+    deviance,
+    next_pass,
+    scaled_variance,
+    solve,
+)
 
 PARAMETERS = 20
 """A pass of the spline takes as long as one over a chain of so many parameters. Chosen: by latency."""
@@ -65,16 +75,9 @@ def warmed(shape: Shape, noise: float | None, last: LastPass) -> tuple[Problem, 
     weights no longer hold.
     """
     y = (shape.points - shape.points[0]) / last.spacing
-    variance = 0.0 if noise is None else max(noise / last.spacing, PRIOR.rounding) ** 2
+    variance = scaled_variance(noise, last.spacing)
     # unknown stations stay at the last feet: the route may have moved by more than their spacing
-    before = Problem(
-        FilterModel(last.u, last.y, last.weight, *(np.zeros(0),) * 4, across_only=True),
-        variance,
-        np.zeros(0),
-        last.stations_known,
-        shape.directions,
-        shape.direction_noise**2,
-    )
+    before = before_pass(last, variance, shape.directions, shape.direction_noise**2)
     stations = None if shape.stations is None else shape.stations / last.spacing
     problem = next_pass(before, last, stations)
     problem.model.start[:, 0] = y[0]
@@ -104,7 +107,7 @@ def _first(shape: Shape, spacing: float, noise: float | None) -> tuple[Problem, 
     """Problem with known stations, or with the likelier of even spacing and chord lengths."""
     n = len(shape.points)
     y = (shape.points - shape.points[0]) / spacing
-    variance = 0.0 if noise is None else max(noise / spacing, PRIOR.rounding) ** 2
+    variance = scaled_variance(noise, spacing)
 
     start, ends, square = _vague(y, variance)
     coupling = np.zeros((n, 3))

@@ -104,6 +104,17 @@ class LastPass(NamedTuple):
     """Sensed directions that were used [n, 3]."""
 
 
+def scaled_variance(noise: float | None, spacing: float) -> float:
+    """Return the variance of a known noise [m] in squares of the spacing [m], or 0 where it is not known."""
+    return 0.0 if noise is None else max(noise / spacing, PRIOR.rounding) ** 2
+
+
+def before_pass(last: LastPass, variance: float, tangents: Points | None, sensor_variance: float) -> Problem:
+    """Return the problem from which `next_pass` goes on, with the points of the last pass."""
+    model = FilterModel(last.u, last.y, last.weight, *(np.zeros(0),) * 4, across_only=True)
+    return Problem(model, variance, np.zeros(0), last.stations_known, tangents, sensor_variance)
+
+
 class NoiseSearch(NamedTuple):
     """How the noise of the points is searched beside directions of known noise."""
 
