@@ -12,6 +12,7 @@ import numpy as np
 from pipelines.inputs import Refusal, inputs_of
 from tssgeom.arrays import Matrix
 from tssgeom.errors import ShapeError, TssgeomError
+from tssgeom.frame import fit_frame, require_usable
 from tssgeom.io.formats.campaigns import is_campaign, read_campaign
 from tssgeom.io.formats.columns import CHANNELS, MEASURED
 from tssgeom.io.formats.files import Recording, open_recording
@@ -19,7 +20,7 @@ from tssgeom.io.formats.meshes import ENDINGS, read_lumen
 from tssgeom.io.formats.runs import holds_run, read_run
 from tssgeom.rig import Rig, read_rig
 from tssgeom.route.fibre.sensed import Fibre, clean_fibre, fit_fibre
-from tssgeom.stream import Frame, Rejected, fit_frame, require_usable
+from tssgeom.stream import Frame, Rejected
 
 _ANY_RIG = Rig()  # the geometry does not depend on it
 _MEASURED = {field for field, _ in MEASURED.values()} - {"noise"}  # that is of the points

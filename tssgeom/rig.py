@@ -96,6 +96,9 @@ class ShapeSensor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     """Direction of the first axis at the first marker, in the coordinates of the points; left out, it is
     estimated."""
 
+    time_filter: bool = True
+    """Whether the points of a stream are filtered in time before a route is fitted."""
+
     def __post_init__(self) -> None:
         for name, unit in (("noise_mm", "mm"), ("curvature_noise_per_m", "1/m")):
             value = getattr(self, name)

@@ -2,64 +2,26 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
-from tssgeom.arrays import Matrix, Points, Vector
 from tssgeom.effects import HiddenBend, named
-from tssgeom.errors import ShapeError, TssgeomError
+from tssgeom.errors import TssgeomError
+from tssgeom.frame import Frame, fit_frame, smoothed_in_time
 from tssgeom.rig import Rig
 from tssgeom.route.curvature import CurvatureProfile
-from tssgeom.route.fibre.sensed import clean_fibre, measure_fibre, sensed_shape
-from tssgeom.route.marker_offset import follow_markers
-from tssgeom.route.observations import Shape, clean
+from tssgeom.route.observations import Shape
 from tssgeom.route.pieces import Arcs
 from tssgeom.route.route import Route
-from tssgeom.route.tracking import TrackedFit, follow, model_checked
-from tssgeom.tendon.capstan import check_tension
+from tssgeom.route.time_filter import PointFilter
+from tssgeom.route.tracking import TrackedFit, model_checked
 from tssgeom.tendon.command import Command, compensate
-from tssgeom.tendon.state import TendonState, pretensioned, step, transmit, true_tension
+from tssgeom.tendon.state import TendonState, pretensioned, step, transmit_after, true_tension
 from tssgeom.tendon.transmission import Transmission
 
 _FAULTS = (TssgeomError, ArithmeticError)  # of one frame: the next may be sound
+_STANDS = 0.5  # probability from which a route is taken to stand [1]; chosen
 _MOST_STRAIN = 0.5  # of the tendon at its proximal end, above which a warning is due [1]; chosen: no tendon
-
-
-@dataclass(frozen=True, slots=True)
-class Frame:
-    """One sensed shape, and what was measured with it."""
-
-    points: Points
-    """Sensed points, proximal to distal; a row of NaN is a point that was not seen [m]."""
-    time: float = 0.0
-    """Time of the frame [s]."""
-    stations: Vector | None = None
-    """Known arc length at each point, where the sensor measures it [m]."""
-    tension_in: float | None = None
-    """Total tension at the proximal end, as its sensor reads [N]."""
-    tension_out: float | None = None
-    """Measured tension at the distal end [N]."""
-    displacement_in: float | None = None
-    """Measured displacement of the proximal tendon end [m]."""
-    elongation: float | None = None
-    """Measured elongation [m]."""
-    id: str | int = ""
-    """The sender's own name of the frame."""
-    displacement_target: float | None = None
-    """Target position of the load, as a movement since the pretensioned state [m]."""
-    tension_out_target: float | None = None
-    """Target tension at the distal end [N]; it is not used beside a displacement target."""
-    curvatures: Matrix | None = None
-    """Curvature components κ_x, κ_y of a fibre at its stations [n, 2]; the points are NaN then [1/m]."""
-    directions: Points | None = None
-    """Sensed unit tangents, towards the distal end; a row of NaN is one that was not sensed [n, 3]."""
-    length: float | None = None
-    """Known length of the route from the first to the last point [m]."""
-    temperature: float | None = None
-    """Measured temperature [°C]."""
-    noise: float | None = None
-    """Standard deviation of each coordinate across the route, where the sensor states it [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,9 +53,16 @@ class FrameResult:
         """Curvature on the same nodes."""
         return self.tracked.fit.profile
 
+    @property
+    def sensed_noise(self) -> float:
+        """Noise of a coordinate as sensed; that of the fit is less where points are filtered in time [m]."""
+        return self.route.noise * self.tracked.sensed_over_fitted
+
     def strip(self) -> FrameResult:
         """Return it without what only the fit of the next frame needs, which is most of its size."""
-        return replace(self, tracked=TrackedFit(self.tracked.fit.strip(), self.tracked.index))
+        of = self.tracked
+        kept = TrackedFit(of.fit.strip(), of.index, sensed_over_fitted=of.sensed_over_fitted)
+        return replace(self, tracked=kept)
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,8 +134,11 @@ def advance(
     rig: Rig,
     tension_in: float,
     last: TrackedFit | None = None,
+    points: PointFilter | None = None,
 ) -> FrameResult:
     """Carry the tendon from `state` over one frame, its geometry from that of the `last` one.
+
+    Its points are filtered in time by those before it, unless `points` has them filtered already.
 
     Raises
     ------
@@ -177,10 +149,12 @@ def advance(
     FitError
         Where the points give no finite curve, or the tendon no equilibrium.
     """
-    shape, tracked = fit_frame(frame, rig, last)
+    shape, tracked = fit_frame(frame, rig, last, points)
     fit = tracked.fit
-    moved, command = _moved(state, fit.arcs, rig, frame, tension_in)
+    stands = tracked.filtered is not None and tracked.filtered.standing > _STANDS
+    moved, command = _moved(state, fit.arcs, rig, frame, tension_in, stands)
     most = moved.tension_in if command is None else max(moved.tension_in, command.tension_in)
+    moved, transmission = transmit_after(state, moved, rig, stands)
     return FrameResult(
         seq=seq,
         frame=frame,
@@ -188,7 +162,7 @@ def advance(
         arcs=fit.arcs,
         tracked=tracked,
         state=moved,
-        transmission=transmit(moved, rig),
+        transmission=transmission,
         warnings=shape.warnings
         + fit.warnings
         + _temperature_warnings(rig, frame)
@@ -219,54 +193,20 @@ def plausibility_warnings(rig: Rig, length: float, tension_in: float) -> tuple[s
     return tuple(beyond)
 
 
-def fit_frame(frame: Frame, rig: Rig, last: TrackedFit | None = None) -> tuple[Shape, TrackedFit]:
-    """Return points and fitted route: of a fibre from its curvatures, of points from the last frame on.
-
-    Raises
-    ------
-    ShapeError
-        Where the points cannot be a route.
-    FitError
-        Where they give no finite curve.
-    """
-    if frame.curvatures is not None:
-        fibre = clean_fibre(frame.curvatures, frame.stations)
-        fit = measure_fibre(fibre, rig.shape.curvature_noise_per_m)
-        return sensed_shape(fibre, fit), TrackedFit(fit, fibre.index)
-    shape = sensed_points(frame, rig)
-    last = None if last is None or (last.fit.chain or last.fit.spline) is None else last
-    noise, given = noise_of(frame, rig), rig.shape
-    if given.marker_offset_mm:
-        return follow_markers(shape, noise, given.marker_offset_mm, given.marker_axis, last)
-    return shape, follow(shape, noise, last)
-
-
-def noise_of(frame: Frame, rig: Rig) -> float | None:
-    """Return the noise of a coordinate [m]: that of the rig, else that of the frame, else None.
-
-    Raises
-    ------
-    ShapeError
-        Where that of the frame is not positive and finite.
-    """
-    if frame.noise is not None and not (math.isfinite(frame.noise) and frame.noise > 0.0):
-        raise ShapeError(f"the noise is {frame.noise:g} m: give a finite value > 0 m, or leave it out")
-    return frame.noise if rig.shape.noise is None else rig.shape.noise
-
-
 def _moved(
-    state: TendonState, arcs: Arcs, rig: Rig, frame: Frame, tension_in: float
+    state: TendonState, arcs: Arcs, rig: Rig, frame: Frame, tension_in: float, stands: bool
 ) -> tuple[TendonState, Command | None]:
     """Return the tendon after the frame, and the command that reaches its target."""
     target = frame.displacement_target, frame.tension_out_target
     driven = frame.tension_in is not None or frame.displacement_in is not None
     when = {"time": frame.time, "temperature": frame.temperature}
     if not driven and target == (None, None):
-        return step(state, arcs, rig, tension_in=tension_in, **when), None
+        return step(state, arcs, rig, tension_in=tension_in, stands=stands, **when), None
     if driven:
         tension = None if frame.tension_in is None else true_tension(rig, frame.tension_in)
         displacement = frame.displacement_in if tension is None else None
-        state = step(state, arcs, rig, tension_in=tension, displacement_in=displacement, **when)
+        drive = {"tension_in": tension, "displacement_in": displacement}
+        state = step(state, arcs, rig, **drive, stands=stands, **when)
     if target == (None, None):
         return state, None
     tension_out = frame.tension_out_target if frame.displacement_target is None else None
@@ -276,58 +216,17 @@ def _moved(
     return (state if driven else command.state), command
 
 
-def sensed_points(frame: Frame, rig: Rig) -> Shape:
-    """Check the points of a frame, and what else was sensed of its route.
-
-    Raises
-    ------
-    ShapeError
-        Where the points cannot be a route.
-    """
-    if frame.directions is None and frame.length is None:
-        return clean(frame.points, frame.stations)
-    given = rig.shape
-    return clean(
-        frame.points,
-        frame.stations,
-        frame.directions,
-        given.direction_noise,
-        frame.length,
-        given.length_noise,
-    )
-
-
-def require_usable(frame: Frame) -> None:
-    """Refuse what no tendon and no fit could use, without fitting anything.
-
-    Raises
-    ------
-    ShapeError
-        Where the points or the fibre cannot be a route, or the noise cannot be.
-    SettingsError
-        Where the tension is negative or not finite.
-    """
-    rig = Rig()
-    if frame.curvatures is None:
-        sensed_points(frame, rig)
-    else:
-        clean_fibre(frame.curvatures, frame.stations)
-    noise_of(frame, rig)
-    if frame.tension_in is not None:
-        check_tension(frame.tension_in)
-
-
 def alone(
     frames: Iterable[Frame | Rejected], rig: Rig, *, tension_in: float, first: int = 0
 ) -> Iterator[FrameResult | Rejected]:
     """Turn frames into results as if each were the first pull of its tendon; only the fit goes on.
 
-    The tendon's result of one frame does not depend on those before it, so a recording may be cut anywhere.
+    The points of each are filtered by those of the frames before and after it; docs/model.md (162).
 
     Parameters
     ----------
     frames
-        Sensed shapes, in order.
+        Sensed shapes, in order, all of which are read before the first result.
     rig
         Tendon, friction and sensors.
     tension_in
@@ -337,12 +236,14 @@ def alone(
     """
     rest = pretensioned(rig)
     last: TrackedFit | None = None
+    frames = list(frames)
+    points = smoothed_in_time(frames, rig)
     for seq, frame in enumerate(frames, first):
         if isinstance(frame, Rejected):
             yield replace(frame, seq=seq)
             continue
         try:
-            result = advance(seq, frame, rest, rig, tension_in, last)
+            result = advance(seq, frame, rest, rig, tension_in, last, points.get(seq - first))
         except _FAULTS as error:
             yield Rejected(seq, frame.time, _reason(error), frame.id)
         else:

@@ -261,3 +261,23 @@ class NodeRule(NamedTuple):
 
 
 NODES = NodeRule()
+
+
+class TimeFilterLimits(NamedTuple):
+    """How a filter in time changes its motion, and what it takes for noise; docs/model.md (157)."""
+
+    neighbour: float = 1e-2
+    """Probability of going to the next calmer or livelier motion in one frame [1]. Chosen."""
+    start: float = 1e-3
+    """Probability of going to any other livelier one [1]. Chosen."""
+    least: float = 1e-12
+    """Least probability of a motion [1]. Chosen: a route that stood for long may still leap."""
+    prior_values: float = 50.0
+    """Values for which the noise of the rest counts in that of the smooth part [1]. Chosen: two frames."""
+    own_share: float = 0.5
+    """Second differences that count as if independent [1]. Derived: neighbouring ones share two points."""
+    most_values: float = 3000.0
+    """Most values of the past that count in the noise [1]. Chosen: it is known to 3 % and may change."""
+
+
+TIME_FILTER = TimeFilterLimits()

@@ -35,6 +35,7 @@ from tssgeom.route.model_choice import (
 from tssgeom.route.observations import Shape
 from tssgeom.route.route_fit import RouteFit
 from tssgeom.route.spline.fit import Spline, fit_in_steps
+from tssgeom.route.time_filter import PointFilter
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,6 +107,10 @@ class TrackedFit:
     """Whether the steps that follow this frame are still to be made."""
     marker_axis: Vector | None = None
     """First axis across the route at the first marker, where markers sit beside the route [3]."""
+    filtered: PointFilter | None = None
+    """The points as filtered in time, where they are."""
+    sensed_over_fitted: float = 1.0
+    """Noise of the sensed points over that of those that were fitted [1]."""
 
     def with_check(self, check: ModelCheck | None) -> TrackedFit:
         """Begin a check, where there is one."""
@@ -218,7 +223,9 @@ def _spline_tried(check: ModelCheck, data: Data, chain: Chain, begun: TrackedFit
 
 def _taken_over(taken: TrackedFit, now: TrackedFit) -> TrackedFit:
     """Go on with the other estimator, unless it is the one that is tracked by now."""
-    return now if (taken.fit.chain is None) == (now.fit.chain is None) else taken
+    if (taken.fit.chain is None) == (now.fit.chain is None):
+        return now
+    return replace(taken, marker_axis=now.marker_axis, filtered=now.filtered)
 
 
 def _not_taken_over(

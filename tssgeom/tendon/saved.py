@@ -47,6 +47,7 @@ def state_object(state: TendonState) -> dict[str, Any]:
         "along": along,
         "route": route,
         "time": _or_none(state.time),
+        "tension_out_se": state.tension_out_se,
     }
 
 
@@ -68,7 +69,9 @@ def state_of(saved: Mapping[str, Any]) -> TendonState:
         is_bars = _KINDS[saved["kind"]] is BarState
         along = _bars(saved["along"], route) if is_bars else _revived(Corners, saved["along"])
         _check(along, route)
-        return TendonState(along, route, _time(saved["time"]))
+        error = float(saved.get("tension_out_se", 0.0))
+        _require(0.0 <= error <= _MOST, "tension_out_se")
+        return TendonState(along, route, _time(saved["time"]), error)
     except (LookupError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise SettingsError(f"the saved state is broken ({error!r}): remove it and start anew") from error
 

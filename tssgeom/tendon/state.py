@@ -8,7 +8,7 @@ Where the rig has effects, it is a chain of bars from the first step on.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon import capstan, transmission
 from tssgeom.tendon.bars import base, with_effects
-from tssgeom.tendon.bars.bar_state import BarState, to_bars, to_corners
+from tssgeom.tendon.bars.bar_state import AT_LIMIT, BarState, end_slope, on_better_route, to_bars, to_corners
 from tssgeom.tendon.bars.sensors import err
 from tssgeom.tendon.bars.with_effects import effective_setup
 from tssgeom.tendon.capstan import Corners
@@ -30,6 +30,7 @@ from tssgeom.tendon.transmission import Transmission
 HALVINGS = 4
 """The first bar is halved so often: just after a reversal T_in is known to half of that bar."""
 _MOST_FRICTION = 500.0  # [1] μΦ whose exponential can still be squared
+_KEPT = 1e-4  # change of the distal tension in one step that is rounding [1]; chosen
 _SHARPER = 0.5  # of the old standard error of Φ: a route known so much better takes its place
 
 
@@ -43,6 +44,8 @@ class TendonState:
     """The route on which the tendon lies; None before the first step."""
     time: float = math.nan
     """Time of the last step for which it was given [s]; NaN before that."""
+    tension_out_se: float = 0.0
+    """Standard error of the distal tension when it last changed [N]."""
 
     @property
     def tension_in(self) -> float:
@@ -85,6 +88,7 @@ def step(
     stretches_with_route: bool = False,
     time: float | None = None,
     temperature: float | None = None,
+    stands: bool = False,
 ) -> TendonState:
     """Move the drive and the route at once.
 
@@ -109,6 +113,9 @@ def step(
         to last as long as that one.
     temperature
         Temperature after the step [°C]; left out, it is as before. It matters to thermal drift alone.
+    stands
+        Whether the route is known to stand: what has changed of it is what is known of it. The tension then
+        keeps its history over the curve angle. Where effects act, this says nothing.
 
     Raises
     ------
@@ -121,8 +128,9 @@ def step(
     now = state.time if time is None else time
     drives, setup = (tension_in, displacement_in), effective_setup(rig)
     if setup is None:
-        along, route = _without_effects(state, arcs, rig, drives, stretches_with_route)
-        return TendonState(along, route, now)
+        before = with_better_route(state, arcs, rig) if stands else state
+        along, route = _without_effects(before, arcs, rig, drives, stretches_with_route)
+        return TendonState(along, route, now, state.tension_out_se)
     if stretches_with_route:
         raise SettingsError(
             "where effects act, a route cannot stretch the tendon: leave stretches_with_route"
@@ -137,7 +145,19 @@ def step(
         routes = before, arcs if moves else before
     model = with_effects.model_on(along, before, setup)
     span, friction = _span(state, along, setup, time), (rig.friction.coefficient, _MOST_FRICTION)
-    return TendonState(*with_effects.driven(along, model, routes, drive, span, temperature, friction), now)
+    along, route = with_effects.driven(along, model, routes, drive, span, temperature, friction)
+    return TendonState(along, route, now, state.tension_out_se)
+
+
+def with_better_route(state: TendonState, arcs: Arcs, rig: Rig) -> TendonState:
+    """Move a tendon to a better estimate of the route on which it lies; docs/model.md (160).
+
+    The tension over the curve angle stays as it is, beyond the old end it goes on as before it.
+    """
+    along, route = state.along, state.route
+    if route is None or isinstance(along, Corners):
+        return replace(state, route=arcs)
+    return replace(state, along=on_better_route(along, route, arcs, rig), route=arcs)
 
 
 def _without_effects(
@@ -218,6 +238,35 @@ def transmit(state: TendonState, rig: Rig) -> Transmission:
         return transmission.of_bars(along, route, rig)
     model = with_effects.model_on(along, route, _setup_of(rig))
     return transmission.of_effects(along, model, route)
+
+
+def transmit_after(
+    before: TendonState, now: TendonState, rig: Rig, stands: bool
+) -> tuple[TendonState, Transmission]:
+    """Do as `transmit`, with the error that a distal tension keeps from when it was reached; model.md (161).
+
+    Returns also the state that remembers that error.
+    """
+    result = transmit(now, rig)
+    error = result.tension_out_se
+    if before.route is not None and _keeps_tension_out(before, now, rig, stands):
+        error = max(error, before.tension_out_se)
+    more = math.sqrt(max(error**2 - result.tension_out_se**2, 0.0))
+    kept = 0.5 * rig.tendon.compliance_per_N * _route(now).total_length * more  # none at the proximal end
+    elongation_se = math.hypot(result.elongation_se, kept)
+    result = result._replace(tension_out_se=error, elongation_se=elongation_se)
+    return replace(now, tension_out_se=error), result
+
+
+def _keeps_tension_out(before: TendonState, now: TendonState, rig: Rig, stands: bool) -> bool:
+    """Whether the distal tension is what it was, and owes nothing to what is now known of the route."""
+    along = now.along
+    if stands:
+        if isinstance(along, Corners) or along.has_effects:
+            return False
+        if abs(end_slope(along, _route(now))) >= AT_LIMIT * rig.friction.coefficient:
+            return False
+    return abs(now.tension_out - before.tension_out) <= _KEPT * now.tension_out
 
 
 def answering(state: TendonState, rig: Rig, tension_out: float, way: int) -> float:

@@ -103,7 +103,7 @@ def _sharpest(kappa: float) -> str:
 
 def noise(result: FrameResult) -> str:
     """Write the noise of a coordinate of the sensed points, without its unit [mm]."""
-    value = 1e3 * result.route.noise
+    value = 1e3 * result.sensed_noise
     return f"{value:.3g}" if value >= 1e-3 else "< 0.001"
 
 

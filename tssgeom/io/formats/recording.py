@@ -9,7 +9,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from tssgeom.errors import ShapeError, TssgeomError
-from tssgeom.stream import Frame, Rejected, require_usable
+from tssgeom.frame import require_usable
+from tssgeom.stream import Frame, Rejected
 
 PER_METRE = {"m": 1.0, "mm": 1000.0}
 """How many of each unit make one metre; dividing by it converts exactly rounded."""

@@ -25,6 +25,9 @@ from tssgeom.tendon.capstan import Corners, load_moved, tension
 
 BARS = 60
 """Bars of a tendon without effects, where nothing else is asked for."""
+AT_LIMIT = 0.99
+"""Share of the friction bound from which a contact slides [1]. Chosen: bars are solved to 1e-10."""
+_LEAST_ANGLE = 1e-9  # [rad] below it the end of a route is straight
 _NO_LAGS: Mapping[Channel, tuple[float, float]] = {}
 
 
@@ -127,6 +130,28 @@ def to_bars(state: Corners, arcs: Arcs, rig: Rig, bars: int = BARS, *, halvings:
     edge = equal_edges(bars, halvings)
     phi = np.concatenate(([0.0], discretise(edge, arcs).mean_angle, [arcs.total_angle]))
     return _with_tension(edge, tension(state, phi), state.direction_index, arcs, rig)
+
+
+def on_better_route(state: BarState, before: Arcs, now: Arcs, rig: Rig) -> BarState:
+    """Move bars without effects to another estimate of the same route; docs/model.md (160)."""
+    slope = end_slope(state, before)
+    if abs(slope) < AT_LIMIT * rig.friction.coefficient or state.tension.min() <= 0.0:
+        return state  # the distal end keeps its tension whatever the angle, and slack has no logarithm
+    angles = [
+        np.concatenate(([0.0], discretise(state.edge, arcs).mean_angle, [arcs.total_angle]))
+        for arcs in (before, now)
+    ]
+    beyond = np.maximum(angles[1] - before.total_angle, 0.0)
+    held = np.exp(np.interp(angles[1], angles[0], np.log(state.tension)) + slope * beyond)
+    bars = _with_tension(state.edge, held, state.direction_index, now, rig)
+    return bars._replace(by_force=state.by_force)
+
+
+def end_slope(state: BarState, arcs: Arcs) -> float:
+    """Return how ln T changes with the curve angle at the distal end [1/rad]; 0 where it is slack."""
+    last, end = state.tension[-2:].tolist()
+    angle = arcs.total_angle - float(discretise(state.edge, arcs).mean_angle[-1])
+    return math.log(end / last) / angle if angle > _LEAST_ANGLE and min(last, end) > 0.0 else 0.0
 
 
 def _with_tension(edge: Vector, held: Vector, direction_index: int, arcs: Arcs, rig: Rig) -> BarState:

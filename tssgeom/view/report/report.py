@@ -198,7 +198,7 @@ def row(entry: ReportEntry, *, linked: bool = True) -> str:
             (ends.tension_in, f"{ends.tension_in:.2f}"),
             (ends.tension_out, f"{ends.tension_out:.2f}"),
             (ends.elongation, words.with_error(1e3 * ends.elongation, 1e3 * ends.elongation_se, 3)),
-            (result.route.noise, html.escape(words.noise(result))),
+            (result.sensed_noise, html.escape(words.noise(result))),
             (len(entry.warnings), _warned(len(entry.warnings))),
             (entry.name, _link_to(quote(entry.recording), "recording") if entry.recording else "–"),
         ]

@@ -1,0 +1,73 @@
+"""Streams of noisy routes that stand, against the truth: Φ and T_out at the bound of all frames so far."""
+
+import numpy as np
+import pytest
+
+from tssgeom.frame import Frame
+from tssgeom.rig import Rig, ShapeSensor
+from tssgeom.route.pieces import Arcs
+from tssgeom.route.synthetic import chain, positions
+from tssgeom.stream import FrameResult, alone, process
+from tssgeom.tendon.state import pretensioned, step, transmit
+
+NOISE, FRAMES = 5e-4, 80
+LENGTH, ANGLE = np.array([0.1, 0.12, 0.08, 0.1]), np.array([1.1, 0.7, 1.3, 0.5])
+PLANE = np.array([0.0, 0.9, -0.7, 0.4])
+
+
+def stream(seed):
+    """Frames of a course that stands, with noise, under 10 N."""
+    rng = np.random.default_rng(seed)
+    course = chain(LENGTH, ANGLE / LENGTH, PLANE)
+    exact = positions(course, np.linspace(0.0, course.total_length, 40))
+    for count in range(FRAMES):
+        points = exact + NOISE * rng.standard_normal((40, 3))
+        yield Frame(points, time=0.02 * count, tension_in=10.0)
+
+
+def test_angle_and_tension_of_a_route_that_stands_improve_as_the_root_of_the_frames():
+    rig = Rig()
+    course = Arcs.exact(LENGTH, ANGLE)
+    true = transmit(step(pretensioned(rig), course, rig, tension_in=10.0), rig)
+    angle, tension, first = list[float](), list[float](), list[float]()
+    for seed in range(5):
+        results = list(process(stream(seed), rig, tension_in=10.0))
+        assert all(isinstance(each, FrameResult) for each in results)
+        for count, each in enumerate(results):
+            assert isinstance(each, FrameResult)
+            off = each.arcs.total_angle - course.total_angle
+            if count == 0:
+                first.append(off)
+            if count >= 60:
+                angle.append(off / each.arcs.total_angle_se)
+                tension.append(
+                    (each.transmission.tension_out - true.tension_out) / each.transmission.tension_out_se
+                )
+                assert abs(off) < 0.02
+    assert np.sqrt(np.mean(np.square(first))) > 0.015
+    for z in (angle, tension):
+        assert np.mean(np.abs(z) < 1.96) > 0.85
+        assert np.sqrt(np.mean(np.square(z))) < 1.5
+
+
+def test_no_stairs_where_nothing_moves():
+    results = [each.transmission for each in process(stream(1), Rig(), tension_in=10.0)][40:]
+    steps = np.diff([each.tension_out for each in results])
+    assert np.abs(steps).max() < 0.6 * results[-1].tension_out_se
+    assert abs(steps.sum()) < 2.0 * results[0].tension_out_se
+
+
+def test_a_recording_is_known_by_all_its_frames_from_the_first_on():
+    results = list(alone(stream(2), Rig(), tension_in=10.0))
+    angle = np.array([each.arcs.total_angle for each in results])
+    assert np.abs(angle - ANGLE.sum()).max() < 0.015
+    assert results[0].arcs.total_angle_se == pytest.approx(results[-1].arcs.total_angle_se, rel=0.3)
+
+
+def test_the_filter_can_be_switched_off():
+    rig = Rig(shape=ShapeSensor(time_filter=False))
+    frames = list(stream(3))
+    results = list(process(frames, rig, tension_in=10.0))
+    for each, frame in zip(results, frames, strict=True):
+        np.testing.assert_array_equal(each.shape.points, frame.points)
+    assert results[-1].arcs.total_angle_se > 0.02

@@ -1,0 +1,160 @@
+"""One sensed frame, and the route that is fitted to it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+
+from tssgeom.arrays import Matrix, Points, Vector
+from tssgeom.errors import ShapeError, TssgeomError
+from tssgeom.rig import Rig
+from tssgeom.route.fibre.sensed import clean_fibre, measure_fibre, sensed_shape
+from tssgeom.route.marker_offset import follow_markers
+from tssgeom.route.observations import Shape, clean
+from tssgeom.route.time_filter import PointFilter, begun, filtered, noise_left, smoothed
+from tssgeom.route.tracking import TrackedFit, follow
+from tssgeom.tendon.capstan import check_tension
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """One sensed shape, and what was measured with it."""
+
+    points: Points
+    """Sensed points, proximal to distal; a row of NaN is a point that was not seen [m]."""
+    time: float = 0.0
+    """Time of the frame [s]."""
+    stations: Vector | None = None
+    """Known arc length at each point, where the sensor measures it [m]."""
+    tension_in: float | None = None
+    """Total tension at the proximal end, as its sensor reads [N]."""
+    tension_out: float | None = None
+    """Measured tension at the distal end [N]."""
+    displacement_in: float | None = None
+    """Measured displacement of the proximal tendon end [m]."""
+    elongation: float | None = None
+    """Measured elongation [m]."""
+    id: str | int = ""
+    """The sender's own name of the frame."""
+    displacement_target: float | None = None
+    """Target position of the load, as a movement since the pretensioned state [m]."""
+    tension_out_target: float | None = None
+    """Target tension at the distal end [N]; it is not used beside a displacement target."""
+    curvatures: Matrix | None = None
+    """Curvature components κ_x, κ_y of a fibre at its stations [n, 2]; the points are NaN then [1/m]."""
+    directions: Points | None = None
+    """Sensed unit tangents, towards the distal end; a row of NaN is one that was not sensed [n, 3]."""
+    length: float | None = None
+    """Known length of the route from the first to the last point [m]."""
+    temperature: float | None = None
+    """Measured temperature [°C]."""
+    noise: float | None = None
+    """Standard deviation of each coordinate across the route, where the sensor states it [m]."""
+
+
+def fit_frame(
+    frame: Frame, rig: Rig, last: TrackedFit | None = None, now: PointFilter | None = None
+) -> tuple[Shape, TrackedFit]:
+    """Return points and fitted route: of a fibre from its curvatures, of points from the last frame on.
+
+    The points are filtered in time, by `now` where it is given, else by the filter of the last frame.
+
+    Raises
+    ------
+    ShapeError
+        Where the points cannot be a route.
+    FitError
+        Where they give no finite curve.
+    """
+    if frame.curvatures is not None:
+        fibre = clean_fibre(frame.curvatures, frame.stations)
+        fit = measure_fibre(fibre, rig.shape.curvature_noise_per_m)
+        return sensed_shape(fibre, fit), TrackedFit(fit, fibre.index)
+    stated, given = noise_of(frame, rig), rig.shape
+    if now is None and given.time_filter and last is not None and last.filtered is not None:
+        now = filtered(last.filtered, frame.points, last.fit.noise, frame.time)
+    noise = stated if now is None else noise_left(now, stated)
+    shape = sensed_points(frame if now is None else replace(frame, points=now.points), rig)
+    if now is not None and now.warnings:
+        shape = replace(shape, warnings=shape.warnings + now.warnings)
+    last = None if last is None or (last.fit.chain or last.fit.spline) is None else last
+    if given.marker_offset_mm:
+        shape, tracked = follow_markers(shape, noise, given.marker_offset_mm, given.marker_axis, last)
+    else:
+        tracked = follow(shape, noise, last)
+    if now is None and given.time_filter:
+        now = begun(frame.points, stated or tracked.fit.noise, frame.time)
+    share = 1.0 if now is None else now.sensed_noise / now.noise
+    return shape, replace(tracked, filtered=now, sensed_over_fitted=share)
+
+
+def smoothed_in_time(frames: Sequence[object], rig: Rig) -> dict[int, PointFilter]:
+    """Filter the points of recorded frames by those before and after each; by the count of the frame."""
+    usable = {
+        i: frame for i, frame in enumerate(frames) if isinstance(frame, Frame) and frame.curvatures is None
+    }
+    if not rig.shape.time_filter or len(usable) < 2:
+        return {}
+    for frame in usable.values():
+        with suppress(TssgeomError, ArithmeticError):
+            noise = fit_frame(frame, rig)[1].fit.noise
+            points, times = zip(*((one.points, one.time) for one in usable.values()), strict=True)
+            results = zip(usable, smoothed(points, times, noise), strict=True)
+            return {i: points for i, points in results if points is not None}
+    return {}
+
+
+def noise_of(frame: Frame, rig: Rig) -> float | None:
+    """Return the noise of a coordinate [m]: that of the rig, else that of the frame, else None.
+
+    Raises
+    ------
+    ShapeError
+        Where that of the frame is not positive and finite.
+    """
+    if frame.noise is not None and not (math.isfinite(frame.noise) and frame.noise > 0.0):
+        raise ShapeError(f"the noise is {frame.noise:g} m: give a finite value > 0 m, or leave it out")
+    return frame.noise if rig.shape.noise is None else rig.shape.noise
+
+
+def sensed_points(frame: Frame, rig: Rig) -> Shape:
+    """Check the points of a frame, and what else was sensed of its route.
+
+    Raises
+    ------
+    ShapeError
+        Where the points cannot be a route.
+    """
+    if frame.directions is None and frame.length is None:
+        return clean(frame.points, frame.stations)
+    given = rig.shape
+    return clean(
+        frame.points,
+        frame.stations,
+        frame.directions,
+        given.direction_noise,
+        frame.length,
+        given.length_noise,
+    )
+
+
+def require_usable(frame: Frame) -> None:
+    """Refuse what no tendon and no fit could use, without fitting anything.
+
+    Raises
+    ------
+    ShapeError
+        Where the points or the fibre cannot be a route, or the noise cannot be.
+    SettingsError
+        Where the tension is negative or not finite.
+    """
+    rig = Rig()
+    if frame.curvatures is None:
+        sensed_points(frame, rig)
+    else:
+        clean_fibre(frame.curvatures, frame.stations)
+    noise_of(frame, rig)
+    if frame.tension_in is not None:
+        check_tension(frame.tension_in)
