@@ -7,7 +7,6 @@ averaged over all its frames, one that leaps is followed at once.
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -49,8 +48,8 @@ class FilterLimits:
     constant_share: float = 0.2
     """Least share of a stated variance that counts as constant in time [1]. Chosen: what changes is known to
     some 10 % after a few frames."""
-    most_swapped: int = 8
-    """Points among which exchanged pairs are sought [1]. Chosen: 28 pairs."""
+    most_leaps: int = 8
+    """Points that may be outliers or exchanged at once [1]. Chosen: where there are more, the route moved."""
     exchanged: float = 0.1
     """Squared distances of two points that are exchanged over those as they came [1]. Chosen."""
 
@@ -125,7 +124,9 @@ def filtered(before: PointFilter, points: Points, noise: float, time: float) -> 
     time
         Time of the frame [s]; where it does not increase, one usual step is taken to have passed.
     """
-    if points.shape != before.points.shape or np.isinf(points).any():
+    if points.shape != before.points.shape or not (
+        _complete(points) or np.isfinite(points[~np.isnan(points)]).all()
+    ):
         return None
     points = read_only(points)
     passed = time - before.time
@@ -134,13 +135,16 @@ def filtered(before: PointFilter, points: Points, noise: float, time: float) -> 
     if not FILTER.shortest_step <= step <= FILTER.longest_pause:
         return None
     step = max(step, FILTER.least_step)
-    if np.array_equal(points, before.memory[2 * _MOTIONS]):  # sent again: it says nothing new
+    last = before.memory[2 * _MOTIONS]
+    if points[0, 0] == last[0, 0] and np.array_equal(points, last):  # sent again: it says nothing new
         return before._replace(time=time, warnings=())
     most = FILTER.most_over_spatial * (noise * before.sensed_noise / before.noise) ** 2
     before = before._replace(time=time, interval=interval, warnings=())
     after, distance = _advanced(before, points, step, most)
+    if not math.isfinite(after.noise):
+        return None
     leapt = _leapt(distance)
-    if not len(leapt):
+    if not 0 < len(leapt) <= FILTER.most_leaps:
         return after
     expected = np.tensordot(before.probability, _positions(before) + step * _velocities(before), 1)
     points, swapped = _put_back(points, expected, leapt)
@@ -227,9 +231,21 @@ def _advanced(before: PointFilter, points: Points, step: float, most: float) -> 
         probability=probability,
         covariance=covariance,
         counts=counts,
-        outlying=np.where(np.isnan(points).any(axis=1), before.outlying + 1.0, 0.0),
+        outlying=_missing_for(points, before.outlying),
     )
     return after, distance
+
+
+def _complete(points: Points) -> bool:
+    """Whether no coordinate is missing or infinite."""
+    return math.isfinite(points.sum())
+
+
+def _missing_for(points: Points, before: Vector) -> Vector:
+    """Count for how many frames in a row each point has been missing."""
+    if _complete(points):
+        return np.zeros(len(points))
+    return np.where(np.isnan(points).any(axis=1), before + 1.0, 0.0)
 
 
 def _positions(of: PointFilter) -> np.ndarray:
@@ -242,7 +258,9 @@ def _velocities(of: PointFilter) -> np.ndarray:
 
 def _leapt(distance: Vector) -> np.ndarray:
     """Points that are far from where they were expected while most are not."""
-    limit = max(FILTER.outlier, FILTER.outlier_over_median * float(np.median(distance)))
+    if distance.max() <= FILTER.outlier:
+        return np.empty(0, dtype=np.int64)
+    limit = max(FILTER.outlier, FILTER.outlier_over_median * core.median(distance))
     return np.flatnonzero(distance > limit)
 
 
@@ -250,20 +268,21 @@ def _alone(leapt: np.ndarray, count: int) -> np.ndarray:
     """Those without a neighbour among them; the tip may move by itself."""
     near = np.isin(leapt - 1, leapt) | np.isin(leapt + 1, leapt)
     alone = leapt[~near & (leapt > 0) & (leapt < count - 1)]
-    return alone if len(alone) <= max(1, FILTER.most_outliers * count) else alone[:0]
+    return alone if len(alone) <= max(1.0, FILTER.most_outliers * count) else alone[:0]
 
 
 def _put_back(points: Points, expected: Points, leapt: np.ndarray) -> tuple[Points, np.ndarray]:
     """Put back points that are exchanged [n, 3] [m]; returns also which they were."""
+    between = np.linalg.norm(points[leapt, None] - expected[None, leapt], axis=2) ** 2
+    own = between.diagonal()
+    better = np.triu(between + between.T < FILTER.exchanged * (own[:, None] + own), 1)
     swapped = list[int]()
-    for i, j in itertools.combinations(leapt[: FILTER.most_swapped], 2):
-        if i in swapped or j in swapped:
-            continue
-        as_sensed = np.linalg.norm(points[[i, j]] - expected[[i, j]]) ** 2
-        if np.linalg.norm(points[[j, i]] - expected[[i, j]]) ** 2 < FILTER.exchanged * as_sensed:
-            points = np.array(points)
-            points[[i, j]] = points[[j, i]]
-            swapped += [int(i), int(j)]
+    for i, j in leapt[np.argwhere(better)].tolist():
+        if i not in swapped and j not in swapped:
+            swapped += [i, j]
+    if swapped:
+        points = np.array(points)
+        points[swapped] = points[np.array(swapped).reshape(-1, 2)[:, ::-1].ravel()]
     return points, np.array(swapped, dtype=np.int64)
 
 
