@@ -270,8 +270,8 @@ class TimeFilterLimits(NamedTuple):
     """Probability of going to the next calmer or livelier motion in one frame [1]. Chosen."""
     start: float = 1e-3
     """Probability of going to any other livelier one [1]. Chosen."""
-    least: float = 1e-12
-    """Least probability of a motion [1]. Chosen: a route that stood for long may still leap."""
+    least: float = 1e-100
+    """Least probability of a motion [1]. Chosen: so small that calming goes step by step."""
     prior_values: float = 50.0
     """Values for which the noise of the rest counts in that of the smooth part [1]. Chosen: two frames."""
     own_share: float = 0.5
