@@ -151,7 +151,8 @@ def advance(
     """
     shape, tracked = fit_frame(frame, rig, last, points)
     fit = tracked.fit
-    stands = tracked.filtered is not None and tracked.filtered.standing > _STANDS
+    known = tracked.filtered
+    stands = None if known is None or known.interval == 0.0 else known.standing > _STANDS
     moved, command = _moved(state, fit.arcs, rig, frame, tension_in, stands)
     most = moved.tension_in if command is None else max(moved.tension_in, command.tension_in)
     moved, transmission = transmit_after(state, moved, rig, stands)
@@ -194,7 +195,7 @@ def plausibility_warnings(rig: Rig, length: float, tension_in: float) -> tuple[s
 
 
 def _moved(
-    state: TendonState, arcs: Arcs, rig: Rig, frame: Frame, tension_in: float, stands: bool
+    state: TendonState, arcs: Arcs, rig: Rig, frame: Frame, tension_in: float, stands: bool | None
 ) -> tuple[TendonState, Command | None]:
     """Return the tendon after the frame, and the command that reaches its target."""
     target = frame.displacement_target, frame.tension_out_target

@@ -32,6 +32,10 @@ class Arcs:
         length, angle = np.atleast_1d(length), np.atleast_1d(angle)
         return cls(read_only(length), read_only(angle), read_only(np.zeros((2 * len(length),) * 2)), "exact")
 
+    def with_errors(self, factor: float) -> Arcs:
+        """Return the pieces with all of their standard errors times a factor."""
+        return Arcs(self.length, self.angle, factor**2 * self.covariance, self.method)
+
     @property
     def kappa(self) -> Vector:
         """Curvature of each piece [1/m]."""

@@ -88,7 +88,7 @@ def step(
     stretches_with_route: bool = False,
     time: float | None = None,
     temperature: float | None = None,
-    stands: bool = False,
+    stands: bool | None = None,
 ) -> TendonState:
     """Move the drive and the route at once.
 
@@ -115,7 +115,8 @@ def step(
         Temperature after the step [°C]; left out, it is as before. It matters to thermal drift alone.
     stands
         Whether the route is known to stand: what has changed of it is what is known of it. The tension then
-        keeps its history over the curve angle. Where effects act, this says nothing.
+        keeps its history over the curve angle. A route that is known to move has moved where it differs by
+        half of the usual distance. None where neither is known; where effects act, this says nothing.
 
     Raises
     ------
@@ -128,8 +129,12 @@ def step(
     now = state.time if time is None else time
     drives, setup = (tension_in, displacement_in), effective_setup(rig)
     if setup is None:
-        before = with_better_route(state, arcs, rig) if stands else state
-        along, route = _without_effects(before, arcs, rig, drives, stretches_with_route)
+        before, compared = with_better_route(state, arcs, rig) if stands else state, arcs
+        known = before.route
+        if stands is False and known is not None:
+            before, compared = replace(before, route=known.with_errors(0.5)), arcs.with_errors(0.5)
+        along, route = _without_effects(before, compared, rig, drives, stretches_with_route)
+        route = arcs if route is compared or known is None else known
         return TendonState(along, route, now, state.tension_out_se)
     if stretches_with_route:
         raise SettingsError(
@@ -241,7 +246,7 @@ def transmit(state: TendonState, rig: Rig) -> Transmission:
 
 
 def transmit_after(
-    before: TendonState, now: TendonState, rig: Rig, stands: bool
+    before: TendonState, now: TendonState, rig: Rig, stands: bool | None
 ) -> tuple[TendonState, Transmission]:
     """Do as `transmit`, with the error that a distal tension keeps from when it was reached; model.md (161).
 
@@ -258,7 +263,7 @@ def transmit_after(
     return replace(now, tension_out_se=error), result
 
 
-def _keeps_tension_out(before: TendonState, now: TendonState, rig: Rig, stands: bool) -> bool:
+def _keeps_tension_out(before: TendonState, now: TendonState, rig: Rig, stands: bool | None) -> bool:
     """Whether the distal tension is what it was, and owes nothing to what is now known of the route."""
     along = now.along
     if stands:
