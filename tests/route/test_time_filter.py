@@ -131,6 +131,32 @@ def test_a_missing_point_stays_missing_and_comes_back():
     assert np.linalg.norm(back.points[5] - true[5]) < NOISE
 
 
+def test_a_point_that_was_missing_is_believed_where_it_comes_back():
+    *_, (state, true, _) = streamed(MOTIONS["stands"], frames=20)
+    sensed = np.array(true)
+    sensed[5] = np.nan
+    after = filtered(state, sensed, NOISE, 0.20)
+    assert after is not None
+    sensed[5] = true[5] + 0.01
+    back = filtered(after, sensed, NOISE, 0.21)
+    assert back is not None
+    assert np.linalg.norm(back.points[5] - sensed[5]) < NOISE
+    assert back.warnings == ()
+
+
+def test_a_point_that_is_missing_while_the_route_leaps_is_where_it_comes_back():
+    state = None
+    for frame in range(40):
+        true = route(1.0 + 0.9 * ((frame // 3) % 2))
+        sensed = true + NOISE * np.random.default_rng(frame).standard_normal(true.shape)
+        sensed[frame % 7 :: 7] = np.nan
+        state = begun(sensed, NOISE, 0.0) if state is None else filtered(state, sensed, NOISE, 0.5 * frame)
+        assert state is not None
+        off = np.linalg.norm(state.points - true, axis=1)
+        assert np.nanmax(off) < 8 * NOISE
+        assert state.warnings == ()
+
+
 @pytest.mark.parametrize("change", ["count", "pause", "infinite"])
 def test_a_filter_ends_where_frames_do_not_go_on(change):
     *_, (state, _, sensed) = streamed(MOTIONS["stands"], frames=10)

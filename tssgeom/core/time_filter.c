@@ -9,7 +9,8 @@ enum {
     SMOOTH = 8,  /* smoothest components of a motion along the route, by which it is told from noise */
 };
 
-/* Noise of the acceleration over that of the points [1 / step³]; chosen: the bandwidth grows threefold from one to the next, the last takes a frame as it comes. */
+/* Noise of the acceleration over that of the points [1 / step³]; chosen: the bandwidth grows threefold from one to
+   the next, the last takes a frame as it comes. */
 static const double RESTLESSNESS[MOTIONS] = {0.0, 1e-5, 1e-3, 1e-1, 1e1, 1e3, 1e9};
 
 typedef struct {

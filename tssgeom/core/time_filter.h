@@ -11,8 +11,8 @@ and of the rest, values counted and their sum of squares [m²], then the last st
 not seen; the time since the last frame; and a variance [m²] that the noise of the rest cannot exceed. Time is
 counted in usual steps.
 Returns what it remembers then, in the same order; the filtered points; the squared distance of each
-point from where it was expected, over the variance of the noise; the variance of a filtered coordinate and of a sensed one [m²]; and the probability that the route
-stands. */
+point from where it was expected, over the variance of the noise; the variance of a filtered coordinate and of a
+sensed one [m²]; and the probability that the route stands. */
 ENTRY void tss_filter_in_time(
     int64_t n, const double memory[16][n][3], const double probability[7], const double covariance[7][3],
     const double noise[5], const double points[n][3], double step, double most_variance,

@@ -40,7 +40,8 @@ class FilterLimits:
     """Squared distance from where a point was expected from which it may be an outlier [noise²]. Chosen: ten
     standard deviations."""
     outlier_over_median: float = 30.0
-    """The same over the median of all points [1]. Chosen: when all move, none is an outlier."""
+    """The same over the median of all points, and over both neighbours [1]. Chosen: when all move, none is an
+    outlier."""
     most_outliers: float = 0.2
     """Share of the points that may be outliers [1]. Chosen: where there are more, the route moved."""
     patience: int = 5
@@ -56,6 +57,7 @@ class FilterLimits:
 
 FILTER = FilterLimits()
 _MOTIONS = 7  # of core/time_filter.c
+_CALM = 4  # of them, those that average over frames
 
 
 class PointFilter(NamedTuple):
@@ -84,7 +86,7 @@ class PointFilter(NamedTuple):
     interval: float
     """Usual time between frames, 0 where it is not known yet [s]."""
     outlying: Vector
-    """For how many frames in a row each point has been missing or leapt alone [n]."""
+    """For how many frames in a row each point has leapt alone; of a missing one `patience` [n]."""
 
 
 def begun(points: Points, noise: float, time: float) -> PointFilter | None:
@@ -141,24 +143,29 @@ def filtered(before: PointFilter, points: Points, noise: float, time: float) -> 
     most = FILTER.most_over_spatial * (noise * before.sensed_noise / before.noise) ** 2
     before = before._replace(time=time, interval=interval, warnings=())
     after, distance = _advanced(before, points, step, most)
+    back = np.flatnonzero((before.outlying >= FILTER.patience) & (distance > FILTER.outlier))
+    if len(back):
+        before = _begun_anew(before, points, back)
+        after, distance = _advanced(before, points, step, most)
     if not math.isfinite(after.noise):
         return None
     leapt = _leapt(distance)
-    if not 0 < len(leapt) <= FILTER.most_leaps:
+    calm = before.probability[:_CALM].sum() > 0.5  # else nothing is known of where a point should be
+    if not (calm and 0 < len(leapt) <= FILTER.most_leaps):
         return after
     expected = np.tensordot(before.probability, _positions(before) + step * _velocities(before), 1)
     points, swapped = _put_back(points, expected, leapt)
-    leapt = np.setdiff1d(leapt, swapped)
-    back = leapt[before.outlying[leapt] >= FILTER.patience]
-    leapt = _alone(np.setdiff1d(leapt, back), len(points))
-    if not (len(swapped) or len(back) or len(leapt)):
+    leapt = _alone(np.setdiff1d(leapt, swapped), distance, after.outlying)
+    if not (len(swapped) or len(leapt)):
         return after
-    before, points = _begun_anew(before, points, back), np.array(points)
+    points = np.array(points)
     points[leapt] = np.nan
     after, _ = _advanced(before, points, step, most)
     estimate = np.array(after.points)
     estimate[leapt] = np.tensordot(after.probability, _positions(after)[:, leapt], 1)
-    return after._replace(points=estimate, warnings=_warnings(swapped, leapt))
+    outlying = np.array(after.outlying)
+    outlying[leapt] = before.outlying[leapt] + 1.0
+    return after._replace(points=estimate, outlying=outlying, warnings=_warnings(swapped, leapt))
 
 
 def noise_left(now: PointFilter, stated: float | None) -> float | None:
@@ -231,7 +238,7 @@ def _advanced(before: PointFilter, points: Points, step: float, most: float) -> 
         probability=probability,
         covariance=covariance,
         counts=counts,
-        outlying=_missing_for(points, before.outlying),
+        outlying=_missing_for(points),
     )
     return after, distance
 
@@ -241,11 +248,11 @@ def _complete(points: Points) -> bool:
     return math.isfinite(points.sum())
 
 
-def _missing_for(points: Points, before: Vector) -> Vector:
-    """Count for how many frames in a row each point has been missing."""
+def _missing_for(points: Points) -> Vector:
+    """Count a missing point as if it had leapt for long: it is believed when it comes back."""
     if _complete(points):
         return np.zeros(len(points))
-    return np.where(np.isnan(points).any(axis=1), before + 1.0, 0.0)
+    return np.where(np.isnan(points).any(axis=1), FILTER.patience, 0.0)
 
 
 def _positions(of: PointFilter) -> np.ndarray:
@@ -264,11 +271,13 @@ def _leapt(distance: Vector) -> np.ndarray:
     return np.flatnonzero(distance > limit)
 
 
-def _alone(leapt: np.ndarray, count: int) -> np.ndarray:
-    """Those without a neighbour among them; the tip may move by itself."""
-    near = np.isin(leapt - 1, leapt) | np.isin(leapt + 1, leapt)
-    alone = leapt[~near & (leapt > 0) & (leapt < count - 1)]
-    return alone if len(alone) <= max(1.0, FILTER.most_outliers * count) else alone[:0]
+def _alone(leapt: np.ndarray, distance: Vector, missing: Vector) -> np.ndarray:
+    """Those whose neighbours are where they were expected; the tip may move by itself."""
+    inside = leapt[(leapt > 0) & (leapt < len(distance) - 1)]
+    beside = np.where(missing > 0.0, np.inf, distance)
+    nearest = np.maximum(beside[inside - 1], beside[inside + 1])
+    alone = inside[distance[inside] > FILTER.outlier_over_median * nearest]
+    return alone if len(alone) <= max(1.0, FILTER.most_outliers * len(distance)) else alone[:0]
 
 
 def _put_back(points: Points, expected: Points, leapt: np.ndarray) -> tuple[Points, np.ndarray]:
@@ -288,8 +297,6 @@ def _put_back(points: Points, expected: Points, leapt: np.ndarray) -> tuple[Poin
 
 def _begun_anew(before: PointFilter, points: Points, which: np.ndarray) -> PointFilter:
     """Take some points for where they are now, whatever the filter remembers of them."""
-    if not len(which):
-        return before
     memory = np.array(before.memory)
     memory[:_MOTIONS, which] = points[which]
     memory[_MOTIONS : 2 * _MOTIONS, which] = 0.0
