@@ -6,6 +6,7 @@ What it needs is imported when it runs, so that `--help` is quick.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -17,6 +18,7 @@ from pipelines.terminal import json_text, print_json
 if TYPE_CHECKING:
     from pipelines.inputs import RunSettings
     from pipelines.lumen import SensedLumen
+    from tssgeom.frame import Frame
     from tssgeom.io.results.shapes import Analysis
 
 _SLENDERNESS = 150
@@ -40,6 +42,9 @@ def analyse(
     ] = None,
     tube_mm: TubeMm = None,
     figures: Figures = None,
+    same: Annotated[
+        bool, typer.Option("--same", help="The shapes are one route, sensed several times: estimate it too.")
+    ] = False,
     quiet: Quiet = False,
 ) -> None:
     """Report length, angle, pieces, distal tension and elongation of each shape."""
@@ -53,7 +58,11 @@ def analyse(
     results = _Results(settings, out, selected_endings(export), figures)
     inputs = list(inputs_of(shapes, besides=[] if out is None else [out]))
     tally = each_analysis(inputs, settings, results.add, quiet=quiet or as_json)
-    one_file = inputs == list(shapes) and len(inputs) == 1  # no folder of files, no file of several shapes
+    if same:
+        tally.frames_refused += not results.add_common()
+    one_file = (
+        inputs == list(shapes) and len(inputs) == 1 and not same
+    )  # no folder of files, no file of several shapes
     results.report(one_file=one_file, as_json=as_json, quiet=quiet)
     raise typer.Exit(tally.status)
 
@@ -66,6 +75,8 @@ class _Results:
     ) -> None:
         self._settings, self._out, self._endings, self._figures = settings, out, endings, figures
         self._objects, self._rows = list[dict[str, Any]](), list[dict[str, Any]]()
+        self._first: Analysis | None = None
+        self._frames: list[Frame] = []
 
     def add(self, analysis: Analysis) -> None:
         """Take in the analysis of one input, and write its files."""
@@ -73,6 +84,8 @@ class _Results:
         from pipelines.lumen import add_clearance, lumen_of
         from tssgeom.io.results.shapes import analysis_object, summary_row
 
+        self._first = self._first or analysis
+        self._frames.append(analysis.representative.frame)
         self._objects.append(analysis_object(analysis))
         self._rows.append(summary_row(analysis))
         lumen = lumen_of(Path(analysis.source), analysis.unit, self._settings)
@@ -82,6 +95,31 @@ class _Results:
             write_scene(analysis, self._settings, self._out, self._endings, lumen)
         if self._figures is not None:
             write_shape_figures(self._figures, analysis.name, analysis.results, timed=analysis.timed)
+
+    def add_common(self) -> bool:
+        """Estimate the one route that all shapes are, and add it as a shape; return whether it is one."""
+        from pipelines.inputs import Refusal, attempt
+        from pipelines.terminal import print_message
+        from tssgeom.analysis import analyse_same
+        from tssgeom.io.results.shapes import Analysis, frame_row
+        from tssgeom.summary import RunningSummary
+
+        settings, frames, first = self._settings, list(self._frames), self._first
+        work = partial(analyse_same, frames, settings.rig, tension_in=settings.tension_in)
+        outcome = attempt("--same", work)
+        if first is None or isinstance(outcome, Refusal):
+            print_message(f"--same: {outcome.reason}" if isinstance(outcome, Refusal) else "--same: no shape")
+            return False
+        result, common = outcome
+        running = RunningSummary.of(1)
+        running.add(result, frame_row(result))
+        self.add(Analysis("same_route", first.source, first.unit, first.kind, False, running.close()))
+        self._objects[-1] |= {
+            "lines": [one["shape"] for one in self._objects[:-1]],
+            "error_m": common.error,
+            "error_length_m": common.error_length,
+        }
+        return True
 
     def report(self, *, one_file: bool, as_json: bool, quiet: bool) -> None:
         """Write result.json and print JSON or the table; of one file the object itself, else a list."""

@@ -4,7 +4,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from tssgeom.analysis import analyse
+    from tssgeom.analysis import analyse, analyse_same
     from tssgeom.errors import FitError, SettingsError, ShapeError, SourceError, TssgeomError
     from tssgeom.identify.calibrated_run import Measured
     from tssgeom.identify.calibration import Calibration, calibrate
@@ -61,6 +61,7 @@ __all__ = [
     "FrameResult",
     "Rejected",
     "analyse",
+    "analyse_same",
     "process",
     # runs over time
     "Command",
@@ -80,7 +81,7 @@ __all__ = [
 ]
 
 _MODULES = {
-    "analysis": "analyse",
+    "analysis": "analyse analyse_same",
     "errors": "FitError SettingsError ShapeError SourceError TssgeomError",
     "identify.calibrated_run": "Measured",
     "identify.calibration": "Calibration calibrate",

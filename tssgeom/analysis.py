@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from tssgeom.arrays import Points, Vector, read_only
+from tssgeom.frame import fit_frame
 from tssgeom.rig import Rig
-from tssgeom.stream import Frame, FrameResult, advance
+from tssgeom.stream import Frame, FrameResult, SensedRoute, advance, pulled
 from tssgeom.tendon.state import pretensioned
+
+if TYPE_CHECKING:
+    from tssgeom.route.repeated import Repeated
 
 
 def analyse(
@@ -69,3 +77,49 @@ def analyse(
         frame = Frame(read_only(np.array(points, dtype=np.float64)), stations=stations)
     chosen = Rig() if rig is None else rig
     return advance(0, frame, pretensioned(chosen), chosen, tension_in)
+
+
+def analyse_same(
+    frames: Sequence[Frame], rig: Rig | None = None, *, tension_in: float = 15.0
+) -> tuple[FrameResult, Repeated]:
+    """Estimate one route that was sensed several times, and pull its tendon for the first time.
+
+    Parameters
+    ----------
+    frames
+        Two or more shapes of the route from end to end, either way round, each in coordinates of its own;
+        the drive is that of the first.
+    rig, tension_in
+        As in `analyse`.
+
+    Returns
+    -------
+    tuple[FrameResult, Repeated]
+        The result for the route, and how large and how long the errors of its shapes are.
+
+    Raises
+    ------
+    ShapeError
+        Where the points cannot be one route.
+    SettingsError
+        Where the tension is negative or not finite.
+    FitError
+        Where they give no finite curve.
+
+    Notes
+    -----
+    Source: docs/model.md (165).
+    """
+    from tssgeom.route.repeated import common_route  # here: one shape needs no scipy
+
+    chosen = Rig() if rig is None else rig
+    routes = [fit_frame(frame, chosen) for frame in frames]
+    common = common_route([tracked.fit for _, tracked in routes])
+    (shape, tracked), fit = routes[0], common.fit
+    words = (
+        f"{len(routes)} lines of one route: a coordinate of one errs by {1e3 * common.error:.3g} mm, alike "
+        f"over {1e3 * common.error_length:.3g} mm"
+    )
+    shape = replace(shape, warnings=(*shape.warnings, words))
+    sensed = SensedRoute(shape, tracked, fit, common.shared)
+    return pulled(0, frames[0], pretensioned(chosen), chosen, tension_in, sensed), common

@@ -9,10 +9,18 @@ from dataclasses import dataclass, replace
 
 from tssgeom.arrays import Matrix, Points, Vector
 from tssgeom.errors import ShapeError, TssgeomError
-from tssgeom.rig import Rig
+from tssgeom.rig import Rig, Source
 from tssgeom.route.fibre.sensed import clean_fibre, measure_fibre, sensed_shape
 from tssgeom.route.marker_offset import follow_markers
 from tssgeom.route.observations import Shape, clean
+from tssgeom.route.resolution import (
+    NO_ERRORS,
+    SharedErrors,
+    sheath_resolution,
+    with_hidden_share,
+    with_shared_errors,
+)
+from tssgeom.route.route_fit import RouteFit
 from tssgeom.route.time_filter import PointFilter, begun, filtered, noise_left, smoothed
 from tssgeom.route.tracking import TrackedFit, follow
 from tssgeom.tendon.capstan import check_tension
@@ -52,6 +60,8 @@ class Frame:
     """Measured temperature [°C]."""
     noise: float | None = None
     """Standard deviation of each coordinate across the route, where the sensor states it [m]."""
+    source: Source | None = None
+    """Where the points come from, where a file says it."""
 
 
 def fit_frame(
@@ -87,7 +97,25 @@ def fit_frame(
     if now is None and given.time_filter:
         now = begun(frame.points, stated or tracked.fit.noise, frame.time)
     share = 1.0 if now is None else now.sensed_noise / now.noise
-    return shape, replace(tracked, filtered=now, sensed_over_fitted=share)
+    fit, hidden = tracked.fit, 0.0 if last is None else last.hidden_share
+    if tracked.age == 0 and _source(frame, rig) == (None, None):
+        fit, hidden = with_hidden_share(fit, fit.noise * share)
+    return shape, replace(tracked, fit=fit, filtered=now, sensed_over_fitted=share, hidden_share=hidden)
+
+
+def with_shared_errors_of(frame: Frame, rig: Rig, tracked: TrackedFit) -> tuple[RouteFit, SharedErrors]:
+    """Return the fit at the resolution of rig or source, and the errors that all frames share."""
+    fit = tracked.fit
+    if frame.curvatures is not None:
+        return fit, NO_ERRORS
+    return with_shared_errors(fit, *_source(frame, rig), tracked.hidden_share)
+
+
+def _source(frame: Frame, rig: Rig) -> tuple[Source | None, float | None]:
+    """Return where the points come from, and the resolution [m], as far as they are stated."""
+    given, sheath = rig.shape, rig.sheath
+    stated = given.resolution or sheath_resolution(sheath.diameter, sheath.least_radius)
+    return given.source or frame.source, stated
 
 
 def smoothed_in_time(frames: Sequence[object], rig: Rig) -> dict[int, PointFilter]:

@@ -6,7 +6,7 @@ import math
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import msgspec
 import tomli_w
@@ -14,6 +14,9 @@ import tomli_w
 from tssgeom.atomic import write_text
 from tssgeom.effects import KINDS, Library
 from tssgeom.errors import SettingsError
+
+Source = Literal["markers", "em", "fbg", "centreline", "smoothed"]
+"""Where the points of a route come from; docs/model.md (164)."""
 
 _MOST_BYTES = 1 << 20  # of a rig file: more is none
 
@@ -77,6 +80,31 @@ class Sensor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
             _finite_at_least_zero(f"sensors.*.{name}", getattr(self, name), "")
 
 
+class Sheath(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The sheath, which cannot follow a short wave."""
+
+    diameter_mm: float | None = None
+    """Outer diameter [mm]."""
+    least_radius_mm: float | None = None
+    """Least bend radius [mm]; left out, it follows from the diameter."""
+
+    def __post_init__(self) -> None:
+        for name in self.__struct_fields__:
+            if (value := getattr(self, name)) is not None:
+                remedy = "give a finite value > 0 mm, or leave it out"
+                _require(math.isfinite(value) and value > 0, f"sheath.{name}", value, remedy)
+
+    @property
+    def diameter(self) -> float | None:
+        """Outer diameter [m]."""
+        return None if self.diameter_mm is None else 1e-3 * self.diameter_mm
+
+    @property
+    def least_radius(self) -> float | None:
+        """Least bend radius [m]."""
+        return None if self.least_radius_mm is None else 1e-3 * self.least_radius_mm
+
+
 class ShapeSensor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Specification of whatever senses the route."""
 
@@ -95,15 +123,18 @@ class ShapeSensor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     marker_axis: tuple[float, float, float] | None = None
     """Direction of the first axis at the first marker, in the coordinates of the points; left out, it is
     estimated."""
-
     time_filter: bool = True
     """Whether the points of a stream are filtered in time before a route is fitted."""
+    source: Source | None = None
+    """Where the points come from: by it errors that neighbours share are counted. A file may say it too."""
+    resolution_mm: float | None = None
+    """Length of the shortest wave of the route that counts [mm]; left out, that of sheath or source."""
 
     def __post_init__(self) -> None:
-        for name, unit in (("noise_mm", "mm"), ("curvature_noise_per_m", "1/m")):
+        for name, unit in (("noise_mm", "mm"), ("curvature_noise_per_m", "1/m"), ("resolution_mm", "mm")):
             value = getattr(self, name)
             if value is not None:
-                remedy = f"give a finite value > 0 {unit}, or leave it out to have it estimated"
+                remedy = f"give a finite value > 0 {unit}, or leave it out"
                 _require(math.isfinite(value) and value > 0, f"shape.{name}", value, remedy)
         if (turn := self.direction_noise_deg) is not None:
             remedy = "give a value > 0 deg and < 90 deg, or leave it out where no directions are sensed"
@@ -136,6 +167,11 @@ class ShapeSensor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
         """Standard deviation of the stated length of a route [m]."""
         return 1e-3 * self.length_noise_mm
 
+    @property
+    def resolution(self) -> float | None:
+        """Length of the shortest wave of the route that counts [m], or None where it is not stated."""
+        return None if self.resolution_mm is None else 1e-3 * self.resolution_mm
+
 
 class Rig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Everything about the hardware that the model needs; the defaults are the paper's."""
@@ -145,6 +181,7 @@ class Rig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
     load: Load = Load()
     sensors: dict[str, Sensor] = {}
     shape: ShapeSensor = ShapeSensor()
+    sheath: Sheath = Sheath()
     effects: tuple[Library, ...] = ()
     """What else acts, beside the base model; docs/model.md (50)-(62)."""
 

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 from tssgeom.effects import HiddenBend, named
 from tssgeom.errors import TssgeomError
-from tssgeom.frame import Frame, fit_frame, smoothed_in_time
+from tssgeom.frame import Frame, fit_frame, smoothed_in_time, with_shared_errors_of
 from tssgeom.rig import Rig
 from tssgeom.route.curvature import CurvatureProfile
 from tssgeom.route.observations import Shape
 from tssgeom.route.pieces import Arcs
+from tssgeom.route.resolution import NO_ERRORS, SharedErrors
 from tssgeom.route.route import Route
+from tssgeom.route.route_fit import RouteFit
 from tssgeom.route.time_filter import PointFilter
 from tssgeom.route.tracking import TrackedFit, model_checked
 from tssgeom.tendon.command import Command, compensate
@@ -32,9 +35,10 @@ class FrameResult:
     """Count of the frame on arrival, from 0."""
     frame: Frame
     shape: Shape
-    arcs: Arcs
+    fit: RouteFit
+    """The fit of the route, at its resolution, with all errors of its source."""
     tracked: TrackedFit
-    """The fit of the route, from which that of the next frame starts."""
+    """The fit from which that of the next frame starts."""
     state: TendonState
     transmission: Transmission
     warnings: tuple[str, ...] = ()
@@ -44,14 +48,19 @@ class FrameResult:
     """Proximal tension at which the frame's target is reached, where it has one [N]."""
 
     @property
+    def arcs(self) -> Arcs:
+        """The route as pieces of constant curvature."""
+        return self.fit.arcs
+
+    @property
     def route(self) -> Route:
         """The route on its nodes."""
-        return self.tracked.fit.route
+        return self.fit.route
 
     @property
     def profile(self) -> CurvatureProfile:
         """Curvature on the same nodes."""
-        return self.tracked.fit.profile
+        return self.fit.profile
 
     @property
     def sensed_noise(self) -> float:
@@ -62,7 +71,7 @@ class FrameResult:
         """Return it without what only the fit of the next frame needs, which is most of its size."""
         of = self.tracked
         kept = TrackedFit(of.fit.strip(), of.index, sensed_over_fitted=of.sensed_over_fitted)
-        return replace(self, tracked=kept)
+        return replace(self, fit=kept.fit if self.fit is of.fit else self.fit.strip(), tracked=kept)
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,17 +159,44 @@ def advance(
         Where the points give no finite curve, or the tendon no equilibrium.
     """
     shape, tracked = fit_frame(frame, rig, last, points)
-    fit = tracked.fit
+    sensed = SensedRoute(shape, tracked, *with_shared_errors_of(frame, rig, tracked))
+    return pulled(seq, frame, state, rig, tension_in, sensed)
+
+
+class SensedRoute(NamedTuple):
+    """The route of a frame, as a tendon needs it."""
+
+    shape: Shape
+    tracked: TrackedFit
+    fit: RouteFit
+    """The fit at its resolution."""
+    shared: SharedErrors
+    """Errors beside its own, which other frames have too."""
+
+
+def pulled(
+    seq: int, frame: Frame, state: TendonState, rig: Rig, tension_in: float, sensed: SensedRoute
+) -> FrameResult:
+    """Do as `advance` does, on a route that is fitted already.
+
+    Raises
+    ------
+    SettingsError
+        Where the tension is negative or not finite, or a target out of reach.
+    FitError
+        Where the tendon has no equilibrium.
+    """
+    shape, tracked, fit, shared = sensed
     known = tracked.filtered
     stands = None if known is None or known.interval == 0.0 else known.standing > _STANDS
     moved, command = _moved(state, fit.arcs, rig, frame, tension_in, stands)
     most = moved.tension_in if command is None else max(moved.tension_in, command.tension_in)
-    moved, transmission = transmit_after(state, moved, rig, stands)
+    moved, transmission = _transmitted(state, moved, rig, stands, shared)
     return FrameResult(
         seq=seq,
         frame=frame,
         shape=shape,
-        arcs=fit.arcs,
+        fit=shared.beside(fit),
         tracked=tracked,
         state=moved,
         transmission=transmission,
@@ -215,6 +251,17 @@ def _moved(
         state, arcs, rig, tension_out=tension_out, displacement_out=frame.displacement_target, **when
     )
     return (state if driven else command.state), command
+
+
+def _transmitted(
+    before: TendonState, now: TendonState, rig: Rig, stands: bool | None, shared: SharedErrors
+) -> tuple[TendonState, Transmission]:
+    """Return what the tendon transmits, with errors that all frames share: by those no route has moved."""
+    route = now.route
+    if route is None or shared == NO_ERRORS:
+        return transmit_after(before, now, rig, stands)
+    moved, transmission = transmit_after(before, replace(now, route=shared.on(route)), rig, stands)
+    return replace(moved, route=route), transmission
 
 
 def alone(

@@ -6,7 +6,7 @@ import numpy as np
 
 from tests.pipelines.conftest import Run, WriteCsv, half_circle
 
-SHAPE = ["curvature", "route", "tension"]
+SHAPE = ["curvature", "resolution", "route", "tension"]
 RUN = sorted([*SHAPE, "time", "transmission"])
 
 

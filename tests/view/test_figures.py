@@ -38,11 +38,12 @@ def figures(still: list[FrameResult], moving: list[FrameResult]) -> dict[str, Ca
     }
 
 
-def test_a_shape_has_three_figures_and_a_run_those_of_its_history_too(figures):
+def test_a_shape_has_four_figures_and_a_run_those_of_its_history_too(figures):
     assert [name.split()[1] for name in figures if name.startswith("still")] == [
         "route",
         "tension",
         "curvature",
+        "resolution",
     ]
     assert {"run transmission", "run time", "found missing", "found ranking"} <= figures.keys()
 

@@ -94,7 +94,7 @@ def test_each_input_has_a_row_and_each_good_one_its_figures(page: Page) -> None:
     rows = [value for tag, name, value in page.attributes if tag == "td" and name == "data-value"]
     assert len(rows) == 3 * 12
     assert page.tags["section"] == 2
-    assert page.tags["svg"] == 3 + 5  # those of a frame, and of the run those of its history too
+    assert page.tags["svg"] == 4 + 6  # those of a frame, and of the run those of its history too
 
 
 def test_counts_and_rejections_come_first_and_give_the_reason(page: Page) -> None:

@@ -14,7 +14,7 @@ from tssgeom.errors import FitError, ShapeError
 from tssgeom.route.model_check import TrackedFit, model_checked
 from tssgeom.route.model_choice import added_variance, model_probabilities
 from tssgeom.route.observations import Shape
-from tssgeom.route.route import Route
+from tssgeom.route.route import Route, carried
 from tssgeom.route.spline.fit import fit, on_chords
 from tssgeom.route.tracking import follow
 
@@ -167,14 +167,7 @@ def carried_axis(tangent: Points, axis: Vector) -> Points:
         raise ShapeError(
             "[shape] marker_axis lies along the route at the first marker: give a direction across it"
         )
-    carried = np.empty(tangent.shape)
-    carried[0] = first / np.linalg.norm(first)
-    for i in range(1, len(tangent)):
-        before, here = tangent[i - 1], tangent[i]
-        turned = carried[i - 1] - (carried[i - 1] @ here) / (1.0 + before @ here) * (before + here)
-        turned -= (turned @ here) * here
-        carried[i] = turned / np.linalg.norm(turned)
-    return carried
+    return carried(tangent, first / np.linalg.norm(first))
 
 
 _LEAST_ACROSS = 0.1  # of the axis: within 6° of the route it determines no direction across it; chosen

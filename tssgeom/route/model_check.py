@@ -111,6 +111,8 @@ class TrackedFit:
     """The points as filtered in time, where they are."""
     sensed_over_fitted: float = 1.0
     """Noise of the sensed points over that of those that were fitted [1]."""
+    hidden_share: float = 0.0
+    """Share of Φ in short bends that may be errors of the points, where no source of them is stated [1]."""
 
     def with_check(self, check: ModelCheck | None) -> TrackedFit:
         """Begin a check, where there is one."""

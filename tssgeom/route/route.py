@@ -67,6 +67,22 @@ def across(off: Points, unit: Points) -> Points:
     return off - np.einsum("ij,ij->i", off, unit)[:, None] * unit
 
 
+def carried(tangent: Points, axis: Vector) -> Points:
+    """Return a unit vector normal to the first of unit tangents [n, 3], carried along them without twist."""
+    before, after = tangent[:-1], tangent[1:]
+    cosine = np.einsum("ij,ij->i", before, after)[:, None, None]
+    x, y, z = np.cross(before, after).T
+    none = np.zeros(len(x))
+    sine = np.array([[none, -z, y], [z, none, -x], [-y, x, none]]).transpose(2, 0, 1)
+    # the least turn from each tangent to the next, then the product of all up to each
+    turn = np.eye(3) + sine + sine @ sine / np.maximum(1.0 + cosine, 1e-9)
+    step = 1
+    while step < len(turn):
+        turn[step:] = turn[step:] @ turn[:-step]
+        step *= 2
+    return np.vstack((axis, turn @ axis))
+
+
 def insert_nodes(u: Vector, longest: float) -> tuple[Vector, np.ndarray]:
     """Split every interval longer than `longest`; returns the nodes and which of them are the given ones."""
     parts = np.maximum(np.ceil(np.diff(u) / longest - 1e-9).astype(np.int64), 1)

@@ -105,6 +105,8 @@ class RouteFit:
     """ln of the evidence of the observations."""
     warnings: tuple[str, ...] = ()
     """What the user should know of the fit."""
+    resolution: float = 0.0
+    """Length of the shortest wave that counts [m]; 0 where all do that were fitted."""
     spline: Spline | None = None
     """The smooth fit, where one was made: the next fit of a moving route starts from it."""
     chain: Chain | None = None
@@ -133,6 +135,10 @@ class RouteFit:
         """Return the fit with one warning more."""
         return replace(self, warnings=(*self.warnings, text))
 
+    def scaled(self, share: float, arcs: Arcs) -> RouteFit:
+        """Return the fit with other pieces, whose angles are all this share of those before."""
+        return replace(self, arcs=arcs, nodes=Deferred(partial(_with_scaled_angle, self.nodes, share)))
+
     def with_model_choice_variance(self, variance: float) -> RouteFit:
         """Add a variance of Φ [rad²], spread over profile and pieces as the angle is."""
         if variance == 0.0:
@@ -151,6 +157,14 @@ class RouteFit:
 def _with_angle_variance(nodes: Deferred[Nodes], variance: float) -> Nodes:
     route, profile = nodes.value
     return Nodes(route, profile.with_angle_variance(variance))
+
+
+def _with_scaled_angle(nodes: Deferred[Nodes], share: float) -> Nodes:
+    """Nodes with all angles times a share, and without errors of them."""
+    route, profile = nodes.value
+    none = read_only(np.zeros(len(profile.s)))
+    kappa, phi = read_only(share * profile.kappa), read_only(share * profile.phi)
+    return Nodes(route, replace(profile, kappa=kappa, phi=phi, kappa_se=none, phi_se=none))
 
 
 def given_length(fit: RouteFit, length: float, noise: float) -> RouteFit:

@@ -24,10 +24,14 @@ from tssgeom.arrays import Points, read_only
 from tssgeom.errors import ShapeError, SourceError, first_line
 from tssgeom.io.formats.paths import bytes_of, selected, split, stem
 from tssgeom.io.formats.recording import PER_METRE, Recording, agreed_unit
+from tssgeom.rig import Source
 from tssgeom.stream import Frame
 
 UNIT = "unit"
 """Field array that states the unit of length; VTK itself knows none."""
+
+SPHERES = "MaximumInscribedSphereRadius"
+"""Point array of a centre line: VMTK computes lines of vessels through the centres of maximal spheres."""
 
 Element = ElementTree.Element
 
@@ -61,16 +65,16 @@ def open_vtp(path: Path, unit: str | None) -> Recording:
     SourceError
         Where the file cannot be read.
     """
-    lines, stated = _read(split(path)[0])
+    lines, stated, source = _read(split(path)[0])
     agreed = agreed_unit(path, stated, unit, f"add a field array {UNIT!r} that says mm or m")
     names = [str(number) for number, _ in enumerate(lines, start=1)]
     points = lines[selected(path, names)] / PER_METRE[agreed]
     points[np.isnan(points).any(axis=1)] = np.nan
-    return Recording(stem(path), path, agreed, "vtk", False, 1, (Frame(read_only(points)),))
+    return Recording(stem(path), path, agreed, "vtk", False, 1, (Frame(read_only(points), source=source),))
 
 
-def _read(file: Path) -> tuple[list[Points], str | None]:
-    """Return the points of each poly line in the file's unit, and that unit if it is stated."""
+def _read(file: Path) -> tuple[list[Points], str | None, Source | None]:
+    """Return the points of each poly line in the file's unit, that unit if it is stated, and their source."""
     try:
         held = _parsed(bytes_of(file))
         data = held.root.find("PolyData")
@@ -78,13 +82,14 @@ def _read(file: Path) -> tuple[list[Points], str | None]:
             raise ValueError(f"it holds {held.root.get('type')}")
         lines = [line for piece in data.findall("Piece") for line in _lines(held, piece)]
         stated = _stated_unit(held, data)
+        spheres = any(a.get("Name") == SPHERES for a in data.iterfind("Piece/PointData/DataArray"))
     except (ValueError, OverflowError) as error:
         raise SourceError(
             f"{file}: cannot be read as VTK poly data ({first_line(error)}): write it anew"
         ) from error
     if not lines:
         raise ShapeError(f"{file}: no poly line in it: write the route as one line through its points")
-    return lines, stated
+    return lines, stated, "centreline" if spheres else None
 
 
 def _lines(held: _XmlFile, piece: Element) -> list[Points]:

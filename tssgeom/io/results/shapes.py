@@ -65,9 +65,11 @@ def shape_summary(name: str, result: FrameResult, notes: Iterable[str] = ()) -> 
     Segment lengths add up to `length_m`, segment angles to `total_angle_rad`.
     """
     transmission = result.transmission
+    resolution = {"resolution_m": result.fit.resolution} if result.fit.resolution else {}
     return {
         "shape": name,
         **_geometry(result),
+        **resolution,
         "segments": segments(result.arcs),
         "tension_in_N": transmission.tension_in,
         "tension_out_N": transmission.tension_out,
@@ -84,7 +86,7 @@ def _geometry(result: FrameResult) -> dict[str, Any]:
         "length_m": arcs.total_length,
         "total_angle_rad": arcs.total_angle,
         "total_angle_se_rad": arcs.total_angle_se,
-        "noise_m": float(result.tracked.fit.noise),
+        "noise_m": float(result.fit.noise),
         "method": arcs.method,
     }
 

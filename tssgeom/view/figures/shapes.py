@@ -16,6 +16,7 @@ from matplotlib.text import Annotation
 
 from tssgeom.arrays import Vector
 from tssgeom.route.pieces import Arcs
+from tssgeom.route.resolution import angle_over_resolution
 from tssgeom.stream import FrameResult
 from tssgeom.view import colours
 from tssgeom.view.figures.plots import (
@@ -51,6 +52,7 @@ _NODES = 128  # of a route, enough for a line of this size
 _MOMENTS = 500  # of a run, beside the turns of its drive
 _HEIGHT, _RUN_HEIGHT = 2.3, 2.4  # inch
 _SHADES = 64
+_RESOLUTIONS = 0.01, 0.5  # of the route, the shortest and the longest wave that are drawn
 _BAND, _SENSED = "#d5dae3", "#5b6474"
 _PALE = 0.25  # opacity of a standard error
 _NAME_OFFSET = 7.0  # of the name of an end from it [pt]
@@ -63,6 +65,7 @@ def figures_of(result: FrameResult, series: Series | None) -> Mapping[str, Calla
         "route": partial(route_figure, result),
         "tension": partial(tension_figure, result),
         "curvature": partial(curvature_figure, result),
+        "resolution": partial(resolution_figure, result),
     }
     if series is None or len(series.time) < 2:
         return figures
@@ -191,6 +194,24 @@ def curvature_figure(result: FrameResult) -> Figure:
         titles(angle, f"Curve angle ± s.e.; Φ = {total}", ARC_LENGTH.title, ANGLE.title)
         for axes in (curvature, angle):
             axes.set_xlim(-0.02 * s[-1], 1.02 * s[-1])
+    return drawing
+
+
+def resolution_figure(result: FrameResult) -> Figure:
+    """Draw Φ over the resolution at which it is taken, and the Φ ± s.e. of the result."""
+    fit, arcs = result.tracked.fit, result.arcs
+    resolution = arcs.total_length * np.geomspace(*_RESOLUTIONS, 60)
+    angle = ANGLE.factor * angle_over_resolution(fit, resolution)
+    at = ARC_LENGTH.factor * (result.fit.resolution or resolution[0])
+    with panels((COLUMN, _HEIGHT), 1) as (drawing, (axes,)):
+        axes.plot(ARC_LENGTH.factor * resolution, angle, color=_SENSED, linewidth=1.2)
+        total, error = ANGLE.factor * arcs.total_angle, ANGLE.factor * arcs.total_angle_se
+        axes.errorbar([at], [total], yerr=[1.96 * error], color=INK, marker="o", markersize=4, capsize=3)
+        axes.set_xscale("log")
+        axes.xaxis.set_major_formatter("{x:g}")
+        axes.set_ylim(0.0, 1.1 * max(float(angle.max()), total + 1.96 * error, 1.0))
+        total_text = angle_with_error(arcs.total_angle, arcs.total_angle_se)
+        titles(axes, f"Φ over resolution; Φ = {total_text}", "shortest wave that counts [mm]", ANGLE.title)
     return drawing
 
 

@@ -27,6 +27,7 @@ _MOST_WARNINGS = 5
 _MOST_REASONS = 10
 """Number of different reasons of rejected frames of one input that are written out."""
 _PER_INCH = 88  # pixels of a page for an inch of a figure: four columns of print fit side by side
+_WIDEST = 1.2  # of a figure on the page, over its width in print: one alone in its row stays legible
 COLUMNS = (
     "name",
     "frames",
@@ -246,7 +247,8 @@ def _figures(entry: ReportEntry, result: FrameResult) -> str:
     drawings = [draw() for draw in figures_of(result, entry.series).values()]
     widths = [drawing.get_figwidth() for drawing in drawings]
     parts = [
-        f'<figure style="flex: {width:.2f} 1 {_PER_INCH * width:.0f}px">{markup(drawing)}</figure>'
+        f'<figure style="flex: {width:.2f} 1 {_PER_INCH * width:.0f}px; '
+        f'max-width: min(100%, {_WIDEST * _PER_INCH * width:.0f}px)">{markup(drawing)}</figure>'
         for width, drawing in zip(widths, drawings, strict=True)
     ]
     return f'<div class="figures">{"".join(parts)}</div>'

@@ -1,0 +1,248 @@
+"""Φ at a resolution, and the errors that neighbouring points share; docs/model.md (163), (164).
+
+A shape does not tell a bend from an error of the same length. What the source of the points is known to do,
+and how short a wave a sheath can follow, is all there is to part them by.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+
+from tssgeom import core
+from tssgeom.arrays import Matrix, Vector, read_only
+from tssgeom.rig import Source
+from tssgeom.route.pieces import Arcs
+from tssgeom.route.route import Route, carried
+from tssgeom.route.route_fit import Deferred, Nodes, RouteFit
+
+
+@dataclass(frozen=True, slots=True)
+class SourceErrors:
+    """What neighbouring points of a source share."""
+
+    angle_share: float = 0.0
+    """Standard error of Φ, of Φ itself [1]."""
+    angle: float = 0.0
+    """Standard error of Φ beside that [rad]."""
+    length_share: float = 0.0
+    """Standard error of the length, of the length itself [1]."""
+    resolution_share: float = 0.0
+    """Resolution where none is stated, of the length of the route [1]; 0 where Φ is given as fitted."""
+
+
+SOURCES: dict[Source, SourceErrors] = {
+    "markers": SourceErrors(),
+    # chosen: distortion of a tracker's volume, 1 mm over 100 mm
+    "em": SourceErrors(angle_share=0.01, length_share=0.005),
+    # measured: points rebuilt from a fibre's spectrum, three recordings of one fibre
+    "fbg": SourceErrors(angle_share=0.2, angle=0.1, length_share=0.02),
+    # chosen: ten waves on a route are more than a sheath has bends
+    "centreline": SourceErrors(resolution_share=0.1),
+    "smoothed": SourceErrors(resolution_share=0.1),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class ResolutionLimits:
+    """How a curvature is freed of short waves."""
+
+    cells: int = 512
+    """Even cells along the route. Chosen: a wave of a fiftieth of the route has ten."""
+    octave: float = 2.0**0.75
+    """Factor on either side of a resolution; what Φ changes between both is its error [1]. Chosen: 1.5
+    octaves in all."""
+    noiseless: float = 1e-6
+    """Noise over the length of a route below which its points were not sensed [1]. Chosen: a tenth of what
+    the best cameras reach."""
+    fewest: int = 40
+    """Points from which on so little noise says so [1]. Chosen: few points always fit a smooth route."""
+    hidden: float = 0.035
+    """Share of Φ in bends shorter than a tenth of a smooth route from which they may be errors [1]. Measured:
+    routes of 1 to 13 rad with white noise have at most 0.03."""
+    least_radii: float = math.pi
+    """Shortest wave over the least bend radius of a sheath [1]. Derived: two arcs of a quarter turn."""
+    radius_diameters: float = 5.0
+    """Least bend radius of a sheath where it is not known [diameters]. Chosen: coils kink below."""
+
+
+LIMITS = ResolutionLimits()
+
+
+class SharedErrors(NamedTuple):
+    """Variances that are the same in each frame of a route."""
+
+    angle: float
+    """Of Φ [rad²]."""
+    length: float
+    """Of the length [m²]."""
+
+    def on(self, arcs: Arcs) -> Arcs:
+        """Add them to those of the pieces, in proportion to their angles and lengths."""
+        if self == NO_ERRORS:
+            return arcs
+        k = len(arcs.length)
+        by_length = arcs.length / arcs.total_length
+        by_angle = arcs.angle / max(arcs.total_angle, 1e-12)
+        covariance = np.array(arcs.covariance)
+        covariance[:k, :k] += self.length * np.outer(by_length, by_length)
+        covariance[k:, k:] += self.angle * np.outer(by_angle, by_angle)
+        return replace(arcs, covariance=read_only(covariance))
+
+    def beside(self, fit: RouteFit) -> RouteFit:
+        """Add them to those of a fit."""
+        if self == NO_ERRORS:
+            return fit
+        nodes = fit.with_model_choice_variance(self.angle).nodes
+        return replace(fit, arcs=self.on(fit.arcs), nodes=nodes)
+
+
+NO_ERRORS = SharedErrors(0.0, 0.0)
+
+
+def with_shared_errors(
+    fit: RouteFit, source: Source | None, resolution: float | None, hidden_share: float = 0.0
+) -> tuple[RouteFit, SharedErrors]:
+    """Return a fit at a resolution, and the errors beside its own that its source brings; (163), (164).
+
+    Parameters
+    ----------
+    fit
+        A route as fitted to its points, which counts their errors as independent.
+    source
+        Where the points come from; None where that is not known.
+    resolution
+        Length of the shortest wave that counts [m]; that of the source where None.
+    hidden_share
+        Share of Φ that may be errors where neither is known, from `hidden_share` [1].
+    """
+    if source is None and resolution is None:
+        return fit, SharedErrors((hidden_share * fit.arcs.total_angle) ** 2, 0.0)
+    errors, length, slope = SOURCES[source or "markers"], fit.arcs.total_length, 0.0
+    at = errors.resolution_share * length if resolution is None else resolution
+    if at > 0.0:
+        fit, slope = at_resolution(fit, at)
+    if at > 0.0 and resolution is None:
+        fit = fit.warned(
+            f"source {source}: short bends may be errors, Φ counts none shorter than {1e3 * at:.3g} mm, "
+            "a tenth of the route: state [shape] resolution_mm"
+        )
+    angle = math.hypot(errors.angle_share * fit.arcs.total_angle, errors.angle, slope)
+    return fit, SharedErrors(angle**2, (errors.length_share * length) ** 2)
+
+
+def with_hidden_share(fit: RouteFit, sensed_noise: float) -> tuple[RouteFit, float]:
+    """Return the share of Φ in short bends of a smooth route that may be errors, and a warning of them.
+
+    It is 0 where the points are few, where their noise is that of a sensor and short bends are few, and where
+    the estimator counts errors that neighbours share itself.
+    """
+    smooth = fit.chain is None and fit.spline is not None and fit.spline.shared_angle_error == 0.0
+    if not smooth or len(fit.weight) < LIMITS.fewest or fit.arcs.total_angle <= 0.0:
+        return fit, 0.0
+    length, angle = fit.arcs.total_length, fit.arcs.total_angle
+    at = SOURCES["smoothed"].resolution_share * length
+    change = max(angle - float(angle_over_resolution(fit, np.array([at]))[0]), 0.0)
+    noiseless = sensed_noise < LIMITS.noiseless * length
+    if not noiseless and change <= LIMITS.hidden * angle:
+        return fit, 0.0
+    why = (
+        "the points have no noise, as if smoothed by a program"
+        if noiseless
+        else "the route has many short bends"
+    )
+    return fit.warned(
+        f"{why}: ± Φ holds the {math.degrees(change):.2g}° of bends shorter than {1e3 * at:.3g} mm, which "
+        "may be errors of the points: state [shape] source"
+    ), change / angle
+
+
+def sheath_resolution(diameter: float | None, least_radius: float | None) -> float | None:
+    """Return the shortest wave that a sheath can follow [m], from its diameter or least bend radius [m]."""
+    if least_radius is None and diameter is not None:
+        least_radius = LIMITS.radius_diameters * diameter
+    return None if least_radius is None else LIMITS.least_radii * least_radius
+
+
+def angle_over_resolution(fit: RouteFit, resolution: Vector) -> Vector:
+    """Return Φ [rad] at resolutions [n] [m]; (163)."""
+    waves = _waves(fit)
+    return np.array([waves.angle(float(at))[-1] for at in resolution])
+
+
+def at_resolution(fit: RouteFit, resolution: float) -> tuple[RouteFit, float]:
+    """Return a fit without waves shorter than a resolution [m], and what others change of Φ [rad]; (163)."""
+    waves, arcs = _waves(fit), fit.arcs
+    angle = waves.angle(resolution)
+    slope = waves.angle(resolution / LIMITS.octave)[-1] - waves.angle(resolution * LIMITS.octave)[-1]
+    joints = np.append(arcs.s_start, arcs.total_length)
+    within = np.maximum(np.diff(np.interp(joints, waves.edge, angle)), 0.0)
+    share = float(angle[-1]) / max(arcs.total_angle, 1e-12)
+    k = len(within)
+    covariance = np.array(arcs.covariance)
+    covariance[k:] *= share
+    covariance[:, k:] *= share
+    smoother = replace(arcs, angle=read_only(within), covariance=read_only(covariance))
+    nodes = Deferred(partial(_nodes_at, fit.nodes, waves.edge, angle, share))
+    return replace(fit, arcs=smoother, nodes=nodes, resolution=resolution), float(slope)
+
+
+def _nodes_at(nodes: Deferred[Nodes], edge: Vector, angle: Vector, share: float) -> Nodes:
+    route, profile = nodes.value
+    kappa = np.interp(profile.s, 0.5 * (edge[1:] + edge[:-1]), np.diff(angle) / np.diff(edge))
+    profile = replace(
+        profile,
+        kappa=read_only(kappa),
+        phi=read_only(np.interp(profile.s, edge, angle)),
+        kappa_se=read_only(profile.kappa_se * share),
+        phi_se=read_only(profile.phi_se * share),
+    )
+    return Nodes(route, profile)
+
+
+@dataclass(frozen=True, slots=True)
+class _Waves:
+    """Curvature along a route as a sum of cosines."""
+
+    edge: Vector
+    """Arc lengths between the cells [m]."""
+    amplitude: np.ndarray
+    """Of both components in the frame that is carried without twist [cells + 1, 2]; complex."""
+    scale: float
+    """Φ of the fit over that of these components [1]."""
+
+    def angle(self, resolution: float) -> Vector:
+        """Return the accumulated angle at the edges at a resolution [m] [rad]."""
+        # a wave as long as the resolution is halved
+        share = np.arange(len(self.amplitude)) * (0.5 * resolution / float(self.edge[-1]))
+        kept = np.fft.irfft(self.amplitude * np.exp2(-(share**2))[:, None], axis=0)
+        turn = np.linalg.norm(kept[: len(self.edge) - 1], axis=1) * np.diff(self.edge)
+        return self.scale * np.concatenate(([0.0], np.cumsum(turn)))
+
+
+def _waves(fit: RouteFit) -> _Waves:
+    edge = np.linspace(0.0, float(fit.route.s[-1]), LIMITS.cells + 1)
+    sampled = sampled_bend(fit)
+    angle = float(np.linalg.norm(sampled, axis=1).sum()) * (edge[1] - edge[0])
+    scale = fit.arcs.total_angle / angle if angle > 0.0 else 1.0
+    mirrored = np.concatenate((sampled, sampled[::-1]))  # so that it is a sum of cosines
+    return _Waves(edge, np.fft.rfft(mirrored, axis=0), scale)
+
+
+def sampled_bend(fit: RouteFit) -> Matrix:
+    """Return the curvature in even cells along a route, as `bend_without_twist` [n, 2] [1/m]."""
+    bend, s = bend_without_twist(fit.route), fit.route.s
+    middle = (np.arange(LIMITS.cells) + 0.5) * (float(s[-1]) / LIMITS.cells)
+    return np.column_stack([np.interp(middle, s, bend[:, c]) for c in range(2)])
+
+
+def bend_without_twist(route: Route) -> Matrix:
+    """Return the curvature of a route along two axes that are carried along it without twist [n, 2] [1/m]."""
+    first = carried(route.tangent, core.normals(route.tangent[0])[0])
+    second = np.cross(route.tangent, first)
+    along = (np.einsum("ij,ij->i", route.curvature_vector, axis) for axis in (first, second))
+    return np.column_stack(list(along))
