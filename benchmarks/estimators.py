@@ -28,9 +28,10 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks.routes import arc_positions
 from tssgeom.arrays import Matrix, Points, Vector
-from tssgeom.rig import Rig
+from tssgeom.rig import Rig, Source
 from tssgeom.route.geometry import Method, measure
 from tssgeom.route.observations import clean
+from tssgeom.route.resolution import with_shared_errors
 from tssgeom.route.synthetic import Course
 from tssgeom.tendon.capstan import pretensioned, step
 from tssgeom.tendon.transmission import of_corners as transmit
@@ -160,6 +161,8 @@ class Sighting:
     """Standard deviation of each coordinate, where the sensor's is known [m]."""
     true_noise: float
     """The same in truth, for peers that cannot do without it [m]."""
+    source: Source = "markers"
+    """Where the points come from, for the estimators of this project."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,7 +195,9 @@ class Estimate:
 
 def ours(method: Method, sighting: Sighting) -> Estimate:
     """Answer of this project, with its error bars."""
-    result = measure(clean(sighting.points, sighting.stations), sighting.noise, method)
+    sensed = measure(clean(sighting.points, sighting.stations), sighting.noise, method)
+    fit, shared = with_shared_errors(sensed, sighting.source, None)
+    result = shared.beside(fit)
     pulled = step(pretensioned(RIG), TENSION_IN, RIG.friction.coefficient)
     moved = transmit(pulled, result.arcs, RIG)
     return Estimate(

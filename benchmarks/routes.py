@@ -147,8 +147,18 @@ def _fixed(name: str) -> Truth:
     return _FIXED[name]()
 
 
+def _random_pieces(rng: np.random.Generator) -> Truth:
+    """Draw half a metre of one to six pieces, each in a bending plane of its own."""
+    count = rng.integers(1, 7)
+    length = 0.5 * rng.dirichlet(np.full(count, 4.0))
+    course = chain(length, rng.uniform(0.0, 20.0, count), rng.uniform(0.0, 2.0 * np.pi, count))
+    return of_arcs(course, piecewise=False)  # so many pieces need not show in a few points
+
+
 def truth(name: str, rng: np.random.Generator) -> Truth:
-    """Return the named route; "harmonics" is a new random one at each call, from `rng`."""
+    """Return the named route; "harmonics" and "pieces" are new random ones at each call, from `rng`."""
+    if name == "pieces":
+        return _random_pieces(rng)
     if name == "harmonics":
         return of_arcs(harmonic_course(rng), piecewise=False)
     return _fixed(name)
@@ -180,6 +190,8 @@ class Cell:
     """Share of the inner points that lie 20 standard deviations off [1]."""
     gap: float = 0.0
     """Share of missing points, in two stretches [1]."""
+    shared: tuple[float, float] = (0.0, 0.0)
+    """Size of errors that neighbours share, and how far along the route they do, over its length [1]."""
 
     @property
     def name(self) -> str:
@@ -189,6 +201,8 @@ class Cell:
             parts.append(f"{100 * self.outliers:g} % outliers")
         if self.gap:
             parts.append(f"{100 * self.gap:g} % unseen")
+        if self.shared[0]:
+            parts.append(f"{1e3 * self.shared[0]:g} ‰ over {100 * self.shared[1]:g} %")
         return " ".join(parts)
 
     @property
@@ -216,6 +230,8 @@ def draw(cell: Cell, trial: int) -> Draw:
     route = truth(cell.route, rng)
     station = _stations(cell, rng) * route.length
     points = route.position(station) + cell.noise * rng.standard_normal((cell.n, 3))
+    if cell.shared[0]:
+        points += _shared_errors(cell, station / route.length, rng) * route.length
     outlier = rng.choice(np.arange(1, cell.n - 1), round(cell.outliers * cell.n), replace=False)
     points[outlier] += _OUTLIER * cell.noise * _directions(len(outlier), rng)
     missing = _missing(cell, rng)
@@ -223,6 +239,13 @@ def draw(cell: Cell, trial: int) -> Draw:
     good = np.ones(cell.n, dtype=bool)
     good[outlier], good[missing] = False, False
     return Draw(route, points, station, good)
+
+
+def _shared_errors(cell: Cell, station: Vector, rng: np.random.Generator) -> Points:
+    """Errors of a Gaussian process along the route, over its length."""
+    size, reach = cell.shared
+    alike = np.exp(-0.5 * ((station[:, None] - station) / reach) ** 2) + 1e-8 * np.eye(cell.n)
+    return size * np.linalg.cholesky(alike) @ rng.standard_normal((cell.n, 3))
 
 
 def _stations(cell: Cell, rng: np.random.Generator) -> Vector:
@@ -273,6 +296,19 @@ def _spoilt(route: str) -> Iterator[Cell]:
         yield Cell("gaps", route, 200, _NOISE, stations, gap=0.2)
 
 
+def _few_points() -> Iterator[Cell]:
+    for route in ("pieces", "harmonics"):
+        for n in (5, 8, 12, 20, 40):
+            for noise in (2e-5, 2e-4, 2e-3):
+                yield Cell("few points", route, n, noise, "jitter", noise_known=False)
+
+
+def _correlated() -> Iterator[Cell]:
+    for route in ("half circle", "7 pieces", "colon", "harmonics"):
+        for shared in ((1e-3, 0.02), (1e-3, 0.08)):
+            yield Cell("correlated errors", route, 150, 5e-5, "even", noise_known=False, shared=shared)
+
+
 def catalogue() -> tuple[Cell, ...]:
     """Every cell of the full run, group after group."""
     cells: list[Cell] = []
@@ -284,6 +320,7 @@ def catalogue() -> tuple[Cell, ...]:
             cells += _unknown_noise(f"{kind}, noise unknown", route)
     for route in ("half circle", "7 pieces", "colon", "harmonics"):
         cells += _spoilt(route)
+    cells += [*_few_points(), *_correlated()]
     groups = list(dict.fromkeys(cell.group for cell in cells))
     return tuple(sorted(cells, key=lambda cell: groups.index(cell.group)))
 

@@ -101,6 +101,7 @@ def _sighting(cell: Cell, sensed: Draw) -> Sighting:
         stations=sensed.station.copy() if cell.stations == "known" else None,
         noise=cell.noise if cell.noise_known else None,
         true_noise=cell.noise,
+        source="smoothed" if cell.shared[0] else "markers",
     )
 
 

@@ -216,6 +216,9 @@ def test_curvature_angle_and_their_errors():
         share = np.diff(phi[cut]) / np.diff(phi[cut]).sum()
         rest = max(variance[-1] - spread.sum(), 0.0)
         close(covariance[k:, k:], spread + rest * np.outer(share, share), 1e-8)
+        longer = curvature._length_variance(route.s, route.curvature_vector, spline.covariance, spline.gain)
+        expected = 0.0 if known else longer + 2.0 * route.noise**2
+        assert covariance[:k, :k].sum() == pytest.approx(expected, rel=1e-6, abs=1e-24)
 
 
 @pytest.mark.parametrize("n", [8, 40, 119, 120, 150])

@@ -183,13 +183,30 @@ static void share_among_pieces(int64_t pieces, const PieceErrors errors[], doubl
     }
 }
 
+/* Go on with the length: a route that moves towards the middle of its bend by δn is shorter by κ δn a metre. Returns
+   what a step adds to the variance; (167). */
+INLINE double carried_length(
+    Lanes with_state[3], const double bend[3], const double bend_here[3], double half, double p, double q,
+    const Lanes rows[4], const Lanes cross[4], const Lanes forward[4]) {
+    double total = 0.0;
+    for (int c = 0; c < 3; c++) {
+        double a = half * bend[c], b = half * bend_here[c];
+        Lanes w = with_state[c], next = combined(w[0], w[1], w[2], w[3], forward);
+        total += a * a * p + b * b * q + 2.0 * a * b * cross[0][0] + 2.0 * (a * w[0] + b * next[0]);
+        with_state[c] = next + a * cross[0] + b * rows[0];
+    }
+    return total;
+}
+
 /* Variance of the angle up to each node, and the covariance of the pieces' angles: the covariance of the state with
-   every angle is carried along the route, which is a Markov process. */
-static void angle_covariance(
+   every angle is carried along the route, which is a Markov process. Returns the variance of the length between the
+   ends. */
+static double angle_covariance(
     int64_t n, const double s[], const double tangent[][3], const double bend[][3], const double covariance[][10],
     const double gain[][4][4], double power, int64_t pieces, const int64_t joints[], double variance[], double *out,
     int64_t stride, PieceErrors errors[]) {
-    Lanes whole[3] = {all(0.0), all(0.0), all(0.0)};
+    Lanes whole[3] = {all(0.0), all(0.0), all(0.0)}, longer[3] = {all(0.0), all(0.0), all(0.0)};
+    double of_length = 0.0;
     PieceLanes piece;
     int64_t m = 0;
     variance[0] = 0.0;
@@ -214,9 +231,11 @@ static void angle_covariance(
         extend_piece(&piece, &e, forward);
         out[m * stride + m] += total + 2.0 * carried(piece.with_state, &e, forward, own);
         variance[k] = most(variance[k - 1] + total + 2.0 * carried(whole, &e, forward, own), 0.0);
+        of_length += carried_length(longer, bend[k - 1], bend[k], half, p[0], q[0], rows, cross, forward);
     }
     end_piece(&piece, &errors[m]);
     share_among_pieces(pieces, errors, out, stride);
+    return most(of_length, 0.0);
 }
 
 /* Curvature, angle, and the standard error of the curvature; `rectified` [n] is what noise bends by itself. Returns
@@ -271,7 +290,8 @@ status tss_curvature_profile(
                       squared(ANGLE_ERRORS.sparse * uneven_turns(n, s, phi, points, station) / most(phi[n - 1], 1e-300));
     double *lengths = &piece_covariance[0][0], *angles = lengths + count * stride + count;
     for (int64_t i = 0; i < stride * stride; i++) lengths[i] = 0.0;
-    angle_covariance(n, s, tangent, bend, covariance, gain, known ? 2.0 : 1.0, count, joints, variance, angles, stride, errors);
+    double of_length = angle_covariance(
+        n, s, tangent, bend, covariance, gain, known ? 2.0 : 1.0, count, joints, variance, angles, stride, errors);
     double factor = unknown_prior(freedom);
     for (int64_t i = 1; i < n; i++) {
         /* docs/model.md (26) */
@@ -293,7 +313,12 @@ status tss_curvature_profile(
     rest = most(rest, 0.0) / squared(most(whole, 1e-300)); /* what is not of the posterior, spread as the angle is */
     for (int64_t j = 0; j < count; j++)
         for (int64_t k = 0; k < count; k++) angles[j * stride + k] += rest * pieces[1][j] * pieces[1][k];
-    if (!known) lengths[0] += squared(noise), lengths[(count - 1) * stride + count - 1] += squared(noise);
+    if (!known) {
+        for (int64_t j = 0; j < count; j++)
+            for (int64_t k = 0; k < count; k++)
+                lengths[j * stride + k] += of_length * pieces[0][j] * pieces[0][k] / squared(s[n - 1] - s[0]);
+        lengths[0] += squared(noise), lengths[(count - 1) * stride + count - 1] += squared(noise);
+    }
     for (int64_t i = 0; i < n; i++) variance[i] = sqrt(variance[i]);
     return DONE;
 }

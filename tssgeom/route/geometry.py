@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from operator import itemgetter
 from typing import Literal
@@ -25,12 +25,14 @@ from tssgeom.route.model_choice import (
     chain_deviance,
     log_evidence_difference,
     penalised_log_evidence_difference,
+    search_variance,
     selected,
 )
 from tssgeom.route.observations import Shape, order_warnings, outlier_warnings
 from tssgeom.route.pieces import Arcs, smooth_geometry
-from tssgeom.route.ratio_average import averaged
-from tssgeom.route.route import Route, summed
+from tssgeom.route.ratio_average import GRID, averaged
+from tssgeom.route.resolution import SharedErrors
+from tssgeom.route.route import Route, step_lengths, summed
 from tssgeom.route.route_fit import (
     Deferred,
     Nodes,
@@ -183,15 +185,28 @@ def spline_fit(spline: Spline) -> RouteFit:
 
 
 def with_few_points_variance(smooth: RouteFit, shape: Shape) -> RouteFit:
-    """Add to a smooth fit of points too few for a chain its distance from their turns; docs/model.md (34)."""
-    if len(shape.points) >= START.fewest_points:
+    """Add to a smooth fit of points too few for a chain its distance from their turns; docs/model.md (34).
+
+    What arcs are longer than the chords between few points goes with the square of the angle: the error of
+    the length holds that of the angle; (166).
+    """
+    if len(shape.points) > GRID.most_points:
         return smooth
+    if len(shape.points) < START.fewest_points:
+        smooth = smooth.with_model_choice_variance(_turns_missed(smooth, shape) ** 2)
+    arcs = smooth.arcs
+    longer = arcs.total_length - float(np.sum(step_lengths(shape.points[smooth.weight > 0.0])))
+    share = 2.0 * max(longer, 0.0) * arcs.total_angle_se / max(arcs.total_angle, 1e-12)
+    return replace(smooth, arcs=SharedErrors(0.0, share**2).on(arcs))
+
+
+def _turns_missed(smooth: RouteFit, shape: Shape) -> float:
+    """Return by how much the turns of the polygon, with outer halves alike, exceed those of a fit [rad]."""
     step = np.diff(shape.points, axis=0)
     size = np.linalg.norm(step, axis=1)
     turns = np.arccos(np.clip(np.einsum("ij,ij->i", step[1:], step[:-1]) / (size[1:] * size[:-1]), -1.0, 1.0))
     observed = size.sum() - 0.5 * (size[0] + size[-1])  # the outer halves go on alike
-    whole = turns.sum() * size.sum() / observed
-    return smooth.with_model_choice_variance(float(whole - smooth.arcs.total_angle) ** 2)
+    return float(turns.sum() * size.sum() / observed) - smooth.arcs.total_angle
 
 
 def chain_fit(shape: Shape, data: Data, chain: Chain, pieces: ChainPieces | None = None) -> RouteFit:
@@ -203,7 +218,7 @@ def chain_fit(shape: Shape, data: Data, chain: Chain, pieces: ChainPieces | None
     chain, pieces = _identifiable(data, chain, pieces)
     if data.free:
         warnings += order_warnings(shape, data.weight, chain.stations, pieces.noise)
-    return RouteFit(
+    fit = RouteFit(
         arcs=pieces.arcs,
         noise=pieces.noise,
         weight=data.weight,
@@ -212,6 +227,9 @@ def chain_fit(shape: Shape, data: Data, chain: Chain, pieces: ChainPieces | None
         warnings=warnings,
         chain=chain,
     )
+    if len(data.points) > GRID.most_points:
+        return fit
+    return fit.with_model_choice_variance(search_variance(data, chain) * fit.arcs.total_angle_se**2)
 
 
 def _chain_log_evidence(data: Data, chain: Chain) -> float:

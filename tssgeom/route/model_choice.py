@@ -40,8 +40,12 @@ class ModelChoice:
     """Pieces from which on each must save more. Fitted, as above."""
     further_piece_price: float = 4.0
     """What each piece beyond these must save in addition [2 ln]. Fitted, as above."""
-    values_per_parameter: float = 2.5
-    """Fewest values for each parameter of a chain [1]. Chosen: fewer cannot show a staircase."""
+    values_per_parameter: float = 1.3
+    """Fewest values for each parameter of a chain of a few pieces [1]. Chosen: fewer cannot show them."""
+    whole_values_per_parameter: float = 2.5
+    """Values for each parameter from which on they are enough, for many pieces too [1]. Chosen."""
+    missing_value_price: float = 25.0
+    """Price of each value that a parameter lacks of these [2 ln]. Fitted on routes of 8 to 20 points."""
     lost_along: float = 3.0
     """Root mean square distance from known stations of a chain that lost its points [spacings]. Chosen."""
     lost_over_across: float = 9.0
@@ -147,11 +151,19 @@ def log_evidence_difference(data: Data, chain: Chain, spline: Spline) -> float:
     bonus = CHOICE.chain_bonus * min(points / CHOICE.whole_bonus_from, 1.0)
     price = CHOICE.joint_price * (pieces - 1) * min(points / CHOICE.whole_price_from, 1.0)
     price += CHOICE.further_piece_price * max(pieces - CHOICE.many_pieces, 0)
+    values = _values(data) / _parameters(data, chain)
+    price += CHOICE.missing_value_price * max(CHOICE.whole_values_per_parameter - values, 0.0)
     if data.variance == 0.0:
         length = float(chain.stations.max() - chain.stations.min())
         price += noise_price(math.sqrt(noise_variance(data, chain)) / length)
         price -= noise_price(spline.route.noise / float(spline.route.s[-1]))
     return spline.deviance - chain_deviance(data, chain) + bonus - price
+
+
+def search_variance(data: Data, chain: Chain) -> float:
+    """Return what the search for joints adds to the variance of Φ, over that at given joints [1]; (168)."""
+    parameters = _parameters(data, chain)
+    return parameters / max(_values(data) - parameters, 1)
 
 
 def chain_deviance(data: Data, chain: Chain) -> float:
@@ -168,12 +180,22 @@ def _deviance_of_points(data: Data, chain: Chain) -> float:
     """-2 ln evidence of the points normal to a chain, infinite where it has too many parameters for them."""
     square = squared_distances(data, chain, across=True)
     cost, values = float(data.weight @ square), 2 * int(np.count_nonzero(data.weight))
-    fitted = values + 2 * tangent_count(data.tangents)
-    parameters = len(chain.matrix) - (0 if data.free else 1)
-    if parameters * CHOICE.values_per_parameter > fitted or _lost_along(data, chain, cost):
+    fitted, parameters = _values(data), _parameters(data, chain)
+    few = len(chain.bend) <= CHOICE.many_pieces
+    least = CHOICE.values_per_parameter if few else CHOICE.whole_values_per_parameter
+    if parameters * least > fitted or _lost_along(data, chain, cost):
         return math.inf
     variance = data.variance if data.variance > 0.0 else max(cost / values, 1e-280)
     return values * math.log(variance) + cost / variance + parameters * math.log(fitted)
+
+
+def _values(data: Data) -> int:
+    """Values that were sensed across the route: of the points that count, and of the directions."""
+    return 2 * int(np.count_nonzero(data.weight)) + 2 * tangent_count(data.tangents)
+
+
+def _parameters(data: Data, chain: Chain) -> int:
+    return len(chain.matrix) - (0 if data.free else 1)
 
 
 def _lost_along(data: Data, chain: Chain, across: float) -> bool:

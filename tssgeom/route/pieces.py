@@ -109,5 +109,5 @@ def constant_curvature_pieces(spline: Spline) -> Arcs:
 
 def spread_over_angles(angle: Vector, variance: float) -> Matrix:
     """Spread a variance of the whole angle over the pieces in proportion to their angles [k, k] [rad²]."""
-    share = angle / max(angle.sum(), 1e-300)
+    share = angle / max(angle.sum(), 1e-12)  # a chain that is refused may even turn back
     return np.outer(share, share) * variance

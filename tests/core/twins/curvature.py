@@ -236,3 +236,22 @@ def _angle_covariance(
             out[m, j] += shared
         variance[k] = max(variance[k - 1] + total, 0.0)
     return variance, out
+
+
+def _length_variance(s: np.ndarray, bend: np.ndarray, covariance: np.ndarray, gain: np.ndarray) -> float:
+    """Variance of the length between the ends, from the covariance of all positions, node by node."""
+    n, full = len(s), np.empty((len(s), 4, 4))
+    for k in range(n):
+        full[k][np.triu_indices(4)] = covariance[k]
+        full[k] = np.triu(full[k]) + np.triu(full[k], 1).T
+    step = np.diff(s)
+    weight = np.concatenate(([0.0], step)) + np.concatenate((step, [0.0]))
+    weight = 0.5 * weight[:, None] * bend
+    positions = np.empty((n, n))
+    for j in range(n):
+        between = full[j]
+        for i in range(j, -1, -1):
+            if i < j:
+                between = gain[i] @ between
+            positions[i, j] = positions[j, i] = between[0, 0]
+    return float(np.einsum("ic,ij,jc->", weight, positions, weight))
