@@ -7,12 +7,16 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
-from tssgeom.arrays import Matrix, Points, Vector
+import numpy as np
+
+from tssgeom.arrays import Matrix, Points, Vector, read_only
 from tssgeom.errors import ShapeError, TssgeomError
 from tssgeom.rig import Rig, Source
+from tssgeom.route.directions import unit_directions
 from tssgeom.route.fibre.sensed import clean_fibre, measure_fibre, sensed_shape
 from tssgeom.route.marker_offset import follow_markers
-from tssgeom.route.observations import Shape, clean
+from tssgeom.route.observations import MIN_POINTS, Shape, clean
+from tssgeom.route.order import along_the_shortest_path
 from tssgeom.route.resolution import (
     NO_ERRORS,
     SharedErrors,
@@ -22,6 +26,7 @@ from tssgeom.route.resolution import (
 )
 from tssgeom.route.route_fit import RouteFit
 from tssgeom.route.time_filter import PointFilter, begun, filtered, noise_left, smoothed
+from tssgeom.route.tip import TipReadings, fit_tip
 from tssgeom.route.tracking import TrackedFit, follow
 from tssgeom.tendon.capstan import check_tension
 
@@ -82,7 +87,11 @@ def fit_frame(
         fibre = clean_fibre(frame.curvatures, frame.stations)
         fit = measure_fibre(fibre, rig.shape.curvature_noise_per_m)
         return sensed_shape(fibre, fit), TrackedFit(fit, fibre.index)
+    if (ends := _ends(frame, rig)) is not None:
+        return _fit_ends(ends)
     stated, given = noise_of(frame, rig), rig.shape
+    if given.order == "shortest" and frame.stations is None:
+        frame = _in_order(frame, last)
     if now is None and given.time_filter and last is not None and last.filtered is not None:
         now = filtered(last.filtered, frame.points, last.fit.noise, frame.time)
     noise = stated if now is None else noise_left(now, stated)
@@ -109,6 +118,41 @@ def with_shared_errors_of(frame: Frame, rig: Rig, tracked: TrackedFit) -> tuple[
     if frame.curvatures is not None:
         return fit, NO_ERRORS
     return with_shared_errors(fit, *_source(frame, rig), tracked.hidden_share)
+
+
+def _ends(frame: Frame, rig: Rig) -> TipReadings | None:
+    """Return base and tip of a frame that has not enough points for a fit, but the length between them."""
+    used = np.flatnonzero(~np.isnan(frame.points).any(axis=1))
+    if len(used) not in range(2, MIN_POINTS) or frame.length is None or frame.directions is None:
+        return None
+    unit = unit_directions(frame.directions, frame.points)
+    if np.isnan(unit[used[0]]).any():
+        return None
+    if not (math.isfinite(frame.length) and frame.length > 0.0):
+        raise ShapeError(f"the length is {frame.length:g} m: give a finite value > 0 m, or leave it out")
+    return TipReadings(
+        base=frame.points[used[0]],
+        base_direction=unit[used[0]],
+        tip=frame.points[used[-1]],
+        tip_direction=None if np.isnan(unit[used[-1]]).any() else unit[used[-1]],
+        length=frame.length,
+        length_noise=rig.shape.length_noise,
+        noise=noise_of(frame, rig),
+        direction_noise=rig.shape.direction_noise,
+    )
+
+
+def _fit_ends(ends: TipReadings) -> tuple[Shape, TrackedFit]:
+    points, index = read_only(np.array([ends.base, ends.tip])), read_only(np.array([0.0, 1.0]))
+    return Shape(points, index, None, ()), TrackedFit(fit_tip(ends), index)
+
+
+def _in_order(frame: Frame, last: TrackedFit | None) -> Frame:
+    """Put the points of a frame in the order of the shortest path through them."""
+    first = None if last is None else last.fit.route.position[0]
+    path = along_the_shortest_path(frame.points, frame.directions, first)
+    directions = None if frame.directions is None else read_only(frame.directions[path])
+    return replace(frame, points=read_only(frame.points[path]), directions=directions)
 
 
 def _source(frame: Frame, rig: Rig) -> tuple[Source | None, float | None]:
@@ -179,10 +223,10 @@ def require_usable(frame: Frame) -> None:
         Where the tension is negative or not finite.
     """
     rig = Rig()
-    if frame.curvatures is None:
-        sensed_points(frame, rig)
-    else:
+    if frame.curvatures is not None:
         clean_fibre(frame.curvatures, frame.stations)
+    elif _ends(frame, rig) is None:
+        sensed_points(frame, rig)
     noise_of(frame, rig)
     if frame.tension_in is not None:
         check_tension(frame.tension_in)

@@ -125,6 +125,8 @@ class ShapeSensor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     estimated."""
     time_filter: bool = True
     """Whether the points of a stream are filtered in time before a route is fitted."""
+    order: Literal["given", "shortest"] = "given"
+    """Whether the points are in order, or to be put in that of the shortest path through them."""
     source: Source | None = None
     """Where the points come from: by it errors that neighbours share are counted. A file may say it too."""
     resolution_mm: float | None = None

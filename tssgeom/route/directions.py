@@ -32,6 +32,17 @@ def checked_directions(directions: Points, points: Points) -> tuple[Points, tupl
         Where there is not one row for each point, where a row is no unit vector, or where they run
         backwards.
     """
+    return _along_route(unit_directions(directions, points), points)
+
+
+def unit_directions(directions: Points, points: Points) -> Points:
+    """Return sensed directions as unit vectors, a row of NaN where none was sensed [n, 3].
+
+    Raises
+    ------
+    ShapeError
+        Where there is not one row for each point, or where a row is no unit vector.
+    """
     d = np.array(directions, dtype=np.float64)
     if d.shape != points.shape:
         raise ShapeError(f"directions have shape {d.shape} for {len(points)} points: give one row for each")
@@ -42,7 +53,7 @@ def checked_directions(directions: Points, points: Points) -> tuple[Points, tupl
             f"direction {wrong[0]} has length {size[wrong[0]]:.3g}: "
             "give unit vectors, and NaN where none was sensed"
         )
-    return _along_route(d / size[:, None], points)
+    return d / size[:, None]
 
 
 def _along_route(d: Points, points: Points) -> tuple[Points, tuple[str, ...]]:

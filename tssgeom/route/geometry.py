@@ -29,6 +29,7 @@ from tssgeom.route.model_choice import (
     selected,
 )
 from tssgeom.route.observations import Shape, order_warnings, outlier_warnings
+from tssgeom.route.order import order_warning
 from tssgeom.route.pieces import Arcs, smooth_geometry
 from tssgeom.route.ratio_average import GRID, averaged
 from tssgeom.route.resolution import SharedErrors
@@ -88,12 +89,25 @@ def measure(shape: Shape, noise: float | None = None, method: Method = "auto") -
     FitError
         Where the points give no finite curve.
     """
+    fit = _fitted(shape, noise, method)
+    unordered = order_warning(shape.points) if shape.stations is None else None
+    return fit if unordered is None else fit.warned(unordered)
+
+
+def _fitted(shape: Shape, noise: float | None, method: Method) -> RouteFit:
+    """Fit a route on the stations of the points, or else on those of their chords."""
     try:
         return within_bounds(checked(_measured(shape, noise, method), shape), shape)
     except FitError:
         if shape.stations is not None:
             raise
-    fit = checked(_measured(on_chords(shape), noise, method), shape).warned(_FROM_CHORDS)
+    try:
+        fit = checked(_measured(on_chords(shape), noise, method), shape).warned(_FROM_CHORDS)
+    except FitError as error:
+        unordered = order_warning(shape.points)
+        if unordered is None:
+            raise
+        raise FitError(f"{error} ({unordered})") from error
     return within_bounds(fit, shape)
 
 

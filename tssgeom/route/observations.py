@@ -216,14 +216,17 @@ def _distinct(points: Points) -> np.ndarray:
 def _refuse_unusable(points: Points, *, ordered: bool) -> None:
     distinct = len(np.unique(points, axis=0))
     if distinct < MIN_POINTS:
-        raise ShapeError(f"{distinct} distinct points: a route needs at least {MIN_POINTS}")
+        raise ShapeError(
+            f"{distinct} distinct points: a route needs at least {MIN_POINTS}, or base and tip, with the "
+            "direction of the base and the length between both"
+        )
     extent = _extent(points)
     if extent < POINTS.least_extent:
         raise ShapeError(f"the points span {extent * 1e3:g} mm: check the unit of the coordinates")
     if not ordered and out_of_order(points):
         raise ShapeError(
             "the points are not in order along the route: each lies far from the next although others are "
-            "near; sort them from the proximal to the distal end"
+            "near; sort them from the proximal to the distal end, or set [shape] order = 'shortest'"
         )
 
 
