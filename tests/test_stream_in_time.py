@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.route.test_ratio_average import random_course
 from tssgeom.frame import Frame
 from tssgeom.rig import Rig, ShapeSensor
 from tssgeom.route.pieces import Arcs
@@ -71,3 +72,16 @@ def test_the_filter_can_be_switched_off():
     for each, frame in zip(results, frames, strict=True):
         np.testing.assert_array_equal(each.shape.points, frame.points)
     assert results[-1].arcs.total_angle_se > 0.02
+
+
+@pytest.mark.parametrize("seed", [2, 5, 8, 11])
+def test_eight_points_of_a_stream_are_not_taken_for_noise(seed):
+    rng, n = np.random.default_rng([seed, 8]), 8
+    course = random_course(rng)
+    s = np.linspace(0.0, 0.5, n)
+    s[1:-1] += 0.1 / (n - 1) * rng.standard_normal(n - 2)
+    points = positions(course, s)
+    frames = [Frame(points + 2e-4 * rng.standard_normal((n, 3)), 0.01 * k) for k in range(25)]
+    for one in process(frames, Rig(), tension_in=5.0):
+        assert isinstance(one, FrameResult)
+        assert abs(one.arcs.total_angle - course.total_angle) < 1.96 * one.arcs.total_angle_se

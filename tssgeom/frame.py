@@ -14,9 +14,11 @@ from tssgeom.errors import ShapeError, TssgeomError
 from tssgeom.rig import Rig, Source
 from tssgeom.route.directions import unit_directions
 from tssgeom.route.fibre.sensed import clean_fibre, measure_fibre, sensed_shape
+from tssgeom.route.geometry import measure
 from tssgeom.route.marker_offset import follow_markers
 from tssgeom.route.observations import MIN_POINTS, Shape, clean
 from tssgeom.route.order import along_the_shortest_path
+from tssgeom.route.ratio_average import GRID
 from tssgeom.route.resolution import (
     NO_ERRORS,
     SharedErrors,
@@ -29,6 +31,8 @@ from tssgeom.route.time_filter import PointFilter, begun, filtered, noise_left, 
 from tssgeom.route.tip import TipReadings, fit_tip
 from tssgeom.route.tracking import TrackedFit, follow
 from tssgeom.tendon.capstan import check_tension
+
+_ASTRAY = 2.0  # noise of a warm fit over that of the first one, above which it lost few points [1]; chosen
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,17 +103,29 @@ def fit_frame(
     if now is not None and now.warnings:
         shape = replace(shape, warnings=shape.warnings + now.warnings)
     last = None if last is None or (last.fit.chain or last.fit.spline) is None else last
+    bounded = stated is None and now is not None and last is not None and last.noise_bounded
+    noise = now.sensed_noise if bounded and now is not None else noise
     if given.marker_offset_mm:
         shape, tracked = follow_markers(shape, noise, given.marker_offset_mm, given.marker_axis, last)
     else:
         tracked = follow(shape, noise, last)
+        if now is not None and last is not None and _is_astray(tracked, last, now):
+            tracked, bounded = TrackedFit(measure(shape, now.sensed_noise), shape.index), True
     if now is None and given.time_filter:
         now = begun(frame.points, stated or tracked.fit.noise, frame.time)
     share = 1.0 if now is None else now.sensed_noise / now.noise
     fit, hidden = tracked.fit, 0.0 if last is None else last.hidden_share
     if tracked.age == 0 and _source(frame, rig) == (None, None):
         fit, hidden = with_hidden_share(fit, fit.noise * share)
-    return shape, replace(tracked, fit=fit, filtered=now, sensed_over_fitted=share, hidden_share=hidden)
+    return shape, replace(
+        tracked,
+        fit=fit,
+        filtered=now,
+        sensed_over_fitted=share,
+        hidden_share=hidden,
+        first_noise=fit.noise * share if tracked.age == 0 or last is None else last.first_noise,
+        noise_bounded=bounded,
+    )
 
 
 def with_shared_errors_of(frame: Frame, rig: Rig, tracked: TrackedFit) -> tuple[RouteFit, SharedErrors]:
@@ -153,6 +169,13 @@ def _in_order(frame: Frame, last: TrackedFit | None) -> Frame:
     path = along_the_shortest_path(frame.points, frame.directions, first)
     directions = None if frame.directions is None else read_only(frame.directions[path])
     return replace(frame, points=read_only(frame.points[path]), directions=directions)
+
+
+def _is_astray(tracked: TrackedFit, last: TrackedFit, now: PointFilter) -> bool:
+    """Whether few points are taken for noise that neither the first fit had nor differences in time show."""
+    if tracked.age == 0 or last.noise_bounded or len(tracked.fit.weight) > GRID.most_points:
+        return False
+    return tracked.fit.noise > _ASTRAY * max(last.first_noise, now.sensed_noise)
 
 
 def _source(frame: Frame, rig: Rig) -> tuple[Source | None, float | None]:

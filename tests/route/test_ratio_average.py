@@ -18,7 +18,7 @@ from tssgeom.route.synthetic import Course, half_circle, helix, positions
 from tssgeom.route.tracking import follow
 
 
-def _random_course(rng: np.random.Generator) -> Course:
+def random_course(rng: np.random.Generator) -> Course:
     """Half a metre of a smooth random route, or of one to six pieces."""
     if rng.random() < 0.5:
         count = rng.integers(1, 7)
@@ -38,7 +38,7 @@ def test_intervals_of_few_points_hold_the_true_angle(n, noise, known):
     off = []
     for seed in range(24):
         rng = np.random.default_rng([seed, n])
-        course = _random_course(rng)
+        course = random_course(rng)
         s = np.linspace(0.0, 0.5, n)
         s[1:-1] += 0.1 / (n - 1) * rng.standard_normal(n - 2)
         points = positions(course, s) + noise * rng.standard_normal((n, 3))
@@ -132,7 +132,7 @@ def test_few_sensors_with_directions_give_the_angle_as_hermite_pieces_do(n):
     ours, peer, inside = [], [], []
     for seed in range(16):
         rng = np.random.default_rng([seed, n, 7])
-        course = _random_course(rng)
+        course = random_course(rng)
         joints = np.concatenate(([0.0], np.cumsum(course.length)[:-1]))
         s, form = np.linspace(0.0, 0.5, n), form_of(np.zeros(3), np.eye(3), joints, course.bend)
         position, tangent, _ = along(s, form)

@@ -111,6 +111,10 @@ class TrackedFit:
     """The points as filtered in time, where they are."""
     sensed_over_fitted: float = 1.0
     """Noise of the sensed points over that of those that were fitted [1]."""
+    first_noise: float = 0.0
+    """Noise of the fit from which the warm ones began, as sensed [m]."""
+    noise_bounded: bool = False
+    """Whether fits of few points went astray, so that the noise is taken from differences in time."""
     hidden_share: float = 0.0
     """Share of Φ in short bends that may be errors of the points, where no source of them is stated [1]."""
 
