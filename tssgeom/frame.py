@@ -12,7 +12,7 @@ import numpy as np
 from tssgeom.arrays import Matrix, Points, Vector, read_only
 from tssgeom.errors import ShapeError, TssgeomError
 from tssgeom.rig import Rig, Source
-from tssgeom.route.directions import unit_directions
+from tssgeom.route.directions import NOISE_PRIOR, estimated_noise, unit_directions
 from tssgeom.route.fibre.sensed import clean_fibre, measure_fibre, sensed_shape
 from tssgeom.route.geometry import measure
 from tssgeom.route.marker_offset import follow_markers
@@ -99,7 +99,8 @@ def fit_frame(
     if now is None and given.time_filter and last is not None and last.filtered is not None:
         now = filtered(last.filtered, frame.points, last.fit.noise, frame.time)
     noise = stated if now is None else noise_left(now, stated)
-    shape = sensed_points(frame if now is None else replace(frame, points=now.points), rig)
+    turn = _direction_noise(rig, last)
+    shape = sensed_points(frame if now is None else replace(frame, points=now.points), rig, turn)
     if now is not None and now.warnings:
         shape = replace(shape, warnings=shape.warnings + now.warnings)
     last = None if last is None or (last.fit.chain or last.fit.spline) is None else last
@@ -111,6 +112,8 @@ def fit_frame(
         tracked = follow(shape, noise, last)
         if now is not None and last is not None and _is_astray(tracked, last, now):
             tracked, bounded = TrackedFit(measure(shape, now.sensed_noise), shape.index), True
+    if given.direction_noise_deg == "estimate" and tracked.age == 0:
+        shape, tracked = _with_direction_noise(shape, noise, tracked)
     if now is None and given.time_filter:
         now = begun(frame.points, stated or tracked.fit.noise, frame.time)
     share = 1.0 if now is None else now.sensed_noise / now.noise
@@ -125,6 +128,7 @@ def fit_frame(
         hidden_share=hidden,
         first_noise=fit.noise * share if tracked.age == 0 or last is None else last.first_noise,
         noise_bounded=bounded,
+        direction_noise=shape.direction_noise,
     )
 
 
@@ -214,8 +218,33 @@ def noise_of(frame: Frame, rig: Rig) -> float | None:
     return frame.noise if rig.shape.noise is None else rig.shape.noise
 
 
-def sensed_points(frame: Frame, rig: Rig) -> Shape:
+def _direction_noise(rig: Rig, last: TrackedFit | None) -> float | None:
+    """Return the noise of a component of sensed directions [rad]: stated, or as estimated so far."""
+    if rig.shape.direction_noise_deg != "estimate":
+        return rig.shape.direction_noise
+    return (0.0 if last is None else last.direction_noise) or NOISE_PRIOR.typical
+
+
+def _with_direction_noise(shape: Shape, noise: float | None, tracked: TrackedFit) -> tuple[Shape, TrackedFit]:
+    """Fit points and directions again, with the noise that the directions of each fit show; (170)."""
+    for _ in range(NOISE_PRIOR.rounds):
+        if shape.directions is None:
+            break
+        route, spline = tracked.fit.route, tracked.fit.spline
+        tangent = np.column_stack([np.interp(route.station, route.s, one) for one in route.tangent.T])
+        parameters = 0.0 if spline is None else 2.0 * spline.tangent_share * spline.freedom
+        estimate = estimated_noise(shape.directions, tangent, parameters)
+        if abs(estimate - shape.direction_noise) < NOISE_PRIOR.kept * shape.direction_noise:
+            break
+        shape = replace(shape, direction_noise=estimate)
+        tracked = TrackedFit(measure(shape, noise), shape.index, marker_axis=tracked.marker_axis)
+    return shape, tracked
+
+
+def sensed_points(frame: Frame, rig: Rig, direction_noise: float | None) -> Shape:
     """Check the points of a frame, and what else was sensed of its route.
+
+    The noise of a direction is that of each of its components [rad]; None where they are not to be used.
 
     Raises
     ------
@@ -229,7 +258,7 @@ def sensed_points(frame: Frame, rig: Rig) -> Shape:
         frame.points,
         frame.stations,
         frame.directions,
-        given.direction_noise,
+        direction_noise,
         frame.length,
         given.length_noise,
     )
@@ -249,7 +278,7 @@ def require_usable(frame: Frame) -> None:
     if frame.curvatures is not None:
         clean_fibre(frame.curvatures, frame.stations)
     elif _ends(frame, rig) is None:
-        sensed_points(frame, rig)
+        sensed_points(frame, rig, None)
     noise_of(frame, rig)
     if frame.tension_in is not None:
         check_tension(frame.tension_in)

@@ -112,8 +112,9 @@ class ShapeSensor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     """Standard deviation of each coordinate [mm]; left out, it is estimated from the points."""
     curvature_noise_per_m: float | None = None
     """Standard deviation of each curvature component of a fibre [1/m]; left out, it is estimated."""
-    direction_noise_deg: float | None = None
-    """Standard deviation of a component of a sensed direction [deg]; left out, directions are not used."""
+    direction_noise_deg: float | Literal["estimate"] | None = None
+    """Standard deviation of a component of a sensed direction [deg], or that it is to be estimated; left out,
+    directions are not used."""
     length_noise_mm: float = 1.0
     """Standard deviation of the stated length of a route [mm]."""
     angle_gain_sd: float = 0.0
@@ -138,7 +139,7 @@ class ShapeSensor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
             if value is not None:
                 remedy = f"give a finite value > 0 {unit}, or leave it out"
                 _require(math.isfinite(value) and value > 0, f"shape.{name}", value, remedy)
-        if (turn := self.direction_noise_deg) is not None:
+        if isinstance(turn := self.direction_noise_deg, float | int):
             remedy = "give a value > 0 deg and < 90 deg, or leave it out where no directions are sensed"
             _require(0 < turn < 90, "shape.direction_noise_deg", turn, remedy)
         _finite_at_least_zero("shape.length_noise_mm", self.length_noise_mm, "mm")
@@ -162,7 +163,8 @@ class ShapeSensor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     @property
     def direction_noise(self) -> float | None:
         """Standard deviation of a component of a sensed direction [rad], or None where not stated."""
-        return None if self.direction_noise_deg is None else math.radians(self.direction_noise_deg)
+        stated = self.direction_noise_deg
+        return math.radians(stated) if isinstance(stated, float | int) else None
 
     @property
     def length_noise(self) -> float:

@@ -3,13 +3,14 @@
 import numpy as np
 import pytest
 
-from tssgeom import core
+from tssgeom import Frame, Rig, analyse, core, process
 from tssgeom.errors import ShapeError
+from tssgeom.rig import ShapeSensor
 from tssgeom.route.arcs.chain import along, form_of
 from tssgeom.route.geometry import measure
 from tssgeom.route.observations import clean
 from tssgeom.route.spline.problem import FilterModel
-from tssgeom.route.synthetic import Course, chain, half_circle
+from tssgeom.route.synthetic import Course, chain, half_circle, helix
 from tssgeom.route.tracking import follow
 
 NOISE, TURN = 5e-4, np.radians(0.5)
@@ -191,3 +192,39 @@ def test_a_length_does_not_count_where_an_end_was_not_seen():
     shape = clean(points, length=float(s[-1]))
     assert shape.length is None
     assert "the stated length is not used: an end of the route was not seen" in shape.warnings
+
+
+@pytest.mark.parametrize("noise_deg", [0.3, 1.0, 3.0])
+def test_an_unknown_noise_of_directions_is_estimated(noise_deg):
+    off, known, alone, estimates = [], [], [], []
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        s = np.linspace(0.0, 0.42, 12)
+        points = helix(0.03, 0.04, s) + 5e-4 * rng.standard_normal((12, 3))
+        tangent = helix(0.03, 0.04, s + 1e-6) - helix(0.03, 0.04, s - 1e-6)
+        tangent /= np.linalg.norm(tangent, axis=1)[:, None]
+        sensed = tangent + np.radians(noise_deg) * rng.standard_normal((12, 3))
+        frame = Frame(points, directions=sensed / np.linalg.norm(sensed, axis=1)[:, None])
+        for values, noise in ((off, "estimate"), (known, noise_deg), (alone, None)):
+            result = analyse(frame, Rig(shape=ShapeSensor(direction_noise_deg=noise)))
+            values.append(result.arcs.total_angle - 0.42 * 0.03 / (0.03**2 + (0.02 / np.pi) ** 2))
+            if values is off:
+                estimates.append(np.degrees(result.tracked.direction_noise))
+    least = 0.65 * noise_deg
+    assert least < np.median(estimates) < max(1.35 * noise_deg, 1.1)  # of few sensors the prior of 1.1° shows
+    assert np.std(off) < np.std(alone)
+    assert noise_deg < 1.0 or np.std(off) < 1.3 * np.std(known)
+
+
+def test_a_stream_keeps_the_noise_of_directions_that_it_estimated():
+    s = np.linspace(0.0, 0.42, 12)
+    tangent = helix(0.03, 0.04, s + 1e-6) - helix(0.03, 0.04, s - 1e-6)
+    tangent /= np.linalg.norm(tangent, axis=1)[:, None]
+    rng, frames = np.random.default_rng(0), []
+    for k in range(4):
+        points = helix(0.03, 0.04, s) + 2e-4 * rng.standard_normal((12, 3))
+        frames.append(Frame(points, 0.02 * k, directions=tangent))
+    rig = Rig(shape=ShapeSensor(direction_noise_deg="estimate"))
+    noises = [one.tracked.direction_noise for one in process(frames, rig, tension_in=5.0)]
+    assert 0.0 < noises[0] < 0.02
+    assert noises[1:] == [noises[0]] * 3

@@ -23,6 +23,40 @@ class DirectionLimits:
 LIMITS = DirectionLimits()
 
 
+@dataclass(frozen=True, slots=True)
+class DirectionNoisePrior:
+    """What is known beforehand of a noise that is to be estimated."""
+
+    typical: float = 0.02
+    """Standard deviation of a component [rad]. Chosen: magnetic trackers have 0.005 to 0.05."""
+    values: float = 4.0
+    """Residuals that it is worth. Chosen: two sensors outweigh it; too small a noise does more harm."""
+    rounds: int = 4
+    """Fits, each with the noise of the one before. Chosen: the last changes it by a few per cent."""
+    kept: float = 0.05
+    """Relative change of the noise that makes no new fit. Chosen."""
+
+
+NOISE_PRIOR = DirectionNoisePrior()
+
+
+def estimated_noise(directions: Points, tangent: Points, parameters: float) -> float:
+    """Return the standard deviation of a component of sensed directions, from a fit to them [rad]; (170).
+
+    Parameters
+    ----------
+    directions, tangent
+        Unit vectors as sensed, a row of NaN where none was, and tangents of the fit there [n, 3].
+    parameters
+        Parameters of the fit that the directions determined [1].
+    """
+    off = directions - tangent
+    off = off[~np.isnan(off).any(axis=1)]
+    values = max(2.0 * len(off) - parameters, 0.0)
+    square = NOISE_PRIOR.values * NOISE_PRIOR.typical**2 + float(np.sum(off**2))
+    return float(np.sqrt(square / (NOISE_PRIOR.values + values)))
+
+
 def checked_directions(directions: Points, points: Points) -> tuple[Points, tuple[str, ...]]:
     """Return unit tangents [n, 3] at the points [n, 3], rows of NaN where none can be used, and warnings.
 

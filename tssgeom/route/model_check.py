@@ -115,6 +115,8 @@ class TrackedFit:
     """Noise of the fit from which the warm ones began, as sensed [m]."""
     noise_bounded: bool = False
     """Whether fits of few points went astray, so that the noise is taken from differences in time."""
+    direction_noise: float = 0.0
+    """Noise of a component of sensed directions that was estimated [rad]."""
     hidden_share: float = 0.0
     """Share of Φ in short bends that may be errors of the points, where no source of them is stated [1]."""
 

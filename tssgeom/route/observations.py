@@ -96,7 +96,7 @@ def _with_directions(
     shape: Shape, directions: Points, noise: float | None, points: Points, index: np.ndarray | None
 ) -> Shape:
     if not noise:
-        unused = "directions are not used: state their noise, [shape] direction_noise_deg"
+        unused = "directions are not used: state their noise, [shape] direction_noise_deg, or 'estimate'"
         return replace(shape, warnings=(*shape.warnings, unused))
     unit, warnings = checked_directions(directions, points)
     unit = unit if index is None else unit[index]
