@@ -115,11 +115,12 @@ def analyse_same(
     chosen = Rig() if rig is None else rig
     routes = [fit_frame(frame, chosen) for frame in frames]
     common = common_route([tracked.fit for _, tracked in routes])
-    (shape, tracked), fit = routes[0], common.fit
+    (shape, tracked), fit = routes[common.line], common.fit
     words = (
         f"{len(routes)} lines of one route: a coordinate of one errs by {1e3 * common.error:.3g} mm, alike "
         f"over {1e3 * common.error_length:.3g} mm"
     )
     shape = replace(shape, warnings=(*shape.warnings, words))
     sensed = SensedRoute(shape, tracked, fit, common.shared)
-    return pulled(0, frames[0], pretensioned(chosen), chosen, tension_in, sensed), common
+    frame = replace(frames[0], points=frames[common.line].points)
+    return pulled(0, frame, pretensioned(chosen), chosen, tension_in, sensed), common

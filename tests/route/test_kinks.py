@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from tssgeom.route.arcs.corners import _turned
 from tssgeom.route.geometry import measure
 from tssgeom.route.observations import clean
 from tssgeom.route.tracking import follow
@@ -55,3 +56,13 @@ def test_a_coarse_polygon_says_how_little_its_points_tell():
     points, s, angle = _polygon("two", 10, 0.0)
     arcs = measure(clean(points, s)).arcs
     assert abs(arcs.total_angle - angle) < 2.0 * arcs.total_angle_se
+
+
+def test_a_frame_stays_square_over_thousands_of_turns():
+    rng, frame = np.random.default_rng(0), np.eye(3)
+    for _ in range(2000):
+        tangent = rng.standard_normal(3)
+        tangent /= np.linalg.norm(tangent)
+        _, frame = _turned(frame, tangent)
+    np.testing.assert_allclose(frame @ frame.T, np.eye(3), atol=1e-12)
+    np.testing.assert_allclose(frame[0], tangent, atol=1e-12)

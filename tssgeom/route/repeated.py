@@ -45,8 +45,10 @@ LIMITS = RepeatLimits()
 class Repeated(NamedTuple):
     """What lines of one route have in common, and how they differ."""
 
+    line: int
+    """The line that stands for all: of those that run as the first one, that of the most usual length."""
     fit: RouteFit
-    """The first line with the angle of all."""
+    """Its fit with the angle of all."""
     shared: SharedErrors
     """Variances beside those of the fit."""
     error: float
@@ -92,11 +94,12 @@ def common_route(fits: Sequence[RouteFit]) -> Repeated:
     own = sum(fit.arcs.total_angle_se**2 for fit in fits) / len(fits) ** 2  # few may agree
     square = np.maximum(square, own) * (len(fits) / (len(fits) - 1))
     best = int(np.argmin(square))
-    fit, _ = at_resolution(fits[0], float(share[best]) * mean_length)
+    line = int(np.argmin(np.where(reversed_, np.inf, np.abs(length - mean_length))))
+    fit, _ = at_resolution(fits[line], float(share[best]) * mean_length)
     fit = _with_total(fit, float(corrected[best]))
     of_length = float(length.var(ddof=1)) / len(fits)
     error, error_length = _differences(fits, reversed_)
-    return Repeated(fit, SharedErrors(float(square[best]), of_length), error, error_length)
+    return Repeated(line, fit, SharedErrors(float(square[best]), of_length), error, error_length)
 
 
 def _with_total(fit: RouteFit, angle: float) -> RouteFit:

@@ -117,4 +117,8 @@ def _turned(frame: np.ndarray, tangent: np.ndarray) -> tuple[np.ndarray, np.ndar
         along, out = float(axis @ before), float(axis @ towards)
         axis += (along * (cosine - 1.0) - out * sine) * before
         axis += (along * sine + out * (cosine - 1.0)) * towards
+    turned[0] = tangent
+    for k in (1, 2):  # rounding would grow from turn to turn
+        turned[k] -= turned[:k].T @ (turned[:k] @ turned[k])
+        turned[k] /= np.linalg.norm(turned[k])
     return share * math.atan2(sine, cosine), turned
