@@ -142,8 +142,10 @@ def with_shared_errors_of(frame: Frame, rig: Rig, tracked: TrackedFit) -> tuple[
 
 def _ends(frame: Frame, rig: Rig) -> TipReadings | None:
     """Return base and tip of a frame that has not enough points for a fit, but the length between them."""
+    if frame.length is None or frame.directions is None:
+        return None
     used = np.flatnonzero(~np.isnan(frame.points).any(axis=1))
-    if len(used) not in range(2, MIN_POINTS) or frame.length is None or frame.directions is None:
+    if len(used) not in range(2, MIN_POINTS):
         return None
     unit = unit_directions(frame.directions, frame.points)
     if np.isnan(unit[used[0]]).any():
