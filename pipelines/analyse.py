@@ -16,9 +16,8 @@ from pipelines.options import TENSION_IN, Figures, Inputs, Json, Quiet, RigFile,
 from pipelines.terminal import json_text, print_json
 
 if TYPE_CHECKING:
-    from pipelines.inputs import RunSettings
+    from pipelines.inputs import Refusal, RunSettings
     from pipelines.lumen import SensedLumen
-    from tssgeom.frame import Frame
     from tssgeom.io.results.shapes import Analysis
 
 _SLENDERNESS = 150
@@ -55,14 +54,13 @@ def analyse(
     settings = run_settings(rig, tension_in, unit, lumen=lumen, tube_mm=tube_mm)
     if export and out is None:
         raise SettingsError(f"--export {export}: there is no folder to write to: give --out DIR too")
-    results = _Results(settings, out, selected_endings(export), figures)
+    results = _Results(settings, out, selected_endings(export), figures, same=same)
     inputs = list(inputs_of(shapes, besides=[] if out is None else [out]))
     tally = each_analysis(inputs, settings, results.add, quiet=quiet or as_json)
-    if same:
-        tally.frames_refused += not results.add_common()
-    one_file = (
-        inputs == list(shapes) and len(inputs) == 1 and not same
-    )  # no folder of files, no file of several shapes
+    if same and (refusal := results.add_common()) is not None:
+        tally.refuse(refusal)
+    # no folder of files, no file of several shapes
+    one_file = inputs == list(shapes) and len(inputs) == 1 and not same
     results.report(one_file=one_file, as_json=as_json, quiet=quiet)
     raise typer.Exit(tally.status)
 
@@ -71,12 +69,18 @@ class _Results:
     """JSON objects and summary rows of all inputs, and the files of each."""
 
     def __init__(
-        self, settings: RunSettings, out: Path | None, endings: Sequence[str], figures: Path | None
+        self,
+        settings: RunSettings,
+        out: Path | None,
+        endings: Sequence[str],
+        figures: Path | None,
+        *,
+        same: bool,
     ) -> None:
         self._settings, self._out, self._endings, self._figures = settings, out, endings, figures
         self._objects, self._rows = list[dict[str, Any]](), list[dict[str, Any]]()
-        self._first: Analysis | None = None
-        self._frames: list[Frame] = []
+        self._same = same
+        self._lines: list[Analysis] = []
 
     def add(self, analysis: Analysis) -> None:
         """Take in the analysis of one input, and write its files."""
@@ -84,8 +88,8 @@ class _Results:
         from pipelines.lumen import add_clearance, lumen_of
         from tssgeom.io.results.shapes import analysis_object, summary_row
 
-        self._first = self._first or analysis
-        self._frames.append(analysis.representative.frame)
+        if self._same:
+            self._lines.append(analysis)
         self._objects.append(analysis_object(analysis))
         self._rows.append(summary_row(analysis))
         lumen = lumen_of(Path(analysis.source), analysis.unit, self._settings)
@@ -96,22 +100,20 @@ class _Results:
         if self._figures is not None:
             write_shape_figures(self._figures, analysis.name, analysis.results, timed=analysis.timed)
 
-    def add_common(self) -> bool:
-        """Estimate the one route that all shapes are, and add it as a shape; return whether it is one."""
+    def add_common(self) -> Refusal | None:
+        """Estimate the one route that all shapes are, and add it as a shape; return why it is none."""
         from pipelines.inputs import Refusal, attempt
-        from pipelines.terminal import print_message
         from tssgeom.analysis import analyse_same
         from tssgeom.io.results.shapes import Analysis, frame_row
         from tssgeom.summary import RunningSummary
 
-        settings, frames, first = self._settings, list(self._frames), self._first
-        work = partial(analyse_same, frames, settings.rig, tension_in=settings.tension_in)
+        frames = [line.representative.frame for line in self._lines]
+        work = partial(analyse_same, frames, self._settings.rig, tension_in=self._settings.tension_in)
         outcome = attempt("--same", work)
-        if first is None or isinstance(outcome, Refusal):
-            print_message(f"--same: {outcome.reason}" if isinstance(outcome, Refusal) else "--same: no shape")
-            return False
+        if isinstance(outcome, Refusal):
+            return Refusal(outcome.source, f"--same: {outcome.reason.removeprefix('--same: ')}")
         result, common = outcome
-        running = RunningSummary.of(1)
+        running, first = RunningSummary.of(1), self._lines[0]
         running.add(result, frame_row(result))
         self.add(Analysis("same_route", first.source, first.unit, first.kind, False, running.close()))
         self._objects[-1] |= {
@@ -119,7 +121,7 @@ class _Results:
             "error_m": common.error,
             "error_length_m": common.error_length,
         }
-        return True
+        return None
 
     def report(self, *, one_file: bool, as_json: bool, quiet: bool) -> None:
         """Write result.json and print JSON or the table; of one file the object itself, else a list."""

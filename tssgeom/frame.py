@@ -12,10 +12,12 @@ import numpy as np
 from tssgeom.arrays import Matrix, Points, Vector, read_only
 from tssgeom.errors import ShapeError, TssgeomError
 from tssgeom.rig import Rig, Source
-from tssgeom.route.directions import NOISE_PRIOR, estimated_noise, unit_directions
+from tssgeom.route.directions import NOISE_PRIOR as DIRECTION_NOISE
+from tssgeom.route.directions import estimated_noise, unit_directions
 from tssgeom.route.fibre.sensed import clean_fibre, measure_fibre, sensed_shape
 from tssgeom.route.geometry import measure
 from tssgeom.route.marker_offset import follow_markers
+from tssgeom.route.model_choice import NOISE_PRIOR as POINT_NOISE
 from tssgeom.route.observations import MIN_POINTS, Shape, clean
 from tssgeom.route.order import along_the_shortest_path
 from tssgeom.route.ratio_average import GRID
@@ -104,8 +106,9 @@ def fit_frame(
     if now is not None and now.warnings:
         shape = replace(shape, warnings=shape.warnings + now.warnings)
     last = None if last is None or (last.fit.chain or last.fit.spline) is None else last
-    bounded = stated is None and now is not None and last is not None and last.noise_bounded
-    noise = now.sensed_noise if bounded and now is not None else noise
+    bounded = noise is None and last is not None and last.noise_bounded
+    if bounded and now is not None:
+        noise = now.sensed_noise
     if given.marker_offset_mm:
         shape, tracked = follow_markers(shape, noise, given.marker_offset_mm, given.marker_axis, last)
     else:
@@ -159,8 +162,8 @@ def _ends(frame: Frame, rig: Rig) -> TipReadings | None:
         tip_direction=None if np.isnan(unit[used[-1]]).any() else unit[used[-1]],
         length=frame.length,
         length_noise=rig.shape.length_noise,
-        noise=noise_of(frame, rig),
-        direction_noise=rig.shape.direction_noise,
+        noise=noise_of(frame, rig) or POINT_NOISE.typical * frame.length,
+        direction_noise=rig.shape.direction_noise or DIRECTION_NOISE.typical,
     )
 
 
@@ -224,19 +227,19 @@ def _direction_noise(rig: Rig, last: TrackedFit | None) -> float | None:
     """Return the noise of a component of sensed directions [rad]: stated, or as estimated so far."""
     if rig.shape.direction_noise_deg != "estimate":
         return rig.shape.direction_noise
-    return (0.0 if last is None else last.direction_noise) or NOISE_PRIOR.typical
+    return (0.0 if last is None else last.direction_noise) or DIRECTION_NOISE.typical
 
 
 def _with_direction_noise(shape: Shape, noise: float | None, tracked: TrackedFit) -> tuple[Shape, TrackedFit]:
     """Fit points and directions again, with the noise that the directions of each fit show; (170)."""
-    for _ in range(NOISE_PRIOR.rounds):
+    for _ in range(DIRECTION_NOISE.rounds):
         if shape.directions is None:
             break
         route, spline = tracked.fit.route, tracked.fit.spline
         tangent = np.column_stack([np.interp(route.station, route.s, one) for one in route.tangent.T])
         parameters = 0.0 if spline is None else 2.0 * spline.tangent_share * spline.freedom
         estimate = estimated_noise(shape.directions, tangent, parameters)
-        if abs(estimate - shape.direction_noise) < NOISE_PRIOR.kept * shape.direction_noise:
+        if abs(estimate - shape.direction_noise) < DIRECTION_NOISE.kept * shape.direction_noise:
             break
         shape = replace(shape, direction_noise=estimate)
         tracked = TrackedFit(measure(shape, noise), shape.index, marker_axis=tracked.marker_axis)

@@ -15,7 +15,7 @@ from tssgeom.route.model_choice import (
     undecided,
 )
 from tssgeom.route.observations import clean
-from tssgeom.route.pieces import spread_over_angles
+from tssgeom.route.pieces import spread_over
 from tssgeom.route.synthetic import chain, positions
 
 
@@ -81,6 +81,6 @@ def test_the_variance_over_models_is_within_plus_between():
 
 
 def test_a_variance_of_the_whole_angle_is_spread_over_the_pieces():
-    spread = spread_over_angles(np.array([1.0, 0.0, 3.0]), 0.04)
+    spread = spread_over(np.array([1.0, 0.0, 3.0]), 0.04)
     assert spread.sum() == pytest.approx(0.04, rel=1e-15)
     assert not spread[1].any()

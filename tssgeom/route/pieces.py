@@ -107,7 +107,7 @@ def constant_curvature_pieces(spline: Spline) -> Arcs:
     return smooth_geometry(spline)[1]
 
 
-def spread_over_angles(angle: Vector, variance: float) -> Matrix:
-    """Spread a variance of the whole angle over the pieces in proportion to their angles [k, k] [rad²]."""
-    share = angle / max(angle.sum(), 1e-12)  # a chain that is refused may even turn back
-    return np.outer(share, share) * variance
+def spread_over(value: Vector, variance: float) -> Matrix:
+    """Spread the variance of a sum of angles or lengths over the pieces in proportion to these [k, k]."""
+    share = value / max(value.sum(), 1e-12)  # a chain that is refused may even turn back
+    return (variance * share)[:, None] * share

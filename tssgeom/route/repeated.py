@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from tssgeom.arrays import Matrix, Points, Vector, read_only
 from tssgeom.errors import ShapeError
 from tssgeom.route.resolution import LIMITS as RESOLUTION
-from tssgeom.route.resolution import SharedErrors, at_resolution, sampled_bend
+from tssgeom.route.resolution import SharedErrors, at_resolution, left_of_waves, sampled_bend
 from tssgeom.route.route_fit import RouteFit
 
 
@@ -117,7 +117,7 @@ def _aligned(turn: Sequence[Matrix], length: Vector) -> tuple[Matrix, list[bool]
     """Turn the bends of all lines to that of the first; returns their waves [k, n, 2], and which run back."""
     first = _waves(turn[0])
     waves, back = [first], [False]
-    coarse = _halving(len(first), LIMITS.coarsest)[:, None] ** 2
+    coarse = left_of_waves(len(first), LIMITS.coarsest)[:, None] ** 2
     for i, one in enumerate(turn[1:], start=1):
         if abs(length[i] - length[0]) > LIMITS.most_difference * float(length.mean()):
             raise ShapeError(
@@ -160,13 +160,8 @@ def _waves(turn: Matrix) -> Matrix:
     return np.asarray(dct(turn, axis=0, norm="ortho"))
 
 
-def _halving(count: int, share: float) -> Vector:
-    """Return what is left of each wave at a resolution, over the length of the route [1]."""
-    return np.exp2(-((np.arange(count) * 0.5 * share) ** 2))
-
-
 def _angle(waves: Matrix, share: float) -> float:
-    kept = np.asarray(idct(waves * _halving(len(waves), share)[:, None], axis=0, norm="ortho"))
+    kept = np.asarray(idct(waves * left_of_waves(len(waves), share)[:, None], axis=0, norm="ortho"))
     return float(np.linalg.norm(kept, axis=1).mean())
 
 

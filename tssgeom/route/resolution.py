@@ -16,7 +16,7 @@ import numpy as np
 from tssgeom import core
 from tssgeom.arrays import Matrix, Vector, read_only
 from tssgeom.rig import Source
-from tssgeom.route.pieces import Arcs
+from tssgeom.route.pieces import Arcs, spread_over
 from tssgeom.route.route import Route, carried
 from tssgeom.route.route_fit import Deferred, Nodes, RouteFit
 
@@ -86,11 +86,11 @@ class SharedErrors(NamedTuple):
         if self == NO_ERRORS:
             return arcs
         k = len(arcs.length)
-        by_length = arcs.length / arcs.total_length
-        by_angle = arcs.angle / max(arcs.total_angle, 1e-12)
         covariance = np.array(arcs.covariance)
-        covariance[:k, :k] += self.length * np.outer(by_length, by_length)
-        covariance[k:, k:] += self.angle * np.outer(by_angle, by_angle)
+        if self.length > 0.0:
+            covariance[:k, :k] += spread_over(arcs.length, self.length)
+        if self.angle > 0.0:
+            covariance[k:, k:] += spread_over(arcs.angle, self.angle)
         return replace(arcs, covariance=read_only(covariance))
 
     def beside(self, fit: RouteFit) -> RouteFit:
@@ -217,11 +217,15 @@ class _Waves:
 
     def angle(self, resolution: float) -> Vector:
         """Return the accumulated angle at the edges at a resolution [m] [rad]."""
-        # a wave as long as the resolution is halved
-        share = np.arange(len(self.amplitude)) * (0.5 * resolution / float(self.edge[-1]))
-        kept = np.fft.irfft(self.amplitude * np.exp2(-(share**2))[:, None], axis=0)
+        share = left_of_waves(len(self.amplitude), resolution / float(self.edge[-1]))
+        kept = np.fft.irfft(self.amplitude * share[:, None], axis=0)
         turn = np.linalg.norm(kept[: len(self.edge) - 1], axis=1) * np.diff(self.edge)
         return self.scale * np.concatenate(([0.0], np.cumsum(turn)))
+
+
+def left_of_waves(count: int, resolution: float) -> Vector:
+    """Return what is left of each cosine at a resolution over the length: half of a wave as long as it."""
+    return np.exp2(-((np.arange(count) * 0.5 * resolution) ** 2))
 
 
 def _waves(fit: RouteFit) -> _Waves:

@@ -15,7 +15,7 @@ from tssgeom.arrays import Matrix, Points, Vector, read_only
 from tssgeom.errors import FitError
 from tssgeom.route.arcs.chain import Chain
 from tssgeom.route.curvature import CurvatureProfile
-from tssgeom.route.pieces import Arcs, spread_over_angles
+from tssgeom.route.pieces import Arcs, spread_over
 from tssgeom.route.route import Route
 from tssgeom.route.spline.fit import Spline
 
@@ -136,7 +136,7 @@ class RouteFit:
         return replace(self, warnings=(*self.warnings, text))
 
     def scaled(self, share: float, arcs: Arcs) -> RouteFit:
-        """Return the fit with other pieces, whose angles are all this share of those before."""
+        """Return the fit with other pieces, whose angles are all this share, and without errors of angles."""
         return replace(self, arcs=arcs, nodes=Deferred(partial(_with_scaled_angle, self.nodes, share)))
 
     def with_model_choice_variance(self, variance: float) -> RouteFit:
@@ -146,7 +146,7 @@ class RouteFit:
         arcs = self.arcs
         k = len(arcs.length)
         covariance = np.array(arcs.covariance)
-        covariance[k:, k:] += spread_over_angles(arcs.angle, variance)
+        covariance[k:, k:] += spread_over(arcs.angle, variance)
         return replace(
             self,
             nodes=Deferred(partial(_with_angle_variance, self.nodes, variance)),

@@ -24,16 +24,12 @@ class TipPrior:
     waves: int = 4
     """Cosines of each component of the curvature. Chosen: three segments and their joints."""
     turn: float = 2.0
-    """Standard deviation of the turn by the first; it falls with the root of the number of
-    the others [rad]. Chosen: catheters and segments of tendon robots turn by a quarter to a half circle."""
+    """Standard deviation of the turn by the first; it falls with the root of the number of the others
+    [rad]. Chosen: catheters and segments of tendon robots turn by a quarter to a half circle."""
     cells: int = 24
     """Even cells. Chosen: a cell turns by 0.2 rad."""
     pieces: int = 8
     """Pieces of constant curvature that are reported. Chosen: two for each wave."""
-    noise: float = 1e-3
-    """Noise of a sensed point where none is known, over the length [1]. Chosen: as in (150)."""
-    direction_noise: float = 0.02
-    """The same of a direction [rad]. Chosen: magnetic trackers."""
     steps: int = 40
     """Most steps of Gauss and Newton. Chosen: ten are usual."""
     draws: int = 400
@@ -63,9 +59,9 @@ class TipReadings(NamedTuple):
     """Length of the route between both [m]."""
     length_noise: float
     """Standard deviation of the length [m]."""
-    noise: float | None
+    noise: float
     """Standard deviation of a coordinate of the tip [m]."""
-    direction_noise: float | None
+    direction_noise: float
     """Standard deviation of a component of a direction [rad]."""
 
 
@@ -79,9 +75,8 @@ def fit_tip(sensed: TipReadings) -> RouteFit:
     FitError
         Where no route fits both.
     """
-    noise = sensed.noise or PRIOR.noise * sensed.length
     chord = float(np.linalg.norm(sensed.tip - sensed.base))
-    allowed = math.hypot(noise, sensed.length_noise)
+    allowed = math.hypot(sensed.noise, sensed.length_noise)
     if chord > sensed.length + PRIOR.beyond * allowed:
         raise ShapeError(
             f"the tip lies {1e3 * chord:.5g} mm from the base, the route is {1e3 * sensed.length:.5g} mm "
@@ -93,7 +88,7 @@ def fit_tip(sensed: TipReadings) -> RouteFit:
             f"the tip lies {1e3 * (chord - sensed.length):.2g} mm farther from the base than the length of "
             f"{1e3 * sensed.length:.5g} mm: check the length, and where the base is",
         )
-    mean, covariance = _posterior(sensed, noise)
+    mean, covariance = _posterior(sensed)
     root = np.linalg.cholesky(covariance)
     draws = mean + np.random.default_rng(0).standard_normal((PRIOR.draws, len(mean))) @ root.T
     # routes with the fewest waves are the commonest: the likeliest one counts as much as all others
@@ -110,7 +105,7 @@ def fit_tip(sensed: TipReadings) -> RouteFit:
     )
     return RouteFit(
         arcs=arcs,
-        noise=noise,
+        noise=sensed.noise,
         weight=read_only(np.ones(2)),
         nodes=available(_nodes(sensed, mean, turn, float(length.mean()))),
         evidence=available(0.0),
@@ -118,21 +113,21 @@ def fit_tip(sensed: TipReadings) -> RouteFit:
     )
 
 
-def _posterior(sensed: TipReadings, noise: float) -> tuple[Vector, Matrix]:
+def _posterior(sensed: TipReadings) -> tuple[Vector, Matrix]:
     """Most likely coefficients, each over its prior standard deviation, and their covariance."""
     size, damping = 2 * PRIOR.waves + 3, 1e-3  # waves of both components, tilt of the base twice, length
     at = np.zeros(size)
     at[0], at[PRIOR.waves] = _arc(sensed) / PRIOR.turn  # a straight route would be a saddle
-    left, slope = _slope(sensed, noise, at)
+    left, slope = _slope(sensed, at)
     for _ in range(PRIOR.steps):
         normal, pull = slope.T @ slope, slope.T @ left + at
         there = at - np.linalg.solve(normal + (1.0 + damping) * np.eye(size), pull)
-        before, after = left @ left + at @ at, np.sum(_left(sensed, noise, there[None]) ** 2) + there @ there
+        before, after = left @ left + at @ at, np.sum(_left(sensed, there[None]) ** 2) + there @ there
         if not after <= before:
             damping *= 10.0
             continue
         at, damping = there, 0.1 * damping
-        left, slope = _slope(sensed, noise, at)
+        left, slope = _slope(sensed, at)
         if before - after < 1e-6 * (1.0 + before):
             break
     covariance = np.asarray(np.linalg.inv(slope.T @ slope + np.eye(size)), dtype=np.float64)
@@ -141,10 +136,10 @@ def _posterior(sensed: TipReadings, noise: float) -> tuple[Vector, Matrix]:
     return at, covariance
 
 
-def _slope(sensed: TipReadings, noise: float, at: Vector) -> tuple[Vector, Matrix]:
+def _slope(sensed: TipReadings, at: Vector) -> tuple[Vector, Matrix]:
     """Return what is left at some coefficients, and how it changes with each of them."""
     size, step = len(at), 1e-5
-    moved = _left(sensed, noise, at + step * np.vstack((np.zeros((1, size)), np.eye(size), -np.eye(size))))
+    moved = _left(sensed, at + step * np.vstack((np.zeros((1, size)), np.eye(size), -np.eye(size))))
     return moved[0], (moved[1 : size + 1] - moved[size + 1 :]).T / (2.0 * step)
 
 
@@ -176,7 +171,7 @@ def _frames(sensed: TipReadings, at: Matrix) -> tuple[np.ndarray, np.ndarray]:
     first, second = core.normals(sensed.base_direction)
     axes = np.empty((count, PRIOR.cells + 1, 3, 3))  # rows: tangent, first, second
     position = np.zeros((count, PRIOR.cells + 1, 3))
-    tilt = (sensed.direction_noise or PRIOR.direction_noise) * at[:, -3:-1]
+    tilt = sensed.direction_noise * at[:, -3:-1]
     axes[:, 0] = _turned(np.array([sensed.base_direction, first, second]), tilt)
     for k in range(PRIOR.cells):
         axes[:, k + 1] = _turned(axes[:, k], bend[:, k])
@@ -200,14 +195,14 @@ def _turned(axes: np.ndarray, by: Matrix) -> np.ndarray:
     return turn @ axes
 
 
-def _left(sensed: TipReadings, noise: float, at: Matrix) -> Matrix:
+def _left(sensed: TipReadings, at: Matrix) -> Matrix:
     """Return what is left between readings and routes, over the noise of each."""
     position, axes = _frames(sensed, at)
     length = sensed.length + sensed.length_noise * at[:, -1]
-    off = (sensed.base + length[:, None] * position[:, -1] - sensed.tip) / noise
+    off = (sensed.base + length[:, None] * position[:, -1] - sensed.tip) / sensed.noise
     if sensed.tip_direction is None:
         return off
-    turned = (axes[:, -1, 0] - sensed.tip_direction) / (sensed.direction_noise or PRIOR.direction_noise)
+    turned = (axes[:, -1, 0] - sensed.tip_direction) / sensed.direction_noise
     return np.hstack((off, turned))
 
 
@@ -226,7 +221,7 @@ def _nodes(sensed: TipReadings, mean: Vector, turn: Matrix, length: float) -> No
         position=read_only(sensed.base + length * position[0]),
         tangent=read_only(axes[0, :, 0]),
         curvature_vector=read_only(np.einsum("nc,nci->ni", at_edges, axes[0, :, 1:])),
-        noise=sensed.noise or PRIOR.noise * sensed.length,
+        noise=sensed.noise,
         weight=read_only(np.ones(2)),
         station=read_only(np.array([0.0, length])),
         residual=read_only(np.array([np.zeros(3), sensed.tip - sensed.base - length * position[0, -1]])),

@@ -23,7 +23,7 @@ from tssgeom.route.fibre.models import (
     posterior,
     wander_nodes,
 )
-from tssgeom.route.pieces import Arcs, spread_over_angles
+from tssgeom.route.pieces import Arcs, spread_over
 from tssgeom.route.route import Route, accumulated
 from tssgeom.route.route_fit import Nodes, RouteFit, available
 
@@ -103,7 +103,7 @@ def _partition_arcs(kappa: Vector, spread: Vector, length: Vector, shift: Vector
     covariance[k:, k:] += np.diag(length**2 * spread)
     angle = kappa * length
     rest = max(variance - covariance[k:, k:].sum(), 0.0)
-    covariance[k:, k:] += spread_over_angles(angle if angle.sum() > 0.0 else length, rest)
+    covariance[k:, k:] += spread_over(angle if angle.sum() > 0.0 else length, rest)
     return Arcs(read_only(length), read_only(angle), read_only(covariance), "arcs")
 
 
@@ -154,7 +154,7 @@ def _wander_arcs(ends: Vector, phi: Vector, of_phi: Matrix, variance: float) -> 
     k = len(length)
     covariance = np.zeros((2 * k, 2 * k))
     covariance[k:, k:] = np.diff(np.diff(of_phi, axis=0), axis=1)
-    covariance[k:, k:] += spread_over_angles(angle, max(variance - float(of_phi[-1, -1]), 0.0))
+    covariance[k:, k:] += spread_over(angle, max(variance - float(of_phi[-1, -1]), 0.0))
     return Arcs(read_only(length), read_only(angle), read_only(covariance), "spline")
 
 
