@@ -26,7 +26,7 @@ _SCALING, _QUICK_SCALING = (200, 500, 1000, 2000, 5000, 10000), (200, 800, 3000)
 _PAIRS, _QUICK_PAIRS = 400, 20
 _REPEATS, _QUICK_REPEATS = 9, 2
 _STEPS, _QUICK_STEPS = 200, 20
-_FRAMES, _QUICK_FRAMES, _SCALING_FRAMES = 16, 4, 2  # different frames, taken in turn
+_FRAMES, _QUICK_FRAMES = 16, 4  # different frames, taken in turn
 _FINE = 1e-6  # a clock has to resolve this [s]
 
 Clock = Callable[[], float]
@@ -124,7 +124,7 @@ def _scaling_table(counts: Sequence[int], repeats: int, clock: Clock, *, markdow
     """Fit a power of N to the median time of each stage."""
     medians: dict[str, list[float]] = {stage.name: [] for stage in STAGES}
     for n in counts:
-        sensed = frames(n, _SCALING_FRAMES)
+        sensed = frames(n, _FRAMES)
         for stage in STAGES:
             upcoming = stage.calls(sensed)
             next(upcoming)()

@@ -12,6 +12,7 @@ from typing import Literal
 import numpy as np
 
 from tssgeom import core
+from tssgeom.core.constants_arcs import CHAIN_MOVES
 from tssgeom.errors import FitError
 from tssgeom.route.arcs.chain import Chain, Data, fit_fixed_pieces, unfitted
 from tssgeom.route.arcs.corners import cornered
@@ -287,7 +288,7 @@ def _competitive(data: Data, chain: Chain, spline: Spline) -> Chain | None:
 def first_chain(data: Data, smooth: RouteFit) -> Chain:
     """First guess of a chain from a smooth fit; directions identify even pieces of few points."""
     chain = _chain_of_pieces(smooth.route, smooth.arcs)
-    return chain if data.tangents is None else _without_short_pieces(chain, data)
+    return _merged(chain, 0.0 if data.tangents is None else START.shortest * data.spacing)
 
 
 def _chain_of_pieces(route: Route, arcs: Arcs) -> Chain:
@@ -301,13 +302,16 @@ def _chain_of_pieces(route: Route, arcs: Arcs) -> Chain:
     return unfitted(route.position[0], axes, arcs.s_start, bend, np.array(route.station))
 
 
-def _without_short_pieces(chain: Chain, data: Data) -> Chain:
-    """Merge each piece that is too short for a first guess with the neighbour that bends most alike."""
+def _merged(chain: Chain, shortest: float) -> Chain:
+    """Merge pieces below a length [m], and the shortest of too many, with the neighbour that bends alike.
+
+    A smooth fit that follows the noise has hundreds of pieces, and the work of a chain grows with their cube.
+    """
     joints, bend = np.append(chain.joints, chain.stations[-1]), chain.bend
     while len(bend) > 1:
         length = np.diff(joints)
         i = int(np.argmin(length))
-        if length[i] >= START.shortest * data.spacing:
+        if length[i] >= shortest and len(bend) <= CHAIN_MOVES.most_pieces:
             break
         unlike = np.linalg.norm(np.diff(bend, axis=0), axis=1)
         lower = min(range(max(i - 1, 0), min(i + 1, len(bend) - 1)), key=lambda j: unlike[j])

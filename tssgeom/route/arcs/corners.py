@@ -9,7 +9,7 @@ import numpy as np
 
 from tssgeom import core
 from tssgeom.arrays import Points
-from tssgeom.core.constants_arcs import CHAIN_FIT
+from tssgeom.core.constants_arcs import CHAIN_FIT, CHAIN_MOVES
 from tssgeom.route.arcs.chain import Chain, Data, unfitted
 from tssgeom.route.route import Route
 
@@ -54,7 +54,8 @@ def cornered(data: Data, route: Route) -> tuple[Data, Chain] | None:
     """
     points = data.points
     at = _merged(np.array(_corners(points, max(CORNERS.off * route.noise, CORNERS.cut * data.spacing))))
-    if len(at) < 3 or np.min(np.diff(at)) < CORNERS.fewest:
+    few, many = len(at) < 3, 2 * len(at) - 3 > CHAIN_MOVES.most_pieces
+    if few or many or np.min(np.diff(at)) < CORNERS.fewest:
         return None
     leg = np.diff(points[at], axis=0)
     size = np.linalg.norm(leg, axis=1)
