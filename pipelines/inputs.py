@@ -16,7 +16,7 @@ from tssgeom.errors import SettingsError, ShapeError, SpaceError, TssgeomError, 
 from tssgeom.io.formats.files import Recording, find_inputs, open_recording, output_names, real
 from tssgeom.io.results.shapes import Analysis, frame_row, relative
 from tssgeom.rig import Rig, read_rig
-from tssgeom.stream import Rejected, process
+from tssgeom.stream import Rejected, recorded
 from tssgeom.summary import RunningSummary
 
 Done = TypeVar("Done")
@@ -132,7 +132,7 @@ def analysis_of(
     recording = open_recording(path, settings.unit)
     running = RunningSummary.of(recording.frame_count)
     share = _size(path) / max(recording.frame_count, 1)
-    for item in process(recording.frames, settings.rig, tension_in=settings.tension_in):
+    for item in recorded(recording.frames, settings.rig, tension_in=settings.tension_in):
         running.add(item, frame_row(item))
         step(1, share)
     return require_used(name, relative(path), recording, running.close())

@@ -20,7 +20,7 @@ from tssgeom.io.formats.files import open_recording
 from tssgeom.io.formats.recording import in_order
 from tssgeom.io.formats.runs import MeasuredRun, read_run
 from tssgeom.rig import Rig
-from tssgeom.stream import Frame, FrameResult, Rejected, plausibility_warnings, process
+from tssgeom.stream import Frame, FrameResult, Rejected, plausibility_warnings, recorded
 from tssgeom.tendon.history import last_peak
 from tssgeom.tendon.moving import MovingRoute
 from tssgeom.tendon.simulation import Moment
@@ -89,7 +89,7 @@ def sensed_route(path: Path, settings: RunSettings) -> SensedRoute:
     recording = open_recording(path, settings.unit)
     rig = without_effects(settings).rig
     shapes = in_order(_shapes_only(recording.frames))  # anew: a frame may be usable without its drive
-    items = list(process(shapes, rig, tension_in=rig.tendon.pretension_N))
+    items = list(recorded(shapes, rig, tension_in=rig.tendon.pretension_N))
     rejected = [item for item in items if isinstance(item, Rejected)]
     results = [item for item in items if isinstance(item, FrameResult)]
     if not results:

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 from tests.route.test_ratio_average import random_course
-from tssgeom.frame import Frame
+from tssgeom import frame as frame_module
+from tssgeom.frame import Frame, Window
 from tssgeom.rig import Rig, ShapeSensor
 from tssgeom.route.pieces import Arcs
 from tssgeom.route.synthetic import chain, positions
-from tssgeom.stream import FrameResult, alone, process
+from tssgeom.stream import FrameResult, Rejected, alone, process, recorded
 from tssgeom.tendon.state import pretensioned, step, transmit
 
 NOISE, FRAMES = 5e-4, 80
@@ -63,6 +64,34 @@ def test_a_recording_is_known_by_all_its_frames_from_the_first_on():
     angle = np.array([each.arcs.total_angle for each in results])
     assert np.abs(angle - ANGLE.sum()).max() < 0.015
     assert results[0].arcs.total_angle_se == pytest.approx(results[-1].arcs.total_angle_se, rel=0.3)
+
+
+def test_a_recording_in_which_the_tendon_goes_on_is_known_by_the_frames_to_come_too():
+    off = {process: list[float](), recorded: list[float]()}
+    for seed in range(3):
+        rng, frames, angles = np.random.default_rng(seed), list[Frame](), list[float]()
+        for count in range(60):
+            share = 1.0 + 0.15 * np.sin(2 * np.pi * count / 250)
+            course = chain(LENGTH, share * ANGLE / LENGTH, PLANE)
+            points = positions(course, np.linspace(0.0, course.total_length, 40))
+            frames.append(Frame(points + NOISE * rng.standard_normal((40, 3)), 0.02 * count, tension_in=10.0))
+            angles.append(share * ANGLE.sum())
+        for one, errors in off.items():
+            for each, angle in zip(one(frames, Rig(), tension_in=10.0), angles, strict=True):
+                assert isinstance(each, FrameResult)
+                errors.append(each.arcs.total_angle - angle)
+                assert abs(errors[-1]) < 4.0 * each.arcs.total_angle_se
+    causal, smoothed = (np.sqrt(np.mean(np.square(errors))) for errors in off.values())
+    assert smoothed < 0.85 * causal
+
+
+def test_a_recording_longer_than_a_window_keeps_its_frames_in_order(monkeypatch):
+    monkeypatch.setattr(frame_module, "_WINDOW", Window(points=100, most=9, overlap=4))
+    frames: list[Frame | Rejected] = list(stream(4))[:30]
+    frames[11] = Rejected(0, 0.22, "no points")
+    results = list(recorded(frames, Rig(), tension_in=10.0))
+    assert [each.seq for each in results] == list(range(30))
+    assert [each.seq for each in results if isinstance(each, Rejected)] == [11]
 
 
 def test_the_filter_can_be_switched_off():

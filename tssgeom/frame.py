@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import islice
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -35,6 +37,23 @@ from tssgeom.route.tracking import TrackedFit, follow
 from tssgeom.tendon.capstan import check_tension
 
 _ASTRAY = 2.0  # noise of a warm fit over that of the first one, above which it lost few points [1]; chosen
+
+
+_T = TypeVar("_T")
+
+
+class Window(NamedTuple):
+    """How much of a recording is smoothed at a time."""
+
+    points: int = 50_000
+    """Points of all frames [1]. Chosen: their filters take 40 MB."""
+    most: int = 512
+    """Frames [1]. Chosen: beyond them the noise that is left hardly falls."""
+    overlap: int = 32
+    """Frames before and after those that are smoothed [1]. Chosen: a filter that moves remembers fewer."""
+
+
+_WINDOW = Window()
 
 
 @dataclass(frozen=True, slots=True)
@@ -208,6 +227,21 @@ def smoothed_in_time(frames: Sequence[object], rig: Rig) -> dict[int, PointFilte
             results = zip(usable, smoothed(points, times, noise), strict=True)
             return {i: points for i, points in results if points is not None}
     return {}
+
+
+def smoothed_in_windows(frames: Iterable[_T], rig: Rig) -> Iterator[tuple[_T, PointFilter | None]]:
+    """Yield frames with the filters of their points, where these go on."""
+    rest = iter(frames)
+    first = list(islice(rest, 1))
+    points = max(first[0].points.shape[0], 1) if first and isinstance(first[0], Frame) else 1
+    count = min(max(_WINDOW.points // points, _WINDOW.overlap), _WINDOW.most)
+    before, block = list[_T](), first + list(islice(rest, count))
+    while block:
+        after = list(islice(rest, count))
+        known = smoothed_in_time((*before, *block, *after[: _WINDOW.overlap]), rig)
+        for i, frame in enumerate(block, len(before)):
+            yield frame, known.get(i)
+        before, block = block[-_WINDOW.overlap :], after
 
 
 def noise_of(frame: Frame, rig: Rig) -> float | None:

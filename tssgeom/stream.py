@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from tssgeom.effects import HiddenBend, named
 from tssgeom.errors import TssgeomError
-from tssgeom.frame import Frame, fit_frame, smoothed_in_time, with_shared_errors_of
+from tssgeom.frame import Frame, fit_frame, smoothed_in_time, smoothed_in_windows, with_shared_errors_of
 from tssgeom.rig import Rig
 from tssgeom.route.curvature import CurvatureProfile
 from tssgeom.route.observations import Shape
@@ -113,14 +113,35 @@ def process(
     >>> [round(float(each.transmission.tension_out), 2) for each in process(frames, Rig(), tension_in=15.0)]
     [3.17, 9.51, 9.51]
     """
+    yield from _carried(((frame, None) for frame in frames), rig, tension_in, state)
+
+
+def recorded(
+    frames: Iterable[Frame | Rejected], rig: Rig, *, tension_in: float, state: TendonState | None = None
+) -> Iterator[FrameResult | Rejected]:
+    """Do as `process` on frames that are recorded: the points of each are filtered also by those after it.
+
+    Some hundred frames are read before the first result, and smoothed in windows that overlap; docs/model.md
+    (162).
+    """
+    yield from _carried(smoothed_in_windows(frames, rig), rig, tension_in, state)
+
+
+def _carried(
+    frames: Iterable[tuple[Frame | Rejected, PointFilter | None]],
+    rig: Rig,
+    tension_in: float,
+    state: TendonState | None,
+) -> Iterator[FrameResult | Rejected]:
+    """Carry the tendon over frames, each with the filter of its points where that is known already."""
     current = pretensioned(rig) if state is None else state
     last: TrackedFit | None = None
-    for seq, frame in enumerate(frames):
+    for seq, (frame, points) in enumerate(frames):
         if isinstance(frame, Rejected):
             yield replace(frame, seq=seq)
             continue
         try:
-            result = advance(seq, frame, current, rig, tension_in, last)
+            result = advance(seq, frame, current, rig, tension_in, last, points)
         except _FAULTS as error:
             yield Rejected(seq, frame.time, _reason(error), frame.id)
         else:

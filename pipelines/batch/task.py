@@ -44,7 +44,7 @@ from tssgeom.io.results.run_record import (
 from tssgeom.io.results.shapes import Analysis, analysis_object, summary_row
 from tssgeom.io.results.tables import CHUNK, Part, part_of, parts, write_parts
 from tssgeom.io.storage import Folder, fetched, local
-from tssgeom.stream import Frame, Rejected, alone, process
+from tssgeom.stream import Frame, Rejected, alone, recorded
 from tssgeom.summary import RunningSummary
 from tssgeom.view.report.report import ReportEntry, rendered
 
@@ -188,7 +188,7 @@ def _parts(task: Task, recording: Recording, stride: int, share: Share | None) -
         calls = _chunks(task.name, recording, stride, settings, frame_size)
         yield from share(part_alone, calls) if share else (part_alone(*call) for call in calls)
         return
-    results = process(recording.frames, settings.rig, tension_in=settings.tension_in)
+    results = recorded(recording.frames, settings.rig, tension_in=settings.tension_in)
     for part in parts(task.name, results, stride):
         report_progress(part.summary.frames, frame_size * part.summary.frames)
         yield part

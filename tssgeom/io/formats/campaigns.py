@@ -15,7 +15,7 @@ from tssgeom.io.formats.columns import CHANNELS
 from tssgeom.io.formats.files import CAMPAIGN, open_recording, output_names
 from tssgeom.io.formats.runs import IN_SI, read_run
 from tssgeom.rig import Rig, Sensor, read_rig
-from tssgeom.stream import Frame, FrameResult, Rejected, process
+from tssgeom.stream import Frame, FrameResult, Rejected, recorded
 
 _SPECIFIED = {name.rpartition("_")[0]: (name, 1.0) for name in IN_SI.values()} | {
     name: (IN_SI[field], per_si) for name, (field, per_si) in CHANNELS.items()
@@ -153,7 +153,7 @@ def _first_usable(frames: Iterable[Frame | Rejected], rig: Rig) -> tuple[FrameRe
     """Return the first frame that gives a route, and the reasons of those before it."""
     base = msgspec.structs.replace(rig, effects=())
     reasons = list[str]()
-    for item in process(map(_shape_alone, frames), base, tension_in=rig.tendon.pretension_N):
+    for item in recorded(map(_shape_alone, frames), base, tension_in=rig.tendon.pretension_N):
         if isinstance(item, FrameResult):
             return item, reasons
         reasons.append(item.reason)
