@@ -22,3 +22,8 @@ def read_only(array: NDArray[np.float64]) -> NDArray[np.float64]:
         frozen = frozen.view()
         frozen.flags.writeable = False
     return frozen
+
+
+def rows_at(x: Vector, given: Vector, rows: np.ndarray) -> np.ndarray:
+    """Return rows [n, k], known at increasing `given` [n], at `x` [m] on straight lines between [m, k]."""
+    return np.column_stack([np.interp(x, given, column) for column in rows.T])

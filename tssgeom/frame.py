@@ -11,7 +11,7 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from tssgeom.arrays import Matrix, Points, Vector, read_only
+from tssgeom.arrays import Matrix, Points, Vector, read_only, rows_at
 from tssgeom.errors import ShapeError, TssgeomError
 from tssgeom.rig import Rig, Source
 from tssgeom.route.directions import NOISE_PRIOR as DIRECTION_NOISE
@@ -270,7 +270,7 @@ def _with_direction_noise(shape: Shape, noise: float | None, tracked: TrackedFit
         if shape.directions is None:
             break
         route, spline = tracked.fit.route, tracked.fit.spline
-        tangent = np.column_stack([np.interp(route.station, route.s, one) for one in route.tangent.T])
+        tangent = rows_at(route.station, route.s, route.tangent)
         parameters = 0.0 if spline is None else 2.0 * spline.tangent_share * spline.freedom
         estimate = estimated_noise(shape.directions, tangent, parameters)
         if abs(estimate - shape.direction_noise) < DIRECTION_NOISE.kept * shape.direction_noise:

@@ -12,7 +12,7 @@ from scipy.fft import dct, idct
 from scipy.ndimage import uniform_filter1d
 from scipy.spatial.transform import Rotation
 
-from tssgeom.arrays import Matrix, Points, Vector, read_only
+from tssgeom.arrays import Matrix, Points, Vector, read_only, rows_at
 from tssgeom.errors import ShapeError
 from tssgeom.route.resolution import LIMITS as RESOLUTION
 from tssgeom.route.resolution import SharedErrors, at_resolution, left_of_waves, sampled_bend
@@ -187,4 +187,4 @@ def _differences(fits: Sequence[RouteFit], back: Sequence[bool]) -> tuple[float,
 def _even(fit: RouteFit) -> Points:
     route = fit.route
     at = np.linspace(0.0, float(route.s[-1]), RESOLUTION.cells)
-    return np.column_stack([np.interp(at, route.s, route.position[:, c]) for c in range(3)])
+    return rows_at(at, route.s, route.position)

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tssgeom import core
-from tssgeom.arrays import Matrix, Vector, read_only
+from tssgeom.arrays import Matrix, Vector, read_only, rows_at
 from tssgeom.rig import Source
 from tssgeom.route.pieces import Arcs, spread_over
 from tssgeom.route.route import Route, carried
@@ -241,7 +241,7 @@ def sampled_bend(fit: RouteFit) -> Matrix:
     """Return the curvature in even cells along a route, as `bend_without_twist` [n, 2] [1/m]."""
     bend, s = bend_without_twist(fit.route), fit.route.s
     middle = (np.arange(LIMITS.cells) + 0.5) * (float(s[-1]) / LIMITS.cells)
-    return np.column_stack([np.interp(middle, s, bend[:, c]) for c in range(2)])
+    return rows_at(middle, s, bend)
 
 
 def bend_without_twist(route: Route) -> Matrix:

@@ -11,7 +11,7 @@ from typing import Generic, NamedTuple, TypeVar
 import numpy as np
 
 from tssgeom import core
-from tssgeom.arrays import Matrix, Points, Vector, read_only
+from tssgeom.arrays import Matrix, Points, Vector, read_only, rows_at
 from tssgeom.errors import FitError
 from tssgeom.route.arcs.chain import Chain
 from tssgeom.route.curvature import CurvatureProfile
@@ -227,7 +227,7 @@ def _with_ends_stretched(route: Route, arcs: Arcs, moved: Arcs) -> Route:
     first = (after[1] - before[1]) / (2.0 if len(before) == 2 else 1.0)  # a single piece grows at both ends
     s, station = np.interp(route.s, before, after), np.interp(route.station, before, after)
     along, foot_along = s - route.s - first, station - route.station - first
-    tangent = np.column_stack([np.interp(route.station, route.s, route.tangent[:, c]) for c in range(3)])
+    tangent = rows_at(route.station, route.s, route.tangent)
     return replace(
         route,
         s=read_only(s),

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tssgeom.arrays import Points, Vector
+from tssgeom.arrays import Points, Vector, rows_at
 from tssgeom.route.pieces import Arcs
 from tssgeom.stream import FrameResult
 from tssgeom.tendon.state import tension
@@ -56,7 +56,7 @@ class RouteSamples:
 
     def at(self, s: Vector) -> Points:
         """Positions at arc lengths `s` [m], linear between nodes [m]."""
-        return np.column_stack([np.interp(s, self.s, axis) for axis in self.position.T])
+        return rows_at(s, self.s, self.position)
 
     def tension_at(self, s: Vector) -> Vector:
         """Tension at arc lengths `s` [m], linear between nodes [N]."""

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial.distance import cdist
 
-from tssgeom.arrays import Points, Vector
+from tssgeom.arrays import Points, Vector, rows_at
 from tssgeom.errors import ShapeError
 from tssgeom.vision.matching import Matches, sure
 from tssgeom.vision.neighbours import chain_of
@@ -166,7 +166,7 @@ def _assigned(candidates: Matches, expected: Points, spacing: float) -> np.ndarr
 def _spread(moved: Points, matched: np.ndarray) -> Points:
     """Displacement of every marker, interpolated between the detected ones along the chain [n, 3]."""
     along = np.arange(len(matched))
-    return np.column_stack([np.interp(along, along[matched], moved[:, c]) for c in range(3)])
+    return rows_at(along, along[matched], moved)
 
 
 def _reordered(candidates: Matches, believed: Points, reach: float) -> np.ndarray:

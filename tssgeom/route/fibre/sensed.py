@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tssgeom import core
-from tssgeom.arrays import Matrix, Points, Vector, read_only
+from tssgeom.arrays import Matrix, Points, Vector, read_only, rows_at
 from tssgeom.errors import ShapeError
 from tssgeom.route.fibre.models import (
     Partition,
@@ -318,7 +318,7 @@ def _noises(sensed: Sensed, score: Callable[[float], float]) -> tuple[Vector, Ve
 def sensed_shape(fibre: Fibre, fit: RouteFit) -> Shape:
     """Return the positions of the gratings on the route, as a shape that can be drawn [m]."""
     route = fit.route
-    positions = np.column_stack([np.interp(fibre.stations, route.s, x) for x in route.position.T])
+    positions = rows_at(fibre.stations, route.s, route.position)
     return Shape(read_only(positions), fibre.index, fibre.stations, fibre.warnings)
 
 

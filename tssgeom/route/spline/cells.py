@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tssgeom import core
-from tssgeom.arrays import Points, read_only
+from tssgeom.arrays import Points, read_only, rows_at
 from tssgeom.route.observations import Shape
 from tssgeom.route.route import Route
 from tssgeom.route.spline.problem import Problem, Solution
@@ -99,7 +99,7 @@ def on_all_points(shape: Shape, route: Route, cell_of: np.ndarray) -> Route:
     near = np.interp(route.station[cell_of], route.s, np.arange(len(route.s))).round().astype(int)
     along = np.einsum("ij,ij->i", shape.points - route.position[near], route.tangent[near])
     station = np.clip(route.s[near] + along, 0.0, route.s[-1])
-    foot = np.column_stack([np.interp(station, route.s, route.position[:, c]) for c in range(3)])
+    foot = rows_at(station, route.s, route.position)
     return replace(
         route,
         weight=read_only(route.weight[cell_of]),

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 
+from tssgeom.arrays import rows_at
 from tssgeom.identify.finding import Finding
 from tssgeom.view import colours
 from tssgeom.view import wording as words
@@ -89,10 +90,7 @@ def _send_misfit(runs: Sender, finding: Finding, displayed: Replay) -> None:
             radii=rr.Radius.ui_points(8.0), colors=colours.AFTER, show_labels=True
         )
         runs.constant("blame/found", style)
-        locations = [
-            np.column_stack([np.interp(result, stretch.s, axis) for axis in stretch.position.T])
-            for stretch in each
-        ]
+        locations = [rows_at(result, stretch.s, stretch.position) for stretch in each]
         texts = [f"hidden bend, s = {1e3 * at:.0f} mm" for _ in each for at in result]
         marks = rr.Points3D.columns(positions=np.concatenate(locations), labels=texts)
         runs.send("blame/found", marks, [len(result)] * len(each))
