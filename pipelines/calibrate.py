@@ -54,7 +54,7 @@ def calibrate(
     rig; zeros are only reported.
     """
     from pipelines.inputs import analysis_of, run_settings, without_effects
-    from pipelines.runs import errors_naming, measured_run
+    from pipelines.runs import errors_naming, measured_run, print_run_warnings
     from tssgeom.errors import SettingsError, require_replaceable
     from tssgeom.identify import calibration
     from tssgeom.rig import write_rig
@@ -63,8 +63,10 @@ def calibrate(
     if out.is_dir():
         raise SettingsError(f"--out {out} is a folder: name the rig file, such as {out / 'rig.toml'}")
     require_replaceable(out)
-    measured = _columns(measured_run(run))
+    read = measured_run(run)
     result = analysis_of(shape.stem, shape, without_effects(settings)).results[-1]
+    print_run_warnings(read, settings.rig, result.arcs, fitted=True)
+    measured = _columns(read)
     with errors_naming(run, shape):
         fitted = calibration.calibrate(measured, result.arcs, settings.rig, from_tension=from_tension)
     if not any(fitted.estimates[name].observable for name in ("friction", "compliance")):

@@ -47,8 +47,9 @@ def check(
 
 def _as_text(report: dict[str, Any]) -> str:
     if "told" in report:
-        warnings = (f"\n  warning: {warning}" for warning in report.get("warnings", ()))
-        return f"{report['file']}: {report['holds']}, {report['told']}" + "".join(warnings)
+        lines = [f"{report['file']}: {report['holds']}, {report['told']}"]
+        lines += [f"  warning: {warning}" for warning in report.get("warnings", ())]
+        return "\n".join([*lines, *(f"  wrong: {fault}" for fault in report["wrong"])])
     if "runs" in report:
         return _campaign_as_text(report)
     from pipelines.inputs import MOST_REPORTED

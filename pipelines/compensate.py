@@ -32,12 +32,13 @@ def compensate(
     """Compute the proximal command that makes the distal end follow a target."""
     from pipelines.inputs import run_settings
     from pipelines.runs import (
+        check_run,
         computed_rows,
         measured_run,
         sensed_route,
         temperature_of,
         value_range,
-        warn_about_rig,
+        warn_about_strain,
     )
     from pipelines.summary_table import with_effects
     from tssgeom.io.formats.columns import CHANNELS
@@ -48,6 +49,7 @@ def compensate(
     run = measured_run(target)
     channel, values = run.channel(_TARGETS)
     sensed = sensed_route(shapes, settings)
+    check_run(run, sensed, settings.rig)
     rows = simulation.commands(
         run.time,
         sensed.route,
@@ -57,7 +59,7 @@ def compensate(
     )
     title = f"{sensed.name} follows {run.name}"
     commands = computed_rows(rows, run, shapes, title, quiet=quiet or as_json)
-    warn_about_rig(target, sensed, settings.rig, max(one.tension_in for one in commands))
+    warn_about_strain(target, sensed, settings.rig, max(one.tension_in for one in commands))
     write_commands(out / TABLE, run.time.tolist(), commands)
     drive = value_range([one.displacement_in for one in commands])
     tension = value_range([one.tension_in for one in commands])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,14 +11,16 @@ from typing import Any
 import numpy as np
 
 from pipelines.inputs import Refusal, inputs_of
-from tssgeom.arrays import Matrix
+from tssgeom.arrays import Matrix, Vector
 from tssgeom.errors import ShapeError, TssgeomError
 from tssgeom.frame import fit_frame, require_usable
 from tssgeom.io.formats.campaigns import is_campaign, read_campaign
 from tssgeom.io.formats.columns import CHANNELS, MEASURED
 from tssgeom.io.formats.files import Recording, open_recording
 from tssgeom.io.formats.meshes import ENDINGS, read_lumen
-from tssgeom.io.formats.runs import holds_run, read_run
+from tssgeom.io.formats.runs import IN_SI, holds_run, read_run
+from tssgeom.plausibility.frames import rig_remarks
+from tssgeom.plausibility.runs import run_remarks
 from tssgeom.rig import Rig, read_rig
 from tssgeom.route.fibre.sensed import Fibre, clean_fibre, fit_fibre
 from tssgeom.stream import Frame, Rejected
@@ -46,7 +49,8 @@ def checked(path: Path, unit: str | None) -> dict[str, Any]:
     if path.suffix.lower() == ".toml":
         rig = read_rig(path)
         numbers = f"friction {rig.friction.coefficient:g}, compliance {rig.tendon.compliance_per_N:g} /N"
-        return {"file": str(path), "holds": "rig", "told": numbers, "wrong": []}
+        warnings = [each.text for each in rig_remarks(rig)]
+        return {"file": str(path), "holds": "rig", "told": numbers, "warnings": warnings, "wrong": []}
     if path.suffix.lower() in ENDINGS:
         mesh = read_lumen(path, unit or "mm")
         size = " × ".join(f"{extent * 1e3:.1f}" for extent in mesh.extents)
@@ -62,12 +66,13 @@ def _checked_run(path: Path) -> dict[str, Any]:
         name: int(np.isnan(values).sum()) for name, values in channels.items() if values is not None
     }
     listed = ", ".join(f"{name} ({count} missing)" if count else name for name, count in missing_rows.items())
+    remarks = run_remarks(run.columns)
     return {
         "file": str(path),
         "holds": "measured run",
         "told": f"{len(run.time)} samples in {np.ptp(run.time):.4g} s: {listed}",
-        "warnings": list(run.warnings),
-        "wrong": [],
+        "warnings": [*run.warnings, *(each.text for each in remarks if each.severity == "warn")],
+        "wrong": [each.text for each in remarks if each.severity == "refuse"],
     }
 
 
@@ -105,6 +110,8 @@ class _RecordingReport:
     measured: set[str] = field(default_factory=set)
     stations: bool = False
     wrong: list[str] = field(default_factory=list)
+    readings: dict[str, list[float]] = field(default_factory=dict)
+    """Measured channels by their names in SI, NaN where a frame has none."""
     first_usable: dict[str, Any] | None = None
     """Length, noise and warnings of the first frame that can be used."""
 
@@ -118,12 +125,23 @@ class _RecordingReport:
         self.times.append(item.time)
         self.missing += int(np.isnan(rows).any(axis=1).sum())
         self.measured |= {name for name in _MEASURED if getattr(item, name) is not None}
+        for name, column in IN_SI.items():
+            value = getattr(item, name, None)
+            self.readings.setdefault(column, []).append(math.nan if value is None else value)
         self.stations |= item.stations is not None
         try:
             require_usable(item)
             self.first_usable = self.first_usable or _fitted(item)
         except TssgeomError as error:
             self.wrong.append(f"frame {seq}: {error}")
+
+    @property
+    def columns(self) -> dict[str, Vector]:
+        """Time and the readings of the channels that were measured."""
+        columns = {name: np.array(values) for name, values in self.readings.items()}
+        return {"time_s": np.array(self.times)} | {
+            name: values for name, values in columns.items() if np.isfinite(values).any()
+        }
 
 
 def _rows(frame: Frame) -> Matrix:
@@ -155,7 +173,9 @@ def _checked_recording(recording: Recording) -> dict[str, Any]:
     }
     if recording.timed:
         report["duration_s"] = max(frames.times) - min(frames.times)
-    warnings = [*recording.warnings, *frames.first_usable["warnings"]]
+    remarks = [] if len(frames.times) < 2 else run_remarks(frames.columns, fitted=False)
+    remarks = [each for each in remarks if each.rule != "missing"]
+    warnings = [*recording.warnings, *frames.first_usable["warnings"], *(each.text for each in remarks)]
     return report | frames.first_usable | {"warnings": warnings}
 
 

@@ -15,6 +15,7 @@ from pipelines.terminal import print_message, sized_progress
 from tssgeom.errors import SettingsError, ShapeError, SpaceError, TssgeomError, refused
 from tssgeom.io.formats.files import Recording, find_inputs, open_recording, output_names, real
 from tssgeom.io.results.shapes import Analysis, frame_row, relative
+from tssgeom.plausibility.frames import rig_remarks
 from tssgeom.rig import Rig, read_rig
 from tssgeom.stream import Rejected, recorded
 from tssgeom.summary import RunningSummary
@@ -69,6 +70,8 @@ def run_settings(
     if not math.isfinite(tension_in) or tension_in < 0:
         raise SettingsError(f"--tension-in is {tension_in:g} N: give a finite tension >= 0 N")
     rig_read = Rig() if rig is None else read_rig(rig)
+    for each in rig_remarks(rig_read):
+        print_message(f"{rig}: warning: {each.text}")
     if tube_mm is not None and not 0 < tube_mm < math.inf:
         raise SettingsError(f"--tube-mm is {tube_mm:g} mm: give the outer diameter of the tube, > 0 mm")
     return RunSettings(rig_read, rig, tension_in, unit, lumen, geometry_only, 0.5e-3 * (tube_mm or 0.0))

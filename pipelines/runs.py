@@ -19,8 +19,12 @@ from tssgeom.errors import ShapeError, TssgeomError
 from tssgeom.io.formats.files import open_recording
 from tssgeom.io.formats.recording import in_order
 from tssgeom.io.formats.runs import MeasuredRun, read_run
+from tssgeom.plausibility.frames import strain_remarks
+from tssgeom.plausibility.rules import warnings_of
+from tssgeom.plausibility.runs import run_remarks
 from tssgeom.rig import Rig
-from tssgeom.stream import Frame, FrameResult, Rejected, plausibility_warnings, recorded
+from tssgeom.route.pieces import Arcs
+from tssgeom.stream import Frame, FrameResult, Rejected, recorded
 from tssgeom.tendon.history import last_peak
 from tssgeom.tendon.moving import MovingRoute
 from tssgeom.tendon.simulation import Moment
@@ -71,11 +75,38 @@ class SensedRoute:
         return self.results[int(np.argmin(np.abs(times - time)))]
 
 
-def warn_about_rig(run: Path, sensed: SensedRoute, rig: Rig, tension_in: float) -> None:
+def check_run(run: MeasuredRun, sensed: SensedRoute, rig: Rig) -> None:
+    """Print the warnings of a run that drives, or is to be followed, on the longest of its routes.
+
+    Raises
+    ------
+    SettingsError
+        Where a rule refuses the run; docs/checks.md.
+    """
+    arcs = max((result.arcs for result in sensed.results), key=lambda each: each.total_length)
+    print_run_warnings(run, rig, arcs, fitted=False)
+
+
+def print_run_warnings(run: MeasuredRun, rig: Rig, arcs: Arcs, *, fitted: bool) -> list[str]:
+    """Print and return the warnings of a run on a route; `fitted` says whether it is to be fitted.
+
+    Raises
+    ------
+    SettingsError
+        Where a rule refuses the run; docs/checks.md.
+    """
+    remarks = run_remarks(run.columns, rig, length=arcs.total_length, angle=arcs.total_angle, fitted=fitted)
+    warnings = warnings_of(run.path, remarks)
+    for warning in warnings:
+        print_message(f"{run.path}: warning: {warning}")
+    return warnings
+
+
+def warn_about_strain(run: Path, sensed: SensedRoute, rig: Rig, tension_in: float) -> None:
     """Warn where the rig hardly fits the longest route and the greatest tension [N] of a run."""
     longest = max(result.arcs.total_length for result in sensed.results)
-    for warning in plausibility_warnings(rig, longest, tension_in):
-        print_message(f"{run}: warning: {warning}")
+    for each in strain_remarks(rig, longest, tension_in):
+        print_message(f"{run}: warning: {each.text}")
 
 
 def sensed_route(path: Path, settings: RunSettings) -> SensedRoute:

@@ -41,11 +41,12 @@ def simulate(
     """Compute tension, elongation and phase over time on a fixed or moving route, driven by a run."""
     from pipelines.inputs import run_settings
     from pipelines.runs import (
+        check_run,
         computed_rows,
         measured_run,
         sensed_route,
         temperature_of,
-        warn_about_rig,
+        warn_about_strain,
         write_run_figures,
         write_run_recording,
     )
@@ -57,6 +58,7 @@ def simulate(
     run = measured_run(drive)
     channel, values = run.channel(_DRIVES)
     sensed = sensed_route(shapes, settings)
+    check_run(run, sensed, settings.rig)
     by_tension = channel == _DRIVES[0]
     rows = simulation.simulate(
         run.time,
@@ -68,7 +70,7 @@ def simulate(
     )
     title = f"{sensed.name} driven by {run.name}"
     moments = computed_rows(rows, run, shapes, title, quiet=quiet or as_json)
-    warn_about_rig(drive, sensed, settings.rig, max(one.transmission.tension_in for one in moments))
+    warn_about_strain(drive, sensed, settings.rig, max(one.transmission.tension_in for one in moments))
     write_simulation(out / TABLE, moments)
     write_run_recording(out / PICTURE, sensed, run, moments)
     if figures is not None:

@@ -43,7 +43,7 @@ from tssgeom import Arcs, read_rig
 from tssgeom.identify.campaign import Campaign, Route, Run
 from tssgeom.identify.readings import readings
 from tssgeom.identify.prediction import run_channels
-from tssgeom.io.formats.campaign_checks import check_run
+from tssgeom.plausibility.runs import fit_remarks, run_remarks
 from tssgeom.io.formats.files import open_recording
 from tssgeom.io.formats.runs import read_run
 
@@ -53,7 +53,8 @@ route = Route("bench", Arcs.exact(s[-1:], np.zeros(1)), frame.points, s)
 read, rig = read_run(Path("run.csv")), read_rig("rig.toml")
 columns = {"time_s": read.time, "tension_in_N": read.tension_in, "tension_lost_N": read.tension_lost}
 run = Run("run", route, columns)
-assert check_run(Path("run.csv"), run, rig) == []
+assert list(fit_remarks(columns)) == []
+assert not [each for each in run_remarks(columns, rig) if each.severity == "refuse"]
 (reading,), _ = readings(Campaign("bench", rig, (run,)))
 lost = run_channels(reading, rig)["tension_lost_N"]
 print(s[-1], reading.noise["tension_lost_N"], lost[-1], *reading.measured)

@@ -6,7 +6,14 @@ import math
 
 import numpy as np
 
+from tssgeom.arrays import Vector
 from tssgeom.core.constants import MEDIANS
+
+_THROUGH = (
+    3,
+    5,
+    7,
+)  # readings whose differences show the noise; derived: polynomials of degree 1, 3, 5 vanish
 
 
 def robust_sd(off: np.ndarray) -> float:
@@ -17,3 +24,33 @@ def robust_sd(off: np.ndarray) -> float:
 def information_price(parameters: float, values: float) -> float:
     """Return what BIC, the Bayesian information criterion, adds to -2 ln likelihood for its parameters."""
     return parameters * math.log(values)
+
+
+def reading_noise(readings: Vector, time: Vector | None = None) -> float:
+    """Return the standard deviation of the white noise of readings [n].
+
+    Each reading is held against polynomials through its neighbours, the smoothest of which counts: a drive
+    that swings like a sine bends more from sample to sample than a good encoder's noise.
+
+    Parameters
+    ----------
+    readings
+        [n] Changing slowly from one to the next.
+    time
+        [n] Increasing; left out, the readings are evenly spaced.
+    """
+    when = np.arange(len(readings), dtype=float) if time is None else time
+    spread = [_off_polynomial(when, readings, points) for points in _THROUGH if len(readings) > points]
+    if spread and spread[0] > 0.0:
+        return min(each for each in spread if each > 0.0)
+    steps = np.abs(np.diff(readings))
+    return float(steps[steps > 0].min()) / np.sqrt(12.0) if (steps > 0).any() else 0.0
+
+
+def _off_polynomial(time: Vector, readings: Vector, points: int) -> float:
+    """Return the noise that divided differences of so many readings show, by their median."""
+    when, what = (np.lib.stride_tricks.sliding_window_view(values, points) for values in (time, readings))
+    apart = when[:, :, None] - when[:, None, :] + np.eye(points)
+    weight = 1.0 / np.prod(apart / np.abs(apart).max(axis=(1, 2), keepdims=True), axis=2)
+    off = np.abs(np.sum(weight * what, axis=1)) / np.linalg.norm(weight, axis=1)
+    return robust_sd(off)

@@ -6,9 +6,10 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from tssgeom.effects import HiddenBend, named
+from tssgeom.effects import named
 from tssgeom.errors import TssgeomError
 from tssgeom.frame import Frame, fit_frame, smoothed_in_time, smoothed_in_windows, with_shared_errors_of
+from tssgeom.plausibility.frames import FrameWatch, frame_remarks, strain_remarks
 from tssgeom.rig import Rig
 from tssgeom.route.curvature import CurvatureProfile
 from tssgeom.route.observations import Shape
@@ -24,7 +25,6 @@ from tssgeom.tendon.transmission import Transmission
 
 _FAULTS = (TssgeomError, ArithmeticError)  # of one frame: the next may be sound
 _STANDS = 0.5  # probability from which a route is taken to stand [1]; chosen
-_MOST_STRAIN = 0.5  # of the tendon at its proximal end, above which a warning is due [1]; chosen: no tendon
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,6 +136,7 @@ def _carried(
     """Carry the tendon over frames, each with the filter of its points where that is known already."""
     current = pretensioned(rig) if state is None else state
     last: TrackedFit | None = None
+    watch = FrameWatch()
     for seq, (frame, points) in enumerate(frames):
         if isinstance(frame, Rejected):
             yield replace(frame, seq=seq)
@@ -145,9 +146,15 @@ def _carried(
         except _FAULTS as error:
             yield Rejected(seq, frame.time, _reason(error), frame.id)
         else:
-            yield result
+            yield _watched(result, watch)
             # the result is out: the check of its model delays no frame that has arrived
             current, last = result.state, model_checked(result.tracked)
+
+
+def _watched(result: FrameResult, watch: FrameWatch) -> FrameResult:
+    """Return a result with the rules that its frame breaks beside those before it."""
+    warnings = watch.take(result.frame)
+    return replace(result, warnings=result.warnings + warnings) if warnings else result
 
 
 def _reason(fault: Exception) -> str:
@@ -224,7 +231,7 @@ def pulled(
         warnings=shape.warnings
         + fit.warnings
         + _temperature_warnings(rig, frame)
-        + plausibility_warnings(rig, fit.arcs.total_length, most),
+        + _implausible(frame, rig, fit.arcs.total_length, most),
         displacement_command=None if command is None else command.displacement_in,
         tension_command=None if command is None else command.tension_in,
     )
@@ -238,17 +245,10 @@ def _temperature_warnings(rig: Rig, frame: Frame) -> tuple[str, ...]:
     return (f"no temperature_C: {idle} does nothing",) if idle else ()
 
 
-def plausibility_warnings(rig: Rig, length: float, tension_in: float) -> tuple[str, ...]:
-    """Say where a rig, the length of a route [m] and a tension [N] can hardly belong to each other."""
-    strain = rig.tendon.compliance_per_N * tension_in
-    beyond = [
-        f"hidden_bend at {effect.at_m:g} m is beyond the end of the route at {length:.3g} m"
-        for effect in rig.effects
-        if isinstance(effect, HiddenBend) and effect.at_m > length
-    ]
-    if strain > _MOST_STRAIN:
-        beyond.append(f"{tension_in:g} N strain the tendon by {strain:.0%}: check tension and compliance")
-    return tuple(beyond)
+def _implausible(frame: Frame, rig: Rig, length: float, tension: float) -> tuple[str, ...]:
+    """Return the rules that a frame breaks by itself, on a route of this length [m] at this tension [N]."""
+    remarks = [*strain_remarks(rig, length, tension), *frame_remarks(frame, length)]
+    return tuple(each.text for each in remarks)
 
 
 def _moved(
@@ -306,7 +306,7 @@ def alone(
     rest = pretensioned(rig)
     last: TrackedFit | None = None
     frames = list(frames)
-    points = smoothed_in_time(frames, rig)
+    points, watch = smoothed_in_time(frames, rig), FrameWatch()
     for seq, frame in enumerate(frames, first):
         if isinstance(frame, Rejected):
             yield replace(frame, seq=seq)
@@ -317,4 +317,4 @@ def alone(
             yield Rejected(seq, frame.time, _reason(error), frame.id)
         else:
             last = result.tracked
-            yield result
+            yield _watched(result, watch)

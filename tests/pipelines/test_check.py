@@ -163,3 +163,17 @@ def test_a_frame_that_pushes_is_wrong(run, recording):
     recording.write_text(recording.read_text().replace('"tension_in_N": 12.0', '"tension_in_N": -12.0'))
     (output,) = json.loads(run("check", recording, "--json").out)
     assert "frame 4: tension_in is -12 N: a tendon only pulls" in output["wrong"][1]
+
+
+def test_channels_of_a_recording_are_held_against_each_other(run, tmp_path):
+    angle = np.linspace(0.0, np.pi, 12)
+    points = (160.0 * np.column_stack([np.cos(angle), np.sin(angle), 0.0 * angle])).round(3).tolist()
+    pull = [1.0 + 0.5 * k for k in range(20)] + [10.5 - 0.5 * k for k in range(20)]
+    lines = [
+        {"t": 0.1 * k, "unit": "mm", "points": points, "tension_in_N": 0.6 * value, "tension_out_N": value}
+        for k, value in enumerate(pull)
+    ]
+    path = tmp_path / "pull.jsonl"
+    path.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    (report,) = json.loads(run("check", path, "--json").out)
+    assert any(warning.endswith("[tension_excess]") for warning in report["warnings"])

@@ -69,12 +69,12 @@ def test_simulate_gives_a_row_for_each_row_of_the_run(run: Run, half: Path, tmp_
     assert all(Path(file).is_file() for file in summary["files"])
 
 
-def test_a_run_that_the_rig_can_hardly_bear_is_warned_of(run: Run, half: Path, tmp_path: Path):
+def test_a_run_that_the_rig_cannot_bear_is_refused(run: Run, half: Path, tmp_path: Path):
     drive = write_run(tmp_path / "drive.csv", time_s=[0, 1], tension_in_N=[5.0, 3000.0])
     done = run("simulate", half, "--drive", drive, "--out", tmp_path / "out", "--json")
-    assert done.status == 0
+    assert done.status == 2
     assert len(done.errors) == 1
-    assert "3000 N strain the tendon by 95%: check tension and compliance" in done.errors[0]
+    assert "3000 N, which would stretch the tendon by 95%: give newtons" in done.errors[0]
 
 
 def test_a_moving_route_is_taken_between_its_frames(run: Run, opening: Path, tmp_path: Path):
@@ -106,15 +106,17 @@ def test_the_commands_bring_the_distal_end_to_its_target(run: Run, opening: Path
         assert rows["displacement_out_m"] == pytest.approx(target_m, rel=1e-6 if exact else 2e-3, abs=1e-9)
 
 
-def test_commands_that_no_tendon_bears_are_warned_of(run: Run, half: Path, tmp_path: Path):
-    target = write_run(tmp_path / "target.csv", time_s=[0, 1], displacement_out_m=[0.0, 2.0])
+def test_commands_that_no_tendon_bears_are_refused(run: Run, half: Path, tmp_path: Path):
+    target = write_run(tmp_path / "target.csv", time_s=[0, 1], displacement_out_m=[0.0, 0.9])
     done = run("compensate", half, "--target", target, "--out", tmp_path / "out")
-    assert done.status == 0
-    assert "strain the tendon by" in done.errors[0]
+    assert (done.status, len(done.errors)) == (2, 1)
+    assert "at time_s = 1: the target needs a move of 1.08 m" in done.errors[0]
+    assert done.errors[0].endswith("[stroke]")
+    assert not (tmp_path / "out" / "compensate.parquet").exists()
 
 
 def test_a_target_out_of_reach_is_one_line(run: Run, half: Path, tmp_path: Path):
-    target = write_run(tmp_path / "target.csv", time_s=[0, 1], displacement_out_m=[1e-3, -1.0])
+    target = write_run(tmp_path / "target.csv", time_s=[0, 1], displacement_out_m=[1e-3, -0.5])
     done = run("compensate", half, "--target", target, "--out", tmp_path / "out")
     assert done.status == 2
     assert len(done.errors) == 1
@@ -134,7 +136,7 @@ def test_a_drive_that_cannot_be_is_one_line_that_names_its_file(run: Run, half: 
     drive = write_run(tmp_path / "drive.csv", time_s=[0, 1], tension_in_N=[1.0, -2.0])
     done = run("simulate", half, "--drive", drive, "--out", tmp_path / "out")
     assert (done.status, len(done.errors)) == (2, 1)
-    assert f"{drive} on {half}: at time_s = 1: tension_in is -2 N" in done.errors[0]
+    assert f"{drive}: tension_in_N falls to -2 N: a tendon only pulls" in done.errors[0]
 
 
 def test_a_bad_frame_is_reported_and_the_rest_is_done(run: Run, opening: Path, tmp_path: Path):

@@ -16,7 +16,7 @@ from tssgeom.errors import SettingsError
 from tssgeom.identify.campaign import Campaign, Route, Run
 from tssgeom.identify.drive import calmed, with_corners
 from tssgeom.rig import Rig, Sensor
-from tssgeom.statistics import robust_sd
+from tssgeom.statistics import reading_noise
 from tssgeom.tendon.bars.model import Drive
 
 
@@ -27,8 +27,6 @@ class ReadingLimits:
     Frozen on the development seeds of `benchmarks.discovery`.
     """
 
-    through: tuple[int, ...] = (3, 5, 7)
-    """Readings whose differences show the noise; derived: polynomials of degree 1, 3 and 5 vanish."""
     few: int = 8
     """Readings that show no noise; chosen: differences of 7 are taken."""
     fewest: int = 20
@@ -143,36 +141,6 @@ def noise_of(rig: Rig, channel: str, time: Vector, column: Vector) -> float:
     if stated == 0.0 or displayed > READING.noisier * stated:
         return max(displayed, 1e-12)
     return stated
-
-
-def reading_noise(readings: Vector, time: Vector | None = None) -> float:
-    """Return the standard deviation of the white noise of readings [n].
-
-    Each reading is held against polynomials through its neighbours, the smoothest of which counts: a drive
-    that swings like a sine bends more from sample to sample than a good encoder's noise.
-
-    Parameters
-    ----------
-    readings
-        [n] Changing slowly from one to the next.
-    time
-        [n] Increasing; left out, the readings are evenly spaced.
-    """
-    when = np.arange(len(readings), dtype=float) if time is None else time
-    spread = [_off_polynomial(when, readings, points) for points in READING.through if len(readings) > points]
-    if spread and spread[0] > 0.0:
-        return min(each for each in spread if each > 0.0)
-    steps = np.abs(np.diff(readings))
-    return float(steps[steps > 0].min()) / np.sqrt(12.0) if (steps > 0).any() else 0.0
-
-
-def _off_polynomial(time: Vector, readings: Vector, points: int) -> float:
-    """Return the noise that divided differences of so many readings show, by their median."""
-    when, what = (np.lib.stride_tricks.sliding_window_view(values, points) for values in (time, readings))
-    apart = when[:, :, None] - when[:, None, :] + np.eye(points)
-    weight = 1.0 / np.prod(apart / np.abs(apart).max(axis=(1, 2), keepdims=True), axis=2)
-    off = np.abs(np.sum(weight * what, axis=1)) / np.linalg.norm(weight, axis=1)
-    return robust_sd(off)
 
 
 def in_order(time: Vector, column: Vector) -> np.ndarray:

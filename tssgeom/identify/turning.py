@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.optimize import isotonic_regression
 
 from tssgeom.arrays import Vector, read_only
-from tssgeom.identify.readings import reading_noise
+from tssgeom.statistics import reading_noise
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from tssgeom.errors import SettingsError
+from tssgeom.plausibility.frames import require_command
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.capstan import MOST_TENSION
@@ -109,7 +110,8 @@ def compensate(
     Raises
     ------
     SettingsError
-        Where not exactly one target is given, or where no proximal tension can reach it.
+        Where not exactly one target is given, where no proximal tension can reach it, or where the command is
+        beyond reason: docs/checks.md.
     FitError
         Where no equilibrium was found on a moving route.
 
@@ -135,6 +137,7 @@ def compensate(
         if acts_by_speed(rig):
             answer = _by_position(move, answer)
     ends = transmit(answer, rig)
+    require_command(rig, arcs.total_length, ends.tension_in, ends.displacement_in)
     return Command(ends.displacement_in, ends.tension_in, answer, reading_of(rig, ends.tension_in))
 
 

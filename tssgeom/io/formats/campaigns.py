@@ -10,10 +10,12 @@ import msgspec
 
 from tssgeom.errors import SettingsError, ShapeError, SourceError
 from tssgeom.identify.campaign import Campaign, Route, Run
-from tssgeom.io.formats.campaign_checks import check_run
 from tssgeom.io.formats.columns import CHANNELS
 from tssgeom.io.formats.files import CAMPAIGN, open_recording, output_names
 from tssgeom.io.formats.runs import IN_SI, read_run
+from tssgeom.plausibility.frames import rig_remarks
+from tssgeom.plausibility.rules import warnings_of
+from tssgeom.plausibility.runs import campaign_remarks, fit_remarks, run_remarks
 from tssgeom.rig import Rig, Sensor, read_rig
 from tssgeom.stream import Frame, FrameResult, Rejected, recorded
 
@@ -68,12 +70,14 @@ def read_campaign(folder: Path, unit: str | None = None) -> Campaign:
     rig = _specified_in_si(stated)
     names = _names(listing, plan.run)
     notes = list(_unknown_sensors(home / plan.rig, stated))
+    notes += [f"{plan.rig}: {warning}" for warning in warnings_of(plan.rig, rig_remarks(rig))]
     routes = _routes(home, plan.run, rig, unit, notes)
     runs = []
     for name, listed in zip(names, plan.run, strict=True):
         run = _run(home / listed.data, name, routes[listed.shape], notes, held_out=listed.held_out)
-        notes += check_run(home / listed.data, run, rig)
+        notes += _implausible(home / listed.data, run, rig)
         runs.append(run)
+    notes += warnings_of(listing, campaign_remarks([(run.name, run.columns) for run in runs]))
     return Campaign(home.resolve().name, rig, tuple(runs), tuple(notes))
 
 
@@ -179,9 +183,12 @@ def _run(path: Path, name: str, route: Route, notes: list[str], *, held_out: boo
         raise SourceError(f"{path}: no such file: mend data in {CAMPAIGN}")
     measured = read_run(path)
     notes += [f"{name}: {warning}" for warning in measured.warnings]
-    columns = {"time_s": measured.time}
-    for channel, (field, per_unit) in CHANNELS.items():
-        values = getattr(measured, field)
-        if values is not None and per_unit == 1.0:
-            columns[channel] = values
-    return Run(name, route, columns, held_out)
+    return Run(name, route, measured.columns, held_out)
+
+
+def _implausible(path: Path, run: Run, rig: Rig) -> list[str]:
+    """Return the warnings about a run; raise SettingsError where a rule refuses it."""
+    arcs = run.route.arcs
+    warnings_of(path, fit_remarks(run.columns))
+    remarks = run_remarks(run.columns, rig, length=arcs.total_length, angle=arcs.total_angle)
+    return [f"{run.name}: {warning}" for warning in warnings_of(path, remarks)]

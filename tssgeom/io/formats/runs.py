@@ -45,6 +45,12 @@ class MeasuredRun:
     warnings: tuple[str, ...] = ()
     """Columns that are not read though they resemble channels, a sentence each."""
 
+    @property
+    def columns(self) -> dict[str, Vector]:
+        """Time and the channels that are there, by their names in SI."""
+        channels = {name: getattr(self, field) for field, name in IN_SI.items()}
+        return {TIME: self.time} | {name: values for name, values in channels.items() if values is not None}
+
     def channel(self, names: Sequence[str]) -> tuple[str, Vector]:
         """Return name and values of the first of these columns that the run has; every sample is finite.
 

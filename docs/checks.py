@@ -1,0 +1,57 @@
+"""Write docs/checks.md from the table of rules in tssgeom/plausibility/rules.py.
+
+python docs/checks.py            # writes the page
+python docs/checks.py --check    # is the page that of the table?
+"""
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+from tssgeom.plausibility.rules import RULES, Rule
+
+PAGE = Path(__file__).with_suffix(".md")
+HEAD = """# Checks
+
+What measured and computed numbers may be. A rule that refuses ends the work on its input with one line; a
+rule that warns adds a line, and the work goes on. Each message ends with the name of its rule in brackets.
+The same rules hold in every command: those on a run in `check`, `calibrate`, `discover`, `simulate` and
+`compensate`, those on a frame wherever frames are read (`analyse`, `batch`, `live`), those on a command in
+`compensate` and for targets in `live`, where the frame is rejected. `check` has no rig and no route, and
+applies what needs neither. Points of a shape have rules of their own: [formats.md](formats.md#errors-and-
+warnings).
+
+`python docs/checks.py` writes this page from `tssgeom/plausibility/rules.py`; the limits, with their
+origin, are in `tssgeom/plausibility/limits.py`.
+"""
+
+
+def page() -> str:
+    """Return the page."""
+    return "".join([HEAD, *(line for name, rule in RULES.items() for line in _section(name, rule))])
+
+
+def _section(name: str, rule: Rule) -> Iterator[str]:
+    yield f"\n## {name}\n\n"
+    yield from _wrapped(f"{rule.test[0].upper()}{rule.test[1:]}.")
+    yield from _wrapped(
+        f"**{'; '.join(f'{subject}: {what}' for subject, what in rule.severity.items())}.** {rule.reason}"
+    )
+    yield from _wrapped(f"Hint: {rule.hint}.")
+
+
+def _wrapped(text: str) -> Iterator[str]:
+    """Yield an item of a list, in lines of at most 118 characters."""
+    line = "-"
+    for word in text.split():
+        if len(line) + len(word) > 117:
+            yield f"{line}\n"
+            line = " "
+        line = f"{line} {word}"
+    yield f"{line}\n"
+
+
+if __name__ == "__main__":
+    if "--check" in sys.argv:
+        sys.exit(PAGE.read_text(encoding="utf-8") != page())
+    PAGE.write_text(page(), encoding="utf-8")

@@ -1,0 +1,208 @@
+"""The rules on frames, commands and rigs: cheap, as each frame of a stream has to pass them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from tssgeom.arrays import Points
+from tssgeom.effects import HiddenBend
+from tssgeom.errors import SettingsError
+from tssgeom.plausibility.limits import LIMITS
+from tssgeom.plausibility.rules import Remark, remark
+from tssgeom.rig import Rig, Sensor
+
+_DRIVE = "tension_in_N"
+_AVERAGED = (
+    20  # frames after which the usual time between frames is known, and over which it is averaged; chosen
+)
+
+
+class Sensed(Protocol):
+    """What the rules read of a frame; docs/formats.md has the units."""
+
+    @property
+    def points(self) -> Points:
+        """Sensed points [m]."""
+        ...
+
+    @property
+    def time(self) -> float:
+        """Time [s]."""
+        ...
+
+    @property
+    def tension_in(self) -> float | None:
+        """T_in [N]."""
+        ...
+
+    @property
+    def tension_out(self) -> float | None:
+        """T_out [N]."""
+        ...
+
+    @property
+    def displacement_in(self) -> float | None:
+        """Position of the drive [m]."""
+        ...
+
+    @property
+    def elongation(self) -> float | None:
+        """Elongation [m]."""
+        ...
+
+    @property
+    def temperature(self) -> float | None:
+        """Temperature [°C]."""
+        ...
+
+
+def strain_remarks(rig: Rig, length: float, tension: float) -> list[Remark]:
+    """Return where a rig, the length of a route [m] and a tension [N] can hardly belong to each other."""
+    remarks = [
+        remark(
+            "hidden_bend_beyond", "frame", f"hidden_bend at {effect.at_m:g} m on a route of {length:.3g} m"
+        )
+        for effect in rig.effects
+        if isinstance(effect, HiddenBend) and effect.at_m > length
+    ]
+    strain = rig.tendon.compliance_per_N * tension
+    if strain > LIMITS.largest_strain:
+        remarks.append(remark("strain", "frame", f"{tension:g} N would stretch the tendon by {strain:.0%}"))
+    return remarks
+
+
+def frame_remarks(frame: Sensed, length: float) -> Iterator[Remark]:
+    """Yield what is wrong with the readings of one frame on a route of this length [m]."""
+    if (warmth := frame.temperature) is not None:
+        if not LIMITS.coldest_C <= warmth <= LIMITS.hottest_C:
+            yield remark("temperature", "frame", f"temperature_C is {warmth:g} °C")
+        elif warmth > LIMITS.warmest_C:
+            yield remark("warm", "frame", f"temperature_C is {warmth:g} °C")
+    if (position := frame.displacement_in) is not None and abs(position) > LIMITS.largest_stroke * length:
+        where = f"displacement_in_m is {position:g} m on a route of {length:.3g} m"
+        yield remark("stroke", "frame", where)
+    if (stretch := frame.elongation) is not None and abs(stretch) > LIMITS.largest_strain * length:
+        yield remark("stretch_unit", "frame", f"elongation_m is {stretch:g} m on a route of {length:.3g} m")
+
+
+def command_remarks(rig: Rig, length: float, tension: float, displacement: float) -> Iterator[Remark]:
+    """Yield what is wrong with a command: the tension [N] or the position [m] that a drive is to take."""
+    strain, scale = rig.tendon.compliance_per_N * tension, rig.sensors.get(_DRIVE, Sensor()).full_scale
+    needs = f"the target needs {tension:.4g} N at the proximal end"
+    if strain > LIMITS.largest_strain:
+        yield remark("strain", "command", f"{needs}, which would stretch the tendon by {strain:.0%}")
+    if scale and tension > scale:
+        rule = "full_scale" if tension > LIMITS.beyond_scale * scale else "beyond_scale"
+        yield remark(rule, "command", f"{needs}, and the full scale of {_DRIVE} is {scale:g} N")
+    if abs(displacement) > LIMITS.largest_stroke * length:
+        moves = f"the target needs a move of {displacement:.4g} m on a route of {length:.3g} m"
+        yield remark("stroke", "command", moves)
+
+
+def require_command(rig: Rig, length: float, tension: float, displacement: float) -> None:
+    """Refuse a command that no drive should get.
+
+    Raises
+    ------
+    SettingsError
+        Where a rule refuses it.
+    """
+    for each in command_remarks(rig, length, tension, displacement):
+        if each.severity == "refuse":
+            raise SettingsError(each.text)
+
+
+def rig_remarks(rig: Rig) -> Iterator[Remark]:
+    """Yield what is wrong with the numbers of a rig beside each other."""
+    if rig.friction.coefficient > LIMITS.most_rig_friction:
+        yield remark("rig_friction", "rig", f"friction.coefficient is {rig.friction.coefficient:g}")
+    tension = max(LIMITS.judged_N, rig.tendon.pretension_N)
+    strain = rig.tendon.compliance_per_N * tension
+    if strain > LIMITS.usual_strain:
+        yield remark("rig_strain", "rig", f"{tension:g} N would stretch the tendon by {strain:.0%}")
+    for name, sensor in rig.sensors.items():
+        worst, scale = max(sensor.noise, sensor.resolution), sensor.full_scale
+        if 0.0 < scale < worst:
+            yield remark(
+                "rig_sensor", "rig", f"sensors.{name} resolves {worst:g} and its full scale is {scale:g}"
+            )
+        elif name.startswith("tension") and 0.0 < scale < rig.tendon.pretension_N:
+            pretension = f"the pretension is {rig.tendon.pretension_N:g} N"
+            yield remark(
+                "rig_sensor", "rig", f"the full scale of sensors.{name} is {scale:g} N and {pretension}"
+            )
+
+
+@dataclass(slots=True)
+class FrameWatch:
+    """What the frames of one stream break together; it holds a few numbers, however long the stream is."""
+
+    frames: int = 0
+    latest: float = math.nan
+    """Time of the last frame [s]."""
+    interval: float = 0.0
+    """Usual time between frames [s]."""
+    highest: float = 0.0
+    """Greatest T_in so far [N]."""
+    points: Points | None = None
+    """Points of the last frame [m]."""
+    repeated: int = 0
+    """Frames that repeated the points of the one before."""
+    varied: bool = False
+    """Whether points differed from frame to frame before."""
+
+    def take(self, frame: Sensed) -> tuple[str, ...]:
+        """Take in the next good frame, and return its warnings."""
+        step, self.latest = frame.time - self.latest, frame.time
+        before, self.points = self.points, frame.points
+        self.frames += 1
+        remarks: tuple[Remark, ...] = ()
+        if step > 0.0:
+            remarks += self._clock(step)
+        if before is not None and not _differ(before, frame.points):
+            remarks += self._repeat()
+        elif before is not None:
+            self.varied, self.repeated = True, 0
+        if (pull := frame.tension_in) is not None:
+            if pull > self.highest:
+                self.highest = pull
+            if (distal := frame.tension_out) is not None:
+                remarks += self._distal(distal)
+        return tuple(each.text for each in remarks) if remarks else ()
+
+    def _clock(self, step: float) -> tuple[Remark, ...]:
+        if self.frames > _AVERAGED and step > LIMITS.pause * self.interval:
+            late = f"the frame comes {step:.3g} s after the last one, usual are {self.interval:.2g} s"
+            return (remark("frame_time_jump", "frame", late),)
+        self.interval += (step - self.interval) / min(self.frames - 1, _AVERAGED)
+        return ()
+
+    def _repeat(self) -> tuple[Remark, ...]:
+        self.repeated += 1
+        if not self.varied or self.repeated % LIMITS.frozen_frames:
+            return ()
+        return (
+            remark("frozen_frames", "frame", f"{self.repeated} frames repeat the points of the one before"),
+        )
+
+    def _distal(self, distal: float) -> tuple[Remark, ...]:
+        if distal < -max(LIMITS.negative * self.highest, LIMITS.weakest_N):
+            return (remark("negative_tension", "frame", f"tension_out_N is {distal:.3g} N"),)
+        if distal > (1.0 + LIMITS.tension_excess) * self.highest + LIMITS.weakest_N:
+            above = f"tension_out_N is {distal:.3g} N and tension_in_N was at most {self.highest:.3g} N"
+            return (remark("tension_excess", "frame", above),)
+        return ()
+
+
+def _differ(one: Points, other: Points) -> bool:
+    """Whether two frames have different points; one coordinate is compared first, as it mostly differs."""
+    if one is other:
+        return False
+    if one.shape != other.shape or one.item(one.size // 2) != other.item(one.size // 2):
+        return True
+    return not np.array_equal(one, other, equal_nan=True)

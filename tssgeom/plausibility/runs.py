@@ -1,0 +1,74 @@
+"""The rules on a measured run, all of them, in the order of their weight."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import combinations
+
+import numpy as np
+
+from tssgeom.arrays import Vector
+from tssgeom.effects.kinds import ANSWERS
+from tssgeom.plausibility.digits import digit_remarks
+from tssgeom.plausibility.limits import LIMITS
+from tssgeom.plausibility.motion import motion_remarks
+from tssgeom.plausibility.rules import Remark, remark
+from tssgeom.plausibility.series import DRIVES, TIME, Series
+from tssgeom.plausibility.values import value_remarks
+from tssgeom.rig import Rig
+
+
+def run_remarks(
+    columns: Mapping[str, Vector],
+    rig: Rig | None = None,
+    *,
+    length: float | None = None,
+    angle: float | None = None,
+    fitted: bool = True,
+) -> list[Remark]:
+    """Return the rules that a run breaks, those that refuse it first.
+
+    Parameters
+    ----------
+    columns
+        `time_s` and channels by their names in SI, [n] each; NaN where a reading is missing.
+    rig
+        Rig of the run, where there is one.
+    length, angle
+        Length [m] and total angle [rad] of the route, where they are known.
+    fitted
+        Whether the run is to be fitted. Else it may be planned: then turns, rest and digits mean nothing.
+    """
+    run = Series(columns, rig, length, angle)
+    if not run.channels or not len(run.time):
+        return []
+    remarks = [*value_remarks(run), *motion_remarks(run, fitted=fitted), *digit_remarks(run, fitted=fitted)]
+    return sorted(remarks, key=lambda each: each.severity != "refuse")
+
+
+def fit_remarks(columns: Mapping[str, Vector]) -> Iterator[Remark]:
+    """Yield what a run lacks for a campaign: a drive, a response, and rows with both."""
+    drives = [name for name in DRIVES if name in columns]
+    if not drives:
+        yield remark("no_drive", "campaign", "no drive")
+        return
+    known = {name: np.isfinite(columns[name]) for name in {*DRIVES, *ANSWERS} if name in columns}
+    shared = [
+        int(np.count_nonzero(known[drive] & known[other]))
+        for drive in drives
+        for other in known
+        if other != drive
+    ]
+    if not shared:
+        yield remark("no_response", "campaign", "a drive without a response")
+    elif max(shared) < LIMITS.fewest_rows:
+        both = f"drive and response are both there in {max(shared)} of {len(columns[TIME])} rows"
+        yield remark("few_rows", "campaign", both)
+
+
+def campaign_remarks(runs: Sequence[tuple[str, Mapping[str, Vector]]]) -> Iterator[Remark]:
+    """Yield what runs, by name, break together."""
+    for (one, columns), (other, others) in combinations(runs, 2):
+        same = [name for name in Series(columns).noisy() if name in others]
+        if same and all(np.array_equal(columns[name], others[name], equal_nan=True) for name in same):
+            yield remark("same_readings", "campaign", f"{one} and {other} have the same readings")

@@ -1,0 +1,167 @@
+"""A measured run ready for its tests: ranges and noise of channels, means of rows, turns of the drive."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tssgeom.arrays import Vector
+from tssgeom.plausibility.limits import LIMITS
+from tssgeom.rig import Rig
+from tssgeom.statistics import reading_noise
+
+TIME = "time_s"
+DRIVES = ("tension_in_N", "displacement_in_m")
+
+
+@dataclass(frozen=True, slots=True)
+class SeriesSizes:
+    """Chosen: so that the tests of a long run take a fraction of a second."""
+
+    means: int = 400
+    """Chosen: fine beside a leg of the drive. Means of rows that a long run is reduced to [1]."""
+    noisy_rows: int = 4000
+    """Chosen: the noise is within 3 %. Readings from whose middle the noise is taken [1]."""
+    noisy_share: float = 1e-4
+    """Chosen: digits of computed runs are finer. Noise over range from which readings have noise [1]."""
+    rest: int = 3
+    """Chosen: as many as any run has at rest. Readings whose median is the reading at rest [1]."""
+
+
+SIZES = SeriesSizes()
+
+
+@dataclass(frozen=True)
+class Series:
+    """One run: columns in SI with `time_s`, NaN where a reading is missing, and what is known beside them."""
+
+    columns: Mapping[str, Vector]
+    rig: Rig | None = None
+    """None: no rig was given, and nothing is tested against one."""
+    length: float | None = None
+    """Length of the route [m]; None where it is not known."""
+    angle: float | None = None
+    """Total angle of the route [rad]; None where it is not known."""
+
+    @cached_property
+    def channels(self) -> dict[str, Vector]:
+        """The measured columns with a reading."""
+        return {
+            name: values
+            for name, values in self.columns.items()
+            if name != TIME and np.isfinite(values).any()
+        }
+
+    @property
+    def time(self) -> Vector:
+        """[n] [s]."""
+        return self.columns[TIME]
+
+    @cached_property
+    def drive(self) -> str | None:
+        """The channel that shows best when the drive turns: the position before the tension."""
+        return next((name for name in reversed(DRIVES) if name in self.channels), None)
+
+    @cached_property
+    def noise(self) -> dict[str, float]:
+        """White noise of each channel, digits included."""
+        return {name: _noise(values) for name, values in self.channels.items()}
+
+    def tensions(self) -> Iterator[tuple[str, Vector]]:
+        """Yield the channels in newtons."""
+        yield from ((name, values) for name, values in self.channels.items() if name.endswith("_N"))
+
+    def span(self, name: str) -> float:
+        """Return the range of a channel."""
+        return float(np.nanmax(self.channels[name]) - np.nanmin(self.channels[name]))
+
+    def most(self, name: str) -> float:
+        """Return the greatest absolute reading of a channel."""
+        return float(np.nanmax(np.abs(self.channels[name])))
+
+    @property
+    def rows_a_mean(self) -> int:
+        """Rows that one mean is taken over."""
+        return -(-len(self.time) // SIZES.means)
+
+    @cached_property
+    def means(self) -> dict[str, Vector]:
+        """Means of consecutive rows of time and channels; NaN where none of them has a reading."""
+        return {
+            name: _means(values, self.rows_a_mean)
+            for name, values in ({TIME: self.time} | self.channels).items()
+        }
+
+    def error(self, name: str) -> float:
+        """Return the noise of a mean."""
+        return self.noise[name] / float(np.sqrt(self.rows_a_mean))
+
+    def moves(self, name: str) -> bool:
+        """Whether a channel moves by more than its noise."""
+        means = self.means[name]
+        return float(np.nanmax(means) - np.nanmin(means)) > 2.0 * LIMITS.noises * max(
+            self.error(name), 1e-300
+        )
+
+    def noisy(self) -> list[str]:
+        """Return the channels whose readings differ by noise, which never repeats."""
+        return [name for name in self.channels if self.noise[name] > SIZES.noisy_share * self.span(name)]
+
+    def at_rest(self, name: str) -> float:
+        """Return the first readings of a channel, by their median."""
+        values = self.channels[name]
+        return float(np.median(values[np.isfinite(values)][: SIZES.rest]))
+
+    @cached_property
+    def edges(self) -> NDArray[np.intp]:
+        """Means at which the drive begins, turns and ends; [0] where there is no drive."""
+        if self.drive is None:
+            return np.zeros(1, dtype=np.intp)
+        least = max(LIMITS.turn_share * self.span(self.drive), LIMITS.noises * self.error(self.drive))
+        return turns(filled(self.means[self.drive]), least)
+
+
+def filled(values: Vector) -> Vector:
+    """Return a column with straight lines over missing readings."""
+    there = np.isfinite(values)
+    return values if there.all() else np.interp(np.arange(len(values)), np.flatnonzero(there), values[there])
+
+
+def turns(values: Vector, least: float) -> NDArray[np.intp]:
+    """Return the first reading, each from which values go back by more than `least`, and the last one."""
+    if len(values) == 0:
+        return np.zeros(1, dtype=np.intp)
+    edges, way, best, low, high = [0], 0, 0, 0, 0
+    for k, value in enumerate(values):
+        if way == 0:
+            low, high = (k if value < values[low] else low), (k if value > values[high] else high)
+            if values[high] - values[low] > least:
+                way, best = (1, high) if high > low else (-1, low)
+                edges[0] = low if way > 0 else high
+        elif way * (value - values[best]) >= 0:
+            best = k
+        elif way * (values[best] - value) > least:
+            edges.append(best)
+            way, best = -way, k
+    return np.array([*edges, len(values) - 1] if way else [0], dtype=np.intp)
+
+
+def _means(values: Vector, rows: int) -> Vector:
+    if rows == 1:
+        return values
+    padded = np.full(-(-len(values) // rows) * rows, np.nan)
+    padded[: len(values)] = values
+    blocks = padded.reshape(-1, rows)
+    count = np.isfinite(blocks).sum(axis=1)
+    with np.errstate(invalid="ignore"):
+        return np.nansum(blocks, axis=1) / np.where(count, count, np.nan)
+
+
+def _noise(values: Vector) -> float:
+    there = values[np.isfinite(values)]
+    first = max(0, (len(there) - SIZES.noisy_rows) // 2)
+    return reading_noise(there[first : first + SIZES.noisy_rows])
