@@ -5,18 +5,21 @@ What it needs is imported when it runs, so that `--help` is quick.
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from pipelines import tssgeom_version
-from pipelines.options import TENSION_IN, Json, Quiet, RigFile, Unit
-from pipelines.terminal import print_json, print_message, print_table
+from pipelines.options import TENSION_IN, Figures, Json, Quiet, RigFile, Unit
+from pipelines.terminal import print_json, print_message, print_table, step_progress
+from tssgeom.atomic import write_text
 
 if TYPE_CHECKING:
     from tssgeom.identify.calibrated_run import Measured
     from tssgeom.identify.calibration import Calibration, Estimate
+    from tssgeom.identify.fit_quality import ChannelFit
     from tssgeom.io.formats.runs import MeasuredRun
     from tssgeom.rig import Rig
     from tssgeom.route.pieces import Arcs
@@ -29,13 +32,19 @@ _TITLES = {
     "take_up": "slack taken up, d_0",
     "take_up_tension": "over a tension of, T_s",
 }
+_RIG, _REPORT = "rig.toml", "calibration.json"
+_WHITE = (
+    0.01  # probability below which residuals are not called white [1]; chosen: one sound run in a hundred
+)
 _PRINTED_UNITS = {"m": ("mm", 1e3)}
 
 
 def calibrate(
     run: Annotated[Path, typer.Argument(help="Measured pull and release (CSV or Parquet).")],
     shape: Annotated[Path, typer.Option("--shape", help="Shape of the route during the run.")],
-    out: Annotated[Path, typer.Option("--out", help="Rig file (TOML) to write.")],
+    out: Annotated[
+        Path, typer.Option("--out", help="Rig file (TOML) to write, or a folder for rig and report.")
+    ],
     rig: RigFile = None,
     from_tension: Annotated[
         float,
@@ -44,14 +53,19 @@ def calibrate(
         ),
     ] = 4.0,
     unit: Unit = None,
+    figures: Figures = None,
+    force: Annotated[
+        bool, typer.Option("--force", help="Write the rig even where the fit fails its test.")
+    ] = False,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
     """Estimate friction, compliance and sensor zeros, with 95 % intervals, from a run; write them as a rig.
 
     RUN has a column time_s, a drive (tension_in_N, or else displacement_in_m) and responses (tension_out_N,
-    elongation_m or _mm, or displacement_in_m with displacement_out_m). Friction and compliance go into the
-    rig; zeros are only reported.
+    elongation_m or _mm, or displacement_in_m with displacement_out_m). Friction, compliance and the zero of
+    the distal cell go into the rig; the zero of the elongation is only reported. A folder as --out gets
+    rig.toml, calibration.json and figures. Where the fit fails its test (docs/checks.md), no rig is written.
     """
     from pipelines.inputs import analysis_of, run_settings, without_effects
     from pipelines.runs import errors_naming, measured_run, print_run_warnings
@@ -60,27 +74,57 @@ def calibrate(
     from tssgeom.rig import write_rig
 
     settings = run_settings(rig, TENSION_IN, unit)
-    if out.is_dir():
-        raise SettingsError(f"--out {out} is a folder: name the rig file, such as {out / 'rig.toml'}")
+    folder = out if out.is_dir() or not out.suffix else None
+    out = out if folder is None else folder / _RIG
     require_replaceable(out)
     read = measured_run(run)
     result = analysis_of(shape.stem, shape, without_effects(settings)).results[-1]
     print_run_warnings(read, settings.rig, result.arcs, fitted=True)
     measured = _columns(read)
-    with errors_naming(run, shape):
-        fitted = calibration.calibrate(measured, result.arcs, settings.rig, from_tension=from_tension)
+    with step_progress(quiet=quiet or as_json) as report_step, errors_naming(run, shape):
+        fitted = calibration.calibrate(
+            measured, result.arcs, settings.rig, from_tension=from_tension, progress=report_step
+        )
+        report_step("done", 1.0)
     if not any(fitted.estimates[name].observable for name in ("friction", "compliance")):
         raise SettingsError(
             f"{run}: neither friction nor compliance can be estimated from it: record a pull and a release "
             "with tension_in_N and tension_out_N or elongation_m"
         )
-    write_rig(out, fitted.applied(settings.rig), _provenance(run, shape, fitted, result.arcs))
     for warning in (*result.warnings, *fitted.warnings):
         print_message(f"{run}: warning: {warning}")
+    written = force or not fitted.failures
+    summary = _object(run, shape, out if written else None, fitted, result.arcs, settings.rig)
+    _write(run, folder, figures, fitted, summary)
+    if written:
+        write_rig(out, fitted.applied(settings.rig), _provenance(run, shape, fitted, result.arcs))
     if as_json:
-        print_json(_object(run, shape, out, fitted, result.arcs, settings.rig))
+        print_json(summary)
     elif not quiet:
-        _print_table(run, out, fitted, result.arcs, settings.rig)
+        _print_table(run, out if written else None, fitted, result.arcs, settings.rig)
+    for failure in fitted.failures:
+        print_message(f"{run}: {'warning: ' if force else ''}the fit fails its test: {failure}")
+    if not written:
+        print_message(f"{run}: no rig is written: mend the run or the rig, or give --force")
+        raise typer.Exit(2)
+
+
+def _write(
+    run: Path, folder: Path | None, figures: Path | None, fitted: Calibration, summary: dict[str, Any]
+) -> None:
+    """Write the report into a folder, and figures where they are wanted."""
+    from pipelines.figures import write_figure, write_figures
+    from tssgeom.view.figures.calibration import fit_figure, phase_figure
+
+    drawn = {"fit": lambda: fit_figure(fitted), "phase": lambda: phase_figure(fitted)}
+    if folder is not None:
+        folder.mkdir(parents=True, exist_ok=True)
+        write_text(folder / _REPORT, json.dumps(summary, indent=1, ensure_ascii=False) + "\n")
+        for name, draw in drawn.items():
+            write_figure(draw(), folder, name)
+    if figures is not None:
+        figures.mkdir(parents=True, exist_ok=True)
+        write_figures(figures, run.stem, drawn)
 
 
 def _columns(run: MeasuredRun) -> Measured:
@@ -102,11 +146,15 @@ def _nominal(name: str, rig: Rig) -> float | None:
     return {"friction": rig.friction.coefficient, "compliance": rig.tendon.compliance_per_N}.get(name)
 
 
-def _object(run: Path, shape: Path, out: Path, fitted: Calibration, route: Arcs, rig: Rig) -> dict[str, Any]:
+def _object(
+    run: Path, shape: Path, out: Path | None, fitted: Calibration, route: Arcs, rig: Rig
+) -> dict[str, Any]:
     return {
         "run": str(run),
         "shape": str(shape),
-        "rig": str(out),
+        "rig": None if out is None else str(out),
+        "passes": not fitted.failures,
+        "failures": list(fitted.failures),
         "length_m": route.total_length,
         "total_angle_rad": route.total_angle,
         "total_angle_se_rad": route.total_angle_se,
@@ -118,6 +166,10 @@ def _object(run: Path, shape: Path, out: Path, fitted: Calibration, route: Arcs,
                 "rms": each.rms,
                 "readings": each.count,
                 "effective_readings": each.effective_count,
+                "noise": each.noise,
+                "rms_over_noise": each.over_noise,
+                "rms_over_range": each.over_range,
+                "whiteness_p": each.whiteness_p,
             }
             for each in fitted.channels
         ],
@@ -131,6 +183,8 @@ def _estimate(each: Estimate, rig: Rig) -> dict[str, Any]:
         "ci95": [each.low, each.high] if each.observable else None,
         "unit": each.unit,
         "observable": each.observable,
+        "why": each.why or None,
+        "at_bound": each.at_bound,
         "nominal": _nominal(each.name, rig),
     }
 
@@ -145,9 +199,10 @@ def _provenance(run: Path, shape: Path, fitted: Calibration, route: Arcs) -> lis
         f"Shape {shape.name}, SHA-256 {sha256_of(shape)}",
         f"Route: L = {route.total_length:.6g} m, angle {route.total_angle:.6g} rad "
         f"± {route.total_angle_se:.2g} rad (s.e.)",
-        "With 95 % intervals; zeros are those of the run and stand here for information:",
+        "With 95 % intervals; the zero of δ is that of the run and stands here for information:",
         *(f"  {_TITLES[each.name]}: {_sentence(each)}" for each in _estimates(fitted)),
     ]
+    lines += [f"Fails its test: {failure}" for failure in fitted.failures]
     return lines + [f"Warning: {warning}" for warning in fitted.warnings]
 
 
@@ -157,18 +212,26 @@ def _sentence(each: Estimate) -> str:
     return f"{each.value:.6g} {each.unit} [{each.low:.6g}, {each.high:.6g}]".replace(" 1 [", " [")
 
 
-def _print_table(run: Path, out: Path, fitted: Calibration, route: Arcs, rig: Rig) -> None:
+def _print_table(run: Path, out: Path | None, fitted: Calibration, route: Arcs, rig: Rig) -> None:
     rows = [_row(each, rig) for each in _estimates(fitted)]
     fits = [
         f"{each.name}: {each.count} readings met within "
         + _number(each.rms, each.unit)
-        + f" rms; as their errors last, they count as {each.effective_count:.0f}"
+        + f" rms, {each.over_noise:.3g} × their noise, {_white(each)}; "
+        f"as their errors last, they count as {each.effective_count:.0f}"
         for each in fitted.channels
     ]
     title = f"{run.name} on a route of {1e3 * route.total_length:.1f} mm, Φ = {route.total_angle:.4f} rad"
-    print_table(
-        title, ("", "value", "95 % interval", "unit", "rig before"), rows, notes=[*fits, f"rig: {out}"]
-    )
+    unknown = [f"{_TITLES[each.name]}: {each.why}" for each in _estimates(fitted) if each.why]
+    notes = [*fits, *unknown, *([] if out is None else [f"rig: {out}"])]
+    print_table(title, ("", "value", "95 % interval", "unit", "rig before"), rows, notes=notes)
+
+
+def _white(each: ChannelFit) -> str:
+    """Say whether the residuals of a channel are white."""
+    if each.whiteness_p < _WHITE:
+        return f"not white (p = {each.whiteness_p:.2g}), so that the model lacks something"
+    return f"white (p = {each.whiteness_p:.2g})"
 
 
 def _row(each: Estimate, rig: Rig) -> list[str]:

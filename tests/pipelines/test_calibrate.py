@@ -77,14 +77,79 @@ def test_what_the_columns_do_not_identify_is_null_and_not_a_number(run, write_ru
         "--json",
     )
     output = json.loads(outcome.out)["estimates"]
-    assert output["compliance"] == {
-        "value": None,
-        "ci95": None,
-        "unit": "1/N",
-        "observable": False,
-        "nominal": 3.16e-4,
-    }
+    compliance = output["compliance"]
+    assert (compliance["value"], compliance["ci95"], compliance["observable"]) == (None, None, False)
+    assert (compliance["unit"], compliance["nominal"]) == ("1/N", 3.16e-4)
     assert output["friction"]["observable"]
+
+
+def test_the_output_says_how_good_the_fit_is_and_why_a_number_is_missing(run, write_run, half, tmp_path):
+    columns = ("time_s", "tension_in_N", "tension_out_N")
+    outcome = run("calibrate", write_run(*columns), "--shape", half, "--out", tmp_path / "rig.toml", "--json")
+    output = json.loads(outcome.out)
+    (channel,) = output["channels"]
+    assert channel["noise"] == pytest.approx(0.01, rel=0.3)
+    assert channel["rms_over_noise"] == pytest.approx(1.0, abs=0.4)
+    assert channel["whiteness_p"] > 0.001  # white noise was added
+    assert (output["passes"], output["failures"]) == (True, [])
+    assert "no channel measures the stretch" in output["estimates"]["compliance"]["why"]
+    assert output["estimates"]["friction"]["why"] is None
+
+
+def test_the_zero_of_the_distal_cell_is_in_the_rig_and_a_second_calibration_keeps_it(
+    run, write_run, half, tmp_path
+):
+    first, second = tmp_path / "first.toml", tmp_path / "second.toml"
+    run("calibrate", write_run(*ALL), "--shape", half, "--out", first, "--quiet")
+    (effect,) = read_rig(first).effects
+    assert effect.offset_N == pytest.approx(0.25, abs=0.01)
+    run("calibrate", write_run(*ALL), "--shape", half, "--rig", first, "--out", second, "--quiet")
+    (again,) = read_rig(second).effects
+    assert again.offset_N == pytest.approx(0.25, abs=0.01)
+
+
+def test_a_folder_gets_rig_report_and_figures(run, write_run, half, tmp_path):
+    outcome = run(
+        *("calibrate", write_run(*ALL), "--shape", half, "--out", tmp_path / "report"),
+        *("--figures", tmp_path / "figures", "--quiet"),
+    )
+    assert outcome.status == 0
+    report = {path.name for path in (tmp_path / "report").iterdir()}
+    assert report == {"rig.toml", "calibration.json"} | {
+        f"{name}.{ending}" for name in ("fit", "phase") for ending in ("pdf", "png", "svg")
+    }
+    assert json.loads((tmp_path / "report" / "calibration.json").read_text("utf-8"))["passes"]
+    assert {path.name for path in (tmp_path / "figures").iterdir()} == {
+        f"run_{name}.{ending}" for name in ("fit", "phase") for ending in ("pdf", "svg")
+    }
+
+
+def test_a_fit_that_fails_its_test_writes_a_rig_only_by_force(run, write_run, half, tmp_path):
+    path = write_run(*ALL)
+    table = np.loadtxt(path, delimiter=",", skiprows=1)
+    table[:, 2] += 3.0 * np.sin(table[:, 0])  # a distal cell that nothing like the model moves
+    np.savetxt(path, table, delimiter=",", header=",".join(ALL), comments="", fmt="%.9g")
+    rig = tmp_path / "rig.toml"
+    refused = run("calibrate", path, "--shape", half, "--out", rig, "--quiet")
+    assert refused.status == 2
+    assert not rig.exists()
+    assert any("the fit fails its test: tension_out is met within" in line for line in refused.errors)
+    assert "no rig is written" in refused.errors[-1]
+    forced = run("calibrate", path, "--shape", half, "--out", rig, "--quiet", "--force")
+    assert forced.status == 0
+    assert "# Fails its test: tension_out is met within" in rig.read_text("utf-8")
+
+
+@pytest.mark.parametrize("columns", [ALL, ("time_s", "tension_in_N", "tension_out_N")])
+def test_an_inverted_cell_is_one_line_and_writes_nothing(run, write_run, half, tmp_path, columns):
+    path = write_run(*columns)
+    table = np.loadtxt(path, delimiter=",", skiprows=1)
+    table[:, 1] *= -1.0
+    np.savetxt(path, table, delimiter=",", header=",".join(columns), comments="", fmt="%.9g")
+    outcome = run("calibrate", path, "--shape", half, "--out", tmp_path / "rig.toml")
+    assert (outcome.status, len(outcome.errors)) == (2, 1)
+    assert outcome.errors[0].endswith("[inverted_cell]")
+    assert not (tmp_path / "rig.toml").exists()
 
 
 def test_a_run_with_no_response_is_one_line_and_writes_nothing(run, write_run, half, tmp_path):

@@ -177,6 +177,10 @@ def calibrated_run(measured: Measured, arcs: Arcs, rig: Rig, from_tension: float
         raise SettingsError(
             f"the run has {len(kept)} readings of its drive: give at least {RUN_LIMITS.least_drive}"
         )
+    if by_force and not float(np.max(column[kept])) > 0.0:
+        raise SettingsError(
+            f"tension_in_N is at most {float(np.max(column[kept])):g} N: a tendon only pulls: change its sign"
+        )
     _check_stretch(measured, arcs)
     spring = by_force and measured.elongation is None and measured.displacement_in is not None
     if spring and rig.load.stiffness_N_per_m == 0.0:

@@ -6,7 +6,7 @@ The forward model is fitted, not a regression on columns: docs/model.md, section
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,6 +14,7 @@ from msgspec.structs import replace as changed
 from scipy.stats import t as student
 
 from tssgeom.arrays import Matrix, Vector, read_only
+from tssgeom.effects import TensionOutOffset
 from tssgeom.errors import FitError, SettingsError
 from tssgeom.identify.calibrated_run import (
     NAMES,
@@ -22,11 +23,12 @@ from tssgeom.identify.calibrated_run import (
     calibrated_run,
     start_rig,
 )
-from tssgeom.identify.fit import Point, Problem, Whitening, columns, prior_sd, refined, unshared
+from tssgeom.identify.fit import FIT, Point, Problem, Whitening, columns, prior_sd, refined, unshared
+from tssgeom.identify.fit_quality import ChannelFit, failures, inflation_of, spread, squares, whiteness
 from tssgeom.identify.prediction import FINE, stacked
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
-from tssgeom.statistics import robust_sd
+from tssgeom.statistics import reading_noise
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +52,12 @@ class RobustFit:
 
 ROBUST = RobustFit()
 _WANTED = (("tension_out_offset", "N"), ("elongation_offset", "m"))
+_FITTED = 0.8  # share of the work done when the fit ends [1]; chosen
+_UNMEASURED = {
+    "compliance": "no channel measures the stretch: give elongation_m, or displacement_in_m",
+    "tension_out_offset": "tension_out_N is not measured, or has too few readings",
+    "elongation_offset": "elongation_m is not measured, or has too few readings",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,19 +71,10 @@ class Estimate:
     high: float
     observable: bool
     """False: the run does not identify it, and value and interval are those assumed beforehand."""
-
-
-@dataclass(frozen=True, slots=True)
-class ChannelFit:
-    """How one measured channel is met."""
-
-    name: str
-    unit: str
-    rms: float
-    """Of what is left [unit]."""
-    count: int
-    effective_count: float
-    """Readings that are worth as much, were they independent [1]."""
+    why: str = ""
+    """Why the run does not identify it; empty where it does."""
+    at_bound: bool = False
+    """Whether the fit ended at a bound of its value."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,18 +88,40 @@ class Calibration:
     """[n] [s]."""
     fitted: dict[str, Vector]
     """[n] What the fitted model gives in each channel, by its name."""
+    measured: dict[str, Vector]
+    """[n] The readings that count, NaN elsewhere, by the same names."""
+    tension_in: Vector
+    """[n] T_in of the fitted model [N]."""
+
+    @property
+    def failures(self) -> tuple[str, ...]:
+        """Why the estimates are not to be used, a sentence each; none where the fit passes its test."""
+        friction = self.estimates["friction"]
+        bounds = [each.name for each in self.estimates.values() if each.at_bound]
+        known = friction.value if friction.observable else None
+        return tuple(failures(known, self.channels, bounds, self.fitted))
 
     def applied(self, rig: Rig) -> Rig:
-        """Return the rig with the friction and the compliance that the run identifies."""
+        """Return the rig with friction, compliance and zero of the distal cell that the run identifies."""
         friction, compliance = self.estimates["friction"], self.estimates["compliance"]
         if friction.observable:
             rig = _with_friction(rig, friction.value)
         if compliance.observable:
             rig = _with_compliance(rig, compliance.value)
+        offset = self.estimates["tension_out_offset"]
+        if offset.observable and not offset.low <= 0.0 <= offset.high:
+            rig = _with_offset(rig, offset.value)
         return rig
 
 
-def calibrate(measured: Measured, arcs: Arcs, rig: Rig, *, from_tension: float = 4.0) -> Calibration:
+def calibrate(
+    measured: Measured,
+    arcs: Arcs,
+    rig: Rig,
+    *,
+    from_tension: float = 4.0,
+    progress: Callable[[str, float], object] = lambda step, share: None,
+) -> Calibration:
     """Fit friction, compliance and zeros to a run.
 
     Parameters
@@ -113,6 +134,8 @@ def calibrate(measured: Measured, arcs: Arcs, rig: Rig, *, from_tension: float =
         Nominal rig: pretension, load and the standard deviation of the angle gain are taken from it.
     from_tension
         Proximal tension below which the elongation does not count: slack is taken up there [N].
+    progress
+        Called with each step and the share of the work that is done [1].
 
     Raises
     ------
@@ -144,7 +167,8 @@ def calibrate(measured: Measured, arcs: Arcs, rig: Rig, *, from_tension: float =
             f"lay it with a bend of {ROBUST.least_angle:g} rad or more"
         )
     run = calibrated_run(measured, arcs, rig, from_tension)
-    fit = _fitted(run, start_rig(rig))
+    fit = _fitted(run, start_rig(rig), progress)
+    progress("errors of the route", _FITTED)
     return _calibration(fit, _route_covariance(fit, arcs, rig), run.warnings)
 
 
@@ -164,7 +188,7 @@ class _Fit:
     """Readings of each channel over effective ones [1]."""
 
 
-def _fitted(run: CalibratedRun, rig: Rig) -> _Fit:
+def _fitted(run: CalibratedRun, rig: Rig, progress: Callable[[str, float], object]) -> _Fit:
     """Fit, weigh each channel by what is left and by how long its errors last, and fit again."""
     stack = stacked([run.reading])
     blocks = [block.rows for block in stack.blocks]
@@ -174,21 +198,22 @@ def _fitted(run: CalibratedRun, rig: Rig) -> _Fit:
     )
     sigma = [max(ROBUST.first_sigma * float(np.ptp(stack.measured[rows])), 1e-9) for rows in blocks]
     inflation = np.ones(len(blocks))
-    for _ in range(ROBUST.passes):
+    for k in range(ROBUST.passes):
+        progress(f"fit, round {k + 1} of {ROBUST.passes}", _FITTED * k / ROBUST.passes)
         too_few_bars = run.predicted(at, rig, FINE) - run.predicted(at, rig)
         problem = replace(problem, target=stack.measured - too_few_bars)
         problem = replace(problem, whitening=_weights(problem.left(at), blocks, sigma, inflation))
         at = refined(problem, at).at
         left = problem.left(at)
-        sigma = [_spread(left[rows]) for rows in blocks]
-        inflation = np.array([_inflation(left[rows] / s) for rows, s in zip(blocks, sigma, strict=True)])
+        sigma = [spread(left[rows]) for rows in blocks]
+        inflation = np.array([inflation_of(left[rows] / s) for rows, s in zip(blocks, sigma, strict=True)])
     left = problem.left(at)
     problem = replace(problem, whitening=_weights(left, blocks, sigma, inflation))
     of_data = columns(problem, at, left)
     if not np.all(np.isfinite(of_data)):
         raise FitError("the calibration did not converge: check units and columns with tssgeom check")
     jacobian = np.vstack([of_data, np.diag(1.0 / prior_sd(at))])
-    square = _squares(
+    square = squares(
         problem.whitening.whitened(left), [rows.stop - rows.start for rows in blocks], at.size, inflation
     )
     return _Fit(run, problem, at, left, jacobian, _sandwich(jacobian, square), inflation)
@@ -203,39 +228,10 @@ def _weights(left: Vector, blocks: Sequence[slice], sigma: Sequence[float], infl
     return unshared(scale / np.sqrt(np.minimum(1.0, ROBUST.huber / far)))
 
 
-def _squares(left_over: Vector, counts: list[int], parameters: int, inflation: Vector) -> Vector:
-    """Squares of residuals over the variance that the fit assumed; 1 for what the prior adds."""
-    worth = np.repeat(inflation, counts)
-    free = max(1.0 - parameters / max(float(np.sum(counts / inflation)), 1.0), 0.1)
-    return np.concatenate([left_over**2 * worth / free, np.ones(parameters)])
-
-
 def _sandwich(jacobian: Matrix, square: Vector) -> Matrix:
     """Covariance of the estimates where some readings are noisier than others; docs/model.md (73)."""
     bread = np.asarray(np.linalg.inv(jacobian.T @ jacobian), dtype=np.float64)
     return bread @ (jacobian.T @ (square[:, None] * jacobian)) @ bread
-
-
-def _spread(left: Vector) -> float:
-    """Return the standard deviation of residuals with a few that are far off."""
-    robust = robust_sd(left - np.median(left))
-    clipped = np.clip(left, -3 * robust, 3 * robust) if robust > 0 else left
-    return max(float(np.sqrt(np.mean(clipped**2))), 1e-12)
-
-
-def _inflation(left: Vector) -> float:
-    """Return readings over effective ones, 1 + 2 Σ autocorrelation while positive; docs/model.md (73)."""
-    clipped = np.clip(left, -3.0, 3.0)
-    size = len(clipped)
-    padded = np.fft.rfft(clipped - clipped.mean(), 2 * size)
-    power = np.fft.irfft(np.abs(padded) ** 2)[: size // 2]
-    if power[0] <= 0.0:
-        return 1.0
-    correlation = power / power[0]
-    pairs = correlation[:-1:2] + correlation[1::2][: len(correlation[:-1:2])]
-    ends = np.flatnonzero(pairs <= 0.0)
-    total = 2.0 * float(np.sum(pairs[: ends[0] if len(ends) else len(pairs)])) - 1.0
-    return float(np.clip(total, 1.0, size / 3))
 
 
 def _route_covariance(fit: _Fit, arcs: Arcs, rig: Rig) -> Matrix:
@@ -279,6 +275,9 @@ def _calibration(fit: _Fit, of_route: Matrix, warnings: tuple[str, ...]) -> Cali
             float(np.sqrt(np.mean(fit.left[block.rows] ** 2))),
             int(count),
             float(worth),
+            reading_noise(stack.measured[block.rows]),
+            float(np.ptp(stack.measured[block.rows])),
+            whiteness(fit.left[block.rows]),
         )
         for block, count, worth in zip(stack.blocks, counts, effective, strict=True)
     )
@@ -290,6 +289,8 @@ def _calibration(fit: _Fit, of_route: Matrix, warnings: tuple[str, ...]) -> Cali
         warnings,
         fit.run.reading.time,
         {NAMES[block.channel]: fitted[block.channel] for block in stack.blocks},
+        {NAMES[block.channel]: fit.run.reading.measured[block.channel] for block in stack.blocks},
+        fitted["tension_in_N"],
     )
 
 
@@ -299,19 +300,34 @@ def _estimates(fit: _Fit, half: Vector, observable: np.ndarray) -> Iterator[Esti
     stretch = fit.run.shows_stretch
     for k, (name, unit, value) in enumerate(base if stretch else base[:1]):
         low, high = value * math.exp(-half[k]), value * math.exp(half[k])
-        yield Estimate(name, value, unit, low, high, bool(observable[k]))
+        yield Estimate(name, value, unit, low, high, bool(observable[k]), _why(bool(observable[k]), name))
     for k, (zero, u) in enumerate(zip(fit.run.zeros, fit.at.zeros, strict=True), start=2):
         value, low, high = (zero.value(each) for each in (u, u - half[k], u + half[k]))
-        yield Estimate(zero.name, value, zero.unit, low, high, bool(observable[k]))
+        shows, bound = bool(observable[k]), abs(u) >= FIT.zero_bound and not zero.name.startswith("turn")
+        yield Estimate(zero.name, value, zero.unit, low, high, shows, _why(shows, zero.name), bound)
     fitted = {zero.name for zero in fit.run.zeros}
     missing = [] if stretch else [("compliance", "1/N")]
     missing += [(name, unit) for name, unit in _WANTED if name not in fitted]
     for name, unit in missing:
-        yield Estimate(name, math.nan, unit, math.nan, math.nan, False)
+        yield Estimate(name, math.nan, unit, math.nan, math.nan, False, _UNMEASURED[name])
+
+
+def _why(observable: bool, name: str) -> str:
+    """Return why a number that was fitted is not identified."""
+    if observable:
+        return ""
+    return f"the run changes what was assumed of {name} by less than half"
 
 
 def _with_friction(rig: Rig, value: float) -> Rig:
     return changed(rig, friction=changed(rig.friction, coefficient=value))
+
+
+def _with_offset(rig: Rig, offset: float) -> Rig:
+    """Return the rig whose distal cell reads too much by this beyond what the rig had [N]."""
+    had = [each for each in rig.effects if isinstance(each, TensionOutOffset)]
+    total = TensionOutOffset(offset_N=offset + sum(each.offset_N for each in had))
+    return changed(rig, effects=(*(each for each in rig.effects if each not in had), total))
 
 
 def _with_compliance(rig: Rig, value: float) -> Rig:

@@ -47,7 +47,7 @@ class Limits:
     tension_excess: float = 0.05
     """Chosen: twice what a cell's zero may be off. T_out over T_in while pulling, of the range [1]."""
     share_of_rows: float = 0.3
-    """Chosen: more than an episode. Share of the rows in question that break a rule [1]."""
+    """Chosen: more than an episode. Share of these rows that break a rule [1]."""
     largest_friction: float = 0.4
     """Chosen: polymer liners have 0.05 to 0.2, dry steel 0.3. Friction coefficient from T_in, T_out "
     "and Φ [1]."""

@@ -1,0 +1,135 @@
+"""How good a calibration is: residuals beside noise, whether they are white, and the test of a rig."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2
+
+from tssgeom.arrays import Vector
+from tssgeom.statistics import robust_sd
+
+
+@dataclass(frozen=True, slots=True)
+class FitTest:
+    """Chosen: on the runs of tests/campaigns with each effect, and on measured ones."""
+
+    most_of_range: float = 0.1
+    """Measured: an effect of tests/campaigns that the model lacks leaves at most 0.046 (friction of straight
+    parts); twice that. Rms of residuals over the range of a channel from which the fit fails, where it is
+    also beyond `most_of_noise` [1]."""
+    most_of_noise: float = 5.0
+    """Chosen: five standard deviations. Rms of residuals over the noise of the readings [1]."""
+    most_friction: float = 1.0
+    """Chosen: no pair of materials of a sheath has it. Friction coefficient from which the fit fails [1]."""
+    most_lags: int = 20
+    """Cited: Box, Jenkins and Reinsel, Time series analysis (1994). Lags of the test of whiteness [1]."""
+    rows_a_lag: int = 5
+    """Cited: the same. Least readings for each lag [1]."""
+
+
+FIT_TEST = FitTest()
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelFit:
+    """How one measured channel is met."""
+
+    name: str
+    unit: str
+    rms: float
+    """Of what is left [unit]."""
+    count: int
+    effective_count: float
+    """Readings that are worth as much, were they independent [1]."""
+    noise: float
+    """White noise of the readings, digits included [unit]."""
+    span: float
+    """Range of the readings [unit]."""
+    whiteness_p: float
+    """Probability of residuals as correlated as these, were they white: Ljung and Box [1]."""
+
+    @property
+    def over_noise(self) -> float:
+        """Rms of the residuals over the noise [1]."""
+        return self.rms / self.noise if self.noise > 0.0 else np.inf
+
+    @property
+    def over_range(self) -> float:
+        """Rms of the residuals over the range [1]."""
+        return self.rms / self.span if self.span > 0.0 else np.inf
+
+    @property
+    def passes(self) -> bool:
+        """Whether the residuals are small, beside the range or beside the noise."""
+        return self.over_range <= FIT_TEST.most_of_range or self.over_noise <= FIT_TEST.most_of_noise
+
+
+def whiteness(left: Vector) -> float:
+    """Return the probability of residuals [n] at least as correlated as these, if they were white.
+
+    Notes
+    -----
+    Source: Ljung and Box, Biometrika 65 (1978) 297: Q = n (n + 2) Σ r_k² / (n - k) over the lags k is χ².
+    """
+    n = len(left)
+    lags = min(FIT_TEST.most_lags, n // FIT_TEST.rows_a_lag)
+    off = left - left.mean() if n else left
+    power = float(off @ off)
+    if lags < 1 or power <= 0.0:
+        return 1.0
+    square = sum(float(off[k:] @ off[:-k]) ** 2 / (n - k) for k in range(1, lags + 1))
+    return float(chi2.sf(n * (n + 2) * square / power**2, lags))
+
+
+def failures(
+    friction: float | None,
+    channels: Sequence[ChannelFit],
+    at_bounds: Sequence[str],
+    predicted: Mapping[str, Vector],
+) -> Iterator[str]:
+    """Yield why a calibration is not to be used, a sentence each; none where it passes its test."""
+    limit = FIT_TEST
+    for each in channels:
+        if not each.passes:
+            yield (
+                f"{each.name} is met within {each.over_range:.1%} of its range and {each.over_noise:.3g} × "
+                f"its noise; at most {limit.most_of_range:.0%} or {limit.most_of_noise:g} × are accepted"
+            )
+    if friction is not None and friction > limit.most_friction:
+        yield f"the friction coefficient is {friction:.3g}; at most {limit.most_friction:g} is accepted"
+    for name in at_bounds:
+        yield f"{name} is at its bound"
+    if not all(np.isfinite(values).all() for values in predicted.values()):
+        yield "the fitted model is not finite"
+
+
+def squares(left_over: Vector, counts: list[int], parameters: int, inflation: Vector) -> Vector:
+    """Squares of residuals over the variance that the fit assumed; 1 for what the prior adds."""
+    worth = np.repeat(inflation, counts)
+    free = max(1.0 - parameters / max(float(np.sum(counts / inflation)), 1.0), 0.1)
+    return np.concatenate([left_over**2 * worth / free, np.ones(parameters)])
+
+
+def spread(left: Vector) -> float:
+    """Return the standard deviation of residuals with a few that are far off."""
+    robust = robust_sd(left - np.median(left))
+    clipped = np.clip(left, -3 * robust, 3 * robust) if robust > 0 else left
+    return max(float(np.sqrt(np.mean(clipped**2))), 1e-12)
+
+
+def inflation_of(left: Vector) -> float:
+    """Return readings over effective ones, 1 + 2 Σ autocorrelation while positive; docs/model.md (73)."""
+    clipped = np.clip(left, -3.0, 3.0)
+    size = len(clipped)
+    padded = np.fft.rfft(clipped - clipped.mean(), 2 * size)
+    power = np.fft.irfft(np.abs(padded) ** 2)[: size // 2]
+    if power[0] <= 0.0:
+        return 1.0
+    correlation = power / power[0]
+    pairs = correlation[:-1:2] + correlation[1::2][: len(correlation[:-1:2])]
+    ends = np.flatnonzero(pairs <= 0.0)
+    total = 2.0 * float(np.sum(pairs[: ends[0] if len(ends) else len(pairs)])) - 1.0
+    return float(np.clip(total, 1.0, size / 3))
