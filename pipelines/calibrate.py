@@ -116,15 +116,15 @@ def _write(
     from pipelines.figures import write_figure, write_figures
     from tssgeom.view.figures.calibration import fit_figure, phase_figure
 
-    drawn = {"fit": lambda: fit_figure(fitted), "phase": lambda: phase_figure(fitted)}
+    figures_of = {"fit": lambda: fit_figure(fitted), "phase": lambda: phase_figure(fitted)}
     if folder is not None:
         folder.mkdir(parents=True, exist_ok=True)
         write_text(folder / _REPORT, json.dumps(summary, indent=1, ensure_ascii=False) + "\n")
-        for name, draw in drawn.items():
+        for name, draw in figures_of.items():
             write_figure(draw(), folder, name)
     if figures is not None:
         figures.mkdir(parents=True, exist_ok=True)
-        write_figures(figures, run.stem, drawn)
+        write_figures(figures, run.stem, figures_of)
 
 
 def _columns(run: MeasuredRun) -> Measured:

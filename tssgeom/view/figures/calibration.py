@@ -23,15 +23,17 @@ def fit_figure(fitted: Calibration) -> Figure:
             :, 0
         ]
         for channel, above, below in zip(fitted.channels, rows[::2], rows[1::2], strict=True):
-            shown = words.channel(_COLUMNS[channel.name])
-            measured, model = (shown.factor * each[channel.name] for each in (fitted.measured, fitted.fitted))
+            quantity = words.channel(_COLUMNS[channel.name])
+            measured, model = (
+                quantity.factor * each[channel.name] for each in (fitted.measured, fitted.fitted)
+            )
             above.plot(fitted.time, measured, **MEASURED)
             above.plot(fitted.time, model, color=BLUE, linewidth=1.0, label="fitted")
-            titles(above, "", "", shown.label)
-            left, noise = measured - model, shown.factor * channel.noise
+            titles(above, "", "", quantity.label)
+            left, noise = measured - model, quantity.factor * channel.noise
             below.axhspan(-2.0 * noise, 2.0 * noise, color=SOFT, alpha=0.18, linewidth=0.0)
             below.plot(fitted.time, left, **MEASURED)
-            titles(below, "", "", f"left [{shown.label.rpartition('[')[2]}")
+            titles(below, "", "", f"left [{quantity.label.rpartition('[')[2]}")
         rows[0].set_title("Readings and fit; below, what is left, and ± 2 standard deviations of the noise")
         _legend(drawing, rows[0])
         rows[-1].set_xlabel("time [s]")
@@ -43,18 +45,18 @@ def phase_figure(fitted: Calibration) -> Figure:
     with figure((PAGE, 3.0)) as drawing:
         row = drawing.subplots(1, len(fitted.channels), squeeze=False)[0]
         for axes, channel in zip(row, fitted.channels, strict=True):
-            shown = words.channel(_COLUMNS[channel.name])
+            quantity = words.channel(_COLUMNS[channel.name])
             counting = np.isfinite(fitted.measured[channel.name])
-            measured = shown.factor * fitted.measured[channel.name][counting]
+            measured = quantity.factor * fitted.measured[channel.name][counting]
             axes.plot(fitted.tension_in[counting], measured, **MEASURED)
             axes.plot(
                 fitted.tension_in,
-                shown.factor * fitted.fitted[channel.name],
+                quantity.factor * fitted.fitted[channel.name],
                 color=BLUE,
                 linewidth=1.0,
                 label="fitted",
             )
-            titles(axes, f"{shown.symbol} over T_in", "proximal tension T_in [N]", shown.label)
+            titles(axes, f"{quantity.symbol} over T_in", "proximal tension T_in [N]", quantity.label)
         _legend(drawing, row[0])
     return drawing
 
