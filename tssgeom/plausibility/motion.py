@@ -81,7 +81,10 @@ def _signs(run: Series) -> Iterator[Remark]:
     for name in (*DISPLACEMENTS, "elongation_m"):
         if name == against or name not in run.channels or not run.moves(name):
             continue
-        together = _correlation(run.means[against], run.means[name])
+        pulls = run.means[against]
+        if np.nanmedian(pulls) < 0.0 and against.endswith("_N"):
+            pulls = -pulls  # an inverted cell, which is a remark of its own
+        together = _correlation(pulls, run.means[name])
         if together < LIMITS.opposite:
             falls = f"{name} falls where {against} rises (correlation {together:.2f})"
             yield remark("sign", "run", falls)

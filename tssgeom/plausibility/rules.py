@@ -79,7 +79,7 @@ RULES: dict[str, Rule] = {
         f"a tension strains the tendon of the rig by more than {_L.largest_strain:.0%}",
         {"run": "refuse", "frame": "warn", "command": "refuse"},
         "No tendon recovers from that: mN stand for N, or the compliance is wrong.",
-        "give newtons, or mend tendon.compliance_per_N of the rig",
+        "give newtons and metres, or mend tendon.compliance_per_N of the rig",
     ),
     "high_strain": Rule(
         f"a tension strains the tendon of the rig by more than {_L.usual_strain:.0%}",
