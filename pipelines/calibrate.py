@@ -33,9 +33,7 @@ _TITLES = {
     "take_up_tension": "over a tension of, T_s",
 }
 _RIG, _REPORT = "rig.toml", "calibration.json"
-_WHITE = (
-    0.01  # probability below which residuals are not called white [1]; chosen: one sound run in a hundred
-)
+_WHITE = 0.01  # probability below which residuals are not white [1]; chosen: one sound run in a hundred
 _PRINTED_UNITS = {"m": ("mm", 1e3)}
 
 

@@ -17,9 +17,7 @@ from tssgeom.plausibility.rules import Remark, remark
 from tssgeom.rig import Rig, Sensor
 
 _DRIVE = "tension_in_N"
-_AVERAGED = (
-    20  # frames after which the usual time between frames is known, and over which it is averaged; chosen
-)
+_AVERAGED = 20  # frames over which the usual time between frames is averaged; chosen
 
 
 class Sensed(Protocol):

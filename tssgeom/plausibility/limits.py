@@ -29,19 +29,19 @@ class Limits:
     coldest_C: float = -60.0
     """Chosen: no laboratory is colder. Temperature [°C]."""
     largest_stroke: float = 2.0
-    """Chosen: a tendon is not pulled out of its sheath. Travel of a drive over the length of the "
-    "route [1]."""
+    """Chosen: a tendon is not pulled out of its sheath. Travel of a drive over the length of the
+    route [1]."""
     stretch_ratio: float = 30.0
     """Chosen: √1000, half-way between right and mm for m. Measured stretch over that of compliance and
     tension, or its inverse [1]."""
     usual_stretch: float = 6.0
-    """Chosen: a compliance may be wrong by 3; kgf for N make 9.8. The same, from which a warning is "
-    "due [1]."""
+    """Chosen: a compliance may be wrong by 3; kgf for N make 9.8. The same, from which a warning is
+    due [1]."""
     negative: float = 0.02
     """Chosen: the zero of a cheap cell. Tension below zero, of its range [1]."""
     noises: float = 6.0
-    """Derived: a normal value in 10⁹ is farther off. Standard deviations of noise that no chance "
-    "reaches [1]."""
+    """Derived: a normal value in 10⁹ is farther off. Standard deviations of noise that no chance
+    reaches [1]."""
     tension_ratio: float = 3.0
     """Chosen: no error of a cell; kgf for N make 9.8. T_out over T_in while pulling [1]."""
     tension_excess: float = 0.05
@@ -49,32 +49,32 @@ class Limits:
     share_of_rows: float = 0.3
     """Chosen: more than an episode. Share of these rows that break a rule [1]."""
     largest_friction: float = 0.4
-    """Chosen: polymer liners have 0.05 to 0.2, dry steel 0.3. Friction coefficient from T_in, T_out "
-    "and Φ [1]."""
+    """Chosen: polymer liners have 0.05 to 0.2, dry steel 0.3. Friction coefficient from T_in, T_out
+    and Φ [1]."""
     fitting_share: float = 0.5
     """Chosen: end fittings and straight parts take less. T_in that is lost without any bend [1]."""
     opposite: float = -0.5
-    """Chosen: hysteresis alone leaves a positive correlation. Correlation of two channels of one "
-    "motion [1]."""
+    """Chosen: hysteresis alone leaves a positive correlation. Correlation of two channels of one
+    motion [1]."""
     stretch_error: float = 0.15
     """Chosen: three times a gain error of 5 %. Rms of elongation less displacements, of its range [1]."""
     lag_share: float = 0.07
     """Chosen: the lags of sound runs are below it. Lag over the time of a leg of the drive [1]."""
     lag_rows: float = 3.0
-    """Chosen: a turn between two rows is known to one. Lag over the time of a row, or of a mean of "
-    "rows [1]."""
+    """Chosen: a turn between two rows is known to one. Lag over the time of a row, or of a mean of
+    rows [1]."""
     rest_share: float = 0.15
     """Chosen: three times a usual zero. Reading at rest less the pretension, of the range [1]."""
     turn_share: float = 0.1
     """Chosen: more than ripple. Way back from which a drive has turned, of its range [1]."""
     clipped_rows: int = 5
-    """Chosen: digits alone make fewer equal rows beside a drive that moves on. Equal rows at an "
-    "extreme [1]."""
+    """Chosen: digits alone make fewer equal rows beside a drive that moves on. Equal rows at an
+    extreme [1]."""
     clipped_move: float = 0.05
     """Chosen: more than noise. Move of another channel during these rows, of its range [1]."""
     frozen_move: float = 1.0
-    """Derived: no dead zone is wider. Way of the drive while a channel repeats one value, of its "
-    "range [1]."""
+    """Derived: no dead zone is wider. Way of the drive while a channel repeats one value, of its
+    range [1]."""
     fewest_steps: int = 25
     """Chosen: digits of 4 %. Range of a channel over its smallest step [1]."""
     repeated_rows: int = 10
