@@ -15,7 +15,7 @@ from tests.view.conftest import analysed, arc
 from tests.worked_finding import worked_finding
 from tssgeom.stream import Frame, FrameResult
 from tssgeom.view.figures.paper import paper_figures
-from tssgeom.view.figures.plots import SMALLEST, VECTOR, save
+from tssgeom.view.figures.plots import COLUMN, SMALLEST, VECTOR, figure, markup, save
 from tssgeom.view.figures.shapes import figures_of, moments, route_figure, strokes, transmission_figure
 from tssgeom.view.report.entry import ReportEntry, series_of
 from tssgeom.view.report.finding import figures_of as figures_of_finding
@@ -65,6 +65,22 @@ def test_every_axis_that_is_shown_has_a_unit(figures):
             labels = [axes.get_xlabel(), axes.get_ylabel()] if axes.axison else []
             assert all(re.search(r"\[.+\]$", label) for label in labels if label), (name, labels)
             assert not labels or any(labels), name
+
+
+def test_numbers_in_a_figure_of_a_page_keep_their_digits() -> None:
+    with figure((COLUMN, 2.0)) as drawing:
+        axes = drawing.subplots()
+        axes.plot([0.0, 1.0], [0.0, 1.0])
+        axes.set_yticks([0.0, 0.0125, 0.025], ["0.0000", "0.0125", "0.0250"])
+        axes.set_title("0.00432 mm")
+    page = markup(drawing)
+    assert re.findall(r">(0\.0\d+)( mm)?<", page) == [
+        ("0.0000", ""),
+        ("0.0125", ""),
+        ("0.0250", ""),
+        ("0.00432", " mm"),
+    ]
+    assert re.search(r'd="[^"]*\.\d{3}', page) is None  # a hundredth of a point is enough for a line
 
 
 @pytest.mark.parametrize("angle", [0.001, 0.5, 1.6, -1.6, 3.1, 5.0])

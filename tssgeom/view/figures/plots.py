@@ -118,7 +118,17 @@ def inline_svg(drawing: Figure) -> str:
     text = stream.getvalue()
     text = re.sub(r' id="[A-Za-z0-9.]+_\d+"', "", text[text.index("<svg") :])
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
-    return re.sub(r"(\d+\.\d{2})\d+", r"\1", text).replace("\n", " ")
+    return _TAG.sub(_with_short_coordinates, text).replace("\n", " ")
+
+
+_TAG = re.compile(r"<[^>]+>")
+_COORDINATES = re.compile(r' (?:d|x|y)="[^"]*"|translate\([^)]*\)')
+_LONG_NUMBER = re.compile(r"(\d+\.\d{2})\d+")
+
+
+def _with_short_coordinates(tag: re.Match[str]) -> str:
+    """Write coordinates to a hundredth of a point; numbers in texts and in scales keep every digit."""
+    return _COORDINATES.sub(lambda part: _LONG_NUMBER.sub(r"\1", part[0]), tag[0])
 
 
 _METADATA: dict[str, Any] = {"pdf": {"CreationDate": None}, "svg": {"Date": None}, "png": {}}
