@@ -15,6 +15,15 @@ def test_an_axis_has_three_to_eight_numbers_from_zero_to_at_most_its_top(top: fl
     assert ticks[-1] <= top * (1 + 1e-9)
 
 
+@given(st.floats(1e-3, 1e3), st.floats(1e-6, 1.0))
+def test_an_axis_with_negative_values_has_numbers_on_both_sides_of_zero(top: float, share: float) -> None:
+    axis = Axis(top, "", -share * top)
+    assert 3 <= len(axis.ticks) <= 8
+    assert 0.0 in axis.ticks
+    assert axis.bottom * (1 + 1e-6) <= axis.ticks[0]
+    assert axis.ticks[-1] <= top * (1 + 1e-9)
+
+
 def test_numbers_carry_their_unit() -> None:
     assert CHART.y.labels == ["0 N", "5 N", "10 N", "15 N"]
 

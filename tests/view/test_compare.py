@@ -18,6 +18,7 @@ from tssgeom.view.scene.compare.difference import aligned, comparison, differenc
 from tssgeom.view.scene.compare.reading import Side, read_side
 from tssgeom.view.scene.paper import write_paper_recording
 from tssgeom.view.scene.recording import write_recording
+from tssgeom.view.scene.viewer import moment_of_greatest_tension
 from tssgeom.view.wording import angle_with_error, with_error
 
 ROUGH = Rig(friction=Friction(coefficient=0.3))
@@ -151,6 +152,40 @@ def test_a_shape_stands_beside_a_run(still_file: Path, moving_file: Path, tmp_pa
     write_comparison(tmp_path / "both.rrd", still_file, moving_file)
     assert "/b/series/tension_out" in entities(tmp_path / "both.rrd")
     assert columns(tmp_path / "both.rrd", "/a/route", timed=True) == {}
+
+
+def test_the_numbers_are_those_of_the_moment_in_the_picture(tmp_path: Path):
+    pulls = (2.0, 12.0, 4.0, 11.999, 1.0)  # the picture shows the last of peaks that are the same within 1 %
+    frames = [Frame(arc(40, 1.0 + 0.4 * k), 0.5 * k, tension_in=pull) for k, pull in enumerate(pulls)]
+    results = analysed(frames)
+    write_recording(tmp_path / "a.rrd", "a", results, timed=True)
+    side = read_side(tmp_path / "a.rrd")
+    assert side.time is not None
+    assert ("time", side.time[side.peak]) == moment_of_greatest_tension(tmp_path / "a.rrd")
+    assert "| time [s] | 1.50 | 1.50 | +0.00 |" in table(side, side)
+    assert "-0.0" not in table(side, side)
+
+
+def test_frames_that_a_long_recording_omits_are_counted(moving: list[FrameResult], tmp_path: Path):
+    write_recording(tmp_path / "a.rrd", "a", moving[::2], timed=True)
+    side = read_side(tmp_path / "a.rrd")
+    assert "**A** is a (4 of its 7 frames)" in comparison(side, side, None)
+
+
+def test_the_difference_of_two_shapes_has_its_sign(still_file: Path, tmp_path: Path):
+    write_recording(tmp_path / "bent.rrd", "bent", analysed([Frame(arc(60, 2.0, 0.25))]), timed=False)
+    heights = []
+    for name, pair in (
+        ("less", (tmp_path / "bent.rrd", still_file)),
+        ("more", (still_file, tmp_path / "bent.rrd")),
+    ):
+        write_comparison(tmp_path / f"{name}.rrd", *pair)
+        ((line,),) = columns(tmp_path / f"{name}.rrd", "/difference/tension/apart", timed=False)[
+            "LineStrips2D:strips"
+        ]
+        heights.append(line[-1][1] - line[0][1])  # downwards, from 0 N at the proximal end
+    assert heights[0] > 0.01  # B turns more: less tension than A
+    assert heights[1] < -0.01
 
 
 def test_tensions_differ_from_where_the_routes_differ(moving_file: Path):

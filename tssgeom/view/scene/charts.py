@@ -43,18 +43,24 @@ class Box:
 
 @dataclass(frozen=True, slots=True)
 class Axis:
-    """An axis from 0 to its top, with a unit."""
+    """An axis from its bottom, 0 or less, to its top, with a unit."""
 
     top: float
     unit: str
+    bottom: float = 0.0
+
+    def share(self, value: Vector | float) -> Vector:
+        """Return how far along the axis values are [1]; those beyond an edge are held at it."""
+        return np.clip((np.asarray(value) - self.bottom) / (self.top - self.bottom), 0.0, 1.0)
 
     @property
     def ticks(self) -> Vector:
-        """Four to eight plain numbers from 0 to the top."""
-        rough = self.top / 5
+        """Four to eight plain numbers from the bottom to the top; 0 is one of them."""
+        rough = (self.top - self.bottom) / 5
         unit = 10.0 ** math.floor(math.log10(rough))
         step = next(m * unit for m in (1.0, 2.0, 2.5, 5.0, 10.0) if m * unit >= 0.85 * rough)
-        return np.round(np.arange(0.0, self.top * (1 + 1e-9), step), 12)
+        below = math.floor(-self.bottom / step * (1 + 1e-9))
+        return np.round(np.arange(-step * below, self.top * (1 + 1e-9), step), 12) + 0.0  # no -0
 
     @property
     def labels(self) -> list[str]:
@@ -64,7 +70,7 @@ class Axis:
 
 @dataclass(frozen=True, slots=True)
 class Chart:
-    """A box of a plane whose y axis points down, in which values from 0 upwards are drawn."""
+    """A box of a plane whose y axis points down, in which values are drawn."""
 
     x: Axis
     y: Axis
@@ -72,21 +78,20 @@ class Chart:
 
     def position(self, x: Vector | float, y: Vector | float) -> Vector:
         """Positions [n, 2] of values in the plane; values beyond an edge are held at it."""
-        across = self.box.width * np.clip(np.asarray(x) / self.x.top, 0.0, 1.0)
-        down = 1.0 - np.clip(np.asarray(y) / self.y.top, 0.0, 1.0)
+        across, down = self.box.width * self.x.share(x), 1.0 - self.y.share(y)
         return np.column_stack(np.broadcast_arrays(across, down))
 
     def grid(self) -> list[Vector]:
         """Lines across the box at every tick, each [2, 2]."""
-        upright = [self.position(x, np.array([0.0, self.y.top])) for x in self.x.ticks]
-        level = [self.position(np.array([0.0, self.x.top]), y) for y in self.y.ticks]
+        upright = [self.position(x, np.array([self.y.bottom, self.y.top])) for x in self.x.ticks]
+        level = [self.position(np.array([self.x.bottom, self.x.top]), y) for y in self.y.ticks]
         return [*upright, *level]
 
     def numbers(self) -> tuple[Vector, list[str]]:
         """Positions [n, 2] and texts of the numbers along both axes."""
         text = self.box.text
-        below = self.position(self.x.ticks, 0.0) + np.array([0.0, 0.35 * text])
-        beside = self.position(0.0, self.y.ticks) - np.array([1.9 * text, _LABEL_DROP * text])
+        below = self.position(self.x.ticks, self.y.bottom) + np.array([0.0, 0.35 * text])
+        beside = self.position(self.x.bottom, self.y.ticks) - np.array([1.9 * text, _LABEL_DROP * text])
         texts = [*self.x.labels, *self.y.labels]
         return np.vstack([below, beside]), [text.split()[0] for text in texts] if self.box.unitless else texts
 

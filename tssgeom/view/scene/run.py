@@ -106,6 +106,8 @@ NUMBERS = (
     "slip_front_m",
 )
 """Numbers of the frame as a whole."""
+SEQUENCE = "seq"
+"""Count of the frame among all that were sensed."""
 
 
 def send_numbers_of_route(sender: Sender, run: Run) -> None:
@@ -125,7 +127,9 @@ def send_numbers_of_route(sender: Sender, run: Run) -> None:
     sender.send("joints", _values(pieces), [len(one.length) for one in arcs])
     pairs = zip(run.results, run.fronts, strict=True)
     whole = np.array([(*_whole(result), front) for result, front in pairs])
-    sender.send("summary", _values(dict[str, Vector](zip(NUMBERS, whole.T, strict=True))))
+    sequence = np.array([result.seq for result in run.results])
+    numbers = {**dict(zip(NUMBERS, whole.T, strict=True)), SEQUENCE: sequence}
+    sender.send("summary", _values(numbers))
 
 
 def _whole(result: FrameResult) -> tuple[float, ...]:

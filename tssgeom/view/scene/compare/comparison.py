@@ -142,15 +142,16 @@ def _send_change(sender: Sender, entity: str, quantity: Quantity, values: Vector
 
 
 def _send_both(still: Sender, a: Side, b: Side, limits: Ranges) -> None:
-    """Draw both tensions at the greatest pull over arc length in one chart, and their absolute difference."""
-    chart = Chart(Axis(1e3 * limits.length, "mm"), Axis(limits.tension, "N"), _BOTH_BOX)
-    send_axes(still, "tension", chart)
+    """Draw both tensions at the greatest pull over arc length in one chart, and B less A."""
     ends = {"a": a.frames[a.peak], "b": b.frames[b.peak]}
+    s = np.linspace(0.0, min(float(frame.s[-1]) for frame in ends.values()), 128)
+    change = ends["b"].tension_at(s) - ends["a"].tension_at(s)
+    tension = Axis(max(limits.tension, change.max()), "N", min(0.0, float(change.min())))
+    chart = Chart(Axis(1e3 * limits.length, "mm"), tension, _BOTH_BOX)
+    send_axes(still, "tension", chart)
     for key, frame in ends.items():
         line = chart.position(1e3 * frame.s, frame.tension)
         still.constant(f"tension/{key}", _line(line, _COLOURS[key], 2.0))
-    s = np.linspace(0.0, min(float(frame.s[-1]) for frame in ends.values()), 128)
-    change = np.abs(ends["b"].tension_at(s) - ends["a"].tension_at(s))
     still.constant("tension/apart", _line(chart.position(1e3 * s, change), colours.WHITE, 1.2))
 
 
@@ -185,7 +186,7 @@ def _column(side: str, name: str, camera: Camera) -> rrb.Container:
 
 
 def _both() -> rrb.Spatial2DView:
-    title = "Tension T [N] against arc length s [mm]: A blue, B orange, difference white"
+    title = "Tension T [N] against arc length s [mm]: A blue, B orange, B less A white"
     return chart("difference/tension", title, _BOTH_BOX)
 
 

@@ -116,7 +116,9 @@ def comparison(a: Side, b: Side, change: Difference | None) -> str:
 
 
 def _name(side: Side) -> str:
-    kind = "a shape" if side.time is None else f"{len(side.frames)} frames"
+    drawn = len(side.frames)
+    frames = f"{drawn} frames" if drawn == side.count else f"{drawn} of its {side.count} frames"
+    kind = "a shape" if side.time is None else frames
     return f"{side.name} ({kind}" + (f"; time from its beginning, {side.since:.2f} s)" if side.since else ")")
 
 
@@ -146,9 +148,9 @@ def _peak_words(a: Side, b: Side) -> str:
     late = s is not None and s > _LIMITS.early_share * _at_peak(a, "length_m")
     where = f" The tensions differ from s = {1e3 * s:.0f} mm on." if s and late else ""
     return (
-        f"At the greatest pull, with {same}, the distal end of B feels "
-        f"**{with_error(out, error, 2, '+')} N** ({before:.2f} to {before + out:.2f} N{share}), and δ is "
-        f"**{with_error(1e3 * stretch, 1e3 * stretch_error, 3, '+')} mm** beside that of A.{where}"
+        f"At the greatest pull, with {same}, T_out of B less that of A is "
+        f"**{with_error(out, error, 2, '+')} N** ({before:.2f} to {before + out:.2f} N{share}), and δ of B "
+        f"less that of A is **{with_error(1e3 * stretch, 1e3 * stretch_error, 3, '+')} mm**.{where}"
     )
 
 
@@ -190,11 +192,20 @@ _ROWS = (
 
 def table(a: Side, b: Side) -> str:
     """Set the numbers of both at the greatest pull of each side by side, as markdown."""
-    rows = []
+    rows = _moments(a, b)
     for title, name, factor, digits in _ROWS:
         first, second = factor * _at_peak(a, name), factor * _at_peak(b, name)
-        cells = (f"{first:.{digits}f}", f"{second:.{digits}f}", f"{second - first:+.{digits}f}")
+        cells = (f"{first:.{digits}f}", f"{second:.{digits}f}", f"{second - first:+z.{digits}f}")
         rows.append(f"| {title} | {' | '.join(cells)} |")
     counts = [len(side.pieces[side.peak].length) for side in (a, b)]
     rows.append(f"| pieces | {counts[0]} | {counts[1]} | {counts[1] - counts[0]:+d} |")
     return "\n".join(["| | A | B | B − A |", "|---|--:|--:|--:|", *rows])
+
+
+def _moments(a: Side, b: Side) -> list[str]:
+    """Write when the greatest pull of each is; no row for two shapes."""
+    times = [math.nan if side.time is None else float(side.time[side.peak]) for side in (a, b)]
+    if all(map(math.isnan, times)):
+        return []
+    cells = (f"{times[0]:.2f}", f"{times[1]:.2f}", f"{times[1] - times[0]:+z.2f}")
+    return [f"| time [s] | {' | '.join(cells).replace('+nan', '–').replace('nan', '–')} |"]

@@ -13,9 +13,10 @@ from rerun.chunk import Chunk
 from tssgeom.arrays import Points, Vector
 from tssgeom.errors import SourceError
 from tssgeom.route.pieces import Arcs
+from tssgeom.tendon.history import last_peak
 from tssgeom.view.quantities import TIMELINE
 from tssgeom.view.samples import RouteSamples
-from tssgeom.view.scene.run import NUMBERS, ON_JOINTS, ON_ROUTE
+from tssgeom.view.scene.run import NUMBERS, ON_JOINTS, ON_ROUTE, SEQUENCE
 from tssgeom.view.scene.viewer import parts_of, require_recording
 
 COPIED = ("/sensed", "/joints", "/lumen")
@@ -39,13 +40,15 @@ class Side:
     """`NUMBERS` of each frame [SI]."""
     parts: Sequence[Chunk]
     """Entities that are copied."""
+    count: int
+    """Number of frames that were sensed; a long recording shows only some of them."""
     since: float = 0.0
     """Time that was subtracted from all times [s]."""
 
     @property
     def peak(self) -> int:
-        """Frame of the greatest proximal tension."""
-        return int(np.argmax(self.numbers["tension_in_N"]))
+        """Frame at the last of the highest peaks of T_in, as in the summary and in the picture."""
+        return last_peak(self.numbers["tension_in_N"])
 
     @property
     def fronts(self) -> Sequence[float]:
@@ -93,7 +96,16 @@ def read_side(path: Path) -> Side:
         labels=[row.tolist() for row in labels["Points3D:labels"].values],
         numbers={name: np.concatenate(summary[name].values).astype(np.float64) for name in NUMBERS},
         parts=[chunk for chunk in chunks if _is_copied(str(chunk.entity_path))],
+        count=_count(summary, len(route["tension_N"].values)),
     )
+
+
+def _count(summary: Mapping[str, _Column], displayed: int) -> int:
+    """Return how many frames were sensed; recordings of earlier versions have only those on display."""
+    if SEQUENCE not in summary:
+        return displayed
+    numbers = np.concatenate(summary[SEQUENCE].values)
+    return max(displayed, int(numbers.max() - numbers.min()) + 1)
 
 
 def _is_copied(entity: str) -> bool:
