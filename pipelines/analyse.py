@@ -47,18 +47,23 @@ def analyse(
     quiet: Quiet = False,
 ) -> None:
     """Report length, angle, pieces, distal tension and elongation of each shape."""
-    from pipelines.inputs import each_analysis, inputs_of, run_settings
+    from pipelines.inputs import Refusal, each_analysis, inputs_of, run_settings
     from tssgeom.errors import SettingsError
-    from tssgeom.io.results.exports import selected_endings
+    from tssgeom.io.results.exports import missing_libraries, selected_endings
 
     settings = run_settings(rig, tension_in, unit, lumen=lumen, tube_mm=tube_mm)
     if export and out is None:
         raise SettingsError(f"--export {export}: there is no folder to write to: give --out DIR too")
-    results = _Results(settings, out, selected_endings(export), figures, same=same)
+    endings = selected_endings(export)
+    missing = missing_libraries(endings)
+    written = [ending for ending in endings if ending not in missing]
+    results = _Results(settings, out, written, figures, same=same)
     inputs = list(inputs_of(shapes, besides=[] if out is None else [out]))
     tally = each_analysis(inputs, settings, results.add, quiet=quiet or as_json)
     if same and (refusal := results.add_common()) is not None:
         tally.refuse(refusal)
+    for ending, reason in missing.items():
+        tally.refuse(Refusal(ending, f"--export {ending}: {reason}"))
     # no folder of files, no file of several shapes
     one_file = inputs == list(shapes) and len(inputs) == 1 and not same
     results.report(one_file=one_file, as_json=as_json, quiet=quiet)

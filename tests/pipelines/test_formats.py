@@ -3,8 +3,10 @@
 import json
 import math
 import shutil
+import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 CORPUS = Path(__file__).parents[1] / "io" / "corpus"
@@ -76,6 +78,21 @@ def test_export_writes_beside_the_results_and_never_over_the_input(run, half):
     written = {path.name for path in half.parent.glob("half_tension.*")}
     assert written == {"half_tension.mrk.json", "half_tension.vtp", "half_tension.ply", "half_tension.csv"}
     assert half.read_bytes() == before
+
+
+def test_a_format_whose_library_is_missing_leaves_all_others(run, half, write_csv, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "vtkmodules.vtkIOXML", None)
+    other = write_csv("other.csv", np.loadtxt(half, delimiter=",", skiprows=1))
+    out, figures = tmp_path / "out", tmp_path / "figures"
+    options = ("--export", "vtp,csv,ply", "--figures", figures, "--quiet")
+    outcome = run("analyse", half, other, "--out", out, *options)
+    assert (outcome.status, len(outcome.errors)) == (1, 1)
+    assert "--export vtp: no .vtp file is written, as VTK is not installed" in outcome.errors[0]
+    for name in ("half", "other"):
+        assert {path.name for path in out.glob(f"{name}*")} == {
+            f"{name}{rest}" for rest in (".rrd", ".glb", "_tension.csv", "_tension.ply")
+        }
+        assert (figures / f"{name}_route.pdf").exists()
 
 
 def test_an_exported_curve_has_the_length_and_angle_of_its_source(run, half, tmp_path):

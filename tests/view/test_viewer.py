@@ -43,6 +43,20 @@ def test_missing_graphics_driver_is_named_with_its_remedy(
         screenshot(still_file, tmp_path / "picture.png")
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="windows elsewhere need no DISPLAY")
+@pytest.mark.parametrize("display", [None, ":4321"])
+def test_a_window_without_a_display_is_one_line_with_what_works(
+    still_file: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], display: str | None
+) -> None:
+    for name in ("WAYLAND_DISPLAY", "WAYLAND_SOCKET", "DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    if display is not None:
+        monkeypatch.setenv("DISPLAY", display)
+    with pytest.raises(SourceError, match=r"no display for a window: --screenshot .* --web"):
+        open_viewer([still_file])
+    assert capfd.readouterr().err == ""
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="ends a process group")
 def test_web_viewer_answers_at_the_address_it_prints(still_file: Path) -> None:
     program = "import sys, pathlib; from tssgeom.view.scene.viewer import open_viewer; "

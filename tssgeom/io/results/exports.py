@@ -191,13 +191,12 @@ def write_vtp(path: Path, line: TensionLine, tube: trimesh.Trimesh) -> None:
     SourceError
         Where the disk refuses, or VTK is not installed.
     """
-    try:
-        from vtkmodules.vtkCommonCore import vtkPoints, vtkStringArray
-        from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
-        from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
-    except ImportError as error:
-        raise SourceError(f"{path}: .vtp files need VTK: pip install 'tssgeom[vtk]'") from error
+    if lacking := missing_libraries(("vtp",)):
+        raise SourceError(f"{path}: {lacking['vtp']}")
     from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray
+    from vtkmodules.vtkCommonCore import vtkPoints, vtkStringArray
+    from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
+    from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
 
     positions = PER_METRE[line.unit] * np.concatenate([tube.vertices, line.position])
     points, faces, route = vtkPoints(), vtkCellArray(), vtkCellArray()
@@ -251,6 +250,17 @@ def selected_endings(text: str) -> tuple[str, ...]:
         if ending not in WRITERS:
             raise SettingsError(f"--export: no writer for {ending!r}: choose from {','.join(WRITERS)}")
     return endings
+
+
+def missing_libraries(endings: Sequence[str]) -> dict[str, str]:
+    """Return the endings whose library is not installed, each with the line that says so."""
+    if "vtp" not in endings:
+        return {}
+    try:
+        import vtkmodules.vtkIOXML  # noqa: F401
+    except ImportError:
+        return {"vtp": "no .vtp file is written, as VTK is not installed: pip install 'tssgeom[vtk]'"}
+    return {}
 
 
 def write_exports(folder: Path, endings: Sequence[str], line: TensionLine, tube: trimesh.Trimesh) -> None:

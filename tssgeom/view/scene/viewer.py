@@ -59,16 +59,21 @@ def open_viewer(
     Raises
     ------
     SourceError
-        Where a file is missing or is no recording.
+        Where a file is missing or is no recording, or there is no display to open a window on.
     """
     for path in paths:
         require_recording(path)
     files = [str(path) for path in paths]
     options = _web_options(announce) if web else ["--port", "auto"]
-    try:
-        return subprocess.run([binary(), *files, "--bind", _HOST, *options], check=False).returncode
-    except KeyboardInterrupt:
-        return 0
+    with tempfile.TemporaryFile() as log:
+        command = [binary(), *files, "--bind", _HOST, *options]
+        try:
+            status = subprocess.run(command, check=False, stderr=log, env=_quiet()).returncode
+        except KeyboardInterrupt:
+            return 0
+        if status > 0:
+            raise _failure(paths[0], log)
+    return status
 
 
 def screenshot(
@@ -197,16 +202,19 @@ def _headless(path: Path, size: tuple[int, int]) -> Iterator[ViewerClient]:
     port, began = _free_port(), time.monotonic()
     options = ["--headless", "--hide-welcome-screen", "--window-size", f"{size[0]}x{size[1]}"]
     command = [binary(), str(path), *options, "--bind", _HOST, "--port", str(port)]
-    # With CI set the viewer reports nothing about its use to its makers.
     with tempfile.TemporaryFile() as log:
-        environment = {**os.environ, "CI": "true", "RUST_LOG": "error"}
-        viewer = subprocess.Popen(command, stdout=log, stderr=log, env=environment)
+        viewer = subprocess.Popen(command, stdout=log, stderr=log, env={**_quiet(), "CI": "true"})
         try:
             yield _loaded(viewer, port, began)
         except (ConnectionError, RuntimeError, TimeoutError) as error:
             raise _failure(path, log) from error
         finally:
             _end(viewer)
+
+
+def _quiet() -> dict[str, str]:
+    """Return the environment of a viewer that writes errors alone; with CI it also reports no use of it."""
+    return {**os.environ, "RUST_LOG": "error"}
 
 
 def _end(viewer: subprocess.Popen[bytes]) -> None:
@@ -245,6 +253,11 @@ def _answers(port: int) -> bool:
 def _failure(path: Path, log: IO[bytes]) -> SourceError:
     log.seek(0)
     text = re.sub(r"\x1b\[[0-9;]*m", "", log.read().decode(errors="replace"))
+    if re.search(r"EventLoopError", text):
+        return SourceError(
+            f"{path}: there is no display for a window: --screenshot FILE.png writes a picture without one, "
+            "--web opens it in a browser"
+        )
     if re.search(r"render context|graphics adapter", text):
         return SourceError(
             f"{path}: no picture, as there is no Vulkan driver: install one that needs no graphics card "
