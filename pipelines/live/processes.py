@@ -85,14 +85,22 @@ class SideProcess:
         """Send a message if there is room for it; otherwise it is lost, and counted."""
         if self.ended:
             return
-        self.lost += not self._channel.send(message)
+        if not self._channel.send(message):
+            if not self.lost:
+                self._report(f"{self.role}: it is slower than the stream and begins to lose messages")
+            self.lost += 1
         self._set_idle(self._channel.waiting < (_LIMITS.late if self._idle else 1))
 
     def _set_idle(self, idle: bool) -> None:
         """Let it run only where a core is idle, or as any other."""
         if self._may_idle and idle != self._idle:
             self._idle = idle
-            set_idle_priority(self._process.pid, idle)
+            set_idle_priority(self.pid, idle)
+
+    @property
+    def pid(self) -> int:
+        """Number of the process."""
+        return self._process.pid
 
     @property
     def waiting(self) -> bool:
@@ -114,6 +122,11 @@ class SideProcess:
             self._report(f"{self.role}: did not finish within {_LIMITS.end:g} s and was ended")
         self._read_rest()
         self._channel.close()
+        if self.lost:
+            self._report(
+                f"{self.role}: {self.lost} messages were lost, as it was slower than the stream: what it "
+                "wrote lacks these frames; replay the frames, or give it a free core or a faster disk"
+            )
         return self._process.returncode == 0
 
     def _read_rest(self) -> None:

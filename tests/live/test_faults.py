@@ -4,17 +4,21 @@ import json
 import os
 import resource
 import select
+import selectors
 import signal
 import stat
 import subprocess
 from functools import partial
 from pathlib import Path
 
+import numpy as np
 import pytest
 import rerun_cli
 from rerun.chunk import RrdReader
 
 from benchmarks.live_process import PATIENCE, Reader, line, live
+from pipelines.live.messages import packed
+from pipelines.live.processes import SideProcess
 from tests.live.peers import frame, half_circle
 from tssgeom.io.formats.files import open_recording
 from tssgeom.io.formats.states import read_state, write_state
@@ -155,6 +159,21 @@ def test_a_full_disk_ends_the_recording_with_the_reason_and_not_the_stream(tmp_p
     ordered = tmp_path / "ordered.rrd"
     rerun("optimize", recording, "-o", ordered)
     assert 0 < rows(ordered, "/route", "LineStrips3D:strips") <= time
+
+
+def test_messages_that_a_slow_recording_loses_are_reported_without_asking(tmp_path):
+    lines: list[str] = []
+    with selectors.DefaultSelector() as selector:
+        recorder = SideProcess(selector, "record", str(tmp_path / "live.rrd"), lines.append)
+        os.kill(recorder.pid, signal.SIGSTOP)
+        numbers = packed("numbers", np.zeros((100_000, 5)))  # 4 MB
+        for _ in range(8):
+            recorder.send(numbers)
+        assert recorder.lost > 1
+        assert lines == ["record: it is slower than the stream and begins to lose messages"]
+        os.kill(recorder.pid, signal.SIGKILL)
+        recorder.join()
+    assert lines[1:] == [next(text for text in lines if f"{recorder.lost} messages were lost" in text)]
 
 
 def test_a_source_that_dies_and_returns_is_served_again(shared):
