@@ -109,10 +109,7 @@ def _notes(finding: Finding) -> list[str]:
         f"tied ({tie.gauge}): {', '.join(map(words.plain, tie.names))}: {tie.why}"
         for tie in words.effect_ties(finding)
     ]
-    notes += [
-        f"next: {each.experiment} (expected ΔBIC {words.expected(each)})"
-        for each in finding.breaks_tie[:_MOST_EXPERIMENTS]
-    ]
+    notes += [f"next: {step}" for step in words.next_steps(finding)[:_MOST_EXPERIMENTS]]
     notes += [
         f"{words.plain(name)}: {finding.nominal[name]:.4g} in the rig file, {each.value:.4g} refitted"
         for name, each in finding.base.items()

@@ -1,6 +1,7 @@
 """The report of discover: the answer first, everything in it, nothing from elsewhere."""
 
 from collections import Counter
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -8,6 +9,8 @@ import pytest
 
 from tests.worked_finding import without_held_out, worked_finding
 from tssgeom.errors import SourceError
+from tssgeom.identify.finding import Experiment
+from tssgeom.view.finding_wording import next_steps
 from tssgeom.view.report.finding import write_finding_report
 
 VOID = {"meta", "br", "link", "img", "input", "hr"}
@@ -97,7 +100,27 @@ def test_runners_up_say_why_not_and_blind_spots_why(pages: dict[str, Page]) -> N
 def test_a_tie_says_what_it_is_and_how_to_break_it(pages: dict[str, Page]) -> None:
     text = pages["tie"].text
     assert "These data cannot separate hidden bend and load dependent friction (G4)" in text
-    assert "a second route of other radii" in text
+    assert "A second route of other radii: it separates hidden bend, load dependent friction" in text
+
+
+def test_the_next_step_follows_from_what_was_identified() -> None:
+    steps = {verdict: next_steps(worked_finding(verdict)) for verdict in VERDICTS}
+    assert len({tuple(each) for each in steps.values()}) == 4
+    assert "Repeat chain" in steps["none"][0]  # its held-out run shows a gap
+    quiet = {"held_out": worked_finding("none").misfit.noise}
+    fits = replace(worked_finding("none").misfit, before=quiet, after=quiet)
+    assert "Measure nothing more" in next_steps(replace(worked_finding("none"), misfit=fits))[0]
+    unknown = worked_finding("unknown")
+    assert unknown.where[0].run in steps["unknown"][1]
+    assert (
+        f"{100 * max(one.explains for one in unknown.missing_shapes):.0f} % of the gap" in steps["unknown"][0]
+    )
+    refit = Experiment("measure a route with another sensor", 0.0, ("rig.friction.coefficient", "angle gain"))
+    asked = replace(worked_finding(), breaks_tie=(refit,))
+    assert next_steps(asked) == steps["effect"]  # what a refit stands for is said beside the refit
+    assert "one more run" in next_steps(without_held_out(worked_finding()))[-1]
+    grown = replace(worked_finding().misfit, after=worked_finding().misfit.before)
+    assert "Repeat" in next_steps(replace(worked_finding(), misfit=grown))[-1]
 
 
 def test_only_what_is_unknown_shows_a_shape(pages: dict[str, Page]) -> None:

@@ -32,6 +32,8 @@ class MisfitSettings:
     """Of the median step in motion: a slower drive is a hold [1]; chosen."""
     floor: float = 0.7
     """Held-out misfit below which its ratio says nothing [1]; derived: half of the noise variance again."""
+    same: float = 0.95
+    """Of a misfit: one that differs by less has neither fallen nor grown [1]; chosen: the digits shown."""
 
 
 MISFIT = MisfitSettings()
@@ -111,10 +113,18 @@ def _rms(problem: Problem, left: Vector, counted: np.ndarray) -> dict[str, float
 
 
 def beyond_noise(rms: Mapping[str, float], noise: Mapping[str, float]) -> float:
-    """Return the misfit: root mean over channels of what is beyond the noise, in units of it; (112)."""
-    if not rms:
-        return float("nan")
-    return float(np.sqrt(np.mean([max((rms[name] / noise[name]) ** 2 - 1.0, 0.0) for name in rms])))
+    """Return the misfit: root mean over channels of what is beyond the noise, in units of it; (112).
+
+    NaN where no channel has noise.
+    """
+    squares = [max((rms[name] / noise[name]) ** 2 - 1.0, 0.0) for name in rms if noise.get(name, 0.0) > 0.0]
+    return math.sqrt(sum(squares) / len(squares)) if squares else math.nan
+
+
+def held_out_change(misfit: Misfit) -> tuple[float, float]:
+    """Return the misfit of the runs that were held out, before and after [1]; NaN where there are none."""
+    before, after = misfit.before.get("held_out", {}), misfit.after.get("held_out", {})
+    return beyond_noise(before, misfit.noise), beyond_noise(after, misfit.noise)
 
 
 @dataclass(frozen=True, slots=True)

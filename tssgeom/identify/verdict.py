@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tssgeom.identify.finding import Candidate, Estimate, Verdict
+from tssgeom.identify.finding import Candidate, Estimate, Misfit, Verdict
 from tssgeom.identify.fit import Fit, Problem
-from tssgeom.identify.misfit import HeldOut
+from tssgeom.identify.misfit import MISFIT, HeldOut, held_out_change
 from tssgeom.identify.screening import detection_limits, leftover
 from tssgeom.identify.selection import Selection, close_candidates, name_of
 
@@ -84,12 +84,13 @@ def _unknown(chosen: Selection, left: tuple[float, float], held: tuple[float, fl
     (before, after), (misfit, ratio) = left, held
     if after > VERDICT.left and after > VERDICT.share * before:
         return (
-            f"what is left is {after:.2g} times the detection limit of the sensors, {before:.2g} times before"
+            f"with the best effects of the library {after:.2g} times the detection limit of the sensors is "
+            f"left, {before:.2g} times without"
         )
     if chosen.fit.at.effects and (
         ratio > VERDICT.held or (misfit > VERDICT.wide and ratio > VERDICT.held_share)
     ):
-        return f"on the held-out runs, the misfit is {ratio:.2f} of what it was"
+        return f"the best name leaves {100.0 * ratio:.0f} % of the misfit of the held-out runs"
     return ""
 
 
@@ -108,24 +109,46 @@ _PREFIXES = ((1e-6, "µ"), (1e-3, "m"), (1.0, ""), (1e3, "k"))
 
 
 def sentence(
-    judged: Judgement, effects: Sequence[Candidate], base: Mapping[str, Estimate], tied: Sequence[str]
+    judged: Judgement,
+    effects: Sequence[Candidate],
+    base: Mapping[str, Estimate],
+    tied: Sequence[str],
+    misfit: Misfit,
 ) -> str:
-    """Return the verdict in one sentence."""
+    """Return the verdict in one sentence; its numbers of held-out runs are those of `misfit`."""
     if judged.verdict == "none":
-        return (
-            "No effect is missing: friction "
-            f"{number(base['friction'])} and compliance {number(base['compliance_per_N'])} leave no more "
-            "than the sensors explain."
-        )
+        return _nothing_missing(base, misfit)
     if judged.verdict == "unknown":
         return f"Something is missing that has no name here: {judged.reason}."
     parts = " and ".join(_effect(one) for one in effects)
     text = f"The model lacks {parts}"
     if judged.verdict == "tie":
         text += f", or {', '.join(tied)}, which these readings cannot separate"
-    if not math.isnan(judged.held_ratio):
-        text += f"; with it the gap on held-out runs falls to {100.0 * judged.held_ratio:.0f} % of before"
-    return text + "."
+    return f"{text}{_held_out_words(*held_out_change(misfit))}."
+
+
+def _nothing_missing(base: Mapping[str, Estimate], misfit: Misfit) -> str:
+    numbers = f"friction {number(base['friction'])} and compliance {number(base['compliance_per_N'])}"
+    _, held = held_out_change(misfit)
+    if held > MISFIT.floor:
+        return (
+            f"No effect is missing on the fitted runs: {numbers} leave no more than the sensors explain "
+            f"there, but {held:.2g} times the noise on the held-out runs."
+        )
+    return f"No effect is missing: {numbers} leave no more than the sensors explain."
+
+
+def _held_out_words(before: float, after: float) -> str:
+    """Return how the misfit of the held-out runs changes [1]; empty where there are none."""
+    if math.isnan(before):
+        return ""
+    if max(before, after) <= MISFIT.floor:
+        return "; the held-out runs show no gap, with it or without"
+    change = f"from {before:.2g} to {after:.2g} times the noise"
+    if after < MISFIT.same * before:
+        return f"; with it the gap on held-out runs falls {change}"
+    grows = "grows" if MISFIT.same * after > before else "stays"
+    return f"; but with it the gap on held-out runs {grows}, {change}"
 
 
 def plain(name: str) -> str:
@@ -157,6 +180,8 @@ def number(estimate: Estimate) -> str:
             if abs(estimate.value) >= factor:
                 scale, prefix = factor, letter
     unit = "" if estimate.unit == "1" else f" {prefix}{estimate.unit}"
+    if not math.isfinite(half):
+        return f"{estimate.value / scale:.3g}{unit}"
     digits = 1 - math.floor(math.log10(half / scale)) if half > 0.0 else 3
     if abs(estimate.value / scale) >= 1e-2 and 0 <= digits <= 6:
         return f"{estimate.value / scale:.{digits}f} ± {half / scale:.{digits}f}{unit}"

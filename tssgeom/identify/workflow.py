@@ -178,11 +178,12 @@ def _finding(campaign: Campaign, started: _Started, work: Work, attribution: Att
     named = [name_of(effect) for effect in chosen.fit.at.effects]
     along, gains = attribution.along, attribution.gains
     shapes = missing_shapes(work.problem, work.base, along, gains) if unknown else ()
+    misfit = misfits(all_traces)
     close = [name for one in tied[:1] for name in one.tie.names if name not in named]
     return Finding(
         campaign=campaign,
         verdict=verdict.verdict,
-        sentence=sentence(verdict, effects, base, close),
+        sentence=sentence(verdict, effects, base, close, misfit),
         effects=effects,
         ties=tuple(one.tie for one in tied),
         breaks_tie=experiments(work, tied),
@@ -190,7 +191,7 @@ def _finding(campaign: Campaign, started: _Started, work: Work, attribution: Att
         where=attribution.where,
         heat=attribution.heat,
         along=attribution.along,
-        misfit=misfits(all_traces),
+        misfit=misfit,
         base=base,
         nominal=nominal(campaign.rig),
         base_tie=base_words,

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 
 from tssgeom.effects import KINDS, Library, chosen
 from tssgeom.identify.finding import Candidate, Estimate, Experiment, Finding, Misfit, MisfitShare, Tie
+from tssgeom.identify.misfit import MISFIT, held_out_change
 from tssgeom.identify.verdict import parameter, plain
 from tssgeom.view.quantities import CHANNELS, Quantity
 
@@ -107,6 +108,56 @@ def effect_ties(finding: Finding) -> list[Tie]:
     return [tie for tie in finding.ties if all(name in KINDS for name in tie.names)]
 
 
+def next_steps(finding: Finding) -> list[str]:
+    """Write what to measure next, a sentence each, by what was identified and where the misfit is."""
+    steps = [_separating(each) for each in finding.breaks_tie if KINDS.keys() >= set(each.separates)]
+    if finding.verdict == "unknown":
+        steps += _toward_a_name(finding)
+    before, after = held_out_change(finding.misfit)
+    held = [trace for trace in finding.traces if trace.held_out]
+    if not held:
+        steps.append(
+            "Measure one more run, best on another route, with held_out = true: none was held out, so "
+            "nothing yet shows that the result carries over."
+        )
+    elif finding.verdict != "unknown" and after > max(MISFIT.floor, MISFIT.same * before):
+        names = ", ".join(trace.run for trace in held)
+        steps.append(f"Repeat {names}, and add a fitted run on route {held[0].route}: the gap there stays.")
+    return steps or [
+        "Measure nothing more for this question: the refitted model explains these runs."
+        if finding.verdict == "none"
+        else "No further measurement separates this effect from the others of the library: use the new rig."
+    ]
+
+
+def _separating(each: Experiment) -> str:
+    text = f"{each.experiment[:1].upper()}{each.experiment[1:]}"
+    return f"{text}: it separates {', '.join(map(plain, each.separates))} (expected ΔBIC {expected(each)})."
+
+
+_VARIED = {
+    "tension_N": "the tension (half and twice the stroke)",
+    "speed_m_per_s": "the rate (ten times slower and faster)",
+    "curvature_per_m": "the radius of the bends at the same angle",
+    "s_m": "the course of the route at the same angle",
+    "cycle": "the number of cycles (five times as many)",
+}
+
+
+def _toward_a_name(finding: Finding) -> list[str]:
+    """Write what to vary, and where to look closer, where the verdict has no name."""
+    steps = []
+    if finding.missing_shapes:
+        best = max(finding.missing_shapes, key=lambda shape: shape.explains)
+        steps.append(
+            f"Vary {_VARIED[best.over]} and nothing else: friction that depends on it explains "
+            f"{100 * best.explains:.0f} % of the gap."
+        )
+    if finding.where:
+        steps.append(f"Look closer at the largest part of the gap: {misfit_cell(finding.where[0])}.")
+    return steps or ["Vary one thing alone (tension, rate, route, cycles), and compare the gap."]
+
+
 def expected(each: Experiment) -> str:
     """Write what an experiment is expected to bring; a dash where that is unknown beforehand."""
     return f"{each.expected_delta_bic:.0f}" if each.expected_delta_bic >= 1.0 else "–"
@@ -115,9 +166,3 @@ def expected(each: Experiment) -> str:
 def judged_runs(misfit: Misfit) -> str:
     """Tell which runs a misfit is judged by: those held out, else those fitted."""
     return "held_out" if misfit.before.get("held_out") else "fitted"
-
-
-def beyond_noise(rms: Mapping[str, float], noise: Mapping[str, float]) -> float:
-    """Return the misfit over channels: root mean of what is beyond the noise, in units of it [1]."""
-    squares = [max((rms[name] / noise[name]) ** 2 - 1.0, 0.0) for name in rms if noise.get(name, 0.0) > 0.0]
-    return math.sqrt(sum(squares) / len(squares)) if squares else math.nan

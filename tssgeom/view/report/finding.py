@@ -10,7 +10,8 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from tssgeom.atomic import write_text
-from tssgeom.identify.finding import Candidate, Experiment, Finding
+from tssgeom.identify.finding import Candidate, Finding
+from tssgeom.identify.misfit import beyond_noise
 from tssgeom.view import finding_wording as words
 from tssgeom.view.figures.finding import judged, missing_figure, residual_figure, transmission_figure
 from tssgeom.view.figures.heat_map import along_figure, heat_figure
@@ -116,7 +117,7 @@ def _misfit_text(finding: Finding) -> str:
         reported
     ]
     before, after = (
-        words.beyond_noise(rms[reported], finding.misfit.noise)
+        beyond_noise(rms[reported], finding.misfit.noise)
         for rms in (finding.misfit.before, finding.misfit.after)
     )
     if not finding.effects:
@@ -134,28 +135,13 @@ def _beyond(gap: float) -> str:
 
 
 def _next(finding: Finding) -> str:
-    rows = [_experiment(each) for each in finding.breaks_tie]
-    table = _table(("experiment", "separates", "expected ΔBIC"), rows, text=(0, 1)) if rows else ""
+    steps = "".join(f"<li>{html.escape(step)}</li>" for step in words.next_steps(finding))
     return _section(
         "What to do next",
-        "" if rows else f"<p>{_ADVICE[finding.verdict]}</p>",
-        table,
+        f"<ul>{steps}</ul>",
         "<p>The updated rig is <code>rig.updated.toml</code>; every other command takes it:</p>",
         "<pre><code>tssgeom batch SHAPES --rig rig.updated.toml --out results</code></pre>",
     )
-
-
-_ADVICE = {
-    "none": "Nothing has to be measured: the model explains these data.",
-    "effect": "No measurement is needed to separate this effect from the others of the library.",
-    "tie": "No experiment of the menu separates the tied effects.",
-    "unknown": "Vary one thing alone (tension, rate, route, cycles) and see whether the gap follows it.",
-}
-
-
-def _experiment(each: Experiment) -> tuple[str, str, str]:
-    apart = ", ".join(words.plain(name) for name in each.separates)
-    return each.experiment, apart, words.expected(each)
 
 
 def _where(finding: Finding) -> str:

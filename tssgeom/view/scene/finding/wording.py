@@ -31,7 +31,7 @@ def verdict_words(finding: Finding) -> str:
         f"- tied ({tie.gauge}): {', '.join(map(words.plain, tie.names))}"
         for tie in words.effect_ties(finding)
     ]
-    lines += [f"- next: {each.experiment}" for each in finding.breaks_tie[:2]]
+    lines += [f"- next: {step}" for step in words.next_steps(finding)[:2]]
     return "\n\n".join(lines)
 
 

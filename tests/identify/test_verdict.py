@@ -1,0 +1,55 @@
+"""The sentence of a verdict never contradicts the numbers beside it."""
+
+import math
+
+import pytest
+
+from tests.worked_finding import worked_finding
+from tssgeom.identify.finding import Estimate, Misfit
+from tssgeom.identify.misfit import held_out_change
+from tssgeom.identify.verdict import Judgement, number, sentence
+
+
+def misfit(before: float, after: float) -> Misfit:
+    """One channel with a noise of 1, and this much beyond it on the held-out runs; NaN for none."""
+    groups = [{} if math.isnan(gap) else {"held_out": {"a": math.hypot(1.0, gap)}} for gap in (before, after)]
+    return Misfit({"a": 1.0}, groups[0], groups[1], {})
+
+
+def words(verdict, before: float, after: float) -> str:
+    finding = worked_finding()
+    effects = finding.effects if verdict == "effect" else ()
+    judged = Judgement(verdict, "", bent=False, held_ratio=after / before)
+    return sentence(judged, effects, finding.base, (), misfit(before, after))
+
+
+def test_the_numbers_are_those_of_the_table():
+    assert held_out_change(misfit(3.0, 1.0)) == pytest.approx((3.0, 1.0))
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "end"),
+    [
+        (3.0, 1.0, "with it the gap on held-out runs falls from 3 to 1 times the noise."),
+        (1.5, 2.6, "but with it the gap on held-out runs grows, from 1.5 to 2.6 times the noise."),
+        (2.0, 2.0, "but with it the gap on held-out runs stays, from 2 to 2 times the noise."),
+        (0.2, 0.4, "the held-out runs show no gap, with it or without."),
+    ],
+)
+def test_a_gap_falls_only_where_it_falls(before: float, after: float, end: str):
+    assert words("effect", before, after).endswith(f"; {end}")
+
+
+def test_without_held_out_runs_the_sentence_has_nothing_on_them():
+    assert "held-out" not in words("effect", math.nan, math.nan)
+
+
+def test_nothing_is_missing_only_as_far_as_the_held_out_runs_agree():
+    assert words("none", 0.3, 0.3).endswith("leave no more than the sensors explain.")
+    assert words("none", 3.2, 3.2).endswith(
+        "leave no more than the sensors explain there, but 3.2 times the noise on the held-out runs."
+    )
+
+
+def test_a_number_without_an_interval_is_written_alone():
+    assert number(Estimate(0.0021, "m", -math.inf, math.inf)) == "2.1 mm"
