@@ -45,9 +45,9 @@ _FOLDERS = ("frames", "segments", "recordings", f"{HIDDEN}/done", ".")
 class BatchLimits:
     """How a batch is divided among workers and in its report; no number depends on it."""
 
-    most_figures: int = 200
+    most_figures: int = 500
     """Inputs that the report draws; of all others it has the numbers and the link to the recording [1].
-    Chosen: each takes about a second."""
+    Chosen: each adds 20 to 60 kB to the page."""
     shared_size: int = 4 << 20
     """Size of an input from which several workers share frames that stand alone [B].
     Chosen: a worker takes about as long for it as for its start."""
@@ -278,8 +278,9 @@ class Batch:
                 list(self._rendered()),
                 rig=rig,
                 tension_in=tension_in,
+                summary=[done.row for done in finished],
                 outlying=self.outlying,
-                notes=self._notes(settings),
+                notes=self._notes(settings, options),
             )
         record = RunRecord(
             version=tssgeom_version(),
@@ -290,12 +291,14 @@ class Batch:
         )
         write_run(self.out, record)
 
-    def _notes(self, settings: RunSettings) -> list[str]:
+    def _notes(self, settings: RunSettings, options: BatchOptions) -> list[str]:
         notes = list[str]()
         if settings.geometry_only:
             notes.append("Every frame stands alone: its tension is that of a first pull on its route.")
-        if len(self.tasks) > (most := _LIMITS.most_figures):
-            notes.append(f"The first {most} inputs are drawn; of all there is a recording.")
+        if not options.pictures:
+            notes.append("No recordings or charts were asked for (--no-pictures).")
+        elif len(self.tasks) > (most := _LIMITS.most_figures):
+            notes.append(f"The first {most} inputs have charts here; each has a recording.")
         return notes
 
     def _rendered(self) -> Iterator[Rendered]:

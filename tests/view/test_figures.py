@@ -16,8 +16,8 @@ from tests.worked_finding import worked_finding
 from tssgeom.stream import Frame, FrameResult
 from tssgeom.view.figures.paper import paper_figures
 from tssgeom.view.figures.plots import COLUMN, SMALLEST, VECTOR, figure, markup, save
-from tssgeom.view.figures.shapes import figures_of, moments, route_figure, strokes, transmission_figure
-from tssgeom.view.report.entry import ReportEntry, series_of
+from tssgeom.view.figures.shapes import figures_of, route_figure, transmission_figure
+from tssgeom.view.report.entry import ReportEntry, moments, series_of, strokes
 from tssgeom.view.report.finding import figures_of as figures_of_finding
 from tssgeom.view.report.report import section
 from tssgeom.view.samples import route_samples, tension_se

@@ -6,12 +6,14 @@ import subprocess
 from collections import Counter
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from tssgeom.errors import SourceError
 from tssgeom.rig import Rig
 from tssgeom.stream import FrameResult, Rejected
+from tssgeom.view.report.outlying_inputs import outlying_inputs
 from tssgeom.view.report.report import ReportEntry, rendered, section, write_report
 from tssgeom.view.wording import with_error
 
@@ -92,17 +94,16 @@ def test_tags_match_and_every_inner_link_has_its_place(page: Page) -> None:
 
 def test_each_input_has_a_row_and_each_good_one_its_figures(page: Page) -> None:
     rows = [value for tag, name, value in page.attributes if tag == "td" and name == "data-value"]
-    assert len(rows) == 3 * 12
-    assert page.tags["section"] == 2
-    assert page.tags["svg"] == 4 + 6  # those of a frame, and of the run those of its history too
+    assert len(rows) == 2 * 12 + 2  # a rejected input has its reason in its row
+    assert page.tags["svg"] == 5 + 9  # those of a frame, and of the run those of its history too
 
 
 def test_counts_and_rejections_come_first_and_give_the_reason(page: Page) -> None:
     text = " ".join(page.text.split())
     assert "1 shape and 1 recording were analysed, 8 frames in all." in text
     assert "1 input and 2 single frames" in text
-    assert "moving run, 2 frames from frame 3: 2 distinct points" in text
-    assert "bad <script>: bad.csv: no unit" in text
+    assert "moving run2 frames from frame 32 distinct points" in text  # cells of one row
+    assert text.index("bad <script>all") < text.index("All inputs") < text.index("rejected: bad.csv: no unit")
 
 
 def test_numbers_in_the_table_are_those_of_the_results(page: Page, still: list[FrameResult]) -> None:
@@ -140,7 +141,49 @@ def test_names_are_text_and_never_markup(path: Path) -> None:
 
 
 def test_page_is_small(path: Path) -> None:
-    assert path.stat().st_size < 400_000
+    assert path.stat().st_size < 130_000
+
+
+def glance(page: Path, names: list[str], still: FrameResult, **parts: Any) -> str:
+    """The text of a page with these inputs, of which all have the same result."""
+    entries = [rendered(ReportEntry.of(name, [still], timed=False), figures=False) for name in names]
+    write_report(page, entries, rig=Rig(), tension_in=15.0, **parts)
+    return page.read_text("utf-8")
+
+
+def summary(name: str, **differing: float) -> dict[str, Any]:
+    row = {"total_angle_rad": 1.0, "total_angle_se_rad": 0.01, "length_m": 0.3, "noise_m": 1e-4, "frames": 1}
+    row |= {"tension_out_N": 9.0, "tension_out_se_N": 0.01, "noise_rms_m": 1e-4, "rejected": 0, "warned": 0}
+    return row | {"name": name, "timed": False} | differing
+
+
+def test_the_page_opens_with_distributions_then_outlying_inputs_then_the_rows(still, tmp_path: Path) -> None:
+    names = [f"s{k}" for k in range(12)]
+    rows = [summary(name) for name in names[:5]] + [summary(name, total_angle_rad=2.0) for name in names[5:]]
+    rows[2] = summary("s2", noise_rms_m=5e-4)
+    outlying = outlying_inputs(rows)
+    text = glance(tmp_path / "a.html", names, still[0], summary=rows, outlying=outlying)
+    order = ["Curve angle Φ", "Distal tension T_out", "Outlying inputs (", "All inputs", "Settings"]
+    assert [text.index(word) for word in order] == sorted(text.index(word) for word in order)
+
+
+@pytest.mark.filterwarnings("error")
+def test_every_outlying_input_is_listed_with_both_distances() -> None:
+    rows = [summary(f"s{k}", total_angle_rad=1.0 + 0.01 * (k % 3)) for k in range(30)]
+    assert outlying_inputs(rows) == []
+    for k in range(7):
+        rows[k] = summary(f"s{k}", total_angle_rad=1.5 + 0.1 * k)
+    rows[8] = summary("s8", total_angle_rad=1.5, total_angle_se_rad=0.4)  # its own noise explains it
+    rows[9] = summary("s9", noise_rms_m=4e-4, total_angle_rad=0.2)
+    listed = outlying_inputs(rows)
+    assert [one.name for one in listed] == ["s6", "s5", "s4", "s9", "s3", "s2", "s1", "s0"]
+    assert listed[0].own == pytest.approx((2.1 - 1.01) / 0.01, abs=1.0)  # the median lies about there
+    assert "Φ 11.5°, the others about 57.9°; noise 0.4 mm, the others about 0.1 mm" in listed[3].words
+
+
+@pytest.mark.filterwarnings("error")
+def test_single_shapes_that_are_alike_have_no_outlying_input() -> None:
+    assert outlying_inputs([summary(f"s{k}") for k in range(6)]) == []
 
 
 def test_same_results_give_the_same_page(path: Path, entries: list[ReportEntry], tmp_path: Path) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Mapping
 from functools import partial
 
@@ -43,13 +42,12 @@ from tssgeom.view.quantities import (
     TIME,
     Quantity,
 )
-from tssgeom.view.report.entry import Series
-from tssgeom.view.samples import RouteSamples, evenly, ranges, round_up, route_samples, staircase, tension_se
+from tssgeom.view.report.entry import Series, moments, strokes
+from tssgeom.view.samples import RouteSamples, ranges, round_up, route_samples, staircase, tension_se
 from tssgeom.view.scene.camera import camera
 from tssgeom.view.wording import angle_with_error, with_error
 
 _NODES = 128  # of a route, enough for a line of this size
-_MOMENTS = 500  # of a run, beside the turns of its drive
 _HEIGHT, _RUN_HEIGHT = 2.3, 2.4  # inch
 _SHADES = 64
 _RESOLUTIONS = 0.01, 0.5  # of the route, the shortest and the longest wave that are drawn
@@ -279,20 +277,6 @@ def time_figure(run: Series) -> Figure:
         tension.margins(y=0.2)
         tension.legend(loc="upper right", ncols=3, borderaxespad=0.0)
     return drawing
-
-
-def moments(run: Series) -> np.ndarray:
-    """Return the indices of the samples to draw: evenly chosen, and every turn of the drive."""
-    turns = [edge for edge, _ in strokes(run.tension_in)]
-    return np.union1d(evenly(len(run.time), _MOMENTS), np.array(turns[:_MOMENTS], dtype=np.intp))
-
-
-def strokes(drive: Vector) -> list[tuple[int, int]]:
-    """Cut a run where its drive turns: first and last sample of each pull and release."""
-    direction = np.sign(np.diff(drive))
-    moving = np.flatnonzero(direction)
-    turns = moving[1:][direction[moving][1:] != direction[moving][:-1]]
-    return list(itertools.pairwise([0, *turns.tolist(), len(drive) - 1])) if len(drive) > 1 else []
 
 
 def _responses(run: Series) -> list[tuple[Quantity, Vector, Vector, Vector | None]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -12,6 +13,9 @@ from tssgeom.arrays import Vector
 from tssgeom.stream import FrameResult, Rejected
 from tssgeom.tendon.history import last_peak
 from tssgeom.tendon.transmission import Transmission
+from tssgeom.view.samples import evenly
+
+_MOMENTS = 500  # of a run in a figure, beside the turns of its drive
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,3 +136,17 @@ def series_of(results: Sequence[FrameResult]) -> Series:
         [frame.tension_out for frame in frames],
         [frame.elongation for frame in frames],
     )
+
+
+def moments(run: Series, most: int = _MOMENTS) -> np.ndarray:
+    """Return the indices of the samples to draw: evenly chosen, and every turn of the drive."""
+    turns = [edge for edge, _ in strokes(run.tension_in)]
+    return np.union1d(evenly(len(run.time), most), np.array(turns[:most], dtype=np.intp))
+
+
+def strokes(drive: Vector) -> list[tuple[int, int]]:
+    """Cut a run where its drive turns: first and last sample of each pull and release."""
+    direction = np.sign(np.diff(drive))
+    moving = np.flatnonzero(direction)
+    turns = moving[1:][direction[moving][1:] != direction[moving][:-1]]
+    return list(itertools.pairwise([0, *turns.tolist(), len(drive) - 1])) if len(drive) > 1 else []

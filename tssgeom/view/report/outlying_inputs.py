@@ -1,4 +1,4 @@
-"""Outlying inputs of a batch: those that differ most from the others, and in which feature."""
+"""Outlying inputs of a batch: those that differ from the others, and in which feature."""
 
 from __future__ import annotations
 
@@ -22,8 +22,10 @@ class OutlyingLimits:
     """Inputs in a batch of which some may be outlying. chosen: a median of fewer says little."""
     z: float = 3.5
     """Robust z beyond which an input is outlying. cited: Iglewicz and Hoaglin 1993."""
+    least_share: float = 1e-3
+    """Least standard deviation of a length or a tension, of its median [1]. chosen: no sensor has less."""
     least_angle_sd: float = 1e-6
-    """Least standard deviation of the change of Φ [rad]. chosen: rounding of the columns."""
+    """Least standard deviation of Φ, and of its change [rad]. chosen: rounding of the columns."""
     least_log_noise_sd: float = 0.1
     """Least standard deviation of the logarithm of the noise [1]. chosen: 10 % of the noise."""
     least_rejected_sd: float = 0.01
@@ -38,12 +40,14 @@ _LEAST_NOISE = 1e-9  # m, so that its logarithm is finite
 
 @dataclass(frozen=True, slots=True)
 class OutlyingInput:
-    """An input that differs from the others, and in which feature most."""
+    """An input that differs from the others, and in which features, the largest z first."""
 
     name: str
     z: float
-    """Distance from the median of all inputs in robust standard deviations."""
+    """Largest distance from the median of all inputs, in robust standard deviations."""
     words: str
+    own: float = math.nan
+    """The same distance in standard errors of the input itself [1]; NaN where its feature has none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,43 +60,72 @@ class _Feature:
     """The value with its unit."""
     applies_to: Callable[[Row], bool] = lambda row: True
     """Inputs that have this feature."""
+    se: Callable[[Row], float] | None = None
+    """Standard error of the value by the input's own noise; None where there is none."""
+    both_sides: bool = False
+    """Whether values below those of the others count too."""
 
 
-def outlying_inputs(rows: Sequence[Row], most: int = 5) -> list[OutlyingInput]:
-    """Return the inputs that differ most from the others, the largest z first; rows are those of the summary.
+@dataclass(frozen=True, slots=True)
+class _Score:
+    z: np.ndarray
+    """Robust z of every input; 0 for those without the feature, or where too few have it."""
+    own: np.ndarray
+    """Difference from the median in standard errors of each input; infinite where the feature has none."""
+    median: float
 
-    Compared are the change of Φ over an input, its noise, and the shares of frames that were rejected or gave
-    a warning. Only values above those of the others count.
+
+def outlying_inputs(rows: Sequence[Row]) -> list[OutlyingInput]:
+    """Return the inputs that differ from the others, the largest z first; rows are those of the summary.
+
+    Compared are L, Φ, T_out, the change of Φ over an input, its noise, and the shares of frames that were
+    rejected or gave a warning. A difference counts that is large beside the spread of the others and beside
+    the error that the input's own noise gives it.
     """
     if len(rows) < LIMITS.fewest:
         return []
     scores = [_scores(rows, feature) for feature in _FEATURES]
-    inputs = [_largest(rows, k, scores) for k in range(len(rows))]
-    return sorted((each for each in inputs if each.z > LIMITS.z), key=lambda each: -each.z)[:most]
+    inputs = (_outlying(rows[k], k, scores) for k in range(len(rows)))
+    return sorted((each for each in inputs if each is not None), key=lambda each: -each.z)
 
 
-def _largest(rows: Sequence[Row], k: int, scores: Sequence[np.ndarray]) -> OutlyingInput:
-    """Return the feature in which an input differs most."""
-    best = max(range(len(_FEATURES)), key=lambda j: float(scores[j][k]))
-    feature = _FEATURES[best]
-    usual = float(np.median([feature.of(row) for row in rows if feature.applies_to(row)]))
-    words = f"{feature.title} {feature.text(feature.of(rows[k]))}, the others about {feature.text(usual)}"
-    return OutlyingInput(str(rows[k]["name"]), float(scores[best][k]), words)
+def _outlying(row: Row, k: int, scores: Sequence[_Score]) -> OutlyingInput | None:
+    differing = [
+        (float(score.z[k]), float(score.own[k]), feature, score.median)
+        for feature, score in zip(_FEATURES, scores, strict=True)
+        if score.z[k] > LIMITS.z and score.own[k] > LIMITS.z
+    ]
+    if not differing:
+        return None
+    differing.sort(key=lambda one: -one[0])
+    words = "; ".join(
+        f"{feature.title} {feature.text(feature.of(row))}, the others about {feature.text(median)}"
+        for _, _, feature, median in differing
+    )
+    z, own, _, _ = differing[0]
+    return OutlyingInput(str(row["name"]), z, words, own if math.isfinite(own) else math.nan)
 
 
-def _scores(rows: Sequence[Row], feature: _Feature) -> np.ndarray:
-    """Robust z of every input; 0 for those without the feature, or where too few have it."""
+def _scores(rows: Sequence[Row], feature: _Feature) -> _Score:
     applies = np.array([feature.applies_to(row) for row in rows])
-    values = np.array([feature.of(row) for row in rows])
     if applies.sum() < LIMITS.fewest:
-        return np.zeros(len(rows))
-    deviation = values - np.median(values[applies])
-    sd = max(robust_sd(deviation[applies]), feature.least_sd(rows))
-    return np.where(applies, deviation / sd, 0.0)
+        return _Score(np.zeros(len(rows)), np.zeros(len(rows)), math.nan)
+    values = np.array([feature.of(row) for row in rows])
+    median = float(np.median(values[applies]))
+    deviation = np.abs(values - median) if feature.both_sides else values - median
+    sd = max(robust_sd((values - median)[applies]), feature.least_sd(rows))
+    own = np.full(len(rows), np.inf)
+    if feature.se is not None:
+        own = deviation / np.array([max(feature.se(row), 1e-300) for row in rows])
+    return _Score(np.where(applies, deviation / sd, 0.0), own, median)
 
 
 def _angle_error(rows: Sequence[Row]) -> float:
     return max(float(np.median([row["total_angle_se_rad"] for row in rows])), LIMITS.least_angle_sd)
+
+
+def _share_of(key: str) -> Callable[[Sequence[Row]], float]:
+    return lambda rows: LIMITS.least_share * max(float(np.median([row[key] for row in rows])), 1e-12)
 
 
 _FEATURES = (
@@ -102,6 +135,31 @@ _FEATURES = (
         "change of Φ",
         lambda value: f"{math.degrees(value):.1f}°",
         lambda row: bool(row["timed"]),
+        lambda row: row["total_angle_se_rad"],
+    ),
+    _Feature(
+        lambda row: row["total_angle_rad"],
+        _angle_error,
+        "Φ",
+        lambda value: f"{math.degrees(value):.1f}°",
+        se=lambda row: row["total_angle_se_rad"],
+        both_sides=True,
+    ),
+    _Feature(
+        lambda row: row["length_m"],
+        _share_of("length_m"),
+        "L",
+        lambda value: f"{1e3 * value:.1f} mm",
+        se=lambda row: row["noise_m"],  # of the points at its ends
+        both_sides=True,
+    ),
+    _Feature(
+        lambda row: row["tension_out_N"],
+        _share_of("tension_out_N"),
+        "T_out",
+        lambda value: f"{value:.2f} N",
+        se=lambda row: row["tension_out_se_N"],
+        both_sides=True,
     ),
     _Feature(
         lambda row: math.log(max(row["noise_rms_m"], _LEAST_NOISE)),

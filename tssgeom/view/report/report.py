@@ -1,4 +1,4 @@
-"""The report of a batch: one HTML page with a statement, a table, and figures for each input."""
+"""The report of a batch: one HTML page with distributions, outlying inputs, a table, and charts."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ import html
 import math
 import re
 from collections import Counter
-from collections.abc import Collection, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 from urllib.parse import quote
 
 from tssgeom.atomic import write_text
@@ -17,6 +17,13 @@ from tssgeom.effects import named
 from tssgeom.rig import Rig
 from tssgeom.stream import FrameResult, Rejected
 from tssgeom.view import wording as words
+from tssgeom.view.report.at_a_glance import (
+    anchor,
+    distributions,
+    input_name,
+    outlying_table,
+    rejected_table,
+)
 from tssgeom.view.report.entry import ReportEntry
 from tssgeom.view.report.outlying_inputs import OutlyingInput
 from tssgeom.view.report.page import filled, program_version
@@ -26,8 +33,8 @@ _MOST_WARNINGS = 5
 """Number of different warnings of one input that are written out."""
 _MOST_REASONS = 10
 """Number of different reasons of rejected frames of one input that are written out."""
-_PER_INCH = 88  # pixels of a page for an inch of a figure: four columns of print fit side by side
-_WIDEST = 1.2  # of a figure on the page, over its width in print: one alone in its row stays legible
+_MOST_OPEN = 3
+"""Inputs on a page up to which the charts of each are open from the beginning."""
 COLUMNS = (
     "name",
     "frames",
@@ -64,6 +71,7 @@ def write_report(
     *,
     rig: Rig,
     tension_in: float,
+    summary: Sequence[Mapping[str, Any]] = (),
     outlying: Sequence[OutlyingInput] = (),
     notes: Sequence[str] = (),
     title: str = "Tension along the sensed routes",
@@ -80,6 +88,8 @@ def write_report(
         Tendon, friction and sensors that were used.
     tension_in
         Tension at the proximal end of frames that bring none [N].
+    summary
+        Rows of the summary, for the distributions.
     outlying
         Inputs that differ from the others, the largest z first.
     notes
@@ -92,20 +102,26 @@ def write_report(
     SourceError
         Where the file cannot be written.
     """
+    linked = {entry.name for entry in entries if entry.section}
+    sections = [entry.section for entry in entries if entry.section]
+    if len(sections) <= _MOST_OPEN:
+        sections = [text.replace("<details ", "<details open ", 1) for text in sections]
     page = filled(
         "report.html",
         title=html.escape(title),
-        statement=_statement(entries, rig, tension_in, notes),
+        counts="".join(f"<p>{html.escape(text)}</p>" for text in (_counts(entries), *notes)),
+        distributions=distributions(summary, {each.name for each in outlying}),
+        statement=_statement(rig, tension_in),
         head="".join(f"<th><button>{html.escape(column)}</button></th>" for column in COLUMNS),
         rows="\n".join(entry.row for entry in entries),
-        outlying=_outlying(outlying, entries),
-        rejected=_rejections(entries),
-        sections="\n".join(entry.section for entry in entries if entry.section),
+        outlying=outlying_table(outlying, linked),
+        rejected=rejected_table([entry.rejections for entry in entries if entry.rejections]),
+        sections="\n".join(sections),
     )
     write_text(path, page)
 
 
-def _statement(entries: Sequence[Rendered], rig: Rig, tension_in: float, notes: Sequence[str]) -> str:
+def _statement(rig: Rig, tension_in: float) -> str:
     facts = {
         "Proximal tension": f"as recorded; T_in = {tension_in:g} N where an input brings none",
         "Friction": f"μ = {rig.friction.coefficient:g}",
@@ -120,8 +136,7 @@ def _statement(entries: Sequence[Rendered], rig: Rig, tension_in: float, notes: 
         "Program": f"tssgeom {program_version()}",
     }
     lines = "".join(f"<dt>{name}</dt><dd>{html.escape(text)}</dd>" for name, text in facts.items())
-    paragraphs = "".join(f"<p>{html.escape(text)}</p>\n" for text in (_counts(entries), *notes))
-    return f"{paragraphs}<dl>{lines}</dl>"
+    return f"<h3>Settings</h3>\n<dl>{lines}</dl>"
 
 
 def _counts(entries: Sequence[Rendered]) -> str:
@@ -145,25 +160,6 @@ def _many(count: int, noun: str) -> str:
     return f"{count} {noun}" + ("" if count == 1 else "s")
 
 
-def _rejections(entries: Sequence[Rendered]) -> str:
-    items = "".join(entry.rejections for entry in entries)
-    return f"<h3>Rejected</h3>\n<ul>{items}</ul>" if items else ""
-
-
-def _outlying(inputs: Sequence[OutlyingInput], entries: Sequence[Rendered]) -> str:
-    linked = {entry.name for entry in entries if entry.section}
-    items = "".join(
-        f"<li>{_name(each.name, linked)}: {html.escape(each.words)} (z = {each.z:.0f})</li>"
-        for each in inputs
-    )
-    return f"<h3>Furthest from the others</h3>\n<ul>{items}</ul>" if items else ""
-
-
-def _name(name: str, linked: Collection[str]) -> str:
-    text = html.escape(name)
-    return f'<a href="#{anchor(name)}">{text}</a>' if name in linked else f"<b>{text}</b>"
-
-
 def rendered(entry: ReportEntry, *, figures: bool = True) -> Rendered:
     """Write the part of one input in the report; figures take most of the time and room."""
     result = entry.representative
@@ -174,23 +170,20 @@ def rendered(entry: ReportEntry, *, figures: bool = True) -> Rendered:
     return Rendered(entry.name, kind, entry.used, entry.rejected_frames, table_row, text, rejections)
 
 
-def anchor(name: str) -> str:
-    """Return the address of an input inside the page."""
-    return f"input-{quote(name, safe='')}"
-
-
 def row(entry: ReportEntry, *, linked: bool = True) -> str:
     """Write the row of an input in the table of all."""
     result = entry.representative
     if result is None:
-        cells = [(entry.name, html.escape(entry.name)), *[("-1", "–")] * (len(COLUMNS) - 3)]
-        return _cells([*cells, (1e9, '<span class="warning">rejected</span>'), ("", "–")])
+        reason = html.escape(f"rejected: {_reason(entry, entry.rejected[0])}")
+        span = f'<td class="text warning" colspan="{len(COLUMNS) - 1}" data-value="-1">{reason}</td>'
+        name = html.escape(entry.name)
+        return f'<tr><td data-value="{name}">{name}</td>{span}</tr>'
     name = html.escape(entry.name)
     ends, arcs = result.transmission, result.arcs
     angle, angle_se = math.degrees(arcs.total_angle), math.degrees(arcs.total_angle_se)
     return _cells(
         [
-            (entry.name, _link_to(f"#{anchor(entry.name)}", name) if linked else name),
+            (entry.name, input_name(entry.name, {entry.name}) if linked else name),
             (entry.used, f"{entry.used}"),
             (entry.rejected_frames, _warned(entry.rejected_frames)),
             (arcs.total_length, f"{1e3 * arcs.total_length:.1f}"),
@@ -227,31 +220,23 @@ def section(entry: ReportEntry, result: FrameResult) -> str:
         else ""
     )
     parts = [
-        f'<section id="{anchor(entry.name)}">',
-        f'<h2>{html.escape(entry.name)}<span class="soft">{moment}</span></h2>',
+        f'<details class="input" id="{anchor(entry.name)}">',
+        f'<summary><b>{html.escape(entry.name)}</b><span class="soft">{moment}</span></summary>',
         *(_paragraph(sentence) for sentence in words.sentences(result)),
         *_warnings(entry),
         _figures(entry, result),
         _piece_table(result),
         _link(entry),
-        "</section>",
+        "</details>",
     ]
     return "\n".join(part for part in parts if part)
 
 
 def _figures(entry: ReportEntry, result: FrameResult) -> str:
-    """Draw the figures, each as wide on the page as it is in print."""
-    from tssgeom.view.figures.plots import markup
-    from tssgeom.view.figures.shapes import figures_of  # here: a page of numbers alone needs no matplotlib
+    from tssgeom.view.report.shape_charts import shape_charts  # here: numbers alone need no colours
 
-    drawings = [draw() for draw in figures_of(result, entry.series).values()]
-    widths = [drawing.get_figwidth() for drawing in drawings]
-    parts = [
-        f'<figure style="flex: {width:.2f} 1 {_PER_INCH * width:.0f}px; '
-        f'max-width: min(100%, {_WIDEST * _PER_INCH * width:.0f}px)">{markup(drawing)}</figure>'
-        for width, drawing in zip(widths, drawings, strict=True)
-    ]
-    return f'<div class="figures">{"".join(parts)}</div>'
+    charts = "".join(f"<figure>{chart}</figure>" for chart in shape_charts(result, entry.series))
+    return f'<div class="figures">{charts}</div>'
 
 
 def _paragraph(text: str) -> str:
@@ -293,22 +278,25 @@ def _link(entry: ReportEntry) -> str:
 
 def _rejection_items(entry: ReportEntry) -> list[str]:
     """Write each reason once, with its first frame; of many different reasons, the first."""
-    reasons = Counter(_reason(each) for each in entry.rejected)
-    first = {_reason(each): each.seq for each in reversed(entry.rejected)}
+    reasons = Counter(_reason(entry, each) for each in entry.rejected)
+    first = {_reason(entry, each): each.seq for each in reversed(entry.rejected)}
     listed = list(reasons.items())[:_MOST_REASONS]
     rest = entry.rejected_frames - sum(count for _, count in listed)
-    items = [f"{_which(entry, count, first[reason])}: {html.escape(reason)}" for reason, count in listed] + (
-        [f", {rest} more frames"] if rest > 0 else []
-    )
-    return [f"<li><b>{html.escape(entry.name)}</b>{item}</li>" for item in items]
+    items = [(_which(entry, count, first[reason]), reason) for reason, count in listed]
+    items += [(f"{rest} more", "other reasons")] if rest > 0 else []
+    return [
+        f'<tr><td><b>{html.escape(entry.name)}</b></td><td class="text">{which}</td>'
+        f'<td class="text">{html.escape(reason)}</td></tr>'
+        for which, reason in items
+    ]
 
 
-def _reason(rejected: Rejected) -> str:
-    """Omit the line or row in the file, which differs for each frame."""
-    return re.sub(r"^(line|row) \d+: ", "", rejected.reason)
+def _reason(entry: ReportEntry, rejected: Rejected) -> str:
+    """Omit the name of the input, and the line or row in the file, which differs for each frame."""
+    return re.sub(r"^(line|row) \d+: ", "", rejected.reason.removeprefix(f"{entry.name}: "))
 
 
 def _which(entry: ReportEntry, count: int, first: int) -> str:
     if entry.series is None:
-        return ""
-    return f", frame {first}" if count == 1 else f", {count} frames from frame {first}"
+        return "all"
+    return f"frame {first}" if count == 1 else f"{count} frames from frame {first}"
