@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from pathlib import PurePath
 from typing import Any
 
 from pipelines.inputs import RunSettings
@@ -12,6 +13,7 @@ from tssgeom.effects import named
 
 RADIANS, WARNINGS = "Φ ± s.e.\n[rad]", "warnings"
 CLEARANCE = "clearance\n[mm]"
+REJECTED = "rejected"
 COLUMNS = (
     "shape",
     "points",
@@ -26,8 +28,12 @@ COLUMNS = (
 )
 
 
-def print_summary(rows: Sequence[dict[str, Any]], settings: RunSettings) -> None:
+def print_summary(
+    rows: Sequence[dict[str, Any]], settings: RunSettings, rejected: Sequence[tuple[str, str]] = ()
+) -> None:
     """Print summary rows as a table, with the settings above and the warnings below.
+
+    Rejected inputs, each a source and a reason, follow in the same table.
 
     A recording is reported by the range over its frames. The standard errors are those of one frame, at the
     last of the highest peaks of T_in.
@@ -35,10 +41,21 @@ def print_summary(rows: Sequence[dict[str, Any]], settings: RunSettings) -> None
     has_clearance = any(row.get("clearance_m") is not None for row in rows)
     notes = [f"{row['name']}: {warning}" for row in rows for warning in row["warnings"]]
     columns = (*COLUMNS[:-1], CLEARANCE, WARNINGS) if has_clearance else COLUMNS
+    optional = {RADIANS, WARNINGS}
     cells = [_cells(row) for row in rows]
     if has_clearance:
         cells = [(*some, _clearance(row), last) for row, (*some, last) in zip(rows, cells, strict=True)]
-    print_table(_title(settings), columns, cells, notes=notes, optional=(RADIANS, WARNINGS))
+    if rejected:
+        columns = (*columns, REJECTED)
+        cells = [(*some, _frames_rejected(row)) for row, some in zip(rows, cells, strict=True)]
+        empty = [""] * (len(columns) - 2)
+        named = [(PurePath(source).name or source, reason) for source, reason in rejected]
+        cells += [(name, *empty, reason.partition(f"{name}: ")[2] or reason) for name, reason in named]
+    print_table(_title(settings), columns, cells, notes=notes, optional=optional, words=(REJECTED,))
+
+
+def _frames_rejected(row: dict[str, Any]) -> str:
+    return f"{row['rejected']} of {row['frames']} frames" if row["rejected"] else ""
 
 
 def with_effects(settings: RunSettings) -> str:

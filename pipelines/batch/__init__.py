@@ -40,6 +40,7 @@ def batch(
         str | None,
         typer.Option("--figures", help="Folder for figures of each input for print, as PDF and SVG."),
     ] = None,
+    csv: Annotated[bool, typer.Option("--csv", help="Write every table as CSV too.")] = False,
     fresh: Annotated[bool, typer.Option("--fresh", help="First remove an earlier batch from DIR.")] = False,
     tube_mm: TubeMm = None,
     quiet: Quiet = False,
@@ -55,5 +56,5 @@ def batch(
     if workers is not None and scheduler is not None:
         raise typer.BadParameter("give --workers or --scheduler: a scheduler has workers of its own")
     settings = run_settings(rig, tension_in, unit, geometry_only=geometry_only, tube_mm=tube_mm)
-    options = BatchOptions(workers, scheduler, fresh, pictures, figures)
+    options = BatchOptions(workers, scheduler, fresh, pictures, figures, csv)
     raise typer.Exit(run(inputs, settings, options, out=out, as_json=as_json, quiet=quiet))

@@ -31,12 +31,12 @@ from tssgeom.io.results.run_record import (
     write_run,
 )
 from tssgeom.io.results.shapes import relative
-from tssgeom.io.results.tables import write_summary
+from tssgeom.io.results.tables import write_csv, write_summary
 from tssgeom.io.storage import Folder, files_at, local
 from tssgeom.view.report.outlying_inputs import OutlyingInput, outlying_inputs
 from tssgeom.view.report.report import Rendered, ReportEntry, rendered, write_report
 
-SUMMARY, REPORT = "summary.parquet", "report.html"
+SUMMARY, SUMMARY_CSV, REPORT = "summary.parquet", "summary.csv", "report.html"
 
 _FOLDERS = ("frames", "segments", "recordings", f"{HIDDEN}/done", ".")
 
@@ -48,6 +48,8 @@ class BatchLimits:
     most_figures: int = 500
     """Inputs that the report draws; of all others it has the numbers and the link to the recording [1].
     Chosen: each adds 20 to 60 kB to the page."""
+    most_outlying: int = 10
+    """Outlying inputs with a line on the terminal [1]; the report has all. Chosen: they fit a screen."""
     shared_size: int = 4 << 20
     """Size of an input from which several workers share frames that stand alone [B].
     Chosen: a worker takes about as long for it as for its start."""
@@ -69,6 +71,8 @@ class BatchOptions:
     pictures: bool = True
     figures: str | None = None
     """Folder for figures for print."""
+    csv: bool = False
+    """Whether tables are written as CSV too."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,15 +120,18 @@ def run(
     if as_json:
         print_json([done.printed for done in batch.finished])
     elif not quiet and batch.done:
-        print_summary([done.row for done in batch.finished], settings)
-        _print_end(batch, out)
+        print_summary([done.row for done in batch.finished], settings, list(batch.rejections()))
+        _print_end(batch, options, out)
     return batch.tally.status
 
 
-def _print_end(batch: Batch, out: str) -> None:
-    for one in batch.outlying:
+def _print_end(batch: Batch, options: BatchOptions, out: str) -> None:
+    for one in batch.outlying[: (most := _LIMITS.most_outlying)]:
         print_line(f"stands out: {one.name}: {one.words} (z = {one.z:.0f})")
-    print_line(f"report: {out}/{REPORT}   picture: tssgeom view {out}")
+    if len(batch.outlying) > most:
+        print_line(f"stand out: {len(batch.outlying) - most} more inputs, all in the report")
+    drawn = f"   picture: tssgeom view {out}" if options.pictures else ""
+    print_line(f"report: {out}/{REPORT}{drawn}")
 
 
 def _sources(inputs: Sequence[str], folder: Folder) -> tuple[list[Source], list[Refusal]]:
@@ -183,6 +190,7 @@ def _tasks(
             out=out,
             figures=options.pictures and number < _LIMITS.most_figures,
             print_folder=None if options.figures is None else Folder.of(options.figures),
+            csv=options.csv,
         )
         for number, source in enumerate(sources)
     ]
@@ -271,6 +279,9 @@ class Batch:
         self.outlying = outlying_inputs([done.row for done in finished])
         with self.out.replacing(SUMMARY) as draft:
             write_summary(draft, (done.row for done in finished))
+            if options.csv:
+                with self.out.replacing(SUMMARY_CSV) as text:
+                    write_csv(draft, text)
         with self.out.replacing(REPORT) as draft:
             rig, tension_in = settings.rig, settings.tension_in
             write_report(
@@ -282,12 +293,13 @@ class Batch:
                 outlying=self.outlying,
                 notes=self._notes(settings, options),
             )
+        own = [SUMMARY, SUMMARY_CSV, REPORT] if options.csv else [SUMMARY, REPORT]
         record = RunRecord(
             version=tssgeom_version(),
             settings=_recorded_settings(settings, options),
             inputs=[done.input for done in finished],
-            rejected=[Rejection(source=source, reason=reason) for source, reason in self._rejections()],
-            files=[*(file for done in finished for file in done.files), SUMMARY, REPORT],
+            rejected=[Rejection(source=source, reason=reason) for source, reason in self.rejections()],
+            files=[*(file for done in finished for file in done.files), *own],
         )
         write_run(self.out, record)
 
@@ -305,10 +317,10 @@ class Batch:
         for task in self.tasks:
             if task.name in self.done:
                 yield msgspec.convert(self.done[task.name].report, Rendered)
-        for source, reason in self._rejections():
+        for source, reason in self.rejections():
             yield rendered(ReportEntry.refused(source, reason))
 
-    def _rejections(self) -> Iterator[tuple[str, str]]:
+    def rejections(self) -> Iterator[tuple[str, str]]:
         """Yield source and reason, in the order of the inputs; inputs that do not exist come first."""
         known = {task.given for task in self.tasks}
         for refusal in self.tally.refusals:

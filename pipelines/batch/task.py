@@ -42,13 +42,13 @@ from tssgeom.io.results.run_record import (
     sha256_of,
 )
 from tssgeom.io.results.shapes import Analysis, analysis_object, summary_row
-from tssgeom.io.results.tables import CHUNK, Part, part_of, parts, write_parts
+from tssgeom.io.results.tables import CHUNK, Part, part_of, parts, write_csv, write_parts
 from tssgeom.io.storage import Folder, fetched, local
 from tssgeom.stream import Frame, Rejected, alone, recorded
 from tssgeom.summary import RunningSummary
 from tssgeom.view.report.report import ReportEntry, rendered
 
-_FORMAT = 2  # version of the files; inputs done with another one are done anew
+_FORMAT = 3  # version of the files; inputs done with another one are done anew
 _figure_lock = threading.Lock()  # matplotlib holds the settings of a figure in the process
 
 Share = Callable[[Callable[..., Part], Iterator[tuple[object, ...]]], Iterator[Part]]
@@ -78,6 +78,8 @@ class Task:
     """Whether the report draws it."""
     print_folder: Folder | None = None
     """Where its figures for print go."""
+    csv: bool = False
+    """Whether its tables are written as CSV too."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,6 +135,7 @@ def _key(task: Task, digest: str) -> str:
         "name": task.name,
         "source": task.source,
         "figures": task.figures,
+        "csv": task.csv,
         "printed": None if task.print_folder is None else task.print_folder.address,
         "sha256": digest,
         "lumen": None if lumen is None else sha256_of(lumen),
@@ -150,15 +153,19 @@ def _done(task: Task, path: Path, digest: str, key: str, share: Share | None) ->
     recording = open_recording(path, task.settings.unit)
     running = RunningSummary.of(recording.frame_count)
     tables = (f"frames/{name}.parquet", f"segments/{name}.parquet")
+    texts = [str(Path(table).with_suffix(".csv").as_posix()) for table in tables] if task.csv else []
     with out.replacing(tables[0]) as frames, out.replacing(tables[1]) as segments:
         write_parts(frames, segments, _parts(task, recording, running.stride, share), running)
         analysis = require_used(name, task.source, recording, running)
+        for table, text in zip((frames, segments), texts, strict=False):
+            with out.replacing(text) as draft:
+                write_csv(table, draft)
     report, row = analysis_object(analysis), summary_row(analysis)
     lumen, failures = _lumen(task, analysis)
     if lumen is not None:
         add_clearance(report, row, analysis, lumen)
     lines = [line.replace(str(path), task.given) for line in frame_refusals(analysis, task.given)]
-    files = list(tables)
+    files = [*tables, *texts]
     if task.recorded.pictures:
         file = f"recordings/{task.name}.rrd"
         failure = attempt(task.given, lambda: _write_recording(task, analysis, file, lumen))
@@ -167,7 +174,7 @@ def _done(task: Task, path: Path, digest: str, key: str, share: Share | None) ->
     figures = attempt(task.given, lambda: _write_print_figures(task, analysis))
     if isinstance(figures, Refusal):
         failures, figures = [*failures, figures.reason], dict[str, int]()
-    entry = _report_entry(task, analysis, plotted=len(files) > len(tables))
+    entry = _report_entry(task, analysis, plotted=any(file.endswith(".rrd") for file in files))
     return Done(
         key=key,
         input=_input(analysis, digest),
@@ -278,5 +285,4 @@ def _report_entry(task: Task, analysis: Analysis, *, plotted: bool) -> dict[str,
         rejected_frames=running.refused,
         warnings=running.warnings,
     )
-    with _figure_lock:
-        return asdict(rendered(entry, figures=task.figures))
+    return asdict(rendered(entry, figures=task.figures))

@@ -1,7 +1,9 @@
 """`tssgeom batch`: what is written, what is rejected, and what an interruption leaves."""
 
+import csv
 import json
 import math
+import re
 import signal
 import subprocess
 import sys
@@ -59,6 +61,42 @@ def test_every_result_is_written_and_what_is_bad_is_rejected(run, inputs, tmp_pa
     assert {*record["files"], "run.json"} == set(files_in(out))
     report = (out / "report.html").read_text()
     assert all(word in report for word in ("half", "pull", "bad.csv"))
+
+
+def test_the_table_has_rejected_inputs_with_their_reasons(run, inputs, tmp_path):
+    output = " ".join(run("batch", inputs, "--out", tmp_path / "out", "--no-pictures").out.split())
+    assert re.search(r" half 30 \S+ .* bad\.csv 3 distinct points: a route needs at least 4", output)
+
+
+def test_without_pictures_no_message_speaks_of_them(run, inputs, tmp_path):
+    for options, words in (((), True), (("--no-pictures",), False)):
+        output = run("batch", inputs / "half.csv", "--out", tmp_path / "out", *options).out
+        assert ("tssgeom view" in output) == words
+        page = (tmp_path / "out/report.html").read_text()
+        assert ("recordings/half.rrd" in page) == words
+        assert ("--no-pictures" in page) != words
+
+
+def test_csv_has_the_same_tables(run, inputs, tmp_path):
+    out = tmp_path / "out"
+    run("batch", inputs, "--out", out, "--no-pictures", "--quiet")
+    before = sorted(path.name for path in out.rglob("*.csv"))
+    assert (before, run("batch", inputs, "--out", out, "--no-pictures", "--csv", "--quiet").status) == ([], 1)
+    names = ["summary", *(f"{kind}/{name}" for kind in ("frames", "segments") for name in ("half", "pull"))]
+    assert sorted(path.relative_to(out).as_posix() for path in out.rglob("*.csv")) == sorted(
+        f"{name}.csv" for name in names
+    )
+    for name in names:
+        table = papq.read_table(out / f"{name}.parquet").to_pylist()
+        with (out / f"{name}.csv").open(newline="") as stream:
+            rows = list(csv.DictReader(stream))
+        assert [list(row) for row in rows] == [list(row) for row in table]
+        lengths = [float(row["length_m"]) if row["length_m"] else None for row in rows]
+        assert lengths == [row["length_m"] for row in table]
+        texts = ["; ".join(row.get("warnings") or []) for row in table]
+        assert [row.get("warnings") or "" for row in rows] == texts
+    run("batch", inputs, "--out", out, "--no-pictures", "--fresh", "--quiet")
+    assert list(out.rglob("*.csv")) == []
 
 
 def test_json_gives_the_objects_of_analyse(run, inputs, tmp_path):

@@ -194,6 +194,24 @@ def write_parts(frames: Path, segments: Path, upcoming: Iterable[Part], summary:
             pieces.write_table(pa.Table.from_batches([part.segments for part in group]))
 
 
+def write_csv(table: Path, path: Path) -> None:
+    """Write a Parquet table as CSV, a row group at a time; the texts of a list are joined by `; `."""
+    import pyarrow.compute as pc
+    import pyarrow.csv as pacsv
+
+    with papq.ParquetFile(table) as source:
+        schema = source.schema_arrow
+        lists = [k for k, kind in enumerate(schema.types) if pa.types.is_list(kind)]
+        plain = pa.schema([field.with_type(_TEXT) if k in lists else field for k, field in enumerate(schema)])
+        with pacsv.CSVWriter(path, plain) as rows:
+            for batch in source.iter_batches(CHUNK * _ROW_GROUP):
+                columns = [
+                    pc.call_function("binary_join", [column, pa.scalar("; ")]) if k in lists else column
+                    for k, column in enumerate(batch.columns)
+                ]
+                rows.write_batch(pa.RecordBatch.from_arrays(columns, schema=plain))
+
+
 def write_summary(path: Path, rows: Iterable[Mapping[str, Any]]) -> None:
     """Write `summary.parquet` from rows of `summary_row`."""
     papq.write_table(pa.Table.from_pylist([dict(row) for row in rows], schema=SUMMARY), path)

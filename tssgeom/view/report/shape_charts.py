@@ -138,7 +138,7 @@ def _band(chart: Chart, x: Vector, value: Vector, error: Vector) -> None:
 def _resolution(result: FrameResult) -> Chart:
     """Draw Φ over the resolution at which it is taken, and the Φ ± s.e. of the result."""
     arcs, fit = result.arcs, result.tracked.fit
-    resolution = arcs.total_length * np.geomspace(*_RESOLUTIONS, 40)
+    resolution = arcs.total_length * np.geomspace(*_RESOLUTIONS, 24)
     angle = ANGLE.factor * angle_over_resolution(fit, resolution)
     total, error = ANGLE.factor * arcs.total_angle, 1.96 * ANGLE.factor * arcs.total_angle_se
     at = np.log10(ARC_LENGTH.factor * (result.fit.resolution or float(resolution[0])))
