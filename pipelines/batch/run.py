@@ -130,8 +130,8 @@ def _print_end(batch: Batch, options: BatchOptions, out: str) -> None:
         print_line(f"stands out: {one.name}: {one.words} (z = {one.z:.0f})")
     if len(batch.outlying) > most:
         print_line(f"stand out: {len(batch.outlying) - most} more inputs, all in the report")
-    drawn = f"   picture: tssgeom view {out}" if options.pictures else ""
-    print_line(f"report: {out}/{REPORT}{drawn}")
+    picture = f"   picture: tssgeom view {out}" if options.pictures else ""
+    print_line(f"report: {out}/{REPORT}{picture}")
 
 
 def _sources(inputs: Sequence[str], folder: Folder) -> tuple[list[Source], list[Refusal]]:

@@ -36,7 +36,7 @@ def test_the_numbers_are_those_of_the_table():
         (0.2, 0.4, "the held-out runs show no gap, with it or without."),
     ],
 )
-def test_a_gap_falls_only_where_it_falls(before: float, after: float, end: str):
+def test_a_misfit_falls_only_where_it_falls(before: float, after: float, end: str):
     assert words("effect", before, after).endswith(f"; {end}")
 
 

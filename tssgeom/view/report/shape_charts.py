@@ -39,8 +39,8 @@ def _route(result: FrameResult) -> Chart:
     """Draw a route coloured by tension, projected to the plane in which it spreads most."""
     frame = route_samples(result, _NODES)
     view = camera(frame.position, frame.position[-1] - frame.position[0])
-    screen = ARC_LENGTH.factor * np.column_stack([view.across, view.up])
-    flat, joints = frame.position @ screen, frame.at(result.arcs.s_start) @ screen
+    plane = ARC_LENGTH.factor * np.column_stack([view.across, view.up])
+    flat, joints = frame.position @ plane, frame.at(result.arcs.s_start) @ plane
     low, high = flat.min(axis=0), flat.max(axis=0)
     middle, inner = 0.5 * (low + high), np.array([SIZE.width - 60.0, SIZE.height - 110.0])
     per_pixel = max(float(np.max((high - low) / inner)), 1e-9)

@@ -116,8 +116,8 @@ def comparison(a: Side, b: Side, change: Difference | None) -> str:
 
 
 def _name(side: Side) -> str:
-    drawn = len(side.frames)
-    frames = f"{drawn} frames" if drawn == side.count else f"{drawn} of its {side.count} frames"
+    kept = len(side.frames)
+    frames = f"{kept} frames" if kept == side.count else f"{kept} of its {side.count} frames"
     kind = "a shape" if side.time is None else frames
     return f"{side.name} ({kind}" + (f"; time from its beginning, {side.since:.2f} s)" if side.since else ")")
 
