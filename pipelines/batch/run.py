@@ -4,21 +4,20 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import partial
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 
 import msgspec
 
 from pipelines import tssgeom_version
+from pipelines.batch.sources import Source, sources_of
 from pipelines.batch.task import Outcome, Task, work
 from pipelines.batch.workers import WorkerLost, WorkerPool, worker_pool
-from pipelines.inputs import Refusal, RunSettings, Tally, attempt, inputs_of
+from pipelines.inputs import Refusal, RunSettings, Tally
 from pipelines.summary_table import print_summary
 from pipelines.terminal import SizedProgress, print_json, print_line, print_message, sized_progress
 from tssgeom.errors import SpaceError
-from tssgeom.io.formats.files import READERS, RESULTS_MARK, output_names, real
+from tssgeom.io.formats.files import output_names
 from tssgeom.io.results.run_record import (
     HIDDEN,
     Done,
@@ -32,7 +31,7 @@ from tssgeom.io.results.run_record import (
 )
 from tssgeom.io.results.shapes import relative
 from tssgeom.io.results.tables import write_csv, write_summary
-from tssgeom.io.storage import Folder, files_at, local
+from tssgeom.io.storage import Folder
 from tssgeom.view.report.outlying_inputs import OutlyingInput, outlying_inputs
 from tssgeom.view.report.report import Rendered, ReportEntry, rendered, write_report
 
@@ -49,12 +48,14 @@ class BatchLimits:
     """Inputs that the report draws; of all others it has the numbers and the link to the recording [1].
     Chosen: each adds 20 to 60 kB to the page."""
     most_outlying: int = 10
-    """Outlying inputs with a line on the terminal [1]; the report has all. Chosen: they fit a screen."""
+    """Outlying inputs with a line on the terminal [1]; the report has all. Chosen."""
     shared_size: int = 4 << 20
     """Size of an input from which several workers share frames that stand alone [B].
     Chosen: a worker takes about as long for it as for its start."""
     worker_size: int = 4 << 20
     """Size of all inputs for each further worker [B]. Chosen: as `shared_size`."""
+    worker_pictures: int = 30
+    """Inputs with pictures for each further worker [1]. Chosen: it draws them in the time of its start."""
 
 
 _LIMITS = BatchLimits()
@@ -73,16 +74,6 @@ class BatchOptions:
     """Folder for figures for print."""
     csv: bool = False
     """Whether tables are written as CSV too."""
-
-
-@dataclass(frozen=True, slots=True)
-class Source:
-    """A file that is an input."""
-
-    address: str
-    given: str
-    """As the user wrote it."""
-    size: int
 
 
 def run(
@@ -105,7 +96,7 @@ def run(
     """
     folder = Folder.of(out)
     with locked(folder):
-        sources, refusals = _sources(inputs, folder)
+        sources, refusals = sources_of(inputs, folder)
         if options.fresh:
             forget_all(folder)
             remove_earlier_run(folder)
@@ -132,44 +123,6 @@ def _print_end(batch: Batch, options: BatchOptions, out: str) -> None:
         print_line(f"stand out: {len(batch.outlying) - most} more inputs, all in the report")
     picture = f"   picture: tssgeom view {out}" if options.pictures else ""
     print_line(f"report: {out}/{REPORT}{picture}")
-
-
-def _sources(inputs: Sequence[str], folder: Folder) -> tuple[list[Source], list[Refusal]]:
-    """Return every file of the inputs once, and a refusal for each path or address without any."""
-    sources, refusals, known = list[Source](), list[Refusal](), set[str]()
-    for given in inputs:
-        items = attempt(given, partial(_sources_at, given, folder))
-        for item in [items] if isinstance(items, Refusal) else items:
-            if isinstance(item, Refusal):
-                refusals.append(item)
-            elif item.address not in known:
-                sources.append(item)
-                known.add(item.address)
-    return sources, refusals
-
-
-def _sources_at(given: str, folder: Folder) -> list[Source | Refusal]:
-    path = local(given)
-    if path is not None:
-        besides = [] if folder.here is None else [folder.here]
-        return [
-            item if isinstance(item, Refusal) else _local_source(item) for item in inputs_of([path], besides)
-        ]
-    files = files_at(given)
-    results = {str(PurePosixPath(address).parent) for address, _ in files if address.endswith(RESULTS_MARK)}
-    return [
-        Source(address, address, size)
-        for address, size in files
-        if (len(files) == 1 or PurePosixPath(address).suffix.lower() in READERS)
-        and not any(str(above) in results for above in PurePosixPath(address).parents)
-    ] or [Refusal(given, f"{given}: no shape file there: put {', '.join(READERS)} files there")]
-
-
-def _local_source(path: Path) -> Source:
-    size = 0
-    with suppress(OSError):
-        size = path.stat().st_size
-    return Source(str(real(path)), str(path), size)
 
 
 def _tasks(
@@ -333,9 +286,11 @@ class Batch:
 
 
 def _worker_count(tasks: Sequence[Task], total: int) -> int:
-    """Return how many processes cores and input justify: one for every few megabytes of input."""
+    """Return how many processes cores and input justify, by its size and by the pictures."""
     most = 1 + total // _LIMITS.shared_size if any(_is_shared(task) for task in tasks) else len(tasks)
-    return max(1, min(_cores(), most, 1 + total // _LIMITS.worker_size))
+    pictures = sum(task.recorded.pictures for task in tasks)
+    justified = 1 + total // _LIMITS.worker_size + pictures // _LIMITS.worker_pictures
+    return max(1, min(_cores(), most, justified))
 
 
 def _cores() -> int:

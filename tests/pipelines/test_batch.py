@@ -158,8 +158,7 @@ def test_an_interruption_leaves_whole_files_and_no_drafts(write_csv, tmp_path):
     with subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True) as batch:
         assert batch.stderr is not None
         progress = iter(batch.stderr.readline, "")
-        first = next(line for line in progress if not line.startswith("0 % done"))  # of a slow machine
-        assert first.startswith("[1/200]")
+        assert any(line.startswith("[3/200]") for line in progress)  # two workers finish in any order
         batch.send_signal(signal.SIGINT)
         rest = batch.stderr.read()
     assert batch.returncode == 130

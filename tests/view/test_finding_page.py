@@ -106,7 +106,7 @@ def test_a_tie_says_what_it_is_and_how_to_break_it(pages: dict[str, Page]) -> No
 def test_the_next_step_follows_from_what_was_identified() -> None:
     steps = {verdict: next_steps(worked_finding(verdict)) for verdict in VERDICTS}
     assert len({tuple(each) for each in steps.values()}) == 4
-    assert "Repeat chain" in steps["none"][0]  # its held-out run shows a gap
+    assert "Repeat chain" in steps["none"][0]  # its held-out run is not explained
     quiet = {"held_out": worked_finding("none").misfit.noise}
     fits = replace(worked_finding("none").misfit, before=quiet, after=quiet)
     assert "Measure nothing more" in next_steps(replace(worked_finding("none"), misfit=fits))[0]

@@ -33,7 +33,7 @@ class MisfitSettings:
     floor: float = 0.7
     """Held-out misfit below which its ratio says nothing [1]; derived: half of the noise variance again."""
     same: float = 0.95
-    """Of a misfit: one that differs by less has neither fallen nor grown [1]; chosen: the digits shown."""
+    """Of a misfit: one that differs by less has neither fallen nor grown [1]; chosen: two digits."""
 
 
 MISFIT = MisfitSettings()

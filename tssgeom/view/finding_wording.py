@@ -145,7 +145,7 @@ _VARIED = {
 
 
 def _toward_a_name(finding: Finding) -> list[str]:
-    """Write what to vary, and where to look closer, where the verdict has no name."""
+    """Write what to vary, and where most of the misfit lies, where the verdict has no name."""
     steps = []
     if finding.missing_shapes:
         best = max(finding.missing_shapes, key=lambda shape: shape.explains)

@@ -21,7 +21,7 @@ Ticks = Sequence[tuple[float, str]]
 
 @dataclass(frozen=True, slots=True)
 class ChartSize:
-    """Sizes of a chart on the page [px]; all chosen: five stand side by side on a screen of 1400 px."""
+    """Sizes of a chart on the page [px]; all chosen: five stand side by side on a page of 1400 px."""
 
     width: float = 250.0
     height: float = 208.0

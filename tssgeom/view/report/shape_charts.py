@@ -21,7 +21,7 @@ from tssgeom.view.wording import angle_with_error, with_error
 _NODES = 96  # of a route, enough for a line of this size
 _SHADES = 32  # of a tension along a route, few enough for a small page
 _MOMENTS = 250  # of a run
-_RESOLUTIONS = 0.01, 0.5  # of the route, the shortest and the longest wave that are drawn
+_RESOLUTIONS = 0.01, 0.5  # of the route: the shortest and the longest wave in the chart
 _BAND, _SENSED, _INK, _SOFT = "#d5dae3", "#5b6474", "#1d2330", "#697386"
 _PULL, _RELEASE = "#0072b2", "#d55e00"
 _PALE = 0.25  # opacity of a standard error

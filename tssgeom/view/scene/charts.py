@@ -70,7 +70,7 @@ class Axis:
 
 @dataclass(frozen=True, slots=True)
 class Chart:
-    """A box of a plane whose y axis points down, in which values are drawn."""
+    """A box of a plane whose y axis points down, for values from the bottom of each axis to its top."""
 
     x: Axis
     y: Axis
