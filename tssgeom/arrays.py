@@ -3,7 +3,7 @@
 from typing import Annotated, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 Vector: TypeAlias = Annotated[NDArray[np.float64], "n"]
 """One number for each of n places."""
@@ -24,6 +24,6 @@ def read_only(array: NDArray[np.float64]) -> NDArray[np.float64]:
     return frozen
 
 
-def rows_at(x: Vector, given: Vector, rows: np.ndarray) -> np.ndarray:
+def rows_at(x: ArrayLike, given: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """Return rows [n, k], known at increasing `given` [n], at `x` [m] on straight lines between [m, k]."""
-    return np.column_stack([np.interp(x, given, column) for column in rows.T])
+    return np.column_stack([np.interp(np.asarray(x), given, column) for column in rows.T])

@@ -63,7 +63,7 @@ def outlying_table(inputs: Sequence[OutlyingInput], linked: Collection[str]) -> 
         return ""
     rows = "".join(
         f'<tr><td>{input_name(each.name, linked)}</td><td class="text">{html.escape(each.words)}</td>'
-        f"<td>{each.z:.0f}</td><td>{'–' if math.isnan(each.own) else f'{each.own:.0f}'}</td></tr>"
+        f"<td>{each.z:.0f}</td><td>{_own_errors(each.own)}</td></tr>"
         for each in inputs
     )
     return (
@@ -71,6 +71,13 @@ def outlying_table(inputs: Sequence[OutlyingInput], linked: Collection[str]) -> 
         '<th class="text">differs in</th><th>z beside the others</th><th>own s.e.</th></tr></thead>'
         f"<tbody>{rows}</tbody></table></div>"
     )
+
+
+def _own_errors(count: float) -> str:
+    """Write how many of its own standard errors an input is off; points without noise make it endless."""
+    if math.isnan(count):
+        return "–"
+    return f"{count:.0f}" if count < 1e4 else "> 10⁴"
 
 
 def rejected_table(items: Sequence[str]) -> str:
