@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pipelines.options import TENSION_IN, Figures, Inputs, Json, Quiet, RigFile, TensionIn, TubeMm, Unit
+from pipelines.options import TENSION_IN, Figures, Inputs, Json, Map, Quiet, RigFile, TensionIn, TubeMm, Unit
 from pipelines.terminal import json_text, print_json
 
 if TYPE_CHECKING:
@@ -29,6 +29,7 @@ def analyse(
     rig: RigFile = None,
     tension_in: TensionIn = TENSION_IN,
     unit: Unit = None,
+    columns: Map = None,
     as_json: Json = False,
     out: Annotated[
         Path | None, typer.Option("--out", help="Folder for result.json, .rrd and tube .glb.")
@@ -47,19 +48,20 @@ def analyse(
     quiet: Quiet = False,
 ) -> None:
     """Report length, angle, pieces, distal tension and elongation of each shape."""
-    from pipelines.inputs import Refusal, each_analysis, inputs_of, run_settings
+    from pipelines.inputs import Refusal, each_analysis, inputs_of, report_unused, run_settings
     from tssgeom.errors import SettingsError
     from tssgeom.io.results.exports import missing_libraries, selected_endings
 
-    settings = run_settings(rig, tension_in, unit, lumen=lumen, tube_mm=tube_mm)
+    settings = run_settings(rig, tension_in, unit, lumen=lumen, tube_mm=tube_mm, columns=columns)
     if export and out is None:
         raise SettingsError(f"--export {export}: there is no folder to write to: give --out DIR too")
     endings = selected_endings(export)
     missing = missing_libraries(endings)
     written = [ending for ending in endings if ending not in missing]
     results = _Results(settings, out, written, figures, same=same)
-    inputs = list(inputs_of(shapes, besides=[] if out is None else [out]))
+    inputs = list(inputs_of(shapes, [] if out is None else [out], settings.columns))
     tally = each_analysis(inputs, settings, results.add, quiet=quiet or as_json)
+    report_unused(settings.columns)
     if same and (refusal := results.add_common()) is not None:
         tally.refuse(refusal)
     for ending, reason in missing.items():

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from pipelines import tssgeom_version
-from pipelines.options import TENSION_IN, Figures, Json, Quiet, RigFile, Unit
+from pipelines.options import TENSION_IN, Figures, Json, Map, Quiet, RigFile, Unit
 from pipelines.terminal import print_json, print_message, print_table, step_progress
 from tssgeom.atomic import write_text
 
@@ -51,6 +51,7 @@ def calibrate(
         ),
     ] = 4.0,
     unit: Unit = None,
+    columns: Map = None,
     figures: Figures = None,
     force: Annotated[
         bool, typer.Option("--force", help="Write the rig even where the fit fails its test.")
@@ -71,11 +72,11 @@ def calibrate(
     from tssgeom.identify import calibration
     from tssgeom.rig import write_rig
 
-    settings = run_settings(rig, TENSION_IN, unit)
+    settings = run_settings(rig, TENSION_IN, unit, columns=columns)
     folder = out if out.is_dir() or not out.suffix else None
     out = out if folder is None else folder / _RIG
     require_replaceable(out)
-    read = measured_run(run)
+    read = measured_run(run, settings)
     result = analysis_of(shape.stem, shape, without_effects(settings)).results[-1]
     print_run_warnings(read, settings.rig, result.arcs, fitted=True)
     measured = _columns(read)

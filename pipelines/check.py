@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from pipelines.options import Json, Unit
+from pipelines.options import Json, Map, Unit
 from pipelines.terminal import print_json, print_line, print_message
 
 _UNUSABLE = "nothing that can be used"
@@ -22,6 +22,13 @@ def check(
         typer.Argument(help="Shapes, recordings, meshes or rig files, or folders.", readable=False),
     ],
     unit: Unit = None,
+    columns: Map = None,
+    suggest: Annotated[
+        bool,
+        typer.Option(
+            "--suggest", help="Print what columns.toml beside the tables would say of their columns."
+        ),
+    ] = False,
     as_json: Json = False,
 ) -> None:
     """Report what a file holds, in which units, and what is wrong with it."""
@@ -29,10 +36,16 @@ def check(
 
     from pipelines.contents import checked, files_and_campaigns
     from pipelines.inputs import Refusal, attempt
+    from tssgeom.io.formats.laboratory.mapping import ColumnMap
 
+    if suggest:
+        from pipelines.suggest import suggested
+
+        raise typer.Exit(suggested(files, columns or (), unit))
+    said = ColumnMap(columns or ())
     reports = list[dict[str, Any]]()
-    for item in files_and_campaigns(files):
-        report = item if isinstance(item, Refusal) else attempt(item, partial(checked, item, unit))
+    for item in files_and_campaigns(files, said):
+        report = item if isinstance(item, Refusal) else attempt(item, partial(checked, item, unit, said))
         if isinstance(report, Refusal):
             print_message(report.reason)
             report = {"file": str(report.source), "holds": _UNUSABLE, "wrong": [report.reason]}
@@ -48,6 +61,7 @@ def check(
 def _as_text(report: dict[str, Any]) -> str:
     if "told" in report:
         lines = [f"{report['file']}: {report['holds']}, {report['told']}"]
+        lines += [f"  {note}" for note in report.get("read", ())]
         lines += [f"  warning: {warning}" for warning in report.get("warnings", ())]
         return "\n".join([*lines, *(f"  wrong: {fault}" for fault in report["wrong"])])
     if "runs" in report:
@@ -63,6 +77,7 @@ def _as_text(report: dict[str, Any]) -> str:
         + (" (first good frame)" if timed else ""),
         f"  stations: {'given' if report['stations'] else 'not given'}",
         f"  measured: {', '.join(report['measured']) or 'nothing'}",
+        *(f"  {note}" for note in report.get("read", ())),
         *(f"  warning: {warning}" for warning in report["warnings"]),
         *(f"  wrong: {fault}" for fault in report["wrong"][:MOST_REPORTED]),
     ]

@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from pipelines.options import TENSION_IN, Json, Quiet, RigFile, Shapes, Unit
+from pipelines.options import TENSION_IN, Json, Map, Quiet, RigFile, Shapes, Unit
 from pipelines.terminal import print_json, print_line, print_table
 
 TABLE = "compensate.parquet"
@@ -26,6 +26,7 @@ def compensate(
     out: Annotated[Path, typer.Option("--out", help="Folder for compensate.parquet.")],
     rig: RigFile = None,
     unit: Unit = None,
+    columns: Map = None,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -39,15 +40,17 @@ def compensate(
         temperature_of,
         value_range,
         warn_about_strain,
+        warn_about_unused,
     )
     from pipelines.summary_table import with_effects
     from tssgeom.io.formats.columns import CHANNELS
     from tssgeom.io.results.tables import write_commands
     from tssgeom.tendon import simulation
 
-    settings = run_settings(rig, TENSION_IN, unit)
-    run = measured_run(target)
+    settings = run_settings(rig, TENSION_IN, unit, columns=columns)
+    run = measured_run(target, settings)
     channel, values = run.channel(_TARGETS)
+    warn_about_unused(run, channel, _TARGETS)
     sensed = sensed_route(shapes, settings)
     check_run(run, sensed, settings.rig)
     rows = simulation.commands(

@@ -17,6 +17,7 @@ from tssgeom.frame import fit_frame, require_usable
 from tssgeom.io.formats.campaigns import is_campaign, read_campaign
 from tssgeom.io.formats.columns import CHANNELS, MEASURED
 from tssgeom.io.formats.files import Recording, open_recording
+from tssgeom.io.formats.laboratory.mapping import ColumnMap
 from tssgeom.io.formats.meshes import ENDINGS, read_lumen
 from tssgeom.io.formats.runs import IN_SI, holds_run, read_run
 from tssgeom.plausibility.frames import rig_remarks
@@ -29,14 +30,14 @@ _ANY_RIG = Rig()  # the geometry does not depend on it
 _MEASURED = {field for field, _ in MEASURED.values()} - {"noise"}  # that is of the points
 
 
-def files_and_campaigns(paths: Sequence[Path]) -> Iterator[Path | Refusal]:
+def files_and_campaigns(paths: Sequence[Path], columns: ColumnMap) -> Iterator[Path | Refusal]:
     """Yield campaigns whole, then all else file by file."""
     campaigns = [path for path in paths if is_campaign(path)]
     yield from campaigns
-    yield from inputs_of(path for path in paths if path not in campaigns)
+    yield from inputs_of((path for path in paths if path not in campaigns), (), columns)
 
 
-def checked(path: Path, unit: str | None) -> dict[str, Any]:
+def checked(path: Path, unit: str | None, columns: ColumnMap) -> dict[str, Any]:
     """Report what is in a file or folder: a campaign, a rig, a mesh, a run, a shape or a recording.
 
     Raises
@@ -45,7 +46,7 @@ def checked(path: Path, unit: str | None) -> dict[str, Any]:
         Where the file as a whole cannot be used.
     """
     if is_campaign(path):
-        return _checked_campaign(path, unit)
+        return _checked_campaign(path, unit, columns)
     if path.suffix.lower() == ".toml":
         rig = read_rig(path)
         numbers = f"friction {rig.friction.coefficient:g}, compliance {rig.tendon.compliance_per_N:g} /N"
@@ -56,11 +57,13 @@ def checked(path: Path, unit: str | None) -> dict[str, Any]:
         size = " × ".join(f"{extent * 1e3:.1f}" for extent in mesh.extents)
         numbers = f"{len(mesh.faces)} triangles, {size} mm if it is in {unit or 'mm'}; a mesh states no unit"
         return {"file": str(path), "holds": "mesh", "told": numbers, "wrong": []}
-    return _checked_run(path) if holds_run(path) else _checked_recording(open_recording(path, unit))
+    if holds_run(path, columns):
+        return _checked_run(path, columns)
+    return _checked_recording(open_recording(path, unit, columns))
 
 
-def _checked_run(path: Path) -> dict[str, Any]:
-    run = read_run(path)
+def _checked_run(path: Path, columns: ColumnMap) -> dict[str, Any]:
+    run = read_run(path, columns)
     channels = {name: getattr(run, name) for name, _ in CHANNELS.values()}
     missing_rows = {
         name: int(np.isnan(values).sum()) for name, values in channels.items() if values is not None
@@ -71,13 +74,14 @@ def _checked_run(path: Path) -> dict[str, Any]:
         "file": str(path),
         "holds": "measured run",
         "told": f"{len(run.time)} samples in {np.ptp(run.time):.4g} s: {listed}",
+        "read": list(run.notes),
         "warnings": [*run.warnings, *(each.text for each in remarks if each.severity == "warn")],
         "wrong": [each.text for each in remarks if each.severity == "refuse"],
     }
 
 
-def _checked_campaign(path: Path, unit: str | None) -> dict[str, Any]:
-    campaign = read_campaign(path, unit)
+def _checked_campaign(path: Path, unit: str | None, columns: ColumnMap) -> dict[str, Any]:
+    campaign = read_campaign(path, unit, columns)
     runs = [
         {
             "name": run.name,
@@ -169,6 +173,7 @@ def _checked_recording(recording: Recording) -> dict[str, Any]:
         "points_not_seen": frames.missing,
         "stations": frames.stations,
         "measured": sorted(frames.measured),
+        "read": list(recording.notes),
         "wrong": frames.wrong,
     }
     if recording.timed:

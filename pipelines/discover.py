@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pipelines import tssgeom_version
-from pipelines.options import Figures, Json, Quiet, Unit
+from pipelines.options import Figures, Json, Map, Quiet, Unit
 from pipelines.terminal import print_json, print_line, print_table, step_progress
 
 if TYPE_CHECKING:
@@ -31,6 +31,7 @@ def discover(
     out: Annotated[Path, typer.Option("--out", help="Folder for report, updated rig and recording.")],
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the simulated clean campaigns.")] = 0,
     unit: Unit = None,
+    columns: Map = None,
     figures: Figures = None,
     as_json: Json = False,
     quiet: Quiet = False,
@@ -39,6 +40,7 @@ def discover(
     from tssgeom.errors import SettingsError
     from tssgeom.identify import workflow
     from tssgeom.io.formats.campaigns import read_campaign
+    from tssgeom.io.formats.laboratory.mapping import ColumnMap
     from tssgeom.io.results.findings import report_object
 
     if out.exists() and not out.is_dir():
@@ -49,7 +51,9 @@ def discover(
             report_step(step, _READ + share * (_IDENTIFIED - _READ))
 
         report_step("reading the campaign", 0.0)
-        finding = workflow.discover(read_campaign(campaign, unit), seed=seed, progress=identifying)
+        finding = workflow.discover(
+            read_campaign(campaign, unit, ColumnMap(columns or ())), seed=seed, progress=identifying
+        )
         report_step("writing the report", _IDENTIFIED)
         files = _write(out, finding)
         if figures is not None:

@@ -14,6 +14,7 @@ from msgspec.structs import replace as changed
 from pipelines.terminal import print_message, sized_progress
 from tssgeom.errors import SettingsError, ShapeError, SpaceError, TssgeomError, refused
 from tssgeom.io.formats.files import Recording, find_inputs, open_recording, output_names, real
+from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap
 from tssgeom.io.results.shapes import Analysis, frame_row, relative
 from tssgeom.plausibility.frames import rig_remarks
 from tssgeom.rig import Rig, read_rig
@@ -40,6 +41,8 @@ class RunSettings:
     """Whether each frame is the first pull of its tendon, whatever came before it."""
     tube_radius: float = 0.0
     """Radius of the tube along the route, for its clearance [m]."""
+    columns: ColumnMap = NO_MAP
+    """What the user says of columns of tables."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,6 +62,7 @@ def run_settings(
     lumen: Path | None = None,
     geometry_only: bool = False,
     tube_mm: float | None = None,
+    columns: Sequence[str] | None = None,
 ) -> RunSettings:
     """Check what the user chose.
 
@@ -74,7 +78,34 @@ def run_settings(
         print_message(f"{rig}: warning: {each.text}")
     if tube_mm is not None and not 0 < tube_mm < math.inf:
         raise SettingsError(f"--tube-mm is {tube_mm:g} mm: give the outer diameter of the tube, > 0 mm")
-    return RunSettings(rig_read, rig, tension_in, unit, lumen, geometry_only, 0.5e-3 * (tube_mm or 0.0))
+    radius, said = 0.5e-3 * (tube_mm or 0.0), ColumnMap(columns or (), rig_read.columns)
+    return RunSettings(rig_read, rig, tension_in, unit, lumen, geometry_only, radius, said)
+
+
+def opened(path: Path, settings: RunSettings) -> Recording:
+    """Open an input, and print how it was read where its names are not those of the formats.
+
+    Raises
+    ------
+    ShapeError, SourceError
+        Where the file cannot be used.
+    """
+    recording = open_recording(path, settings.unit, settings.columns)
+    print_reading(path, recording.notes, settings.columns)
+    return recording
+
+
+def print_reading(path: Path, notes: Sequence[str], columns: ColumnMap) -> None:
+    """Print in one line how a file was read; once for files that are read alike."""
+    if notes and (text := "; ".join(notes)) not in columns.reported:
+        columns.reported.add(text)
+        print_message(f"{path}: {text}")
+
+
+def report_unused(columns: ColumnMap) -> None:
+    """Print the names of `--map` that no file had."""
+    for name in sorted(columns.unused):
+        print_message(f"warning: --map {name!r}: no file has a column of this name")
 
 
 def without_effects(settings: RunSettings) -> RunSettings:
@@ -82,11 +113,13 @@ def without_effects(settings: RunSettings) -> RunSettings:
     return replace(settings, rig=changed(settings.rig, effects=()))
 
 
-def inputs_of(paths: Iterable[Path], besides: Collection[Path] = ()) -> Iterator[Path | Refusal]:
+def inputs_of(
+    paths: Iterable[Path], besides: Collection[Path] = (), columns: ColumnMap = NO_MAP
+) -> Iterator[Path | Refusal]:
     """Yield each file in files and folders once, and a refusal for a folder without shapes."""
     yielded = set[Path]()
     for path in paths:
-        files = attempt(path, partial(find_inputs, [path], besides))
+        files = attempt(path, partial(find_inputs, [path], besides, columns))
         for item in [files] if isinstance(files, Refusal) else files:
             if isinstance(item, Refusal) or real(item) not in yielded:
                 yield item
@@ -132,7 +165,7 @@ def analysis_of(
     ShapeError, SourceError
         Where the file cannot be used, or none of its frames.
     """
-    recording = open_recording(path, settings.unit)
+    recording = opened(path, settings)
     running = RunningSummary.of(recording.frame_count)
     share = _size(path) / max(recording.frame_count, 1)
     for item in recorded(recording.frames, settings.rig, tension_in=settings.tension_in):

@@ -22,6 +22,14 @@ TensionIn = Annotated[
 Unit = Annotated[
     Literal["mm", "m"] | None, typer.Option("--unit", help="Unit of files that state none in their header.")
 ]
+Map = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--map",
+        metavar="NAME=CHANNEL[:UNIT]",
+        help='What a column of a table is, such as "Pos=displacement_in_m:mm"; may be repeated.',
+    ),
+]
 TubeMm = Annotated[
     float | None,
     typer.Option("--tube-mm", help="Outer diameter of the tube in mm, for its clearance and its mesh."),

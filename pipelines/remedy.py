@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pipelines.options import TENSION_IN, Json, Quiet, RigFile, Unit
+from pipelines.options import TENSION_IN, Json, Map, Quiet, RigFile, Unit
 from pipelines.terminal import counted_progress, json_text, print_json, print_message, print_table
 
 if TYPE_CHECKING:
@@ -88,6 +88,7 @@ def remedy(
         float, typer.Option("--most-beta-deg", min=45.0, max=3600.0, help="Largest angle to recommend [°].")
     ] = 1080.0,
     unit: Unit = None,
+    columns: Map = None,
     out: Annotated[Path | None, typer.Option("--out", help="Folder for figure and table.")] = None,
     as_json: Json = False,
     quiet: Quiet = False,
@@ -111,7 +112,7 @@ def remedy(
         tolerance=None if tolerance_mm is None else 1e-3 * tolerance_mm,
         tolerance_share=None if tolerance_percent is None else 1e-2 * tolerance_percent,
     )
-    settings = run_settings(rig, tension_in, unit)
+    settings = run_settings(rig, tension_in, unit, columns=columns)
     _require_usable(design, settings)
     remedied = _swept(shape, settings, design, quiet=quiet or as_json)
     report = _object(shape, design, remedied)

@@ -11,12 +11,12 @@ from typing import TypeVar
 import numpy as np
 
 from pipelines.figures import write_figures
-from pipelines.inputs import RunSettings, rejection_lines, without_effects
+from pipelines.inputs import RunSettings, opened, print_reading, rejection_lines, without_effects
 from pipelines.terminal import counted_progress, print_message
 from tssgeom.arrays import Vector
 from tssgeom.effects import named
 from tssgeom.errors import ShapeError, TssgeomError
-from tssgeom.io.formats.files import open_recording
+from tssgeom.io.formats.columns import CHANNELS
 from tssgeom.io.formats.recording import in_order
 from tssgeom.io.formats.runs import MeasuredRun, read_run
 from tssgeom.plausibility.frames import strain_remarks
@@ -46,9 +46,10 @@ def errors_naming(run: Path, shape: Path) -> Iterator[None]:
         raise type(error)(f"{run} on {shape}: {error}") from error
 
 
-def measured_run(path: Path) -> MeasuredRun:
-    """Read a run, and warn of columns that resemble channels and are not read."""
-    run = read_run(path)
+def measured_run(path: Path, settings: RunSettings) -> MeasuredRun:
+    """Read a run, print how it was read, and warn of columns that resemble channels and are not read."""
+    run = read_run(path, settings.columns)
+    print_reading(path, run.notes, settings.columns)
     for warning in run.warnings:
         print_message(f"{path}: warning: {warning}")
     return run
@@ -73,6 +74,13 @@ class SensedRoute:
         """Return the frame nearest to a time [s]."""
         times = np.array([result.frame.time for result in self.results])
         return self.results[int(np.argmin(np.abs(times - time)))]
+
+
+def warn_about_unused(run: MeasuredRun, used: str, names: Sequence[str]) -> None:
+    """Warn of other columns that could have served in the same way."""
+    for name in names:
+        if name != used and getattr(run, CHANNELS[name][0]) is not None:
+            print_message(f"{run.path}: warning: {name} is not used beside {used}: leave one out")
 
 
 def check_run(run: MeasuredRun, sensed: SensedRoute, rig: Rig) -> None:
@@ -117,7 +125,7 @@ def sensed_route(path: Path, settings: RunSettings) -> SensedRoute:
     ShapeError, SourceError
         Where the file cannot be used, or none of its frames.
     """
-    recording = open_recording(path, settings.unit)
+    recording = opened(path, settings)
     rig = without_effects(settings).rig
     shapes = in_order(_shapes_only(recording.frames))  # anew: a frame may be usable without its drive
     items = list(recorded(shapes, rig, tension_in=rig.tendon.pretension_N))

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 import typer
 
-from pipelines.options import TENSION_IN, Figures, Json, Quiet, RigFile, Shapes, Unit
+from pipelines.options import TENSION_IN, Figures, Json, Map, Quiet, RigFile, Shapes, Unit
 from pipelines.terminal import print_json, print_line, print_table
 
 if TYPE_CHECKING:
@@ -34,6 +34,7 @@ def simulate(
     out: Annotated[Path, typer.Option("--out", help="Folder for simulate.parquet and simulate.rrd.")],
     rig: RigFile = None,
     unit: Unit = None,
+    columns: Map = None,
     figures: Figures = None,
     as_json: Json = False,
     quiet: Quiet = False,
@@ -47,6 +48,7 @@ def simulate(
         sensed_route,
         temperature_of,
         warn_about_strain,
+        warn_about_unused,
         write_run_figures,
         write_run_recording,
     )
@@ -54,9 +56,10 @@ def simulate(
     from tssgeom.io.results.tables import write_simulation
     from tssgeom.tendon import simulation
 
-    settings = run_settings(rig, TENSION_IN, unit)
-    run = measured_run(drive)
+    settings = run_settings(rig, TENSION_IN, unit, columns=columns)
+    run = measured_run(drive, settings)
     channel, values = run.channel(_DRIVES)
+    warn_about_unused(run, channel, _DRIVES)
     sensed = sensed_route(shapes, settings)
     check_run(run, sensed, settings.rig)
     by_tension = channel == _DRIVES[0]

@@ -12,6 +12,7 @@ from pipelines.terminal import print_table
 from tssgeom.effects import named
 
 RADIANS, WARNINGS = "Φ ± s.e.\n[rad]", "warnings"
+_MOST_NAMED = 5  # shapes in a note; chosen
 CLEARANCE = "clearance\n[mm]"
 REJECTED = "rejected"
 COLUMNS = (
@@ -38,8 +39,12 @@ def print_summary(
     A recording is reported by the range over its frames. The standard errors are those of one frame, at the
     last of the highest peaks of T_in.
     """
+    assumed = [row["name"] for row in rows if row.get("tension_in_assumed")]
     has_clearance = any(row.get("clearance_m") is not None for row in rows)
     notes = [f"{row['name']}: {warning}" for row in rows for warning in row["warnings"]]
+    if assumed:
+        named = ", ".join(assumed[:_MOST_NAMED]) + (", …" if len(assumed) > _MOST_NAMED else "")
+        notes.append(f"T_in = {settings.tension_in:g} N is assumed (--tension-in): no drive in {named}")
     columns = (*COLUMNS[:-1], CLEARANCE, WARNINGS) if has_clearance else COLUMNS
     optional = {RADIANS, WARNINGS}
     cells = [_cells(row) for row in rows]

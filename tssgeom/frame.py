@@ -12,7 +12,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from tssgeom.arrays import Matrix, Points, Vector, read_only, rows_at
-from tssgeom.errors import ShapeError, TssgeomError
+from tssgeom.errors import SettingsError, ShapeError, TssgeomError
 from tssgeom.rig import Rig, Source
 from tssgeom.route.directions import NOISE_PRIOR as DIRECTION_NOISE
 from tssgeom.route.directions import estimated_noise, unit_directions
@@ -79,7 +79,7 @@ class Frame:
     displacement_target: float | None = None
     """Target position of the load, as a movement since the pretensioned state [m]."""
     tension_out_target: float | None = None
-    """Target tension at the distal end [N]; it is not used beside a displacement target."""
+    """Target tension at the distal end [N]; not beside a displacement target."""
     curvatures: Matrix | None = None
     """Curvature components κ_x, κ_y of a fibre at its stations [n, 2]; the points are NaN then [1/m]."""
     directions: Points | None = None
@@ -311,7 +311,7 @@ def require_usable(frame: Frame) -> None:
     ShapeError
         Where the points or the fibre cannot be a route, or the noise cannot be.
     SettingsError
-        Where the tension is negative or not finite.
+        Where the tension is negative or not finite, or there are two targets.
     """
     rig = Rig()
     if frame.curvatures is not None:
@@ -319,5 +319,10 @@ def require_usable(frame: Frame) -> None:
     elif _ends(frame, rig) is None:
         sensed_points(frame, rig, None)
     noise_of(frame, rig)
+    if frame.displacement_target is not None and frame.tension_out_target is not None:
+        raise SettingsError(
+            f"two targets, displacement_target_m {frame.displacement_target:g} and tension_out_target_N "
+            f"{frame.tension_out_target:g}: give one"
+        )
     if frame.tension_in is not None:
         check_tension(frame.tension_in)

@@ -188,6 +188,8 @@ class Rig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
     sheath: Sheath = Sheath()
     effects: tuple[Library, ...] = ()
     """What else acts, beside the base model; docs/model.md (50)-(62)."""
+    columns: dict[str, str] = {}
+    """What columns of measured files are, `channel[:unit]` by name."""
 
 
 def read_rig(path: str | Path) -> Rig:

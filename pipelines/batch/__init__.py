@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from pipelines.options import TENSION_IN, Json, Quiet, RigFile, TensionIn, TubeMm, Unit
+from pipelines.options import TENSION_IN, Json, Map, Quiet, RigFile, TensionIn, TubeMm, Unit
 
 
 def batch(
@@ -22,6 +22,7 @@ def batch(
     rig: RigFile = None,
     tension_in: TensionIn = TENSION_IN,
     unit: Unit = None,
+    columns: Map = None,
     workers: Annotated[
         int | None,
         typer.Option("--workers", min=1, help="Processes; as many as cores and input justify."),
@@ -55,6 +56,8 @@ def batch(
 
     if workers is not None and scheduler is not None:
         raise typer.BadParameter("give --workers or --scheduler: a scheduler has workers of its own")
-    settings = run_settings(rig, tension_in, unit, geometry_only=geometry_only, tube_mm=tube_mm)
+    settings = run_settings(
+        rig, tension_in, unit, geometry_only=geometry_only, tube_mm=tube_mm, columns=columns
+    )
     options = BatchOptions(workers, scheduler, fresh, pictures, figures, csv)
     raise typer.Exit(run(inputs, settings, options, out=out, as_json=as_json, quiet=quiet))

@@ -13,7 +13,7 @@ from pipelines import tssgeom_version
 from pipelines.batch.sources import Source, sources_of
 from pipelines.batch.task import Outcome, Task, work
 from pipelines.batch.workers import WorkerLost, WorkerPool, worker_pool
-from pipelines.inputs import Refusal, RunSettings, Tally
+from pipelines.inputs import Refusal, RunSettings, Tally, print_reading
 from pipelines.summary_table import print_summary
 from pipelines.terminal import SizedProgress, print_json, print_line, print_message, sized_progress
 from tssgeom.errors import SpaceError
@@ -96,7 +96,7 @@ def run(
     """
     folder = Folder.of(out)
     with locked(folder):
-        sources, refusals = sources_of(inputs, folder)
+        sources, refusals = sources_of(inputs, folder, settings.columns)
         if options.fresh:
             forget_all(folder)
             remove_earlier_run(folder)
@@ -158,6 +158,7 @@ def _recorded_settings(settings: RunSettings, options: BatchOptions) -> Settings
         geometry_only=settings.geometry_only,
         pictures=options.pictures,
         tube_radius_m=settings.tube_radius,
+        columns=settings.columns.options,
     )
 
 
@@ -215,6 +216,7 @@ class Batch:
         self.done[task.name] = done
         self.tally.done += 1
         self.tally.frames_refused += done.input.rejected
+        print_reading(Path(task.given), done.reading, task.settings.columns)
         for line in done.lines:
             print_message(line)
         for failure in done.failures:

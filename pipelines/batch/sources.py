@@ -10,6 +10,7 @@ from pathlib import Path, PurePosixPath
 
 from pipelines.inputs import Refusal, attempt, inputs_of
 from tssgeom.io.formats.files import READERS, RESULTS_MARK, real
+from tssgeom.io.formats.laboratory.mapping import ColumnMap
 from tssgeom.io.storage import Folder, files_at, local
 
 
@@ -23,11 +24,13 @@ class Source:
     size: int
 
 
-def sources_of(inputs: Sequence[str], folder: Folder) -> tuple[list[Source], list[Refusal]]:
+def sources_of(
+    inputs: Sequence[str], folder: Folder, columns: ColumnMap
+) -> tuple[list[Source], list[Refusal]]:
     """Return every file of the inputs once, and a refusal for each path or address without any."""
     sources, refusals, known = list[Source](), list[Refusal](), set[str]()
     for given in inputs:
-        items = attempt(given, partial(_sources_at, given, folder))
+        items = attempt(given, partial(_sources_at, given, folder, columns))
         for item in [items] if isinstance(items, Refusal) else items:
             if isinstance(item, Refusal):
                 refusals.append(item)
@@ -37,12 +40,13 @@ def sources_of(inputs: Sequence[str], folder: Folder) -> tuple[list[Source], lis
     return sources, refusals
 
 
-def _sources_at(given: str, folder: Folder) -> list[Source | Refusal]:
+def _sources_at(given: str, folder: Folder, columns: ColumnMap) -> list[Source | Refusal]:
     path = local(given)
     if path is not None:
         besides = [] if folder.here is None else [folder.here]
         return [
-            item if isinstance(item, Refusal) else _local_source(item) for item in inputs_of([path], besides)
+            item if isinstance(item, Refusal) else _local_source(item)
+            for item in inputs_of([path], besides, columns)
         ]
     files = files_at(given)
     results = {str(PurePosixPath(address).parent) for address, _ in files if address.endswith(RESULTS_MARK)}

@@ -27,6 +27,7 @@ from pipelines.inputs import (
 from pipelines.lumen import SensedLumen, add_clearance, lumen_of
 from tssgeom.errors import SpaceError, TssgeomError
 from tssgeom.io.formats.files import open_recording
+from tssgeom.io.formats.laboratory.mapping import FILE as COLUMNS_FILE
 from tssgeom.io.formats.meshes import lumen_beside
 from tssgeom.io.formats.recording import Recording
 from tssgeom.io.results.run_record import (
@@ -139,6 +140,7 @@ def _key(task: Task, digest: str) -> str:
         "printed": None if task.print_folder is None else task.print_folder.address,
         "sha256": digest,
         "lumen": None if lumen is None else sha256_of(lumen),
+        "columns": _columns_beside(task),
     }
     return key_of(msgspec.to_builtins(identity))
 
@@ -148,9 +150,16 @@ def _lumen_file(task: Task) -> Path | None:
     return task.settings.lumen or (None if path is None else lumen_beside(path))
 
 
+def _columns_beside(task: Task) -> str | None:
+    """Return the digest of what a file beside the data says of its columns, where there is one."""
+    path = local(task.address)
+    beside = None if path is None else path.parent / COLUMNS_FILE
+    return sha256_of(beside) if beside is not None and beside.is_file() else None
+
+
 def _done(task: Task, path: Path, digest: str, key: str, share: Share | None) -> Done:
     name, out = task.name, task.out
-    recording = open_recording(path, task.settings.unit)
+    recording = open_recording(path, task.settings.unit, task.settings.columns)
     running = RunningSummary.of(recording.frame_count)
     tables = (f"frames/{name}.parquet", f"segments/{name}.parquet")
     texts = [str(Path(table).with_suffix(".csv").as_posix()) for table in tables] if task.csv else []
@@ -181,6 +190,7 @@ def _done(task: Task, path: Path, digest: str, key: str, share: Share | None) ->
         row=row,
         printed=report,
         lines=lines,
+        reading=recording.notes,
         failures=failures,
         report=entry,
         files={file: ANY_SIZE if file.endswith(".rrd") else out.size(file) or 0 for file in files},

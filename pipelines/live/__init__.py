@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from pipelines.options import TENSION_IN, RigFile, TensionIn, Unit
+from pipelines.options import TENSION_IN, Map, RigFile, TensionIn, Unit
 
 
 def live(
@@ -27,6 +27,7 @@ def live(
     rig: RigFile = None,
     tension_in: TensionIn = TENSION_IN,
     unit: Unit = None,
+    columns: Map = None,
     stale_after: Annotated[
         float,
         typer.Option("--stale-after", min=0.001, help="Silence after which a stale line is sent, in s."),
@@ -70,4 +71,4 @@ def live(
         record=record,
         view_port=view_port if view else None,
     )
-    raise typer.Exit(run(options, run_settings(rig, tension_in, unit)))
+    raise typer.Exit(run(options, run_settings(rig, tension_in, unit, columns=columns)))

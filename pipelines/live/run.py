@@ -88,10 +88,7 @@ def run(options: LiveOptions, settings: RunSettings) -> int:
         session = Session(
             selector,
             mailbox,
-            [
-                _source(one, selector, mailbox, options.access, settings.unit, report)
-                for one in options.sources
-            ],
+            [_source(one, selector, mailbox, options.access, settings, report) for one in options.sources],
             [_sink(one, selector, options.access, report) for one in options.sinks],
             options.stale_after,
             lambda: None,
@@ -164,9 +161,10 @@ def _source(
     selector: selectors.BaseSelector,
     mailbox: Mailbox,
     access: Access,
-    unit: str | None,
+    settings: RunSettings,
     report: Callable[[str], None],
 ) -> Source:
+    unit = settings.unit
     if endpoint.scheme == "tcp":
         return TcpSource(selector, mailbox, endpoint, access, unit, report)
     if endpoint.scheme == "udp":
@@ -176,7 +174,10 @@ def _source(
 
         return IgtlSource(selector, mailbox, endpoint, access, report)
     if endpoint.scheme == "replay":
-        return Replay(mailbox, endpoint, unit)
+        replay = Replay(mailbox, endpoint, unit, settings.columns)
+        if replay.notes:
+            report(f"{endpoint.path}: {'; '.join(replay.notes)}")
+        return replay
     return StandardInput(selector, mailbox, unit)
 
 

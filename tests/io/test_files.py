@@ -48,12 +48,12 @@ def test_a_folder_without_shapes_is_refused(tmp_path):
     [
         ("missing.csv", "no such file: check the path"),
         ("", "a folder, not a file"),
-        ("notes.txt", "no reader takes '.txt': use .csv"),
+        ("notes.doc", "no reader takes '.doc': use .csv"),
         ("noending", "no reader takes 'a file without ending'"),
     ],
 )
 def test_a_path_that_is_no_shape_file_is_refused(tmp_path, name, says):
-    touch(tmp_path, "notes.txt", "noending")
+    touch(tmp_path, "notes.doc", "noending")
     with pytest.raises(SourceError) as caught:
         open_recording(tmp_path / name)
     assert says in str(caught.value)

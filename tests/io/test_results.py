@@ -83,7 +83,14 @@ def test_one_shape_is_told_with_the_promised_keys():
             "method",
             "segments",
         ),
-        *("tension_in_N", "tension_out_N", "elongation_m", "elongation_se_m", "warnings"),
+        *(
+            "tension_in_N",
+            "tension_out_N",
+            "elongation_m",
+            "elongation_se_m",
+            "tension_in_assumed",
+            "warnings",
+        ),
     ]
     assert list(reported["segments"][0]) == [
         *("length_m", "kappa_per_m", "angle_rad", "s_start_m", "angle_se_rad")

@@ -40,7 +40,7 @@ def test_a_column_that_resembles_a_channel_and_is_not_read_is_reported(tmp_path,
     write = papq.write_table if kind == "parquet" else pyarrow.csv.write_csv
     write(pa.table(columns), path)
     (warning,) = read_run(path).warnings
-    assert warning.startswith("column 'tension_middle_N' is not read: known are displacement_in_m, ")
+    assert warning.startswith("column 'tension_middle_N' is not read: the nearest name is tension_in_N; ")
 
 
 def test_parquet_holds_the_same(tmp_path):
@@ -53,10 +53,10 @@ def test_parquet_holds_the_same(tmp_path):
     ("text", "said"),
     [
         ("tension_in_N\n1\n", "no column time_s"),
-        ("time_s,force\n0,1\n", "no measured column"),
+        ("time_s,speed\n0,1\n", "no measured column"),
+        ("time_s,force\n0,1000\n", "'force' has no unit: give --map \"force=tension_in_N:mN\""),
         ("time_s,tension_in_N\n", "no row"),
-        ("", "line 1 is empty: write a header such as time_s"),
-        ("time_s;tension_in_N\n0;1\n", "separated by semicolons: write a header such as time_s"),
+        ("", "line 1 is empty: write a header such as .* or time_s"),
         ("time_s,tension_in_N\n0,1\n0,2\n", "row 2: time_s is 0"),
         ("time_s,tension_in_N\nnan,1\n0,2\n", "row 1|row 2"),
         ("time_s,tension_in_N\n0,one\n", "line 2: tension_in_N is 'one'"),
@@ -80,7 +80,7 @@ def test_a_drive_with_a_gap_is_refused(tmp_path):
 
 def test_what_is_no_table_is_refused(tmp_path):
     with pytest.raises(SourceError, match="a run is a table"):
-        read_run(tmp_path / "run.txt")
+        read_run(tmp_path / "run.doc")
     with pytest.raises(SourceError, match="cannot be read"):
         read_run(tmp_path / "none.csv")
     broken = tmp_path / "broken.parquet"

@@ -82,9 +82,6 @@ def test_a_column_without_unit_beside_others_with_one_is_refused(tmp_path):
     ("text", "says"),
     [
         ("", "line 1 is empty"),
-        ("x_mm;y_mm;z_mm\n1;2;3\n", "separated by semicolons: write a header such as x_mm,y_mm,z_mm"),
-        ("x_mm y_mm z_mm\n1 2 3\n", "separated by spaces"),
-        ("x_mm\ty_mm\tz_mm\n1\t2\t3\n", "separated by tabs"),
         ("1,2,3\n4,5,6\n", "line 1 holds numbers, no header"),
         ("x_mm,y_mm\n1,2\n", "no column z_mm or z_m"),
         ("x_mm,y_mm,z_mm,x_mm\n1,2,3,4\n", "column 'x_mm' is there twice"),
@@ -112,7 +109,7 @@ def test_a_file_that_cannot_be_used_is_refused_in_one_line_that_names_it(tmp_pat
 
 def test_a_binary_file_called_csv_is_refused(tmp_path):
     (tmp_path / "shape.csv").write_bytes(b"\xff\xfe\x00\x01" * 50)
-    with pytest.raises(ShapeError, match="no UTF-8 text"):
+    with pytest.raises(ShapeError, match=r"no UTF-8 text|no rows of numbers"):
         open_recording(tmp_path / "shape.csv")
 
 
@@ -207,10 +204,11 @@ def test_time_that_runs_back_rejects_the_late_frame(tmp_path):
 
 
 def test_a_column_that_looks_like_a_measurement_and_is_not_read_gives_a_warning(tmp_path):
-    recording = opened(tmp_path, "x_mm,y_mm,z_mm,tension_in,colour\n" + "1,2,3,4,5\n" * 4)
+    recording = opened(
+        tmp_path, "x_mm,y_mm,z_mm,tension_in_N,tension_out_raw_V,colour\n" + "1,2,3,4,5,6\n" * 4
+    )
     (warning,) = recording.warnings
-    assert "column 'tension_in' is not read" in warning
-    assert "tension_in_N" in warning
+    assert warning.startswith("column 'tension_out_raw_V' is not read: the nearest name is tension_out_N; ")
 
 
 def test_parquet_reads_as_the_same_csv_does(tmp_path):
@@ -264,9 +262,10 @@ def test_a_table_reads_the_same_whether_numpy_pyarrow_or_neither_can_read_it(tmp
     cells[30][1] = strange or cells[30][1]
     path = tmp_path / "shape.csv"
     path.write_text("time_s,x_mm,y_mm,z_mm\n" + "\n".join(",".join(("0", *row)) for row in cells) + "\n")
-    small = tables.read_csv(path, None)
+    raw, names = path.read_bytes(), ["time_s", "x_mm", "y_mm", "z_mm"]
+    small = tables.read_csv(path, raw, names, None)
     monkeypatch.setattr(tables, "_SMALL", 0)
-    large = tables.read_csv(path, None)
+    large = tables.read_csv(path, raw, names, None)
     assert (small.faults, small.columns) == (large.faults, large.columns)
     for one, other in zip(
         (small.number, *small.values.values()), (large.number, *large.values.values()), strict=True

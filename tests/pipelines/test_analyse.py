@@ -214,9 +214,12 @@ def test_results_that_cannot_be_written_are_reported_in_plain_words(run, half, t
     assert all("File exists" in error and "unexpected" not in error for error in outcome.errors)
 
 
-def test_a_time_in_another_unit_is_named_where_the_points_make_no_route(run, write_csv):
+def test_a_time_in_another_unit_makes_frames(run, write_csv):
     time = np.repeat(np.arange(3.0), 40)
     rows = np.column_stack([np.tile(half_circle(), (3, 1)), time])
-    (error,) = run("analyse", write_csv("ms.csv", rows, "x_mm,y_mm,z_mm,time_ms")).errors
-    assert "not in order" in error
-    assert "column 'time_ms' is not read" in error
+    outcome = run("analyse", write_csv("ms.csv", rows, "x_mm,y_mm,z_mm,time_ms"), "--json")
+    output = json.loads(outcome.out)
+    assert (output["frames"], output["time_s"]) == (3, 0.002)
+    assert output["tension_in_assumed"]
+    (note,) = outcome.errors
+    assert note.endswith("ms.csv: time_ms read as time_s × 0.001")

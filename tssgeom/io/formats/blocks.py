@@ -24,7 +24,6 @@ from tssgeom.io.formats.tables import (
     Table,
     as_numbers,
     convert_options,
-    header_of,
     parquet_names,
     read_options,
     slow_table,
@@ -32,7 +31,6 @@ from tssgeom.io.formats.tables import (
 )
 from tssgeom.stream import Frame, Rejected
 
-_HEADER_BYTES = 1 << 16  # bytes of a CSV file in which its header ends; chosen
 _BLANK_LINE = re.compile(rb"\n\r?\n\s*\S")
 _OVERLAP = 4096  # bytes of a block in which a blank line that goes on in the next block begins; chosen
 
@@ -135,10 +133,8 @@ class ParquetBlocks:
 Blocks = CsvBlocks | ParquetBlocks
 
 
-def csv_blocks(path: Path, given_unit: str | None) -> CsvBlocks:
-    """Open a CSV file to be read in blocks; the errors are those of `read_csv`."""
-    with reading(path), path.open("rb") as file:
-        names = header_of(path, file.read(_HEADER_BYTES))
+def csv_blocks(path: Path, names: Sequence[str], given_unit: str | None) -> CsvBlocks:
+    """Open a CSV file of these columns to be read in blocks; the errors are those of `read_csv`."""
     source = CsvBlocks(path, names, columns_of(path, names, given_unit))
     return replace(source, clean=not source.has_blank_lines())
 

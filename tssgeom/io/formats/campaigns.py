@@ -12,6 +12,8 @@ from tssgeom.errors import SettingsError, ShapeError, SourceError
 from tssgeom.identify.campaign import Campaign, Route, Run
 from tssgeom.io.formats.columns import CHANNELS
 from tssgeom.io.formats.files import CAMPAIGN, open_recording, output_names
+from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap
+from tssgeom.io.formats.paths import split
 from tssgeom.io.formats.runs import IN_SI, read_run
 from tssgeom.plausibility.frames import rig_remarks
 from tssgeom.plausibility.rules import warnings_of
@@ -46,7 +48,7 @@ def is_campaign(path: Path) -> bool:
     return path.name == CAMPAIGN or (path / CAMPAIGN).is_file()
 
 
-def read_campaign(folder: Path, unit: str | None = None) -> Campaign:
+def read_campaign(folder: Path, unit: str | None = None, columns: ColumnMap = NO_MAP) -> Campaign:
     """Read a campaign, and fit the route of every shape in it.
 
     Parameters
@@ -55,6 +57,8 @@ def read_campaign(folder: Path, unit: str | None = None) -> Campaign:
         The folder, or the `campaign.toml` in it.
     unit
         Unit of length, "mm" or "m", of shapes that state none.
+    columns
+        What the user says of columns of the files.
 
     Raises
     ------
@@ -68,13 +72,14 @@ def read_campaign(folder: Path, unit: str | None = None) -> Campaign:
     plan = _read_plan(listing)
     stated = read_rig(home / plan.rig)
     rig = _specified_in_si(stated)
+    said = columns.with_rig(stated.columns)
     names = _names(listing, plan.run)
     notes = list(_unknown_sensors(home / plan.rig, stated))
     notes += [f"{plan.rig}: {warning}" for warning in warnings_of(plan.rig, rig_remarks(rig))]
-    routes = _routes(home, plan.run, rig, unit, notes)
+    routes = _routes(home, plan.run, rig, unit, said, notes)
     runs = []
     for name, listed in zip(names, plan.run, strict=True):
-        run = _run(home / listed.data, name, routes[listed.shape], notes, held_out=listed.held_out)
+        run = _run(home / listed.data, name, routes[listed.shape], said, notes, held_out=listed.held_out)
         notes += _implausible(home / listed.data, run, rig)
         runs.append(run)
     notes += warnings_of(listing, campaign_remarks([(run.name, run.columns) for run in runs]))
@@ -131,16 +136,16 @@ def _unknown_sensors(path: Path, rig: Rig) -> list[str]:
 
 
 def _routes(
-    home: Path, runs: Sequence[_Listed], rig: Rig, unit: str | None, notes: list[str]
+    home: Path, runs: Sequence[_Listed], rig: Rig, unit: str | None, said: ColumnMap, notes: list[str]
 ) -> dict[str, Route]:
     """Return the route of each shape; runs that share a shape share the route."""
     files = {listed.shape: home / listed.shape for listed in runs}
     named = output_names(list(dict.fromkeys(files.values())))
-    return {shape: _route(path, named[path], rig, unit, notes) for shape, path in files.items()}
+    return {shape: _route(path, named[path], rig, unit, said, notes) for shape, path in files.items()}
 
 
-def _route(path: Path, name: str, rig: Rig, unit: str | None, notes: list[str]) -> Route:
-    recording = open_recording(path, unit)
+def _route(path: Path, name: str, rig: Rig, unit: str | None, said: ColumnMap, notes: list[str]) -> Route:
+    recording = open_recording(path, unit, said)
     result, reasons = _first_usable(recording.frames, rig)
     if result is None:
         raise ShapeError(f"{path}: {reasons[0] if reasons else 'no frame in it: give a shape'}")
@@ -149,7 +154,10 @@ def _route(path: Path, name: str, rig: Rig, unit: str | None, notes: list[str]) 
             f"{path.name} has {recording.frame_count} frames: the route is taken as fixed, "
             f"as in frame {result.seq}"
         )
-    notes += [f"{path.name}: {warning}" for warning in (*recording.warnings, *result.warnings)]
+    notes += [
+        f"{path.name}: {warning}"
+        for warning in (*_how(recording.notes), *recording.warnings, *result.warnings)
+    ]
     return Route(name, result.arcs, result.route.position, result.route.s)
 
 
@@ -178,11 +186,16 @@ def _shape_alone(frame: Frame | Rejected) -> Frame | Rejected:
     )
 
 
-def _run(path: Path, name: str, route: Route, notes: list[str], *, held_out: bool) -> Run:
-    if not path.is_file():
+def _how(notes: Sequence[str]) -> list[str]:
+    """Return how a file was read as one note, or none."""
+    return ["; ".join(notes)] if notes else []
+
+
+def _run(path: Path, name: str, route: Route, said: ColumnMap, notes: list[str], *, held_out: bool) -> Run:
+    if not split(path)[0].is_file():
         raise SourceError(f"{path}: no such file: mend data in {CAMPAIGN}")
-    measured = read_run(path)
-    notes += [f"{name}: {warning}" for warning in measured.warnings]
+    measured = read_run(path, said)
+    notes += [f"{name}: {text}" for text in (*_how(measured.notes), *measured.warnings)]
     return Run(name, route, measured.columns, held_out)
 
 

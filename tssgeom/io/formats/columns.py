@@ -26,10 +26,15 @@ CHANNELS = {
     "temperature_C": ("temperature", 1.0),
 }
 """Columns of measurements: the field that each one fills, and how many of its unit make one in SI."""
+_OF_FRAMES_ALONE = {
+    "noise_m": ("noise", 1.0),
+    "displacement_target_m": ("displacement_target", 1.0),
+    "tension_out_target_N": ("tension_out_target", 1.0),
+}
 _OF_FRAMES = {field.name for field in fields(Frame)}
 MEASURED = {
     name: (field, per_si)
-    for name, (field, per_si) in {**CHANNELS, "noise_m": ("noise", 1.0)}.items()
+    for name, (field, per_si) in {**CHANNELS, **_OF_FRAMES_ALONE}.items()
     if field in _OF_FRAMES
 }
 """Those that a frame can hold."""

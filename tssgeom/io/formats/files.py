@@ -9,7 +9,10 @@ from pathlib import Path
 from tssgeom.errors import SourceError, TssgeomError
 from tssgeom.io.formats.colonoscope import is_colonoscope, open_colonoscope
 from tssgeom.io.formats.jsonl import open_jsonl
-from tssgeom.io.formats.longform import open_csv, open_parquet
+from tssgeom.io.formats.laboratory.files import ENDINGS as TABLES
+from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap
+from tssgeom.io.formats.laboratory.table import parts_of
+from tssgeom.io.formats.longform import names_recordings, open_table
 from tssgeom.io.formats.ndi import is_ndi, open_ndi
 from tssgeom.io.formats.npz import open_npz
 from tssgeom.io.formats.paths import MARKUPS, ending, part_of, split, stem
@@ -23,17 +26,18 @@ __all__ = ["READERS", "Recording", "find_inputs", "open_recording", "output_name
 Reader = Callable[[Path, str | None], Recording]
 
 
-def _open_table(path: Path, unit: str | None) -> Recording:
-    """Open a comma-separated file: of tracked tools if its header names their poses, else of points."""
-    return open_ndi(path, unit) if is_ndi(path) else open_csv(path, unit)
+def _open_table(path: Path, unit: str | None, columns: ColumnMap = NO_MAP) -> Recording:
+    """Open a table: of tracked tools if the header of a `.csv` names their poses, else of points."""
+    if path.suffix.lower() == ".csv" and is_ndi(path):
+        return open_ndi(path, unit)
+    return open_table(path, unit, columns)
 
 
 READERS: dict[str, Reader] = {
-    ".csv": _open_table,
+    **dict.fromkeys(TABLES, _open_table),
     ".jsonl": open_jsonl,
     ".ndjson": open_jsonl,
     ".npz": open_npz,
-    ".parquet": open_parquet,
     MARKUPS: open_markups,
     ".fcsv": open_fcsv,
     ".vtp": open_vtp,
@@ -41,6 +45,8 @@ READERS: dict[str, Reader] = {
     ".db3": open_bag,
 }
 """The reader of each ending."""
+_ONLY_NAMED = (".txt", ".dat", ".txt.gz", ".dat.gz")
+"""Endings of files that are read where they are named; in a folder they may be anything."""
 
 FOLDERS: tuple[tuple[Callable[[Path], bool], Reader], ...] = (
     (is_bag, open_bag),
@@ -51,7 +57,7 @@ FOLDERS: tuple[tuple[Callable[[Path], bool], Reader], ...] = (
 _PARTS: dict[str, Callable[[Path], list[str]]] = {MARKUPS: markup_names, ".vtp": line_names}
 """Endings of files that may hold several shapes, and the names of these."""
 
-_PART_READERS = (open_bag, open_markups, open_vtp)
+_PART_READERS = (open_bag, open_markups, open_vtp, _open_table)
 """Readers that open one part of a file."""
 
 RESULTS_MARK = "run.json"
@@ -65,7 +71,7 @@ CAMPAIGN = "campaign.toml"
 _MARKS = {RESULTS_MARK, ANALYSIS_MARK, CAMPAIGN}
 
 
-def open_recording(path: str | Path, unit: str | None = None) -> Recording:
+def open_recording(path: str | Path, unit: str | None = None, columns: ColumnMap = NO_MAP) -> Recording:
     """Open a file of sensed shapes.
 
     Parameters
@@ -74,6 +80,8 @@ def open_recording(path: str | Path, unit: str | None = None) -> Recording:
         A file or folder that a reader takes, or one part of a file as `FILE#PART`.
     unit
         Unit of length, "mm" or "m", where the file states none.
+    columns
+        What the user says of columns of tables.
 
     Raises
     ------
@@ -91,7 +99,7 @@ def open_recording(path: str | Path, unit: str | None = None) -> Recording:
     reader = _reader(file)
     if part is not None and reader not in _PART_READERS:
         raise SourceError(f"{file}: it holds one recording, there is no #{part} in it: leave that out")
-    return reader(path, unit)
+    return _open_table(path, unit, columns) if reader is _open_table else reader(path, unit)
 
 
 def _reader(file: Path) -> Reader:
@@ -101,7 +109,7 @@ def _reader(file: Path) -> Reader:
                 return reader
         raise SourceError(f"{file}: a folder, not a file: name the files in it")
     reader = READERS.get(ending(file))
-    if reader is None and _is_recording(file.parent):
+    if (reader is None or ending(file) in _ONLY_NAMED) and _is_recording(file.parent):
         raise SourceError(f"{file}: a part of a recording: name the folder, {file.parent}")
     if reader is None:
         raise SourceError(
@@ -110,7 +118,9 @@ def _reader(file: Path) -> Reader:
     return reader
 
 
-def find_inputs(paths: Iterable[str | Path], besides: Collection[Path] = ()) -> list[Path]:
+def find_inputs(
+    paths: Iterable[str | Path], besides: Collection[Path] = (), columns: ColumnMap = NO_MAP
+) -> list[Path]:
     """Return the given files, and the shape files and recordings inside given folders, each once.
 
     Of a file with several shapes each is returned by itself, as `FILE#PART`. Folders are searched in depth
@@ -132,7 +142,7 @@ def find_inputs(paths: Iterable[str | Path], besides: Collection[Path] = ()) -> 
             files = [file if part is None else part_of(file, part) for file in files]
         if not files:
             raise SourceError(f"{path}: no shape file in this folder: put {_endings()} files there")
-        for shape in (each for file in files for each in _shapes_of(file)):
+        for shape in (each for file in files for each in _shapes_of(file, columns)):
             inputs.setdefault(real(shape), shape)
     return list(inputs.values())
 
@@ -146,16 +156,24 @@ def _is_recording(folder: Path) -> bool:
     return any(fits(folder) for fits, _ in FOLDERS)
 
 
-def _shapes_of(path: Path) -> list[Path]:
+def _shapes_of(path: Path, columns: ColumnMap) -> list[Path]:
     """Return the shapes in a file: the path itself, but for a file of several of which it names none."""
-    names = _PARTS.get(ending(path))
-    if names is None or split(path)[1] is not None or not path.exists():
+    kind = ending(path)
+    names = _PARTS.get(kind)
+    if not (names or kind in TABLES) or split(path)[1] is not None or not path.is_file():
         return [path]
     try:
-        parts = names(path)
+        parts = names(path) if names else _recordings_in(path, columns)
     except TssgeomError:
         return [path]  # opening it reports the reason
     return [path] if len(parts) == 1 else [part_of(path, name) for name in parts]
+
+
+def _recordings_in(path: Path, columns: ColumnMap) -> list[str]:
+    """Return the recordings in a table; most have one, and no column that could name several."""
+    if ending(path) in (".csv", ".parquet") and not names_recordings(path, columns):
+        return [path.name]
+    return parts_of(path, columns, None)
 
 
 def output_names(paths: Sequence[Path]) -> dict[Path, str]:
@@ -215,7 +233,8 @@ def _shapes_in(folder: Path, left_out: Collection[Path]) -> Iterator[Path]:
             continue
         folders[:] = [name for name in folders if not name.startswith(".")]
         for name in names:
-            if not name.startswith(".") and ending(Path(name)) in READERS:
+            kind = ending(Path(name))
+            if not name.startswith((".", "~$")) and kind in READERS and kind not in _ONLY_NAMED:
                 yield here / name
 
 

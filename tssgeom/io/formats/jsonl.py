@@ -6,6 +6,7 @@ import codecs
 import math
 import re
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
@@ -17,6 +18,7 @@ import numpy as np
 from tssgeom import core
 from tssgeom.arrays import read_only
 from tssgeom.errors import ShapeError
+from tssgeom.io.formats.laboratory.unknown import unknown_names
 from tssgeom.io.formats.paths import LONGEST_LINE, reading
 from tssgeom.io.formats.recording import PER_METRE, UNTIMED, Frames, Recording, agreed_unit
 from tssgeom.stream import Frame, Rejected
@@ -36,12 +38,13 @@ _TO_WRITE = {
 Coordinates = tuple[float | None, float | None, float | None]
 
 
+_DRIVES = ("tension_in_N", "displacement_in_m", "displacement_target_m", "tension_out_target_N")
 _Listed = list[Coordinates | None]
 _Points = TypeVar("_Points")
 
 
 class Line(msgspec.Struct, Generic[_Points], frozen=True):
-    """One line as it is written; other fields are ignored."""
+    """One line as it is written."""
 
     points: _Points
     t: float | None = None
@@ -60,6 +63,10 @@ class Line(msgspec.Struct, Generic[_Points], frozen=True):
     noise_m: float | None = None
 
 
+class _Strict(Line[_Points], Generic[_Points], frozen=True, forbid_unknown_fields=True):
+    """A line without other fields."""
+
+
 class _Heading(msgspec.Struct, frozen=True):
     """The fields that a first pass over a file reads, and that identify a rejected frame."""
 
@@ -68,9 +75,14 @@ class _Heading(msgspec.Struct, frozen=True):
     id: str | int | None = None
 
 
+_strict_decoder = msgspec.json.Decoder(_Strict[msgspec.Raw])
 _quick_decoder = msgspec.json.Decoder(Line[msgspec.Raw])
+_keys_decoder = msgspec.json.Decoder(dict[str, msgspec.Raw])
 _line_decoder = msgspec.json.Decoder(Line[_Listed])
 _heading_decoder = msgspec.json.Decoder(_Heading)
+_KNOWN = frozenset(Line.__struct_fields__)
+_CARRIED = frozenset(("covariance_mm2",))
+"""Keys of other commands, which no reader needs."""
 
 
 def frame_of(text: bytes, unit: str | None, time: float | None = None) -> Frame:
@@ -96,6 +108,7 @@ def frame_of(text: bytes, unit: str | None, time: float | None = None) -> Frame:
         if decoded := _decoded_fast(text):
             return _frame(*decoded, unit, time)
         line = _line_decoder.decode(text)
+        _unknown_keys(text)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise ShapeError(_fault(error)) from error
     return _frame(line, _rows(line.points), unit, time)
@@ -113,11 +126,29 @@ def _fault(error: Exception) -> str:
 def _decoded_fast(text: bytes) -> tuple[Line[msgspec.Raw], np.ndarray] | None:
     """Decode a line with plain points; None for any other line."""
     try:
-        line = _quick_decoder.decode(text)
+        line = _strict_decoder.decode(text)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
-        return None
+        try:
+            line = _quick_decoder.decode(text)
+        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+            return None
+        _unknown_keys(text)
     points = plain_points(line.points)
     return (line, points) if len(points) else None
+
+
+def _unknown_keys(text: bytes) -> tuple[str, ...]:
+    """Return a warning for each key that is not read and resembles one that is.
+
+    Raises
+    ------
+    ShapeError
+        Where it may be a drive, and nothing else drives the tendon.
+    """
+    held = _keys_decoder.decode(text)
+    unknown = held.keys() - _KNOWN - _CARRIED
+    driven = any(bytes(held[key]) != b"null" for key in _DRIVES if key in held)
+    return unknown_names(sorted(unknown), _KNOWN, driven=driven) if unknown else ()
 
 
 def plain_points(text: bytes | msgspec.Raw) -> np.ndarray:
@@ -229,7 +260,7 @@ def open_jsonl(path: Path, unit: str | None) -> Recording:
     survey = _survey(path)
     agreed = agreed_unit(path, survey.unit, unit, _STATE_UNIT)
     timed = survey.has_clock or survey.lines > 1
-    warnings = (UNTIMED,) if timed and not survey.has_clock else ()
+    warnings = ((UNTIMED,) if timed and not survey.has_clock else ()) + survey.unknown
     frames = JsonFrames(path, unit, counted=not survey.has_clock)
     return Recording(path.stem, path, agreed, "jsonl", timed, survey.lines, frames, warnings)
 
@@ -238,10 +269,13 @@ class _Survey(NamedTuple):
     lines: int
     unit: str | None
     has_clock: bool
+    unknown: tuple[str, ...]
+    """Keys that are not read and resemble others, a sentence each."""
 
 
 def _survey(path: Path) -> _Survey:
     lines, read, unit, has_clock, fault = 0, 0, None, False, ""
+    keys, unknown = -1, dict[str, None]()
     for number, text in _lines(path):
         lines += 1
         heading = _heading(text)
@@ -249,6 +283,10 @@ def _survey(path: Path) -> _Survey:
             fault = fault or heading
             continue
         read += 1
+        if (count := text.count(b'":')) != keys:  # lines of one sender have the same keys
+            keys = count
+            with suppress(ShapeError):  # which its frame reports
+                unknown |= dict.fromkeys(_unknown_keys(text))
         has_clock |= heading.t is not None
         if unit and heading.unit and heading.unit != unit:
             raise ShapeError(
@@ -258,7 +296,7 @@ def _survey(path: Path) -> _Survey:
     if not read:
         empty = "the file is empty: write one frame a line (docs/formats.md)"
         raise ShapeError(f"{path}: " + (f"no line is a frame; the first: {fault}" if lines else empty))
-    return _Survey(lines, unit, has_clock)
+    return _Survey(lines, unit, has_clock, tuple(unknown))
 
 
 def _heading(text: bytes) -> _Heading | str:

@@ -15,12 +15,14 @@ import numpy as np
 from tssgeom.arrays import Vector, read_only
 from tssgeom.errors import ShapeError, SourceError, first_line
 from tssgeom.io.formats.columns import MEASURED, TIME
+from tssgeom.io.formats.laboratory.unknown import unknown_names
 from tssgeom.io.formats.recording import PER_METRE, UNTIMED, Frames, Recording, agreed_unit
 from tssgeom.stream import Frame
 
 _BLOCK = 1 << 22
 """Bytes of an array that are read at a time; chosen."""
 _LARGE = ("points", "s")
+_DRIVES = ("tension_in", "displacement_in", "displacement_target", "tension_out_target")
 _ARRAY = b"\x93NUMPY"
 
 
@@ -116,7 +118,13 @@ def open_npz(path: Path, unit: str | None) -> Recording:
         raise ShapeError(f"{path}: points has the size {points.shape}: save points[F,N,3] or points[N,3]")
     timed = len(points.shape) == 3
     frames = _frames(path, arrays, stored, PER_METRE[agreed])
-    warnings = (UNTIMED,) if timed and TIME not in arrays else ()
+    driven = any(name in arrays for name in MEASURED if name.startswith(_DRIVES))
+    unknown = arrays.keys() - {TIME, "unit", *MEASURED, "covariance_mm2"}
+    try:
+        warnings = unknown_names(sorted(unknown), (TIME, *MEASURED), driven=driven)
+    except ShapeError as error:
+        raise ShapeError(f"{path}: {error}") from error
+    warnings += (UNTIMED,) if timed and TIME not in arrays else ()
     return Recording(path.stem, path, agreed, "npz", timed, len(frames.time), frames, warnings)
 
 

@@ -13,6 +13,7 @@ from pathlib import Path
 from tssgeom.errors import ShapeError, unreadable
 
 MARKUPS = ".mrk.json"
+PACKED = ".gz"
 LONGEST_LINE = 1 << 20
 """Bytes of the longest line that is read, 1 MiB: the limit of the stream; 20 000 points fit."""
 _MOST_NAMED = 5  # names of routes in a message
@@ -63,9 +64,10 @@ def part_of(file: Path, part: str | int) -> Path:
 
 
 def ending(path: Path) -> str:
-    """Return the ending of a file in small letters; that of a Slicer markup has two words."""
+    """Return the ending of a file in small letters; a Slicer markup and a packed file have two words."""
     name = split(path)[0].name.lower()
-    return MARKUPS if name.endswith(MARKUPS) else Path(name).suffix
+    packed = Path(name.removesuffix(PACKED)).suffix if name.endswith(PACKED) else ""
+    return MARKUPS if name.endswith(MARKUPS) else f"{packed}{Path(name).suffix}"
 
 
 def stem(path: Path) -> str:

@@ -28,7 +28,8 @@ class Recording:
     unit: str
     """Unit of length in the file, "m" or "mm" (of Slicer also "um"); the frames are in metres."""
     kind: str
-    """Format: "csv", "jsonl", "npz", "parquet", "slicer", "fcsv", "vtk", "ros2", "ndi" or "colonoscope"."""
+    """Format: "jsonl", "npz", "slicer", "fcsv", "vtk", "ros2", "ndi" or "colonoscope"; of a table its
+    ending, such as "csv", "parquet" or "xlsx"."""
     timed: bool
     """False for one static shape, True for frames with time."""
     frame_count: int
@@ -36,6 +37,8 @@ class Recording:
     frames: Iterable[Frame | Rejected]
     """Frames in order; a frame that cannot be read is a `Rejected` at its position."""
     warnings: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    """How a file of a laboratory was read, a phrase each; empty where its names are those of the formats."""
 
 
 class Frames(ABC):

@@ -5,18 +5,22 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from tssgeom.arrays import Vector, read_only
 from tssgeom.errors import SettingsError, SourceError, TssgeomError, first_line
-from tssgeom.io.formats.columns import AXES, BENDS, CHANNELS, TIME, unread
-from tssgeom.io.formats.paths import bytes_of
-from tssgeom.io.formats.tables import cells_of, header_of, parquet_names
+from tssgeom.io.formats.columns import AXES, BENDS, CHANNELS, TIME
+from tssgeom.io.formats.laboratory.files import ENDINGS
+from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap
+from tssgeom.io.formats.laboratory.table import laboratory_table
+from tssgeom.io.formats.longform import is_plain
+from tssgeom.io.formats.paths import bytes_of, ending, split, stem
+from tssgeom.io.formats.tables import cells_of, parquet_names, plain_names
 
 IN_SI = {field: name for name, (field, per_si) in CHANNELS.items() if per_si == 1.0}
 """The column in SI of each field of `MeasuredRun`."""
-_HEADER = "time_s,tension_in_N,tension_out_N"
 _QUANTITIES = tuple({name.rpartition("_")[0] for name in CHANNELS})
 _MISSING = {"", "nan", "null", "na"}
 _KNOWN = ", ".join((TIME, *CHANNELS))
@@ -44,6 +48,8 @@ class MeasuredRun:
     """[n] Temperature [°C]."""
     warnings: tuple[str, ...] = ()
     """Columns that are not read though they resemble channels, a sentence each."""
+    notes: tuple[str, ...] = ()
+    """How a file of a laboratory was read, a phrase each."""
 
     @property
     def columns(self) -> dict[str, Vector]:
@@ -72,37 +78,105 @@ class MeasuredRun:
         raise SettingsError(f"{self.path}: no column {' or '.join(names)}: add one")
 
 
-def read_run(path: Path) -> MeasuredRun:
+def read_run(path: Path, columns: ColumnMap = NO_MAP) -> MeasuredRun:
     """Read a measured run.
+
+    Parameters
+    ----------
+    path
+        A table, or one recording of a table as `FILE#PART`.
+    columns
+        What the user says of its columns.
 
     Raises
     ------
     SourceError
-        Where the file cannot be read, or has another ending than .csv or .parquet.
+        Where the file cannot be read, or has another ending than those of tables.
     ShapeError
-        Where a CSV file has no header, or one whose names are not separated by commas.
+        Where the form of the table cannot be recognised, or a column is not clear.
     SettingsError
         Where a column is missing or there twice, a cell is no number, or time does not increase.
     """
-    readers = {".csv": _csv, ".parquet": _parquet}
-    if path.suffix.lower() not in readers:
-        raise SourceError(f"{path}: a run is a table: use {' or '.join(readers)}")
-    names, columns = readers[path.suffix.lower()](path)
-    channels, warnings = _channels(path, columns), unread(names, (TIME, *CHANNELS))
-    return MeasuredRun(path.stem, path, _times(path, columns[TIME]), **channels, warnings=warnings)
+    kind = ending(path)
+    if kind not in ENDINGS:
+        raise SourceError(f"{path}: a run is a table: use {', '.join(ENDINGS)}")
+    read = _plain(path, kind, columns) or _laboratory(path, columns)
+    if TIME not in read.values:
+        others = f"; columns are {', '.join(read.unread)}" if read.unread else ""
+        raise SettingsError(f"{path}: no column {TIME} in the header: known are {_KNOWN}{others}")
+    values, doubled = _without_doubled(read.values)
+    channels, time = _channels(path, values), _times(path, values[TIME])
+    return MeasuredRun(
+        stem(path), path, time, **channels, warnings=read.warnings, notes=(*read.notes, *doubled)
+    )
 
 
-def holds_run(path: Path) -> bool:
+def holds_run(path: Path, columns: ColumnMap = NO_MAP) -> bool:
     """Whether a table has measured columns and no points, and so is a run."""
+    kind = ending(path)
+    if kind not in ENDINGS:
+        return False
     try:
-        if path.suffix.lower() == ".parquet":
-            names = parquet_names(path)
-        else:
-            names = header_of(path, bytes_of(path), _HEADER) if path.suffix.lower() == ".csv" else []
+        names = _head_names(path, kind, columns)
+        if names is None:
+            read = laboratory_table(path, columns)
+            return not read.is_points and any(name in CHANNELS for name in read.values)
     except TssgeomError:
         return False  # the reader of the file reports the reason
     points = any(name.partition("_")[0] in AXES or name.startswith(BENDS) for name in names)
     return not points and any(name.startswith(_QUANTITIES) for name in names)
+
+
+class _Read(NamedTuple):
+    values: Mapping[str, Vector]
+    """The columns that are read."""
+    unread: Sequence[str]
+    warnings: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+def _head_names(path: Path, kind: str, columns: ColumnMap) -> list[str] | None:
+    """Return the names of the columns where the readers know them as they stand."""
+    if kind not in _READERS or split(path)[1] is not None:
+        return None
+    names = parquet_names(path) if kind == ".parquet" else plain_names(bytes_of(path))
+    return names if names is not None and is_plain(names, None, columns.of(path)) else None
+
+
+def _plain(path: Path, kind: str, columns: ColumnMap) -> _Read | None:
+    """Read a table of known names; None for another one, or where it can only be read as another one."""
+    names = _head_names(path, kind, columns)
+    if names is None:
+        return None
+    columns.use(names)
+    try:
+        values = _READERS[kind](path, names)
+    except SettingsError:
+        try:  # a row of units, comments and the like are no fault to those who expect them
+            return _laboratory(path, columns)
+        except TssgeomError:
+            pass
+        raise
+    return _Read(values, [name for name in names if name not in values], (), ())
+
+
+def _laboratory(path: Path, columns: ColumnMap) -> _Read:
+    read = laboratory_table(path, columns)
+    if read.faults:
+        raise SettingsError(f"{path}: {next(iter(read.faults.values()))}")
+    return _Read(read.values, read.unread, read.warnings, read.notes)
+
+
+def _without_doubled(values: Mapping[str, Vector]) -> tuple[Mapping[str, Vector], tuple[str, ...]]:
+    """Leave out rows that repeat the one before them to the last digit."""
+    pairs = [(column[1:], column[:-1]) for column in values.values()]
+    same = np.all([(one == other) | (np.isnan(one) & np.isnan(other)) for one, other in pairs], axis=0)
+    if not same.any():
+        return values, ()
+    kept = np.concatenate(([True], ~same))
+    return {name: column[kept] for name, column in values.items()}, (
+        f"{int(same.sum())} doubled rows left out",
+    )
 
 
 def _channels(path: Path, columns: Mapping[str, Vector]) -> dict[str, Vector]:
@@ -131,17 +205,15 @@ def _times(path: Path, time: Vector) -> Vector:
     return read_only(time)
 
 
-def _csv(path: Path) -> tuple[Sequence[str], dict[str, Vector]]:
-    """Return the names of all columns, and the columns that are read."""
-    raw = bytes_of(path)
-    names = header_of(path, raw, _HEADER)
-    lines = raw.decode(errors="replace").splitlines()
+def _csv(path: Path, names: Sequence[str]) -> dict[str, Vector]:
+    """Return the columns that are read."""
+    lines = bytes_of(path).decode(errors="replace").splitlines()
     wanted = _wanted(path, names)
     rows = [
         _numbers(path, line, text, names, wanted) for line, text in enumerate(lines[1:], 2) if text.strip()
     ]
     table = np.array(rows, dtype=np.float64).reshape(-1, len(wanted))
-    return names, {names[k]: table[:, i] for i, k in enumerate(wanted)}
+    return {names[k]: table[:, i] for i, k in enumerate(wanted)}
 
 
 def _wanted(path: Path, names: Sequence[str]) -> list[int]:
@@ -149,22 +221,7 @@ def _wanted(path: Path, names: Sequence[str]) -> list[int]:
     twice = [name for name in names if names.count(name) > 1]
     if twice:
         raise SettingsError(f"{path}: column {twice[0]!r} is there twice: keep one")
-    if TIME not in names:
-        raise SettingsError(f"{path}: no column {TIME} in the header: known are {_KNOWN}")
-    for name in names:
-        _refuse_other_unit(path, name)
     return [k for k, name in enumerate(names) if name == TIME or name in CHANNELS]
-
-
-def _refuse_other_unit(path: Path, name: str) -> None:
-    """Refuse a column that is a channel but for its unit: ignoring it would hide a measurement."""
-    if name in CHANNELS:
-        return
-    quantity, _, unit = name.rpartition("_")
-    meant = [known for known in CHANNELS if known.rpartition("_")[0] in (quantity, name)]
-    if meant:
-        what = f"the unit {unit!r}" if quantity == meant[0].rpartition("_")[0] else "no unit"
-        raise SettingsError(f"{path}: column {name!r} has {what}: give {' or '.join(meant)}")
 
 
 def _numbers(path: Path, line: int, text: str, names: Sequence[str], wanted: Sequence[int]) -> list[float]:
@@ -187,18 +244,19 @@ def _number(path: Path, line: int, name: str, cell: str) -> float:
         ) from error
 
 
-def _parquet(path: Path) -> tuple[Sequence[str], dict[str, Vector]]:
+def _parquet(path: Path, names: Sequence[str]) -> dict[str, Vector]:
     import pyarrow as pa
     import pyarrow.parquet as papq
 
     try:
         with papq.ParquetFile(path) as file:
-            names = file.schema_arrow.names
             table = file.read(columns=[names[k] for k in _wanted(path, names)])
         numbers = table.cast(pa.schema([(name, pa.float64()) for name in table.column_names]))
     except (OSError, pa.ArrowException, UnicodeDecodeError) as error:
         raise SourceError(
             f"{path}: cannot be read as a table of numbers ({first_line(error)}): write float64"
         ) from error
-    columns = {name: np.asarray(numbers[name].to_numpy(), np.float64) for name in numbers.column_names}
-    return names, columns
+    return {name: np.asarray(numbers[name].to_numpy(), np.float64) for name in numbers.column_names}
+
+
+_READERS = {".csv": _csv, ".parquet": _parquet}

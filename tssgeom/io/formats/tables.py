@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import csv
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -15,7 +16,6 @@ from numpy.typing import NDArray
 from tssgeom.arrays import Vector
 from tssgeom.errors import ShapeError, SourceError, first_line
 from tssgeom.io.formats.columns import Columns, columns_of
-from tssgeom.io.formats.paths import bytes_of
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -45,8 +45,8 @@ class Table:
         return len(self.number)
 
 
-def read_csv(path: Path, given_unit: str | None) -> Table:
-    """Read a comma-separated file with a header.
+def read_csv(path: Path, raw: bytes, names: list[str], given_unit: str | None) -> Table:
+    """Read a comma-separated file under its header `names`.
 
     A small table of numbers alone is read by numpy, a larger one without faults by pyarrow, and any other
     line by line, so that each fault has its line.
@@ -54,12 +54,8 @@ def read_csv(path: Path, given_unit: str | None) -> Table:
     Raises
     ------
     ShapeError
-        Where the header is missing or unclear, or where there is no row.
-    SourceError
-        Where the file cannot be read.
+        Where columns are missing or unclear, or where there is no row.
     """
-    raw = bytes_of(path)
-    names = header_of(path, raw)
     columns = columns_of(path, names, given_unit)
     if b"\n\n" not in raw.rstrip() and b"\n\r\n" not in raw.rstrip():
         table = (_small if len(raw) < _SMALL else _fast)(path, raw, names, columns)
@@ -130,29 +126,16 @@ def as_numbers(path: Path, table: _Columns) -> _Columns:
         raise ShapeError(f"{path}: a column holds no numbers ({first_line(error)}): write float64") from error
 
 
-def header_of(path: Path, raw: bytes, such_as: str = "x_mm,y_mm,z_mm") -> list[str]:
-    """Return the names of the columns from the beginning of a file; an error gives the example `such_as`.
-
-    Raises
-    ------
-    ShapeError
-        Where line 1 is no header, or its names are not separated by commas.
-    """
-    first = raw.removeprefix(b"\xef\xbb\xbf").partition(b"\n")[0]
+def plain_names(raw: bytes) -> list[str] | None:
+    """Return the names of the columns from the beginning of a file; None where line 1 is no plain header."""
+    first = raw.removeprefix(codecs.BOM_UTF8).partition(b"\n")[0]
     try:
         line = first.decode().strip()
-    except UnicodeDecodeError as error:
-        raise ShapeError(f"{path}: line 1 is no UTF-8 text: save the table as CSV in UTF-8") from error
-    expected = f"write a header such as {such_as}, comma-separated"
-    if not line:
-        raise ShapeError(f"{path}: line 1 is empty: {expected}")
+    except UnicodeDecodeError:
+        return None
     names = [name.strip().strip('"') for name in line.split(",")]
-    if any(_is_number(name) for name in names):
-        raise ShapeError(f"{path}: line 1 holds numbers, no header: {expected}")
-    for mark, word in ((";", "semicolons"), ("\t", "tabs"), (" ", "spaces")):
-        if len(names) == 1 and mark in line:
-            raise ShapeError(f"{path}: line 1 is separated by {word}: {expected}")
-    return names
+    broken = line.startswith("#") or not all(name and name.isprintable() for name in names)
+    return None if broken or any(_is_number(name) for name in names) else names
 
 
 def _small(path: Path, raw: bytes, names: list[str], columns: Columns) -> Table | None:

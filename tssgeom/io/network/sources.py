@@ -20,6 +20,7 @@ from time import monotonic, perf_counter_ns
 from tssgeom.errors import ShapeError, TssgeomError
 from tssgeom.io.formats.files import open_recording
 from tssgeom.io.formats.jsonl import frame_or_refusal
+from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap
 from tssgeom.io.formats.recording import usable
 from tssgeom.io.network.addresses import Access, Endpoint, resolved
 from tssgeom.io.network.channel import READ
@@ -264,10 +265,15 @@ class UdpSource(Source):
 class Replay(Source):
     """A recorded file, at its own pace or faster; it is late where answers take longer."""
 
-    def __init__(self, mailbox: Mailbox, endpoint: Endpoint, unit: str | None) -> None:
+    def __init__(
+        self, mailbox: Mailbox, endpoint: Endpoint, unit: str | None, columns: ColumnMap = NO_MAP
+    ) -> None:
         self.text = endpoint.text
         self._mailbox, self._speed, self._clock = mailbox, endpoint.speed(), Clock()
-        self._frames: Iterator[Frame | Rejected] = iter(open_recording(endpoint.path, unit).frames)
+        recording = open_recording(endpoint.path, unit, columns)
+        self.notes = recording.notes
+        """How the file was read."""
+        self._frames: Iterator[Frame | Rejected] = iter(recording.frames)
         self._begun: tuple[float, float] | None = None
         self._next: Frame | Rejected | None = None
         self._paced = False

@@ -34,6 +34,7 @@ class Settings(msgspec.Struct, frozen=True, kw_only=True):
     geometry_only: bool = False
     pictures: bool = True
     tube_radius_m: float = 0.0
+    columns: dict[str, str] = {}
 
 
 class Input(msgspec.Struct, frozen=True, kw_only=True):
@@ -148,6 +149,8 @@ class Done(msgspec.Struct, frozen=True, kw_only=True):
     """Its object in JSON."""
     lines: Sequence[str]
     """Messages about its rejected frames, a line each."""
+    reading: Sequence[str] = ()
+    """How the file was read, where its names are not those of the formats."""
     failures: Sequence[str]
     """Failures beside the tables, a line each."""
     report: dict[str, Any]

@@ -75,8 +75,16 @@ def shape_summary(name: str, result: FrameResult, notes: Iterable[str] = ()) -> 
         "tension_out_N": transmission.tension_out,
         "elongation_m": transmission.elongation,
         "elongation_se_m": transmission.elongation_se,
+        **({"tension_in_assumed": True} if _assumed(result) else {}),
         "warnings": [*notes, *result.warnings],
     }
+
+
+def _assumed(result: FrameResult) -> bool:
+    """Whether the frame brings nothing that drives the tendon, so that T_in is that of the option."""
+    frame = result.frame
+    drives = (frame.tension_in, frame.displacement_in, frame.displacement_target, frame.tension_out_target)
+    return all(drive is None for drive in drives)
 
 
 def _geometry(result: FrameResult) -> dict[str, Any]:
@@ -138,6 +146,7 @@ def summary_row(analysis: Analysis) -> dict[str, Any]:
             "noise_rms_m": summary.noise,
             "pieces": len(chosen.arcs.length),
             "warnings": analysis.warnings,
+            "tension_in_assumed": _assumed(chosen),
         }
     )
     for key in RANGED:

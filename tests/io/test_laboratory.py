@@ -1,0 +1,165 @@
+"""Files as laboratories write them are read right, or what is missing is asked for."""
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.io.variants import BEGIN, VARIANTS, markers, run
+from tssgeom.errors import SettingsError, ShapeError
+from tssgeom.io.formats.files import find_inputs, open_recording
+from tssgeom.io.formats.laboratory.mapping import ColumnMap
+from tssgeom.io.formats.runs import read_run
+from tssgeom.stream import Frame, Rejected
+
+
+def read_markers(path: Path) -> dict[str, np.ndarray]:
+    frames = [frame for frame in open_recording(path).frames if isinstance(frame, Frame)]
+    return {
+        "time": np.array([frame.time for frame in frames]),
+        "points": np.array([frame.points for frame in frames]),
+        "tension": np.array([frame.tension_in for frame in frames], float),
+    }
+
+
+def true_markers() -> dict[str, np.ndarray]:
+    time, *points, tension = markers().columns
+    return {
+        "time": time[::12],
+        "points": np.column_stack(points).reshape(3, 12, 3) / 1e3,
+        "tension": tension[::12],
+    }
+
+
+def read_channels(path: Path) -> dict[str, np.ndarray]:
+    read = read_run(path)
+    return {"time": read.time, "in": read.tension_in, "out": read.tension_out, "drive": read.displacement_in}
+
+
+def true_channels() -> dict[str, np.ndarray]:
+    return dict(zip(("time", "in", "out", "drive"), run().columns, strict=True))
+
+
+def assert_alike(read: dict[str, np.ndarray], true: dict[str, np.ndarray]) -> None:
+    since = read["time"][0] if read["time"][0] > 1e6 else 0.0
+    assert since in (0.0, pytest.approx(BEGIN))
+    for name, values in read.items():
+        assert values is not None, name
+        expected = true[name] + (since if name == "time" else 0.0)
+        np.testing.assert_allclose(
+            values, expected, rtol=1e-9, atol=1e-6 if name == "time" else 1e-12, err_msg=name
+        )
+
+
+@pytest.mark.parametrize("name", VARIANTS)
+def test_markers_of_any_variant_are_read_right(name, tmp_path):
+    assert_alike(read_markers(VARIANTS[name](tmp_path, markers())), true_markers())
+
+
+@pytest.mark.parametrize("name", VARIANTS)
+def test_a_run_of_any_variant_is_read_right(name, tmp_path):
+    assert_alike(read_channels(VARIANTS[name](tmp_path, run())), true_channels())
+
+
+def test_at_least_as_many_variants_as_promised_are_read():
+    assert 2 * len(VARIANTS) >= 60
+
+
+ONE_OPTION = [
+    ("time_s,tension_in_N,Pos\n", "Pos=displacement_in_m:mm", "displacement_in", 1e-3),
+    ("time_s,Force 1 [N],tension_out_N\n", "Force 1 [N]=tension_in_N", "tension_in", 1.0),
+    ("time_s,tension_out_N,T_in\n", "T_in=tension_in_N:mN", "tension_in", 1e-3),
+    (
+        "time_s,tension_out_N,Motor angle [deg]\n",
+        "Motor angle [deg]=displacement_in_m:0.2mm",
+        "displacement_in",
+        2e-4,
+    ),
+    ("time_s,tension_out_N,Pull [V]\n", "Pull [V]=tension_in_N:-2N", "tension_in", -2.0),
+]
+
+
+@pytest.mark.parametrize(("header", "option", "field", "factor"), ONE_OPTION)
+def test_what_is_not_certain_is_read_with_one_option(tmp_path, header, option, field, factor):
+    path = tmp_path / "run.csv"
+    path.write_text(header + "0,1,300\n0.1,2,400\n0.2,1,300\n")
+    column = header.strip().split(",").index(option.partition("=")[0])
+    read = getattr(read_run(path, ColumnMap([option])), field)
+    np.testing.assert_allclose(read, factor * np.array([[1, 2, 1], [300, 400, 300]])[column - 1])
+
+
+@pytest.mark.parametrize(("header", "option"), [each[:2] for each in ONE_OPTION if "angle" not in each[0]])
+def test_the_refusal_names_the_option(tmp_path, header, option):
+    path = tmp_path / "run.csv"
+    path.write_text(header + "0,1,300\n0.1,2,400\n0.2,1,300\n")
+    with pytest.raises(ShapeError, match=re.escape(f'--map "{option.partition("_in")[0]}')):
+        read_run(path)
+
+
+def test_the_option_comes_before_the_file_beside_the_data_and_that_before_the_rig(tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_text("time_s,tension_in_N,Pos\n0,1,3\n0.1,2,4\n")
+    rig = {"Pos": "displacement_in_m:m"}
+    assert read_run(path, ColumnMap((), rig)).displacement_in[0] == 3.0
+    folder = tmp_path / "beside"
+    folder.mkdir()
+    (folder / "columns.toml").write_text('[columns]\nPos = "displacement_in_m:cm"\n')
+    beside = path.rename(folder / "run.csv")
+    assert read_run(beside, ColumnMap((), rig)).displacement_in[0] == pytest.approx(0.03)
+    assert read_run(beside, ColumnMap(["Pos=displacement_in_m:mm"], rig)).displacement_in[0] == pytest.approx(
+        0.003
+    )
+
+
+@pytest.mark.parametrize(
+    ("option", "says"),
+    [
+        ("Pos", 'write "NAME=channel'),
+        ("Pos=displacment_in_m:mm", "did you mean displacement_in_m"),
+        ("Pos=tension_in:mm", "'mm' is no unit of force"),
+    ],
+)
+def test_an_option_that_says_nothing_is_refused(option, says):
+    with pytest.raises(SettingsError, match=says):
+        ColumnMap([option])
+
+
+def test_recordings_by_a_column_are_parts_of_their_file(tmp_path):
+    first, second = markers(), run()
+    sheet = first.with_column("trial", [1.0] * 12 + [2.0] * 24)
+    (tmp_path / "two.csv").write_text(sheet.text())
+    parts = find_inputs([tmp_path / "two.csv"])
+    assert [path.name for path in parts] == ["two.csv#1", "two.csv#2"]
+    assert [open_recording(path).frame_count for path in parts] == [1, 2]
+    (tmp_path / "runs.csv").write_text(second.with_column("run", [1.0] * 30 + [2.0] * 30).text())
+    with pytest.raises(ShapeError, match=r"it holds 2 .*runs\.csv#1"):
+        read_run(tmp_path / "runs.csv")
+    np.testing.assert_array_equal(read_run(tmp_path / "runs.csv#2").time, second.columns[0][30:])
+
+
+def test_a_note_says_how_a_file_was_read(tmp_path):
+    (tmp_path / "run.csv").write_text("Zeit [ms];Force [kgf];T_out\n0;1,5;7\n50;2,5;8\n")
+    with pytest.raises(ShapeError, match=r"'Force \[kgf\]' may be"):
+        read_run(tmp_path / "run.csv")
+    (tmp_path / "run.csv").write_text("Zeit [ms];Force [kgf]\n0;1,5\n50;2,5\n")
+    notes = read_run(tmp_path / "run.csv").notes
+    assert "Force [kgf] read as tension_in_N × 9.80665" in notes
+    assert {"decimal comma", "Zeit [ms] read as time_s × 0.001"} <= {*notes}
+
+
+@pytest.mark.parametrize(
+    ("key", "rejected"),
+    [("T_in", True), ("force_N", True), ("displacement_target_mm", True), ("camera", False)],
+)
+def test_a_key_that_may_be_a_drive_rejects_its_frame_where_nothing_else_drives(tmp_path, key, rejected):
+    points = [[float(k), 0.1 * k * k, 0.0] for k in range(8)]
+    path = tmp_path / "a.jsonl"
+    path.write_text(json.dumps({"t": 0.0, "points": points, "unit": "mm", key: 8.0}) + "\n")
+    (item,) = open_recording(path).frames
+    assert isinstance(item, Rejected) == rejected
+    path.write_text(json.dumps({"points": points, "unit": "mm", "tension_in_N": 5.0, key: 8.0}) + "\n")
+    recording = open_recording(path)
+    assert all(isinstance(item, Frame) for item in recording.frames)
+    assert any(repr(key) in warning for warning in recording.warnings) == rejected

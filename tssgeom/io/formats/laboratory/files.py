@@ -1,0 +1,213 @@
+"""Tables in spreadsheets, arrays and columnar files."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Mapping
+from datetime import date, datetime, time, timedelta
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tssgeom.errors import ShapeError, SourceError, first_line
+from tssgeom.io.formats.laboratory.raw import Column, RawTable
+from tssgeom.io.formats.laboratory.rows import Row, column_of, decimal_of, is_data, table_of
+from tssgeom.io.formats.laboratory.text import read_text
+from tssgeom.io.formats.paths import bytes_of, ending
+
+TEXT = (".csv", ".tsv", ".txt", ".dat", ".csv.gz", ".tsv.gz", ".txt.gz", ".dat.gz")
+SHEETS = (".xlsx", ".xls", ".ods")
+_NAMES_OF_COLUMNS = ("names", "columns", "header", "headers", "labels", "channels", "varnames")
+_UNITS_OF_COLUMNS = ("units", "unit")
+
+
+def raw_tables(path: Path) -> list[RawTable]:
+    """Read every table of a file; of one with a single table, that.
+
+    Raises
+    ------
+    ShapeError
+        Where no table is in it.
+    SourceError
+        Where the file cannot be read.
+    """
+    kind = ending(path)
+    if kind in TEXT:
+        return [read_text(path, bytes_of(path))]
+    try:
+        tables = _READERS[kind](path)
+    except (ShapeError, SourceError):
+        raise
+    except Exception as error:  # readers of other libraries raise what they like on damaged files
+        raise SourceError(f"{path}: cannot be read as {kind} ({first_line(error)}): write it anew") from error
+    if not any(len(table) for table in tables):
+        raise ShapeError(f"{path}: no table of numbers in it: write a header and a row for each sample")
+    return [table for table in tables if len(table)]
+
+
+def _sheets(path: Path) -> list[RawTable]:
+    from python_calamine import CalamineWorkbook
+
+    with CalamineWorkbook.from_path(str(path)) as book:
+        sheets = {name: book.get_sheet_by_name(name).to_python() for name in book.sheet_names}
+    tables = [_sheet(name, rows) for name, rows in sheets.items()]
+    return [table for table in tables if table is not None]
+
+
+def _sheet(title: str, values: list[list[Any]]) -> RawTable | None:
+    rows = [Row(number, [_cell(value) for value in row]) for number, row in enumerate(values, 1)]
+    rows = [row for row in rows if any(row.cells)]
+    filled = [k for k in range(len(values[0]) if values else 0) if any(row.cells[k] for row in rows)]
+    rows = [row._replace(cells=[row.cells[k] for k in filled]) for row in rows]
+    widths = Counter(_width(row.cells) for row in rows if is_data(row.cells))
+    if not widths:
+        return None
+    count = max(widths)
+    rows = [row._replace(cells=row.cells[:count]) for row in rows]
+    decimal = decimal_of([row.cells for row in rows if is_data(row.cells)])
+    return table_of(rows, count, decimal, "row", (), title)
+
+
+def _width(cells: list[str]) -> int:
+    return max(k + 1 for k, cell in enumerate(cells) if cell)
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, timedelta):
+        return repr(value.total_seconds())
+    if isinstance(value, datetime | date | time):
+        return value.isoformat(" ") if isinstance(value, datetime) else value.isoformat()
+    return repr(value) if isinstance(value, float) else str(value).strip()
+
+
+def _array(path: Path) -> list[RawTable]:
+    array = np.load(path, allow_pickle=False)
+    if not isinstance(array, np.ndarray):
+        raise ShapeError(f"{path}: an archive, no array: name it .npz")
+    if array.dtype.names:
+        return [_of_columns({name: array[name].reshape(-1) for name in array.dtype.names})]
+    return [_of_matrix(path, array)]
+
+
+def _of_matrix(
+    path: Path, array: np.ndarray, names: tuple[str, ...] = (), units: tuple[str, ...] = ()
+) -> RawTable:
+    """Return an array [n,k] of k columns, or [F,N,3] of points, as a table."""
+    if array.dtype.kind not in "fiub":
+        raise ShapeError(f"{path}: it holds no numbers but {array.dtype}: save float64")
+    values = np.asarray(array, np.float64)
+    if values.ndim == 3 and values.shape[2] == 3:
+        frame, point = np.indices(values.shape[:2]).reshape(2, -1).astype(np.float64)
+        x, y, z = values.reshape(-1, 3).T
+        return _of_columns({"frame": frame, "point": point, "x": x, "y": y, "z": z})
+    if values.ndim != 2:
+        raise ShapeError(f"{path}: an array of the size {array.shape}: save [N,3], [F,N,3] or a column each")
+    if not names and values.shape[0] < values.shape[1] and values.shape[0] == 3:
+        values = values.T
+    numbered = names or tuple(str(k + 1) for k in range(values.shape[1]))
+    rows = np.arange(1, len(values) + 1)
+    return RawTable(numbered, tuple(np.ascontiguousarray(values.T)), units, rows, headed=bool(names))
+
+
+def _of_columns(columns: Mapping[str, Any], units: Mapping[str, str] | None = None) -> RawTable:
+    """Return named columns as a table; each is a vector of numbers, times or words."""
+    names = tuple(columns)
+    values = tuple(_column(np.asarray(each)) for each in columns.values())
+    stated = tuple((units or {}).get(name, "") for name in names)
+    return RawTable(names, values, stated if any(stated) else (), np.arange(1, len(values[0]) + 1))
+
+
+def _column(values: np.ndarray) -> Column:
+    if values.dtype.kind == "M":
+        since = (values - np.datetime64(0, "s")) / np.timedelta64(1, "ns")
+        return since.astype(np.float64) * 1e-9
+    if values.dtype.kind == "m":
+        return (values / np.timedelta64(1, "ns")).astype(np.float64) * 1e-9
+    if values.dtype.kind in "fiub":
+        return values.astype(np.float64)
+    return column_of(["" if value is None else str(value) for value in values.tolist()])[0]
+
+
+def _matlab(path: Path) -> list[RawTable]:
+    from scipy.io import loadmat
+
+    try:
+        content = loadmat(path, simplify_cells=True)
+    except NotImplementedError as error:
+        raise SourceError(f"{path}: MATLAB 7.3 (HDF5): save it with -v7, or as CSV") from error
+    held = {name: value for name, value in content.items() if not name.startswith("__")}
+    while len(held) == 1 and isinstance(struct := next(iter(held.values())), dict):
+        held = struct
+    arrays = {
+        name: value
+        for name, value in held.items()
+        if isinstance(value, np.ndarray) and value.dtype.kind in "fiub"
+    }
+    names = next((_words(held[key]) for key in held if key.lower() in _NAMES_OF_COLUMNS), ())
+    stated = next((held[key] for key in held if key.lower() in _UNITS_OF_COLUMNS), ())
+    for array in sorted(arrays.values(), key=lambda each: -each.size):
+        if array.ndim == 3 or (array.ndim == 2 and min(array.shape) > 1):
+            table = _of_matrix(path, array, names if array.shape[-1] == len(names) else (), _words(stated))
+            return [_with_length_unit(table, stated)]
+    size = Counter(array.size for array in arrays.values() if array.ndim == 1).most_common(1)
+    columns = {name: array for name, array in arrays.items() if size and array.size == size[0][0]}
+    if not columns:
+        raise ShapeError(
+            f"{path}: no arrays of one length among {', '.join(held) or 'nothing'}: save columns"
+        )
+    units = dict(stated) if isinstance(stated, dict) else dict(zip(columns, _words(stated), strict=False))
+    return [_with_length_unit(_of_columns(columns, units), stated)]
+
+
+def _words(value: Any) -> tuple[str, ...]:
+    words = value if isinstance(value, list | np.ndarray) else ()
+    return tuple(str(word).strip() for word in words)
+
+
+def _with_length_unit(table: RawTable, stated: Any) -> RawTable:
+    """Return a table whose coordinates are in the one unit that a variable `unit` states."""
+    if not isinstance(stated, str) or table.units:
+        return table
+    names = table.names if table.headed else ("x", "y", "z") if len(table.names) == 3 else table.names
+    units = tuple(stated if name in ("x", "y", "z") else "" for name in names)
+    return RawTable(names, table.columns, units, table.number)
+
+
+def _feather(path: Path) -> list[RawTable]:
+    import pyarrow as pa
+
+    with pa.memory_map(str(path)) as file:
+        try:
+            return [_of_arrow(pa.ipc.open_file(file).read_all())]
+        except pa.ArrowInvalid:
+            file.seek(0)
+            return [_of_arrow(pa.ipc.open_stream(file).read_all())]
+
+
+def _parquet(path: Path) -> list[RawTable]:
+    import pyarrow.parquet as papq
+
+    with papq.ParquetFile(path) as file:
+        return [_of_arrow(file.read())]
+
+
+def _of_arrow(table: Any) -> RawTable:
+    units = {
+        field.name: field.metadata[b"unit"].decode(errors="replace")
+        for field in table.schema
+        if field.metadata and b"unit" in field.metadata
+    }
+    columns = {field.name: table[i].to_numpy() for i, field in enumerate(table.schema)}
+    return _of_columns(columns, units)
+
+
+_READERS: dict[str, Callable[[Path], list[RawTable]]] = {
+    **dict.fromkeys(SHEETS, _sheets),
+    ".npy": _array,
+    ".mat": _matlab,
+    **dict.fromkeys((".feather", ".arrow"), _feather),
+    ".parquet": _parquet,
+}
+ENDINGS = (*TEXT, *_READERS)
+"""Endings of files that are read as tables."""

@@ -1,0 +1,110 @@
+"""A table as a file holds it: names, units of a unit row, and columns of numbers or of words."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tssgeom.arrays import Vector
+
+Column: TypeAlias = "Vector | list[str]"
+MISSING = frozenset(("", "-", "--", "nan", "null", "na", "n/a", "#n/a", "none", "nil"))
+"""Cells that hold no value, in small letters."""
+_CLOCK = re.compile(r"(\d{1,2}):(\d{2}):(\d{2}(?:[.,]\d+)?)")
+_DAY_FIRST = re.compile(r"(\d{1,2})\.(\d{1,2})\.(\d{4})([ T].*)?")
+_ISO = re.compile(r"\d{4}[-/]\d{2}[-/]\d{2}[T ]\d{2}:\d{2}.*")
+
+
+@dataclass(frozen=True, slots=True)
+class RawTable:
+    """One table of a file."""
+
+    names: tuple[str, ...]
+    columns: tuple[Column, ...]
+    units: tuple[str, ...] = ()
+    """Units in a row of their own; empty where the file has none."""
+    number: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    """Number of each row in the file, from 1: of its line or of its row."""
+    number_name: str = "row"
+    faults: Mapping[int, str] = field(default_factory=dict)
+    """Fault of a row, by its index."""
+    notes: tuple[str, ...] = ()
+    """How the file was read, apart from its columns."""
+    title: str = ""
+    """Name of the sheet, where the file has several."""
+    headed: bool = True
+    """False where the columns are named by their numbers."""
+
+    def __len__(self) -> int:
+        return len(self.columns[0]) if self.columns else 0
+
+
+def numbers_of(cells: Sequence[str], decimal: str = ".") -> tuple[Vector, list[int]]:
+    """Return the numbers in some cells, NaN for missing ones, and the indices of those that are none."""
+    values = np.full(len(cells), np.nan)
+    wrong = list[int]()
+    for k, cell in enumerate(cells):
+        text = cell.strip()
+        if text.lower() in MISSING:
+            continue
+        try:
+            values[k] = float(_point(text) if decimal == "," else text)
+        except ValueError:
+            wrong.append(k)
+    return values, wrong
+
+
+def _point(text: str) -> str:
+    """Return a number with a decimal comma as one with a point; text with a point and no comma is none."""
+    if "," not in text:
+        return text if "." not in text else "no number"
+    whole, _, rest = text.partition(",")
+    if re.fullmatch(r"[-+]?\d{1,3}(\.\d{3})+", whole):
+        whole = whole.replace(".", "")
+    return f"{whole}.{rest}"
+
+
+def is_moment(cell: str) -> bool:
+    """Whether a cell holds a date with a time, or a time of the day."""
+    text = cell.strip()
+    return bool(_CLOCK.fullmatch(text) or _ISO.fullmatch(text) or _DAY_FIRST.fullmatch(text))
+
+
+def moments_of(cells: Sequence[str]) -> tuple[Vector, list[int]]:
+    """Return dates as seconds since 1970 (UTC where no zone is given) and times of the day as seconds."""
+    values = np.full(len(cells), np.nan)
+    wrong = list[int]()
+    for k, cell in enumerate(cells):
+        text = cell.strip()
+        if text.lower() in MISSING:
+            continue
+        try:
+            values[k] = _moment(text)
+        except ValueError:
+            wrong.append(k)
+    return values, wrong
+
+
+def _moment(text: str) -> float:
+    if match := _CLOCK.fullmatch(text):
+        return 3600.0 * int(match[1]) + 60.0 * int(match[2]) + float(match[3].replace(",", "."))
+    if match := _DAY_FIRST.fullmatch(text):
+        text = f"{match[3]}-{int(match[2]):02d}-{int(match[1]):02d}{match[4] or ' 00:00:00'}"
+    text, fraction = _without_fraction(text.replace("/", "-").replace(",", "."))
+    moment = datetime.fromisoformat(text)
+    moment = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
+    return moment.timestamp() + fraction
+
+
+def _without_fraction(text: str) -> tuple[str, float]:
+    """Split the fraction of a second off: Python takes 3 or 6 digits, loggers write any number."""
+    match = re.search(r"(?<=:\d{2})\.\d+", text)
+    if match is None:
+        return text, 0.0
+    return text[: match.start()] + text[match.end() :], float(match[0])

@@ -1,0 +1,166 @@
+"""One table of a laboratory file, ready for the readers of points and of runs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tssgeom.arrays import Vector
+from tssgeom.errors import ShapeError, SourceError
+from tssgeom.io.formats.columns import AXES, POINT, TIME
+from tssgeom.io.formats.laboratory.channels import Resolved
+from tssgeom.io.formats.laboratory.files import raw_tables
+from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap
+from tssgeom.io.formats.laboratory.raw import RawTable
+from tssgeom.io.formats.laboratory.resolve import marker_numbers, resolved
+from tssgeom.io.formats.paths import selected, split
+from tssgeom.io.formats.recording import UNTIMED
+
+_LONGER = 1.2
+"""Length of the polygon by labels over that by rows, up to which labels are the order; chosen: a wrong order
+is several times as long."""
+_POINTS_OF_A_FRAME = 4
+"""Least rows of a frame; derived: fewer points are no shape."""
+
+
+@dataclass(frozen=True, slots=True)
+class LaboratoryTable:
+    """Columns under the names that the readers know."""
+
+    values: Mapping[str, Vector]
+    number: NDArray[np.int64]
+    """Number of each row in the file, from 1."""
+    number_name: str
+    faults: Mapping[int, str]
+    """Fault of a row, by its index."""
+    notes: tuple[str, ...]
+    """How the file was read: a phrase each."""
+    warnings: tuple[str, ...]
+    is_points: bool
+    unread: tuple[str, ...]
+    """Names of the columns that are not read, as the file has them."""
+
+
+def laboratory_table(path: Path, columns: ColumnMap = NO_MAP, unit: str | None = None) -> LaboratoryTable:
+    """Read the table that a path names, `FILE` or `FILE#PART`.
+
+    Raises
+    ------
+    ShapeError
+        Where no table can be read, where a column is not clear without `--map`, or where the file holds
+        several recordings and the path names none.
+    SourceError
+        Where the file cannot be read.
+    """
+    file, part = split(path)
+    tables = tables_of(file, columns, unit)
+    names = [table.title for table, _ in tables]
+    table, result = tables[selected(path, names) if len(tables) > 1 else 0]
+    columns.use(table.names)
+    if result.unclear:
+        raise ShapeError(f"{file}: {'; '.join(result.unclear)}")
+    notes = [*table.notes, *result.notes]
+    rows = np.arange(len(table))
+    if part is not None and len(tables) == 1 and result.recordings is None:
+        raise SourceError(f"{file}: it holds one recording, there is no #{part} in it: leave that out")
+    if result.recordings is not None and len(tables) == 1:
+        name, words = result.recordings
+        parts = list(dict.fromkeys(words))
+        rows = np.flatnonzero(np.array(words) == parts[selected(path, parts)])
+        notes.append(f"one of {len(parts)} recordings by {name}")
+    values = {name: column[rows] for name, column in result.values.items()}
+    faults = {k: table.faults[row] for k, row in enumerate(rows.tolist()) if row in table.faults}
+    warnings = [*result.warnings]
+    if result.is_points:
+        values = _numbered(values, result, rows, notes, warnings)
+    taken = {*result.suggested, *result.values}
+    return LaboratoryTable(
+        values,
+        table.number[rows],
+        table.number_name,
+        faults,
+        tuple(notes),
+        tuple(warnings),
+        result.is_points,
+        tuple(name for name in table.names if name not in taken),
+    )
+
+
+def tables_of(file: Path, columns: ColumnMap, unit: str | None) -> list[tuple[RawTable, Resolved]]:
+    """Return the tables of a file that hold points or channels; where none does, all.
+
+    Raises
+    ------
+    ShapeError
+        Where there is none, or one without header cannot be points.
+    SourceError
+        Where the file cannot be read.
+    """
+    said = columns.of(file)
+    every = [(table, resolved(file, table, said, unit)) for table in raw_tables(file)]
+    return [each for each in every if each[1].values or each[1].unclear] or every
+
+
+def parts_of(file: Path, columns: ColumnMap, unit: str | None) -> list[str]:
+    """Return the names of the sheets or recordings in a file; one name where it holds one table."""
+    tables = tables_of(file, columns, unit)
+    if len(tables) > 1:
+        return [table.title for table, _ in tables]
+    recordings = tables[0][1].recordings
+    return [file.name] if recordings is None else list(dict.fromkeys(recordings[1]))
+
+
+def _numbered(
+    values: Mapping[str, Vector],
+    result: Resolved,
+    rows: NDArray[np.int64],
+    notes: list[str],
+    warnings: list[str],
+) -> dict[str, Vector]:
+    """Return columns of points with times and numbers by the columns that name frames and markers."""
+    values = dict(values)
+    if result.frames is not None:
+        name, frames = result.frames
+        frames = frames[rows]
+        distinct = len(np.unique(frames[np.isfinite(frames)]))
+        if TIME not in values and 1 < distinct <= len(rows) / _POINTS_OF_A_FRAME:
+            values[TIME] = frames
+            warnings.append(f"{UNTIMED}, by {name}")
+        elif TIME not in values and distinct == len(rows) and POINT not in values:
+            values[POINT] = frames
+            notes.append(f"{name} read as {POINT}")
+    if result.labels is not None and POINT not in values:
+        name, labels = result.labels
+        numbers = marker_numbers(labels)
+        if numbers is not None and _is_an_order(numbers[rows], values):
+            values[POINT] = numbers[rows]
+            notes.append(f"markers in the order of {name}")
+        elif len({*map(str, labels)}) > 1:
+            notes.append(f"markers in the order of the rows, not of {name}")
+    return values
+
+
+def _is_an_order(numbers: Vector, values: Mapping[str, Vector]) -> bool:
+    """Whether numbers of markers can be their order: whole, each once in a frame, and no longer a way."""
+    time = values.get(TIME, np.zeros(len(numbers)))
+    first = np.flatnonzero(time == time[0])
+    own = numbers[first]
+    if not len(own) or not np.isfinite(own).all() or (own != np.floor(own)).any():
+        return False
+    pairs = np.column_stack([time, numbers])
+    if len(np.unique(pairs, axis=0)) < len(
+        np.unique(np.nan_to_num(np.column_stack([pairs, *values.values()])), axis=0)
+    ):
+        return False
+    axes = [name for name in values if name.partition("_")[0] in AXES]
+    points = np.column_stack([values[name][first] for name in axes])
+    return _length(points[np.argsort(own, kind="stable")]) <= _LONGER * _length(points)
+
+
+def _length(points: NDArray[np.float64]) -> float:
+    whole = points[np.isfinite(points).all(axis=1)]
+    return float(np.sum(np.linalg.norm(np.diff(whole, axis=0), axis=1)))
