@@ -163,3 +163,50 @@ def test_a_key_that_may_be_a_drive_rejects_its_frame_where_nothing_else_drives(t
     recording = open_recording(path)
     assert all(isinstance(item, Frame) for item in recording.frames)
     assert any(repr(key) in warning for warning in recording.warnings) == rejected
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("time_s,T_in [-N]\n0,1\n1,2\n", "'T_in [-N]' may be a drive"),
+        ("Time [s],Load [4.6 N]\n0,1\n1,2\n", "'Load [4.6 N]' may be a drive"),
+        ("time_s,Force [%]\n0,1\n1,2\n", "'Force [%]' may be a drive"),
+        ("time_s,Fx [N],Fy [N]\n0,1,2\n1,2,3\n", "'Fx [N]' may be a drive"),
+        ("time_s,F [N],F [N]\n0,1,2\n1,2,3\n", "column 'F [N]' is there twice"),
+        ("Time,F [N]\n0,1\n10,2\n", 'give --map "Time=time_s:ms"'),
+        ("time_s,tension_in_N,tension_in_mN\n0,1,2\n1,2,3\n", "is tension_in_N too"),
+    ],
+)
+def test_what_could_be_read_wrong_is_refused(tmp_path, text, says):
+    (tmp_path / "run.csv").write_text(text)
+    with pytest.raises(ShapeError, match=re.escape(says)):
+        read_run(tmp_path / "run.csv")
+
+
+@pytest.mark.parametrize(
+    ("text", "time", "tension"),
+    [
+        ("t [s]\tF_in [mN]\n0\t1,234.5\n1\t12,234.5\n2\t2,000\n", [0, 1, 2], [1.2345, 12.2345, 2.0]),
+        ("Time,F [N]\n23:59:59.5,1\n00:00:00.5,2\n", [86399.5, 86400.5], [1, 2]),
+        ("Date;Time;F [N]\n2024-01-01;10:00:00;1\n2024-01-01;10:00:01;2\n", [36000, 36001], [1, 2]),
+        ("t [s];F soll [N];F ist [N]\n0;1;2\n1;2;3\n", [0, 1], [2, 3]),
+    ],
+)
+def test_groups_of_thousands_midnight_dates_apart_and_set_points(tmp_path, text, time, tension):
+    (tmp_path / "run.csv").write_text(text)
+    read = read_run(tmp_path / "run.csv")
+    np.testing.assert_allclose(read.time, time)
+    np.testing.assert_allclose(read.tension_in, tension)
+
+
+def test_a_target_in_a_run_is_named(tmp_path):
+    (tmp_path / "run.csv").write_text("time_s,tension_in_N,displacement_target_m\n0,1,2\n1,2,3\n")
+    (warning,) = read_run(tmp_path / "run.csv").warnings
+    assert warning.startswith("column 'displacement_target_m' is not read")
+
+
+def test_force_axes_beside_points_are_no_default_tension(tmp_path):
+    rows = "".join(f"{k},{0.1 * k * k},0,3\n" for k in range(8))
+    (tmp_path / "a.csv").write_text("x_mm,y_mm,z_mm,Fz [N]\n" + rows)
+    with pytest.raises(ShapeError, match=r"'Fz \[N\]' may be a drive, and there is no other"):
+        open_recording(tmp_path / "a.csv")

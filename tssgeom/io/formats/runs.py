@@ -11,7 +11,7 @@ import numpy as np
 
 from tssgeom.arrays import Vector, read_only
 from tssgeom.errors import SettingsError, SourceError, TssgeomError, first_line
-from tssgeom.io.formats.columns import AXES, BENDS, CHANNELS, TIME
+from tssgeom.io.formats.columns import AXES, BENDS, CHANNELS, MEASURED, TIME
 from tssgeom.io.formats.laboratory.files import ENDINGS
 from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap
 from tssgeom.io.formats.laboratory.table import laboratory_table
@@ -105,9 +105,11 @@ def read_run(path: Path, columns: ColumnMap = NO_MAP) -> MeasuredRun:
         others = f"; columns are {', '.join(read.unread)}" if read.unread else ""
         raise SettingsError(f"{path}: no column {TIME} in the header: known are {_KNOWN}{others}")
     values, doubled = _without_doubled(read.values)
+    targets = [name for name in (*read.values, *read.unread) if name in MEASURED and name not in CHANNELS]
+    unused = tuple(f"column {name!r} is not read: a run has no such channel" for name in targets)
     channels, time = _channels(path, values), _times(path, values[TIME])
     return MeasuredRun(
-        stem(path), path, time, **channels, warnings=read.warnings, notes=(*read.notes, *doubled)
+        stem(path), path, time, **channels, warnings=(*read.warnings, *unused), notes=(*read.notes, *doubled)
     )
 
 

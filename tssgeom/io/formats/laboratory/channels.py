@@ -13,14 +13,17 @@ import numpy as np
 
 from tssgeom.arrays import Vector
 from tssgeom.errors import ShapeError
-from tssgeom.io.formats.columns import AXES, BENDS, TIME
+from tssgeom.io.formats.columns import AXES, BENDS, CHANNELS, MEASURED, TIME
 from tssgeom.io.formats.laboratory.mapping import IGNORE
-from tssgeom.io.formats.laboratory.names import EXACT, Meaning, canonical, channel_text
+from tssgeom.io.formats.laboratory.names import QUANTITIES, Meaning, canonical, channel_text
 from tssgeom.io.formats.laboratory.raw import RawTable
 from tssgeom.io.formats.laboratory.units import FORCE, LENGTH, SI, TEMPERATURE, UNITS, Unit
 
 _EPOCHS = {"s": 3e8, "ms": 3e11, "us": 3e14, "ns": 3e17}
 """Least number of each unit since 1970 that is a date; derived: 3e8 s is 1979, 3e11 s the far future."""
+
+
+_DAY = 86400.0
 
 
 class Plausible(NamedTuple):
@@ -123,9 +126,10 @@ def take_time(table: RawTable, columns: list[Column], result: Resolved) -> None:
     columns = [column for column in columns if values_of(table, column.at) is not None]
     if TIME in result.values or not columns:
         return
-    best = min(columns, key=lambda column: (column.meaning.unit is None, column.at))
+    best = min(columns, key=lambda each: (_is_date(table, each), each.meaning.unit is None, each.at))
     values = values_of(table, best.at)
     assert values is not None
+    others = [f"{each.name} is not read beside {best.name}" for each in columns if each is not best]
     unit, note = best.meaning.unit, ""
     if unit is None:
         unit, note = _unit_of_times(values)
@@ -134,6 +138,13 @@ def take_time(table: RawTable, columns: list[Column], result: Resolved) -> None:
         result.suggested[best.name] = "time_s:ms"
         return
     take(table, best._replace(meaning=best.meaning._replace(unit=unit)), result, note=note)
+    result.notes += others
+
+
+def _is_date(table: RawTable, column: Column) -> bool:
+    """Whether a column holds days alone, beside which another one has the time of the day."""
+    values = values_of(table, column.at)
+    return values is not None and bool(np.nanmin(values) >= _EPOCHS["s"] and not (values % _DAY).any())
 
 
 def _unit_of_times(values: Vector) -> tuple[Unit | None, str]:
@@ -171,7 +182,7 @@ def take_channels(table: RawTable, columns: list[Column], result: Resolved, *, p
             ]
     unread = list[Column]()
     for column in columns:
-        channel, unit, quantity = column.meaning[:3]
+        channel, unit, quantity, target = column.meaning
         options = _options(column)
         if channel in held and quantity == TEMPERATURE:
             result.warnings.append(
@@ -183,7 +194,7 @@ def take_channels(table: RawTable, columns: list[Column], result: Resolved, *, p
                 f"give {_option(column.name, IGNORE)}"
             )
             result.suggested[column.name] = IGNORE
-        elif values_of(table, column.at) is None or not channel:
+        elif values_of(table, column.at) is None or not channel or (target and not points):
             unread.append(column)
         elif channel in ("force", "displacement") or counts[channel] > 1:
             result.unclear.append(
@@ -218,7 +229,8 @@ def _options(column: Column) -> list[str]:
     pair = {FORCE: ("tension_in", "tension_out"), LENGTH: ("displacement_in", "displacement_out")}.get(
         quantity, ()
     )
-    return [canonical(each) for each in pair] or [channel]
+    known = ":mm" if quantity == LENGTH and column.meaning.unit is None else ""
+    return [canonical(each) + known for each in pair] or [channel]
 
 
 def _likely(table: RawTable, column: Column, columns: Sequence[Column], held: set[str]) -> str:
@@ -268,7 +280,12 @@ def _take_unitless(table: RawTable, column: Column, result: Resolved) -> None:
 
 def _leave(column: Column, result: Resolved, drives: tuple[str, ...]) -> None:
     """Leave out a column that resembles a channel; one that may be the only drive is unclear."""
-    nearest = difflib.get_close_matches(column.name, EXACT, 1, 0.0)[0]
+    like = [
+        name
+        for name in MEASURED | CHANNELS
+        if QUANTITIES.get(name.rpartition("_")[0]) == column.meaning.quantity
+    ]
+    nearest = difflib.get_close_matches(column.name, like, 1, 0.0)[0] if like else TIME
     if column.meaning.target or column.meaning.quantity not in drives or result.drives:
         result.warnings.append(not_read(column.name, nearest))
         return

@@ -42,128 +42,34 @@ EXACT = frozenset(
 )
 """Names that are read as they stand."""
 
-_FORCES = frozenset(
-    [
-        "tension",
-        "force",
-        "load",
-        "kraft",
-        "zugkraft",
-        "seilkraft",
-        "zug",
-        "t",
-        "f",
-        "loadcell",
-        "lc",
-        "pull",
-        "tensions",
-    ]
+
+def _set(words: str) -> frozenset[str]:
+    return frozenset(words.split())
+
+
+_FORCES = _set("tension force load kraft zugkraft seilkraft zug t f loadcell lc pull tensions")
+_LENGTHS = _set("displacement disp position pos stroke travel weg verschiebung displ")
+_ELONGATIONS = _set("elongation elong stretch dehnung delta δ")
+_TEMPERATURES = _set("temperature temp temperatur")
+_TIMES = _set("time t timestamp timestamps zeit elapsed epoch datetime date clock uhrzeit zeitstempel")
+_IN = _set("in input proximal prox drive motor actuator antrieb eingang handle servo")
+_OUT = _set("out output distal dist tip abtrieb ausgang")
+_FORCE_UNITS = _set("N newton newtons mN cN daN kN kgf kp gf lbf ozf")
+"""Units that only forces have: a column in one of them may be a tension, whatever its name."""
+_TARGETS = _set("target setpoint command cmd commanded soll reference ref desired goal demand")
+_FILLERS = _set(
+    "cell sensor measured meas actual ist value channel ch the of at reading end side cable tendon "
+    "wire rope seil signal total raw filtered filt stamp abs absolute unix utc rel relative since "
+    "start data"
 )
-_LENGTHS = frozenset(
-    ["displacement", "disp", "position", "pos", "stroke", "travel", "weg", "verschiebung", "displ"]
+_UNCLEAR_LENGTHS = _set("extension strain motion movement encoder crosshead")
+_RECORDINGS = _set(
+    "run trial recording rec experiment session test case subject versuch messung repeat repetition"
 )
-_ELONGATIONS = frozenset(["elongation", "elong", "stretch", "dehnung", "delta", "δ"])
-_TEMPERATURES = frozenset(["temperature", "temp", "temperatur"])
-_TIMES = frozenset(
-    [
-        "time",
-        "t",
-        "timestamp",
-        "timestamps",
-        "zeit",
-        "elapsed",
-        "epoch",
-        "datetime",
-        "date",
-        "clock",
-        "uhrzeit",
-        "zeitstempel",
-    ]
-)
-_IN = frozenset(
-    ["in", "input", "proximal", "prox", "drive", "motor", "actuator", "antrieb", "eingang", "handle", "servo"]
-)
-_OUT = frozenset(["out", "output", "distal", "dist", "tip", "abtrieb", "ausgang"])
-_TARGETS = frozenset(
-    [
-        "target",
-        "setpoint",
-        "command",
-        "cmd",
-        "commanded",
-        "soll",
-        "reference",
-        "ref",
-        "desired",
-        "goal",
-        "demand",
-    ]
-)
-_FILLERS = frozenset(
-    [
-        "cell",
-        "sensor",
-        "measured",
-        "meas",
-        "actual",
-        "ist",
-        "value",
-        "channel",
-        "ch",
-        "the",
-        "of",
-        "at",
-        "reading",
-        "end",
-        "side",
-        "cable",
-        "tendon",
-        "wire",
-        "rope",
-        "seil",
-        "signal",
-        "total",
-        "raw",
-        "filtered",
-        "filt",
-        "stamp",
-        "abs",
-        "absolute",
-        "unix",
-        "utc",
-        "rel",
-        "relative",
-        "since",
-        "start",
-        "data",
-    ]
-)
-_UNCLEAR_LENGTHS = frozenset(["extension", "strain", "motion", "movement", "encoder", "crosshead"])
-_RECORDINGS = frozenset(
-    [
-        "run",
-        "trial",
-        "recording",
-        "rec",
-        "experiment",
-        "session",
-        "test",
-        "case",
-        "subject",
-        "versuch",
-        "messung",
-        "repeat",
-        "repetition",
-    ]
-)
-_ORDERS = frozenset(["point", "order", "index", "idx", "seq", "sequence", "node"])
-_LABELS = frozenset(
-    ["marker", "id", "label", "name", "nr", "no", "number", "nummer", "tracker", "tag", "markerid"]
-)
-_FRAMES = frozenset(["frame", "frames", "sample", "samples"])
-_AXIS_FILLERS = frozenset(
-    ["position", "pos", "coordinate", "coord", "coordinates", "marker", "point", "p", "koordinate"]
-)
+_ORDERS = _set("point order index idx seq sequence node")
+_LABELS = _set("marker id label name nr no number nummer tracker tag markerid")
+_FRAMES = _set("frame frames sample samples")
+_AXIS_FILLERS = _set("position pos coordinate coord coordinates marker point p koordinate")
 _STATIONS = frozenset(("s", "arclength", "station", "arc length", "curve length", "bogenlänge"))
 _JOINED = {
     prefix + side: (prefix, side)
@@ -203,7 +109,13 @@ def meaning_of(name: str, unit_row: str = "") -> Meaning | None:
     stem, unit = _unit_in(plain(name))
     unit = unit_of(unit_row) or unit
     words = _words(stem)
-    if unit is None and len(words) > 1 and (last := unit_of(_last_word(stem))) and last.symbol != "in":
+    if (
+        unit is None
+        and len(words) > 1
+        and "[" not in stem
+        and (last := unit_of(_last_word(stem)))
+        and last.symbol != "in"
+    ):
         unit, words = last, words[:-1]
     if not words:
         return None
@@ -225,7 +137,7 @@ def _unit_in(text: str) -> tuple[str, Unit | None]:
             return match[1], unit
     if match := re.fullmatch(r"(.*[^_])_((?:deg_|rad_)?per_m{1,2}|per_cm)", text):
         return match[1], unit_of(match[2])
-    if match := re.fullmatch(r"(.*[^\s_.-])[\s_.-]+([^\s_.-]+)", text):
+    if match := re.fullmatch(r"([^\[({<]*[^\s_.\[({<-])[\s_.-]+([^\s_.\])}>-]+)", text):
         unit = unit_of(match[2])
         inch_of_no_axis = unit is not None and unit.symbol == "in" and not _is_axis(match[1])
         if unit is not None and not inch_of_no_axis:
@@ -243,7 +155,7 @@ def _last_word(stem: str) -> str:
 
 def _words(stem: str) -> tuple[str, ...]:
     """Return the words of a name in small letters, without numbers."""
-    split = re.sub(r"([a-zä-ü])([A-ZÄ-Ü])", r"\1 \2", stem)
+    split = re.sub(r"([a-zä-ü])([A-ZÄ-Ü])", r"\1 \2", stem.replace("%", " percent "))
     words = (word.lower() for word in re.findall(r"[^\W\d_]+", split))
     return tuple(part for word in words for part in _JOINED.get(word, (word,)))
 
@@ -282,7 +194,7 @@ def _measurement(stem: str, words: tuple[str, ...], unit: Unit | None) -> Meanin
     held -= _TARGETS
     quantity = _quantity_of(held, stem, unit)
     if quantity is None:
-        return None
+        return Meaning("", unit, FORCE, target) if unit is not None and unit.symbol in _FORCE_UNITS else None
     sides = {"in": held & _IN, "out": held & _OUT}
     if quantity in ("displacement", "elongation") and "load" in held:
         sides["out"] = sides["out"] | {"load"}

@@ -18,6 +18,8 @@ MISSING = frozenset(("", "-", "--", "nan", "null", "na", "n/a", "#n/a", "none", 
 """Cells that hold no value, in small letters."""
 _CLOCK = re.compile(r"(\d{1,2}):(\d{2}):(\d{2}(?:[.,]\d+)?)")
 _DAY_FIRST = re.compile(r"(\d{1,2})\.(\d{1,2})\.(\d{4})([ T].*)?")
+_THOUSANDS = re.compile(r"[-+]?\d{1,3}(,\d{3})+\.\d+")
+_GROUPED = re.compile(r"[-+]?\d{1,3}(,\d{3})+(\.\d*)?")
 _ISO = re.compile(r"\d{4}[-/]\d{2}[-/]\d{2}[T ]\d{2}:\d{2}.*")
 
 
@@ -49,6 +51,8 @@ def numbers_of(cells: Sequence[str], decimal: str = ".") -> tuple[Vector, list[i
     """Return the numbers in some cells, NaN for missing ones, and the indices of those that are none."""
     values = np.full(len(cells), np.nan)
     wrong = list[int]()
+    if decimal == "." and any(_THOUSANDS.fullmatch(cell.strip()) for cell in cells):
+        cells = [cell.replace(",", "") if _GROUPED.fullmatch(cell.strip()) else cell for cell in cells]
     for k, cell in enumerate(cells):
         text = cell.strip()
         if text.lower() in MISSING:
@@ -88,6 +92,8 @@ def moments_of(cells: Sequence[str]) -> tuple[Vector, list[int]]:
             values[k] = _moment(text)
         except ValueError:
             wrong.append(k)
+    if all(_CLOCK.fullmatch(cell.strip()) for cell in cells):  # over midnight the clock begins anew
+        values = np.unwrap(values, period=86400.0)
     return values, wrong
 
 

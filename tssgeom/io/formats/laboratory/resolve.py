@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -47,6 +48,9 @@ def resolved(path: Path, table: RawTable, said: Mapping[str, Mapped], given_unit
             _take_exact(path, table, k, meaning, result)
         elif meaning is not None:
             rest.append(Column(k, name, meaning))
+    twice = [name for name, count in Counter(column.name for column in rest).items() if count > 1]
+    if twice:
+        raise ShapeError(f"{path}: column {twice[0]!r} is there twice: name them differently")
     _take_rest(table, rest, result)
     return result
 

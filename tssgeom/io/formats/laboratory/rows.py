@@ -53,7 +53,8 @@ def decimal_of(data: Sequence[Sequence[str]]) -> str:
     cells = [cell for row in data for cell in row if is_number(cell) and not is_moment(cell)]
     commas, points = (sum(mark in cell for cell in cells) for mark in ",.")
     last = sum(cell.rfind(",") > cell.rfind(".") > -1 for cell in cells)
-    return "," if commas and (commas > points or last) else "."
+    grouped = sum(cell.rfind(".") > cell.rfind(",") > -1 for cell in cells)  # by commas: 1,234.5
+    return "," if commas and not grouped and (commas > points or last) else "."
 
 
 def table_of(
