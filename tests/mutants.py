@@ -254,12 +254,12 @@ MUTANTS = (
     ),
     # what drives, and what is read
     Mutant(
-        "tssgeom/identify/readings.py",
+        "tssgeom/statistics.py",
         "return robust_sd(off)",
         "return float(np.median(off))",
         f"{DRIVE} sine",
     ),
-    Mutant("tssgeom/identify/readings.py", "tuple[int, ...] = (3, 5, 7)", "tuple[int, ...] = (3,)", DRIVE),
+    Mutant("tssgeom/statistics.py", "_THROUGH = (3, 5, 7)", "_THROUGH = (3,)", DRIVE),
     Mutant(
         "tssgeom/identify/turning.py",
         "min(sides, key=lambda side: abs(side[1]))",

@@ -9,11 +9,7 @@ import numpy as np
 from tssgeom.arrays import Vector
 from tssgeom.core.constants import MEDIANS
 
-_THROUGH = (
-    3,
-    5,
-    7,
-)  # readings whose differences show the noise; derived: polynomials of degree 1, 3, 5 vanish
+_THROUGH = (3, 5, 7)  # readings whose differences show the noise; derived: lines to quintics vanish
 
 
 def robust_sd(off: np.ndarray) -> float:

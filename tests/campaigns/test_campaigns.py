@@ -14,6 +14,7 @@ from tests.campaigns import INSIDE, OUTSIDE, PAIRS, PLANS, SEEDS, make_campaign
 from tests.campaigns.instruments import SPECIFIED
 from tests.campaigns.make import _rig, _run
 from tests.campaigns.routes import positions
+from tssgeom.io.formats.laboratory.mapping import NO_MAP
 from tssgeom.rig import Friction, Load, Rig, Tendon, read_rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.bars.bar_state import pretensioned_bars
@@ -78,7 +79,7 @@ def test_every_file_is_read_by_the_program(clean):
     held = listed["run"][-1]["shape"]
     assert all(run["shape"] != held for run in listed["run"][:-1])
     for shape in {run["shape"] for run in listed["run"]}:
-        report = checked(folder / shape, None)
+        report = checked(folder / shape, None, NO_MAP)
         assert report["wrong"] == []
         # chords of 150 points are short by 1e-4, noise of 0.2 mm makes some 0.5 mm
         assert report["length_m"] == pytest.approx(truth.length_m, abs=1e-3)
