@@ -192,11 +192,11 @@ def test_a_command_that_no_tendon_bears_is_rejected():
     assert "would stretch the tendon by" in result.reason
 
 
-def test_a_tension_beyond_all_measure_is_refused_and_a_strain_beyond_half_is_doubted():
-    refused, doubted = results([Frame(bend(), 0.0, tension_in=1e300), Frame(bend(), 1.0, tension_in=3000.0)])
+def test_a_tension_beyond_all_measure_is_refused_and_a_strain_beyond_half_is_warned():
+    refused, warned = results([Frame(bend(), 0.0, tension_in=1e300), Frame(bend(), 1.0, tension_in=3000.0)])
     assert isinstance(refused, Rejected)
     assert "check its unit" in refused.reason
-    (warning,) = doubted.warnings
+    (warning,) = warned.warnings
     assert warning.startswith("3000 N would stretch the tendon by 95%: ")
 
 

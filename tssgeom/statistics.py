@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tssgeom.arrays import Vector
 from tssgeom.core.constants import MEDIANS
@@ -50,3 +51,22 @@ def _off_polynomial(time: Vector, readings: Vector, points: int) -> float:
     weight = 1.0 / np.prod(apart / np.abs(apart).max(axis=(1, 2), keepdims=True), axis=2)
     off = np.abs(np.sum(weight * what, axis=1)) / np.linalg.norm(weight, axis=1)
     return robust_sd(off)
+
+
+def turns(values: Vector, least: float) -> NDArray[np.intp]:
+    """Return the first reading, each from which values go back by more than `least`, and the last one."""
+    if len(values) == 0:
+        return np.zeros(1, dtype=np.intp)
+    edges, way, best, low, high = [0], 0, 0, 0, 0
+    for k, value in enumerate(values):
+        if way == 0:
+            low, high = (k if value < values[low] else low), (k if value > values[high] else high)
+            if values[high] - values[low] > least:
+                way, best = (1, high) if high > low else (-1, low)
+                edges[0] = low if way > 0 else high
+        elif way * (value - values[best]) >= 0:
+            best = k
+        elif way * (values[best] - value) > least:
+            edges.append(best)
+            way, best = -way, k
+    return np.array([*edges, len(values) - 1] if way else [0], dtype=np.intp)

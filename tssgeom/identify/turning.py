@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.optimize import isotonic_regression
 
 from tssgeom.arrays import Vector, read_only
-from tssgeom.statistics import reading_noise
+from tssgeom.statistics import reading_noise, turns
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,20 +58,21 @@ class Legs:
 def legs(readings: Vector) -> Legs:
     """Make readings of a proximal tension [n] [N] monotone from turn to turn; docs/model.md (70)."""
     noise = reading_noise(readings)
-    turns = _turns(readings, max(LEGS.reversal * noise, LEGS.least_reversal * float(np.ptp(readings))))
-    edges = np.concatenate(([0], turns, [len(readings) - 1]))
+    least = max(LEGS.reversal * noise, LEGS.least_reversal * float(np.ptp(readings)))
+    inner = turns(readings, least)[1:-1]
+    edges = np.concatenate(([0], inner, [len(readings) - 1]))
     values = np.array(readings, dtype=np.float64)
     for start, stop in itertools.pairwise(edges):
         rising = readings[stop] > readings[start]
         leg = isotonic_regression(readings[start : stop + 1], increasing=bool(rising)).x
         values[start : stop + 1] = _without_stairs(leg)
     at, se = _turn_values(readings, edges, noise)
-    for k, turn in enumerate(turns):
+    for k, turn in enumerate(inner):
         bound = np.minimum if readings[turn] > readings[edges[k]] else np.maximum
         near = slice(edges[k], edges[k + 2] + 1)
         values[near] = bound(values[near], at[k])
     return Legs(
-        read_only(np.maximum(values, 0.0)), turns, read_only(np.maximum(at, 0.0)), read_only(se), noise
+        read_only(np.maximum(values, 0.0)), inner, read_only(np.maximum(at, 0.0)), read_only(se), noise
     )
 
 
@@ -85,24 +86,6 @@ def _without_stairs(leg: Vector) -> Vector:
     nodes = np.concatenate([start, np.where(short, middle, last)])
     order = np.argsort(nodes, kind="stable")
     return np.interp(np.arange(len(leg)), nodes[order], np.tile(leg[first], 2)[order])
-
-
-def _turns(readings: Vector, threshold: float) -> NDArray[np.intp]:
-    """Return the readings from which the drive goes back by more than the threshold."""
-    result, best, way = list[int](), 0, 0
-    low = high = 0
-    for k, value in enumerate(readings):
-        if way == 0:
-            low, high = (k if value < readings[low] else low), (k if value > readings[high] else high)
-            if readings[high] - readings[low] > threshold:
-                way, best = (1, high) if high > low else (-1, low)
-            continue
-        if way * (value - readings[best]) >= 0:
-            best = k
-        elif way * (readings[best] - value) > threshold:
-            result.append(best)
-            way, best = -way, k
-    return np.array(result, dtype=np.intp)
 
 
 def _turn_values(readings: Vector, edges: NDArray[np.intp], noise: float) -> tuple[Vector, Vector]:

@@ -12,9 +12,7 @@ from tssgeom.plausibility.rules import Remark, remark
 from tssgeom.plausibility.series import DRIVES, Series, filled
 from tssgeom.plausibility.values import DISPLACEMENTS, apparent_friction
 
-_LINE = (
-    0.12  # of a leg: the line by which a channel rises before it turns [1]; chosen: as much as noise needs
-)
+_LINE = 0.12  # of a leg: the line by which a channel rises before it turns [1]; chosen for the noise
 _LEVEL = 0.03  # of that rise: readings so near the greatest are at its level [1]; chosen
 _DWELL = 0.25  # of a leg: a drive that stays at its turn for longer has no sharp one [1]; chosen
 _TENSION_IN, _TENSION_OUT = "tension_in_N", "tension_out_N"

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tssgeom.arrays import Vector
 from tssgeom.plausibility.limits import LIMITS
 from tssgeom.rig import Rig
-from tssgeom.statistics import reading_noise
+from tssgeom.statistics import reading_noise, turns
 
 TIME = "time_s"
 DRIVES = ("tension_in_N", "displacement_in_m")
@@ -129,25 +129,6 @@ def filled(values: Vector) -> Vector:
     """Return a column with straight lines over missing readings."""
     there = np.isfinite(values)
     return values if there.all() else np.interp(np.arange(len(values)), np.flatnonzero(there), values[there])
-
-
-def turns(values: Vector, least: float) -> NDArray[np.intp]:
-    """Return the first reading, each from which values go back by more than `least`, and the last one."""
-    if len(values) == 0:
-        return np.zeros(1, dtype=np.intp)
-    edges, way, best, low, high = [0], 0, 0, 0, 0
-    for k, value in enumerate(values):
-        if way == 0:
-            low, high = (k if value < values[low] else low), (k if value > values[high] else high)
-            if values[high] - values[low] > least:
-                way, best = (1, high) if high > low else (-1, low)
-                edges[0] = low if way > 0 else high
-        elif way * (value - values[best]) >= 0:
-            best = k
-        elif way * (values[best] - value) > least:
-            edges.append(best)
-            way, best = -way, k
-    return np.array([*edges, len(values) - 1] if way else [0], dtype=np.intp)
 
 
 def _means(values: Vector, rows: int) -> Vector:

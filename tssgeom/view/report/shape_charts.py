@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tssgeom.arrays import Vector
 from tssgeom.route.resolution import angle_over_resolution
@@ -154,20 +155,23 @@ def _resolution(result: FrameResult) -> Chart:
     return chart
 
 
-def _responses(run: Series) -> list[tuple[Quantity, Vector, Vector, Vector | None]]:
-    return [
+def _responses(
+    run: Series, chosen: NDArray[np.intp]
+) -> Iterator[tuple[Quantity, Vector, Vector, list[Vector]]]:
+    """Yield T_out and δ at some frames in their units: quantity, mean, standard error, measured if at all."""
+    for quantity, value, error, measured in (
         (TENSION_OUT, run.tension_out, run.tension_out_se, run.tension_out_measured),
         (ELONGATION, run.elongation, run.elongation_se, run.elongation_measured),
-    ]
+    ):
+        observed = [] if measured is None else [quantity.factor * measured[chosen]]
+        yield quantity, quantity.factor * value[chosen], quantity.factor * error[chosen], observed
 
 
 def _transmission(run: Series) -> Iterator[Chart]:
     """Draw output tension and elongation over input tension, pulls and releases in their colours."""
     chosen = moments(run, _MOMENTS)
     across = run.tension_in[chosen]
-    for quantity, value, error, measured in _responses(run):
-        middle, half = quantity.factor * value[chosen], quantity.factor * error[chosen]
-        observed = [] if measured is None else [quantity.factor * measured[chosen]]
+    for quantity, middle, half, observed in _responses(run, chosen):
         limits = limits_of(middle - half, middle + half, *observed)
         chart = Chart(f"{quantity.words.capitalize()} ± s.e. over T_in", limits_of(across), limits)
         chart.axes(TENSION_IN.label, quantity.label)
@@ -188,9 +192,7 @@ def _over_time(run: Series) -> Iterator[Chart]:
     chosen = moments(run, _MOMENTS)
     time = run.time[chosen]
     across = limits_of(time, zero=False, room=0.0)
-    for quantity, value, error, measured in _responses(run):
-        middle, half = quantity.factor * value[chosen], quantity.factor * error[chosen]
-        observed = [] if measured is None else [quantity.factor * measured[chosen]]
+    for quantity, middle, half, observed in _responses(run, chosen):
         drive = [run.tension_in[chosen]] if quantity is TENSION_OUT else []
         limits = limits_of(middle - half, middle + half, *observed, *drive, room=0.15)
         title = "Tensions ± s.e. over time" if drive else "Elongation ± s.e. over time"

@@ -16,14 +16,12 @@ from tssgeom.errors import ShapeError
 from tssgeom.io.formats.columns import AXES, BENDS, CHANNELS, MEASURED, TIME
 from tssgeom.io.formats.laboratory.mapping import IGNORE
 from tssgeom.io.formats.laboratory.names import QUANTITIES, Meaning, canonical, channel_text
-from tssgeom.io.formats.laboratory.raw import RawTable
+from tssgeom.io.formats.laboratory.raw import DAY, RawTable
 from tssgeom.io.formats.laboratory.units import FORCE, LENGTH, SI, TEMPERATURE, UNITS, Unit
+from tssgeom.plausibility.limits import LIMITS
 
 _EPOCHS = {"s": 3e8, "ms": 3e11, "us": 3e14, "ns": 3e17}
 """Least number of each unit since 1970 that is a date; derived: 3e8 s is 1979, 3e11 s the far future."""
-
-
-_DAY = 86400.0
 
 
 class Plausible(NamedTuple):
@@ -31,8 +29,6 @@ class Plausible(NamedTuple):
 
     tension: float = 200.0
     """Greatest tension [N]; readings in mN or g are beyond it."""
-    temperature: float = 150.0
-    """Greatest temperature [°C]; kelvin is beyond it."""
     interval: float = 5.0
     """Greatest time between two samples [s]; ms are beyond it."""
     stroke: float = 0.2
@@ -144,7 +140,7 @@ def take_time(table: RawTable, columns: list[Column], result: Resolved) -> None:
 def _is_date(table: RawTable, column: Column) -> bool:
     """Whether a column holds days alone, beside which another one has the time of the day."""
     values = values_of(table, column.at)
-    return values is not None and bool(np.nanmin(values) >= _EPOCHS["s"] and not (values % _DAY).any())
+    return values is not None and bool(np.nanmin(values) >= _EPOCHS["s"] and not (values % DAY).any())
 
 
 def _unit_of_times(values: Vector) -> tuple[Unit | None, str]:
@@ -262,7 +258,7 @@ def _take_unitless(table: RawTable, column: Column, result: Resolved) -> None:
     channel, _, quantity, _ = column.meaning
     values = np.abs(table.columns[column.at])  # type: ignore[arg-type]
     most = float(np.nanmax(values)) if np.isfinite(values).any() else 0.0
-    bounds = {FORCE: PLAUSIBLE.tension, TEMPERATURE: PLAUSIBLE.temperature}
+    bounds = {FORCE: PLAUSIBLE.tension, TEMPERATURE: LIMITS.hottest_C}
     if quantity in bounds and most <= bounds[quantity]:
         unit = UNITS[SI[quantity]]
         note = f" (no unit: taken as {'°C' if quantity == TEMPERATURE else unit.symbol})"

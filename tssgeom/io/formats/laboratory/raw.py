@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import TypeAlias
@@ -16,6 +16,8 @@ from tssgeom.arrays import Vector
 Column: TypeAlias = "Vector | list[str]"
 MISSING = frozenset(("", "-", "--", "nan", "null", "na", "n/a", "#n/a", "none", "nil"))
 """Cells that hold no value, in small letters."""
+DAY = 86400.0
+"""[s]"""
 _CLOCK = re.compile(r"(\d{1,2}):(\d{2}):(\d{2}(?:[.,]\d+)?)")
 _DAY_FIRST = re.compile(r"(\d{1,2})\.(\d{1,2})\.(\d{4})([ T].*)?")
 _THOUSANDS = re.compile(r"[-+]?\d{1,3}(,\d{3})+\.\d+")
@@ -49,16 +51,20 @@ class RawTable:
 
 def numbers_of(cells: Sequence[str], decimal: str = ".") -> tuple[Vector, list[int]]:
     """Return the numbers in some cells, NaN for missing ones, and the indices of those that are none."""
-    values = np.full(len(cells), np.nan)
-    wrong = list[int]()
     if decimal == "." and any(_THOUSANDS.fullmatch(cell.strip()) for cell in cells):
         cells = [cell.replace(",", "") if _GROUPED.fullmatch(cell.strip()) else cell for cell in cells]
+    return _parsed(cells, lambda text: float(_point(text) if decimal == "," else text))
+
+
+def _parsed(cells: Sequence[str], parse: Callable[[str], float]) -> tuple[Vector, list[int]]:
+    values = np.full(len(cells), np.nan)
+    wrong = list[int]()
     for k, cell in enumerate(cells):
         text = cell.strip()
         if text.lower() in MISSING:
             continue
         try:
-            values[k] = float(_point(text) if decimal == "," else text)
+            values[k] = parse(text)
         except ValueError:
             wrong.append(k)
     return values, wrong
@@ -82,18 +88,9 @@ def is_moment(cell: str) -> bool:
 
 def moments_of(cells: Sequence[str]) -> tuple[Vector, list[int]]:
     """Return dates as seconds since 1970 (UTC where no zone is given) and times of the day as seconds."""
-    values = np.full(len(cells), np.nan)
-    wrong = list[int]()
-    for k, cell in enumerate(cells):
-        text = cell.strip()
-        if text.lower() in MISSING:
-            continue
-        try:
-            values[k] = _moment(text)
-        except ValueError:
-            wrong.append(k)
+    values, wrong = _parsed(cells, _moment)
     if all(_CLOCK.fullmatch(cell.strip()) for cell in cells):  # over midnight the clock begins anew
-        values = np.unwrap(values, period=86400.0)
+        values = np.unwrap(values, period=DAY)
     return values, wrong
 
 
