@@ -38,12 +38,26 @@ _PRINTED_UNITS = {"m": ("mm", 1e3)}
 
 
 def calibrate(
-    run: Annotated[Path, typer.Argument(help="Measured pull and release (CSV or Parquet).")],
-    shape: Annotated[Path, typer.Option("--shape", help="Shape of the route during the run.")],
+    runs: Annotated[
+        list[Path],
+        typer.Argument(metavar="RUN…", help="Measured pull and release (CSV or Parquet), or several."),
+    ],
     out: Annotated[
         Path, typer.Option("--out", help="Rig file (TOML) to write, or a folder for rig and report.")
     ],
+    shapes: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--shape", help="Shape of the route during the run; one for all, one a run, or one a tendon."
+        ),
+    ] = None,
     rig: RigFile = None,
+    angle_from_run: Annotated[
+        bool,
+        typer.Option(
+            "--angle-from-run", help="Estimate the curve angle from the run, where no shape is sensed."
+        ),
+    ] = False,
     from_tension: Annotated[
         float,
         typer.Option(
@@ -65,17 +79,39 @@ def calibrate(
     elongation_m or _mm, or displacement_in_m with displacement_out_m). Friction, compliance and the zero of
     the distal cell go into the rig; the zero of the elongation is only reported. A folder as --out gets
     rig.toml, calibration.json and figures. Where the fit fails its test (docs/checks.md), no rig is written.
+
+    Several runs, --angle-from-run, and a rig with several tendons, a joint, a segment or numbers that are
+    "unknown" (docs/machines.md) are fitted together, with what is assumed of each number beforehand.
     """
-    from pipelines.inputs import analysis_of, run_settings, without_effects
+    from pipelines.calibrate_machine import calibrate_machine
+    from pipelines.inputs import analysis_of, run_settings, with_unknown_angle, without_effects
     from pipelines.runs import errors_naming, measured_run, print_run_warnings
     from tssgeom.errors import SettingsError, require_replaceable
     from tssgeom.identify import calibration
     from tssgeom.rig import write_rig
 
-    settings = run_settings(rig, TENSION_IN, unit, columns=columns)
+    settings = run_settings(rig, TENSION_IN, unit, columns=columns, may_be_uncertain=True)
+    if angle_from_run:
+        settings = with_unknown_angle(settings)
     folder = out if out.is_dir() or not out.suffix else None
     out = out if folder is None else folder / _RIG
     require_replaceable(out)
+    if settings.uncertain or settings.rig.is_machine or len(runs) > 1 or not shapes:
+        calibrate_machine(
+            runs,
+            shapes or [],
+            out,
+            settings,
+            folder=folder,
+            figures=figures,
+            force=force,
+            as_json=as_json,
+            quiet=quiet,
+        )
+        return
+    if len(shapes) > 1:
+        raise SettingsError(f"{len(shapes)} --shape for one run of one tendon: give one")
+    (run,), (shape,) = runs, shapes
     read = measured_run(run, settings)
     result = analysis_of(shape.stem, shape, without_effects(settings)).results[-1]
     print_run_warnings(read, settings.rig, result.arcs, fitted=True)

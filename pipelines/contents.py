@@ -64,7 +64,7 @@ def checked(path: Path, unit: str | None, columns: ColumnMap) -> dict[str, Any]:
 
 def _checked_run(path: Path, columns: ColumnMap) -> dict[str, Any]:
     run = read_run(path, columns)
-    channels = {name: getattr(run, name) for name, _ in CHANNELS.values()}
+    channels = {name: getattr(run, name) for name, _ in CHANNELS.values()} | dict(run.of_machine)
     missing_rows = {
         name: int(np.isnan(values).sum()) for name, values in channels.items() if values is not None
     }

@@ -17,9 +17,10 @@ from tssgeom.io.formats.files import Recording, find_inputs, open_recording, out
 from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap
 from tssgeom.io.results.shapes import Analysis, frame_row, relative
 from tssgeom.plausibility.frames import rig_remarks
-from tssgeom.rig import Rig, read_rig
+from tssgeom.rig import Rig, read_rig, read_uncertain_rig
 from tssgeom.stream import Rejected, recorded
 from tssgeom.summary import RunningSummary
+from tssgeom.uncertain import UNKNOWNS, Uncertain
 
 Done = TypeVar("Done")
 
@@ -43,6 +44,8 @@ class RunSettings:
     """Radius of the tube along the route, for its clearance [m]."""
     columns: ColumnMap = NO_MAP
     """What the user says of columns of tables."""
+    uncertain: tuple[Uncertain, ...] = ()
+    """What is not certain of the rig."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +66,7 @@ def run_settings(
     geometry_only: bool = False,
     tube_mm: float | None = None,
     columns: Sequence[str] | None = None,
+    may_be_uncertain: bool = False,
 ) -> RunSettings:
     """Check what the user chose.
 
@@ -73,13 +77,17 @@ def run_settings(
     """
     if not math.isfinite(tension_in) or tension_in < 0:
         raise SettingsError(f"--tension-in is {tension_in:g} N: give a finite tension >= 0 N")
-    rig_read = Rig() if rig is None else read_rig(rig)
+    uncertain: tuple[Uncertain, ...] = ()
+    if rig is not None and may_be_uncertain:
+        rig_read, uncertain = read_uncertain_rig(rig)
+    else:
+        rig_read = Rig() if rig is None else read_rig(rig)
     for each in rig_remarks(rig_read):
         print_message(f"{rig}: warning: {each.text}")
     if tube_mm is not None and not 0 < tube_mm < math.inf:
         raise SettingsError(f"--tube-mm is {tube_mm:g} mm: give the outer diameter of the tube, > 0 mm")
     radius, said = 0.5e-3 * (tube_mm or 0.0), ColumnMap(columns or (), rig_read.columns)
-    return RunSettings(rig_read, rig, tension_in, unit, lumen, geometry_only, radius, said)
+    return RunSettings(rig_read, rig, tension_in, unit, lumen, geometry_only, radius, said, uncertain)
 
 
 def opened(path: Path, settings: RunSettings) -> Recording:
@@ -106,6 +114,16 @@ def report_unused(columns: ColumnMap) -> None:
     """Print the names of `--map` that no file had."""
     for name in sorted(columns.unused):
         print_message(f"warning: --map {name!r}: no file has a column of this name")
+
+
+def with_unknown_angle(settings: RunSettings) -> RunSettings:
+    """Return the settings with a route whose angle is to be estimated, of 1 m unless its length is given."""
+    key, route = "route.angle_rad", settings.rig.route
+    given = any(each.key == key for each in settings.uncertain)
+    added = () if given else (Uncertain(key, UNKNOWNS[key], stated=False),)
+    angle = route.angle_rad if given else UNKNOWNS[key].centre
+    route = changed(route, angle_rad=angle, length_m=route.length_m or 1.0)
+    return replace(settings, rig=changed(settings.rig, route=route), uncertain=(*settings.uncertain, *added))
 
 
 def without_effects(settings: RunSettings) -> RunSettings:

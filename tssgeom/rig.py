@@ -1,10 +1,9 @@
 """The rig: tendon, friction, load and sensors, held alike from Python and from a TOML file."""
 
-import codecs
 import itertools
 import math
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -14,6 +13,8 @@ import tomli_w
 from tssgeom.atomic import write_text
 from tssgeom.effects import KINDS, Library
 from tssgeom.errors import SettingsError
+from tssgeom.mechanism import Drive, End
+from tssgeom.uncertain import Uncertain, parted, path_of
 
 Source = Literal["markers", "em", "fbg", "centreline", "smoothed"]
 """Where the points of a route come from; docs/model.md (164)."""
@@ -74,10 +75,19 @@ class Sensor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """Largest value that the channel reads; 0 where not known."""
     nonlinearity: float = 0.0
     """Largest deviation from a straight line, as a fraction of full scale [1]."""
+    zero: float = 0.0
+    """What the channel of a machine reads where it should read 0."""
+    gain: float = 1.0
+    """What the channel of a machine reads for 1 above its zero [1]."""
+    lag_s: float = 0.0
+    """Time constant with which the channel of a machine follows [s]."""
 
     def __post_init__(self) -> None:
-        for name in self.__struct_fields__:
+        for name in ("noise", "resolution", "full_scale", "nonlinearity", "lag_s"):
             _finite_at_least_zero(f"sensors.*.{name}", getattr(self, name), "")
+        _require(math.isfinite(self.zero), "sensors.*.zero", self.zero, "give a finite value")
+        usable = math.isfinite(self.gain) and self.gain != 0.0
+        _require(usable, "sensors.*.gain", self.gain, "give a finite value that is not 0")
 
 
 class Sheath(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -177,6 +187,23 @@ class ShapeSensor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
         return None if self.resolution_mm is None else 1e-3 * self.resolution_mm
 
 
+class GivenRoute(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The route of a machine whose shape nobody senses, and what is wrong with a sensed one."""
+
+    length_m: float | None = None
+    """Length of each sheath [m]; left out, that of the shape."""
+    angle_rad: float | None = None
+    """Curve angle of each sheath [rad]; left out, that of the shape."""
+    angle_gain: float = 1.0
+    """True angle over the one that is given or sensed [1]."""
+
+    def __post_init__(self) -> None:
+        for name in self.__struct_fields__:
+            if (value := getattr(self, name)) is not None:
+                sound = math.isfinite(value) and (value > 0.0 or (name == "angle_rad" and value == 0.0))
+                _require(sound, f"route.{name}", value, "give a finite value > 0")
+
+
 class Rig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Everything about the hardware that the model needs; the defaults are the paper's."""
 
@@ -186,32 +213,80 @@ class Rig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
     sensors: dict[str, Sensor] = {}
     shape: ShapeSensor = ShapeSensor()
     sheath: Sheath = Sheath()
+    drive: Drive = Drive()
+    end: End = End()
+    route: GivenRoute = GivenRoute()
     effects: tuple[Library, ...] = ()
     """What else acts, beside the base model; docs/model.md (50)-(62)."""
     columns: dict[str, str] = {}
     """What columns of measured files are, `channel[:unit]` by name."""
 
+    @property
+    def is_machine(self) -> bool:
+        """Whether it has more than one tendon, or an end other than a spring."""
+        return self.drive.kind != "tendon" or self.end.kind not in ("spring", "weight")
+
 
 def read_rig(path: str | Path) -> Rig:
-    """Read a rig from a TOML file.
+    """Read a rig from a TOML file; of a number with an error, its value.
+
+    Raises
+    ------
+    SettingsError
+        Where the file is missing, is no TOML, or holds an unknown key, a value out of bounds, or a number
+        that is "unknown".
+    """
+    rig, uncertain = read_uncertain_rig(path)
+    unknown = ", ".join(each.key for each in uncertain if not each.stated)
+    if unknown:
+        raise SettingsError(f"{path}: {unknown} is unknown: give a value, or find it with tssgeom calibrate")
+    return rig
+
+
+def read_uncertain_rig(path: str | Path) -> tuple[Rig, tuple[Uncertain, ...]]:
+    """Read a rig, and what of it is not certain; docs/model.md (179).
 
     Raises
     ------
     SettingsError
         Where the file is missing, is no TOML, or holds an unknown key or a value out of bounds.
     """
-    content = b""
+    tables: dict[str, Any] = {}
     try:
         with Path(path).open("rb") as file:
             content = file.read(_MOST_BYTES + 1)
         if len(content) > _MOST_BYTES:
             raise SettingsError(f"{path}: longer than {_MOST_BYTES} bytes: mend the rig file")
-        return msgspec.toml.decode(content.removeprefix(codecs.BOM_UTF8), type=Rig)
+        tables, uncertain = parted(tomllib.loads(content.decode("utf-8-sig")))
+        return msgspec.convert(tables, Rig), uncertain
     except OSError as error:
         raise SettingsError(f"{path}: cannot read the rig file ({error.strerror}): check the path") from error
-    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        reported = _wrong_effect(content) if "$.effects" in str(error) else str(error)
+    except (msgspec.ValidationError, ValueError, RecursionError) as error:
+        if isinstance(error, SettingsError):
+            raise
+        reported = _wrong_effect(tables) if "$.effects" in str(error) else str(error)
         raise SettingsError(f"{path}: {reported}: mend the rig file (docs/formats.md, Rig)") from error
+
+
+def with_values(rig: Rig, values: Mapping[str, float]) -> Rig:
+    """Return a rig with some of its numbers changed, by key.
+
+    Raises
+    ------
+    SettingsError
+        Where a value is out of bounds.
+    """
+    tables = msgspec.to_builtins(rig)
+    for key, value in values.items():
+        *path, last = path_of(key)
+        at = tables
+        for step in path:
+            at = at[step] if isinstance(step, int) else at.setdefault(step, {})
+        at[last] = float(value)
+    try:
+        return msgspec.convert(tables, Rig)
+    except msgspec.ValidationError as error:
+        raise SettingsError(str(error)) from error
 
 
 def write_rig(path: Path, rig: Rig, provenance: Sequence[str] = ()) -> None:
@@ -243,9 +318,9 @@ def _without_none(value: Any) -> Any:
     return {key: _without_none(item) for key, item in value.items() if item not in (None, {}, ())}
 
 
-def _wrong_effect(content: bytes) -> str:
+def _wrong_effect(rig: dict[str, Any]) -> str:
     """Say which effect of a rig file is wrong, and what there is to choose from."""
-    tables = tomllib.loads(content.decode("utf-8-sig"))["effects"]
+    tables = rig["effects"]
     for i, table in enumerate(tables if isinstance(tables, list) else []):
         try:
             msgspec.convert(table, type=Library)

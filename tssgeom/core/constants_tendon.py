@@ -107,3 +107,19 @@ class BarLimits(NamedTuple):
 
 
 BAR = BarLimits()
+
+
+class MachineSolver(NamedTuple):
+    """How exactly the coordinates of a mechanism with several tendons are solved."""
+
+    accuracy: float = 1e-9
+    """Residual that ends the iteration, of the greatest force [1]; chosen: bars are solved to 1e-10."""
+    accepted: float = 1e-6
+    """Largest residual of an equilibrium that is returned, of the greatest force [1]; chosen."""
+    turns: int = 80
+    """Newton iterations, or halvings of the interval, before a sample is given up [1]; chosen."""
+    halvings: int = 30
+    """Times that a step is halved [1]; chosen: until rounding."""
+
+
+MACHINE = MachineSolver()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, fields
@@ -26,6 +27,33 @@ CHANNELS = {
     "temperature_C": ("temperature", 1.0),
 }
 """Columns of measurements: the field that each one fills, and how many of its unit make one in SI."""
+MOST_TENDONS = 12
+"""Chosen: a rig of four segments with three tendons each. Greatest number in the name of a channel."""
+
+
+def _machine_channels() -> dict[str, tuple[str, float]]:
+    of_one = {
+        "rad": {"motor_angle", "joint_angle", "bending_x", "bending_y"},
+        "Nm": {"motor_torque", "joint_torque"},
+        "A": {"motor_current"},
+        "m": {f"tip_{axis}" for axis in AXES},
+    }
+    for which in range(1, MOST_TENDONS + 1):
+        of_one["N"] = of_one.get("N", set()) | {f"tension_in_{which}", f"tension_out_{which}"}
+        of_one["m"] |= {f"displacement_in_{which}", f"displacement_out_{which}"}
+    small = {"rad": ("deg", 180.0 / math.pi), "Nm": ("mNm", 1e3), "A": ("mA", 1e3), "m": ("mm", 1e3)}
+    channels = dict[str, tuple[str, float]]()
+    for unit, stems in of_one.items():
+        for stem in sorted(stems):
+            channels[f"{stem}_{unit}"] = (f"{stem}_{unit}", 1.0)
+            if unit in small:
+                channels[f"{stem}_{small[unit][0]}"] = (f"{stem}_{unit}", small[unit][1])
+    return channels
+
+
+MACHINE_CHANNELS = _machine_channels()
+"""Columns of a rig with several tendons, a joint or a segment: the name in SI, and how many of the unit make
+one in SI."""
 _OF_FRAMES_ALONE = {
     "noise_m": ("noise", 1.0),
     "displacement_target_m": ("displacement_target", 1.0),

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from tssgeom.arrays import Vector, read_only
 from tssgeom.errors import SettingsError, SourceError, TssgeomError, first_line
-from tssgeom.io.formats.columns import AXES, BENDS, CHANNELS, MEASURED, TIME
+from tssgeom.io.formats.columns import AXES, BENDS, CHANNELS, MACHINE_CHANNELS, MEASURED, TIME
 from tssgeom.io.formats.laboratory.files import ENDINGS
 from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap
 from tssgeom.io.formats.laboratory.table import laboratory_table
@@ -21,7 +21,8 @@ from tssgeom.io.formats.tables import cells_of, parquet_names, plain_names
 
 IN_SI = {field: name for name, (field, per_si) in CHANNELS.items() if per_si == 1.0}
 """The column in SI of each field of `MeasuredRun`."""
-_QUANTITIES = tuple({name.rpartition("_")[0] for name in CHANNELS})
+_CHANNELS = CHANNELS | MACHINE_CHANNELS
+_QUANTITIES = tuple({name.rpartition("_")[0] for name in _CHANNELS})
 _MISSING = {"", "nan", "null", "na"}
 _KNOWN = ", ".join((TIME, *CHANNELS))
 
@@ -46,6 +47,8 @@ class MeasuredRun:
     """[n] Position of the load, towards the tendon positive [m]."""
     temperature: Vector | None = None
     """[n] Temperature [°C]."""
+    of_machine: Mapping[str, Vector] = field(default_factory=dict)
+    """Channels of a rig with several tendons, a joint or a segment, by their names in SI."""
     warnings: tuple[str, ...] = ()
     """Columns that are not read though they resemble channels, a sentence each."""
     notes: tuple[str, ...] = ()
@@ -55,7 +58,8 @@ class MeasuredRun:
     def columns(self) -> dict[str, Vector]:
         """Time and the channels that are there, by their names in SI."""
         channels = {name: getattr(self, field) for field, name in IN_SI.items()}
-        return {TIME: self.time} | {name: values for name, values in channels.items() if values is not None}
+        alone = {name: values for name, values in channels.items() if values is not None}
+        return {TIME: self.time, **alone, **self.of_machine}
 
     def channel(self, names: Sequence[str]) -> tuple[str, Vector]:
         """Return name and values of the first of these columns that the run has; every sample is finite.
@@ -105,7 +109,7 @@ def read_run(path: Path, columns: ColumnMap = NO_MAP) -> MeasuredRun:
         others = f"; columns are {', '.join(read.unread)}" if read.unread else ""
         raise SettingsError(f"{path}: no column {TIME} in the header: known are {_KNOWN}{others}")
     values, doubled = _without_doubled(read.values)
-    targets = [name for name in (*read.values, *read.unread) if name in MEASURED and name not in CHANNELS]
+    targets = [name for name in (*read.values, *read.unread) if name in MEASURED and name not in _CHANNELS]
     unused = tuple(f"column {name!r} is not read: a run has no such channel" for name in targets)
     channels, time = _channels(path, values), _times(path, values[TIME])
     return MeasuredRun(
@@ -122,7 +126,7 @@ def holds_run(path: Path, columns: ColumnMap = NO_MAP) -> bool:
         names = _head_names(path, kind, columns)
         if names is None:
             read = laboratory_table(path, columns)
-            return not read.is_points and any(name in CHANNELS for name in read.values)
+            return not read.is_points and any(name in _CHANNELS for name in read.values)
     except TssgeomError:
         return False  # the reader of the file reports the reason
     points = any(name.partition("_")[0] in AXES or name.startswith(BENDS) for name in names)
@@ -181,8 +185,8 @@ def _without_doubled(values: Mapping[str, Vector]) -> tuple[Mapping[str, Vector]
     )
 
 
-def _channels(path: Path, columns: Mapping[str, Vector]) -> dict[str, Vector]:
-    channels: dict[str, Vector] = {}
+def _channels(path: Path, columns: Mapping[str, Vector]) -> dict[str, Any]:
+    channels: dict[str, Any] = {}
     for name in CHANNELS:
         if name not in columns:
             continue
@@ -190,6 +194,14 @@ def _channels(path: Path, columns: Mapping[str, Vector]) -> dict[str, Vector]:
         if field in channels:
             raise SettingsError(f"{path}: columns {field}_m and {field}_mm are both there: keep one")
         channels[field] = read_only(columns[name] / per_unit)
+    of_machine = dict[str, Vector]()
+    for name in columns.keys() & MACHINE_CHANNELS.keys():
+        in_si, per_unit = MACHINE_CHANNELS[name]
+        if in_si in of_machine:
+            raise SettingsError(f"{path}: {in_si} is there in two units: keep one column")
+        of_machine[in_si] = read_only(columns[name] / per_unit)
+    if of_machine:
+        channels["of_machine"] = dict(sorted(of_machine.items()))
     if not channels:
         raise SettingsError(f"{path}: no measured column: known are {_KNOWN}")
     return channels
@@ -223,7 +235,7 @@ def _wanted(path: Path, names: Sequence[str]) -> list[int]:
     twice = [name for name in names if names.count(name) > 1]
     if twice:
         raise SettingsError(f"{path}: column {twice[0]!r} is there twice: keep one")
-    return [k for k, name in enumerate(names) if name == TIME or name in CHANNELS]
+    return [k for k, name in enumerate(names) if name == TIME or name in _CHANNELS]
 
 
 def _numbers(path: Path, line: int, text: str, names: Sequence[str], wanted: Sequence[int]) -> list[float]:

@@ -111,12 +111,9 @@ class BarState(NamedTuple):
         return self.memory.block.item(len(self.edge))
 
 
-def pretensioned_bars(rig: Rig, arcs: Arcs, bars: int = BARS, *, halvings: int = 0) -> BarState:
-    """Return the tendon before its first pull, cut into equal bars: the rig's pretension all along.
-
-    Each of `halvings` cuts the first and the last bar in two.
-    """
-    edge = equal_edges(bars, halvings, halvings)
+def pretensioned_bars(rig: Rig, arcs: Arcs, bars: int = BARS) -> BarState:
+    """Return the tendon before its first pull, cut into equal bars: the rig's pretension all along."""
+    edge = equal_edges(bars)
     return _with_tension(edge, np.full(len(edge) + 1, rig.tendon.pretension_N), 1, arcs, rig)
 
 

@@ -51,29 +51,7 @@ def step(
     FitError
         Where no equilibrium was found.
     """
-    return against_load(
-        state,
-        arcs,
-        rig,
-        (rig.load.stiffness_N_per_m, 0.0),
-        tension_in=tension_in,
-        displacement_in=displacement_in,
-        stretches_with_route=stretches_with_route,
-    )
-
-
-def against_load(
-    state: BarState,
-    arcs: Arcs,
-    rig: Rig,
-    load: tuple[float, float],
-    *,
-    tension_in: float | None,
-    displacement_in: float | None,
-    stretches_with_route: bool = False,
-) -> BarState:
-    """Do as `step` against a load with a stiffness [N/m] whose force grows in the step [N]."""
-    drive = one_drive(tension_in, displacement_in)
+    drive, load = one_drive(tension_in, displacement_in), (rig.load.stiffness_N_per_m, 0.0)
     return step_on(state, (arcs, arcs), rig, load, drive, stretches_with_route, math.inf)[0]
 
 

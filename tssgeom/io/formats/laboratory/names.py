@@ -6,13 +6,25 @@ import re
 from functools import lru_cache
 from typing import NamedTuple
 
-from tssgeom.io.formats.columns import AXES, BENDS, CHANNELS, DIRECTIONS, MEASURED, POINT, TIME
+from tssgeom.io.formats.columns import (
+    AXES,
+    BENDS,
+    CHANNELS,
+    DIRECTIONS,
+    MACHINE_CHANNELS,
+    MEASURED,
+    POINT,
+    TIME,
+)
 from tssgeom.io.formats.laboratory.units import (
+    ANGLE,
+    CURRENT,
     CURVATURE,
     FORCE,
     LENGTH,
     SI,
     TEMPERATURE,
+    TORQUE,
     UNITS,
     Unit,
     plain,
@@ -24,7 +36,7 @@ RECORDING, FRAME, LABEL = "recording", "frame", "label"
 QUANTITIES = {
     **{
         name.rpartition("_")[0]: UNITS[name.rpartition("_")[2]].quantity
-        for name in {**CHANNELS, **MEASURED}
+        for name in {**CHANNELS, **MEASURED, **MACHINE_CHANNELS}
         if name.rpartition("_")[2] in UNITS
     },
     "time": OF_TIME,
@@ -35,7 +47,7 @@ QUANTITIES = {
 """What a column can be, and its quantity; "" for what has no unit."""
 EXACT = frozenset(
     (
-        *(TIME, POINT, *CHANNELS, *MEASURED, *DIRECTIONS),
+        *(TIME, POINT, *CHANNELS, *MACHINE_CHANNELS, *MEASURED, *DIRECTIONS),
         *(f"{axis}{unit}" for axis in (*AXES, "s") for unit in ("", "_m", "_mm")),
         *(f"{bend}_per_{unit}" for bend in BENDS for unit in ("m", "mm")),
     )
@@ -68,6 +80,13 @@ _RECORDINGS = _set(
 )
 _ORDERS = _set("point order index idx seq sequence node")
 _LABELS = _set("marker id label name nr no number nummer tracker tag markerid")
+_MOTORS = _set("motor drive actuator servo spindle antrieb pulley")
+_JOINTS = _set("joint wrist hinge gelenk")
+_OF_MACHINES = {
+    ANGLE: ("angle", _set("angle position pos winkel rotation")),
+    TORQUE: ("torque", _set("torque moment drehmoment load")),
+    CURRENT: ("current", _set("current strom i")),
+}
 _FRAMES = _set("frame frames sample samples")
 _AXIS_FILLERS = _set("position pos coordinate coord coordinates marker point p koordinate")
 _STATIONS = frozenset(("s", "arclength", "station", "arc length", "curve length", "bogenlänge"))
@@ -119,7 +138,17 @@ def meaning_of(name: str, unit_row: str = "") -> Meaning | None:
         unit, words = last, words[:-1]
     if not words:
         return None
-    return _geometry(words, unit) or _numbering(words, unit) or _measurement(stem, words, unit)
+    return (
+        _geometry(words, unit)
+        or _numbering(words, unit)
+        or _of_machine(words, unit)
+        or _measurement(stem, words, unit)
+    )
+
+
+def unit_in_name(name: str) -> Unit | None:
+    """Return the unit that the name of a column states."""
+    return _unit_in(plain(name))[1]
 
 
 def is_inert(name: str) -> bool:
@@ -185,6 +214,19 @@ def _numbering(words: tuple[str, ...], unit: Unit | None) -> Meaning | None:
     if held & _ORDERS and held <= _ORDERS | _LABELS | {"along", "route"}:
         return Meaning(POINT, None, "")
     return Meaning(LABEL, None, "") if held <= _LABELS | {"point"} else None
+
+
+def _of_machine(words: tuple[str, ...], unit: Unit | None) -> Meaning | None:
+    """Recognise angle, torque and current of a motor or a joint; an angle without a unit is not clear."""
+    if unit is None or unit.quantity not in _OF_MACHINES:
+        return None
+    word, spelled = _OF_MACHINES[unit.quantity]
+    held = set(words) - _FILLERS
+    for side, known in (("motor", _MOTORS), ("joint", _JOINTS)):
+        channel = f"{side}_{word}"
+        if held & known and held <= known | spelled and channel in QUANTITIES:
+            return Meaning(channel, unit, unit.quantity)
+    return None
 
 
 def _measurement(stem: str, words: tuple[str, ...], unit: Unit | None) -> Meaning | None:

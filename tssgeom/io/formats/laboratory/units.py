@@ -11,8 +11,8 @@ import re
 import unicodedata
 from typing import NamedTuple
 
-FORCE, LENGTH, TIME, TEMPERATURE, ANGLE, CURVATURE = (
-    *("force", "length", "time", "temperature", "angle", "curvature"),
+FORCE, LENGTH, TIME, TEMPERATURE, ANGLE, CURVATURE, TORQUE, CURRENT = (
+    *("force", "length", "time", "temperature", "angle", "curvature", "torque", "current"),
 )
 _GRAVITY = 9.80665
 _POUND = 0.45359237
@@ -67,6 +67,15 @@ _SPELLED: dict[str, dict[str, float]] = {
         "h hr hour hours std": 3600.0,
     },
     ANGLE: {"rad radian radians": 1.0, "mrad": 1e-3, "deg degree degrees °": math.pi / 180},
+    TORQUE: {
+        "Nm N·m N*m newtonmetre": 1.0,
+        "mNm mN·m mN*m": 1e-3,
+        "Ncm N·cm": 1e-2,
+        "Nmm N·mm": 1e-3,
+        "lbf·in lbf*in lbfin": _POUND * _GRAVITY * _INCH,
+        "ozf·in ozf*in ozfin": _POUND * _GRAVITY * _INCH / 16,
+    },
+    CURRENT: {"A ampere ampère amps": 1.0, "mA": 1e-3},
     TEMPERATURE: {"C °C degC celsius": 1.0},
     CURVATURE: {
         "1/m /m m^-1 m-1 per_m rad/m rad_per_m": 1.0,
@@ -88,7 +97,16 @@ UNITS: dict[str, Unit] = {
 }
 """Units by their symbols."""
 _ANY_CASE = {symbol.lower(): unit for symbol, unit in reversed(UNITS.items())}
-SI = {FORCE: "N", LENGTH: "m", TIME: "s", TEMPERATURE: "C", CURVATURE: "per_m"}
+SI = {
+    FORCE: "N",
+    LENGTH: "m",
+    TIME: "s",
+    TEMPERATURE: "C",
+    CURVATURE: "per_m",
+    ANGLE: "rad",
+    TORQUE: "Nm",
+    CURRENT: "A",
+}
 """Unit of each quantity that channels are held in."""
 
 

@@ -1,0 +1,228 @@
+"""`tssgeom calibrate` of rigs with unknown numbers, several tendons or a joint, and of several runs."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from pipelines import tssgeom_version
+from pipelines.terminal import print_json, print_message, print_table, step_progress
+from tssgeom.atomic import write_text
+
+if TYPE_CHECKING:
+    from pipelines.inputs import RunSettings
+    from tssgeom.identify.machine_fit import MachineCalibration, MachineEstimate
+    from tssgeom.identify.machine_run import MachineRun
+    from tssgeom.route.pieces import Arcs
+
+_REPORT = "calibration.json"
+_TITLES = {
+    "friction.coefficient": "friction coefficient μ",
+    "tendon.compliance_per_N": "compliance ρ",
+    "tendon.pretension_N": "pretension T_0",
+    "route.angle_gain": "true over sensed angle",
+    "route.angle_rad": "curve angle Φ",
+}
+
+
+def calibrate_machine(
+    paths: Sequence[Path],
+    shapes: Sequence[Path],
+    out: Path,
+    settings: RunSettings,
+    *,
+    folder: Path | None,
+    figures: Path | None,
+    force: bool,
+    as_json: bool,
+    quiet: bool,
+) -> None:
+    """Fit a machine to runs, print what they say of it, and write the rig."""
+    from tssgeom.identify import machine_fit
+    from tssgeom.rig import write_rig
+
+    runs = _runs(paths, shapes, settings)
+    with step_progress(quiet=quiet or as_json) as report_step:
+        fitted = machine_fit.calibrate_machine(runs, settings.rig, settings.uncertain, progress=report_step)
+        report_step("done", 1.0)
+    for warning in fitted.warnings:
+        print_message(f"{paths[0]}: warning: {warning}")
+    written = force or not fitted.failures
+    summary = _object(paths, shapes, out if written else None, fitted)
+    _write(folder, figures, fitted, summary, paths[0].stem)
+    if written:
+        write_rig(out, fitted.rig, _provenance(paths, shapes, fitted))
+    if as_json:
+        print_json(summary)
+    elif not quiet:
+        _print(paths, out if written else None, fitted)
+    for failure in fitted.failures:
+        print_message(f"{paths[0]}: {'warning: ' if force else ''}the fit fails its test: {failure}")
+    if not written:
+        print_message(f"{paths[0]}: no rig is written: mend the run or the rig, or give --force")
+        raise typer.Exit(2)
+
+
+def _runs(paths: Sequence[Path], shapes: Sequence[Path], settings: RunSettings) -> list[MachineRun]:
+    """Read the runs and put each on its routes."""
+    from pipelines.runs import measured_run
+    from tssgeom.errors import TssgeomError
+    from tssgeom.identify.machine_run import machine_run
+
+    routes = _routes(len(paths), shapes, settings)
+    runs = []
+    for path, on in zip(paths, routes, strict=True):
+        read = measured_run(path, settings)
+        try:
+            runs.append(machine_run(read.name, read.columns, on, settings.rig))
+        except TssgeomError as error:
+            raise type(error)(f"{path}: {error}") from error
+    return runs
+
+
+def _routes(runs: int, shapes: Sequence[Path], settings: RunSettings) -> list[list[Arcs]]:
+    """Return the routes of each run: of the rig, of one shape for all, one a run, or one a tendon."""
+    from pipelines.inputs import analysis_of, without_effects
+    from tssgeom.errors import SettingsError
+    from tssgeom.identify.machine_run import route_of_rig
+    from tssgeom.mechanism import tendon_count
+
+    tendons = tendon_count(settings.rig.drive, settings.rig.end)
+    if not shapes:
+        return [[route_of_rig(settings.rig)]] * runs
+    plain = without_effects(settings)
+    sensed = {
+        shape: analysis_of(shape.stem, shape, plain).results[-1].arcs for shape in dict.fromkeys(shapes)
+    }
+    arcs = [sensed[shape] for shape in shapes]
+    if len(arcs) == 1:
+        return [arcs] * runs
+    if len(arcs) == runs:
+        return [[each] for each in arcs]
+    if len(arcs) == tendons:
+        return [arcs] * runs
+    if len(arcs) == runs * tendons:
+        return [arcs[k * tendons : (k + 1) * tendons] for k in range(runs)]
+    raise SettingsError(
+        f"{len(arcs)} --shape for {runs} runs of {tendons} tendons: give one for all, one a run, one a "
+        "tendon, or those of each run one after the other"
+    )
+
+
+def _write(
+    folder: Path | None, figures: Path | None, fitted: MachineCalibration, summary: dict[str, Any], stem: str
+) -> None:
+    from pipelines.figures import write_figure, write_figures
+    from tssgeom.view.figures.machine import loop_figure, run_figure
+
+    of = {"loop": lambda: loop_figure(fitted)}
+    for k, run in enumerate(fitted.runs):
+        name = "fit" if len(fitted.runs) == 1 else f"fit_{run.name}"
+        of[name] = lambda k=k: run_figure(fitted, k)
+    if folder is not None:
+        folder.mkdir(parents=True, exist_ok=True)
+        write_text(folder / _REPORT, json.dumps(summary, indent=1, ensure_ascii=False) + "\n")
+        for name, draw in of.items():
+            write_figure(draw(), folder, name)
+    if figures is not None:
+        figures.mkdir(parents=True, exist_ok=True)
+        write_figures(figures, stem, of)
+
+
+def _object(
+    paths: Sequence[Path], shapes: Sequence[Path], out: Path | None, fitted: MachineCalibration
+) -> dict[str, Any]:
+    """Return what `--json` prints."""
+    return {
+        "run": str(paths[0]),
+        "runs": [str(path) for path in paths],
+        "shape": str(shapes[0]) if shapes else None,
+        "rig": None if out is None else str(out),
+        "passes": not fitted.failures,
+        "failures": list(fitted.failures),
+        "estimates": {each.name: _estimate(each) for each in fitted.estimates},
+        "friction_angle": _estimate(fitted.friction_angle),
+        "tied": list(fitted.tied),
+        "held_out": {
+            name: {"rms": away, "fitted_rms": inside, "unit": name.rpartition("_")[2]}
+            for name, (away, inside) in fitted.held_out.items()
+        },
+        "channels": [
+            {
+                "name": each.name,
+                "unit": each.unit,
+                "rms": each.rms,
+                "readings": each.count,
+                "effective_readings": each.effective_count,
+                "noise": each.noise,
+                "whiteness_p": each.whiteness_p,
+            }
+            for each in fitted.channels
+        ],
+        "warnings": list(fitted.warnings),
+    }
+
+
+def _estimate(each: MachineEstimate) -> dict[str, Any]:
+    return {
+        "value": each.value if each.identified else None,
+        "ci95": [each.low, each.high] if each.identified else None,
+        "unit": each.unit,
+        "observable": each.identified,
+        "assumed95": list(each.assumed),
+        "key": each.key or None,
+    }
+
+
+def _provenance(paths: Sequence[Path], shapes: Sequence[Path], fitted: MachineCalibration) -> list[str]:
+    """Return the comment at the head of the rig file: inputs with digests, and all estimates."""
+    from tssgeom.io.results.run_record import sha256_of
+
+    lines = [f"Calibrated by tssgeom {tssgeom_version()} calibrate."]
+    for kind, files in (("Run", paths), ("Shape", shapes)):
+        lines += [f"{kind} {path.name}, SHA-256 {sha256_of(path)}" for path in files]
+    lines.append("With 95 % intervals; what is not identified stands as it was assumed:")
+    lines += [f"  {_title(each)}: {_sentence(each)}" for each in fitted.estimates]
+    lines += [f"Tied: {each}" for each in fitted.tied]
+    lines += [f"Fails its test: {failure}" for failure in fitted.failures]
+    return lines + [f"Warning: {warning}" for warning in fitted.warnings]
+
+
+def _title(each: MachineEstimate) -> str:
+    return _TITLES.get(each.key, each.name)
+
+
+def _sentence(each: MachineEstimate) -> str:
+    if not each.identified:
+        return f"not identified; assumed {each.assumed[0]:.4g} to {each.assumed[1]:.4g} {each.unit}"
+    return f"{each.value:.6g} {each.unit} [{each.low:.6g}, {each.high:.6g}]".replace(" 1 [", " [")
+
+
+def _print(paths: Sequence[Path], out: Path | None, fitted: MachineCalibration) -> None:
+    rows = []
+    for each in (*fitted.estimates, fitted.friction_angle):
+        assumed = f"{each.assumed[0]:.4g} to {each.assumed[1]:.4g}"
+        held = (
+            [f"{each.value:.5g}", f"{each.low:.5g} to {each.high:.5g}"]
+            if each.identified
+            else ["not identified", ""]
+        )
+        rows.append([_title(each), *held, each.unit, assumed])
+    notes = [
+        *fitted.tied,
+        *(
+            f"{each.name}: {each.count} readings met within {each.rms:.3g} {each.unit} rms, "
+            f"{each.over_noise:.3g} × their noise; they count as {each.effective_count:.0f} independent ones"
+            for each in fitted.channels
+        ),
+    ]
+    for name, (away, inside) in fitted.held_out.items():
+        unit = name.rpartition("_")[2]
+        notes.append(f"{name}: {away:.3g} {unit} rms on cycles held out, {inside:.3g} on those fitted")
+    notes += [] if out is None else [f"rig: {out}"]
+    names = paths[0].name if len(paths) == 1 else f"{len(paths)} runs, {paths[0].name} …"
+    print_table(names, ("", "value", "95 % interval", "unit", "assumed"), rows, notes=notes)

@@ -1,0 +1,112 @@
+"""Tendons on one mechanism in the core, beside the twin of their laws and a root finder of scipy."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq, root
+
+from tests.core.twins.tendon_laws import balanced, remembered, unpacked, workspace
+from tssgeom import core
+from tssgeom.core.constants_tendon_rows import LAW, PLANT
+from tssgeom.effects import KINDS, Setup, together, with_size
+from tssgeom.route.pieces import Arcs
+from tssgeom.tendon.bars.contact_grid import equal_edges
+from tssgeom.tendon.bars.plant import memory_of, plant
+
+NAMES = ["creep", "toe_region", "load_dependent_friction", "end_fitting_friction_proximal", "hidden_bend"]
+SOLVED = 1e-6  # of a tension; both solve the bars to 1e-10 and the coordinates to 1e-9 of the forces
+
+
+def tendon(rng, names):
+    """Plant and memory of one tendon of few bars with a soft bar at each end."""
+    setup = together(Setup(rng.uniform(0.05, 0.3), 3e-4, 5.0, math.inf), [with_size(KINDS[n]) for n in names])
+    edge = equal_edges(4)
+    made = plant(setup, Arcs.exact(rng.uniform(0.1, 0.4, 2), rng.uniform(0.0, 2.0, 2)), edge)
+    made.rows[LAW.soft, [0, -1]] = 2e-5
+    made.rows[LAW.rest] = made.stretch(5.0)
+    made.block[PLANT.swift - len(PLANT)] = 0.0
+    tension = np.full(len(edge) + 1, 5.0)
+    return made, memory_of(tension, creep=made.rows[LAW.creep_soft] * 5.0), edge
+
+
+def twin_ends(laws, memory, drive, end, span):
+    """Return what a step to these positions of both ends leaves."""
+    after, _ = remembered(memory.block)
+    rest = np.array(laws.rest)
+    rest[-1] -= end
+    cone, room = workspace(laws)
+    balanced(laws, after, False, drive, 0.0, 0.0, span, rest, cone, room)
+    return after
+
+
+@pytest.mark.parametrize("name", ["none", *NAMES])
+def test_a_joint_between_two_tendons_is_where_the_twin_balances(name):
+    rng = np.random.default_rng(NAMES.index(name) if name in NAMES else 7)
+    names = [] if name == "none" else [name]
+    plants, memories, edges = zip(*(tendon(rng, names) for _ in range(2)), strict=True)
+    arm, stiffness, load = 0.01, 0.2, 0.01
+    distal = np.array([[arm], [-arm]])
+    for drive in (1e-3, -2e-3, 4e-3):
+        given = np.array([[drive, -drive]])
+        done, after, where, ends = core.march_machine(
+            len(edges[0]), np.array([p.block for p in plants]), np.array([m.block for m in memories]),
+            np.zeros((2, 1)), distal, np.array([stiffness]), np.array([[0.03, 0.2]]), np.zeros(1),
+            np.zeros(1), False, np.ones(1), given, np.zeros((1, 2)), np.array([[load]]), np.zeros(1),
+        )  # fmt: skip
+        assert done == 1
+
+        def left(angle, given=given):
+            out = [
+                twin_ends(unpacked(p), m, given[0, i], distal[i, 0] * angle, 1.0).tension[-1]
+                for i, (p, m) in enumerate(zip(plants, memories, strict=True))
+            ]
+            weight = 0.03 * (math.sin(angle + 0.2) - math.sin(0.2))
+            return arm * (out[0] - out[1]) - stiffness * angle - weight - load
+
+        angle = brentq(left, -3.0, 3.0, xtol=1e-15)
+        assert where[0, 0] == pytest.approx(angle, rel=SOLVED, abs=1e-9)
+        for i, row in enumerate(ends.reshape(2, 4)):
+            twin = twin_ends(unpacked(plants[i]), memories[i], given[0, i], distal[i, 0] * angle, 1.0)
+            np.testing.assert_allclose(row[:2], twin.tension[[0, -1]], rtol=SOLVED, atol=1e-6)
+            kept, _ = remembered(after[i])
+            np.testing.assert_allclose(kept.displacement, twin.displacement, rtol=1e-5, atol=1e-9)
+
+
+def test_two_coordinates_of_three_tendons_are_where_the_twin_balances():
+    rng = np.random.default_rng(4)
+    plants, memories, edges = zip(*(tendon(rng, []) for _ in range(3)), strict=True)
+    angles = np.radians([0.0, 120.0, 240.0])
+    distal, stiffness = 0.004 * np.column_stack([np.cos(angles), np.sin(angles)]), np.full(2, 0.05)
+    given = np.array([[2e-3, -1e-3, -0.5e-3]])
+    done, _, where, _ = core.march_machine(
+        len(edges[0]), np.array([p.block for p in plants]), np.array([m.block for m in memories]),
+        np.zeros((3, 2)), distal, stiffness, np.zeros((2, 2)), np.zeros(2), np.zeros(2), False, np.ones(1),
+        given, np.zeros((1, 3)), np.zeros((1, 2)), np.zeros(1),
+    )  # fmt: skip
+    assert done == 1
+
+    def left(bending):
+        out = np.array(
+            [
+                twin_ends(unpacked(p), m, given[0, i], float(distal[i] @ bending), 1.0).tension[-1]
+                for i, (p, m) in enumerate(zip(plants, memories, strict=True))
+            ]
+        )
+        return distal.T @ out - stiffness * bending
+
+    solution = root(left, where[0] + 1e-3, tol=1e-12)
+    np.testing.assert_allclose(where[0], solution.x, rtol=SOLVED)
+
+
+def test_what_cannot_be_balanced_ends_with_the_sample_that_failed():
+    made, memory, edge = tendon(np.random.default_rng(0), [])
+    done, _, where, ends = core.march_machine(
+        len(edge), made.block[None], memory.block[None], np.zeros((1, 1)), np.ones((1, 1)), np.ones(1),
+        np.zeros((1, 2)), np.full(1, 5.0), np.zeros(1), False, np.ones(3), np.array([[0.0], [np.nan], [0.0]]),
+        np.zeros((3, 1)), np.zeros((3, 1)), np.zeros(3),
+    )  # fmt: skip
+    assert done == 1
+    assert np.isfinite(where[0]).all()
+    assert np.isnan(where[1:]).all()
+    assert np.isnan(ends[1:]).all()

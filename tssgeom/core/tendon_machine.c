@@ -1,0 +1,209 @@
+/* Several tendons on one mechanism: its coordinates are where all forces balance; docs/model.md (171)-(175).
+
+   Every tendon is given where both of its ends are and answers with both tensions and their slopes; the
+   coordinates of the mechanism follow by Newton's method. */
+#include "tendon_bars.h"
+
+#include <string.h>
+
+/* Tensions at both ends [N], and their derivatives by the position of the drive and of the load [N/m]. */
+typedef struct {
+    double in, out, in_by_in, in_by_out, out_by_in, out_by_out;
+} end_forces;
+
+/* Stretch per tension of one bar [m/N]; 0 where nothing of it moves. */
+static double softness(const bar_chain *c, int64_t j) {
+    return c->stiffness[j] > 0.0 ? 1.0 / c->stiffness[j] : 0.0;
+}
+
+/* Ratio of the tensions behind and before a contact that slides. */
+static double ratio_at(const bar_chain *c, int64_t i) { return c->slip[i] == PULLED ? c->low[i] : c->high[i]; }
+
+/* Slopes of both tensions: contacts that slide pass a change on, the first one that sticks ends it; (174). */
+static end_forces slopes_of(const bar_chain *c, int by_force) {
+    int64_t k = c->k, j = 0;
+    end_forces f = {.in = c->tension[0], .out = c->tension[k]};
+    double share = 1.0, soft = softness(c, 0);
+    while (j < k && c->slip[j] != STUCK) share *= ratio_at(c, j), j++, soft += share * softness(c, j);
+    if (j == k) { /* the whole tendon slides */
+        if (by_force || f.in <= 0.0) return f;
+        f.in_by_in = 1.0 / soft, f.in_by_out = -1.0 / soft;
+        f.out_by_in = share / soft, f.out_by_out = -share / soft;
+        return f;
+    }
+    if (!by_force && f.in > 0.0) f.in_by_in = 1.0 / soft;
+    share = 1.0, soft = softness(c, k);
+    for (j = k; j > 0 && c->slip[j - 1] != STUCK; j--)
+        share /= ratio_at(c, j - 1), soft += share * softness(c, j - 1);
+    if (f.out > 0.0) f.out_by_out = -1.0 / soft;
+    return f;
+}
+
+/* What does not change from trial to trial of one sample. */
+typedef struct {
+    int64_t n, k, m;
+    const double *plant, *proximal, *distal, *stiffness, *gravity, *at_rest; /* as `march_machine` */
+    const double *drive, *end, *load;
+    int by_force;
+    double span, warmth;
+    const double *before; /* [n] memories of 7 (k + 1) + 6 numbers before the sample */
+    double *trial;        /* [n] the same of the trial */
+    double *rest;         /* [k+1] */
+    double *work;         /* of a room */
+} sample;
+
+/* Bring one tendon to a trial of the coordinates; returns whether it is in equilibrium. */
+static int try_tendon(const sample *it, int64_t i, const double z[], end_forces *f) {
+    int64_t k = it->k, size = 7 * (k + 1) + 6, solves;
+    const double *before = it->before + i * size;
+    double *block = it->trial + i * size, drive = it->drive[i], end = it->end[i];
+    for (int64_t j = 0; j < it->m; j++) {
+        drive += it->proximal[i * it->m + j] * z[j];
+        end += it->distal[i * it->m + j] * z[j];
+    }
+    memcpy(block, before, memory_bytes(k));
+    bar_laws laws = laws_of(k, it->plant + i * (14 * (k + 1) + 19));
+    bar_memory memory = memory_of(k, block);
+    step_room room = room_of(k, it->work);
+    begin_room(&laws, &room);
+    double target = drive, engaged = memory.held[HELD.engaged];
+    if (!it->by_force) target = least(drive + laws.backlash, most(drive, engaged)); /* docs/model.md (59) */
+    for (int64_t j = 0; j <= k; j++) it->rest[j] = laws.rest[j] + memory.rest[j];
+    it->rest[k] -= end; /* docs/model.md (172) */
+    double change =
+        balance(&laws, &memory, &room, it->by_force, target, 0.0, it->warmth, it->span, it->rest, &solves);
+    if (!(change <= 1e3 * SOLVER.converged)) return 0;
+    memory.held[HELD.engaged] = target, memory.held[HELD.drive] = drive;
+    *f = slopes_of(&room.chain, it->by_force);
+    if (target == engaged && laws.backlash > 0.0) f->in_by_in = f->out_by_in = 0.0;
+    return 1;
+}
+
+/* Forces that are left on the coordinates [m], and their derivatives [m][m]; docs/model.md (173). */
+static int try_all(const sample *it, const double z[], double left[], double slope[], double *scale) {
+    int64_t m = it->m;
+    for (int64_t a = 0; a < m; a++) {
+        double turn = z[a] + it->gravity[2 * a + 1];
+        left[a] = -it->at_rest[a] - it->load[a] - it->stiffness[a] * z[a]
+                  - it->gravity[2 * a] * (sin(turn) - sin(it->gravity[2 * a + 1]));
+        for (int64_t b = 0; b < m; b++)
+            slope[a * m + b] = a == b ? -it->stiffness[a] - it->gravity[2 * a] * cos(turn) : 0.0;
+    }
+    *scale = 1e-9;
+    for (int64_t i = 0; i < it->n; i++) {
+        end_forces f;
+        if (!try_tendon(it, i, z, &f)) return 0;
+        const double *in = it->proximal + i * m, *out = it->distal + i * m;
+        for (int64_t a = 0; a < m; a++) {
+            *scale = most(*scale, fabs(out[a] * f.out) + fabs(in[a] * f.in) + fabs(it->load[a]));
+            left[a] += out[a] * f.out - in[a] * f.in;
+            for (int64_t b = 0; b < m; b++)
+                slope[a * m + b] += out[a] * (f.out_by_in * in[b] + f.out_by_out * out[b])
+                                    - in[a] * (f.in_by_in * in[b] + f.in_by_out * out[b]);
+        }
+    }
+    return 1;
+}
+
+/* Solve slope · step = −left [m] by elimination with pivots; a coordinate that nothing holds does not move. */
+static void solve_step(int64_t m, double slope[], double left[], double step[]) {
+    for (int64_t a = 0; a < m; a++) {
+        int64_t pivot = a;
+        for (int64_t b = a + 1; b < m; b++)
+            if (fabs(slope[b * m + a]) > fabs(slope[pivot * m + a])) pivot = b;
+        for (int64_t b = 0; b < m; b++) {
+            double kept = slope[a * m + b];
+            slope[a * m + b] = slope[pivot * m + b], slope[pivot * m + b] = kept;
+        }
+        double kept = left[a];
+        left[a] = left[pivot], left[pivot] = kept;
+        if (slope[a * m + a] == 0.0) continue;
+        for (int64_t b = a + 1; b < m; b++) {
+            double factor = slope[b * m + a] / slope[a * m + a];
+            for (int64_t j = a; j < m; j++) slope[b * m + j] -= factor * slope[a * m + j];
+            left[b] -= factor * left[a];
+        }
+    }
+    for (int64_t a = m - 1; a >= 0; a--) {
+        double sum = -left[a];
+        for (int64_t j = a + 1; j < m; j++) sum -= slope[a * m + j] * step[j];
+        step[a] = slope[a * m + a] != 0.0 ? sum / slope[a * m + a] : 0.0;
+    }
+}
+
+enum { MOST = 4 }; /* coordinates */
+
+static double largest(int64_t m, const double left[]) {
+    double result = 0.0;
+    for (int64_t a = 0; a < m; a++) result = most(result, fabs(left[a]));
+    return result;
+}
+
+/* Move the coordinates to where all forces balance; returns whether they do; docs/model.md (175). */
+static int solve_balance(const sample *it, double z[]) {
+    int64_t m = it->m;
+    double left[MOST], slope[MOST * MOST], step[MOST] = {0.0}, next[MOST], scale;
+    double low = -INFINITY, high = INFINITY; /* of one coordinate: its force falls as it grows */
+    if (!try_all(it, z, left, slope, &scale)) return 0;
+    for (int64_t turn = 0; turn < MACHINE.turns; turn++) {
+        double worst = largest(m, left);
+        if (worst <= MACHINE.accuracy * scale) return 1;
+        if (m == 1 && left[0] > 0.0) low = most(low, z[0]);
+        if (m == 1 && left[0] < 0.0) high = least(high, z[0]);
+        solve_step(m, slope, left, step);
+        int better = 0;
+        for (int64_t half = 0; half < MACHINE.halvings && !better; half++) {
+            for (int64_t a = 0; a < m; a++) next[a] = z[a] + step[a];
+            if (m == 1 && step[0] == 0.0) next[0] = z[0] + (worst > 0.0 && low >= z[0] ? 1.0 : -1.0);
+            if (m == 1 && !(low < next[0] && next[0] < high)) {
+                next[0] = 0.5 * (low + high);
+                if (!isfinite(next[0])) return 0;
+            }
+            if (!try_all(it, next, left, slope, &scale)) return 0;
+            better = m == 1 || largest(m, left) < worst;
+            for (int64_t a = 0; a < m; a++) step[a] *= 0.5;
+        }
+        if (!better) return worst <= MACHINE.accepted * scale;
+        if (m == 1 && next[0] == z[0]) return largest(m, left) <= MACHINE.accepted * scale;
+        memcpy(z, next, (size_t)m * sizeof(double));
+    }
+    return largest(m, left) <= MACHINE.accepted * scale;
+}
+
+int64_t tss_march_machine(
+    int64_t n, int64_t k, const double plant[n][14 * (k + 1) + 19], const double memory[n][7 * (k + 1) + 6],
+    int64_t m, const double proximal[n][m], const double distal[n][m], const double stiffness[m],
+    const double gravity[m][2], const double at_rest[m], const double start[m], int64_t by_force, int64_t s,
+    const double spans[s], const double drive[s][n], const double end[s][n], const double load[s][m],
+    const double warmth[s], double after[n][7 * (k + 1) + 6], double coordinate[s][m], double ends[s][4 * n],
+    double trial[n][7 * (k + 1) + 6], double work[21][k + 1]) {
+    double z[MOST] = {0.0}, *turned = *coordinate, *read_out = *ends, unused;
+    for (int64_t i = 0; i < s * m; i++) turned[i] = NAN;
+    for (int64_t i = 0; i < 4 * s * n; i++) read_out[i] = NAN;
+    memcpy(*after, *memory, (size_t)n * memory_bytes(k));
+    if (k < 2 || n < 1 || m > MOST) return 0;
+    for (int64_t a = 0; a < m; a++) z[a] = start[a];
+    for (int64_t g = 0; g < s; g++) {
+        double sum = spans[g] + warmth[g];
+        for (int64_t i = 0; i < n; i++) sum += drive[g][i] + end[g][i];
+        for (int64_t a = 0; a < m; a++) sum += load[g][a];
+        if (!isfinite(sum)) return g;
+        sample it = {
+            n, k, m, *plant, *proximal, *distal, stiffness, *gravity, at_rest, drive[g], end[g], load[g],
+            (int)by_force, most(BAR.least_time, spans[g]), warmth[g], *after, *trial, work[20], work[0]};
+        if (!solve_balance(&it, z)) return g;
+        memcpy(*after, *trial, (size_t)n * memory_bytes(k));
+        for (int64_t a = 0; a < m; a++) coordinate[g][a] = z[a];
+        for (int64_t i = 0; i < n; i++) {
+            bar_laws laws = laws_of(k, plant[i]);
+            bar_memory kept = memory_of(k, after[i]);
+            double *row = ends[g] + 4 * i, moved = end[g][i], pulled = drive[g][i];
+            for (int64_t a = 0; a < m; a++) moved += distal[i][a] * z[a], pulled += proximal[i][a] * z[a];
+            if (by_force)
+                pulled = kept.displacement[0] + stretch_of(&laws, 0, kept.tension[0], &unused) - laws.rest[0]
+                         - kept.rest[0];
+            row[0] = kept.tension[0], row[1] = kept.tension[k], row[2] = pulled, row[3] = moved;
+        }
+    }
+    return s;
+}

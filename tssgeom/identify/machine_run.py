@@ -1,0 +1,273 @@
+"""A measured run of a machine: what is given, what answers, what is not known; docs/model.md (180)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, NamedTuple
+
+import numpy as np
+from scipy.special import ndtr
+
+from tssgeom.arrays import Vector
+from tssgeom.errors import SettingsError
+from tssgeom.identify.turning import legs
+from tssgeom.mechanism import numbered, tendon_count
+from tssgeom.rig import Rig
+from tssgeom.route.pieces import Arcs
+from tssgeom.statistics import turns
+from tssgeom.tendon.machine import DriveName, Start, drive_channels, drive_of, machine_of, simulate_machine
+from tssgeom.uncertain import Prior, Uncertain, assumed
+
+
+@dataclass(frozen=True, slots=True)
+class MachineRunLimits:
+    """Which readings of a run of a machine are used. All are chosen."""
+
+    most_samples: int = 400
+    """Samples of a run; a longer one is thinned, its turns stay; chosen for the speed of a fit."""
+    least_samples: int = 20
+    """Samples that a run needs; chosen."""
+    turn: float = 0.2
+    """Of the range of the drive: going back by more ends a cycle [1]; chosen."""
+    zero: float = 0.3
+    """Standard deviation of the zero of a channel, of its range [1]; chosen."""
+    held_out: float = 0.34
+    """Share of the cycles that are held out, at least one where there are two [1]; chosen: a third."""
+
+
+LIMITS = MachineRunLimits()
+
+
+@dataclass(frozen=True, slots=True)
+class MachineRun:
+    """One run, ready to be fitted."""
+
+    name: str
+    given: Mapping[str, Vector]
+    """[s] Time, drive, and what acts at the end."""
+    measured: Mapping[str, Vector]
+    """[s] The channels that answer; NaN where a reading is missing."""
+    held_out: np.ndarray
+    """[s] Whether a sample is held out while the fit is checked."""
+    routes: tuple[Arcs, ...]
+    drive: DriveName
+    end_given: bool
+    tendons: int
+    notes: tuple[str, ...] = ()
+
+
+class Parameter(NamedTuple):
+    """One number that is fitted; `u` counts standard deviations of its prior."""
+
+    name: str
+    unit: str
+    prior: Prior
+    kind: Literal["rig", "zero", "given zero", "history"]
+    run: int = -1
+    """The run that it belongs to; −1 for all."""
+    key: str = ""
+    """Key of the rig, channel, or number of a tendon."""
+
+    def value(self, u: float) -> float:
+        """Return the number in its unit; a share of friction is even over −1 to 1."""
+        return float(2.0 * ndtr(u) - 1.0) if self.kind == "history" else self.prior.value(u)
+
+
+def machine_run(
+    name: str, columns: Mapping[str, Vector], routes: Sequence[Arcs], rig: Rig, *, most: int | None = None
+) -> MachineRun:
+    """Choose what is given and what answers in a run.
+
+    Parameters
+    ----------
+    name
+        Of the run, for messages.
+    columns
+        `time_s` and channels, in SI; NaN where a reading is missing.
+    routes
+        One for all tendons, or one each.
+    rig
+        The machine.
+    most
+        Samples of the run; a longer one is thinned.
+
+    Raises
+    ------
+    SettingsError
+        Where there is no drive, no answer, or too little of either.
+    """
+    count = tendon_count(rig.drive, rig.end)
+    drive = drive_of(columns, count)
+    given_names = ["time_s", *drive_channels(drive, count)]
+    end_given = rig.end.given == "angle"
+    if end_given and "joint_angle_rad" not in columns:
+        raise SettingsError(f"{name}: end.given is 'angle', but the run has no joint_angle_rad: add it")
+    beside = "joint_angle_rad" if end_given else "joint_torque_Nm"
+    if rig.end.kind == "joint" and beside in columns:
+        given_names.append(beside)
+    sound = np.all([np.isfinite(columns[each]) for each in given_names], axis=0)
+    rows = np.flatnonzero(sound)
+    if len(rows) < LIMITS.least_samples:
+        raise SettingsError(
+            f"{name}: {len(rows)} samples with {given_names[1]}: give {LIMITS.least_samples} or more"
+        )
+    motion = columns[given_names[1]][rows]
+    edges = turns(motion, LIMITS.turn * float(np.ptp(motion)))
+    rows = rows[_thinned(len(rows), edges, most or LIMITS.most_samples)]
+    given = {each: np.ascontiguousarray(columns[each][rows]) for each in given_names}
+    if drive == "tension_in":
+        for channel in drive_channels(drive, count):
+            given[channel] = legs(given[channel]).values
+    answers = {
+        each: columns[each][rows]
+        for each in answering(rig, count)
+        if each in columns and each not in given_names and np.isfinite(columns[each][rows]).sum() >= 8
+    }
+    if not answers:
+        known = ", ".join(each for each in answering(rig, count) if each not in given_names)
+        raise SettingsError(f"{name}: nothing answers to {given_names[1]}: give one of {known}")
+    held_out = _held_out(given[given_names[1]])
+    return MachineRun(name, given, answers, held_out, tuple(routes), drive, end_given, count)
+
+
+def answering(rig: Rig, count: int) -> tuple[str, ...]:
+    """Return the channels that a machine with so many tendons may answer in."""
+    ends = [*numbered("tension_in_N", count), *numbered("tension_out_N", count)]
+    ends += numbered("displacement_in_m", count)
+    motor = ["motor_angle_rad", "motor_torque_Nm", "motor_current_A"] if rig.drive.radius_m > 0.0 else []
+    of_end = {
+        "joint": ["joint_angle_rad", "joint_torque_Nm"],
+        "segment": ["bending_x_rad", "bending_y_rad", "tip_x_m", "tip_y_m", "tip_z_m"],
+        "spring": ["displacement_out_m"],
+        "weight": ["displacement_out_m"],
+        "blocked": [],
+    }[rig.end.kind]
+    return (*of_end, *motor, *ends)
+
+
+def thinned(run: MachineRun, most: int) -> MachineRun:
+    """Return a run of at most about so many samples; turns of the drive stay."""
+    motion = run.given[drive_channels(run.drive, run.tendons)[0]]
+    at = _thinned(len(motion), turns(motion, LIMITS.turn * float(np.ptp(motion))), most)
+    given = {name: np.ascontiguousarray(values[at]) for name, values in run.given.items()}
+    measured = {name: values[at] for name, values in run.measured.items()}
+    return replace(run, given=given, measured=measured, held_out=run.held_out[at])
+
+
+def _thinned(samples: int, edges: np.ndarray, most: int) -> np.ndarray:
+    """Return which samples stay: evenly chosen ones, and those at which the drive turns."""
+    if samples <= most:
+        return np.arange(samples)
+    return np.union1d(np.unique(np.linspace(0, samples - 1, most).round().astype(int)), edges)
+
+
+def _held_out(motion: Vector) -> np.ndarray:
+    """Return which samples belong to the last cycles of the drive."""
+    edges = turns(motion, LIMITS.turn * float(np.ptp(motion)))
+    legs_made = len(edges) - 1
+    out = np.zeros(len(motion), dtype=bool)
+    if legs_made >= 4:
+        held = max(2, 2 * round(0.5 * LIMITS.held_out * legs_made))
+        out[edges[-1 - held] + 1 :] = True
+    return out
+
+
+def parameters_of(runs: Sequence[MachineRun], rig: Rig, uncertain: Sequence[Uncertain]) -> list[Parameter]:
+    """Return everything that is fitted: of the rig what is not certain, of each run its zeros and start."""
+    stated = {each.key: each.prior for each in uncertain}
+    stated.setdefault("friction.coefficient", assumed("", max(rig.friction.coefficient, 0.01), 0.15))
+    soft = max(rig.tendon.compliance_per_N, 1e-6)
+    stated.setdefault("tendon.compliance_per_N", assumed("", soft, soft))
+    spread = [
+        each.total_angle_se / each.total_angle for run in runs for each in run.routes if each.total_angle
+    ]
+    gain = float(np.hypot(rig.shape.angle_gain_sd, max(spread, default=0.0)))
+    if gain > 0.0:
+        stated.setdefault("route.angle_gain", assumed("", 1.0, gain))
+    parameters = [Parameter(key, unit_of(key), prior, "rig", key=key) for key, prior in stated.items()]
+    for k, run in enumerate(runs):
+        parameters += _of_run(run, k, len(runs))
+    return parameters
+
+
+def _of_run(run: MachineRun, k: int, runs: int) -> Iterator[Parameter]:
+    of = f" of {run.name}" if runs > 1 else ""
+    for channel, values in run.measured.items():
+        sd = LIMITS.zero * float(np.nanmax(values) - np.nanmin(values)) or 1.0
+        centre = float(np.nanmedian(values)) if abs(np.nanmedian(values)) > 3.0 * sd else 0.0
+        prior = Prior(centre, sd, log=False)
+        yield Parameter(f"zero of {channel}{of}", unit_of(channel), prior, "zero", k, channel)
+    if run.drive == "motor_angle_rad":
+        motion = run.given["motor_angle_rad"]
+        prior = Prior(float(motion[0]), LIMITS.zero * float(np.ptp(motion)), log=False)
+        yield Parameter(f"zero of motor_angle_rad{of}", "rad", prior, "given zero", k, "motor_angle_rad")
+    for which in range(run.tendons):
+        name = f"friction of tendon {which + 1} at the start{of}"
+        yield Parameter(name, "1", Prior(0.0, 1.0, log=False), "history", k, str(which))
+
+
+def unit_of(key: str) -> str:
+    """Return the unit in which the name of a key or channel ends."""
+    for ending, unit in _UNITS.items():
+        if key.endswith(ending):
+            return unit
+    return "1"
+
+
+_UNITS = {
+    "_per_N": "1/N",
+    "_N_per_m": "N/m",
+    "_Nm_per_rad": "N·m/rad",
+    "_Nm": "N·m",
+    "_N": "N",
+    "_m": "m",
+    "_rad": "rad",
+    "_A": "A",
+    "_s": "s",
+}
+
+
+def predicted(
+    run: MachineRun, rig: Rig, values: Mapping[tuple[str, str], float], bars: int
+) -> dict[str, Vector]:
+    """Return what each answering channel would have read [s]; `values` are those of the run, by kind, key."""
+    routes = tuple(routed(arcs, rig) for arcs in run.routes)
+    machine = machine_of(rig, routes, bars)
+    shares = np.array([values.get(("history", str(which)), 0.0) for which in range(machine.count)])
+    given = dict(run.given)
+    for (kind, channel), zero in values.items():
+        if kind == "given zero":
+            given[channel] = given[channel] - zero
+    out = simulate_machine(machine, given, drive=run.drive, end_given=run.end_given, start=Start(shares))
+    return {name: out[name] + values.get(("zero", name), 0.0) for name in run.measured}
+
+
+def routed(arcs: Arcs, rig: Rig) -> Arcs:
+    """Return a route with what the rig says of its length and angle."""
+    given = rig.route
+    length, angle = arcs.length, arcs.angle * given.angle_gain
+    if given.length_m is not None:
+        length = length * (given.length_m / arcs.total_length)
+    if given.angle_rad is not None:
+        scale = given.angle_rad * given.angle_gain
+        angle = (
+            arcs.angle * (scale / arcs.total_angle)
+            if arcs.total_angle > 0.0
+            else scale * arcs.length / arcs.total_length
+        )
+    return Arcs.exact(length, angle)
+
+
+def route_of_rig(rig: Rig) -> Arcs:
+    """Return the route that the rig gives by itself: an even bend.
+
+    Raises
+    ------
+    SettingsError
+        Where it gives no length or no angle.
+    """
+    length, angle = rig.route.length_m, rig.route.angle_rad
+    if length is None or angle is None:
+        raise SettingsError("no shape: give --shape, or route.length_m and route.angle_rad in the rig")
+    return Arcs.exact(np.array([length]), np.array([angle]))

@@ -1,0 +1,175 @@
+"""What pulls the tendons of a rig and what they pull: drives, ends and the coordinates between them.
+
+Source: docs/model.md (171)-(176).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Literal, NamedTuple
+
+import msgspec
+import numpy as np
+
+from tssgeom.arrays import Matrix, Vector
+from tssgeom.errors import SettingsError
+
+
+def _require(condition: bool, key: str, value: float, remedy: str) -> None:
+    if not condition:
+        raise SettingsError(f"{key} is {value:g}: {remedy}")
+
+
+class Drive(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What pulls the tendons: one tendon by itself, two on one pulley, or several each by itself."""
+
+    kind: Literal["tendon", "pair", "loop", "tendons"] = "tendon"
+    """`pair`: two tendons of which a turn of the pulley winds one up and lets the other out; `loop`: one
+    cable with both ends on it, which is the same without slack; `tendons`: those of a segment, each with a
+    drive of its own."""
+    radius_m: float = 0.0
+    """Radius of the pulley on which the motor winds [m]; 0 where there is none."""
+    gear: float = 1.0
+    """Turns of the motor for one of the pulley [1]."""
+    coupling: float = 1.0
+    """Of a pair: what the second tendon is let out over what the first is wound up [1]."""
+    slack_m: float = 0.0
+    """Of a pair: by how much the second tendon is too long at rest [m]."""
+    play_rad: float = 0.0
+    """Play between motor and pulley, at the motor [rad]; it starts engaged for positive motion."""
+    friction_Nm: float = 0.0
+    """Coulomb friction of the motor, which it feels beside the tendons [N·m]."""
+    torque_constant_Nm_per_A: float = 0.0
+    """Torque of the motor for a current [N·m/A]; 0 where not known."""
+
+    def __post_init__(self) -> None:
+        for name in ("radius_m", "slack_m", "play_rad", "friction_Nm", "torque_constant_Nm_per_A"):
+            value = getattr(self, name)
+            _require(0.0 <= value < math.inf, f"drive.{name}", value, "give a finite value >= 0")
+        for name in ("gear", "coupling"):
+            value = getattr(self, name)
+            _require(0.0 < value < math.inf, f"drive.{name}", value, "give a finite value > 0")
+
+    @property
+    def arm(self) -> float:
+        """How far a tendon moves for each radian of the motor [m]."""
+        return self.radius_m / self.gear
+
+
+class End(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What the tendons pull: a spring, a weight, nothing that moves, a joint, or a segment that bends."""
+
+    kind: Literal["spring", "weight", "blocked", "joint", "segment"] = "spring"
+    """`spring` is that of `[load]`; `weight` hangs with the pretension; `blocked` does not move."""
+    radius_m: float = 0.0
+    """Lever arm of the tendons on the joint, or their distance from the backbone [m]."""
+    stiffness_Nm_per_rad: float = 0.0
+    """Torque for each radian of the joint or of the bending [N·m/rad]."""
+    gravity_Nm: float = 0.0
+    """Greatest torque of the weight of what a joint carries [N·m]."""
+    gravity_at_rad: float = 0.0
+    """Angle between the joint at rest and where the weight has no moment [rad]."""
+    play_rad: float = 0.0
+    """Play between the joint and what measures its angle [rad]."""
+    tendon_angles_deg: tuple[float, ...] = ()
+    """Of a segment: where its tendons lie round the backbone [deg]."""
+    given: Literal["torque", "angle"] = "torque"
+    """Of a joint whose angle and torque are both measured: which of them acts, the other answers."""
+    length_m: float = 0.0
+    """Of a segment: length of the backbone [m]."""
+    marker_m: float = 0.0
+    """Of a segment: how far the marker is beyond the tip [m]."""
+
+    def __post_init__(self) -> None:
+        for name in ("radius_m", "stiffness_Nm_per_rad", "gravity_Nm", "play_rad", "length_m", "marker_m"):
+            value = getattr(self, name)
+            _require(0.0 <= value < math.inf, f"end.{name}", value, "give a finite value >= 0")
+        if self.kind in ("joint", "segment"):
+            _require(self.radius_m > 0.0, "end.radius_m", self.radius_m, "give the lever arm, > 0 m")
+        if self.kind == "segment" and len(self.tendon_angles_deg) < 2:
+            raise SettingsError(
+                "end.tendon_angles_deg: a segment needs two angles [deg] or more, one a tendon"
+            )
+        for angle in self.tendon_angles_deg:
+            _require(math.isfinite(angle), "end.tendon_angles_deg", angle, "give finite angles [deg]")
+
+
+class Coordinates(NamedTuple):
+    """How the ends of n tendons move with the m coordinates of their end; docs/model.md (171)."""
+
+    distal: Matrix
+    """[n, m] Movement of each load towards its drive for 1 of each coordinate [m]."""
+    stiffness: Vector
+    """[m] Force that holds each coordinate."""
+    gravity: Matrix
+    """[m, 2] Greatest moment of a weight, and the angle at rest from where it has none."""
+    names: tuple[str, ...]
+    """[m] Channels that read the coordinates."""
+
+
+def tendon_count(drive: Drive, end: End) -> int:
+    """Return how many tendons a rig has.
+
+    Raises
+    ------
+    SettingsError
+        Where drive and end do not go together.
+    """
+    count = {"tendon": 1, "pair": 2, "loop": 2}.get(drive.kind, len(end.tendon_angles_deg))
+    if end.kind == "segment" and count != len(end.tendon_angles_deg):
+        raise SettingsError(
+            f"end.tendon_angles_deg has {len(end.tendon_angles_deg)} angles, drive.kind {drive.kind!r} "
+            f"{count} tendons: "
+            'give one angle a tendon, or drive.kind = "tendons"'
+        )
+    if drive.kind == "tendons" and end.kind != "segment":
+        raise SettingsError('drive.kind "tendons" pulls a segment: give end.kind = "segment"')
+    if count > 1 and end.kind in ("spring", "weight"):
+        raise SettingsError(f'end.kind {end.kind!r} has one tendon: give end.kind = "joint" or "blocked"')
+    return count
+
+
+def coordinates(drive: Drive, end: End, load_stiffness: float) -> Coordinates:
+    """Return what the end makes of the tendons' motion; `load_stiffness` is that of a spring [N/m]."""
+    n = tendon_count(drive, end)
+    none = np.zeros((1, 2))
+    if end.kind == "joint":
+        distal = end.radius_m * np.array([[1.0], [-1.0]][:n])
+        gravity = np.array([[end.gravity_Nm, end.gravity_at_rad]])
+        return Coordinates(distal, np.array([end.stiffness_Nm_per_rad]), gravity, ("joint_angle_rad",))
+    if end.kind == "segment":
+        angles = np.radians(end.tendon_angles_deg)
+        distal = end.radius_m * np.column_stack([np.cos(angles), np.sin(angles)])
+        names = ("bending_x_rad", "bending_y_rad")
+        return Coordinates(distal, np.full(2, end.stiffness_Nm_per_rad), np.zeros((2, 2)), names)
+    if end.kind == "blocked":
+        return Coordinates(np.zeros((n, 1)), np.ones(1), none, ("",))
+    stiffness = 0.0 if end.kind == "weight" else load_stiffness
+    return Coordinates(np.ones((1, 1)), np.array([stiffness]), none, ("displacement_out_m",))
+
+
+def per_motor_angle(drive: Drive, count: int) -> Vector:
+    """Return how far each of the drives moves for each radian of the motor [n] [m]."""
+    return drive.arm * np.array([1.0, -drive.coupling])[:count] if count <= 2 else np.zeros(count)
+
+
+def tip(bending: Matrix, end: End) -> Matrix:
+    """Return the marker [s, 3] of a segment of constant curvature, bent by [s, 2] [rad] [m]; (176)."""
+    angle = np.hypot(*bending.T)
+    small = angle < 1e-6
+    divided = np.where(small, 1.0, angle)
+    sideways = np.where(small, 0.5 * end.length_m, end.length_m * (1.0 - np.cos(divided)) / divided**2)
+    sideways = sideways + end.marker_m * np.where(small, 1.0, np.sin(divided) / divided)
+    along = end.length_m * np.where(small, 1.0, np.sin(divided) / divided) + end.marker_m * np.cos(angle)
+    return np.column_stack([sideways[:, None] * bending, along])
+
+
+def numbered(name: str, count: int) -> Iterator[str]:
+    """Yield the channel of each tendon: `tension_in_N` of one, `tension_in_1_N` … of several."""
+    if count == 1:
+        yield name
+        return
+    stem, _, unit = name.rpartition("_")
+    for k in range(count):
+        yield f"{stem}_{k + 1}_{unit}"

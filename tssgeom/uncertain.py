@@ -1,0 +1,132 @@
+"""Numbers of a rig that are not known, or known with an error: `"unknown"` and `{ value = …, sd = … }`.
+
+Source: docs/model.md (179).
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from tssgeom.effects import KINDS
+from tssgeom.errors import SettingsError
+
+UNKNOWN = "unknown"
+
+
+class Prior(NamedTuple):
+    """What is assumed of a number: normal, or with a centre above 0 and `log` log-normal."""
+
+    centre: float
+    sd: float
+    """Standard deviation of the number, or of its logarithm [1]."""
+    log: bool = True
+
+    def value(self, u: float) -> float:
+        """Return the number that is `u` standard deviations from the centre."""
+        return self.centre * math.exp(self.sd * u) if self.log else self.centre + self.sd * u
+
+    def u(self, value: float) -> float:
+        """Return how many standard deviations a number is from the centre."""
+        return (math.log(value / self.centre) if self.log else value - self.centre) / self.sd
+
+
+UNKNOWNS: Mapping[str, Prior] = {
+    "friction.coefficient": Prior(0.15, 0.8),
+    "tendon.compliance_per_N": Prior(3e-4, 1.5),
+    "tendon.pretension_N": Prior(5.0, 1.2),
+    "load.stiffness_N_per_m": Prior(1000.0, 2.0),
+    "drive.radius_m": Prior(0.01, 1.0),
+    "drive.coupling": Prior(1.0, 0.1),
+    "drive.slack_m": Prior(1e-3, 1.5),
+    "drive.play_rad": Prior(0.02, 1.5),
+    "drive.friction_Nm": Prior(0.01, 2.0),
+    "end.radius_m": Prior(0.006, 1.0),
+    "end.stiffness_Nm_per_rad": Prior(0.1, 2.5),
+    "end.gravity_Nm": Prior(0.05, 2.0),
+    "end.gravity_at_rad": Prior(0.0, 1.0, log=False),
+    "end.play_rad": Prior(0.01, 1.5),
+    "route.length_m": Prior(0.5, 0.5),
+    "route.angle_rad": Prior(3.0, 0.8),
+    "route.angle_gain": Prior(1.0, 0.3),
+    "sensors.gain": Prior(1.0, 0.2),
+    "sensors.lag_s": Prior(0.1, 1.2),
+}
+"""Chosen: what tendon-driven tools have, within a factor that holds two thirds of them. What is assumed of a
+number of a rig that is "unknown"."""
+
+
+@dataclass(frozen=True, slots=True)
+class Uncertain:
+    """One number of a rig that is not certain."""
+
+    key: str
+    """Where it stands: `friction.coefficient`, `effects[0].width_m`, `sensors.joint_angle_rad.lag_s`."""
+    prior: Prior
+    stated: bool
+    """Whether the rig gives its value and error; else it is unknown."""
+
+
+def parted(tables: dict[str, Any]) -> tuple[dict[str, Any], tuple[Uncertain, ...]]:
+    """Return the tables of a rig with a number for each one that is not certain, and those.
+
+    Raises
+    ------
+    SettingsError
+        Where an error is no number above 0, or nothing is known of what may be unknown.
+    """
+    uncertain = list[Uncertain]()
+
+    def visit(value: Any, key: str) -> Any:
+        if value == UNKNOWN or (isinstance(value, dict) and value.keys() == {"value", "sd"}):
+            uncertain.append(_uncertain(key, value, tables))
+            return uncertain[-1].prior.centre
+        if isinstance(value, dict):
+            return {name: visit(item, f"{key}.{name}" if key else name) for name, item in value.items()}
+        if isinstance(value, list):
+            return [visit(item, f"{key}[{k}]") for k, item in enumerate(value)]
+        return value
+
+    return visit(tables, ""), tuple(uncertain)
+
+
+def assumed(key: str, value: float, sd: float) -> Prior:
+    """Return the prior of a number that is known with a standard deviation."""
+    if value > 0.0 and not key.startswith("sensors") and not key.endswith("gravity_at_rad"):
+        return Prior(value, math.sqrt(math.log1p((sd / value) ** 2)))
+    return Prior(value, sd, log=False)
+
+
+def unknown_keys(uncertain: Sequence[Uncertain]) -> Iterator[str]:
+    """Yield the keys of numbers whose value the rig does not give."""
+    return (each.key for each in uncertain if not each.stated)
+
+
+def path_of(key: str) -> list[str | int]:
+    """Return the steps to a key: names of tables, and numbers in lists."""
+    return [int(part) if part.isdigit() else part for part in re.split(r"[.\[\]]+", key) if part]
+
+
+def _uncertain(key: str, value: Any, tables: dict[str, Any]) -> Uncertain:
+    if value == UNKNOWN:
+        return Uncertain(key, _of_unknown(key, tables), stated=False)
+    numbers = [value["value"], value["sd"]]
+    if not all(isinstance(each, int | float) and math.isfinite(each) for each in numbers) or numbers[1] <= 0:
+        raise SettingsError(f"{key} = {value}: give a finite value, and an sd > 0")
+    return Uncertain(key, assumed(key, float(numbers[0]), float(numbers[1])), stated=True)
+
+
+def _of_unknown(key: str, tables: dict[str, Any]) -> Prior:
+    if (effect := re.fullmatch(r"effects\[(\d+)\]\.(\w+)", key)) is not None:
+        kind = KINDS.get(str(tables["effects"][int(effect[1])].get("name")))
+        parameter = kind.parameters.get(effect[2]) if kind is not None else None
+        if parameter is not None:
+            return Prior(parameter.centre + parameter.typical, parameter.prior_sd, log=False)
+    name = f"sensors.{key.rpartition('.')[2]}" if key.startswith("sensors.") else key
+    if name not in UNKNOWNS:
+        known = ", ".join((*UNKNOWNS, "parameters of effects"))
+        raise SettingsError(f"{key} cannot be unknown: give a number; {known} can be")
+    return UNKNOWNS[name]

@@ -1,0 +1,61 @@
+"""Figures of the calibration of a machine: what each channel read and what the model gives."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from tssgeom.identify.machine_fit import MachineCalibration
+from tssgeom.tendon.machine import drive_channels
+from tssgeom.view.figures.plots import BLUE, MEASURED, PAGE, SOFT, figure, titles
+
+_HEIGHT = 1.9
+"""Of the two rows of one channel [inch]."""
+_PICTURED = {"rad": ("°", 180.0 / np.pi), "m": ("mm", 1e3), "Nm": ("mN·m", 1e3)}
+
+
+def pictured(name: str) -> tuple[str, float]:
+    """Return the label of a channel in a picture, and how many of its unit make one in SI."""
+    stem, _, unit = name.rpartition("_")
+    unit_of_picture, factor = _PICTURED.get(unit, (unit, 1.0))
+    return f"{stem.replace('_', ' ')} [{unit_of_picture}]", factor
+
+
+def run_figure(fitted: MachineCalibration, which: int) -> Figure:
+    """Draw each channel of one run over time, and below it what is left; samples held out are grey."""
+    run, model = fitted.runs[which], fitted.fitted[which]
+    time, count = run.given["time_s"], len(run.measured)
+    with figure((PAGE, _HEIGHT * count + 0.3)) as drawing:
+        rows = drawing.subplots(2 * count, 1, sharex=True, squeeze=False, height_ratios=[2.0, 1.0] * count)
+        for name, above, below in zip(run.measured, rows[::2, 0], rows[1::2, 0], strict=True):
+            label, factor = pictured(name)
+            measured, given = factor * run.measured[name], factor * model[name]
+            for axes in (above, below):
+                if run.held_out.any():
+                    axes.axvspan(time[run.held_out][0], time[-1], color=SOFT, alpha=0.12, linewidth=0.0)
+            above.plot(time, measured, **MEASURED)
+            above.plot(time, given, color=BLUE, linewidth=1.0, label="fitted")
+            titles(above, "", "", label)
+            below.plot(time, measured - given, **MEASURED)
+            titles(below, "", "", f"left [{label.rpartition('[')[2]}")
+        rows[0, 0].set_title(
+            f"{run.name}: readings and fit; below, what is left. Grey: held out in the check"
+        )
+        drawing.legend(*rows[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
+        rows[-1, 0].set_xlabel("time [s]")
+    return drawing
+
+
+def loop_figure(fitted: MachineCalibration) -> Figure:
+    """Draw the first channel of every run over its drive, measured and fitted: the loops of friction."""
+    with figure((PAGE, 3.2)) as drawing:
+        axes = drawing.subplots()
+        for run, model in zip(fitted.runs, fitted.fitted, strict=True):
+            drive, answer = drive_channels(run.drive, run.tendons)[0], next(iter(run.measured))
+            (across, x), (up, y) = pictured(drive), pictured(answer)
+            axes.plot(x * run.given[drive], y * run.measured[answer], **MEASURED)
+            axes.plot(x * run.given[drive], y * model[answer], color=BLUE, linewidth=1.0, label="fitted")
+            titles(axes, f"{up} over {across}", across, up)
+        handles, labels = axes.get_legend_handles_labels()
+        drawing.legend(handles[:2], labels[:2], loc="outside lower center", ncols=2)
+    return drawing
