@@ -15,7 +15,7 @@ KINDS = {"frame": np.int64, "keep": np.uint8}  # all other arrays hold float64
 
 @cache
 def _compiled() -> tuple[Any, Any]:
-    return library_of(HERE / "lumped.h", [HERE / f"{name}.c" for name in ("contact", "sweep", "march")])
+    return library_of(HERE / "lumped.h", [HERE / f"{name}.c" for name in ("contact", "sweep", "step", "tendon", "march")])
 
 
 def march(chain: Chain, spans, drive, warmth, frame, weight, growth, turns, keep, records) -> tuple[int, int]:
