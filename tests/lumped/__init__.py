@@ -31,6 +31,11 @@ circle of the paper are right to 2 mN and 0.1 µm, 160 on routes of up to 8 rad 
 a position drive turns back, before the front has passed the first vertex, T_in is wrong by up to a quarter
 of what that vertex holds (0.01 N at 160 cells and 15 N). Keep the turn of a vertex below 0.1 rad. A step
 costs 0.02 ms with 64 cells and 0.06 ms with 160; with curved laws some five times that.
+
+A machine that one motor drives does not depend on the step. With drives or loads that go ways of their own
+its error falls with the step: strokes of 25 N in 1 s are right to 0.02 N and 1 mrad in steps of 0.02 s, and
+wrong by 0.9 N and 44 mrad in a single one. A run of 20 s in steps of 0.02 s takes 1 s with two tendons of 60
+cells, 2 s with three, and 2 to 15 s if the motor's torque is given.
 """
 
 from tests.lumped.machine import MachineRun, simulate_machine

@@ -81,7 +81,7 @@ Tendon *tendon_new(const Chain *chain, const Imposed *imposed);
 void tendon_free(Tendon *tendon);
 
 /* Go on to what is imposed at grid point g. */
-void tendon_aim(Tendon *tendon, const Imposed *imposed, int64_t g);
+void tendon_next(Tendon *tendon, const Imposed *imposed, int64_t g);
 
 /* Take that share of the way from the grid point before; return its drive. */
 double tendon_part(Tendon *tendon, double share);

@@ -31,6 +31,8 @@ from tests.lumped.simulate import (
 )
 
 CLOSED_N = 1e-8  # what may stay open, as a force at the lever arm
+ROUNDED = 16 * np.finfo(float).eps  # of an angle, which a stuck fitting of 1e11 N/m multiplies
+NEAR, FAR = 0.02, 10.0  # first step and farthest one where hardly anything holds the unknowns [rad]
 ROUNDS, CUTS = 200, 60  # of Newton's method, of its line search
 LEAST_PART = 1.0 / 4096.0  # of a step: twelve halvings
 
@@ -134,7 +136,7 @@ class _Machine:
         unknown, pulley, left_open, states, steps = np.zeros(self.arms.shape[1]), 0.0, 0.0, [], 0
         for g, span in enumerate(spans):
             for tendon in self.chains:
-                tendon.aim(g)
+                tendon.next(g)
             done, part = 0.0, 1.0
             while done < 1.0:
                 after = min(done + part, 1.0)
@@ -142,7 +144,7 @@ class _Machine:
                 now = [float(s[before] + after * (s[g] - s[before])) for s in courses]
                 drives = [tendon.part(after) for tendon in self.chains]
                 try:
-                    step = self._settle(drives, now, unknown, pulley, (after - done) * span)
+                    step = self._balance(drives, now, unknown, pulley, (after - done) * span)
                 except NoStepError as error:
                     part *= 0.5
                     if part < LEAST_PART:
@@ -152,8 +154,8 @@ class _Machine:
                     continue
                 for tendon in self.chains:
                     tendon.keep((after - done) * span)
-                (found, pulley), unknown, done = step, step[0].unknown, after
-                left_open = max(left_open, float(np.abs(found.open).max(initial=0.0)))
+                (result, pulley), unknown, done = step, step[0].unknown, after
+                left_open = max(left_open, float(np.abs(result.open).max(initial=0.0)))
                 steps += 1
             if keep[g]:
                 for tendon in self.chains:
@@ -177,7 +179,7 @@ class _Machine:
         )
         return turned, torque, load, angle
 
-    def _settle(self, drives, now, unknown, pulley, span) -> tuple[_Try, float]:
+    def _balance(self, drives, now, unknown, pulley, span) -> tuple[_Try, float]:
         """Return the machine in balance, and the angle of its pulley."""
         turned, torque, load, angle = now
         start = unknown if self.free else np.array([angle])
@@ -194,7 +196,8 @@ class _Machine:
             slope, ends = held[-1].slope, held[-1].ends
             rise = self.pulled**2 @ ends[:, 2]
             if self.free:
-                follows = -np.linalg.solve(slope, self.arms.T @ (ends[:, 4] * self.pulled))
+                follows = _against(slope, self.arms.T @ (ends[:, 4] * self.pulled))
+                follows = np.where(np.isfinite(follows), follows, 0.0)
                 rise += (self.pulled * ends[:, 3]) @ (self.arms @ follows)
             trials.append((at[0], held[-1].unknown, follows))
             more = torque - self.pulled @ (ends[:, 0] - self.rest)
@@ -256,14 +259,22 @@ def newton(held: Callable[[np.ndarray], _Try], start: np.ndarray, tolerance: flo
     """Return where nothing is open; what is open falls along every way. The last call is its own."""
     here = held(start)
     for _ in range(ROUNDS):
-        if np.abs(here.open).max(initial=0.0) <= tolerance:
+        rounding = ROUNDED * np.abs(here.slope) @ np.maximum(np.abs(here.unknown), 0.1)
+        if np.all(np.abs(here.open) <= tolerance + rounding):
             return here
-        try:
-            way = -np.linalg.solve(here.slope, here.open)
-        except np.linalg.LinAlgError as error:
-            raise NoStepError("nothing holds it") from error
+        way = _against(here.slope, here.open)
+        if not np.abs(way).max() < FAR:  # slack all round: on to where something pulls
+            way = here.open * (NEAR / np.abs(here.open).max())
         here = _along(held, here, way)
     raise NoStepError(f"{np.abs(here.open).max():.3g} N m stay open")
+
+
+def _against(slope: np.ndarray, pull: np.ndarray) -> np.ndarray:
+    """Return how far the unknowns move until they take up `pull`, infinitely where nothing holds them."""
+    try:
+        return -np.linalg.solve(slope, pull)
+    except np.linalg.LinAlgError:
+        return np.full(len(pull), np.inf)
 
 
 def _along(held: Callable[[np.ndarray], _Try], here: _Try, way: np.ndarray) -> _Try:

@@ -12,7 +12,7 @@ int64_t march(const Chain *chain, const Imposed *imposed, Records *records, int6
     if (tendon == NULL) return -1;
     *passes = 0;
     for (int64_t g = 0; g < imposed->times && steps >= 0; g++) {
-        tendon_aim(tendon, imposed, g);
+        tendon_next(tendon, imposed, g);
         double done = 0.0, part = 1.0;
         while (done < 1.0) { /* at most 4096 parts */
             double next = done + part < 1.0 ? done + part : 1.0, span = (next - done) * imposed->span[g];

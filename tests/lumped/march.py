@@ -71,9 +71,9 @@ class Stepped:
         self._ends = ffi.new("double[6]")
         self._rows = self.passes = 0
 
-    def aim(self, at: int) -> None:
+    def next(self, at: int) -> None:
         """Go on to what is imposed at a point of the grid."""
-        self._handed.library.tendon_aim(self._tendon, self._handed.imposed, at)
+        self._handed.library.tendon_next(self._tendon, self._handed.imposed, at)
 
     def part(self, share: float) -> float:
         """Take that share of the way there, and return the drive [N or m]."""

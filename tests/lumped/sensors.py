@@ -73,7 +73,7 @@ def machine_channels(run: MachineRun) -> dict[str, np.ndarray]:
 
     `joint_torque_Nm` is what the tendons exert on the joint, `load_torque_Nm` what of it reaches the load.
     """
-    shown = {
+    truth = {
         "motor_angle_rad": run.motor_angle,
         "motor_torque_Nm": run.motor_torque,
         "joint_angle_rad": run.joint_angle,
@@ -81,15 +81,15 @@ def machine_channels(run: MachineRun) -> dict[str, np.ndarray]:
         "load_torque_Nm": run.load_torque,
     }
     if run.bending is not None:
-        shown |= dict(zip(("bending_x_rad", "bending_y_rad"), run.bending.T, strict=True))
-        shown |= dict(zip(("tip_x_m", "tip_y_m", "tip_z_m"), run.tip.T, strict=True))
+        truth |= dict(zip(("bending_x_rad", "bending_y_rad"), run.bending.T, strict=True))
+        truth |= dict(zip(("tip_x_m", "tip_y_m", "tip_z_m"), run.tip.T, strict=True))
     for k, tendon in enumerate(run.tendons, 1):
-        shown[f"displacement_in_{k}_m"] = tendon.displacement_in
-        shown[f"displacement_out_{k}_m"] = tendon.displacement_out
-        shown[f"tension_in_{k}_N"] = tendon.tension_in
-        shown[f"tension_out_{k}_N"] = tendon.tension_out
-    shown["temperature_C"] = run.tendons[0].temperature
-    return {name: value for name, value in shown.items() if value is not None}
+        truth[f"displacement_in_{k}_m"] = tendon.displacement_in
+        truth[f"displacement_out_{k}_m"] = tendon.displacement_out
+        truth[f"tension_in_{k}_N"] = tendon.tension_in
+        truth[f"tension_out_{k}_N"] = tendon.tension_out
+    truth["temperature_C"] = run.tendons[0].temperature
+    return {name: value for name, value in truth.items() if value is not None}
 
 
 def true_channels(run: Run) -> dict[str, np.ndarray]:

@@ -87,7 +87,7 @@ Tendon *tendon_new(const Chain *chain, const Imposed *imposed) {
 
 void tendon_free(Tendon *tendon) { free(tendon); }
 
-void tendon_aim(Tendon *tendon, const Imposed *imposed, int64_t g) {
+void tendon_next(Tendon *tendon, const Imposed *imposed, int64_t g) {
     Inputs swap = tendon->before;
     tendon->before = tendon->after, tendon->after = swap;
     impose(&tendon->after, tendon->chain, imposed, g);

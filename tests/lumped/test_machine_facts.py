@@ -111,6 +111,17 @@ def test_a_tendon_with_slack_pulls_once_it_is_taken_up():
     assert np.all(run.tendons[0].tension_out == 0.0)
 
 
+def test_a_motor_of_given_torque_runs_through_the_slack_to_the_tendon_that_pulls():
+    slack, torque = 2e-3, -0.05
+    tight, loose = Physics(pretension_N=1.0, friction=0.0), Physics(friction=0.0, slack_m=slack)
+    run = machine((tight, loose), motor("torque", 0.0, torque))
+    pull = -torque / R - 1.0  # tendon 1 gives its 1 N, tendon 2 the rest
+    assert changes(run, rest=0.0)[:, -1] == pytest.approx([0.0, pull], abs=1e-6)
+    theta = R * (-1.0 - pull) / 0.2
+    assert run.joint_angle[-1] == pytest.approx(theta, rel=SOLVED)
+    assert run.motor_angle[-1] == pytest.approx(-(slack + pull / SOFT - R * theta) / R, rel=SOLVED)
+
+
 def test_a_given_joint_angle_stretches_the_tendons_and_its_torque_comes_out():
     joint = Joint(R, 0.2, gravity_Nm=0.1, gravity_angle_rad=0.4, angle=course(0.0, 0.05))
     run = machine(SMOOTH, motor("angle", 0.0, 0.02), joint)
@@ -121,11 +132,11 @@ def test_a_given_joint_angle_stretches_the_tendons_and_its_torque_comes_out():
     assert np.array_equal(run.joint_angle, np.linspace(0.0, 0.05, 21))
 
 
-@pytest.mark.parametrize("lean", [0.0, 0.6, -1.2])
-def test_gravity_alone_turns_the_joint_to_where_its_arm_balances_the_tendons(lean):
-    joint = Joint(R, 0.0, gravity_Nm=0.2, gravity_angle_rad=lean)
+@pytest.mark.parametrize("tilt", [0.0, 0.6, -1.2])
+def test_gravity_alone_turns_the_joint_to_where_its_arm_balances_the_tendons(tilt):
+    joint = Joint(R, 0.0, gravity_Nm=0.2, gravity_angle_rad=tilt)
     run = machine(SMOOTH, [over(5.0, 9.0, kind="force"), over(5.0, 4.0, kind="force")], joint)
-    theta = math.asin(math.sin(lean) + R * (4.0 + 1.0) / 0.2) - lean
+    theta = math.asin(math.sin(tilt) + R * (4.0 + 1.0) / 0.2) - tilt
     assert run.joint_angle[-1] == pytest.approx(theta, abs=1e-6)
 
 
@@ -177,12 +188,12 @@ def test_tendons_that_pull_alike_round_a_segment_leave_it_straight():
 # with friction
 
 
-def test_the_pulled_tendon_loses_by_its_sheath_and_the_drawn_one_gains():
+def test_the_pulled_tendon_loses_by_its_sheath_and_the_other_one_gains():
     given = [over(5.0, 30.0, kind="force"), over(5.0, 5.0, kind="force")]
     run = machine(ROUGH, given, paths=(HALF, BENT))
-    pulled, drawn = 30.0 * math.exp(-MU * PI), 5.0 * math.exp(MU * 1.5)
-    assert changes(run, rest=0.0)[:, -1] == pytest.approx([pulled, drawn], abs=NEWTON)
-    assert run.joint_angle[-1] == pytest.approx(R * (pulled - drawn) / 0.2, abs=R * NEWTON / 0.2)
+    pulled, let_out = 30.0 * math.exp(-MU * PI), 5.0 * math.exp(MU * 1.5)
+    assert changes(run, rest=0.0)[:, -1] == pytest.approx([pulled, let_out], abs=NEWTON)
+    assert run.joint_angle[-1] == pytest.approx(R * (pulled - let_out) / 0.2, abs=R * NEWTON / 0.2)
 
 
 def test_a_small_reversal_is_lost_in_both_sheaths():
