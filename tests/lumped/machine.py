@@ -3,8 +3,9 @@
 In every step the unknowns of the mechanism (the angle of a joint, the bending of a segment) are searched for
 by Newton's method with a line search: any value of them holds the far ends of the tendons, which the chain
 then answers exactly, and what the tendons and the mechanism pull against each other has to vanish. It falls
-as the unknowns grow, since every tendon pulls less the further its far end has come: one solution. A motor
-of given torque adds its angle outside of that, in the same way. Nothing is kept before all is in balance.
+as the unknowns grow, since every tendon pulls less the further its far end has come, so that there is one
+solution; where a weight above a soft joint gives more, the search goes to one near the last. A motor of given
+torque adds its angle outside of that, in the same way. Nothing is kept before all is in balance.
 """
 
 from collections.abc import Callable, Sequence
@@ -94,10 +95,11 @@ def simulate_machine(
         Where the machine finds no equilibrium.
     """
     machine = _Machine(tendons, drive, end)
-    given = [each.times for each in machine.drives] + [path.times for path, _ in tendons]
+    drives = [each.times for each in machine.drives]
+    others = [path.times for path, _ in tendons]
     if isinstance(end, Joint):
-        given += [course[0] for course in (end.load, end.angle) if course is not None]
-    grid, keep = grid_of(times, given, max_step)
+        others += [course[0] for course in (end.load, end.angle) if course is not None]
+    grid, keep = grid_of(times, drives, others, max_step)
     return machine.run(grid, keep, max_step)
 
 
@@ -148,9 +150,8 @@ class _Machine:
                 except NoStepError as error:
                     part *= 0.5
                     if part < LEAST_PART:
-                        raise NoBalanceError(
-                            f"no balance of the machine at {grid[g]:.6g} s: {error}"
-                        ) from error
+                        said = f"no balance of the machine at {grid[g]:.6g} s: {error}"
+                        raise NoBalanceError(f"{said}; lower max_step, drive or load") from error
                     continue
                 for tendon in self.chains:
                     tendon.keep((after - done) * span)

@@ -66,7 +66,7 @@ def simulate(
     NoBalanceError
         Where the chain finds no equilibrium: a force drive beyond what a dead weight and friction hold, say.
     """
-    grid, keep = grid_of(times, [drive.times, path.times], max_step)
+    grid, keep = grid_of(times, [drive.times], [path.times], max_step)
     parts, imposed, values = prepared(path, physics, drive, distal, grid, keep, max_step)
     records = records_for(path, int(keep.sum()))
     steps, passes = march(parts, imposed, records)
@@ -151,12 +151,13 @@ def _extension(tension: np.ndarray, parts: Chain, bar: int) -> np.ndarray:
     return at(tension) - at(parts.pretension)
 
 
-def grid_of(times: ArrayLike, given: list[np.ndarray], max_step: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return a grid that meets the asked times and all given ones, the first of them a drive's, and which
-    points are asked for."""
+def grid_of(
+    times: ArrayLike, drives: list[np.ndarray], others: list[np.ndarray], max_step: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return a grid from the first drive on that meets all asked and given times; where it is asked for."""
     asked = np.asarray(times, dtype=float)
-    first = min(asked[0], given[0][0])
-    knots = np.concatenate((asked, *given))
+    first = min(asked[0], *(each[0] for each in drives))
+    knots = np.concatenate((asked, *drives, *others))
     knots = np.unique(np.round(knots[(knots >= first) & (knots <= asked[-1])], 9))
     grid = _divided(knots, max_step)
     return grid, np.isin(grid, np.round(asked, 9))
