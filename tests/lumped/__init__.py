@@ -18,31 +18,53 @@ effect by a parameter; with none of them the tendon is linear and the friction C
 and a tendon that moves along the sheath keeps the bend, the share of length and the profile of the vertex
 that it started at.
 
+`simulate_machine` puts several such tendons between one drive (a motor's pulley, or a drive each) and one
+mechanism (a joint, or a segment that bends), and `measure_machine` reads it:
+
+    motor = Motor("angle", np.array([0.0, 5.0, 10.0]), np.array([0.0, 0.4, 0.0]), radius_m=0.01)
+    pair = [(path, Physics(pretension_N=5.0)), (path, Physics(pretension_N=5.0, friction=0.2))]
+    run = simulate_machine(pair, motor, Joint(radius_m=0.01, stiffness_Nm_per_rad=0.2), times)
+    columns = measure_machine(run, {"joint_angle_rad": Sensor(noise=1e-3)}, seed=1)
+
 Errors fall with the square of the cell and, on moving paths, with the step in time: 64 cells on the half
 circle of the paper are right to 2 mN and 0.1 µm, 160 on routes of up to 8 rad to 4 mN and 0.6 µm. Just after
 a position drive turns back, before the front has passed the first vertex, T_in is wrong by up to a quarter
 of what that vertex holds (0.01 N at 160 cells and 15 N). Keep the turn of a vertex below 0.1 rad. A step
 costs 0.02 ms with 64 cells and 0.06 ms with 160; with curved laws some five times that.
+
+A machine that one motor drives does not depend on the step. With drives or loads that go ways of their own
+its error falls with the step: strokes of 25 N in 1 s are right to 0.02 N and 1 mrad in steps of 0.02 s, and
+wrong by 0.9 N and 44 mrad in a single one. A run of 20 s in steps of 0.02 s takes 1 s with two tendons of 60
+cells, 2 s with three, and 2 to 15 s if the motor's torque is given.
 """
 
+from tests.lumped.machine import MachineRun, simulate_machine
+from tests.lumped.mechanism import Joint, Motor, Segment
 from tests.lumped.physics import Distal, Drive, Physics
 from tests.lumped.route import Path, from_angle, from_pieces, from_points
-from tests.lumped.sensors import CHANNELS, Sensor, measure, true_channels
+from tests.lumped.sensors import CHANNELS, Sensor, machine_channels, measure, measure_machine, true_channels
 from tests.lumped.simulate import NoBalanceError, Run, simulate
 
 __all__ = [
     "CHANNELS",
     "Distal",
     "Drive",
+    "Joint",
+    "MachineRun",
+    "Motor",
     "NoBalanceError",
     "Path",
     "Physics",
     "Run",
+    "Segment",
     "Sensor",
     "from_angle",
     "from_pieces",
     "from_points",
+    "machine_channels",
     "measure",
+    "measure_machine",
     "simulate",
+    "simulate_machine",
     "true_channels",
 ]

@@ -41,6 +41,7 @@ class Chain(NamedTuple):
     by_speed: bool
     straight: bool  # every law is a straight line, so that one pass is exact
     pretension: float
+    slack: float  # m
     force_driven: bool
     weight: bool
 
@@ -89,6 +90,7 @@ def chain(path: Path, physics: Physics, distal: Distal, force_driven: bool) -> C
             or p.take_up_out_m
         ),
         pretension=float(p.pretension_N),
+        slack=float(p.slack_m),
         force_driven=force_driven,
         weight=distal.kind == "weight",
     )

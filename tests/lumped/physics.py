@@ -26,6 +26,8 @@ class Physics:
     """Strain per tension [1/N]."""
     pretension_N: float = 0.0
     """Tension all along, without friction, before the run [N]."""
+    slack_m: float = 0.0
+    """What the drive takes up before anything pulls; there is no pretension then [m]."""
 
     # what the friction coefficient depends on
     asymmetry: float = 0.0
@@ -98,6 +100,10 @@ class Physics:
         if len(self.creep_ratios) != len(self.creep_times_s):
             raise ValueError(
                 f"{len(self.creep_ratios)} creep ratios, {len(self.creep_times_s)} times: give as many"
+            )
+        if self.slack_m < 0.0 or (self.slack_m > 0.0 and self.pretension_N != 0.0):
+            raise ValueError(
+                f"slack {self.slack_m} m with pretension {self.pretension_N} N: a slack tendon has none"
             )
         if self.load_exponent <= -1.0:
             raise ValueError(

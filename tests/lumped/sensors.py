@@ -1,10 +1,12 @@
 """What instruments make of a run: the columns of a measured file, with all that instruments add."""
 
+import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from tests.lumped.machine import MachineRun
 from tests.lumped.simulate import Run
 
 CHANNELS = (
@@ -46,14 +48,48 @@ def measure(run: Run, sensors: Mapping[str, Sensor], seed: int) -> dict[str, np.
 
     Each channel draws from a stream of its own, so that one more channel leaves the others as they were.
     """
-    truth = true_channels(run)
-    lagged = {name: _lag(run.times, truth[name], sensor.lag_s) for name, sensor in sensors.items()}
-    columns = {"time_s": run.times.copy()}
+    streams = {name: (seed, CHANNELS.index(name)) for name in sensors}
+    return _measured(run.times, true_channels(run), sensors, streams)
+
+
+def measure_machine(run: MachineRun, sensors: Mapping[str, Sensor], seed: int) -> dict[str, np.ndarray]:
+    """Return `time_s` and the channels of a machine that have a sensor, as `measure` does for one tendon."""
+    streams = {name: (seed, zlib.crc32(name.encode())) for name in sensors}
+    return _measured(run.times, machine_channels(run), sensors, streams)
+
+
+def _measured(times: np.ndarray, truth, sensors, streams) -> dict[str, np.ndarray]:
+    lagged = {name: _lag(times, truth[name], sensor.lag_s) for name, sensor in sensors.items()}
+    columns = {"time_s": times.copy()}
     for name, sensor in sensors.items():
-        rng = np.random.default_rng((seed, CHANNELS.index(name)))
+        rng = np.random.default_rng(streams[name])
         value = lagged[name] + sum(share * truth[other] for other, share in sensor.crosstalk.items())
-        columns[name] = _read(run.times, value, sensor, rng)
+        columns[name] = _read(times, value, sensor, rng)
     return columns
+
+
+def machine_channels(run: MachineRun) -> dict[str, np.ndarray]:
+    """Return what perfect instruments on a machine would show, [F] each; tendons count from 1.
+
+    `joint_torque_Nm` is what the tendons exert on the joint, `load_torque_Nm` what of it reaches the load.
+    """
+    truth = {
+        "motor_angle_rad": run.motor_angle,
+        "motor_torque_Nm": run.motor_torque,
+        "joint_angle_rad": run.joint_angle,
+        "joint_torque_Nm": run.joint_torque,
+        "load_torque_Nm": run.load_torque,
+    }
+    if run.bending is not None:
+        truth |= dict(zip(("bending_x_rad", "bending_y_rad"), run.bending.T, strict=True))
+        truth |= dict(zip(("tip_x_m", "tip_y_m", "tip_z_m"), run.tip.T, strict=True))
+    for k, tendon in enumerate(run.tendons, 1):
+        truth[f"displacement_in_{k}_m"] = tendon.displacement_in
+        truth[f"displacement_out_{k}_m"] = tendon.displacement_out
+        truth[f"tension_in_{k}_N"] = tendon.tension_in
+        truth[f"tension_out_{k}_N"] = tendon.tension_out
+    truth["temperature_C"] = run.tendons[0].temperature
+    return {name: value for name, value in truth.items() if value is not None}
 
 
 def true_channels(run: Run) -> dict[str, np.ndarray]:

@@ -66,62 +66,62 @@ def simulate(
     NoBalanceError
         Where the chain finds no equilibrium: a force drive beyond what a dead weight and friction hold, say.
     """
-    asked = np.asarray(times, dtype=float)
-    grid = _grid(asked, drive, path, max_step)
-    values = np.interp(grid, drive.times, np.asarray(drive.values, dtype=float))
-    imposed = _play(values, physics.backlash_m) if drive.kind == "displacement" else values
-    celsius = _temperature(drive, grid)
-    turns = path.turns + hidden_bend(path, physics)
-    parts = chain(path, physics, distal, drive.kind == "force")
-    keep = np.isin(grid, np.round(asked, 9))
-    frame, weight = _frames(path.times, grid)
-    n = turns.shape[1]
-    records = (*(np.empty((len(asked), n + m)) for m in (3, 2, 2, 2)), np.empty(len(asked)))
-    growth = path.bars - path.bars[0]
-    spans = np.diff(grid, prepend=grid[0] - max_step)
-    steps, passes = march(
-        parts, spans, imposed, celsius - celsius[0], frame, weight, growth, turns, keep, records
-    )
+    grid, keep = grid_of(times, [drive.times], [path.times], max_step)
+    parts, imposed, values = prepared(path, physics, drive, distal, grid, keep, max_step)
+    records = records_for(path, int(keep.sum()))
+    steps, passes = march(parts, imposed, records)
     if steps < 0:
         time = grid[-steps - 1]
         raise NoBalanceError(
             f"no balance at {time:.6g} s, drive {values[-steps - 1]:.6g}; lower max_step or the load"
         )
-    longer = np.interp(grid[keep], path.times, growth.sum(axis=1))
-    return _run(
-        grid[keep],
-        values,
-        celsius[keep],
-        keep,
-        records,
-        (steps, passes),
-        longer,
-        path,
-        (physics, drive, distal),
-        parts,
-    )
-
-
-def _run(times, values, celsius, keep, records, effort, longer, path, setting, parts: Chain) -> Run:
-    tension, position, friction, slip, heat = records
-    physics, drive, distal = setting
-    if drive.kind == "force":
-        shift = position[:, 0] + _extension(tension[:, 0], parts, 0)
-        displayed = _play(shift, physics.backlash_m, inverse=True)
-    else:
-        displayed = values[keep]
+    tension, position = records[:2]
     out = {
-        "blocked": np.zeros(len(times)),
+        "blocked": np.zeros(len(tension)),
         "spring": (tension[:, -1] - parts.pretension) / (distal.stiffness_N_per_m or np.inf),
         "weight": position[:, -1],
     }[distal.kind]
+    displayed = displacement_by_force(records, parts, physics) if drive.kind == "force" else values[keep]
+    return run_of(grid[keep], displayed, out, records, (steps, passes), path, celsius_of(drive, grid[keep]))
+
+
+def prepared(
+    path: Path, physics: Physics, drive: Drive, distal: Distal, grid: np.ndarray, keep: np.ndarray, max_step
+) -> tuple[Chain, dict[str, np.ndarray], np.ndarray]:
+    """Return the chain, what is imposed on it over the grid, and the drive's values there."""
+    values = np.interp(grid, drive.times, np.asarray(drive.values, dtype=float))
+    celsius = celsius_of(drive, grid)
+    frame, weight = _frames(path.times, grid)
+    imposed = {
+        "span": np.diff(grid, prepend=grid[0] - max_step),
+        "drive": play(values, physics.backlash_m) if drive.kind == "displacement" else values,
+        "warmth": celsius - celsius[0],
+        "frame": frame,
+        "weight": weight,
+        "growth": path.bars - path.bars[0],
+        "turns": path.turns + hidden_bend(path, physics),
+        "keep": keep,
+    }
+    return chain(path, physics, distal, drive.kind == "force"), imposed, values
+
+
+def records_for(path: Path, rows: int) -> tuple[np.ndarray, ...]:
+    """Return room for what is kept: tension, position, friction, slip, work."""
+    n = path.turns.shape[1]
+    return (*(np.empty((rows, n + m)) for m in (3, 2, 2, 2)), np.empty(rows))
+
+
+def run_of(times, displacement_in, displacement_out, records, effort, path: Path, celsius) -> Run:
+    """Return a run of one tendon from what was kept of it."""
+    tension, position, friction, slip, heat = records
+    longer = np.interp(times, path.times, (path.bars - path.bars[0]).sum(axis=1))
     return Run(
         times=times,
         tension_in=tension[:, 0],
         tension_out=tension[:, -1],
-        displacement_in=displayed,
-        displacement_out=out,
-        elongation=displayed - out,
+        displacement_in=displacement_in,
+        displacement_out=displacement_out,
+        elongation=displacement_in - displacement_out,
         stretch=position[:, 0] - position[:, -1] + longer,
         temperature=celsius,
         stations=path.stations,
@@ -135,6 +135,13 @@ def _run(times, values, celsius, keep, records, effort, longer, path, setting, p
     )
 
 
+def displacement_by_force(records, parts: Chain, physics: Physics) -> np.ndarray:
+    """Return where a drive went that has a given force [m]."""
+    tension, position = records[:2]
+    shift = position[:, 0] + _extension(tension[:, 0], parts, 0) + parts.slack
+    return play(shift, physics.backlash_m, inverse=True)
+
+
 def _extension(tension: np.ndarray, parts: Chain, bar: int) -> np.ndarray:
     """Extension of an outer bar beyond that under the pretension [m]."""
 
@@ -144,10 +151,19 @@ def _extension(tension: np.ndarray, parts: Chain, bar: int) -> np.ndarray:
     return at(tension) - at(parts.pretension)
 
 
-def _grid(asked: np.ndarray, drive: Drive, path: Path, max_step: float) -> np.ndarray:
-    first = min(asked[0], drive.times[0])
-    knots = np.concatenate((asked, drive.times, path.times))
+def grid_of(
+    times: ArrayLike, drives: list[np.ndarray], others: list[np.ndarray], max_step: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return a grid from the first drive on that meets all asked and given times; where it is asked for."""
+    asked = np.asarray(times, dtype=float)
+    first = min(asked[0], *(each[0] for each in drives))
+    knots = np.concatenate((asked, *drives, *others))
     knots = np.unique(np.round(knots[(knots >= first) & (knots <= asked[-1])], 9))
+    grid = _divided(knots, max_step)
+    return grid, np.isin(grid, np.round(asked, 9))
+
+
+def _divided(knots: np.ndarray, max_step: float) -> np.ndarray:
     if len(knots) == 1:
         return knots
     parts = np.ceil(np.diff(knots) / max_step - 1e-9).astype(int)
@@ -166,13 +182,14 @@ def _frames(times: np.ndarray, grid: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return frame, at - frame
 
 
-def _temperature(drive: Drive, grid: np.ndarray) -> np.ndarray:
+def celsius_of(drive, grid: np.ndarray) -> np.ndarray:
+    """Return the temperature of a drive [°C]."""
     if drive.temperature_C is None:
         return np.full(len(grid), 20.0)
     return np.interp(grid, drive.times, drive.temperature_C)
 
 
-def _play(values: np.ndarray, width: float, inverse: bool = False) -> np.ndarray:
+def play(values: np.ndarray, width: float, inverse: bool = False) -> np.ndarray:
     """Pass a series through a play that starts engaged for pulling; or return what leads to that series."""
     if width == 0.0:
         return values

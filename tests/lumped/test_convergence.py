@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from tests.lumped import Distal, Drive, Physics, from_pieces, simulate
+from tests.lumped import Distal, Drive, Joint, Motor, Physics, from_pieces, simulate, simulate_machine
 
 PI = math.pi
 TIMES = np.linspace(0.0, 10.0, 41)
@@ -74,3 +74,25 @@ def test_extrapolated_elongation_of_the_half_circle_is_1_90362_mm():
     )
     # 1.903617 mm = ρ L T (1 − r)/ln(1/r) with r = 0.634111, the paper's ratio; Richardson leaves h⁴
     assert fine + (fine - coarse) / 3.0 == pytest.approx(1.903617e-3, abs=2e-9)
+
+
+def pair(drive, max_step, load=None):
+    tendons = [(from_pieces([0.5], [PI], 60), PHYSICS), (from_pieces([0.6], [1.5], 60), PHYSICS)]
+    run = simulate_machine(tendons, drive, Joint(0.01, 0.2, load=load), TIMES, max_step)
+    return np.concatenate([[run.joint_angle * 10.0], *([t.tension_in, t.tension_out] for t in run.tendons)])
+
+
+def test_steps_in_time_change_nothing_where_one_motor_drives_a_machine():
+    motor = Motor("angle", STROKES.times, 200.0 * STROKES.values, 0.01)
+    assert pair(motor, 0.025) == pytest.approx(pair(motor, 0.005), abs=1e-6)
+
+
+def test_error_of_a_machine_with_two_drives_and_a_load_falls_with_the_step_in_time():
+    knots = np.linspace(0.0, 10.0, 11)
+    first, second, torque = np.random.default_rng(5).uniform(-1.0, 1.0, (3, 11))
+    drives = [Drive("displacement", knots, 3e-3 * first), Drive("force", knots, 10.0 + 7.0 * second)]
+    best, *runs = [pair(drives, step, (knots, 0.05 * torque)) for step in (0.0025, 0.08, 0.04, 0.02)]
+    coarse, middle, fine = (np.abs(each - best).max() for each in runs)
+    assert coarse > 1.5 * middle  # twice for first order
+    assert middle > 1.5 * fine
+    assert fine < 0.05  # N, and 5 mrad

@@ -7,11 +7,17 @@ from tests.lumped import (
     CHANNELS,
     Distal,
     Drive,
+    Joint,
+    Motor,
     Physics,
+    Segment,
     Sensor,
     from_pieces,
+    machine_channels,
     measure,
+    measure_machine,
     simulate,
+    simulate_machine,
     true_channels,
 )
 from tests.lumped.sensors import bend
@@ -96,3 +102,38 @@ def test_lag_delays_a_ramp_by_its_time_constant(run):
 def test_crosstalk_adds_a_share_of_the_other_channel(run):
     read = observed(run, "tension_out_N", crosstalk={"tension_in_N": 0.03})
     assert read == pytest.approx(run.tension_out + 0.03 * run.tension_in, abs=1e-12)
+
+
+PAIR = [(from_pieces([0.5], [np.pi], 16), Physics(pretension_N=5.0))] * 2
+TIMES = np.array([0.0, 5.0, 10.0])
+
+
+@pytest.fixture(scope="module")
+def machine():
+    motor = Motor("angle", TIMES, np.array([0.0, 0.3, 0.0]), 0.01)
+    return simulate_machine(PAIR, motor, Joint(0.01, 0.2), np.linspace(0.0, 10.0, 1001))
+
+
+def test_a_machine_has_the_channels_of_what_it_is_made_of(machine):
+    ends = [f"{side}_{k}" for side in ("in", "out") for k in (1, 2)]
+    tendon = {f"displacement_{end}_m" for end in ends} | {f"tension_{end}_N" for end in ends}
+    joint = {"motor_angle_rad", "motor_torque_Nm", "joint_angle_rad", "joint_torque_Nm", "load_torque_Nm"}
+    truth = machine_channels(machine)
+    assert set(truth) == tendon | joint | {"temperature_C"}
+    assert np.array_equal(truth["tension_in_2_N"], machine.tendons[1].tension_in)
+    drives = [Drive("displacement", TIMES, np.array([0.0, each, 0.0])) for each in (1e-3, -1e-3)]
+    bent = simulate_machine(PAIR, drives, Segment(0.01, (0.0, np.pi), 0.2), [0.0, 5.0])
+    tip = {"bending_x_rad", "bending_y_rad", "tip_x_m", "tip_y_m", "tip_z_m"}
+    assert set(machine_channels(bent)) == tendon | tip | {"temperature_C"}
+    assert machine_channels(bent)["tip_x_m"][1] == bent.tip[1, 0] > 0.0
+
+
+def test_sensors_of_a_machine_add_what_they_are_asked_for(machine):
+    sensors = {"joint_angle_rad": Sensor(noise=1e-3), "tension_out_2_N": Sensor(noise=0.1, offset=0.2)}
+    read, truth = measure_machine(machine, sensors, 3), machine_channels(machine)
+    assert list(read) == ["time_s", *sensors]
+    assert (read["joint_angle_rad"] - truth["joint_angle_rad"]).std() == pytest.approx(1e-3, rel=0.1)
+    off = read["tension_out_2_N"] - truth["tension_out_2_N"]
+    assert off.mean() == pytest.approx(0.2, abs=0.02)  # 0.1/√1000 = 0.003 is one standard error
+    alone = measure_machine(machine, {"joint_angle_rad": Sensor(noise=1e-3)}, 3)
+    assert np.array_equal(alone["joint_angle_rad"], read["joint_angle_rad"])
