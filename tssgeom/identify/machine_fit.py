@@ -11,7 +11,7 @@ import math
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -30,8 +30,14 @@ from tssgeom.uncertain import Uncertain
 class MachineFitSettings:
     """How a machine is fitted. All are chosen."""
 
-    bars: int = 8
-    """Bars of each tendon while fitting; chosen: 1e-4 of the motion of a joint beside 60 bars."""
+    bars: int = 6
+    """Bars of each tendon while fitting; chosen: more are brought in by `fine`."""
+    fine: int = 40
+    """Bars of each tendon, to whose answer that of few bars is brought [1]; chosen."""
+    most_of_all: int = 1200
+    """Samples of all runs together; more are thinned, to no less than `least_of_each`; chosen."""
+    least_of_each: int = 120
+    """Samples of each run; chosen."""
     rounds: int = 2
     """Rounds in which weights and estimates converge; chosen."""
     iterations: int = 12
@@ -49,8 +55,10 @@ class MachineFitSettings:
     """Of the prior's standard deviation: a wider posterior means that the runs show nothing [1]; chosen."""
     tied: float = 0.35
     """Of the prior's: two numbers whose product is narrower, while neither is, are tied [1]; chosen."""
-    most_samples: int = 100
-    """Samples of each run while the start is chosen; chosen."""
+    most_at_start: int = 200
+    """Samples of all runs together while the start is chosen, `least_at_start` each at least; chosen."""
+    least_at_start: int = 50
+    """Samples of each run while the start is chosen; chosen: a dozen a cycle."""
     starts: int = 3
     """Starts, the best of 27, from which short fits are made [1]; chosen."""
     start_steps: int = 4
@@ -116,6 +124,25 @@ class _Problem:
     rows: tuple[tuple[int, str, np.ndarray], ...]
     """Run, channel, and the samples of it that are fitted."""
     bars: int
+    too_few_bars: tuple[Mapping[str, Vector], ...] = ()
+    """What more bars would add to the channels of each run; nothing where empty."""
+
+    def corrected(self, u: Vector, channels: Sequence[Mapping[str, Vector]]) -> _Problem:
+        """Return the problem with what more bars than its own would add at these numbers."""
+        fine = replace(self, bars=FIT.fine).model(u)
+        if fine is None:
+            return self
+        added = [
+            {name: each[name] - few[name] for name in each} for each, few in zip(fine, channels, strict=True)
+        ]
+        return replace(self, too_few_bars=tuple(added))
+
+    def answers(self, channels: Sequence[Mapping[str, Vector]]) -> list[Mapping[str, Vector]]:
+        """Return the channels of each run with what more bars would add."""
+        if not self.too_few_bars:
+            return list(channels)
+        pairs = zip(channels, self.too_few_bars, strict=True)
+        return [{name: values + added[name] for name, values in few.items()} for few, added in pairs]
 
     def measured(self) -> list[Vector]:
         return [self.runs[k].measured[channel][at] for k, channel, at in self.rows]
@@ -138,7 +165,8 @@ class _Problem:
 
     def left(self, channels: Sequence[Mapping[str, Vector]]) -> list[Vector]:
         """Return measured less simulated of each block of rows."""
-        return [self.runs[k].measured[name][at] - channels[k][name][at] for k, name, at in self.rows]
+        given = self.answers(channels)
+        return [self.runs[k].measured[name][at] - given[k][name][at] for k, name, at in self.rows]
 
     def jacobian(self, u: Vector, channels: Sequence[Mapping[str, Vector]], left: Sequence[Vector]) -> Matrix:
         """Return derivatives of what is left by every number [rows, parameters]."""
@@ -206,18 +234,21 @@ def calibrate_machine(
     FitError
         Where the model has no equilibrium at what is assumed.
     """
+    each = max(FIT.least_of_each, FIT.most_of_all // len(runs))
+    runs = [thinned(run, each) for run in runs]
     parameters = tuple(parameters_of(runs, rig, uncertain))
     fitted_rows = _rows(runs, held_out=False)
     problem = _Problem(tuple(runs), rig, parameters, fitted_rows, FIT.bars)
     progress("start", 0.0)
     start = _start(problem)
-    state = _fit(problem, start, lambda share: progress("fit without the last cycles", 0.1 + 0.6 * share))
+    problem, state = _fit(
+        problem, start, lambda share: progress("fit without the last cycles", 0.1 + 0.6 * share)
+    )
     held = {}
     if any(run.held_out.any() for run in runs):
         held = _held_out(problem, state)
-        problem = _Problem(problem.runs, rig, parameters, _rows(runs, held_out=None), FIT.bars)
         progress("fit of all cycles", 0.7)
-        state = _again(problem, state.u, problem.left(state.channels))
+        problem, state = _again(replace(problem, rows=_rows(runs, held_out=None)), state)
     return _calibration(problem, state, held)
 
 
@@ -236,7 +267,8 @@ def _rows(runs: Sequence[MachineRun], held_out: bool | None) -> tuple[tuple[int,
 def _start(problem: _Problem) -> Vector:
     """Return where the fit starts: the best of a few corners of what is assumed, after a short fit each."""
     free = [j for j, each in enumerate(problem.parameters) if each.kind == "rig" and each.prior.sd > 0.25]
-    runs = tuple(thinned(run, FIT.most_samples) for run in problem.runs)
+    few = max(FIT.least_at_start, FIT.most_at_start // len(problem.runs))
+    runs = tuple(thinned(run, few) for run in problem.runs)
     rows = _rows(runs, held_out=None)
     short = _Problem(runs, problem.rig, problem.parameters, rows, FIT.bars)
     weight = _first_weights(short)
@@ -262,20 +294,21 @@ def _first_weights(problem: _Problem) -> list[Vector]:
     ]
 
 
-def _fit(problem: _Problem, start: Vector, progress: Callable[[float], object]) -> _State:
+def _fit(problem: _Problem, start: Vector, progress: Callable[[float], object]) -> tuple[_Problem, _State]:
     """Fit, weigh each channel by what is left and by how long its errors last, and fit again."""
     weight, inflation = _first_weights(problem), np.ones(len(problem.rows))
     state = _round(problem, start, weight, inflation, FIT.iterations)
     for k in range(FIT.rounds):
         progress((k + 1) / (FIT.rounds + 1))
-        state = _again(problem, state.u, state.left)
-    return state
+        problem, state = _again(problem, state)
+    return problem, state
 
 
-def _again(problem: _Problem, u: Vector, left: Sequence[Vector]) -> _State:
-    """Fit once more, with the weights that follow from what is left."""
-    weight, inflation = _weights(left)
-    return _round(problem, u, weight, inflation, FIT.iterations)
+def _again(problem: _Problem, state: _State) -> tuple[_Problem, _State]:
+    """Fit once more, with more bars and with the weights that follow from what is left."""
+    problem = problem.corrected(state.u, state.channels)
+    weight, inflation = _weights(problem.left(state.channels))
+    return problem, _round(problem, state.u, weight, inflation, FIT.iterations)
 
 
 def _weights(left: Sequence[Vector]) -> tuple[list[Vector], Vector]:
@@ -326,11 +359,11 @@ def _objective(left: Sequence[Vector], weight: Sequence[Vector], u: Vector) -> f
 
 def _held_out(problem: _Problem, state: _State) -> dict[str, tuple[float, float]]:
     """Return by channel the rms on what was held out, and on what was fitted."""
-    away = _rows(problem.runs, held_out=True)
+    away, given = _rows(problem.runs, held_out=True), problem.answers(state.channels)
     squares: dict[str, list[list[Vector]]] = {}
     for side, rows in enumerate((away, problem.rows)):
         for k, name, at in rows:
-            off = problem.runs[k].measured[name][at] - state.channels[k][name][at]
+            off = problem.runs[k].measured[name][at] - given[k][name][at]
             squares.setdefault(name, [[], []])[side].append(off**2)
     rms = {
         name: tuple(float(np.sqrt(np.mean(np.concatenate(side)))) if side else math.nan for side in sides)
@@ -361,7 +394,7 @@ def _calibration(
         held,
         with_values(problem.rig, values),
         problem.runs,
-        tuple(state.channels),
+        tuple(problem.answers(state.channels)),
         tuple(note for run in problem.runs for note in run.notes),
     )
 

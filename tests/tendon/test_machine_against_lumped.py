@@ -1,0 +1,97 @@
+"""Machines beside the independent lumped chains: pairs, joints, motors, segments."""
+
+import numpy as np
+import pytest
+
+from tests import lumped
+from tssgeom.mechanism import Drive, End
+from tssgeom.rig import Friction, Rig, Tendon
+from tssgeom.route.pieces import Arcs
+from tssgeom.tendon.machine import machine_of, simulate_machine
+
+LENGTHS, ANGLES = [0.1, 0.3, 0.1], [0.5, 3.0, 0.2]
+PRETENSION, MU, RHO, R = 6.0, 0.12, 2.5e-4, 0.01
+TIMES = np.linspace(0.0, 20.0, 401)
+PHYSICS = {"pretension_N": PRETENSION, "friction": MU, "compliance_per_N": RHO}
+CLOSE = {"rad": 2e-3, "Nm": 2e-3, "N": 0.25}  # rad, N·m, N: of 1 rad, 0.3 N·m and 30 N
+
+
+def route():
+    return Arcs.exact(np.array(LENGTHS), np.array(ANGLES))
+
+
+def tendons(count):
+    path = lumped.from_pieces(LENGTHS, ANGLES, cells=100)
+    return [(path, lumped.Physics(**PHYSICS))] * count
+
+
+def rig(**parts):
+    own = {
+        "tendon": Tendon(pretension_N=PRETENSION, compliance_per_N=RHO),
+        "friction": Friction(coefficient=MU),
+    }
+    return Rig(**own | parts)
+
+
+def compared(expected, columns, hardware, *, bars=24, end_given=False):
+    out = simulate_machine(machine_of(hardware, [route()], bars), columns, end_given=end_given)
+    for name, values in expected.items():
+        close = CLOSE[name.rpartition("_")[2]]
+        off = np.abs(out[name] - values)
+        assert np.sqrt(np.mean(off**2)) < 0.3 * close, name
+        assert np.max(off) < close, name
+
+
+@pytest.mark.parametrize("gravity", [0.0, 0.1])
+def test_a_pair_on_a_motor_turns_a_joint_as_the_lumped_chains_do(gravity):
+    angle, load = 0.9 * np.sin(TIMES / 2) * np.cos(TIMES / 7), 0.03 * np.sin(TIMES / 3)
+    joint = lumped.Joint(R, 0.25, gravity_Nm=gravity, gravity_angle_rad=0.4, load=(TIMES, load))
+    run = lumped.simulate_machine(
+        tendons(2), lumped.Motor("angle", TIMES, angle, R, play_rad=0.02), joint, TIMES
+    )
+    end = End(kind="joint", radius_m=R, stiffness_Nm_per_rad=0.25, gravity_Nm=gravity, gravity_at_rad=0.4)
+    hardware = rig(drive=Drive(kind="pair", radius_m=R, play_rad=0.02), end=end)
+    expected = {
+        "joint_angle_rad": run.joint_angle,
+        "motor_torque_Nm": run.motor_torque,
+        "tension_in_1_N": run.tendons[0].tension_in,
+        "tension_out_2_N": run.tendons[1].tension_out,
+    }
+    given = {"time_s": TIMES, "motor_angle_rad": angle, "joint_torque_Nm": load}
+    compared(expected, given, hardware)
+
+
+def test_the_torque_that_holds_a_joint_is_that_of_the_lumped_chains():
+    angle, held = 0.9 * np.sin(TIMES / 2), 0.6 * np.sin(TIMES / 2 - 0.2)
+    held = held - held[0]
+    joint = lumped.Joint(R, 0.25, angle=(TIMES, held))
+    run = lumped.simulate_machine(tendons(2), lumped.Motor("angle", TIMES, angle, R), joint, TIMES)
+    end = End(kind="joint", radius_m=R, stiffness_Nm_per_rad=0.25, given="angle")
+    hardware = rig(drive=Drive(kind="pair", radius_m=R), end=end)
+    given = {"time_s": TIMES, "motor_angle_rad": angle, "joint_angle_rad": held}
+    expected = {"motor_torque_Nm": run.motor_torque, "joint_torque_Nm": run.load_torque}
+    compared(expected, given, hardware, end_given=True)
+
+
+def test_a_segment_bends_as_the_lumped_chains_do():
+    around = (0.0, 120.0, 240.0)
+    pulls = [1.5e-3 * np.sin(TIMES / 2 + phase) * TIMES / 20.0 for phase in (0.0, 2.1, 4.2)]
+    drives = [lumped.Drive("displacement", TIMES, pull) for pull in pulls]
+    segment = lumped.Segment(0.0045, tuple(np.radians(around)), 0.05, 0.06, 0.008)
+    run = lumped.simulate_machine(tendons(3), drives, segment, TIMES)
+    end = End(
+        kind="segment",
+        radius_m=0.0045,
+        stiffness_Nm_per_rad=0.05,
+        tendon_angles_deg=around,
+        length_m=0.06,
+        marker_m=0.008,
+    )
+    hardware = rig(drive=Drive(kind="tendons"), end=end)
+    given = {"time_s": TIMES} | {f"displacement_in_{i + 1}_m": pull for i, pull in enumerate(pulls)}
+    expected = {
+        "bending_x_rad": run.bending[:, 0],
+        "bending_y_rad": run.bending[:, 1],
+        "tension_out_3_N": run.tendons[2].tension_out,
+    }
+    compared(expected, given, hardware)
