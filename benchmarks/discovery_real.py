@@ -11,13 +11,13 @@ below 4 N. `--quick` takes the second only.
 from __future__ import annotations
 
 import argparse
-import gzip
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
 
+from benchmarks.real_tool import ARM, BACK, PITCHES, TOOL, TORQUE, read_tool, tensions, tool_file
 from benchmarks.tables import machine
 from tssgeom.arrays import Points, Vector
 from tssgeom.identify.finding import Finding
@@ -29,16 +29,8 @@ from tssgeom.route.synthetic import chain, half_circle, positions
 from tssgeom.tendon import paper
 from tssgeom.tendon.bars.model import predict
 
-TOOL = Path(__file__).resolve().parents[2] / "shared" / "data" / "davinci_tool"
-_TORQUE = 0.000039811  # N·m for each count
-_ARM = 0.01  # m; twice an assumed radius of the spindle of 5 mm: a pair of cables shares the torque
-_PRELOAD = 12.6  # N in each cable, and the zero of the back-end cell in N·m: what the intercepts of the
-_ZERO = -0.020  # straight lines of back-end over front-end torque come to, if friction is a capstan's
-_BACK = 2.0 * np.pi / 8192  # rad for each count
-_MEAN_OF = 25  # samples of 1 ms
 _SECONDS = 7.0  # two cycles
 _LOADS = (2, 4)  # 40 % and 80 % of the motor's torque
-_PITCHES = {1: 60.0, 2: 30.0, 3: 0.0}  # degrees of the wrist, by the number in the file's name
 
 
 def write_tool_campaign(folder: Path, load: int, source: Path = TOOL) -> None:
@@ -51,11 +43,11 @@ def write_tool_campaign(folder: Path, load: int, source: Path = TOOL) -> None:
     wrist. The pitch in the middle is held out.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    runs = {pitch: _tool_run(source / f"Pitch_{pitch}_00{load - 1}.TXT.gz") for pitch in _PITCHES}
+    runs = {pitch: _tool_run(tool_file(pitch, load - 1, source)) for pitch in PITCHES}
     for pitch, columns in runs.items():
-        _table(folder / f"pitch_{pitch}_shape.csv", _points(1e3 * _tool_route(_PITCHES[pitch]), "mm"))
+        _table(folder / f"pitch_{pitch}_shape.csv", _points(1e3 * _tool_route(PITCHES[pitch]), "mm"))
         _table(folder / f"pitch_{pitch}.csv", columns)
-    listing = [_entry(f"pitch_{k}", f"pitch_{k}_shape.csv", held_out=k == 2) for k in _PITCHES]
+    listing = [_entry(f"pitch_{k}", f"pitch_{k}_shape.csv", held_out=k == 2) for k in PITCHES]
     (folder / "campaign.toml").write_text("".join(listing), encoding="utf-8")
     pull = float(np.mean([np.median(columns["tension_out_N"]) for columns in runs.values()]))
     write_rig(
@@ -64,7 +56,7 @@ def write_tool_campaign(folder: Path, load: int, source: Path = TOOL) -> None:
 
 
 def _tool_rig(pretension: float) -> Rig:
-    cell = Sensor(noise=0.3, resolution=_TORQUE / _ARM, full_scale=50.0, nonlinearity=1e-3)
+    cell = Sensor(noise=0.3, resolution=TORQUE / ARM, full_scale=50.0, nonlinearity=1e-3)
     return Rig(
         tendon=Tendon(compliance_per_N=1e-4, pretension_N=round(pretension, 2)),
         friction=Friction(coefficient=0.1),
@@ -72,7 +64,7 @@ def _tool_rig(pretension: float) -> Rig:
         sensors={
             "tension_in_N": cell,
             "tension_out_N": cell,
-            "displacement_in_m": Sensor(noise=1e-6, resolution=0.5 * _ARM * _BACK),
+            "displacement_in_m": Sensor(noise=1e-6, resolution=0.5 * ARM * BACK),
         },
         shape=ShapeSensor(noise_mm=0.01, angle_gain_sd=0.02),
     )
@@ -80,18 +72,12 @@ def _tool_rig(pretension: float) -> Rig:
 
 def _tool_run(path: Path) -> dict[str, Vector]:
     """Return two cycles, from where the proximal tension first rises past the distal one."""
-    with gzip.open(path, "rt") as stream:
-        table = np.loadtxt(stream, delimiter=",", comments="%")
-    rows = len(table) // _MEAN_OF
-    time, back, pull, held = (
-        table[: rows * _MEAN_OF, k].reshape(rows, _MEAN_OF).mean(axis=1) for k in (0, 1, 2, 5)
-    )
-    tension_in = _PRELOAD + (_TORQUE * pull - _ZERO) / _ARM
-    tension_out = _PRELOAD - _TORQUE * held / _ARM
+    time, back, pull, held = read_tool(path).T[[0, 1, 2, 5]]
+    tension_in, tension_out = tensions(pull, held)
     first = int(np.argmax(tension_in > tension_out))
     used = slice(first, first + int(np.searchsorted(time, _SECONDS)))
     columns = {
-        "displacement_in_m": -0.5 * _ARM * _BACK * (back - back[first]),
+        "displacement_in_m": -0.5 * ARM * BACK * (back - back[first]),
         "tension_in_N": tension_in,
         "tension_out_N": tension_out,
     }
