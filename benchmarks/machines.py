@@ -19,7 +19,8 @@ import numpy as np
 from benchmarks.tables import machine
 from tests import lumped
 from tssgeom.errors import TssgeomError
-from tssgeom.identify.machine_fit import MachineCalibration, calibrate_machine
+from tssgeom.identify.machine_estimates import MachineCalibration
+from tssgeom.identify.machine_fit import calibrate_machine
 from tssgeom.identify.machine_run import machine_run, route_of_rig
 from tssgeom.mechanism import Drive, End
 from tssgeom.rig import GivenRoute, Rig, with_values
@@ -59,7 +60,8 @@ def _motion(rng: np.random.Generator, size: float) -> np.ndarray:
 
 
 def _tendons(rig: Rig, count: int) -> list[tuple[lumped.Path, lumped.Physics]]:
-    path = lumped.from_pieces([rig.route.length_m], [rig.route.angle_rad], cells=CELLS)
+    route = route_of_rig(rig)
+    path = lumped.from_pieces(route.length, route.angle, cells=CELLS)
     physics = lumped.Physics(
         friction=rig.friction.coefficient,
         compliance_per_N=rig.tendon.compliance_per_N,

@@ -15,7 +15,7 @@ from tssgeom.atomic import write_text
 
 if TYPE_CHECKING:
     from pipelines.inputs import RunSettings
-    from tssgeom.identify.machine_fit import MachineCalibration, MachineEstimate
+    from tssgeom.identify.machine_estimates import MachineCalibration, MachineEstimate
     from tssgeom.identify.machine_run import MachineRun
     from tssgeom.route.pieces import Arcs
 

@@ -21,7 +21,10 @@ def compensate(
     shapes: Shapes,
     target: Annotated[
         Path,
-        typer.Option("--target", help="Run (CSV, Parquet): time_s and displacement_out_m or tension_out_N."),
+        typer.Option(
+            "--target",
+            help="Run (CSV, Parquet): time_s and displacement_out_m, tension_out_N or joint_angle_rad.",
+        ),
     ],
     out: Annotated[Path, typer.Option("--out", help="Folder for compensate.parquet.")],
     rig: RigFile = None,
@@ -48,6 +51,10 @@ def compensate(
     from tssgeom.tendon import simulation
 
     settings = run_settings(rig, TENSION_IN, unit, columns=columns)
+    if settings.rig.is_machine:
+        from pipelines.machines import compensate_machine
+
+        raise typer.Exit(compensate_machine(shapes, target, out, settings, as_json=as_json, quiet=quiet))
     run = measured_run(target, settings)
     channel, values = run.channel(_TARGETS)
     warn_about_unused(run, channel, _TARGETS)

@@ -29,7 +29,10 @@ def simulate(
     shapes: Shapes,
     drive: Annotated[
         Path,
-        typer.Option("--drive", help="Run (CSV, Parquet): time_s and tension_in_N or displacement_in_m."),
+        typer.Option(
+            "--drive",
+            help="Run (CSV, Parquet): time_s and tension_in_N or displacement_in_m; of a machine, its drive.",
+        ),
     ],
     out: Annotated[Path, typer.Option("--out", help="Folder for simulate.parquet and simulate.rrd.")],
     rig: RigFile = None,
@@ -57,6 +60,11 @@ def simulate(
     from tssgeom.tendon import simulation
 
     settings = run_settings(rig, TENSION_IN, unit, columns=columns)
+    if settings.rig.is_machine:
+        from pipelines.machines import simulate_machine
+
+        status = simulate_machine(shapes, drive, out, settings, as_json=as_json, quiet=quiet)
+        raise typer.Exit(status)
     run = measured_run(drive, settings)
     channel, values = run.channel(_DRIVES)
     warn_about_unused(run, channel, _DRIVES)

@@ -7,7 +7,8 @@ from tests import lumped
 from tssgeom.mechanism import Drive, End
 from tssgeom.rig import Friction, Rig, Tendon
 from tssgeom.route.pieces import Arcs
-from tssgeom.tendon.machine import machine_of, simulate_machine
+from tssgeom.tendon.machine import machine_of
+from tssgeom.tendon.machine_simulation import simulate_machine
 
 LENGTHS, ANGLES = [0.1, 0.3, 0.1], [0.5, 3.0, 0.2]
 PRETENSION, MU, RHO, R = 6.0, 0.12, 2.5e-4, 0.01

@@ -175,13 +175,15 @@ int64_t tss_march_machine(
     int64_t m, const double proximal[n][m], const double distal[n][m], const double stiffness[m],
     const double gravity[m][2], const double at_rest[m], const double start[m], int64_t by_force, int64_t s,
     const double spans[s], const double drive[s][n], const double end[s][n], const double load[s][m],
-    const double warmth[s], double after[n][7 * (k + 1) + 6], double coordinate[s][m], double ends[s][4 * n],
-    double trial[n][7 * (k + 1) + 6], double work[21][k + 1]) {
+    const double warmth[s], int64_t rows, double after[n][7 * (k + 1) + 6], double coordinate[s][m],
+    double ends[s][4 * n], double profile[rows][n * (k + 1)], double trial[n][7 * (k + 1) + 6], double work[21][k + 1]) {
     double z[MOST] = {0.0}, *turned = *coordinate, *read_out = *ends, unused;
     for (int64_t i = 0; i < s * m; i++) turned[i] = NAN;
     for (int64_t i = 0; i < 4 * s * n; i++) read_out[i] = NAN;
     memcpy(*after, *memory, (size_t)n * memory_bytes(k));
-    if (k < 2 || n < 1 || m > MOST) return 0;
+    double *tensions = *profile;
+    for (int64_t i = 0; i < rows * n * (k + 1); i++) tensions[i] = NAN;
+    if (k < 2 || n < 1 || m > MOST || (rows != 0 && rows != s)) return 0;
     for (int64_t a = 0; a < m; a++) z[a] = start[a];
     for (int64_t g = 0; g < s; g++) {
         double sum = spans[g] + warmth[g];
@@ -202,6 +204,7 @@ int64_t tss_march_machine(
             if (by_force)
                 pulled = kept.displacement[0] + stretch_of(&laws, 0, kept.tension[0], &unused) - laws.rest[0]
                          - kept.rest[0];
+            if (rows > 0) memcpy(profile[g] + i * (k + 1), kept.tension, (size_t)(k + 1) * sizeof(double));
             row[0] = kept.tension[0], row[1] = kept.tension[k], row[2] = pulled, row[3] = moved;
         }
     }

@@ -11,12 +11,14 @@ from scipy.special import ndtr
 
 from tssgeom.arrays import Vector
 from tssgeom.errors import SettingsError
-from tssgeom.identify.turning import legs
+from tssgeom.identify.readings import with_added
+from tssgeom.identify.turning import Legs, legs, with_round_turns, with_turns
 from tssgeom.mechanism import numbered, tendon_count
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.statistics import turns
-from tssgeom.tendon.machine import DriveName, Start, drive_channels, drive_of, machine_of, simulate_machine
+from tssgeom.tendon.machine import Start, machine_of
+from tssgeom.tendon.machine_simulation import DriveName, drive_channels, drive_of, simulate_machine
 from tssgeom.uncertain import Prior, Uncertain, assumed
 
 
@@ -24,12 +26,14 @@ from tssgeom.uncertain import Prior, Uncertain, assumed
 class MachineRunLimits:
     """Which readings of a run of a machine are used. All are chosen."""
 
-    most_samples: int = 400
+    most_samples: int = 600
     """Samples of a run; a longer one is thinned, its turns stay; chosen for the speed of a fit."""
     least_samples: int = 20
     """Samples that a run needs; chosen."""
     turn: float = 0.2
     """Of the range of the drive: going back by more ends a cycle [1]; chosen."""
+    most_turns: int = 12
+    """Turns of a tension that drives whose level is fitted; chosen."""
     zero: float = 0.3
     """Standard deviation of the zero of a channel, of its range [1]; chosen."""
     held_out: float = 0.34
@@ -54,6 +58,8 @@ class MachineRun:
     drive: DriveName
     end_given: bool
     tendons: int
+    legs: Legs | None = None
+    """The drive of one tendon by its tension, whose turns have levels of their own; (70), (71)."""
     notes: tuple[str, ...] = ()
 
 
@@ -63,7 +69,7 @@ class Parameter(NamedTuple):
     name: str
     unit: str
     prior: Prior
-    kind: Literal["rig", "zero", "given zero", "history"]
+    kind: Literal["rig", "zero", "given zero", "history", "turn"]
     run: int = -1
     """The run that it belongs to; −1 for all."""
     key: str = ""
@@ -116,9 +122,13 @@ def machine_run(
     edges = turns(motion, LIMITS.turn * float(np.ptp(motion)))
     rows = rows[_thinned(len(rows), edges, most or LIMITS.most_samples)]
     given = {each: np.ascontiguousarray(columns[each][rows]) for each in given_names}
+    made = None
     if drive == "tension_in":
-        for channel in drive_channels(drive, count):
-            given[channel] = legs(given[channel]).values
+        channels = [given[channel] for channel in drive_channels(drive, count)]
+        of_each = [with_round_turns(readings, legs(readings)) for readings in channels]
+        for channel, each in zip(drive_channels(drive, count), of_each, strict=True):
+            given[channel] = each.values
+        made = of_each[0] if count == 1 else None
     answers = {
         each: columns[each][rows]
         for each in answering(rig, count)
@@ -128,7 +138,20 @@ def machine_run(
         known = ", ".join(each for each in answering(rig, count) if each not in given_names)
         raise SettingsError(f"{name}: nothing answers to {given_names[1]}: give one of {known}")
     held_out = _held_out(given[given_names[1]])
-    return MachineRun(name, given, answers, held_out, tuple(routes), drive, end_given, count)
+    run = MachineRun(name, given, answers, held_out, tuple(routes), drive, end_given, count)
+    return run if made is None else _with_turns_between(run, made)
+
+
+def _with_turns_between(run: MachineRun, made: Legs) -> MachineRun:
+    """Return the run with a sample at each turn of its tension, between two readings; docs/model.md (70)."""
+    at, time = made.turns, run.given["time_s"]
+    added = np.zeros(len(time) + len(at), dtype=bool)
+    added[at + np.arange(len(at))] = True
+    given = {"time_s": np.insert(time, at, 0.5 * (time[at - 1] + time[at]))}
+    given[drive_channels(run.drive, 1)[0]] = with_turns(made, np.zeros(len(at)))
+    measured = {name: with_added(values, added) for name, values in run.measured.items()}
+    held_out = np.insert(run.held_out, at, False)
+    return replace(run, given=given, measured=measured, held_out=held_out, legs=made)
 
 
 def answering(rig: Rig, count: int) -> tuple[str, ...]:
@@ -147,7 +170,9 @@ def answering(rig: Rig, count: int) -> tuple[str, ...]:
 
 
 def thinned(run: MachineRun, most: int) -> MachineRun:
-    """Return a run of at most about so many samples; turns of the drive stay."""
+    """Return a run of at most about so many samples, turns of the drive with them; one by tension stays."""
+    if run.legs is not None:
+        return run
     motion = run.given[drive_channels(run.drive, run.tendons)[0]]
     at = _thinned(len(motion), turns(motion, LIMITS.turn * float(np.ptp(motion))), most)
     given = {name: np.ascontiguousarray(values[at]) for name, values in run.given.items()}
@@ -202,6 +227,9 @@ def _of_run(run: MachineRun, k: int, runs: int) -> Iterator[Parameter]:
         motion = run.given["motor_angle_rad"]
         prior = Prior(float(motion[0]), LIMITS.zero * float(np.ptp(motion)), log=False)
         yield Parameter(f"zero of motor_angle_rad{of}", "rad", prior, "given zero", k, "motor_angle_rad")
+    for turn, sd in enumerate(run.legs.turn_se[: LIMITS.most_turns] if run.legs is not None else ()):
+        prior = Prior(0.0, max(float(sd), 1e-6), log=False)
+        yield Parameter(f"turn {turn + 1} of the drive{of}", "N", prior, "turn", k, str(turn))
     for which in range(run.tendons):
         name = f"friction of tendon {which + 1} at the start{of}"
         yield Parameter(name, "1", Prior(0.0, 1.0, log=False), "history", k, str(which))
@@ -239,6 +267,9 @@ def predicted(
     for (kind, channel), zero in values.items():
         if kind == "given zero":
             given[channel] = given[channel] - zero
+    if run.legs is not None:
+        shifts = np.array([values.get(("turn", str(turn)), 0.0) for turn in range(len(run.legs.turns))])
+        given[drive_channels(run.drive, 1)[0]] = with_turns(run.legs, shifts)
     out = simulate_machine(machine, given, drive=run.drive, end_given=run.end_given, start=Start(shares))
     return {name: out[name] + values.get(("zero", name), 0.0) for name in run.measured}
 

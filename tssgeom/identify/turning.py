@@ -12,7 +12,7 @@ model of the run and the fit are the same.
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,8 @@ class LegSettings:
     """Readings of one value that digits and pooling make; longer ones are holds; chosen."""
     near_turn: int = 15
     """Readings beside a turn from which its level is estimated; chosen."""
+    least_beside: int = 3
+    """Readings on either side that a parabola needs; derived: it has three numbers."""
 
 
 LEGS = LegSettings()
@@ -113,6 +115,37 @@ def _line_end(values: Vector) -> tuple[float, float, float]:
     slope = float(x @ values) / float(x @ x)
     value = float(values.mean()) - slope * 0.5 * (count - 1)
     return value, slope, float(np.sqrt(1.0 / count + (0.5 * (count - 1)) ** 2 / (x @ x)))
+
+
+def with_round_turns(readings: Vector, drive: Legs) -> Legs:
+    """Return the drive with the levels of round turns, by a parabola through the readings beside each.
+
+    A line through a round turn is too high; the parabola counts where it leaves less than both lines.
+    """
+    values, errors = np.array(drive.turn_values), np.array(drive.turn_se)
+    edges = np.concatenate(([0], drive.turns, [len(readings) - 1]))
+    for k, turn in enumerate(drive.turns):
+        half = min(LEGS.near_turn, (turn - edges[k]) // 2, (edges[k + 2] - turn) // 2)
+        if half < LEGS.least_beside:
+            continue
+        x, near = np.arange(-half, half + 1) / half, readings[turn - half : turn + half + 1]
+        terms = np.column_stack([np.ones_like(x), x, x**2])
+        (level, slope, bend), *_ = np.linalg.lstsq(terms, near, rcond=None)
+        top = -0.5 * slope / bend if bend != 0.0 else np.inf
+        peak = drive.values[turn] > drive.values[edges[k]]
+        sides = sum(_off_line(x[part], near[part]) for part in (slice(half + 1), slice(half, None)))
+        left = float(np.sum((near - terms @ (level, slope, bend)) ** 2))
+        if abs(top) > 1.0 or (bend > 0.0) == peak or left > sides + drive.noise**2:
+            continue
+        at = np.array([1.0, top, top**2])
+        spread = float(at @ np.linalg.inv(terms.T @ terms) @ at)
+        values[k], errors[k] = at @ (level, slope, bend), drive.noise * np.sqrt(spread)
+    return replace(drive, turn_values=read_only(np.maximum(values, 0.0)), turn_se=read_only(errors))
+
+
+def _off_line(x: Vector, y: Vector) -> float:
+    """Return the squares that a line through values leaves."""
+    return float(np.sum((y - np.polyval(np.polyfit(x, y, 1), x)) ** 2))
 
 
 def with_turns(drive: Legs, shifts: Vector) -> Vector:

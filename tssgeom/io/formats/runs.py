@@ -226,7 +226,7 @@ def _csv(path: Path, names: Sequence[str]) -> dict[str, Vector]:
     rows = [
         _numbers(path, line, text, names, wanted) for line, text in enumerate(lines[1:], 2) if text.strip()
     ]
-    table = np.array(rows, dtype=np.float64).reshape(-1, len(wanted))
+    table = np.array(rows, dtype=np.float64).reshape(len(rows), len(wanted))
     return {names[k]: table[:, i] for i, k in enumerate(wanted)}
 
 

@@ -11,6 +11,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as papq
 
+from tssgeom.arrays import Vector
 from tssgeom.atomic import replacing
 from tssgeom.io.results.shapes import frame_row
 from tssgeom.route.pieces import Arcs
@@ -294,6 +295,20 @@ def write_commands(path: Path, time: Sequence[float], commands: Sequence[Command
     ]
     distorted = any(one.reading_in != one.tension_in for one in commands)
     _write(path, COMPENSATE.append(_READING) if distorted else COMPENSATE, rows)
+
+
+def write_channels(path: Path, channels: Mapping[str, Vector]) -> None:
+    """Write channels against time, a column each [s].
+
+    Raises
+    ------
+    SourceError
+        Where the disk refuses.
+    """
+    schema = pa.schema([_field(name, name.rpartition("_")[0].replace("_", " ")) for name in channels])
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(path) as draft:
+        papq.write_table(pa.table(dict(channels), schema=schema), draft)
 
 
 def _write(path: Path, schema: pa.Schema, rows: Sequence[Mapping[str, Any]]) -> None:

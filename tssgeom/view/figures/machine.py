@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from tssgeom.identify.machine_fit import MachineCalibration
-from tssgeom.tendon.machine import drive_channels
+from tssgeom.identify.machine_estimates import MachineCalibration
+from tssgeom.tendon.machine_simulation import drive_channels
 from tssgeom.view.figures.plots import BLUE, MEASURED, PAGE, SOFT, figure, titles
 
 _HEIGHT = 1.9

@@ -1,0 +1,160 @@
+"""Rigs with a pair, a joint or unknown numbers from the command line, on files as users write them."""
+
+import json
+import math
+
+import numpy as np
+import pyarrow.parquet as papq
+import pytest
+
+from tssgeom.rig import read_rig, with_values
+from tssgeom.route.pieces import Arcs
+from tssgeom.tendon.machine import machine_of
+from tssgeom.tendon.machine_simulation import simulate_machine
+
+RIG = """
+[tendon]
+pretension_N = 6
+[drive]
+kind = "pair"
+radius_m = 0.01
+[end]
+kind = "joint"
+radius_m = 0.008
+stiffness_Nm_per_rad = 0.2
+[route]
+length_m = 0.5
+angle_rad = 3.0
+"""
+UNKNOWN = RIG.replace("pretension_N = 6", 'pretension_N = "unknown"').replace("= 3.0", '= "unknown"')
+TIME = np.linspace(0.0, 24.0, 241)
+
+
+def table(path, **columns):
+    np.savetxt(
+        path, np.column_stack(list(columns.values())), delimiter=",", header=",".join(columns), comments=""
+    )
+    return path
+
+
+def measured(folder, name="run", seed=0, **true):
+    """A run of the rig, with noise, on its own route."""
+    (folder / "true.toml").write_text(RIG)
+    rig = with_values(read_rig(folder / "true.toml"), true)
+    machine = machine_of(rig, [Arcs.exact(np.array([0.5]), np.array([rig.route.angle_rad]))], 30)
+    angle = 0.9 * np.sin(TIME) * (0.8 + 0.2 * np.sin(TIME / 4))
+    out, rng = (
+        simulate_machine(machine, {"time_s": TIME, "motor_angle_rad": angle}),
+        np.random.default_rng(seed),
+    )
+    noisy = {
+        key: out[key] + 2e-3 * rng.standard_normal(len(TIME))
+        for key in ("joint_angle_rad", "motor_torque_Nm")
+    }
+    degrees = {
+        "motor_angle_deg": np.degrees(angle),
+        "joint_angle_deg": np.degrees(noisy["joint_angle_rad"]),
+        "motor_torque_mNm": 1e3 * noisy["motor_torque_Nm"],
+    }
+    return table(folder / f"{name}.csv", time_s=TIME, **degrees)
+
+
+@pytest.fixture
+def shape(tmp_path):
+    angle = np.linspace(0.0, 3.0, 120)
+    radius = 500.0 / 3.0
+    return table(
+        tmp_path / "shape.csv", x_mm=radius * np.sin(angle), y_mm=radius * (1 - np.cos(angle)), z_mm=0 * angle
+    )
+
+
+def test_a_pair_is_simulated_and_its_command_brings_the_joint_there(run, tmp_path, shape):
+    (tmp_path / "rig.toml").write_text(RIG)
+    target = table(tmp_path / "target.csv", time_s=TIME, joint_angle_deg=20 * np.sin(TIME))
+    rig, out = str(tmp_path / "rig.toml"), tmp_path / "out"
+    run("compensate", str(shape), "--target", str(target), "--rig", rig, "--out", str(out))
+    commands = papq.read_table(out / "compensate.parquet")
+    drive = table(tmp_path / "drive.csv", time_s=TIME, motor_angle_rad=commands["motor_angle_rad"].to_numpy())
+    done = run("simulate", str(shape), "--drive", str(drive), "--rig", rig, "--out", str(out), "--json")
+    simulated = papq.read_table(out / "simulate.parquet")
+    np.testing.assert_allclose(
+        simulated["joint_angle_rad"].to_numpy(), np.radians(20 * np.sin(TIME)), atol=1e-5
+    )
+    assert json.loads(done.out)["drive"] == "motor_angle_rad"
+    assert {"tension_in_1_N", "tension_out_2_N", "motor_torque_Nm"} <= set(simulated.column_names)
+    assert (out / "simulate.rrd").stat().st_size > 10_000
+
+
+def test_what_is_unknown_is_found_or_said_to_show_only_together(run, tmp_path):
+    true = {"friction.coefficient": 0.12, "tendon.pretension_N": 8.0, "route.angle_rad": 3.6}
+    file = measured(tmp_path, **true)
+    (tmp_path / "rig.toml").write_text(UNKNOWN + '[friction]\ncoefficient = "unknown"\n')
+    out = tmp_path / "out"
+    done = run("calibrate", str(file), "--rig", str(tmp_path / "rig.toml"), "--out", str(out), "--json")
+    summary = json.loads(done.out)
+    estimates = summary["estimates"]
+    low, high = estimates["tendon.pretension_N"]["ci95"]
+    assert low <= 8.0 <= high < 9.0
+    assert not estimates["friction.coefficient"]["observable"]
+    assert not estimates["route.angle_rad"]["observable"]
+    low, high = summary["friction_angle"]["ci95"]
+    assert low <= 0.12 * 3.6 <= high < 0.5
+    assert any("only as a product" in each for each in summary["tied"])
+    assert summary["held_out"]["joint_angle_rad"]["rms"] == pytest.approx(2e-3, rel=0.3)
+    assert read_rig(out / "rig.toml").tendon.pretension_N == pytest.approx(8.0, rel=0.1)
+    assert {"fit.png", "loop.png", "calibration.json"} <= {each.name for each in out.iterdir()}
+
+
+def test_several_runs_are_fitted_together_and_printed_as_a_table(run, tmp_path):
+    runs = [str(measured(tmp_path, f"run{k}", k, **{"tendon.pretension_N": 7.0})) for k in range(2)]
+    (tmp_path / "rig.toml").write_text(UNKNOWN)
+    rig, out = str(tmp_path / "rig.toml"), str(tmp_path / "found.toml")
+    done = run("calibrate", *runs, "--rig", rig, "--out", out)
+    assert "2 runs" in done.out
+    assert "pretension T_0" in done.out
+    assert read_rig(out).tendon.pretension_N == pytest.approx(7.0, rel=0.1)
+
+
+def test_the_angle_of_a_route_that_nobody_sensed_follows_from_a_run(run, tmp_path):
+    tension = 8.0 - 6.5 * np.cos(TIME)
+    machine = machine_of(
+        with_values(read_rig(_plain(tmp_path)), {}), [Arcs.exact(np.array([1.0]), np.array([2.5]))], 30
+    )
+    out = simulate_machine(machine, {"time_s": TIME, "tension_in_N": tension})["tension_out_N"]
+    rng = np.random.default_rng(1)
+    file = table(
+        tmp_path / "run.csv",
+        time_s=TIME,
+        tension_in_N=tension + 0.02 * rng.standard_normal(len(TIME)),
+        tension_out_N=out + 0.02 * rng.standard_normal(len(TIME)),
+    )
+    done = run(
+        *("calibrate", str(file), "--angle-from-run", "--rig", str(_plain(tmp_path))),
+        *("--out", str(tmp_path / "rig_out.toml"), "--json"),
+    )
+    low, high = json.loads(done.out)["friction_angle"]["ci95"]
+    assert low <= 0.145 * 2.5 <= high
+    assert math.log(high / low) < 0.1
+
+
+def _plain(folder):
+    path = folder / "plain.toml"
+    path.write_text("[friction]\ncoefficient = { value = 0.145, sd = 0.01 }\n")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("arguments", "reported"),
+    [
+        (("simulate", "shape.csv", "--drive", "run.csv"), "route.angle_rad is unknown"),
+        (("calibrate", "shape.csv"), "no column time_s"),
+    ],
+)
+def test_what_cannot_be_done_is_said_in_one_line(run, tmp_path, shape, monkeypatch, arguments, reported):
+    measured(tmp_path)
+    (tmp_path / "rig.toml").write_text(UNKNOWN)
+    monkeypatch.chdir(tmp_path)
+    done = run(*arguments, "--rig", "rig.toml", "--out", "out")
+    assert done.status == 2
+    (line,) = done.errors
+    assert reported in line

@@ -1,0 +1,62 @@
+"""The angle of a motor that turns a joint as wanted: run forward, the joint goes there."""
+
+import math
+
+import numpy as np
+import pytest
+from msgspec.structs import replace as changed
+
+from tests.tendon.test_machine import HALF_CIRCLE, rig
+from tssgeom.errors import SettingsError
+from tssgeom.mechanism import Drive, End
+from tssgeom.tendon.machine import machine_of, play
+from tssgeom.tendon.machine_command import before_play, command_machine
+from tssgeom.tendon.machine_simulation import simulate_machine
+
+TIME = np.linspace(0.0, 10.0, 121)
+
+
+@pytest.mark.parametrize("width", [0.0, 0.03])
+def test_the_joint_goes_where_it_is_wanted(width):
+    hardware = changed(rig(), drive=Drive(kind="pair", radius_m=0.01, play_rad=width))
+    machine, target = machine_of(hardware, [HALF_CIRCLE]), 0.4 * np.sin(TIME) * np.cos(TIME / 3)
+    load = 0.01 * np.sin(TIME / 2)
+    commands = command_machine(machine, TIME, target, load)
+    assert commands.reached.all()
+    run = {"time_s": TIME, "motor_angle_rad": commands.motor_angle, "joint_torque_Nm": load}
+    done = simulate_machine(machine, run)
+    np.testing.assert_allclose(done["joint_angle_rad"], target, atol=1e-6)
+    np.testing.assert_allclose(done["joint_angle_rad"], commands.joint_angle, atol=1e-6)
+
+
+def test_the_motor_crosses_the_dead_zone_where_the_joint_turns_back():
+    machine = machine_of(rig(), [HALF_CIRCLE])
+    target = np.concatenate([np.linspace(0.0, 0.3, 31), np.linspace(0.29, 0.2, 10)])
+    angle = command_machine(machine, np.arange(41.0), target).motor_angle
+    steps = np.diff(angle)
+    assert abs(steps[30]) > 3.0 * np.max(np.abs(steps[2:30]))
+
+
+def test_a_target_out_of_reach_is_marked_and_the_others_are_followed():
+    """Tendons that can be slack leave a joint with its load, however far the motor goes the other way."""
+    one = changed(rig(1.0, 0.0), drive=Drive(kind="tendon", radius_m=0.01))
+    machine = machine_of(one, [HALF_CIRCLE])
+    commands = command_machine(machine, np.arange(4.0), np.array([0.05, 0.1, -0.5, 0.1]))
+    np.testing.assert_array_equal(commands.reached, [True, True, False, True])
+    assert commands.joint_angle[2] == pytest.approx(-0.01 * 1.0 / 0.2, rel=1e-6)  # the spring of the joint
+
+
+def test_a_play_is_undone():
+    rng = np.random.default_rng(0)
+    engaged = np.cumsum(rng.normal(size=50))
+    width = 0.7
+    motion = before_play(engaged, width)
+    np.testing.assert_allclose(play(motion, width)[1:], engaged[1:], atol=1e-12)
+
+
+def test_what_has_no_motor_or_no_joint_is_refused():
+    segment = End(kind="segment", radius_m=0.004, tendon_angles_deg=(0.0, 120.0, 240.0))
+    machine = machine_of(changed(rig(), drive=Drive(kind="tendons"), end=segment), [HALF_CIRCLE])
+    with pytest.raises(SettingsError, match="a joint follows"):
+        command_machine(machine, np.arange(2.0), np.zeros(2))
+    assert math.isclose(machine.routes[0].total_angle, math.pi)

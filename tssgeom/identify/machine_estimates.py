@@ -1,0 +1,150 @@
+"""What the fit of a machine says: estimates, what is known only together, and how each channel is met."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import t as student
+
+from tssgeom.arrays import Matrix, Vector
+from tssgeom.identify.fit_quality import ChannelFit, failures, whiteness
+from tssgeom.identify.machine_problem import FIT, FitState, Problem
+from tssgeom.identify.machine_run import MachineRun, routed
+from tssgeom.rig import Rig, with_values
+from tssgeom.statistics import reading_noise
+
+
+@dataclass(frozen=True, slots=True)
+class MachineEstimate:
+    """One number with its 95 % interval."""
+
+    name: str
+    unit: str
+    value: float
+    low: float
+    high: float
+    identified: bool
+    """False: the runs do not narrow what was assumed of it."""
+    assumed: tuple[float, float]
+    """95 % interval that was assumed."""
+    key: str = ""
+    """Where it stands in the rig; empty for a number of one run."""
+
+
+@dataclass(frozen=True, slots=True)
+class MachineCalibration:
+    """What runs say of a machine."""
+
+    estimates: tuple[MachineEstimate, ...]
+    friction_angle: MachineEstimate
+    """μΦ of the first route, what friction takes from a tendon that slides all along [1]."""
+    tied: tuple[str, ...]
+    """What is known only together, a sentence each."""
+    channels: tuple[ChannelFit, ...]
+    held_out: Mapping[str, tuple[float, float]]
+    """By channel: rms on samples that were held out, and on those that were fitted without them."""
+    rig: Rig
+    """The rig with what the runs identify, and of the rest what was assumed."""
+    runs: tuple[MachineRun, ...]
+    fitted: tuple[Mapping[str, Vector], ...]
+    """What the model gives in each channel of each run."""
+    warnings: tuple[str, ...]
+
+    @property
+    def failures(self) -> tuple[str, ...]:
+        """Why the estimates are not to be used, a sentence each; none where the fit passes its test."""
+        friction = next(each for each in self.estimates if each.key == "friction.coefficient")
+        known = friction.value if friction.identified else None
+        everything = {f"{k}": v for k, run in enumerate(self.fitted) for v in run.values()}
+        return tuple(failures(known, self.channels, (), everything))
+
+
+def calibration_of(
+    problem: Problem, state: FitState, held: Mapping[str, tuple[float, float]]
+) -> MachineCalibration:
+    """Return what a fit says, with the covariance of Gauss and Newton; docs/model.md (181)-(183)."""
+    slope = problem.jacobian(state.u, state.channels, state.left) * np.concatenate(state.weight)[:, None]
+    covariance = np.asarray(np.linalg.inv(slope.T @ slope + np.eye(len(state.u))), dtype=np.float64)
+    effective = sum(len(each) for each in state.left) / float(np.mean(state.inflation))
+    quantile = float(student.ppf(0.975, max(effective - len(state.u), 2.0)))
+    estimates = tuple(_estimates(problem, state.u, covariance, quantile))
+    by_key = {each.key: each for each in estimates if each.key}
+    values = {
+        each.key: by_key[each.key].value if by_key[each.key].identified else each.value(0.0)
+        for each in problem.parameters
+        if each.kind == "rig"
+    }
+    return MachineCalibration(
+        estimates,
+        _friction_angle(problem, state.u, covariance, quantile),
+        tuple(_ties(problem, state.u, covariance, quantile)),
+        tuple(_channel_fits(problem, state)),
+        held,
+        with_values(problem.rig, values),
+        problem.runs,
+        tuple(problem.answers(state.channels)),
+        tuple(note for run in problem.runs for note in run.notes),
+    )
+
+
+def _estimates(problem: Problem, u: Vector, covariance: Matrix, quantile: float) -> Iterator[MachineEstimate]:
+    for j, each in enumerate(problem.parameters):
+        sd = math.sqrt(covariance[j, j])
+        value, low, high = (each.value(x) for x in (u[j], u[j] - quantile * sd, u[j] + quantile * sd))
+        prior = (each.value(-1.96), each.value(1.96))
+        key = each.key if each.kind == "rig" else ""
+        yield MachineEstimate(each.name, each.unit, value, low, high, sd < FIT.unobserved, prior, key)
+
+
+def _friction_angle(problem: Problem, u: Vector, covariance: Matrix, quantile: float) -> MachineEstimate:
+    """Return μΦ with the interval that the runs give it, whether or not they part μ from Φ."""
+    keys = ("friction.coefficient", "route.angle_rad", "route.angle_gain")
+    at = [j for j, each in enumerate(problem.parameters) if each.key in keys and each.prior.log]
+    share = np.array([problem.parameters[j].prior.sd for j in at])
+    rig = with_values(problem.rig, {problem.parameters[j].key: problem.parameters[j].value(u[j]) for j in at})
+    value = rig.friction.coefficient * routed(problem.runs[0].routes[0], rig).total_angle
+    sd, before = math.sqrt(float(share @ covariance[np.ix_(at, at)] @ share)), float(np.linalg.norm(share))
+    low, high = value * math.exp(-quantile * sd), value * math.exp(quantile * sd)
+    assumed = (value * math.exp(-1.96 * before), value * math.exp(1.96 * before))
+    return MachineEstimate("μΦ", "1", value, low, high, sd < FIT.unobserved * before, assumed)
+
+
+def _ties(problem: Problem, u: Vector, covariance: Matrix, quantile: float) -> Iterator[str]:
+    """Say which numbers of the rig are known only as a product or a ratio; docs/model.md (183)."""
+    wide = [
+        j
+        for j, each in enumerate(problem.parameters)
+        if each.kind == "rig" and each.prior.log and covariance[j, j] >= FIT.unobserved**2
+    ]
+    for a, b in itertools.combinations(wide, 2):
+        one, other = problem.parameters[a], problem.parameters[b]
+        sign = -1.0 if covariance[a, b] > 0.0 else 1.0
+        both = np.array([one.prior.sd, sign * other.prior.sd])
+        block = covariance[np.ix_([a, b], [a, b])]
+        sd = math.sqrt(max(float(both @ block @ both), 0.0))
+        if sd >= FIT.tied * float(np.linalg.norm(both)):
+            continue
+        middle = math.log(one.value(u[a])) + sign * math.log(other.value(u[b]))
+        low, mid, high = (math.exp(middle + x * quantile * sd) for x in (-1, 0, 1))
+        word = "product" if sign > 0 else "ratio"
+        yield f"{one.name} and {other.name} show only as a {word}: {mid:.4g} [{low:.4g}, {high:.4g}]"
+
+
+def _channel_fits(problem: Problem, state: FitState) -> Iterator[ChannelFit]:
+    for (k, name, at), left, inflation in zip(problem.rows, state.left, state.inflation, strict=True):
+        values = problem.runs[k].measured[name][at]
+        of = f"{name} of {problem.runs[k].name}" if len(problem.runs) > 1 else name
+        yield ChannelFit(
+            of,
+            name.rpartition("_")[2],
+            float(np.sqrt(np.mean(left**2))),
+            len(at),
+            len(at) / float(inflation),
+            reading_noise(values),
+            float(np.ptp(values)),
+            whiteness(left),
+        )

@@ -1,0 +1,174 @@
+"""What a fit of a machine compares: the channels of all runs at any numbers, and their derivatives.
+
+Every number is counted in standard deviations of what is assumed of it; docs/model.md (179)-(181).
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from tssgeom.arrays import Matrix, Vector
+from tssgeom.errors import FitError, SettingsError
+from tssgeom.identify.machine_run import MachineRun, Parameter, predicted
+from tssgeom.rig import Rig, with_values
+
+
+@dataclass(frozen=True, slots=True)
+class MachineFitSettings:
+    """How a machine is fitted. All are chosen."""
+
+    bars: int = 6
+    """Bars of each tendon while fitting; chosen: more are brought in by `fine`."""
+    fine: int = 40
+    """Bars of each tendon, to whose answer that of few bars is brought [1]; chosen."""
+    most_of_all: int = 1200
+    """Samples of all runs together; more are thinned, to no less than `least_of_each`; chosen."""
+    least_of_each: int = 120
+    """Samples of each run; chosen."""
+    rounds: int = 2
+    """Rounds in which weights and estimates converge; chosen."""
+    iterations: int = 12
+    """Steps of a round; chosen."""
+    step: float = 2e-4
+    """Of a prior's standard deviation: step of derivatives [1]; chosen: small and to one side for all, lest
+    curvature seems to part what shows only as a product."""
+    first_sigma: float = 0.02
+    """Of the range of a channel: its standard deviation in the first round [1]; chosen."""
+    close: float = 0.01
+    """Fall of -ln of the posterior that ends a round [1]; chosen: a seventh of a standard deviation."""
+    huber: float = 3.0
+    """Standard deviations from which a residual counts less [1]; chosen, as `ROBUST.huber`."""
+    unobserved: float = 0.5
+    """Of the prior's standard deviation: a wider posterior means that the runs show nothing [1]; chosen."""
+    tied: float = 0.35
+    """Of the prior's: two numbers whose product is narrower, while neither is, are tied [1]; chosen."""
+    most_at_start: int = 200
+    """Samples of all runs together while the start is chosen, `least_at_start` each at least; chosen."""
+    least_at_start: int = 50
+    """Samples of each run while the start is chosen; chosen: a dozen a cycle."""
+    starts: int = 3
+    """Starts, the best of 27, from which short fits are made [1]; chosen."""
+    start_steps: int = 4
+    """Steps from each start before the best one is kept; chosen."""
+    farthest: float = 4.0
+    """Standard deviations of the prior that a number may go [1]; chosen: one in 16 000."""
+
+
+FIT = MachineFitSettings()
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """Runs, what is fitted of them, and the model at so many bars; every number counts as `u`."""
+
+    runs: tuple[MachineRun, ...]
+    rig: Rig
+    parameters: tuple[Parameter, ...]
+    rows: tuple[tuple[int, str, np.ndarray], ...]
+    """Run, channel, and the samples of it that are fitted."""
+    bars: int
+    too_few_bars: tuple[Mapping[str, Vector], ...] = ()
+    """What more bars would add to the channels of each run; nothing where empty."""
+
+    def corrected(self, u: Vector, channels: Sequence[Mapping[str, Vector]]) -> Problem:
+        """Return the problem with what more bars than its own would add at these numbers."""
+        fine = replace(self, bars=FIT.fine).model(u)
+        if fine is None:
+            return self
+        added = [
+            {name: each[name] - few[name] for name in each} for each, few in zip(fine, channels, strict=True)
+        ]
+        return replace(self, too_few_bars=tuple(added))
+
+    def answers(self, channels: Sequence[Mapping[str, Vector]]) -> list[Mapping[str, Vector]]:
+        """Return the channels of each run with what more bars would add."""
+        if not self.too_few_bars:
+            return list(channels)
+        pairs = zip(channels, self.too_few_bars, strict=True)
+        return [{name: values + added[name] for name, values in few.items()} for few, added in pairs]
+
+    def measured(self) -> list[Vector]:
+        """Return the readings of each block of rows."""
+        return [self.runs[k].measured[channel][at] for k, channel, at in self.rows]
+
+    def model(self, u: Vector, only: int | None = None) -> list[Mapping[str, Vector]] | None:
+        """Return the channels of each run, or of one; None where the machine has no equilibrium."""
+        try:
+            values = {
+                each.key: each.value(x) for each, x in zip(self.parameters, u, strict=True) if each.run < 0
+            }
+            rig = with_values(self.rig, values)
+            which = range(len(self.runs)) if only is None else [only]
+            return [predicted(self.runs[k], rig, self.of_run(u, k), self.bars) for k in which]
+        except (FitError, SettingsError, FloatingPointError):
+            return None
+
+    def of_run(self, u: Vector, k: int) -> dict[tuple[str, str], float]:
+        """Return the numbers of one run, by kind and key."""
+        pairs = zip(self.parameters, u, strict=True)
+        return {(each.kind, each.key): each.value(x) for each, x in pairs if each.run == k}
+
+    def left(self, channels: Sequence[Mapping[str, Vector]]) -> list[Vector]:
+        """Return measured less simulated of each block of rows."""
+        given = self.answers(channels)
+        return [self.runs[k].measured[name][at] - given[k][name][at] for k, name, at in self.rows]
+
+    def jacobian(self, u: Vector, channels: Sequence[Mapping[str, Vector]], left: Sequence[Vector]) -> Matrix:
+        """Return derivatives of what is left by every number [rows, parameters]."""
+        edges = np.cumsum([0, *(len(each) for each in left)])
+        out = np.zeros((edges[-1], len(u)))
+        for j, parameter in enumerate(self.parameters):
+            if parameter.kind == "zero":
+                for b, (k, name, _) in enumerate(self.rows):
+                    if (k, name) == (parameter.run, parameter.key):
+                        out[edges[b] : edges[b + 1], j] = -parameter.prior.sd
+        simulated = [j for j, each in enumerate(self.parameters) if each.kind != "zero"]
+        with ThreadPoolExecutor(min(len(simulated), os.cpu_count() or 1)) as pool:
+            for j, there in zip(simulated, pool.map(partial(self._beside, u), simulated), strict=True):
+                step, moved, only = there
+                for b, (k, name, at) in enumerate(self.rows):
+                    if moved is not None and (only < 0 or k == only):
+                        other = moved[k if only < 0 else 0]
+                        out[edges[b] : edges[b + 1], j] = (channels[k][name][at] - other[name][at]) / step
+        return out
+
+    def _beside(self, u: Vector, j: int) -> tuple[float, list[Mapping[str, Vector]] | None, int]:
+        """Return a step of one number, the channels after it, and the run that it belongs to, or −1."""
+        only, step = self.parameters[j].run, FIT.step
+        for way in (step, -step):
+            moved = u.copy()
+            moved[j] += way
+            channels = self.model(moved, None if only < 0 else only)
+            if channels is not None:
+                return way, channels, only
+        return step, None, only
+
+
+@dataclass(slots=True)
+class FitState:
+    """Where a fit stands."""
+
+    u: Vector
+    channels: list[Mapping[str, Vector]]
+    left: list[Vector]
+    weight: list[Vector]
+    inflation: Vector
+    objective: float
+
+
+def fitted_rows(runs: Sequence[MachineRun], held_out: bool | None) -> tuple[tuple[int, str, np.ndarray], ...]:
+    """Return run, channel and samples of each block; held-out ones where asked for, all where None."""
+    out = []
+    for k, run in enumerate(runs):
+        for name, values in run.measured.items():
+            wanted = np.isfinite(values)
+            if held_out is not None:
+                wanted &= run.held_out == held_out
+            out.append((k, name, np.flatnonzero(wanted)))
+    return tuple((k, name, at) for k, name, at in out if len(at))

@@ -1,0 +1,145 @@
+"""The recording of a machine: its tendons in the colours of their tension, its joint, and lines over time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+
+from tssgeom.arrays import Points, Vector
+from tssgeom.tendon.machine import Machine
+from tssgeom.view import colours
+from tssgeom.view.figures.machine import pictured
+from tssgeom.view.samples import RouteSamples
+from tssgeom.view.scene.blueprint import layout, plot, space_view, time_panel
+from tssgeom.view.scene.camera import Camera, camera
+from tssgeom.view.scene.columns import Sender, segments_3d
+from tssgeom.view.scene.writer import recording_file
+
+_BESIDE = 0.02  # of the extent of the route: tendons on one route are drawn so far apart [1]; chosen
+_DIAL = 0.08  # of it: radius of the circle on which the hand of the joint turns [1]; chosen
+_HAND = 48  # points of that circle; chosen
+_NODES = 121  # of the line of a tendon; chosen: no corner shows
+_SHARES = np.linspace(0.0, 1.0, _NODES)
+_PLOTS = {
+    "Tension [N] against time [s]": ("tension_",),
+    "Angle [°] against time [s]": ("motor_angle", "joint_angle", "bending_"),
+    "Torque [mN·m] against time [s]": ("motor_torque", "joint_torque"),
+}
+
+
+def write_machine_recording(
+    path: Path,
+    name: str,
+    machine: Machine,
+    routes: Sequence[RouteSamples],
+    time: Vector,
+    channels: Mapping[str, Vector],
+    tension: np.ndarray,
+) -> None:
+    """Write the Rerun recording of a run of a machine.
+
+    Parameters
+    ----------
+    path
+        The `.rrd` file.
+    name
+        Name of the run.
+    machine
+        The machine.
+    routes
+        The route of each tendon.
+    time
+        [s] Increasing [s].
+    channels
+        [s] What every channel reads, by name.
+    tension
+        [s, n, bars + 2] Tension of every bar [N].
+
+    Raises
+    ------
+    SourceError
+        Where the file cannot be written.
+    """
+    points = np.concatenate([route.position for route in routes])
+    radius = _DIAL * float(np.max(np.ptp(points, axis=0)))
+    joint = routes[0].position[-1] + 1.3 * radius * _direction(routes[0].position)
+    room = [joint + 2.0 * radius * way for way in (*np.eye(3), *-np.eye(3))]
+    seen_by = camera(np.vstack([points, *room]), routes[0].position[-1] - routes[0].position[0])
+    lines = _lines(routes, seen_by)
+    top = float(np.max(tension))
+    plots = [
+        plot(title, [f"series/{channel}" for channel in channels if channel.startswith(stems)], named=True)
+        for title, stems in _PLOTS.items()
+        if any(channel.startswith(stems) for channel in channels)
+    ]
+    space = space_view(name, seen_by, ("tendon", "joint"))
+    views = rrb.Horizontal(space, rrb.Vertical(*plots), column_shares=[3, 2])
+    with recording_file(path, name, layout(views, time_panel())) as recording:
+        sender = Sender(recording, time)
+        for which, line in enumerate(lines):
+            middles = np.concatenate(([0.0], 0.5 * (machine.edge[1:] + machine.edge[:-1]), [1.0]))
+            along = np.array([np.interp(_SHARES, middles, row) for row in tension[:, which]])
+            _send_tendon(sender, f"tendon/{which + 1}", line, along, top)
+        if "joint_angle_rad" in channels:
+            _send_joint(sender, lines[0], seen_by, joint, radius, channels["joint_angle_rad"])
+        _send_series(sender, channels)
+
+
+def _direction(line: Points) -> Vector:
+    """Return the direction of the end of a line."""
+    way = line[-1] - line[-2]
+    return way / float(np.linalg.norm(way))
+
+
+def _lines(routes: Sequence[RouteSamples], seen_by: Camera) -> list[Points]:
+    """Return the nodes of each tendon [`_NODES`, 3] [m], tendons side by side."""
+    lines, count = [], len(routes)
+    for which, route in enumerate(routes):
+        beside = _BESIDE * 2.0 * seen_by.half_width * (which - 0.5 * (count - 1))
+        lines.append(route.at(_SHARES * route.s[-1]) + beside * seen_by.axes[1])
+    return lines
+
+
+def _send_tendon(sender: Sender, entity: str, line: Points, tension: np.ndarray, top: float) -> None:
+    """Draw a tendon in the colours of its tension at its nodes [s, `_NODES`] [N]."""
+    rows, inside = len(tension), 0.5 * (tension[:, 1:] + tension[:, :-1])
+    columns = rr.LineStrips3D.columns(
+        strips=segments_3d([line] * rows), colors=colours.tension_rgba32(inside.ravel(), top)
+    )
+    sender.constant(entity, rr.LineStrips3D.from_fields(radii=rr.Radius.ui_points(4.0)))
+    sender.send(entity, columns, [inside.shape[1]] * rows)
+
+
+def _send_joint(
+    sender: Sender, line: Points, seen_by: Camera, middle: Vector, radius: float, angle: Vector
+) -> None:
+    """Draw a circle beyond the distal end, and a hand that turns with the joint."""
+    way = _direction(line)
+    across, up = seen_by.axes[:2]
+    start = np.arctan2(way @ up, way @ across)
+    around = np.linspace(0.0, 2.0 * np.pi, _HAND)
+
+    def at(turn: Vector) -> Points:
+        return middle + radius * (np.outer(np.cos(turn), across) + np.outer(np.sin(turn), up))
+
+    circle = rr.LineStrips3D([at(around)], colors=[colours.AXIS], radii=rr.Radius.ui_points(1.5))
+    sender.constant("joint/circle", circle)
+    sender.constant(
+        "joint/hand", rr.LineStrips3D.from_fields(colors=colours.ANGLE, radii=rr.Radius.ui_points(3.0))
+    )
+    hands = [np.stack([middle, end]) for end in at(start + angle)]
+    sender.send("joint/hand", rr.LineStrips3D.columns(strips=segments_3d(hands)), [1] * len(angle))
+
+
+def _send_series(sender: Sender, channels: Mapping[str, Vector]) -> None:
+    stems = tuple(stem for group in _PLOTS.values() for stem in group)
+    chosen = [name for name in channels if name.startswith(stems)]
+    for k, name in enumerate(chosen):
+        label, factor = pictured(name)
+        style = rr.SeriesLines(names=label, colors=[colours.piece_rgb(k)], widths=[2.0])
+        sender.constant(f"series/{name}", style)
+        sender.send(f"series/{name}", rr.Scalars.columns(scalars=factor * channels[name]))
