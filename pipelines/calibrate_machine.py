@@ -108,9 +108,13 @@ def _routes(runs: int, shapes: Sequence[Path], settings: RunSettings) -> list[li
     if len(arcs) == runs * tendons:
         return [arcs[k * tendons : (k + 1) * tendons] for k in range(runs)]
     raise SettingsError(
-        f"{len(arcs)} --shape for {runs} runs of {tendons} tendons: give one for all, one a run, one a "
-        "tendon, or those of each run one after the other"
+        f"{len(arcs)} --shape for {_counted(runs, 'run')} of {_counted(tendons, 'tendon')}: give one for "
+        "all, one a run, one a tendon, or those of each run one after the other"
     )
+
+
+def _counted(count: int, thing: str) -> str:
+    return f"{count} {thing}" if count == 1 else f"{count} {thing}s"
 
 
 def _write(
@@ -198,11 +202,14 @@ def _title(each: MachineEstimate) -> str:
 
 def _sentence(each: MachineEstimate) -> str:
     if not each.identified:
-        return f"not identified; assumed {each.assumed[0]:.4g} to {each.assumed[1]:.4g} {each.unit}"
+        assumed = f"not identified; assumed {each.assumed[0]:.4g} to {each.assumed[1]:.4g} {each.unit}"
+        return assumed.removesuffix(" 1")
     return f"{each.value:.6g} {each.unit} [{each.low:.6g}, {each.high:.6g}]".replace(" 1 [", " [")
 
 
 def _print(paths: Sequence[Path], out: Path | None, fitted: MachineCalibration) -> None:
+    from tssgeom.identify.machine_run import unit_of
+
     rows = []
     for each in (*fitted.estimates, fitted.friction_angle):
         assumed = f"{each.assumed[0]:.4g} to {each.assumed[1]:.4g}"
@@ -215,14 +222,15 @@ def _print(paths: Sequence[Path], out: Path | None, fitted: MachineCalibration) 
     notes = [
         *fitted.tied,
         *(
-            f"{each.name}: {each.count} readings met within {each.rms:.3g} {each.unit} rms, "
+            f"{each.name}: {each.count} readings met within {each.rms:.3g} {unit_of(f'_{each.unit}')} rms, "
             f"{each.over_noise:.3g} × their noise; they count as {each.effective_count:.0f} independent ones"
             for each in fitted.channels
         ),
     ]
     for name, (away, inside) in fitted.held_out.items():
-        unit = name.rpartition("_")[2]
-        notes.append(f"{name}: {away:.3g} {unit} rms on cycles held out, {inside:.3g} on those fitted")
+        notes.append(
+            f"{name}: {away:.3g} {unit_of(name)} rms on cycles held out, {inside:.3g} on those fitted"
+        )
     notes += [] if out is None else [f"rig: {out}"]
     names = paths[0].name if len(paths) == 1 else f"{len(paths)} runs, {paths[0].name} …"
     print_table(names, ("", "value", "95 % interval", "unit", "assumed"), rows, notes=notes)

@@ -6,12 +6,17 @@ import tomllib
 from pathlib import Path
 
 import msgspec
+import numpy as np
 import pytest
 from typer import Context
 from typer.main import get_command
 
 from pipelines.cli import app
-from tssgeom.rig import Rig
+from tssgeom.io.formats.columns import CHANNELS, MACHINE_CHANNELS
+from tssgeom.mechanism import Drive, End, numbered, tendon_count
+from tssgeom.rig import GivenRoute, Rig, read_uncertain_rig
+from tssgeom.route.pieces import Arcs
+from tssgeom.tendon.machine import drive_channels, machine_of, simulate_machine
 
 HOME = Path(__file__).parents[1]
 DOCUMENTS = [HOME / "README.md", HOME / "CONTRIBUTING.md", *sorted((HOME / "docs").glob("*.md"))]
@@ -41,6 +46,33 @@ def test_the_effects_of_the_formats_are_a_rig():
     assert len(msgspec.toml.decode(markers, type=Rig).shape.marker_offset_mm) == 4
     assert msgspec.toml.decode(scan, type=Rig).shape.source == "centreline"
     assert len(msgspec.toml.decode(example, type=Rig).effects) == 2
+
+
+@pytest.mark.parametrize("block", blocks("docs/machines.md", "toml"))
+def test_a_rig_of_the_machines_is_read_and_its_drive_pulls_the_first_tendon(block, tmp_path):
+    path = tmp_path / "rig.toml"
+    path.write_text(block, "utf-8")
+    rig, uncertain = read_uncertain_rig(path)
+    assert len(uncertain) == block.count('"unknown"') + block.count("sd =")
+    count = tendon_count(rig.drive, rig.end)
+    drive = drive_channels("motor_angle_rad" if rig.drive.radius_m else "displacement_in", count)
+    run = {"time_s": np.arange(2.0), **{name: np.zeros(2) for name in drive}}
+    run[drive[0]][1] = 0.1 * rig.drive.gear if rig.drive.radius_m else 1e-3
+    out = simulate_machine(machine_of(rig, [Arcs.exact(np.array([0.5]), np.array([3.0]))]), run)
+    before, after = out[next(numbered("tension_in_N", count))]
+    assert after > before + 0.1
+
+
+def test_the_page_of_the_machines_has_every_key_and_channel():
+    page = (HOME / "docs" / "machines.md").read_text("utf-8")
+    named = set(re.findall(r"`(?:\[\w+\] )?(\w+)`", page))
+    for struct in (Drive, End, GivenRoute):
+        assert set(struct.__struct_fields__) <= named
+    table = page.partition("| column |")[2].partition("\n\n")[0]
+    channels = set(re.findall(r"`(\w+)`", table))
+    assert channels <= CHANNELS.keys() | MACHINE_CHANNELS.keys()
+    in_si = {name for name, (_, per_si) in MACHINE_CHANNELS.items() if per_si == 1.0}
+    assert {re.sub(r"_\d+_", "_1_", name) for name in in_si} <= channels
 
 
 @pytest.mark.parametrize("line", COMMANDS)
