@@ -2,7 +2,7 @@
 
     python -m benchmarks.machines [--quick] [--trials N] [--kind KIND]
 
-The truth of each trial is drawn from what the rig assumes. Held: the share of 95 % intervals, of numbers
+The truth of each trial is taken at random from what the rig assumes. Held: the share of 95 % intervals, of numbers
 reported as identified, that hold the truth. Falsely identified: numbers that the runs cannot part, by the
 physics, and that were reported all the same.
 """

@@ -26,6 +26,7 @@ from benchmarks.real_sets import (
 from benchmarks.real_tool import TOOL, tool_cases
 from benchmarks.run_cases import Case, Mask, Response, mean_cycle_error
 from benchmarks.run_laws import LAWS
+from benchmarks.run_machines import predictions as ours
 from benchmarks.run_peers import Estimate, Prediction, fit
 from benchmarks.tables import ABSENT, number, table
 from tssgeom.arrays import Vector
@@ -56,11 +57,6 @@ _STOP_FITS = {  # of the set's README: stiffness [kip/in], force and held-out rm
 Fits = Mapping[tuple[str, str], Mapping[str, Prediction]]
 
 
-def ours(_: Case) -> Mapping[str, Prediction] | None:
-    """Return what the calibrated model predicts for every response; None where it takes no such rig."""
-    return None
-
-
 def show_runs(*, quick: bool, markdown: bool) -> None:
     """Print held-out errors and parameters of every set, and its own figures beside its README's."""
     for name, folder, cases_of in _SOURCES:
@@ -68,7 +64,10 @@ def show_runs(*, quick: bool, markdown: bool) -> None:
             print(f"\n{name}: left out, {folder.name} is not beside the project")
             continue
         cases = cases_of(quick=quick)
-        fits = {(case.name, each.column): fits_of(case, each) for case in cases for each in case.responses}
+        fits = dict[tuple[str, str], dict[str, Prediction]]()
+        for case in cases:
+            model = ours(case) or {}
+            fits |= {(case.name, each.column): fits_of(case, each, model) for each in case.responses}
         parts = [_errors(cases, fits, markdown=markdown), _parameters(cases, fits, markdown=markdown)]
         if folder == ROBOTS:
             parts += [_play_fits(cases, fits, markdown=markdown), _lags(cases)]
@@ -77,10 +76,9 @@ def show_runs(*, quick: bool, markdown: bool) -> None:
         print("\n" + "\n\n".join([name, *parts]), flush=True)
 
 
-def fits_of(case: Case, response: Response) -> dict[str, Prediction]:
-    """Return what every method that applies predicts."""
-    model = ours(case)
-    fits = {} if model is None else {"tssgeom": model[response.column]}
+def fits_of(case: Case, response: Response, model: Mapping[str, Prediction]) -> dict[str, Prediction]:
+    """Return what every method that applies predicts; `model` is what the calibrated machine does."""
+    fits = {"tssgeom": model[response.column]} if response.column in model else {}
     laws = {name: fit(law, case, response) for name, law in LAWS.items()}
     return fits | {name: one for name, one in laws.items() if one is not None}
 

@@ -90,9 +90,11 @@ def calibrate(
     from tssgeom.identify import calibration
     from tssgeom.rig import write_rig
 
-    settings = run_settings(rig, TENSION_IN, unit, columns=columns, may_be_uncertain=True)
+    settings = run_settings(
+        rig, TENSION_IN, unit, columns=columns, may_be_uncertain=True, takes_machines=True
+    )
     if angle_from_run:
-        settings = with_unknown_angle(settings)
+        settings = with_unknown_angle(settings, sensed=bool(shapes))
     folder = out if out.is_dir() or not out.suffix else None
     out = out if folder is None else folder / _RIG
     require_replaceable(out)

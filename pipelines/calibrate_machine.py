@@ -189,7 +189,7 @@ def _provenance(paths: Sequence[Path], shapes: Sequence[Path], fitted: MachineCa
     lines = [f"Calibrated by tssgeom {tssgeom_version()} calibrate."]
     for kind, files in (("Run", paths), ("Shape", shapes)):
         lines += [f"{kind} {path.name}, SHA-256 {sha256_of(path)}" for path in files]
-    lines.append("With 95 % intervals; what is not identified stands as it was assumed:")
+    lines.append("With 95 % intervals; what is not identified stands near what was assumed:")
     lines += [f"  {_title(each)}: {_sentence(each)}" for each in fitted.estimates]
     lines += [f"Tied: {each}" for each in fitted.tied]
     lines += [f"Fails its test: {failure}" for failure in fitted.failures]

@@ -50,7 +50,7 @@ def compensate(
     from tssgeom.io.results.tables import write_commands
     from tssgeom.tendon import simulation
 
-    settings = run_settings(rig, TENSION_IN, unit, columns=columns)
+    settings = run_settings(rig, TENSION_IN, unit, columns=columns, takes_machines=True)
     if settings.rig.is_machine:
         from pipelines.machines import compensate_machine
 

@@ -67,6 +67,7 @@ def run_settings(
     tube_mm: float | None = None,
     columns: Sequence[str] | None = None,
     may_be_uncertain: bool = False,
+    takes_machines: bool = False,
 ) -> RunSettings:
     """Check what the user chose.
 
@@ -82,6 +83,11 @@ def run_settings(
         rig_read, uncertain = read_uncertain_rig(rig)
     else:
         rig_read = Rig() if rig is None else read_rig(rig)
+    if rig_read.is_machine and not takes_machines:
+        print_message(
+            f"{rig}: warning: [drive] and [end] are not used here: a tendon counts as one on the spring "
+            "of [load]; simulate, compensate and calibrate take them"
+        )
     for each in rig_remarks(rig_read):
         print_message(f"{rig}: warning: {each.text}")
     if tube_mm is not None and not 0 < tube_mm < math.inf:
@@ -116,13 +122,13 @@ def report_unused(columns: ColumnMap) -> None:
         print_message(f"warning: --map {name!r}: no file has a column of this name")
 
 
-def with_unknown_angle(settings: RunSettings) -> RunSettings:
-    """Return the settings with a route whose angle is to be estimated, of 1 m unless its length is given."""
+def with_unknown_angle(settings: RunSettings, *, sensed: bool) -> RunSettings:
+    """Return the settings with a route whose angle is unknown, of 1 m unless a length is given or sensed."""
     key, route = "route.angle_rad", settings.rig.route
     given = any(each.key == key for each in settings.uncertain)
     added = () if given else (Uncertain(key, UNKNOWNS[key], stated=False),)
     angle = route.angle_rad if given else UNKNOWNS[key].centre
-    route = changed(route, angle_rad=angle, length_m=route.length_m or 1.0)
+    route = changed(route, angle_rad=angle, length_m=route.length_m or (None if sensed else 1.0))
     return replace(settings, rig=changed(settings.rig, route=route), uncertain=(*settings.uncertain, *added))
 
 

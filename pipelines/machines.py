@@ -33,7 +33,7 @@ def simulate_machine(
     run = measured_run(drive, settings)
     sensed = sensed_route(shapes, settings)
     machine = _machine(shapes, sensed, settings)
-    columns = _without_gaps(drive, run.columns)
+    columns = _complete(drive, run.columns)
     name = drive_of(columns, machine.count)
     with errors_naming(drive, shapes):
         end_given = settings.rig.end.given == "angle" and _TARGET in columns
@@ -65,7 +65,7 @@ def compensate_machine(
         raise SettingsError(f"{target}: no column {_TARGET}: a joint follows the angle in it; add one")
     sensed = sensed_route(shapes, settings)
     machine = _machine(shapes, sensed, settings)
-    columns = _without_gaps(target, run.columns)
+    columns = _complete(target, run.columns)
     with errors_naming(target, shapes):
         commands = command_machine(machine, run.time, columns[_TARGET], columns.get("joint_torque_Nm"))
     for row in np.flatnonzero(~commands.reached)[:1]:
@@ -101,7 +101,7 @@ def _machine(shapes: Path, sensed: SensedRoute, settings: RunSettings) -> Machin
     return machine_of(settings.rig, [routed(sensed.results[0].arcs, settings.rig)])
 
 
-def _without_gaps(path: Path, columns: Mapping[str, Vector]) -> Mapping[str, Vector]:
+def _complete(path: Path, columns: Mapping[str, Vector]) -> Mapping[str, Vector]:
     for name, values in columns.items():
         missing = np.flatnonzero(~np.isfinite(values))
         if len(missing):

@@ -59,7 +59,7 @@ def simulate(
     from tssgeom.io.results.tables import write_simulation
     from tssgeom.tendon import simulation
 
-    settings = run_settings(rig, TENSION_IN, unit, columns=columns)
+    settings = run_settings(rig, TENSION_IN, unit, columns=columns, takes_machines=True)
     if settings.rig.is_machine:
         from pipelines.machines import simulate_machine
 

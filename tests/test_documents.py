@@ -16,7 +16,8 @@ from tssgeom.io.formats.columns import CHANNELS, MACHINE_CHANNELS
 from tssgeom.mechanism import Drive, End, numbered, tendon_count
 from tssgeom.rig import GivenRoute, Rig, read_uncertain_rig
 from tssgeom.route.pieces import Arcs
-from tssgeom.tendon.machine import drive_channels, machine_of, simulate_machine
+from tssgeom.tendon.machine import machine_of
+from tssgeom.tendon.machine_simulation import drive_channels, simulate_machine
 
 HOME = Path(__file__).parents[1]
 DOCUMENTS = [HOME / "README.md", HOME / "CONTRIBUTING.md", *sorted((HOME / "docs").glob("*.md"))]

@@ -224,7 +224,7 @@ class Rig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
     @property
     def is_machine(self) -> bool:
         """Whether it has more than one tendon, or an end other than a spring."""
-        return self.drive.kind != "tendon" or self.end.kind not in ("spring", "weight")
+        return self.drive.kind != "tendon" or self.end.kind != "spring"
 
 
 def read_rig(path: str | Path) -> Rig:
@@ -263,7 +263,7 @@ def read_uncertain_rig(path: str | Path) -> tuple[Rig, tuple[Uncertain, ...]]:
         raise SettingsError(f"{path}: cannot read the rig file ({error.strerror}): check the path") from error
     except (msgspec.ValidationError, ValueError, RecursionError) as error:
         if isinstance(error, SettingsError):
-            raise
+            raise SettingsError(f"{path}: {error}") from error
         reported = _wrong_effect(tables) if "$.effects" in str(error) else str(error)
         raise SettingsError(f"{path}: {reported}: mend the rig file (docs/formats.md, Rig)") from error
 
@@ -308,6 +308,13 @@ def write_rig(path: Path, rig: Rig, provenance: Sequence[str] = ()) -> None:
     """
     comments = "".join(f"# {' '.join(line.split())}\n" for line in provenance)
     tables = _without_none(msgspec.to_builtins(rig, enc_hook=float))  # fits give numpy's floats
+    for name in ("drive", "end", "route"):
+        if getattr(rig, name) == getattr(Rig(), name):
+            del tables[name]
+    for sensor in tables.get("sensors", {}).values():
+        for name in ("zero", "gain", "lag_s"):
+            if sensor[name] == getattr(Sensor(), name):
+                del sensor[name]
     write_text(path, comments + "\n" * bool(comments) + tomli_w.dumps(tables))
 
 

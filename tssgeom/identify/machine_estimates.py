@@ -48,7 +48,10 @@ class MachineCalibration:
     held_out: Mapping[str, tuple[float, float]]
     """By channel: rms on samples that were held out, and on those that were fitted without them."""
     rig: Rig
-    """The rig with what the runs identify, and of the rest what was assumed."""
+    """The rig at the lowest point of (181): of what is not identified near what was assumed, but with the
+    products and ratios that are."""
+    values: tuple[Mapping[tuple[str, str], float], ...]
+    """Of each run its zeros and its start, by kind and key, as `machine_run.predicted` takes them."""
     runs: tuple[MachineRun, ...]
     fitted: tuple[Mapping[str, Vector], ...]
     """What the model gives in each channel of each run."""
@@ -72,12 +75,7 @@ def calibration_of(
     effective = sum(len(each) for each in state.left) / float(np.mean(state.inflation))
     quantile = float(student.ppf(0.975, max(effective - len(state.u), 2.0)))
     estimates = tuple(_estimates(problem, state.u, covariance, quantile))
-    by_key = {each.key: each for each in estimates if each.key}
-    values = {
-        each.key: by_key[each.key].value if by_key[each.key].identified else each.value(0.0)
-        for each in problem.parameters
-        if each.kind == "rig"
-    }
+    values = {each.key: each.value for each in estimates if each.key}
     return MachineCalibration(
         estimates,
         _friction_angle(problem, state.u, covariance, quantile),
@@ -85,6 +83,7 @@ def calibration_of(
         tuple(_channel_fits(problem, state)),
         held,
         with_values(problem.rig, values),
+        tuple(problem.of_run(state.u, k) for k in range(len(problem.runs))),
         problem.runs,
         tuple(problem.answers(state.channels)),
         tuple(note for run in problem.runs for note in run.notes),

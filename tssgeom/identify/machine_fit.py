@@ -8,6 +8,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -17,7 +18,7 @@ from tssgeom.errors import FitError
 from tssgeom.identify.fit_quality import inflation_of, spread
 from tssgeom.identify.machine_estimates import MachineCalibration, calibration_of
 from tssgeom.identify.machine_problem import FIT, FitState, Problem, fitted_rows
-from tssgeom.identify.machine_run import MachineRun, parameters_of, thinned
+from tssgeom.identify.machine_run import MachineRun, parameters_of, predicted, thinned
 from tssgeom.rig import Rig
 from tssgeom.uncertain import Uncertain
 
@@ -54,6 +55,9 @@ def calibrate_machine(
     parameters = tuple(parameters_of(runs, rig, uncertain))
     problem = Problem(tuple(runs), rig, parameters, fitted_rows(runs, held_out=False), FIT.bars)
     progress("start", 0.0)
+    with suppress(FitError):  # what is wrong with the rig itself is said here
+        for run in runs:
+            predicted(run, rig, {}, FIT.bars)
     start = _start(problem)
     problem, state = _fit(
         problem, start, lambda share: progress("fit without the last cycles", 0.1 + 0.6 * share)

@@ -28,8 +28,8 @@ class MachineRunLimits:
 
     most_samples: int = 600
     """Samples of a run; a longer one is thinned, its turns stay; chosen for the speed of a fit."""
-    least_samples: int = 20
-    """Samples that a run needs; chosen."""
+    least_samples: int = 5
+    """Samples that a run needs, and readings of a channel; chosen: a short run serves beside others."""
     turn: float = 0.2
     """Of the range of the drive: going back by more ends a cycle [1]; chosen."""
     most_turns: int = 12
@@ -132,7 +132,9 @@ def machine_run(
     answers = {
         each: columns[each][rows]
         for each in answering(rig, count)
-        if each in columns and each not in given_names and np.isfinite(columns[each][rows]).sum() >= 8
+        if each in columns
+        and each not in given_names
+        and np.isfinite(columns[each][rows]).sum() >= LIMITS.least_samples
     }
     if not answers:
         known = ", ".join(each for each in answering(rig, count) if each not in given_names)
@@ -220,7 +222,9 @@ def _of_run(run: MachineRun, k: int, runs: int) -> Iterator[Parameter]:
     of = f" of {run.name}" if runs > 1 else ""
     for channel, values in run.measured.items():
         sd = LIMITS.zero * float(np.nanmax(values) - np.nanmin(values)) or 1.0
-        centre = float(np.nanmedian(values)) if abs(np.nanmedian(values)) > 3.0 * sd else 0.0
+        middle = float(np.nanmedian(values))
+        anywhere = unit_of(channel) in ("rad", "m") and abs(middle) > 3.0 * sd  # an encoder's own zero
+        centre = middle if anywhere else 0.0
         prior = Prior(centre, sd, log=False)
         yield Parameter(f"zero of {channel}{of}", unit_of(channel), prior, "zero", k, channel)
     if run.drive == "motor_angle_rad":

@@ -34,8 +34,10 @@ class LegSettings:
     """Readings of one value that digits and pooling make; longer ones are holds; chosen."""
     near_turn: int = 15
     """Readings beside a turn from which its level is estimated; chosen."""
-    least_beside: int = 3
-    """Readings on either side that a parabola needs; derived: it has three numbers."""
+    terms: int = 5
+    """Terms of the polynomial through a round turn; derived: a sine bends off a parabola by x⁴."""
+    least_beside: int = 4
+    """Readings on either side that it needs; derived: more than its terms together."""
 
 
 LEGS = LegSettings()
@@ -118,9 +120,10 @@ def _line_end(values: Vector) -> tuple[float, float, float]:
 
 
 def with_round_turns(readings: Vector, drive: Legs) -> Legs:
-    """Return the drive with the levels of round turns, by a parabola through the readings beside each.
+    """Return the drive with the levels of round turns, by a polynomial through the readings beside each.
 
-    A line through a round turn is too high; the parabola counts where it leaves less than both lines.
+    A line through a round turn is too high; the polynomial counts where it leaves less than both lines. It is
+    taken where a parabola is greatest: its own greatest value is that of its noise too.
     """
     values, errors = np.array(drive.turn_values), np.array(drive.turn_se)
     edges = np.concatenate(([0], drive.turns, [len(readings) - 1]))
@@ -128,18 +131,20 @@ def with_round_turns(readings: Vector, drive: Legs) -> Legs:
         half = min(LEGS.near_turn, (turn - edges[k]) // 2, (edges[k + 2] - turn) // 2)
         if half < LEGS.least_beside:
             continue
-        x, near = np.arange(-half, half + 1) / half, readings[turn - half : turn + half + 1]
-        terms = np.column_stack([np.ones_like(x), x, x**2])
-        (level, slope, bend), *_ = np.linalg.lstsq(terms, near, rcond=None)
-        top = -0.5 * slope / bend if bend != 0.0 else np.inf
+        near = readings[turn - half : turn + half + 1]
         peak = drive.values[turn] > drive.values[edges[k]]
+        x = np.arange(-half, half + 1) / half
+        terms = np.vander(x, LEGS.terms, increasing=True)
+        fit, *_ = np.linalg.lstsq(terms, near, rcond=None)
+        bend, slope, _ = np.polyfit(x, near, 2)
+        top = -0.5 * slope / bend if bend != 0.0 else np.inf
         sides = sum(_off_line(x[part], near[part]) for part in (slice(half + 1), slice(half, None)))
-        left = float(np.sum((near - terms @ (level, slope, bend)) ** 2))
+        left = float(np.sum((near - terms @ fit) ** 2))
         if abs(top) > 1.0 or (bend > 0.0) == peak or left > sides + drive.noise**2:
             continue
-        at = np.array([1.0, top, top**2])
+        at = top ** np.arange(LEGS.terms)
         spread = float(at @ np.linalg.inv(terms.T @ terms) @ at)
-        values[k], errors[k] = at @ (level, slope, bend), drive.noise * np.sqrt(spread)
+        values[k], errors[k] = at @ fit, drive.noise * np.sqrt(spread)
     return replace(drive, turn_values=read_only(np.maximum(values, 0.0)), turn_se=read_only(errors))
 
 

@@ -82,12 +82,12 @@ def command_machine(
             'a joint follows a target where a motor drives it: give end.kind = "joint", drive.radius_m > 0'
         )
     spans = np.diff(time, prepend=2.0 * time[0] - time[1] if len(time) > 1 else time[0] - 1.0)
-    acting = np.zeros(len(time)) if load is None else load
+    resisting = np.zeros(len(time)) if load is None else load
     held = held_tensions(machine, start or at_rest(machine.count))
     balance = machine.coordinates.distal.T @ held[:, -1]
     state, angle, rows = begin(machine, start), 0.0, list[tuple[float, float, np.ndarray, bool]]()
     for k in range(len(time)):
-        at = _Sample(machine, state, balance, arms, float(spans[k]), float(acting[k]), float(target[k]))
+        at = _Sample(machine, state, balance, arms, float(spans[k]), float(resisting[k]), float(target[k]))
         angle, trace, state, reached = at.solved(angle)
         rows.append((angle, float(trace.coordinate[0, 0]), trace.ends[0], reached))
     engaged = np.array([row[0] for row in rows])

@@ -19,7 +19,7 @@ from tssgeom.view.scene.camera import Camera, camera
 from tssgeom.view.scene.columns import Sender, segments_3d
 from tssgeom.view.scene.writer import recording_file
 
-_BESIDE = 0.02  # of the extent of the route: tendons on one route are drawn so far apart [1]; chosen
+_BESIDE = 0.02  # of the extent of the route: tendons on one route are so far apart [1]; chosen
 _DIAL = 0.08  # of it: radius of the circle on which the hand of the joint turns [1]; chosen
 _HAND = 48  # points of that circle; chosen
 _NODES = 121  # of the line of a tendon; chosen: no corner shows
@@ -68,15 +68,15 @@ def write_machine_recording(
     radius = _DIAL * float(np.max(np.ptp(points, axis=0)))
     joint = routes[0].position[-1] + 1.3 * radius * _direction(routes[0].position)
     room = [joint + 2.0 * radius * way for way in (*np.eye(3), *-np.eye(3))]
-    seen_by = camera(np.vstack([points, *room]), routes[0].position[-1] - routes[0].position[0])
-    lines = _lines(routes, seen_by)
+    eye = camera(np.vstack([points, *room]), routes[0].position[-1] - routes[0].position[0])
+    lines = _lines(routes, eye)
     top = float(np.max(tension))
     plots = [
         plot(title, [f"series/{channel}" for channel in channels if channel.startswith(stems)], named=True)
         for title, stems in _PLOTS.items()
         if any(channel.startswith(stems) for channel in channels)
     ]
-    space = space_view(name, seen_by, ("tendon", "joint"))
+    space = space_view(name, eye, ("tendon", "joint"))
     views = rrb.Horizontal(space, rrb.Vertical(*plots), column_shares=[3, 2])
     with recording_file(path, name, layout(views, time_panel())) as recording:
         sender = Sender(recording, time)
@@ -85,7 +85,7 @@ def write_machine_recording(
             along = np.array([np.interp(_SHARES, middles, row) for row in tension[:, which]])
             _send_tendon(sender, f"tendon/{which + 1}", line, along, top)
         if "joint_angle_rad" in channels:
-            _send_joint(sender, lines[0], seen_by, joint, radius, channels["joint_angle_rad"])
+            _send_joint(sender, lines[0], eye, joint, radius, channels["joint_angle_rad"])
         _send_series(sender, channels)
 
 
@@ -95,12 +95,12 @@ def _direction(line: Points) -> Vector:
     return way / float(np.linalg.norm(way))
 
 
-def _lines(routes: Sequence[RouteSamples], seen_by: Camera) -> list[Points]:
+def _lines(routes: Sequence[RouteSamples], eye: Camera) -> list[Points]:
     """Return the nodes of each tendon [`_NODES`, 3] [m], tendons side by side."""
     lines, count = [], len(routes)
     for which, route in enumerate(routes):
-        beside = _BESIDE * 2.0 * seen_by.half_width * (which - 0.5 * (count - 1))
-        lines.append(route.at(_SHARES * route.s[-1]) + beside * seen_by.axes[1])
+        beside = _BESIDE * 2.0 * eye.half_width * (which - 0.5 * (count - 1))
+        lines.append(route.at(_SHARES * route.s[-1]) + beside * eye.axes[1])
     return lines
 
 
@@ -115,11 +115,11 @@ def _send_tendon(sender: Sender, entity: str, line: Points, tension: np.ndarray,
 
 
 def _send_joint(
-    sender: Sender, line: Points, seen_by: Camera, middle: Vector, radius: float, angle: Vector
+    sender: Sender, line: Points, eye: Camera, middle: Vector, radius: float, angle: Vector
 ) -> None:
     """Draw a circle beyond the distal end, and a hand that turns with the joint."""
     way = _direction(line)
-    across, up = seen_by.axes[:2]
+    across, up = eye.axes[:2]
     start = np.arctan2(way @ up, way @ across)
     around = np.linspace(0.0, 2.0 * np.pi, _HAND)
 
