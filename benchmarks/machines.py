@@ -2,9 +2,9 @@
 
     python -m benchmarks.machines [--quick] [--trials N] [--kind KIND]
 
-The truth of each trial is taken at random from what the rig assumes. Held: the share of 95 % intervals, of numbers
-reported as identified, that hold the truth. Falsely identified: numbers that the runs cannot part, by the
-physics, and that were reported all the same.
+The truth of each trial is taken at random from what the rig assumes. Held: the share of 95 % intervals, of
+numbers reported as identified, that hold the truth. Falsely identified: numbers that the runs cannot part, by
+the physics, and that were reported all the same.
 """
 
 from __future__ import annotations
