@@ -158,3 +158,30 @@ def test_what_cannot_be_done_is_said_in_one_line(run, tmp_path, shape, monkeypat
     assert done.status == 2
     (line,) = done.errors
     assert reported in line
+
+
+def test_two_plain_runs_with_elongation_give_friction_and_compliance_and_name_what_is_not_used(run, tmp_path):
+    (tmp_path / "plain.toml").write_text(
+        "[tendon]\npretension_N = 1\n[route]\nlength_m = 0.5\nangle_rad = 3.0\n"
+    )
+    machine = machine_of(
+        read_rig(tmp_path / "plain.toml"), [Arcs.exact(np.array([0.5]), np.array([3.0]))], 30
+    )
+    files, rng = [], np.random.default_rng(2)
+    for k, peak in enumerate((12.0, 15.0)):
+        tension = 1.0 + peak * (0.5 - 0.5 * np.cos(TIME))
+        out = simulate_machine(machine, {"time_s": TIME, "tension_in_N": tension})
+        noise = rng.standard_normal((2, len(TIME)))
+        columns = {
+            "tension_in_N": tension,
+            "tension_out_N": out["tension_out_N"] + 0.02 * noise[0],
+            "elongation_mm": 1e3 * out["elongation_m"] + 0.005 * noise[1],
+            "joint_angle_rad": 0.0 * TIME,
+        }
+        files.append(table(tmp_path / f"run{k}.csv", time_s=TIME, **columns))
+    out = tmp_path / "new.toml"
+    done = run("calibrate", *files, "--rig", tmp_path / "plain.toml", "--out", out, "--json")
+    estimates = json.loads(done.out)["estimates"]
+    assert estimates["friction.coefficient"]["value"] == pytest.approx(0.145, rel=0.03)
+    assert estimates["tendon.compliance_per_N"]["value"] == pytest.approx(3.16e-4, rel=0.03)
+    assert any("joint_angle_rad is not used" in each for each in json.loads(done.out)["warnings"])

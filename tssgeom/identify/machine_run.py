@@ -140,16 +140,23 @@ def machine_run(
         known = ", ".join(each for each in answering(rig, count) if each not in given_names)
         raise SettingsError(f"{name}: nothing answers to {given_names[1]}: give one of {known}")
     held_out = _held_out(given[given_names[1]])
-    run = MachineRun(name, given, answers, held_out, tuple(routes), drive, end_given, count)
+    notes = tuple(
+        f"{each} is not used: the rig has no such channel, or has it numbered by tendon"
+        for each in columns
+        if each not in (*given_names, *answers, "temperature_C")
+    )
+    run = MachineRun(name, given, answers, held_out, tuple(routes), drive, end_given, count, notes=notes)
     return run if made is None else _with_turns_between(run, made)
 
 
 def _with_turns_between(run: MachineRun, made: Legs) -> MachineRun:
     """Return the run with a sample at each turn of its tension, between two readings; docs/model.md (70)."""
-    at, time = made.turns, run.given["time_s"]
-    added = np.zeros(len(time) + len(at), dtype=bool)
+    at, samples = made.turns, len(run.held_out)
+    added = np.zeros(samples + len(at), dtype=bool)
     added[at + np.arange(len(at))] = True
-    given = {"time_s": np.insert(time, at, 0.5 * (time[at - 1] + time[at]))}
+    given = {
+        name: np.insert(values, at, 0.5 * (values[at - 1] + values[at])) for name, values in run.given.items()
+    }
     given[drive_channels(run.drive, 1)[0]] = with_turns(made, np.zeros(len(at)))
     measured = {name: with_added(values, added) for name, values in run.measured.items()}
     held_out = np.insert(run.held_out, at, False)
@@ -168,7 +175,8 @@ def answering(rig: Rig, count: int) -> tuple[str, ...]:
         "weight": ["displacement_out_m"],
         "blocked": [],
     }[rig.end.kind]
-    return (*of_end, *motor, *ends)
+    alone = ["elongation_m"] if count == 1 else []
+    return (*of_end, *motor, *ends, *alone)
 
 
 def thinned(run: MachineRun, most: int) -> MachineRun:

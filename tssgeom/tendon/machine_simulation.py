@@ -183,6 +183,8 @@ def _channels(
     for row, name in enumerate(("tension_in_N", "tension_out_N", "displacement_in_m", "displacement_out_m")):
         for which, channel in enumerate(numbered(name, n)):
             out[channel] = ends[:, which, row]
+    if n == 1:
+        out["elongation_m"] = out["displacement_in_m"] - out["displacement_out_m"]
     if motor is not None:
         out["motor_angle_rad"] = motor
         pulled = ends[:, :, 0] @ per_motor_angle(rig.drive, n)
