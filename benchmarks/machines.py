@@ -31,7 +31,7 @@ COMPLIANCE, PRETENSION, STIFFNESS = (
     *("tendon.compliance_per_N", "tendon.pretension_N"),
     "end.stiffness_Nm_per_rad",
 )
-CELLS, STEP = 60, 0.05
+CELLS, STEP = 120, 0.05
 FARTHEST = 1.3  # standard deviations of what is assumed: rigs beyond do not move or stretch by half
 
 

@@ -20,9 +20,10 @@ from tssgeom.io.formats.files import Recording, open_recording
 from tssgeom.io.formats.laboratory.mapping import ColumnMap
 from tssgeom.io.formats.meshes import ENDINGS, read_lumen
 from tssgeom.io.formats.runs import IN_SI, holds_run, read_run
+from tssgeom.mechanism import tendon_count
 from tssgeom.plausibility.frames import rig_remarks
 from tssgeom.plausibility.runs import run_remarks
-from tssgeom.rig import Rig, read_rig
+from tssgeom.rig import Rig, read_uncertain_rig
 from tssgeom.route.fibre.sensed import Fibre, clean_fibre, fit_fibre
 from tssgeom.stream import Frame, Rejected
 
@@ -48,8 +49,14 @@ def checked(path: Path, unit: str | None, columns: ColumnMap) -> dict[str, Any]:
     if is_campaign(path):
         return _checked_campaign(path, unit, columns)
     if path.suffix.lower() == ".toml":
-        rig = read_rig(path)
+        rig, uncertain = read_uncertain_rig(path)
         numbers = f"friction {rig.friction.coefficient:g}, compliance {rig.tendon.compliance_per_N:g} /N"
+        if rig.is_machine:
+            tendons = tendon_count(rig.drive, rig.end)
+            numbers += f"; drive {rig.drive.kind!r}, end {rig.end.kind!r}, tendons: {tendons}"
+        for stated, words in ((False, "unknown"), (True, "with an error")):
+            keys = ", ".join(each.key for each in uncertain if each.stated == stated)
+            numbers += f"; {words}: {keys}" if keys else ""
         warnings = [each.text for each in rig_remarks(rig)]
         return {"file": str(path), "holds": "rig", "told": numbers, "warnings": warnings, "wrong": []}
     if path.suffix.lower() in ENDINGS:

@@ -13,7 +13,7 @@ import typer
 
 from pipelines import tssgeom_version
 from pipelines.options import Figures, Json, Map, Quiet, Unit
-from pipelines.terminal import print_json, print_line, print_table, step_progress
+from pipelines.terminal import print_json, print_line, print_message, print_table, step_progress
 
 if TYPE_CHECKING:
     from tssgeom.identify.finding import Finding
@@ -37,6 +37,7 @@ def discover(
     quiet: Quiet = False,
 ) -> None:
     """Find what the model lacks on measured runs, name it, put it into the rig, and show the gap shrink."""
+    from pipelines.inputs import ONE_TENDON
     from tssgeom.errors import SettingsError
     from tssgeom.identify import workflow
     from tssgeom.io.formats.campaigns import read_campaign
@@ -51,9 +52,10 @@ def discover(
             report_step(step, _READ + share * (_IDENTIFIED - _READ))
 
         report_step("reading the campaign", 0.0)
-        finding = workflow.discover(
-            read_campaign(campaign, unit, ColumnMap(columns or ())), seed=seed, progress=identifying
-        )
+        read = read_campaign(campaign, unit, ColumnMap(columns or ()))
+        if read.rig.is_machine:
+            print_message(f"{campaign}: warning: {ONE_TENDON}; calibrate takes several runs of a machine")
+        finding = workflow.discover(read, seed=seed, progress=identifying)
         report_step("writing the report", _IDENTIFIED)
         files = _write(out, finding)
         if figures is not None:

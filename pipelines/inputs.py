@@ -24,6 +24,8 @@ from tssgeom.uncertain import UNKNOWNS, Uncertain
 
 Done = TypeVar("Done")
 
+ONE_TENDON = "[drive] and [end] are not used here: a tendon counts as one on the spring of [load]"
+"""What commands on one tendon say of the rig of a machine."""
 MOST_REPORTED = 5
 """Rejected frames of one input with a line each; the others are counted. Chosen: they fit a screen."""
 
@@ -84,10 +86,7 @@ def run_settings(
     else:
         rig_read = Rig() if rig is None else read_rig(rig)
     if rig_read.is_machine and not takes_machines:
-        print_message(
-            f"{rig}: warning: [drive] and [end] are not used here: a tendon counts as one on the spring "
-            "of [load]; simulate, compensate and calibrate take them"
-        )
+        print_message(f"{rig}: warning: {ONE_TENDON}; simulate, compensate and calibrate take them")
     for each in rig_remarks(rig_read):
         print_message(f"{rig}: warning: {each.text}")
     if tube_mm is not None and not 0 < tube_mm < math.inf:

@@ -185,3 +185,17 @@ def test_two_plain_runs_with_elongation_give_friction_and_compliance_and_name_wh
     assert estimates["friction.coefficient"]["value"] == pytest.approx(0.145, rel=0.03)
     assert estimates["tendon.compliance_per_N"]["value"] == pytest.approx(3.16e-4, rel=0.03)
     assert any("joint_angle_rad is not used" in each for each in json.loads(done.out)["warnings"])
+
+
+def test_check_says_what_a_machine_is_and_what_is_unknown_of_it(run, tmp_path):
+    (tmp_path / "rig.toml").write_text(UNKNOWN)
+    done = run("check", tmp_path / "rig.toml")
+    assert done.status == 0
+    assert "drive 'pair', end 'joint', tendons: 2" in done.out
+    assert "unknown: tendon.pretension_N, route.angle_rad" in done.out
+
+
+def test_commands_on_one_tendon_say_that_they_do_not_use_the_machine(run, tmp_path, shape):
+    (tmp_path / "rig.toml").write_text(RIG)
+    done = run("analyse", shape, "--rig", tmp_path / "rig.toml")
+    assert any("[drive] and [end] are not used here" in each for each in done.errors)

@@ -102,6 +102,12 @@ def test_the_torque_of_a_motor_turns_it_as_its_angle_did():
     by_torque = run(rig(), [HALF_CIRCLE], motor_torque_Nm=torque)
     np.testing.assert_allclose(by_torque["motor_angle_rad"], angle, atol=2e-4)
     np.testing.assert_allclose(by_torque["joint_angle_rad"], by_angle["joint_angle_rad"], atol=2e-4)
+    by_current = run(
+        changed(rig(), drive=changed(rig().drive, torque_constant_Nm_per_A=0.05)),
+        [HALF_CIRCLE],
+        motor_current_A=torque / 0.05,
+    )
+    np.testing.assert_allclose(by_current["motor_angle_rad"], by_torque["motor_angle_rad"], atol=1e-9)
 
 
 def test_a_joint_that_is_held_where_it_went_feels_the_torque_that_acted():

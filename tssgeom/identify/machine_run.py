@@ -18,7 +18,13 @@ from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.statistics import turns
 from tssgeom.tendon.machine import Start, machine_of
-from tssgeom.tendon.machine_simulation import DriveName, drive_channels, drive_of, simulate_machine
+from tssgeom.tendon.machine_simulation import (
+    DriveName,
+    drive_channels,
+    drive_of,
+    simulate_machine,
+    with_torque,
+)
 from tssgeom.uncertain import Prior, Uncertain, assumed
 
 
@@ -104,6 +110,7 @@ def machine_run(
         Where there is no drive, no answer, or too little of either.
     """
     count = tendon_count(rig.drive, rig.end)
+    columns = with_torque(columns, rig)
     drive = drive_of(columns, count)
     given_names = ["time_s", *drive_channels(drive, count)]
     end_given = rig.end.given == "angle"
@@ -143,7 +150,7 @@ def machine_run(
     notes = tuple(
         f"{each} is not used: the rig has no such channel, or has it numbered by tendon"
         for each in columns
-        if each not in (*given_names, *answers, "temperature_C")
+        if each not in (*given_names, *answers, "temperature_C", "motor_current_A")
     )
     run = MachineRun(name, given, answers, held_out, tuple(routes), drive, end_given, count, notes=notes)
     return run if made is None else _with_turns_between(run, made)
@@ -167,7 +174,7 @@ def answering(rig: Rig, count: int) -> tuple[str, ...]:
     """Return the channels that a machine with so many tendons may answer in."""
     ends = [*numbered("tension_in_N", count), *numbered("tension_out_N", count)]
     ends += numbered("displacement_in_m", count)
-    motor = ["motor_angle_rad", "motor_torque_Nm", "motor_current_A"] if rig.drive.radius_m > 0.0 else []
+    motor = ["motor_angle_rad", "motor_torque_Nm"] if rig.drive.radius_m > 0.0 else []
     of_end = {
         "joint": ["joint_angle_rad", "joint_torque_Nm"],
         "segment": ["bending_x_rad", "bending_y_rad", "tip_x_m", "tip_y_m", "tip_z_m"],

@@ -44,6 +44,14 @@ def drive_channels(drive: str, count: int) -> tuple[str, ...]:
     return (drive,) if unit is None else tuple(numbered(f"{drive}_{unit}", count))
 
 
+def with_torque(run: Mapping[str, Vector], rig: Rig) -> Mapping[str, Vector]:
+    """Return a run with the torque of its motor where the current says it."""
+    constant = rig.drive.torque_constant_Nm_per_A
+    if constant == 0.0 or "motor_current_A" not in run or "motor_torque_Nm" in run:
+        return run
+    return {**run, "motor_torque_Nm": constant * run["motor_current_A"]}
+
+
 class MachineRun(NamedTuple):
     """A whole run: what every channel would read, and the tension along the tendons."""
 
@@ -97,6 +105,7 @@ def simulated(
 ) -> MachineRun:
     """Do as `simulate_machine`, and return the tension along every tendon too where a `profile` is wanted."""
     n, motion, rig = machine.count, machine.coordinates, machine.rig
+    run = with_torque(run, rig)
     name = drive or drive_of(run, n)
     time = run["time_s"]
     spans = np.diff(time, prepend=2.0 * time[0] - time[1] if len(time) > 1 else time[0] - 1.0)
