@@ -33,6 +33,8 @@ class MachineEstimate:
     """95 % interval that was assumed."""
     key: str = ""
     """Where it stands in the rig; empty for a number of one run."""
+    at_bound: bool = False
+    """Whether a number of the rig went as far from what was assumed as a fit goes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,8 +64,9 @@ class MachineCalibration:
         """Why the estimates are not to be used, a sentence each; none where the fit passes its test."""
         friction = next(each for each in self.estimates if each.key == "friction.coefficient")
         known = friction.value if friction.identified else None
-        everything = {f"{k}": v for k, run in enumerate(self.fitted) for v in run.values()}
-        return tuple(failures(known, self.channels, (), everything))
+        bounds = [each.name for each in self.estimates if each.at_bound]
+        fitted = {f"{name} {k}": v for k, run in enumerate(self.fitted) for name, v in run.items()}
+        return tuple(failures(known, self.channels, bounds, fitted))
 
 
 def calibration_of(
@@ -96,7 +99,10 @@ def _estimates(problem: Problem, u: Vector, covariance: Matrix, quantile: float)
         value, low, high = (each.value(x) for x in (u[j], u[j] - quantile * sd, u[j] + quantile * sd))
         prior = (each.value(-1.96), each.value(1.96))
         key = each.key if each.kind == "rig" else ""
-        yield MachineEstimate(each.name, each.unit, value, low, high, sd < FIT.unobserved, prior, key)
+        bound = bool(key) and abs(u[j]) >= FIT.farthest
+        yield MachineEstimate(
+            each.name, each.unit, value, low, high, sd < FIT.unobserved, prior, key, at_bound=bound
+        )
 
 
 def _friction_angle(problem: Problem, u: Vector, covariance: Matrix, quantile: float) -> MachineEstimate:

@@ -1,0 +1,24 @@
+"""What the fit of a machine says of itself."""
+
+import numpy as np
+
+from tssgeom.identify.machine_estimates import MachineCalibration, MachineEstimate
+from tssgeom.rig import Rig
+
+FRICTION = MachineEstimate(
+    "friction.coefficient", "1", 0.1, 0.09, 0.11, True, (0.01, 1.0), "friction.coefficient"
+)
+
+
+def calibration(*others, fitted=1.0):
+    channels = {"joint_angle_rad": np.full(3, fitted), "motor_torque_Nm": np.ones(3)}
+    return MachineCalibration((FRICTION, *others), FRICTION, (), (), {}, Rig(), ({},), (), (channels,), ())
+
+
+def test_a_number_at_its_bound_and_a_channel_that_is_not_finite_fail_the_test_of_a_fit():
+    bound = MachineEstimate(
+        "end.radius_m", "m", 1.0, 0.9, 1.1, True, (0.0, 1.0), "end.radius_m", at_bound=True
+    )
+    assert calibration().failures == ()
+    assert calibration(bound).failures == ("end.radius_m is at its bound",)
+    assert calibration(fitted=np.nan).failures == ("the fitted model is not finite",)
