@@ -6,6 +6,7 @@ What it needs is imported when it runs, so that `--help` is quick.
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from tssgeom.io.formats.runs import MeasuredRun
     from tssgeom.rig import Rig
     from tssgeom.route.pieces import Arcs
+    from tssgeom.view.figures.plots import Figure
 
 _TITLES = {
     "friction": "friction coefficient μ",
@@ -132,7 +134,7 @@ def calibrate(
         print_message(f"{run}: warning: {warning}")
     written = force or not fitted.failures
     summary = _object(run, shape, out if written else None, fitted, result.arcs, settings.rig)
-    _write(run, folder, figures, fitted, summary)
+    write_report(run.stem, folder, figures, summary, _drawings(fitted))
     if written:
         write_rig(out, fitted.applied(settings.rig), _provenance(run, shape, fitted, result.arcs))
     if as_json:
@@ -146,22 +148,30 @@ def calibrate(
         raise typer.Exit(2)
 
 
-def _write(
-    run: Path, folder: Path | None, figures: Path | None, fitted: Calibration, summary: dict[str, Any]
+def _drawings(fitted: Calibration) -> dict[str, Callable[[], Figure]]:
+    from tssgeom.view.figures.calibration import fit_figure, phase_figure
+
+    return {"fit": lambda: fit_figure(fitted), "phase": lambda: phase_figure(fitted)}
+
+
+def write_report(
+    stem: str,
+    folder: Path | None,
+    figures: Path | None,
+    summary: dict[str, Any],
+    drawings: dict[str, Callable[[], Figure]],
 ) -> None:
     """Write the report into a folder, and figures where they are wanted."""
     from pipelines.figures import write_figure, write_figures
-    from tssgeom.view.figures.calibration import fit_figure, phase_figure
 
-    figures_of = {"fit": lambda: fit_figure(fitted), "phase": lambda: phase_figure(fitted)}
     if folder is not None:
         folder.mkdir(parents=True, exist_ok=True)
         write_text(folder / _REPORT, json.dumps(summary, indent=1, ensure_ascii=False) + "\n")
-        for name, draw in figures_of.items():
+        for name, draw in drawings.items():
             write_figure(draw(), folder, name)
     if figures is not None:
         figures.mkdir(parents=True, exist_ok=True)
-        write_figures(figures, run.stem, figures_of)
+        write_figures(figures, stem, drawings)
 
 
 def _columns(run: MeasuredRun) -> Measured:
@@ -196,21 +206,23 @@ def _object(
         "total_angle_rad": route.total_angle,
         "total_angle_se_rad": route.total_angle_se,
         "estimates": {each.name: _estimate(each, rig) for each in _estimates(fitted)},
-        "channels": [
-            {
-                "name": each.name,
-                "unit": each.unit,
-                "rms": each.rms,
-                "readings": each.count,
-                "effective_readings": each.effective_count,
-                "noise": each.noise,
-                "rms_over_noise": each.over_noise,
-                "rms_over_range": each.over_range,
-                "whiteness_p": each.whiteness_p,
-            }
-            for each in fitted.channels
-        ],
+        "channels": [channel_object(each) for each in fitted.channels],
         "warnings": list(fitted.warnings),
+    }
+
+
+def channel_object(each: ChannelFit) -> dict[str, Any]:
+    """Return how well a channel is met, as `--json` prints it."""
+    return {
+        "name": each.name,
+        "unit": each.unit,
+        "rms": each.rms,
+        "readings": each.count,
+        "effective_readings": each.effective_count,
+        "noise": each.noise,
+        "rms_over_noise": each.over_noise,
+        "rms_over_range": each.over_range,
+        "whiteness_p": each.whiteness_p,
     }
 
 

@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
 
 from pipelines import tssgeom_version
+from pipelines.calibrate import channel_object, write_report
 from pipelines.terminal import print_json, print_message, print_table, step_progress
-from tssgeom.atomic import write_text
 
 if TYPE_CHECKING:
     from pipelines.inputs import RunSettings
     from tssgeom.identify.machine_estimates import MachineCalibration, MachineEstimate
     from tssgeom.identify.machine_run import MachineRun
     from tssgeom.route.pieces import Arcs
+    from tssgeom.view.figures.plots import Figure
 
-_REPORT = "calibration.json"
 _TITLES = {
     "friction.coefficient": "friction coefficient μ",
     "tendon.compliance_per_N": "compliance ρ",
@@ -53,7 +53,7 @@ def calibrate_machine(
         print_message(f"{paths[0]}: warning: {warning}")
     written = force or not fitted.failures
     summary = _object(paths, shapes, out if written else None, fitted)
-    _write(folder, figures, fitted, summary, paths[0].stem)
+    write_report(paths[0].stem, folder, figures, summary, _drawings(fitted))
     if written:
         write_rig(out, fitted.rig, _provenance(paths, shapes, fitted))
     if as_json:
@@ -117,24 +117,14 @@ def _counted(count: int, thing: str) -> str:
     return f"{count} {thing}" if count == 1 else f"{count} {thing}s"
 
 
-def _write(
-    folder: Path | None, figures: Path | None, fitted: MachineCalibration, summary: dict[str, Any], stem: str
-) -> None:
-    from pipelines.figures import write_figure, write_figures
+def _drawings(fitted: MachineCalibration) -> dict[str, Callable[[], Figure]]:
     from tssgeom.view.figures.machine import loop_figure, run_figure
 
-    of = {"loop": lambda: loop_figure(fitted)}
+    drawings: dict[str, Callable[[], Figure]] = {"loop": lambda: loop_figure(fitted)}
     for k, run in enumerate(fitted.runs):
         name = "fit" if len(fitted.runs) == 1 else f"fit_{run.name}"
-        of[name] = lambda k=k: run_figure(fitted, k)
-    if folder is not None:
-        folder.mkdir(parents=True, exist_ok=True)
-        write_text(folder / _REPORT, json.dumps(summary, indent=1, ensure_ascii=False) + "\n")
-        for name, draw in of.items():
-            write_figure(draw(), folder, name)
-    if figures is not None:
-        figures.mkdir(parents=True, exist_ok=True)
-        write_figures(figures, stem, of)
+        drawings[name] = partial(run_figure, fitted, k)
+    return drawings
 
 
 def _object(
@@ -155,18 +145,7 @@ def _object(
             name: {"rms": away, "fitted_rms": inside, "unit": name.rpartition("_")[2]}
             for name, (away, inside) in fitted.held_out.items()
         },
-        "channels": [
-            {
-                "name": each.name,
-                "unit": each.unit,
-                "rms": each.rms,
-                "readings": each.count,
-                "effective_readings": each.effective_count,
-                "noise": each.noise,
-                "whiteness_p": each.whiteness_p,
-            }
-            for each in fitted.channels
-        ],
+        "channels": [channel_object(each) for each in fitted.channels],
         "warnings": list(fitted.warnings),
     }
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -98,11 +98,6 @@ def assumed(key: str, value: float, sd: float) -> Prior:
     if value > 0.0 and not key.startswith("sensors") and not key.endswith("gravity_at_rad"):
         return Prior(value, math.sqrt(math.log1p((sd / value) ** 2)))
     return Prior(value, sd, log=False)
-
-
-def unknown_keys(uncertain: Sequence[Uncertain]) -> Iterator[str]:
-    """Yield the keys of numbers whose value the rig does not give."""
-    return (each.key for each in uncertain if not each.stated)
 
 
 def path_of(key: str) -> list[str | int]:

@@ -66,12 +66,11 @@ def machine_of(rig: Rig, routes: Sequence[Arcs], bars: int = BARS) -> Machine:
     count = len(motion.distal)
     if len(routes) not in (1, count):
         raise SettingsError(f"{len(routes)} routes for {count} tendons: give one for all, or one each")
-    each = tuple(routes) * (count if len(routes) == 1 else 1)
     check_compliance(rig.tendon.compliance_per_N)
     edge = equal_edges(bars, HALVINGS, HALVINGS)
     setup = setup_of(rig)
     plants = []
-    for arcs in each:
+    for arcs in routes:
         made = plant(setup, arcs, edge)
         soft = made.rows[LAW.soft]
         inside, outside = float(soft[1:-1].sum()), np.array([soft[1], soft[-2]])
@@ -83,7 +82,8 @@ def machine_of(rig: Rig, routes: Sequence[Arcs], bars: int = BARS) -> Machine:
         made.block[PLANT.load - len(PLANT)] = math.inf
         made.block[PLANT.swift - len(PLANT)] = 0.0
         plants.append(made)
-    return Machine(rig, each, edge, tuple(plants), motion)
+    alike = count // len(routes)  # tendons on each route
+    return Machine(rig, tuple(routes) * alike, edge, tuple(plants) * alike, motion)
 
 
 class MachineState(NamedTuple):
@@ -106,9 +106,8 @@ class MachineTrace(NamedTuple):
     """[s, n, bars + 2] Tension of each bar where asked for, else no rows [N]."""
 
 
-def begin(machine: Machine, start: Start | None = None) -> MachineState:
-    """Return a machine at the beginning of a run; without `start` no friction holds its tendons."""
-    held = held_tensions(machine, start or at_rest(machine.count))
+def begin(machine: Machine, held: Matrix) -> MachineState:
+    """Return a machine at the beginning of a run, with the tensions `held` [n, bars + 2] [N]."""
     return MachineState(_memories(machine, held), np.zeros(len(machine.coordinates.stiffness)))
 
 
@@ -168,9 +167,12 @@ def play(values: Vector, width: float) -> Vector:
     return passed
 
 
-def held_tensions(machine: Machine, start: Start) -> Matrix:
-    """Return the tension of every bar when a run begins [n, bars + 2] [N]; docs/model.md (177)."""
-    rig, rows = machine.rig, []
+def held_tensions(machine: Machine, start: Start | None = None) -> Matrix:
+    """Return the tension of every bar when a run begins [n, bars + 2] [N]; docs/model.md (177).
+
+    Without `start` no friction holds the tendons.
+    """
+    rig, rows, start = machine.rig, [], start or at_rest(machine.count)
     for which, arcs in enumerate(machine.routes):
         angle = np.concatenate(([0.0], discretise(machine.edge, arcs).mean_angle, [arcs.total_angle]))
         by_friction = rig.friction.coefficient * start.history[which] * (0.5 * arcs.total_angle - angle)

@@ -16,11 +16,11 @@ from tssgeom.tendon.machine import (
     MachineState,
     MachineTrace,
     Start,
-    at_rest,
     begin,
     carry_on,
     held_tensions,
 )
+from tssgeom.tendon.machine_simulation import direction
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,9 +83,9 @@ def command_machine(
         )
     spans = np.diff(time, prepend=2.0 * time[0] - time[1] if len(time) > 1 else time[0] - 1.0)
     resisting = np.zeros(len(time)) if load is None else load
-    held = held_tensions(machine, start or at_rest(machine.count))
+    held = held_tensions(machine, start)
     balance = machine.coordinates.distal.T @ held[:, -1]
-    state, angle, rows = begin(machine, start), 0.0, list[tuple[float, float, np.ndarray, bool]]()
+    state, angle, rows = begin(machine, held), 0.0, list[tuple[float, float, np.ndarray, bool]]()
     for k in range(len(time)):
         at = _Sample(machine, state, balance, arms, float(spans[k]), float(resisting[k]), float(target[k]))
         angle, trace, state, reached = at.solved(angle)
@@ -101,10 +101,8 @@ def command_machine(
 
 def before_play(engaged: Vector, width: float) -> Vector:
     """Return the motion whose play leaves `engaged` [s]: it crosses the play at each turn."""
-    steps = np.diff(engaged, prepend=0.0)
-    way = np.sign(steps)
-    last = np.maximum.accumulate(np.where(way != 0.0, np.arange(len(way)), 0))
-    return engaged - width * (way[last] < 0.0)
+    way = direction(np.concatenate(([0.0], engaged)))[1:]
+    return engaged - width * (way < 0.0)
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,7 @@ Source: docs/model.md (171)-(178).
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
@@ -15,12 +15,12 @@ from tssgeom.arrays import Matrix, Vector
 from tssgeom.errors import FitError, SettingsError
 from tssgeom.mechanism import Coordinates, numbered, per_motor_angle, tip
 from tssgeom.rig import Rig, Sensor
-from tssgeom.tendon.machine import Machine, Start, at_rest, begin, carry_on, held_tensions, play
+from tssgeom.tendon.machine import Machine, Start, begin, carry_on, held_tensions, play
 
-GIVEN_DRIVES = ("motor_angle_rad", "displacement_in", "tension_in", "motor_torque_Nm")
+DriveName = Literal["motor_angle_rad", "displacement_in", "tension_in", "motor_torque_Nm"]
+GIVEN_DRIVES: tuple[DriveName, ...] = get_args(DriveName)
 """What may drive a machine; the first that a run has does. The middle ones are channels of each tendon."""
 _STILL = 1e-9  # rad that count as no motion of a motor; derived: beyond rounding, below any encoder's step
-DriveName = Literal["motor_angle_rad", "displacement_in", "tension_in", "motor_torque_Nm"]
 
 
 def drive_of(run: Mapping[str, Vector], count: int) -> DriveName:
@@ -31,7 +31,7 @@ def drive_of(run: Mapping[str, Vector], count: int) -> DriveName:
     SettingsError
         Where it has none.
     """
-    for name in ("motor_angle_rad", "displacement_in", "tension_in", "motor_torque_Nm"):
+    for name in GIVEN_DRIVES:
         if all(channel in run for channel in drive_channels(name, count)):
             return name
     known = ", ".join(channel for name in GIVEN_DRIVES for channel in drive_channels(name, count))
@@ -122,14 +122,14 @@ def simulated(
         given = np.column_stack([_with_zero(run, channel, rig) for channel in drive_channels(name, n)])
     if by_force:
         given = np.maximum(given, 0.0)
-    state = begin(machine, start)
+    held = held_tensions(machine, start)
+    state = begin(machine, held)
     moved, laws, load = _end(run, motion, rig, end_given)
     proximal = np.zeros_like(laws.distal)
     if name == "motor_torque_Nm":
         laws, proximal = _with_motor(laws, arms)
         load = np.column_stack([load, -_with_zero(run, name, rig)])
         state = state._replace(coordinate=np.append(state.coordinate, 0.0))
-    held = held_tensions(machine, start or at_rest(n))
     done, trace, _ = carry_on(
         machine,
         state,
@@ -148,7 +148,8 @@ def simulated(
     if name == "motor_torque_Nm":
         motor = trace.coordinate[:, -1]
     turned = motor if name.startswith("motor") else None
-    channels = _channels(machine, run, trace.ends, trace.coordinate, turned, end_given)
+    balance = motion.distal.T @ held[:, -1] if end_given else None
+    channels = _channels(machine, run, trace.ends, trace.coordinate, turned, balance)
     return MachineRun(channels, trace.tension)
 
 
@@ -184,9 +185,12 @@ def _channels(
     ends: np.ndarray,
     where: Matrix,
     motor: Vector | None,
-    end_given: bool,
+    balance: Vector | None,
 ) -> dict[str, Vector]:
-    """Return what each channel reads, zeros, gains and lags of its sensor included; docs/model.md (178)."""
+    """Return what each channel reads, zeros, gains and lags of its sensor included; docs/model.md (178).
+
+    `balance` [m] is f of (173) where the coordinates are given, so that what acts on them is an outcome.
+    """
     n, rig, motion = machine.count, machine.rig, machine.coordinates
     out = dict[str, Vector]()
     for row, name in enumerate(("tension_in_N", "tension_out_N", "displacement_in_m", "displacement_out_m")):
@@ -200,11 +204,10 @@ def _channels(
         out["motor_torque_Nm"] = pulled + rig.drive.friction_Nm * direction(motor)
         if rig.drive.torque_constant_Nm_per_A > 0.0:
             out["motor_current_A"] = out["motor_torque_Nm"] / rig.drive.torque_constant_Nm_per_A
-    if end_given:
+    if balance is not None:
         angles = np.column_stack([_with_zero(run, name, rig) for name in motion.names])
         turn = angles + motion.gravity[:, 1]
         weight = motion.gravity[:, 0] * (np.sin(turn) - np.sin(motion.gravity[:, 1]))
-        balance = motion.distal.T @ held_tensions(machine, at_rest(n))[:, -1]
         torque = ends[:, :, 1] @ motion.distal - balance - angles * motion.stiffness - weight
     else:
         angles, torque = where[:, : motion.distal.shape[1]], None
