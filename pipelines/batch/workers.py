@@ -228,7 +228,7 @@ def _processes(workers: int, show: Report) -> Iterator[WorkerPool]:
         yield pool
     except BaseException:
         held.close()
-        pool.executor.shutdown(wait=False, cancel_futures=True)
+        pool.executor.shutdown(cancel_futures=True)  # waits: what they write on their way out is tidied after
         raise
     else:
         pool.executor.shutdown()
