@@ -11,7 +11,7 @@ import msgspec
 import tomli_w
 
 from tssgeom.atomic import write_text
-from tssgeom.effects import KINDS, Library
+from tssgeom.effects import KINDS, LAWS, AnyEffect
 from tssgeom.errors import SettingsError
 from tssgeom.mechanism import Drive, End
 from tssgeom.uncertain import Uncertain, parted, path_of
@@ -216,7 +216,7 @@ class Rig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
     drive: Drive = Drive()
     end: End = End()
     route: GivenRoute = GivenRoute()
-    effects: tuple[Library, ...] = ()
+    effects: tuple[AnyEffect, ...] = ()
     """What else acts, beside the base model; docs/model.md (50)-(62)."""
     columns: dict[str, str] = {}
     """What columns of measured files are, `channel[:unit]` by name."""
@@ -330,9 +330,9 @@ def _wrong_effect(rig: dict[str, Any]) -> str:
     tables = rig["effects"]
     for i, table in enumerate(tables if isinstance(tables, list) else []):
         try:
-            msgspec.convert(table, type=Library)
+            msgspec.convert(table, type=AnyEffect)
         except msgspec.ValidationError as error:
-            kind = KINDS.get(str(table.get("name"))) if isinstance(table, dict) else None
-            known = ", ".join(kind.__struct_fields__ if kind else KINDS)
+            kind = (KINDS | LAWS).get(str(table.get("name"))) if isinstance(table, dict) else None
+            known = ", ".join(kind.__struct_fields__ if kind else (*KINDS, *LAWS))
             return f"effects[{i}]: {error}; {'its parameters' if kind else 'effects'} are {known}"
     return "effects is no list of tables; write each as [[effects]]"

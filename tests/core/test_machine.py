@@ -25,7 +25,7 @@ def tendon(rng, names):
     made = plant(setup, Arcs.exact(rng.uniform(0.1, 0.4, 2), rng.uniform(0.0, 2.0, 2)), edge)
     made.rows[LAW.soft, [0, -1]] = 2e-5
     made.rows[LAW.rest] = made.stretch(5.0)
-    made.block[PLANT.swift - len(PLANT)] = 0.0
+    made.set(PLANT.swift, 0.0)
     tension = np.full(len(edge) + 1, 5.0)
     return made, memory_of(tension, creep=made.rows[LAW.creep_soft] * 5.0), edge
 

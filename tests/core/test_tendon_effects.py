@@ -10,7 +10,6 @@ from tests.core.twins import tendon_ends, tendon_march
 from tests.core.twins.tendon_laws import remembered, unpacked
 from tests.core.twins.tendon_profile import discretised, is_unmoved
 from tssgeom import core
-from tssgeom.core.constants_tendon_rows import PLANT
 from tssgeom.effects import KINDS, Setup, together, with_size
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.bars.contact_grid import bends_of, edges
@@ -176,7 +175,7 @@ def test_a_run_of_numbers_that_are_none_ends():
     for name in NAMES:
         model, _ = random_model(rng, [name], 1000.0)
         block = model.plant.block.copy()
-        block[rng.integers(len(block) - len(PLANT))] = math.nan
+        block[rng.integers(model.plant.rows.size)] = math.nan
         one = np.ones(2), np.array([6.0, math.nan]), np.zeros(2), np.ones(2, dtype=np.int64)
         done, _, out, _ = core.march(
             len(model.edge), block, begin(model).memory.block, model.drive == DRIVES[0], *one, 0

@@ -185,11 +185,6 @@ def test_bars_follow_bends_and_begin_small():
             (),
             r"tension_in_N is missing in sample 2",
         ),
-        (
-            {"time_s": TIME, FORCE: TIME},
-            (ChannelLag(lag_s=0.1, channel=FORCE),),
-            r"tension_in_N is the drive",
-        ),
         ({"time_s": TIME, FORCE: TIME}, (ChannelLag(lag_s=0.1), ChannelLag(lag_s=0.2)), r"lags twice"),
     ],
 )

@@ -86,7 +86,7 @@ def with_laws(laws, **changed):
         if name in LAW._fields:
             result.rows[getattr(LAW, name), : np.size(values) if np.ndim(values) else None] = values
         else:
-            result.block[getattr(PLANT, name) - len(PLANT)] = values
+            result.set(getattr(PLANT, name), values)
     return result
 
 

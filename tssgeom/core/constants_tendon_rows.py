@@ -37,6 +37,10 @@ class LawRows(NamedTuple):
     """Constant friction [N]."""
     drag: int = 13
     """Friction per speed [N·s/m]."""
+    creep_soft_2: int = 14
+    """As `creep_soft`, of the second element [m/N]."""
+    creep_soft_3: int = 15
+    """Of the third [m/N]."""
 
 
 LAW = LawRows()
@@ -72,17 +76,67 @@ class PlantNumbers(NamedTuple):
     """Share by which friction is greater on a pull and less on a release [1]."""
     curvature_gain: int = 14
     """[m]"""
-    curved: int = 15
+    creep_time_2: int = 15
+    """Of the second element of creep [s]."""
+    creep_time_3: int = 16
+    """Of the third [s]."""
+    curved: int = 17
     """Stretch is no straight line over tension."""
-    by_rate: int = 16
+    by_rate: int = 18
     """Friction depends on the speed of sliding."""
-    varied: int = 17
+    varied: int = 19
     """The cone depends on tension, travel or speed."""
-    swift: int = 18
+    swift: int = 20
     """Nothing but the drive moves the tendon: one sweep gives the answer."""
 
 
 PLANT = PlantNumbers()
+
+
+class Tables(NamedTuple):
+    """Tables that follow the numbers of `PlantNumbers`: laws that are curves and no formula.
+
+    Each has the number of its points, 0 for none, then room for `TABLE.most` arguments, values and slopes.
+    The numbers are derived: they count.
+    """
+
+    load: int = 0
+    """Factor of friction [1] over the tension at the contact [N]."""
+    speed: int = 1
+    """Over the speed of the contact [m/s]."""
+    travel: int = 2
+    """Over the path that it has slid [m]."""
+    time: int = 3
+    """Over the time since the run began [s]."""
+    position: int = 4
+    """Over how far the tendon was pulled in [m]."""
+    curvature: int = 5
+    """Over the curvature of the route [1/m]."""
+    arc: int = 6
+    """Over the arc length [m]."""
+    strain: int = 7
+    """Stretch inside the sheath beyond the linear one, over the compliance [N], over tension [N]."""
+    stretch_in: int = 8
+    """Stretch between drive and sheath [m] over tension [N]."""
+    stretch_out: int = 9
+    """Between sheath and load."""
+    load_path: int = 10
+    """Movement of the load beyond its linear one [m] over tension [N]."""
+
+
+CURVE = Tables()
+
+
+class TableSize(NamedTuple):
+    """Room of one table."""
+
+    most: int = 12
+    """Points [1]; chosen: more than any law has needed."""
+    size: int = 37
+    """Numbers of one table [1]; derived: one, and three for each point."""
+
+
+TABLE = TableSize()
 
 
 class MemoryRows(NamedTuple):
@@ -105,6 +159,10 @@ class MemoryRows(NamedTuple):
     """Path that each contact slid so far, either way [m]."""
     slip: int = 6
     """What each contact did last: +1 slid on a pull, 0 stuck, −1 slid on a release."""
+    creep_2: int = 7
+    """As `creep`, of the second element [m]."""
+    creep_3: int = 8
+    """Of the third [m]."""
 
 
 MEMORY = MemoryRows()
@@ -125,6 +183,8 @@ class DriveNumbers(NamedTuple):
     """[m]"""
     rate: int = 5
     """Of the drive [N/s] or [m/s]."""
+    time: int = 6
+    """Since the run began [s]."""
 
 
 HELD = DriveNumbers()

@@ -3,8 +3,8 @@
    A route is p pieces of constant curvature: length [m], angle [rad], covariance of all lengths followed by
    all angles. A tendon of bars has k contacts with the sheath and k + 1 bars: bar 0 drives the proximal end,
    the last one is what the distal end pulls against; `edge` [k] is where the others are cut, as fractions of
-   the length from 0 to 1. A `plant` is the rows of LAW followed by the numbers of PLANT, a `memory` the rows
-   of MEMORY followed by the numbers of HELD (constants_tendon_rows.py); each row is k + 1 long. */
+   the length from 0 to 1. A `plant` is the rows of LAW, the numbers of PLANT and the tables of CURVE, a `memory`
+   the rows of MEMORY followed by the numbers of HELD (constants_tendon_rows.py); each row is k + 1 long. */
 #pragma once
 #include "core.h"
 
@@ -52,7 +52,7 @@ ENTRY void tss_transmit_corners(
 
 /** Return what bars without effects mean on a route, as `transmit_corners`; docs/model.md (49). */
 ENTRY void tss_transmit_bars(
-    int64_t k, const double edge[k], const double memory[7 * (k + 1) + 6], int64_t p, const double length[p],
+    int64_t k, const double edge[k], const double memory[9 * (k + 1) + 7], int64_t p, const double length[p],
     const double piece_angle[p], const double covariance[2 * p][2 * p], double compliance, double pretension,
     double friction, int64_t way, OUT double ends[7], WORK double means[5][p], WORK double work[8][k + 1]);
 
@@ -82,9 +82,9 @@ ENTRY int64_t tss_equilibrium(
 `drive` is a tension [N] or, unless `by_force`, a position [m]; `position` is where the drive was [m]. Returns
 as `step_bars`, without what only a route gives. */
 ENTRY int64_t tss_step_laws(
-    int64_t k, const double memory[7 * (k + 1) + 6], const double plant[14 * (k + 1) + 19],
+    int64_t k, const double memory[9 * (k + 1) + 7], const double plant[16 * (k + 1) + 428],
     const double growth[k + 1], double drive, int64_t by_force, double position,
-    OUT double after[7 * (k + 1) + 6], OUT double ends[9], WORK double work[20][k + 1]);
+    OUT double after[9 * (k + 1) + 7], OUT double ends[9], WORK double work[20][k + 1]);
 
 /** Step bars of the base model on the route `now`, or `before` where `compare` and it has not moved.
 
@@ -94,18 +94,18 @@ STUCK_FAST (friction beyond `most_friction` = μΦ), the new memory, and `ends`:
 elongation [m], solves, length of the route [m], whether it moved, slip of the first contact, and the range of
 tensions that holds a dead weight [N] or else μΦ. Drive and position as in `step_laws`. */
 ENTRY int64_t tss_step_bars(
-    int64_t k, const double edge[k], const double memory[7 * (k + 1) + 6], int64_t p,
+    int64_t k, const double edge[k], const double memory[9 * (k + 1) + 7], int64_t p,
     const double before_length[p], const double before_angle[p], const double before_covariance[2 * p][2 * p],
     int64_t q, const double now_length[q], const double now_angle[q],
     const double now_covariance[2 * q][2 * q], int64_t compare, double friction, double compliance,
     double pretension, double stiffness, double lift, double most_friction, double length_before,
-    double drive, int64_t by_force, double position, OUT double after[7 * (k + 1) + 6], OUT double ends[9],
-    WORK double work[48][k + 1]);
+    double drive, int64_t by_force, double position, OUT double after[9 * (k + 1) + 7], OUT double ends[9],
+    WORK double plant[16 * (k + 1) + 428], WORK double work[48][k + 1]);
 
 /** Return a plant with its contacts and saved paths as a route makes them; docs/model.md (52)-(60). */
 ENTRY void tss_plant_on_route(
-    int64_t k, const double edge[k], const double plant[14 * (k + 1) + 19], int64_t p, const double length[p],
-    const double angle[p], int64_t m, const double bends[m][3], OUT double after[14 * (k + 1) + 19],
+    int64_t k, const double edge[k], const double plant[16 * (k + 1) + 428], int64_t p, const double length[p],
+    const double angle[p], int64_t m, const double bends[m][3], OUT double after[16 * (k + 1) + 428],
     WORK double pieces[5][p + 2 * m], WORK double work[4][k]);
 
 /** Take the tendon through the samples of a run with every effect; docs/model.md (50)-(65).
@@ -115,9 +115,9 @@ the steps of each sample. Returns the number of samples done, fewer where one fa
 `out`: T_in, T_out [N], x_in, x_out [m], what the first and the last contact did; and, where `rows` is s and
 not 0, the tension of each bar [N]. */
 ENTRY int64_t tss_march(
-    int64_t k, const double plant[14 * (k + 1) + 19], const double memory[7 * (k + 1) + 6], int64_t by_force,
+    int64_t k, const double plant[16 * (k + 1) + 428], const double memory[9 * (k + 1) + 7], int64_t by_force,
     int64_t s, const double spans[s], const double drive[s], const double warmth[s], const int64_t parts[s],
-    int64_t rows, OUT double after[7 * (k + 1) + 6], OUT double out[6][s], OUT double profile[rows][k + 1],
+    int64_t rows, OUT double after[9 * (k + 1) + 7], OUT double out[6][s], OUT double profile[rows][k + 1],
     WORK double work[20][k + 1]);
 
 /** Step a tendon with effects on the route `now`, or `before` where `compare` and it has not moved.
@@ -128,13 +128,13 @@ it; and `ends`: T_in, T_out [N], x_in, x_out [m], slip of the first and last con
 contacts that slid from the proximal end on, whether the route moved, and μΦ, beyond `most_friction` of which
 nothing is stepped. */
 ENTRY int64_t tss_step_with_effects(
-    int64_t k, const double edge[k], const double plant[14 * (k + 1) + 19],
-    const double memory[7 * (k + 1) + 6], int64_t p, const double before_length[p],
+    int64_t k, const double edge[k], const double plant[16 * (k + 1) + 428],
+    const double memory[9 * (k + 1) + 7], int64_t p, const double before_length[p],
     const double before_angle[p], const double before_covariance[2 * p][2 * p], int64_t q,
     const double now_length[q], const double now_angle[q], const double now_covariance[2 * q][2 * q],
     int64_t m, const double bends[m][3], int64_t compare, double friction, double most_friction, double drive,
     int64_t by_force, int64_t was_by_force, double position, int64_t front, double span, double warmth,
-    OUT double after[7 * (k + 1) + 6], OUT double plant_after[14 * (k + 1) + 19], OUT double ends[10],
+    OUT double after[9 * (k + 1) + 7], OUT double plant_after[16 * (k + 1) + 428], OUT double ends[10],
     WORK double pieces[5][q + 2 * m], WORK double work[24][k + 1]);
 
 /** Return both ends of a tendon with effects; docs/model.md (121)-(123).
@@ -142,8 +142,8 @@ ENTRY int64_t tss_step_with_effects(
 `way` is the direction index ζ, `front` the contacts that slid last. Returns standard error of the elongation
 [m] and of T_out [N], width of the dead zone [N], whether the load answered, angle of the slip front [rad]. */
 ENTRY void tss_transmit_with_effects(
-    int64_t k, const double edge[k], const double plant[14 * (k + 1) + 19],
-    const double memory[7 * (k + 1) + 6], int64_t p, const double length[p], const double angle[p],
+    int64_t k, const double edge[k], const double plant[16 * (k + 1) + 428],
+    const double memory[9 * (k + 1) + 7], int64_t p, const double length[p], const double angle[p],
     const double covariance[2 * p][2 * p], int64_t way, int64_t front, OUT double ends[5],
     WORK double gradient[3][p], WORK double work[4][k]);
 
@@ -151,8 +151,11 @@ ENTRY void tss_transmit_with_effects(
 
 `tension_out` is the distal tension then [N]; docs/model.md (122). */
 ENTRY double tss_answering(
-    int64_t k, const double plant[14 * (k + 1) + 19], const double memory[7 * (k + 1) + 6],
+    int64_t k, const double plant[16 * (k + 1) + 428], const double memory[9 * (k + 1) + 7],
     double tension_out, int64_t way);
+
+/** Return the values of a table of CURVE, constant beyond its ends; docs/model.md (185). */
+ENTRY void tss_tabulated(int64_t s, const double table[37], const double x[s], OUT double values[s]);
 
 /** Pass samples, straight between, through a lag [s] that stands at `given`, `read`; docs/model.md (62). */
 ENTRY void tss_lagged(
@@ -169,9 +172,9 @@ against each coordinate. A memory's row `rest` is added to that of its plant. Re
 done, the memories after them, the coordinates, T_in, T_out [N], x_in, x_out [m] of each tendon, and, where
 `rows` is s and not 0, the tension of each bar of each tendon [N]. */
 ENTRY int64_t tss_march_machine(
-    int64_t n, int64_t k, const double plant[n][14 * (k + 1) + 19], const double memory[n][7 * (k + 1) + 6],
+    int64_t n, int64_t k, const double plant[n][16 * (k + 1) + 428], const double memory[n][9 * (k + 1) + 7],
     int64_t m, const double proximal[n][m], const double distal[n][m], const double stiffness[m],
     const double gravity[m][2], const double at_rest[m], const double start[m], int64_t by_force, int64_t s,
     const double spans[s], const double drive[s][n], const double end[s][n], const double load[s][m],
-    const double warmth[s], int64_t rows, OUT double after[n][7 * (k + 1) + 6], OUT double coordinate[s][m],
-    OUT double ends[s][4 * n], OUT double profile[rows][n * (k + 1)], WORK double trial[n][7 * (k + 1) + 6], WORK double work[21][k + 1]);
+    const double warmth[s], int64_t rows, OUT double after[n][9 * (k + 1) + 7], OUT double coordinate[s][m],
+    OUT double ends[s][4 * n], OUT double profile[rows][n * (k + 1)], WORK double trial[n][9 * (k + 1) + 7], WORK double work[21][k + 1]);

@@ -6,35 +6,45 @@
 
 #include <string.h>
 
-size_t memory_bytes(int64_t k) { return (size_t)(7 * (k + 1) + 6) * sizeof(double); }
-size_t plant_bytes(int64_t k) { return (size_t)(14 * (k + 1) + 19) * sizeof(double); }
+size_t memory_bytes(int64_t k) { return (size_t)(9 * (k + 1) + 7) * sizeof(double); }
+size_t plant_bytes(int64_t k) { return (size_t)(16 * (k + 1) + 428) * sizeof(double); }
 
 bar_laws laws_of(int64_t k, const double *plant) {
     int64_t b = k + 1;
-    const double *number = plant + 14 * b;
+    const double *number = plant + 16 * b;
     bar_laws laws = {.k = k};
     laws.soft = plant + LAW.soft * b, laws.toe = plant + LAW.toe * b,
     laws.toe_scale = plant + LAW.toe_scale * b;
-    laws.saved = plant + LAW.saved * b, laws.creep_soft = plant + LAW.creep_soft * b;
+    laws.saved = plant + LAW.saved * b, laws.tables = number + 21;
+    const int64_t rows[CREEPS] = {LAW.creep_soft, LAW.creep_soft_2, LAW.creep_soft_3};
+    const int64_t times[CREEPS] = {PLANT.creep_time, PLANT.creep_time_2, PLANT.creep_time_3};
+    for (int e = 0; e < CREEPS; e++)
+        laws.creep_soft[e] = plant + rows[e] * b, laws.creep_time[e] = number[times[e]];
     laws.warm = plant + LAW.warm * b, laws.rest = plant + LAW.rest * b;
     laws.pulling = plant + LAW.pulling * b, laws.releasing = plant + LAW.releasing * b;
     laws.fitting = plant + LAW.fitting * b, laws.low = plant + LAW.low * b, laws.high = plant + LAW.high * b;
     laws.force = plant + LAW.force * b, laws.drag = plant + LAW.drag * b;
     laws.pretension = number[PLANT.pretension], laws.load = number[PLANT.load];
     laws.saved_scale = number[PLANT.saved_scale], laws.clearance = number[PLANT.clearance];
-    laws.creep_time = number[PLANT.creep_time], laws.backlash = number[PLANT.backlash];
+    laws.backlash = number[PLANT.backlash];
     laws.load_exponent = number[PLANT.load_exponent], laws.load_reference = number[PLANT.load_reference];
     laws.wear_gain = number[PLANT.wear_gain], laws.wear_travel = number[PLANT.wear_travel];
     laws.speed_gain = number[PLANT.speed_gain], laws.speed_reference = number[PLANT.speed_reference];
     laws.curved = number[PLANT.curved] != 0.0, laws.by_rate = number[PLANT.by_rate] != 0.0;
     laws.varied = number[PLANT.varied] != 0.0, laws.swift = number[PLANT.swift] != 0.0;
+    laws.loaded = laws.load_exponent != 0.0 || table_of(laws.tables, CURVE.load);
+    laws.by_speed = laws.speed_gain != 0.0 || table_of(laws.tables, CURVE.speed);
+    laws.worn = laws.wear_gain != 0.0 || table_of(laws.tables, CURVE.travel)
+                || table_of(laws.tables, CURVE.time) || table_of(laws.tables, CURVE.position);
+    laws.now = 1.0;
     return laws;
 }
 
 bar_memory memory_of(int64_t k, double *block) {
     int64_t b = k + 1;
-    bar_memory memory = {.held = block + 7 * b};
-    memory.tension = block + MEMORY.tension * b, memory.creep = block + MEMORY.creep * b;
+    bar_memory memory = {.held = block + 9 * b};
+    memory.tension = block + MEMORY.tension * b, memory.creep[0] = block + MEMORY.creep * b;
+    memory.creep[1] = block + MEMORY.creep_2 * b, memory.creep[2] = block + MEMORY.creep_3 * b;
     memory.rest = block + MEMORY.rest * b, memory.displacement = block + MEMORY.displacement * b;
     memory.speed = block + MEMORY.speed * b, memory.travel = block + MEMORY.travel * b;
     memory.slip = block + MEMORY.slip * b;
@@ -58,6 +68,35 @@ void begin_room(const bar_laws *laws, step_room *room) {
     memcpy(room->chain.force, laws->force, size);
 }
 
+const double *table_of(const double *tables, int64_t which) {
+    const double *table = tables + which * TABLE.size;
+    return table[0] > 0.0 ? table : NULL;
+}
+
+double table_value(const double table[], double x, double *slope) {
+    int64_t last = (int64_t)table[0] - 1, i = 0;
+    const double *at = table + 1, *value = at + TABLE.most, *turn = value + TABLE.most;
+    *slope = 0.0;
+    if (!(x > at[0])) return value[0];
+    if (x >= at[last]) return value[last];
+    while (x >= at[i + 1]) i++;
+    double span = at[i + 1] - at[i], u = (x - at[i]) / span, w = 1.0 - u;
+    double rise = (value[i + 1] - value[i]) / span;
+    *slope = 6.0 * u * w * rise + w * (1.0 - 3.0 * u) * turn[i] + u * (3.0 * u - 2.0) * turn[i + 1];
+    return value[i] * w * w * (1.0 + 2.0 * u) + value[i + 1] * u * u * (3.0 - 2.0 * u)
+           + span * u * w * (w * turn[i] - u * turn[i + 1]);
+}
+
+/* Add `scale` times a table of stretch over tension. */
+static void add_stretch(
+    const bar_laws *laws, int64_t which, double scale, double tension, double *stretch, double *rise) {
+    const double *table = table_of(laws->tables, which);
+    if (!table) return;
+    double turn;
+    *stretch += scale * table_value(table, tension, &turn);
+    *rise += scale * turn;
+}
+
 double stretch_of(const bar_laws *laws, int64_t j, double tension, double *slope) {
     double stretch = laws->soft[j] * tension, rise = laws->soft[j]; /* docs/model.md (50) */
     if (laws->toe[j] != 0.0) {
@@ -70,17 +109,42 @@ double stretch_of(const bar_laws *laws, int64_t j, double tension, double *slope
         stretch += laws->saved[j] * (1.0 - rest);
         rise += laws->saved[j] * rest / laws->saved_scale;
     }
+    if (laws->curved) { /* docs/model.md (186) */
+        int64_t which = j == 0 ? CURVE.stretch_in : j == laws->k ? CURVE.stretch_out : CURVE.strain;
+        add_stretch(laws, which, which == CURVE.strain ? laws->soft[j] : 1.0, tension, &stretch, &rise);
+        if (j == laws->k) add_stretch(laws, CURVE.load_path, 1.0, tension, &stretch, &rise);
+    }
     *slope = rise;
     return stretch;
 }
 
-double load_factor(const bar_laws *laws, double load) {
-    if (laws->load_exponent == 0.0) return 1.0;
-    return exp(laws->load_exponent * log(most(BAR.least_load, load) / laws->load_reference));
+double load_factor(const bar_laws *laws, double load, double *slope) {
+    double factor = 1.0, rise = 0.0, above = most(BAR.least_load, load);
+    if (laws->load_exponent != 0.0) {
+        factor = exp(laws->load_exponent * log(above / laws->load_reference));
+        rise = load > BAR.least_load ? laws->load_exponent * factor / load : 0.0;
+    }
+    const double *table = table_of(laws->tables, CURVE.load);
+    if (table) {
+        double turn, value = table_value(table, load, &turn);
+        rise = rise * value + factor * turn, factor *= value;
+    }
+    *slope = rise;
+    return factor;
 }
 
 double wear_factor(const bar_laws *laws, double travel) {
-    return 1.0 - laws->wear_gain * expm1(-travel / laws->wear_travel);
+    double factor = laws->now * (1.0 - laws->wear_gain * expm1(-travel / laws->wear_travel)), slope;
+    const double *table = table_of(laws->tables, CURVE.travel);
+    return table ? factor * table_value(table, travel, &slope) : factor;
+}
+
+void set_step_factor(bar_laws *laws, const bar_memory *memory, double time) {
+    const double *by_time = table_of(laws->tables, CURVE.time);
+    const double *by_position = table_of(laws->tables, CURVE.position);
+    double slope;
+    laws->now = by_time ? table_value(by_time, time, &slope) : 1.0;
+    if (by_position) laws->now *= table_value(by_position, memory->displacement[0], &slope);
 }
 
 /* Shares of old creep, old and new tension in the creep after a step; docs/model.md (57). */
@@ -89,48 +153,64 @@ typedef struct {
 } creep_shares;
 
 static creep_shares creep_after(double time_constants) {
+    if (!(time_constants < INFINITY)) return (creep_shares){0.0, 0.0, 0.0}; /* there is none */
     double mean = -expm1(-time_constants) / time_constants, kept = exp(-time_constants);
     return (creep_shares){kept, mean - kept, 1.0 - mean};
 }
 
 /* Stretch that each bar would have if no contact moved [m]; docs/model.md (51), (58). */
 static void set_given(
-    const bar_laws *laws, const bar_memory *memory, double warmth, creep_shares shares, double target,
+    const bar_laws *laws, const bar_memory *memory, double warmth, const creep_shares shares[], double target,
     const double rest[], double given[]) {
     int64_t last_bar = laws->k;
     for (int64_t j = 0; j <= last_bar; j++) {
         double left = j > 0 ? memory->displacement[j - 1] : target;
         double right = j < last_bar ? memory->displacement[j] : 0.0;
         given[j] = left - right + rest[j] - laws->warm[j] * warmth;
-        if (laws->creep_soft[j] != 0.0)
-            given[j] += laws->creep_soft[j] * (laws->pretension - shares.old * memory->tension[j])
-                        - shares.kept * memory->creep[j];
+        for (int e = 0; e < CREEPS; e++)
+            if (laws->creep_soft[e][j] != 0.0)
+                given[j] += laws->creep_soft[e][j] * (laws->pretension - shares[e].old * memory->tension[j])
+                            - shares[e].kept * memory->creep[e][j];
     }
 }
 
 /* The straight law of each bar about the tensions of the last pass; docs/model.md (50), (57). */
-static void set_bars(const bar_laws *laws, const step_room *room, double share) {
+static void set_bars(const bar_laws *laws, const step_room *room, const creep_shares shares[]) {
     for (int64_t j = 0; j <= laws->k; j++) {
         double slope, stretch = stretch_of(laws, j, room->about[j], &slope);
-        stretch += share * laws->creep_soft[j] * room->about[j];
-        slope += share * laws->creep_soft[j];
+        for (int e = 0; e < CREEPS; e++) {
+            stretch += shares[e].new * laws->creep_soft[e][j] * room->about[j];
+            slope += shares[e].new * laws->creep_soft[e][j];
+        }
         room->chain.stiffness[j] = slope > 0.0 ? 1.0 / slope : 0.0;
         room->chain.trial[j] = room->about[j] + room->chain.stiffness[j] * (room->given[j] - stretch);
     }
 }
 
+/* What sliding so far in a step makes of friction [1], and its slope [1/m]; docs/model.md (52), (185). */
+static double speed_factor(const bar_laws *laws, double slid, double span, double *slope) {
+    double gain = laws->speed_gain, path = laws->speed_reference * span, factor = 1.0, rise = 0.0;
+    if (gain != 0.0) factor = most(0.0, 1.0 + gain * log1p(slid / path)), rise = gain / (path + slid);
+    const double *table = table_of(laws->tables, CURVE.speed);
+    if (table) {
+        double turn, value = table_value(table, slid / span, &turn);
+        rise = rise * value + factor * turn / span, factor *= value;
+    }
+    *slope = rise;
+    return factor;
+}
+
 /* The cone of each contact about the tensions and movements of the last pass; docs/model.md (52)-(56). */
 static void set_cones(const bar_laws *laws, const step_room *room, double span) {
-    double gain = laws->speed_gain, path = laws->speed_reference * span;
     const bar_chain *c = &room->chain;
     for (int64_t i = 0; i < laws->k; i++) {
-        double factor = load_factor(laws, 0.5 * (room->about[i] + room->about[i + 1]));
+        double unused, factor = load_factor(laws, 0.5 * (room->about[i] + room->about[i + 1]), &unused);
         c->force[i] = laws->force[i], c->drag[i] = laws->drag[i] / span;
-        if (gain != 0.0) {
-            double slid = fabs(room->moved[i]);
+        if (laws->by_speed) {
+            double slid = fabs(room->moved[i]), rise, by_speed = speed_factor(laws, slid, span, &rise);
             double exponent = room->moved[i] >= 0.0 ? room->pulling[i] : room->releasing[i];
-            double slope = room->about[i + 1] * exponent * factor * most(0.0, gain) / (path + slid);
-            factor *= most(0.0, 1.0 + gain * log1p(slid / path));
+            double slope = room->about[i + 1] * exponent * factor * most(0.0, rise);
+            factor *= by_speed;
             c->drag[i] += slope; /* docs/model.md (56) */
             c->force[i] -= slope * slid;
         }
@@ -141,14 +221,15 @@ static void set_cones(const bar_laws *laws, const step_room *room, double span) 
 
 /* Write what the step did into the memory; returns whether it is finite. */
 static int
-keep(const bar_laws *laws, bar_memory *memory, const bar_chain *c, creep_shares shares, double span) {
+keep(const bar_laws *laws, bar_memory *memory, const bar_chain *c, const creep_shares shares[], double span) {
     double sum = 0.0;
     for (int64_t j = 0; j <= laws->k; j++) sum += c->tension[j] + (j < laws->k ? c->w[j] : 0.0);
     if (!isfinite(sum)) return 0;
     for (int64_t j = 0; j <= laws->k; j++) {
-        if (laws->creep_soft[j] != 0.0) { /* docs/model.md (57) */
-            double pulled = shares.old * memory->tension[j] + shares.new * c->tension[j];
-            memory->creep[j] = shares.kept * memory->creep[j] + laws->creep_soft[j] * pulled;
+        for (int e = 0; e < CREEPS; e++) {
+            if (laws->creep_soft[e][j] == 0.0) continue; /* docs/model.md (57) */
+            double pulled = shares[e].old * memory->tension[j] + shares[e].new * c->tension[j];
+            memory->creep[e][j] = shares[e].kept * memory->creep[e][j] + laws->creep_soft[e][j] * pulled;
         }
         memory->tension[j] = c->tension[j];
     }
@@ -166,7 +247,8 @@ double balance(
     double warmth, double span, const double rest[], int64_t *solves) {
     bar_chain *c = &room->chain;
     int64_t k = laws->k, last_bar = k;
-    creep_shares shares = creep_after(span / laws->creep_time);
+    creep_shares shares[CREEPS];
+    for (int e = 0; e < CREEPS; e++) shares[e] = creep_after(span / laws->creep_time[e]);
     int hanging = laws->load == 0.0, one_pass = !(laws->curved || laws->varied);
     c->rigid_in = !by_force && laws->soft[0] == 0.0 && laws->toe[0] == 0.0;
     c->rigid_out = laws->load == INFINITY && laws->soft[last_bar] == 0.0 && laws->toe[last_bar] == 0.0;
@@ -177,14 +259,14 @@ double balance(
         room->moved[i] = memory->speed[i] * span;
         c->drag[i] = laws->drag[i] / span;
         c->slip[i] = (int8_t)memory->slip[i];
-        if (laws->wear_gain == 0.0) continue;
+        if (!laws->worn) continue;
         double factor = wear_factor(laws, memory->travel[i]);
         room->pulling[i] = laws->pulling[i] * factor, room->releasing[i] = laws->releasing[i] * factor;
     }
     double change = INFINITY, residual = INFINITY;
     *solves = 0;
     for (int64_t done = 0; done < (one_pass ? 1 : SOLVER.passes); done++) {
-        set_bars(laws, room, shares.new);
+        set_bars(laws, room, shares);
         if (by_force) c->trial[0] = target, c->stiffness[0] = 0.0;
         else if (c->rigid_in) c->trial[0] = memory->tension[0], c->stiffness[0] = 0.0;
         if (hanging) c->trial[last_bar] = weight, c->stiffness[last_bar] = 0.0;

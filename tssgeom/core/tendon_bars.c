@@ -83,7 +83,8 @@ static int64_t advance(
     }
     set_rest(laws, &old, growth, position, memory.rest, given);
     for (int64_t i = 0; i < k; i++) memory.displacement[i] = memory.speed[i] = memory.travel[i] = 0.0;
-    for (int64_t j = 0; j <= k; j++) memory.creep[j] = 0.0; /* displacements are those of this step alone */
+    for (int e = 0; e < CREEPS; e++) /* displacements are those of this step alone */
+        for (int64_t j = 0; j <= k; j++) memory.creep[e][j] = 0.0;
     int rigid_in = !by_force && laws->soft[0] == 0.0;
     if (rigid_in) { /* docs/model.md (45) */
         target += given[0];
@@ -105,7 +106,7 @@ static int64_t advance(
         memory.displacement[0] = drive; /* to the last digit: held there, the tendon shall not seem to move */
     memcpy(memory.speed, old.speed, (size_t)k * sizeof(double));
     memcpy(memory.travel, old.travel, (size_t)k * sizeof(double));
-    memcpy(memory.creep, old.creep, (size_t)(k + 1) * sizeof(double));
+    for (int e = 0; e < CREEPS; e++) memcpy(memory.creep[e], old.creep[e], (size_t)(k + 1) * sizeof(double));
     return STEPPED;
 }
 
@@ -116,9 +117,9 @@ static int64_t no_step(int64_t k, const double *before, double *after, double en
 }
 
 int64_t tss_step_laws(
-    int64_t k, const double memory[7 * (k + 1) + 6], const double plant[14 * (k + 1) + 19],
+    int64_t k, const double memory[9 * (k + 1) + 7], const double plant[16 * (k + 1) + 428],
     const double growth[k + 1], double drive, int64_t by_force, double position,
-    double after[7 * (k + 1) + 6], double ends[9], double work[20][k + 1]) {
+    double after[9 * (k + 1) + 7], double ends[9], double work[20][k + 1]) {
     if (k < 2) return no_step(k, memory, after, ends, NO_EQUILIBRIUM);
     bar_laws laws = laws_of(k, plant);
     no_step(k, memory, after, ends, STEPPED);
@@ -126,12 +127,13 @@ int64_t tss_step_laws(
 }
 
 int64_t tss_step_bars(
-    int64_t k, const double edge[k], const double memory[7 * (k + 1) + 6], int64_t p,
+    int64_t k, const double edge[k], const double memory[9 * (k + 1) + 7], int64_t p,
     const double before_length[p], const double before_angle[p], const double before_covariance[2 * p][2 * p],
     int64_t q, const double now_length[q], const double now_angle[q],
     const double now_covariance[2 * q][2 * q], int64_t compare, double friction, double compliance,
     double pretension, double stiffness, double lift, double most_friction, double length_before,
-    double drive, int64_t by_force, double position, double after[7 * (k + 1) + 6], double ends[9],
+    double drive, int64_t by_force, double position, double after[9 * (k + 1) + 7], double ends[9],
+    double plant[16 * (k + 1) + 428],
     double work[48][k + 1]) {
     no_step(k, memory, after, ends, NO_EQUILIBRIUM);
     if (k < 2 || p == 0 || q == 0) return NO_EQUILIBRIUM;
@@ -145,7 +147,7 @@ int64_t tss_step_bars(
     if (bend > most_friction) return STUCK_FAST;
 
     contact_grid grid = grid_of(k, work[20]);
-    double *growth = work[24], *plant = work[25], *number = plant + 14 * (k + 1);
+    double *growth = work[24], *number = plant + 16 * (k + 1);
     discretise(k, edge, p, before_length, before_angle, grid);
     double whole = total(k - 1, grid.length), *soft = plant + LAW.soft * (k + 1);
     double share = length_before > 0.0 ? 1.0 - length_before / whole : 0.0; /* by which the path grew */

@@ -2,6 +2,8 @@
 #pragma once
 #include "tendon.h"
 
+enum { CREEPS = 3 }; /* elements of creep */
+
 /* What a contact does: slides towards the proximal end, holds, slides towards the distal end. */
 enum { PULLED = 1, STUCK = 0, RELEASED = -1 };
 
@@ -13,16 +15,19 @@ typedef struct {
 /* Laws of k + 1 bars and k contacts; the fields are those of LAW and PLANT in constants_tendon_rows.py. */
 typedef struct {
     int64_t k;
-    const double *soft, *toe, *toe_scale, *saved, *creep_soft, *warm, *rest;
+    const double *soft, *toe, *toe_scale, *saved, *creep_soft[CREEPS], *warm, *rest;
     const double *pulling, *releasing, *fitting, *low, *high, *force, *drag;
-    double pretension, load, saved_scale, clearance, creep_time, load_exponent, load_reference;
+    const double *tables; /* of CURVE */
+    double pretension, load, saved_scale, clearance, creep_time[CREEPS], load_exponent, load_reference;
     double wear_gain, wear_travel, speed_gain, speed_reference, backlash;
+    double now; /* factor of all friction in this step, by time and position [1] */
     int curved, by_rate, varied, swift;
+    int loaded, by_speed, worn; /* whether friction depends on tension; on speed; on what was before */
 } bar_laws;
 
 /* What one step leaves to the next: the rows of MEMORY and the numbers of HELD. */
 typedef struct {
-    double *tension, *creep, *rest, *displacement, *speed, *travel, *slip, *held;
+    double *tension, *creep[CREEPS], *rest, *displacement, *speed, *travel, *slip, *held;
 } bar_memory;
 
 /* Linear laws of k + 1 bars and friction of the k contacts between them for one step, and their solution. */
@@ -73,10 +78,15 @@ double quadratic_form(int64_t n, const double a[], const double *matrix, int64_t
 
 /* Stretch of a taut bar [m] and its slope [m/N]; docs/model.md (50). */
 double stretch_of(const bar_laws *laws, int64_t j, double tension, double *slope);
-/* What the tension at a contact makes of the friction there [1]; docs/model.md (52). */
-double load_factor(const bar_laws *laws, double load);
-/* What the path slid so far makes of it [1]; docs/model.md (52). */
+/* Table of a law, or NULL where there is none; and its value and slope, constant beyond its ends; (185). */
+const double *table_of(const double *tables, int64_t which);
+double table_value(const double table[], double x, double *slope);
+/* What the tension at a contact makes of the friction there [1], and its slope [1/N]; docs/model.md (52). */
+double load_factor(const bar_laws *laws, double load, double *slope);
+/* What the path slid so far, time and position make of it [1]; docs/model.md (52), (185). */
 double wear_factor(const bar_laws *laws, double travel);
+/* Set the factor of a step that ends at a time [s] since the run began. */
+void set_step_factor(bar_laws *laws, const bar_memory *memory, double time);
 /* Cones of a plant whose contacts have these curve angles [k]. */
 void set_contacts(int64_t k, double *plant, const double angle[]);
 /* Contacts and saved paths of a plant on a route. */

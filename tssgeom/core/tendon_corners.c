@@ -175,7 +175,7 @@ int64_t tss_corners_of_bars(
 
 /* What the corners through the bars mean on a route; docs/model.md (49). */
 void tss_transmit_bars(
-    int64_t k, const double edge[k], const double memory[7 * (k + 1) + 6], int64_t p, const double length[p],
+    int64_t k, const double edge[k], const double memory[9 * (k + 1) + 7], int64_t p, const double length[p],
     const double piece_angle[p], const double covariance[2 * p][2 * p], double compliance, double pretension,
     double friction, int64_t way, double ends[7], double means[5][p], double work[8][k + 1]) {
     if (k < 2 || p == 0) return;

@@ -15,7 +15,7 @@ static double angle_at(int64_t p, const double length[], const double angle[], d
 
 void set_contacts(int64_t k, double *plant, const double angle[]) {
     int64_t b = k + 1;
-    double friction = plant[14 * b + PLANT.friction], asymmetry = plant[14 * b + PLANT.asymmetry];
+    double friction = plant[16 * b + PLANT.friction], asymmetry = plant[16 * b + PLANT.asymmetry];
     for (int64_t i = 0; i < k; i++) { /* docs/model.md (41), (52) */
         double base = friction * angle[i], fitting = plant[LAW.fitting * b + i];
         double pulling = base * (1.0 + asymmetry), releasing = base * (1.0 - asymmetry);
@@ -28,7 +28,7 @@ void put_on_route(
     int64_t k, const double edge[], double *plant, int64_t p, const double length[], const double angle[],
     int64_t m, const double bends[][3], double *pieces, double *work) {
     int64_t b = k + 1, room = p + 2 * m;
-    double *number = plant + 14 * b, *saved = plant + LAW.saved * b;
+    double *number = plant + 16 * b, *saved = plant + LAW.saved * b;
     if (m > 0) { /* docs/model.md (60) */
         p = add_bends(
             p, length, angle, m, bends, (double *[2]){pieces, pieces + room},
@@ -43,20 +43,27 @@ void put_on_route(
         saved[j] = clearance * (here - before);
         before = here;
     }
-    if (gain != 0.0) { /* docs/model.md (53) */
+    const double *tables = number + 21, *by_curvature = table_of(tables, CURVE.curvature);
+    const double *by_arc = table_of(tables, CURVE.arc);
+    double slope;
+    if (gain != 0.0 || by_curvature) { /* docs/model.md (53), (185) */
         double *pressing = pieces + 4 * room;
-        for (int64_t i = 0; i < p; i++)
-            pressing[i] = angle[i] * most(0.0, 1.0 + gain * (angle[i] / length[i]));
+        for (int64_t i = 0; i < p; i++) {
+            double curvature = angle[i] / length[i];
+            pressing[i] = angle[i] * most(0.0, 1.0 + gain * curvature);
+            if (by_curvature) pressing[i] *= table_value(by_curvature, curvature, &slope);
+        }
         angle = pressing;
     }
     contact_grid grid = grid_of(k, work);
     discretise(k, edge, p, length, angle, grid);
+    for (int64_t i = 0; by_arc && i < k; i++) grid.angle[i] *= table_value(by_arc, edge[i] * whole, &slope);
     set_contacts(k, plant, grid.angle);
 }
 
 void tss_plant_on_route(
-    int64_t k, const double edge[k], const double plant[14 * (k + 1) + 19], int64_t p, const double length[p],
-    const double angle[p], int64_t m, const double bends[m][3], double after[14 * (k + 1) + 19],
+    int64_t k, const double edge[k], const double plant[16 * (k + 1) + 428], int64_t p, const double length[p],
+    const double angle[p], int64_t m, const double bends[m][3], double after[16 * (k + 1) + 428],
     double pieces[5][p + 2 * m], double work[4][k]) {
     memcpy(after, plant, plant_bytes(k));
     if (k > 1 && p > 0) put_on_route(k, edge, after, p, length, angle, m, bends, pieces[0], work[0]);
@@ -64,21 +71,22 @@ void tss_plant_on_route(
 
 /* Proximal tension from which on a slow motion reaches the load; docs/model.md (122). */
 double tss_answering(
-    int64_t k, const double plant[14 * (k + 1) + 19], const double memory[7 * (k + 1) + 6],
+    int64_t k, const double plant[16 * (k + 1) + 428], const double memory[9 * (k + 1) + 7],
     double tension_out, int64_t way) {
     bar_laws laws = laws_of(k, plant);
-    const double *travel = memory + MEMORY.travel * (k + 1);
+    bar_memory kept = memory_of(k, (double *)memory);
+    set_step_factor(&laws, &kept, kept.held[HELD.time]);
+    const double *travel = kept.travel;
     double here = tension_out, sign = way > 0 ? 1.0 : -1.0;
     for (int64_t i = k - 1; i >= 0; i--) { /* from load to drive, along the side on which all slides slowly */
         double exponent = (way > 0 ? laws.pulling[i] : laws.releasing[i]) * wear_factor(&laws, travel[i]);
         double far = most(0.0, here + sign * laws.force[i]),
                near = far * exp(sign * (exponent + laws.fitting[i]));
-        int64_t searches = laws.load_exponent != 0.0 && far > 0.0 ? BAR.searches : 0;
+        int64_t searches = laws.loaded && far > 0.0 ? BAR.searches : 0;
         for (int64_t search = 0; search < searches; search++) { /* Newton's method on near = far·exp(…) */
-            double load = 0.5 * (near + here), factor = load_factor(&laws, load), last = near;
+            double rise, factor = load_factor(&laws, 0.5 * (near + here), &rise), last = near;
             double wanted = far * exp(sign * (exponent * factor + laws.fitting[i]));
-            double share = load > BAR.least_load ? laws.load_exponent * 0.5 / load : 0.0;
-            near -= (near - wanted) / (1.0 - wanted * sign * exponent * factor * share);
+            near -= (near - wanted) / (1.0 - wanted * sign * exponent * 0.5 * rise);
             if (fabs(near - last) <= BAR.close * near) break;
         }
         here = near;
@@ -91,28 +99,41 @@ static double used_share(const bar_laws *laws, const bar_memory *memory, int64_t
     double near = memory->tension[i], far = memory->tension[i + 1];
     *exponent = 0.0;
     if (most(far, near) < BAR.answers) return 0.0; /* a loose tendon uses nothing of it */
-    double factor = load_factor(laws, 0.5 * (near + far)) * wear_factor(laws, memory->travel[i]);
+    double unused;
+    double factor = load_factor(laws, 0.5 * (near + far), &unused) * wear_factor(laws, memory->travel[i]);
     *exponent = (far < near ? laws->pulling[i] : laws->releasing[i]) * factor;
     double side = *exponent + laws->fitting[i], whole = far < near ? -expm1(-side) : expm1(side);
     double share = (far - near) / most(1e-300, whole * near + laws->force[i]);
-    return laws->speed_gain != 0.0 ? share : within(share, -1.0, 1.0);
+    return laws->by_speed ? share : within(share, -1.0, 1.0);
 }
 
 void tss_transmit_with_effects(
-    int64_t k, const double edge[k], const double plant[14 * (k + 1) + 19],
-    const double memory[7 * (k + 1) + 6], int64_t p, const double length[p], const double angle[p],
+    int64_t k, const double edge[k], const double plant[16 * (k + 1) + 428],
+    const double memory[9 * (k + 1) + 7], int64_t p, const double length[p], const double angle[p],
     const double covariance[2 * p][2 * p], int64_t way, int64_t front, double ends[5], double gradient[3][p],
     double work[4][k]) {
     for (int i = 0; i < 5; i++) ends[i] = NAN;
     if (k < 2 || p == 0) return;
     bar_laws laws = laws_of(k, plant);
     bar_memory kept = memory_of(k, (double *)memory);
-    const double *number = plant + 14 * (k + 1), *tension = kept.tension;
+    set_step_factor(&laws, &kept, kept.held[HELD.time]);
+    const double *by_curvature = table_of(laws.tables, CURVE.curvature);
+    const double *by_arc = table_of(laws.tables, CURVE.arc);
+    const double *number = plant + 16 * (k + 1), *tension = kept.tension;
     double friction = number[PLANT.friction], asymmetry = number[PLANT.asymmetry];
     double *by_length = gradient[0], *by_angle = gradient[1], *pressed = gradient[2];
     double whole = total(p, length), used = 0.0, slope = 0.0, rest = exp(-laws.pretension / laws.saved_scale);
-    for (int64_t i = 0; i < p; i++) {
-        pressed[i] = 1.0 + 2.0 * number[PLANT.curvature_gain] * (angle[i] / length[i]); /* of ψ in (53) [1] */
+    double passed_by = 0.0;
+    for (int64_t i = 0; i < p; i++) { /* slope of ψ in (53) and (185) by the angle [1] */
+        double curvature = angle[i] / length[i], turn, factor;
+        pressed[i] = 1.0 + 2.0 * number[PLANT.curvature_gain] * curvature;
+        if (by_curvature) {
+            factor = table_value(by_curvature, curvature, &turn);
+            double gain = number[PLANT.curvature_gain] * curvature;
+            pressed[i] = pressed[i] * factor + (1.0 + gain) * curvature * turn;
+        }
+        if (by_arc) pressed[i] *= table_value(by_arc, passed_by + 0.5 * length[i], &turn);
+        passed_by += length[i];
         by_length[i] = by_angle[i] = 0.0;
     }
     for (int64_t j = 1; j <= k; j++) { /* bars in the sheath, then what lies between sheath and load */
@@ -120,7 +141,8 @@ void tss_transmit_with_effects(
         double pull = tension[j], exponent, rise, share = used_share(&laws, &kept, j - 1, &exponent);
         if (exponent > BAR.straight) used = share; /* on a straight stretch as before it */
         double coefficient = friction * (used < 0.0 ? 1.0 + asymmetry : 1.0 - asymmetry);
-        slope = used * coefficient * load_factor(&laws, pull) * wear_factor(&laws, kept.travel[j - 1]);
+        slope = load_factor(&laws, pull, &rise) * wear_factor(&laws, kept.travel[j - 1]);
+        slope *= used * coefficient;
         stretch_of(&laws, j, pull, &rise);
         if (!inside && laws.load > 0.0) rise -= 1.0 / laws.load;
         double begin = inside ? edge[j - 1] * whole : whole, end = inside ? edge[j] * whole : whole;
@@ -153,6 +175,12 @@ void tss_transmit_with_effects(
     ends[0] = sqrt(most(0.0, variance));
     ends[1] = tension_out * fabs(slope) * sqrt(most(0.0, angle_variance));
     ends[2] = replied ? 0.0 : width, ends[3] = replied, ends[4] = slid;
+}
+
+void tss_tabulated(int64_t s, const double table[37], const double x[s], double values[s]) {
+    double slope;
+    int sound = table[0] >= 2.0 && table[0] <= (double)TABLE.most;
+    for (int64_t i = 0; i < s; i++) values[i] = sound ? table_value(table, x[i], &slope) : NAN;
 }
 
 void tss_lagged(

@@ -54,7 +54,7 @@ typedef struct {
 
 /* Bring one tendon to a trial of the coordinates; returns whether it is in equilibrium. */
 static int try_tendon(const sample *it, int64_t i, const double z[], end_forces *f) {
-    int64_t k = it->k, size = 7 * (k + 1) + 6, solves;
+    int64_t k = it->k, size = 9 * (k + 1) + 7, solves;
     const double *before = it->before + i * size;
     double *block = it->trial + i * size, drive = it->drive[i], end = it->end[i];
     for (int64_t j = 0; j < it->m; j++) {
@@ -62,12 +62,14 @@ static int try_tendon(const sample *it, int64_t i, const double z[], end_forces 
         end += it->distal[i * it->m + j] * z[j];
     }
     memcpy(block, before, memory_bytes(k));
-    bar_laws laws = laws_of(k, it->plant + i * (14 * (k + 1) + 19));
+    bar_laws laws = laws_of(k, it->plant + i * (16 * (k + 1) + 428));
     bar_memory memory = memory_of(k, block);
     step_room room = room_of(k, it->work);
     begin_room(&laws, &room);
     double target = drive, engaged = memory.held[HELD.engaged];
     if (!it->by_force) target = least(drive + laws.backlash, most(drive, engaged)); /* docs/model.md (59) */
+    memory.held[HELD.time] += it->span;
+    if (laws.worn) set_step_factor(&laws, &memory, memory.held[HELD.time]);
     for (int64_t j = 0; j <= k; j++) it->rest[j] = laws.rest[j] + memory.rest[j];
     it->rest[k] -= end; /* docs/model.md (172) */
     double change =
@@ -171,12 +173,12 @@ static int solve_balance(const sample *it, double z[]) {
 }
 
 int64_t tss_march_machine(
-    int64_t n, int64_t k, const double plant[n][14 * (k + 1) + 19], const double memory[n][7 * (k + 1) + 6],
+    int64_t n, int64_t k, const double plant[n][16 * (k + 1) + 428], const double memory[n][9 * (k + 1) + 7],
     int64_t m, const double proximal[n][m], const double distal[n][m], const double stiffness[m],
     const double gravity[m][2], const double at_rest[m], const double start[m], int64_t by_force, int64_t s,
     const double spans[s], const double drive[s][n], const double end[s][n], const double load[s][m],
-    const double warmth[s], int64_t rows, double after[n][7 * (k + 1) + 6], double coordinate[s][m],
-    double ends[s][4 * n], double profile[rows][n * (k + 1)], double trial[n][7 * (k + 1) + 6], double work[21][k + 1]) {
+    const double warmth[s], int64_t rows, double after[n][9 * (k + 1) + 7], double coordinate[s][m],
+    double ends[s][4 * n], double profile[rows][n * (k + 1)], double trial[n][9 * (k + 1) + 7], double work[21][k + 1]) {
     double z[MOST] = {0.0}, *turned = *coordinate, *read_out = *ends, unused;
     for (int64_t i = 0; i < s * m; i++) turned[i] = NAN;
     for (int64_t i = 0; i < 4 * s * n; i++) read_out[i] = NAN;

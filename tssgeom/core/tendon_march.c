@@ -11,19 +11,19 @@
    `sign` is −1 on a pull, +1 on a release; docs/model.md (52). */
 static double slide_loaded(
     const bar_laws *laws, int64_t i, double near, double old, double exponent, double sign, double *slope) {
-    double fixed = laws->fitting[i], force = laws->force[i], power = laws->load_exponent;
-    double here = old, m = exponent * load_factor(laws, 0.5 * (near + old));
+    double fixed = laws->fitting[i], force = laws->force[i], rise;
+    double here = old, m = exponent * load_factor(laws, 0.5 * (near + old), &rise);
     for (int64_t turn = 0; turn < SWEEP.turns; turn++) {
         double ratio = exp(sign * (m + fixed));
         here = most(0.0, ratio * near + sign * force);
-        double load = 0.5 * (near + here), wanted = exponent * load_factor(laws, load);
-        double bend = sign * 0.5 * power * wanted * ratio * near / most(1e-9, load); /* d wanted / d m */
+        double wanted = exponent * load_factor(laws, 0.5 * (near + here), &rise);
+        double bend = sign * 0.5 * exponent * rise * ratio * near; /* d wanted / d m */
         double change = (wanted - m) / (1.0 - bend);
         m += change;
         if (fabs(change) <= SWEEP.load) break;
     }
     double ratio = exp(sign * (m + fixed));
-    double share = 0.5 * power * m * ratio * near / most(1e-9, 0.5 * near + 0.5 * here);
+    double share = 0.5 * exponent * rise * ratio * near;
     *slope = (ratio + sign * share) / (1.0 - sign * share);
     return most(0.0, ratio * near + sign * force);
 }
@@ -39,8 +39,8 @@ carry(const bar_laws *laws, const bar_memory *memory, step_room *room, double st
     for (int64_t i = 0; i < laws->k; i++) {
         double here = memory->tension[i + 1], down = c->low[i], up = c->high[i];
         double lower = down * near - laws->force[i], upper = up * near + laws->force[i];
-        if (laws->load_exponent != 0.0) {
-            double factor = load_factor(laws, 0.5 * (near + here));
+        if (laws->loaded) {
+            double unused, factor = load_factor(laws, 0.5 * (near + here), &unused);
             lower = exp(-room->pulling[i] * factor - laws->fitting[i]) * near - laws->force[i],
             upper = INFINITY;
             if (here < lower) lower = slide_loaded(laws, i, near, here, room->pulling[i], -1.0, &down);
@@ -60,14 +60,13 @@ carry(const bar_laws *laws, const bar_memory *memory, step_room *room, double st
 /* Tension of the drive at which the first contact begins to slide [N]. */
 static double sliding_from(const bar_laws *laws, const bar_memory *memory, const step_room *room, int pull) {
     const double *tension = memory->tension;
-    double factor = load_factor(laws, 0.5 * (tension[0] + tension[1])), fixed = laws->fitting[0];
+    double fixed = laws->fitting[0], unused;
+    double factor = load_factor(laws, 0.5 * (tension[0] + tension[1]), &unused);
     if (pull) {
-        double ratio =
-            laws->load_exponent == 0.0 ? room->chain.low[0] : exp(-room->pulling[0] * factor - fixed);
+        double ratio = laws->loaded ? exp(-room->pulling[0] * factor - fixed) : room->chain.low[0];
         return (tension[1] + laws->force[0]) / ratio * (1.0 + 1e-12);
     }
-    double ratio =
-        laws->load_exponent == 0.0 ? room->chain.high[0] : exp(room->releasing[0] * factor + fixed);
+    double ratio = laws->loaded ? exp(room->releasing[0] * factor + fixed) : room->chain.high[0];
     return most(0.0, tension[1] - laws->force[0]) / ratio * (1.0 - 1e-12);
 }
 
@@ -102,7 +101,7 @@ double
 sweep(const bar_laws *laws, bar_memory *memory, step_room *room, int by_force, double target, double span) {
     bar_chain *c = &room->chain;
     double off = 0.0, slope;
-    for (int64_t i = 0; laws->wear_gain != 0.0 && i < laws->k; i++) {
+    for (int64_t i = 0; laws->worn && i < laws->k; i++) {
         double factor = wear_factor(laws, memory->travel[i]);
         room->pulling[i] = laws->pulling[i] * factor, room->releasing[i] = laws->releasing[i] * factor;
         c->low[i] = exp(-room->pulling[i] - laws->fitting[i]);
@@ -147,22 +146,27 @@ static int record(const bar_laws *laws, const bar_memory *memory, int by_force, 
         held[HELD.lag] = within(lag, 0.0, laws->backlash), held[HELD.shift] = shift;
         out[2] = shift - held[HELD.lag];
     }
+    const double *path = table_of(laws->tables, CURVE.load_path);
     out[3] =
         laws->load == 0.0 ? memory->displacement[last_bar - 1]
                           : (tension[last_bar] - laws->pretension) / laws->load;
+    if (path && laws->load != 0.0) /* docs/model.md (186) */
+        out[3] += table_value(path, tension[last_bar], &slope) - table_value(path, laws->pretension, &slope);
     out[4] = memory->slip[0], out[5] = memory->slip[last_bar - 1];
     return isfinite(out[0] + out[1] + out[2] + out[3]);
 }
 
 /* Take one sample in as many steps as it has; returns whether there is an equilibrium. */
 static int take_sample(
-    const bar_laws *laws, bar_memory *memory, step_room *room, int by_force, double duration, double drive,
+    bar_laws *laws, bar_memory *memory, step_room *room, int by_force, double duration, double drive,
     double warmth, int64_t parts) {
     double *held = memory->held, first = held[HELD.drive], cold = held[HELD.warmth], before = held[HELD.rate];
     double rate = (drive - first) / most(BAR.least_time, duration), done = 0.0;
     int turned = laws->by_rate && (fabs(rate) < 0.5 * fabs(before) || rate * before < 0.0);
     int64_t cuts = turned ? parts + 5 : parts, solves;
     if (!isfinite(drive + duration + warmth)) return 0;
+    held[HELD.time] += duration;
+    if (laws->worn) set_step_factor(laws, memory, held[HELD.time]);
     for (int64_t cut = 0; cut < cuts; cut++) {
         double share = cut_at(cut, turned, (double)parts);
         double goal = share == 1.0 ? drive : first + share * (drive - first);
@@ -185,9 +189,9 @@ static int take_sample(
 }
 
 int64_t tss_march(
-    int64_t k, const double plant[14 * (k + 1) + 19], const double memory[7 * (k + 1) + 6], int64_t by_force,
+    int64_t k, const double plant[16 * (k + 1) + 428], const double memory[9 * (k + 1) + 7], int64_t by_force,
     int64_t s, const double spans[s], const double drive[s], const double warmth[s], const int64_t parts[s],
-    int64_t rows, double after[7 * (k + 1) + 6], double out[6][s], double profile[rows][k + 1],
+    int64_t rows, double after[9 * (k + 1) + 7], double out[6][s], double profile[rows][k + 1],
     double work[20][k + 1]) {
     memcpy(after, memory, memory_bytes(k));
     double *read_out = *out, *tensions = *profile;
@@ -228,13 +232,13 @@ static int64_t slid_from_drive(const bar_laws *laws, const bar_memory *memory, i
 }
 
 int64_t tss_step_with_effects(
-    int64_t k, const double edge[k], const double plant[14 * (k + 1) + 19],
-    const double memory[7 * (k + 1) + 6], int64_t p, const double before_length[p],
+    int64_t k, const double edge[k], const double plant[16 * (k + 1) + 428],
+    const double memory[9 * (k + 1) + 7], int64_t p, const double before_length[p],
     const double before_angle[p], const double before_covariance[2 * p][2 * p], int64_t q,
     const double now_length[q], const double now_angle[q], const double now_covariance[2 * q][2 * q],
     int64_t m, const double bends[m][3], int64_t compare, double friction, double most_friction, double drive,
     int64_t by_force, int64_t was_by_force, double position, int64_t front, double span, double warmth,
-    double after[7 * (k + 1) + 6], double plant_after[14 * (k + 1) + 19], double ends[10],
+    double after[9 * (k + 1) + 7], double plant_after[16 * (k + 1) + 428], double ends[10],
     double pieces[5][q + 2 * m], double work[24][k + 1]) {
     memcpy(after, memory, memory_bytes(k));
     memcpy(plant_after, plant, plant_bytes(k));
@@ -248,7 +252,7 @@ int64_t tss_step_with_effects(
     if (ends[9] > most_friction) return 0;
     if (moves) {
         put_on_route(k, edge, plant_after, q, now_length, now_angle, m, bends, pieces[0], work[20]);
-        plant_after[14 * (k + 1) + PLANT.swift] = 0.0;
+        plant_after[16 * (k + 1) + PLANT.swift] = 0.0;
     }
     bar_laws laws = laws_of(k, plant_after);
     bar_memory kept = memory_of(k, after);

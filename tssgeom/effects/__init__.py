@@ -37,6 +37,7 @@ from tssgeom.effects.friction import (
     ViscousDrag,
 )
 from tssgeom.effects.kinds import Channel, Effect, Parameter, Setup, Tie, snake
+from tssgeom.effects.laws import CreepLaw, FrictionLaw, Law, SensorLaw, StretchLaw
 from tssgeom.effects.route import HiddenBend, SheathClearance
 from tssgeom.errors import SettingsError
 
@@ -67,14 +68,18 @@ Library: TypeAlias = (
     | ChannelLag
     | LoadCellCrosstalk
 )
-"""Any effect; `name` in a rig file selects which."""
+"""Any effect with a formula; `name` in a rig file selects which."""
+AnyEffect: TypeAlias = Library | Law
+"""Any effect, those that are curves included."""
 
 KINDS: dict[str, type[Library]] = {snake(kind.__name__): kind for kind in get_args(Library)}
 """Every effect by its name, in the order of the reports."""
-_MAY_REPEAT = (HiddenBend, ChannelLag, SlackTakeUp)
+LAWS: dict[str, type[Law]] = {snake(kind.__name__): kind for kind in get_args(Law)}
+"""Every law that is a curve by its name."""
+_MAY_REPEAT = (HiddenBend, ChannelLag, SlackTakeUp, FrictionLaw, StretchLaw, SensorLaw)
 
 
-def named(effects: Iterable[Library]) -> str:
+def named(effects: Iterable[AnyEffect]) -> str:
     """Return the names of effects as they stand in a rig file, for a sentence."""
     return ", ".join(snake(type(effect).__name__) for effect in effects)
 
@@ -86,13 +91,13 @@ def with_size(kind: type[Library], size: float = 1.0) -> Library:
     return kind(**numbers)
 
 
-def chosen(effect: Library) -> dict[str, str]:
+def chosen(effect: AnyEffect) -> dict[str, str]:
     """Return what of an effect is a choice and no number, such as the end at which it acts."""
     values = {key: getattr(effect, key) for key in effect.__struct_fields__}
     return {key: value for key, value in values.items() if isinstance(value, str)}
 
 
-def together(setup: Setup, effects: Iterable[Library]) -> Setup:
+def together(setup: Setup, effects: Iterable[AnyEffect]) -> Setup:
     """Return the setup with all effects in it.
 
     Raises
@@ -112,28 +117,35 @@ def together(setup: Setup, effects: Iterable[Library]) -> Setup:
 
 __all__ = [
     "KINDS",
+    "LAWS",
+    "AnyEffect",
     "AsymmetricFriction",
     "Backlash",
     "Channel",
     "ChannelLag",
     "Creep",
+    "CreepLaw",
     "CurvatureDependentFriction",
     "Effect",
     "EndFittingFrictionDistal",
     "EndFittingFrictionProximal",
     "FrictionDrift",
+    "FrictionLaw",
     "HiddenBend",
+    "Law",
     "Library",
     "LoadCellCrosstalk",
     "LoadDependentFriction",
     "Parameter",
     "PretensionError",
+    "SensorLaw",
     "SeriesComplianceDistal",
     "SeriesComplianceProximal",
     "Setup",
     "SheathClearance",
     "SlackTakeUp",
     "StraightSectionFriction",
+    "StretchLaw",
     "TensionInGain",
     "TensionInOffset",
     "TensionOutGain",

@@ -81,6 +81,16 @@ class Bend(NamedTuple):
     """Arc length over which it bends [m]."""
 
 
+class Curve(NamedTuple):
+    """A law as points; which of the core's tables it is, or which sensor's."""
+
+    table: str
+    x: tuple[float, ...]
+    """[k] Increasing, in SI."""
+    y: tuple[float, ...]
+    """[k] In SI."""
+
+
 @dataclass(frozen=True, slots=True)
 class Setup:
     """One run's physics as numbers: the rig's own and what its effects add; the defaults are the base model.
@@ -128,6 +138,8 @@ class Setup:
     toe_scale_N: float = 2.0
     creep_ratio: float = 0.0
     creep_time_s: float = 20.0
+    more_creep: tuple[tuple[float, float], ...] = ()
+    """Ratio [1] and time [s] of further elements of creep."""
     series_in_m_per_N: float = 0.0
     series_out_m_per_N: float = 0.0
     expansion_per_K: float = 0.0
@@ -143,6 +155,9 @@ class Setup:
     crosstalk: float = 0.0
     lags: tuple[tuple[Channel, float], ...] = ()
     """Channel and time constant [s] of each lag."""
+
+    curves: tuple[Curve, ...] = ()
+    """Laws that are no formula; docs/model.md (185) to (188)."""
 
 
 def snake(name: str) -> str:

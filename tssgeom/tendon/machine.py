@@ -18,7 +18,7 @@ from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.bars.contact_grid import discretise, equal_edges
 from tssgeom.tendon.bars.model import check_compliance, setup_of
-from tssgeom.tendon.bars.plant import Plant, memory_of, plant
+from tssgeom.tendon.bars.plant import Plant, crept, memory_of, plant
 
 BARS, HALVINGS = 16, 4
 """Bars of each tendon, the outermost ones halved so often: a held end is known to half of the last bar."""
@@ -79,8 +79,8 @@ def machine_of(rig: Rig, routes: Sequence[Arcs], bars: int = BARS) -> Machine:
         soft[0] = setup.series_in_m_per_N + share * outside[0]
         soft[-1] = setup.series_out_m_per_N + share * outside[1]
         made.rows[LAW.rest] = made.stretch(float(setup.pretension))
-        made.block[PLANT.load - len(PLANT)] = math.inf
-        made.block[PLANT.swift - len(PLANT)] = 0.0
+        made.set(PLANT.load, math.inf)
+        made.set(PLANT.swift, 0.0)
         plants.append(made)
     alike = count // len(routes)  # tendons on each route
     return Machine(rig, tuple(routes) * alike, edge, tuple(plants) * alike, motion)
@@ -189,5 +189,5 @@ def _memories(machine: Machine, held: Matrix) -> Matrix:
         rest = each.stretch(tension) - each.rows[LAW.rest]
         if which == 1:
             rest[0] -= machine.rig.drive.slack_m
-        rows.append(memory_of(tension, rest=rest, creep=each.rows[LAW.creep_soft] * tension).block)
+        rows.append(memory_of(tension, rest=rest, **crept(each, tension)).block)
     return np.array(rows)

@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from tssgeom.arrays import read_only
+from tssgeom.core.constants_tendon_rows import HELD
 from tssgeom.errors import SettingsError
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.bars.bar_state import BarState
@@ -18,15 +19,15 @@ from tssgeom.tendon.bars.sensors import CHANNELS
 from tssgeom.tendon.capstan import MOST_TENSION, Corners, check_tension
 from tssgeom.tendon.state import TendonState
 
-VERSION = 4
-"""Version of the objects that `state_object` writes; `state_of` reads version 3 too."""
+VERSION = 5
+"""Version of the objects that `state_object` writes; `state_of` reads versions 3 and 4 too."""
 _KINDS = {"corners": Corners, "bars": BarState}
 _ROUTE = "route"  # stands for the route of the state where the bars were cut on it
-_OF_BARS = ("tension", "creep")
+_OF_BARS = ("tension", "creep", "creep_2", "creep_3")
 _OF_CONTACTS = ("displacement", "speed", "travel", "slip")
 _MEMORY = (*_OF_BARS, *_OF_CONTACTS, "drive")
 _SCALARS = ("length", "elongation", "displacement_in", "displacement_out", "span", "front", "iterations")
-_DRIVE = 6  # numbers that bars with effects remember of their drive
+_DRIVE = len(HELD)  # numbers that bars with effects remember of their drive
 _MOST = 1e12  # of any number in a state
 _Part = TypeVar("_Part", Corners, BarState, Arcs)
 
@@ -59,12 +60,13 @@ def state_of(saved: Mapping[str, Any]) -> TendonState:
     SettingsError
         Where the object is of another version, or is none of a state.
     """
-    if saved.get("version") not in (3, VERSION):
+    if saved.get("version") not in (3, 4, VERSION):
         raise SettingsError(
             f"the saved state has version {saved.get('version')!r}, this program reads {VERSION}: start anew"
         )
     try:
-        saved = saved if saved["version"] == VERSION else _of_version_3(saved)
+        saved = _of_version_3(saved) if saved["version"] == 3 else saved
+        saved = saved if saved["version"] == VERSION else _of_version_4(saved)
         route = None if saved["route"] is None else _revived(Arcs, saved["route"])
         is_bars = _KINDS[saved["kind"]] is BarState
         along = _bars(saved["along"], route) if is_bars else _revived(Corners, saved["along"])
@@ -87,6 +89,17 @@ def _of_version_3(saved: Mapping[str, Any]) -> dict[str, Any]:
         along["memory"] = memory
         along["elongation"] = along["displacement_in"] - along["displacement_out"]
     return {**saved, "kind": "corners" if saved["kind"] == "corners" else "bars", "along": along}
+
+
+def _of_version_4(saved: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the object of a version with one element of creep, whose runs had no clock."""
+    along = dict(saved["along"])
+    if saved["kind"] == "bars":
+        memory = dict(along["memory"])
+        memory["drive"] = [*memory["drive"], 0.0][:_DRIVE]
+        none = [0.0] * len(memory["creep"])
+        along["memory"] = memory | {"creep_2": none, "creep_3": none}
+    return {**saved, "along": along}
 
 
 def _with_memory(along: dict[str, Any]) -> dict[str, Any]:

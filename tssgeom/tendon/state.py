@@ -21,7 +21,7 @@ from tssgeom.route.pieces import Arcs
 from tssgeom.tendon import capstan, transmission
 from tssgeom.tendon.bars import base, with_effects
 from tssgeom.tendon.bars.bar_state import AT_LIMIT, BarState, end_slope, on_better_route, to_bars, to_corners
-from tssgeom.tendon.bars.sensors import err
+from tssgeom.tendon.bars.sensors import bend, err, unbent
 from tssgeom.tendon.bars.with_effects import effective_setup
 from tssgeom.tendon.capstan import Corners
 from tssgeom.tendon.moving import unmoved
@@ -290,9 +290,10 @@ def answering(state: TendonState, rig: Rig, tension_out: float, way: int) -> flo
 def true_tension(rig: Rig, reading: float) -> float:
     """Return the proximal tension [N] behind a reading of its sensor [N]; docs/model.md (61)."""
     setup = effective_setup(rig)
-    if setup is None or (setup.tension_in_gain, setup.tension_in_offset_N) == (1.0, 0.0):
+    if setup is None or not err(setup):
         return reading
-    return max((reading - setup.tension_in_offset_N) / setup.tension_in_gain, 0.0)
+    true = (reading - setup.tension_in_offset_N) / setup.tension_in_gain
+    return max(float(unbent(setup, "tension_in_N", np.array([true]))[0]), 0.0)
 
 
 def reading_of(rig: Rig, tension_in: float) -> float:
@@ -300,7 +301,8 @@ def reading_of(rig: Rig, tension_in: float) -> float:
     setup = effective_setup(rig)
     if setup is None:
         return tension_in
-    return tension_in * setup.tension_in_gain + setup.tension_in_offset_N
+    bent = float(bend(setup, "tension_in_N", np.array([tension_in]))[0]) if setup.curves else 0.0
+    return tension_in * setup.tension_in_gain + setup.tension_in_offset_N + bent
 
 
 def sensors_err(rig: Rig) -> bool:

@@ -7,7 +7,7 @@ import numpy as np
 
 from tests.core.twins.tendon_equilibrium import Chain, equilibrium, range_of_drive
 from tssgeom.core.constants_tendon import BAR, SOLVER
-from tssgeom.core.constants_tendon_rows import LAW, MEMORY, PLANT
+from tssgeom.core.constants_tendon_rows import HELD, LAW, MEMORY, PLANT
 
 _PATIENCE = SOLVER.from_before, SOLVER.from_guess
 
@@ -57,20 +57,26 @@ class Memory(NamedTuple):
     creep: np.ndarray  # [b] m
     slip: np.ndarray  # [k] int8: +1 slid on a pull, 0 stuck, −1 slid on a release
     drive: np.ndarray
-    """[6] last drive [N or m], warmth [K], position past the backlash [m], lag [m], lead [m], rate [m/s]"""
+    """[6] last drive [N or m], warmth [K], position past the backlash [m], lag [m], lead [m], rate [m/s]
+
+    Its clock is left out."""
 
 
 def unpacked(plant):
     """Return the twin of a `plant.Plant`."""
     bars = LAW._fields[: LAW.pulling]
-    rows = {name: plant.rows[i, : None if name in bars else -1] for i, name in enumerate(LAW._fields)}
+    rows = {
+        name: plant.rows[i, : None if name in bars else -1]
+        for i, name in enumerate(LAW._fields)
+        if name in Plant._fields
+    }
     numbers = {name: plant.number(i) for i, name in enumerate(PLANT._fields) if name in Plant._fields}
     return Plant(**rows, **numbers)
 
 
 def remembered(block):
     """Return the twin of a memory, and the rest of its bars."""
-    rows = block[:-6].reshape(len(MEMORY), -1)
+    rows = block[: -len(HELD)].reshape(len(MEMORY), -1)
     memory = Memory(
         tension=rows[MEMORY.tension].copy(),
         displacement=rows[MEMORY.displacement, :-1].copy(),
@@ -78,7 +84,7 @@ def remembered(block):
         travel=rows[MEMORY.travel, :-1].copy(),
         creep=rows[MEMORY.creep].copy(),
         slip=rows[MEMORY.slip, :-1].astype(np.int8),
-        drive=block[-6:].copy(),
+        drive=block[-len(HELD) : -1].copy(),
     )
     return memory, rows[MEMORY.rest].copy()
 

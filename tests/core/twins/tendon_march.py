@@ -21,14 +21,16 @@ def _side(near, old, exponent, fixed, force, sign, law):
         ratio = math.exp(sign * (m + fixed))
         here = max(ratio * near + sign * force, 0.0)
         load = 0.5 * (near + here)
-        wanted = exponent * load_factor(load, power, reference)
-        bend = sign * 0.5 * power * wanted * ratio * near / max(load, 1e-9)  # d wanted / d m
+        factor = load_factor(load, power, reference)
+        rise = power * factor / load if load > BAR.least_load else 0.0
+        wanted = exponent * factor
+        bend = sign * 0.5 * exponent * rise * ratio * near  # d wanted / d m
         change = (wanted - m) / (1.0 - bend)
         m += change
         if abs(change) <= SWEEP.load:
             break
     ratio = math.exp(sign * (m + fixed))
-    share = 0.5 * power * m * ratio * near / max(0.5 * near + 0.5 * here, 1e-9)
+    share = 0.5 * exponent * rise * ratio * near
     return max(ratio * near + sign * force, 0.0), (ratio + sign * share) / (1.0 - sign * share)
 
 

@@ -12,15 +12,15 @@ import numpy as np
 
 from tssgeom import core
 from tssgeom.arrays import Matrix, Vector, read_only
-from tssgeom.core.constants_tendon_rows import LAW, PLANT
-from tssgeom.effects import Library, Setup, together
+from tssgeom.core.constants_tendon_rows import HELD, PLANT
+from tssgeom.effects import AnyEffect, Setup, together
 from tssgeom.errors import FitError, SettingsError
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.bars.contact_grid import edges
-from tssgeom.tendon.bars.plant import Memory, Plant, memory_of, moved_plant, plant
+from tssgeom.tendon.bars.plant import Memory, Plant, crept, memory_of, moved_plant, plant
 from tssgeom.tendon.bars.sensors import CHANNELS as CHANNELS
-from tssgeom.tendon.bars.sensors import Drive, Lags, check_drive, sensed, true_drive, with_lags
+from tssgeom.tendon.bars.sensors import Drive, Lags, sensed, true_drive, with_lags
 
 BARS = 30
 """Bars of the tendon where nothing else is asked for."""
@@ -68,7 +68,7 @@ def predict(
     run: Mapping[str, Vector],
     arcs: Arcs,
     rig: Rig,
-    effects: Iterable[Library] = (),
+    effects: Iterable[AnyEffect] = (),
     *,
     drive: Drive | None = None,
     bars: int = BARS,
@@ -107,7 +107,7 @@ def prepare(
     run: Mapping[str, Vector],
     arcs: Arcs,
     rig: Rig,
-    effects: Iterable[Library] = (),
+    effects: Iterable[AnyEffect] = (),
     *,
     drive: Drive | None = None,
     bars: int = BARS,
@@ -115,7 +115,6 @@ def prepare(
     """Return a rig with effects on a route, to be driven as the run is; arguments and errors as `predict`."""
     chosen = _drive_of(run) if drive is None else drive
     setup = together(setup_of(rig), effects)
-    check_drive(setup, chosen)
     return model_of(setup, arcs, chosen, edges(arcs, bars))
 
 
@@ -170,9 +169,9 @@ def setup_of(rig: Rig) -> Setup:
 def begin(model: Model) -> RunState:
     """Return the tendon at rest under its pretension, before the first sample."""
     pretension = model.plant.number(PLANT.pretension)
-    creep = model.plant.rows[LAW.creep_soft] * pretension
-    drive = np.array([pretension if model.drive == "tension_in_N" else 0.0, 0, 0, 0, 0, 0])
-    memory = memory_of(np.full(len(creep), pretension), creep=creep, drive=drive)
+    rows, drive = model.plant.rows, np.zeros(len(HELD))
+    drive[HELD.drive] = pretension if model.drive == "tension_in_N" else 0.0
+    memory = memory_of(np.full(rows.shape[1], pretension), **crept(model.plant, pretension), drive=drive)
     return RunState(memory, math.nan, math.nan, {})
 
 
@@ -206,7 +205,9 @@ def carry_on(
     given = np.array(run[model.drive], dtype=float)
     _check(time, spans, given, temperature, model.drive)
     by_force = model.drive == "tension_in_N"
-    pulled, rows = true_drive(model.setup, model.drive, given), len(time) if profile else 0
+    elapsed = state.memory.drive[HELD.time] + np.cumsum(spans)
+    pulled, late = true_drive(model.setup, model.drive, given, elapsed, spans, state.lags)
+    rows = len(time) if profile else 0
     done, memory, out, tension = core.march(
         len(model.edge),
         model.plant.block,
@@ -223,10 +224,10 @@ def carry_on(
             f"no equilibrium of the tendon was found at {time[done]:g} s, {model.drive} {given[done]:g}: "
             "thin the run less, or look for a jump in the drive"
         )
-    read = sensed(model.setup, out) | {model.drive: given}
-    channels, lags = with_lags(model.setup, read, spans, state.lags)
+    read = sensed(model.setup, out, elapsed) | {model.drive: given}
+    channels, lags = with_lags(model.setup, read, spans, state.lags, model.drive)
     trace = RunTrace(channels, out[5], read_only(tension))
-    return trace, RunState(Memory(memory), float(time[-1]), float(coldest), lags)
+    return trace, RunState(Memory(memory), float(time[-1]), float(coldest), {**lags, **late})
 
 
 def _check(time: Vector, spans: Vector, given: Vector, temperature: Vector, drive: str) -> None:

@@ -11,11 +11,14 @@ from numpy.typing import NDArray
 
 from tssgeom import core
 from tssgeom.arrays import Matrix, Vector
-from tssgeom.core.constants_tendon_rows import HELD, LAW, MEMORY, PLANT
+from tssgeom.core.constants_tendon_rows import CURVE, HELD, LAW, MEMORY, PLANT, TABLE
 from tssgeom.effects.kinds import Setup
+from tssgeom.effects.laws import slopes
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.bars.contact_grid import bends_of, discretise, with_bends
 
+_TABLES = TABLE.size * len(CURVE)  # numbers at the end of a plant
+_AFTER = len(PLANT) + _TABLES
 _LEAST = 1e-9  # slack that is taken up leaves this much give, lest its law become a wall [m/N]
 
 
@@ -23,16 +26,25 @@ class Plant(NamedTuple):
     """What stays the same during a run, of b bars and b − 1 contacts."""
 
     block: Vector
-    """[14·b + 19] The rows of `LawRows`, each b long, then the numbers of `PlantNumbers`."""
+    """[16·b + 428] Rows of `LawRows`, each b long, numbers of `PlantNumbers`, tables of `Tables`."""
 
     @property
     def rows(self) -> Matrix:
-        """[14, b] The rows of `LawRows`; in those of contacts the last column is unused."""
-        return self.block[: -len(PLANT)].reshape(len(LAW), -1)
+        """[16, b] The rows of `LawRows`; in those of contacts the last column is unused."""
+        return self.block[:-_AFTER].reshape(len(LAW), -1)
 
     def number(self, which: int) -> float:
         """Return one of the numbers of `PlantNumbers`."""
-        return float(self.block[which - len(PLANT)])
+        return float(self.block[which - _AFTER])
+
+    def set(self, which: int, value: float) -> None:
+        """Set one of the numbers of `PlantNumbers`."""
+        self.block[which - _AFTER] = value
+
+    @property
+    def tables(self) -> Matrix:
+        """[tables, numbers] The laws that are curves, in the order of `Tables`."""
+        return self.block[-_TABLES:].reshape(len(CURVE), TABLE.size)
 
     def stretch(self, tension: Vector | float) -> Vector:
         """Return the stretch [b] of taut bars [m] under tensions [b] [N]; docs/model.md (50)."""
@@ -40,15 +52,30 @@ class Plant(NamedTuple):
         if not self.number(PLANT.curved):
             return rows[LAW.soft] * tension
         toe, scale = rows[LAW.toe], np.where(rows[LAW.toe] == 0.0, 1.0, rows[LAW.toe_scale])
-        stretch = rows[LAW.soft] * tension + toe * (1.0 - np.exp(-tension / scale))
+        stretch = rows[LAW.soft] * tension + toe * (1.0 - np.exp(-tension / scale)) + self._curved(tension)
         return stretch + rows[LAW.saved] * (1.0 - np.exp(-tension / self.number(PLANT.saved_scale)))
+
+    def _curved(self, tension: Vector | float) -> Vector:
+        """Return the stretch by tables [b] [m]; docs/model.md (186)."""
+        pull = np.broadcast_to(np.asarray(tension, dtype=np.float64), self.rows.shape[1:])
+        out = np.zeros(len(pull))
+        inside, scale = slice(1, -1), self.rows[LAW.soft][1:-1]
+        for which, bars, factor in (
+            (CURVE.strain, inside, scale),
+            (CURVE.stretch_in, slice(0, 1), 1.0),
+            (CURVE.stretch_out, slice(-1, None), 1.0),
+            (CURVE.load_path, slice(-1, None), 1.0),
+        ):
+            if self.tables[which, 0]:
+                out[bars] += factor * core.tabulated(self.tables[which], np.ascontiguousarray(pull[bars]))
+        return out
 
 
 class Memory(NamedTuple):
     """What one sample leaves to the next, of b bars and b − 1 contacts."""
 
     block: Vector
-    """[7·b + 6] The rows of `MemoryRows`, each b long, then the numbers of `DriveNumbers`."""
+    """[9·b + 7] The rows of `MemoryRows`, each b long, then the numbers of `DriveNumbers`."""
 
     def _row(self, row: int, contacts: bool) -> Vector:
         bars = (len(self.block) - len(HELD)) // len(MEMORY)
@@ -63,6 +90,16 @@ class Memory(NamedTuple):
     def creep(self) -> Vector:
         """[b] Creep of each bar [m]."""
         return self._row(MEMORY.creep, False)
+
+    @property
+    def creep_2(self) -> Vector:
+        """[b] Of the second element [m]."""
+        return self._row(MEMORY.creep_2, False)
+
+    @property
+    def creep_3(self) -> Vector:
+        """[b] Of the third [m]."""
+        return self._row(MEMORY.creep_3, False)
 
     @property
     def rest(self) -> Vector:
@@ -93,8 +130,15 @@ class Memory(NamedTuple):
 
     @property
     def drive(self) -> Vector:
-        """[6] The numbers of `DriveNumbers`."""
+        """[7] The numbers of `DriveNumbers`."""
         return self.block[-len(HELD) :]
+
+
+def crept(of: Plant, tension: Vector | float) -> dict[str, Vector]:
+    """Return the creep [b] of each element in the end under tensions [b] [N], by the rows of a memory [m]."""
+    names = ("creep", "creep_2", "creep_3")
+    rows = (LAW.creep_soft, LAW.creep_soft_2, LAW.creep_soft_3)
+    return {name: of.rows[row] * tension for name, row in zip(names, rows, strict=True)}
 
 
 def memory_of(tension: Vector, **rows: Vector) -> Memory:
@@ -112,24 +156,30 @@ def memory_of(tension: Vector, **rows: Vector) -> Memory:
 def moved_plant(held: Plant, setup: Setup, arcs: Arcs, edge: Vector) -> Plant:
     """Return the plant on another route: its bars keep their lengths, its contacts do not."""
     fresh = core.plant_on_route(edge, held.block, arcs.length, arcs.angle, bends_of(setup))
-    fresh[PLANT.swift - len(PLANT)] = 0.0
-    return Plant(fresh)
+    result = Plant(fresh)
+    result.set(PLANT.swift, 0.0)
+    return result
 
 
 def plant(setup: Setup, arcs: Arcs, edge: Vector) -> Plant:
     """Return tendon, friction and ends on a route, with bars cut at the fractions `edge`."""
     grid, bars = discretise(edge, with_bends(setup, arcs)), len(edge) + 1
-    block = np.zeros(len(LAW) * bars + len(PLANT))
-    block[-len(PLANT) :] = _numbers(setup)
-    rows = Plant(block).rows
+    block = np.zeros(len(LAW) * bars + _AFTER)
+    block[-_AFTER:-_TABLES] = _numbers(setup)
+    rows, curves = Plant(block).rows, _tables(setup, Plant(block).tables)
     load = 1.0 / setup.load_stiffness if setup.load_stiffness > 0.0 else 0.0
-    first = max(setup.series_in_m_per_N, _LEAST if setup.take_up_in_m else 0.0)
-    last = max(setup.series_out_m_per_N + load, _LEAST if setup.take_up_out_m else 0.0)
+    gives_in = setup.take_up_in_m or CURVE.stretch_in in curves
+    gives_out = setup.take_up_out_m or curves & {CURVE.stretch_out, CURVE.load_path}
+    first = max(setup.series_in_m_per_N, _LEAST if gives_in else 0.0)
+    last = max(setup.series_out_m_per_N + load, _LEAST if gives_out else 0.0)
+    more = (*(ratio for ratio, _ in setup.more_creep), 0.0, 0.0)
     for row, values, in_front, behind in (
         (LAW.soft, setup.compliance * grid.length, first, last),
         (LAW.toe, setup.toe_strain * grid.length, setup.take_up_in_m, setup.take_up_out_m),
         (LAW.toe_scale, setup.toe_scale_N, setup.take_up_in_scale_N, setup.take_up_out_scale_N),
         (LAW.creep_soft, setup.creep_ratio * (setup.compliance * grid.length), 0.0, 0.0),
+        (LAW.creep_soft_2, more[0] * (setup.compliance * grid.length), 0.0, 0.0),
+        (LAW.creep_soft_3, more[1] * (setup.compliance * grid.length), 0.0, 0.0),
         (LAW.warm, setup.expansion_per_K * grid.length, 0.0, 0.0),
     ):
         rows[row, 1:-1], rows[row, 0], rows[row, -1] = values, in_front, behind
@@ -146,10 +196,32 @@ def plant(setup: Setup, arcs: Arcs, edge: Vector) -> Plant:
     return result
 
 
+def _tables(setup: Setup, tables: Matrix) -> set[int]:
+    """Write the laws that are curves into the tables of a plant, and return which there are."""
+    given = set()
+    for curve in setup.curves:
+        if curve.table in CURVE._fields:
+            which, points = CURVE._fields.index(curve.table), len(curve.x)
+            x, y = np.array(curve.x), np.array(curve.y)
+            tables[which, 0] = points
+            for part, values in enumerate((x, y, slopes(x, y))):
+                start = 1 + part * TABLE.most
+                tables[which, start : start + points] = values
+            given.add(which)
+    return given
+
+
+_OF_STRETCH = {"strain", "stretch_in", "stretch_out", "load_path"}
+_OF_CONTACTS = {"load", "speed", "travel", "time", "position"}
+
+
 def _numbers(setup: Setup) -> list[float]:
     """Return the numbers of `PlantNumbers`, in their order."""
-    by_speed = setup.speed_gain != 0.0
+    tables = {curve.table for curve in setup.curves}
+    by_speed = setup.speed_gain != 0.0 or "speed" in tables
     curved = setup.toe_strain or setup.take_up_in_m or setup.take_up_out_m or setup.clearance_m_per_rad
+    curved = curved or tables & _OF_STRETCH
+    times = (*(time for _, time in setup.more_creep), 0.0, 0.0)
     by_rate = by_speed or setup.drag_Ns_per_m2 != 0.0
     alone = not (by_rate or setup.creep_ratio or setup.expansion_per_K)
     numbers = {
@@ -168,9 +240,11 @@ def _numbers(setup: Setup) -> list[float]:
         "friction": setup.friction,
         "asymmetry": setup.asymmetry,
         "curvature_gain": setup.curvature_gain_m,
+        "creep_time_2": times[0],
+        "creep_time_3": times[1],
         "curved": bool(curved),
         "by_rate": by_rate,
-        "varied": bool(setup.load_exponent or setup.wear_gain or by_speed),
+        "varied": bool(setup.load_exponent or setup.wear_gain or by_speed or tables & _OF_CONTACTS),
         "swift": setup.load_stiffness > 0.0 and alone,
     }
     return [float(numbers[name]) for name in PLANT._fields]

@@ -8,6 +8,7 @@ import numpy as np
 from tssgeom import core
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.effects import Channel, Setup
+from tssgeom.effects.laws import curve_at
 from tssgeom.errors import SettingsError
 
 CHANNELS: tuple[Channel, ...] = get_args(Channel)
@@ -18,7 +19,7 @@ Lags: TypeAlias = Mapping[Channel, tuple[float, float]]
 
 
 def check_drive(setup: Setup, drive: Drive) -> None:
-    """Refuse a drive whose own channel lags: what it reads is what drives.
+    """Refuse a drive whose own channel lags or drifts: of a stream, only recorded runs can be mended.
 
     Raises
     ------
@@ -28,27 +29,78 @@ def check_drive(setup: Setup, drive: Drive) -> None:
     for channel, _ in setup.lags:
         if channel == drive:
             raise SettingsError(f"effects.channel_lag: {channel} is the drive; give a channel that responds")
+    if any(curve.table == f"{drive} over time" for curve in setup.curves):
+        raise SettingsError(f"effects.sensor_law: {drive} is the drive; over time it is for measured runs")
 
 
 def err(setup: Setup) -> bool:
     """Whether any sensor reads another value than the true one."""
     gains = (setup.tension_in_gain, setup.tension_out_gain)
     zeros = (setup.tension_in_offset_N, setup.tension_out_offset_N, setup.crosstalk)
-    return gains != (1.0, 1.0) or any(zeros) or bool(setup.lags)
+    laws = any(" over " in curve.table for curve in setup.curves)
+    return gains != (1.0, 1.0) or any(zeros) or bool(setup.lags) or laws
 
 
-def true_drive(setup: Setup, drive: Drive, given: Vector) -> Vector:
-    """Return what the drive did [n], from what its sensor read; docs/model.md (61)."""
-    if drive != "tension_in_N":
-        return given
-    if setup.tension_in_gain != 1.0 or setup.tension_in_offset_N != 0.0:
-        given = (given - setup.tension_in_offset_N) / setup.tension_in_gain
-    return np.maximum(given, 0.0)
+def true_drive(
+    setup: Setup, drive: Drive, given: Vector, elapsed: Vector, spans: Vector, before: Lags
+) -> tuple[Vector, Lags]:
+    """Return what the drive did [n], from what its sensor read, and its last reading.
+
+    Source: docs/model.md (61), (188).
+
+    Parameters
+    ----------
+    setup
+        The rig.
+    drive, given
+        The channel and its readings [n] [N] or [m].
+    elapsed, spans
+        Time since the run began, and since the sample before [n] [s].
+    before
+        Last true value and reading of lagging channels.
+    """
+    true, lags = given, dict[Channel, tuple[float, float]]()
+    for channel, lag in setup.lags:
+        if channel == drive:
+            last = np.concatenate(([before.get(channel, (given[0], given[0]))[1]], given[:-1]))
+            true = given + lag * (given - last) / spans
+            lags[channel] = (float(true[-1]), float(given[-1]))
+    true = true - _drift(setup, drive, elapsed)
+    if drive == "tension_in_N" and (setup.tension_in_gain != 1.0 or setup.tension_in_offset_N != 0.0):
+        true = (true - setup.tension_in_offset_N) / setup.tension_in_gain
+    true = unbent(setup, drive, true)
+    return (np.maximum(true, 0.0) if drive == "tension_in_N" else true), lags
 
 
-def sensed(setup: Setup, out: Matrix) -> dict[str, Vector]:
-    """Return what sensors without lag read of T_in, T_out [N], x_in, x_out [m], the rows of `out`; (61)."""
-    return {
+def unbent(setup: Setup, drive: Channel, reading: Vector) -> Vector:
+    """Return the true values [n] of readings by a law of a sensor over its true value; (188)."""
+    true = reading
+    if any(curve.table == f"{drive} over reading" for curve in setup.curves):
+        for _ in range(_INVERSIONS):
+            true = reading - bend(setup, drive, true)
+    return true
+
+
+_INVERSIONS = 6  # derived: an error that changes by a tenth of the reading is inverted to one in 1e6
+
+
+def bend(setup: Setup, channel: str, true: Vector) -> Vector:
+    """Return what a channel reads beside the truth by its true value [n]; docs/model.md (188)."""
+    curves = [curve for curve in setup.curves if curve.table == f"{channel} over reading"]
+    return sum((curve_at(curve, true) for curve in curves), np.zeros_like(true))
+
+
+def _drift(setup: Setup, channel: str, elapsed: Vector) -> Vector:
+    curves = [curve for curve in setup.curves if curve.table == f"{channel} over time"]
+    return sum((curve_at(curve, elapsed) for curve in curves), np.zeros_like(elapsed))
+
+
+def sensed(setup: Setup, out: Matrix, elapsed: Vector) -> dict[str, Vector]:
+    """Return what sensors without lag read of T_in, T_out [N], x_in, x_out [m], the rows of `out` [4, n].
+
+    `elapsed` [n] is the time since the run began [s]. Source: docs/model.md (61), (188).
+    """
+    read: dict[str, Vector] = {
         "tension_in_N": out[0] * setup.tension_in_gain + setup.tension_in_offset_N,
         "tension_out_N": (out[1] + setup.crosstalk * out[0]) * setup.tension_out_gain
         + setup.tension_out_offset_N,
@@ -56,14 +108,20 @@ def sensed(setup: Setup, out: Matrix) -> dict[str, Vector]:
         "displacement_in_m": out[2],
         "displacement_out_m": out[3],
     }
+    true = dict(zip(read, (out[0], out[1], out[2] - out[3], out[2], out[3]), strict=True))
+    for channel in {curve.table.partition(" over ")[0] for curve in setup.curves} & read.keys():
+        read[channel] = read[channel] + bend(setup, channel, true[channel]) + _drift(setup, channel, elapsed)
+    return read
 
 
 def with_lags(
-    setup: Setup, channels: Mapping[str, Vector], spans: Vector, before: Lags
+    setup: Setup, channels: Mapping[str, Vector], spans: Vector, before: Lags, drive: Drive | None = None
 ) -> tuple[dict[str, Vector], Lags]:
-    """Let the lagging channels lag, and return with them their last values; docs/model.md (62)."""
+    """Let channels that lag do so, but not the drive; return their last values too; docs/model.md (62)."""
     read, lags = dict(channels), dict[Channel, tuple[float, float]]()
     for channel, lag in setup.lags:
+        if channel == drive:
+            continue
         value = channels[channel]
         first = float(value[0])
         if lag > 0.0:

@@ -14,8 +14,8 @@ from msgspec.structs import replace as changed
 
 from tssgeom import core
 from tssgeom.arrays import Vector
-from tssgeom.core.constants_tendon_rows import LAW
-from tssgeom.effects import Library, Setup
+from tssgeom.core.constants_tendon_rows import HELD, LAW
+from tssgeom.effects import AnyEffect, Setup
 from tssgeom.errors import SettingsError
 from tssgeom.rig import Friction, Load, Rig, Tendon
 from tssgeom.route.pieces import Arcs
@@ -23,7 +23,7 @@ from tssgeom.tendon.bars.bar_state import BarState
 from tssgeom.tendon.bars.base import direction_after, no_equilibrium, too_much_friction
 from tssgeom.tendon.bars.contact_grid import bends_of, discretise, edges, with_bends
 from tssgeom.tendon.bars.model import BARS, Model, begin, model_of, moved, setup_of
-from tssgeom.tendon.bars.plant import Memory, Plant, memory_of
+from tssgeom.tendon.bars.plant import Memory, Plant, crept, memory_of
 from tssgeom.tendon.bars.sensors import Lags, sensed, with_lags
 from tssgeom.tendon.capstan import Corners, tension
 
@@ -38,7 +38,7 @@ def effective_setup(rig: Rig) -> Setup | None:
 
 
 @lru_cache(maxsize=64)
-def _setup(tendon: Tendon, friction: Friction, load: Load, effects: tuple[Library, ...]) -> Setup | None:
+def _setup(tendon: Tendon, friction: Friction, load: Load, effects: tuple[AnyEffect, ...]) -> Setup | None:
     rig = Rig(tendon=tendon, friction=friction, load=load, effects=effects)
     setup = setup_of(rig)
     return None if setup == setup_of(changed(rig, effects=())) else setup
@@ -46,7 +46,8 @@ def _setup(tendon: Tendon, friction: Friction, load: Load, effects: tuple[Librar
 
 def timed(setup: Setup) -> bool:
     """Whether any of the effects depends on time."""
-    return bool(setup.creep_ratio or setup.drag_Ns_per_m2 or setup.speed_gain or setup.lags)
+    curves = any(curve.table == "speed" or curve.table.endswith("time") for curve in setup.curves)
+    return bool(setup.creep_ratio or setup.drag_Ns_per_m2 or setup.speed_gain or setup.lags or curves)
 
 
 def cut(along: Corners, arcs: Arcs, setup: Setup) -> BarState:
@@ -62,10 +63,12 @@ def cut(along: Corners, arcs: Arcs, setup: Setup) -> BarState:
         held = tension(along, np.concatenate(([0.0], mean_angle, [arcs.total_angle])))
         gained = model.plant.stretch(held) - model.plant.rows[LAW.rest]
         shift = np.cumsum(gained[::-1])[::-1]  # contacts and drive, where the tensions have them; (51)
-        drive = np.array([held[0], 0.0, shift[0], 0.0, shift[0], 0.0])
-        memory = memory_of(held, creep=memory.creep, displacement=shift[1:], drive=drive)
+        drive = np.zeros(len(HELD))
+        drive[[HELD.drive, HELD.engaged, HELD.shift]] = held[0], shift[0], shift[0]
+        creep = crept(model.plant, setup.pretension)
+        memory = memory_of(held, **creep, displacement=shift[1:], drive=drive)
     out = memory.tension[-1] - setup.pretension
-    displacement_in = float(memory.drive[4])
+    displacement_in = float(memory.drive[HELD.shift])
     displacement_out = float(out / setup.load_stiffness) if setup.load_stiffness > 0.0 else 0.0
     return BarState(
         edge=model.edge,
@@ -166,7 +169,7 @@ def driven(
         by_force=by_force,
         span=span,
         temperature=first,
-        lags=_lagging(model.setup, ends, span, state.lags) if model.setup.lags else {},
+        lags=_lagging(model.setup, ends, span, state) if model.setup.lags else {},
         front=int(front),
         model=Model(model.setup, Plant(laws), model.drive, model.edge) if moves else model,
     )
@@ -176,7 +179,8 @@ def driven(
 def readings(state: BarState, setup: Setup) -> dict[str, float]:
     """Return what the sensors read after a step [N, m], by the names of `CHANNELS`; docs/model.md (61)."""
     true = (state.tension_in, state.tension_out, state.displacement_in, state.displacement_out)
-    read = {name: float(value[0]) for name, value in sensed(setup, np.array(true)[:, None]).items()}
+    elapsed = state.memory.drive[HELD.time : HELD.time + 1]
+    read = {name: float(value[0]) for name, value in sensed(setup, np.array(true)[:, None], elapsed).items()}
     return read | {channel: last for channel, (_, last) in state.lags.items()}
 
 
@@ -208,5 +212,6 @@ def _warmth(state: BarState, temperature: float | None) -> tuple[float, float]:
     return first, temperature - first
 
 
-def _lagging(setup: Setup, ends: Vector, span: float, before: Lags) -> Lags:
-    return with_lags(setup, sensed(setup, ends[:4, None]), np.array([span]), before)[1]
+def _lagging(setup: Setup, ends: Vector, span: float, before: BarState) -> Lags:
+    elapsed = before.memory.drive[HELD.time : HELD.time + 1] + span
+    return with_lags(setup, sensed(setup, ends[:4, None], elapsed), np.array([span]), before.lags)[1]
