@@ -20,8 +20,7 @@ from tssgeom.effects import (
     ToeRegion,
     VelocityDependentFriction,
 )
-from tssgeom.effects.laws import slopes
-from tssgeom.errors import SettingsError
+from tssgeom.errors import FitError, SettingsError
 from tssgeom.rig import Friction, Load, Rig, Tendon, write_rig
 from tssgeom.tendon.bars.model import predict
 from tssgeom.tendon.bars.sensors import CHANNELS
@@ -143,14 +142,16 @@ def test_a_drive_whose_sensor_is_off_drives_by_the_truth(over):
 
 def test_values_of_a_table_are_those_of_scipy_and_constant_beyond():
     rng = np.random.default_rng(3)
-    for _ in range(20):
-        x, y = np.cumsum(rng.uniform(0.1, 1.0, 7)), rng.normal(size=7)
-        table = np.zeros(37)
-        table[0], table[1:8], table[13:20], table[25:32] = 7, x, y, slopes(x, y)
+    for _ in range(100):
+        n = int(rng.integers(2, 13))
+        x, y = np.cumsum(rng.uniform(0.1, 1.0, n)), rng.normal(size=n)
+        table = core.table_of(x, y)
         at = rng.uniform(x[0] - 1.0, x[-1] + 1.0, 50)
         wanted = PchipInterpolator(x, y)(np.clip(at, x[0], x[-1]))
         np.testing.assert_allclose(core.tabulated(table, at), wanted, rtol=1e-12, atol=1e-12)
     assert np.isnan(core.tabulated(np.full(37, 40.0), np.ones(1))).all()
+    with pytest.raises(FitError, match="do not belong"):
+        core.table_of(np.arange(13.0), np.arange(13.0))
 
 
 def test_a_rig_file_holds_laws(tmp_path):

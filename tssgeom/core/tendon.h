@@ -154,6 +154,12 @@ ENTRY double tss_answering(
     int64_t k, const double plant[16 * (k + 1) + 428], const double memory[9 * (k + 1) + 7],
     double tension_out, int64_t way);
 
+/** Return the table of a curve through n ≤ 12 points; docs/model.md (185).
+
+Its slopes are weighted harmonic means of those beside, so that it does not overshoot: Fritsch and Butland, A
+method for constructing local monotone piecewise cubic interpolants, SIAM J. Sci. Stat. Comput. 5 (1984). */
+ENTRY status tss_table_of(int64_t n, const double x[n], const double y[n], OUT double table[37]);
+
 /** Return the values of a table of CURVE, constant beyond its ends; docs/model.md (185). */
 ENTRY void tss_tabulated(int64_t s, const double table[37], const double x[s], OUT double values[s]);
 

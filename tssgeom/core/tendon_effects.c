@@ -177,6 +177,35 @@ void tss_transmit_with_effects(
     ends[2] = replied ? 0.0 : width, ends[3] = replied, ends[4] = slid;
 }
 
+/* Slope at an end, from the spans and slopes of the two nearest stretches. */
+static double end_turn(double h, double g, double rise, double next) {
+    double turn = ((2.0 * h + g) * rise - h * next) / (h + g);
+    if (turn * rise <= 0.0) return 0.0;
+    return rise * next < 0.0 && fabs(turn) > 3.0 * fabs(rise) ? 3.0 * rise : turn;
+}
+
+status tss_table_of(int64_t n, const double x[n], const double y[n], double table[37]) {
+    double *at = table + 1, *value = at + TABLE.most, *turn = value + TABLE.most;
+    for (int64_t i = 0; i < TABLE.size; i++) table[i] = 0.0;
+    if (n < 2 || n > TABLE.most) return WRONG_SIZE;
+    for (int64_t i = 0; i < n; i++) at[i] = x[i], value[i] = y[i];
+    table[0] = (double)n;
+    for (int64_t i = 1; i + 1 < n; i++) {
+        double h = x[i] - x[i - 1], g = x[i + 1] - x[i];
+        double rise = (y[i] - y[i - 1]) / h, next = (y[i + 1] - y[i]) / g;
+        turn[i] = rise * next > 0.0 ? 3.0 * (h + g) / ((2.0 * g + h) / rise + (g + 2.0 * h) / next) : 0.0;
+    }
+    double h = x[1] - x[0], rise = (y[1] - y[0]) / h;
+    turn[0] = turn[n - 1] = rise;
+    if (n > 2) {
+        turn[0] = end_turn(h, x[2] - x[1], rise, (y[2] - y[1]) / (x[2] - x[1]));
+        double last = x[n - 1] - x[n - 2], before = x[n - 2] - x[n - 3];
+        turn[n - 1] =
+            end_turn(last, before, (y[n - 1] - y[n - 2]) / last, (y[n - 2] - y[n - 3]) / before);
+    }
+    return DONE;
+}
+
 void tss_tabulated(int64_t s, const double table[37], const double x[s], double values[s]) {
     double slope;
     int sound = table[0] >= 2.0 && table[0] <= (double)TABLE.most;

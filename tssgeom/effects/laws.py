@@ -12,6 +12,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
+from tssgeom import core
 from tssgeom.arrays import Vector
 from tssgeom.core.constants_tendon_rows import TABLE
 from tssgeom.effects.kinds import Channel, Curve, Effect, Setup
@@ -182,16 +183,11 @@ def with_curve(setup: Setup, curve: Curve) -> Setup:
     return replace(setup, curves=(*setup.curves, curve))
 
 
-def slopes(x: Vector, y: Vector) -> Vector:
-    """Return the slopes at the points [k] of a cubic that does not overshoot; Fritsch and Carlson (1980)."""
-    from scipy.interpolate import PchipInterpolator
-
-    return np.asarray(PchipInterpolator(x, y).derivative()(x), dtype=np.float64)
+def table(curve: Curve) -> Vector:
+    """Return a curve as a table of the core [37]."""
+    return core.table_of(np.array(curve.x), np.array(curve.y))
 
 
 def curve_at(curve: Curve, at: Vector) -> Vector:
-    """Return the value of a curve, constant beyond its ends."""
-    from scipy.interpolate import PchipInterpolator
-
-    inside = np.clip(at, curve.x[0], curve.x[-1])
-    return np.asarray(PchipInterpolator(curve.x, curve.y)(inside), dtype=np.float64)
+    """Return the values of a curve at some arguments, constant beyond its ends."""
+    return core.tabulated(table(curve), np.ascontiguousarray(at, dtype=np.float64))

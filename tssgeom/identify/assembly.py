@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import msgspec
 import numpy as np
 
+from tssgeom.arrays import Matrix
 from tssgeom.identify.finding import (
     Candidate,
     Estimate,
@@ -19,6 +20,7 @@ from tssgeom.identify.finding import (
     RouteMisfit,
 )
 from tssgeom.identify.fit import Fit, Free, Point, Problem, refined
+from tssgeom.identify.law_search import LawSearch
 from tssgeom.identify.misfit import HeldOut
 from tssgeom.identify.screening import detection_limits, size_over_limit
 from tssgeom.identify.selection import Selection, Step, Tried, close_candidates, delta_bic, name_of, without
@@ -36,11 +38,15 @@ def evidence_of(now: Step, one: Tried, held: HeldOut | None) -> Evidence:
     return Evidence(one.delta_bic, now.needed(one), one.size, ratio)
 
 
-def estimates(fit: Fit, which: int) -> dict[str, Estimate]:
-    """Return the fitted numbers of one effect, with intervals; docs/model.md (115)."""
-    spread = np.sqrt(np.diag(fit.covariance))[2:] * math.sqrt(max(fit.chi2 / len(fit.left), 1.0))
+def estimates(fit: Fit, which: int, covariance: Matrix | None = None) -> dict[str, Estimate]:
+    """Return the fitted numbers of one effect, with intervals; docs/model.md (115).
+
+    `covariance` of all numbers [size or more] is that of the fit where it is not given.
+    """
+    diagonal = np.diag(fit.covariance if covariance is None else covariance)
+    spread = np.sqrt(diagonal)[2:] * math.sqrt(max(fit.chi2 / len(fit.left), 1.0))
     out = {}
-    for free, sd in zip(fit.at.free, spread, strict=True):
+    for free, sd in zip(fit.at.free, spread, strict=False):
         if free.effect == which:
             out[free.key] = _estimate(fit.at, free, float(sd))
     return out
@@ -85,6 +91,8 @@ class Work:
     judged: Judgement
     absent: Mapping[str, str]
     """Effects that could not be tried, and why."""
+    laws: LawSearch | None = None
+    """Where no name explained the readings, and laws helped."""
 
     @property
     def chi2_per_reading(self) -> float:

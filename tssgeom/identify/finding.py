@@ -9,11 +9,12 @@ from typing import Literal
 import numpy as np
 
 from tssgeom.arrays import Vector
-from tssgeom.effects import Library
+from tssgeom.effects import AnyEffect
 from tssgeom.identify.campaign import Campaign
 from tssgeom.rig import Rig
 
-Verdict = Literal["none", "effect", "tie", "unknown"]
+Verdict = Literal["none", "effect", "law", "tie", "partial", "unknown"]
+"""`law`: a mechanism whose law is no formula of the library; `partial`: what helps, and something remains."""
 PHASES = ("pull", "pull_to_release", "release", "release_to_pull", "hold")
 
 
@@ -42,16 +43,36 @@ class Evidence:
 
 
 @dataclass(frozen=True, slots=True)
+class LawCurve:
+    """A law over what it depends on, with its 95 % band; friction as the coefficient itself."""
+
+    over: str
+    """Name and unit of x."""
+    x: Vector
+    """[k] In SI, over what was measured."""
+    value: Vector
+    """[k]"""
+    low: Vector
+    high: Vector
+    unit: str
+    nearest: tuple[tuple[str, float], ...] = ()
+    """Formulae of the library for the same, and by how much 2 ln Z falls with each [1]."""
+
+
+@dataclass(frozen=True, slots=True)
 class Candidate:
     """One effect of the library, or a set of them, refitted through the model."""
 
     names: tuple[str, ...]
-    effects: tuple[Library, ...]
+    """Of effects; of a law that of its mechanism."""
+    effects: tuple[AnyEffect, ...]
     parameters: tuple[Mapping[str, Estimate], ...]
     """Of each effect."""
     evidence: Evidence
     why_not: str
     """One sentence: why it was passed over; empty for what was chosen."""
+    law: LawCurve | None = None
+    """Where it is a law that no formula has."""
 
 
 @dataclass(frozen=True, slots=True)

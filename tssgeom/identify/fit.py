@@ -14,7 +14,7 @@ from msgspec.structs import replace as changed
 from scipy.linalg import solve_triangular
 
 from tssgeom.arrays import Matrix, Vector
-from tssgeom.effects import Library, Parameter
+from tssgeom.effects import AnyEffect, Parameter
 from tssgeom.errors import FitError
 from tssgeom.identify.prediction import FINE, Errors, Stack, errors_of, simulated, stacked
 from tssgeom.identify.readings import Reading
@@ -98,7 +98,7 @@ class Point:
     """[1]"""
     compliance: float
     """[1/N]"""
-    effects: tuple[Library, ...] = ()
+    effects: tuple[AnyEffect, ...] = ()
     free: tuple[Free, ...] = ()
     zeros: tuple[float, ...] = ()
     """Numbers of one run that are fitted beside the rig, each in standard deviations of its prior [1]."""
@@ -160,7 +160,7 @@ def with_base(rig: Rig, friction: float, compliance: float) -> Rig:
     return changed(rig, friction=Friction(coefficient=friction), tendon=tendon)
 
 
-def freed(effect: Library, which: int, length: float, only: tuple[str, ...] = ()) -> Iterator[Free]:
+def freed(effect: AnyEffect, which: int, length: float, only: tuple[str, ...] = ()) -> Iterator[Free]:
     """Return what of an effect is fitted: amplitudes, and scales that runs determine."""
     for key, parameter in effect.parameters.items():
         if parameter.fitted and (not only or key in only):
@@ -179,6 +179,11 @@ def prior_sd(at: Point) -> Vector:
     """Return standard deviations of the priors of ln μ, ln ρ and what is free."""
     own = [FIT.scale_sd if free.log else 1e3 if free.key == "at_m" else FIT.size_sd for free in at.free]
     return np.array([FIT.base_sd, FIT.base_sd, *own, *(1.0 for _ in at.zeros)])
+
+
+def prior_deviation(problem: Problem, at: Point) -> Vector:
+    """Return how far ln μ, ln ρ and what is free are from the centre of their priors."""
+    return _prior(problem, at) * prior_sd(at)
 
 
 def _prior(problem: Problem, at: Point) -> Vector:

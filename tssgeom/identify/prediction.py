@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tssgeom.arrays import Matrix, Vector, read_only
-from tssgeom.effects import Library
+from tssgeom.effects import AnyEffect
 from tssgeom.identify.drive import blunted, calmed, hold, turn_levels, turning_points
 from tssgeom.identify.readings import Reading
 from tssgeom.rig import Rig, Sensor
@@ -132,7 +132,7 @@ class Errors:
     """Of the modes; the same name in two stacks is the same error."""
 
 
-def errors_of(stack: Stack, rig: Rig, effects: Sequence[Library] = ()) -> Errors:
+def errors_of(stack: Stack, rig: Rig, effects: Sequence[AnyEffect] = ()) -> Errors:
     """Return what sensors of this specification may read off the truth, about this model."""
     base = simulated(stack, rig, effects)
     drive = stack.flat([_from_drive(reading, rig, effects) for reading in stack.readings])
@@ -144,7 +144,7 @@ def errors_of(stack: Stack, rig: Rig, effects: Sequence[Library] = ()) -> Errors
     return Errors(read_only(sigma), modes, tuple(shared))
 
 
-def _from_drive(reading: Reading, rig: Rig, effects: Sequence[Library]) -> dict[str, Vector]:
+def _from_drive(reading: Reading, rig: Rig, effects: Sequence[AnyEffect]) -> dict[str, Vector]:
     """Return what a channel is off for the noise of the drive, drawn and calmed anew; docs/model.md (100)."""
     drive, noise = reading.given[reading.drive], reading.noise[reading.drive]
     rng, holds = np.random.default_rng(NOISE.seed), _holds(drive, noise)
@@ -208,7 +208,7 @@ def _softened(drive: Vector, holds: Sequence[tuple[int, int]]) -> Vector:
 
 
 def _all_modes(
-    stack: Stack, rig: Rig, effects: Sequence[Library], base: Vector
+    stack: Stack, rig: Rig, effects: Sequence[AnyEffect], base: Vector
 ) -> Iterator[tuple[str, Vector]]:
     yield from _of_sensors(stack, rig, base)
     for k in range(len(stack.readings)):
@@ -258,7 +258,7 @@ def _put(stack: Stack, rows: slice, values: Vector) -> Vector:
     return out
 
 
-def _of_drive(stack: Stack, k: int, rig: Rig, effects: Sequence[Library]) -> Iterator[tuple[str, Vector]]:
+def _of_drive(stack: Stack, k: int, rig: Rig, effects: Sequence[AnyEffect]) -> Iterator[tuple[str, Vector]]:
     """Yield the zero of the drive, and the level of each of its turns; docs/model.md (102)."""
     reading = stack.readings[k]
     drive, noise = reading.given[reading.drive], reading.noise[reading.drive]
@@ -267,7 +267,7 @@ def _of_drive(stack: Stack, k: int, rig: Rig, effects: Sequence[Library]) -> Ite
         yield f"turn {sample} of {reading.name}", _moved(stack, k, rig, effects, sd * plateau)
 
 
-def _moved(stack: Stack, k: int, rig: Rig, effects: Sequence[Library], by: Vector) -> Vector:
+def _moved(stack: Stack, k: int, rig: Rig, effects: Sequence[AnyEffect], by: Vector) -> Vector:
     """Half the difference of two runs whose drives are moved to either side."""
     reading = stack.readings[k]
     drive = reading.given[reading.drive]
@@ -284,7 +284,7 @@ def _difference(stack: Stack, k: int, low: dict, high: dict, factor: float) -> V
 
 
 def _of_routes(
-    stack: Stack, rig: Rig, effects: Sequence[Library], base: Vector
+    stack: Stack, rig: Rig, effects: Sequence[AnyEffect], base: Vector
 ) -> Iterator[tuple[str, Vector]]:
     """Yield angles of each route, along the main directions of their covariance."""
     routes = {reading.route.name: reading.route for reading in stack.readings}
@@ -326,7 +326,7 @@ def exact(sigma: Vector) -> np.ndarray:
 def run_channels(
     reading: Reading,
     rig: Rig,
-    effects: Iterable[Library] = (),
+    effects: Iterable[AnyEffect] = (),
     *,
     bars: int = BARS,
     arcs: Arcs | None = None,
@@ -339,7 +339,7 @@ def run_channels(
     return carry_on(model, begin(model), given)[0].channels
 
 
-def simulated(stack: Stack, rig: Rig, effects: Iterable[Library] = (), *, bars: int = BARS) -> Vector:
+def simulated(stack: Stack, rig: Rig, effects: Iterable[AnyEffect] = (), *, bars: int = BARS) -> Vector:
     """Return what all readings should have been [rows]."""
     chosen = tuple(effects)
     return stack.flat([run_channels(reading, rig, chosen, bars=bars) for reading in stack.readings])

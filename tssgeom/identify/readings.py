@@ -14,7 +14,7 @@ import numpy as np
 from tssgeom.arrays import Vector, read_only
 from tssgeom.errors import SettingsError
 from tssgeom.identify.campaign import Campaign, Route, Run
-from tssgeom.identify.drive import calmed, with_corners
+from tssgeom.identify.drive import calmed, turning_points, with_corners
 from tssgeom.rig import Rig, Sensor
 from tssgeom.statistics import reading_noise
 from tssgeom.tendon.bars.model import Drive
@@ -33,6 +33,8 @@ class ReadingLimits:
     """Readings that a run needs; chosen."""
     noisier: float = 1.5
     """Over the specified noise: from here the noise of the data counts [1]; chosen."""
+    cycles: int = 3
+    """Whole cycles from which the last third of a single run is held out; chosen: two remain to be fitted."""
     at_rest: float = 20.0
     """Of its noise: a first position below it is the zero [1]; chosen."""
     position_worth: float = 5.0
@@ -94,7 +96,31 @@ def readings(campaign: Campaign, drive: Drive | None = None) -> tuple[tuple[Read
         reading, about = _read(run, campaign.rig, drive)
         made.append(reading)
         notes += about
+    if len(made) == 1:
+        made, about = _by_cycles(made[0])
+        notes += about
     return tuple(made), tuple(notes)
+
+
+def _by_cycles(reading: Reading) -> tuple[list[Reading], list[str]]:
+    """Hold out the last third of the cycles of the only run; it stays whole where it has too few."""
+    turns = turning_points(reading.given[reading.drive], reading.noise[reading.drive])
+    cycles = len(turns) // 2
+    if cycles < READING.cycles:
+        return [reading], [
+            f"There is one run of {cycles} whole cycles, so nothing is held out: the result was not checked."
+        ]
+    kept = cycles - max(1, cycles // 3)
+    first = int(turns[2 * kept - 1])
+    parts = (np.arange(len(reading.time)) < first, np.arange(len(reading.time)) >= first)
+    parts[1][0] = True  # the zero of a channel is that of its first reading
+    measured = [{name: np.where(part, v, np.nan) for name, v in reading.measured.items()} for part in parts]
+    held = f"{reading.name}, cycles {kept + 1} to {cycles}"
+    note = f"There is one run: its last third was held out before anything was fitted ({held})."
+    return [
+        replace(reading, measured=measured[0]),
+        replace(reading, name=held, measured=measured[1], held_out=True),
+    ], [note]
 
 
 def _with_held_out(runs: tuple[Run, ...]) -> tuple[tuple[Run, ...], list[str]]:
@@ -104,7 +130,7 @@ def _with_held_out(runs: tuple[Run, ...]) -> tuple[tuple[Run, ...], list[str]]:
     if any(run.held_out for run in runs):
         return runs, []
     if len(runs) == 1:
-        return runs, ["There is one run only, so nothing is held out: the result was not checked."]
+        return runs, []  # its last cycles will be, if it has enough
     routes = [run.route.name for run in runs]
     alone = [k for k, name in enumerate(routes) if routes.count(name) == 1]
     chosen = alone[-1] if alone and len(set(routes)) > 1 else len(runs) - 1

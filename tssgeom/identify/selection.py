@@ -9,7 +9,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from tssgeom.effects import Library, snake
+from tssgeom.effects import AnyEffect, snake
 from tssgeom.errors import FitError
 from tssgeom.identify.fit import Fit, Point, Problem, posed, refined
 from tssgeom.identify.misfit import HeldOut
@@ -93,7 +93,7 @@ class Step:
         return self.threshold * max(1.0, one.fit.chi2 / self.problem.stack.size)
 
 
-def name_of(effect: Library) -> str:
+def name_of(effect: AnyEffect) -> str:
     """Return the name of an effect as users see it."""
     return snake(type(effect).__name__)
 

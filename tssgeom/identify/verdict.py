@@ -14,6 +14,8 @@ import numpy as np
 
 from tssgeom.identify.finding import Candidate, Estimate, Misfit, Verdict
 from tssgeom.identify.fit import Fit, Problem
+from tssgeom.identify.law_fit import LawFit
+from tssgeom.identify.law_words import law_words
 from tssgeom.identify.misfit import MISFIT, HeldOut, held_out_change
 from tssgeom.identify.screening import detection_limits, leftover
 from tssgeom.identify.selection import Selection, close_candidates, name_of
@@ -49,7 +51,7 @@ class Judgement:
 
     verdict: Verdict
     reason: str
-    """Why unknown, in words; else empty."""
+    """Why unknown, or what remains, in words; else empty."""
     bent: bool
     """Whether it is unknown only since a load cell is bent beyond its specification."""
     held_ratio: float
@@ -78,6 +80,24 @@ def judged(
         for now in chosen.steps
     )
     return Judgement("tie" if tied else "effect", "", False, ratio)
+
+
+_HELD = "of the disagreement on what was not fitted"
+
+
+def judged_laws(fit: LawFit, left: float, held_ratio: float) -> Judgement:
+    """Say what laws and formulae together amount to; `left` is over the detection limit [1]; (191)."""
+    if held_ratio > VERDICT.held:
+        return Judgement(
+            "unknown", f"the best laws leave {100.0 * held_ratio:.0f} % {_HELD}", False, held_ratio
+        )
+    remains = ""
+    if left > VERDICT.left:
+        remains = f"{left:.2g} times the detection limit of the sensors"
+    if held_ratio > VERDICT.share:
+        remains = f"{100.0 * held_ratio:.0f} % {_HELD}"
+    verdict: Verdict = "law" if fit.terms else "partial" if remains else "effect"
+    return Judgement(verdict, remains, False, held_ratio)
 
 
 def _unknown(chosen: Selection, left: tuple[float, float], held: tuple[float, float]) -> str:
@@ -120,11 +140,15 @@ def sentence(
         return _nothing_missing(base, misfit)
     if judged.verdict == "unknown":
         return f"Something is missing that has no name here: {judged.reason}."
-    parts = " and ".join(_effect(one) for one in effects)
-    text = f"The model lacks {parts}"
+    parts = " and ".join(_effect(one) for one in effects if one.law is None)
+    learnt = "; ".join(law_words(one) for one in effects if one.law is not None)
+    text = f"The model lacks {parts}" if parts else "The model lacks a law that no formula of the library has"
+    if learnt:
+        text += f"{' and a law of its own' if parts else ''}: {learnt}"
     if judged.verdict == "tie":
         text += f", or {', '.join(tied)}, which these readings cannot separate"
-    return f"{text}{_held_out_words(*held_out_change(misfit))}."
+    remains = f"; something remains: {judged.reason}" if judged.reason else ""
+    return f"{text}{_held_out_words(*held_out_change(misfit))}{remains}."
 
 
 def _nothing_missing(base: Mapping[str, Estimate], misfit: Misfit) -> str:
@@ -146,7 +170,8 @@ def _held_out_words(before: float, after: float) -> str:
         return "; the held-out runs show no gap, with it or without"
     change = f"from {before:.2g} to {after:.2g} times the noise"
     if after < MISFIT.same * before:
-        return f"; with it the gap on held-out runs falls {change}"
+        closed = math.floor(100.0 * (1.0 - after / before))
+        return f"; it closes {closed} % of the disagreement on runs that were not fitted ({change})"
     grows = "grows" if MISFIT.same * after > before else "stays"
     return f"; but with it the gap on held-out runs {grows}, {change}"
 

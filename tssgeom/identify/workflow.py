@@ -5,6 +5,7 @@ Steps and constants: docs/discovery.md, "How it decides"; equations: docs/model.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -23,13 +24,15 @@ from tssgeom.identify.attribution import along_routes, heat_map, missing_shapes,
 from tssgeom.identify.campaign import Campaign
 from tssgeom.identify.finding import Finding
 from tssgeom.identify.fit import Fit, Problem, base_fit, columns, posed
+from tssgeom.identify.law_finding import law_candidates, law_ranking
+from tssgeom.identify.law_search import as_fit, searched
 from tssgeom.identify.misfit import held_out, misfits, traces
 from tssgeom.identify.prediction import Errors, stacked
 from tssgeom.identify.readings import Reading, readings
-from tssgeom.identify.screening import variants
+from tssgeom.identify.screening import detection_limits, leftover, variants
 from tssgeom.identify.selection import name_of, selected
 from tssgeom.identify.ties import base_ties, ties_of, unobservable
-from tssgeom.identify.verdict import judged, sentence
+from tssgeom.identify.verdict import judged, judged_laws, sentence
 from tssgeom.tendon.bars.model import Drive
 
 
@@ -87,12 +90,16 @@ def discover(
     report("fitting friction and compliance", 0.05)
     report("refitting each effect of the library", 0.25)
     work = _worked(campaign, started, seed)
-    if work.judged.verdict == "unknown" and not work.judged.bent:
-        report("trying the tension as drive", 0.6)
-        other = _by_tension(campaign, started)
-        again = None if other is None else _worked(campaign, other, seed)
-        if other is not None and again is not None and _explains(again):
-            started, work = other, again
+    if work.judged.verdict == "unknown":
+        report("trying laws of their own", _LAWS_AT)
+        bent = work.judged.bent
+        work = _with_laws(campaign, work, report)
+        if not bent and (work.judged.verdict == "unknown" or work.judged.reason):
+            report("trying the tension as drive", 0.75)
+            other = _by_tension(campaign, started)
+            again = None if other is None else _worked(campaign, other, seed)
+            if other is not None and again is not None and _explains(again):
+                started, work = other, again
     report("mapping where they disagree", 0.8)
     attribution = _attribution(started.runs, campaign, started.base)
     report("putting it together", 0.9)
@@ -148,6 +155,25 @@ def _worked(campaign: Campaign, started: _Started, seed: int) -> Work:
     return Work(started.problem, started.base, chosen, held, verdict, absent)
 
 
+def _with_laws(campaign: Campaign, work: Work, report: Callable[[str, float], None]) -> Work:
+    """Return the work with laws and formulae together, where they help on what was not fitted; (191)."""
+    tried, _ = variants(work.problem.stack)
+    limits = detection_limits(work.problem.stack, campaign.rig)
+    found = searched(work.problem, work.base, tried, work.held, limits, lambda step: report(step, _LAWS_AT))
+    if not found.taken:
+        return work
+    fit = as_fit(found.fit)
+    left = max(leftover(found.problem, fit, limits).values())
+    held_ratio = math.nan if work.held is None else work.held.ratio(found.fit.point)
+    judgement = judged_laws(found.fit, left, held_ratio)
+    if judgement.verdict == "unknown":
+        return work
+    return replace(work, laws=found, judged=judgement)
+
+
+_LAWS_AT = 0.6  # share of the work done then; chosen
+
+
 def _silent(step: str, share: float) -> None:
     pass
 
@@ -169,17 +195,20 @@ def _finding(campaign: Campaign, started: _Started, work: Work, attribution: Att
     runs, notes = started.runs, started.notes
     chosen, verdict = work.chosen, work.judged
     unknown = verdict.verdict == "unknown"
-    fit = work.base if unknown else chosen.fit
+    fit = work.base if unknown else chosen.fit if work.laws is None else as_fit(work.laws.fit)
     effects = () if unknown else chosen_effects(work)
+    if work.laws is not None:
+        effects = law_candidates(work.laws, work.held)
     all_traces = traces(runs, campaign.rig, work.base.at, fit.at)
     base_words, of_base = base_ties(fit, campaign.rig)
-    tied = [*ties_of(chosen), *of_base]
+    tied = [*(ties_of(chosen) if work.laws is None else ()), *of_base]
     base = base_estimates(fit, campaign.rig)
     named = [name_of(effect) for effect in chosen.fit.at.effects]
     along, gains = attribution.along, attribution.gains
     shapes = missing_shapes(work.problem, work.base, along, gains) if unknown else ()
     misfit = misfits(all_traces)
     close = [name for one in tied[:1] for name in one.tie.names if name not in named]
+    close = close if work.laws is None else []
     return Finding(
         campaign=campaign,
         verdict=verdict.verdict,
@@ -195,7 +224,7 @@ def _finding(campaign: Campaign, started: _Started, work: Work, attribution: Att
         base=base,
         nominal=nominal(campaign.rig),
         base_tie=base_words,
-        ranking=ranking(work, effects),
+        ranking=ranking(work, effects) if work.laws is None else law_ranking(work.laws, work.held),
         missing_shapes=shapes,
         rig=updated(campaign.rig, fit.at),
         traces=all_traces,

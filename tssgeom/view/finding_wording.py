@@ -6,7 +6,7 @@ import inspect
 import math
 from collections.abc import Mapping
 
-from tssgeom.effects import KINDS, Library, chosen
+from tssgeom.effects import KINDS, AnyEffect, chosen
 from tssgeom.identify.finding import Candidate, Estimate, Experiment, Finding, Misfit, MisfitShare, Tie
 from tssgeom.identify.misfit import MISFIT, held_out_change
 from tssgeom.identify.verdict import parameter, plain
@@ -16,6 +16,8 @@ VERDICTS = {
     "none": "nothing is missing",
     "effect": "an effect is missing",
     "tie": "an effect is missing, and these data leave a choice",
+    "law": "a law is missing that no formula of the library has",
+    "partial": "a part of what is missing has a name, something remains",
     "unknown": "something is missing that has no name here",
 }
 
@@ -42,7 +44,7 @@ def renamed(label: str) -> str:
     return plain(label)
 
 
-def parameters(effect: Library, estimates: Mapping[str, Estimate]) -> dict[str, str]:
+def parameters(effect: AnyEffect, estimates: Mapping[str, Estimate]) -> dict[str, str]:
     """Write the numbers of an effect by name, then what was chosen, such as the end at which it acts."""
     numbers = {parameter(key): displayed(each) for key, each in estimates.items()}
     return numbers | {plain(key): plain(choice) for key, choice in chosen(effect).items()}
@@ -50,6 +52,8 @@ def parameters(effect: Library, estimates: Mapping[str, Estimate]) -> dict[str, 
 
 def meaning(name: str) -> str:
     """Return in a clause what an effect is."""
+    if name not in KINDS:
+        return f"a law of its own: {plain(name)}"
     first = (inspect.getdoc(KINDS[name]) or "").split("\n")[0]
     return first.partition("; docs/")[0].rstrip(".")
 

@@ -17,11 +17,13 @@ from tssgeom.identify.finding import (
     Estimate,
     Evidence,
     Finding,
+    LawCurve,
     Misfit,
     MisfitShare,
     RouteMisfit,
     Shape,
 )
+from tssgeom.identify.mechanisms import MECHANISM_OF
 from tssgeom.rig import write_rig
 
 REPORT, RIG = "report.json", "rig.updated.toml"
@@ -103,9 +105,28 @@ def _ranked(each: Candidate) -> dict[str, Any]:
 def _named(each: Candidate) -> list[dict[str, Any]]:
     """Return name, numbers and choices (such as the end at which it acts) of each effect."""
     return [
-        {"name": name, "parameters": _parameters(parameters), "choices": chosen(effect)}
+        {
+            "name": name,
+            "mechanism": MECHANISM_OF.get(name, name),
+            "formula": name if name in KINDS else None,
+            "law": None if each.law is None else _law(each.law),
+            "parameters": _parameters(parameters),
+            "choices": chosen(effect),
+        }
         for name, effect, parameters in zip(each.names, each.effects, each.parameters, strict=True)
     ]
+
+
+def _law(each: LawCurve) -> dict[str, Any]:
+    return {
+        "over": each.over,
+        "x": each.x,
+        "value": each.value,
+        "lo": each.low,
+        "hi": each.high,
+        "unit": each.unit,
+        "nearest": [{"formula": name, "log_evidence": -0.5 * less} for name, less in each.nearest],
+    }
 
 
 def _parameters(parameters: Mapping[str, Estimate]) -> dict[str, Any]:

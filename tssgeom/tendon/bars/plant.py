@@ -13,7 +13,7 @@ from tssgeom import core
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.core.constants_tendon_rows import CURVE, HELD, LAW, MEMORY, PLANT, TABLE
 from tssgeom.effects.kinds import Setup
-from tssgeom.effects.laws import slopes
+from tssgeom.effects.laws import table
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.bars.contact_grid import bends_of, discretise, with_bends
 
@@ -201,12 +201,8 @@ def _tables(setup: Setup, tables: Matrix) -> set[int]:
     given = set()
     for curve in setup.curves:
         if curve.table in CURVE._fields:
-            which, points = CURVE._fields.index(curve.table), len(curve.x)
-            x, y = np.array(curve.x), np.array(curve.y)
-            tables[which, 0] = points
-            for part, values in enumerate((x, y, slopes(x, y))):
-                start = 1 + part * TABLE.most
-                tables[which, start : start + points] = values
+            which = CURVE._fields.index(curve.table)
+            tables[which] = table(curve)
             given.add(which)
     return given
 

@@ -15,12 +15,16 @@ from tssgeom.identify.misfit import beyond_noise
 from tssgeom.view import finding_wording as words
 from tssgeom.view.figures.finding import judged, missing_figure, residual_figure, transmission_figure
 from tssgeom.view.figures.heat_map import along_figure, heat_figure
+from tssgeom.view.figures.laws import law_figure, laws_of
 from tssgeom.view.figures.plots import markup
 from tssgeom.view.figures.ranking import listed_candidates, ranking_figure
 from tssgeom.view.report.misfit_table import misfit_table, phase_table
 from tssgeom.view.report.page import filled, program_version
 
-_ACCENTS = {"none": "#009e73", "effect": "#0072b2", "tie": "#a35c00", "unknown": "#a3508a"}
+_ACCENTS = {"none": "#009e73", "effect": "#0072b2", "tie": "#a35c00", "unknown": "#a3508a"} | {
+    "law": "#0072b2",
+    "partial": "#a35c00",
+}
 _MOST_CELLS = 5
 _NOTHING = 0.05  # of the noise; less is left by chance
 
@@ -95,6 +99,22 @@ def _tie_words(finding: Finding) -> str:
         for tie in words.effect_ties(finding)
     ]
     return "".join(f'<p class="warning">{html.escape(line)}</p>' for line in lines)
+
+
+def _laws(finding: Finding) -> str:
+    if not laws_of(finding):
+        return ""
+    text = (
+        "<p>No formula of the library has this law. It was learnt inside the model; beyond the ends of its "
+        "curve, where nothing was measured, it is taken as constant.</p>"
+    )
+    near = [
+        f"{words.plain(name)} (2 ln Z {less:.0f} less)"
+        for each in laws_of(finding)
+        for name, less in (each.law.nearest if each.law else ())
+    ]
+    nearest = f"<p>Nearest formulae: {html.escape(', '.join(near))}.</p>" if near else ""
+    return _section("The law", text, _figure(law_figure, finding, ""), nearest)
 
 
 def _misfit(finding: Finding) -> str:
@@ -242,11 +262,13 @@ _FIGURES: Mapping[str, tuple[Callable[[Finding], Figure], Callable[[Finding], ob
     "along": (along_figure, lambda finding: finding.along),
     "heat": (heat_figure, lambda finding: finding.traces),
     "ranking": (ranking_figure, listed_candidates),
+    "laws": (law_figure, laws_of),
     "missing": (missing_figure, lambda finding: finding.missing_shapes),
 }
 
 _SECTIONS: tuple[Callable[[Finding], str], ...] = (
     _effects,
+    _laws,
     _missing,
     _misfit,
     _next,

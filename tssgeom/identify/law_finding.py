@@ -1,0 +1,144 @@
+"""Laws that were taken, as a finding shows them: curves with bands, and evidence; docs/model.md (190)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from tssgeom.arrays import Vector, read_only
+from tssgeom.effects import AnyEffect
+from tssgeom.identify.assembly import NORMAL, estimates
+from tssgeom.identify.finding import Candidate, Evidence, LawCurve
+from tssgeom.identify.fit import with_base
+from tssgeom.identify.law_fit import LawFit
+from tssgeom.identify.law_search import LAW_SEARCH, LawSearch, Offer, as_fit
+from tssgeom.identify.mechanisms import Mechanism
+from tssgeom.identify.misfit import HeldOut
+from tssgeom.identify.prediction import simulated
+from tssgeom.identify.screening import detection_limits, size_over_limit
+from tssgeom.identify.selection import name_of
+
+_POINTS = 25  # of a curve in a report; chosen
+
+
+def law_candidates(search: LawSearch, held: HeldOut | None) -> tuple[Candidate, ...]:
+    """Return the parts that were taken, each with the evidence that it adds to the others, the best first."""
+    fit = search.fit
+    named = [_formula(search, held, which) for which in range(len(fit.at.effects))]
+    laws = [_law(search, held, which) for which in range(len(fit.terms))]
+    return tuple(sorted([*named, *laws], key=lambda one: -one.evidence.delta_bic))
+
+
+def law_ranking(search: LawSearch, held: HeldOut | None) -> tuple[Candidate, ...]:
+    """Return what was offered in the first round, the best first, with why it was passed over."""
+    chosen = law_candidates(search, held)
+    names = {one.names for one in chosen}
+    others = [_offered(offer) for offer in search.rounds[0]]
+    return (*chosen, *(one for one in others if one.names not in names))
+
+
+def _offered(offer: Offer) -> Candidate:
+    fit = offer.fit
+    evidence = Evidence(offer.gain, _needed(fit), math.nan, offer.held_ratio)
+    why = f"{offer.veto}." if offer.veto else ""
+    if offer.name:
+        which = len(fit.at.effects) - 1
+        effect = fit.at.effects[which]
+        return Candidate((offer.name,), (effect,), (estimates(as_fit(fit), which),), evidence, why)
+    term = fit.terms[-1]
+    name = _short(term.mechanism)
+    return Candidate((name,), (term.mechanism.effect(term.u),), ({},), evidence, why)
+
+
+def _short(mechanism: Mechanism) -> str:
+    """Return the name of a mechanism without the channel, which is a choice of its effect."""
+    return mechanism.name.partition(":")[0]
+
+
+def _needed(fit: LawFit) -> float:
+    return LAW_SEARCH.least * max(1.0, fit.chi2 / max(len(fit.left), 1))
+
+
+def _evidence(search: LawSearch, held: HeldOut | None, effect: AnyEffect, name: str) -> Evidence:
+    fit, problem = search.fit, search.problem
+    point = fit.point
+    rest = tuple(one for one in point.effects if one is not effect and one != effect)
+    rig = with_base(problem.rig, point.friction, point.compliance)
+    change = simulated(problem.stack, rig, rest) - simulated(problem.stack, rig, point.effects)
+    size = size_over_limit(problem.stack, change, detection_limits(problem.stack, problem.rig))
+    gain = max(
+        (one.gain for offers in search.rounds for one in offers if not one.veto and name in _names(one)),
+        default=math.nan,
+    )
+    ratio = math.nan if held is None else held.ratio(point)
+    return Evidence(gain, _needed(fit), size, ratio)
+
+
+def _names(offer: Offer) -> tuple[str, ...]:
+    return (offer.name,) if offer.name else (offer.mechanism.partition(":")[0],)
+
+
+def _formula(search: LawSearch, held: HeldOut | None, which: int) -> Candidate:
+    effect = search.fit.at.effects[which]
+    name = name_of(effect)
+    numbers = estimates(as_fit(search.fit), which, search.fit.covariance)
+    return Candidate((name,), (effect,), (numbers,), _evidence(search, held, effect, name), "")
+
+
+def _law(search: LawSearch, held: HeldOut | None, which: int) -> Candidate:
+    term = search.fit.terms[which]
+    effect, name = term.mechanism.effect(term.u), _short(term.mechanism)
+    return Candidate(
+        (name,),
+        (effect,),
+        ({},),
+        _evidence(search, held, effect, name),
+        "",
+        curve(search.fit, which, _nearest(search, term.mechanism.name)),
+    )
+
+
+def _nearest(search: LawSearch, mechanism: str) -> tuple[tuple[str, float], ...]:
+    """Return the formulae of a mechanism that were offered beside its law, and the evidence they lack."""
+    for offers in search.rounds:
+        law = next((one for one in offers if one.mechanism == mechanism and not one.name), None)
+        if law is not None and not law.veto:
+            near = [one for one in offers if one.name and one.mechanism == mechanism.partition(":")[0]]
+            return tuple((one.name, law.gain - one.gain) for one in near)
+    return ()
+
+
+def curve(fit: LawFit, which: int, nearest: tuple[tuple[str, float], ...] = ()) -> LawCurve:
+    """Return a law over its support with its 95 % band; docs/model.md (190).
+
+    Friction is the coefficient itself, so that its band holds that of the coefficient too.
+    """
+    term = fit.terms[which]
+    one, start = term.mechanism, fit.at.size + sum(t.mechanism.size for t in fit.terms[:which])
+    own = fit.covariance[start : start + one.size, start : start + one.size]
+    inflated = max(1.0, fit.chi2 / max(len(fit.left), 1))
+    if one.name.startswith("friction_over"):
+        shared = fit.covariance[0, start : start + one.size]
+        variance = np.diag(own) + fit.covariance[0, 0] + 2.0 * shared
+        spread = NORMAL * np.sqrt(np.maximum(variance, 0.0) * inflated)
+        middle = fit.at.friction * one.value(term.u)
+        low, high = middle * np.exp(-spread), middle * np.exp(spread)
+    else:
+        spread = NORMAL * np.sqrt(np.diag(own) * inflated)
+        middle, low, high = (one.value(term.u + sign * spread) for sign in (0.0, -1.0, 1.0))
+    x, (middle, low, high) = _finer(one, middle, low, high)
+    return LawCurve(
+        one.over, read_only(x), read_only(middle), read_only(low), read_only(high), one.unit, nearest
+    )
+
+
+def _finer(one: Mechanism, *values: Vector) -> tuple[Vector, list[Vector]]:
+    """Return the knots of a curve made dense, and values there; of numbers that make no curve as they are."""
+    from scipy.interpolate import PchipInterpolator
+
+    if len(one.x) < 4:
+        return one.x, list(values)
+    dense = np.linspace(0.0, 1.0, _POINTS)
+    x = PchipInterpolator(one.warped, one.x)(dense)
+    return x, [np.asarray(PchipInterpolator(one.x, each)(x), dtype=np.float64) for each in values]

@@ -1,0 +1,228 @@
+"""Search for laws and formulae together, where no formula alone explains the readings; docs/model.md (191).
+
+Forward, one part at a time, each held against the runs that were not fitted; a part that does not help there,
+or that ends at a bound, is not taken.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tssgeom.identify.fit import Fit, Point, Problem, freed
+from tssgeom.identify.law_fit import LAW_FIT, LawFit, Term, fitted, score
+from tssgeom.identify.mechanisms import MECHANISM_OF, Mechanism, mechanisms
+from tssgeom.identify.misfit import MISFIT, HeldOut
+from tssgeom.identify.screening import Variant, leftover, screening
+from tssgeom.identify.selection import name_of
+
+
+@dataclass(frozen=True, slots=True)
+class LawSearchSettings:
+    """How laws are searched, and when one is taken."""
+
+    most: int = 3
+    """Parts that are taken at most; chosen."""
+    laws: int = 4
+    """Laws that are fitted after their score test; chosen for speed."""
+    formulas: int = 3
+    """Formulae that are fitted after theirs; chosen for speed."""
+    judged: int = 4
+    """Best parts that are fitted to the end and judged; chosen for speed."""
+    close: float = 0.9
+    """Of the gain of the best: from here the held-out runs decide [1]; chosen: both explain the same."""
+    least: float = 10.0
+    """Least 2 Δ ln Z; cited: Kass and Raftery (1995), "very strong"."""
+    helps: float = 0.95
+    """Of the misfit of held-out runs: a part has to leave less [1]; chosen: as `MISFIT.same`."""
+    enough: float = 0.3
+    """Of the detection limit: what is left ends the search [1]; chosen."""
+
+
+LAW_SEARCH = LawSearchSettings()
+
+
+@dataclass(frozen=True, slots=True)
+class Offer:
+    """One part on top of a model, fitted."""
+
+    mechanism: str
+    name: str
+    """Of the formula; empty of a free law."""
+    fit: LawFit
+    gain: float
+    """2 Δ ln Z against the model without it [1]."""
+    held_ratio: float
+    """Held-out misfit over that without the part [1]; NaN where there is none to judge by."""
+    veto: str = ""
+    """Why it is not taken; empty where it is."""
+
+
+_LESS = "another part has more evidence"
+
+
+@dataclass(frozen=True, slots=True)
+class LawSearch:
+    """What was taken, and all that was offered in each round."""
+
+    problem: Problem
+    base: LawFit
+    fit: LawFit
+    rounds: tuple[tuple[Offer, ...], ...]
+
+    @property
+    def taken(self) -> bool:
+        """Whether anything was."""
+        return bool(self.fit.terms or self.fit.at.effects)
+
+
+def searched(
+    problem: Problem,
+    base: Fit,
+    formulas: Sequence[Variant],
+    held: HeldOut | None,
+    limits: Mapping[str, float],
+    report: Callable[[str], None],
+) -> LawSearch:
+    """Take laws and formulae as long as one helps on what was not fitted.
+
+    Parameters
+    ----------
+    problem, base
+        Readings, and the model without any part.
+    formulas
+        Effects of the library that can be tried.
+    held
+        The runs that nothing is fitted to.
+    limits
+        What each channel may be off by its specification [N, m].
+    report
+        Is called with each step in words.
+    """
+    start = fitted(problem, base.at, ())
+    assert start is not None  # it was fitted before
+    now, rounds = start, list[tuple[Offer, ...]]()
+    everything = mechanisms(problem.stack, problem.rig)
+    for number in range(LAW_SEARCH.most):
+        report(f"laws, part {number + 1}")
+        offers = _offers(problem, now, everything, formulas, held)
+        rounds.append(tuple(offers))
+        taken = next((one for one in offers if not one.veto), None)
+        if taken is None:
+            break
+        now = taken.fit
+        if _left(problem, now, limits) < LAW_SEARCH.enough:
+            break
+    return LawSearch(problem, start, now, tuple(rounds))
+
+
+def _left(problem: Problem, fit: LawFit, limits: Mapping[str, float]) -> float:
+    return max(leftover(problem, as_fit(fit), limits).values())
+
+
+def as_fit(fit: LawFit) -> Fit:
+    """Return a fit with laws as one of effects; its jacobian is that of the named part."""
+    return Fit(fit.point, fit.chi2, fit.residual, fit.jacobian[:, : fit.at.size], fit.left)
+
+
+def _offers(
+    problem: Problem,
+    now: LawFit,
+    everything: Sequence[Mechanism],
+    formulas: Sequence[Variant],
+    held: HeldOut | None,
+) -> list[Offer]:
+    """Return the best laws and formulae on top of a model, the best first, each judged."""
+    has = {term.mechanism.name for term in now.terms} | {name_of(effect) for effect in now.at.effects}
+    scored = [score(problem, now, one) for one in everything if one.name not in has]
+    best = sorted((one for one in scored if one is not None), key=lambda one: -one[0])[: LAW_SEARCH.laws]
+    starts = [("", now.at, (*now.terms, term), term.mechanism.name) for gain, term in best if gain > 0.0]
+    starts += _formula_starts(problem, now, [one for one in formulas if one.name not in has])
+    offers = list[Offer]()
+    for name, at, terms, mechanism in starts:
+        fit = fitted(problem, at, terms, LAW_FIT.quick)
+        if fit is not None:
+            offers.append(Offer(mechanism, name, fit, 2.0 * (fit.log_evidence - now.log_evidence), math.nan))
+    offers.sort(key=lambda one: -one.gain)
+    judged = [_judged(problem, now, one, held) for one in offers[: LAW_SEARCH.judged]]
+    rest = [replace(one, veto=_LESS) for one in offers[LAW_SEARCH.judged :]]
+    return _in_order(judged) + rest
+
+
+def _in_order(judged: Sequence[Offer]) -> list[Offer]:
+    """Return judged offers, that to be taken first.
+
+    Of those with about the evidence of the best it is the one that does most for what was not fitted.
+    """
+    sound = sorted((one for one in judged if not one.veto), key=lambda one: -one.gain)
+    close = [one for one in sound if one.gain > LAW_SEARCH.close * sound[0].gain]
+    first = min(close, key=lambda one: np.nan_to_num(one.held_ratio, nan=math.inf), default=None)
+    others = [replace(one, veto=_LESS) for one in sound if one is not first]
+    vetoed = [one for one in judged if one.veto]
+    return ([] if first is None else [first]) + sorted([*others, *vetoed], key=lambda one: -one.gain)
+
+
+def _formula_starts(
+    problem: Problem, now: LawFit, formulas: Sequence[Variant]
+) -> list[tuple[str, Point, tuple[Term, ...], str]]:
+    """Return the formulae that promise most by straight lines, each in its best variant."""
+    tests = sorted(screening(problem, as_fit(now), formulas).tests, key=lambda test: -test.gain)
+    length = max(reading.route.arcs.total_length for reading in problem.stack.readings)
+    out, named = list[tuple[str, Point, tuple[Term, ...], str]](), set[str]()
+    for test in tests:
+        name = test.variant.name
+        if name in named or len(named) >= LAW_SEARCH.formulas:
+            continue
+        named.add(name)
+        typical = abs(test.variant.effect.parameters[test.variant.amplitude].typical)
+        amplitude = min(max(test.amplitude, -3.0 * typical), 3.0 * typical) or 0.1 * typical
+        effect = test.variant.sized(amplitude)
+        free = freed(effect, len(now.at.effects), length, test.variant.free)
+        at = replace(now.at, effects=(*now.at.effects, effect), free=(*now.at.free, *free))
+        out.append((name, at, now.terms, MECHANISM_OF[name]))
+    return out
+
+
+def _judged(problem: Problem, now: LawFit, one: Offer, held: HeldOut | None) -> Offer:
+    """Return an offer fitted to the end, with why it is not taken; docs/model.md (191)."""
+    inflated = max(1.0, one.fit.chi2 / problem.stack.size)
+    needed = LAW_SEARCH.least * inflated
+    if one.gain < 0.5 * needed:
+        return replace(one, veto=f"its evidence of {one.gain:.1f} is below {needed:.1f}")
+    fit = fitted(problem, one.fit.at, one.fit.terms) or one.fit
+    gain = 2.0 * (fit.log_evidence - now.log_evidence)
+    ratio = _held_ratio(held, now, fit)
+    one = replace(one, fit=fit, gain=gain, held_ratio=ratio)
+    if gain < needed:
+        return replace(one, veto=f"its evidence of {gain:.1f} is below {needed:.1f}")
+    if any(term.at_bound for term in fit.terms):
+        return replace(one, veto="its law is at a bound")
+    if _named_at_bound(fit.at):
+        return replace(one, veto="one of its numbers is at a bound")
+    if not math.isnan(ratio) and ratio > LAW_SEARCH.helps:
+        return replace(
+            one, veto=f"it leaves {100.0 * ratio:.0f} % of the disagreement of what was not fitted"
+        )
+    return one
+
+
+def _named_at_bound(at: Point) -> bool:
+    for free in at.free:
+        value = getattr(at.effects[free.effect], free.key)
+        own = at.effects[free.effect].parameters[free.key]
+        if value <= own.lower < 0.0 or value >= own.upper or (not own.switch and value <= own.lower):
+            return True
+    return False
+
+
+def _held_ratio(held: HeldOut | None, before: LawFit, after: LawFit) -> float:
+    """Return the held-out misfit of one model over that of another [1]; NaN where neither shows one."""
+    if held is None:
+        return math.nan
+    first, second = held.misfit(before.point), held.misfit(after.point)
+    if max(first, second) <= MISFIT.floor:
+        return math.nan
+    return second / max(first, 1e-12)

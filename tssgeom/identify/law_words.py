@@ -1,0 +1,46 @@
+"""What a law is, in a clause that a newcomer understands."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tssgeom.effects import KINDS
+from tssgeom.identify.finding import Candidate
+
+_DEPENDS = {
+    "friction_over_tension": "friction depends on the tension",
+    "friction_over_speed": "friction depends on the speed of sliding",
+    "friction_over_curvature": "friction depends on the curvature",
+    "friction_over_arc_length": "friction is uneven along the sheath",
+    "friction_over_travel": "friction changes with the path slid",
+    "friction_over_time": "friction changes with time",
+    "friction_over_position": "friction, or the angle of the route, changes with the position",
+    "strain_over_tension": "the tendon stretches by another law than a straight line",
+    "stretch_at_proximal_end": "what lies before the sheath stretches by another law",
+    "stretch_at_distal_end": "what lies behind the sheath stretches by another law",
+    "load_over_position": "the load is no straight spring",
+    "strain_over_time": "the tendon stretches late",
+    "sensor_curve": "a sensor is no straight line",
+    "sensor_drift": "a sensor drifts in time",
+    "sensor_lag": "the sensor of the drive is late",
+}
+
+
+def law_words(one: Candidate) -> str:
+    """Say in a clause what a part is, with the range of its law."""
+    name = one.names[0]
+    if one.law is None or name in KINDS:
+        return ""
+    channel = getattr(one.effects[0], "channel", "")
+    what = _DEPENDS[name] + (f" ({channel})" if channel else "")
+    law = one.law
+    if len(law.x) < 4:
+        return what
+    least, most = int(np.argmin(law.value)), int(np.argmax(law.value))
+    unit = "" if law.unit == "1" else f" {law.unit}"
+    first, last = sorted((least, most))
+    variable, si = law.over.partition("_")[0], law.over.rpartition("_")[2]
+    return (
+        f"{what}: from {law.value[first]:.3g}{unit} at {variable} {law.x[first]:.3g} {si} "
+        f"to {law.value[last]:.3g}{unit} at {law.x[last]:.3g} {si}"
+    )

@@ -1,0 +1,307 @@
+"""Where in the physics something may be missing, and the free law that each mechanism has there.
+
+A law is a curve through a few knots over what was measured; u = 0 is the base model. Source: docs/model.md
+(185) to (189); P. H. C. Eilers, B. D. Marx, Flexible smoothing with B-splines and penalties, Stat. Sci. 11
+(1996).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tssgeom.arrays import Matrix, Vector
+from tssgeom.effects import AnyEffect, ChannelLag, CreepLaw, FrictionLaw, SensorLaw, StretchLaw
+from tssgeom.effects.laws import FrictionOver, StretchOf
+from tssgeom.identify.prediction import CELLS, Stack
+from tssgeom.identify.readings import UNITS, Reading
+from tssgeom.rig import Rig
+
+MECHANISM_OF = {
+    "load_dependent_friction": "friction_over_tension",
+    "velocity_dependent_friction": "friction_over_speed",
+    "viscous_drag": "friction_over_speed",
+    "straight_section_friction": "friction_over_arc_length",
+    "curvature_dependent_friction": "friction_over_curvature",
+    "asymmetric_friction": "friction_over_direction",
+    "friction_drift": "friction_over_travel",
+    "end_fitting_friction_proximal": "friction_at_proximal_end",
+    "end_fitting_friction_distal": "friction_at_distal_end",
+    "hidden_bend": "friction_over_arc_length",
+    "sheath_clearance": "angle_over_stretch",
+    "slack_take_up": "stretch_at_end",
+    "toe_region": "strain_over_tension",
+    "creep": "strain_over_time",
+    "series_compliance_proximal": "stretch_at_end",
+    "series_compliance_distal": "stretch_at_end",
+    "thermal_drift": "strain_over_temperature",
+    "pretension_error": "preload",
+    "backlash": "play_at_drive",
+    "tension_in_gain": "sensor_curve",
+    "tension_out_gain": "sensor_curve",
+    "tension_in_offset": "sensor_curve",
+    "tension_out_offset": "sensor_curve",
+    "channel_lag": "sensor_lag",
+    "load_cell_crosstalk": "sensor_curve",
+}
+"""The mechanism that each effect of the library is a formula of."""
+
+
+@dataclass(frozen=True, slots=True)
+class KnotSettings:
+    """Where the knots of a law lie, and how far it may go."""
+
+    over_tension: int = 7
+    """Knots; chosen: two or three for each bend of a law that has been met."""
+    over_speed: int = 7
+    """Knots; chosen: three for each decade of a usual run."""
+    over_curvature: int = 4
+    """Knots; chosen: a route has a few curvatures."""
+    along: int = 10
+    """Knots over the arc length; chosen: a tenth of the length is what several routes can part."""
+    over_time: int = 6
+    """Knots over time, travel and position; chosen."""
+    sensor: int = 6
+    """Knots of the curve of a sensor; chosen."""
+    creep_s: tuple[float, ...] = (0.02, 0.1, 0.5)
+    """Of the duration of a run: times of creep [1]; chosen: they cover the run."""
+    slow: float = 0.03
+    """Of the fastest speed: the slowest knot but that at rest [1]; chosen."""
+    least_span: float = 0.05
+    """Of the greatest value: least span of what a law is over [1]; chosen."""
+    stretch: float = 0.1
+    """Of the elastic stretch at the greatest tension: unit of a stretch [1]; chosen."""
+    sensor_unit: float = 5.0
+    """Of the noise: unit of the error of a sensor [1]; chosen."""
+    lag_s: float = 0.05
+    """Unit of a lag [s]; chosen."""
+    most: float = 2.3
+    """Of ln f: friction by more than a factor of ten is at its bound [1]; chosen."""
+
+
+KNOTS = KnotSettings()
+
+
+@dataclass(frozen=True, slots=True)
+class Mechanism:
+    """One free law: what it acts on, over what, and the effect that a vector u of its knots makes."""
+
+    name: str
+    """As in a report: `friction_over_speed`; of a sensor with the channel behind a colon."""
+    x: Vector
+    """[k] Knots, in SI."""
+    warped: Vector
+    """[k] The knots where steps are even to the law: its second differences are taken there, over 0 to 1."""
+    effect: Callable[[Vector], AnyEffect]
+    """Takes u [k]; raises SettingsError beyond what physics allows."""
+    value: Callable[[Vector], Vector]
+    """Takes u [k]; gives the law at the knots, in SI; friction without the coefficient."""
+    unit: str
+    """Of the value."""
+    over: str
+    """Name of x with its unit, as in a report."""
+    lower: float = -math.inf
+    """Least u."""
+    upper: float = math.inf
+    pinned: bool = False
+    """Whether the law is 0 at its first knot."""
+
+    @property
+    def size(self) -> int:
+        """Numbers that are fitted."""
+        return len(self.warped) - self.pinned
+
+    def penalty(self, roughness: float, level: float) -> Matrix:
+        """Return the precision of the prior of u [k, k].
+
+        Parameters
+        ----------
+        roughness
+            S.d. of its second derivative over the warped knots, in u.
+        level
+            S.d. of each number by itself, in u.
+        """
+        t = self.warped
+        out = np.eye(self.size) / level**2
+        if len(t) < 3:
+            return out
+        second = np.zeros((len(t) - 2, len(t)))
+        for i in range(len(t) - 2):
+            before, after = t[i + 1] - t[i], t[i + 2] - t[i + 1]
+            row = np.array([1.0 / before, -1.0 / before - 1.0 / after, 1.0 / after])
+            second[i, i : i + 3] = row * math.sqrt(2.0 / (before + after))
+        second = second[:, self.pinned :]
+        return out + second.T @ second / roughness**2
+
+
+def mechanisms(stack: Stack, rig: Rig) -> tuple[Mechanism, ...]:
+    """Return the free laws that these readings could show."""
+    return tuple(one for make in _MAKERS for one in make(stack, rig))
+
+
+def _friction(over: FrictionOver, x: Vector, unit: str, warped: Vector | None = None) -> Mechanism:
+    knots = tuple(x.tolist())
+
+    def effect(u: Vector) -> AnyEffect:
+        return FrictionLaw(over=over, x=knots, factor=tuple(np.exp(u).tolist()))
+
+    even = (x - x[0]) / (x[-1] - x[0]) if warped is None else warped
+    name = f"{over}_{unit}"
+    bounds = (-KNOTS.most, KNOTS.most)
+    return Mechanism(f"friction_over_{over}", x, even, effect, np.exp, "1", name, *bounds)
+
+
+def _frictions(stack: Stack, rig: Rig) -> Iterator[Mechanism]:
+    runs = stack.readings
+    least, most = _tensions(runs, rig)
+    if most - least > KNOTS.least_span * most:
+        yield _friction("tension", np.linspace(least, most, KNOTS.over_tension), "N")
+    fast = _fastest(runs)
+    if fast > 0.0:
+        moving = np.geomspace(KNOTS.slow, 1.0, KNOTS.over_speed - 1)
+        warped = np.arange(KNOTS.over_speed) / (KNOTS.over_speed - 1.0)
+        yield _friction("speed", fast * np.concatenate(([0.0], moving)), "m_per_s", warped)
+    every = np.concatenate([run.route.arcs.angle / run.route.arcs.length for run in runs])
+    curved = every[every > 0.0].tolist()
+    if curved and max(curved) - min(curved) > KNOTS.least_span * max(curved):
+        yield _friction("curvature", np.linspace(min(curved), max(curved), KNOTS.over_curvature), "per_m")
+    length = min(run.route.arcs.total_length for run in runs)
+    yield _friction("arc_length", np.linspace(0.0, length, KNOTS.along), "m")
+    travel, time = max(_travel(run) for run in runs), max(float(np.ptp(run.time)) for run in runs)
+    yield _friction("travel", np.linspace(0.0, travel, KNOTS.over_time), "m")
+    yield _friction("time", np.linspace(0.0, time, KNOTS.over_time), "s")
+    if all("displacement_in_m" in run.given for run in runs):
+        pulled = np.concatenate([run.given["displacement_in_m"] for run in runs])
+        if np.ptp(pulled) > 0.0:
+            low, high = float(pulled.min()), float(pulled.max())
+            yield _friction("position", np.linspace(low, high, KNOTS.over_time), "m")
+
+
+def _stretches(stack: Stack, rig: Rig) -> Iterator[Mechanism]:
+    _, most = _tensions(stack.readings, rig)
+    length = min(run.route.arcs.total_length for run in stack.readings)
+    strain = KNOTS.stretch * rig.tendon.compliance_per_N * most
+    x = np.concatenate(([0.0], most * np.linspace(0.0, 1.0, KNOTS.over_tension)[1:] ** 1.5))
+    which: tuple[tuple[StretchOf, str, float, str], ...] = (
+        ("sheath", "strain_over_tension", strain, "1"),
+        ("proximal", "stretch_at_proximal_end", strain * length, "m"),
+        ("distal", "stretch_at_distal_end", strain * length, "m"),
+        ("load", "load_over_position", strain * length, "m"),
+    )
+    channels = {name for run in stack.readings for name in run.measured}
+    for of, name, unit, si in which:
+        if of != "load" or channels & {"displacement_out_m", "elongation_m"}:
+            yield _stretch(of, name, x, unit, si)
+
+
+def _stretch(of: StretchOf, name: str, x: Vector, unit: float, si: str) -> Mechanism:
+    knots = tuple(x.tolist())
+
+    def value(u: Vector) -> Vector:
+        return unit * np.concatenate(([0.0], u))
+
+    def effect(u: Vector) -> AnyEffect:
+        return StretchLaw(of=of, x=knots, stretch=tuple(value(u).tolist()))
+
+    return Mechanism(name, x, np.sqrt(x / x[-1]), effect, value, si, "tension_N", pinned=True)
+
+
+def _creeps(stack: Stack, rig: Rig) -> Iterator[Mechanism]:
+    span = max(float(np.ptp(run.time)) for run in stack.readings)
+    times = span * np.array(KNOTS.creep_s)
+
+    def value(u: Vector) -> Vector:
+        return KNOTS.stretch * u
+
+    def effect(u: Vector) -> AnyEffect:
+        return CreepLaw(time_s=tuple(times.tolist()), ratio=tuple(value(u).tolist()))
+
+    yield Mechanism(
+        "strain_over_time", times, np.linspace(0.0, 1.0, 3), effect, value, "1", "time_s", lower=0.0
+    )
+
+
+def _sensors(stack: Stack, rig: Rig) -> Iterator[Mechanism]:
+    runs = stack.readings
+    span = max(float(np.ptp(run.time)) for run in runs)
+    drive = runs[0].drive
+    for channel in dict.fromkeys((*(name for run in runs for name in run.measured), drive)):
+        columns = [run.measured.get(channel, run.given.get(channel)) for run in runs]
+        read = np.concatenate([column[np.isfinite(column)] for column in columns if column is not None])
+        unit = KNOTS.sensor_unit * max(run.noise.get(channel, 0.0) for run in runs)
+        if channel in CELLS and np.ptp(read) > 0.0:
+            x = np.linspace(float(read.min()), float(read.max()), KNOTS.sensor)
+            yield _sensor(channel, "reading", x, unit, f"{channel}")
+        yield _sensor(channel, "time", np.linspace(0.0, span, KNOTS.sensor), unit, "time_s")
+    yield _lag(drive)
+
+
+def _sensor(channel: str, over: str, x: Vector, unit: float, label: str) -> Mechanism:
+    knots = tuple(x.tolist())
+
+    def value(u: Vector) -> Vector:
+        return unit * u
+
+    def effect(u: Vector) -> AnyEffect:
+        return SensorLaw(channel=channel, over=over, x=knots, error=tuple(value(u).tolist()))  # type: ignore[arg-type]
+
+    name = f"{'sensor_curve' if over == 'reading' else 'sensor_drift'}:{channel}"
+    return Mechanism(name, x, (x - x[0]) / (x[-1] - x[0]), effect, value, UNITS[channel], label)
+
+
+def _lag(channel: str) -> Mechanism:
+    """Return the lag of the drive, which is one number and no curve."""
+
+    def value(u: Vector) -> Vector:
+        return KNOTS.lag_s * u
+
+    def effect(u: Vector) -> AnyEffect:
+        return ChannelLag(lag_s=float(value(u)[0]), channel=channel)  # type: ignore[arg-type]
+
+    x = np.zeros(1)
+    return Mechanism(f"sensor_lag:{channel}", x, x, effect, value, "s", "channel", lower=0.0)
+
+
+_MAKERS = (_frictions, _stretches, _creeps, _sensors)
+
+
+def _tensions(runs: Sequence[Reading], rig: Rig) -> tuple[float, float]:
+    """Return the least and greatest tension that was measured, else that the drive would make [N]."""
+    read = [run.measured.get(name, run.given.get(name)) for run in runs for name in CELLS]
+    there = [column[np.isfinite(column)] for column in read if column is not None]
+    if there:
+        values = np.concatenate(there)
+        return max(float(np.quantile(values, 0.005)), 0.0), float(values.max())
+    pulled = max(float(np.ptp(run.given[run.drive])) for run in runs)
+    length = min(run.route.arcs.total_length for run in runs)
+    soft = rig.tendon.compliance_per_N * length + 1.0 / max(rig.load.stiffness_N_per_m, 1e-9)
+    return 0.0, rig.tendon.pretension_N + pulled / soft
+
+
+def _fastest(runs: Sequence[Reading]) -> float:
+    """Return the speed of the drive's end that is passed in a hundredth of the samples [m/s]."""
+    speeds = [
+        np.abs(np.gradient(run.given["displacement_in_m"], run.time))
+        for run in runs
+        if "displacement_in_m" in run.given
+    ]
+    if not speeds:
+        speeds = [
+            np.abs(np.gradient(run.measured["displacement_in_m"], run.time))
+            for run in runs
+            if "displacement_in_m" in run.measured
+        ]
+    if not speeds:
+        return 0.0
+    all_speeds = np.concatenate(speeds)
+    return float(np.nanquantile(all_speeds, 0.99))
+
+
+def _travel(run: Reading) -> float:
+    column = run.given.get("displacement_in_m", run.measured.get("displacement_in_m"))
+    if column is None:
+        return 0.01 * len(run.time)
+    return float(np.abs(np.diff(column[np.isfinite(column)])).sum())
