@@ -18,7 +18,8 @@ import numpy as np
 
 from tests.bristle import sensors
 from tests.bristle.causes import CAUSES, FULL, Case, Cause
-from tests.bristle.laws import Acts
+from tests.bristle.laws import Acts, Law
+from tests.bristle.machine import PAIR_CAUSES, PAIR_PLANS, PAIR_SLOWEST, random_pair, write_pair
 from tests.bristle.rig import Rig, run
 from tests.bristle.sheath import random_sheath, sensed
 from tests.bristle.waves import KINDS, course
@@ -137,9 +138,21 @@ def make_campaign(
     ValueError
         Where a name is not known, or the cause does not show in the plan.
     """
-    if cause and cause not in CAUSES:
+    if cause and cause not in {**CAUSES, **PAIR_CAUSES}:
         raise ValueError(f"no such cause: {cause}")
     rng = generator(seed, split, cause)
+    if cause in PAIR_CAUSES or plan in PAIR_PLANS:
+        truth = _of_pair(Path(folder), rng, (cause, size, plan, split, seed))
+    else:
+        truth = _of_one(Path(folder), rng, (cause, size, plan, split, seed))
+    text = json.dumps(asdict(truth), indent=1)
+    Path(f"{folder}.truth.json").write_text(text + "\n", encoding="utf-8")
+    return truth
+
+
+def _of_one(folder: Path, rng: np.random.Generator, asked: tuple[str, float, str, str, int]) -> Truth:
+    """Write a campaign of one tendon."""
+    cause, size, plan, split, seed = asked
     chosen = CAUSES[cause] if cause else Cause("", lambda case: None)
     plan = plan or str(rng.choice(chosen.plans))
     if plan not in (chosen.plans if cause else FULL):
@@ -158,15 +171,15 @@ def make_campaign(
     }
     chosen.build(case)
     believed |= case.believed
-    kept = _Campaign(Path(folder), case, plan, believed)
+    kept = _Campaign(folder, case, plan, believed)
     reach = kept.write(samples, rates)
-    truth = Truth(
+    return Truth(
         effects=(chosen.formula or cause,) if cause else (),
         cause=cause,
         mechanism=chosen.mechanism,
         formula=chosen.formula,
         known=chosen.formula is not None,
-        law=_law(case, reach),
+        law=_law(case.law, reach),
         parameters={(chosen.formula or cause): case.parameters} if case.parameters else {},
         friction=rig.friction,
         compliance_per_N=rig.compliance,
@@ -179,9 +192,39 @@ def make_campaign(
         seed=seed,
         size=size,
     )
-    text = json.dumps(asdict(truth), indent=1)
-    Path(f"{folder}.truth.json").write_text(text + "\n", encoding="utf-8")
-    return truth
+
+
+def _of_pair(folder: Path, rng: np.random.Generator, asked: tuple[str, float, str, str, int]) -> Truth:
+    """Write a campaign of two tendons and a joint."""
+    cause, size, plan, split, seed = asked
+    plan = plan or str(rng.choice(list(PAIR_PLANS)))
+    if plan not in PAIR_PLANS or (cause and cause not in PAIR_CAUSES):
+        raise ValueError(f"{cause} does not show in the plan {plan!r}")
+    pair = random_pair(rng)
+    mechanism, build = PAIR_CAUSES.get(cause, ("", lambda *_: None))
+    build(pair, size, RANGES.samples[1] / PAIR_SLOWEST)
+    errors = RANGES.friction_error * rng.uniform(-1.0, 1.0), RANGES.compliance_error * rng.uniform(-1.0, 1.0)
+    gain = 1.0 + RANGES.angle_gain_sd * rng.normal()
+    reach = write_pair(folder, pair, rng, plan, errors, gain)
+    return Truth(
+        effects=(cause,) if cause else (),
+        cause=cause,
+        mechanism=mechanism,
+        formula=None,
+        known=False,
+        law=_law(pair.law, reach),
+        parameters={cause: pair.parameters} if pair.parameters else {},
+        friction=pair.friction,
+        compliance_per_N=pair.compliance,
+        pretension_N=pair.pretension,
+        angle_gain=gain,
+        length_m=pair.sheaths[0].length,
+        total_angles_rad=tuple(sheath.total_angle for sheath in pair.sheaths),
+        plan=plan,
+        split=split,
+        seed=seed,
+        size=size,
+    )
 
 
 def _rig(rng: np.random.Generator, drive: str) -> Rig:
@@ -295,11 +338,11 @@ class _Campaign:
 LAW_POINTS = 60
 
 
-def _law(case: Case, reach: dict[str, tuple[float, float]]) -> dict[str, Any] | None:
+def _law(law: tuple[str, str, Law] | None, reach: dict[str, tuple[float, float]]) -> dict[str, Any] | None:
     """Return the true law where the runs have been."""
-    if case.law is None:
+    if law is None:
         return None
-    over, unit, law = case.law
+    over, unit, value_at = law
     x = np.linspace(*reach[over], 2 if over == "direction" else LAW_POINTS)
-    value = np.broadcast_to(law(x), x.shape)
+    value = np.broadcast_to(value_at(x), x.shape)
     return {"over": over, "x": x.tolist(), "value": value.tolist(), "unit": unit}
