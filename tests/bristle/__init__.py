@@ -1,4 +1,4 @@
-"""A second generator of measured campaigns: finite elements with bristles that stick. Imports nothing judged."""
+"""A second generator of measured campaigns: finite elements and bristles. Imports nothing judged."""
 
 from tests.bristle.causes import CAUSES
 from tests.bristle.machine import PAIR_CAUSES, PAIR_PLANS

@@ -51,7 +51,7 @@ class Case:
 
 @dataclass(frozen=True, slots=True)
 class Cause:
-    """A cause: its mechanism, the name of the library where the formula is exactly that, and where it shows."""
+    """A cause: its mechanism, the library's name where the formula is exactly that, and where it shows."""
 
     mechanism: str
     build: Callable[[Case], None]
@@ -284,9 +284,7 @@ CAUSES: dict[str, Cause] = {
         "sensor_lag", _late("tension_out", 0.1), "channel_lag", LOAD_CELL, (50.0, 100.0)
     ),
     "late_drive": Cause("sensor_lag", _late("tension_in", 0.08), "channel_lag", ("force",), (50.0, 100.0)),
-    "stiffening_load": Cause(
-        "load_over_position", _stiffening, plans=("full", "elongation", "no_load_cell")
-    ),
+    "stiffening_load": Cause("load_over_position", _stiffening, plans=("full", "elongation", "no_load_cell")),
     "end_stretch": Cause("stretch_at_end", _end_stretch),
     "preload": Cause("preload", _preload, "pretension_error"),
     "bend": Cause("route_angle", _bend, "hidden_bend"),

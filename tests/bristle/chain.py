@@ -1,9 +1,9 @@
 """A tendon in a sheath, or two of them joined at a joint, by finite elements with bristles that stick.
 
 The tendon stretches; bristles between it and the sheath are springs whose feet slip where their force is at
-the limit of friction (Prandtl elements at the Gauss points). So there is no speed in the friction of a base chain,
-a hold stays still, and every slip dissipates. Laws that depend on speed, travel, time and tension come in as
-factors of each Gauss point, which the caller renews in every step.
+the limit of friction (Prandtl elements at the Gauss points). So there is no speed in the friction of a base
+chain, a hold stays still, and every slip dissipates. Laws that depend on speed, travel, time and tension come in
+as factors of each Gauss point, which the caller renews in every step.
 """
 
 from __future__ import annotations
@@ -59,8 +59,8 @@ class Bristles:
     """How bristles give way before they slip."""
 
     breakaway_m: tuple[float, ...] = (0.05e-6,)
-    """Movement at which each kind slips, at the reference tension [m] (measured: 0.5 µm moves T_in by 0.09 N at
-    turns, this by 1 mN)."""
+    """Movement at which each kind slips, at the reference tension [m] (measured: 0.5 µm moves T_in by 0.09 N
+    at turns, this by 1 mN)."""
     share: tuple[float, ...] = (1.0,)
     """Share of each kind in the limit [1]; 1 in all."""
     reference_N: float = 10.0
@@ -92,7 +92,7 @@ class Build:
     """A spring between drive and tendon: force [N] over stretch [m]; none where rigid."""
     drive: str = "position"
     """Position or force."""
-    numerics: Numerics = Numerics()
+    numerics: Numerics = field(default_factory=Numerics)
 
 
 class Chain:
@@ -226,8 +226,8 @@ class Chain:
     ) -> None:
         """Take the drive [m or N] to a value within a time [s], and the second drive [m] with it.
 
-        `renew(chain, dt)` sets factors and extra strain by the state; it is called twice, so that what depends
-        on the state of the end of the step is that of the step.
+        `renew(chain, dt)` sets factors and extra strain by the state; it is called twice, so that what
+        depends on the end of the step is that of the step.
 
         Raises
         ------

@@ -22,7 +22,7 @@ class Step(NamedTuple):
     """How laws follow the state of a chain."""
 
     memory_s: float = 0.1
-    """Time in which friction follows speed (chosen: less lets a tendon whose friction falls jump, without inertia)."""
+    """Time in which friction follows speed (chosen: with less, a tendon without inertia jumps)."""
 
 
 STEP = Step()
@@ -95,7 +95,7 @@ class Acts:
 
 
 def stribeck(peak: float, decay: float, rise: float, reference: float) -> Law:
-    """Return friction that falls from its static peak within a speed [m/s] and rises by `rise` for each m/s."""
+    """Return friction that falls from its peak at rest within a speed [m/s], and rises by `rise` a m/s."""
 
     def law(speed: Array) -> Array:
         return 1.0 + peak * np.exp(-speed / decay) + rise * speed
@@ -104,7 +104,7 @@ def stribeck(peak: float, decay: float, rise: float, reference: float) -> Law:
 
 
 def saturating(height: float, half: float, reference: float) -> Law:
-    """Return friction that falls with tension towards a floor: 1 + height half / (T + half), 1 at reference."""
+    """Return friction that falls with tension to a floor: 1 + height half / (T + half), 1 at reference."""
 
     def law(tension: Array) -> Array:
         return 1.0 + height * half / (np.maximum(tension, 0.0) + half)
@@ -118,7 +118,7 @@ def quadratic(rise: float, reference: float) -> Law:
 
 
 def stretches(parts: tuple[tuple[float, float, float], ...], edge: float) -> Law:
-    """Return friction that is other on stretches: of each the middle and half the length [m], and the change."""
+    """Return friction that differs on stretches: of each the middle, half the length [m], the change."""
 
     def law(s: Array) -> Array:
         factor = np.ones(np.shape(s))

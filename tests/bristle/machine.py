@@ -226,7 +226,7 @@ def _motor(pair: Pair, k: int, samples: int, rng: np.random.Generator) -> Array:
 
 def _specified(name: str) -> sensors.Specified:
     if name.endswith("angle"):
-        return sensors.ANGLE
+        return sensors.MOTOR if name.startswith("motor") else sensors.ANGLE
     return sensors.TORQUE if name.endswith("torque") else sensors.CELL
 
 

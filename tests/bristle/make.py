@@ -159,7 +159,9 @@ def _of_one(folder: Path, rng: np.random.Generator, asked: tuple[str, float, str
         raise ValueError(f"{cause} does not show in the plan {plan!r}")
     rig = _rig(rng, "force" if plan == "force" else "position")
     runs = int(rng.integers(RANGES.runs[0], RANGES.runs[1] + 1))
-    rates = [chosen.rates[k % len(chosen.rates)] for k in rng.permutation(max(runs, len(chosen.rates)))[:runs]]
+    rates = [
+        chosen.rates[k % len(chosen.rates)] for k in rng.permutation(max(runs, len(chosen.rates)))[:runs]
+    ]
     samples = [int(rng.integers(*RANGES.samples)) for _ in range(runs)]
     seconds = max(n / rate for n, rate in zip(samples, rates, strict=True))
     case = Case(rig, rng, size, float(rng.uniform(*RANGES.peak_out_N)), seconds)
@@ -248,7 +250,9 @@ class _Campaign:
         folder.mkdir(parents=True, exist_ok=True)
         rng = self.rng = case.rng
         self.spelling = int(rng.integers(len(sensors.SPELLINGS)))
-        specified = {name: sensors.CELL if name.startswith("tension") else sensors.ENCODER for name in PLANS[plan]}
+        specified = {
+            name: sensors.CELL if name.startswith("tension") else sensors.ENCODER for name in PLANS[plan]
+        }
         self.sensors = {name: sensors.Sensor(spec, rng) for name, spec in specified.items()}
         self.angle_gain = 1.0 + RANGES.angle_gain_sd * rng.normal()
         self._write_rig(believed, specified)

@@ -53,7 +53,7 @@ class Rig:
     drive_play: float = 0.0
     """Between drive and tendon [m]."""
     bristles: Bristles = field(default_factory=Bristles)
-    numerics: Numerics = Numerics()
+    numerics: Numerics = field(default_factory=Numerics)
 
     def build(self, sheath: Sheath) -> Build:
         """Return what a chain of one tendon is made of."""

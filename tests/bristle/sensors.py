@@ -32,7 +32,9 @@ CELL = Specified(0.02, 0.005, 40.0, 0.0006)
 ENCODER = Specified(2e-6, 0.5e-6, 0.05, 5e-5)
 """Linear encoder (chosen: 2.5 µm in 50 mm)."""
 ANGLE = Specified(2e-4, 1e-4, 6.3, 0.0)
-"""Encoder of a motor or a joint [rad] (chosen)."""
+"""Encoder of a joint [rad] (chosen)."""
+MOTOR = Specified(2e-5, 1e-5, 100.0, 0.0)
+"""Encoder of a motor behind its gear, at the pulley [rad] (chosen: 0.2 µm of tendon)."""
 TORQUE = Specified(2e-4, 5e-5, 1.0, 0.0)
 """Torque of a motor [N m] (chosen)."""
 SHARES = Shares()

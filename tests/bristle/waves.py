@@ -19,7 +19,9 @@ def course(kind: str, rng: np.random.Generator, samples: int) -> Array:
     x = np.linspace(0.0, 1.0, samples)
     if kind == "sinus":
         cycles = int(rng.integers(2, 5))
-        height = np.where(np.floor(np.minimum(cycles * x, cycles - 1e-9)) % 2 == 0, 1.0, rng.uniform(0.5, 0.8))
+        height = np.where(
+            np.floor(np.minimum(cycles * x, cycles - 1e-9)) % 2 == 0, 1.0, rng.uniform(0.5, 0.8)
+        )
         return height * 0.5 * (1.0 - np.cos(2.0 * np.pi * cycles * x))
     if kind == "chirp":
         slow, fast = 1.2, rng.uniform(2.5, 4.0)
