@@ -4,7 +4,7 @@
  * ends, less what it stretches without force, and the tension of a table. A bristle is a spring from the tendon to
  * the sheath with a foot that slips where its force is at the limit: what rubs is mu kappa T of the element. Feet move
  * only then, so that a tendon at rest stays at rest. Nodes may have one bristle more of a fixed limit, one node has
- * the load, a table of force over movement. Newton steps on the tridiagonal system, with halving.
+ * the load, a table of force over movement. Newton steps on the tridiagonal system.
  */
 #include <math.h>
 #include <stdlib.h>
@@ -13,6 +13,7 @@
 #include "chain.h"
 
 enum { POSITION = 0, FORCE = 1, SPRING = 2, FREE = 3 };
+enum { WHOLE = 20, SOFTEST = 8 }; /* Newton steps without halving; half powers of ten that bristles soften */
 #define ROOT3 0.57735026918962576
 
 typedef struct {
@@ -39,7 +40,8 @@ static double rub(double trial, double pull, double release, double stiffness, d
 }
 
 /* Forces on the nodes [N] (towards the drive), and their slopes over movements; feet move where `work` is given. */
-static void balance(const Chain *c, const double *u, const Room *room, double *work) {
+static void balance(const Chain *c, const double *u, const Room *room, double *work,
+                    double stiff) {
     int n = c->elements + 1, kinds = c->kinds;
     memset(room->left, 0, sizeof(double) * n);
     memset(room->low, 0, sizeof(double) * n);
@@ -69,8 +71,8 @@ static void balance(const Chain *c, const double *u, const Room *room, double *w
             for (int k = 0; k < kinds; k++) {
                 int i = g * kinds + k, side;
                 double weight = 0.5 * h * c->share[k], over_move, over_tension = 0.0;
-                double force = rub(c->stiffness[i] * (at - c->slip[i]), pull, release, c->stiffness[i],
-                                   &over_move, &side);
+                double spring = stiff * c->stiffness[i];
+                double force = rub(spring * (at - c->slip[i]), pull, release, spring, &over_move, &side);
                 if (side > 0) over_tension = c->rub_pull[g] * pressed;
                 if (side < 0) over_tension = -c->rub_release[g] * pressed;
                 rubbed[0] += weight * a * force;
@@ -95,8 +97,8 @@ static void balance(const Chain *c, const double *u, const Room *room, double *w
         double over_move, limit = c->node_limit[i];
         int side;
         if (limit <= 0.0) continue;
-        double force = rub(c->node_stiffness[i] * (u[i] - c->node_slip[i]), limit, limit, c->node_stiffness[i],
-                           &over_move, &side);
+        double spring = stiff * c->node_stiffness[i];
+        double force = rub(spring * (u[i] - c->node_slip[i]), limit, limit, spring, &over_move, &side);
         room->left[i] -= force;
         room->mid[i] -= over_move;
         if (work && side) {
@@ -136,6 +138,12 @@ static double largest(const double *values, int n) {
     return most;
 }
 
+static double squares(const double *values, int n) {
+    double sum = 0.0;
+    for (int i = 0; i < n; i++) sum += values[i] * values[i];
+    return sum;
+}
+
 /* Solve for the step that takes all forces to zero. */
 static void solve(const Room *room, int n) {
     double *mid = room->mid, *right = room->step;
@@ -149,35 +157,47 @@ static void solve(const Room *room, int n) {
     for (int i = n - 2; i >= 0; i--) right[i] = (right[i] - room->high[i] * right[i + 1]) / mid[i];
 }
 
-/* Take the chain to the next balance; the number of Newton steps, or -1 where `most` are not enough. Nothing but
- * `move`, `tension` and `ends` has changed then. */
+/* Newton steps: whole ones at first, which change at once which bristles slip, then some with halving. The number
+ * of steps, or -1 where `most` are not enough. */
+static int balanced(const Chain *c, const Room *room, int most, double tolerance, double stiff) {
+    int n = c->elements + 1;
+    double *u = c->move;
+    balance(c, u, room, NULL, stiff);
+    for (int k = 0; k <= most; k++) {
+        if (largest(room->left, n) < tolerance) return k;
+        double before = squares(room->left, n), part = 1.0;
+        solve(room, n);
+        for (;; part *= 0.5) {
+            for (int i = 0; i < n; i++) room->tried[i] = u[i] + part * room->step[i];
+            balance(c, room->tried, room, NULL, stiff);
+            if (k < WHOLE || part < 1e-3 || squares(room->left, n) < before) break;
+        }
+        memcpy(u, room->tried, sizeof(double) * n);
+    }
+    return -1;
+}
+
+/* Take the chain to the next balance; the number of Newton steps, or -1 where `most` are not enough. Where whole
+ * bristles flip to and fro, soft ones show the way: they have no corners, and are made stiffer by tens. Nothing
+ * but `move`, `tension` and `ends` has changed where it fails. */
 int bristle_step(const Chain *c, int most, double tolerance) {
-    int n = c->elements + 1, done = -1;
-    double *all = calloc((size_t)n * 6, sizeof(double));
+    int n = c->elements + 1, done;
+    double *all = calloc((size_t)n * 7, sizeof(double));
     if (!all) return -2;
     Room room = {all, all + n, all + 2 * n, all + 3 * n, all + 4 * n, all + 5 * n};
-    double *u = c->move;
-    if (c->drive_mode == POSITION) u[0] = c->drive;
-    if (c->far_mode == POSITION) u[n - 1] = c->far;
-    balance(c, u, &room, NULL);
-    double left = largest(room.left, n);
-    for (int k = 0; k <= most; k++) {
-        if (left < tolerance) {
-            done = k;
-            break;
+    double *start = all + 6 * n;
+    if (c->drive_mode == POSITION) c->move[0] = c->drive;
+    if (c->far_mode == POSITION) c->move[n - 1] = c->far;
+    memcpy(start, c->move, sizeof(double) * n);
+    done = balanced(c, &room, most, tolerance, 1.0);
+    if (done < 0) {
+        memcpy(c->move, start, sizeof(double) * n);
+        for (int power = SOFTEST; power >= 0; power--) {
+            int steps = balanced(c, &room, most, tolerance, pow(10.0, -0.5 * power));
+            done = steps < 0 ? -1 : done < 0 ? steps : done + steps;
         }
-        solve(&room, n);
-        double part = 1.0, best = INFINITY;
-        for (int halved = 0; halved < 12; halved++, part *= 0.5) {
-            for (int i = 0; i < n; i++) room.tried[i] = u[i] + part * room.step[i];
-            balance(c, room.tried, &room, NULL);
-            best = largest(room.left, n);
-            if (best < left || part < 1e-3) break;
-        }
-        memcpy(u, room.tried, sizeof(double) * n);
-        left = best;
     }
-    if (done >= 0) balance(c, u, &room, c->work);
+    if (done >= 0) balance(c, c->move, &room, c->work, 1.0);
     free(all);
     return done;
 }

@@ -2,8 +2,8 @@
 
 The tendon stretches; bristles between it and the sheath are springs whose feet slip where their force is at
 the limit of friction (Prandtl elements at the Gauss points). So there is no speed in the friction of a base
-chain, a hold stays still, and every slip dissipates. Laws that depend on speed, travel, time and tension come in
-as factors of each Gauss point, which the caller renews in every step.
+chain, a hold stays still, and every slip dissipates. Laws that depend on speed, travel, time and tension come
+in as factors of each Gauss point, which the caller renews in every step.
 """
 
 from __future__ import annotations

@@ -151,7 +151,7 @@ def power_strain(compliance: float, exponent: float, reference: float, most: flo
     return Table(compliance * reference * (tension / reference) ** exponent, tension)
 
 
-def prony(exponent: float, height: float, first: float = 0.05, last: float = 400.0) -> tuple:
+def prony(exponent: float, height: float, first: float = 0.01, last: float = 2000.0) -> tuple:
     """Return Kelvin elements whose sum is height t^exponent, t in s, between two times.
 
     The spectrum of a power law is a power law: each element has the share between two edges of it. Fitted by
@@ -159,9 +159,9 @@ def prony(exponent: float, height: float, first: float = 0.05, last: float = 400
     """
     from scipy.optimize import nnls
 
-    times = np.geomspace(first, last, 12)
+    times = np.geomspace(first, last, 18)
     t = np.geomspace(0.5 * first, 0.5 * last, 200)
-    weight = t ** (-0.5 * exponent)
+    weight = t**-exponent
     shares, _ = nnls(weight[:, None] * -np.expm1(-t[:, None] / times), weight * height * t**exponent)
     return tuple((float(share), float(time)) for share, time in zip(shares, times, strict=True) if share > 0)
 

@@ -126,7 +126,7 @@ def run(rig: Rig, sheath: Sheath, time: Array, drive: Array, acts: Acts) -> dict
         )
     names = ("tension_in", "tension_out", "displacement_in", "displacement_out")
     reach = ("slide_speed", "slide_travel", "tension_low", "tension_high")
-    true = dict(zip((*names, *reach), np.array(rows).T, strict=True))
+    true: dict[str, Array] = dict(zip((*names, *reach), np.array(rows).T, strict=True))
     true["elongation"] = true["displacement_in"] - true["displacement_out"]
     if rig.drive_play:  # the sensor is at the drive, before the play
         true["displacement_in"] = drive

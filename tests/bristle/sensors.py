@@ -1,4 +1,4 @@
-"""Sensors: what they make of true courses, and the files of a campaign, in the spellings of several loggers."""
+"""Sensors: what they make of true courses, and the files of a campaign, as several loggers spell them."""
 
 from __future__ import annotations
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -50,7 +51,7 @@ def sheath_of(curvature: Array, length: float) -> Sheath:
     s = np.linspace(0.0, length, len(curvature))
     frame, points = np.eye(3), [np.zeros(3)]
     h = s[1]
-    for first, second in zip(curvature[:-1], curvature[1:], strict=True):
+    for first, second in pairwise(curvature):
         turn = 0.5 * h * (first + second)
         half = _turned(frame, 0.5 * turn)
         points.append(points[-1] + h * half[2])
@@ -65,7 +66,7 @@ def sheath_of(curvature: Array, length: float) -> Sheath:
 
 
 def _turned(frame: Array, turn: Array) -> Array:
-    """Return a frame (rows: two across, one along) that turned its last row by an angle [rad] to the others."""
+    """Return a frame (rows: two across, one along) after the last row turned to the others by [rad]."""
     across = turn[0] * frame[0] + turn[1] * frame[1]
     angle = float(np.hypot(*turn))
     if angle < 1e-15:
