@@ -17,7 +17,7 @@ import numpy as np
 from tests.bristle import laws, sensors
 from tests.bristle.chain import Build, Chain, Table, linear
 from tests.bristle.laws import Acts
-from tests.bristle.rig import STRIDE
+from tests.bristle.rig import stride
 from tests.bristle.sheath import Sheath, random_sheath, sensed
 from tests.bristle.waves import KINDS, course
 
@@ -106,9 +106,10 @@ def run_pair(pair: Pair, sheath: Sheath, time: Array, motor: Array) -> dict[str,
         Where a tendon would go slack.
     """
     chain, acts = pair.chain(sheath), Acts(**pair.acts)
+    most = stride(acts)
     rows, old, then = list[tuple[float, ...]](), 0.0, 2.0 * time[0] - time[1]
     for now, goal in zip(time, pair.pulley * motor, strict=True):
-        parts = int(np.ceil(max((now - then) / STRIDE.time_s, abs(goal - old) / STRIDE.move_m, 1.0)))
+        parts = int(np.ceil(max((now - then) / most.time_s, abs(goal - old) / most.move_m, 1.0)))
         dt = (now - then) / parts
         for k in range(parts):
             at = old + (goal - old) * (k + 1) / parts

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tests.bristle import laws
+from tests.bristle import rig as rigs
 from tests.bristle.chain import Bristles, Build, Chain, Numerics, Table, linear, spring
 from tests.bristle.laws import Acts
 from tests.bristle.machine import Pair, run_pair
@@ -86,14 +87,19 @@ def test_twice_the_elements_and_stiffer_bristles_change_no_channel_by_half_its_n
         assert_near(changed, usual, (8e-3, 1e-3, 1e-6))
 
 
-def test_half_the_stride_changes_no_channel_where_friction_follows_the_state(monkeypatch):
-    from tests.bristle import rig as module
-
-    law = {"over_tension": laws.saturating(0.8, 4.0, 8.0), "over_travel": laws.worn(-0.3, 0.01)}
+@pytest.mark.parametrize(
+    ("law", "most"),
+    [
+        ({"over_tension": laws.saturating(0.8, 4.0, 8.0), "over_travel": laws.worn(-0.3, 0.01)}, 1e-2),
+        ({"over_speed": laws.stribeck(0.25, 3e-3, 6.0, 0.01)}, 2e-2),
+    ],
+)
+def test_half_the_stride_changes_no_channel_where_friction_follows_the_state(law, most, monkeypatch):
     _, _, usual = followed(rig(sheath(0)), 1, **law)
-    monkeypatch.setattr(module, "STRIDE", module.Stride(*(0.5 * part for part in module.STRIDE)))
+    for name in ("STRIDE", "STRIDE_OVER_SPEED"):
+        monkeypatch.setattr(rigs, name, rigs.Stride(*(0.5 * part for part in getattr(rigs, name))))
     _, _, halved = followed(rig(sheath(0)), 1, **law)
-    assert_near(halved, usual, (1e-2, 4e-3, 4e-6))
+    assert_near(halved, usual, (most, 4e-3, 4e-6))
 
 
 @pytest.mark.parametrize("breakaway", [(0.05e-6,), laws.dahl(0.2e-3)[0]])
