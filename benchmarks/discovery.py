@@ -2,7 +2,8 @@
 
     python -m benchmarks.discovery [--quick] [--effects NAME…] [--seeds N] [--split test] [--jobs 2]
 
-The full run makes some 500 campaigns at four seeds; `--quick` makes seven. `--baselines` adds a sparse
+The full run makes some 500 campaigns at four seeds; `--quick` makes seven. `--generator second` takes
+campaigns of another kind of simulator, and counts mechanisms and laws. `--baselines` adds a sparse
 regression (pysindy) and a Gaussian process (scikit-learn) on the files of single causes of typical size,
 where they are installed.
 """
@@ -18,7 +19,6 @@ import sys
 import time
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -28,10 +28,12 @@ from rich.console import Console
 from rich.progress import track
 
 from benchmarks import discovery_report as report
+from benchmarks import discovery_second as second
+from benchmarks.discovery_case import Case
 from benchmarks.discovery_peers import baselines
 from benchmarks.discovery_scores import Outcome, both_named, verdict
 from benchmarks.tables import machine
-from tests.campaigns import INSIDE, OUTSIDE, PAIRS, make_campaign
+from tests.campaigns import INSIDE, OUTSIDE, PAIRS
 
 SIZES = (1.0, 0.5, 0.25)
 _CLEAN_FOR_ONE = 12  # clean campaigns for each seed of an effect: false alarms are rare and need many
@@ -47,19 +49,6 @@ _DRIVEN = ("hidden_bend", "slack_take_up", "load_dependent_friction", "creep", "
 _QUICK = ("hidden_bend", "backlash", "tension_out_offset")
 _KEYS = ("verdict", "effects", "tie", "breaks_tie", "unobservable", "gap", "base")
 _PATIENCE_S = 1800.0  # the first ones compile, perhaps beside other work
-
-
-@dataclass(frozen=True, slots=True)
-class Case:
-    """One campaign to be made."""
-
-    group: str
-    """clean, single, half, quarter, pair, outside, partial, other drive, or a tie."""
-    effects: tuple[str, ...]
-    size: float
-    plan: str
-    seed: int
-    split: str
 
 
 def cases(names: Sequence[str], seeds: int, split: str, *, quick: bool) -> list[Case]:
@@ -91,9 +80,7 @@ def outcome(case: Case, *, with_baselines: bool) -> Outcome:
     """Make a campaign in a folder of its own, run the workflow on it, and return its report."""
     with TemporaryDirectory(prefix="discovery-") as room:
         folder = Path(room) / "campaign"
-        truth = asdict(
-            make_campaign(folder, case.seed, case.effects or None, case.size, case.plan, case.split)
-        )
+        truth = case.made(folder)
         begin = _worked_by_children()
         report, failure = discovered(folder, Path(room) / "out")
         seconds = _worked_by_children() - begin
@@ -131,18 +118,21 @@ _QUICK_WRONG = 1  # of seven campaigns: where 97 % are right, more are wrong onc
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the benchmark and return the exit code."""
     options = _options(arguments)
-    chosen = cases(
+    made_by = second.cases if options.generator == "second" else cases
+    chosen = made_by(
         options.effects, options.seeds or (1 if options.quick else _SEEDS), options.split, quick=options.quick
     )
     if not chosen:
-        print(f"no campaign has only {', '.join(options.effects)}; see tests/campaigns/causes.py")
+        home = "tests/bristle" if options.generator == "second" else "tests/campaigns"
+        print(f"no campaign has only {', '.join(options.effects)}; see {home}/causes.py")
         return 2
     print(machine())
     print(f"{len(chosen)} campaigns, {options.split} seeds, {options.jobs} processes")
     begin = time.perf_counter()
     outcomes = _outcomes(chosen, options)
     print(f"done in {time.perf_counter() - begin:.0f} s\n\n{_printed(outcomes, options)}")
-    wrong = sum(not _right(one) for one in outcomes)
+    right = second.right if options.generator == "second" else _right
+    wrong = sum(not right(one) for one in outcomes)
     return int(any(one.report is None for one in outcomes) or (options.quick and wrong > _QUICK_WRONG))
 
 
@@ -168,7 +158,11 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--baselines", action="store_true", help="pysindy and scikit-learn on single causes")
     parser.add_argument("--markdown", action="store_true", help="tables to paste into documents")
     parser.add_argument("--jobs", type=int, default=2, help="processes")
-    return parser.parse_args(arguments)
+    parser.add_argument("--generator", choices=("first", "second"), default="first", help="of the campaigns")
+    options = parser.parse_args(arguments)
+    if options.baselines and options.generator == "second":
+        parser.error("--baselines read the files of the first generator only")
+    return options
 
 
 def _outcomes(chosen: Sequence, options: argparse.Namespace) -> list[Outcome]:
@@ -179,6 +173,9 @@ def _outcomes(chosen: Sequence, options: argparse.Namespace) -> list[Outcome]:
 
 
 def _printed(outcomes: Sequence[Outcome], options: argparse.Namespace) -> str:
+    if options.generator == "second":
+        tables = second.printed(outcomes, markdown=options.markdown)
+        return f"{tables}\n\n{report.failures(outcomes)}".rstrip()
     parts = [
         draw(outcomes, markdown=options.markdown)
         for draw in (report.targets, report.confusions, report.limits, report.peers)
