@@ -70,6 +70,8 @@ class End(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
     """Greatest torque of the weight of what a joint carries [N·m]."""
     gravity_at_rad: float = 0.0
     """Angle between the joint at rest and where the weight has no moment [rad]."""
+    friction_Nm: float = 0.0
+    """Coulomb friction of the joint itself, beside that of the tendons [N·m]."""
     play_rad: float = 0.0
     """Play between the joint and what measures its angle [rad]."""
     tendon_angles_deg: tuple[float, ...] = ()
@@ -82,7 +84,8 @@ class End(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
     """Of a segment: how far the marker is beyond the tip [m]."""
 
     def __post_init__(self) -> None:
-        for name in ("radius_m", "stiffness_Nm_per_rad", "gravity_Nm", "play_rad", "length_m", "marker_m"):
+        names = ("radius_m", "stiffness_Nm_per_rad", "gravity_Nm", "play_rad", "length_m", "marker_m")
+        for name in (*names, "friction_Nm"):
             value = getattr(self, name)
             _require(0.0 <= value < math.inf, f"end.{name}", value, "give a finite value >= 0")
         if self.kind in ("joint", "segment"):
@@ -106,6 +109,8 @@ class Coordinates(NamedTuple):
     """[m, 2] Greatest moment of a weight, and the angle at rest from where it has none."""
     names: tuple[str, ...]
     """[m] Channels that read the coordinates."""
+    friction: float = 0.0
+    """Coulomb friction of the only coordinate; docs/model.md (185)."""
 
 
 def tendon_count(drive: Drive, end: End) -> int:
@@ -137,7 +142,8 @@ def coordinates(drive: Drive, end: End, load_stiffness: float) -> Coordinates:
     if end.kind == "joint":
         distal = end.radius_m * np.array([[1.0], [-1.0]][:n])
         gravity = np.array([[end.gravity_Nm, end.gravity_at_rad]])
-        return Coordinates(distal, np.array([end.stiffness_Nm_per_rad]), gravity, ("joint_angle_rad",))
+        stiffness = np.array([end.stiffness_Nm_per_rad])
+        return Coordinates(distal, stiffness, gravity, ("joint_angle_rad",), end.friction_Nm)
     if end.kind == "segment":
         angles = np.radians(end.tendon_angles_deg)
         distal = end.radius_m * np.column_stack([np.cos(angles), np.sin(angles)])

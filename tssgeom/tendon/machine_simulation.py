@@ -171,6 +171,11 @@ def _end(
 def _with_motor(laws: Coordinates, arms: Vector) -> tuple[Coordinates, Matrix]:
     """Add the angle of a motor whose torque is given to the coordinates."""
     n, m = laws.distal.shape
+    if laws.friction > 0.0:
+        raise SettingsError(
+            f"end.friction_Nm is {laws.friction:g}: the friction of a joint acts where an angle, displacement or "
+            "tension drives, not a torque"
+        )
     proximal = np.column_stack([np.zeros((n, m)), arms])
     distal = np.column_stack([laws.distal, np.zeros(n)])
     gravity = np.vstack([laws.gravity, np.zeros((1, 2))])
@@ -209,6 +214,8 @@ def _channels(
         turn = angles + motion.gravity[:, 1]
         weight = motion.gravity[:, 0] * (np.sin(turn) - np.sin(motion.gravity[:, 1]))
         torque = ends[:, :, 1] @ motion.distal - balance - angles * motion.stiffness - weight
+        if motion.friction > 0.0:
+            torque = torque - motion.friction * direction(angles[:, 0])[:, None]
     else:
         angles, torque = where[:, : motion.distal.shape[1]], None
     if rig.end.kind == "joint":
