@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import msgspec
+import numpy as np
 
 from tssgeom.effects import KINDS, Library, snake, with_size
 from tssgeom.identify.machine_run import MachineRun, Parameter, unit_of
@@ -219,8 +220,6 @@ def _of_rig(rig: Rig, free: Sequence[str], runs: Sequence[MachineRun]) -> Iterat
 
 def _typical_lag(runs: Sequence[MachineRun]) -> float:
     """Return the time between two samples [s], about what a filter takes."""
-    import numpy as np
-
     return float(np.median(np.concatenate([np.diff(run.given["time_s"]) for run in runs])))
 
 
