@@ -59,6 +59,8 @@ class FittedModel:
     """Rms by channel on what is held out [SI]; empty where nothing is."""
     fitted: Mapping[str, float]
     """The same on what is fitted."""
+    fixed: tuple[str, ...] = ()
+    """Channels whose zero is held at that of the rig."""
 
     @property
     def rig(self) -> Rig:
@@ -71,20 +73,27 @@ class FittedModel:
         return with_values(self.problem.rig, values)
 
 
-def modelled(problem: Problem, state: FitState, parts: Sequence[Part], kept: Sequence[MachineRun]) -> FittedModel:
+def modelled(
+    problem: Problem,
+    state: FitState,
+    parts: Sequence[Part],
+    kept: Sequence[MachineRun],
+    fixed: Sequence[str] = (),
+) -> FittedModel:
     """Return a fitted model with what it leaves on fitted and held-out readings."""
-    made = FittedModel(problem, state, tuple(parts), {}, {})
+    made = FittedModel(problem, state, tuple(parts), {}, {}, tuple(fixed))
     inside = _rms_of(_off(problem, problem.rows, problem.answers(state.channels)))
     away = _off(problem, fitted_rows(problem.runs, held_out=True), problem.answers(state.channels))
     for run in kept:
-        own, there = own_numbers(run, made.rig)
+        own, there = own_numbers(run, made.rig, fixed)
         away += _off(own, own.rows, own.answers(there.channels))
     return replace(made, held=_rms_of(away), fitted=inside)
 
 
-def own_numbers(run: MachineRun, rig: Rig) -> tuple[Problem, FitState]:
-    """Fit to a run its zeros and its start alone; everything else is that of the rig."""
-    parameters = tuple(each for each in parameters_of([run], rig, ()) if each.kind != "rig")
+def own_numbers(run: MachineRun, rig: Rig, fixed: Sequence[str] = ()) -> tuple[Problem, FitState]:
+    """Fit to a run its zeros and its start alone; all else is that of the rig, and zeros `fixed` too."""
+    own = [each for each in parameters_of([run], rig, ()) if each.kind != "rig"]
+    parameters = tuple(each for each in own if each.kind != "zero" or each.key not in fixed)
     problem = Problem((run,), rig, parameters, fitted_rows([run], held_out=None), FIT.bars)
     weight, inflation = first_weights(problem), np.ones(len(problem.rows))
     state = fit_round(problem, np.zeros(len(parameters)), weight, inflation, FIT.iterations)
@@ -94,7 +103,9 @@ def own_numbers(run: MachineRun, rig: Rig) -> tuple[Problem, FitState]:
 _Off = list[tuple[str, Vector]]
 
 
-def _off(problem: Problem, rows: Sequence[tuple[int, str, np.ndarray]], given: Sequence[Mapping[str, Vector]]) -> _Off:
+def _off(
+    problem: Problem, rows: Sequence[tuple[int, str, np.ndarray]], given: Sequence[Mapping[str, Vector]]
+) -> _Off:
     return [(name, problem.runs[k].measured[name][at] - given[k][name][at]) for k, name, at in rows]
 
 
@@ -202,7 +213,9 @@ def _creates(model: FittedModel) -> Iterator[str]:
         shares = np.array([own.get(("history", str(which)), 0.0) for which in range(machine.count)])
         given = dict(run.given)
         try:
-            out = simulate_machine(machine, given, drive=run.drive, end_given=run.end_given, start=Start(shares))
+            out = simulate_machine(
+                machine, given, drive=run.drive, end_given=run.end_given, start=Start(shares)
+            )
         except (FitError, SettingsError):
             return
         edges = turns(given[drive_channels(run.drive, run.tendons)[0]], _back(run))

@@ -94,13 +94,16 @@ def start_of(problem: Problem) -> Vector:
 
 
 def first_weights(problem: Problem) -> list[Vector]:
+    """Return the weight of every row before anything is known of its error [1/SI]."""
     return [
         np.full(len(values), 1.0 / max(FIT.first_sigma * float(np.ptp(values)), 1e-9))
         for values in problem.measured()
     ]
 
 
-def fit_from(problem: Problem, start: Vector, progress: Callable[[float], object]) -> tuple[Problem, FitState]:
+def fit_from(
+    problem: Problem, start: Vector, progress: Callable[[float], object]
+) -> tuple[Problem, FitState]:
     """Fit, weigh each channel by what is left and by how long its errors last, and fit again."""
     weight, inflation = first_weights(problem), np.ones(len(problem.rows))
     state = fit_round(problem, start, weight, inflation, FIT.iterations)
@@ -129,7 +132,9 @@ def _weights(left: Sequence[Vector]) -> tuple[list[Vector], Vector]:
     return weights, np.array(inflations)
 
 
-def fit_round(problem: Problem, start: Vector, weight: list[Vector], inflation: Vector, steps: int) -> FitState:
+def fit_round(
+    problem: Problem, start: Vector, weight: list[Vector], inflation: Vector, steps: int
+) -> FitState:
     """Take Levenberg-Marquardt steps until the squared error stands."""
     u, damping = start.copy(), 1e-3
     channels = problem.model(u)

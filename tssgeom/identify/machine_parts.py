@@ -14,6 +14,7 @@ import msgspec
 import numpy as np
 
 from tssgeom.effects import KINDS, Library, snake, with_size
+from tssgeom.identify.finding import RigNumber
 from tssgeom.identify.machine_run import MachineRun, Parameter, unit_of
 from tssgeom.rig import Rig, with_values
 from tssgeom.uncertain import UNKNOWNS, Prior
@@ -24,9 +25,9 @@ class PartSettings:
     """What is assumed of the numbers of a part."""
 
     wide: float = 5.0
-    """Of what is typical of a number: standard deviation of its prior [1]; chosen: machines differ in size."""
+    """Of what is typical of a number: s.d. of its prior [1]; chosen: machines differ in size."""
     scale: float = 1.0
-    """Standard deviation of the logarithm of a scale, such as a time constant [1]; chosen: a factor of 2.7."""
+    """S.d. of the logarithm of a scale, such as a time constant [1]; chosen: a factor of 2.7."""
     gain: float = 0.1
     """Standard deviation of the error of a gain [1]; chosen: a tenth, more is a wrong unit."""
     known: float = 0.5
@@ -36,13 +37,6 @@ class PartSettings:
 
 
 PARTS = PartSettings()
-
-
-class RigNumber(msgspec.Struct, frozen=True, kw_only=True, tag_field="name"):
-    """A number of the rig that a part frees; its key says which."""
-
-    key: str
-    """Where it stands in the rig."""
 
 
 class Number(NamedTuple):
@@ -185,7 +179,9 @@ class _Choice(NamedTuple):
 
 _CHOICES = (
     _Choice("drive_play", "drive.play_rad", "Play between motor and pulley"),
-    _Choice("drive_friction", "drive.friction_Nm", "Coulomb friction of the motor, beside that of the tendons"),
+    _Choice(
+        "drive_friction", "drive.friction_Nm", "Coulomb friction of the motor, beside that of the tendons"
+    ),
     _Choice("drive_slack", "drive.slack_m", "Slack of the second tendon at rest"),
     _Choice("drive_coupling", "drive.coupling", "The second tendon is let out more or less than the first"),
     _Choice("end_play", "end.play_rad", "Play between the joint and what measures its angle"),
@@ -193,7 +189,9 @@ _CHOICES = (
     _Choice("joint_weight", "end.gravity_Nm", "A weight that the joint carries"),
     _Choice("end_stiffness", "end.stiffness_Nm_per_rad", "The joint is stiffer or softer than the rig says"),
     _Choice("load_stiffness", "load.stiffness_N_per_m", "The spring of the load is not that of the rig"),
-    _Choice("pretension_error", "tendon.pretension_N", "The tendons start at another tension than the rig says"),
+    _Choice(
+        "pretension_error", "tendon.pretension_N", "The tendons start at another tension than the rig says"
+    ),
 )
 MEANINGS: Mapping[str, str] = {each.name: each.meaning for each in _CHOICES} | {
     "channel_gain": "A channel reads a share too much or too little",

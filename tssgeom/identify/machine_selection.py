@@ -158,7 +158,7 @@ def _backward(model: FittedModel, kept: Sequence[MachineRun]) -> FittedModel:
         return model
     for which in range(len(model.parts) - 1):
         less = without_part(model, which, kept)
-        if less is not None and delta_bic(less, _reordered(model, which)) < EVIDENCE.needed:
+        if less is not None and delta_bic(less, reordered(model, which)) < EVIDENCE.needed:
             return less
     return model
 
@@ -170,14 +170,30 @@ def without_part(model: FittedModel, which: int, kept: Sequence[MachineRun]) -> 
     stays = [j for j, each in enumerate(problem.parameters) if each.name not in names]
     rig, parameters = problem.rig, [problem.parameters[j] for j in stays]
     off = {
-        each.key: each.prior.centre for each in problem.parameters if each.name in names and not each.prior.log
+        each.key: each.prior.centre
+        for each in problem.parameters
+        if each.name in names and not each.prior.log
     }
     less = replace(problem, rig=with_values(rig, off), parameters=tuple(parameters))
     parts = [each for k, each in enumerate(model.parts) if k != which]
     return _fitted(less, model.state.u[stays], model, parts, kept)
 
 
-def _reordered(model: FittedModel, which: int) -> FittedModel:
+def without_zeros(
+    model: FittedModel, channels: Sequence[str], kept: Sequence[MachineRun]
+) -> tuple[FittedModel, FittedModel] | None:
+    """Return a model refitted with zeros of channels at those of the rig, and itself in that order."""
+    problem = model.problem
+    of_zero = np.array([each.kind == "zero" and each.key in channels for each in problem.parameters])
+    stays = np.flatnonzero(~of_zero)
+    less = replace(problem, parameters=tuple(problem.parameters[j] for j in stays))
+    made = _fitted(less, model.state.u[stays], model, model.parts, kept, channels)
+    order = np.concatenate([stays, np.flatnonzero(of_zero)])
+    same = replace(model, state=replace(model.state, u=model.state.u[order]))
+    return None if made is None else (made, same)
+
+
+def reordered(model: FittedModel, which: int) -> FittedModel:
     """Return the model with the numbers of one part last, as `delta_bic` compares them."""
     names = {f"{model.parts[which].label}: {number.name}" for number in model.parts[which].numbers}
     of_part = np.array([each.name in names for each in model.problem.parameters])
@@ -232,11 +248,15 @@ def _score(model: FittedModel, part: Part, lines: _Lines) -> _Score | None:
                 break
         else:
             continue
-        column = lines.weight * (np.concatenate(longer.left(there)) - np.concatenate(state.left)) / added[switch]
+        column = (
+            lines.weight * (np.concatenate(longer.left(there)) - np.concatenate(state.left)) / added[switch]
+        )
         score = _line(lines, column)
         amplitude = score[0]
         number = part.switch
-        low, high = (number.prior.u(each) if math.isfinite(each) else each for each in (number.lower, number.upper))
+        low, high = (
+            number.prior.u(each) if math.isfinite(each) else each for each in (number.lower, number.upper)
+        )
         if not low < amplitude < high:
             amplitude = min(max(amplitude, low + 1e-3), high - 1e-3)
         gain = score[1] if score[0] * amplitude > 0.0 and low < score[0] else 0.0
@@ -265,7 +285,9 @@ def _refit(model: FittedModel, one: _Score, kept: Sequence[MachineRun]) -> Tried
     typical[switch] = one.part.switch.prior.u(one.part.switch.start)
     half = one.start.copy()
     half[switch] *= 0.3
-    starts = [(value, u) for u in (one.start, half, typical) if (value := _at(one.problem, u, model)) < math.inf]
+    starts = [
+        (value, u) for u in (one.start, half, typical) if (value := _at(one.problem, u, model)) < math.inf
+    ]
     if not starts:
         return None
     start = min(starts, key=lambda each: each[0])[1]
@@ -274,7 +296,9 @@ def _refit(model: FittedModel, one: _Score, kept: Sequence[MachineRun]) -> Tried
         return None
     size = max(changes(model, after).values())
     gain, ratio = delta_bic(model, after), held_out_ratio(model, after)
-    return TriedPart(one.part, after, gain, size, ratio, refused(model, after) if gain > EVIDENCE.needed else "")
+    return TriedPart(
+        one.part, after, gain, size, ratio, refused(model, after) if gain > EVIDENCE.needed else ""
+    )
 
 
 def _at(problem: Problem, u: Vector, model: FittedModel) -> float:
@@ -286,13 +310,18 @@ def _at(problem: Problem, u: Vector, model: FittedModel) -> float:
 
 
 def _fitted(
-    problem: Problem, start: Vector, model: FittedModel, parts: Sequence[Part], kept: Sequence[MachineRun]
+    problem: Problem,
+    start: Vector,
+    model: FittedModel,
+    parts: Sequence[Part],
+    kept: Sequence[MachineRun],
+    fixed: Sequence[str] = (),
 ) -> FittedModel | None:
     """Fit from a start with the weights of a model, then with its own."""
     try:
         state = fit_round(problem, start, model.state.weight, model.state.inflation, FIT.iterations)
         for _ in range(MACHINE_SEARCH.rounds):
             problem, state = fitted_again(problem, state)
-        return modelled(problem, state, parts, kept)
+        return modelled(problem, state, parts, kept, fixed)
     except FitError:
         return None

@@ -127,6 +127,11 @@ def sentence(
     return f"{text}{_held_out_words(*held_out_change(misfit))}."
 
 
+def remainder(left: float) -> str:
+    """Say what is left with the chosen effects, in units of the noise [1]."""
+    return f"Something remains that has no name here: {left:.2g} times the noise."
+
+
 def _nothing_missing(base: Mapping[str, Estimate], misfit: Misfit) -> str:
     numbers = f"friction {number(base['friction'])} and compliance {number(base['compliance_per_N'])}"
     _, held = held_out_change(misfit)
@@ -165,7 +170,7 @@ def _effect(one: Candidate) -> str:
     numbers = ", ".join(f"{parameter(key)} {number(value)}" for key, value in one.parameters[0].items())
     choice = "".join(
         f", {key} {plain(getattr(one.effects[0], key))}"
-        for key in ("channel", "end")
+        for key in ("channel", "end", "key")
         if hasattr(one.effects[0], key)
     )
     return f"{one.names[0]} ({numbers}{choice})"

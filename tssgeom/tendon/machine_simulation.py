@@ -173,8 +173,8 @@ def _with_motor(laws: Coordinates, arms: Vector) -> tuple[Coordinates, Matrix]:
     n, m = laws.distal.shape
     if laws.friction > 0.0:
         raise SettingsError(
-            f"end.friction_Nm is {laws.friction:g}: the friction of a joint acts where an angle, displacement or "
-            "tension drives, not a torque"
+            f"end.friction_Nm is {laws.friction:g}: friction of a joint acts where an angle, displacement "
+            "or tension drives, not a torque"
         )
     proximal = np.column_stack([np.zeros((n, m)), arms])
     distal = np.column_stack([laws.distal, np.zeros(n)])
