@@ -60,8 +60,9 @@ class Drive(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 class End(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """What the tendons pull: a spring, a weight, nothing that moves, a joint, or a segment that bends."""
 
-    kind: Literal["spring", "weight", "blocked", "joint", "segment"] = "spring"
-    """`spring` is that of `[load]`; `weight` hangs with the pretension; `blocked` does not move."""
+    kind: Literal["spring", "weight", "blocked", "carried", "joint", "segment"] = "spring"
+    """`spring` is that of `[load]`; `weight` hangs with the pretension; `blocked` does not move;
+    `carried` moves with the drive, as both ends of a band on one frame that is moved round a drum."""
     radius_m: float = 0.0
     """Lever arm of the tendons on the joint, or their distance from the backbone [m]."""
     stiffness_Nm_per_rad: float = 0.0
@@ -130,7 +131,7 @@ def tendon_count(drive: Drive, end: End) -> int:
         )
     if drive.kind == "tendons" and end.kind != "segment":
         raise SettingsError('drive.kind "tendons" pulls a segment: give end.kind = "segment"')
-    if count > 1 and end.kind in ("spring", "weight"):
+    if count > 1 and end.kind in ("spring", "weight", "carried"):
         raise SettingsError(f'end.kind {end.kind!r} has one tendon: give end.kind = "joint" or "blocked"')
     return count
 
@@ -149,7 +150,7 @@ def coordinates(drive: Drive, end: End, load_stiffness: float) -> Coordinates:
         distal = end.radius_m * np.column_stack([np.cos(angles), np.sin(angles)])
         names = ("bending_x_rad", "bending_y_rad")
         return Coordinates(distal, np.full(2, end.stiffness_Nm_per_rad), np.zeros((2, 2)), names)
-    if end.kind == "blocked":
+    if end.kind in ("blocked", "carried"):
         return Coordinates(np.zeros((n, 1)), np.ones(1), none, ("",))
     stiffness = 0.0 if end.kind == "weight" else load_stiffness
     return Coordinates(np.ones((1, 1)), np.array([stiffness]), none, ("displacement_out_m",))

@@ -22,7 +22,7 @@ from tssgeom.identify.machine_evidence import (
     modelled,
 )
 from tssgeom.identify.machine_finding import MachineCampaign, MachineWork, NamedZero
-from tssgeom.identify.machine_fit import fit_from, start_of
+from tssgeom.identify.machine_fit import first_weights, fit_from, fit_round, fitted_again, start_of
 from tssgeom.identify.machine_parts import parts_of
 from tssgeom.identify.machine_problem import FIT, Problem, fitted_rows
 from tssgeom.identify.machine_run import LIMITS, MachineRun, parameters_of, thinned
@@ -58,6 +58,17 @@ def discover_machine(
     Source: docs/model.md (186) to (188).
     """
     begun = time.perf_counter()
+    work, notes = machine_work(campaign, progress)
+    progress("putting it together", 0.9)
+    finding = work.finding(notes)
+    progress("done", 1.0)
+    return replace(finding, seconds=time.perf_counter() - begun)
+
+
+def machine_work(
+    campaign: MachineCampaign, progress: Callable[[str, float], object] = lambda step, share: None
+) -> tuple[MachineWork, tuple[str, ...]]:
+    """Return what the steps of the workflow leave, and notes; arguments and errors of `discover_machine`."""
     progress("fitting what is not certain", 0.02)
     fitted, kept, said = parted_runs(campaign)
     parameters = tuple(parameters_of(fitted, campaign.rig, campaign.uncertain))
@@ -72,11 +83,30 @@ def discover_machine(
     )
     progress("zeros of channels", 0.8)
     base, zeros = _zeros(chosen, kept)
-    progress("putting it together", 0.9)
     work = MachineWork(campaign, fitted, kept, base, chosen, zeros)
-    finding = work.finding((*said, *(note for run in fitted for note in run.notes)))
-    progress("done", 1.0)
-    return replace(finding, seconds=time.perf_counter() - begun)
+    return work, (*said, *(note for run in fitted for note in run.notes))
+
+
+def fitted_to_all(work: MachineWork) -> FittedModel:
+    """Fit what was chosen once more, to everything that was held out too."""
+    model = work.chosen.model
+    runs = (*work.fitted, *work.kept)
+    runs = tuple(replace(run, held_out=np.zeros_like(run.held_out)) for run in runs)
+    own = [
+        each for each in parameters_of(runs, work.campaign.rig, work.campaign.uncertain) if each.kind != "rig"
+    ]
+    shared = [each for each in model.problem.parameters if each.kind == "rig"]
+    at = {
+        (each.kind, each.key, each.run): u
+        for each, u in zip(model.problem.parameters, model.state.u, strict=True)
+    }
+    parameters = (*shared, *own)
+    start = np.array([at.get((each.kind, each.key, each.run), 0.0) for each in parameters])
+    problem = Problem(runs, model.problem.rig, parameters, fitted_rows(runs, held_out=None), FIT.bars)
+    state = fit_round(problem, start, first_weights(problem), np.ones(len(problem.rows)), FIT.iterations)
+    for _ in range(FIT.rounds):
+        problem, state = fitted_again(problem, state)
+    return modelled(problem, state, model.parts, ())
 
 
 def parted_runs(

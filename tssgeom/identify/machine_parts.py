@@ -117,6 +117,8 @@ def absent_parts(rig: Rig, runs: Sequence[MachineRun]) -> Mapping[str, str]:
         why["backlash"] = "play of the motor is drive_play"
     if any(run.drive in ("tension_in", "motor_torque_Nm") for run in runs):
         why["backlash"] = "forces drive, which have no play"
+    if rig.end.kind == "carried":
+        why["backlash"] = "play of what carries both ends is drive_play"
     if all(_one_curvature(run) for run in runs):
         why["curvature_dependent_friction"] = "all routes have one curvature"
     return why

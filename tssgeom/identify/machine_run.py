@@ -181,6 +181,7 @@ def answering(rig: Rig, count: int) -> tuple[str, ...]:
         "spring": ["displacement_out_m"],
         "weight": ["displacement_out_m"],
         "blocked": [],
+        "carried": [],
     }[rig.end.kind]
     alone = ["elongation_m"] if count == 1 else []
     return (*of_end, *motor, *ends, *alone)

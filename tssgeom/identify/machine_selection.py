@@ -40,8 +40,10 @@ class MachineSearch:
     """Parts that are refitted after the score test; chosen."""
     promise: float = 4.0
     """Fall of χ² in the score test from which a part is refitted [1]; chosen: two standard deviations."""
-    rounds: int = 2
-    """Rounds in which weights and numbers of a refit converge; chosen."""
+    continued: int = 3
+    """Parts whose refit goes on until weights and numbers converge; chosen."""
+    steps: int = 6
+    """Steps of the first round of a refit; chosen."""
     same: float = 0.95
     """Of a held-out rms: a smaller one separates two parts of like evidence [1]; chosen, as `MISFIT.same`."""
 
@@ -147,9 +149,11 @@ def part_step(model: FittedModel, parts: Sequence[Part], kept: Sequence[MachineR
     tests = [_score(model, part, lines) for part in parts if part.label not in has]
     tests = [one for one in tests if one is not None and one.gain > MACHINE_SEARCH.promise]
     tests.sort(key=lambda one: -one.gain)
-    tried = [_refit(model, one, kept) for one in tests[: MACHINE_SEARCH.refitted]]
-    ranked = sorted((one for one in tried if one is not None), key=lambda one: -one.delta_bic)
-    return PartStep(model, tuple(ranked))
+    quick = [_refit(model, one, kept) for one in tests[: MACHINE_SEARCH.refitted]]
+    tried = sorted((one for one in quick if one is not None), key=lambda one: -one.delta_bic)
+    few = [_continued(model, one, kept) for one in tried[: MACHINE_SEARCH.continued]]
+    few.sort(key=lambda one: -one.delta_bic)
+    return PartStep(model, (*few, *tried[MACHINE_SEARCH.continued :]))
 
 
 def _backward(model: FittedModel, kept: Sequence[MachineRun]) -> FittedModel:
@@ -292,13 +296,18 @@ def _refit(model: FittedModel, one: _Score, kept: Sequence[MachineRun]) -> Tried
         return None
     start = min(starts, key=lambda each: each[0])[1]
     after = _fitted(one.problem, start, model, [*model.parts, one.part], kept)
-    if after is None:
-        return None
+    return None if after is None else _tried(model, one.part, after)
+
+
+def _continued(model: FittedModel, one: TriedPart, kept: Sequence[MachineRun]) -> TriedPart:
+    problem, state = fitted_again(one.model.problem, one.model.state)
+    return _tried(model, one.part, modelled(problem, state, one.model.parts, kept, one.model.fixed))
+
+
+def _tried(model: FittedModel, part: Part, after: FittedModel) -> TriedPart:
     size = max(changes(model, after).values())
     gain, ratio = delta_bic(model, after), held_out_ratio(model, after)
-    return TriedPart(
-        one.part, after, gain, size, ratio, refused(model, after) if gain > EVIDENCE.needed else ""
-    )
+    return TriedPart(part, after, gain, size, ratio, refused(model, after) if gain > EVIDENCE.needed else "")
 
 
 def _at(problem: Problem, u: Vector, model: FittedModel) -> float:
@@ -319,9 +328,8 @@ def _fitted(
 ) -> FittedModel | None:
     """Fit from a start with the weights of a model, then with its own."""
     try:
-        state = fit_round(problem, start, model.state.weight, model.state.inflation, FIT.iterations)
-        for _ in range(MACHINE_SEARCH.rounds):
-            problem, state = fitted_again(problem, state)
+        state = fit_round(problem, start, model.state.weight, model.state.inflation, MACHINE_SEARCH.steps)
+        problem, state = fitted_again(problem, state)
         return modelled(problem, state, parts, kept, fixed)
     except FitError:
         return None

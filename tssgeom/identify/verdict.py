@@ -170,10 +170,11 @@ def _effect(one: Candidate) -> str:
     numbers = ", ".join(f"{parameter(key)} {number(value)}" for key, value in one.parameters[0].items())
     choice = "".join(
         f", {key} {plain(getattr(one.effects[0], key))}"
-        for key in ("channel", "end", "key")
+        for key in ("channel", "end")
         if hasattr(one.effects[0], key)
     )
-    return f"{one.names[0]} ({numbers}{choice})"
+    key = getattr(one.effects[0], "key", "")
+    return f"{one.names[0]} ({numbers}{choice}{f', {key}' if key else ''})"
 
 
 def number(estimate: Estimate) -> str:

@@ -11,7 +11,7 @@ import msgspec
 from tssgeom.errors import SettingsError, ShapeError, SourceError
 from tssgeom.identify.campaign import Campaign, Route, Run
 from tssgeom.io.formats.columns import CHANNELS
-from tssgeom.io.formats.files import CAMPAIGN, open_recording
+from tssgeom.io.formats.files import CAMPAIGN, open_recording, output_names
 from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap
 from tssgeom.io.formats.paths import split
 from tssgeom.io.formats.runs import IN_SI, read_run
