@@ -155,10 +155,15 @@ def held_out_ratio(before: FittedModel, after: FittedModel) -> float:
 
     NaN where nothing is held out.
     """
+    ratios = list(held_out_ratios(before, after).values())
+    return math.sqrt(sum(each**2 for each in ratios) / len(ratios)) if ratios else math.nan
+
+
+def held_out_ratios(before: FittedModel, after: FittedModel) -> dict[str, float]:
+    """Return the same by channel that a part touches [1]; of all where it touches none."""
     size = changes(before, after)
     touched = [name for name in before.held if size.get(name, 0.0) > 1.0] or list(before.held)
-    ratios = [after.held[name] / max(before.held[name], 1e-15) for name in touched]
-    return math.sqrt(sum(each**2 for each in ratios) / len(ratios)) if ratios else math.nan
+    return {name: after.held[name] / max(before.held[name], 1e-15) for name in touched}
 
 
 def noise_of(models: Sequence[FittedModel], rig: Rig) -> dict[str, float]:

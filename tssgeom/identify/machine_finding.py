@@ -38,7 +38,7 @@ from tssgeom.identify.machine_evidence import (
 )
 from tssgeom.identify.machine_parts import Part, absent_parts
 from tssgeom.identify.machine_problem import FIT
-from tssgeom.identify.machine_run import MachineRun, predicted
+from tssgeom.identify.machine_run import MachineRun, finely_predicted
 from tssgeom.identify.machine_selection import PartSelection, TriedPart, reordered, without_part
 from tssgeom.identify.misfit import beyond_noise
 from tssgeom.identify.verdict import VERDICT, Judgement, remainder, sentence
@@ -46,6 +46,8 @@ from tssgeom.rig import Rig, with_values
 from tssgeom.tendon.machine_simulation import drive_channels
 from tssgeom.uncertain import Uncertain
 
+_BARS = (FIT.fine, 2 * FIT.bars, FIT.bars)
+"""Bars of each tendon in a trace, fewer where more find no equilibrium; chosen."""
 _NAMES = {"friction.coefficient": "friction", "tendon.compliance_per_N": "compliance_per_N"}
 
 
@@ -188,7 +190,9 @@ class MachineWork:
     def _traces(self, noise: Mapping[str, float]) -> Iterator[Trace]:
         models = (self.base, self.chosen.model)
         for k, run in enumerate(self.fitted):
-            both = [predicted(run, one.rig, one.problem.of_run(one.state.u, k), FIT.fine) for one in models]
+            numbers = [one.problem.of_run(one.state.u, k) for one in models]
+            pairs = zip(models, numbers, strict=True)
+            both = [finely_predicted(run, one.rig, own, _BARS) for one, own in pairs]
             if not run.held_out.any():
                 yield _trace(run, both, noise, run.name, held=False)
                 continue
@@ -199,7 +203,7 @@ class MachineWork:
             both = []
             for one in models:
                 own, there = own_numbers(run, one.rig, one.fixed)
-                both.append(predicted(run, one.rig, own.of_run(there.u, 0), FIT.fine))
+                both.append(finely_predicted(run, one.rig, own.of_run(there.u, 0), _BARS))
             yield _trace(replace(run, held_out=~run.held_out), both, noise, run.name, held=True)
 
 

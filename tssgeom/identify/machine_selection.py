@@ -21,6 +21,7 @@ from tssgeom.identify.machine_evidence import (
     changes,
     delta_bic,
     held_out_ratio,
+    held_out_ratios,
     modelled,
     refused,
 )
@@ -44,6 +45,8 @@ class MachineSearch:
     """Parts whose refit goes on until weights and numbers converge; chosen."""
     steps: int = 6
     """Steps of the first round of a refit; chosen."""
+    worse: float = 1.05
+    """Of the held-out rms of a channel: a part that makes it so much larger is refused [1]; chosen."""
     same: float = 0.95
     """Of a held-out rms: a smaller one separates two parts of like evidence [1]; chosen, as `MISFIT.same`."""
 
@@ -63,7 +66,7 @@ class TriedPart:
     held_ratio: float
     """Held-out rms of the channels it touches over that without [1]; NaN where nothing is held out."""
     refusal: str
-    """Why physics or a bound forbids it; empty where nothing does."""
+    """Why physics, a bound or a channel that it makes worse forbids it; empty where nothing does."""
 
     @property
     def passes(self) -> bool:
@@ -307,7 +310,19 @@ def _continued(model: FittedModel, one: TriedPart, kept: Sequence[MachineRun]) -
 def _tried(model: FittedModel, part: Part, after: FittedModel) -> TriedPart:
     size = max(changes(model, after).values())
     gain, ratio = delta_bic(model, after), held_out_ratio(model, after)
-    return TriedPart(part, after, gain, size, ratio, refused(model, after) if gain > EVIDENCE.needed else "")
+    reason = ""
+    if gain > EVIDENCE.needed:
+        reason = refused(model, after) or _worse(model, after)
+    return TriedPart(part, after, gain, size, ratio, reason)
+
+
+def _worse(model: FittedModel, after: FittedModel) -> str:
+    """Say which channel a part makes worse on what is held out; empty where it makes none."""
+    ratios = held_out_ratios(model, after)
+    worst = max(ratios, key=lambda name: ratios[name], default="")
+    if not worst or ratios[worst] <= MACHINE_SEARCH.worse:
+        return ""
+    return f"with it the held-out rms of {worst} is {ratios[worst]:.3g} times that without"
 
 
 def _at(problem: Problem, u: Vector, model: FittedModel) -> float:
