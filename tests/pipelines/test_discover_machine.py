@@ -1,4 +1,4 @@
-"""`tssgeom discover` on a machine: one run, no shape, unknown numbers; and that other commands take its rig."""
+"""`tssgeom discover` on a machine: one run, no shape, unknown numbers; other commands take its rig."""
 
 import json
 
