@@ -125,9 +125,11 @@ def run_names(listing: Path, runs: Sequence[Listed]) -> list[str]:
 
 def _shape_each(listing: Path, runs: Sequence[Listed]) -> list[str]:
     """Return the shape of each run of one tendon."""
-    for listed in runs:
+    for k, listed in enumerate(runs):
         if not listed.shape or not isinstance(listed.shape, str):
-            raise SettingsError(f"{listing}: {listed.data} has not one shape: name one file")
+            raise SettingsError(
+                f"{listing}: `shape` of run[{k}] is not one file: name the shape of one tendon"
+            )
     return [listed.shape for listed in runs if isinstance(listed.shape, str)]
 
 
