@@ -25,6 +25,7 @@ from benchmarks.real_sets import (
 )
 from benchmarks.real_tool import TOOL, tool_cases
 from benchmarks.run_cases import Case, Mask, Response, mean_cycle_error
+from benchmarks.run_discoveries import Discovered, discovered
 from benchmarks.run_laws import LAWS
 from benchmarks.run_machines import predictions as ours
 from benchmarks.run_peers import Estimate, Prediction, fit
@@ -64,11 +65,15 @@ def show_runs(*, quick: bool, markdown: bool) -> None:
             print(f"\n{name}: left out, {folder.name} is not beside the project")
             continue
         cases = cases_of(quick=quick)
-        fits = dict[tuple[str, str], dict[str, Prediction]]()
+        fits, made = dict[tuple[str, str], dict[str, Prediction]](), dict[str, Discovered]()
         for case in cases:
             model = ours(case) or {}
             fits |= {(case.name, each.column): fits_of(case, each, model) for each in case.responses}
-        parts = [_errors(cases, fits, markdown=markdown), _parameters(cases, fits, markdown=markdown)]
+            one = discovered(case)
+            if one is not None:
+                made[case.name] = one
+        parts = [_errors(cases, fits, markdown=markdown), _discoveries(cases, fits, made, markdown=markdown)]
+        parts.append(_parameters(cases, fits, markdown=markdown))
         if folder == ROBOTS:
             parts += [_play_fits(cases, fits, markdown=markdown), _lags(cases)]
         if folder == BAND:
@@ -108,6 +113,36 @@ def _errors(cases: Sequence[Case], fits: Fits, *, markdown: bool) -> str:
                 row.append(number(scale * rms(case, column, own[name], case.held_out)) if known else ABSENT)
             rows.append(row)
     header = ["held-out rms", "response", "signal", "cycle", *methods]
+    return table(header, rows, text_columns=2, markdown=markdown)
+
+
+def _discoveries(cases: Sequence[Case], fits: Fits, made: Mapping[str, Discovered], *, markdown: bool) -> str:
+    """Return held-out errors without and with what `discover` chose, beside the best peer."""
+    rows = []
+    for case in cases:
+        one = made.get(case.name)
+        for response in case.responses:
+            column = response.column
+            unit, scale = _unit_of(column)
+            row = [case.name, f"{_title(column)} [{unit}]"]
+            peers = {
+                name: rms(case, column, fits[case.name, column][name], case.held_out)
+                for name in LAWS
+                if name in fits[case.name, column]
+            }
+            best = min(peers, key=lambda name: peers[name])
+            if one is None or column not in one.predictions:
+                rows.append(
+                    [*row, ABSENT, ABSENT, number(scale * peers[best]), ABSENT, f"{best}; no machine"]
+                )
+                continue
+            before, after = (
+                rms(case, column, each[column], case.held_out) for each in (one.base, one.predictions)
+            )
+            figures = [number(scale * each) for each in (before, after, peers[best])]
+            chosen = ", ".join(one.parts) or "nothing"
+            rows.append([*row, *figures, number(after / peers[best], 2), f"{best}; {one.verdict}: {chosen}"])
+    header = ["discover, held-out rms", "response", "before", "after", "best peer", "ratio", "peer; verdict"]
     return table(header, rows, text_columns=2, markdown=markdown)
 
 

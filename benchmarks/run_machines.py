@@ -27,12 +27,16 @@ _OF_TOOL = ("end.radius_m", "end.stiffness_Nm_per_rad", "drive.friction_Nm")
 def predictions(case: Case) -> Mapping[str, Prediction] | None:
     """Return what the calibrated machine predicts for a case; None where its rig is no machine."""
     if case.source == "davinci_tool":
-        return _of_tool(case)
-    return _of_segment(case) if case.source == "tdcr_tendon_tip" else None
+        return _of(case, tool_machine(case))
+    return _of(case, segment_machine(case)) if case.source == "tdcr_tendon_tip" else None
 
 
-def _of_tool(case: Case) -> Mapping[str, Prediction]:
-    """Fit a cable loop with a joint: motor angle and joint torque are given, the others answer."""
+Machine = tuple[Rig, list[Uncertain], dict[str, Vector], dict[str, tuple[str, float, float]]]
+"""Rig, what is not certain of it, channels on all rows, and by response its channel, factor and zero."""
+
+
+def tool_machine(case: Case) -> Machine:
+    """Return a cable loop with a joint: motor angle and joint torque are given, the others answer."""
     rig = Rig(
         friction=Friction(coefficient=0.1),
         drive=Drive(kind="loop", radius_m=_PULLEY),
@@ -41,17 +45,18 @@ def _of_tool(case: Case) -> Mapping[str, Prediction]:
     )
     uncertain = [Uncertain(key, UNKNOWNS[key], stated=False) for key in (*_UNKNOWN, *_OF_TOOL)]
     uncertain.append(Uncertain("friction.coefficient", assumed("", 0.1, 0.03), stated=True))
-    given = {"motor_angle_rad": 1.0, "motor_torque_Nm": 1.0, "joint_angle_rad": 1.0, "joint_torque_Nm": -1.0}
-    fitted, channels = _fitted(case, rig, uncertain, given, ("motor_torque_Nm", "joint_angle_rad"))
-    made = _estimates(fitted)
-    return {
-        "tension_in_N": Prediction(PRELOAD + (channels["motor_torque_Nm"] - ZERO) / ARM, made),
-        "joint_angle_rad": Prediction(channels["joint_angle_rad"], made),
+    names = ("motor_angle_rad", "motor_torque_Nm", "joint_angle_rad")
+    columns = {name: case.columns[name] for name in names}
+    columns["joint_torque_Nm"] = -case.columns["joint_torque_Nm"]
+    answers = {
+        "tension_in_N": ("motor_torque_Nm", 1.0 / ARM, PRELOAD - ZERO / ARM),
+        "joint_angle_rad": ("joint_angle_rad", 1.0, 0.0),
     }
+    return rig, uncertain, columns, answers
 
 
-def _of_segment(case: Case) -> Mapping[str, Prediction]:
-    """Fit a pair on a joint to a segment in its plane: the displacement is given, the bending answers."""
+def segment_machine(case: Case) -> Machine:
+    """Return a pair on a joint for a segment in its plane: the displacement is given, the bending answers."""
     radius = case.known["radius_m"]
     rig = Rig(
         tendon=Tendon(pretension_N=5.0),
@@ -62,29 +67,35 @@ def _of_segment(case: Case) -> Mapping[str, Prediction]:
     uncertain = [Uncertain(key, UNKNOWNS[key], stated=False) for key in (*_UNKNOWN, "drive.play_rad")]
     uncertain.append(Uncertain("end.radius_m", assumed("", radius, 0.3 * radius), stated=True))
     columns = {
-        "displacement_in_m": case.columns["displacement_in_m"],
+        "motor_angle_rad": case.columns["displacement_in_m"] / _PULLEY,
         "joint_angle_rad": case.columns["bending_angle_rad"],
     }
-    motor = columns["displacement_in_m"] / _PULLEY
-    made = {"motor_angle_rad": motor, "joint_angle_rad": columns["joint_angle_rad"]}
-    fitted, channels = _fitted(case, rig, uncertain, dict.fromkeys(made, 1.0), ("joint_angle_rad",), made)
-    return {"bending_angle_rad": Prediction(channels["joint_angle_rad"], _estimates(fitted))}
+    return rig, uncertain, columns, {"bending_angle_rad": ("joint_angle_rad", 1.0, 0.0)}
+
+
+def _of(case: Case, machine: Machine) -> Mapping[str, Prediction]:
+    rig, uncertain, columns, answers = machine
+    channels = tuple(name for name, _, _ in answers.values())
+    fitted, out = _fitted(case, rig, uncertain, channels, columns)
+    made = _estimates(fitted)
+    return {
+        response: Prediction(zero + factor * out[name], made)
+        for response, (name, factor, zero) in answers.items()
+    }
 
 
 def _fitted(
     case: Case,
     rig: Rig,
     uncertain: list[Uncertain],
-    given: Mapping[str, float],
     answers: tuple[str, ...],
-    columns: Mapping[str, Vector] | None = None,
+    table: Mapping[str, Vector],
 ) -> tuple[MachineCalibration, dict[str, Vector]]:
     """Fit a machine to the fitted rows of all runs; return it, and its answers on all rows."""
-    table = case.columns if columns is None else columns
     nominal = with_values(rig, {each.key: each.prior.centre for each in uncertain})
     route, runs = [route_of_rig(nominal)], list[tuple[slice, dict[str, Vector]]]()
     for rows in case.runs():
-        taken = {name: sign * table[name][rows] for name, sign in given.items()}
+        taken = {name: values[rows] for name, values in table.items()}
         runs.append((rows, {"time_s": case.columns["time_s"][rows], **taken}))
     used = [k for k, (rows, _) in enumerate(runs) if case.fitted[rows].sum() >= _LEAST]
     made = []

@@ -5,7 +5,7 @@ What it needs is imported when it runs, so that `--help` is quick.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,10 +13,11 @@ import typer
 
 from pipelines import tssgeom_version
 from pipelines.options import Figures, Json, Map, Quiet, Unit
-from pipelines.terminal import print_json, print_line, print_message, print_table, step_progress
+from pipelines.terminal import print_json, print_line, print_table, step_progress
 
 if TYPE_CHECKING:
     from tssgeom.identify.finding import Finding
+    from tssgeom.io.formats.laboratory.mapping import ColumnMap
 
 PAGE, PICTURE = "report.html", "discover.rrd"
 _MOST_EXPERIMENTS = 3  # chosen: experiments in the notes; the report has all
@@ -37,10 +38,7 @@ def discover(
     quiet: Quiet = False,
 ) -> None:
     """Find what the model lacks on measured runs, name it, put it into the rig, and show the gap shrink."""
-    from pipelines.inputs import ONE_TENDON
     from tssgeom.errors import SettingsError
-    from tssgeom.identify import workflow
-    from tssgeom.io.formats.campaigns import read_campaign
     from tssgeom.io.formats.laboratory.mapping import ColumnMap
     from tssgeom.io.results.findings import report_object
 
@@ -52,10 +50,7 @@ def discover(
             report_step(step, _READ + share * (_IDENTIFIED - _READ))
 
         report_step("reading the campaign", 0.0)
-        read = read_campaign(campaign, unit, ColumnMap(columns or ()))
-        if read.rig.is_machine:
-            print_message(f"{campaign}: warning: {ONE_TENDON}; calibrate takes several runs of a machine")
-        finding = workflow.discover(read, seed=seed, progress=identifying)
+        finding = _identified(campaign, unit, ColumnMap(columns or ()), seed, identifying)
         report_step("writing the report", _IDENTIFIED)
         files = _write(out, finding)
         if figures is not None:
@@ -66,6 +61,22 @@ def discover(
     elif not quiet:
         _print_table(finding, out, files)
     raise typer.Exit(0)
+
+
+def _identified(
+    campaign: Path, unit: str | None, said: ColumnMap, seed: int, report: Callable[[str, float], None]
+) -> Finding:
+    """Read a campaign and find what its model lacks, that of one tendon or of a machine."""
+    from tssgeom.io.formats.machine_campaigns import is_machine_campaign, read_machine_campaign
+
+    if is_machine_campaign(campaign, said):
+        from tssgeom.identify.machine_discovery import discover_machine
+
+        return discover_machine(read_machine_campaign(campaign, unit, said), progress=report)
+    from tssgeom.identify import workflow
+    from tssgeom.io.formats.campaigns import read_campaign
+
+    return workflow.discover(read_campaign(campaign, unit, said), seed=seed, progress=report)
 
 
 def _write(out: Path, finding: Finding) -> list[str]:
@@ -79,7 +90,8 @@ def _write(out: Path, finding: Finding) -> list[str]:
         write_report(draft, finding, tssgeom_version())
         write_updated_rig(draft, finding, tssgeom_version())
         write_finding_report(draft / PAGE, finding)
-        write_finding_recording(draft / PICTURE, finding)
+        if not finding.is_machine:
+            write_finding_recording(draft / PICTURE, finding)
         return sorted(path.name for path in draft.iterdir())
 
 
@@ -104,7 +116,8 @@ def _print_table(finding: Finding, out: Path, files: Sequence[str]) -> None:
         numbers = (finding.misfit.noise[name], before, finding.misfit.after[judged][name])
         rows.append((channel.label, *(f"{channel.factor * number:.3g}" for number in numbers)))
     print_table(title, ("channel", "sensors", "before", "after"), rows, notes=_notes(finding))
-    print_line(f"written to {out}: {', '.join(files)}; picture: tssgeom view {out / PICTURE}")
+    picture = f"; picture: tssgeom view {out / PICTURE}" if PICTURE in files else ""
+    print_line(f"written to {out}: {', '.join(files)}{picture}")
 
 
 def _notes(finding: Finding) -> list[str]:

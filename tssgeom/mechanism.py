@@ -60,8 +60,9 @@ class Drive(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 class End(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """What the tendons pull: a spring, a weight, nothing that moves, a joint, or a segment that bends."""
 
-    kind: Literal["spring", "weight", "blocked", "joint", "segment"] = "spring"
-    """`spring` is that of `[load]`; `weight` hangs with the pretension; `blocked` does not move."""
+    kind: Literal["spring", "weight", "blocked", "carried", "joint", "segment"] = "spring"
+    """`spring` is that of `[load]`; `weight` hangs with the pretension; `blocked` does not move;
+    `carried` moves with the drive, as both ends of a band on one frame that is moved round a drum."""
     radius_m: float = 0.0
     """Lever arm of the tendons on the joint, or their distance from the backbone [m]."""
     stiffness_Nm_per_rad: float = 0.0
@@ -70,6 +71,8 @@ class End(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
     """Greatest torque of the weight of what a joint carries [N·m]."""
     gravity_at_rad: float = 0.0
     """Angle between the joint at rest and where the weight has no moment [rad]."""
+    friction_Nm: float = 0.0
+    """Coulomb friction of the joint itself, beside that of the tendons [N·m]."""
     play_rad: float = 0.0
     """Play between the joint and what measures its angle [rad]."""
     tendon_angles_deg: tuple[float, ...] = ()
@@ -82,7 +85,8 @@ class End(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
     """Of a segment: how far the marker is beyond the tip [m]."""
 
     def __post_init__(self) -> None:
-        for name in ("radius_m", "stiffness_Nm_per_rad", "gravity_Nm", "play_rad", "length_m", "marker_m"):
+        names = ("radius_m", "stiffness_Nm_per_rad", "gravity_Nm", "play_rad", "length_m", "marker_m")
+        for name in (*names, "friction_Nm"):
             value = getattr(self, name)
             _require(0.0 <= value < math.inf, f"end.{name}", value, "give a finite value >= 0")
         if self.kind in ("joint", "segment"):
@@ -106,6 +110,8 @@ class Coordinates(NamedTuple):
     """[m, 2] Greatest moment of a weight, and the angle at rest from where it has none."""
     names: tuple[str, ...]
     """[m] Channels that read the coordinates."""
+    friction: float = 0.0
+    """Coulomb friction of the only coordinate; docs/model.md (195)."""
 
 
 def tendon_count(drive: Drive, end: End) -> int:
@@ -125,7 +131,7 @@ def tendon_count(drive: Drive, end: End) -> int:
         )
     if drive.kind == "tendons" and end.kind != "segment":
         raise SettingsError('drive.kind "tendons" pulls a segment: give end.kind = "segment"')
-    if count > 1 and end.kind in ("spring", "weight"):
+    if count > 1 and end.kind in ("spring", "weight", "carried"):
         raise SettingsError(f'end.kind {end.kind!r} has one tendon: give end.kind = "joint" or "blocked"')
     return count
 
@@ -137,13 +143,14 @@ def coordinates(drive: Drive, end: End, load_stiffness: float) -> Coordinates:
     if end.kind == "joint":
         distal = end.radius_m * np.array([[1.0], [-1.0]][:n])
         gravity = np.array([[end.gravity_Nm, end.gravity_at_rad]])
-        return Coordinates(distal, np.array([end.stiffness_Nm_per_rad]), gravity, ("joint_angle_rad",))
+        stiffness = np.array([end.stiffness_Nm_per_rad])
+        return Coordinates(distal, stiffness, gravity, ("joint_angle_rad",), end.friction_Nm)
     if end.kind == "segment":
         angles = np.radians(end.tendon_angles_deg)
         distal = end.radius_m * np.column_stack([np.cos(angles), np.sin(angles)])
         names = ("bending_x_rad", "bending_y_rad")
         return Coordinates(distal, np.full(2, end.stiffness_Nm_per_rad), np.zeros((2, 2)), names)
-    if end.kind == "blocked":
+    if end.kind in ("blocked", "carried"):
         return Coordinates(np.zeros((n, 1)), np.ones(1), none, ("",))
     stiffness = 0.0 if end.kind == "weight" else load_stiffness
     return Coordinates(np.ones((1, 1)), np.array([stiffness]), none, ("displacement_out_m",))

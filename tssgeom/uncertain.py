@@ -48,6 +48,7 @@ UNKNOWNS: Mapping[str, Prior] = {
     "end.stiffness_Nm_per_rad": Prior(0.1, 2.5),
     "end.gravity_Nm": Prior(0.05, 2.0),
     "end.gravity_at_rad": Prior(0.0, 1.0, log=False),
+    "end.friction_Nm": Prior(0.005, 2.0),
     "end.play_rad": Prior(0.01, 1.5),
     "route.length_m": Prior(0.5, 0.5),
     "route.angle_rad": Prior(3.0, 0.8),

@@ -52,7 +52,8 @@ def test_a_joint_between_two_tendons_is_where_the_twin_balances(name):
         done, after, where, ends, _ = core.march_machine(
             len(edges[0]), np.array([p.block for p in plants]), np.array([m.block for m in memories]),
             np.zeros((2, 1)), distal, np.array([stiffness]), np.array([[0.03, 0.2]]), np.zeros(1),
-            np.zeros(1), False, np.ones(1), given, np.zeros((1, 2)), np.array([[load]]), np.zeros(1), 0,
+            np.zeros(1), np.zeros(1), False, np.ones(1), given, np.zeros((1, 2)), np.array([[load]]),
+            np.zeros(1), 0,
         )  # fmt: skip
         assert done == 1
 
@@ -81,7 +82,8 @@ def test_two_coordinates_of_three_tendons_are_where_the_twin_balances():
     given = np.array([[2e-3, -1e-3, -0.5e-3]])
     done, _, where, _, _ = core.march_machine(
         len(edges[0]), np.array([p.block for p in plants]), np.array([m.block for m in memories]),
-        np.zeros((3, 2)), distal, stiffness, np.zeros((2, 2)), np.zeros(2), np.zeros(2), False, np.ones(1),
+        np.zeros((3, 2)), distal, stiffness, np.zeros((2, 2)), np.zeros(2), np.zeros(2),
+        np.zeros(2), False, np.ones(1),
         given, np.zeros((1, 3)), np.zeros((1, 2)), np.zeros(1), 0,
     )  # fmt: skip
     assert done == 1
@@ -103,7 +105,8 @@ def test_what_cannot_be_balanced_ends_with_the_sample_that_failed():
     made, memory, edge = tendon(np.random.default_rng(0), [])
     done, _, where, ends, _ = core.march_machine(
         len(edge), made.block[None], memory.block[None], np.zeros((1, 1)), np.ones((1, 1)), np.ones(1),
-        np.zeros((1, 2)), np.full(1, 5.0), np.zeros(1), False, np.ones(3), np.array([[0.0], [np.nan], [0.0]]),
+        np.zeros((1, 2)), np.zeros(1), np.full(1, 5.0), np.zeros(1), False, np.ones(3),
+        np.array([[0.0], [np.nan], [0.0]]),
         np.zeros((3, 1)), np.zeros((3, 1)), np.zeros(3), 3,
     )  # fmt: skip
     assert done == 1

@@ -210,3 +210,28 @@ def test_what_does_not_go_together_is_refused():
         run(changed(rig(), drive=Drive(kind="pair")), [HALF_CIRCLE], motor_angle_rad=[0.1])
     with pytest.raises(SettingsError, match=r"two angles"):
         End(kind="segment", radius_m=0.01, tendon_angles_deg=(0.0,))
+
+
+def test_friction_of_a_joint_makes_a_play_whose_width_follows_from_springs_alone():
+    """Two straight tendons without friction are two springs: the joint follows the motor with a play."""
+    soft, length, pulley, arm, spring, friction = 2e-4, 0.5, 0.01, 0.008, 0.3, 0.02
+    hardware = Rig(
+        tendon=Tendon(pretension_N=30.0, compliance_per_N=soft),
+        friction=Friction(coefficient=0.0),
+        drive=Drive(kind="pair", radius_m=pulley),
+        end=End(kind="joint", radius_m=arm, stiffness_Nm_per_rad=spring, friction_Nm=friction),
+    )
+    time = np.linspace(0.0, 20.0, 400)
+    motor = 0.3 * np.sin(time) * (1.0 - 0.03 * time)
+    machine = machine_of(hardware, [Arcs.exact(np.array([length]), np.array([0.0]))])
+    out = simulate(machine, {"time_s": time, "motor_angle_rad": motor})
+    stiff = 2.0 / (soft * length)  # N/m of both tendons
+    half = friction / (stiff * arm * pulley)
+    followed, at = [], 0.0
+    for value in motor:
+        at = min(max(at, value - half), value + half)
+        followed.append(at)
+    gain = stiff * arm * pulley / (stiff * arm**2 + spring)
+    np.testing.assert_allclose(out["joint_angle_rad"], gain * np.array(followed), atol=1e-6)
+    assert np.ptp(motor) > 20.0 * half
+    assert half > 1e-3

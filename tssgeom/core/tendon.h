@@ -171,8 +171,8 @@ ENTRY void tss_lagged(
 /** Take n tendons on one mechanism of m ≤ 4 coordinates through the samples of a run; docs/model.md (171)-(175).
 
 `proximal`, `distal` [n, m] are how far the drive and the load of each tendon move with each coordinate, for 1
-of it [m]; `stiffness` [m], `gravity` [m, 2] (greatest force, angle where the coordinate is 0) and `at_rest` [m]
-are the forces that hold the coordinates; `start` [m] is where they are. `drive` [s, n] is where each drive is
+of it [m]; `stiffness` [m], `gravity` [m, 2] (greatest force, angle where the coordinate is 0), `friction` [m] (of
+one coordinate alone) and `at_rest` [m] are the forces that hold the coordinates; `start` [m] is where they are. `drive` [s, n] is where each drive is
 besides [m], or `by_force` its tension [N], `end` [s, n] where each load is besides [m], `load` [s, m] what acts
 against each coordinate. A memory's row `rest` is added to that of its plant. Returns the number of samples
 done, the memories after them, the coordinates, T_in, T_out [N], x_in, x_out [m] of each tendon, and, where
@@ -180,7 +180,8 @@ done, the memories after them, the coordinates, T_in, T_out [N], x_in, x_out [m]
 ENTRY int64_t tss_march_machine(
     int64_t n, int64_t k, const double plant[n][16 * (k + 1) + 428], const double memory[n][9 * (k + 1) + 7],
     int64_t m, const double proximal[n][m], const double distal[n][m], const double stiffness[m],
-    const double gravity[m][2], const double at_rest[m], const double start[m], int64_t by_force, int64_t s,
+    const double gravity[m][2], const double friction[m], const double at_rest[m], const double start[m],
+    int64_t by_force, int64_t s,
     const double spans[s], const double drive[s][n], const double end[s][n], const double load[s][m],
     const double warmth[s], int64_t rows, OUT double after[n][9 * (k + 1) + 7], OUT double coordinate[s][m],
     OUT double ends[s][4 * n], OUT double profile[rows][n * (k + 1)], WORK double trial[n][9 * (k + 1) + 7], WORK double work[21][k + 1]);

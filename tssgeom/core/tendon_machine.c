@@ -45,6 +45,7 @@ typedef struct {
     const double *plant, *proximal, *distal, *stiffness, *gravity, *at_rest; /* as `march_machine` */
     const double *drive, *end, *load;
     int by_force;
+    double friction, slides; /* of the only coordinate: that which holds it, and against its motion */
     double span, warmth;
     const double *before; /* [n] memories of 7 (k + 1) + 6 numbers before the sample */
     double *trial;        /* [n] the same of the trial */
@@ -86,7 +87,7 @@ static int try_all(const sample *it, const double z[], double left[], double slo
     int64_t m = it->m;
     for (int64_t a = 0; a < m; a++) {
         double turn = z[a] + it->gravity[2 * a + 1];
-        left[a] = -it->at_rest[a] - it->load[a] - it->stiffness[a] * z[a]
+        left[a] = -it->at_rest[a] - it->load[a] - it->slides - it->stiffness[a] * z[a]
                   - it->gravity[2 * a] * (sin(turn) - sin(it->gravity[2 * a + 1]));
         for (int64_t b = 0; b < m; b++)
             slope[a * m + b] = a == b ? -it->stiffness[a] - it->gravity[2 * a] * cos(turn) : 0.0;
@@ -147,6 +148,13 @@ static int solve_balance(const sample *it, double z[]) {
     double left[MOST], slope[MOST * MOST], step[MOST] = {0.0}, next[MOST], scale;
     double low = -INFINITY, high = INFINITY; /* of one coordinate: its force falls as it grows */
     if (!try_all(it, z, left, slope, &scale)) return 0;
+    sample moving = *it;
+    if (it->friction > 0.0) { /* one coordinate; docs/model.md (195) */
+        if (fabs(left[0]) <= it->friction) return 1;
+        moving.slides = copysign(it->friction, left[0]);
+        left[0] -= moving.slides;
+        it = &moving;
+    }
     for (int64_t turn = 0; turn < MACHINE.turns; turn++) {
         double worst = largest(m, left);
         if (worst <= MACHINE.accuracy * scale) return 1;
@@ -175,7 +183,8 @@ static int solve_balance(const sample *it, double z[]) {
 int64_t tss_march_machine(
     int64_t n, int64_t k, const double plant[n][16 * (k + 1) + 428], const double memory[n][9 * (k + 1) + 7],
     int64_t m, const double proximal[n][m], const double distal[n][m], const double stiffness[m],
-    const double gravity[m][2], const double at_rest[m], const double start[m], int64_t by_force, int64_t s,
+    const double gravity[m][2], const double friction[m], const double at_rest[m], const double start[m],
+    int64_t by_force, int64_t s,
     const double spans[s], const double drive[s][n], const double end[s][n], const double load[s][m],
     const double warmth[s], int64_t rows, double after[n][9 * (k + 1) + 7], double coordinate[s][m],
     double ends[s][4 * n], double profile[rows][n * (k + 1)], double trial[n][9 * (k + 1) + 7], double work[21][k + 1]) {
@@ -194,7 +203,7 @@ int64_t tss_march_machine(
         if (!isfinite(sum)) return g;
         sample it = {
             n, k, m, *plant, *proximal, *distal, stiffness, *gravity, at_rest, drive[g], end[g], load[g],
-            (int)by_force, most(BAR.least_time, spans[g]), warmth[g], *after, *trial, work[20], work[0]};
+            (int)by_force, m == 1 ? friction[0] : 0.0, 0.0, most(BAR.least_time, spans[g]), warmth[g], *after, *trial, work[20], work[0]};
         if (!solve_balance(&it, z)) return g;
         memcpy(*after, *trial, (size_t)n * memory_bytes(k));
         for (int64_t a = 0; a < m; a++) coordinate[g][a] = z[a];

@@ -7,6 +7,8 @@ hold it.
 from collections.abc import Iterable
 from typing import Any, TypeAlias, get_args
 
+import msgspec
+
 from tssgeom.effects.elastic import (
     Creep,
     SeriesComplianceDistal,
@@ -91,7 +93,7 @@ def with_size(kind: type[Library], size: float = 1.0) -> Library:
     return kind(**numbers)
 
 
-def chosen(effect: AnyEffect) -> dict[str, str]:
+def chosen(effect: msgspec.Struct) -> dict[str, str]:
     """Return what of an effect is a choice and no number, such as the end at which it acts."""
     values = {key: getattr(effect, key) for key in effect.__struct_fields__}
     return {key: value for key, value in values.items() if isinstance(value, str)}

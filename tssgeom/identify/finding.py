@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
+import msgspec
 import numpy as np
 
 from tssgeom.arrays import Vector
@@ -42,6 +43,13 @@ class Evidence:
     """Held-out misfit with the effect over that without [1]; NaN without held-out runs or misfit."""
 
 
+class RigNumber(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A number of a rig that acts where the rig file has none, such as a play; its key says which."""
+
+    key: str
+    """Where it stands in the rig: `end.play_rad`."""
+
+
 @dataclass(frozen=True, slots=True)
 class LawCurve:
     """A law over what it depends on, with its 95 % band; friction as the coefficient itself."""
@@ -61,11 +69,11 @@ class LawCurve:
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """One effect of the library, or a set of them, refitted through the model."""
+    """One effect of the library or number of the rig, or a set of them, refitted through the model."""
 
     names: tuple[str, ...]
     """Of effects; of a law that of its mechanism."""
-    effects: tuple[AnyEffect, ...]
+    effects: tuple[AnyEffect | RigNumber, ...]
     parameters: tuple[Mapping[str, Estimate], ...]
     """Of each effect."""
     evidence: Evidence
@@ -167,7 +175,9 @@ class Trace:
     sigma: Mapping[str, Vector]
     """[n] Standard deviation of what the sensors may read off the truth, by channel."""
     tension: np.ndarray
-    """[n, nodes of the route] Tension along the tendon, after [N]."""
+    """[n, nodes of the route] Tension along the tendon, after [N]; no nodes for a machine."""
+    drive: tuple[str, Vector] | None = None
+    """Of a machine: the channel that drives, and its readings [n]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -218,3 +228,8 @@ class Finding:
     notes: tuple[str, ...]
     """What to know of the data and the fit: dropouts, skew, saturation, which run was held out."""
     seconds: float
+
+    @property
+    def is_machine(self) -> bool:
+        """Whether it is of a machine, whose misfit has no map over phases and arc length."""
+        return any(trace.drive is not None for trace in self.traces)

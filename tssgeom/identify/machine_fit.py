@@ -58,26 +58,26 @@ def calibrate_machine(
     with suppress(FitError):  # what is wrong with the rig itself is said here
         for run in runs:
             predicted(run, rig, {}, FIT.bars)
-    start = _start(problem)
-    problem, state = _fit(
+    start = start_of(problem)
+    problem, state = fit_from(
         problem, start, lambda share: progress("fit without the last cycles", 0.1 + 0.6 * share)
     )
     held = {}
     if any(run.held_out.any() for run in runs):
         held = _held_out(problem, state)
         progress("fit of all cycles", 0.7)
-        problem, state = _again(replace(problem, rows=fitted_rows(runs, held_out=None)), state)
+        problem, state = fitted_again(replace(problem, rows=fitted_rows(runs, held_out=None)), state)
     return calibration_of(problem, state, held)
 
 
-def _start(problem: Problem) -> Vector:
+def start_of(problem: Problem) -> Vector:
     """Return where the fit starts: the best of a few corners of what is assumed, after a short fit each."""
     free = [j for j, each in enumerate(problem.parameters) if each.kind == "rig" and each.prior.sd > 0.25]
     few = max(FIT.least_at_start, FIT.most_at_start // len(problem.runs))
     runs = tuple(thinned(run, few) for run in problem.runs)
     rows = fitted_rows(runs, held_out=None)
     short = Problem(runs, problem.rig, problem.parameters, rows, FIT.bars)
-    weight = _first_weights(short)
+    weight = first_weights(short)
     starts = list[tuple[float, Vector]]()
     for corner in _STARTS if free else _STARTS[:1]:
         u = np.zeros(len(problem.parameters))
@@ -89,32 +89,35 @@ def _start(problem: Problem) -> Vector:
         raise FitError("the machine has no equilibrium at what the rig says of it: check units and radii")
     nearest = sorted(starts, key=lambda start: start[0])[: FIT.starts]
     inflation = np.ones(len(rows))
-    states = [_round(short, u, weight, inflation, FIT.start_steps) for _, u in nearest]
+    states = [fit_round(short, u, weight, inflation, FIT.start_steps) for _, u in nearest]
     return min(states, key=lambda state: state.objective).u
 
 
-def _first_weights(problem: Problem) -> list[Vector]:
+def first_weights(problem: Problem) -> list[Vector]:
+    """Return the weight of every row before anything is known of its error [1/SI]."""
     return [
         np.full(len(values), 1.0 / max(FIT.first_sigma * float(np.ptp(values)), 1e-9))
         for values in problem.measured()
     ]
 
 
-def _fit(problem: Problem, start: Vector, progress: Callable[[float], object]) -> tuple[Problem, FitState]:
+def fit_from(
+    problem: Problem, start: Vector, progress: Callable[[float], object]
+) -> tuple[Problem, FitState]:
     """Fit, weigh each channel by what is left and by how long its errors last, and fit again."""
-    weight, inflation = _first_weights(problem), np.ones(len(problem.rows))
-    state = _round(problem, start, weight, inflation, FIT.iterations)
+    weight, inflation = first_weights(problem), np.ones(len(problem.rows))
+    state = fit_round(problem, start, weight, inflation, FIT.iterations)
     for k in range(FIT.rounds):
         progress((k + 1) / (FIT.rounds + 1))
-        problem, state = _again(problem, state)
+        problem, state = fitted_again(problem, state)
     return problem, state
 
 
-def _again(problem: Problem, state: FitState) -> tuple[Problem, FitState]:
+def fitted_again(problem: Problem, state: FitState) -> tuple[Problem, FitState]:
     """Fit once more, with more bars and with the weights that follow from what is left."""
     problem = problem.corrected(state.u, state.channels)
     weight, inflation = _weights(problem.left(state.channels))
-    return problem, _round(problem, state.u, weight, inflation, FIT.iterations)
+    return problem, fit_round(problem, state.u, weight, inflation, FIT.iterations)
 
 
 def _weights(left: Sequence[Vector]) -> tuple[list[Vector], Vector]:
@@ -129,7 +132,9 @@ def _weights(left: Sequence[Vector]) -> tuple[list[Vector], Vector]:
     return weights, np.array(inflations)
 
 
-def _round(problem: Problem, start: Vector, weight: list[Vector], inflation: Vector, steps: int) -> FitState:
+def fit_round(
+    problem: Problem, start: Vector, weight: list[Vector], inflation: Vector, steps: int
+) -> FitState:
     """Take Levenberg-Marquardt steps until the squared error stands."""
     u, damping = start.copy(), 1e-3
     channels = problem.model(u)

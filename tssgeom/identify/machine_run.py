@@ -10,7 +10,7 @@ import numpy as np
 from scipy.special import ndtr
 
 from tssgeom.arrays import Vector
-from tssgeom.errors import SettingsError
+from tssgeom.errors import FitError, SettingsError
 from tssgeom.identify.readings import with_added
 from tssgeom.identify.turning import Legs, legs, with_round_turns, with_turns
 from tssgeom.mechanism import numbered, tendon_count
@@ -181,6 +181,7 @@ def answering(rig: Rig, count: int) -> tuple[str, ...]:
         "spring": ["displacement_out_m"],
         "weight": ["displacement_out_m"],
         "blocked": [],
+        "carried": [],
     }[rig.end.kind]
     alone = ["elongation_m"] if count == 1 else []
     return (*of_end, *motor, *ends, *alone)
@@ -291,6 +292,18 @@ def predicted(
         given[drive_channels(run.drive, 1)[0]] = with_turns(run.legs, shifts)
     out = simulate_machine(machine, given, drive=run.drive, end_given=run.end_given, start=Start(shares))
     return {name: out[name] + values.get(("zero", name), 0.0) for name in run.measured}
+
+
+def finely_predicted(
+    run: MachineRun, rig: Rig, values: Mapping[tuple[str, str], float], bars: Sequence[int]
+) -> dict[str, Vector]:
+    """Return what `predicted` does with the first number of bars that finds an equilibrium."""
+    for count in bars[:-1]:
+        try:
+            return predicted(run, rig, values, count)
+        except FitError:
+            continue
+    return predicted(run, rig, values, bars[-1])
 
 
 def routed(arcs: Arcs, rig: Rig) -> Arcs:

@@ -151,6 +151,11 @@ def sentence(
     return f"{text}{_held_out_words(*held_out_change(misfit))}{remains}."
 
 
+def remainder(left: float) -> str:
+    """Say what is left with the chosen effects, in units of the noise [1]."""
+    return f"Something remains that has no name here: {left:.2g} times the noise."
+
+
 def _nothing_missing(base: Mapping[str, Estimate], misfit: Misfit) -> str:
     numbers = f"friction {number(base['friction'])} and compliance {number(base['compliance_per_N'])}"
     _, held = held_out_change(misfit)
@@ -193,7 +198,8 @@ def _effect(one: Candidate) -> str:
         for key in ("channel", "end")
         if hasattr(one.effects[0], key)
     )
-    return f"{one.names[0]} ({numbers}{choice})"
+    key = getattr(one.effects[0], "key", "")
+    return f"{one.names[0]} ({numbers}{choice}{f', {key}' if key else ''})"
 
 
 def number(estimate: Estimate) -> str:

@@ -138,6 +138,7 @@ def carry_on(
         laws.distal,
         laws.stiffness,
         laws.gravity,
+        np.full(len(laws.stiffness), laws.friction),
         balance,
         state.coordinate,
         by_force,

@@ -125,6 +125,12 @@ def simulated(
     held = held_tensions(machine, start)
     state = begin(machine, held)
     moved, laws, load = _end(run, motion, rig, end_given)
+    if rig.end.kind == "carried":
+        if name not in ("motor_angle_rad", "displacement_in"):
+            raise SettingsError(
+                f'end.kind is "carried": {name} cannot drive, give an angle or a displacement'
+            )
+        moved = given
     proximal = np.zeros_like(laws.distal)
     if name == "motor_torque_Nm":
         laws, proximal = _with_motor(laws, arms)
@@ -171,6 +177,11 @@ def _end(
 def _with_motor(laws: Coordinates, arms: Vector) -> tuple[Coordinates, Matrix]:
     """Add the angle of a motor whose torque is given to the coordinates."""
     n, m = laws.distal.shape
+    if laws.friction > 0.0:
+        raise SettingsError(
+            f"end.friction_Nm is {laws.friction:g}: friction of a joint acts where an angle, displacement "
+            "or tension drives, not a torque"
+        )
     proximal = np.column_stack([np.zeros((n, m)), arms])
     distal = np.column_stack([laws.distal, np.zeros(n)])
     gravity = np.vstack([laws.gravity, np.zeros((1, 2))])
@@ -200,7 +211,10 @@ def _channels(
         out["elongation_m"] = out["displacement_in_m"] - out["displacement_out_m"]
     if motor is not None:
         out["motor_angle_rad"] = motor
-        pulled = ends[:, :, 0] @ per_motor_angle(rig.drive, n)
+        arms = per_motor_angle(rig.drive, n)
+        pulled = ends[:, :, 0] @ arms
+        if rig.end.kind == "carried":
+            pulled = pulled - ends[:, :, 1] @ arms
         out["motor_torque_Nm"] = pulled + rig.drive.friction_Nm * direction(motor)
         if rig.drive.torque_constant_Nm_per_A > 0.0:
             out["motor_current_A"] = out["motor_torque_Nm"] / rig.drive.torque_constant_Nm_per_A
@@ -209,6 +223,8 @@ def _channels(
         turn = angles + motion.gravity[:, 1]
         weight = motion.gravity[:, 0] * (np.sin(turn) - np.sin(motion.gravity[:, 1]))
         torque = ends[:, :, 1] @ motion.distal - balance - angles * motion.stiffness - weight
+        if motion.friction > 0.0:
+            torque = torque - motion.friction * direction(angles[:, 0])[:, None]
     else:
         angles, torque = where[:, : motion.distal.shape[1]], None
     if rig.end.kind == "joint":

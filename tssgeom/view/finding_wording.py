@@ -7,10 +7,20 @@ import math
 from collections.abc import Mapping
 
 from tssgeom.effects import KINDS, AnyEffect, chosen
-from tssgeom.identify.finding import Candidate, Estimate, Experiment, Finding, Misfit, MisfitShare, Tie
+from tssgeom.identify.finding import (
+    Candidate,
+    Estimate,
+    Experiment,
+    Finding,
+    Misfit,
+    MisfitShare,
+    RigNumber,
+    Tie,
+)
+from tssgeom.identify.machine_parts import MEANINGS
 from tssgeom.identify.misfit import MISFIT, held_out_change
 from tssgeom.identify.verdict import parameter, plain
-from tssgeom.view.quantities import CHANNELS, Quantity
+from tssgeom.view.quantities import CHANNELS, Quantity, quantity
 
 VERDICTS = {
     "none": "nothing is missing",
@@ -33,7 +43,7 @@ _UNITS = {
 
 def channel(name: str) -> Quantity:
     """Return how a channel is shown."""
-    return CHANNELS[name]
+    return quantity(name)
 
 
 def renamed(label: str) -> str:
@@ -44,7 +54,7 @@ def renamed(label: str) -> str:
     return plain(label)
 
 
-def parameters(effect: AnyEffect, estimates: Mapping[str, Estimate]) -> dict[str, str]:
+def parameters(effect: AnyEffect | RigNumber, estimates: Mapping[str, Estimate]) -> dict[str, str]:
     """Write the numbers of an effect by name, then what was chosen, such as the end at which it acts."""
     numbers = {parameter(key): displayed(each) for key, each in estimates.items()}
     return numbers | {plain(key): plain(choice) for key, choice in chosen(effect).items()}
@@ -52,6 +62,8 @@ def parameters(effect: AnyEffect, estimates: Mapping[str, Estimate]) -> dict[str
 
 def meaning(name: str) -> str:
     """Return in a clause what an effect is."""
+    if name in MEANINGS:
+        return MEANINGS[name]
     if name not in KINDS:
         return f"a law of its own: {plain(name)}"
     first = (inspect.getdoc(KINDS[name]) or "").split("\n")[0]
@@ -109,7 +121,7 @@ def candidate(each: Candidate) -> str:
 
 def effect_ties(finding: Finding) -> list[Tie]:
     """Return the ties between effects; those of friction and compliance stand with their refit."""
-    return [tie for tie in finding.ties if all(name in KINDS for name in tie.names)]
+    return [tie for tie in finding.ties if all(name in KINDS or name in MEANINGS for name in tie.names)]
 
 
 def next_steps(finding: Finding) -> list[str]:
@@ -119,13 +131,15 @@ def next_steps(finding: Finding) -> list[str]:
         steps += _toward_a_name(finding)
     before, after = held_out_change(finding.misfit)
     held = [trace for trace in finding.traces if trace.held_out]
-    if not held:
+    if not held and not finding.is_machine:
         steps.append(
             "Measure one more run, best on another route, with held_out = true: none was held out, so "
             "nothing yet shows that the result carries over."
         )
     elif finding.verdict != "unknown" and after > max(MISFIT.floor, MISFIT.same * before):
         names = ", ".join(trace.run for trace in held)
+        if finding.is_machine:
+            return [*steps, f"Repeat {names}, and drive it otherwise: the gap there stays."]
         steps.append(f"Repeat {names}, and add a fitted run on route {held[0].route}: the gap there stays.")
     return steps or [
         "Measure nothing more for this question: the refitted model explains these runs."

@@ -5,7 +5,8 @@ The palette itself is in `colours`; every picture takes names, units and colours
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import re
+from dataclasses import dataclass, replace
 
 from tssgeom.view import colours
 
@@ -62,3 +63,34 @@ CHANNELS = {
     "displacement_out_m": DISPLACEMENT_OUT,
 }
 """Quantities that runs measure, by the names of their columns."""
+
+
+_OF_MACHINES = {
+    "motor_angle": ("θ_m", "motor angle"),
+    "motor_torque": ("τ_m", "motor torque"),
+    "motor_current": ("I_m", "motor current"),
+    "joint_angle": ("θ_j", "joint angle"),
+    "joint_torque": ("τ_j", "joint torque"),
+    "bending_x": ("b_x", "bending towards x"),
+    "bending_y": ("b_y", "bending towards y"),
+    "tip_x": ("x_tip", "tip in x"),
+    "tip_y": ("y_tip", "tip in y"),
+    "tip_z": ("z_tip", "tip in z"),
+}
+_PICTURED = {"rad": ("°", 57.29577951308232), "m": ("mm", 1e3), "Nm": ("mN·m", 1e3), "A": ("mA", 1e3)}
+_NUMBERED = re.compile(r"(.*)_(\d+)_([A-Za-z]+)")
+
+
+def quantity(name: str) -> Quantity:
+    """Return how a channel is pictured, of one tendon or of a machine: `tension_in_2_N` as `T_in,2`."""
+    if name in CHANNELS:
+        return CHANNELS[name]
+    numbered = _NUMBERED.fullmatch(name)
+    if numbered and f"{numbered[1]}_{numbered[3]}" in CHANNELS:
+        of_one = CHANNELS[f"{numbered[1]}_{numbered[3]}"]
+        words = f"{of_one.words} of tendon {numbered[2]}"
+        return replace(of_one, symbol=f"{of_one.symbol},{numbered[2]}", words=words)
+    stem, _, unit = name.rpartition("_")
+    symbol, words = _OF_MACHINES.get(stem, (stem.replace("_", " "),) * 2)
+    pictured, factor = _PICTURED.get(unit, (unit, 1.0))
+    return Quantity(symbol, words, pictured, factor, colours.AXIS, "#697386")

@@ -27,19 +27,19 @@ _SPECIFIED = {name.rpartition("_")[0]: (name, 1.0) for name in IN_SI.values()} |
 """Names of `[sensors.NAME]`: the column of a run in SI, and how many of the unit make one in SI."""
 
 
-class _Listed(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Listed(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """One `[[run]]`; its files are relative to the folder."""
 
     data: str
-    shape: str
+    shape: str | tuple[str, ...] = ""
     name: str = ""
     held_out: bool = False
 
 
-class _Plan(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Plan(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """The content of `campaign.toml`."""
 
-    run: tuple[_Listed, ...]
+    run: tuple[Listed, ...]
     rig: str = "rig.toml"
 
 
@@ -69,29 +69,37 @@ def read_campaign(folder: Path, unit: str | None = None, columns: ColumnMap = NO
     """
     listing = folder if folder.name == CAMPAIGN else folder / CAMPAIGN
     home = listing.parent
-    plan = _read_plan(listing)
+    plan = read_plan(listing)
     stated = read_rig(home / plan.rig)
     rig = _specified_in_si(stated)
     said = columns.with_rig(stated.columns)
-    names = _names(listing, plan.run)
+    names = run_names(listing, plan.run)
+    shapes = _shape_each(listing, plan.run)
     notes = list(_unknown_sensors(home / plan.rig, stated))
     notes += [f"{plan.rig}: {warning}" for warning in warnings_of(plan.rig, rig_remarks(rig))]
-    routes = _routes(home, plan.run, rig, unit, said, notes)
+    routes = _routes(home, shapes, rig, unit, said, notes)
     runs = []
-    for name, listed in zip(names, plan.run, strict=True):
-        run = _run(home / listed.data, name, routes[listed.shape], said, notes, held_out=listed.held_out)
+    for name, listed, shape in zip(names, plan.run, shapes, strict=True):
+        run = _run(home / listed.data, name, routes[shape], said, notes, held_out=listed.held_out)
         notes += _implausible(home / listed.data, run, rig)
         runs.append(run)
     notes += warnings_of(listing, campaign_remarks([(run.name, run.columns) for run in runs]))
     return Campaign(home.resolve().name, rig, tuple(runs), tuple(notes))
 
 
-def _read_plan(listing: Path) -> _Plan:
+def read_plan(listing: Path) -> Plan:
+    """Read `campaign.toml`.
+
+    Raises
+    ------
+    SettingsError, SourceError
+        Where it cannot be used.
+    """
     if not listing.parent.is_dir():
         raise SourceError(f"{listing.parent}: no such folder: name the folder of a campaign")
     try:
         content = listing.read_bytes().removeprefix(codecs.BOM_UTF8)
-        plan = msgspec.toml.decode(content, type=_Plan)
+        plan = msgspec.toml.decode(content, type=Plan)
     except OSError as error:
         raise SourceError(
             f"{listing}: cannot be read ({error.strerror}): a campaign is a folder with {CAMPAIGN} "
@@ -106,12 +114,23 @@ def _read_plan(listing: Path) -> _Plan:
     return plan
 
 
-def _names(listing: Path, runs: Sequence[_Listed]) -> list[str]:
+def run_names(listing: Path, runs: Sequence[Listed]) -> list[str]:
+    """Return the names of runs; raise SettingsError where two are alike."""
     names = [listed.name or Path(listed.data).stem for listed in runs]
     twice = [name for name in names if names.count(name) > 1]
     if twice:
         raise SettingsError(f"{listing}: two runs are called {twice[0]!r}: give each a name of its own")
     return names
+
+
+def _shape_each(listing: Path, runs: Sequence[Listed]) -> list[str]:
+    """Return the shape of each run of one tendon."""
+    for k, listed in enumerate(runs):
+        if not listed.shape or not isinstance(listed.shape, str):
+            raise SettingsError(
+                f"{listing}: `shape` of run[{k}] is not one file: name the shape of one tendon"
+            )
+    return [listed.shape for listed in runs if isinstance(listed.shape, str)]
 
 
 def _specified_in_si(rig: Rig) -> Rig:
@@ -136,15 +155,16 @@ def _unknown_sensors(path: Path, rig: Rig) -> list[str]:
 
 
 def _routes(
-    home: Path, runs: Sequence[_Listed], rig: Rig, unit: str | None, said: ColumnMap, notes: list[str]
+    home: Path, shapes: Sequence[str], rig: Rig, unit: str | None, said: ColumnMap, notes: list[str]
 ) -> dict[str, Route]:
     """Return the route of each shape; runs that share a shape share the route."""
-    files = {listed.shape: home / listed.shape for listed in runs}
+    files = {shape: home / shape for shape in shapes}
     named = output_names(list(dict.fromkeys(files.values())))
-    return {shape: _route(path, named[path], rig, unit, said, notes) for shape, path in files.items()}
+    return {shape: read_route(path, named[path], rig, unit, said, notes) for shape, path in files.items()}
 
 
-def _route(path: Path, name: str, rig: Rig, unit: str | None, said: ColumnMap, notes: list[str]) -> Route:
+def read_route(path: Path, name: str, rig: Rig, unit: str | None, said: ColumnMap, notes: list[str]) -> Route:
+    """Fit the route of a shape, and add what was noticed to `notes`; raise ShapeError where there is none."""
     recording = open_recording(path, unit, said)
     result, reasons = _first_usable(recording.frames, rig)
     if result is None:
@@ -156,7 +176,7 @@ def _route(path: Path, name: str, rig: Rig, unit: str | None, said: ColumnMap, n
         )
     notes += [
         f"{path.name}: {warning}"
-        for warning in (*_how(recording.notes), *recording.warnings, *result.warnings)
+        for warning in (*how_read(recording.notes), *recording.warnings, *result.warnings)
     ]
     return Route(name, result.arcs, result.route.position, result.route.s)
 
@@ -186,7 +206,7 @@ def _shape_alone(frame: Frame | Rejected) -> Frame | Rejected:
     )
 
 
-def _how(notes: Sequence[str]) -> list[str]:
+def how_read(notes: Sequence[str]) -> list[str]:
     """Return how a file was read as one note, or none."""
     return ["; ".join(notes)] if notes else []
 
@@ -195,7 +215,7 @@ def _run(path: Path, name: str, route: Route, said: ColumnMap, notes: list[str],
     if not split(path)[0].is_file():
         raise SourceError(f"{path}: no such file: mend data in {CAMPAIGN}")
     measured = read_run(path, said)
-    notes += [f"{name}: {text}" for text in (*_how(measured.notes), *measured.warnings)]
+    notes += [f"{name}: {text}" for text in (*how_read(measured.notes), *measured.warnings)]
     return Run(name, route, measured.columns, held_out)
 
 

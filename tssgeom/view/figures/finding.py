@@ -34,15 +34,19 @@ def judged(finding: Finding) -> Trace:
 
 
 def transmission_figure(finding: Finding) -> Figure:
-    """Draw output tension and elongation over input tension, measured, before and after, of one run."""
+    """Draw what answers over what drives, measured, before and after, of one run.
+
+    Of one tendon that is output tension and elongation over input tension.
+    """
     trace = judged(finding)
+    drive = words.channel("tension_in_N" if trace.drive is None else trace.drive[0])
     channels = panels(trace)
     with figure((PAGE, 3.3)) as drawing:
         row = drawing.subplots(1, len(channels), squeeze=False)[0]
         for axes, name in zip(row, channels, strict=True):
             _draw_loops(axes, trace, name, models(finding))
             reported = words.channel(name)
-            titles(axes, f"{reported.symbol} over T_in", "input tension T_in [N]", reported.label)
+            titles(axes, f"{reported.symbol} over {drive.symbol}", drive.title, reported.label)
         _legend(drawing, row[0])
     return drawing
 
@@ -58,7 +62,9 @@ def _legend(drawing: Figure, axes: Axes) -> None:
 
 
 def panels(trace: Trace) -> list[str]:
-    """Return the channels that are drawn over the input tension; where only that was measured, itself."""
+    """Return the channels that are drawn over the drive; the input tension where only that was measured."""
+    if trace.drive is not None:
+        return list(trace.measured)[:_MOST_PANELS]
     observed = [name for name in _ACROSS if name in trace.measured]
     return [name for name in observed if name != "tension_in_N"][:_MOST_PANELS] or observed[:1]
 
@@ -82,7 +88,9 @@ def _draw_loops(axes: Axes, trace: Trace, name: str, drawn: Mapping[str, str]) -
 
 
 def _across(trace: Trace, when: str) -> Vector:
-    """Return the input tension that was measured, or that a model gives [N]."""
+    """Return the input tension that was measured, or that a model gives [N]; of a machine its drive."""
+    if trace.drive is not None:
+        return words.channel(trace.drive[0]).factor * trace.drive[1]
     return getattr(trace, when).get("tension_in_N", trace.tension_in)
 
 

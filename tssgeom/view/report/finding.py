@@ -119,15 +119,19 @@ def _laws(finding: Finding) -> str:
 
 def _misfit(finding: Finding) -> str:
     one = not finding.effects
-    phases = phase_table(finding.misfit, one=one)
+    phases = ""
+    if finding.misfit.by_phase:
+        table = phase_table(finding.misfit, one=one)
+        phases = f"<details><summary>By phase, on the same runs</summary>{table}</details>"
     trace = judged(finding)
-    held = ", which was held out" if trace.held_out else ""
+    held = ", which was held out" if trace.held_out and not finding.is_machine else ""
+    where = f" on route {trace.route}" if trace.route else ""
     return _section(
         "The gap" if one else "The gap before and after",
         f"<p>{_misfit_text(finding)}</p>",
         misfit_table(finding.misfit, one=one),
-        f"<details><summary>By phase, on the same runs</summary>{phases}</details>",
-        _figure(transmission_figure, finding, f"Run {trace.run} on route {trace.route}{held}."),
+        phases,
+        _figure(transmission_figure, finding, f"Run {trace.run}{where}{held}."),
     )
 
 
@@ -160,11 +164,17 @@ def _next(finding: Finding) -> str:
         "What to do next",
         f"<ul>{steps}</ul>",
         "<p>The updated rig is <code>rig.updated.toml</code>; every other command takes it:</p>",
-        "<pre><code>tssgeom batch SHAPES --rig rig.updated.toml --out results</code></pre>",
+        f"<pre><code>{_MACHINE_USE if finding.is_machine else _USE}</code></pre>",
     )
 
 
+_USE = "tssgeom batch SHAPES --rig rig.updated.toml --out results"
+_MACHINE_USE = "tssgeom simulate SHAPE --drive RUN --rig rig.updated.toml --out results"
+
+
 def _where(finding: Finding) -> str:
+    if not finding.heat.rows:
+        return ""
     items = "".join(
         f"<li>{html.escape(words.misfit_cell(each))}</li>" for each in finding.where[:_MOST_CELLS]
     )
@@ -241,7 +251,8 @@ def _base(finding: Finding) -> str:
     ]
     tie = f"<p>{html.escape(finding.base_tie)}</p>" if finding.base_tie else ""
     head = ("", "rig file", "refitted", "95 % interval", "unit")
-    return _section("Friction and compliance, refitted", _table(head, rows), tie)
+    title = "Numbers of the rig, refitted" if finding.is_machine else "Friction and compliance, refitted"
+    return _section(title, _table(head, rows), tie)
 
 
 def _notes(finding: Finding) -> str:
@@ -260,7 +271,7 @@ _FIGURES: Mapping[str, tuple[Callable[[Finding], Figure], Callable[[Finding], ob
     "transmission": (transmission_figure, lambda finding: finding.traces),
     "residual": (residual_figure, lambda finding: finding.traces),
     "along": (along_figure, lambda finding: finding.along),
-    "heat": (heat_figure, lambda finding: finding.traces),
+    "heat": (heat_figure, lambda finding: finding.heat.rows),
     "ranking": (ranking_figure, listed_candidates),
     "laws": (law_figure, laws_of),
     "missing": (missing_figure, lambda finding: finding.missing_shapes),

@@ -1,0 +1,142 @@
+"""discover on machines whose cause an independent chain has built in: a pair and a joint."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from tests import lumped
+from tssgeom.identify.machine_discovery import discover_machine
+from tssgeom.identify.machine_finding import MachineCampaign
+from tssgeom.identify.machine_parts import parts_of
+from tssgeom.identify.machine_run import machine_run, route_of_rig
+from tssgeom.mechanism import Drive, End
+from tssgeom.rig import Friction, GivenRoute, Rig, Tendon
+from tssgeom.tendon.machine import play
+from tssgeom.uncertain import UNKNOWNS, Uncertain
+
+LENGTH, ANGLE, ARM, STIFF = 0.5, 3.7, 0.01, 0.25
+PRETENSION, MU, RHO = 6.0, 0.12, 2.5e-4
+UNKNOWN = ("end.stiffness_Nm_per_rad", "tendon.pretension_N")
+NOISE = {"joint_angle_rad": 3e-4, "motor_torque_Nm": 1e-3}
+
+
+@cache
+def lumped_run(tendons, speed_gain):
+    """A motor that turns a joint four times, at two rates: time, motor angle, and what the chains do."""
+    time = np.linspace(0.0, 48.0, 481)
+    rate = np.where((time // 12.0) % 2 == 0, 1.0, 3.0)
+    phase = np.cumsum(rate * np.gradient(time)) * 2.0 * np.pi / 12.0
+    motor = 0.9 * np.sin(phase) * (0.7 + 0.3 * np.cos(phase / 5.0))
+    if tendons == 1:
+        motor = 0.8 + motor
+    path = lumped.from_pieces([LENGTH], [ANGLE], cells=60)
+    physics = lumped.Physics(
+        pretension_N=PRETENSION, friction=MU, compliance_per_N=RHO, speed_gain=speed_gain
+    )
+    drive = lumped.Motor("angle", time, motor, ARM)
+    run = lumped.simulate_machine([(path, physics)] * tendons, drive, lumped.Joint(ARM, STIFF), time, 0.1)
+    return time, motor, run
+
+
+def rig(tendons):
+    return Rig(
+        tendon=Tendon(pretension_N=PRETENSION, compliance_per_N=RHO),
+        friction=Friction(coefficient=MU),
+        drive=Drive(kind="pair" if tendons == 2 else "tendon", radius_m=ARM),
+        end=End(kind="joint", radius_m=ARM, stiffness_Nm_per_rad=STIFF),
+        route=GivenRoute(length_m=LENGTH, angle_rad=ANGLE),
+    )
+
+
+def columns(tendons, *, speed_gain=0.0, end_play=0.0, zero=0.0, torque=True, seed=1):
+    """What a laboratory would have measured: noise, and what is between the joint and its encoder."""
+    time, motor, run = lumped_run(tendons, speed_gain)
+    rng = np.random.default_rng(seed)
+    angle = play(np.asarray(run.joint_angle), end_play)
+    out = {
+        "time_s": time,
+        "motor_angle_rad": motor,
+        "joint_angle_rad": angle + rng.normal(0.0, NOISE["joint_angle_rad"], len(time)),
+    }
+    if torque:
+        noise = rng.normal(0.0, NOISE["motor_torque_Nm"], len(time))
+        rest = ARM * PRETENSION if tendons == 1 else 0.0  # the chains count torque from rest
+        out["motor_torque_Nm"] = run.motor_torque + rest + zero + noise
+    return out
+
+
+def finding_of(tendons, *runs, held_out=()):
+    hardware = rig(tendons)
+    made = [machine_run(f"run {k}", each, [route_of_rig(hardware)], hardware) for k, each in enumerate(runs)]
+    uncertain = tuple(Uncertain(key, UNKNOWNS[key], stated=False) for key in UNKNOWN)
+    return discover_machine(MachineCampaign("bench", hardware, uncertain, tuple(made), held_out))
+
+
+def held(finding, channel):
+    return tuple(each["held_out"][channel] for each in (finding.misfit.before, finding.misfit.after))
+
+
+@pytest.mark.parametrize("torque", [True, False], ids=["torque", "displacement only"])
+@pytest.mark.parametrize("tendons", [1, 2], ids=["joint", "pair"])
+def test_a_clean_machine_lacks_nothing(tendons, torque):
+    finding = finding_of(tendons, columns(tendons, torque=torque))
+    assert finding.verdict == "none"
+    assert finding.effects == ()
+    before, after = held(finding, "joint_angle_rad")
+    assert after == before < 1.2 * NOISE["joint_angle_rad"]
+
+
+@pytest.mark.parametrize("torque", [True, False], ids=["torque", "displacement only"])
+def test_friction_over_speed_in_a_pair_is_named_and_its_misfit_goes(torque):
+    finding = finding_of(2, columns(2, speed_gain=0.1, torque=torque))
+    assert finding.verdict == "effect"
+    (effect,) = finding.effects
+    assert effect.names == ("velocity_dependent_friction",)
+    gain = effect.parameters[0]["gain"]
+    assert gain.low < 0.1 < gain.high
+    assert gain.value == pytest.approx(0.1, rel=0.1)
+    before, after = held(finding, "joint_angle_rad")
+    assert before > 4.0 * NOISE["joint_angle_rad"]
+    assert after < 1.2 * NOISE["joint_angle_rad"]
+    assert finding.rig.effects[0].gain == gain.value
+
+
+def test_play_of_a_joint_is_named_by_displacement_alone():
+    finding = finding_of(2, columns(2, end_play=0.01, torque=False))
+    (effect,) = finding.effects
+    assert effect.names == ("end_play",)
+    assert effect.parameters[0]["play_rad"].value == pytest.approx(0.01, rel=0.05)
+    assert finding.rig.end.play_rad == effect.parameters[0]["play_rad"].value
+    before, after = held(finding, "joint_angle_rad")
+    assert after < 0.4 * before
+
+
+def test_the_zero_of_a_torque_cell_is_named():
+    finding = finding_of(1, columns(1, zero=0.02))
+    (effect,) = finding.effects
+    assert effect.names == ("channel_zero",)
+    assert effect.effects[0].key == "sensors.motor_torque_Nm.zero"
+    assert effect.parameters[0]["zero"].value == pytest.approx(0.02, abs=1e-3)
+    assert finding.rig.sensors["motor_torque_Nm"].zero == pytest.approx(0.02, abs=1e-3)
+    before, after = held(finding, "motor_torque_Nm")
+    assert after < 0.4 * before  # the unknown pretension takes a part of it before
+
+
+def test_a_run_is_held_out_as_marked_and_only_its_own_numbers_are_fitted_to_it():
+    first, second = columns(2, end_play=0.01, torque=False), columns(2, end_play=0.01, torque=False, seed=2)
+    second["joint_angle_rad"] = second["joint_angle_rad"] + 0.3  # an encoder with another zero
+    finding = finding_of(2, first, second, held_out=("run 0",))
+    assert [(trace.run, trace.held_out) for trace in finding.traces] == [("run 1", False), ("run 0", True)]
+    assert finding.effects[0].names == ("end_play",)
+    before, after = held(finding, "joint_angle_rad")
+    assert after < 0.4 * before
+    assert any("run 0, as the campaign says" in note for note in finding.notes)
+
+
+def test_what_cannot_act_in_a_machine_is_not_tried():
+    hardware = rig(2)
+    run = machine_run("run", columns(2, torque=False), [route_of_rig(hardware)], hardware)
+    names = {part.name for part in parts_of(hardware, ["end.play_rad"], [run])}
+    assert {"drive_play", "joint_friction", "velocity_dependent_friction"} <= names
+    assert not names & {"end_play", "drive_friction", "tension_in_gain", "backlash", "load_stiffness"}

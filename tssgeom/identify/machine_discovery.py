@@ -1,0 +1,173 @@
+"""The workflow on machines: base fit, parts, zeros of channels, and the finding.
+
+Source: docs/machines.md, "What a machine lacks"; docs/model.md (196)-(198).
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from tssgeom.errors import SettingsError
+from tssgeom.identify.finding import Evidence, Finding
+from tssgeom.identify.machine_evidence import (
+    EVIDENCE,
+    FittedModel,
+    changes,
+    delta_bic,
+    held_out_ratio,
+    modelled,
+)
+from tssgeom.identify.machine_finding import MachineCampaign, MachineWork, NamedZero
+from tssgeom.identify.machine_fit import first_weights, fit_from, fit_round, fitted_again, start_of
+from tssgeom.identify.machine_parts import parts_of
+from tssgeom.identify.machine_problem import FIT, Problem, fitted_rows
+from tssgeom.identify.machine_run import LIMITS, MachineRun, parameters_of, thinned
+from tssgeom.identify.machine_selection import PartSelection, selected_parts, without_zeros
+from tssgeom.statistics import turns
+from tssgeom.tendon.machine_simulation import drive_channels
+
+_SPLIT = 2
+"""Pairs of pieces into which a run without two cycles is cut; chosen: quarters."""
+
+
+def discover_machine(
+    campaign: MachineCampaign, *, progress: Callable[[str, float], object] = lambda step, share: None
+) -> Finding:
+    """Find what the model of a machine lacks.
+
+    Parameters
+    ----------
+    campaign
+        Measured runs on their routes, and the rig as it is believed to be.
+    progress
+        Is called with each step and the share that is done [1].
+
+    Raises
+    ------
+    FitError
+        Where the machine has no equilibrium at what is assumed of it.
+    SettingsError
+        Where every run is held out.
+
+    Notes
+    -----
+    Source: docs/model.md (196) to (198).
+    """
+    begun = time.perf_counter()
+    work, notes = machine_work(campaign, progress)
+    progress("putting it together", 0.9)
+    finding = work.finding(notes)
+    progress("done", 1.0)
+    return replace(finding, seconds=time.perf_counter() - begun)
+
+
+def machine_work(
+    campaign: MachineCampaign, progress: Callable[[str, float], object] = lambda step, share: None
+) -> tuple[MachineWork, tuple[str, ...]]:
+    """Return what the steps of the workflow leave, and notes; arguments and errors of `discover_machine`."""
+    progress("fitting what is not certain", 0.02)
+    fitted, kept, said = parted_runs(campaign)
+    parameters = tuple(parameters_of(fitted, campaign.rig, campaign.uncertain))
+    problem = Problem(fitted, campaign.rig, parameters, fitted_rows(fitted, held_out=False), FIT.bars)
+    problem, state = fit_from(problem, start_of(problem), lambda share: progress("fitting", 0.2 * share))
+    base = modelled(problem, state, (), kept)
+    free = [each.key for each in parameters if each.kind == "rig"]
+    parts = parts_of(campaign.rig, free, fitted)
+    progress("refitting what may act", 0.2)
+    chosen = selected_parts(
+        base, parts, kept, lambda share: progress("refitting what may act", 0.2 + 0.6 * share)
+    )
+    progress("zeros of channels", 0.8)
+    base, zeros = _zeros(chosen, kept)
+    work = MachineWork(campaign, fitted, kept, base, chosen, zeros)
+    return work, (*said, *(note for run in fitted for note in run.notes))
+
+
+def fitted_to_all(work: MachineWork) -> FittedModel:
+    """Fit what was chosen once more, to everything that was held out too."""
+    model = work.chosen.model
+    runs = (*work.fitted, *work.kept)
+    runs = tuple(replace(run, held_out=np.zeros_like(run.held_out)) for run in runs)
+    own = [
+        each for each in parameters_of(runs, work.campaign.rig, work.campaign.uncertain) if each.kind != "rig"
+    ]
+    shared = [each for each in model.problem.parameters if each.kind == "rig"]
+    at = {
+        (each.kind, each.key, each.run): u
+        for each, u in zip(model.problem.parameters, model.state.u, strict=True)
+    }
+    parameters = (*shared, *own)
+    start = np.array([at.get((each.kind, each.key, each.run), 0.0) for each in parameters])
+    problem = Problem(runs, model.problem.rig, parameters, fitted_rows(runs, held_out=None), FIT.bars)
+    state = fit_round(problem, start, first_weights(problem), np.ones(len(problem.rows)), FIT.iterations)
+    for _ in range(FIT.rounds):
+        problem, state = fitted_again(problem, state)
+    return modelled(problem, state, model.parts, ())
+
+
+def parted_runs(
+    campaign: MachineCampaign,
+) -> tuple[tuple[MachineRun, ...], tuple[MachineRun, ...], tuple[str, ...]]:
+    """Return the runs that are fitted, those that are held out, and how that was decided, in a sentence.
+
+    Raises
+    ------
+    SettingsError
+        Where every run is held out.
+    """
+    each = max(FIT.least_of_each, FIT.most_of_all // len(campaign.runs))
+    runs = [replace(thinned(run, each), held_out=np.zeros(0, dtype=bool)) for run in campaign.runs]
+    runs = [replace(run, held_out=np.zeros(len(run.given["time_s"]), dtype=bool)) for run in runs]
+    if len(runs) == 1:
+        if campaign.held_out:
+            raise SettingsError(f"{runs[0].name} is the only run and held out: leave at least one to fit")
+        mask, how = _every_other(runs[0])
+        return (replace(runs[0], held_out=mask),), (), (f"Held out: {how} of {runs[0].name}.",)
+    names = campaign.held_out or (runs[-1].name,)
+    why = "as the campaign says" if campaign.held_out else "the last, since the campaign marks none"
+    fitted = tuple(run for run in runs if run.name not in names)
+    kept = tuple(run for run in runs if run.name in names)
+    if not fitted:
+        raise SettingsError("every run is held out: leave at least one to fit")
+    return (
+        fitted,
+        kept,
+        (f"Held out: {', '.join(names)}, {why}; only its zeros and its start are fitted to it.",),
+    )
+
+
+def _every_other(run: MachineRun) -> tuple[np.ndarray, str]:
+    """Return which samples of one run are held out, and what they are in words."""
+    motion = run.given[drive_channels(run.drive, run.tendons)[0]]
+    edges = turns(motion, LIMITS.turn * float(np.ptp(motion)))
+    out = np.zeros(len(motion), dtype=bool)
+    if len(edges) >= 5:
+        for first in range(2, len(edges) - 1, 4):
+            out[edges[first] + 1 : edges[min(first + 2, len(edges) - 1)] + 1] = True
+        return out, f"every other one of {(len(edges) - 1) // 2} cycles"
+    pieces = np.array_split(np.arange(len(motion)), 2 * _SPLIT)
+    for piece in pieces[1::2]:
+        out[piece] = True
+    return out, "the second and the last quarter, since there are no two cycles,"
+
+
+def _zeros(chosen: PartSelection, kept: Sequence[MachineRun]) -> tuple[FittedModel, tuple[NamedZero, ...]]:
+    """Return the base without the zeros that are named, and those: of forces and torques that answer."""
+    model, named = chosen.model, list[NamedZero]()
+    channels = [name for name in model.fitted if name.rpartition("_")[2] in ("N", "Nm")]
+    for channel in channels:
+        both = without_zeros(model, [channel], kept)
+        if both is None:
+            continue
+        gain, size = delta_bic(*both), max(changes(*both).values())
+        ratio = held_out_ratio(*both)
+        if gain > EVIDENCE.needed and size > 1.0 and not ratio >= 1.0:
+            named.append(NamedZero(channel, Evidence(gain, EVIDENCE.needed, size, ratio)))
+    if not named:
+        return chosen.base, ()
+    before = without_zeros(chosen.base, [one.channel for one in named], kept)
+    return (chosen.base if before is None else before[0]), tuple(named)

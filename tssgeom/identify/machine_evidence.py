@@ -1,0 +1,254 @@
+"""What speaks for a part of a machine and against it: evidence, held-out misfit, physics.
+
+Source: docs/model.md (196)-(198).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import msgspec
+import numpy as np
+
+from tssgeom.arrays import Vector
+from tssgeom.errors import FitError, SettingsError
+from tssgeom.identify.fit_quality import FIT_TEST, inflation_of, spread
+from tssgeom.identify.machine_fit import first_weights, fit_round, fitted_again
+from tssgeom.identify.machine_parts import Part
+from tssgeom.identify.machine_problem import FIT, FitState, Problem, fitted_rows
+from tssgeom.identify.machine_run import MachineRun, parameters_of, routed
+from tssgeom.mechanism import numbered
+from tssgeom.rig import Rig, with_values
+from tssgeom.statistics import reading_noise, turns
+from tssgeom.tendon.machine import Start, machine_of
+from tssgeom.tendon.machine_simulation import drive_channels, simulate_machine
+
+
+@dataclass(frozen=True, slots=True)
+class EvidenceSettings:
+    """When a part of a machine is believed."""
+
+    needed: float = 10.0
+    """ΔBIC that a part needs [1]; cited: Kass and Raftery, JASA 90 (1995), "very strong"."""
+    detected: float = 3.0
+    """S.d. of the mean of a channel beyond which a change of it shows [1]; chosen."""
+    floor: float = 1e-6
+    """Of the range of a channel: less is left by rounding [1]; chosen."""
+    creates: float = 0.05
+    """Of the work that the drives do: a sheath that gives more than it takes by this much creates energy
+    [1]; chosen: a cycle hardly ever closes better."""
+    cycle: float = 0.2
+    """Of the range of the drive: going back by more ends a leg [1]; chosen, as `LIMITS.turn`."""
+    at_bound: float = 1e-3
+    """Of a bound: a number so near is at it [1]; chosen."""
+
+
+EVIDENCE = EvidenceSettings()
+
+
+@dataclass(frozen=True, slots=True)
+class FittedModel:
+    """A machine with some parts, fitted, and what it leaves."""
+
+    problem: Problem
+    state: FitState
+    parts: tuple[Part, ...]
+    held: Mapping[str, float]
+    """Rms by channel on what is held out [SI]; empty where nothing is."""
+    fitted: Mapping[str, float]
+    """The same on what is fitted."""
+    fixed: tuple[str, ...] = ()
+    """Channels whose zero is held at that of the rig."""
+
+    @property
+    def rig(self) -> Rig:
+        """The rig at the fitted numbers."""
+        values = {
+            each.key: each.value(u)
+            for each, u in zip(self.problem.parameters, self.state.u, strict=True)
+            if each.kind == "rig"
+        }
+        return with_values(self.problem.rig, values)
+
+
+def modelled(
+    problem: Problem,
+    state: FitState,
+    parts: Sequence[Part],
+    kept: Sequence[MachineRun],
+    fixed: Sequence[str] = (),
+) -> FittedModel:
+    """Return a fitted model with what it leaves on fitted and held-out readings."""
+    made = FittedModel(problem, state, tuple(parts), {}, {}, tuple(fixed))
+    inside = _rms_of(_off(problem, problem.rows, problem.answers(state.channels)))
+    away = _off(problem, fitted_rows(problem.runs, held_out=True), problem.answers(state.channels))
+    for run in kept:
+        own, there = own_numbers(run, made.rig, fixed)
+        away += _off(own, own.rows, own.answers(there.channels))
+    return replace(made, held=_rms_of(away), fitted=inside)
+
+
+def own_numbers(run: MachineRun, rig: Rig, fixed: Sequence[str] = ()) -> tuple[Problem, FitState]:
+    """Fit to a run its zeros and its start alone; all else is that of the rig, and zeros `fixed` too."""
+    own = [each for each in parameters_of([run], rig, ()) if each.kind != "rig"]
+    parameters = tuple(each for each in own if each.kind != "zero" or each.key not in fixed)
+    problem = Problem((run,), rig, parameters, fitted_rows([run], held_out=None), FIT.bars)
+    weight, inflation = first_weights(problem), np.ones(len(problem.rows))
+    state = fit_round(problem, np.zeros(len(parameters)), weight, inflation, FIT.iterations)
+    return fitted_again(problem, state)
+
+
+_Off = list[tuple[str, Vector]]
+
+
+def _off(
+    problem: Problem, rows: Sequence[tuple[int, str, np.ndarray]], given: Sequence[Mapping[str, Vector]]
+) -> _Off:
+    return [(name, problem.runs[k].measured[name][at] - given[k][name][at]) for k, name, at in rows]
+
+
+def _rms_of(parts: _Off) -> dict[str, float]:
+    names = dict.fromkeys(name for name, _ in parts)
+    every = {name: np.concatenate([off for other, off in parts if other == name]) for name in names}
+    return {name: float(np.sqrt(np.mean(np.square(off)))) for name, off in every.items()}
+
+
+def delta_bic(before: FittedModel, after: FittedModel) -> float:
+    """Return how far the Bayesian information criterion falls; docs/model.md (196).
+
+    Each block of readings has an error of its own size, and counts as many readings as are independent in
+    what the better model leaves.
+    """
+    gain, worth = 0.0, 0.0
+    for block, (old, new) in enumerate(zip(before.state.left, after.state.left, strict=True)):
+        least = _floor(after.problem, block)
+        sizes = [math.hypot(spread(left), least) for left in (old, new)]
+        independent = len(new) / inflation_of(new / sizes[1])
+        gain += 2.0 * independent * math.log(sizes[0] / sizes[1])
+        worth += independent
+    shared = len(before.state.u)
+    gain += float(before.state.u @ before.state.u - after.state.u[:shared] @ after.state.u[:shared])
+    return gain - (len(after.state.u) - shared) * math.log(worth)
+
+
+def _floor(problem: Problem, block: int) -> float:
+    k, name, at = problem.rows[block]
+    return max(EVIDENCE.floor * float(np.ptp(problem.runs[k].measured[name][at])), 1e-12)
+
+
+def changes(before: FittedModel, after: FittedModel) -> dict[str, float]:
+    """Return by channel the rms of what a part changes over what shows [1]."""
+    out = dict[str, float]()
+    pairs = zip(before.state.left, after.state.left, after.problem.rows, strict=True)
+    for block, (old, new, (_, name, _)) in enumerate(pairs):
+        size = math.hypot(spread(new), _floor(after.problem, block))
+        independent = len(new) / inflation_of(new / size)
+        limit = EVIDENCE.detected * size / math.sqrt(independent)
+        out[name] = max(out.get(name, 0.0), float(np.sqrt(np.mean((old - new) ** 2))) / limit)
+    return out
+
+
+def held_out_ratio(before: FittedModel, after: FittedModel) -> float:
+    """Return the held-out rms of the channels that a part touches over that without it [1]; (187).
+
+    NaN where nothing is held out.
+    """
+    ratios = list(held_out_ratios(before, after).values())
+    return math.sqrt(sum(each**2 for each in ratios) / len(ratios)) if ratios else math.nan
+
+
+def held_out_ratios(before: FittedModel, after: FittedModel) -> dict[str, float]:
+    """Return the same by channel that a part touches [1]; of all where it touches none."""
+    size = changes(before, after)
+    touched = [name for name in before.held if size.get(name, 0.0) > 1.0] or list(before.held)
+    return {name: after.held[name] / max(before.held[name], 1e-15) for name in touched}
+
+
+def noise_of(models: Sequence[FittedModel], rig: Rig) -> dict[str, float]:
+    """Return the white noise of each channel: as specified, else the least that differences show [SI]."""
+    best = models[-1]
+    out = dict[str, float]()
+    for (k, name, at), left in zip(best.problem.rows, best.state.left, strict=True):
+        measured = best.problem.runs[k].measured[name][at]
+        least = min(reading_noise(measured), reading_noise(left))
+        stated = rig.sensors.get(name)
+        said = 0.0 if stated is None else math.hypot(stated.noise, stated.resolution / math.sqrt(12.0))
+        out[name] = max(out.get(name, 0.0), said or least)
+    return out
+
+
+def refused(before: FittedModel, after: FittedModel) -> str:
+    """Return why physics or a bound forbids a model, in a clause; empty where nothing does; (198)."""
+    return next(_reasons(before, after), "")
+
+
+def _reasons(before: FittedModel, after: FittedModel) -> Iterator[str]:
+    shared = len(before.state.u)
+    values = zip(after.problem.parameters, after.state.u, strict=True)
+    for j, (each, u) in enumerate(values):
+        far = abs(u) >= FIT.farthest
+        was = j < shared and abs(before.state.u[j]) >= FIT.farthest
+        if each.kind == "rig" and far and not was:
+            yield f"{each.name} goes to its bound"
+    limits = {
+        f"{part.label}: {number.name}": (number.lower, number.upper)
+        for part in after.parts
+        for number in part.numbers
+    }
+    for each, u in zip(after.problem.parameters, after.state.u, strict=True):
+        value = each.value(u)
+        for bound in limits.get(each.name, ()):
+            if math.isfinite(bound) and abs(value - bound) <= EVIDENCE.at_bound * abs(bound):
+                yield f"{each.name} goes to its bound"
+    friction = [one.rig.friction.coefficient for one in (before, after)]
+    if friction[1] > FIT_TEST.most_friction >= friction[0]:
+        yield f"the friction coefficient goes to {friction[1]:.2g}"
+    yield from _creates(after)
+
+
+def _creates(model: FittedModel) -> Iterator[str]:
+    """Say where a tendon pushes, or gives more work over its cycles than it takes."""
+    rig = model.rig
+    plain = msgspec.structs.replace(rig, sensors={})
+    for k, run in enumerate(model.problem.runs):
+        own = model.problem.of_run(model.state.u, k)
+        machine = machine_of(plain, [routed(arcs, rig) for arcs in run.routes], FIT.bars)
+        shares = np.array([own.get(("history", str(which)), 0.0) for which in range(machine.count)])
+        given = dict(run.given)
+        try:
+            out = simulate_machine(
+                machine, given, drive=run.drive, end_given=run.end_given, start=Start(shares)
+            )
+        except (FitError, SettingsError):
+            return
+        edges = turns(given[drive_channels(run.drive, run.tendons)[0]], _back(run))
+        names = [list(numbered(name, machine.count)) for name in _WORK]
+        for pull_in, way_in, pull_out, way_out in zip(*names, strict=True):
+            if min(float(out[pull_in].min()), float(out[pull_out].min())) < -1e-9:
+                yield f"{pull_in} goes below zero"
+            if len(edges) < 4:
+                continue
+            last = edges[1 + 2 * ((len(edges) - 3) // 2)]
+            cycles = slice(edges[1], last + 1)
+            taken = _work(out[pull_in][cycles], out[way_in][cycles])
+            left = _work(out[pull_out][cycles], out[way_out][cycles])
+            turned = float(np.sum(np.abs(_steps(out[pull_in][cycles], out[way_in][cycles]))))
+            if taken - left < -EVIDENCE.creates * turned:
+                yield "the sheath would give more work over its cycles than it takes"
+
+
+_WORK = ("tension_in_N", "displacement_in_m", "tension_out_N", "displacement_out_m")
+
+
+def _back(run: MachineRun) -> float:
+    return EVIDENCE.cycle * float(np.ptp(run.given[drive_channels(run.drive, run.tendons)[0]]))
+
+
+def _steps(pull: Vector, way: Vector) -> Vector:
+    return 0.5 * (pull[1:] + pull[:-1]) * np.diff(way)
+
+
+def _work(pull: Vector, way: Vector) -> float:
+    return float(np.sum(_steps(pull, way)))

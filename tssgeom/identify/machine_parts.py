@@ -1,0 +1,264 @@
+"""What a machine may lack: effects of the library in every tendon, and numbers of its drive, end and sensors.
+
+Source: docs/machines.md, "What a machine lacks"; docs/model.md (195).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+
+from tssgeom.effects import KINDS, Library, snake, with_size
+from tssgeom.identify.finding import RigNumber
+from tssgeom.identify.machine_run import MachineRun, Parameter, unit_of
+from tssgeom.rig import Rig, with_values
+from tssgeom.uncertain import UNKNOWNS, Prior
+
+
+@dataclass(frozen=True, slots=True)
+class PartSettings:
+    """What is assumed of the numbers of a part."""
+
+    wide: float = 5.0
+    """Of what is typical of a number: s.d. of its prior [1]; chosen: machines differ in size."""
+    scale: float = 1.0
+    """S.d. of the logarithm of a scale, such as a time constant [1]; chosen: a factor of 2.7."""
+    gain: float = 0.1
+    """Standard deviation of the error of a gain [1]; chosen: a tenth, more is a wrong unit."""
+    known: float = 0.5
+    """Of a number that the rig gives: standard deviation of its error [1]; chosen: a half."""
+    pushed: float = 2.0
+    """Scales from which a part is tried, apart by this factor from the typical one [1]; chosen."""
+
+
+PARTS = PartSettings()
+
+
+class Number(NamedTuple):
+    """One number of a part."""
+
+    name: str
+    """As a report has it: `width_m`, `gain`."""
+    key: str
+    """Key of the rig, with `{}` for the position of the effect."""
+    unit: str
+    prior: Prior
+    start: float
+    """From which a fit starts where nothing better is known, in the unit."""
+    lower: float = -math.inf
+    upper: float = math.inf
+    switch: bool = True
+    """Whether the part does nothing where this number is at the centre of its prior."""
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """One thing that a machine may lack."""
+
+    name: str
+    effect: Library | RigNumber
+    numbers: tuple[Number, ...]
+    meaning: str = ""
+    """In a clause, where it is no effect of the library."""
+
+    @property
+    def label(self) -> str:
+        """Name, and what of it is a choice."""
+        if isinstance(self.effect, RigNumber) and self.effect.key.startswith("sensors."):
+            return f"{self.name} ({self.effect.key.split('.')[1]})"
+        end = getattr(self.effect, "end", "")
+        return f"{self.name} ({end})" if end else self.name
+
+    @property
+    def switch(self) -> Number:
+        """The number that switches the part on."""
+        return next(each for each in self.numbers if each.switch)
+
+    def on(self, rig: Rig) -> tuple[Rig, tuple[Parameter, ...]]:
+        """Return the rig with this part at nothing, and what is fitted of it."""
+        at = len(rig.effects)
+        if not isinstance(self.effect, RigNumber):
+            rig = msgspec.structs.replace(rig, effects=(*rig.effects, self.effect))
+        made = [
+            Parameter(f"{self.label}: {each.name}", each.unit, each.prior, "rig", key=each.key.format(at))
+            for each in self.numbers
+        ]
+        return with_values(rig, {each.key: each.prior.centre for each in made}), tuple(made)
+
+
+_ENDS = ("slack_take_up",)
+_NOT_HERE = (  # observation is by channel here; the pretension is a number of the rig
+    "tension_in_gain",
+    "tension_out_gain",
+    "tension_in_offset",
+    "tension_out_offset",
+    "channel_lag",
+    "load_cell_crosstalk",
+    "thermal_drift",
+    "pretension_error",
+)
+
+
+def parts_of(rig: Rig, free: Sequence[str], runs: Sequence[MachineRun]) -> tuple[Part, ...]:
+    """Return what may act in a machine and show in its runs; `free` are keys that the fit has anyway."""
+    return (*_of_library(rig, free, runs), *_of_rig(rig, free, runs))
+
+
+def absent_parts(rig: Rig, runs: Sequence[MachineRun]) -> Mapping[str, str]:
+    """Return by name the effects of the library that are not tried on a machine, and why."""
+    why = dict.fromkeys(_NOT_HERE[:6], "channels of a machine have gains, lags and zeros of their own")
+    why |= {"thermal_drift": "the model of a machine has no temperature"}
+    if any(run.drive == "motor_angle_rad" for run in runs):
+        why["backlash"] = "play of the motor is drive_play"
+    if any(run.drive in ("tension_in", "motor_torque_Nm") for run in runs):
+        why["backlash"] = "forces drive, which have no play"
+    if rig.end.kind == "carried":
+        why["backlash"] = "play of what carries both ends is drive_play"
+    if all(_one_curvature(run) for run in runs):
+        why["curvature_dependent_friction"] = "all routes have one curvature"
+    return why
+
+
+def _one_curvature(run: MachineRun) -> bool:
+    bends = [
+        angle / length
+        for each in run.routes
+        for length, angle in zip(each.length, each.angle, strict=True)
+        if length > 0.0
+    ]
+    return max(bends) - min(bends) < 1e-9 * max(max(bends), 1.0)
+
+
+def _of_library(rig: Rig, free: Sequence[str], runs: Sequence[MachineRun]) -> Iterator[Part]:
+    absent = absent_parts(rig, runs)
+    there = {snake(type(effect).__name__) for effect in rig.effects}
+    for name, kind in KINDS.items():
+        if name in absent or name in _NOT_HERE or name in there:
+            continue
+        if name == "hidden_bend" and {"route.angle_rad", "route.angle_gain"} & set(free):
+            continue  # the angle that the fit has is the bend
+        ends = ("proximal", "distal") if name in _ENDS else ("",)
+        for end in ends:
+            effect = with_size(kind)
+            if end:
+                effect = msgspec.structs.replace(effect, end=end)
+            numbers = tuple(_library_numbers(effect))
+            if any(each.switch for each in numbers):
+                yield Part(name, effect, numbers)
+
+
+def _library_numbers(effect: Library) -> Iterator[Number]:
+    switched = False
+    for key, stated in effect.parameters.items():
+        if not stated.fitted:
+            continue
+        if stated.switch:
+            if switched:
+                continue  # the first number of several is the one that is fitted
+            switched = True
+            prior = Prior(0.0, PARTS.wide * max(stated.prior_sd, abs(stated.typical)), log=False)
+        else:
+            prior = Prior(stated.typical, PARTS.scale)
+        key_of_rig = f"effects[{{}}].{key}"
+        yield Number(
+            *(key, key_of_rig, stated.unit, prior, stated.typical),
+            *(stated.lower, stated.upper, stated.switch),
+        )
+
+
+class _Choice(NamedTuple):
+    """A number of the rig that a part may free."""
+
+    name: str
+    key: str
+    meaning: str
+
+
+_CHOICES = (
+    _Choice("drive_play", "drive.play_rad", "Play between motor and pulley"),
+    _Choice(
+        "drive_friction", "drive.friction_Nm", "Coulomb friction of the motor, beside that of the tendons"
+    ),
+    _Choice("drive_slack", "drive.slack_m", "Slack of the second tendon at rest"),
+    _Choice("drive_coupling", "drive.coupling", "The second tendon is let out more or less than the first"),
+    _Choice("end_play", "end.play_rad", "Play between the joint and what measures its angle"),
+    _Choice("joint_friction", "end.friction_Nm", "Coulomb friction of the joint itself"),
+    _Choice("joint_weight", "end.gravity_Nm", "A weight that the joint carries"),
+    _Choice("end_stiffness", "end.stiffness_Nm_per_rad", "The joint is stiffer or softer than the rig says"),
+    _Choice("load_stiffness", "load.stiffness_N_per_m", "The spring of the load is not that of the rig"),
+    _Choice(
+        "pretension_error", "tendon.pretension_N", "The tendons start at another tension than the rig says"
+    ),
+)
+MEANINGS: Mapping[str, str] = {each.name: each.meaning for each in _CHOICES} | {
+    "channel_gain": "A channel reads a share too much or too little",
+    "channel_lag": "A channel passes a first-order filter before it is stored",
+    "channel_zero": "A channel of force or torque does not read zero where nothing pulls",
+}
+"""What each part is that is no effect of the library, in a clause."""
+
+
+def _of_rig(rig: Rig, free: Sequence[str], runs: Sequence[MachineRun]) -> Iterator[Part]:
+    answers = list(dict.fromkeys(name for run in runs for name in run.measured))
+    for each in _CHOICES:
+        if each.key not in free and _applies(each.key, rig, runs, answers):
+            yield _freed(each, rig)
+    for name in answers:
+        known = rig.sensors.get(name)
+        if f"sensors.{name}.gain" not in free and len(answers) > 1:
+            centre = 1.0 if known is None else known.gain
+            yield _of_channel("channel_gain", name, "gain", "1", Prior(centre, PARTS.gain, log=False))
+        if f"sensors.{name}.lag_s" not in free and (known is None or known.lag_s == 0.0):
+            sd = PARTS.wide * _typical_lag(runs)
+            yield _of_channel("channel_lag", name, "lag_s", "s", Prior(0.0, sd, log=False), 0.0)
+
+
+def _typical_lag(runs: Sequence[MachineRun]) -> float:
+    """Return the time between two samples [s], about what a filter takes."""
+    return float(np.median(np.concatenate([np.diff(run.given["time_s"]) for run in runs])))
+
+
+def _of_channel(
+    name: str, channel: str, last: str, unit: str, prior: Prior, lower: float = -math.inf
+) -> Part:
+    key = f"sensors.{channel}.{last}"
+    number = Number(last, key, unit, prior, prior.centre + 0.2 * prior.sd, lower)
+    return Part(name, RigNumber(key=key), (number,), MEANINGS[name])
+
+
+def _freed(each: _Choice, rig: Rig) -> Part:
+    table, last = each.key.split(".")
+    now = float(getattr(getattr(rig, table), last))
+    lower = 0.0
+    if now > 0.0:
+        prior = Prior(now, PARTS.known * now, log=False)
+    else:
+        prior = Prior(0.0, PARTS.wide * UNKNOWNS[each.key].centre, log=False)
+    start = now + 0.1 * prior.sd
+    number = Number(last, each.key, unit_of(each.key), prior, start, lower)
+    return Part(each.name, RigNumber(key=each.key), (number,), each.meaning)
+
+
+def _applies(key: str, rig: Rig, runs: Sequence[MachineRun], answers: Sequence[str]) -> bool:
+    """Whether a number of the rig acts in any of the runs, and shows there."""
+    tensions = any("tension" in name or "torque" in name for name in (*answers, *runs[0].given))
+    joint = rig.end.kind == "joint"
+    by_angle = any(run.drive == "motor_angle_rad" for run in runs)
+    pair = rig.drive.kind == "pair"
+    return {
+        "drive.play_rad": by_angle,
+        "drive.friction_Nm": "motor_torque_Nm" in answers,
+        "drive.slack_m": pair,
+        "drive.coupling": pair,
+        "end.play_rad": joint and "joint_angle_rad" in answers,
+        "end.friction_Nm": joint and all(run.drive != "motor_torque_Nm" for run in runs),
+        "end.gravity_Nm": joint,
+        "end.stiffness_Nm_per_rad": rig.end.kind in ("joint", "segment") and tensions,
+        "load.stiffness_N_per_m": rig.end.kind == "spring",
+        "tendon.pretension_N": True,
+    }[key]

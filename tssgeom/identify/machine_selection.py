@@ -1,0 +1,350 @@
+"""Which parts the runs of a machine ask for: forward, one at a time, and one backward pass.
+
+Source: docs/model.md (196)-(198).
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from tssgeom.arrays import Matrix, Vector
+from tssgeom.errors import FitError
+from tssgeom.identify.machine_evidence import (
+    EVIDENCE,
+    FittedModel,
+    changes,
+    delta_bic,
+    held_out_ratio,
+    held_out_ratios,
+    modelled,
+    refused,
+)
+from tssgeom.identify.machine_fit import fit_round, fitted_again
+from tssgeom.identify.machine_parts import PARTS, Part
+from tssgeom.identify.machine_problem import FIT, Problem
+from tssgeom.identify.machine_run import MachineRun
+from tssgeom.identify.selection import SEARCH
+from tssgeom.rig import with_values
+
+
+@dataclass(frozen=True, slots=True)
+class MachineSearch:
+    """How parts are searched for. All are chosen, for speed."""
+
+    refitted: int = 8
+    """Parts that are refitted after the score test; chosen."""
+    promise: float = 4.0
+    """Fall of χ² in the score test from which a part is refitted [1]; chosen: two standard deviations."""
+    continued: int = 3
+    """Parts whose refit goes on until weights and numbers converge; chosen."""
+    steps: int = 6
+    """Steps of the first round of a refit; chosen."""
+    worse: float = 1.05
+    """Of the held-out rms of a channel: a part that makes it so much larger is refused [1]; chosen."""
+    same: float = 0.95
+    """Of a held-out rms: a smaller one separates two parts of like evidence [1]; chosen, as `MISFIT.same`."""
+
+
+MACHINE_SEARCH = MachineSearch()
+
+
+@dataclass(frozen=True, slots=True)
+class TriedPart:
+    """One part on top of a model, refitted."""
+
+    part: Part
+    model: FittedModel
+    delta_bic: float
+    size: float
+    """Largest change of a channel over what shows [1]."""
+    held_ratio: float
+    """Held-out rms of the channels it touches over that without [1]; NaN where nothing is held out."""
+    refusal: str
+    """Why physics, a bound or a channel that it makes worse forbids it; empty where nothing does."""
+
+    @property
+    def passes(self) -> bool:
+        """Whether evidence, size, held-out readings and physics all allow it."""
+        held = math.isnan(self.held_ratio) or self.held_ratio < 1.0
+        return self.delta_bic > EVIDENCE.needed and self.size > 1.0 and held and not self.refusal
+
+    @property
+    def why_not(self) -> str:
+        """One sentence on why it does not pass; empty where it does."""
+        if self.delta_bic <= EVIDENCE.needed:
+            return f"its ΔBIC of {self.delta_bic:.1f} is below {EVIDENCE.needed:.0f}."
+        if self.size <= 1.0:
+            return f"it changes no channel by more than {self.size:.2g} of the detection limit."
+        if self.held_ratio >= 1.0:
+            return f"with it the held-out rms of what it touches is {self.held_ratio:.3g} times that without."
+        return f"{self.refusal}." if self.refusal else ""
+
+
+@dataclass(frozen=True, slots=True)
+class PartStep:
+    """All parts that were tried on top of one model, the best first."""
+
+    before: FittedModel
+    tried: tuple[TriedPart, ...]
+
+    @property
+    def chosen(self) -> TriedPart | None:
+        """The best that passes; of those with like evidence the one that carries over best."""
+        close = self.close
+        return min(close, key=lambda one: (one.held_ratio, -one.delta_bic)) if close else None
+
+    @property
+    def close(self) -> list[TriedPart]:
+        """Those that pass, with an evidence within what separates two."""
+        passing = [one for one in self.tried if one.passes]
+        top = max((one.delta_bic for one in passing), default=0.0)
+        return [one for one in passing if top - one.delta_bic < SEARCH.close]
+
+    @property
+    def tied(self) -> list[TriedPart]:
+        """Those that neither evidence nor held-out readings separate from the chosen one."""
+        best = self.chosen
+        if best is None:
+            return []
+        others = [one for one in self.close if one is not best and one.part.label != best.part.label]
+        limit = best.held_ratio / MACHINE_SEARCH.same
+        return [one for one in others if math.isnan(limit) or one.held_ratio <= limit]
+
+
+@dataclass(frozen=True, slots=True)
+class PartSelection:
+    """What was chosen, and how."""
+
+    base: FittedModel
+    model: FittedModel
+    steps: tuple[PartStep, ...]
+
+
+def selected_parts(
+    base: FittedModel,
+    parts: Sequence[Part],
+    kept: Sequence[MachineRun],
+    progress: Callable[[float], object] = lambda share: None,
+) -> PartSelection:
+    """Choose parts as long as one passes, then take out what the others have made needless."""
+    model, steps = base, list[PartStep]()
+    for turn in range(SEARCH.most):
+        progress(turn / SEARCH.most)
+        now = part_step(model, parts, kept)
+        steps.append(now)
+        best = now.chosen
+        if best is None:
+            break
+        model = best.model
+    return PartSelection(base, _backward(model, kept), tuple(steps))
+
+
+def part_step(model: FittedModel, parts: Sequence[Part], kept: Sequence[MachineRun]) -> PartStep:
+    """Try every part on top of a model: a score test for all, a refit for the most promising."""
+    has = {part.label for part in model.parts}
+    lines = _lines(model)
+    tests = [_score(model, part, lines) for part in parts if part.label not in has]
+    tests = [one for one in tests if one is not None and one.gain > MACHINE_SEARCH.promise]
+    tests.sort(key=lambda one: -one.gain)
+    quick = [_refit(model, one, kept) for one in tests[: MACHINE_SEARCH.refitted]]
+    tried = sorted((one for one in quick if one is not None), key=lambda one: -one.delta_bic)
+    few = [_continued(model, one, kept) for one in tried[: MACHINE_SEARCH.continued]]
+    few.sort(key=lambda one: -one.delta_bic)
+    return PartStep(model, (*few, *tried[MACHINE_SEARCH.continued :]))
+
+
+def _backward(model: FittedModel, kept: Sequence[MachineRun]) -> FittedModel:
+    """Take out, once, the part that the others have made needless."""
+    if len(model.parts) < 2:
+        return model
+    for which in range(len(model.parts) - 1):
+        less = without_part(model, which, kept)
+        if less is not None and delta_bic(less, reordered(model, which)) < EVIDENCE.needed:
+            return less
+    return model
+
+
+def without_part(model: FittedModel, which: int, kept: Sequence[MachineRun]) -> FittedModel | None:
+    """Return the model refitted without one of its parts; None where that has no equilibrium."""
+    problem, part = model.problem, model.parts[which]
+    names = {f"{part.label}: {number.name}" for number in part.numbers}
+    stays = [j for j, each in enumerate(problem.parameters) if each.name not in names]
+    rig, parameters = problem.rig, [problem.parameters[j] for j in stays]
+    off = {
+        each.key: each.prior.centre
+        for each in problem.parameters
+        if each.name in names and not each.prior.log
+    }
+    less = replace(problem, rig=with_values(rig, off), parameters=tuple(parameters))
+    parts = [each for k, each in enumerate(model.parts) if k != which]
+    return _fitted(less, model.state.u[stays], model, parts, kept)
+
+
+def without_zeros(
+    model: FittedModel, channels: Sequence[str], kept: Sequence[MachineRun]
+) -> tuple[FittedModel, FittedModel] | None:
+    """Return a model refitted with zeros of channels at those of the rig, and itself in that order."""
+    problem = model.problem
+    of_zero = np.array([each.kind == "zero" and each.key in channels for each in problem.parameters])
+    stays = np.flatnonzero(~of_zero)
+    less = replace(problem, parameters=tuple(problem.parameters[j] for j in stays))
+    made = _fitted(less, model.state.u[stays], model, model.parts, kept, channels)
+    order = np.concatenate([stays, np.flatnonzero(of_zero)])
+    same = replace(model, state=replace(model.state, u=model.state.u[order]))
+    return None if made is None else (made, same)
+
+
+def reordered(model: FittedModel, which: int) -> FittedModel:
+    """Return the model with the numbers of one part last, as `delta_bic` compares them."""
+    names = {f"{model.parts[which].label}: {number.name}" for number in model.parts[which].numbers}
+    of_part = np.array([each.name in names for each in model.problem.parameters])
+    order = np.concatenate([np.flatnonzero(~of_part), np.flatnonzero(of_part)])
+    return replace(model, state=replace(model.state, u=model.state.u[order]))
+
+
+@dataclass(frozen=True, slots=True)
+class _Score:
+    """What a straight line promises of a part."""
+
+    part: Part
+    problem: Problem
+    start: Vector
+    gain: float
+    """Fall of χ² [1]."""
+
+
+class _Lines(NamedTuple):
+    """A model as a straight line in its numbers, weighted."""
+
+    weight: Vector
+    slope: Matrix
+    normal: Matrix
+    left: Vector
+
+
+def _lines(model: FittedModel) -> _Lines:
+    state, weight = model.state, np.concatenate(model.state.weight)
+    slope = model.problem.jacobian(state.u, state.channels, state.left) * weight[:, None]
+    normal = slope.T @ slope + np.eye(len(state.u))
+    return _Lines(weight, slope, normal, weight * np.concatenate(state.left))
+
+
+def _score(model: FittedModel, part: Part, lines: _Lines) -> _Score | None:
+    """Return the best of a few scales of a part, by a straight line in its switch."""
+    problem, state = model.problem, model.state
+    rig, own = part.on(problem.rig)
+    longer = replace(problem, rig=rig, parameters=(*problem.parameters, *own))
+    scales = [k for k, number in enumerate(part.numbers) if not number.switch]
+    switch = next(k for k, number in enumerate(part.numbers) if number.switch)
+    step = part.switch.prior.u(part.switch.start)
+    best: _Score | None = None
+    for pushed in itertools.product((0.0, -1.0, 1.0), repeat=min(len(scales), 1)):
+        added = np.zeros(len(own))
+        for k, push in zip(scales, pushed, strict=False):
+            added[k] = push * math.log(PARTS.pushed) / part.numbers[k].prior.sd
+        for share in (1.0, 0.2):
+            added[switch] = share * step
+            there = longer.model(np.concatenate([state.u, added]))
+            if there is not None:
+                break
+        else:
+            continue
+        column = (
+            lines.weight * (np.concatenate(longer.left(there)) - np.concatenate(state.left)) / added[switch]
+        )
+        score = _line(lines, column)
+        amplitude = score[0]
+        number = part.switch
+        low, high = (
+            number.prior.u(each) if math.isfinite(each) else each for each in (number.lower, number.upper)
+        )
+        if not low < amplitude < high:
+            amplitude = min(max(amplitude, low + 1e-3), high - 1e-3)
+        gain = score[1] if score[0] * amplitude > 0.0 and low < score[0] else 0.0
+        start = added.copy()
+        start[switch] = min(max(amplitude, -FIT.farthest), FIT.farthest)
+        made = _Score(part, longer, np.concatenate([state.u, start]), gain)
+        best = made if best is None or made.gain > best.gain else best
+    return best
+
+
+def _line(lines: _Lines, column: Vector) -> tuple[float, float]:
+    """Return the amplitude of one more column and the fall of χ², all other numbers following."""
+    rest = column - lines.slope @ np.linalg.solve(lines.normal, lines.slope.T @ column)
+    power = float(rest @ rest)
+    if power <= 1e-12:
+        return 0.0, 0.0
+    pull = float(rest @ lines.left)
+    return -pull / power, pull**2 / power
+
+
+def _refit(model: FittedModel, one: _Score, kept: Sequence[MachineRun]) -> TriedPart | None:
+    """Refit a part from where its straight line points, or from what is typical of it."""
+    shared = len(model.state.u)
+    typical = one.start.copy()
+    switch = shared + next(k for k, number in enumerate(one.part.numbers) if number.switch)
+    typical[switch] = one.part.switch.prior.u(one.part.switch.start)
+    half = one.start.copy()
+    half[switch] *= 0.3
+    starts = [
+        (value, u) for u in (one.start, half, typical) if (value := _at(one.problem, u, model)) < math.inf
+    ]
+    if not starts:
+        return None
+    start = min(starts, key=lambda each: each[0])[1]
+    after = _fitted(one.problem, start, model, [*model.parts, one.part], kept)
+    return None if after is None else _tried(model, one.part, after)
+
+
+def _continued(model: FittedModel, one: TriedPart, kept: Sequence[MachineRun]) -> TriedPart:
+    problem, state = fitted_again(one.model.problem, one.model.state)
+    return _tried(model, one.part, modelled(problem, state, one.model.parts, kept, one.model.fixed))
+
+
+def _tried(model: FittedModel, part: Part, after: FittedModel) -> TriedPart:
+    size = max(changes(model, after).values())
+    gain, ratio = delta_bic(model, after), held_out_ratio(model, after)
+    reason = ""
+    if gain > EVIDENCE.needed:
+        reason = refused(model, after) or _worse(model, after)
+    return TriedPart(part, after, gain, size, ratio, reason)
+
+
+def _worse(model: FittedModel, after: FittedModel) -> str:
+    """Say which channel a part makes worse on what is held out; empty where it makes none."""
+    ratios = held_out_ratios(model, after)
+    worst = max(ratios, key=lambda name: ratios[name], default="")
+    if not worst or ratios[worst] <= MACHINE_SEARCH.worse:
+        return ""
+    return f"with it the held-out rms of {worst} is {ratios[worst]:.3g} times that without"
+
+
+def _at(problem: Problem, u: Vector, model: FittedModel) -> float:
+    there = problem.model(u)
+    if there is None:
+        return math.inf
+    left = np.concatenate(model.state.weight) * np.concatenate(problem.left(there))
+    return float(left @ left + u @ u)
+
+
+def _fitted(
+    problem: Problem,
+    start: Vector,
+    model: FittedModel,
+    parts: Sequence[Part],
+    kept: Sequence[MachineRun],
+    fixed: Sequence[str] = (),
+) -> FittedModel | None:
+    """Fit from a start with the weights of a model, then with its own."""
+    try:
+        state = fit_round(problem, start, model.state.weight, model.state.inflation, MACHINE_SEARCH.steps)
+        problem, state = fitted_again(problem, state)
+        return modelled(problem, state, parts, kept, fixed)
+    except FitError:
+        return None

@@ -1,0 +1,129 @@
+"""Campaigns of machines: the same `campaign.toml`, shapes where there are any, numbers that are not known."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import msgspec
+
+from tssgeom.errors import SettingsError, SourceError, TssgeomError
+from tssgeom.identify.machine_finding import MachineCampaign
+from tssgeom.identify.machine_run import machine_run, route_of_rig
+from tssgeom.io.formats.campaigns import Listed, how_read, read_plan, read_route, run_names
+from tssgeom.io.formats.files import CAMPAIGN, output_names
+from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap
+from tssgeom.io.formats.paths import split
+from tssgeom.io.formats.runs import read_run
+from tssgeom.mechanism import tendon_count
+from tssgeom.plausibility.frames import rig_remarks
+from tssgeom.plausibility.rules import warnings_of
+from tssgeom.rig import Rig, read_uncertain_rig
+from tssgeom.route.pieces import Arcs
+
+_FORCES = ("tension_in_N", "tension_out_N", "elongation_m")
+
+
+def is_machine_campaign(folder: Path, columns: ColumnMap = NO_MAP) -> bool:
+    """Whether a campaign is of a machine: by its rig, a missing shape, or runs of displacement alone.
+
+    Raises
+    ------
+    SettingsError
+        Where `campaign.toml` or the rig cannot be used.
+    ShapeError, SourceError
+        Where a file is missing or cannot be used.
+    """
+    listing = folder if folder.name == CAMPAIGN else folder / CAMPAIGN
+    plan = read_plan(listing)
+    rig, uncertain = read_uncertain_rig(listing.parent / plan.rig)
+    if rig.is_machine or any(not each.stated for each in uncertain):
+        return True
+    if any(not listed.shape or not isinstance(listed.shape, str) for listed in plan.run):
+        return True
+    said = columns.with_rig(rig.columns)
+    paths = [listing.parent / listed.data for listed in plan.run]
+    if not all(split(path)[0].is_file() for path in paths):
+        return False  # the reader of one tendon names the file that is missing
+    return not any(name in _FORCES for path in paths for name in read_run(path, said).columns)
+
+
+def read_machine_campaign(
+    folder: Path, unit: str | None = None, columns: ColumnMap = NO_MAP
+) -> MachineCampaign:
+    """Read a campaign of a machine.
+
+    Parameters
+    ----------
+    folder
+        The folder, or the `campaign.toml` in it. `shape` of a run may be left out where the rig has
+        `[route]`, and may be a list of one file for each tendon.
+    unit
+        Unit of length, "mm" or "m", of shapes that state none.
+    columns
+        What the user says of columns of the files.
+
+    Raises
+    ------
+    SettingsError
+        Where `campaign.toml`, the rig or a run cannot be used.
+    ShapeError, SourceError
+        Where a file is missing or cannot be used.
+    """
+    listing = folder if folder.name == CAMPAIGN else folder / CAMPAIGN
+    home = listing.parent
+    plan = read_plan(listing)
+    rig, uncertain = read_uncertain_rig(home / plan.rig)
+    said, notes = columns.with_rig(rig.columns), list[str]()
+    notes += [f"{plan.rig}: {warning}" for warning in warnings_of(plan.rig, rig_remarks(rig))]
+    routes = _Routes(home, rig, unit, said, notes)
+    routes.read(plan.run)
+    runs = []
+    for name, listed in zip(run_names(listing, plan.run), plan.run, strict=True):
+        path = home / listed.data
+        if not split(path)[0].is_file():
+            raise SourceError(f"{path}: no such file: mend data in {CAMPAIGN}")
+        measured = read_run(path, said)
+        notes += [f"{name}: {text}" for text in (*how_read(measured.notes), *measured.warnings)]
+        try:
+            runs.append(machine_run(name, measured.columns, routes.of(listed), rig))
+        except TssgeomError as error:
+            raise type(error)(f"{path}: {error}") from error
+    held = [
+        name for name, listed in zip(run_names(listing, plan.run), plan.run, strict=True) if listed.held_out
+    ]
+    return MachineCampaign(home.resolve().name, rig, uncertain, tuple(runs), tuple(held), tuple(notes))
+
+
+class _Routes:
+    """The routes of runs: of shapes, each read once, or of the rig."""
+
+    def __init__(self, home: Path, rig: Rig, unit: str | None, said: ColumnMap, notes: list[str]) -> None:
+        self._home, self._rig, self._unit, self._said, self._notes = home, rig, unit, said, notes
+        self._arcs = dict[str, Arcs]()
+
+    def read(self, runs: Sequence[Listed]) -> None:
+        """Read every shape that the runs name."""
+        shapes = [shape for listed in runs for shape in _shapes_of(listed)]
+        files = {shape: self._home / shape for shape in shapes}
+        named = output_names(list(dict.fromkeys(files.values())))
+        plain = msgspec.structs.replace(self._rig, effects=())
+        for shape, path in files.items():
+            route = read_route(path, named[path], plain, self._unit, self._said, self._notes)
+            self._arcs[shape] = route.arcs
+
+    def of(self, listed: Listed) -> list[Arcs]:
+        """Return the routes of a run: one for all tendons, or one each."""
+        shapes = _shapes_of(listed)
+        if not shapes:
+            return [route_of_rig(self._rig)]
+        tendons = tendon_count(self._rig.drive, self._rig.end)
+        if len(shapes) not in (1, tendons):
+            raise SettingsError(f"{len(shapes)} shapes for {tendons} tendons: give one for all, or one each")
+        return [self._arcs[shape] for shape in shapes]
+
+
+def _shapes_of(listed: Listed) -> tuple[str, ...]:
+    if isinstance(listed.shape, str):
+        return (listed.shape,) if listed.shape else ()
+    return listed.shape
