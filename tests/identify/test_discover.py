@@ -57,12 +57,41 @@ def test_both_of_a_pair_are_named(result):
     assert {one.names[0] for one in result(0, pair).effects} == {*pair}
 
 
-def test_a_cause_without_a_name_is_called_unknown_and_its_shape_is_told(result):
-    finding = result(0, "wandering_load_cell")
+def test_a_cause_that_nothing_explains_is_called_unknown_and_its_shape_is_told(result):
+    finding = result(0, "slipping_encoder")
     assert finding.verdict == "unknown"
     assert finding.effects == ()
     assert finding.rig.effects == ()
     assert {"tension_N", "cycle", "s_m"} <= {shape.over for shape in finding.missing_shapes}
+
+
+def test_friction_that_is_uneven_along_the_sheath_is_learnt(result, campaign):
+    finding, truth = result(1, "rough_stretch"), campaign(1, "rough_stretch")[1]
+    assert finding.verdict == "law"
+    (one,) = finding.effects
+    assert one.names == ("friction_over_arc_length",)
+    assert one.law is not None
+    assert one.law.over == "arc_length_m"
+    rough = truth.friction * (1.0 + truth.parameters["rough_stretch"]["gain"])
+    assert one.law.value.max() == pytest.approx(rough, rel=0.12)  # the edges of the stretch are smoothed
+    assert one.law.value[:8] == pytest.approx(truth.friction, rel=0.05)
+    held = np.mean((one.law.low[:8] <= truth.friction) & (truth.friction <= one.law.high[:8]))
+    assert held == 1.0
+    before, after = (
+        beyond_noise(side["held_out"], finding.misfit.noise)
+        for side in (finding.misfit.before, finding.misfit.after)
+    )
+    assert after < 0.35 * before
+    assert finding.rig.effects == one.effects
+    assert "no formula of the library" in finding.sentence
+    assert "closes" in finding.sentence
+
+
+def test_a_sensor_that_is_no_straight_line_is_learnt(result):
+    finding = result(1, "bent_load_cell")
+    assert finding.verdict == "law"
+    (one,) = finding.effects
+    assert (one.names, one.effects[0].channel) == (("sensor_curve",), "tension_in_N")
 
 
 def test_what_was_not_measured_is_said_to_show_nothing(result):

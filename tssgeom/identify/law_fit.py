@@ -111,7 +111,7 @@ def score(problem: Problem, base: LawFit, mechanism: Mechanism) -> tuple[float, 
     if not np.any(own):
         return None
     jacobian = np.column_stack([base.jacobian, own])
-    straight = _straight(jacobian, base.residual, _deviation(problem, base.at, base.terms))
+    straight = straight_model(jacobian, base.residual, _deviation(problem, base.at, base.terms))
     best = None
     for roughness in LAW_FIT.roughness:
         term = replace(start, roughness=roughness)
@@ -215,7 +215,7 @@ def _chi2(problem: Problem, at: Point, terms: Sequence[Term], residual: Vector) 
 
 
 @dataclass(frozen=True, slots=True)
-class _Straight:
+class Straight:
     """A model made straight, as far as its evidence needs it."""
 
     information: Matrix
@@ -233,16 +233,27 @@ class _Straight:
         return -0.5 * (self.square - gain + float(whole) - float(prior))
 
 
-def _straight(jacobian: Matrix, residual: Vector, deviation: Vector) -> _Straight:
+def straight_model(jacobian: Matrix, residual: Vector, deviation: Vector) -> Straight:
+    """Make a model straight about numbers that are so far from the centre of their priors.
+
+    Parameters
+    ----------
+    jacobian
+        [rows, numbers] Of the prediction, weighed [1].
+    residual
+        [rows] Measured less predicted, weighed [1].
+    deviation
+        Of the first numbers; those behind are at their centres.
+    """
     pseudo = residual + jacobian[:, : len(deviation)] @ deviation
-    return _Straight(jacobian.T @ jacobian, jacobian.T @ pseudo, float(pseudo @ pseudo))
+    return Straight(jacobian.T @ jacobian, jacobian.T @ pseudo, float(pseudo @ pseudo))
 
 
 def _smoothed(
     problem: Problem, at: Point, terms: tuple[Term, ...], jacobian: Matrix, residual: Vector
 ) -> tuple[Term, ...]:
     """Return the laws with the roughness that the readings make most likely, one law after the other."""
-    straight = _straight(jacobian, residual, _deviation(problem, at, terms))
+    straight = straight_model(jacobian, residual, _deviation(problem, at, terms))
     for which in range(len(terms)):
         tried = [
             (*terms[:which], replace(terms[which], roughness=roughness), *terms[which + 1 :])

@@ -149,10 +149,10 @@ def _offers(
     offers.sort(key=lambda one: -one.gain)
     judged = [_judged(problem, now, one, held) for one in offers[: LAW_SEARCH.judged]]
     rest = [replace(one, veto=_LESS) for one in offers[LAW_SEARCH.judged :]]
-    return _in_order(judged) + rest
+    return in_order(judged) + rest
 
 
-def _in_order(judged: Sequence[Offer]) -> list[Offer]:
+def in_order(judged: Sequence[Offer]) -> list[Offer]:
     """Return judged offers, that to be taken first.
 
     Of those with about the evidence of the best it is the one that does most for what was not fitted.

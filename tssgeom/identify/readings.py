@@ -105,7 +105,7 @@ def readings(campaign: Campaign, drive: Drive | None = None) -> tuple[tuple[Read
 def _by_cycles(reading: Reading) -> tuple[list[Reading], list[str]]:
     """Hold out the last third of the cycles of the only run; it stays whole where it has too few."""
     turns = turning_points(reading.given[reading.drive], reading.noise[reading.drive])
-    cycles = len(turns) // 2
+    cycles = (len(turns) + 1) // 2
     if cycles < READING.cycles:
         return [reading], [
             f"There is one run of {cycles} whole cycles, so nothing is held out: the result was not checked."

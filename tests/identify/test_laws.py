@@ -1,0 +1,112 @@
+"""Free laws: priors and evidence beside plain Gaussian arithmetic, their order, what one run holds out."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+
+from tssgeom.effects import ChannelLag, CreepLaw, FrictionLaw, SensorLaw, StretchLaw
+from tssgeom.identify.fit import Point, base_fit
+from tssgeom.identify.law_finding import curve
+from tssgeom.identify.law_fit import LAW_FIT, Term, fitted, score, straight_model, with_terms
+from tssgeom.identify.law_search import Offer, in_order
+from tssgeom.identify.mechanisms import mechanisms
+from tssgeom.identify.readings import readings
+
+
+@pytest.fixture(scope="module")
+def problem(campaign):
+    runs, _ = readings(campaign(1, "rough_stretch")[0])
+    return base_fit([run for run in runs if not run.held_out], campaign(1, "rough_stretch")[0].rig)
+
+
+def named(problem, name):
+    return next(one for one in mechanisms(problem.stack, problem.rig) if one.name == name)
+
+
+def test_every_mechanism_begins_at_the_base_model(problem):
+    given, _, base = problem
+    kinds = set()
+    for one in mechanisms(given.stack, given.rig):
+        at = with_terms(base.at, [Term(one, np.zeros(one.size), 1.0)])
+        kinds.add(type(at.effects[-1]))
+        # a curve at an end that gave nothing gives a little: 1e-9 m/N
+        np.testing.assert_allclose(given.left(at), base.left, atol=2e-4)
+    assert kinds == {FrictionLaw, StretchLaw, CreepLaw, SensorLaw, ChannelLag}
+
+
+def test_the_prior_of_a_law_leaves_straight_lines_free(problem):
+    one = named(problem[0], "friction_over_tension")
+    line, wave = one.warped - 0.5, np.cos(3.0 * np.pi * one.warped)
+    stiff, level = one.penalty(0.1, LAW_FIT.level), np.eye(one.size) / LAW_FIT.level**2
+    assert line @ (stiff - level) @ line == pytest.approx(0.0, abs=1e-9)
+    assert wave @ (stiff - level) @ wave > 1e3
+
+
+def test_the_evidence_is_that_of_gaussian_readings():
+    rng = np.random.default_rng(1)
+    jacobian, precision = rng.normal(size=(30, 4)), np.diag([1.0, 4.0, 9.0, 2.0])
+    data = rng.normal(size=30)
+    joint = multivariate_normal(np.zeros(30), np.eye(30) + jacobian @ np.linalg.inv(precision) @ jacobian.T)
+    alone = multivariate_normal(np.zeros(30), np.eye(30))
+    model = straight_model(jacobian, data, np.zeros(4))
+    gain = model.evidence(precision) + 0.5 * float(data @ data)
+    assert gain == pytest.approx(joint.logpdf(data) - alone.logpdf(data), rel=1e-9)
+
+
+def test_a_law_is_fitted_with_a_band_that_holds_the_truth(problem, campaign):
+    given, _, base = problem
+    truth = campaign(1, "rough_stretch")[1]
+    start = fitted(given, base.at, ())
+    one = named(given, "friction_over_arc_length")
+    promised, term = score(given, start, one)
+    fit = fitted(given, base.at, (term,))
+    gain = 2.0 * (fit.log_evidence - start.log_evidence)
+    assert gain > 1e4
+    assert promised > 0.3 * gain
+    assert fit.chi2 < 1.1 * given.stack.size
+    assert 4.0 < fit.effective_numbers < one.size
+    law = curve(fit, 0)
+    smooth = law.x < 0.3 * truth.length_m  # before any edge of the stretch
+    assert np.mean((law.low <= truth.friction) & (truth.friction <= law.high), where=smooth) > 0.9
+
+
+def offer(name, gain, ratio, veto=""):
+    return Offer(name, "", None, gain, ratio, veto)
+
+
+def test_of_parts_with_about_the_same_evidence_the_held_out_runs_choose():
+    best, close, far = offer("a", 100.0, 0.5), offer("b", 95.0, 0.2), offer("c", 50.0, 0.1)
+    refused = offer("d", 200.0, 1.5, "it leaves 150 %")
+    result = in_order([best, close, far, refused])
+    assert [one.mechanism for one in result] == ["b", "d", "a", "c"]
+    assert not result[0].veto
+    assert all(one.veto for one in result[1:])
+    assert in_order([replace(best, held_ratio=math.nan)])[0].veto == ""
+
+
+def test_a_single_run_holds_out_its_last_cycles(campaign):
+    whole = campaign(4)[0]
+    time = np.linspace(0.0, 60.0, 600)
+    one = replace(whole.runs[0], held_out=False)
+    pull = 2e-3 * (1.0 - np.cos(2.0 * np.pi * time / 10.0))
+    columns = {"time_s": time, "displacement_in_m": pull, "tension_in_N": 5.0 + 2e3 * pull}
+    single = replace(whole, runs=(replace(one, columns=columns),))
+    fitting, held = readings(single)[0]
+    assert (fitting.held_out, held.held_out) == (False, True)
+    there = np.isfinite(fitting.measured["tension_in_N"])
+    assert time[there].max() == pytest.approx(40.0, abs=0.6)  # six cycles, two of them held out
+    assert np.isfinite(held.measured["tension_in_N"])[1:].sum() == np.count_nonzero(~there)
+    assert "cycles 5 to 6" in readings(single)[1][-1]
+    short = replace(one, columns={name: values[:150] for name, values in columns.items()})
+    assert [run.held_out for run in readings(replace(whole, runs=(short,)))[0]] == [False]
+    assert "nothing is held out" in readings(replace(whole, runs=(short,)))[1][-1]
+
+
+def test_a_point_keeps_its_named_part(problem):
+    one = named(problem[0], "friction_over_time")
+    at = with_terms(Point(0.2, 1e-4), [Term(one, np.full(one.size, 0.1), 1.0)])
+    assert at.friction == 0.2
+    assert at.effects[-1].factor == pytest.approx(np.exp(0.1) * np.ones(one.size))
