@@ -42,11 +42,12 @@ def test_the_python_of_the_readme_prints_angle_and_tension_of_a_half_circle(caps
 
 
 def test_the_effects_of_the_formats_are_a_rig():
-    columns, _, markers, scan, example = blocks("docs/formats.md", "toml")
+    columns, _, markers, scan, example, laws = blocks("docs/formats.md", "toml")
     assert msgspec.toml.decode(columns, type=Rig).columns["Pos"] == "displacement_in_m:mm"
     assert len(msgspec.toml.decode(markers, type=Rig).shape.marker_offset_mm) == 4
     assert msgspec.toml.decode(scan, type=Rig).shape.source == "centreline"
     assert len(msgspec.toml.decode(example, type=Rig).effects) == 2
+    assert len(msgspec.toml.decode(laws, type=Rig).effects) == 4
 
 
 @pytest.mark.parametrize("block", blocks("docs/machines.md", "toml"))

@@ -10,11 +10,13 @@ import numpy as np
 import pytest
 
 from tssgeom import Frame, Rig, process
-from tssgeom.effects import HiddenBend
+from tssgeom.effects import FrictionLaw, HiddenBend, SensorLaw
 from tssgeom.errors import SettingsError
 from tssgeom.plausibility.frames import FrameWatch, command_remarks, rig_remarks
+from tssgeom.plausibility.laws import law_remarks
 from tssgeom.plausibility.rules import RULES, warnings_of
 from tssgeom.plausibility.runs import campaign_remarks, fit_remarks
+from tssgeom.plausibility.series import Series
 from tssgeom.rig import Friction, Sensor, Tendon
 from tssgeom.stream import FrameResult, Rejected
 
@@ -143,3 +145,19 @@ def test_check_reports_a_rig_beyond_reason(tmp_path, capsys):
         main(["check", str(tmp_path / "rig.toml"), "--json"])
     (report,) = json.loads(capsys.readouterr().out)
     assert "[rig_friction]" in report["warnings"][0]
+
+
+def test_a_run_beyond_a_law_of_the_rig_is_warned_about():
+    laws = (
+        FrictionLaw(over="tension", x=(0.0, 8.0), factor=(1.0, 1.1)),
+        FrictionLaw(over="speed", x=(0.0, 0.01), factor=(1.0, 1.1)),
+        SensorLaw(channel="tension_out_N", over="time", x=(0.0, 20.0), error=(0.0, 0.1)),
+    )
+    time = np.linspace(0.0, 10.0, 200)
+    pull, moved = 5.0 + 5.0 * np.sin(time), 1e-3 * np.sin(time)
+    columns = {"time_s": time, "tension_in_N": pull, "displacement_in_m": moved}
+    (one,) = law_remarks(Series(columns, Rig(effects=laws)))
+    assert (one.rule, one.severity) == ("beyond_law", "warn")
+    assert "the law over tension ends at 8 N, the run goes to 10 N" in one.text
+    inside = columns | {"tension_in_N": 0.8 * columns["tension_in_N"]}
+    assert not list(law_remarks(Series(inside, Rig(effects=laws))))

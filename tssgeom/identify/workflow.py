@@ -159,16 +159,16 @@ def _with_laws(campaign: Campaign, work: Work, report: Callable[[str, float], No
     """Return the work with laws and formulae together, where they help on what was not fitted; (191)."""
     tried, _ = variants(work.problem.stack)
     limits = detection_limits(work.problem.stack, campaign.rig)
-    found = searched(work.problem, work.base, tried, work.held, limits, lambda step: report(step, _LAWS_AT))
-    if not found.taken:
+    search = searched(work.problem, work.base, tried, work.held, limits, lambda step: report(step, _LAWS_AT))
+    if not search.taken:
         return work
-    fit = as_fit(found.fit)
-    left = max(leftover(found.problem, fit, limits).values())
-    held_ratio = math.nan if work.held is None else work.held.ratio(found.fit.point)
-    judgement = judged_laws(found.fit, left, held_ratio)
+    fit = as_fit(search.fit)
+    left = max(leftover(search.problem, fit, limits).values())
+    held_ratio = math.nan if work.held is None else work.held.ratio(search.fit.point)
+    judgement = judged_laws(search.fit, left, held_ratio)
     if judgement.verdict == "unknown":
         return work
-    return replace(work, laws=found, judged=judgement)
+    return replace(work, laws=search, judged=judgement)
 
 
 _LAWS_AT = 0.6  # share of the work done then; chosen

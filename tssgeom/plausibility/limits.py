@@ -14,6 +14,8 @@ class Limits:
 
     largest_strain: float = 0.5
     """Chosen: no tendon recovers from more. Strain of the tendon at a tension [1]."""
+    beyond_law: float = 0.05
+    """Chosen: a reading or two. Of the range of a law that a run may go beyond its end [1]."""
     usual_strain: float = 0.1
     """Chosen: steel yields at 0.01, polymers are used to 0.05. Strain that is worth a warning [1]."""
     weakest_N: float = 0.05

@@ -327,6 +327,12 @@ RULES: dict[str, Rule] = {
         "Compliance is a strain for each newton, not an elongation, and not in percent.",
         "check tendon.compliance_per_N and tendon.pretension_N",
     ),
+    "beyond_law": Rule(
+        f"a run goes beyond the end of a law of the rig by more than {_L.beyond_law:.0%} of its range",
+        _WARNED,
+        "The law was not learnt there; it is taken as constant.",
+        "measure there and run discover again, or stay within",
+    ),
     "rig_sensor": Rule(
         "noise or resolution of a sensor is above its full scale, or the full scale of a tension is "
         "below the "

@@ -10,6 +10,7 @@ import numpy as np
 from tssgeom.arrays import Vector
 from tssgeom.effects.kinds import ANSWERS
 from tssgeom.plausibility.digits import digit_remarks
+from tssgeom.plausibility.laws import law_remarks
 from tssgeom.plausibility.limits import LIMITS
 from tssgeom.plausibility.motion import motion_remarks
 from tssgeom.plausibility.rules import Remark, remark
@@ -43,6 +44,7 @@ def run_remarks(
     if not run.channels or not len(run.time):
         return []
     remarks = [*value_remarks(run), *motion_remarks(run, fitted=fitted), *digit_remarks(run, fitted=fitted)]
+    remarks += law_remarks(run)
     return sorted(remarks, key=lambda each: each.severity != "refuse")
 
 

@@ -31,13 +31,13 @@ def laws_of(finding: Finding) -> list[Candidate]:
 
 def law_figure(finding: Finding) -> Figure:
     """Draw every law over its support with its 95 % band, beside what the rig file has there."""
-    found = laws_of(finding)
-    rows = -(-len(found) // _COLUMNS)
+    laws = laws_of(finding)
+    rows = -(-len(laws) // _COLUMNS)
     with figure((PAGE, 2.9 * rows)) as drawing:
-        axes = drawing.subplots(rows, min(len(found), _COLUMNS), squeeze=False).ravel()
-        for one, each in zip(axes, found, strict=False):
+        axes = drawing.subplots(rows, min(len(laws), _COLUMNS), squeeze=False).ravel()
+        for one, each in zip(axes, laws, strict=False):
             _draw(one, each, finding)
-        for one in axes[len(found) :]:
+        for one in axes[len(laws) :]:
             one.set_visible(False)
     return drawing
 
