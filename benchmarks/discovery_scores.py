@@ -70,7 +70,7 @@ def verdict(report: Report | None) -> str:
 
 def names(report: Report | None) -> list[str]:
     """Return the effects that a report stands for, first one first."""
-    named = verdict(report) in ("effect", "tie")
+    named = verdict(report) in ("effect", "law", "tie", "partial")
     return [effect["name"] for effect in report["effects"]] if named and report is not None else []
 
 

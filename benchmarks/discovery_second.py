@@ -19,37 +19,10 @@ from benchmarks.discovery_case import Case
 from benchmarks.discovery_scores import Outcome, Sums, counted, held_out_ratio, ties, upper_bound, verdict
 from benchmarks.tables import ABSENT, number, share, table
 from tests.bristle import CAUSES, PAIR_CAUSES
+from tssgeom.identify.mechanisms import MECHANISM_OF
 
-NAMING = ("effect", "tie", "law")
+NAMING = ("effect", "tie", "law", "partial")
 """Verdicts that name something."""
-MECHANISM_OF = {
-    "load_dependent_friction": "friction_over_tension",
-    "velocity_dependent_friction": "friction_over_speed",
-    "viscous_drag": "friction_over_speed",
-    "straight_section_friction": "friction_without_bend",
-    "curvature_dependent_friction": "friction_over_curvature",
-    "asymmetric_friction": "friction_over_direction",
-    "friction_drift": "friction_over_travel",
-    "end_fitting_friction_proximal": "friction_at_end",
-    "end_fitting_friction_distal": "friction_at_end",
-    "hidden_bend": "route_angle",
-    "sheath_clearance": "route_over_tension",
-    "slack_take_up": "stretch_at_end",
-    "toe_region": "strain_over_tension",
-    "creep": "strain_over_time",
-    "series_compliance_proximal": "stretch_at_end",
-    "series_compliance_distal": "stretch_at_end",
-    "thermal_drift": "strain_over_temperature",
-    "pretension_error": "preload",
-    "backlash": "play_at_drive",
-    "tension_in_gain": "sensor_gain",
-    "tension_out_gain": "sensor_gain",
-    "tension_in_offset": "sensor_zero",
-    "tension_out_offset": "sensor_zero",
-    "channel_lag": "sensor_lag",
-    "load_cell_crosstalk": "sensor_crosstalk",
-}
-"""Of the effects of the library, for reports that give none."""
 _QUICK = ("stribeck", "power_creep", "drive_play", "bend", "drifting_tension_out")
 _CLEAN_FOR_ONE = 6  # clean campaigns for each seed of a cause
 _GROUPS = {1.0: "single", 0.5: "half"}

@@ -8,7 +8,6 @@ import pytest
 from benchmarks import discovery, discovery_second
 from benchmarks.discovery_scores import Outcome
 from benchmarks.discovery_second import (
-    MECHANISM_OF,
     cases,
     law_held,
     mechanism,
@@ -17,6 +16,7 @@ from benchmarks.discovery_second import (
 )
 from tests.bristle import CAUSES, MECHANISMS, PAIR_CAUSES
 from tssgeom.effects import KINDS
+from tssgeom.identify.mechanisms import MECHANISM_OF
 
 X = np.linspace(0.0, 0.04, 30)
 FALLING = 1.0 + 0.25 * np.exp(-X / 4e-3)

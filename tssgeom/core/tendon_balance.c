@@ -9,6 +9,15 @@
 size_t memory_bytes(int64_t k) { return (size_t)(9 * (k + 1) + 7) * sizeof(double); }
 size_t plant_bytes(int64_t k) { return (size_t)(16 * (k + 1) + 428) * sizeof(double); }
 
+/* Whether a law falls anywhere. */
+static int falls(const double *table) {
+    const double *value = table ? table + 1 + TABLE.most : NULL;
+    int64_t last = table ? (int64_t)table[0] - 1 : 0;
+    for (int64_t i = 0; i < last; i++)
+        if (value[i + 1] < value[i]) return 1;
+    return 0;
+}
+
 bar_laws laws_of(int64_t k, const double *plant) {
     int64_t b = k + 1;
     const double *number = plant + 16 * b;
@@ -36,7 +45,7 @@ bar_laws laws_of(int64_t k, const double *plant) {
     laws.by_speed = laws.speed_gain != 0.0 || table_of(laws.tables, CURVE.speed);
     laws.worn = laws.wear_gain != 0.0 || table_of(laws.tables, CURVE.travel)
                 || table_of(laws.tables, CURVE.time) || table_of(laws.tables, CURVE.position);
-    laws.now = 1.0;
+    laws.now = 1.0, laws.falls = falls(table_of(laws.tables, CURVE.speed));
     return laws;
 }
 
@@ -187,27 +196,31 @@ static void set_bars(const bar_laws *laws, const step_room *room, const creep_sh
     }
 }
 
-/* What sliding so far in a step makes of friction [1], and its slope [1/m]; docs/model.md (52), (185). */
-static double speed_factor(const bar_laws *laws, double slid, double span, double *slope) {
+/* What sliding so far in a step makes of friction [1], and its slope [1/m]; docs/model.md (52), (185).
+
+   A table that falls anywhere is taken at the speed `before` the step: friction that falls at once has jumps. */
+static double speed_factor(const bar_laws *laws, double slid, double span, double before, double *slope) {
     double gain = laws->speed_gain, path = laws->speed_reference * span, factor = 1.0, rise = 0.0;
     if (gain != 0.0) factor = most(0.0, 1.0 + gain * log1p(slid / path)), rise = gain / (path + slid);
     const double *table = table_of(laws->tables, CURVE.speed);
     if (table) {
-        double turn, value = table_value(table, slid / span, &turn);
-        rise = rise * value + factor * turn / span, factor *= value;
+        double turn, value = table_value(table, laws->falls ? before : slid / span, &turn);
+        rise = rise * value + (laws->falls ? 0.0 : factor * turn / span), factor *= value;
     }
     *slope = rise;
     return factor;
 }
 
 /* The cone of each contact about the tensions and movements of the last pass; docs/model.md (52)-(56). */
-static void set_cones(const bar_laws *laws, const step_room *room, double span) {
+static void
+set_cones(const bar_laws *laws, const bar_memory *memory, const step_room *room, double span) {
     const bar_chain *c = &room->chain;
     for (int64_t i = 0; i < laws->k; i++) {
         double unused, factor = load_factor(laws, 0.5 * (room->about[i] + room->about[i + 1]), &unused);
         c->force[i] = laws->force[i], c->drag[i] = laws->drag[i] / span;
         if (laws->by_speed) {
-            double slid = fabs(room->moved[i]), rise, by_speed = speed_factor(laws, slid, span, &rise);
+            double slid = fabs(room->moved[i]), rise;
+            double by_speed = speed_factor(laws, slid, span, fabs(memory->speed[i]), &rise);
             double exponent = room->moved[i] >= 0.0 ? room->pulling[i] : room->releasing[i];
             double slope = room->about[i + 1] * exponent * factor * most(0.0, rise);
             factor *= by_speed;
@@ -271,7 +284,7 @@ double balance(
         else if (c->rigid_in) c->trial[0] = memory->tension[0], c->stiffness[0] = 0.0;
         if (hanging) c->trial[last_bar] = weight, c->stiffness[last_bar] = 0.0;
         else if (c->rigid_out) c->trial[last_bar] = memory->tension[last_bar], c->stiffness[last_bar] = 0.0;
-        if (laws->varied) set_cones(laws, room, span);
+        if (laws->varied) set_cones(laws, memory, room, span);
         if (by_force && hanging) { /* docs/model.md (47) */
             double range[2];
             range_of_drive(k, weight, c->low, c->high, c->force, range);

@@ -23,6 +23,7 @@ typedef struct {
     double now; /* factor of all friction in this step, by time and position [1] */
     int curved, by_rate, varied, swift;
     int loaded, by_speed, worn; /* whether friction depends on tension; on speed; on what was before */
+    int falls;                  /* whether it falls with speed anywhere */
 } bar_laws;
 
 /* What one step leaves to the next: the rows of MEMORY and the numbers of HELD. */

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
 from tssgeom.arrays import Vector, read_only
 from tssgeom.effects import AnyEffect
+from tssgeom.errors import FitError
 from tssgeom.identify.assembly import NORMAL, estimates
 from tssgeom.identify.finding import Candidate, Evidence, LawCurve
-from tssgeom.identify.fit import with_base
 from tssgeom.identify.law_fit import LawFit
 from tssgeom.identify.law_search import LAW_SEARCH, LawSearch, Offer, as_fit
 from tssgeom.identify.mechanisms import Mechanism
 from tssgeom.identify.misfit import HeldOut
-from tssgeom.identify.prediction import simulated
 from tssgeom.identify.screening import detection_limits, size_over_limit
 from tssgeom.identify.selection import name_of
 
@@ -64,9 +64,11 @@ def _evidence(search: LawSearch, held: HeldOut | None, effect: AnyEffect, name: 
     fit, problem = search.fit, search.problem
     point = fit.point
     rest = tuple(one for one in point.effects if one is not effect and one != effect)
-    rig = with_base(problem.rig, point.friction, point.compliance)
-    change = simulated(problem.stack, rig, rest) - simulated(problem.stack, rig, point.effects)
-    size = size_over_limit(problem.stack, change, detection_limits(problem.stack, problem.rig))
+    try:
+        change = problem.left(point) - problem.left(replace(point, effects=rest))
+        size = size_over_limit(problem.stack, change, detection_limits(problem.stack, problem.rig))
+    except FitError:  # the others alone find no equilibrium
+        size = math.nan
     gain = max(
         (one.gain for offers in search.rounds for one in offers if not one.veto and name in _names(one)),
         default=math.nan,

@@ -12,10 +12,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tssgeom.errors import FitError, SettingsError
 from tssgeom.identify.fit import Fit, Point, Problem, freed
 from tssgeom.identify.law_fit import LAW_FIT, LawFit, Term, fitted, score
 from tssgeom.identify.mechanisms import MECHANISM_OF, Mechanism, mechanisms
 from tssgeom.identify.misfit import MISFIT, HeldOut
+from tssgeom.identify.prediction import FINE, simulated
 from tssgeom.identify.screening import Variant, leftover, screening
 from tssgeom.identify.selection import name_of
 
@@ -202,11 +204,23 @@ def _judged(problem: Problem, now: LawFit, one: Offer, held: HeldOut | None) -> 
         return replace(one, veto="its law is at a bound")
     if _named_at_bound(fit.at):
         return replace(one, veto="one of its numbers is at a bound")
+    if not _holds_with_fine_bars(problem, held, fit):
+        return replace(one, veto="it finds no equilibrium with finer bars")
     if not math.isnan(ratio) and ratio > LAW_SEARCH.helps:
         return replace(
             one, veto=f"it leaves {100.0 * ratio:.0f} % of the disagreement of what was not fitted"
         )
     return one
+
+
+def _holds_with_fine_bars(problem: Problem, held: HeldOut | None, fit: LawFit) -> bool:
+    point = fit.point
+    try:
+        for each in (problem, *(() if held is None else (held.problem,))):
+            simulated(each.stack, point.rig(each.rig), point.effects, bars=FINE)
+    except (FitError, SettingsError):
+        return False
+    return True
 
 
 def _named_at_bound(at: Point) -> bool:

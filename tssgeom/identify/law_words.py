@@ -7,6 +7,16 @@ import numpy as np
 from tssgeom.effects import KINDS
 from tssgeom.identify.finding import Candidate
 
+OVER = {
+    "tension_N": ("tension", "N"),
+    "speed_m_per_s": ("speed of sliding", "m/s"),
+    "curvature_per_m": ("curvature", "1/m"),
+    "arc_length_m": ("arc length", "m"),
+    "travel_m": ("path slid", "m"),
+    "time_s": ("time since the run began", "s"),
+    "position_m": ("proximal position", "m"),
+}
+"""What a law may be over, and its unit in SI; a channel stands for itself."""
 _DEPENDS = {
     "friction_over_tension": "friction depends on the tension",
     "friction_over_speed": "friction depends on the speed of sliding",
@@ -39,8 +49,6 @@ def law_words(one: Candidate) -> str:
     least, most = int(np.argmin(law.value)), int(np.argmax(law.value))
     unit = "" if law.unit == "1" else f" {law.unit}"
     first, last = sorted((least, most))
-    variable, si = law.over.partition("_")[0], law.over.rpartition("_")[2]
-    return (
-        f"{what}: from {law.value[first]:.3g}{unit} at {variable} {law.x[first]:.3g} {si} "
-        f"to {law.value[last]:.3g}{unit} at {law.x[last]:.3g} {si}"
-    )
+    variable, si = OVER.get(law.over, ("a reading", law.over.rpartition("_")[2]))
+    start, end = f"{law.x[first]:.3g} {si}", f"{law.x[last]:.3g} {si}"
+    return f"{what}: from {law.value[first]:.3g}{unit} at {start} to {law.value[last]:.3g}{unit} at {end} ({variable})"

@@ -96,7 +96,8 @@ def judged_laws(fit: LawFit, left: float, held_ratio: float) -> Judgement:
         remains = f"{left:.2g} times the detection limit of the sensors"
     if held_ratio > VERDICT.share:
         remains = f"{100.0 * held_ratio:.0f} % {_HELD}"
-    verdict: Verdict = "law" if fit.terms else "partial" if remains else "effect"
+    alone = bool(remains) and not held_ratio < VERDICT.held_share
+    verdict: Verdict = "law" if fit.terms else "partial" if alone else "effect"
     return Judgement(verdict, remains, False, held_ratio)
 
 

@@ -23,16 +23,16 @@ from tssgeom.identify.assembly import (
 from tssgeom.identify.attribution import along_routes, heat_map, missing_shapes, pointed
 from tssgeom.identify.campaign import Campaign
 from tssgeom.identify.finding import Finding
-from tssgeom.identify.fit import Fit, Problem, base_fit, columns, posed
+from tssgeom.identify.fit import Fit, Point, Problem, base_fit, columns, posed
 from tssgeom.identify.law_finding import law_candidates, law_ranking
 from tssgeom.identify.law_search import as_fit, searched
-from tssgeom.identify.misfit import held_out, misfits, traces
+from tssgeom.identify.misfit import MISFIT, held_out, misfits, traces
 from tssgeom.identify.prediction import Errors, stacked
 from tssgeom.identify.readings import Reading, readings
 from tssgeom.identify.screening import detection_limits, leftover, variants
 from tssgeom.identify.selection import name_of, selected
 from tssgeom.identify.ties import base_ties, ties_of, unobservable
-from tssgeom.identify.verdict import judged, judged_laws, sentence
+from tssgeom.identify.verdict import VERDICT, judged, judged_laws, sentence
 from tssgeom.tendon.bars.model import Drive
 
 
@@ -90,7 +90,7 @@ def discover(
     report("fitting friction and compliance", 0.05)
     report("refitting each effect of the library", 0.25)
     work = _worked(campaign, started, seed)
-    if work.judged.verdict == "unknown":
+    if work.judged.verdict == "unknown" or _leaves_much(work):
         report("trying laws of their own", _LAWS_AT)
         bent = work.judged.bent
         work = _with_laws(campaign, work, report)
@@ -155,6 +155,14 @@ def _worked(campaign: Campaign, started: _Started, seed: int) -> Work:
     return Work(started.problem, started.base, chosen, held, verdict, absent)
 
 
+def _leaves_much(work: Work) -> bool:
+    """Whether a name leaves enough of the held-out misfit that a law of the same may leave less."""
+    if work.held is None or not work.chosen.fit.at.effects:
+        return False
+    left = work.held.misfit(work.chosen.fit.at)
+    return left > MISFIT.floor and left > VERDICT.held_share * work.held.before
+
+
 def _with_laws(campaign: Campaign, work: Work, report: Callable[[str, float], None]) -> Work:
     """Return the work with laws and formulae together, where they help on what was not fitted; (191)."""
     tried, _ = variants(work.problem.stack)
@@ -166,9 +174,16 @@ def _with_laws(campaign: Campaign, work: Work, report: Callable[[str, float], No
     left = max(leftover(search.problem, fit, limits).values())
     held_ratio = math.nan if work.held is None else work.held.ratio(search.fit.point)
     judgement = judged_laws(search.fit, left, held_ratio)
-    if judgement.verdict == "unknown":
+    named = work.judged.verdict != "unknown"
+    if judgement.verdict == "unknown" or (named and not _much_better(work, search.fit.point)):
         return work
     return replace(work, laws=search, judged=judgement)
+
+
+def _much_better(work: Work, laws: Point) -> bool:
+    """Whether laws leave clearly less of the held-out runs than the names that were chosen."""
+    assert work.held is not None
+    return work.held.misfit(laws) < VERDICT.held * work.held.misfit(work.chosen.fit.at)
 
 
 _LAWS_AT = 0.6  # share of the work done then; chosen

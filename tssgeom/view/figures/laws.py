@@ -7,20 +7,12 @@ from matplotlib.figure import Figure
 
 from tssgeom.arrays import Vector
 from tssgeom.identify.finding import Candidate, Finding, LawCurve
+from tssgeom.identify.law_words import OVER
 from tssgeom.view import finding_wording as words
 from tssgeom.view.figures.plots import BLUE, ORANGE, PAGE, figure, titles
 
 _BAND = "#c9dcea"
 _SCALES = {"m": ("mm", 1e3), "m/s": ("mm/s", 1e3)}
-_ABSCISSAE = {
-    "tension_N": ("tension", "N"),
-    "speed_m_per_s": ("speed of sliding", "m/s"),
-    "curvature_per_m": ("curvature", "1/m"),
-    "arc_length_m": ("arc length from the proximal end", "m"),
-    "travel_m": ("path slid", "m"),
-    "time_s": ("time since the run began", "s"),
-    "position_m": ("proximal position", "m"),
-}
 _COLUMNS = 2
 
 
@@ -65,8 +57,8 @@ _FEW = 8  # points that are marked; chosen
 
 
 def _abscissa(law: LawCurve) -> tuple[str, Vector, str]:
-    if law.over in _ABSCISSAE:
-        name, si = _ABSCISSAE[law.over]
+    if law.over in OVER:
+        name, si = OVER[law.over]
     else:
         quantity = words.channel(law.over)
         return f"true {quantity.symbol}", quantity.factor * law.x, quantity.unit
