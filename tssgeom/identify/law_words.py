@@ -51,4 +51,5 @@ def law_words(one: Candidate) -> str:
     first, last = sorted((least, most))
     variable, si = OVER.get(law.over, ("a reading", law.over.rpartition("_")[2]))
     start, end = f"{law.x[first]:.3g} {si}", f"{law.x[last]:.3g} {si}"
-    return f"{what}: from {law.value[first]:.3g}{unit} at {start} to {law.value[last]:.3g}{unit} at {end} ({variable})"
+    low, high = f"{law.value[first]:.3g}{unit}", f"{law.value[last]:.3g}{unit}"
+    return f"{what}: from {low} at {start} to {high} at {end} ({variable})"
