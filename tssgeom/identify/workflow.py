@@ -21,10 +21,12 @@ from tssgeom.identify.assembly import (
 )
 from tssgeom.identify.attribution import along_routes, heat_map, missing_shapes, pointed
 from tssgeom.identify.campaign import Campaign
+from tssgeom.identify.experiment_design import proposed
 from tssgeom.identify.finding import Finding
 from tssgeom.identify.fit import Fit, Problem, base_fit, columns, posed
 from tssgeom.identify.misfit import held_out, misfits, traces
 from tssgeom.identify.prediction import Errors, stacked
+from tssgeom.identify.proposal import Asked
 from tssgeom.identify.readings import Reading, readings
 from tssgeom.identify.screening import variants
 from tssgeom.identify.selection import name_of, selected
@@ -50,7 +52,11 @@ DRIVE_CHOICE = DriveChoice()
 
 
 def discover(
-    campaign: Campaign, *, seed: int = 0, progress: Callable[[str, float], None] | None = None
+    campaign: Campaign,
+    *,
+    seed: int = 0,
+    progress: Callable[[str, float], None] | None = None,
+    propose: Asked | None = None,
 ) -> Finding:
     """Find what the model of a rig lacks.
 
@@ -62,11 +68,13 @@ def discover(
         Of the simulated clean campaigns; the same seed gives the same answer.
     progress
         Is called with each step and the share that is done [1].
+    propose
+        How many experiments to design, and within which limits; left out, none.
 
     Raises
     ------
     SettingsError
-        Where the runs cannot be used.
+        Where the runs cannot be used, or limits forbid every experiment.
 
     Notes
     -----
@@ -97,6 +105,9 @@ def discover(
     attribution = _attribution(started.runs, campaign, started.base)
     report("putting it together", 0.9)
     finding = _finding(campaign, started, work, attribution)
+    if propose is not None:
+        report("designing experiments", 0.92)
+        finding = replace(finding, proposal=proposed(work, started.runs, campaign.rig, propose, seed))
     report("done", 1.0)
     return _timed(finding, time.perf_counter() - begun)
 
