@@ -4,7 +4,7 @@
 
 The full run makes some 500 campaigns at four seeds; `--quick` makes seven. `--baselines` adds a sparse
 regression (pysindy) and a Gaussian process (scikit-learn) on the files of single causes of typical size,
-where they are installed.
+where they are installed. `--propose` counts the runs that break a tie (`benchmarks.discovery_experiments`).
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from rich.console import Console
 from rich.progress import track
 
 from benchmarks import discovery_report as report
+from benchmarks.discovery_experiments import compared
 from benchmarks.discovery_peers import baselines
 from benchmarks.discovery_scores import Outcome, both_named, verdict
 from benchmarks.tables import machine
@@ -131,6 +132,10 @@ _QUICK_WRONG = 1  # of seven campaigns: where 97 % are right, more are wrong onc
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the benchmark and return the exit code."""
     options = _options(arguments)
+    if options.propose:
+        print(machine())
+        print(compared(options.seeds or _SEEDS, options.jobs, markdown=options.markdown))
+        return 0
     chosen = cases(
         options.effects, options.seeds or (1 if options.quick else _SEEDS), options.split, quick=options.quick
     )
@@ -167,6 +172,7 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--split", choices=("development", "test"), default="development")
     parser.add_argument("--baselines", action="store_true", help="pysindy and scikit-learn on single causes")
     parser.add_argument("--markdown", action="store_true", help="tables to paste into documents")
+    parser.add_argument("--propose", action="store_true", help="runs that break a tie, designed or not")
     parser.add_argument("--jobs", type=int, default=2, help="processes")
     return parser.parse_args(arguments)
 

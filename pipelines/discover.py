@@ -33,11 +33,42 @@ def discover(
     unit: Unit = None,
     columns: Map = None,
     figures: Figures = None,
+    propose: Annotated[
+        int | None,
+        typer.Option(
+            "--propose",
+            metavar="N",
+            min=1,
+            help="Design the next N runs, into OUT/proposed: drive files, what outcomes mean.",
+        ),
+    ] = None,
+    limits: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--limits",
+            metavar="KEY=VALUE …",
+            help="What a proposed run stays within: tension_N, least_tension_N, speed_mm_per_s, travel_mm, "
+            "duration_s; what is left out is as far as the runs of the campaign went.",
+        ),
+    ] = None,
+    more: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--with",
+            metavar="FOLDER",
+            help="Folder of new measured runs, added to the campaign's: named as the proposed ones, or listed "
+            "in a campaign.toml with their shapes; may be repeated.",
+        ),
+    ] = None,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Find what the model lacks on measured runs, name it, put it into the rig, and show the gap shrink."""
+    """Find what the model lacks on measured runs, name it, put it into the rig, and show the gap shrink.
+
+    With --propose it designs what to measure next; --with adds what was measured, until the verdict stands.
+    """
     from pipelines.inputs import ONE_TENDON
+    from pipelines.propose import asked, check_folders, joined
     from tssgeom.errors import SettingsError
     from tssgeom.identify import workflow
     from tssgeom.io.formats.campaigns import read_campaign
@@ -46,6 +77,8 @@ def discover(
 
     if out.exists() and not out.is_dir():
         raise SettingsError(f"--out {out} is a file: name a folder")
+    design = asked(propose, limits or ())
+    check_folders(out, more or (), proposes=design is not None)
     with step_progress(quiet=quiet or as_json) as report_step:
 
         def identifying(step: str, share: float) -> None:
@@ -55,7 +88,8 @@ def discover(
         read = read_campaign(campaign, unit, ColumnMap(columns or ()))
         if read.rig.is_machine:
             print_message(f"{campaign}: warning: {ONE_TENDON}; calibrate takes several runs of a machine")
-        finding = workflow.discover(read, seed=seed, progress=identifying)
+        read = joined(read, more or (), out, unit, ColumnMap(columns or ()))
+        finding = workflow.discover(read, seed=seed, progress=identifying, propose=design)
         report_step("writing the report", _IDENTIFIED)
         files = _write(out, finding)
         if figures is not None:
@@ -72,10 +106,14 @@ def _write(out: Path, finding: Finding) -> list[str]:
     """Write all files together, so that a report never stands beside the rig of another."""
     from tssgeom.atomic import replacing_all
     from tssgeom.io.results.findings import write_report, write_updated_rig
+    from tssgeom.io.results.proposals import FOLDER, write_proposal
     from tssgeom.view.report.finding import write_finding_report
     from tssgeom.view.scene.finding.recording import write_finding_recording
 
     with replacing_all(out) as draft:
+        if finding.proposal is not None:
+            with replacing_all(out / FOLDER) as drives:
+                write_proposal(drives, finding.proposal, tssgeom_version())
         write_report(draft, finding, tssgeom_version())
         write_updated_rig(draft, finding, tssgeom_version())
         write_finding_report(draft / PAGE, finding)
@@ -116,6 +154,7 @@ def _notes(finding: Finding) -> list[str]:
         for tie in words.effect_ties(finding)
     ]
     notes += [f"next: {step}" for step in words.next_steps(finding)[:_MOST_EXPERIMENTS]]
+    notes += [f"proposed: {step}" for step in words.proposed_steps(finding)]
     notes += [
         f"{words.plain(name)}: {finding.nominal[name]:.4g} in the rig file, {each.value:.4g} refitted"
         for name, each in finding.base.items()

@@ -27,7 +27,7 @@ class CandidateSettings:
     near: float = 30.0
     """ΔBIC below the best within which a runner-up is separated further [1]; chosen."""
     sure: float = 2.0
-    """Of the threshold: gain of an effect of typical size beyond which it would have been named [1]; chosen."""
+    """Of the threshold: gain beyond which an effect of typical size would have been named [1]; chosen."""
     most: int = 4
     """Models that are separated at most; chosen for speed."""
 
@@ -95,9 +95,7 @@ def _runners_up(work: Work, last: Step) -> list[Tried]:
     if close := close_candidates(last):
         return close
     best = last.tried[0].delta_bic
-    return [
-        one for one in last.tried[1:] if last.passes(one) and best - one.delta_bic < CANDIDATES.near
-    ]
+    return [one for one in last.tried[1:] if last.passes(one) and best - one.delta_bic < CANDIDATES.near]
 
 
 def _of_fit(fit: Fit, name: str) -> CandidateModel:

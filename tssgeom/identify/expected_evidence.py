@@ -1,7 +1,6 @@
 """What one more run is expected to show: the evidence between models that are left, and narrower intervals.
 
-Source: docs/model.md (117), summed over runs; G. E. P. Box, W. J. Hill, Discrimination among mechanistic models,
-Technometrics 9 (1967); A. C. Atkinson, V. V. Fedorov, Biometrika 62 (1975) 57, on T-optimality.
+Source: docs/model.md (117), summed over runs; G. E. P. Box, W. J. Hill, Technometrics 9 (1967) 57; A. C. Atkinson, V. V. Fedorov, Biometrika 62 (1975) 57, on T-optimality.
 """
 
 from __future__ import annotations
@@ -58,9 +57,7 @@ def linear(run: Predicted, models: Sequence[CandidateModel]) -> Predicted:
     plain = replace(run.problem, whitening=unshared(np.ones(stack.size)))
     return replace(
         run,
-        slopes=tuple(
-            columns(plain, model.at, -flat) for model, flat in zip(models, run.flat, strict=True)
-        ),
+        slopes=tuple(columns(plain, model.at, -flat) for model, flat in zip(models, run.flat, strict=True)),
     )
 
 
@@ -106,9 +103,7 @@ def information_of(run: Predicted, models: Sequence[CandidateModel]) -> Informat
     return Information((run,), tuple(normal), slope, square)
 
 
-def expected_delta_bic(
-    added: Information, models: Sequence[CandidateModel]
-) -> dict[tuple[int, int], float]:
+def expected_delta_bic(added: Information, models: Sequence[CandidateModel]) -> dict[tuple[int, int], float]:
     """Return by (i, j) how much worse model j is expected to fit the runs than i, if i is true; (117)."""
     out = {}
     for i, j in added.square:
@@ -134,9 +129,7 @@ def size_over_limits(
 ) -> float:
     """Return the largest difference of a pair in any run over its detection limit [1]; (111)."""
     step = step_of(added, models, pair)
-    return max(
-        size_over_limit(run.problem.stack, difference(run, pair, step), limits) for run in added.runs
-    )
+    return max(size_over_limit(run.problem.stack, difference(run, pair, step), limits) for run in added.runs)
 
 
 def shrink(added: Information, model: CandidateModel, j: int, which: int) -> float:

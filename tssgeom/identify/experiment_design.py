@@ -26,6 +26,9 @@ from tssgeom.identify.selection import name_of
 from tssgeom.identify.verdict import parameter, plain
 from tssgeom.rig import Rig
 
+_LARGE = 1000.0
+"""ΔBIC beyond which its number says no more [1]; chosen."""
+
 
 def proposed(work: Work, runs: Sequence[Reading], rig: Rig, asked: Asked, seed: int) -> Proposal:
     """Design the next experiments.
@@ -81,7 +84,7 @@ def _proposed(work: Work, runs: Sequence[Reading], rig: Rig, asked: Asked, seed:
 def _best(
     search: Search, own: Sequence[RouteChoice], others: Sequence[RouteChoice], rng: np.random.Generator
 ) -> tuple[float, Designed, Information]:
-    """Return the best run on the routes there are; on another one where only that shows the likeliest model."""
+    """Return the best run on the routes there are, or on another if only that shows the likeliest model."""
     here = best_run(search, own, rng)
     if not search.goal.separates or search.goal.decides(search.total(here[2])):
         return here
@@ -170,7 +173,13 @@ def _why(goal: Goal, total: Information) -> str:
     if not standing:
         return f"separates {words_of(goal.models[0].name)} from {_others(goal)} best, though not for sure"
     names = _either(goal, standing)
-    return f"is expected to show {names} if true, by {min(standing.values()):.0f} in BIC or more"
+    return f"is expected to show {names} if true, by {_amount(standing)} in BIC"
+
+
+def _amount(standing: Mapping[int, float]) -> str:
+    """Return the least of some ΔBIC in words; large ones are no exact numbers."""
+    least = min(standing.values())
+    return f"{least:.0f} or more" if least < _LARGE else f"more than {_LARGE:.0f}"
 
 
 def _either(goal: Goal, which: Iterable[int]) -> str:
@@ -195,7 +204,7 @@ def _sentence(goal: Goal, total: Information) -> str:
     if standing:
         text += (
             f" If {_either(goal, standing)} is true, the proposed runs are expected to show it, by "
-            f"{min(standing.values()):.0f} in BIC or more."
+            f"{_amount(standing)} in BIC."
         )
     if rest:
         text += f" If {_either(goal, rest)} is, they may not: too small, or too much like the others."
@@ -211,7 +220,9 @@ def _in_the_way(search: Search, own: Sequence[RouteChoice], total: Information, 
     if limit is None:
         return ""
     key, value, standing = limit
-    return f"With {key}={value:.3g} ({KEYS[key]}) one run is expected to show {_either(goal, standing)} if true."
+    return (
+        f"With {key}={value:.3g} ({KEYS[key]}) one run is expected to show {_either(goal, standing)} if true."
+    )
 
 
 def _widest(model: CandidateModel, stack: Stack) -> int:

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from tssgeom.identify.experiment_search import Search
 
 _RAMP = 120  # samples of the slow stroke by which a range is computed; chosen
+_SPAN = 100.0  # standard deviations of the drive that a range exceeds; chosen: turns and legs need some
 _TRIALS = 40  # strokes until the limit of tension is met; chosen
 
 
@@ -61,12 +62,13 @@ def ranges_of(search: Search, choice: RouteChoice) -> Iterator[Range]:
     common = (limits.duration_s, limits.interval_s, limits.samples)
     rest = search.rig.tendon.pretension_N
     high = _highest(search, choice)
+    span = _SPAN * search.template.noise[drive]
     if drive == "tension_in_N":
-        if high > rest:
+        if high > rest + span:
             give = _travel(search, choice, high) / (high - rest)
             speed = 1e-3 * limits.speed_mm_per_s / give
             yield Range(rest, min(limits.least_tension_N, rest), high, speed, *common)
-    elif high > 0.0:
+    elif high > span:
         low = _lowest(search, choice, high)
         yield Range(0.0, low, high, 1e-3 * limits.speed_mm_per_s, *common)
 

@@ -46,7 +46,7 @@ class SearchEffort:
     attempts: int = 20
     """Random drives for each that fits the limits, at most; chosen."""
     beyond: float = 1.5
-    """Detection limits that an effect is to exceed [1]; chosen: above 1 it counts, and half more to be sure."""
+    """Detection limits that an effect is to exceed [1]; chosen: above 1 it counts, half more to be sure."""
     over: float = 1.02
     """Of a limit of tension: what a model may predict [1]; chosen: the models differ by more."""
     elsewhere: float = 0.5
@@ -75,7 +75,7 @@ class Designed:
 
 @dataclass(frozen=True, slots=True)
 class Goal:
-    """What runs are judged by: evidence between models, or where there is one only, the width of one number."""
+    """What runs are judged by: evidence between models; where there is one only, the width of one number."""
 
     left: Left
     which: int = 0
@@ -102,15 +102,18 @@ class Goal:
         gains = expected_delta_bic(added, self.models)
         for pair in gains:
             if not self.models[pair[1]].may_be_true:
-                size = size_over_limits(added, self.models, pair, self.left.limits) / EFFORT.beyond
-                gains[pair] *= min(size**2, 1.0)
+                size = size_over_limits(added, self.models, pair, self.left.limits)
+                gains[pair] *= min((size / EFFORT.beyond) ** 2, 1.0)
+                if size <= 1.0:
+                    gains[pair] = min(gains[pair], self.left.needed)
         return gains
 
     def standing(self, added: Information) -> dict[int, float]:
-        """Return the models that the runs are expected to show if they are true, with their least ΔBIC [1]."""
+        """Return the models that the runs are expected to show if true, with their least ΔBIC [1]."""
         gains = self.evidence(added)
         worst = {
-            i: min(gain for (true, _), gain in gains.items() if true == i) for i in {pair[0] for pair in gains}
+            i: min(gain for (true, _), gain in gains.items() if true == i)
+            for i in {pair[0] for pair in gains}
         }
         return {i: gain for i, gain in worst.items() if gain > self.left.needed}
 
@@ -175,7 +178,9 @@ class Search:
 
     def white(self, design: Designed) -> float:
         """Return what a run is worth with white noise alone [1]."""
-        return self.goal.score(self.total(information_of(linear(design.run, self.goal.models), self.goal.models)))
+        return self.goal.score(
+            self.total(information_of(linear(design.run, self.goal.models), self.goal.models))
+        )
 
     def whole(self, design: Designed) -> tuple[float, Designed, Information]:
         """Return what a run is worth with all errors, and that run."""

@@ -21,6 +21,13 @@ from tssgeom.identify.waveform import Course
 from tssgeom.tendon.bars.sensors import Drive
 
 _FACTORS = {"N": (1.0, "N"), "m": (1e3, "mm")}
+_SYMBOLS = {
+    "tension_in_N": "T_in",
+    "tension_out_N": "T_out",
+    "elongation_m": "δ",
+    "displacement_in_m": "x_in",
+    "displacement_out_m": "x_out",
+}
 _MIDDLE = 0.2  # share of a leg at each end that does not count; chosen: what follows a turn is less sure
 _CLEAR = 2.0  # standard deviations by which an outcome speaks for a model; chosen
 
@@ -81,7 +88,7 @@ def outcome(
     spread = factor * float(np.mean(sigma[channel][rows]))
     digits = max(0, 1 - math.floor(math.log10(max(abs(true - other), 1e-9))))
     middle = f"{0.5 * (true + other):.{digits}f} {unit}"
-    where = f"mean {channel.rpartition('_')[0]} {_leg(course, start, stop, drive)}"
+    where = f"mean {_SYMBOLS[channel]} {_leg(course, start, stop, drive)}"
     expected = (
         f"{where} is {true:.{digits}f} {unit} with {words_of(names[0])} and {other:.{digits}f} {unit} with "
         f"{words_of(names[1])} (sensors ± {_CLEAR * spread:.2g} {unit})"
@@ -89,9 +96,7 @@ def outcome(
     above, below = names if true > other else names[::-1]
     if abs(true - other) < _CLEAR * spread:
         return channel, f"{expected}: no leg alone decides, the course over all of them does"
-    return channel, (
-        f"{expected}: above {middle} speaks for {words_of(above)}, below for {words_of(below)}"
-    )
+    return channel, (f"{expected}: above {middle} speaks for {words_of(above)}, below for {words_of(below)}")
 
 
 def _clearest(contrast: Contrast, sigma: Mapping[str, Vector], course: Course) -> tuple[str, tuple[int, int]]:

@@ -150,4 +150,3 @@ def _check(limits: RunLimits, rig: Rig) -> None:
             f"limits forbid every run: duration_s={limits.duration_s:g} is less than {FEWEST} samples of "
             f"{limits.interval_s:.3g} s: allow more with --limits duration_s=…"
         )
-
