@@ -56,7 +56,7 @@ def discover(
         typer.Option(
             "--with",
             metavar="FOLDER",
-            help="Folder of new measured runs, added to the campaign's: named as the proposed ones, or listed "
+            help="Folder of new measured runs, added to the campaign's: named as those proposed, or listed "
             "in a campaign.toml with their shapes; may be repeated.",
         ),
     ] = None,

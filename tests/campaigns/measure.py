@@ -26,7 +26,7 @@ def measure_proposed(
 ) -> None:
     """Drive the rig of `make_campaign` as a proposal asks, and write what it measures into a new `folder`.
 
-    Runs on routes of the campaign are bare files with the names of the proposed ones. Where one is on another
+    Runs on routes of the campaign are data files with the names of the proposed ones. Where one is on another
     route, all are listed in a `campaign.toml`, with their shapes as sensed.
     """
     rig = _rig(seed, _names(effect), size, split)

@@ -1,6 +1,7 @@
 """What one more run is expected to show: the evidence between models that are left, and narrower intervals.
 
-Source: docs/model.md (117), summed over runs; G. E. P. Box, W. J. Hill, Technometrics 9 (1967) 57; A. C. Atkinson, V. V. Fedorov, Biometrika 62 (1975) 57, on T-optimality.
+Source: docs/model.md (117), summed over runs; G. E. P. Box, W. J. Hill, Technometrics 9 (1967) 57;
+A. C. Atkinson, V. V. Fedorov, Biometrika 62 (1975) 57, on T-optimality.
 """
 
 from __future__ import annotations

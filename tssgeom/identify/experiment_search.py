@@ -252,7 +252,7 @@ def in_the_way(
     search, choices
         What is searched for, and the routes.
     standing
-        Models that are expected to be shown as it is.
+        How many models the runs are expected to show as it is.
     seed
         Of the search.
     """

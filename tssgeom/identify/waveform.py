@@ -203,6 +203,6 @@ def _sampled(levels: Vector, legs: Vector, dwells: Vector, within: Range) -> Cou
             value.append(float(level))
     if not FEWEST <= at[-1] + 1 <= within.samples or at[-1] * step > within.duration * (1.0 + 1e-9):
         return None
-    time = step * np.arange(at[-1] + 1)
-    corners, values = step * np.array(at, dtype=float), np.array(value)
+    time = np.asarray(step * np.arange(at[-1] + 1), dtype=np.float64)
+    corners, values = step * np.array(at, dtype=np.float64), np.array(value, dtype=np.float64)
     return Course(time, np.interp(np.arange(at[-1] + 1), at, values), corners, values)

@@ -53,7 +53,7 @@ def with_runs(
     if is_campaign(folder):
         runs, notes = read_more_runs(folder, campaign.rig, unit, columns)
     else:
-        runs, notes = _bare(campaign, folder, columns, proposals)
+        runs, notes = _tables(campaign, folder, columns, proposals)
     taken = {run.name for run in fixed.runs}
     shared = [_known(run, fixed, folder.name) for run in runs]
     named = [
@@ -83,7 +83,7 @@ def _known(run: Run, campaign: Campaign, folder: str) -> Run:
     return replace(run, route=replace(run.route, name=f"{folder}_{run.route.name}"))
 
 
-def _bare(
+def _tables(
     campaign: Campaign, folder: Path, columns: ColumnMap, proposals: Sequence[Path]
 ) -> tuple[tuple[Run, ...], tuple[str, ...]]:
     """Read the tables of a folder as runs."""

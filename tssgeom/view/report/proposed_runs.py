@@ -22,8 +22,9 @@ _COMMANDS = (
 
 def proposed_figures(proposal: Proposal | None) -> Mapping[str, Callable[[], Figure]]:
     """Return what draws the figure of each proposed run, by name."""
-    runs = () if proposal is None else proposal.runs
-    return {f"proposed_{run.name}": partial(proposal_figure, proposal, run) for run in runs}
+    if proposal is None:
+        return {}
+    return {f"proposed_{run.name}": partial(proposal_figure, proposal, run) for run in proposal.runs}
 
 
 def proposed_markup(proposal: Proposal) -> str:
