@@ -25,6 +25,8 @@ from typing import Any
 
 import numpy as np
 import tomli_w
+from rich.console import Console
+from rich.progress import track
 
 from benchmarks.tables import table
 from tests.campaigns import make_campaign
@@ -33,6 +35,7 @@ from tssgeom.identify.readings import Reading, readings
 from tssgeom.identify.ties import MENU
 from tssgeom.io.formats.campaigns import read_campaign
 
+_CONSOLE = Console(stderr=True)
 _MOST = 4  # runs that are added at most; chosen: a tie that stands then counts as one more
 _SPEED_MM_PER_S = 3.0
 _CHANGES = ("faster", "slower", "hold", "cycles", "tension", "straight", "unbend", "radii")
@@ -157,7 +160,7 @@ def compared(seeds: int, jobs: int, *, markdown: bool) -> str:
     """Run the benchmark and return its table."""
     cases = hidden_causes(seeds)
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        results = list(pool.map(runs_needed, cases))
+        results = list(track(pool.map(runs_needed, cases), "campaigns", len(cases), console=_CONSOLE))
     made = [one for one in results if one is not None]
     rows = [
         (

@@ -99,11 +99,15 @@ def _runners_up(work: Work, last: Step) -> list[Tried]:
 
 
 def _of_fit(fit: Fit, name: str) -> CandidateModel:
-    return CandidateModel(name, fit.at, np.linalg.inv(fit.covariance), True)
+    return CandidateModel(name, fit.at, _information(fit), True)
 
 
 def _plain(name: str, fit: Fit) -> CandidateModel:
-    return CandidateModel(name, fit.at, np.linalg.inv(fit.covariance), False)
+    return CandidateModel(name, fit.at, _information(fit), False)
+
+
+def _information(fit: Fit) -> Matrix:
+    return np.asarray(np.linalg.inv(fit.covariance), dtype=np.float64)
 
 
 def _hidden(work: Work) -> list[CandidateModel]:

@@ -116,7 +116,8 @@ def expected_delta_bic(added: Information, models: Sequence[CandidateModel]) -> 
 def step_of(added: Information, models: Sequence[CandidateModel], pair: tuple[int, int]) -> Vector:
     """Return how far the second model of a pair moves when it is refitted to runs of the first [size]."""
     j = pair[1]
-    return np.linalg.solve(added.normal[j] + models[j].information, added.slope[pair])
+    step = np.linalg.solve(added.normal[j] + models[j].information, added.slope[pair])
+    return np.asarray(step, dtype=np.float64)
 
 
 def difference(run: Predicted, pair: tuple[int, int], step: Vector) -> Vector:

@@ -112,10 +112,12 @@ def _clearest(contrast: Contrast, sigma: Mapping[str, Vector], course: Course) -
 
 
 def _inner(course: Course, start: int, stop: int) -> np.ndarray:
-    """Return the samples in the middle of a leg [n] bool."""
+    """Return the samples in the middle of a leg, one at least [n] bool."""
     begin, end = course.corner_time[start], course.corner_time[stop]
     edge = _MIDDLE * (end - begin)
-    return (course.time >= begin + edge - 1e-9) & (course.time <= end - edge + 1e-9)
+    rows = (course.time >= begin + edge - 1e-9) & (course.time <= end - edge + 1e-9)
+    rows[int(np.argmin(np.abs(course.time - 0.5 * (begin + end))))] = True
+    return rows
 
 
 def _leg(course: Course, start: int, stop: int, drive: Drive) -> str:
