@@ -28,6 +28,9 @@ class CandidateSettings:
     """ΔBIC below the best within which a runner-up is separated further [1]; chosen."""
     sure: float = 2.0
     """Of the threshold: gain beyond which an effect of typical size would have been named [1]; chosen."""
+    visible: float = 0.9
+    """Of a signature: share beyond friction and compliance, by straight lines, above which it is not tried as
+    hidden [1]; chosen for speed: the refit decides."""
     most: int = 4
     """Models that are separated at most; chosen for speed."""
 
@@ -128,13 +131,15 @@ def _hidden(work: Work) -> list[CandidateModel]:
         name = test.variant.name
         if name not in best or test.size > best[name].size:
             best[name] = test
-    needed = CANDIDATES.sure * first.threshold
-    hidden = [
+    tied = [
         test
         for test in best.values()
-        if test.raw**2 > needed > test.size**2 and _tied_to_rig(test.variant.name)
+        if test.raw**2 > CANDIDATES.sure * first.threshold
+        and _visible(test) < CANDIDATES.visible
+        and _tied_to_rig(test.variant.name)
     ]
-    models = (_hidden_model(problem, work.chosen.fit.at, test) for test in sorted(hidden, key=_visible))
+    base, most = work.chosen.fit, CANDIDATES.sure * first.threshold
+    models = (_hidden_model(problem, base, test, most) for test in sorted(tied, key=_visible))
     return [model for model in models if model is not None][: CANDIDATES.most - 1]
 
 
@@ -147,14 +152,18 @@ def _visible(test: ScoreTest) -> float:
     return test.size / test.raw
 
 
-def _hidden_model(problem: Problem, base: Point, test: ScoreTest) -> CandidateModel | None:
-    """Return the base model with an effect of fixed size, friction and compliance refitted."""
+def _hidden_model(problem: Problem, base: Fit, test: ScoreTest, most: float) -> CandidateModel | None:
+    """Return the base model with an effect of typical size, friction and compliance refitted.
+
+    None where χ² grows by more than `most` [1]: a straight line is no measure of how well a refit hides it.
+    """
     typical = test.variant.effect.parameters[test.variant.amplitude].typical
-    share = min(1.0, math.sqrt(separable_from()) / max(test.size, 1e-9))
-    effect = test.variant.sized(math.copysign(share * typical, test.amplitude or 1.0))
+    effect = test.variant.sized(math.copysign(typical, test.amplitude or 1.0))
     length = min(reading.route.arcs.total_length for reading in problem.stack.readings)
     try:
-        fixed = refined(problem, replace(base, effects=(effect,), free=()))
+        fixed = refined(problem, replace(base.at, effects=(effect,), free=()))
+        if fixed.chi2 - base.chi2 > most:
+            return None
         at = replace(fixed.at, free=tuple(freed(effect, 0, length, test.variant.free)))
         left = problem.left(at)
         fit = Fit(at, fixed.chi2, fixed.residual, columns(problem, at, left), left)
