@@ -55,6 +55,23 @@ def test_a_tie_is_broken_and_named_right_by_the_run_that_was_proposed(tied, run)
     assert after["proposed"] is None
 
 
+def test_a_tie_of_one_route_is_broken_on_the_other_route_that_is_proposed(tmp_path, run):
+    """On a half circle friction that depends on curvature is friction (G6): no drive separates them there."""
+    case = (1, "curvature_dependent_friction", "one_route")
+    make_campaign(tmp_path / "campaign", *case[:2], plan=case[2])
+    done = run("discover", tmp_path / "campaign", "--out", tmp_path / "out", "--propose", "1", "--quiet")
+    assert done.status == 0
+    before = report(tmp_path / "out")
+    assert before["verdict"] == "none"
+    assert before["proposed"]["candidates"] == ["base", case[1]]
+    assert len(before["proposed"]["runs"][0]["new_route"]["angle_rad"]) > 1
+    measure_proposed(tmp_path / "out" / "proposed", tmp_path / "new", *case)
+    options = ("--with", tmp_path / "new", "--out", tmp_path / "after", "--quiet")
+    assert run("discover", tmp_path / "campaign", *options).status == 0
+    after = report(tmp_path / "after")
+    assert (after["verdict"], after["effects"][0]["name"]) == ("effect", case[1])
+
+
 def test_what_is_proposed_is_in_files_report_and_figures(tied):
     folder = tied / "out" / "proposed"
     assert sorted(path.name for path in folder.iterdir()) == ["proposal.toml", "run_1.csv"]
