@@ -142,7 +142,7 @@ def proposed_steps(finding: Finding) -> list[str]:
         return []
     steps = [proposal.sentence, *([proposal.in_the_way] if proposal.in_the_way else [])]
     for run in proposal.runs:
-        steps.append(f"{run.name} on {run.route}: {run.why}; proposed/{run.name}.csv.")
+        steps.append(f"{run.name}, {run.route}: it {run.why}; proposed/{run.name}.csv.")
         steps += [f"{run.name}: {words}." for words in run.outcomes]
     return steps
 

@@ -42,7 +42,7 @@ def _draw_drive(axes: Axes, run: ProposedRun) -> None:
     quantity = CHANNELS[run.drive]
     axes.plot(run.time, quantity.factor * run.values, color=INK, linewidth=1.2)
     axes.plot(run.corner_time, quantity.factor * run.corners, "o", color=INK, markersize=2.5)
-    titles(axes, f"{run.name} on {run.route}: the drive", "", quantity.label)
+    titles(axes, f"{run.name}, {run.route}: the drive", "", quantity.label)
 
 
 def _draw_differences(axes: Axes, run: ProposedRun, names: Sequence[str]) -> None:

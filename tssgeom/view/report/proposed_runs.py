@@ -64,7 +64,7 @@ def _run(proposal: Proposal, run: ProposedRun) -> str:
         f"<tbody>{rows}</tbody></table></div></details>"
     )
     return (
-        f"<h3>{html.escape(run.name)} on {html.escape(run.route)}</h3>"
+        f"<h3>{html.escape(run.name)}: {html.escape(run.route)}</h3>"
         f"<p>It {html.escape(run.why)}.</p>"
         f"<figure>{markup(proposal_figure(proposal, run))}</figure>"
         + (f"<ul>{items}</ul>{table}" if run.outcomes else "")
