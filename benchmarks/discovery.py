@@ -5,7 +5,7 @@
 The full run makes some 500 campaigns at four seeds; `--quick` makes seven. `--generator second` takes
 campaigns of another kind of simulator, and counts mechanisms and laws. `--baselines` adds a sparse
 regression (pysindy) and a Gaussian process (scikit-learn) on the files of single causes of typical size,
-where they are installed.
+where they are installed. `--propose` counts the runs that break a tie (`benchmarks.discovery_experiments`).
 """
 
 from __future__ import annotations
@@ -30,6 +30,7 @@ from rich.progress import track
 from benchmarks import discovery_report as report
 from benchmarks import discovery_second as second
 from benchmarks.discovery_case import Case
+from benchmarks.discovery_experiments import compared
 from benchmarks.discovery_peers import baselines
 from benchmarks.discovery_scores import Outcome, both_named, verdict
 from benchmarks.tables import machine
@@ -118,6 +119,10 @@ _QUICK_WRONG = 1  # of seven campaigns: where 97 % are right, more are wrong onc
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the benchmark and return the exit code."""
     options = _options(arguments)
+    if options.propose:
+        print(machine())
+        print(compared(options.seeds or _SEEDS, options.jobs, markdown=options.markdown))
+        return 0
     made_by = second.cases if options.generator == "second" else cases
     chosen = made_by(
         options.effects, options.seeds or (1 if options.quick else _SEEDS), options.split, quick=options.quick
@@ -157,6 +162,7 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--split", choices=("development", "test"), default="development")
     parser.add_argument("--baselines", action="store_true", help="pysindy and scikit-learn on single causes")
     parser.add_argument("--markdown", action="store_true", help="tables to paste into documents")
+    parser.add_argument("--propose", action="store_true", help="runs that break a tie, designed or not")
     parser.add_argument("--jobs", type=int, default=2, help="processes")
     parser.add_argument("--generator", choices=("first", "second"), default="first", help="of the campaigns")
     options = parser.parse_args(arguments)

@@ -17,6 +17,7 @@ from pipelines.terminal import print_json, print_line, print_table, step_progres
 
 if TYPE_CHECKING:
     from tssgeom.identify.finding import Finding
+    from tssgeom.identify.proposal import Asked
     from tssgeom.io.formats.laboratory.mapping import ColumnMap
 
 PAGE, PICTURE = "report.html", "discover.rrd"
@@ -34,23 +35,57 @@ def discover(
     unit: Unit = None,
     columns: Map = None,
     figures: Figures = None,
+    propose: Annotated[
+        int | None,
+        typer.Option(
+            "--propose",
+            metavar="N",
+            min=1,
+            help="Design the next N runs, into OUT/proposed: drive files, what outcomes mean.",
+        ),
+    ] = None,
+    limits: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--limits",
+            metavar="KEY=VALUE …",
+            help="What a proposed run stays within: tension_N, least_tension_N, speed_mm_per_s, travel_mm, "
+            "duration_s; what is left out is as far as the runs of the campaign went.",
+        ),
+    ] = None,
+    more: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--with",
+            metavar="FOLDER",
+            help="Folder of new measured runs, added to the campaign's: named as those proposed, or listed "
+            "in a campaign.toml with their shapes; may be repeated.",
+        ),
+    ] = None,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Find what the model lacks on measured runs, name it, put it into the rig, and show the gap shrink."""
+    """Find what the model lacks on measured runs, name it, put it into the rig, and show the gap shrink.
+
+    With --propose it designs what to measure next; --with adds what was measured, until the verdict stands.
+    """
+    from pipelines.propose import asked, check_folders
     from tssgeom.errors import SettingsError
     from tssgeom.io.formats.laboratory.mapping import ColumnMap
     from tssgeom.io.results.findings import report_object
 
     if out.exists() and not out.is_dir():
         raise SettingsError(f"--out {out} is a file: name a folder")
+    design = asked(propose, limits or ())
+    check_folders(out, more or (), proposes=design is not None)
     with step_progress(quiet=quiet or as_json) as report_step:
 
         def identifying(step: str, share: float) -> None:
             report_step(step, _READ + share * (_IDENTIFIED - _READ))
 
         report_step("reading the campaign", 0.0)
-        finding = _identified(campaign, unit, ColumnMap(columns or ()), seed, identifying)
+        said, seeded = ColumnMap(columns or ()), (seed, more or (), design)
+        finding = _identified(campaign, out, unit, said, seeded, identifying)
         report_step("writing the report", _IDENTIFIED)
         files = _write(out, finding)
         if figures is not None:
@@ -64,29 +99,48 @@ def discover(
 
 
 def _identified(
-    campaign: Path, unit: str | None, said: ColumnMap, seed: int, report: Callable[[str, float], None]
+    campaign: Path,
+    out: Path,
+    unit: str | None,
+    said: ColumnMap,
+    how: tuple[int, Sequence[Path], Asked | None],
+    report: Callable[[str, float], None],
 ) -> Finding:
-    """Read a campaign and find what its model lacks, that of one tendon or of a machine."""
+    """Read a campaign and find what its model lacks, that of one tendon or of a machine.
+
+    `how` is the seed, folders of new runs, and what is to be designed.
+    """
+    from tssgeom.errors import SettingsError
     from tssgeom.io.formats.machine_campaigns import is_machine_campaign, read_machine_campaign
 
+    seed, more, design = how
     if is_machine_campaign(campaign, said):
         from tssgeom.identify.machine_discovery import discover_machine
 
+        for option, given in (("--propose", design), ("--with", more)):
+            if given:
+                raise SettingsError(f"{option} takes campaigns of one tendon: {campaign} is of a machine")
         return discover_machine(read_machine_campaign(campaign, unit, said), progress=report)
+    from pipelines.propose import joined
     from tssgeom.identify import workflow
     from tssgeom.io.formats.campaigns import read_campaign
 
-    return workflow.discover(read_campaign(campaign, unit, said), seed=seed, progress=report)
+    read = joined(read_campaign(campaign, unit, said), more, out, unit, said)
+    return workflow.discover(read, seed=seed, progress=report, propose=design)
 
 
 def _write(out: Path, finding: Finding) -> list[str]:
     """Write all files together, so that a report never stands beside the rig of another."""
     from tssgeom.atomic import replacing_all
     from tssgeom.io.results.findings import write_report, write_updated_rig
+    from tssgeom.io.results.proposals import FOLDER, write_proposal
     from tssgeom.view.report.finding import write_finding_report
     from tssgeom.view.scene.finding.recording import write_finding_recording
 
     with replacing_all(out) as draft:
+        if finding.proposal is not None:
+            with replacing_all(out / FOLDER) as drives:
+                write_proposal(drives, finding.proposal, tssgeom_version())
         write_report(draft, finding, tssgeom_version())
         write_updated_rig(draft, finding, tssgeom_version())
         write_finding_report(draft / PAGE, finding)
@@ -129,6 +183,7 @@ def _notes(finding: Finding) -> list[str]:
         for tie in words.effect_ties(finding)
     ]
     notes += [f"next: {step}" for step in words.next_steps(finding)[:_MOST_EXPERIMENTS]]
+    notes += [f"proposed: {step}" for step in words.proposed_steps(finding)]
     notes += [
         f"{words.plain(name)}: {finding.nominal[name]:.4g} in the rig file, {each.value:.4g} refitted"
         for name, each in finding.base.items()

@@ -23,10 +23,16 @@ def write(
     for name, (points, unit, reported) in shapes.items():
         header = [f"{axis}_{unit}" for axis in ("xyzs" if reported else "xyz")]
         _table(folder / name, header, points.T, [4 if unit == "mm" else 7] * len(header))
+    write_runs(folder, runs)
+    (folder / "campaign.toml").write_text(_campaign(runs), encoding="utf-8")
+
+
+def write_runs(folder: Path, runs: Sequence[Run]) -> None:
+    """Write the data files of runs."""
+    folder.mkdir(parents=True, exist_ok=True)
     for name, _, _, columns in runs:
         decimals = [_DECIMALS.get(column, 7) for column in columns]
         _table(folder / f"{name}.csv", list(columns), np.array(list(columns.values())), decimals)
-    (folder / "campaign.toml").write_text(_campaign(runs), encoding="utf-8")
 
 
 def _table(file: Path, header: Sequence[str], columns: np.ndarray, decimals: Sequence[int]) -> None:

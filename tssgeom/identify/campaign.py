@@ -44,3 +44,5 @@ class Campaign:
     runs: tuple[Run, ...]
     notes: tuple[str, ...] = ()
     """What the reader had to decide or noticed, each a sentence."""
+    held_out_fixed: bool = False
+    """Whether the runs that are held out are decided, even where none is."""

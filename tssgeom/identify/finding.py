@@ -12,6 +12,7 @@ import numpy as np
 from tssgeom.arrays import Vector
 from tssgeom.effects import AnyEffect
 from tssgeom.identify.campaign import Campaign
+from tssgeom.identify.proposal import Proposal
 from tssgeom.rig import Rig
 
 Verdict = Literal["none", "effect", "law", "tie", "partial", "unknown"]
@@ -228,6 +229,8 @@ class Finding:
     notes: tuple[str, ...]
     """What to know of the data and the fit: dropouts, skew, saturation, which run was held out."""
     seconds: float
+    proposal: Proposal | None = None
+    """Designed experiments, where they were asked for."""
 
     @property
     def is_machine(self) -> bool:

@@ -88,7 +88,7 @@ def readings(campaign: Campaign, drive: Drive | None = None) -> tuple[tuple[Read
     if not campaign.runs:
         raise SettingsError(f"{campaign.name}: no runs; list at least one [[run]]")
     notes = list(campaign.notes)
-    runs, note = _with_held_out(campaign.runs)
+    runs, note = (campaign.runs, []) if campaign.held_out_fixed else with_held_out(campaign.runs)
     notes += note
     drive = drive or _drive(campaign.rig, runs)
     made = []
@@ -123,7 +123,7 @@ def _by_cycles(reading: Reading) -> tuple[list[Reading], list[str]]:
     ], [note]
 
 
-def _with_held_out(runs: tuple[Run, ...]) -> tuple[tuple[Run, ...], list[str]]:
+def with_held_out(runs: tuple[Run, ...]) -> tuple[tuple[Run, ...], list[str]]:
     """Hold a run out where none is: one whose route no other run has, if there is one."""
     if all(run.held_out for run in runs):
         raise SettingsError("all runs are held out: leave at least one to be fitted")

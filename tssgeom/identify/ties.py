@@ -274,18 +274,20 @@ def _sharp(arcs: Arcs) -> Arcs:
     )
 
 
+OTHER_ROUTES: tuple[tuple[str, Callable[[Arcs], Arcs]], ...] = (
+    ("lay the sheath nearly straight", _straight),
+    ("lay the sheath with both ends straight and all bends in its middle", _end_unbent),
+    ("lay the sheath with the same angle in three sharp bends", _sharp),
+)
+"""What the sheath of a run can be bent to, in words."""
+
 MENU = (
     Plan("repeat a run ten times faster", _faster),
     Plan("repeat a run ten times slower", _slower),
     Plan(f"hold for {_HELD_S:g} s at the highest tension of a run", _held),
     Plan("repeat a run with five times the cycles", _cycled),
     Plan("repeat a run with twice the stroke", _pulled),
-    Plan("lay the sheath nearly straight and repeat a run", _on(_straight)),
-    Plan(
-        "lay the sheath with both ends straight and all bends in its middle, and repeat a run",
-        _on(_end_unbent),
-    ),
-    Plan("lay the sheath with the same angle in three sharp bends, and repeat a run", _on(_sharp)),
+    *(Plan(f"{words}, and repeat a run", _on(bent)) for words, bent in OTHER_ROUTES),
 )
 """What can be measured next with what is there."""
 

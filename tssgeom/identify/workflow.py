@@ -22,12 +22,14 @@ from tssgeom.identify.assembly import (
 )
 from tssgeom.identify.attribution import along_routes, heat_map, missing_shapes, pointed
 from tssgeom.identify.campaign import Campaign
+from tssgeom.identify.experiment_design import proposed
 from tssgeom.identify.finding import Finding
 from tssgeom.identify.fit import Fit, Point, Problem, base_fit, columns, posed
 from tssgeom.identify.law_finding import law_candidates, law_ranking
 from tssgeom.identify.law_search import as_fit, searched
 from tssgeom.identify.misfit import MISFIT, held_out, misfits, traces
 from tssgeom.identify.prediction import Errors, stacked
+from tssgeom.identify.proposal import Asked
 from tssgeom.identify.readings import Reading, readings
 from tssgeom.identify.screening import detection_limits, leftover, variants
 from tssgeom.identify.selection import name_of, selected
@@ -53,7 +55,11 @@ DRIVE_CHOICE = DriveChoice()
 
 
 def discover(
-    campaign: Campaign, *, seed: int = 0, progress: Callable[[str, float], None] | None = None
+    campaign: Campaign,
+    *,
+    seed: int = 0,
+    progress: Callable[[str, float], None] | None = None,
+    propose: Asked | None = None,
 ) -> Finding:
     """Find what the model of a rig lacks.
 
@@ -65,11 +71,13 @@ def discover(
         Of the simulated clean campaigns; the same seed gives the same answer.
     progress
         Is called with each step and the share that is done [1].
+    propose
+        How many experiments to design, and within which limits; left out, none.
 
     Raises
     ------
     SettingsError
-        Where the runs cannot be used.
+        Where the runs cannot be used, or limits forbid every experiment.
 
     Notes
     -----
@@ -104,6 +112,9 @@ def discover(
     attribution = _attribution(started.runs, campaign, started.base)
     report("putting it together", 0.9)
     finding = _finding(campaign, started, work, attribution)
+    if propose is not None:
+        report("designing experiments", 0.92)
+        finding = replace(finding, proposal=proposed(work, started.runs, campaign.rig, propose, seed))
     report("done", 1.0)
     return _timed(finding, time.perf_counter() - begun)
 

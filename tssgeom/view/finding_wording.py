@@ -153,6 +153,18 @@ def _separating(each: Experiment) -> str:
     return f"{text}: it separates {', '.join(map(plain, each.separates))} (expected ΔBIC {expected(each)})."
 
 
+def proposed_steps(finding: Finding) -> list[str]:
+    """Write what was designed, a sentence each; none where nothing was asked for."""
+    proposal = finding.proposal
+    if proposal is None:
+        return []
+    steps = [proposal.sentence, *([proposal.in_the_way] if proposal.in_the_way else [])]
+    for run in proposal.runs:
+        steps.append(f"{run.name}, {run.route}: it {run.why}; proposed/{run.name}.csv.")
+        steps += [f"{run.name}: {words}." for words in run.outcomes]
+    return steps
+
+
 _VARIED = {
     "tension_N": "the tension (half and twice the stroke)",
     "speed_m_per_s": "the rate (ten times slower and faster)",

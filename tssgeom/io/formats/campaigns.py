@@ -72,11 +72,50 @@ def read_campaign(folder: Path, unit: str | None = None, columns: ColumnMap = NO
     plan = read_plan(listing)
     stated = read_rig(home / plan.rig)
     rig = _specified_in_si(stated)
-    said = columns.with_rig(stated.columns)
-    names = run_names(listing, plan.run)
-    shapes = _shape_each(listing, plan.run)
     notes = list(_unknown_sensors(home / plan.rig, stated))
     notes += [f"{plan.rig}: {warning}" for warning in warnings_of(plan.rig, rig_remarks(rig))]
+    runs, about = _runs(listing, plan, rig, unit, columns)
+    return Campaign(home.resolve().name, rig, runs, (*notes, *about))
+
+
+def read_more_runs(
+    folder: Path, rig: Rig, unit: str | None = None, columns: ColumnMap = NO_MAP
+) -> tuple[tuple[Run, ...], tuple[str, ...]]:
+    """Read the runs that the `campaign.toml` of a folder lists, of a rig that is known, and notes about them.
+
+    Parameters
+    ----------
+    folder
+        The folder; its own rig, if it has one, is not read.
+    rig
+        With specifications in SI, as `read_campaign` returns it.
+    unit, columns
+        As `read_campaign`.
+
+    Raises
+    ------
+    SettingsError, ShapeError, SourceError
+        As `read_campaign`.
+    """
+    listing = folder if folder.name == CAMPAIGN else folder / CAMPAIGN
+    return _runs(listing, read_plan(listing), rig, unit, columns)
+
+
+def read_run_on(
+    path: Path, name: str, route: Route, rig: Rig, columns: ColumnMap = NO_MAP
+) -> tuple[Run, tuple[str, ...]]:
+    """Read one measured run on a route that is known, and notes about it; errors as `read_campaign`."""
+    notes = list[str]()
+    run = _run(path, name, route, columns.with_rig(rig.columns), notes, held_out=False)
+    return run, (*notes, *_implausible(path, run, rig))
+
+
+def _runs(
+    listing: Path, plan: Plan, rig: Rig, unit: str | None, columns: ColumnMap
+) -> tuple[tuple[Run, ...], tuple[str, ...]]:
+    """Return the runs that a campaign lists, and notes about them."""
+    said, home, notes = columns.with_rig(rig.columns), listing.parent, list[str]()
+    names, shapes = run_names(listing, plan.run), _shape_each(listing, plan.run)
     routes = _routes(home, shapes, rig, unit, said, notes)
     runs = []
     for name, listed, shape in zip(names, plan.run, shapes, strict=True):
@@ -84,7 +123,7 @@ def read_campaign(folder: Path, unit: str | None = None, columns: ColumnMap = NO
         notes += _implausible(home / listed.data, run, rig)
         runs.append(run)
     notes += warnings_of(listing, campaign_remarks([(run.name, run.columns) for run in runs]))
-    return Campaign(home.resolve().name, rig, tuple(runs), tuple(notes))
+    return tuple(runs), tuple(notes)
 
 
 def read_plan(listing: Path) -> Plan:

@@ -24,6 +24,7 @@ from tssgeom.identify.finding import (
     Shape,
 )
 from tssgeom.identify.mechanisms import MECHANISM_OF
+from tssgeom.io.results.proposals import proposal_object
 from tssgeom.rig import write_rig
 
 REPORT, RIG = "report.json", "rig.updated.toml"
@@ -72,6 +73,7 @@ def report_object(finding: Finding, version: str) -> dict[str, Any]:
             }
             for each in finding.breaks_tie
         ],
+        "proposed": None if finding.proposal is None else proposal_object(finding.proposal),
         "unobservable": list(finding.unobservable),
         "unobservable_why": dict(finding.unobservable),
         "where": [_misfit_share(each) for each in finding.where],

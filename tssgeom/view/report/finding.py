@@ -20,6 +20,7 @@ from tssgeom.view.figures.plots import markup
 from tssgeom.view.figures.ranking import listed_candidates, ranking_figure
 from tssgeom.view.report.misfit_table import misfit_table, phase_table
 from tssgeom.view.report.page import filled, program_version
+from tssgeom.view.report.proposed_runs import proposed_figures, proposed_markup
 
 _ACCENTS = {"none": "#009e73", "effect": "#0072b2", "tie": "#a35c00", "unknown": "#a3508a"} | {
     "law": "#0072b2",
@@ -172,6 +173,12 @@ _USE = "tssgeom batch SHAPES --rig rig.updated.toml --out results"
 _MACHINE_USE = "tssgeom simulate SHAPE --drive RUN --rig rig.updated.toml --out results"
 
 
+def _proposed(finding: Finding) -> str:
+    if finding.proposal is None:
+        return ""
+    return _section("What to measure next, designed", proposed_markup(finding.proposal))
+
+
 def _where(finding: Finding) -> str:
     if not finding.heat.rows:
         return ""
@@ -264,7 +271,8 @@ def _notes(finding: Finding) -> str:
 
 def figures_of(finding: Finding) -> Mapping[str, Callable[[], Figure]]:
     """Return what draws each figure of the page, by name."""
-    return {name: partial(draw, finding) for name, (draw, there) in _FIGURES.items() if there(finding)}
+    own = {name: partial(draw, finding) for name, (draw, there) in _FIGURES.items() if there(finding)}
+    return {**own, **proposed_figures(finding.proposal)}
 
 
 _FIGURES: Mapping[str, tuple[Callable[[Finding], Figure], Callable[[Finding], object]]] = {
@@ -283,6 +291,7 @@ _SECTIONS: tuple[Callable[[Finding], str], ...] = (
     _missing,
     _misfit,
     _next,
+    _proposed,
     _where,
     _residuals,
     _ranking,

@@ -1,0 +1,257 @@
+"""The next experiments of a campaign, designed for what its runs leave open.
+
+Source: docs/discovery.md, "Designed experiments"; docs/model.md (117).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from tssgeom.errors import SettingsError
+from tssgeom.identify.assembly import NORMAL, Work
+from tssgeom.identify.candidate_models import CandidateModel, left_by
+from tssgeom.identify.expected_evidence import Information, shrink
+from tssgeom.identify.experiment_routes import RouteChoice, other_routes, own_routes
+from tssgeom.identify.experiment_search import EFFORT, Designed, Goal, Search, best_run, in_the_way
+from tssgeom.identify.outcomes import contrasts, outcome, words_of
+from tssgeom.identify.prediction import Errors, Stack, errors_of, total_sigma
+from tssgeom.identify.proposal import Asked, ExpectedEvidence, NarrowedInterval, Proposal, ProposedRun
+from tssgeom.identify.readings import Reading
+from tssgeom.identify.run_limits import KEYS, limits_of
+from tssgeom.identify.selection import name_of
+from tssgeom.identify.verdict import parameter, plain
+from tssgeom.rig import Rig
+
+_LARGE = 1000.0
+"""ΔBIC beyond which its number says no more [1]; chosen."""
+
+
+def proposed(work: Work, runs: Sequence[Reading], rig: Rig, asked: Asked, seed: int) -> Proposal:
+    """Design the next experiments.
+
+    Parameters
+    ----------
+    work
+        What the steps of the workflow left.
+    runs
+        All runs of the campaign, held out ones too.
+    rig
+        As it is believed to be.
+    asked
+        How many experiments, and within which limits.
+    seed
+        The same seed gives the same experiments.
+
+    Raises
+    ------
+    SettingsError
+        Where a limit is unknown, or the limits forbid every run.
+    """
+    if asked.runs < 1:
+        raise SettingsError(f"--propose {asked.runs}: give 1 or more")
+    with threadpool_limits(1):  # matrices are small: threads would wait for each other
+        return _proposed(work, runs, rig, asked, seed)
+
+
+def _proposed(work: Work, runs: Sequence[Reading], rig: Rig, asked: Asked, seed: int) -> Proposal:
+    left = left_by(work)
+    limits = limits_of(runs, rig, left.models[0].at, asked.limits)
+    goal = Goal(left, _widest(left.models[0], work.problem.stack) if len(left.models) == 1 else 0)
+    search = Search(_template(runs), rig, goal, limits, None)
+    rng, made, own = np.random.default_rng(seed), list[ProposedRun](), own_routes(runs)
+    total: Information | None = None
+    for k in range(asked.runs):
+        search = Search(search.template, rig, goal, limits, total)
+        _, design, added = _best(search, own, other_routes(runs), rng)
+        total = search.total(added)
+        made.append(_run(f"run_{k + 1}", design, goal, total))
+    assert total is not None
+    return Proposal(
+        _sentence(goal, total),
+        tuple(model.name for model in left.models),
+        limits.values,
+        limits.stated,
+        tuple(made),
+        None if goal.separates else _narrowed(goal, total),
+        _in_the_way(search, own, total, seed) if goal.separates else "",
+    )
+
+
+def _best(
+    search: Search, own: Sequence[RouteChoice], others: Sequence[RouteChoice], rng: np.random.Generator
+) -> tuple[float, Designed, Information]:
+    """Return the best run on the routes there are, or on another if only that shows the likeliest model."""
+    here = best_run(search, own, rng)
+    if not search.goal.separates or search.goal.decides(search.total(here[2])):
+        return here
+    try:
+        there = best_run(search, others, rng, EFFORT.elsewhere)
+    except SettingsError:
+        return here
+    own_shows, others_show = (search.goal.standing(search.total(each[2])) for each in (here, there))
+    first = next(k for k, model in enumerate(search.goal.models) if model.may_be_true)
+    return there if first in others_show and first not in own_shows else here
+
+
+def _template(runs: Sequence[Reading]) -> Reading:
+    """Return a run with only the channels that all runs have."""
+    first = runs[0]
+    shared = set.intersection(*(set(run.measured) for run in runs)) or set(first.measured)
+    return Reading(
+        "proposed",
+        first.route,
+        False,
+        first.drive,
+        first.given,
+        {name: values for name, values in first.measured.items() if name in shared},
+        first.noise,
+    )
+
+
+def _run(name: str, design: Designed, goal: Goal, total: Information) -> ProposedRun:
+    run, models = design.run, goal.models
+    stack = run.problem.stack
+    errors: Errors = errors_of(stack, models[0].at.rig(run.problem.rig), models[0].at.effects)
+    (sigma,) = stack.split(total_sigma(errors))
+    pairs = contrasts(run, models, total)
+    drive = run.reading.drive
+    outcomes = [
+        outcome(pair, (models[pair.true].name, models[pair.other].name), sigma, design.course, drive)
+        for pair in pairs
+    ]
+    measured = stack.split(stack.measured)[0]
+    clearest = outcomes[0][0] if outcomes else next(iter(measured))
+    return ProposedRun(
+        name=name,
+        route=design.choice.words or design.choice.route.name,
+        like=design.choice.run,
+        new_route=design.choice.route.arcs if design.choice.words else None,
+        drive=drive,
+        time=design.course.time,
+        values=design.course.drive,
+        corner_time=design.course.corner_time,
+        corners=design.course.corner,
+        why=_why(goal, total),
+        outcomes=tuple(words for _, words in outcomes),
+        expected=_expected(goal, total),
+        channels={
+            model.name: {channel: values[channel] for channel in measured}
+            for model, values in zip(models, run.channels, strict=True)
+        },
+        differences={
+            models[pair.true if pair.true else pair.other].name: _signed(pair.difference, pair.true)
+            for pair in pairs
+        },
+        sigma=sigma,
+        clearest=clearest,
+    )
+
+
+def _signed(difference: Mapping[str, np.ndarray], true: int) -> dict[str, np.ndarray]:
+    """Return a difference as that of the later model less the first."""
+    return {channel: values if true else -values for channel, values in difference.items()}
+
+
+def _expected(goal: Goal, total: Information) -> tuple[ExpectedEvidence, ...]:
+    if not goal.separates:
+        return ()
+    gains = goal.evidence(total)
+    return tuple(
+        ExpectedEvidence(goal.models[i].name, goal.models[j].name, gain) for (i, j), gain in gains.items()
+    )
+
+
+def _why(goal: Goal, total: Information) -> str:
+    if not goal.separates:
+        one = _narrowed(goal, total)
+        return f"narrows the interval of {one.name} to {100.0 * one.expected / one.half_width:.0f} %"
+    standing = goal.standing(total)
+    if not standing:
+        return f"separates {words_of(goal.models[0].name)} from {_others(goal)} best, though not for sure"
+    names = _either(goal, standing)
+    return f"is expected to show {names} if true, by {_amount(standing)} in BIC"
+
+
+def _amount(standing: Mapping[int, float]) -> str:
+    """Return the least of some ΔBIC in words; large ones are no exact numbers."""
+    least = min(standing.values())
+    return f"{least:.0f} or more" if least < _LARGE else f"more than {_LARGE:.0f}"
+
+
+def _either(goal: Goal, which: Iterable[int]) -> str:
+    return " or ".join(words_of(goal.models[i].name) for i in which)
+
+
+def _others(goal: Goal) -> str:
+    return ", ".join(words_of(model.name) for model in goal.models[1:])
+
+
+def _sentence(goal: Goal, total: Information) -> str:
+    if not goal.separates:
+        one = _narrowed(goal, total)
+        return (
+            f"Nothing is left to separate. The widest interval is that of {one.name}, "
+            f"{one.value:.4g} ± {one.half_width:.2g} {one.unit}".removesuffix(" 1")
+            + f"; the proposed runs are expected to narrow it to ± {one.expected:.2g}."
+        )
+    standing = goal.standing(total)
+    rest = [k for k, model in enumerate(goal.models) if model.may_be_true and k not in standing]
+    text = f"The runs so far leave {words_of(goal.models[0].name)} and {_others(goal)}."
+    if standing:
+        text += (
+            f" If {_either(goal, standing)} is true, the proposed runs are expected to show it, by "
+            f"{_amount(standing)} in BIC."
+        )
+    if rest:
+        text += f" If {_either(goal, rest)} is, they may not: too small, or too much like the others."
+    return text
+
+
+def _in_the_way(search: Search, own: Sequence[RouteChoice], total: Information, seed: int) -> str:
+    """Return which limit stands against a decision; empty where the runs decide or none does."""
+    goal = search.goal
+    if goal.decides(total):
+        return ""
+    limit = in_the_way(search, own, len(goal.standing(total)), seed)
+    if limit is None:
+        return ""
+    key, value, standing = limit
+    return (
+        f"With {key}={value:.3g} ({KEYS[key]}) one run is expected to show {_either(goal, standing)} if true."
+    )
+
+
+def _widest(model: CandidateModel, stack: Stack) -> int:
+    """Return which number has the widest interval for its size."""
+    spread = np.sqrt(np.diag(np.linalg.inv(model.information)))
+    relative = [float(spread[0]), float(spread[1])]
+    for free, sd in zip(model.at.free, spread[2:], strict=True):
+        value = float(getattr(model.at.effects[free.effect], free.key))
+        length = stack.readings[0].route.arcs.total_length
+        size = length if free.key == "at_m" else abs(value)
+        relative.append(float(sd) if free.log else float(sd) * free.unit / max(size, 1e-300))
+    return int(np.argmax(relative))
+
+
+def _narrowed(goal: Goal, total: Information) -> NarrowedInterval:
+    """Return the interval that is narrowed, now and as expected."""
+    model, k = goal.models[0], goal.which
+    sd = math.sqrt(float(np.linalg.inv(model.information)[k, k]))
+    ratio = shrink(total, model, 0, k)
+    if k < 2:
+        name, value, unit = (
+            ("friction (the angle gain apart)", model.at.friction, "1"),
+            ("compliance", model.at.compliance, "1/N"),
+        )[k]
+        half = NORMAL * sd * value
+        return NarrowedInterval(name, value, unit, half, ratio * half)
+    free = model.at.free[k - 2]
+    effect = model.at.effects[free.effect]
+    value = float(getattr(effect, free.key))
+    half = NORMAL * sd * (abs(value) if free.log else free.unit)
+    name = f"{parameter(free.key)} of {plain(name_of(effect))}"
+    return NarrowedInterval(name, value, effect.parameters[free.key].unit, half, ratio * half)

@@ -1,0 +1,100 @@
+"""Experiments that are proposed: what report, figures and drive files are made from.
+
+Source: docs/discovery.md, "Designed experiments".
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from tssgeom.arrays import Vector
+from tssgeom.route.pieces import Arcs
+from tssgeom.tendon.bars.sensors import Drive
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """What a user asks for."""
+
+    runs: int
+    """How many."""
+    limits: Mapping[str, float]
+    """What is stated, by the keys of `run_limits.KEYS`, in their units."""
+
+
+@dataclass(frozen=True, slots=True)
+class ExpectedEvidence:
+    """What the runs so far and those that are proposed are expected to say of two models."""
+
+    true: str
+    other: str
+    delta_bic: float
+    """By which the other is worse if the first is true [1]."""
+
+
+@dataclass(frozen=True, slots=True)
+class NarrowedInterval:
+    """A number whose 95 % interval the proposed runs are expected to narrow."""
+
+    name: str
+    value: float
+    unit: str
+    half_width: float
+    """Of the interval now."""
+    expected: float
+    """Of the interval after the runs."""
+
+
+@dataclass(frozen=True, slots=True)
+class ProposedRun:
+    """One run that is proposed."""
+
+    name: str
+    route: str
+    """Name of a route of the campaign; of another route, how to bend the sheath."""
+    like: str
+    """A run of the campaign on that route; of another route, on the one that it is made from."""
+    new_route: Arcs | None
+    """Pieces of another route; None on a route of the campaign."""
+    drive: Drive
+    time: Vector
+    """[n] [s]."""
+    values: Vector
+    """[n] The drive [m] or [N]."""
+    corner_time: Vector
+    """[k] Ends of legs and dwells [s]."""
+    corners: Vector
+    """[k] The drive there [m] or [N]."""
+    why: str
+    outcomes: tuple[str, ...]
+    """What each outcome would mean, a sentence each."""
+    expected: tuple[ExpectedEvidence, ...]
+    """After this run and those before it; empty where there is nothing to separate."""
+    channels: Mapping[str, Mapping[str, Vector]]
+    """[n] What each model predicts, by its name and channel [N, m]."""
+    differences: Mapping[str, Mapping[str, Vector]]
+    """[n] The same less the first model refitted to it, by the names of the others [N, m]."""
+    sigma: Mapping[str, Vector]
+    """[n] Standard deviation of what the sensors may read off the truth, by channel [N, m]."""
+    clearest: str
+    """The channel in which the models differ most."""
+
+
+@dataclass(frozen=True, slots=True)
+class Proposal:
+    """The experiments that are worth most next."""
+
+    sentence: str
+    """What they are for, and what is expected of them."""
+    candidates: tuple[str, ...]
+    """Models that are left, the best first; one where there is nothing to separate."""
+    limits: Mapping[str, float]
+    """By key, in its unit."""
+    stated: tuple[str, ...]
+    """Limits that the user stated; the others are what the runs of the campaign reached."""
+    runs: tuple[ProposedRun, ...]
+    narrowed: NarrowedInterval | None
+    """Where there is nothing to separate."""
+    in_the_way: str
+    """Which limit stands against more, a sentence; empty where none does."""

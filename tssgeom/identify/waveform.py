@@ -1,0 +1,208 @@
+"""Drives of experiments: straight legs between levels, each with its rate and its dwell, some in cycles.
+
+Source: docs/discovery.md, "Designed experiments".
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tssgeom.arrays import Vector
+
+
+@dataclass(frozen=True, slots=True)
+class WaveformSettings:
+    """Which drives are tried."""
+
+    fewest_levels: int = 2
+    """Levels of one cycle; chosen: up and down."""
+    most_levels: int = 5
+    """Levels of one cycle; chosen."""
+    most_cycles: int = 4
+    """Cycles of a run; chosen."""
+    speeds: float = 300.0
+    """Greatest over least speed that is tried [1]; chosen: beyond two decades laws of rate differ enough."""
+    full_speed: float = 0.4
+    """Share of legs at the greatest speed [1]; chosen."""
+    dwelling: float = 0.4
+    """Share of levels with a dwell [1]; chosen."""
+    dwells: tuple[float, float] = (0.02, 0.5)
+    """Least and longest dwell, of the longest run [1]; chosen."""
+    extremes: float = 0.5
+    """Share of levels that are the lowest or the highest [1]; chosen: most effects grow with the range."""
+    rest: int = 6
+    """Samples at rest before the first leg; chosen: positions are zeroed there."""
+    least_leg: int = 4
+    """Samples of a leg at least; chosen: turns and corners need straight legs about them."""
+    apart: float = 0.08
+    """Of the range: least difference of one level to the next [1]; chosen."""
+    step: float = 0.15
+    """Of the range: s.d. by which a level is changed [1]; chosen."""
+    ratio: float = 0.7
+    """S.d. of the logarithm by which speeds and dwells are changed [1]; chosen."""
+
+
+WAVEFORM = WaveformSettings()
+
+FEWEST = 20
+"""Samples of the shortest run; derived: `discover` uses runs of so many readings."""
+
+
+@dataclass(frozen=True, slots=True)
+class Waveform:
+    """One cycle of a drive, and how often it is run through."""
+
+    levels: tuple[float, ...]
+    """Ends of the legs, 0 the lowest and 1 the highest of the range [1]."""
+    speeds: tuple[float, ...]
+    """Of each leg, over the greatest speed [1]."""
+    dwells: tuple[float, ...]
+    """At the end of each leg, over the longest run [1]."""
+    cycles: int
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """A drive over time."""
+
+    time: Vector
+    """[n] Samples [s]."""
+    drive: Vector
+    """[n] [m] or [N]."""
+    corner_time: Vector
+    """[k] Where legs and dwells begin and end; all are samples [s]."""
+    corner: Vector
+    """[k] The drive there [m] or [N]."""
+
+
+def random_waveform(rng: np.random.Generator) -> Waveform:
+    """Return a waveform at random."""
+    count = int(rng.integers(WAVEFORM.fewest_levels, WAVEFORM.most_levels + 1))
+    levels = [_level(rng, k) for k in range(count)]
+    speeds = [_speed(rng) for _ in range(count)]
+    if rng.uniform() < 0.5:  # one speed for all legs is what most laws of rate want held against another
+        speeds = [speeds[0]] * count
+    dwells = [_dwell(rng) if rng.uniform() < WAVEFORM.dwelling else 0.0 for _ in range(count)]
+    cycles = int(rng.integers(1, WAVEFORM.most_cycles + 1))
+    return Waveform(tuple(levels), tuple(speeds), tuple(dwells), cycles)
+
+
+def _level(rng: np.random.Generator, k: int) -> float:
+    if rng.uniform() < WAVEFORM.extremes:
+        return float(k % 2 == 0)
+    return float(rng.uniform())
+
+
+def _speed(rng: np.random.Generator) -> float:
+    if rng.uniform() < WAVEFORM.full_speed:
+        return 1.0
+    return float(WAVEFORM.speeds ** -rng.uniform())
+
+
+def _dwell(rng: np.random.Generator) -> float:
+    low, high = WAVEFORM.dwells
+    return float(low * (high / low) ** rng.uniform())
+
+
+def varied_waveform(waveform: Waveform, rng: np.random.Generator) -> Waveform:
+    """Return a waveform with one thing changed: a level, a speed, a dwell, or the cycles."""
+    k, what = int(rng.integers(len(waveform.levels))), int(rng.integers(5))
+    levels, speeds, dwells = list(waveform.levels), list(waveform.speeds), list(waveform.dwells)
+    if what == 0:
+        levels[k] = float(np.clip(levels[k] + WAVEFORM.step * rng.standard_normal(), 0.0, 1.0))
+    elif what == 1:
+        ratio = math.exp(WAVEFORM.ratio * rng.standard_normal())
+        which = range(len(speeds)) if rng.uniform() < 0.5 else (k,)
+        for leg in which:
+            speeds[leg] = float(np.clip(ratio * speeds[leg], 1.0 / WAVEFORM.speeds, 1.0))
+    elif what == 2:
+        dwells[k] = 0.0 if dwells[k] else _dwell(rng)
+    elif what == 3 and dwells[k]:
+        dwells[k] = float(
+            np.clip(dwells[k] * math.exp(WAVEFORM.ratio * rng.standard_normal()), *WAVEFORM.dwells)
+        )
+    else:
+        cycles = waveform.cycles + int(rng.choice([-1, 1]))
+        return replace(waveform, cycles=min(max(cycles, 1), WAVEFORM.most_cycles))
+    return replace(waveform, levels=tuple(levels), speeds=tuple(speeds), dwells=tuple(dwells))
+
+
+@dataclass(frozen=True, slots=True)
+class Range:
+    """What the drive of a run may do on one route."""
+
+    rest: float
+    """Where it begins [m] or [N]."""
+    low: float
+    high: float
+    speed: float
+    """Greatest, in the unit of the drive over s."""
+    duration: float
+    """Longest run [s]."""
+    interval: float
+    """Least time between two samples [s]."""
+    samples: int
+    """Most samples."""
+
+
+def course_of(waveform: Waveform, within: Range) -> Course | None:
+    """Return the drive of a waveform within limits; None where it does not fit.
+
+    Too long a run has its dwells shortened first, then its legs made faster, then cycles left out. All legs
+    and dwells begin and end at samples.
+    """
+    span = within.high - within.low
+    if span <= 0.0:
+        return None
+    for cycles in range(waveform.cycles, 0, -1):
+        levels = within.low + span * np.tile(waveform.levels, cycles)
+        steps = np.abs(np.diff(levels, prepend=within.rest))
+        if (steps < WAVEFORM.apart * span).any():
+            return None
+        speeds = within.speed * np.tile(waveform.speeds, cycles)
+        spans = _timed(steps, speeds, within.duration * np.tile(waveform.dwells, cycles), within)
+        if spans is not None:
+            return _sampled(levels, *spans, within)
+    return None
+
+
+def _timed(steps: Vector, speeds: Vector, dwells: Vector, within: Range) -> tuple[Vector, Vector] | None:
+    """Return the times of legs and dwells [s]; None where they are too long at the greatest speed."""
+    room = within.duration * (1.0 - 2.0 * WAVEFORM.rest / within.samples)
+    least = np.maximum(steps / within.speed, WAVEFORM.least_leg * within.interval)
+    legs = np.maximum(steps / speeds, least)
+    if least.sum() > room:
+        return None
+    over = legs.sum() + dwells.sum() - room
+    if over > 0.0:
+        dwells = dwells * max(1.0 - over / max(dwells.sum(), 1e-12), 0.0)
+    over = legs.sum() + dwells.sum() - room
+    if over > 0.0 and legs.sum() > least.sum():
+        legs = least + (legs - least) * (room - least.sum()) / (legs.sum() - least.sum())
+    return legs, dwells
+
+
+def _sampled(levels: Vector, legs: Vector, dwells: Vector, within: Range) -> Course | None:
+    """Return the drive at even samples, corners among them; None where a leg has too few."""
+    total = legs.sum() + dwells.sum()
+    rest = WAVEFORM.rest
+    step = max(within.interval, total / (within.samples - rest - 2 * len(legs) - 1))
+    moving = np.maximum(np.ceil(legs / step), 1.0).astype(int)  # never faster than was asked for
+    if moving.min() < WAVEFORM.least_leg:
+        return None
+    still = np.rint(dwells / step).astype(int)
+    at, value = [0, rest], [within.rest, within.rest]
+    for level, leg, dwell in zip(levels, moving, still, strict=True):
+        at.append(at[-1] + int(leg))
+        value.append(float(level))
+        if dwell:
+            at.append(at[-1] + int(dwell))
+            value.append(float(level))
+    if not FEWEST <= at[-1] + 1 <= within.samples or at[-1] * step > within.duration * (1.0 + 1e-9):
+        return None
+    time = np.asarray(step * np.arange(at[-1] + 1), dtype=np.float64)
+    corners, values = step * np.array(at, dtype=np.float64), np.array(value, dtype=np.float64)
+    return Course(time, np.interp(np.arange(at[-1] + 1), at, values), corners, values)
