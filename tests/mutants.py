@@ -187,8 +187,8 @@ MUTANTS = (
     ),
     Mutant(
         "tssgeom/tendon/bars/sensors.py",
-        "(given - setup.tension_in_offset_N) / setup.tension_in_gain",
-        "(given + setup.tension_in_offset_N) / setup.tension_in_gain",
+        "(true - setup.tension_in_offset_N) / setup.tension_in_gain",
+        "(true + setup.tension_in_offset_N) / setup.tension_in_gain",
         f"{WITH_EFFECTS} tests/effects/test_ties.py -k 'errs or G1 or gain'",
     ),
     Mutant(

@@ -161,7 +161,7 @@ def check_points(name: str, x: tuple[float, ...], y: tuple[float, ...], key: str
     Raises
     ------
     SettingsError
-        With what is wrong and the remedy.
+        With what is wrong, and what to give.
     """
     where = f"effects.{name}"
     if not 2 <= len(x) <= TABLE.most or len(x) != len(y):

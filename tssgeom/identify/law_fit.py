@@ -75,7 +75,7 @@ class LawFit:
     left: Vector
     """[rows] Measured less simulated [N, m]."""
     residual: Vector
-    """[rows + k] Weighed [1]."""
+    """[rows + k] Whitened [1]."""
     jacobian: Matrix
     """[rows + k, numbers] Of the named part, then of each law."""
     covariance: Matrix
@@ -239,9 +239,9 @@ def straight_model(jacobian: Matrix, residual: Vector, deviation: Vector) -> Str
     Parameters
     ----------
     jacobian
-        [rows, numbers] Of the prediction, weighed [1].
+        [rows, numbers] Of the whitened prediction [1].
     residual
-        [rows] Measured less predicted, weighed [1].
+        [rows] Measured less predicted, whitened [1].
     deviation
         Of the first numbers; those behind are at their centres.
     """

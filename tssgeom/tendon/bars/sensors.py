@@ -108,8 +108,9 @@ def sensed(setup: Setup, out: Matrix, elapsed: Vector) -> dict[str, Vector]:
         "displacement_in_m": out[2],
         "displacement_out_m": out[3],
     }
-    true = dict(zip(read, (out[0], out[1], out[2] - out[3], out[2], out[3]), strict=True))
-    for channel in {curve.table.partition(" over ")[0] for curve in setup.curves} & read.keys():
+    ends = ("tension_in_N", "tension_out_N", "elongation_m", "displacement_in_m", "displacement_out_m")
+    true = dict(zip(ends, (out[0], out[1], out[2] - out[3], out[2], out[3]), strict=True))
+    for channel in {curve.table.partition(" over ")[0] for curve in setup.curves} & true.keys():
         read[channel] = read[channel] + bend(setup, channel, true[channel]) + _drift(setup, channel, elapsed)
     return read
 

@@ -17,7 +17,7 @@ _COLUMNS = 2
 
 
 def laws_of(finding: Finding) -> list[Candidate]:
-    """Return what of a finding is a law that can be drawn."""
+    """Return what of a finding is a law with a curve."""
     return [each for each in finding.effects if each.law is not None and len(each.law.x) > 1]
 
 
