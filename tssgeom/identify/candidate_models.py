@@ -16,6 +16,7 @@ from tssgeom.effects import KINDS
 from tssgeom.errors import TssgeomError
 from tssgeom.identify.assembly import Work
 from tssgeom.identify.fit import Fit, Point, Problem, columns, freed, refined
+from tssgeom.identify.law_search import LESS, LawSearch, as_fit
 from tssgeom.identify.screening import ScoreTest, detection_limits
 from tssgeom.identify.selection import Step, Tried, close_candidates, separable_from
 
@@ -73,6 +74,8 @@ def left_by(work: Work) -> Left:
     if work.judged.verdict == "none":
         hidden = _hidden(work)
         return Left((_plain(BASE, work.chosen.fit), *hidden), first.threshold, limits)
+    if work.laws is not None:
+        return Left(_laws_and_rivals(work.laws), separable_from(), limits)
     last = _last(work)
     if last is None:
         return Left((_plain(BASE, work.base),), first.threshold, limits)
@@ -81,6 +84,13 @@ def left_by(work: Work) -> Left:
         return Left((_of_fit(work.chosen.fit, last.tried[0].name),), first.threshold, limits)
     few = (last.tried[0], *others)[: CANDIDATES.most]
     return Left(tuple(_of_fit(one.fit, one.name) for one in few), separable_from(), limits)
+
+
+def _laws_and_rivals(laws: LawSearch) -> tuple[CandidateModel, ...]:
+    """Return the first part that was taken and those with nearly its evidence, each as it was fitted."""
+    offers = [one for one in laws.rounds[0] if one.veto in ("", LESS)]
+    near = [one for one in offers if offers[0].gain - one.gain < CANDIDATES.near][: CANDIDATES.most]
+    return tuple(_of_fit(as_fit(one.fit), one.name or one.mechanism.partition(":")[0]) for one in near)
 
 
 def _last(work: Work) -> Step | None:

@@ -63,7 +63,7 @@ class Offer:
     """Why it is not taken; empty where it is."""
 
 
-_LESS = "another part has more evidence"
+LESS = "another part has more evidence"
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,7 +150,7 @@ def _offers(
             offers.append(Offer(mechanism, name, fit, 2.0 * (fit.log_evidence - now.log_evidence), math.nan))
     offers.sort(key=lambda one: -one.gain)
     judged = [_judged(problem, now, one, held) for one in offers[: LAW_SEARCH.judged]]
-    rest = [replace(one, veto=_LESS) for one in offers[LAW_SEARCH.judged :]]
+    rest = [replace(one, veto=LESS) for one in offers[LAW_SEARCH.judged :]]
     return in_order(judged) + rest
 
 
@@ -162,7 +162,7 @@ def in_order(judged: Sequence[Offer]) -> list[Offer]:
     sound = sorted((one for one in judged if not one.veto), key=lambda one: -one.gain)
     close = [one for one in sound if one.gain > LAW_SEARCH.close * sound[0].gain]
     first = min(close, key=lambda one: np.nan_to_num(one.held_ratio, nan=math.inf), default=None)
-    others = [replace(one, veto=_LESS) for one in sound if one is not first]
+    others = [replace(one, veto=LESS) for one in sound if one is not first]
     vetoed = [one for one in judged if one.veto]
     return ([] if first is None else [first]) + sorted([*others, *vetoed], key=lambda one: -one.gain)
 

@@ -26,7 +26,7 @@ VERDICTS = {
     "none": "nothing is missing",
     "effect": "an effect is missing",
     "tie": "an effect is missing, and these data leave a choice",
-    "law": "a law is missing that no formula of the library has",
+    "law": "a law of its own is missing",
     "partial": "a part of what is missing has a name, something remains",
     "unknown": "something is missing that has no name here",
 }
