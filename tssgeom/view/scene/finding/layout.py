@@ -12,7 +12,7 @@ from tssgeom.view.quantities import COUNT
 from tssgeom.view.scene.blueprint import from_zero
 from tssgeom.view.scene.charts import Box
 from tssgeom.view.scene.finding.lines import plotted_channels
-from tssgeom.view.scene.finding.replay import Replay
+from tssgeom.view.scene.finding.replay import Replay, friction_map
 
 TENSION_BOX = MISFIT_BOX = Box(width=1.9, text=0.1)
 
@@ -22,13 +22,16 @@ _ROUTE = ["route/**", "joints/**", "labels/**", "scale/**"]
 
 def blueprint(finding: Finding, displayed: Replay) -> rrb.Blueprint:
     """Lay out the views; one slider over the samples of all runs moves them together."""
+    learnt = friction_map(finding) is not None
+    along = "Friction μ along the route, learnt" if learnt else "What this route misses, before [rad/m]"
+    charted = "Friction μ ± s.e." if learnt else "Missing curve angle ± s.e. [rad/m]"
     spaces = rrb.Horizontal(
         _space(_ROUTE, "Route coloured by tension [N]; slip front in pink", displayed),
-        _space(["blame/**"], "What this route misses, before [rad/m]", displayed),
+        _space(["blame/**"], along, displayed),
     )
     charts = rrb.Horizontal(
         _chart("tension", "Tension T [N] against arc length s [mm]", TENSION_BOX),
-        _chart("missing", "Missing curve angle ± s.e. [rad/m] against s [mm]", MISFIT_BOX),
+        _chart("missing", f"{charted} against s [mm]", MISFIT_BOX),
     )
     text = rrb.Horizontal(
         rrb.TextDocumentView(origin="summary", name="What is missing"),

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tssgeom.arrays import Points, Vector
 from tssgeom.identify.campaign import Route
-from tssgeom.identify.finding import Finding, RouteMisfit, Trace
+from tssgeom.identify.finding import Finding, LawCurve, RouteMisfit, Trace
 from tssgeom.route.pieces import Arcs
 from tssgeom.view.samples import RouteSamples, evenly, round_up
 from tssgeom.view.scene.camera import Camera, camera
@@ -35,7 +35,7 @@ class Stretch:
     s: Vector
     """[m] Their arc length [m]."""
     misfit: Vector
-    """[m] Missing curve angle at the nodes [rad/m]."""
+    """[m] Missing curve angle at the nodes [rad/m]; where friction along the sheath was learnt, that [1]."""
     misfit_se: Vector
     rows: NDArray[np.intp]
     """Samples at which the route is drawn."""
@@ -66,20 +66,22 @@ class Replay:
     tension: float
     """Top of the scale of tension [N]."""
     misfit: float
-    """Top of the scale of misfit [rad/m]."""
+    """Top of the scale of misfit, as in a `Stretch`."""
     length: float
     """Of the longest route [m]."""
 
 
 def replay(finding: Finding) -> Replay:
     """Choose samples, nodes and scales that hold for the whole campaign."""
-    routes = {run.name: run.route for run in finding.campaign.runs}
+    routes = {run.route.name: run.route for run in finding.campaign.runs}
+    law = friction_map(finding)
     along = {each.route: each for each in finding.along}
     each = max(2, MOST_ROWS // len(finding.traces))
     stretches, first = list[Stretch](), 0
     for trace in finding.traces:
-        route = routes[trace.run]
-        stretches.append(_stretch(trace, route, along.get(route.name), first, each))
+        route = routes[trace.route]
+        made = _stretch(trace, route, along.get(route.name), first, each)
+        stretches.append(made if law is None else _with_law(made, law))
         first += len(trace.time)
     everywhere = np.concatenate([stretch.position for stretch in stretches])
     misfits = np.concatenate([stretch.misfit + stretch.misfit_se for stretch in stretches])
@@ -87,9 +89,25 @@ def replay(finding: Finding) -> Replay:
         stretches,
         camera(everywhere, np.array([1.0, 0.0, 0.0])),
         round_up(max(float(trace.tension.max()) for trace in finding.traces)),
-        round_up(max(float(misfits.max()), 1.0)),
+        round_up(max(float(misfits.max()), 1.0 if law is None else 0.0)),
         max(float(stretch.s[-1]) for stretch in stretches),
     )
+
+
+def friction_map(finding: Finding) -> LawCurve | None:
+    """Return the law of friction over the arc length, where one was learnt."""
+    laws = [each.law for each in finding.effects if each.names[0] == "friction_over_arc_length"]
+    return next((law for law in laws if law is not None), None)
+
+
+def _with_law(stretch: Stretch, law: LawCurve) -> Stretch:
+    """Return a run with the friction along its route, and a standard error of it, for what it misses."""
+    friction = np.interp(stretch.s, law.x, law.value)
+    error = np.interp(stretch.s, law.x, law.high - law.low) / (2.0 * _NORMAL)
+    return replace(stretch, misfit=friction, misfit_se=error)
+
+
+_NORMAL = 1.96  # derived: standard deviations to either side of a 95 % interval
 
 
 def _stretch(trace: Trace, route: Route, along: RouteMisfit | None, first: int, rows: int) -> Stretch:
