@@ -134,7 +134,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _options(arguments)
     if options.propose:
         print(machine())
-        print(compared(options.seeds or _SEEDS, options.jobs, markdown=options.markdown))
+        print(compared(options.seeds or _SEEDS, options.first_seed, options.jobs, markdown=options.markdown))
         return 0
     chosen = cases(
         options.effects, options.seeds or (1 if options.quick else _SEEDS), options.split, quick=options.quick
@@ -173,6 +173,7 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--baselines", action="store_true", help="pysindy and scikit-learn on single causes")
     parser.add_argument("--markdown", action="store_true", help="tables to paste into documents")
     parser.add_argument("--propose", action="store_true", help="runs that break a tie, designed or not")
+    parser.add_argument("--first-seed", type=int, default=0, help="of --propose")
     parser.add_argument("--jobs", type=int, default=2, help="processes")
     return parser.parse_args(arguments)
 
