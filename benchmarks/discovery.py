@@ -121,7 +121,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _options(arguments)
     if options.propose:
         print(machine())
-        print(compared(options.seeds or _SEEDS, options.jobs, markdown=options.markdown))
+        print(compared(options.seeds or _SEEDS, options.first_seed, options.jobs, markdown=options.markdown))
         return 0
     made_by = second.cases if options.generator == "second" else cases
     chosen = made_by(
@@ -163,6 +163,7 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--baselines", action="store_true", help="pysindy and scikit-learn on single causes")
     parser.add_argument("--markdown", action="store_true", help="tables to paste into documents")
     parser.add_argument("--propose", action="store_true", help="runs that break a tie, designed or not")
+    parser.add_argument("--first-seed", type=int, default=0, help="of --propose")
     parser.add_argument("--jobs", type=int, default=2, help="processes")
     parser.add_argument("--generator", choices=("first", "second"), default="first", help="of the campaigns")
     options = parser.parse_args(arguments)

@@ -1,6 +1,6 @@
 """How many runs break a tie: designed ones beside those of the fixed menu, on the independent simulator.
 
-    python -m benchmarks.discovery --propose [--seeds N] [--jobs 2]
+    python -m benchmarks.discovery --propose [--seeds N] [--first-seed N] [--jobs 2]
 
 Each campaign has a cause that its plan cannot show: viscous drag at one rate (G5), friction that depends on
 curvature (G6) or sheath clearance (G10) on one route. Runs are added one at a time until the first name is
@@ -69,9 +69,9 @@ class Broken:
     fixed: int
 
 
-def hidden_causes(seeds: int) -> list[Hidden]:
+def hidden_causes(seeds: int, first: int = 0) -> list[Hidden]:
     """Return the campaigns of the benchmark."""
-    return [Hidden(*kind, seed) for seed in range(seeds) for kind in _KINDS]
+    return [Hidden(*kind, seed) for seed in range(first, first + seeds) for kind in _KINDS]
 
 
 def runs_needed(case: Hidden) -> Broken | None:
@@ -156,9 +156,9 @@ def _sampled(rows: np.ndarray, first: Reading) -> np.ndarray:
     return np.column_stack([time, np.interp(time, rows[:, 0], rows[:, 1])])
 
 
-def compared(seeds: int, jobs: int, *, markdown: bool) -> str:
+def compared(seeds: int, first: int, jobs: int, *, markdown: bool) -> str:
     """Run the benchmark and return its table."""
-    cases = hidden_causes(seeds)
+    cases = hidden_causes(seeds, first)
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
         results = list(track(pool.map(runs_needed, cases), "campaigns", len(cases), console=_CONSOLE))
     made = [one for one in results if one is not None]
