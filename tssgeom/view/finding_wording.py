@@ -141,6 +141,8 @@ def next_steps(finding: Finding) -> list[str]:
         if finding.is_machine:
             return [*steps, f"Repeat {names}, and drive it otherwise: the gap there stays."]
         steps.append(f"Repeat {names}, and add a fitted run on route {held[0].route}: the gap there stays.")
+    if not steps and finding.verdict == "law":
+        steps.append("Use the new rig within what the law was learnt from; --propose designs the next run.")
     return steps or [
         "Measure nothing more for this question: the refitted model explains these runs."
         if finding.verdict == "none"

@@ -26,7 +26,7 @@ def verdict_words(finding: Finding) -> str:
             numbers = ", ".join(
                 f"{words.parameter(key)} {words.displayed(value)}" for key, value in reported.items()
             )
-            lines.append(f"- **{words.plain(name)}**: {numbers}")
+            lines += [f"- **{words.plain(name)}**: {numbers}"] if numbers else []
     lines += [
         f"- tied ({tie.gauge}): {', '.join(map(words.plain, tie.names))}"
         for tie in words.effect_ties(finding)
