@@ -18,7 +18,13 @@ from tssgeom.identify.law_fit import LAW_FIT, LawFit, Term, fitted, score
 from tssgeom.identify.mechanisms import MECHANISM_OF, Mechanism, mechanisms
 from tssgeom.identify.misfit import MISFIT, HeldOut
 from tssgeom.identify.prediction import FINE, simulated
-from tssgeom.identify.screening import Variant, leftover, screening
+from tssgeom.identify.screening import (
+    Variant,
+    detection_limits,
+    leftover,
+    screening,
+    size_over_limit,
+)
 from tssgeom.identify.selection import name_of
 
 
@@ -200,6 +206,9 @@ def _judged(problem: Problem, now: LawFit, one: Offer, held: HeldOut | None) -> 
     one = replace(one, fit=fit, gain=gain, held_ratio=ratio)
     if gain < needed:
         return replace(one, veto=f"its evidence of {gain:.1f} is below {needed:.1f}")
+    size = size_over_limit(problem.stack, now.left - fit.left, detection_limits(problem.stack, problem.rig))
+    if size <= 1.0:
+        return replace(one, veto=f"it changes no channel by more than {size:.2g} of the detection limit")
     if any(term.at_bound for term in fit.terms):
         return replace(one, veto="its law is at a bound")
     if _named_at_bound(fit.at):
