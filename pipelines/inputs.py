@@ -86,7 +86,7 @@ def run_settings(
     else:
         rig_read = Rig() if rig is None else read_rig(rig)
     if rig_read.is_machine and not takes_machines:
-        print_message(f"{rig}: warning: {ONE_TENDON}; simulate, compensate and calibrate take them")
+        print_message(f"{rig}: warning: {ONE_TENDON}; simulate, compensate, calibrate and discover take them")
     for each in rig_remarks(rig_read):
         print_message(f"{rig}: warning: {each.text}")
     if tube_mm is not None and not 0 < tube_mm < math.inf:

@@ -108,8 +108,15 @@ def sensed(setup: Setup, out: Matrix, elapsed: Vector) -> dict[str, Vector]:
         "displacement_in_m": out[2],
         "displacement_out_m": out[3],
     }
-    ends = ("tension_in_N", "tension_out_N", "elongation_m", "displacement_in_m", "displacement_out_m")
-    true = dict(zip(ends, (out[0], out[1], out[2] - out[3], out[2], out[3]), strict=True))
+    if not setup.curves:
+        return read
+    true: dict[str, Vector] = {
+        "tension_in_N": out[0],
+        "tension_out_N": out[1],
+        "elongation_m": out[2] - out[3],
+        "displacement_in_m": out[2],
+        "displacement_out_m": out[3],
+    }
     for channel in {curve.table.partition(" over ")[0] for curve in setup.curves} & true.keys():
         read[channel] = read[channel] + bend(setup, channel, true[channel]) + _drift(setup, channel, elapsed)
     return read
