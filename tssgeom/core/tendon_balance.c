@@ -79,7 +79,7 @@ void begin_room(const bar_laws *laws, step_room *room) {
 
 const double *table_of(const double *tables, int64_t which) {
     const double *table = tables + which * TABLE.size;
-    return table[0] > 0.0 ? table : NULL;
+    return table[0] >= 2.0 && table[0] <= (double)TABLE.most ? table : NULL;
 }
 
 double table_value(const double table[], double x, double *slope) {
@@ -88,7 +88,7 @@ double table_value(const double table[], double x, double *slope) {
     *slope = 0.0;
     if (!(x > at[0])) return value[0];
     if (x >= at[last]) return value[last];
-    while (x >= at[i + 1]) i++;
+    while (i + 1 < last && x >= at[i + 1]) i++;
     double span = at[i + 1] - at[i], u = (x - at[i]) / span, w = 1.0 - u;
     double rise = (value[i + 1] - value[i]) / span;
     *slope = 6.0 * u * w * rise + w * (1.0 - 3.0 * u) * turn[i] + u * (3.0 * u - 2.0) * turn[i + 1];
