@@ -91,13 +91,9 @@ def judged_laws(fit: LawFit, left: float, held_ratio: float) -> Judgement:
         return Judgement(
             "unknown", f"the best laws leave {100.0 * held_ratio:.0f} % {_HELD}", False, held_ratio
         )
-    remains = ""
-    if left > VERDICT.left:
-        remains = f"{left:.2g} times the detection limit of the sensors"
-    if held_ratio > VERDICT.share:
-        remains = f"{100.0 * held_ratio:.0f} % {_HELD}"
-    alone = bool(remains) and not held_ratio < VERDICT.held_share
-    verdict: Verdict = "law" if fit.terms else "partial" if alone else "effect"
+    remains = f"{left:.2g} times the detection limit of the sensors" if left > VERDICT.left else ""
+    partly = (bool(remains) or held_ratio > VERDICT.share) and not held_ratio < VERDICT.held_share
+    verdict: Verdict = "law" if fit.terms else "partial" if partly else "effect"
     return Judgement(verdict, remains, False, held_ratio)
 
 
@@ -148,7 +144,7 @@ def sentence(
         text += f"{' and a law of its own' if parts else ''}: {learnt}"
     if judged.verdict == "tie":
         text += f", or {', '.join(tied)}, which these readings cannot separate"
-    remains = f"; something remains: {judged.reason}" if judged.reason else ""
+    remains = f"; on the fitted runs {judged.reason} remains" if judged.reason else ""
     return f"{text}{_held_out_words(*held_out_change(misfit))}{remains}."
 
 

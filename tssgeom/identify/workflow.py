@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+from tssgeom.errors import FitError
 from tssgeom.identify.assembly import (
     Attribution,
     Work,
@@ -101,7 +102,7 @@ def discover(
     if work.judged.verdict == "unknown" or _leaves_much(work):
         report("trying laws of their own", _LAWS_AT)
         bent = work.judged.bent
-        work = _with_laws(campaign, work, report)
+        work = _with_laws(campaign, started.runs, work, report)
         if not bent and (work.judged.verdict == "unknown" or work.judged.reason):
             report("trying the tension as drive", 0.75)
             other = _by_tension(campaign, started)
@@ -174,7 +175,9 @@ def _leaves_much(work: Work) -> bool:
     return left > MISFIT.floor and left > VERDICT.held_share * work.held.before
 
 
-def _with_laws(campaign: Campaign, work: Work, report: Callable[[str, float], None]) -> Work:
+def _with_laws(
+    campaign: Campaign, runs: tuple[Reading, ...], work: Work, report: Callable[[str, float], None]
+) -> Work:
     """Return the work with laws and formulae together, where they help on what was not fitted; (191)."""
     tried, _ = variants(work.problem.stack)
     limits = detection_limits(work.problem.stack, campaign.rig)
@@ -187,6 +190,10 @@ def _with_laws(campaign: Campaign, work: Work, report: Callable[[str, float], No
     judgement = judged_laws(search.fit, left, held_ratio)
     named = work.judged.verdict != "unknown"
     if judgement.verdict == "unknown" or (named and not _much_better(work, search.fit.point)):
+        return work
+    try:
+        posed(stacked(runs), campaign.rig, search.fit.point)
+    except FitError:  # a little noise of the drive, and it finds no equilibrium
         return work
     return replace(work, laws=search, judged=judgement)
 
