@@ -122,7 +122,8 @@ def searched(
         if taken is None:
             break
         now = taken.fit
-        if _left(problem, now, limits) < LAW_SEARCH.enough:
+        nothing_held = held is not None and held.misfit(now.point) <= MISFIT.floor
+        if nothing_held or _left(problem, now, limits) < LAW_SEARCH.enough:
             break
     return LawSearch(problem, start, now, tuple(rounds))
 
