@@ -75,7 +75,7 @@ def left_by(work: Work) -> Left:
         hidden = _hidden(work)
         return Left((_plain(BASE, work.chosen.fit), *hidden), first.threshold, limits)
     if work.laws is not None:
-        return Left(_laws_and_rivals(work.laws), separable_from(), limits)
+        return Left(_laws_and_others(work.laws), separable_from(), limits)
     last = _last(work)
     if last is None:
         return Left((_plain(BASE, work.base),), first.threshold, limits)
@@ -86,7 +86,7 @@ def left_by(work: Work) -> Left:
     return Left(tuple(_of_fit(one.fit, one.name) for one in few), separable_from(), limits)
 
 
-def _laws_and_rivals(laws: LawSearch) -> tuple[CandidateModel, ...]:
+def _laws_and_others(laws: LawSearch) -> tuple[CandidateModel, ...]:
     """Return the first part that was taken and those with nearly its evidence, each as it was fitted."""
     offers = [one for one in laws.rounds[0] if one.veto in ("", LESS)]
     near = [one for one in offers if offers[0].gain - one.gain < CANDIDATES.near][: CANDIDATES.most]
