@@ -111,7 +111,8 @@ def sensed(setup: Setup, out: Matrix, elapsed: Vector) -> dict[str, Vector]:
     if not setup.curves:
         return read
     ends: tuple[Channel, ...] = ("tension_in_N", "tension_out_N", "displacement_in_m", "displacement_out_m")
-    true: dict[str, Vector] = {"elongation_m": out[2] - out[3], **dict(zip(ends, out[:4], strict=True))}
+    true: dict[str, Vector] = dict(zip(ends, out[:4], strict=True))
+    true["elongation_m"] = out[2] - out[3]
     for channel in {curve.table.partition(" over ")[0] for curve in setup.curves} & true.keys():
         read[channel] = read[channel] + bend(setup, channel, true[channel]) + _drift(setup, channel, elapsed)
     return read
