@@ -9,6 +9,8 @@
 size_t memory_bytes(int64_t k) { return (size_t)(9 * (k + 1) + 7) * sizeof(double); }
 size_t plant_bytes(int64_t k) { return (size_t)(16 * (k + 1) + 428) * sizeof(double); }
 
+const double *tables_of(int64_t k, const double *plant) { return plant + 16 * (k + 1) + 21; }
+
 /* Whether a law falls anywhere. */
 static int falls(const double *table) {
     const double *value = table ? table + 1 + TABLE.most : NULL;
@@ -24,7 +26,7 @@ bar_laws laws_of(int64_t k, const double *plant) {
     bar_laws laws = {.k = k};
     laws.soft = plant + LAW.soft * b, laws.toe = plant + LAW.toe * b,
     laws.toe_scale = plant + LAW.toe_scale * b;
-    laws.saved = plant + LAW.saved * b, laws.tables = number + 21;
+    laws.saved = plant + LAW.saved * b, laws.tables = tables_of(k, plant);
     const int64_t rows[CREEPS] = {LAW.creep_soft, LAW.creep_soft_2, LAW.creep_soft_3};
     const int64_t times[CREEPS] = {PLANT.creep_time, PLANT.creep_time_2, PLANT.creep_time_3};
     for (int e = 0; e < CREEPS; e++)

@@ -59,6 +59,8 @@ typedef struct {
     double *pulling, *releasing; /* [k] exponents after wear [1] */
 } step_room;
 
+/* The tables of CURVE in a plant. */
+const double *tables_of(int64_t k, const double *plant);
 bar_laws laws_of(int64_t k, const double *plant);
 bar_memory memory_of(int64_t k, double *block);
 step_room room_of(int64_t k, double *work);

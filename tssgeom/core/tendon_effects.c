@@ -43,7 +43,7 @@ void put_on_route(
         saved[j] = clearance * (here - before);
         before = here;
     }
-    const double *tables = number + 21, *by_curvature = table_of(tables, CURVE.curvature);
+    const double *tables = tables_of(k, plant), *by_curvature = table_of(tables, CURVE.curvature);
     const double *by_arc = table_of(tables, CURVE.arc);
     double slope;
     if (gain != 0.0 || by_curvature) { /* docs/model.md (53), (185) */

@@ -144,10 +144,7 @@ class SensorLaw(Effect, frozen=True):
 
     def on(self, setup: Setup) -> Setup:
         """Return the setup with this law in it."""
-        name = f"{self.channel} over {self.over}"
-        if any(curve.table == name for curve in setup.curves):
-            raise SettingsError(f"effects.sensor_law: {name} is given twice; keep one")
-        return replace(setup, curves=(*setup.curves, Curve(name, self.x, self.error)))
+        return with_curve(setup, Curve(f"{self.channel} over {self.over}", self.x, self.error))
 
 
 Law: TypeAlias = FrictionLaw | StretchLaw | CreepLaw | SensorLaw

@@ -90,7 +90,7 @@ def _laws_and_others(laws: LawSearch) -> tuple[CandidateModel, ...]:
     """Return the first part that was taken and those with nearly its evidence, each as it was fitted."""
     offers = [one for one in laws.rounds[0] if one.veto in ("", LESS)]
     near = [one for one in offers if offers[0].gain - one.gain < CANDIDATES.near][: CANDIDATES.most]
-    return tuple(_of_fit(as_fit(one.fit), one.name or one.mechanism.partition(":")[0]) for one in near)
+    return tuple(_of_fit(as_fit(one.fit), one.label) for one in near)
 
 
 def _last(work: Work) -> Step | None:

@@ -13,26 +13,27 @@ from tssgeom.errors import FitError
 from tssgeom.identify.assembly import NORMAL, estimates
 from tssgeom.identify.finding import Candidate, Evidence, LawCurve
 from tssgeom.identify.law_fit import LawFit
-from tssgeom.identify.law_search import LAW_SEARCH, LawSearch, Offer, as_fit
+from tssgeom.identify.law_search import LawSearch, Offer, as_fit, needed
 from tssgeom.identify.mechanisms import Mechanism
-from tssgeom.identify.misfit import HeldOut
 from tssgeom.identify.screening import detection_limits, size_over_limit
 from tssgeom.identify.selection import name_of
 
 _POINTS = 25  # of a curve in a report; chosen
 
 
-def law_candidates(search: LawSearch, held: HeldOut | None) -> tuple[Candidate, ...]:
-    """Return the parts that were taken, each with the evidence that it adds to the others, the best first."""
+def law_candidates(search: LawSearch, held_ratio: float) -> tuple[Candidate, ...]:
+    """Return the parts that were taken, each with the evidence that it adds to the others, the best first.
+
+    `held_ratio` is what all together leave of the held-out misfit [1].
+    """
     fit = search.fit
-    named = [_formula(search, held, which) for which in range(len(fit.at.effects))]
-    laws = [_law(search, held, which) for which in range(len(fit.terms))]
+    named = [_formula(search, held_ratio, which) for which in range(len(fit.at.effects))]
+    laws = [_law(search, held_ratio, which) for which in range(len(fit.terms))]
     return tuple(sorted([*named, *laws], key=lambda one: -one.evidence.delta_bic))
 
 
-def law_ranking(search: LawSearch, held: HeldOut | None) -> tuple[Candidate, ...]:
-    """Return what was offered in the first round, the best first, with why it was passed over."""
-    chosen = law_candidates(search, held)
+def law_ranking(search: LawSearch, chosen: tuple[Candidate, ...]) -> tuple[Candidate, ...]:
+    """Return what was chosen, then what was offered in the first round, with why it was passed over."""
     names = {one.names for one in chosen}
     others = [_offered(offer) for offer in search.rounds[0]]
     return (*chosen, *(one for one in others if one.names not in names))
@@ -40,62 +41,45 @@ def law_ranking(search: LawSearch, held: HeldOut | None) -> tuple[Candidate, ...
 
 def _offered(offer: Offer) -> Candidate:
     fit = offer.fit
-    evidence = Evidence(offer.gain, _needed(fit), math.nan, offer.held_ratio)
+    evidence = Evidence(offer.gain, needed(fit), math.nan, offer.held_ratio)
     why = f"{offer.veto}." if offer.veto else ""
     if offer.name:
         which = len(fit.at.effects) - 1
         effect = fit.at.effects[which]
-        return Candidate((offer.name,), (effect,), (estimates(as_fit(fit), which),), evidence, why)
+        return Candidate((offer.label,), (effect,), (estimates(as_fit(fit), which),), evidence, why)
     term = fit.terms[-1]
-    name = _short(term.mechanism)
-    return Candidate((name,), (term.mechanism.effect(term.u),), ({},), evidence, why)
+    return Candidate((offer.label,), (term.mechanism.effect(term.u),), ({},), evidence, why)
 
 
-def _short(mechanism: Mechanism) -> str:
-    """Return the name of a mechanism without the channel, which is a choice of its effect."""
-    return mechanism.name.partition(":")[0]
-
-
-def _needed(fit: LawFit) -> float:
-    return LAW_SEARCH.least * max(1.0, fit.chi2 / max(len(fit.left), 1))
-
-
-def _evidence(search: LawSearch, held: HeldOut | None, effect: AnyEffect, name: str) -> Evidence:
+def _evidence(search: LawSearch, held_ratio: float, effect: AnyEffect, name: str) -> Evidence:
     fit, problem = search.fit, search.problem
     point = fit.point
-    rest = tuple(one for one in point.effects if one is not effect and one != effect)
+    rest = tuple(one for one in point.effects if one != effect)
     try:
         change = problem.left(point) - problem.left(replace(point, effects=rest))
         size = size_over_limit(problem.stack, change, detection_limits(problem.stack, problem.rig))
     except FitError:  # the others alone find no equilibrium
         size = math.nan
-    gain = max(
-        (one.gain for offers in search.rounds for one in offers if not one.veto and name in _names(one)),
-        default=math.nan,
-    )
-    ratio = math.nan if held is None else held.ratio(point)
-    return Evidence(gain, _needed(fit), size, ratio)
+    taken = (one for offers in search.rounds for one in offers if not one.veto and one.label == name)
+    gain = max((one.gain for one in taken), default=math.nan)
+    return Evidence(gain, needed(fit), size, held_ratio)
 
 
-def _names(offer: Offer) -> tuple[str, ...]:
-    return (offer.name,) if offer.name else (offer.mechanism.partition(":")[0],)
-
-
-def _formula(search: LawSearch, held: HeldOut | None, which: int) -> Candidate:
+def _formula(search: LawSearch, held_ratio: float, which: int) -> Candidate:
     effect = search.fit.at.effects[which]
     name = name_of(effect)
     numbers = estimates(as_fit(search.fit), which, search.fit.covariance)
-    return Candidate((name,), (effect,), (numbers,), _evidence(search, held, effect, name), "")
+    return Candidate((name,), (effect,), (numbers,), _evidence(search, held_ratio, effect, name), "")
 
 
-def _law(search: LawSearch, held: HeldOut | None, which: int) -> Candidate:
+def _law(search: LawSearch, held_ratio: float, which: int) -> Candidate:
     term = search.fit.terms[which]
-    effect, name = term.mechanism.effect(term.u), _short(term.mechanism)
+    effect, name = term.mechanism.effect(term.u), term.mechanism.name.partition(":")[0]
     return Candidate(
         (name,),
         (effect,),
         ({},),
-        _evidence(search, held, effect, name),
+        _evidence(search, held_ratio, effect, name),
         "",
         curve(search.fit, which, _nearest(search, term.mechanism.name)),
     )

@@ -20,7 +20,6 @@ from tssgeom.identify.misfit import MISFIT, HeldOut
 from tssgeom.identify.prediction import FINE, simulated
 from tssgeom.identify.screening import (
     Variant,
-    detection_limits,
     leftover,
     screening,
     size_over_limit,
@@ -67,6 +66,11 @@ class Offer:
     """Held-out misfit over that without the part [1]; NaN where there is none to judge by."""
     veto: str = ""
     """Why it is not taken; empty where it is."""
+
+    @property
+    def label(self) -> str:
+        """Its formula, else its mechanism without the channel, which is a choice of its effect."""
+        return self.name or self.mechanism.partition(":")[0]
 
 
 LESS = "another part has more evidence"
@@ -116,7 +120,7 @@ def searched(
     everything = mechanisms(problem.stack, problem.rig)
     for number in range(LAW_SEARCH.most):
         report(f"laws, part {number + 1}")
-        offers = _offers(problem, now, everything, formulas, held)
+        offers = _offers(problem, now, everything, formulas, held, limits)
         rounds.append(tuple(offers))
         taken = next((one for one in offers if not one.veto), None)
         if taken is None:
@@ -126,6 +130,11 @@ def searched(
         if nothing_held or _left(problem, now, limits) < LAW_SEARCH.enough:
             break
     return LawSearch(problem, start, now, tuple(rounds))
+
+
+def needed(fit: LawFit) -> float:
+    """Return what 2 Δ ln Z has to pass, more where a fit leaves more than the sensors explain; (191)."""
+    return LAW_SEARCH.least * max(1.0, fit.chi2 / len(fit.left))
 
 
 def _left(problem: Problem, fit: LawFit, limits: Mapping[str, float]) -> float:
@@ -143,6 +152,7 @@ def _offers(
     everything: Sequence[Mechanism],
     formulas: Sequence[Variant],
     held: HeldOut | None,
+    limits: Mapping[str, float],
 ) -> list[Offer]:
     """Return the best laws and formulae on top of a model, the best first, each judged."""
     has = {term.mechanism.name for term in now.terms} | {name_of(effect) for effect in now.at.effects}
@@ -156,7 +166,7 @@ def _offers(
         if fit is not None:
             offers.append(Offer(mechanism, name, fit, 2.0 * (fit.log_evidence - now.log_evidence), math.nan))
     offers.sort(key=lambda one: -one.gain)
-    judged = [_judged(problem, now, one, held) for one in offers[: LAW_SEARCH.judged]]
+    judged = [_judged(problem, now, one, held, limits) for one in offers[: LAW_SEARCH.judged]]
     rest = [replace(one, veto=LESS) for one in offers[LAW_SEARCH.judged :]]
     return in_order(judged) + rest
 
@@ -195,19 +205,20 @@ def _formula_starts(
     return out
 
 
-def _judged(problem: Problem, now: LawFit, one: Offer, held: HeldOut | None) -> Offer:
+def _judged(
+    problem: Problem, now: LawFit, one: Offer, held: HeldOut | None, limits: Mapping[str, float]
+) -> Offer:
     """Return an offer fitted to the end, with why it is not taken; docs/model.md (191)."""
-    inflated = max(1.0, one.fit.chi2 / problem.stack.size)
-    needed = LAW_SEARCH.least * inflated
-    if one.gain < 0.5 * needed:
-        return replace(one, veto=f"its evidence of {one.gain:.1f} is below {needed:.1f}")
+    least = needed(one.fit)
+    if one.gain < 0.5 * least:
+        return replace(one, veto=f"its evidence of {one.gain:.1f} is below {least:.1f}")
     fit = fitted(problem, one.fit.at, one.fit.terms) or one.fit
     gain = 2.0 * (fit.log_evidence - now.log_evidence)
     ratio = _held_ratio(held, now, fit)
     one = replace(one, fit=fit, gain=gain, held_ratio=ratio)
-    if gain < needed:
-        return replace(one, veto=f"its evidence of {gain:.1f} is below {needed:.1f}")
-    size = size_over_limit(problem.stack, now.left - fit.left, detection_limits(problem.stack, problem.rig))
+    if gain < least:
+        return replace(one, veto=f"its evidence of {gain:.1f} is below {least:.1f}")
+    size = size_over_limit(problem.stack, now.left - fit.left, limits)
     if size <= 1.0:
         return replace(one, veto=f"it changes no channel by more than {size:.2g} of the detection limit")
     if any(term.at_bound for term in fit.terms):

@@ -151,7 +151,7 @@ def changes(before: FittedModel, after: FittedModel) -> dict[str, float]:
 
 
 def held_out_ratio(before: FittedModel, after: FittedModel) -> float:
-    """Return the held-out rms of the channels that a part touches over that without it [1]; (187).
+    """Return the held-out rms of the channels that a part touches over that without it [1]; (197).
 
     NaN where nothing is held out.
     """

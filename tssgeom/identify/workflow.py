@@ -231,7 +231,7 @@ def _finding(campaign: Campaign, started: _Started, work: Work, attribution: Att
     fit = work.base if unknown else chosen.fit if work.laws is None else as_fit(work.laws.fit)
     effects = () if unknown else chosen_effects(work)
     if work.laws is not None:
-        effects = law_candidates(work.laws, work.held)
+        effects = law_candidates(work.laws, verdict.held_ratio)
     all_traces = traces(runs, campaign.rig, work.base.at, fit.at)
     base_words, of_base = base_ties(fit, campaign.rig)
     tied = [*(ties_of(chosen) if work.laws is None else ()), *of_base]
@@ -257,7 +257,7 @@ def _finding(campaign: Campaign, started: _Started, work: Work, attribution: Att
         base=base,
         nominal=nominal(campaign.rig),
         base_tie=base_words,
-        ranking=ranking(work, effects) if work.laws is None else law_ranking(work.laws, work.held),
+        ranking=ranking(work, effects) if work.laws is None else law_ranking(work.laws, effects),
         missing_shapes=shapes,
         rig=updated(campaign.rig, fit.at),
         traces=all_traces,

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import msgspec
 
+from tssgeom.arrays import Vector
 from tssgeom.errors import SettingsError, ShapeError, SourceError
 from tssgeom.identify.campaign import Campaign, Route, Run
 from tssgeom.io.formats.columns import CHANNELS
@@ -251,11 +252,22 @@ def how_read(notes: Sequence[str]) -> list[str]:
 
 
 def _run(path: Path, name: str, route: Route, said: ColumnMap, notes: list[str], *, held_out: bool) -> Run:
+    return Run(name, route, read_columns(path, name, said, notes), held_out)
+
+
+def read_columns(path: Path, name: str, said: ColumnMap, notes: list[str]) -> dict[str, Vector]:
+    """Return the columns of a run that a campaign lists, in SI; how it was read is added to the notes.
+
+    Raises
+    ------
+    SettingsError, SourceError
+        Where the file is missing or cannot be used.
+    """
     if not split(path)[0].is_file():
         raise SourceError(f"{path}: no such file: mend data in {CAMPAIGN}")
     measured = read_run(path, said)
     notes += [f"{name}: {text}" for text in (*how_read(measured.notes), *measured.warnings)]
-    return Run(name, route, measured.columns, held_out)
+    return measured.columns
 
 
 def _implausible(path: Path, run: Run, rig: Rig) -> list[str]:

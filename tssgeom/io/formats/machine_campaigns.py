@@ -7,10 +7,10 @@ from pathlib import Path
 
 import msgspec
 
-from tssgeom.errors import SettingsError, SourceError, TssgeomError
+from tssgeom.errors import SettingsError, TssgeomError
 from tssgeom.identify.machine_finding import MachineCampaign
 from tssgeom.identify.machine_run import machine_run, route_of_rig
-from tssgeom.io.formats.campaigns import Listed, how_read, read_plan, read_route, run_names
+from tssgeom.io.formats.campaigns import Listed, read_columns, read_plan, read_route, run_names
 from tssgeom.io.formats.files import CAMPAIGN, output_names
 from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap
 from tssgeom.io.formats.paths import split
@@ -79,19 +79,15 @@ def read_machine_campaign(
     routes = _Routes(home, rig, unit, said, notes)
     routes.read(plan.run)
     runs = []
-    for name, listed in zip(run_names(listing, plan.run), plan.run, strict=True):
+    names = run_names(listing, plan.run)
+    for name, listed in zip(names, plan.run, strict=True):
         path = home / listed.data
-        if not split(path)[0].is_file():
-            raise SourceError(f"{path}: no such file: mend data in {CAMPAIGN}")
-        measured = read_run(path, said)
-        notes += [f"{name}: {text}" for text in (*how_read(measured.notes), *measured.warnings)]
+        columns_of_run = read_columns(path, name, said, notes)
         try:
-            runs.append(machine_run(name, measured.columns, routes.of(listed), rig))
+            runs.append(machine_run(name, columns_of_run, routes.of(listed), rig))
         except TssgeomError as error:
             raise type(error)(f"{path}: {error}") from error
-    held = [
-        name for name, listed in zip(run_names(listing, plan.run), plan.run, strict=True) if listed.held_out
-    ]
+    held = [name for name, listed in zip(names, plan.run, strict=True) if listed.held_out]
     return MachineCampaign(home.resolve().name, rig, uncertain, tuple(runs), tuple(held), tuple(notes))
 
 

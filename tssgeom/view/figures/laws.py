@@ -42,8 +42,7 @@ def _draw(axes: Axes, each: Candidate, finding: Finding) -> None:
     axes.fill_between(x, factor * law.low, factor * law.high, color=_BAND, linewidth=0, label="95 % band")
     style = {"marker": "o", "markersize": 3} if len(x) < _FEW else {}
     axes.plot(x, factor * law.value, color=BLUE, linewidth=1.4, label="law", **style)
-    base = finding.traces and each.names[0].startswith("friction_over")
-    if base:
+    if each.names[0].startswith("friction_over"):
         nominal = finding.nominal["friction"]
         axes.axhline(nominal, color=ORANGE, linestyle=(0, (4, 1.5)), linewidth=1.1, label="rig file")
     else:

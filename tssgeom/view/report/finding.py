@@ -22,10 +22,8 @@ from tssgeom.view.report.misfit_table import misfit_table, phase_table
 from tssgeom.view.report.page import filled, program_version
 from tssgeom.view.report.proposed_runs import proposed_figures, proposed_markup
 
-_ACCENTS = {"none": "#009e73", "effect": "#0072b2", "tie": "#a35c00", "unknown": "#a3508a"} | {
-    "law": "#0072b2",
-    "partial": "#a35c00",
-}
+_ACCENTS = {"none": "#009e73", "effect": "#0072b2", "tie": "#a35c00", "unknown": "#a3508a"}
+_ACCENTS |= {"law": _ACCENTS["effect"], "partial": _ACCENTS["tie"]}
 _MOST_CELLS = 5
 _NOTHING = 0.05  # of the noise; less is left by chance
 
