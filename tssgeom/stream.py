@@ -145,7 +145,8 @@ def pulled(
         tracked=tracked,
         state=moved,
         transmission=transmission,
-        warnings=shape.warnings
+        warnings=frame.warnings
+        + shape.warnings
         + fit.warnings
         + _temperature_warnings(rig, frame)
         + _implausible(frame, rig, fit.arcs.total_length, most),
