@@ -187,7 +187,8 @@ class RigFilter:
         bent = 0.5 * np.abs(predicted[count] + predicted[count + 1] - 2.0 * predicted[0])
         given = self._given(readings)
         given[bent > _SETTINGS.bent * np.sqrt(self._noise_variance)] = math.nan
-        variance = self._noise_variance + tracker.repeated * by_drive**2
+        slides = ends[count, 1] != ends[count + 1, 1]
+        variance = self._noise_variance + tracker.repeated(slides) * by_drive**2
         whole = np.ascontiguousarray(np.hstack((predicted, ends))[:count])
         _, innovation = core.assimilate(
             len(self.edge),
