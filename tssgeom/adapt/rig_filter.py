@@ -30,6 +30,7 @@ from tssgeom.tendon.bars.plant import Memory
 CHANNELS = ("tension_in_N", "tension_out_N", "elongation_m")
 """What the filter takes as readings, beside the drive."""
 _ENDS = 4  # T_in, T_out, x_in, x_out
+_DISTAL = [1, 3]
 _PROBES = 2  # tendons that show what an error of the drive does: derived, one either way
 
 
@@ -135,7 +136,7 @@ class RigFilter:
         self.muted = set[str]()
         """Channels whose readings are not used."""
         self.outlier = _SETTINGS.outlier
-        self._by_force, self._waiting = False, 0.0
+        self._by_force, self._waiting, self._distal_error = False, 0.0, np.zeros(2)
         variances = (noise_variance(rig.sensors.get(name)) for name in CHANNELS)
         self._noise_variance = np.maximum(list(variances), _SETTINGS.least_noise**2)
         self._drives = {
@@ -183,11 +184,13 @@ class RigFilter:
         after, ends = self._stepped(arcs, numbers, drive, readings.by_force, span, warmth)
         predicted = _predicted(ends, sensors)
         by_drive = 0.5 * (predicted[count] - predicted[count + 1])
-        ends_by_drive = 0.5 * (ends[count] - ends[count + 1])
+        ends_by_drive = 0.5 * np.abs(ends[count] - ends[count + 1])
         bent = 0.5 * np.abs(predicted[count] + predicted[count + 1] - 2.0 * predicted[0])
         given = self._given(readings)
         given[bent > _SETTINGS.bent * np.sqrt(self._noise_variance)] = math.nan
-        slides = ends[count, 1] != ends[count + 1, 1]
+        slides = bool(ends[count, 1] != ends[count + 1, 1])
+        if not slides:  # what stands has the error of when it moved last
+            ends_by_drive[_DISTAL] = self._distal_error
         variance = self._noise_variance + tracker.repeated(slides) * by_drive**2
         whole = np.ascontiguousarray(np.hstack((predicted, ends))[:count])
         _, innovation = core.assimilate(
@@ -200,7 +203,7 @@ class RigFilter:
             self.outlier,
         )
         self.memory, self.position = after, ends[:, 2].copy()
-        self._by_force, self.time = readings.by_force, time
+        self._by_force, self.time, self._distal_error = readings.by_force, time, ends_by_drive[_DISTAL]
         self._bound()
         self._draw_anew()
         now = whole[:, len(CHANNELS) :]
