@@ -96,7 +96,8 @@ def test_the_commands_bring_the_distal_end_to_its_target(run: Run, opening: Path
     done = run("compensate", opening, "--target", target, "--out", tmp_path / "out", "--json")
     assert (done.status, json.loads(done.out)["rows"]) == (0, 6)
     commands = papq.read_table(tmp_path / "out" / "compensate.parquet")
-    assert commands.column_names == ["time_s", "displacement_in_m", "tension_in_N"]
+    assert commands.column_names[:3] == ["time_s", "displacement_in_m", "tension_in_N"]
+    assert commands["displacement_reached_m"].to_pylist() == pytest.approx(target_m, rel=1e-9)
     for drive in ("tension_in_N", "displacement_in_m"):
         path = write_run(tmp_path / f"{drive}.csv", time_s=times, **{drive: commands[drive].to_pylist()})
         assert run("simulate", opening, "--drive", path, "--out", tmp_path / drive, "--quiet").status == 0
