@@ -187,9 +187,9 @@ def frames(targets, drive=None):
 
 def results(rig, targets, drive=None, **options):
     commander = commander_of(rig, options.pop("uncertain", ()), **options)
-    found = list(process(frames(targets, drive), rig, tension_in=0.0, commander=commander))
-    assert all(isinstance(one, FrameResult) for one in found), found
-    return found
+    every = list(process(frames(targets, drive), rig, tension_in=0.0, commander=commander))
+    assert all(isinstance(one, FrameResult) for one in every), every
+    return every
 
 
 def test_a_stream_counts_the_route_and_the_rig():

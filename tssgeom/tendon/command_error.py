@@ -93,11 +93,11 @@ def route_errors(
     if tension_in > 0.0:
         ratio, length = tension_out / tension_in, arcs.total_length
         stretch = ends.elongation + tendon.compliance_per_N * tendon.pretension_N * length
-        drawn_in = stretch / tension_in + ratio * per_N  # movement of the drive for 1 N of it
-        if drawn_in > 0.0:
-            slopes[0] -= ratio / drawn_in * per_N * slopes[1]
-            slopes[0, :k] -= ratio / drawn_in * at.elongation_by_length
-            slopes[0, k:] -= ratio / drawn_in * at.elongation_by_angle
+        per_N_in = stretch / tension_in + ratio * per_N  # movement of the drive for 1 N of it
+        if per_N_in > 0.0:
+            slopes[0] -= ratio / per_N_in * per_N * slopes[1]
+            slopes[0, :k] -= ratio / per_N_in * at.elongation_by_length
+            slopes[0, k:] -= ratio / per_N_in * at.elongation_by_angle
     variance = ((slopes @ arcs.covariance) * slopes).sum(axis=1)
     if shared.length > 0.0:
         variance += shared.length * (slopes[:, :k] @ arcs.length / arcs.total_length) ** 2
