@@ -179,13 +179,13 @@ def compensate(
     move = _Move(state, arcs, rig, _target(rig, tension_out, displacement_out), time, temperature)
     now = drive_now(state, rig, position, elapsed)
     answer, waits, limited = move.pulled(state.tension_in), False, ""
-    if move.error(answer) != 0.0:
+    if (error := move.error(answer)) != 0.0:
         waiting = None if may_wait is None else _waiting(move, answer)
         waits = waiting is not None and may_wait is not None and may_wait(waiting)
         if waits and waiting is not None:
             answer = waiting
         else:
-            answer = _reached(move, answer)
+            answer = _reached(move, answer, error)
             if acts_by_speed(rig):
                 answer = _by_position(move, answer)
     if now is not None:
@@ -233,9 +233,9 @@ def _target(rig: Rig, tension_out: float | None, displacement_out: float | None)
     return target
 
 
-def _reached(move: _Move, held: TendonState) -> TendonState:
-    """Return the state with the distal tension at the target, which it is not while the drive is held."""
-    sign = 1 if move.target > held.tension_out else -1
+def _reached(move: _Move, held: TendonState, error: float) -> TendonState:
+    """Return the state with the distal tension at the target, off by `error` [N] while the drive is held."""
+    sign = 1 if error < 0.0 else -1
     start = held.tension_in
     far = answering(held, move.rig, move.target, sign)  # docs/model.md (83): exact where all slides slowly
     if far > MOST_TENSION:
@@ -247,7 +247,7 @@ def _reached(move: _Move, held: TendonState) -> TendonState:
     far = start + sign * reach if sign * (far - start) <= 0.0 else far
     answer = move.pulled(far)
     for _ in range(_WIDENINGS):  # friction that grows with speed asks for more
-        if sign * move.error(answer) >= 0.0:
+        if sign * (error := move.error(answer)) >= 0.0:
             break
         if far == 0.0:
             raise SettingsError(
@@ -257,7 +257,7 @@ def _reached(move: _Move, held: TendonState) -> TendonState:
         reach *= 2.0
         far = max(start + sign * reach, 0.0)
         answer = move.pulled(far)
-    if move.error(answer) == 0.0:
+    if error == 0.0:
         return answer
     low, high = sorted((start, far))  # not all slides one way where the route has moved too
     from scipy.optimize import brentq

@@ -17,7 +17,7 @@ from tssgeom.rig import Rig, with_values
 from tssgeom.route.pieces import Arcs
 from tssgeom.route.resolution import NO_ERRORS, SharedErrors
 from tssgeom.tendon.state import TendonState, corners, pretensioned, step, transmit
-from tssgeom.tendon.transmission import Transmission, sensitivity
+from tssgeom.tendon.transmission import Transmission, elongation_slopes
 from tssgeom.uncertain import Uncertain
 
 _MOVED = 1e-4  # change of the distal tension that is rounding [1]; chosen, as for (161)
@@ -86,25 +86,25 @@ def route_errors(
     arcs, tendon = now.route, rig.tendon
     if arcs is None:
         return NO_DISTAL_ERRORS
-    k, at = len(arcs.length), sensitivity(corners(now), arcs, rig)
-    slopes = np.zeros((2, 2 * k))  # of T_out where the drive holds its position, and where it holds T_in
-    slopes[1, k:] = at.log_tension_out_by_angle * tension_out
-    slopes[0] = slopes[1]
-    if tension_in > 0.0:
-        ratio, length = tension_out / tension_in, arcs.total_length
-        stretch = ends.elongation + tendon.compliance_per_N * tendon.pretension_N * length
+    slopes, by_angle = elongation_slopes(corners(now), arcs, rig)
+    k, by_angle = len(arcs.length), by_angle * tension_out
+    ratio, fed = tension_out / tension_in if tension_in > 0.0 else 0.0, 0.0
+    if ratio > 0.0:
+        stretch = ends.elongation + tendon.compliance_per_N * tendon.pretension_N * arcs.total_length
         per_N_in = stretch / tension_in + ratio * per_N  # movement of the drive for 1 N of it
-        if per_N_in > 0.0:
-            slopes[0] -= ratio / per_N_in * per_N * slopes[1]
-            slopes[0, :k] -= ratio / per_N_in * at.elongation_by_length
-            slopes[0, k:] -= ratio / per_N_in * at.elongation_by_angle
-    variance = ((slopes @ arcs.covariance) * slopes).sum(axis=1)
+        fed = ratio / per_N_in if per_N_in > 0.0 else 0.0  # of T_out for each metre that the route takes
+    direct = 1.0 - fed * per_N
+    both = by_angle * float(slopes @ arcs.covariance[:, k:].sum(axis=1))
+    by_tension = ends.tension_out_se**2
+    by_position = direct**2 * by_tension - 2.0 * direct * fed * both + (fed * ends.elongation_se) ** 2
     if shared.length > 0.0:
-        variance += shared.length * (slopes[:, :k] @ arcs.length / arcs.total_length) ** 2
+        by_position += shared.length * (fed * float(slopes[:k] @ arcs.length) / arcs.total_length) ** 2
     if shared.angle > 0.0 and (total := arcs.total_angle) > 0.0:
-        variance += shared.angle * (slopes[:, k:] @ arcs.angle / total) ** 2
-    by_position, by_tension = np.sqrt(np.maximum(variance, 0.0)).tolist()
-    return DistalErrors(by_position, by_position * per_N, by_tension, by_tension * per_N)
+        by_tension += shared.angle * by_angle**2
+        stretched = float(slopes[k:] @ arcs.angle) / total
+        by_position += shared.angle * (direct * by_angle - fed * stretched) ** 2
+    position, pull = math.sqrt(max(by_position, 0.0)), math.sqrt(by_tension)
+    return DistalErrors(position, position * per_N, pull, pull * per_N)
 
 
 class Step(NamedTuple):
