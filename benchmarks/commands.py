@@ -1,4 +1,4 @@
-"""Whether the bounds of commands hold: lumped rigs whose true numbers are drawn from those that are stated.
+"""Whether the bounds of commands hold: lumped rigs whose true numbers are samples of those that are stated.
 
     python -m benchmarks.commands [--quick] [--rigs N] [--markdown]
 
@@ -80,7 +80,7 @@ def stated_rig() -> tuple[Rig, tuple[Uncertain, ...]]:
 
 
 def outcome(seed: int, *, moving: bool, by_force: bool) -> Outcome:
-    """Command one rig whose numbers are drawn from the stated ones, and carry all commands out."""
+    """Command one rig whose numbers are samples of the stated ones, and carry all commands out."""
     rng = np.random.default_rng((seed, moving, by_force))
     rig, uncertain = stated_rig()
     true_mu, true_rho = (each.prior.value(rng.standard_normal()) for each in uncertain)
@@ -153,7 +153,7 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     summary = (__doc__ or "").split("\n")[0]
     parser = argparse.ArgumentParser(prog="python -m benchmarks.commands", description=summary)
     parser.add_argument("--quick", action="store_true", help="fewer rigs")
-    parser.add_argument("--rigs", type=int, default=0, help=f"drawn ({_RIGS}; quick {_QUICK_RIGS})")
+    parser.add_argument("--rigs", type=int, default=0, help=f"how many ({_RIGS}; quick {_QUICK_RIGS})")
     parser.add_argument("--markdown", action="store_true", help="a table to paste into documents")
     return parser.parse_args(arguments)
 

@@ -1,4 +1,4 @@
-"""The bounds of commands hold on lumped rigs whose numbers are drawn from what is stated."""
+"""The bounds of commands hold on lumped rigs whose numbers are samples of what is stated."""
 
 import numpy as np
 import pytest

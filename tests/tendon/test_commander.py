@@ -43,7 +43,7 @@ def test_on_exact_numbers_a_command_has_no_error():
 
 
 @pytest.mark.parametrize("targets", [[2e-3], [4e-3, 2e-3]])
-def test_the_error_of_the_route_is_that_of_routes_drawn_from_it(targets):
+def test_the_error_of_the_route_is_that_of_sampled_routes(targets):
     sd = np.array([2e-3, 0.05])  # of length [m] and angle [rad]
     arcs = replace(ROUTE, covariance=np.diag(sd**2))
     ends = {"position": [], "tension": []}
