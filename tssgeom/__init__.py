@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from tssgeom.identify.finding import Finding
     from tssgeom.identify.workflow import discover
     from tssgeom.io.formats.campaigns import read_campaign
-    from tssgeom.rig import Rig, read_rig
+    from tssgeom.rig import Rig, read_rig, read_uncertain_rig
     from tssgeom.route.curvature import CurvatureProfile
     from tssgeom.route.geometry import measure
     from tssgeom.route.observations import Shape, clean
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from tssgeom.route.spline.fit import Spline, fit
     from tssgeom.stream import Frame, FrameResult, Rejected, process
     from tssgeom.tendon.command import Command, compensate
+    from tssgeom.tendon.commander import Commander, commander_of
     from tssgeom.tendon.moving import MovingRoute
     from tssgeom.tendon.simulation import Moment, simulate
     from tssgeom.tendon.state import TendonState, pretensioned, step, tension, transmit
@@ -37,6 +38,7 @@ __all__ = [
     # the rig
     "Rig",
     "read_rig",
+    "read_uncertain_rig",
     # sensed points to geometry
     "Arcs",
     "CurvatureProfile",
@@ -65,8 +67,10 @@ __all__ = [
     "process",
     # runs over time
     "Command",
+    "Commander",
     "Moment",
     "MovingRoute",
+    "commander_of",
     "compensate",
     "simulate",
     # measured against simulated
@@ -89,7 +93,7 @@ _MODULES = {
     "identify.finding": "Finding",
     "identify.workflow": "discover",
     "io.formats.campaigns": "read_campaign",
-    "rig": "Rig read_rig",
+    "rig": "Rig read_rig read_uncertain_rig",
     "route.curvature": "CurvatureProfile",
     "route.geometry": "measure",
     "route.observations": "Shape clean",
@@ -99,6 +103,7 @@ _MODULES = {
     "route.spline.fit": "Spline fit",
     "stream": "Frame FrameResult Rejected process",
     "tendon.command": "Command compensate",
+    "tendon.commander": "Commander commander_of",
     "tendon.moving": "MovingRoute",
     "tendon.simulation": "Moment simulate",
     "tendon.state": "TendonState pretensioned step tension transmit",

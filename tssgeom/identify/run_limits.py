@@ -96,7 +96,7 @@ def limits_of(runs: Sequence[Reading], rig: Rig, at: Point, stated: Mapping[str,
     for key in stated.keys() & bounds.keys():
         if stated[key] > bounds[key]:
             raise SettingsError(
-                f"--limits {key}={stated[key]:g} is beyond drive.limits of the rig, {bounds[key]:g}: give less"
+                f"--limits {key}={stated[key]:g} is beyond drive.limits, {bounds[key]:g}: give less"
             )
     reached = [_reached(run, rig, at) for run in runs]
     scale = rig.sensors.get("tension_in_N", Sensor()).full_scale
