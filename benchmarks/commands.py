@@ -21,9 +21,10 @@ from benchmarks.routes import arc_positions
 from benchmarks.tables import machine, table
 from tests.lumped import Distal, Drive, Physics, Run, from_pieces, simulate
 from tssgeom.arrays import Matrix, Vector
+from tssgeom.engine import process
 from tssgeom.rig import Friction, Load, Rig, ShapeSensor, Tendon
 from tssgeom.route.synthetic import chain
-from tssgeom.stream import Frame, FrameResult, process
+from tssgeom.stream import Frame, FrameResult
 from tssgeom.tendon.command import Command
 from tssgeom.tendon.command_error import bound
 from tssgeom.tendon.commander import commander_of

@@ -22,11 +22,12 @@ from benchmarks.routes import arc_positions
 from benchmarks.tables import machine, number, table
 from tests.lumped import Distal, Drive, Physics, Run, from_pieces, simulate
 from tssgeom.arrays import Matrix, Points, Vector
+from tssgeom.engine import process
 from tssgeom.rig import Friction, Load, Rig, ShapeSensor, Tendon
 from tssgeom.route.observations import clean
 from tssgeom.route.synthetic import chain
 from tssgeom.route.tracking import TrackedFit, follow
-from tssgeom.stream import Frame, FrameResult, process
+from tssgeom.stream import Frame, FrameResult
 from tssgeom.tendon import capstan as profile
 from tssgeom.tendon.transmission import of_corners as transmit
 

@@ -17,6 +17,7 @@ from benchmarks.live_process import line
 from benchmarks.routes import PIECEWISE, harmonic_course, of_arcs, truth
 from tssgeom import core
 from tssgeom.arrays import Points, Vector
+from tssgeom.engine import process
 from tssgeom.io.formats.jsonl import frame_of
 from tssgeom.io.results.answers import answer
 from tssgeom.rig import Rig, ShapeSensor
@@ -27,7 +28,7 @@ from tssgeom.route.route_fit import RouteFit
 from tssgeom.route.spline.fit import Spline, fit, rows_for
 from tssgeom.route.synthetic import Course
 from tssgeom.route.tracking import TrackedFit, follow
-from tssgeom.stream import Frame, FrameResult, process
+from tssgeom.stream import Frame, FrameResult
 from tssgeom.tendon.bars import base
 from tssgeom.tendon.bars.bar_state import BARS, BarState, pretensioned_bars
 from tssgeom.tendon.capstan import Corners, pretensioned, step

@@ -22,11 +22,12 @@ import numpy as np
 
 from benchmarks.tables import machine, number, share, table
 from tssgeom.arrays import Matrix, Points, Vector
+from tssgeom.engine import process
 from tssgeom.frame import Frame
 from tssgeom.rig import Rig, ShapeSensor
 from tssgeom.route.pieces import Arcs
 from tssgeom.route.synthetic import chain, positions
-from tssgeom.stream import FrameResult, process
+from tssgeom.stream import FrameResult
 from tssgeom.tendon.state import pretensioned, step, transmit
 
 _FRAMES, _FIRST, _INTERVAL = 150, 20, 0.02  # [1], [1], [s]

@@ -20,11 +20,12 @@ import numpy as np
 
 from benchmarks.tables import machine, number, share, table
 from tests.scenes import Ball, Lens, Scene, TagAt, arch, loop, render, ring, tag_poses
+from tssgeom.engine import process
 from tssgeom.errors import TssgeomError
 from tssgeom.lumen.wall import Wall, nearest
 from tssgeom.rig import Rig
 from tssgeom.route.synthetic import colon, positions
-from tssgeom.stream import Frame, FrameResult, process
+from tssgeom.stream import Frame, FrameResult
 from tssgeom.vision.across import noise_across
 from tssgeom.vision.blobs import BlobAppearance, blob_finder
 from tssgeom.vision.cameras import Camera

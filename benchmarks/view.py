@@ -25,8 +25,9 @@ import rerun as rr
 
 from benchmarks.live_process import points_mm
 from benchmarks.tables import ABSENT, machine, number, table
+from tssgeom.engine import process
 from tssgeom.rig import Rig
-from tssgeom.stream import Frame, FrameResult, process
+from tssgeom.stream import Frame, FrameResult
 from tssgeom.view.samples import RouteSamples, numbers_of, route_samples
 from tssgeom.view.scene.columns import Sender, segments_3d
 from tssgeom.view.scene.labels import label_positions

@@ -12,13 +12,14 @@ from typing import TypeVar
 from msgspec.structs import replace as changed
 
 from pipelines.terminal import print_message, sized_progress
+from tssgeom.engine import recorded
 from tssgeom.errors import SettingsError, ShapeError, SpaceError, TssgeomError, refused
 from tssgeom.io.formats.files import Recording, find_inputs, open_recording, output_names, real
 from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap
 from tssgeom.io.results.shapes import Analysis, frame_row, relative
 from tssgeom.plausibility.frames import rig_remarks
 from tssgeom.rig import Rig, read_uncertain_rig, require_known
-from tssgeom.stream import Rejected, recorded
+from tssgeom.stream import Rejected
 from tssgeom.summary import RunningSummary
 from tssgeom.uncertain import UNKNOWNS, Uncertain
 

@@ -15,6 +15,7 @@ from pipelines.inputs import RunSettings, opened, print_reading, rejection_lines
 from pipelines.terminal import counted_progress, print_message
 from tssgeom.arrays import Vector
 from tssgeom.effects import named
+from tssgeom.engine import recorded
 from tssgeom.errors import ShapeError, TssgeomError
 from tssgeom.io.formats.columns import CHANNELS
 from tssgeom.io.formats.recording import in_order
@@ -24,7 +25,7 @@ from tssgeom.plausibility.rules import warnings_of
 from tssgeom.plausibility.runs import run_remarks
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
-from tssgeom.stream import Frame, FrameResult, Rejected, recorded
+from tssgeom.stream import Frame, FrameResult, Rejected
 from tssgeom.tendon.history import last_peak
 from tssgeom.tendon.moving import MovingRoute
 from tssgeom.tendon.simulation import Moment

@@ -67,7 +67,7 @@ from tssgeom import Rig
 from tssgeom.io.formats.files import open_recording
 from tssgeom.io.formats.runs import read_run
 from tssgeom.io.results.tables import part_of
-from tssgeom.stream import process
+from tssgeom.engine import process
 
 print(*read_run(Path("current.csv")).current)
 for name in ("frames.jsonl", "frames.csv"):

@@ -5,10 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tssgeom.engine import process
 from tssgeom.rig import Friction, Rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.route.synthetic import chain, half_circle, positions
-from tssgeom.stream import Frame, FrameResult, Rejected, process
+from tssgeom.stream import Frame, FrameResult, Rejected
 from tssgeom.tendon.state import pretensioned, step, transmit
 
 PULL = 15.0

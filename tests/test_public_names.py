@@ -24,7 +24,7 @@ def test_the_docstring_of_a_stage_has_parameters_errors_source_and_example(name)
     assert wanted <= set(text.splitlines())
 
 
-@pytest.mark.parametrize("name", STAGES)
+@pytest.mark.parametrize("name", [*STAGES, "Engine"])
 def test_the_example_of_a_stage_runs(name, monkeypatch):
     monkeypatch.chdir(Path(__file__).parents[1])
     stage = getattr(tssgeom, name)

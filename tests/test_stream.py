@@ -8,8 +8,9 @@ import pytest
 from msgspec.structs import replace as changed
 
 from tssgeom.effects import Creep, HiddenBend, ThermalDrift
+from tssgeom.engine import process
 from tssgeom.rig import Friction, Rig, ShapeSensor
-from tssgeom.stream import Frame, FrameResult, Rejected, advance, process
+from tssgeom.stream import Frame, FrameResult, Rejected, advance
 from tssgeom.tendon.bars.bar_state import BarState
 from tssgeom.tendon.capstan import Corners
 from tssgeom.tendon.state import pretensioned

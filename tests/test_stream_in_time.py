@@ -5,11 +5,12 @@ import pytest
 
 from tests.route.test_ratio_average import random_course
 from tssgeom import frame as frame_module
+from tssgeom.engine import alone, process, recorded
 from tssgeom.frame import Frame, Window
 from tssgeom.rig import Rig, ShapeSensor
 from tssgeom.route.pieces import Arcs
 from tssgeom.route.synthetic import chain, positions
-from tssgeom.stream import FrameResult, Rejected, alone, process, recorded
+from tssgeom.stream import FrameResult, Rejected
 from tssgeom.tendon.state import pretensioned, step, transmit
 
 NOISE, FRAMES = 5e-4, 80

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from tssgeom.analysis import analyse, analyse_same
+    from tssgeom.engine import Engine, process
     from tssgeom.errors import FitError, SettingsError, ShapeError, SourceError, TssgeomError
     from tssgeom.identify.calibrated_run import Measured
     from tssgeom.identify.calibration import Calibration, calibrate
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from tssgeom.route.route import Route
     from tssgeom.route.route_fit import RouteFit
     from tssgeom.route.spline.fit import Spline, fit
-    from tssgeom.stream import Frame, FrameResult, Rejected, process
+    from tssgeom.stream import Frame, FrameResult, Rejected
     from tssgeom.tendon.command import Command, compensate
     from tssgeom.tendon.commander import Commander, commander_of
     from tssgeom.tendon.moving import MovingRoute
@@ -59,6 +60,7 @@ __all__ = [
     "tension",
     "transmit",
     # the engine: frames in, results out
+    "Engine",
     "Frame",
     "FrameResult",
     "Rejected",
@@ -86,6 +88,7 @@ __all__ = [
 
 _MODULES = {
     "analysis": "analyse analyse_same",
+    "engine": "Engine process",
     "errors": "FitError SettingsError ShapeError SourceError TssgeomError",
     "identify.calibrated_run": "Measured",
     "identify.calibration": "Calibration calibrate",
@@ -101,7 +104,7 @@ _MODULES = {
     "route.route": "Route",
     "route.route_fit": "RouteFit",
     "route.spline.fit": "Spline fit",
-    "stream": "Frame FrameResult Rejected process",
+    "stream": "Frame FrameResult Rejected",
     "tendon.command": "Command compensate",
     "tendon.commander": "Commander commander_of",
     "tendon.moving": "MovingRoute",

@@ -92,6 +92,8 @@ class Frame:
     """Standard deviation of each coordinate across the route, where the sensor states it [m]."""
     source: Source | None = None
     """Where the points come from, where a file says it."""
+    warnings: tuple[str, ...] = ()
+    """What its reader did not read, a sentence each; the result has them too."""
 
 
 def fit_frame(

@@ -14,7 +14,7 @@ from tssgeom.atomic import write_text
 from tssgeom.effects import KINDS, LAWS, AnyEffect
 from tssgeom.errors import SettingsError
 from tssgeom.mechanism import Drive, End
-from tssgeom.uncertain import Uncertain, parted, path_of
+from tssgeom.uncertain import Follow, Uncertain, parted, path_of
 
 Source = Literal["markers", "em", "fbg", "centreline", "smoothed"]
 """Where the points of a route come from; docs/model.md (164)."""
@@ -218,6 +218,8 @@ class Rig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
     route: GivenRoute = GivenRoute()
     effects: tuple[AnyEffect, ...] = ()
     """What else acts, beside the base model; docs/model.md (50)-(62)."""
+    adapt: dict[str, Follow] = {}
+    """Numbers that `--adapt` follows, by key; model.md (200)."""
     columns: dict[str, str] = {}
     """What columns of measured files are, `channel[:unit]` by name."""
 

@@ -1,15 +1,13 @@
-"""One engine for live, replay and batch: frames in, results out, in order."""
+"""One frame of a stream: the tendon carried over it, and its result."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from tssgeom.effects import named
-from tssgeom.errors import TssgeomError
-from tssgeom.frame import Frame, fit_frame, smoothed_in_time, smoothed_in_windows, with_shared_errors_of
-from tssgeom.plausibility.frames import FrameWatch, frame_remarks, strain_remarks
+from tssgeom.frame import Frame, fit_frame, with_shared_errors_of
+from tssgeom.plausibility.frames import frame_remarks, strain_remarks
 from tssgeom.rig import Rig
 from tssgeom.route.curvature import CurvatureProfile
 from tssgeom.route.observations import Shape
@@ -18,14 +16,13 @@ from tssgeom.route.resolution import NO_ERRORS, SharedErrors
 from tssgeom.route.route import Route
 from tssgeom.route.route_fit import RouteFit
 from tssgeom.route.time_filter import PointFilter
-from tssgeom.route.tracking import TrackedFit, model_checked
+from tssgeom.route.tracking import TrackedFit
 from tssgeom.tendon.command import Command
 from tssgeom.tendon.command_error import Step
 from tssgeom.tendon.commander import Commander, Given, commander_of
-from tssgeom.tendon.state import TendonState, pretensioned, transmit_after
+from tssgeom.tendon.state import TendonState, transmit_after
 from tssgeom.tendon.transmission import Transmission
 
-_FAULTS = (TssgeomError, ArithmeticError)  # of one frame: the next may be sound
 _STANDS = 0.5  # probability from which a route is taken to stand [1]; chosen
 
 
@@ -95,96 +92,6 @@ class Rejected:
     time: float
     reason: str
     id: str | int = ""
-
-
-def process(
-    frames: Iterable[Frame | Rejected],
-    rig: Rig,
-    *,
-    tension_in: float,
-    state: TendonState | None = None,
-    commander: Commander | None = None,
-) -> Iterator[FrameResult | Rejected]:
-    """Turn frames into results, one for each frame and in their order; each fit starts from the last one.
-
-    A frame's `tension_in` drives the tendon, or else its `displacement_in`. Where it brings neither, a target
-    is taken as reached, and without a target the proximal tension is `tension_in`.
-
-    Parameters
-    ----------
-    frames
-        Sensed shapes, read one at a time; what the reader rejected passes through.
-    rig
-        Tendon, friction and sensors.
-    tension_in
-        Total tension at the proximal end for frames that bring no drive and no target [N].
-    state
-        Tension along the tendon before the first frame; the rig's pretension by default.
-    commander
-        Tolerance, policy and errors of the rig for frames with a target; by default the rig's numbers count
-        as exact, and the dead zone is crossed at once.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from tssgeom import Frame, Rig, process
-    >>> angle = np.linspace(0.0, np.pi, 40)  # a half circle of 0.5 m
-    >>> points = 0.5 / np.pi * np.column_stack((np.sin(angle), 1 - np.cos(angle), 0 * angle))
-    >>> frames = (Frame(points, time=t, tension_in=pull) for t, pull in enumerate([5.0, 15.0, 10.0]))
-    >>> [round(float(each.transmission.tension_out), 2) for each in process(frames, Rig(), tension_in=15.0)]
-    [3.17, 9.51, 9.51]
-    """
-    yield from _carried(((frame, None) for frame in frames), rig, tension_in, state, commander)
-
-
-def recorded(
-    frames: Iterable[Frame | Rejected], rig: Rig, *, tension_in: float, state: TendonState | None = None
-) -> Iterator[FrameResult | Rejected]:
-    """Do as `process` on frames that are recorded: the points of each are filtered also by those after it.
-
-    Some hundred frames are read before the first result, and smoothed in windows that overlap; docs/model.md
-    (162).
-    """
-    yield from _carried(smoothed_in_windows(frames, rig), rig, tension_in, state)
-
-
-def _carried(
-    frames: Iterable[tuple[Frame | Rejected, PointFilter | None]],
-    rig: Rig,
-    tension_in: float,
-    state: TendonState | None,
-    commander: Commander | None = None,
-) -> Iterator[FrameResult | Rejected]:
-    """Carry the tendon over frames, each with the filter of its points where that is known already."""
-    current = pretensioned(rig) if state is None else state
-    last: TrackedFit | None = None
-    watch = FrameWatch()
-    for seq, (frame, points) in enumerate(frames):
-        if isinstance(frame, Rejected):
-            yield replace(frame, seq=seq)
-            continue
-        try:
-            result = advance(seq, frame, current, rig, tension_in, last, points, commander)
-        except _FAULTS as error:
-            yield Rejected(seq, frame.time, _reason(error), frame.id)
-        else:
-            commander = result.commander
-            yield _watched(result, watch)
-            # the result is out: the check of its model delays no frame that has arrived
-            current, last = result.state, model_checked(result.tracked)
-
-
-def _watched(result: FrameResult, watch: FrameWatch) -> FrameResult:
-    """Return a result with the rules that its frame breaks beside those before it."""
-    warnings = watch.take(result.frame)
-    return replace(result, warnings=result.warnings + warnings) if warnings else result
-
-
-def _reason(fault: Exception) -> str:
-    """Say why a frame has no result."""
-    if isinstance(fault, TssgeomError):
-        return str(fault)
-    return f"the points cannot be computed with ({fault}): look for points that coincide or run back"
 
 
 def advance(
@@ -262,7 +169,8 @@ def pulled(
         tracked=tracked,
         state=moved,
         transmission=transmission,
-        warnings=shape.warnings
+        warnings=frame.warnings
+        + shape.warnings
         + fit.warnings
         + _temperature_warnings(rig, frame)
         + _implausible(frame, rig, fit.arcs.total_length, most),
@@ -294,38 +202,3 @@ def _transmitted(
         return transmit_after(before, now, rig, stands)
     moved, transmission = transmit_after(before, replace(now, route=shared.on(route)), rig, stands)
     return replace(moved, route=route), transmission
-
-
-def alone(
-    frames: Iterable[Frame | Rejected], rig: Rig, *, tension_in: float, first: int = 0
-) -> Iterator[FrameResult | Rejected]:
-    """Turn frames into results as if each were the first pull of its tendon; only the fit goes on.
-
-    The points of each are filtered by those of the frames before and after it; docs/model.md (162).
-
-    Parameters
-    ----------
-    frames
-        Sensed shapes, in order, all of which are read before the first result.
-    rig
-        Tendon, friction and sensors.
-    tension_in
-        Total tension at the proximal end for frames that bring no drive and no target [N].
-    first
-        Count of the first of these frames in its recording.
-    """
-    rest = pretensioned(rig)
-    last: TrackedFit | None = None
-    frames = list(frames)
-    points, watch = smoothed_in_time(frames, rig), FrameWatch()
-    for seq, frame in enumerate(frames, first):
-        if isinstance(frame, Rejected):
-            yield replace(frame, seq=seq)
-            continue
-        try:
-            result = advance(seq, frame, rest, rig, tension_in, last, points.get(seq - first))
-        except _FAULTS as error:
-            yield Rejected(seq, frame.time, _reason(error), frame.id)
-        else:
-            last = result.tracked
-            yield _watched(result, watch)

@@ -1,6 +1,6 @@
-"""Numbers of a rig that are not known, or known with an error: `"unknown"` and `{ value = …, sd = … }`.
+"""Numbers of a rig that are not known, known with an error (`"unknown"`, `{ value = …, sd = … }`), or drift.
 
-Source: docs/model.md (179).
+Source: docs/model.md (179), (200).
 """
 
 from __future__ import annotations
@@ -11,10 +11,27 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+import msgspec
+
 from tssgeom.effects import KINDS
 from tssgeom.errors import SettingsError
 
 UNKNOWN = "unknown"
+
+
+class Follow(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """How a number of a rig drifts, which `--adapt` follows; docs/model.md (200)."""
+
+    sd: float
+    """Its standard deviation at the start, in its unit."""
+    hourly_change: float = 0.0
+    """Standard deviation of its change in an hour, in its unit."""
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.sd) and self.sd > 0.0):
+            raise SettingsError(f"adapt.*.sd is {self.sd:g}: give a finite value > 0")
+        if not (math.isfinite(self.hourly_change) and self.hourly_change >= 0.0):
+            raise SettingsError(f"adapt.*.hourly_change is {self.hourly_change:g}: give a finite value >= 0")
 
 
 class Prior(NamedTuple):

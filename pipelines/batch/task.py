@@ -25,6 +25,7 @@ from pipelines.inputs import (
     unexpected,
 )
 from pipelines.lumen import SensedLumen, add_clearance, lumen_of
+from tssgeom.engine import alone, recorded
 from tssgeom.errors import SpaceError, TssgeomError
 from tssgeom.io.formats.files import open_recording
 from tssgeom.io.formats.laboratory.mapping import FILE as COLUMNS_FILE
@@ -45,7 +46,7 @@ from tssgeom.io.results.run_record import (
 from tssgeom.io.results.shapes import Analysis, analysis_object, summary_row
 from tssgeom.io.results.tables import CHUNK, Part, part_of, parts, write_csv, write_parts
 from tssgeom.io.storage import Folder, fetched, local
-from tssgeom.stream import Frame, Rejected, alone, recorded
+from tssgeom.stream import Frame, Rejected
 from tssgeom.summary import RunningSummary
 from tssgeom.view.report.report import ReportEntry, rendered
 

@@ -27,6 +27,7 @@ from pipelines.live.processes import (
 from pipelines.live.session import ResultConsumer, Session
 from pipelines.live.status import StatusLine
 from pipelines.live.warm_up import warm_up
+from tssgeom.engine import process
 from tssgeom.errors import require_replaceable
 from tssgeom.io.formats.states import read_state
 from tssgeom.io.network.addresses import Access, Endpoint
@@ -34,7 +35,6 @@ from tssgeom.io.network.channel import READ, Pipe
 from tssgeom.io.network.mailbox import Mailbox
 from tssgeom.io.network.sinks import Sink, StandardOutput, TcpSink, UdpSink
 from tssgeom.io.network.sources import Replay, Source, StandardInput, TcpSource, UdpSource
-from tssgeom.stream import process
 from tssgeom.tendon.commander import Policy, commander_of
 
 

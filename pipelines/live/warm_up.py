@@ -7,10 +7,11 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from tssgeom.engine import process
 from tssgeom.io.formats.jsonl import frame_of
 from tssgeom.io.results import answers
 from tssgeom.rig import Rig
-from tssgeom.stream import Frame, FrameResult, Rejected, process
+from tssgeom.stream import Frame, FrameResult, Rejected
 from tssgeom.tendon.commander import Commander
 
 _LINE = b'{"t": 0, "points": [[0, 0, 0], %s, [1, 0, 0.5]], "unit": "mm", "s": [0, 1, 2]}'

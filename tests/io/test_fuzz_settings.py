@@ -16,6 +16,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from tests.io.damage import damage, damaged, quick
+from tssgeom.engine import process
 from tssgeom.errors import TssgeomError
 from tssgeom.io.formats.cameras import read_cameras
 from tssgeom.io.formats.campaigns import read_campaign
@@ -26,7 +27,7 @@ from tssgeom.io.network.addresses import access
 from tssgeom.lumen.clearance import clearance
 from tssgeom.rig import read_rig
 from tssgeom.route.synthetic import half_circle, positions
-from tssgeom.stream import Frame, FrameResult, process
+from tssgeom.stream import Frame, FrameResult
 from tssgeom.tendon.saved import state_object
 
 CORPUS = Path(__file__).parent / "corpus" / "settings"

@@ -184,3 +184,31 @@ def test_where_no_line_is_a_frame_the_first_fault_is_told(tmp_path):
         opened(tmp_path, not_json)
     with pytest.raises(ShapeError, match=r"Expected `float \| null`, got `str` - at `\$\.t`: write"):
         opened(tmp_path, line("noon"))
+
+
+MISSPELT = "'temprature_C' is not read: the nearest name is temperature_C"
+
+
+def test_a_key_that_is_not_read_has_a_warning_with_the_name_that_is_meant(tmp_path):
+    text = line(1.0, tension_in_N=5.0, temprature_C=30.0, colour="red")
+    warnings = ("'colour' is not read", MISSPELT)
+    assert frame_of(text.encode(), None).warnings == warnings
+    with_null = line(1.0, points=[*POINTS, None], tension_in_N=5.0, temprature_C=30.0, colour="red")
+    assert frame_of(with_null.encode(), None).warnings == warnings
+    recording = opened(tmp_path, text, line(2.0))
+    assert recording.warnings == warnings
+    assert [item.warnings for item in recording.frames] == [(), ()]  # a file is warned of once
+
+
+@pytest.mark.parametrize("key", ["timestamp", "time", "Time [s]"])
+def test_a_second_time_is_no_drive(key):
+    (warning,) = frame_of(line(1.0).replace("{", f'{{"{key}": 1.0, ', 1).encode(), None).warnings
+    assert warning == f"{key!r} is not read: the nearest name is t"
+
+
+def test_warnings_of_a_frame_are_few_and_short_whatever_its_keys_are():
+    keys = {f"{k:04}" + "x" * 2000: k for k in range(400)}
+    warnings = frame_of(line(1.0, **keys).encode(), None).warnings
+    assert len(warnings) == 33
+    assert warnings[-1] == "368 more names are not read"
+    assert max(map(len, warnings)) < 100

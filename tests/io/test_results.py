@@ -10,13 +10,14 @@ import pyarrow as pa
 import pyarrow.parquet as papq
 import pytest
 
+from tssgeom.engine import process
 from tssgeom.errors import SourceError
 from tssgeom.io.results.run_record import Input, RunRecord, Settings, remove_earlier_run, sha256_of, write_run
 from tssgeom.io.results.shapes import Analysis, analysis_object, frame_row, shape_summary, summary_row
 from tssgeom.io.results.tables import FRAMES, SEGMENTS, SUMMARY, parts, write_parts, write_summary
 from tssgeom.io.storage import Folder
 from tssgeom.rig import Rig
-from tssgeom.stream import Frame, FrameResult, Rejected, process
+from tssgeom.stream import Frame, FrameResult, Rejected
 from tssgeom.summary import LIMITS, RunningSummary
 
 TENSIONS = [5.0, 15.0, 10.0]

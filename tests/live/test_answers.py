@@ -72,6 +72,17 @@ def test_an_id_comes_back_as_it_was_given(source, reader):
     assert reader.until("id", 7)[-1]["id"] == 7
 
 
+def test_a_key_that_is_not_read_is_in_the_warnings_of_each_answer(source, reader):
+    for time in (1.0, 2.0):
+        source.sendall(frame(time, id=f"misspelt at {time}", tension_in_N=9.0, temprature_C=30.0))
+        (warning,) = reader.until("id", f"misspelt at {time}")[-1]["warnings"]
+        assert warning == "'temprature_C' is not read: the nearest name is temperature_C"
+    source.sendall(
+        frame(3.0, id="misspelt", tension_in_N=None, displacment_in_m=0.001)
+    )  # and nothing else drives
+    assert "nearest name is displacement_in_m" in reader.until("id", "misspelt")[-1]["rejected"]
+
+
 def test_a_target_is_answered_with_the_command_that_reaches_it(source, reader):
     source.sendall(line(half_circle(), 1.0, tension_in_N=None, tension_out_target_N=4.0, id="wanted"))
     reply = reader.until("id", "wanted")[-1]

@@ -23,6 +23,7 @@ from tssgeom.io.network.addresses import sink_of, source_of
 from tssgeom.io.network.igtl import HEADER, Message, header_of, message_of
 from tssgeom.io.network.igtl_peers import first_string
 from tssgeom.io.network.mailbox import Clock, Lines, Mailbox
+from tssgeom.io.network.sources import Replay
 from tssgeom.stream import Frame, Rejected
 
 Read = TypeVar("Read")
@@ -161,3 +162,10 @@ def test_points_and_names_beyond_all_measure_are_refused():
         "1000",
         "nan",
     ]
+
+
+def test_a_replay_reports_what_is_not_read_of_its_file(tmp_path):
+    path = tmp_path / "run.jsonl"
+    path.write_text('{"t": 0, "unit": "mm", "points": [[0,0,0],[1,0,0],[2,0,0],[3,1,0]], "colour": "red"}\n')
+    replay = Replay(Mailbox(), source_of(f"replay:{path}"), None)
+    assert replay.notes == ("'colour' is not read",)

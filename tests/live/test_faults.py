@@ -20,10 +20,11 @@ from benchmarks.live_process import PATIENCE, Reader, line, live
 from pipelines.live.messages import packed
 from pipelines.live.processes import SideProcess
 from tests.live.peers import frame, half_circle
+from tssgeom.engine import process
 from tssgeom.io.formats.files import open_recording
 from tssgeom.io.formats.states import read_state, write_state
 from tssgeom.rig import Rig, read_rig
-from tssgeom.stream import Frame, FrameResult, process
+from tssgeom.stream import Frame, FrameResult
 
 SAMPLE = Path(__file__).parents[2] / "sample_shapes" / "insertion.jsonl"
 HERE = "127.0.0.1"

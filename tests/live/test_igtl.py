@@ -103,6 +103,19 @@ def test_numbers_in_the_metadata_drive_the_tendon(peer, reader):
     assert outcome["id"] == "with metadata"
 
 
+def test_metadata_that_resemble_a_number_have_a_warning_and_those_of_other_programs_have_none(peer, reader):
+    message = pyigtl.PointMessage(POSITIONS, timestamp=32.0, device_name="route")
+    message.header_version = 2
+    other = ("FrameNumber", "Timestamp", "UnfilteredTimestamp", "ProbeToTrackerTransformStatus")  # of PLUS
+    message.metadata = dict.fromkeys(other, "1") | {"tension_in_N": "7.5", "noise_mm": "0.4"}
+    peer.sendall(message.pack())
+    (warning,) = reported(reader, 32.0)["warnings"]
+    assert warning == "'noise_mm' is not read: the nearest name is noise_m"
+    message.metadata, message.timestamp = {"tension_in": "7.5"}, 33.0
+    peer.sendall(message.pack())
+    assert "nearest name is tension_in_N; nothing else drives" in reported(reader, 33.0)["rejected"]
+
+
 def test_damaged_messages_are_rejected_and_the_next_good_one_is_answered(peer, reader):
     good = pyigtl.PointMessage(POSITIONS, timestamp=40.0, device_name="route").pack()
     peer.sendall(good[:-1] + bytes([good[-1] ^ 1]))

@@ -4,8 +4,9 @@ import numpy as np
 
 from pipelines.live.messages import packed, unpacked
 from tests.live.peers import half_circle
+from tssgeom.engine import process
 from tssgeom.rig import Rig
-from tssgeom.stream import Frame, FrameResult, process
+from tssgeom.stream import Frame, FrameResult
 
 
 def test_a_picture_arrives_as_it_was_sent():

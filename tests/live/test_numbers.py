@@ -5,8 +5,9 @@ import pytest
 
 from pipelines.live.processes import TokenBucket
 from pipelines.live.status import Statistics, status_text
+from tssgeom.engine import process
 from tssgeom.rig import Rig
-from tssgeom.stream import Frame, FrameResult, process
+from tssgeom.stream import Frame, FrameResult
 
 TURN = np.linspace(0.0, np.pi, 40)
 POINTS = 0.1 * np.column_stack((np.sin(TURN), 1 - np.cos(TURN), 0 * TURN))

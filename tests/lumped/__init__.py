@@ -18,6 +18,11 @@ effect by a parameter; with none of them the tendon is linear and the friction C
 and a tendon that moves along the sheath keeps the bend, the share of length and the profile of the vertex
 that it started at.
 
+Properties that change during a run are given as knots, on the whole sheath or on a stretch of it:
+
+    wet = Change("friction", np.array([5.0, 6.0]), np.array([1.0, 0.4]), start_m=0.2, stop_m=0.4)
+    run = simulate(path, physics, drive, distal, times, changes=[wet], ends_only=True)
+
 `simulate_machine` puts several such tendons between one drive (a motor's pulley, or a drive each) and one
 mechanism (a joint, or a segment that bends), and `measure_machine` reads it:
 
@@ -38,6 +43,7 @@ wrong by 0.9 N and 44 mrad in a single one. A run of 20 s in steps of 0.02 s tak
 cells, 2 s with three, and 2 to 15 s if the motor's torque is given.
 """
 
+from tests.lumped.changes import Change
 from tests.lumped.machine import MachineRun, simulate_machine
 from tests.lumped.mechanism import Joint, Motor, Segment
 from tests.lumped.physics import Distal, Drive, Physics
@@ -47,6 +53,7 @@ from tests.lumped.simulate import NoBalanceError, Run, simulate
 
 __all__ = [
     "CHANNELS",
+    "Change",
     "Distal",
     "Drive",
     "Joint",

@@ -100,13 +100,5 @@ def _by_speed(p: Physics) -> bool:
     return p.speed_gain != 0.0 or p.stribeck_gain != 0.0
 
 
-def hidden_bend(path: Path, physics: Physics) -> np.ndarray:
-    """[n] Turn that the hidden bend, even over its width, adds to each vertex [rad]."""
-    edges = path.edges
-    start, stop = (np.clip(physics.bend_at_m + w * physics.bend_width_m, 0.0, edges[-1]) for w in (-0.5, 0.5))
-    inside = np.clip(edges, start, stop)
-    return physics.bend_angle_rad * np.diff(inside) / max(stop - start, 1e-12)
-
-
 def _ended(inner: np.ndarray, first: float, last: float) -> np.ndarray:
     return np.concatenate(([float(first)], inner, [float(last)]))

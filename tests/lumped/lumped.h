@@ -11,8 +11,9 @@ typedef struct {
     int64_t load_is_normal, by_speed, straight, force_driven, weight;
 } Chain;
 
-/* The state after each step that is kept, f of them. */
+/* The state after each step that is kept, f of them; if `ends_only`, the first and last entry of each. */
 typedef struct {
+    int64_t ends_only;
     double *tension, *position, *friction, *slip, *work; /* [f][b], [f][k] three times, [f] */
 } Records;
 
@@ -23,6 +24,7 @@ typedef struct {
     const int64_t *frame;                  /* [g] */
     const double *weight;                  /* [g] towards the next frame */
     const double *growth, *turns;          /* [p][k - 1] m, [p][k - 2] rad */
+    const double *friction, *compliance;   /* [p][k - 2], [p][k - 1] factors on those of the chain */
     const uint8_t *keep;                   /* [g] */
 } Imposed;
 
@@ -57,6 +59,8 @@ typedef struct { /* what is imposed at one time */
     double drive, out, warmth; /* N or m, m of the far end, K above the start */
     double *growth;       /* [b] m each bar's path is longer than at the start */
     double *turns;        /* [k] rad, 0 at the fittings */
+    double *friction;     /* [k] factor on the coefficient of each node, 1 at the fittings */
+    double *compliance;   /* [b] factor on the elastic compliance of each bar, 1 outside the sheath */
 } Inputs;
 
 typedef struct { /* memory of a step */
@@ -65,7 +69,7 @@ typedef struct { /* memory of a step */
 } Memory;
 
 /* Extension [m] of each bar in the pretensioned state, on its way of loading, less what is slack. */
-void find_rest(const Chain *chain, const double *turns, double *rest);
+void find_rest(const Chain *chain, const double *turns, const double *compliance, double *rest);
 
 /* Balance the chain under what is imposed after `span` [s]; return passes, below 0 without a balance. */
 int64_t balance(

@@ -34,7 +34,8 @@ class _Handed:
         counts = {"times": len(imposed["span"]), "frames": len(imposed["turns"])}
         self.chain = self._struct("Chain", chain._asdict() | sizes)
         self.imposed = self._struct("Imposed", imposed | counts)
-        self.records = self._struct("Records", dict(zip(RECORDS, records, strict=True)))
+        kept = {"ends_only": records[0].shape[1] == 2}
+        self.records = self._struct("Records", dict(zip(RECORDS, records, strict=True)) | kept)
 
     def _struct(self, kind: str, fields: dict[str, Any]) -> Any:
         made = self.ffi.new(f"{kind} *")

@@ -3,10 +3,12 @@
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 
 from tests.lumped.machine import MachineRun
+from tests.lumped.mechanism import Course
 from tests.lumped.simulate import Run
 
 CHANNELS = (
@@ -41,6 +43,12 @@ class Sensor:
     """Step of the digits [unit of the channel]."""
     full_scale: float = np.inf
     """Readings end at plus and minus this [unit of the channel]."""
+    zero: Course | None = None
+    """What is added to the offset over time [s, unit of the channel]."""
+    unplugged_s: float = np.inf
+    """From this time on the reading no longer depends on the channel [s]."""
+    unplugged: Literal["zero", "hold", "noise"] = "zero"
+    """It is then 0, the last reading before, or the noise about 0."""
 
 
 def measure(run: Run, sensors: Mapping[str, Sensor], seed: int) -> dict[str, np.ndarray]:
@@ -108,14 +116,21 @@ def _read(times: np.ndarray, value: np.ndarray, sensor: Sensor, rng: np.random.G
     phase, shape = rng.uniform(0.0, 2.0 * np.pi, 2)
     wave = 2.0 * np.pi * (times - times[0]) / sensor.drift_time_s + phase
     observed = sensor.gain * value + sensor.offset + sensor.drift * (np.sin(wave) - np.sin(phase))
+    if sensor.zero is not None:
+        observed = observed + np.interp(times, *sensor.zero)
     if sensor.nonlinearity:
         observed = observed + sensor.nonlinearity * sensor.full_scale * bend(
             observed / sensor.full_scale, shape
         )
-    observed = observed + sensor.noise * rng.standard_normal(len(times))
+    noise, gone = sensor.noise * rng.standard_normal(len(times)), times >= sensor.unplugged_s
+    observed = np.where(gone, 0.0, observed) + noise
     if sensor.resolution:
         observed = sensor.resolution * np.round(observed / sensor.resolution)
-    return np.clip(observed, -sensor.full_scale, sensor.full_scale)
+    read = np.clip(observed, -sensor.full_scale, sensor.full_scale)
+    if gone.any() and sensor.unplugged != "noise":
+        last = read[~gone][-1] if sensor.unplugged == "hold" and not gone.all() else 0.0
+        read[gone] = last
+    return read
 
 
 def bend(share: np.ndarray, shape: float) -> np.ndarray:

@@ -32,7 +32,7 @@ static void offers(
         double right = j < k ? state->position[j] : goal->out;
         memory->base[j] = rest[j] + goal->growth[j] - chain->expansion[j] * goal->warmth;
         memory->base[j] += left - right;
-        memory->soft[j] = chain->compliance[j];
+        memory->soft[j] = chain->compliance[j] * goal->compliance[j];
         for (int64_t c = 0; c < creeps; c++) {
             double share[3], compliance = chain->creep_compliance[j * creeps + c];
             creep_weights(span / chain->creep_time[c], share);
@@ -51,6 +51,7 @@ static void contact(
     double slip, double up[3], double down[3]) {
     double cosine = cos(0.5 * goal->turns[i]), held[2], factor = 1.0, extra = 0.0;
     grip(chain, goal->turns[i], state->travel[i], total, i, held);
+    held[0] *= goal->friction[i], held[1] *= goal->friction[i];
     if (chain->by_speed && i > 0 && i < chain->nodes - 1) {
         double kept = chain->speed_lag > 0.0 ? exp(-span / chain->speed_lag) : 0.0;
         double fresh = (1.0 - kept) / span, rise;
@@ -129,12 +130,12 @@ int64_t balance(
     return -PASSES;
 }
 
-void find_rest(const Chain *chain, const double *turns, double *rest) {
+void find_rest(const Chain *chain, const double *turns, const double *compliance, double *rest) {
     double tension = chain->pretension;
     for (int64_t j = 0; j < chain->nodes + 1; j++) {
         double creep = 0.0, clearance = chain->clearance_per_turn * turn_of_bar(chain, turns, j);
         for (int64_t c = 0; c < chain->creeps; c++) creep += chain->creep_compliance[j * chain->creeps + c];
-        rest[j] = (chain->compliance[j] + creep) * tension;
+        rest[j] = (chain->compliance[j] * compliance[j] + creep) * tension;
         rest[j] -= chain->toe[j] * expm1(-tension / chain->toe_scale[j]);
         rest[j] -= clearance * expm1(-tension / chain->clearance_scale);
     }

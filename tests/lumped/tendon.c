@@ -21,6 +21,13 @@ static double *piece(double **memory, int64_t count) {
     return result;
 }
 
+/* Mix two rows of `count` entries. */
+static void row_between(
+    double *to, const double *from, int64_t count, int64_t before, int64_t after, double share) {
+    const double *a = from + before * count, *b = from + after * count;
+    for (int64_t i = 0; i < count; i++) to[i] = (1.0 - share) * a[i] + share * b[i];
+}
+
 /* Put in what is imposed at grid point g, between two frames of the path. */
 static void impose(Inputs *now, const Chain *chain, const Imposed *imposed, int64_t g) {
     int64_t k = chain->nodes, at = imposed->frame[g];
@@ -28,11 +35,11 @@ static void impose(Inputs *now, const Chain *chain, const Imposed *imposed, int6
     double share = imposed->weight[g];
     now->drive = imposed->drive[g], now->warmth = imposed->warmth[g];
     now->growth[0] = now->growth[k] = now->turns[0] = now->turns[k - 1] = 0.0;
-    const double *longer = imposed->growth, *turns = imposed->turns;
-    for (int64_t j = 0; j < k - 1; j++)
-        now->growth[j + 1] = (1.0 - share) * longer[at * (k - 1) + j] + share * longer[after * (k - 1) + j];
-    for (int64_t i = 0; i < k - 2; i++)
-        now->turns[i + 1] = (1.0 - share) * turns[at * (k - 2) + i] + share * turns[after * (k - 2) + i];
+    now->compliance[0] = now->compliance[k] = now->friction[0] = now->friction[k - 1] = 1.0;
+    row_between(now->growth + 1, imposed->growth, k - 1, at, after, share);
+    row_between(now->turns + 1, imposed->turns, k - 2, at, after, share);
+    row_between(now->friction + 1, imposed->friction, k - 2, at, after, share);
+    row_between(now->compliance + 1, imposed->compliance, k - 1, at, after, share);
 }
 
 static double mixed(double before, double after, double share) {
@@ -43,23 +50,32 @@ static void between(Inputs *goal, const Inputs *before, const Inputs *after, dou
     goal->drive = mixed(before->drive, after->drive, share);
     goal->warmth = mixed(before->warmth, after->warmth, share);
     for (int64_t j = 0; j < k + 1; j++) goal->growth[j] = mixed(before->growth[j], after->growth[j], share);
-    for (int64_t i = 0; i < k; i++) goal->turns[i] = mixed(before->turns[i], after->turns[i], share);
+    for (int64_t j = 0; j < k + 1; j++)
+        goal->compliance[j] = mixed(before->compliance[j], after->compliance[j], share);
+    for (int64_t i = 0; i < k; i++) {
+        goal->turns[i] = mixed(before->turns[i], after->turns[i], share);
+        goal->friction[i] = mixed(before->friction[i], after->friction[i], share);
+    }
+}
+
+static void write_row(double *to, const double *from, int64_t row, int64_t count, int64_t ends_only) {
+    if (ends_only) to[2 * row] = from[0], to[2 * row + 1] = from[count - 1];
+    else memcpy(to + row * count, from, (size_t)count * sizeof *from);
 }
 
 void tendon_record(const Tendon *tendon, Records *records, int64_t row) {
     const State *state = &tendon->state;
     int64_t k = tendon->chain->nodes;
-    size_t bytes = (size_t)k * sizeof(double);
-    memcpy(records->tension + row * (k + 1), state->tension, bytes + sizeof(double));
-    memcpy(records->position + row * k, state->position, bytes);
-    memcpy(records->friction + row * k, state->friction, bytes);
-    memcpy(records->slip + row * k, state->slip, bytes);
+    write_row(records->tension, state->tension, row, k + 1, records->ends_only);
+    write_row(records->position, state->position, row, k, records->ends_only);
+    write_row(records->friction, state->friction, row, k, records->ends_only);
+    write_row(records->slip, state->slip, row, k, records->ends_only);
     records->work[row] = state->work;
 }
 
 Tendon *tendon_new(const Chain *chain, const Imposed *imposed) {
     int64_t k = chain->nodes, b = k + 1;
-    size_t room = (size_t)(60 * (k + 8) + b * chain->creeps) * sizeof(double);
+    size_t room = (size_t)(66 * (k + 8) + b * chain->creeps) * sizeof(double);
     Tendon *tendon = calloc(1, sizeof *tendon + room);
     if (tendon == NULL) return NULL;
     double *memory = (double *)(tendon + 1);
@@ -68,7 +84,8 @@ Tendon *tendon_new(const Chain *chain, const Imposed *imposed) {
                              piece(&memory, k), piece(&memory, k), piece(&memory, b * chain->creeps), 0.0 };
     Inputs *inputs[] = { &tendon->before, &tendon->after, &tendon->goal };
     for (int n = 0; n < 3; n++)
-        *inputs[n] = (Inputs){ 0.0, 0.0, 0.0, piece(&memory, b), piece(&memory, k) };
+        *inputs[n] = (Inputs){ 0.0, 0.0, 0.0, piece(&memory, b), piece(&memory, k), piece(&memory, k),
+                               piece(&memory, b) };
     tendon->rest = piece(&memory, b);
     tendon->step = (Memory){ piece(&memory, b), piece(&memory, b), piece(&memory, b), piece(&memory, b),
                              piece(&memory, b), piece(&memory, b), piece(&memory, k),
@@ -80,7 +97,9 @@ Tendon *tendon_new(const Chain *chain, const Imposed *imposed) {
             tendon->state.creep[c] = chain->creep_compliance[c] * chain->pretension;
     }
     for (int64_t i = 1; i < k - 1; i++) tendon->goal.turns[i] = imposed->turns[i - 1];
-    find_rest(chain, tendon->goal.turns, tendon->rest);
+    for (int64_t j = 0; j < b; j++)
+        tendon->goal.compliance[j] = j > 0 && j < k ? imposed->compliance[j - 1] : 1.0;
+    find_rest(chain, tendon->goal.turns, tendon->goal.compliance, tendon->rest);
     impose(&tendon->after, chain, imposed, 0);
     return tendon;
 }

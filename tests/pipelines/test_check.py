@@ -99,6 +99,15 @@ def test_a_column_that_is_not_read_is_reported(run, write_csv):
     assert "warning: column 'temperature_V' is not read" in outcome.out
 
 
+def test_a_key_that_is_not_read_is_reported_by_check_and_analyse(run, recording):
+    lines = recording.read_text().replace('"t":', '"temprature_C": 30.0, "t":')
+    recording.write_text(lines)
+    warning = "'temprature_C' is not read: the nearest name is temperature_C"
+    assert f"  warning: {warning}\n" in run("check", recording).out
+    output = json.loads(run("analyse", recording, "--json").out)
+    assert sum(warning in each for each in output["warnings"]) == 1
+
+
 def test_a_column_of_a_run_that_is_not_read_is_reported_and_the_others_are_used(run, tmp_path, half):
     drive = tmp_path / "run.csv"
     drive.write_text("time_s,tension_in_N,tension_middle_N\n0,2,2\n1,3,2\n")

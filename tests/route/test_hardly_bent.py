@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
+from tssgeom.engine import process
 from tssgeom.rig import Rig
 from tssgeom.route.geometry import measure
 from tssgeom.route.observations import clean
 from tssgeom.route.tracking import follow
-from tssgeom.stream import Frame, FrameResult, process
+from tssgeom.stream import Frame, FrameResult
 
 DRAWS = 60
 

@@ -6,12 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tssgeom.engine import process
 from tssgeom.errors import SettingsError
 from tssgeom.frame import Frame
 from tssgeom.mechanism import Drive, DriveLimits
 from tssgeom.rig import Friction, Load, Rig, ShapeSensor, Tendon
 from tssgeom.route.pieces import Arcs
-from tssgeom.stream import FrameResult, process
+from tssgeom.stream import FrameResult
 from tssgeom.tendon.command import compensate
 from tssgeom.tendon.command_error import Step, Variant, outside, spread
 from tssgeom.tendon.commander import Target, commander_of

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 import rerun as rr
 
+from tssgeom.engine import process
 from tssgeom.rig import Rig
-from tssgeom.stream import Frame, FrameResult, process
+from tssgeom.stream import Frame, FrameResult
 from tssgeom.view.scene.recording import write_recording
 
 NOISE = 1e-4

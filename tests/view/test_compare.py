@@ -8,9 +8,10 @@ import pytest
 
 from tests.view.conftest import analysed, arc
 from tests.view.recorded import columns, entities, verify, views
+from tssgeom.engine import process
 from tssgeom.errors import SourceError
 from tssgeom.rig import Friction, Rig
-from tssgeom.stream import Frame, FrameResult, process
+from tssgeom.stream import Frame, FrameResult
 from tssgeom.view.colours import tension_rgba32
 from tssgeom.view.samples import route_samples
 from tssgeom.view.scene.compare.comparison import write_comparison

@@ -3,9 +3,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tssgeom.engine import process
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
-from tssgeom.stream import Frame, FrameResult, process
+from tssgeom.stream import Frame, FrameResult
 from tssgeom.tendon.history import last_peak
 from tssgeom.view.samples import evenly, outliers, ranges, round_down, round_up, route_samples, staircase
 

@@ -1,8 +1,9 @@
 import numpy as np
 
+from tssgeom.engine import process
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
-from tssgeom.stream import Frame, FrameResult, process
+from tssgeom.stream import Frame, FrameResult
 from tssgeom.view.samples import route_samples
 from tssgeom.view.wording import angle_with_error, piece_labels, piece_table, summary, with_error
 

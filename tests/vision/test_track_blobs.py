@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from tests.scenes import Ball, Scene, arch, loop, render, ring
+from tssgeom.engine import process
 from tssgeom.errors import SettingsError, ShapeError
 from tssgeom.rig import Rig
-from tssgeom.stream import Frame, FrameResult, process
+from tssgeom.stream import Frame, FrameResult
 from tssgeom.vision.across import noise_across
 from tssgeom.vision.blobs import BlobAppearance, blob_finder
 from tssgeom.vision.localisation import Alone

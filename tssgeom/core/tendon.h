@@ -185,3 +185,30 @@ ENTRY int64_t tss_march_machine(
     const double spans[s], const double drive[s][n], const double end[s][n], const double load[s][m],
     const double warmth[s], int64_t rows, OUT double after[n][9 * (k + 1) + 7], OUT double coordinate[s][m],
     OUT double ends[s][4 * n], OUT double profile[rows][n * (k + 1)], WORK double trial[n][9 * (k + 1) + 7], WORK double work[21][k + 1]);
+
+/** Step n tendons whose plants are straight lines over d numbers; docs/model.md (201), (202).
+
+`slope` [d] is what 1 of each number adds to `plant`, `shift` [n, d] how far the numbers of each member are from
+those of the plant. Where the route has `moved` from that of the plant it is `length`, `angle` of its pieces
+times `gain` [n] of each member. `position` [m] is where each drive was, `drive` [n] where it goes, [N] or [m];
+`warmth` [K]. Returns how many members were stepped, fewer where one finds no equilibrium; the memories; and
+T_in, T_out [N], x_in, x_out [m] of each. */
+ENTRY int64_t tss_step_ensemble(
+    int64_t n, int64_t k, const double edge[k], int64_t d, const double plant[16 * (k + 1) + 428],
+    const double slope[d][16 * (k + 1) + 428], const double shift[n][d],
+    const double memory[n][9 * (k + 1) + 7], int64_t p, const double length[p], const double angle[p],
+    const double gain[n], int64_t m, const double bends[m][3], int64_t moved, int64_t by_force,
+    int64_t was_by_force, const double position[n], const double drive[n], double span, double warmth,
+    OUT double after[n][9 * (k + 1) + 7], OUT double ends[n][4], WORK double own[16 * (k + 1) + 428],
+    WORK double pieces[6][p + 2 * m], WORK double work[24][k + 1]);
+
+/** Shift n members by c readings, one after the other, as an ensemble square-root filter; docs/model.md (203).
+
+`numbers` [n, d], `memory` [n] and `predicted` [n, c] of each member are changed. A reading of NaN is none, and
+one further off than `most_off` standard deviations is an outlier. Returns how many were used, and the innovation
+of each and its variance. */
+ENTRY int64_t tss_assimilate(
+    int64_t n, int64_t k, int64_t d, int64_t c, INOUT double numbers[n][d],
+    INOUT double memory[n][9 * (k + 1) + 7], INOUT double predicted[n][c], const double reading[c],
+    const double variance[c], double most_off, OUT double innovation[c][2],
+    WORK double work[9 * (k + 1) + 7 + d + c]);

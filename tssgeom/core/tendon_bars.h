@@ -114,3 +114,12 @@ double balance(
 /* The same in one sweep on a fixed route; returns how far the drive is off [m]. */
 double
 sweep(const bar_laws *laws, bar_memory *memory, step_room *room, int by_force, double target, double span);
+
+/* Take one sample in as many steps as it has; returns whether there is an equilibrium. */
+int take_sample(
+    bar_laws *laws, bar_memory *memory, step_room *room, int by_force, double duration, double drive,
+    double warmth, int64_t parts);
+/* Read T_in, T_out [N], x_in, x_out [m], slip of the first and last contact; returns whether all are finite. */
+int record(const bar_laws *laws, const bar_memory *memory, int by_force, double out[6]);
+/* Go from one kind of drive to the other: the tendon's end and the drive stay where they are; (59). */
+void switch_drive(const bar_memory *memory, double position, int by_force);

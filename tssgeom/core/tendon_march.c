@@ -133,9 +133,7 @@ static double cut_at(int64_t cut, int turned, double parts) {
     return cut < 6 ? AFTER_A_TURN[cut] / parts : (double)(cut - 4) / parts;
 }
 
-/* Read T_in, T_out [N], x_in, x_out [m], slip of the first and last contact; returns whether all are finite.
- */
-static int record(const bar_laws *laws, const bar_memory *memory, int by_force, double out[6]) {
+int record(const bar_laws *laws, const bar_memory *memory, int by_force, double out[6]) {
     const double *tension = memory->tension;
     double *held = memory->held, slope;
     int64_t last_bar = laws->k;
@@ -156,8 +154,7 @@ static int record(const bar_laws *laws, const bar_memory *memory, int by_force, 
     return isfinite(out[0] + out[1] + out[2] + out[3]);
 }
 
-/* Take one sample in as many steps as it has; returns whether there is an equilibrium. */
-static int take_sample(
+int take_sample(
     bar_laws *laws, bar_memory *memory, step_room *room, int by_force, double duration, double drive,
     double warmth, int64_t parts) {
     double *held = memory->held, first = held[HELD.drive], cold = held[HELD.warmth], before = held[HELD.rate];
@@ -213,8 +210,7 @@ int64_t tss_march(
     return s;
 }
 
-/* Go from one kind of drive to the other: the tendon's end and the drive stay where they are; (59). */
-static void switch_drive(const bar_memory *memory, double position, int by_force) {
+void switch_drive(const bar_memory *memory, double position, int by_force) {
     double *held = memory->held, engaged = held[HELD.engaged];
     if (by_force)
         held[HELD.drive] = memory->tension[0], held[HELD.lag] = engaged - position,

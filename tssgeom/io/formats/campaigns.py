@@ -9,6 +9,7 @@ from pathlib import Path
 import msgspec
 
 from tssgeom.arrays import Vector
+from tssgeom.engine import recorded
 from tssgeom.errors import SettingsError, ShapeError, SourceError
 from tssgeom.identify.campaign import Campaign, Route, Run
 from tssgeom.io.formats.columns import CHANNELS
@@ -20,7 +21,7 @@ from tssgeom.plausibility.frames import rig_remarks
 from tssgeom.plausibility.rules import warnings_of
 from tssgeom.plausibility.runs import campaign_remarks, fit_remarks, run_remarks
 from tssgeom.rig import Rig, Sensor, read_rig
-from tssgeom.stream import Frame, FrameResult, Rejected, recorded
+from tssgeom.stream import Frame, FrameResult, Rejected
 
 _SPECIFIED = {name.rpartition("_")[0]: (name, 1.0) for name in IN_SI.values()} | {
     name: (IN_SI[field], per_si) for name, (field, per_si) in CHANNELS.items()

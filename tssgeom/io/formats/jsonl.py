@@ -7,7 +7,7 @@ import math
 import re
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
 from typing import Any, BinaryIO, Generic, NamedTuple, TypeVar
@@ -108,10 +108,10 @@ def frame_of(text: bytes, unit: str | None, time: float | None = None) -> Frame:
         if decoded := _decoded_fast(text):
             return _frame(*decoded, unit, time)
         line = _line_decoder.decode(text)
-        _unknown_keys(text)
+        warnings = _unknown_keys(text)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise ShapeError(_fault(error)) from error
-    return _frame(line, _rows(line.points), unit, time)
+    return _frame(line, _rows(line.points), warnings, unit, time)
 
 
 def _fault(error: Exception) -> str:
@@ -123,8 +123,9 @@ def _fault(error: Exception) -> str:
     return f"{error}: {hint}"
 
 
-def _decoded_fast(text: bytes) -> tuple[Line[msgspec.Raw], np.ndarray] | None:
-    """Decode a line with plain points; None for any other line."""
+def _decoded_fast(text: bytes) -> tuple[Line[msgspec.Raw], np.ndarray, tuple[str, ...]] | None:
+    """Decode a line with plain points, and warn of its unknown keys; None for any other line."""
+    warnings = ()
     try:
         line = _strict_decoder.decode(text)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
@@ -132,13 +133,13 @@ def _decoded_fast(text: bytes) -> tuple[Line[msgspec.Raw], np.ndarray] | None:
             line = _quick_decoder.decode(text)
         except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
             return None
-        _unknown_keys(text)
+        warnings = _unknown_keys(text)
     points = plain_points(line.points)
-    return (line, points) if len(points) else None
+    return (line, points, warnings) if len(points) else None
 
 
 def _unknown_keys(text: bytes) -> tuple[str, ...]:
-    """Return a warning for each key that is not read and resembles one that is.
+    """Return a warning for each key that is not read, with the one that it resembles.
 
     Raises
     ------
@@ -148,7 +149,7 @@ def _unknown_keys(text: bytes) -> tuple[str, ...]:
     held = _keys_decoder.decode(text)
     unknown = held.keys() - _KNOWN - _CARRIED
     driven = any(bytes(held[key]) != b"null" for key in _DRIVES if key in held)
-    return unknown_names(sorted(unknown), _KNOWN, driven=driven) if unknown else ()
+    return unknown_names(unknown, _KNOWN, driven=driven, every=True) if unknown else ()
 
 
 def plain_points(text: bytes | msgspec.Raw) -> np.ndarray:
@@ -169,7 +170,9 @@ def frame_or_refusal(text: bytes, unit: str | None) -> Frame | Rejected:
         return Rejected(0, time, " ".join(str(error).split()), "" if heading.id is None else heading.id)
 
 
-def _frame(line: Line[Any], points: np.ndarray, unit: str | None, time: float | None) -> Frame:
+def _frame(
+    line: Line[Any], points: np.ndarray, warnings: tuple[str, ...], unit: str | None, time: float | None
+) -> Frame:
     stated = line.unit or unit
     if stated not in PER_METRE:
         raise ShapeError(f"the unit is {stated!r}: {_STATE_UNIT}, or give --unit mm|m")
@@ -194,6 +197,7 @@ def _frame(line: Line[Any], points: np.ndarray, unit: str | None, time: float | 
         length=line.length_m,
         temperature=line.temperature_C,
         noise=line.noise_m,
+        warnings=warnings,
     )
 
 
@@ -242,7 +246,8 @@ class JsonFrames(Frames):
         """Yield the frames as the file holds them."""
         for seq, (number, text) in enumerate(_lines(self.path)):
             try:
-                yield frame_of(text, self.unit, float(seq) if self.counted else None)
+                frame = frame_of(text, self.unit, float(seq) if self.counted else None)
+                yield replace(frame, warnings=()) if frame.warnings else frame  # the recording has them
             except ShapeError as error:
                 yield Rejected(seq, 0.0, f"line {number}: {error}")
 
@@ -270,7 +275,7 @@ class _Survey(NamedTuple):
     unit: str | None
     has_clock: bool
     unknown: tuple[str, ...]
-    """Keys that are not read and resemble others, a sentence each."""
+    """Keys that are not read, a sentence each."""
 
 
 def _survey(path: Path) -> _Survey:

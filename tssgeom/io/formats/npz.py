@@ -121,7 +121,7 @@ def open_npz(path: Path, unit: str | None) -> Recording:
     driven = any(name in arrays for name in MEASURED if name.startswith(_DRIVES))
     unknown = arrays.keys() - {TIME, "unit", *MEASURED, "covariance_mm2"}
     try:
-        warnings = unknown_names(sorted(unknown), (TIME, *MEASURED), driven=driven)
+        warnings = unknown_names(unknown, (TIME, *MEASURED), driven=driven)
     except ShapeError as error:
         raise ShapeError(f"{path}: {error}") from error
     warnings += (UNTIMED,) if timed and TIME not in arrays else ()

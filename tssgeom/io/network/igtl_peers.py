@@ -18,6 +18,7 @@ import numpy as np
 from tssgeom.arrays import Points, read_only
 from tssgeom.errors import ShapeError
 from tssgeom.io.formats.columns import MEASURED
+from tssgeom.io.formats.laboratory.unknown import unknown_names
 from tssgeom.io.network.addresses import Access, Endpoint, resolved
 from tssgeom.io.network.channel import WRITE, Channel
 from tssgeom.io.network.igtl import (
@@ -42,6 +43,7 @@ _NUMBERS = {name: field for name, (field, per_si) in MEASURED.items() if per_si 
     "length_m": "length",
 }
 """Names of numbers in the metadata, and the fields of `Frame` that they fill."""
+_DRIVES = frozenset(("tension_in", "displacement_in", "displacement_target", "tension_out_target"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -225,11 +227,16 @@ def _decoded(header: Header, body: bytes) -> Frame | Rejected:
 def _frame_or_refusal(message: Message, positions: Points) -> Frame | Rejected:
     when = message.header.time or time.time()
     stated = {field: message.metadata[name] for name, field in _NUMBERS.items() if name in message.metadata}
+    unknown = message.metadata.keys() - _NUMBERS.keys() - {"id"}  # most are of programs on the way
     try:
         numbers = {field: float(text) for field, text in stated.items()}
+        warnings = unknown_names(unknown, _NUMBERS, driven=not _DRIVES.isdisjoint(numbers)) if unknown else ()
+    except ShapeError as error:
+        return Rejected(0, when, f"metadata: {error}")
     except ValueError as error:
         return Rejected(0, when, f"metadata: {error}: write numbers")
-    return replace(Frame(read_only(positions), when, id=message.metadata.get("id", "")), **numbers)
+    frame = Frame(read_only(positions), when, id=message.metadata.get("id", ""), warnings=warnings)
+    return replace(frame, **numbers)
 
 
 class IgtlSink(TcpSink):

@@ -271,8 +271,8 @@ class Replay(Source):
         self.text = endpoint.text
         self._mailbox, self._speed, self._clock = mailbox, endpoint.speed(), Clock()
         recording = open_recording(endpoint.path, unit, columns)
-        self.notes = recording.notes
-        """How the file was read."""
+        self.notes = (*recording.notes, *recording.warnings)
+        """How the file was read, and what was not."""
         self._frames: Iterator[Frame | Rejected] = iter(recording.frames)
         self._begun: tuple[float, float] | None = None
         self._next: Frame | Rejected | None = None

@@ -10,8 +10,9 @@ import rerun as rr
 import trimesh
 
 from tssgeom.arrays import Matrix, Vector
+from tssgeom.engine import process
 from tssgeom.rig import Rig
-from tssgeom.stream import Frame, FrameResult, process
+from tssgeom.stream import Frame, FrameResult
 from tssgeom.view.samples import Ranges, RouteSamples, numbers_of, ranges, round_up, route_samples
 from tssgeom.view.scene.blueprint import blueprint
 from tssgeom.view.scene.camera import ASPECT, Camera, camera

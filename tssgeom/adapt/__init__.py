@@ -1,0 +1,1 @@
+"""A rig that is followed while it runs: numbers that drift, faults that are beyond chance."""

@@ -1,0 +1,188 @@
+"""Which numbers of a rig are followed, and what they make of a tendon as straight lines; docs/model.md (200), (201)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+
+from tssgeom.arrays import Matrix, Vector
+from tssgeom.effects import KINDS, AnyEffect
+from tssgeom.errors import SettingsError
+from tssgeom.rig import Follow, Rig, with_values
+from tssgeom.route.pieces import Arcs
+from tssgeom.tendon.bars.model import model_of, setup_of
+
+RIG_KEYS = (
+    "friction.coefficient",
+    "tendon.compliance_per_N",
+    "tendon.pretension_N",
+    "load.stiffness_N_per_m",
+    "route.angle_gain",
+)
+"""Numbers of a rig, beside the parameters of effects, that can be followed."""
+
+
+class DefaultDrift(NamedTuple):
+    """What is followed where the rig says nothing. Chosen: what worn sheaths and load cells of laboratories do."""
+
+    friction_sd: float = 0.1
+    """Standard deviation of friction at the start, and of its change in an hour, over its value [1]."""
+    friction_hourly: float = 0.2
+    zero_sd_N: float = 0.1
+    """Of the zero of each tension [N]."""
+    zero_hourly_N: float = 0.05
+
+
+DEFAULT = DefaultDrift()
+_STEP = (
+    1e-3  # of the scale of a number, for its straight line [1]; chosen: rounding and bend are both far below
+)
+_SENSORS = 5  # numbers of `SensorNumbers`
+
+
+class SensorNumbers(NamedTuple):
+    """Gains and zeros of both tensions, and how much of T_in the distal cell reads."""
+
+    gain_in: float | Vector
+    zero_in: float | Vector
+    gain_out: float | Vector
+    zero_out: float | Vector
+    crosstalk: float | Vector
+
+
+@dataclass(frozen=True, slots=True)
+class FollowedNumber:
+    """One number of a rig that drifts."""
+
+    key: str
+    """`friction.coefficient`, or an effect and its parameter: `tension_in_offset.offset_N`."""
+    value: float
+    """In the rig."""
+    sd: float
+    """Standard deviation at the start, in its unit."""
+    hourly_change: float
+    """Standard deviation of its change in an hour, in its unit."""
+    lower: float
+    upper: float
+
+    @property
+    def scale(self) -> float:
+        """A size of it that matters."""
+        return max(self.sd, 0.01 * abs(self.value))
+
+
+def followed_numbers(rig: Rig, measured: Sequence[str]) -> tuple[FollowedNumber, ...]:
+    """Return the numbers that a rig names to be followed, else friction and the zeros of the `measured` tensions.
+
+    Raises
+    ------
+    SettingsError
+        Where a key is none that can be followed.
+    """
+    return tuple(_number(rig, key, follow) for key, follow in (rig.adapt or _default(rig, measured)).items())
+
+
+def _default(rig: Rig, measured: Sequence[str]) -> dict[str, Follow]:
+    friction = rig.friction.coefficient
+    of_friction = Follow(sd=DEFAULT.friction_sd * friction, hourly_change=DEFAULT.friction_hourly * friction)
+    zero = Follow(sd=DEFAULT.zero_sd_N, hourly_change=DEFAULT.zero_hourly_N)
+    zeros = {"tension_in_N": "tension_in_offset.offset_N", "tension_out_N": "tension_out_offset.offset_N"}
+    return {"friction.coefficient": of_friction} | {
+        key: zero for channel, key in zeros.items() if channel in measured
+    }
+
+
+def _number(rig: Rig, key: str, follow: Follow) -> FollowedNumber:
+    table, _, name = key.partition(".")
+    if key in RIG_KEYS:
+        return FollowedNumber(key, getattr(getattr(rig, table), name), *_drift(follow), 0.0, math.inf)
+    kind = KINDS.get(table)
+    parameter = kind.parameters.get(name) if kind is not None else None
+    if parameter is None:
+        known = ", ".join(RIG_KEYS)
+        raise SettingsError(
+            f"adapt.{key}: no number that can be followed: give {known}, or an effect and its parameter, "
+            "as backlash.width_m (docs/formats.md, Rig)"
+        )
+    effect = next((one for one in rig.effects if isinstance(one, KINDS[table])), None)
+    if effect is None and len(KINDS[table].__struct_fields__) > 1:
+        raise SettingsError(f"adapt.{key}: the rig has no effect {table}: add it as [[effects]]")
+    value = parameter.centre if effect is None else getattr(effect, name)
+    return FollowedNumber(key, value, *_drift(follow), parameter.lower, parameter.upper)
+
+
+def _drift(follow: Follow) -> tuple[float, float]:
+    return follow.sd, follow.hourly_change
+
+
+def with_numbers(rig: Rig, values: Mapping[str, float]) -> Rig:
+    """Return a rig with other values of followed numbers, by key; effects that it lacks are added."""
+    of_rig = {key: value for key, value in values.items() if key in RIG_KEYS}
+    effects = list[AnyEffect](rig.effects)
+    for key, value in values.items():
+        if key in of_rig:
+            continue
+        table, _, name = key.partition(".")
+        at = next((i for i, one in enumerate(effects) if isinstance(one, KINDS[table])), None)
+        if at is None:
+            effects.append(KINDS[table](**{name: value}))
+        else:
+            effects[at] = msgspec.structs.replace(effects[at], **{name: value})
+    changed = with_values(rig, of_rig) if of_rig else rig
+    return msgspec.structs.replace(changed, effects=tuple(effects))
+
+
+@dataclass(frozen=True, slots=True)
+class StraightLines:
+    """A plant and the sensors as straight lines over the followed numbers about some values; (201)."""
+
+    about: Vector
+    """[d] The values."""
+    plant: Vector
+    """The numbers of a `Plant` there."""
+    slope: Matrix
+    """[d, numbers] What 1 of each number adds to it."""
+    sensors: Vector
+    """[5] As `SensorNumbers`."""
+    sensor_slope: Matrix
+    """[d, 5]"""
+
+    def sensors_of(self, numbers: Matrix) -> SensorNumbers:
+        """Return the sensors of members whose numbers are [n, d], each [n]."""
+        return SensorNumbers(*(self.sensors + (numbers - self.about) @ self.sensor_slope).T)
+
+
+def straight_lines(
+    rig: Rig, numbers: Sequence[FollowedNumber], about: Vector, arcs: Arcs, edge: Vector
+) -> StraightLines:
+    """Return plant and sensors about values [d] of the followed numbers, on a route with bars cut at `edge`."""
+
+    def at(values: Vector) -> tuple[Vector, Vector]:
+        kept = {one.key: float(value) for one, value in zip(numbers, values, strict=True)}
+        changed = with_numbers(rig, kept)
+        setup = setup_of(changed)
+        bent = Arcs.exact(arcs.length, changed.route.angle_gain * arcs.angle)
+        sensors = SensorNumbers(
+            setup.tension_in_gain,
+            setup.tension_in_offset_N,
+            setup.tension_out_gain,
+            setup.tension_out_offset_N,
+            setup.crosstalk,
+        )
+        return model_of(setup, bent, "displacement_in_m", edge).plant.block, np.array(sensors)
+
+    plant, sensors = at(about)
+    slope, sensor_slope = np.empty((len(about), len(plant))), np.empty((len(about), _SENSORS))
+    for i, one in enumerate(numbers):
+        step = _STEP * one.scale
+        step = -step if about[i] + step > one.upper else step
+        moved = about.copy()
+        moved[i] += step
+        there = at(moved)
+        slope[i], sensor_slope[i] = (there[0] - plant) / step, (there[1] - sensors) / step
+    return StraightLines(about, plant, slope, sensors, sensor_slope)

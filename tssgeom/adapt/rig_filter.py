@@ -1,0 +1,372 @@
+"""The filter that follows a rig: an ensemble of tendons, each with its own numbers and its own history.
+
+Friction is not smooth, so no linear filter carries the tension along a tendon. Here each member is a tendon that
+the same drive moves; a reading shifts numbers and tensions of all members together, by what they have in common with
+what it reads. Source: docs/model.md (200) to (205); J. S. Whitaker and T. M. Hamill, Ensemble data assimilation
+without perturbed observations, Monthly Weather Review 130 (2002).
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from tssgeom import core
+from tssgeom.adapt.drive import DriveTracker
+from tssgeom.adapt.followed import FollowedNumber, SensorNumbers, straight_lines, with_numbers
+from tssgeom.arrays import Matrix, Vector
+from tssgeom.errors import FitError
+from tssgeom.rig import Rig, Sensor
+from tssgeom.route.pieces import Arcs
+from tssgeom.tendon.bars.contact_grid import bends_of, edges
+from tssgeom.tendon.bars.model import BARS, Model, begin, model_of, setup_of
+from tssgeom.tendon.bars.plant import Memory
+
+CHANNELS = ("tension_in_N", "tension_out_N", "elongation_m")
+"""What the filter takes as readings, beside the drive."""
+_ENDS = 4  # T_in, T_out, x_in, x_out
+_PROBES = 2  # tendons that show what an error of the drive does: derived, one either way
+
+
+class FilterSettings(NamedTuple):
+    """Numbers of the filter."""
+
+    members: int = 64
+    """Tendons [1]. Chosen: the error of a correlation of two of them is an eighth."""
+    outlier: float = 6.0
+    """Standard deviations from which a reading is not used [1]; chosen: 1 of 5e8 if it were normal."""
+    drift_interval: float = 0.05
+    """Time between two additions of drift [s]. Chosen: small beside any phase of a motion."""
+    bent: float = 0.3
+    """Share of its noise by which an error of the drive may bend a reading that is used [1]. Chosen: just behind a
+    turn the tension is no straight line over the drive, and its mean would be biased."""
+    straight: float = 2.0
+    """Scales of a number after which its straight line is drawn anew [1]. Chosen: friction is exact, (201)."""
+    least_noise: float = 1e-6
+    """Noise of a channel that states none [N, m]. Chosen: below every sensor."""
+    first_span: float = 1e-2
+    """Time that the first step takes [s]; chosen: only effects over time feel it."""
+
+
+_SETTINGS = FilterSettings()
+
+
+class Readings(NamedTuple):
+    """What was measured at one time; None where it was not."""
+
+    tension_in: float | None = None
+    displacement_in: float | None = None
+    tension_out: float | None = None
+    elongation: float | None = None
+
+    @property
+    def by_force(self) -> bool:
+        """Whether the tension drives: a position is the better drive where both are measured."""
+        return self.displacement_in is None
+
+
+@dataclass(frozen=True, slots=True)
+class FollowedRig:
+    """What is known of the rig and of both ends after a frame."""
+
+    keys: tuple[str, ...]
+    values: Vector
+    """[d] In the units of the keys."""
+    covariance: Matrix
+    """[d, d]"""
+    ends: Vector
+    """[4] T_in, T_out [N], x_in, x_out [m]."""
+    ends_se: Vector
+    """[4]"""
+    off: Vector
+    """[channels] Readings less what was expected [N, m]; NaN where there is none to use."""
+    off_sd: Vector
+    """[channels] Its standard deviation [N, m]."""
+
+    @property
+    def se(self) -> Vector:
+        """[d] Standard errors."""
+        return np.sqrt(np.diag(self.covariance))
+
+
+class RigFilter:
+    """Follows numbers of a rig from frame to frame.
+
+    Parameters
+    ----------
+    rig
+        The rig; its `sensors` state the noise of each channel.
+    numbers
+        What is followed.
+    arcs
+        The route of the first frame, on which the tendon is cut.
+    seed
+        Of the numbers at the start and of the drift.
+    memory
+        Tension along the tendon before the first frame; by default the rig's pretension.
+    """
+
+    def __init__(
+        self,
+        rig: Rig,
+        numbers: Sequence[FollowedNumber],
+        arcs: Arcs,
+        *,
+        seed: int = 0,
+        memory: Memory | None = None,
+    ) -> None:
+        self.rig, self.numbers, self.cut = rig, tuple(numbers), arcs
+        self.edge = edges(arcs, BARS)
+        self._random = np.random.default_rng(seed)
+        start = np.array([one.value for one in numbers])
+        self._lines = straight_lines(rig, numbers, start, arcs, self.edge)
+        self._bends = bends_of(setup_of(rig))
+        count = _SETTINGS.members
+        self.members = start + self._deviations(count, np.array([one.sd for one in numbers]), [])
+        rest = memory or begin(model_of(setup_of(rig), arcs, "displacement_in_m", self.edge)).memory
+        self.memory = np.tile(rest.block, (count + _PROBES, 1))
+        self.position = np.zeros(count + _PROBES)
+        self.time = math.nan
+        self.muted = set[str]()
+        """Channels whose readings are not used."""
+        self.outlier = _SETTINGS.outlier
+        self._by_force, self._waiting = False, 0.0
+        variances = (noise_variance(rig.sensors.get(name)) for name in CHANNELS)
+        self._noise_variance = np.maximum(list(variances), _SETTINGS.least_noise**2)
+        self._drives = {
+            name: DriveTracker(math.sqrt(noise_variance(rig.sensors.get(name))))
+            for name in ("tension_in_N", "displacement_in_m")
+        }
+        self._bound()
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """What is followed."""
+        return tuple(one.key for one in self.numbers)
+
+    @property
+    def values(self) -> Vector:
+        """[d] The numbers as they are now."""
+        return self.members.mean(axis=0)
+
+    def step(self, arcs: Arcs, readings: Readings, time: float, warmth: float = 0.0) -> FollowedRig:
+        """Move the drive of all members, and shift them by what was read.
+
+        Parameters
+        ----------
+        arcs
+            The route.
+        readings
+            What was measured.
+        time
+            Time [s], not before that of the last step.
+        warmth
+            Temperature above that of the first step [K].
+
+        Raises
+        ------
+        FitError
+            Where a member finds no equilibrium; the filter is then as before.
+        """
+        span = _SETTINGS.first_span if math.isnan(self.time) else time - self.time
+        self._drift(span)
+        count, tracker = len(self.members), self._tracker(readings.by_force)
+        numbers = np.vstack((self.members, self.members[:1], self.members[:1]))
+        self.memory[count:], self.position[count:] = self.memory[0], self.position[0]
+        sensors = self._lines.sensors_of(numbers)
+        drive = self._drive(readings, sensors)
+        after, ends = self._stepped(arcs, numbers, drive, readings.by_force, span, warmth)
+        predicted = _predicted(ends, sensors)
+        by_drive = 0.5 * (predicted[count] - predicted[count + 1])
+        ends_by_drive = 0.5 * (ends[count] - ends[count + 1])
+        bent = 0.5 * np.abs(predicted[count] + predicted[count + 1] - 2.0 * predicted[0])
+        given = self._given(readings)
+        given[bent > _SETTINGS.bent * np.sqrt(self._noise_variance)] = math.nan
+        slides = ends[count, 1] != ends[count + 1, 1]
+        variance = self._noise_variance + tracker.repeated(slides) * by_drive**2
+        whole = np.ascontiguousarray(np.hstack((predicted, ends))[:count])
+        _, innovation = core.assimilate(
+            len(self.edge),
+            self.members,
+            after[:count],
+            whole,
+            np.concatenate((given, np.full(_ENDS, math.nan))),
+            np.concatenate((variance, np.ones(_ENDS))),
+            self.outlier,
+        )
+        self.memory, self.position = after, ends[:, 2].copy()
+        self._by_force, self.time = readings.by_force, time
+        self._bound()
+        self._draw_anew()
+        now = whole[:, len(CHANNELS) :]
+        return FollowedRig(
+            self.keys,
+            self.values,
+            np.atleast_2d(np.cov(self.members, rowvar=False)),
+            now.mean(axis=0),
+            np.hypot(now.std(axis=0, ddof=1), ends_by_drive),
+            innovation[: len(CHANNELS), 0],
+            np.sqrt(innovation[: len(CHANNELS), 1]),
+        )
+
+    def ends_after(
+        self, arcs: Arcs, span: float, *, displacement_in: float | None, tension_in: float = 0.0
+    ) -> tuple[Vector, Vector]:
+        """Return both ends after a move of the drive, and their standard errors [4]; nothing is changed.
+
+        A position [m], or else a true tension [N]; docs/model.md (205).
+        """
+        by_force = displacement_in is None
+        drive = np.full(len(self.memory), tension_in if by_force else displacement_in)
+        numbers = np.vstack((self.members, self.members[:1], self.members[:1]))
+        ends = self._stepped(arcs, numbers, drive, by_force, max(span, _SETTINGS.first_span), 0.0)[1]
+        now = ends[: len(self.members)]
+        return now.mean(axis=0), now.std(axis=0, ddof=1)
+
+    def with_more(self, more: Sequence[FollowedNumber], rig: Rig | None = None) -> RigFilter:
+        """Return a filter that goes on from here and follows further numbers too, each with its own spread."""
+        other = copy.copy(self)
+        other.rig = self.rig if rig is None else rig
+        other.numbers = (*self.numbers, *more)
+        other._random, other._drives = copy.deepcopy(self._random), copy.deepcopy(self._drives)
+        other.memory, other.position, other.muted = self.memory.copy(), self.position.copy(), set(self.muted)
+        if not more and rig is None:
+            other.members = self.members.copy()
+            return other
+        known = [*self.members.T, *self._tensions()]
+        new = np.array([one.value for one in more]) + other._deviations(
+            len(self.members), np.array([one.sd for one in more]), known
+        )
+        other.members = np.hstack((self.members, new))
+        other._bends = bends_of(setup_of(other.rig))
+        other._bound()
+        other._lines = straight_lines(other.rig, other.numbers, other.values, self.cut, self.edge)
+        return other
+
+    def reopen(self, sds: Vector) -> None:
+        """Let the numbers have at least these standard deviations [d] again: what is known of them is old."""
+        now = self.members.std(axis=0, ddof=1)
+        missing = np.sqrt(np.maximum(sds**2 - now**2, 0.0))
+        known = [*self.members.T, *self._tensions()]
+        self.members = self.members + self._deviations(len(self.members), missing, known)
+        self._bound()
+
+    def rig_now(self) -> Rig:
+        """Return the rig with the followed numbers as they are now."""
+        return with_numbers(self.rig, dict(zip(self.keys, self.values.tolist(), strict=True)))
+
+    def tendon_now(self) -> tuple[Memory, Model]:
+        """Return the mean tendon, and the rig that it belongs to on the route that it was cut on."""
+        memory = self.memory[: len(self.members)].mean(axis=0)
+        memory.setflags(write=False)
+        return Memory(memory), model_of(setup_of(self.rig_now()), self.cut, "displacement_in_m", self.edge)
+
+    def _given(self, readings: Readings) -> Vector:
+        read = (
+            None if readings.by_force else readings.tension_in,
+            readings.tension_out,
+            readings.elongation,
+        )
+        usable = zip(CHANNELS, read, strict=True)
+        return np.array([math.nan if v is None or name in self.muted else v for name, v in usable])
+
+    def _tracker(self, by_force: bool) -> DriveTracker:
+        return self._drives["tension_in_N" if by_force else "displacement_in_m"]
+
+    def _drive(self, readings: Readings, sensors: SensorNumbers) -> Vector:
+        """Return the drive of each member and probe, [N] or [m]."""
+        by_force, tracker = readings.by_force, self._tracker(readings.by_force)
+        given = readings.tension_in if by_force else readings.displacement_in
+        sd = tracker.take(0.0 if given is None else given)
+        reading = np.full(len(self.memory), tracker.value)
+        reading[-_PROBES:] += sd, -sd
+        return np.maximum((reading - sensors.zero_in) / sensors.gain_in, 0.0) if by_force else reading
+
+    def _stepped(
+        self, arcs: Arcs, numbers: Matrix, drive: Vector, by_force: bool, span: float, warmth: float
+    ) -> tuple[Matrix, Matrix]:
+        """Return memories and ends of members and probes after a step."""
+        lines = self._lines
+        done, after, ends = core.step_ensemble(
+            self.edge,
+            lines.plant,
+            lines.slope,
+            numbers - lines.about,
+            self.memory,
+            arcs.length,
+            arcs.angle,
+            self._gains(numbers),
+            self._bends,
+            arcs is not self.cut,
+            by_force,
+            self._by_force,
+            self.position,
+            drive,
+            span,
+            warmth,
+        )
+        if done < len(drive):
+            said = ", ".join(f"{key} {value:g}" for key, value in zip(self.keys, numbers[done], strict=True))
+            raise FitError(f"no equilibrium of the tendon was found with {said}: take smaller steps")
+        return after, ends
+
+    def _gains(self, numbers: Matrix) -> Vector:
+        if "route.angle_gain" in self.keys:
+            return np.ascontiguousarray(numbers[:, self.keys.index("route.angle_gain")])
+        return np.full(len(numbers), self.rig.route.angle_gain)
+
+    def _drift(self, span: float) -> None:
+        """Add what the numbers change by in a time, uncorrelated with what members differ in; (204)."""
+        self._waiting += span
+        if self._waiting < _SETTINGS.drift_interval:
+            return
+        sd = np.array([one.hourly_change for one in self.numbers]) * math.sqrt(self._waiting / 3600.0)
+        self._waiting = 0.0
+        if sd.any():
+            known = [*self.members.T, *self._tensions()]
+            self.members = self.members + self._deviations(len(self.members), sd, known)
+            self._bound()
+
+    def _tensions(self) -> Matrix:
+        """[2, members] Tension of each member at both ends [N]."""
+        return self.memory[: len(self.members), [0, len(self.edge)]].T
+
+    def _deviations(self, count: int, sd: Vector, known: Sequence[Vector]) -> Matrix:
+        """Return [count, d] deviations of these standard deviations, uncorrelated in the sample with `known`."""
+        basis = np.linalg.qr(np.column_stack([np.ones(count), *known]))[0]
+        random = self._random.standard_normal((count, len(sd)))
+        random -= basis @ (basis.T @ random)
+        return np.linalg.qr(random)[0] * (math.sqrt(count - 1.0) * sd)
+
+    def _bound(self) -> None:
+        lower, upper = (np.array([getattr(one, side) for one in self.numbers]) for side in ("lower", "upper"))
+        np.clip(self.members, lower, upper, out=self.members)
+
+    def _draw_anew(self) -> None:
+        """Draw the straight lines about other values where the numbers went far."""
+        scale = np.array([one.scale for one in self.numbers])
+        if (np.abs(self.values - self._lines.about) > _SETTINGS.straight * scale).any():
+            self._lines = straight_lines(self.rig, self.numbers, self.values, self.cut, self.edge)
+
+
+def noise_variance(sensor: Sensor | None) -> float:
+    """Return the variance of a reading by the stated noise and resolution of its sensor."""
+    return 0.0 if sensor is None else sensor.noise**2 + sensor.resolution**2 / 12.0
+
+
+def _predicted(ends: Matrix, sensors: SensorNumbers) -> Matrix:
+    """Return what each of CHANNELS should read of the ends [n, 4]; docs/model.md (61)."""
+    tension_in, tension_out, x_in, x_out = ends.T
+    distal = tension_out + sensors.crosstalk * tension_in
+    return np.column_stack(
+        (
+            tension_in * sensors.gain_in + sensors.zero_in,
+            distal * sensors.gain_out + sensors.zero_out,
+            x_in - x_out,
+        )
+    )

@@ -1,0 +1,134 @@
+"""Whether readings disagree with the model beyond chance: sequential tests; docs/model.md (206)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from tssgeom.arrays import Vector
+
+
+class WatchSettings(NamedTuple):
+    """Numbers of the sequential tests."""
+
+    block: float = 0.25
+    """Time over which innovations are averaged [s]. Chosen: longer than they stay alike in sound running."""
+    shift: float = 0.75
+    """Half of the mean that the test is best at, in standard deviations of a block [1]. Chosen: a fault of 1.5."""
+    false_alarm_interval: float = 86400.0
+    """Mean time between two false alarms [s]; stated: a day, over all channels."""
+    clipped: float = 6.0
+    """Standard deviations beyond which a reading or a block counts as if it were there [1]; chosen."""
+    memory: float = 1.0 / 400.0
+    """Share of the newest block in the usual spread of blocks [1]. Chosen: it is learnt in some minutes."""
+    first_spread: float = 2.0
+    """Variance of a block before it is learnt, over that of white innovations [1]; chosen."""
+    warm_up: float = 5.0
+    """Time from the first reading before anything counts [s]. Chosen: the first pull is then behind."""
+
+
+_WATCH = WatchSettings()
+_OVERSHOOT = 1.166  # of a random walk over a boundary: D. Siegmund, Sequential Analysis, 1985, ch. 10
+
+
+def threshold(tests: int) -> float:
+    """Return the bound at which so many one-sided CUSUM tests together give one false alarm in the interval.
+
+    Source: D. Siegmund, Sequential Analysis, 1985: a run lasts (exp(2kb) − 2kb − 1) / 2k² blocks, with
+    b = h + 1.166.
+    """
+    wanted, k = tests * _WATCH.false_alarm_interval / _WATCH.block, _WATCH.shift
+    b = 1.0
+    for _ in range(50):
+        b = math.log(2.0 * k * k * wanted + 2.0 * k * b + 1.0) / (2.0 * k)
+    return b - _OVERSHOOT
+
+
+@dataclass(frozen=True, slots=True)
+class Disagreement:
+    """A channel that disagrees beyond chance."""
+
+    channel: str
+    since: float
+    """Time from which on it does [s]."""
+    time: float
+    """Time at which that was certain [s]."""
+    way: int
+    """+1 where it reads more than expected, −1 where less."""
+
+
+class _Channel:
+    """Both one-sided tests of one channel."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.spread = _WATCH.first_spread
+        self.sums, self.since = [0.0, 0.0], [math.nan, math.nan]
+        self.total, self.count, self.ends = 0.0, 0, math.nan
+
+    def take(self, z: float, time: float, bound: float) -> int:
+        """Take in a standardised innovation; return the way of an alarm, or 0."""
+        if math.isnan(self.ends):
+            self.ends = time + _WATCH.block
+        if time >= self.ends:
+            way = self._close(bound)
+            self.total, self.count, self.ends = 0.0, 0, time + _WATCH.block
+            if way:
+                return way
+        if not math.isnan(z):
+            self.total += min(max(z, -_WATCH.clipped), _WATCH.clipped)
+            self.count += 1
+        return 0
+
+    def _close(self, bound: float) -> int:
+        if self.count == 0:
+            return 0
+        raw = self.total / math.sqrt(self.count)
+        u = raw / math.sqrt(self.spread)
+        u = min(max(u, -_WATCH.clipped), _WATCH.clipped)
+        self.spread = max(1.0, self.spread + _WATCH.memory * self.spread * (u * u - 1.0))
+        for i, sign in enumerate((1.0, -1.0)):
+            grown = max(self.sums[i] + sign * u - _WATCH.shift, 0.0)
+            if grown == 0.0 or self.sums[i] == 0.0:
+                self.since[i] = self.ends - _WATCH.block
+            self.sums[i] = grown
+            if grown > bound:
+                return int(sign)
+        return 0
+
+
+class Watch:
+    """Tests the innovations of channels, one after the other as they come.
+
+    Parameters
+    ----------
+    channels
+        Their names.
+    """
+
+    def __init__(self, channels: Sequence[str]) -> None:
+        self._channels = [_Channel(name) for name in channels]
+        self._bound = threshold(2 * len(channels))
+        self._begins = math.nan
+
+    def take(self, off: Vector, sd: Vector, time: float) -> Disagreement | None:
+        """Take in what readings were off by, and the standard deviations of that [channels]; NaN is none."""
+        if math.isnan(self._begins):
+            self._begins = time + _WATCH.warm_up
+        if time < self._begins:
+            return None
+        for i, channel in enumerate(self._channels):
+            way = channel.take(float(off[i] / sd[i]), time, self._bound)
+            if way:
+                since = channel.since[0 if way > 0 else 1]
+                return Disagreement(channel.name, since, time, way)
+        return None
+
+    def restart(self, time: float) -> None:
+        """Begin anew: the model has changed."""
+        for channel in self._channels:
+            channel.sums, channel.total, channel.count = [0.0, 0.0], 0.0, 0
+            channel.ends = math.nan
+        self._begins = time

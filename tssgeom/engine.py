@@ -1,0 +1,254 @@
+"""One engine for live, replay, batch and control loops: frames in, results out, in order."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from threading import Condition
+
+from tssgeom.errors import TssgeomError
+from tssgeom.frame import Frame, smoothed_in_time, smoothed_in_windows
+from tssgeom.plausibility.frames import FrameWatch
+from tssgeom.rig import Rig
+from tssgeom.route.time_filter import PointFilter
+from tssgeom.route.tracking import TrackedFit, model_checked
+from tssgeom.stream import FrameResult, Rejected, advance
+from tssgeom.tendon.commander import Commander
+from tssgeom.tendon.state import TendonState, pretensioned
+
+_FAULTS = (TssgeomError, ArithmeticError)  # of one frame: the next may be sound
+
+
+class Engine:
+    """A tendon that is carried from frame to frame, for programs that have one frame at a time.
+
+    Threads may share it: frames are taken in the order of the calls, and a call waits for those before it.
+
+    Parameters
+    ----------
+    rig
+        Tendon, friction and sensors.
+    tension_in
+        Total tension at the proximal end for frames that bring no drive and no target [N].
+    state
+        Tension along the tendon before the first frame; the rig's pretension by default.
+    commander
+        Tolerance, policy and errors of the rig for frames with a target; by default the rig's numbers count
+        as exact, and the dead zone is crossed at once.
+
+    Notes
+    -----
+    `push` raises no error for a bad frame: it returns a `Rejected`, and the tendon stays as it was. Whether
+    other joints or a spline are likelier than the route that is tracked is checked in small steps, one after
+    a frame; `idle` makes the step while the loop waits, else the next `push` makes it; docs/model.md (34).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tssgeom import Engine, Frame, Rig
+    >>> angle = np.linspace(0.0, np.pi, 40)  # a half circle of 0.5 m
+    >>> points = 0.5 / np.pi * np.column_stack((np.sin(angle), 1 - np.cos(angle), 0 * angle))
+    >>> engine = Engine(Rig(), tension_in=15.0)
+    >>> result = engine.push(Frame(points, time=0.0, displacement_target=0.002))
+    >>> round(1e3 * result.displacement_command, 2)  # position of the drive [mm]
+    2.4
+    >>> engine.idle()
+    >>> engine.push(Frame(points[:2], time=0.01)).reason[:17]
+    '2 distinct points'
+    >>> engine.state is result.state
+    True
+    """
+
+    def __init__(
+        self,
+        rig: Rig,
+        *,
+        tension_in: float,
+        state: TendonState | None = None,
+        commander: Commander | None = None,
+    ) -> None:
+        self._rig, self._tension_in = rig, tension_in
+        self._state = pretensioned(rig) if state is None else state
+        self._commander = commander
+        self._last: TrackedFit | None = None
+        self._watch = FrameWatch()
+        self._count = 0
+        self._calls = deque[object]()
+        self._call_ended = Condition()
+
+    @property
+    def state(self) -> TendonState:
+        """The tendon after the last good frame."""
+        return self._state
+
+    def push(self, frame: Frame | Rejected, *, filtered: PointFilter | None = None) -> FrameResult | Rejected:
+        """Carry the tendon over one frame; a `Rejected` passes through, with its count.
+
+        Parameters
+        ----------
+        frame
+            A sensed shape. Its `tension_in` drives the tendon, or else its `displacement_in`. Where it brings
+            neither, a target is taken as reached, and without a target the proximal tension is `tension_in`.
+        filtered
+            Its points, where they are filtered in time already; the engine filters them otherwise.
+        """
+        with self._turn():
+            seq, self._count = self._count, self._count + 1
+            if isinstance(frame, Rejected):
+                return replace(frame, seq=seq)
+            self._check_model()
+            before = self._state, self._rig, self._tension_in, self._last
+            result = _advanced(seq, frame, *before, filtered, self._commander)
+            if isinstance(result, Rejected):
+                return result
+            self._state, self._last, self._commander = result.state, result.tracked, result.commander
+            return _watched(result, self._watch)
+
+    def idle(self) -> None:
+        """Make the step of the model check that follows a frame, so that the next `push` need not."""
+        with self._turn():
+            self._check_model()
+
+    def _check_model(self) -> None:
+        if self._last is not None:
+            self._last = model_checked(self._last)
+
+    @contextmanager
+    def _turn(self) -> Iterator[None]:
+        """Wait until all calls that began before have ended: a lock by itself keeps no order."""
+        call = object()
+        with self._call_ended:
+            self._calls.append(call)
+        try:
+            with self._call_ended:
+                self._call_ended.wait_for(lambda: self._calls[0] is call)
+            yield
+        finally:
+            with self._call_ended:
+                self._calls.remove(call)
+                self._call_ended.notify_all()
+
+
+def process(
+    frames: Iterable[Frame | Rejected],
+    rig: Rig,
+    *,
+    tension_in: float,
+    state: TendonState | None = None,
+    commander: Commander | None = None,
+) -> Iterator[FrameResult | Rejected]:
+    """Turn frames into results, one for each frame and in their order; each fit starts from the last one.
+
+    A frame's `tension_in` drives the tendon, or else its `displacement_in`. Where it brings neither, a target
+    is taken as reached, and without a target the proximal tension is `tension_in`.
+
+    Parameters
+    ----------
+    frames
+        Sensed shapes, read one at a time; what the reader rejected passes through.
+    rig
+        Tendon, friction and sensors.
+    tension_in
+        Total tension at the proximal end for frames that bring no drive and no target [N].
+    state
+        Tension along the tendon before the first frame; the rig's pretension by default.
+    commander
+        As of `Engine`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tssgeom import Frame, Rig, process
+    >>> angle = np.linspace(0.0, np.pi, 40)  # a half circle of 0.5 m
+    >>> points = 0.5 / np.pi * np.column_stack((np.sin(angle), 1 - np.cos(angle), 0 * angle))
+    >>> frames = (Frame(points, time=t, tension_in=pull) for t, pull in enumerate([5.0, 15.0, 10.0]))
+    >>> [round(float(each.transmission.tension_out), 2) for each in process(frames, Rig(), tension_in=15.0)]
+    [3.17, 9.51, 9.51]
+    """
+    engine = Engine(rig, tension_in=tension_in, state=state, commander=commander)
+    yield from _carried(((frame, None) for frame in frames), engine)
+
+
+def recorded(
+    frames: Iterable[Frame | Rejected], rig: Rig, *, tension_in: float, state: TendonState | None = None
+) -> Iterator[FrameResult | Rejected]:
+    """Do as `process` on frames that are recorded: the points of each are filtered also by those after it.
+
+    Some hundred frames are read before the first result, and smoothed in windows that overlap; docs/model.md
+    (162).
+    """
+    engine = Engine(rig, tension_in=tension_in, state=state)
+    yield from _carried(smoothed_in_windows(frames, rig), engine)
+
+
+def _carried(
+    frames: Iterable[tuple[Frame | Rejected, PointFilter | None]], engine: Engine
+) -> Iterator[FrameResult | Rejected]:
+    """Push frames, each with the filter of its points where that is known already."""
+    for frame, filtered in frames:
+        yield engine.push(frame, filtered=filtered)
+        engine.idle()  # the result is out: the check of its model delays no frame that has arrived
+
+
+def _advanced(
+    seq: int,
+    frame: Frame,
+    state: TendonState,
+    rig: Rig,
+    tension_in: float,
+    last: TrackedFit | None,
+    filtered: PointFilter | None,
+    commander: Commander | None = None,
+) -> FrameResult | Rejected:
+    """Do as `advance`, but return what cannot be used as rejected."""
+    try:
+        return advance(seq, frame, state, rig, tension_in, last, filtered, commander)
+    except _FAULTS as error:
+        return Rejected(seq, frame.time, _reason(error), frame.id)
+
+
+def _watched(result: FrameResult, watch: FrameWatch) -> FrameResult:
+    """Return a result with the rules that its frame breaks beside those before it."""
+    warnings = watch.take(result.frame)
+    return replace(result, warnings=result.warnings + warnings) if warnings else result
+
+
+def _reason(fault: Exception) -> str:
+    """Say why a frame has no result."""
+    if isinstance(fault, TssgeomError):
+        return str(fault)
+    return f"the points cannot be computed with ({fault}): look for points that coincide or run back"
+
+
+def alone(
+    frames: Iterable[Frame | Rejected], rig: Rig, *, tension_in: float, first: int = 0
+) -> Iterator[FrameResult | Rejected]:
+    """Turn frames into results as if each were the first pull of its tendon; only the fit goes on.
+
+    The points of each are filtered by those of the frames before and after it; docs/model.md (162).
+
+    Parameters
+    ----------
+    frames
+        Sensed shapes, in order, all of which are read before the first result.
+    rig
+        Tendon, friction and sensors.
+    tension_in
+        Total tension at the proximal end for frames that bring no drive and no target [N].
+    first
+        Count of the first of these frames in its recording.
+    """
+    rest = pretensioned(rig)
+    last: TrackedFit | None = None
+    frames = list(frames)
+    points, watch = smoothed_in_time(frames, rig), FrameWatch()
+    for seq, frame in enumerate(frames, first):
+        if isinstance(frame, Rejected):
+            yield replace(frame, seq=seq)
+            continue
+        result = _advanced(seq, frame, rest, rig, tension_in, last, points.get(seq - first))
+        if isinstance(result, FrameResult):
+            last, result = result.tracked, _watched(result, watch)
+        yield result
