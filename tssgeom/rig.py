@@ -244,13 +244,7 @@ def read_rig(path: str | Path) -> Rig:
 
 
 def require_known(path: str | Path, uncertain: Sequence[Uncertain]) -> None:
-    """Refuse a rig in which a number is "unknown".
-
-    Raises
-    ------
-    SettingsError
-        Where one is.
-    """
+    """Refuse a rig in which a number is "unknown", with a SettingsError."""
     unknown = ", ".join(each.key for each in uncertain if not each.stated)
     if unknown:
         raise SettingsError(f"{path}: {unknown} is unknown: give a value, or find it with tssgeom calibrate")
