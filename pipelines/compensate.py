@@ -5,13 +5,30 @@ What it needs is imported when it runs, so that `--help` is quick.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pipelines.options import TENSION_IN, Json, Map, Quiet, RigFile, Shapes, Unit
-from pipelines.terminal import print_json, print_line, print_table
+from pipelines.options import (
+    TENSION_IN,
+    Figures,
+    Json,
+    Map,
+    PolicyChoice,
+    Quiet,
+    RigFile,
+    Shapes,
+    ToleranceMm,
+    Unit,
+)
+from pipelines.terminal import print_json, print_line, print_message, print_table
+
+if TYPE_CHECKING:
+    from tssgeom.io.formats.runs import MeasuredRun
+    from tssgeom.tendon.command import Command
 
 TABLE = "compensate.parquet"
 _TARGETS = ("displacement_out_m", "tension_out_N")
@@ -28,12 +45,15 @@ def compensate(
     ],
     out: Annotated[Path, typer.Option("--out", help="Folder for compensate.parquet.")],
     rig: RigFile = None,
+    tolerance_mm: ToleranceMm = None,
+    policy: PolicyChoice = "cross",
+    figures: Figures = None,
     unit: Unit = None,
     columns: Map = None,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Compute the proximal command that makes the distal end follow a target."""
+    """Compute the proximal command that makes the distal end follow a target, and its error."""
     from pipelines.inputs import run_settings
     from pipelines.runs import (
         check_run,
@@ -46,15 +66,27 @@ def compensate(
         warn_about_unused,
     )
     from pipelines.summary_table import with_effects
+    from tssgeom.errors import SettingsError
     from tssgeom.io.formats.columns import CHANNELS
     from tssgeom.io.results.tables import write_commands
     from tssgeom.tendon import simulation
+    from tssgeom.tendon.commander import commander_of
 
     settings = run_settings(rig, TENSION_IN, unit, columns=columns, takes_machines=True)
     if settings.rig.is_machine:
         from pipelines.machines import compensate_machine
 
+        if tolerance_mm is not None or policy != "cross" or figures is not None:
+            raise SettingsError(
+                f"{rig}: --tolerance-mm, --policy and --figures are for one tendon: leave them out"
+            )
         raise typer.Exit(compensate_machine(shapes, target, out, settings, as_json=as_json, quiet=quiet))
+    commander = commander_of(
+        settings.rig,
+        settings.uncertain,
+        tolerance=None if tolerance_mm is None else 1e-3 * tolerance_mm,
+        policy=policy,
+    )
     run = measured_run(target, settings)
     channel, values = run.channel(_TARGETS)
     warn_about_unused(run, channel, _TARGETS)
@@ -65,12 +97,19 @@ def compensate(
         sensed.route,
         settings.rig,
         temperature=temperature_of(run, settings),
+        commander=commander,
         **{CHANNELS[channel][0]: values},
     )
     title = f"{sensed.name} follows {run.name}"
     commands = computed_rows(rows, run, shapes, title, quiet=quiet or as_json)
     warn_about_strain(target, sensed, settings.rig, max(one.tension_in for one in commands))
     write_commands(out / TABLE, run.time.tolist(), commands)
+    files = [(out / TABLE).as_posix()]
+    if figures is not None:
+        files += [(figures / file).as_posix() for file in _write_figure(figures, run, channel, commands)]
+    facts = _facts(run, commands)
+    for line in _lines(facts, len(commands), tolerance_mm):
+        print_message(f"{target}: warning: {line}")
     drive = value_range([one.displacement_in for one in commands])
     tension = value_range([one.tension_in for one in commands])
     if as_json:
@@ -82,12 +121,74 @@ def compensate(
                 "target": channel,
                 "rows": len(commands),
                 "range": {"displacement_in_m": drive, "tension_in_N": tension},
-                "files": [(out / TABLE).as_posix()],
+                **facts,
+                "files": files,
             }
         )
     elif not quiet:
         title = f"{sensed.name} follows {channel} of {run.name}: {len(commands)} commands"
-        cells = (channel, f"{1e3 * drive[0]:.3f}–{1e3 * drive[1]:.3f}", f"{tension[0]:.2f}–{tension[1]:.2f}")
-        print_table(title + with_effects(settings), ("target", "drive [mm]", "T_in [N]"), [cells])
+        cells = (
+            channel,
+            f"{1e3 * drive[0]:.3f}–{1e3 * drive[1]:.3f}",
+            f"{tension[0]:.2f}–{tension[1]:.2f}",
+            f"{1e3 * facts['displacement_out_se_m']:.3f}",
+            f"{1e3 * facts['displacement_out_se_by_tension_m']:.3f}",
+        )
+        header = ("target", "drive [mm]", "T_in [N]", "x_out ± by drive [mm]", "by T_in [mm]")
+        print_table(title + with_effects(settings), header, [cells])
         print_line(f"table: {out / TABLE}")
-    raise typer.Exit(1 if sensed.rejected else 0)
+    raise typer.Exit(1 if sensed.rejected or facts["limited"] else 0)
+
+
+def _facts(run: MeasuredRun, commands: Sequence[Command]) -> dict[str, Any]:
+    """Return what `--json` says of errors, limits and tolerance; errors are the greatest of the run."""
+    from tssgeom.tendon.command_error import MOST_OUTSIDE
+
+    risks = [each.out_of_tolerance or 0.0 for each in commands]
+    worst = max(range(len(risks)), key=risks.__getitem__)
+    cut = [row for row, each in enumerate(commands) if each.limited]
+    flagged = sum(risk > MOST_OUTSIDE for risk in risks)
+    return {
+        "displacement_out_se_m": max(each.errors.displacement_out for each in commands),
+        "tension_out_se_N": max(each.errors.tension_out for each in commands),
+        "displacement_out_se_by_tension_m": max(each.errors.displacement_out_by_tension for each in commands),
+        "tension_out_se_by_tension_N": max(each.errors.tension_out_by_tension for each in commands),
+        "limited": [
+            {
+                "time_s": float(run.time[row]),
+                "limits": commands[row].limited,
+                "displacement_reached_m": commands[row].displacement_reached,
+                "tension_reached_N": commands[row].tension_reached,
+            }
+            for row in cut
+        ],
+        "waits": sum(each.waits for each in commands),
+        "out_of_tolerance": None
+        if commands[0].out_of_tolerance is None
+        else {"targets": flagged, "worst": risks[worst], "time_s": float(run.time[worst])},
+    }
+
+
+def _lines(facts: dict[str, Any], count: int, tolerance_mm: float | None) -> Iterator[str]:
+    """Say which commands are cut, and which targets are out of tolerance."""
+    if cut := facts["limited"]:
+        first = cut[0]
+        yield (
+            f"{len(cut)} of {count} commands are cut by drive.limits, the first at {first['time_s']:g} s by "
+            f"{first['limits']}: {1e3 * first['displacement_reached_m']:.4g} mm and "
+            f"{first['tension_reached_N']:.4g} N are reached"
+        )
+    if (risk := facts["out_of_tolerance"]) and risk["targets"]:
+        yield (
+            f"{risk['targets']} of {count} targets may be missed by more than {tolerance_mm:g} mm with a "
+            f"probability above 5 %, the worst at {risk['time_s']:g} s with {risk['worst']:.0%}"
+        )
+
+
+def _write_figure(folder: Path, run: MeasuredRun, channel: str, commands: Sequence[Command]) -> list[str]:
+    from pipelines.figures import write_figures
+    from tssgeom.view.figures.commands import command_figure
+
+    values, by_tension = run.channel((channel,))[1], channel == _TARGETS[1]
+    figure = partial(command_figure, run.time, values, commands, by_tension=by_tension)
+    return write_figures(folder, run.name, {"commands": figure})

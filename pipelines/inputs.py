@@ -18,7 +18,7 @@ from tssgeom.io.formats.files import Recording, find_inputs, open_recording, out
 from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap
 from tssgeom.io.results.shapes import Analysis, frame_row, relative
 from tssgeom.plausibility.frames import rig_remarks
-from tssgeom.rig import Rig, read_rig, read_uncertain_rig
+from tssgeom.rig import Rig, read_uncertain_rig, require_known
 from tssgeom.stream import Rejected
 from tssgeom.summary import RunningSummary
 from tssgeom.uncertain import UNKNOWNS, Uncertain
@@ -48,7 +48,7 @@ class RunSettings:
     columns: ColumnMap = NO_MAP
     """What the user says of columns of tables."""
     uncertain: tuple[Uncertain, ...] = ()
-    """What is not certain of the rig."""
+    """What is not certain of the rig; commands count it in their errors."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,11 +81,9 @@ def run_settings(
     """
     if not math.isfinite(tension_in) or tension_in < 0:
         raise SettingsError(f"--tension-in is {tension_in:g} N: give a finite tension >= 0 N")
-    uncertain: tuple[Uncertain, ...] = ()
-    if rig is not None and may_be_uncertain:
-        rig_read, uncertain = read_uncertain_rig(rig)
-    else:
-        rig_read = Rig() if rig is None else read_rig(rig)
+    rig_read, uncertain = (Rig(), ()) if rig is None else read_uncertain_rig(rig)
+    if rig is not None and not may_be_uncertain:
+        require_known(rig, uncertain)
     if rig_read.is_machine and not takes_machines:
         print_message(f"{rig}: warning: {ONE_TENDON}; simulate, compensate, calibrate and discover take them")
     for each in rig_remarks(rig_read):

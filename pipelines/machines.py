@@ -11,6 +11,7 @@ import numpy as np
 from pipelines.terminal import print_json, print_line, print_message, print_table
 from tssgeom.arrays import Vector
 from tssgeom.errors import SettingsError
+from tssgeom.mechanism import NO_LIMITS
 
 if TYPE_CHECKING:
     from pipelines.inputs import RunSettings
@@ -63,6 +64,10 @@ def compensate_machine(
     run = measured_run(target, settings)
     if _TARGET not in run.columns:
         raise SettingsError(f"{target}: no column {_TARGET}: a joint follows the angle in it; add one")
+    if settings.rig.drive.limits != NO_LIMITS:
+        print_message(
+            f"{target}: warning: drive.limits cut the commands of one tendon on a spring, not these"
+        )
     sensed = sensed_route(shapes, settings)
     machine = _machine(shapes, sensed, settings)
     columns = _complete(target, run.columns)

@@ -34,6 +34,19 @@ TubeMm = Annotated[
     float | None,
     typer.Option("--tube-mm", help="Outer diameter of the tube in mm, for its clearance and its mesh."),
 ]
+ToleranceMm = Annotated[
+    float | None,
+    typer.Option(
+        "--tolerance-mm", help="Flag targets that the distal end misses by more with a probability above 5 %."
+    ),
+]
+PolicyChoice = Annotated[
+    Literal["cross", "wait"],
+    typer.Option(
+        "--policy",
+        help="At a reversal, cross the dead zone at once, or wait inside it while that is near enough.",
+    ),
+]
 Figures = Annotated[
     Path | None, typer.Option("--figures", help="Folder for figures for print, as PDF and SVG.")
 ]

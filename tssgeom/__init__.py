@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from tssgeom.identify.finding import Finding
     from tssgeom.identify.workflow import discover
     from tssgeom.io.formats.campaigns import read_campaign
-    from tssgeom.rig import Rig, read_rig
+    from tssgeom.rig import Rig, read_rig, read_uncertain_rig
     from tssgeom.route.curvature import CurvatureProfile
     from tssgeom.route.geometry import measure
     from tssgeom.route.observations import Shape, clean
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from tssgeom.route.spline.fit import Spline, fit
     from tssgeom.stream import Frame, FrameResult, Rejected
     from tssgeom.tendon.command import Command, compensate
+    from tssgeom.tendon.commander import Commander, commander_of
     from tssgeom.tendon.moving import MovingRoute
     from tssgeom.tendon.simulation import Moment, simulate
     from tssgeom.tendon.state import TendonState, pretensioned, step, tension, transmit
@@ -38,6 +39,7 @@ __all__ = [
     # the rig
     "Rig",
     "read_rig",
+    "read_uncertain_rig",
     # sensed points to geometry
     "Arcs",
     "CurvatureProfile",
@@ -67,8 +69,10 @@ __all__ = [
     "process",
     # runs over time
     "Command",
+    "Commander",
     "Moment",
     "MovingRoute",
+    "commander_of",
     "compensate",
     "simulate",
     # measured against simulated
@@ -92,7 +96,7 @@ _MODULES = {
     "identify.finding": "Finding",
     "identify.workflow": "discover",
     "io.formats.campaigns": "read_campaign",
-    "rig": "Rig read_rig",
+    "rig": "Rig read_rig read_uncertain_rig",
     "route.curvature": "CurvatureProfile",
     "route.geometry": "measure",
     "route.observations": "Shape clean",
@@ -102,6 +106,7 @@ _MODULES = {
     "route.spline.fit": "Spline fit",
     "stream": "Frame FrameResult Rejected",
     "tendon.command": "Command compensate",
+    "tendon.commander": "Commander commander_of",
     "tendon.moving": "MovingRoute",
     "tendon.simulation": "Moment simulate",
     "tendon.state": "TendonState pretensioned step tension transmit",

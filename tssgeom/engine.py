@@ -15,6 +15,7 @@ from tssgeom.rig import Rig
 from tssgeom.route.time_filter import PointFilter
 from tssgeom.route.tracking import TrackedFit, model_checked
 from tssgeom.stream import FrameResult, Rejected, advance
+from tssgeom.tendon.commander import Commander
 from tssgeom.tendon.state import TendonState, pretensioned
 
 _FAULTS = (TssgeomError, ArithmeticError)  # of one frame: the next may be sound
@@ -33,6 +34,9 @@ class Engine:
         Total tension at the proximal end for frames that bring no drive and no target [N].
     state
         Tension along the tendon before the first frame; the rig's pretension by default.
+    commander
+        Tolerance, policy and errors of the rig for frames with a target; by default the rig's numbers count
+        as exact, and the dead zone is crossed at once.
 
     Notes
     -----
@@ -57,9 +61,17 @@ class Engine:
     True
     """
 
-    def __init__(self, rig: Rig, *, tension_in: float, state: TendonState | None = None) -> None:
+    def __init__(
+        self,
+        rig: Rig,
+        *,
+        tension_in: float,
+        state: TendonState | None = None,
+        commander: Commander | None = None,
+    ) -> None:
         self._rig, self._tension_in = rig, tension_in
         self._state = pretensioned(rig) if state is None else state
+        self._commander = commander
         self._last: TrackedFit | None = None
         self._watch = FrameWatch()
         self._count = 0
@@ -87,10 +99,11 @@ class Engine:
             if isinstance(frame, Rejected):
                 return replace(frame, seq=seq)
             self._check_model()
-            result = _advanced(seq, frame, self._state, self._rig, self._tension_in, self._last, filtered)
+            before = self._state, self._rig, self._tension_in, self._last
+            result = _advanced(seq, frame, *before, filtered, self._commander)
             if isinstance(result, Rejected):
                 return result
-            self._state, self._last = result.state, result.tracked
+            self._state, self._last, self._commander = result.state, result.tracked, result.commander
             return _watched(result, self._watch)
 
     def idle(self) -> None:
@@ -119,7 +132,12 @@ class Engine:
 
 
 def process(
-    frames: Iterable[Frame | Rejected], rig: Rig, *, tension_in: float, state: TendonState | None = None
+    frames: Iterable[Frame | Rejected],
+    rig: Rig,
+    *,
+    tension_in: float,
+    state: TendonState | None = None,
+    commander: Commander | None = None,
 ) -> Iterator[FrameResult | Rejected]:
     """Turn frames into results, one for each frame and in their order; each fit starts from the last one.
 
@@ -136,6 +154,8 @@ def process(
         Total tension at the proximal end for frames that bring no drive and no target [N].
     state
         Tension along the tendon before the first frame; the rig's pretension by default.
+    commander
+        As of `Engine`.
 
     Examples
     --------
@@ -147,7 +167,7 @@ def process(
     >>> [round(float(each.transmission.tension_out), 2) for each in process(frames, Rig(), tension_in=15.0)]
     [3.17, 9.51, 9.51]
     """
-    engine = Engine(rig, tension_in=tension_in, state=state)
+    engine = Engine(rig, tension_in=tension_in, state=state, commander=commander)
     yield from _carried(((frame, None) for frame in frames), engine)
 
 
@@ -180,10 +200,11 @@ def _advanced(
     tension_in: float,
     last: TrackedFit | None,
     filtered: PointFilter | None,
+    commander: Commander | None = None,
 ) -> FrameResult | Rejected:
     """Do as `advance`, but return what cannot be used as rejected."""
     try:
-        return advance(seq, frame, state, rig, tension_in, last, filtered)
+        return advance(seq, frame, state, rig, tension_in, last, filtered, commander)
     except _FAULTS as error:
         return Rejected(seq, frame.time, _reason(error), frame.id)
 

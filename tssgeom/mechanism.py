@@ -21,6 +21,32 @@ def _require(condition: bool, key: str, value: float, remedy: str) -> None:
         raise SettingsError(f"{key} is {value:g}: {remedy}")
 
 
+class DriveLimits(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What commands may ask of a drive; a limit that is left out is none."""
+
+    tension_N: float | None = None
+    """Greatest proximal tension [N]."""
+    displacement_m: tuple[float, float] | None = None
+    """Least and greatest position of the drive, from the pretensioned state [m]."""
+    speed_m_per_s: float | None = None
+    """Greatest speed of the drive [m/s]."""
+
+    def __post_init__(self) -> None:
+        for name in ("tension_N", "speed_m_per_s"):
+            if (value := getattr(self, name)) is not None:
+                _require(0.0 < value < math.inf, f"drive.limits.{name}", value, "give a finite value > 0")
+        if self.displacement_m is not None:
+            low, high = self.displacement_m
+            if not (math.isfinite(low) and math.isfinite(high) and low <= 0.0 < high):
+                raise SettingsError(
+                    f"drive.limits.displacement_m is [{low:g}, {high:g}]: give the least position <= 0 m and "
+                    "the greatest > 0 m; runs begin at 0"
+                )
+
+
+NO_LIMITS = DriveLimits()
+
+
 class Drive(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """What pulls the tendons: one tendon by itself, two on one pulley, or several each by itself."""
 
@@ -42,6 +68,8 @@ class Drive(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     """Coulomb friction of the motor, which it feels beside the tendons [N·m]."""
     torque_constant_Nm_per_A: float = 0.0
     """Torque of the motor for a current [N·m/A]; 0 where not known."""
+    limits: DriveLimits = NO_LIMITS
+    """Force, travel and speed that no command exceeds."""
 
     def __post_init__(self) -> None:
         for name in ("radius_m", "slack_m", "play_rad", "friction_Nm", "torque_constant_Nm_per_A"):

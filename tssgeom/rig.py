@@ -239,10 +239,15 @@ def read_rig(path: str | Path) -> Rig:
         that is "unknown".
     """
     rig, uncertain = read_uncertain_rig(path)
+    require_known(path, uncertain)
+    return rig
+
+
+def require_known(path: str | Path, uncertain: Sequence[Uncertain]) -> None:
+    """Refuse a rig in which a number is "unknown", with a SettingsError."""
     unknown = ", ".join(each.key for each in uncertain if not each.stated)
     if unknown:
         raise SettingsError(f"{path}: {unknown} is unknown: give a value, or find it with tssgeom calibrate")
-    return rig
 
 
 def read_uncertain_rig(path: str | Path) -> tuple[Rig, tuple[Uncertain, ...]]:

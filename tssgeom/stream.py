@@ -17,8 +17,10 @@ from tssgeom.route.route import Route
 from tssgeom.route.route_fit import RouteFit
 from tssgeom.route.time_filter import PointFilter
 from tssgeom.route.tracking import TrackedFit
-from tssgeom.tendon.command import Command, compensate
-from tssgeom.tendon.state import TendonState, step, transmit_after, true_tension
+from tssgeom.tendon.command import Command
+from tssgeom.tendon.command_error import Step
+from tssgeom.tendon.commander import Commander, Given, commander_of
+from tssgeom.tendon.state import TendonState, transmit_after
 from tssgeom.tendon.transmission import Transmission
 
 _STANDS = 0.5  # probability from which a route is taken to stand [1]; chosen
@@ -39,10 +41,20 @@ class FrameResult:
     state: TendonState
     transmission: Transmission
     warnings: tuple[str, ...] = ()
-    displacement_command: float | None = None
-    """Position of the drive at which the frame's target is reached, where it has one [m]."""
-    tension_command: float | None = None
-    """Proximal tension at which the frame's target is reached, where it has one [N]."""
+    command: Command | None = None
+    """What the drive has to do for the frame's target, where it has one."""
+    commander: Commander | None = None
+    """What commands the next frame."""
+
+    @property
+    def displacement_command(self) -> float | None:
+        """Position of the drive at which the frame's target is reached, where it has one [m]."""
+        return None if self.command is None else self.command.displacement_in
+
+    @property
+    def tension_command(self) -> float | None:
+        """Proximal tension at which the frame's target is reached, where it has one [N]."""
+        return None if self.command is None else self.command.tension_in
 
     @property
     def arcs(self) -> Arcs:
@@ -68,7 +80,8 @@ class FrameResult:
         """Return it without what only the fit of the next frame needs, which is most of its size."""
         of = self.tracked
         kept = TrackedFit(of.fit.strip(), of.index, sensed_over_fitted=of.sensed_over_fitted)
-        return replace(self, fit=kept.fit if self.fit is of.fit else self.fit.strip(), tracked=kept)
+        fit = kept.fit if self.fit is of.fit else self.fit.strip()
+        return replace(self, fit=fit, tracked=kept, commander=None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +102,7 @@ def advance(
     tension_in: float,
     last: TrackedFit | None = None,
     points: PointFilter | None = None,
+    commander: Commander | None = None,
 ) -> FrameResult:
     """Carry the tendon from `state` over one frame, its geometry from that of the `last` one.
 
@@ -105,7 +119,7 @@ def advance(
     """
     shape, tracked = fit_frame(frame, rig, last, points)
     sensed = SensedRoute(shape, tracked, *with_shared_errors_of(frame, rig, tracked))
-    return pulled(seq, frame, state, rig, tension_in, sensed)
+    return pulled(seq, frame, state, rig, tension_in, sensed, commander)
 
 
 class SensedRoute(NamedTuple):
@@ -120,7 +134,13 @@ class SensedRoute(NamedTuple):
 
 
 def pulled(
-    seq: int, frame: Frame, state: TendonState, rig: Rig, tension_in: float, sensed: SensedRoute
+    seq: int,
+    frame: Frame,
+    state: TendonState,
+    rig: Rig,
+    tension_in: float,
+    sensed: SensedRoute,
+    commander: Commander | None = None,
 ) -> FrameResult:
     """Do as `advance` does, on a route that is fitted already.
 
@@ -134,7 +154,11 @@ def pulled(
     shape, tracked, fit, shared = sensed
     known = tracked.filtered
     stands = None if known is None or known.interval == 0.0 else known.standing > _STANDS
-    moved, command = _moved(state, fit.arcs, rig, frame, tension_in, stands)
+    at = Step(fit.arcs, frame.time, frame.temperature, stands, shared)
+    given = Given(
+        frame.tension_in, frame.displacement_in, frame.displacement_target, frame.tension_out_target
+    )
+    moved, command, commander = (commander or commander_of(rig)).moved(state, at, given, tension_in)
     most = moved.tension_in if command is None else max(moved.tension_in, command.tension_in)
     moved, transmission = _transmitted(state, moved, rig, stands, shared)
     return FrameResult(
@@ -150,8 +174,8 @@ def pulled(
         + fit.warnings
         + _temperature_warnings(rig, frame)
         + _implausible(frame, rig, fit.arcs.total_length, most),
-        displacement_command=None if command is None else command.displacement_in,
-        tension_command=None if command is None else command.tension_in,
+        command=command,
+        commander=commander,
     )
 
 
@@ -167,29 +191,6 @@ def _implausible(frame: Frame, rig: Rig, length: float, tension: float) -> tuple
     """Return the rules that a frame breaks by itself, on a route of this length [m] at this tension [N]."""
     remarks = [*strain_remarks(rig, length, tension), *frame_remarks(frame, length)]
     return tuple(each.text for each in remarks)
-
-
-def _moved(
-    state: TendonState, arcs: Arcs, rig: Rig, frame: Frame, tension_in: float, stands: bool | None
-) -> tuple[TendonState, Command | None]:
-    """Return the tendon after the frame, and the command that reaches its target."""
-    target = frame.displacement_target, frame.tension_out_target
-    driven = frame.tension_in is not None or frame.displacement_in is not None
-    when = {"time": frame.time, "temperature": frame.temperature}
-    if not driven and target == (None, None):
-        return step(state, arcs, rig, tension_in=tension_in, stands=stands, **when), None
-    if driven:
-        tension = None if frame.tension_in is None else true_tension(rig, frame.tension_in)
-        displacement = frame.displacement_in if tension is None else None
-        drive = {"tension_in": tension, "displacement_in": displacement}
-        state = step(state, arcs, rig, **drive, stands=stands, **when)
-    if target == (None, None):
-        return state, None
-    tension_out = frame.tension_out_target if frame.displacement_target is None else None
-    command = compensate(
-        state, arcs, rig, tension_out=tension_out, displacement_out=frame.displacement_target, **when
-    )
-    return (state if driven else command.state), command
 
 
 def _transmitted(

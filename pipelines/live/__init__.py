@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from pipelines.options import TENSION_IN, Map, RigFile, TensionIn, Unit
+from pipelines.options import TENSION_IN, Map, PolicyChoice, RigFile, TensionIn, ToleranceMm, Unit
 
 
 def live(
@@ -28,6 +28,8 @@ def live(
     tension_in: TensionIn = TENSION_IN,
     unit: Unit = None,
     columns: Map = None,
+    tolerance_mm: ToleranceMm = None,
+    policy: PolicyChoice = "cross",
     stale_after: Annotated[
         float,
         typer.Option("--stale-after", min=0.001, help="Silence after which a stale line is sent, in s."),
@@ -70,5 +72,7 @@ def live(
         state=state,
         record=record,
         view_port=view_port if view else None,
+        tolerance=None if tolerance_mm is None else 1e-3 * tolerance_mm,
+        policy=policy,
     )
     raise typer.Exit(run(options, run_settings(rig, tension_in, unit, columns=columns)))

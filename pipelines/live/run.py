@@ -35,6 +35,7 @@ from tssgeom.io.network.channel import READ, Pipe
 from tssgeom.io.network.mailbox import Mailbox
 from tssgeom.io.network.sinks import Sink, StandardOutput, TcpSink, UdpSink
 from tssgeom.io.network.sources import Replay, Source, StandardInput, TcpSource, UdpSource
+from tssgeom.tendon.commander import Policy, commander_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +70,10 @@ class LiveOptions:
     """Recording to write."""
     view_port: int | None = None
     """Port at which viewers may connect; None: no picture."""
+    tolerance: float | None = None
+    """Distance from a target that may be missed [m]."""
+    policy: Policy = "cross"
+    """What commands do inside the dead zone."""
 
 
 def run(options: LiveOptions, settings: RunSettings) -> int:
@@ -97,10 +102,17 @@ def run(options: LiveOptions, settings: RunSettings) -> int:
         state = read_state(options.state) if options.state is not None and options.state.exists() else None
         if state is not None and math.isfinite(state.time):
             session.time = state.time
+        commander = commander_of(
+            settings.rig,
+            settings.uncertain,
+            tolerance=options.tolerance,
+            policy=options.policy,
+            state=state,
+        )
         session.consumers, processes = _side_processes(options, selector, report)
         session.report_statistics, finish = _statistics(session, processes, errors, stats=options.stats)
         try:
-            warm_up(settings.rig)
+            warm_up(settings.rig, commander)
             await_ready(selector, processes)
             _stop_on_signals(session)
             gc.collect()  # before the line `ready`: it takes longer than many frames
@@ -108,7 +120,11 @@ def run(options: LiveOptions, settings: RunSettings) -> int:
             gc.disable()
             errors.send(f"ready: {_addresses(session, processes)}\n".encode())
             for result in process(
-                session.frames(), settings.rig, tension_in=settings.tension_in, state=state
+                session.frames(),
+                settings.rig,
+                tension_in=settings.tension_in,
+                state=state,
+                commander=commander,
             ):
                 session.answer(result)
         finally:

@@ -12,17 +12,18 @@ from tssgeom.io.formats.jsonl import frame_of
 from tssgeom.io.results import answers
 from tssgeom.rig import Rig
 from tssgeom.stream import Frame, FrameResult, Rejected
+from tssgeom.tendon.commander import Commander
 
 _LINE = b'{"t": 0, "points": [[0, 0, 0], %s, [1, 0, 0.5]], "unit": "mm", "s": [0, 1, 2]}'
 _COUNT = 60  # frames of each route; chosen: all drives and faults of `_driven` come up
 _NOISE = 2e-4  # m; chosen: as of a good sensor
 
 
-def warm_up(rig: Rig) -> None:
+def warm_up(rig: Rig, commander: Commander | None = None) -> None:
     """Follow pieces and a smooth route that move under load, with gaps, outliers, targets and leaps."""
     for route in (_pieces, _spiral):
         frames = list(_frames(route))
-        for result in process(frames, rig, tension_in=10.0):
+        for result in process(frames, rig, tension_in=10.0, commander=commander):
             if isinstance(result, FrameResult):
                 answers.answer(result, 0.0, 0, 0.0, 0)
                 result.route.position.sum()  # written out when it is asked for

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from functools import partial
 
+import msgspec
 import numpy as np
 import pytest
 from scipy.optimize import minimize
@@ -26,6 +27,7 @@ from tssgeom.identify.readings import readings
 from tssgeom.identify.run_limits import limits_of
 from tssgeom.identify.screening import size_over_limit
 from tssgeom.identify.ties import MENU, TIES
+from tssgeom.mechanism import Drive, DriveLimits
 
 
 @pytest.fixture(scope="module")
@@ -117,6 +119,21 @@ def test_limits_that_forbid_everything_are_refused_with_what_to_allow(worked, li
     runs, started, work = worked
     with pytest.raises(SettingsError, match=words):
         proposed(work, started.runs, runs.rig, Asked(1, limits), 0)
+
+
+def test_proposed_runs_keep_to_the_limits_of_the_drive(worked):
+    runs, started, work = worked
+    free = limits_of(started.runs, runs.rig, work.base.at, {})
+    drive = DriveLimits(
+        tension_N=0.9 * free.tension_N, displacement_m=(0.0, 1.0), speed_m_per_s=0.5e-3 * free.speed_mm_per_s
+    )
+    rig = msgspec.structs.replace(runs.rig, drive=Drive(limits=drive))
+    kept = limits_of(started.runs, rig, work.base.at, {})
+    assert kept.tension_N == pytest.approx(0.9 * free.tension_N)
+    assert kept.speed_mm_per_s == pytest.approx(0.5 * free.speed_mm_per_s)
+    assert kept.travel_mm == free.travel_mm
+    with pytest.raises(SettingsError, match=r"--limits tension_N=.* is beyond drive\.limits"):
+        limits_of(started.runs, rig, work.base.at, {"tension_N": free.tension_N})
 
 
 def test_where_nothing_is_left_an_interval_is_narrowed(campaign):

@@ -96,7 +96,8 @@ def test_the_commands_bring_the_distal_end_to_its_target(run: Run, opening: Path
     done = run("compensate", opening, "--target", target, "--out", tmp_path / "out", "--json")
     assert (done.status, json.loads(done.out)["rows"]) == (0, 6)
     commands = papq.read_table(tmp_path / "out" / "compensate.parquet")
-    assert commands.column_names == ["time_s", "displacement_in_m", "tension_in_N"]
+    assert commands.column_names[:3] == ["time_s", "displacement_in_m", "tension_in_N"]
+    assert commands["displacement_reached_m"].to_pylist() == pytest.approx(target_m, rel=1e-9)
     for drive in ("tension_in_N", "displacement_in_m"):
         path = write_run(tmp_path / f"{drive}.csv", time_s=times, **{drive: commands[drive].to_pylist()})
         assert run("simulate", opening, "--drive", path, "--out", tmp_path / drive, "--quiet").status == 0
@@ -146,3 +147,82 @@ def test_a_bad_frame_is_reported_and_the_rest_is_done(run: Run, opening: Path, t
     done = run("simulate", opening, "--drive", drive, "--out", tmp_path / "out", "--quiet")
     assert done.status == 1
     assert "frame 1" in done.errors[0]
+
+
+RIG = """
+[tendon]
+pretension_N = 3.0
+
+[friction]
+coefficient = { value = 0.145, sd = 0.015 }
+
+[drive]
+limits = { tension_N = 12.0, displacement_m = [0.0, 0.02], speed_m_per_s = 0.05 }
+"""
+
+
+def risky(
+    run: Run, half: Path, folder: Path, *options: str, rig: str = RIG
+) -> tuple[Any, dict[str, list[Any]]]:
+    (folder / "rig.toml").write_text(rig)
+    target = write_run(
+        folder / "target.csv", time_s=[0, 1, 2, 3], displacement_out_m=[2e-3, 1.99e-3, 8e-3, 3e-3]
+    )
+    out = folder / "out"
+    done = run(
+        "compensate", half, "--target", target, "--out", out, "--rig", folder / "rig.toml", *options, "--json"
+    )
+    return done, papq.read_table(out / "compensate.parquet").to_pydict()
+
+
+def test_commands_come_with_their_error_and_say_what_cut_them(run: Run, half: Path, tmp_path: Path):
+    done, rows = risky(run, half, tmp_path, "--tolerance-mm", "0.2")
+    assert done.status == 1
+    assert rows["limited"] == ["", "", "tension_N", ""]
+    assert max(rows["tension_in_N"]) == pytest.approx(12.0, rel=1e-9)
+    assert rows["displacement_reached_m"][2] < 8e-3
+    # T_out = T_in exp(−μΦ) for a drive by tension: 5 N · π · 0.015
+    assert rows["tension_out_se_by_tension_N"][0] == pytest.approx(0.236, rel=0.02)
+    assert 0.0 < rows["displacement_out_se_m"][0] < rows["displacement_out_se_by_tension_m"][0]
+    assert rows["out_of_tolerance"][2] > 0.99
+    summary = json.loads(done.out)
+    assert [each["time_s"] for each in summary["limited"]] == [2.0]
+    assert summary["out_of_tolerance"]["targets"] >= 1
+    assert summary["out_of_tolerance"]["time_s"] == 2.0
+    assert summary["displacement_out_se_m"] == max(rows["displacement_out_se_m"])
+    cut, missed = done.errors
+    assert "1 of 4 commands are cut by drive.limits, the first at 2 s by tension_N" in cut
+    assert "may be missed by more than 0.2 mm with a probability above 5 %, the worst at 2 s" in missed
+
+
+def test_a_drive_that_may_wait_does_not_turn_for_less_than_its_error(run: Run, half: Path, tmp_path: Path):
+    waited = risky(run, half, tmp_path, "--policy", "wait")[1]
+    crossed = risky(run, half, tmp_path)[1]
+    assert waited["waits"] == [0, 1, 0, 0]
+    assert crossed["waits"] == [0, 0, 0, 0]
+    assert waited["displacement_in_m"][1] == pytest.approx(waited["displacement_in_m"][0], abs=1e-9)
+    assert crossed["displacement_in_m"][1] < crossed["displacement_in_m"][0] - 1e-4
+
+
+def test_the_figure_of_commands_is_written(run: Run, half: Path, tmp_path: Path):
+    done, _ = risky(run, half, tmp_path, "--figures", str(tmp_path / "figures"))
+    written = {Path(file).name for file in json.loads(done.out)["files"]}
+    assert written == {"compensate.parquet", "target_commands.pdf", "target_commands.svg"}
+    assert (tmp_path / "figures" / "target_commands.svg").read_text().startswith("<?xml")
+
+
+@pytest.mark.parametrize(
+    ("rig", "options", "said"),
+    [
+        (RIG.replace("{ value = 0.145, sd = 0.015 }", '"unknown"'), [], "friction.coefficient is unknown"),
+        (RIG, ["--tolerance-mm", "0"], "--tolerance-mm is 0 mm: give a finite value > 0 mm"),
+        (RIG.replace("[0.0, 0.02]", "[0.01, 0.02]"), [], "drive.limits.displacement_m is [0.01, 0.02]"),
+    ],
+)
+def test_what_no_command_can_be_made_of_is_one_line(run, half, tmp_path, rig, options, said):
+    (tmp_path / "rig.toml").write_text(rig)
+    target = write_run(tmp_path / "target.csv", time_s=[0, 1], displacement_out_m=[1e-3, 2e-3])
+    paths = ["--target", target, "--out", tmp_path / "out", "--rig", tmp_path / "rig.toml"]
+    done = run("compensate", half, *paths, *options)
+    assert (done.status, len(done.errors)) == (2, 1)
+    assert said in done.errors[0]

@@ -71,7 +71,7 @@ class RunLimits:
 
 
 def limits_of(runs: Sequence[Reading], rig: Rig, at: Point, stated: Mapping[str, float]) -> RunLimits:
-    """Return the limits of the next run: as stated, else what the runs reached.
+    """Return the limits of the next run: as stated, else what the runs reached; within those of the drive.
 
     Parameters
     ----------
@@ -85,13 +85,19 @@ def limits_of(runs: Sequence[Reading], rig: Rig, at: Point, stated: Mapping[str,
     Raises
     ------
     SettingsError
-        Where a limit is unknown, no positive number, or forbids every run.
+        Where a limit is unknown, no positive number, beyond that of the rig's drive, or forbids every run.
     """
     for key, value in stated.items():
         if key not in KEYS:
             raise SettingsError(f"--limits {key}: no such limit: known are {', '.join(KEYS)}")
         if not (math.isfinite(value) and value > 0.0):
             raise SettingsError(f"--limits {key}={value:g}: give a finite value > 0 ({KEYS[key]})")
+    bounds = _of_drive(rig)
+    for key in stated.keys() & bounds.keys():
+        if stated[key] > bounds[key]:
+            raise SettingsError(
+                f"--limits {key}={stated[key]:g} is beyond drive.limits, {bounds[key]:g}: give less"
+            )
     reached = [_reached(run, rig, at) for run in runs]
     scale = rig.sensors.get("tension_in_N", Sensor()).full_scale
     tension = max(each["tension_N"] for each in reached)
@@ -102,6 +108,7 @@ def limits_of(runs: Sequence[Reading], rig: Rig, at: Point, stated: Mapping[str,
         "travel_mm": max(each["travel_mm"] for each in reached),
         "duration_s": max(each["duration_s"] for each in reached),
     }
+    default |= {key: min(default[key], most) for key, most in bounds.items()}
     limits = RunLimits(
         **{**default, **stated},
         interval_s=min(float(np.median(np.diff(run.time))) for run in runs),
@@ -110,6 +117,18 @@ def limits_of(runs: Sequence[Reading], rig: Rig, at: Point, stated: Mapping[str,
     )
     _check(limits, rig)
     return limits
+
+
+def _of_drive(rig: Rig) -> dict[str, float]:
+    """Return the limits of the drive itself, by `KEYS`."""
+    given, values = rig.drive.limits, dict[str, float]()
+    if given.tension_N is not None:
+        values["tension_N"] = given.tension_N
+    if given.speed_m_per_s is not None:
+        values["speed_mm_per_s"] = 1e3 * given.speed_m_per_s
+    if given.displacement_m is not None:
+        values["travel_mm"] = 1e3 * given.displacement_m[1]
+    return values
 
 
 def _reached(run: Reading, rig: Rig, at: Point) -> dict[str, float]:

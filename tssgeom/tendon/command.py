@@ -7,6 +7,7 @@ Where effects act, the command is for what is true: a sensor that reads somethin
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,7 +15,10 @@ from tssgeom.errors import SettingsError
 from tssgeom.plausibility.frames import require_command
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
+from tssgeom.route.resolution import NO_ERRORS, SharedErrors
 from tssgeom.tendon.capstan import MOST_TENSION
+from tssgeom.tendon.command_error import DistalErrors, route_errors
+from tssgeom.tendon.drive_limits import cut_to_limits, drive_now
 from tssgeom.tendon.state import (
     TendonState,
     acts_by_speed,
@@ -30,6 +34,9 @@ ACCURACY = 1e-10
 _WIDENINGS = 40  # of the range in which a drive is sought
 _LEAST_REACH = 1e-3  # of the tension, to begin with
 _FIRST_REACH = 1e-6  # m
+_INSIDE = (
+    0.01  # of the tension that the drive is from an answer, from which on it is in the dead zone; chosen
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +50,28 @@ class Command:
     state: TendonState
     reading_in: float
     """What the sensor of the proximal tension reads there [N]."""
+    tension_reached: float
+    """Distal tension then: the target, unless a limit cut the command or the drive waits [N]."""
+    displacement_reached: float
+    """Movement of the load then, likewise [m]."""
+    errors: DistalErrors
+    """Standard errors of both."""
+    limited: str = ""
+    """Limits of the drive that cut it, by their keys in `[drive] limits`."""
+    waits: bool = False
+    """Whether the drive is held inside the dead zone, though the target is not reached."""
+    out_of_tolerance: float | None = None
+    """Probability that the distal end misses its target by more than the tolerance [1]; None without one."""
+
+    @property
+    def tension_out_se(self) -> float:
+        """Standard error of the distal tension after the drive has gone to the position [N]."""
+        return self.errors.tension_out
+
+    @property
+    def displacement_out_se(self) -> float:
+        """Standard error of the movement of the load after the drive has gone to the position [m]."""
+        return self.errors.displacement_out
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,8 +120,16 @@ def compensate(
     displacement_out: float | None = None,
     time: float | None = None,
     temperature: float | None = None,
+    position: float | None = None,
+    elapsed: float | None = None,
+    may_wait: Callable[[TendonState], bool] | None = None,
+    shared: SharedErrors = NO_ERRORS,
+    kept: DistalErrors | None = None,
 ) -> Command:
     """Return the least move of the drive after which the distal end is where it should be.
+
+    It keeps to the rig's `[drive] limits`, and comes with the errors that the route causes; `Commander` adds
+    those of uncertain numbers of the rig.
 
     Parameters
     ----------
@@ -106,12 +143,21 @@ def compensate(
         Wanted distal tension [N], or movement of the load since the pretensioned state [m]; one of them.
     time, temperature
         Time [s] and temperature [°C] after the move, as in `step`.
+    position
+        Where the drive is before the move [m], for the limit of its speed; by default where the model has it.
+    elapsed
+        Time since it was there [s]; a rig with a limit of the speed needs it.
+    may_wait
+        Says of the tendon with the drive held inside the dead zone whether that is near enough to the target;
+        left out, the dead zone is crossed at once.
+    shared, kept
+        Errors of the route that all frames share, and errors of the distal end before the move.
 
     Raises
     ------
     SettingsError
         Where not exactly one target is given, where no proximal tension can reach it, or where the command is
-        beyond reason: docs/checks.md.
+        beyond reason: docs/checks.md; where the speed is limited and `elapsed` is not given.
     FitError
         Where no equilibrium was found on a moving route.
 
@@ -131,14 +177,43 @@ def compensate(
     6.00 mm, 7.89 N
     """
     move = _Move(state, arcs, rig, _target(rig, tension_out, displacement_out), time, temperature)
-    answer = move.pulled(state.tension_in)
-    if move.error(answer) != 0.0:
-        answer = _reached(move, answer)
-        if acts_by_speed(rig):
-            answer = _by_position(move, answer)
+    now = drive_now(state, rig, position, elapsed)
+    answer, waits, limited = move.pulled(state.tension_in), False, ""
+    if (error := move.error(answer)) != 0.0:
+        waiting = None if may_wait is None else _waiting(move, answer)
+        waits = waiting is not None and may_wait is not None and may_wait(waiting)
+        if waits and waiting is not None:
+            answer = waiting
+        else:
+            answer = _reached(move, answer, error)
+            if acts_by_speed(rig):
+                answer = _by_position(move, answer)
+    if now is not None:
+        answer, limited = cut_to_limits(answer, rig, now, move.pulled, move.located)
     ends = transmit(answer, rig)
     require_command(rig, arcs.total_length, ends.tension_in, ends.displacement_in)
-    return Command(ends.displacement_in, ends.tension_in, answer, reading_of(rig, ends.tension_in))
+    return Command(
+        displacement_in=ends.displacement_in,
+        tension_in=ends.tension_in,
+        state=answer,
+        reading_in=reading_of(rig, ends.tension_in),
+        tension_reached=ends.tension_out,
+        displacement_reached=ends.displacement_out,
+        errors=route_errors(state, answer, ends, rig, shared, kept),
+        limited=limited,
+        waits=waits,
+    )
+
+
+def _waiting(move: _Move, held: TendonState) -> TendonState | None:
+    """Return the tendon with the drive where it is, if that is inside the dead zone; docs/model.md (215)."""
+    before, sign = move.state, 1 if move.target > held.tension_out else -1
+    start = answering(held, move.rig, held.tension_out, sign)
+    if before.route is None or sign * (start - held.tension_in) <= _INSIDE * held.tension_in:
+        return None
+    if held.route is before.route:
+        return held
+    return move.located(transmit(before, move.rig).displacement_in)
 
 
 def _target(rig: Rig, tension_out: float | None, displacement_out: float | None) -> float:
@@ -158,9 +233,9 @@ def _target(rig: Rig, tension_out: float | None, displacement_out: float | None)
     return target
 
 
-def _reached(move: _Move, held: TendonState) -> TendonState:
-    """Return the state with the distal tension at the target, which it is not while the drive is held."""
-    sign = 1 if move.target > held.tension_out else -1
+def _reached(move: _Move, held: TendonState, error: float) -> TendonState:
+    """Return the state with the distal tension at the target, off by `error` [N] while the drive is held."""
+    sign = 1 if error < 0.0 else -1
     start = held.tension_in
     far = answering(held, move.rig, move.target, sign)  # docs/model.md (83): exact where all slides slowly
     if far > MOST_TENSION:
@@ -172,7 +247,7 @@ def _reached(move: _Move, held: TendonState) -> TendonState:
     far = start + sign * reach if sign * (far - start) <= 0.0 else far
     answer = move.pulled(far)
     for _ in range(_WIDENINGS):  # friction that grows with speed asks for more
-        if sign * move.error(answer) >= 0.0:
+        if sign * (error := move.error(answer)) >= 0.0:
             break
         if far == 0.0:
             raise SettingsError(
@@ -182,7 +257,7 @@ def _reached(move: _Move, held: TendonState) -> TendonState:
         reach *= 2.0
         far = max(start + sign * reach, 0.0)
         answer = move.pulled(far)
-    if move.error(answer) == 0.0:
+    if error == 0.0:
         return answer
     low, high = sorted((start, far))  # not all slides one way where the route has moved too
     from scipy.optimize import brentq

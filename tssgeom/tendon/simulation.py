@@ -15,7 +15,9 @@ from tssgeom.errors import TssgeomError
 from tssgeom.rig import Rig
 from tssgeom.tendon.bars.model import setup_of
 from tssgeom.tendon.bars.sensors import Drive, check_drive
-from tssgeom.tendon.command import Command, compensate
+from tssgeom.tendon.command import Command
+from tssgeom.tendon.command_error import Step
+from tssgeom.tendon.commander import Commander, Target, commander_of
 from tssgeom.tendon.moving import MovingRoute
 from tssgeom.tendon.state import (
     TendonState,
@@ -127,22 +129,17 @@ def commands(
     tension_out: Vector | None = None,
     displacement_out: Vector | None = None,
     temperature: Vector | None = None,
+    commander: Commander | None = None,
 ) -> Iterator[Command]:
-    """Return the command for each time of a run with targets of its distal end [n]; see `compensate`."""
-    state = _begun(time, rig)
+    """Return the command for each time of a run with targets of its distal end [n]; see `Commander`."""
+    state, commander = _begun(time, rig), commander or commander_of(rig)
     targets = (_each(tension_out, time), _each(displacement_out, time))
     for moment, force, position, warm in zip(time, *targets, _each(temperature, time), strict=True):
         arcs = route.at(float(moment))
         with _at(float(moment)):
-            command = compensate(
-                state,
-                arcs,
-                rig,
-                tension_out=force,
-                displacement_out=position,
-                time=float(moment),
-                temperature=warm,
-            )
+            at, elapsed = Step(arcs, float(moment), warm), float(moment) - state.time
+            known = elapsed if elapsed >= 0.0 else 0.0
+            command, commander = commander.command(state, at, Target(position, force), elapsed=known)
         state = command.state
         yield command
 

@@ -160,6 +160,12 @@ def sensitivity(state: Corners, arcs: Arcs, rig: Rig) -> Sensitivity:
     return Sensitivity(read_only(gradient[:k]), read_only(gradient[k:]), float(ends[6]))
 
 
+def elongation_slopes(state: Corners, arcs: Arcs, rig: Rig) -> tuple[Vector, float]:
+    """Return derivatives as `sensitivity`: of the elongation, lengths first [2k], and of ln T_out."""
+    ends, gradient = _at_ends(state, arcs, rig)
+    return gradient, float(ends[6])
+
+
 def tension_and_elongation(state: Corners, arcs: Arcs, rig: Rig) -> tuple[float, float]:
     """Return the distal tension [N] and the elongation above the pretensioned state [m]."""
     ends, _ = _at_ends(state, arcs, rig)

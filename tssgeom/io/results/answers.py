@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import overload
+from typing import Any, overload
 
 import msgspec
 
 from tssgeom.route.pieces import Arcs
 from tssgeom.stream import FrameResult, Rejected
+from tssgeom.tendon.command import Command
+from tssgeom.tendon.command_error import MOST_OUTSIDE
 
 _LONGEST_TEXT = 512  # characters of a frame's own text in an answer; chosen: ids and reasons fit
 
@@ -46,6 +48,15 @@ class Answer(msgspec.Struct, frozen=True, omit_defaults=True):
     stale: bool
     displacement_command_m: float | None = None
     tension_command_N: float | None = None
+    displacement_out_se_m: float | None = None
+    tension_out_se_N: float | None = None
+    displacement_out_se_by_tension_m: float | None = None
+    tension_out_se_by_tension_N: float | None = None
+    displacement_reached_m: float | None = None
+    tension_reached_N: float | None = None
+    limited: str = ""
+    waits: bool = False
+    out_of_tolerance: float | None = None
     id: str | int = ""
     warnings: tuple[str, ...] = ()
 
@@ -95,12 +106,32 @@ def answer(result: FrameResult, time: float, seq: int, latency_us: float, droppe
             latency_us=latency_us,
             dropped=dropped,
             stale=False,
-            displacement_command_m=result.displacement_command,
-            tension_command_N=result.tension_command,
+            **_of_command(result.command),
             id=result.frame.id,
             warnings=result.warnings,
         )
     )
+
+
+def _of_command(command: Command | None) -> dict[str, Any]:
+    """Return what an answer says of a command: what is reached only where that is not the target."""
+    if command is None:
+        return {}
+    errors, risk = command.errors, command.out_of_tolerance
+    misses = command.waits or bool(command.limited)
+    return {
+        "displacement_command_m": command.displacement_in,
+        "tension_command_N": command.tension_in,
+        "displacement_out_se_m": errors.displacement_out,
+        "tension_out_se_N": errors.tension_out,
+        "displacement_out_se_by_tension_m": errors.displacement_out_by_tension,
+        "tension_out_se_by_tension_N": errors.tension_out_by_tension,
+        "displacement_reached_m": command.displacement_reached if misses else None,
+        "tension_reached_N": command.tension_reached if misses else None,
+        "limited": command.limited,
+        "waits": command.waits,
+        "out_of_tolerance": risk if risk is not None and risk > MOST_OUTSIDE else None,
+    }
 
 
 def refusal(rejected: Rejected) -> bytes:

@@ -240,6 +240,19 @@ COMPENSATE = pa.schema(
         _field("time_s", "time of the run"),
         _field("displacement_in_m", "position of the drive at which the distal end is on target"),
         _field("tension_in_N", "total tension at the proximal end at which it is"),
+        _field("displacement_reached_m", "movement of the load then: the target, unless it is cut or waits"),
+        _field("tension_reached_N", "distal tension then, likewise"),
+        _field("displacement_out_se_m", "standard error of that movement, the drive at the position"),
+        _field("tension_out_se_N", "standard error of that tension, the drive at the position"),
+        _field(
+            "displacement_out_se_by_tension_m", "standard error of the movement, the drive at the tension"
+        ),
+        _field(
+            "tension_out_se_by_tension_N", "standard error of the distal tension, the drive at the tension"
+        ),
+        _field("limited", "limits of the drive that cut the command", _TEXT),
+        _field("waits", "1 where the drive is held inside the dead zone", _COUNT, unit=""),
+        _field("out_of_tolerance", "probability of a miss by more than the tolerance", unit="1"),
     ]
 )
 """A row for each row of the run."""
@@ -289,6 +302,15 @@ def write_commands(path: Path, time: Sequence[float], commands: Sequence[Command
             "time_s": moment,
             "displacement_in_m": one.displacement_in,
             "tension_in_N": one.tension_in,
+            "displacement_reached_m": one.displacement_reached,
+            "tension_reached_N": one.tension_reached,
+            "displacement_out_se_m": one.errors.displacement_out,
+            "tension_out_se_N": one.errors.tension_out,
+            "displacement_out_se_by_tension_m": one.errors.displacement_out_by_tension,
+            "tension_out_se_by_tension_N": one.errors.tension_out_by_tension,
+            "limited": one.limited,
+            "waits": int(one.waits),
+            "out_of_tolerance": one.out_of_tolerance,
             _READING.name: one.reading_in,
         }
         for moment, one in zip(time, commands, strict=True)
