@@ -42,8 +42,14 @@ class DiagnosisSettings(NamedTuple):
     """Readings that count as one [1]. Chosen: errors of the model stay alike for so long."""
     clipped: float = 50.0
     """Square of a standardised innovation beyond which it counts as if it were there [1]; chosen."""
-    moved: float = 20.0
-    """Noises by which T_in has to move for a drive that stands to be a sensor's fault [1]; chosen."""
+    fewest: int = 20
+    """Readings that show that a sensor stands [1]; chosen."""
+    still: float = 9.0
+    """Noises within which all readings of a sensor that stands lie [1]; chosen: 1000 readings of noise lie in 7."""
+    moved: float = 30.0
+    """Noises by which the other sensor at the drive moves meanwhile [1]; chosen."""
+    follows: float = 10.0
+    """Change of what is tried, over its standard deviation, in an hour [1]. Chosen: faults take seconds to grow."""
     of_route: float = 0.02
     """Share of the sensed angle by which it changes where the sensor is at fault [1]; chosen."""
 
@@ -94,15 +100,23 @@ def explained(
     since
         When it began [s].
     """
-    stopped = _stopped_drive(start, moments, since)
+    stopped = _stopped_sensor(start, moments, since)
     if stopped is not None:
         yield (stopped,)
         return
-    step = -(-len(moments) // _SETTINGS.most_moments)
-    chosen = [*moments[:-1:step], moments[-1]]
+    sound = start.with_more(())
+    for i, moment in enumerate(one for one in moments if one.time < since):
+        sound.step(moment.arcs, moment.readings, moment.time, moment.warmth)
+        if i % _SETTINGS.slice == _SETTINGS.slice - 1:
+            yield None
+    after = [one for one in moments if one.time >= since]
+    step = -(-len(after) // _SETTINGS.most_moments)
+    chosen = [*after[:-1:step], after[-1]]
     rated = list[tuple[float, _Hypothesis, RigFilter]]()
-    for hypothesis in _hypotheses(start, moments, since):
-        followed = start.with_more(_new(hypothesis, start), hypothesis.rig)
+    for hypothesis in _hypotheses(sound, moments, since):
+        followed = sound.with_more(
+            [one for one in hypothesis.numbers if one.key not in sound.keys], hypothesis.rig
+        )
         followed.outlier = math.inf
         followed.reopen(_wide(hypothesis, followed))
         total, lost = hypothesis.log_prior, False
@@ -115,12 +129,12 @@ def explained(
             total += _log_likelihood(followed, known.off, known.off_sd) / _SETTINGS.together
             if i % _SETTINGS.slice == _SETTINGS.slice - 1:
                 yield None
-        followed.outlier = start.outlier
+        followed.outlier = sound.outlier
         if not lost:
             rated.append((total, hypothesis, followed))
     rated.sort(key=lambda one: -one[0])
     if rated and rated[0][1].mechanism == "sensor":  # the rig goes on without that channel
-        followed = start.with_more(())
+        followed = sound.with_more(())
         followed.muted.add(rated[0][1].where)
         for i, moment in enumerate(chosen):
             followed.step(moment.arcs, moment.readings, moment.time, moment.warmth)
@@ -146,11 +160,6 @@ def _explanation(one: _Hypothesis, followed: RigFilter, probability: float) -> E
     return Explanation(one.mechanism, one.where, probability, words, followed)
 
 
-def _new(one: _Hypothesis, start: RigFilter) -> tuple[FollowedNumber, ...]:
-    """Return the numbers that the filter does not follow yet, with little spread: `_wide` gives it theirs."""
-    return tuple(replace(number, sd=0.0) for number in one.numbers if number.key not in start.keys)
-
-
 def _wide(one: _Hypothesis, followed: RigFilter) -> np.ndarray:
     sds = {number.key: number.sd for number in one.numbers}
     return np.array([sds.get(key, 0.0) for key in followed.keys])
@@ -163,7 +172,7 @@ def _hypotheses(start: RigFilter, moments: Sequence[Moment], since: float) -> It
         known = next((one for one in start.numbers if one.key == key), None)
         if known is not None:
             return replace(known, sd=sd)
-        return FollowedNumber(key, value, sd, 0.0, lower, math.inf)
+        return FollowedNumber(key, value, sd, _SETTINGS.follows * sd, lower, math.inf)
 
     friction = now.get("friction.coefficient", rig.friction.coefficient)
     compliance = now.get("tendon.compliance_per_N", rig.tendon.compliance_per_N)
@@ -232,23 +241,27 @@ def _turned(moments: Sequence[Moment], since: float) -> bool:
     return abs(float(np.median(after)) - first) > _SETTINGS.of_route * first
 
 
-def _stopped_drive(start: RigFilter, moments: Sequence[Moment], since: float) -> Explanation | None:
-    """Return the fault of a position sensor that stands while the tension moves."""
+def _stopped_sensor(start: RigFilter, moments: Sequence[Moment], since: float) -> Explanation | None:
+    """Return the fault of a sensor at the drive that stands while the other one there moves."""
     after = [one.readings for one in moments if one.time >= since]
-    x = np.array([one.displacement_in for one in after if one.displacement_in is not None])
-    tension = np.array([one.tension_in for one in after if one.tension_in is not None])
-    if len(x) < len(after) or len(tension) < len(after) or len(x) < 2:
+    pairs = [(one.displacement_in, one.tension_in) for one in after]
+    if len(pairs) < _SETTINGS.fewest or any(None in pair for pair in pairs):
         return None
+    names, units = ("displacement_in_m", "tension_in_N"), ("m", "N")
     sensors = start.rig.sensors
-    noise_x = math.sqrt(noise_variance(sensors.get("displacement_in_m")))
-    noise_t = math.sqrt(noise_variance(sensors.get("tension_in_N")))
-    stands = np.ptp(x) <= 8.0 * noise_x and np.ptp(tension) > _SETTINGS.moved * noise_t
-    if not stands:
-        return None
-    words = f"the position stands at {x[-1]:.4g} m while the tension moves by {np.ptp(tension):.3g} N"
-    followed = start.with_more(())
-    followed.muted.add("displacement_in_m")
-    for moment in moments[:: -(-len(moments) // _SETTINGS.most_moments)]:
-        readings = moment.readings._replace(displacement_in=None)
-        followed.step(moment.arcs, readings, moment.time, moment.warmth)
-    return Explanation("sensor", "displacement_in_m", 1.0, words, followed)
+    readings = np.array(pairs, dtype=np.float64)[1:].T
+    moved = np.ptp(readings, axis=1)
+    noise = np.array([math.sqrt(noise_variance(sensors.get(name))) for name in names])
+    for which, other in ((0, 1), (1, 0)):
+        if moved[which] <= _SETTINGS.still * noise[which] and moved[other] > _SETTINGS.moved * noise[other]:
+            words = (
+                f"{names[which]} stands at {readings[which, -1]:.4g} {units[which]} while {names[other]} moves by "
+                f"{moved[other]:.3g} {units[other]}"
+            )
+            followed = start.with_more(())
+            followed.muted.add(names[which])
+            for moment in moments[:: -(-len(moments) // _SETTINGS.most_moments)]:
+                given = moment.readings._replace(displacement_in=None) if which == 0 else moment.readings
+                followed.step(moment.arcs, given, moment.time, moment.warmth)
+            return Explanation("sensor", names[which], 1.0, words, followed)
+    return None

@@ -116,7 +116,7 @@ class Follower:
         warmth = 0.0 if temperature is None else temperature - self._coldest
         self._keep(Moment(time, arcs, readings, warmth))
         self.known = now.step(arcs, readings, time, warmth)
-        found = self._watch.take(self.known.off, self.known.off_sd, time)
+        found = self._watch.take(self.known.off, self.known.off_sd, self.known.beyond, time)
         if found is not None and self._alert is None:
             self._alert = Alert(found.channel, found.since, self._phase(found.since))
             self._alarmed, self._looks = time, 0

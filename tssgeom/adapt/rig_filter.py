@@ -88,6 +88,8 @@ class FollowedRig:
     """[channels] Readings less what was expected [N, m]; NaN where there is none to use."""
     off_sd: Vector
     """[channels] Its standard deviation [N, m]."""
+    beyond: Vector
+    """[channels] How far a reading is off, over the most that noise, rig and drive explain at once [1]."""
 
     @property
     def se(self) -> Vector:
@@ -187,6 +189,9 @@ class RigFilter:
         ends_by_drive = 0.5 * np.abs(ends[count] - ends[count + 1])
         bent = 0.5 * np.abs(predicted[count] + predicted[count + 1] - 2.0 * predicted[0])
         given = self._given(readings)
+        farthest = np.abs(predicted[count:] - predicted[0]).max(axis=0)
+        mean, spread = predicted[:count].mean(axis=0), predicted[:count].var(axis=0, ddof=1)
+        beyond = np.abs(given - mean) / np.sqrt(self._noise_variance + spread + farthest**2)
         given[bent > _SETTINGS.bent * np.sqrt(self._noise_variance)] = math.nan
         slides = bool(ends[count, 1] != ends[count + 1, 1])
         if not slides:  # what stands has the error of when it moved last
@@ -215,6 +220,7 @@ class RigFilter:
             np.hypot(now.std(axis=0, ddof=1), ends_by_drive),
             innovation[: len(CHANNELS), 0],
             np.sqrt(innovation[: len(CHANNELS), 1]),
+            beyond,
         )
 
     def ends_after(

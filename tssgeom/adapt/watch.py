@@ -25,6 +25,10 @@ class WatchSettings(NamedTuple):
     """Share of the newest block in the usual spread of blocks [1]. Chosen: it is learnt in some minutes."""
     first_spread: float = 2.0
     """Variance of a block before it is learnt, over that of white innovations [1]; chosen."""
+    far: float = 6.0
+    """Of what noise, rig and drive explain, beyond which a reading is far off [1]; chosen: never by chance."""
+    far_for: float = 0.5
+    """Time for which readings are far off without a break [s]. Chosen: a burst of outliers is shorter."""
     warm_up: float = 5.0
     """Time from the first reading before anything counts [s]. Chosen: the first pull is then behind."""
 
@@ -56,7 +60,7 @@ class Disagreement:
     time: float
     """Time at which that was certain [s]."""
     way: int
-    """+1 where it reads more than expected, −1 where less."""
+    """+1 where it reads more than expected, −1 where less; 0 where it is far off."""
 
 
 class _Channel:
@@ -67,6 +71,16 @@ class _Channel:
         self.spread = _WATCH.first_spread
         self.sums, self.since = [0.0, 0.0], [math.nan, math.nan]
         self.total, self.count, self.ends = 0.0, 0, math.nan
+        self.far_since = math.nan
+
+    def is_far(self, beyond: float, time: float) -> bool:
+        """Whether readings have been far off for long enough."""
+        if not math.isnan(beyond):
+            if beyond < _WATCH.far:
+                self.far_since = math.nan
+            elif math.isnan(self.far_since):
+                self.far_since = time
+        return time - self.far_since > _WATCH.far_for
 
     def take(self, z: float, time: float, bound: float) -> int:
         """Take in a standardised innovation; return the way of an alarm, or 0."""
@@ -113,13 +127,18 @@ class Watch:
         self._bound = threshold(2 * len(channels))
         self._begins = math.nan
 
-    def take(self, off: Vector, sd: Vector, time: float) -> Disagreement | None:
-        """Take in what readings were off by, and the standard deviations of that [channels]; NaN is none."""
+    def take(self, off: Vector, sd: Vector, beyond: Vector, time: float) -> Disagreement | None:
+        """Take in what readings were off by, and the standard deviations of that [channels]; NaN is none.
+
+        `beyond` [channels] is as in `FollowedRig`, also where a reading is not to be used.
+        """
         if math.isnan(self._begins):
             self._begins = time + _WATCH.warm_up
         if time < self._begins:
             return None
         for i, channel in enumerate(self._channels):
+            if channel.is_far(float(beyond[i]), time):
+                return Disagreement(channel.name, channel.far_since, time, 0)
             way = channel.take(float(off[i] / sd[i]), time, self._bound)
             if way:
                 since = channel.since[0 if way > 0 else 1]
@@ -130,5 +149,5 @@ class Watch:
         """Begin anew: the model has changed."""
         for channel in self._channels:
             channel.sums, channel.total, channel.count = [0.0, 0.0], 0.0, 0
-            channel.ends = math.nan
+            channel.ends = channel.far_since = math.nan
         self._begins = time
