@@ -1,4 +1,4 @@
-"""Which mechanism explains a disagreement best so far: each is followed through the last seconds; (207)."""
+"""Which mechanism explains a disagreement best so far: each is fitted to the last seconds; docs/model.md (207)."""
 
 from __future__ import annotations
 
@@ -10,48 +10,46 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
-from tssgeom.adapt.followed import FollowedNumber
-from tssgeom.adapt.rig_filter import CHANNELS, Readings, RigFilter, noise_variance
+from tssgeom.adapt.followed import FollowedNumber, with_numbers
+from tssgeom.adapt.moments import Moment, RunFromHere
+from tssgeom.adapt.rig_filter import RigFilter, noise_variance
+from tssgeom.effects.laws import FrictionLaw
 from tssgeom.effects.route import HiddenBend
 from tssgeom.errors import TssgeomError
 from tssgeom.rig import Rig
-from tssgeom.route.pieces import Arcs
-
-
-class Moment(NamedTuple):
-    """What came in at one time."""
-
-    time: float
-    arcs: Arcs
-    readings: Readings
-    warmth: float
 
 
 class DiagnosisSettings(NamedTuple):
     """Numbers of the search for a mechanism."""
 
-    most_moments: int = 150
-    """Frames through which each mechanism is followed [1]. Chosen: a twentieth of a second of work."""
     slice: int = 8
-    """Of them between two frames of a stream [1]. Chosen: 3 ms."""
+    """Frames that are followed between two frames of a stream [1]. Chosen: 3 ms."""
     bends: int = 6
     """Positions at which a hidden bend is tried [1]. Chosen: neighbours can hardly be told apart."""
-    length: float = 3e-3
-    """Standard deviation of a length that the tendon gains [m]. Chosen: strands that break give some mm."""
-    together: float = 4.0
-    """Readings that count as one [1]. Chosen: errors of the model stay alike for so long."""
-    clipped: float = 50.0
-    """Square of a standardised innovation beyond which it counts as if it were there [1]; chosen."""
+    parts: int = 4
+    """Parts of the route on which friction may change by itself [1]; chosen: the sentence names them."""
+    length: float = 1e-3
+    """Standard deviation of a length that the tendon gains [m]. Chosen: strands that break give tenths of a mm."""
+    rounds: int = 8
+    """Gauss–Newton steps [1]; chosen: three are usual."""
+    close: float = 0.01
+    """Standard errors by which a step is the last one [1]; chosen."""
     fewest: int = 20
     """Readings that show that a sensor stands [1]; chosen."""
     still: float = 9.0
     """Noises within which all readings of a sensor that stands lie [1]; chosen: 1000 readings of noise lie in 7."""
     moved: float = 30.0
     """Noises by which the other sensor at the drive moves meanwhile [1]; chosen."""
-    follows: float = 10.0
-    """Change of what is tried, over its standard deviation, in an hour [1]. Chosen: faults take seconds to grow."""
     of_route: float = 0.02
     """Share of the sensed angle by which it changes where the sensor is at fault [1]; chosen."""
+    shape_first: float = 7.0
+    """Logarithm of the odds for the shape where it changes at that time [1]. Chosen: 1000; friction does the same."""
+    sensor_last: float = -6.0
+    """Logarithm of the odds for a sensor that errs in gain and zero [1]. Chosen: sensors fail wholly, as above."""
+    parts_last: float = -6.0
+    """Logarithm of the odds for friction that changes part by part [1]. Chosen: four numbers fit a bend as well."""
+    turn: float = 1.0
+    """Time within which a sensed angle changes where the sensor is at fault [s]; chosen: routes move slower."""
 
 
 _SETTINGS = DiagnosisSettings()
@@ -70,8 +68,8 @@ class Explanation:
     """Among those that were tried [1]."""
     sentence: str
     """In plain words, with its size."""
-    filter: RigFilter
-    """The rig with it, followed up to now; where a sensor is at fault, without its readings."""
+    filter: RigFilter | None
+    """The rig with it, followed up to now, or without the sensor at fault; of the likeliest alone."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,9 +79,39 @@ class _Hypothesis:
     numbers: tuple[FollowedNumber, ...]
     words: str
     """With `{}` for each value."""
-    rig: Rig | None = None
-    """With the effect whose number is followed."""
+    rig: Rig
+    """With the effect whose number is sought."""
     log_prior: float = 0.0
+    length: float = 0.0
+    """Of the route where its numbers are factors of friction on the parts of it [m]; else 0."""
+
+    def rig_with(self, values: Sequence[float]) -> Rig:
+        """Return the rig with these values of the numbers."""
+        if self.length == 0.0:
+            named = zip(self.numbers, values, strict=True)
+            return with_numbers(self.rig, {one.key: value for one, value in named})
+        x = self.length * (np.arange(len(values)) + 0.5) / len(values)
+        law = FrictionLaw(over="arc_length", x=tuple(x.tolist()), factor=tuple(max(one, 0.01) for one in values))
+        return msgspec.structs.replace(self.rig, effects=(*self.rig.effects, law))
+
+
+@dataclass(slots=True)
+class _Fit:
+    """The best values of a hypothesis so far, in prior standard deviations from where they start."""
+
+    hypothesis: _Hypothesis
+    u: np.ndarray
+    chi2: float
+    covariance: np.ndarray
+
+    @property
+    def values(self) -> list[float]:
+        return [one.value + one.sd * u for one, u in zip(self.hypothesis.numbers, self.u, strict=True)]
+
+    @property
+    def log_evidence(self) -> float:
+        """Laplace's approximation with a standard normal prior of its numbers, before the odds of the mechanism."""
+        return 0.5 * (float(np.linalg.slogdet(self.covariance)[1]) - self.chi2)
 
 
 def explained(
@@ -96,100 +124,177 @@ def explained(
     start
         The filter as it was before the disagreement.
     moments
-        What came in from then on.
+        What came in, before that too.
     since
         When it began [s].
     """
-    stopped = _stopped_sensor(start, moments, since)
-    if stopped is not None:
-        yield (stopped,)
-        return
     sound = start.with_more(())
-    for i, moment in enumerate(one for one in moments if one.time < since):
-        sound.step(moment.arcs, moment.readings, moment.time, moment.warmth)
-        if i % _SETTINGS.slice == _SETTINGS.slice - 1:
-            yield None
+    yield from _through(sound, [one for one in moments if start.time < one.time < since])
     after = [one for one in moments if one.time >= since]
-    step = -(-len(after) // _SETTINGS.most_moments)
-    chosen = [*after[:-1:step], after[-1]]
-    rated = list[tuple[float, _Hypothesis, RigFilter]]()
+    if not after:
+        yield ()
+        return
+    stopped = _stopped_sensor(sound, after)
+    if stopped is not None:
+        channel, words = stopped
+        sound.muted.add(channel)
+        yield from _through(sound, after)
+        yield (Explanation("sensor", channel, 1.0, words, sound),)
+        return
+    run = RunFromHere(sound, after)
+    fits = list[_Fit]()
     for hypothesis in _hypotheses(sound, moments, since):
-        followed = sound.with_more(
-            [one for one in hypothesis.numbers if one.key not in sound.keys], hypothesis.rig
-        )
-        followed.outlier = math.inf
-        followed.reopen(_wide(hypothesis, followed))
-        total, lost = hypothesis.log_prior, False
-        for i, moment in enumerate(chosen):
-            try:
-                known = followed.step(moment.arcs, moment.readings, moment.time, moment.warmth)
-            except TssgeomError:
-                lost = True
-                break
-            total += _log_likelihood(followed, known.off, known.off_sd) / _SETTINGS.together
-            if i % _SETTINGS.slice == _SETTINGS.slice - 1:
-                yield None
-        followed.outlier = sound.outlier
-        if not lost:
-            rated.append((total, hypothesis, followed))
-    rated.sort(key=lambda one: -one[0])
-    if rated and rated[0][1].mechanism == "sensor":  # the rig goes on without that channel
-        followed = sound.with_more(())
-        followed.muted.add(rated[0][1].where)
-        for i, moment in enumerate(chosen):
-            followed.step(moment.arcs, moment.readings, moment.time, moment.warmth)
-            if i % _SETTINGS.slice == _SETTINGS.slice - 1:
-                yield None
-        rated[0] = (*rated[0][:2], followed)
-    weights = np.exp([total - rated[0][0] for total, _, _ in rated])
+        for fit in _fitted(run, hypothesis):
+            yield None
+            if fit is not None:
+                fits.append(fit)
+    if not fits:
+        yield ()
+        return
+    scale = max(1.0, min(fit.chi2 for fit in fits) / run.count)  # what the best one leaves, none explains
+    ranks = np.array([fit.hypothesis.log_prior + fit.log_evidence / scale for fit in fits])
+    order = np.argsort(-ranks)
+    fits, weights = [fits[i] for i in order], np.exp(ranks[order] - ranks.max())
+    shares = dict[str, float]()  # of a mechanism, wherever it acts
+    for fit, weight in zip(fits, weights / weights.sum(), strict=True):
+        shares[fit.hypothesis.mechanism] = shares.get(fit.hypothesis.mechanism, 0.0) + float(weight)
+    first = max(shares, key=lambda one: shares[one])
+    best = next(fit for fit in fits if fit.hypothesis.mechanism == first)
+    followed = _followed(sound, best)
+    yield from _through(followed, after)
+    likeliest = {one: next(fit for fit in fits if fit.hypothesis.mechanism == one) for one in shares}
     yield tuple(
-        _explanation(hypothesis, followed, float(weight / weights.sum()))
-        for weight, (_, hypothesis, followed) in zip(weights, rated, strict=True)
+        Explanation(
+            mechanism,
+            fit.hypothesis.where,
+            shares[mechanism],
+            fit.hypothesis.words.format(*fit.values),
+            followed if fit is best else None,
+        )
+        for mechanism, fit in sorted(likeliest.items(), key=lambda each: -shares[each[0]])
     )
 
 
-def _log_likelihood(followed: RigFilter, off: np.ndarray, sd: np.ndarray) -> float:
-    noise = np.sqrt([max(noise_variance(followed.rig.sensors.get(name)), 1e-12) for name in CHANNELS])
-    each = -0.5 * np.minimum((off / sd) ** 2, _SETTINGS.clipped) - np.log(sd / noise)
-    return float(np.nansum(each))
+def _through(followed: RigFilter, moments: Sequence[Moment]) -> Iterator[None]:
+    """Take a filter through moments, in slices."""
+    for i, moment in enumerate(moments):
+        readings = moment.readings
+        if "displacement_in_m" in followed.muted:
+            readings = readings._replace(displacement_in=None)
+        followed.step(moment.arcs, readings, moment.time, moment.warmth)
+        if i % _SETTINGS.slice == _SETTINGS.slice - 1:
+            yield None
 
 
-def _explanation(one: _Hypothesis, followed: RigFilter, probability: float) -> Explanation:
-    values = dict(zip(followed.keys, followed.values.tolist(), strict=True))
-    words = one.words.format(*(values.get(number.key, math.nan) for number in one.numbers))
-    return Explanation(one.mechanism, one.where, probability, words, followed)
+def _followed(sound: RigFilter, best: _Fit) -> RigFilter:
+    """Return the filter with the numbers of the best fit followed too, from where they are."""
+    one = best.hypothesis
+    if one.mechanism == "sensor":
+        followed = sound.with_more(())
+        followed.muted.add(one.where)
+        return followed
+    if one.length > 0.0:
+        if "friction.coefficient" in sound.keys:  # the mean over the route is followed
+            at = sound.keys.index("friction.coefficient")
+            sound.reopen(np.eye(len(sound.keys))[at] * 0.5 * sound.values[at])
+        return sound
+    se = np.sqrt(np.diag(best.covariance))
+    found = {
+        number.key: replace(number, value=value, sd=max(2.0 * u * number.sd, 0.02 * number.sd))
+        for number, value, u in zip(one.numbers, best.values, se, strict=True)
+    }
+    followed = sound.with_more([new for key, new in found.items() if key not in sound.keys], one.rig)
+    known = {key: new.value for key, new in found.items() if key in sound.keys}
+    followed.set_numbers(known, {key: found[key].sd for key in known})
+    return followed
 
 
-def _wide(one: _Hypothesis, followed: RigFilter) -> np.ndarray:
-    sds = {number.key: number.sd for number in one.numbers}
-    return np.array([sds.get(key, 0.0) for key in followed.keys])
+def _fitted(run: RunFromHere, one: _Hypothesis) -> Iterator[_Fit | None]:
+    """Yield None after each trial, and at last the fit by Gauss–Newton steps; nothing where none is possible."""
+    size = len(one.numbers)
+    lower, upper = (
+        np.array([(getattr(each, side) - each.value) / each.sd for each in one.numbers])
+        for side in ("lower", "upper")
+    )
+
+    def left(u: np.ndarray) -> np.ndarray:
+        values = [number.value + number.sd * float(x) for number, x in zip(one.numbers, u, strict=True)]
+        return run.left(one.rig_with(values))
+
+    u = np.maximum(np.full(size, 0.01), lower)
+    try:
+        now = left(u)
+    except TssgeomError:
+        return
+    cost, normal = float(now @ now + u @ u), np.eye(size)
+    for _ in range(_SETTINGS.rounds):
+        slope = np.empty((len(now), size))
+        for i in range(size):
+            moved = u.copy()
+            moved[i] += 0.02
+            try:
+                slope[:, i] = (left(moved) - now) / 0.02
+            except TssgeomError:
+                return
+            yield None
+        normal = slope.T @ slope + np.eye(size)
+        way = -np.linalg.solve(normal, slope.T @ now + u)
+        share, better = 1.0, False
+        while share > 0.05 and not better:
+            trial = np.clip(u + share * way, lower, upper)
+            yield None
+            try:
+                there = left(trial)
+            except TssgeomError:
+                share *= 0.5
+                continue
+            new = float(there @ there + trial @ trial)
+            better = new < cost
+            share *= 0.5
+        if not better:
+            break
+        small = float((trial - u) @ normal @ (trial - u)) < _SETTINGS.close**2
+        u, now, cost = trial, there, new
+        if small:
+            break
+    yield _Fit(one, u, cost, np.linalg.inv(normal))
 
 
-def _hypotheses(start: RigFilter, moments: Sequence[Moment], since: float) -> Iterator[_Hypothesis]:
-    rig, now = start.rig, dict(zip(start.keys, start.values.tolist(), strict=True))
+def _hypotheses(sound: RigFilter, moments: Sequence[Moment], since: float) -> Iterator[_Hypothesis]:
+    rig = sound.rig_now()
+    known = dict(zip(sound.keys, sound.values.tolist(), strict=True))
 
     def number(key: str, value: float, sd: float, lower: float = -math.inf) -> FollowedNumber:
-        known = next((one for one in start.numbers if one.key == key), None)
-        if known is not None:
-            return replace(known, sd=sd)
-        return FollowedNumber(key, value, sd, _SETTINGS.follows * sd, lower, math.inf)
+        return FollowedNumber(key, known.get(key, value), sd, 0.0, lower, math.inf)
 
-    friction = now.get("friction.coefficient", rig.friction.coefficient)
-    compliance = now.get("tendon.compliance_per_N", rig.tendon.compliance_per_N)
-    length = start.cut.total_length
+    friction, compliance = rig.friction.coefficient, rig.tendon.compliance_per_N
+    length = sound.cut.total_length
     yield _Hypothesis(
         "friction_over_time",
         "along the route",
         (number("friction.coefficient", friction, 0.5 * friction, 0.0),),
         f"friction went from {friction:.3g} to {{:.3g}}",
+        rig,
     )
+    if not any(isinstance(effect, FrictionLaw) for effect in rig.effects):
+        parts = tuple(FollowedNumber(f"part {i}", 1.0, 0.5, 0.0, 0.0, 10.0) for i in range(_SETTINGS.parts))
+        yield _Hypothesis(
+            "friction_over_time",
+            "on a part of the route",
+            parts,
+            "friction on its quarters is {:.2g}, {:.2g}, {:.2g}, {:.2g} of what it was",
+            rig,
+            _SETTINGS.parts_last,
+            length,
+        )
     if _turned(moments, since):
         yield _Hypothesis(
             "sensed_angle",
             "shape",
             (number("route.angle_gain", rig.route.angle_gain, 0.3, 0.1),),
             "the sensed angle changed and the tendon did not feel it: true over sensed is {:.3g}",
-            log_prior=math.log(10.0),  # chosen: that both change at one time is no chance
+            rig,
+            _SETTINGS.shape_first,
         )
     yield _Hypothesis(
         "strain_over_time",
@@ -198,70 +303,63 @@ def _hypotheses(start: RigFilter, moments: Sequence[Moment], since: float) -> It
             number("tendon.compliance_per_N", compliance, 0.5 * compliance, 1e-6),
             number("pretension_error.error_N", 0.0, _SETTINGS.length / (compliance * length)),
         ),
-        f"the tendon went from {compliance:.3g} to {{:.3g}} 1/N and lost {{:.3g}} N of pretension",
+        f"1/EA of the tendon went from {compliance:.3g} to {{:.3g}} 1/N, its pretension by {{:+.3g}} N",
+        rig,
     )
     if not any(isinstance(effect, HiddenBend) for effect in rig.effects):
         for i in range(_SETTINGS.bends):
             at = length * (i + 0.5) / _SETTINGS.bends
-            bend = HiddenBend(at_m=at, angle_rad=0.0)
             yield _Hypothesis(
                 "route_angle",
-                f"{at:.3g} m from the proximal end",
+                f"{at:.2f} m from the proximal end",
                 (number("hidden_bend.angle_rad", 0.0, 0.8, 0.0),),
                 "a bend of {:.2g} rad that the shape does not show",
-                msgspec.structs.replace(rig, effects=(*rig.effects, bend)),
+                msgspec.structs.replace(rig, effects=(*rig.effects, HiddenBend(at_m=at, angle_rad=0.0))),
                 -math.log(_SETTINGS.bends),
             )
     yield _Hypothesis(
         "play_at_drive",
         "drive",
-        (number("backlash.width_m", now.get("backlash.width_m", 0.0), 1e-3, 0.0),),
-        "play of {:.3g} m at the drive",
+        (number("backlash.width_m", 0.0, 1e-3, 0.0),),
+        "play of {:.2g} m at the drive",
+        rig,
     )
     for channel, end in (("tension_in_N", "tension_in"), ("tension_out_N", "tension_out")):
-        if any(getattr(one.readings, end) is not None for one in moments) and channel not in start.muted:
+        if any(getattr(one.readings, end) is not None for one in moments) and channel not in sound.muted:
             yield _Hypothesis(
                 "sensor",
                 channel,
                 (
                     number(f"{end}_gain.gain_error", 0.0, 0.7, -1.0),
-                    number(f"{end}_offset.offset_N", now.get(f"{end}_offset.offset_N", 0.0), 5.0),
+                    number(f"{end}_offset.offset_N", 0.0, 5.0),
                 ),
                 f"{channel} reads {{:+.2g}} of its value and {{:+.3g}} N too much",
+                rig,
+                _SETTINGS.sensor_last,
             )
 
 
 def _turned(moments: Sequence[Moment], since: float) -> bool:
-    """Whether the sensed angle changed when the disagreement began."""
-    before = [one.arcs.total_angle for one in moments if one.time < since]
-    after = [one.arcs.total_angle for one in moments if one.time >= since]
-    if not before or not after:
-        return False
-    first = float(np.median(before))
-    return abs(float(np.median(after)) - first) > _SETTINGS.of_route * first
+    """Whether the sensed angle jumped before or when the disagreement began."""
+    near = [one for one in moments if one.time < since + _SETTINGS.turn]
+    times, angles = (np.array(each) for each in zip(*((one.time, one.arcs.total_angle) for one in near), strict=True))
+    later = np.minimum(np.searchsorted(times, times + _SETTINGS.turn), len(times) - 1)
+    return bool(np.abs(angles[later] - angles).max() > _SETTINGS.of_route * angles[0])
 
 
-def _stopped_sensor(start: RigFilter, moments: Sequence[Moment], since: float) -> Explanation | None:
-    """Return the fault of a sensor at the drive that stands while the other one there moves."""
-    after = [one.readings for one in moments if one.time >= since]
-    pairs = [(one.displacement_in, one.tension_in) for one in after]
+def _stopped_sensor(sound: RigFilter, after: Sequence[Moment]) -> tuple[str, str] | None:
+    """Return the sensor at the drive that stands while the other one there moves, and that in words."""
+    pairs = [(one.readings.displacement_in, one.readings.tension_in) for one in after]
     if len(pairs) < _SETTINGS.fewest or any(None in pair for pair in pairs):
         return None
     names, units = ("displacement_in_m", "tension_in_N"), ("m", "N")
-    sensors = start.rig.sensors
     readings = np.array(pairs, dtype=np.float64)[1:].T
     moved = np.ptp(readings, axis=1)
-    noise = np.array([math.sqrt(noise_variance(sensors.get(name))) for name in names])
+    noise = np.array([math.sqrt(noise_variance(sound.rig.sensors.get(name))) for name in names])
     for which, other in ((0, 1), (1, 0)):
         if moved[which] <= _SETTINGS.still * noise[which] and moved[other] > _SETTINGS.moved * noise[other]:
-            words = (
+            return names[which], (
                 f"{names[which]} stands at {readings[which, -1]:.4g} {units[which]} while {names[other]} moves by "
                 f"{moved[other]:.3g} {units[other]}"
             )
-            followed = start.with_more(())
-            followed.muted.add(names[which])
-            for moment in moments[:: -(-len(moments) // _SETTINGS.most_moments)]:
-                given = moment.readings._replace(displacement_in=None) if which == 0 else moment.readings
-                followed.step(moment.arcs, given, moment.time, moment.warmth)
-            return Explanation("sensor", names[which], 1.0, words, followed)
     return None

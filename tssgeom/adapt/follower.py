@@ -8,10 +8,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from tssgeom.adapt.diagnosis import Explanation, Moment, explained
+from tssgeom.adapt.diagnosis import Explanation, explained
 from tssgeom.adapt.followed import followed_numbers
+from tssgeom.adapt.moments import Moment
 from tssgeom.adapt.rig_filter import CHANNELS, FollowedRig, Readings, RigFilter
-from tssgeom.adapt.watch import Disagreement, Watch
+from tssgeom.adapt.watch import Watch
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
 
@@ -157,8 +158,7 @@ class Follower:
         assert self._alert is not None
         sound = [one for one in self._copies if one.time <= self._alert.since - _SETTINGS.before]
         start = sound[-1] if sound else self._copies[0]
-        moments = [one for one in self._moments if one.time > start.time]
-        return explained(start, moments, self._alert.since)
+        return explained(start, list(self._moments), self._alert.since)
 
     def _conclude(self, result: tuple[Explanation, ...]) -> None:
         assert self._alert is not None
@@ -170,6 +170,7 @@ class Follower:
 
     def _adopt(self, first: Explanation) -> None:
         """Go on with the likeliest mechanism in the rig."""
+        assert first.filter is not None
         self._filter = first.filter
         self._copies.clear()
         self._watch.restart(first.filter.time)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -264,6 +264,16 @@ class RigFilter:
         known = [*self.members.T, *self._tensions()]
         self.members = self.members + self._deviations(len(self.members), missing, known)
         self._bound()
+
+    def set_numbers(self, values: Mapping[str, float], sds: Mapping[str, float]) -> None:
+        """Set some numbers to other values with these standard deviations, uncorrelated with all else."""
+        chosen = [i for i, key in enumerate(self.keys) if key in values]
+        keys = [self.keys[i] for i in chosen]
+        known = [*np.delete(self.members, chosen, axis=1).T, *self._tensions()]
+        spread = self._deviations(len(self.members), np.array([sds[key] for key in keys]), known)
+        self.members[:, chosen] = np.array([values[key] for key in keys]) + spread
+        self._bound()
+        self._draw_anew()
 
     def rig_now(self) -> Rig:
         """Return the rig with the followed numbers as they are now."""

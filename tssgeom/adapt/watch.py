@@ -23,8 +23,9 @@ class WatchSettings(NamedTuple):
     """Standard deviations beyond which a reading or a block counts as if it were there [1]; chosen."""
     memory: float = 1.0 / 400.0
     """Share of the newest block in the usual spread of blocks [1]. Chosen: it is learnt in some minutes."""
-    first_spread: float = 2.0
-    """Variance of a block before it is learnt, over that of white innovations [1]; chosen."""
+    least_spread: float = 4.0
+    """Least variance of a block over that of white innovations [1]. Chosen: the error of a turn stays for a leg, and
+    full faults are ten times as large."""
     far: float = 6.0
     """Of what noise, rig and drive explain, beyond which a reading is far off [1]; chosen: never by chance."""
     far_for: float = 0.5
@@ -68,7 +69,7 @@ class _Channel:
 
     def __init__(self, name: str) -> None:
         self.name = name
-        self.spread = _WATCH.first_spread
+        self.spread = _WATCH.least_spread
         self.sums, self.since = [0.0, 0.0], [math.nan, math.nan]
         self.total, self.count, self.ends = 0.0, 0, math.nan
         self.far_since = math.nan
@@ -102,7 +103,7 @@ class _Channel:
         raw = self.total / math.sqrt(self.count)
         u = raw / math.sqrt(self.spread)
         u = min(max(u, -_WATCH.clipped), _WATCH.clipped)
-        self.spread = max(1.0, self.spread + _WATCH.memory * self.spread * (u * u - 1.0))
+        self.spread = max(_WATCH.least_spread, self.spread + _WATCH.memory * self.spread * (u * u - 1.0))
         for i, sign in enumerate((1.0, -1.0)):
             grown = max(self.sums[i] + sign * u - _WATCH.shift, 0.0)
             if grown == 0.0 or self.sums[i] == 0.0:
