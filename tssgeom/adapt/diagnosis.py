@@ -1,4 +1,4 @@
-"""Which mechanism explains a disagreement best so far: each is fitted to the last seconds; docs/model.md (207)."""
+"""Which mechanism explains a disagreement best so far; docs/model.md (207)."""
 
 from __future__ import annotations
 
@@ -7,16 +7,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-import msgspec
 import numpy as np
 
-from tssgeom.adapt.followed import FollowedNumber, with_numbers
+from tssgeom.adapt.hypotheses import Hypothesis, hypotheses
 from tssgeom.adapt.moments import Moment, RunFromHere
-from tssgeom.adapt.rig_filter import RigFilter, noise_variance
-from tssgeom.effects.laws import FrictionLaw
-from tssgeom.effects.route import HiddenBend
+from tssgeom.adapt.readings import noise_variance
+from tssgeom.adapt.rig_filter import RigFilter
 from tssgeom.errors import TssgeomError
-from tssgeom.rig import Rig
 
 
 class DiagnosisSettings(NamedTuple):
@@ -24,12 +21,6 @@ class DiagnosisSettings(NamedTuple):
 
     slice: int = 8
     """Frames that are followed between two frames of a stream [1]. Chosen: 3 ms."""
-    bends: int = 6
-    """Positions at which a hidden bend is tried [1]. Chosen: neighbours can hardly be told apart."""
-    parts: int = 4
-    """Parts of the route on which friction may change by itself [1]; chosen: the sentence names them."""
-    length: float = 1e-3
-    """Standard deviation of a length that the tendon gains [m]. Chosen: strands that break give tenths of a mm."""
     rounds: int = 8
     """Gauss–Newton steps [1]; chosen: three are usual."""
     close: float = 0.01
@@ -37,22 +28,14 @@ class DiagnosisSettings(NamedTuple):
     fewest: int = 20
     """Readings that show that a sensor stands [1]; chosen."""
     still: float = 9.0
-    """Noises within which all readings of a sensor that stands lie [1]; chosen: 1000 readings of noise lie in 7."""
+    """Noises within which all readings of a sensor that stands lie [1]; chosen: 1000 readings of noise lie
+    in 7."""
     moved: float = 30.0
     """Noises by which the other sensor at the drive moves meanwhile [1]; chosen."""
-    of_route: float = 0.02
-    """Share of the sensed angle by which it changes where the sensor is at fault [1]; chosen."""
-    shape_first: float = 7.0
-    """Logarithm of the odds for the shape where it changes at that time [1]. Chosen: 1000; friction does the same."""
-    sensor_last: float = -6.0
-    """Logarithm of the odds for a sensor that errs in gain and zero [1]. Chosen: sensors fail wholly, as above."""
-    parts_last: float = -6.0
-    """Logarithm of the odds for friction that changes part by part [1]. Chosen: four numbers fit a bend as well."""
-    turn: float = 1.0
-    """Time within which a sensed angle changes where the sensor is at fault [s]; chosen: routes move slower."""
 
 
 _SETTINGS = DiagnosisSettings()
+_SHARES = (1.0, 0.5, 0.25, 0.125)  # of a Gauss–Newton step, until one is better; chosen
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,34 +55,11 @@ class Explanation:
     """The rig with it, followed up to now, or without the sensor at fault; of the likeliest alone."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Hypothesis:
-    mechanism: str
-    where: str
-    numbers: tuple[FollowedNumber, ...]
-    words: str
-    """With `{}` for each value."""
-    rig: Rig
-    """With the effect whose number is sought."""
-    log_prior: float = 0.0
-    length: float = 0.0
-    """Of the route where its numbers are factors of friction on the parts of it [m]; else 0."""
-
-    def rig_with(self, values: Sequence[float]) -> Rig:
-        """Return the rig with these values of the numbers."""
-        if self.length == 0.0:
-            named = zip(self.numbers, values, strict=True)
-            return with_numbers(self.rig, {one.key: value for one, value in named})
-        x = self.length * (np.arange(len(values)) + 0.5) / len(values)
-        law = FrictionLaw(over="arc_length", x=tuple(x.tolist()), factor=tuple(max(one, 0.01) for one in values))
-        return msgspec.structs.replace(self.rig, effects=(*self.rig.effects, law))
-
-
 @dataclass(slots=True)
 class _Fit:
     """The best values of a hypothesis so far, in prior standard deviations from where they start."""
 
-    hypothesis: _Hypothesis
+    hypothesis: Hypothesis
     u: np.ndarray
     chi2: float
     covariance: np.ndarray
@@ -110,7 +70,7 @@ class _Fit:
 
     @property
     def log_evidence(self) -> float:
-        """Laplace's approximation with a standard normal prior of its numbers, before the odds of the mechanism."""
+        """Laplace's approximation with a standard normal prior of its numbers."""
         return 0.5 * (float(np.linalg.slogdet(self.covariance)[1]) - self.chi2)
 
 
@@ -143,7 +103,7 @@ def explained(
         return
     run = RunFromHere(sound, after)
     fits = list[_Fit]()
-    for hypothesis in _hypotheses(sound, moments, since):
+    for hypothesis in hypotheses(sound, moments, since):
         for fit in _fitted(run, hypothesis):
             yield None
             if fit is not None:
@@ -209,8 +169,8 @@ def _followed(sound: RigFilter, best: _Fit) -> RigFilter:
     return followed
 
 
-def _fitted(run: RunFromHere, one: _Hypothesis) -> Iterator[_Fit | None]:
-    """Yield None after each trial, and at last the fit by Gauss–Newton steps; nothing where none is possible."""
+def _fitted(run: RunFromHere, one: Hypothesis) -> Iterator[_Fit | None]:
+    """Yield None after each trial, and at last the fit by Gauss–Newton steps, if any."""
     size = len(one.numbers)
     lower, upper = (
         np.array([(getattr(each, side) - each.value) / each.sd for each in one.numbers])
@@ -239,112 +199,23 @@ def _fitted(run: RunFromHere, one: _Hypothesis) -> Iterator[_Fit | None]:
             yield None
         normal = slope.T @ slope + np.eye(size)
         way = -np.linalg.solve(normal, slope.T @ now + u)
-        share, better = 1.0, False
-        while share > 0.05 and not better:
+        for share in _SHARES:
             trial = np.clip(u + share * way, lower, upper)
             yield None
             try:
                 there = left(trial)
             except TssgeomError:
-                share *= 0.5
                 continue
             new = float(there @ there + trial @ trial)
-            better = new < cost
-            share *= 0.5
-        if not better:
+            if new < cost:
+                break
+        else:
             break
         small = float((trial - u) @ normal @ (trial - u)) < _SETTINGS.close**2
         u, now, cost = trial, there, new
         if small:
             break
     yield _Fit(one, u, cost, np.linalg.inv(normal))
-
-
-def _hypotheses(sound: RigFilter, moments: Sequence[Moment], since: float) -> Iterator[_Hypothesis]:
-    rig = sound.rig_now()
-    known = dict(zip(sound.keys, sound.values.tolist(), strict=True))
-
-    def number(key: str, value: float, sd: float, lower: float = -math.inf) -> FollowedNumber:
-        return FollowedNumber(key, known.get(key, value), sd, 0.0, lower, math.inf)
-
-    friction, compliance = rig.friction.coefficient, rig.tendon.compliance_per_N
-    length = sound.cut.total_length
-    yield _Hypothesis(
-        "friction_over_time",
-        "along the route",
-        (number("friction.coefficient", friction, 0.5 * friction, 0.0),),
-        f"friction went from {friction:.3g} to {{:.3g}}",
-        rig,
-    )
-    if not any(isinstance(effect, FrictionLaw) for effect in rig.effects):
-        parts = tuple(FollowedNumber(f"part {i}", 1.0, 0.5, 0.0, 0.0, 10.0) for i in range(_SETTINGS.parts))
-        yield _Hypothesis(
-            "friction_over_time",
-            "on a part of the route",
-            parts,
-            "friction on its quarters is {:.2g}, {:.2g}, {:.2g}, {:.2g} of what it was",
-            rig,
-            _SETTINGS.parts_last,
-            length,
-        )
-    if _turned(moments, since):
-        yield _Hypothesis(
-            "sensed_angle",
-            "shape",
-            (number("route.angle_gain", rig.route.angle_gain, 0.3, 0.1),),
-            "the sensed angle changed and the tendon did not feel it: true over sensed is {:.3g}",
-            rig,
-            _SETTINGS.shape_first,
-        )
-    yield _Hypothesis(
-        "strain_over_time",
-        "along the tendon",
-        (
-            number("tendon.compliance_per_N", compliance, 0.5 * compliance, 1e-6),
-            number("pretension_error.error_N", 0.0, _SETTINGS.length / (compliance * length)),
-        ),
-        f"1/EA of the tendon went from {compliance:.3g} to {{:.3g}} 1/N, its pretension by {{:+.3g}} N",
-        rig,
-    )
-    if not any(isinstance(effect, HiddenBend) for effect in rig.effects):
-        for i in range(_SETTINGS.bends):
-            at = length * (i + 0.5) / _SETTINGS.bends
-            yield _Hypothesis(
-                "route_angle",
-                f"{at:.2f} m from the proximal end",
-                (number("hidden_bend.angle_rad", 0.0, 0.8, 0.0),),
-                "a bend of {:.2g} rad that the shape does not show",
-                msgspec.structs.replace(rig, effects=(*rig.effects, HiddenBend(at_m=at, angle_rad=0.0))),
-                -math.log(_SETTINGS.bends),
-            )
-    yield _Hypothesis(
-        "play_at_drive",
-        "drive",
-        (number("backlash.width_m", 0.0, 1e-3, 0.0),),
-        "play of {:.2g} m at the drive",
-        rig,
-    )
-    for channel, end in (("tension_in_N", "tension_in"), ("tension_out_N", "tension_out")):
-        if any(getattr(one.readings, end) is not None for one in moments) and channel not in sound.muted:
-            yield _Hypothesis(
-                "sensor",
-                channel,
-                (
-                    number(f"{end}_gain.gain_error", 0.0, 0.7, -1.0),
-                    number(f"{end}_offset.offset_N", 0.0, 5.0),
-                ),
-                f"{channel} reads {{:+.2g}} of its value and {{:+.3g}} N too much",
-                rig,
-                _SETTINGS.sensor_last,
-            )
-
-
-def _turned(moments: Sequence[Moment], since: float) -> bool:
-    """Whether the sensed angle jumped before or when the disagreement began."""
-    near = [one for one in moments if one.time < since + _SETTINGS.turn]
-    times, angles = (np.array(each) for each in zip(*((one.time, one.arcs.total_angle) for one in near), strict=True))
-    later = np.minimum(np.searchsorted(times, times + _SETTINGS.turn), len(times) - 1)
-    return bool(np.abs(angles[later] - angles).max() > _SETTINGS.of_route * angles[0])
 
 
 def _stopped_sensor(sound: RigFilter, after: Sequence[Moment]) -> tuple[str, str] | None:
@@ -358,8 +229,6 @@ def _stopped_sensor(sound: RigFilter, after: Sequence[Moment]) -> tuple[str, str
     noise = np.array([math.sqrt(noise_variance(sound.rig.sensors.get(name))) for name in names])
     for which, other in ((0, 1), (1, 0)):
         if moved[which] <= _SETTINGS.still * noise[which] and moved[other] > _SETTINGS.moved * noise[other]:
-            return names[which], (
-                f"{names[which]} stands at {readings[which, -1]:.4g} {units[which]} while {names[other]} moves by "
-                f"{moved[other]:.3g} {units[other]}"
-            )
+            stands = f"{names[which]} stands at {readings[which, -1]:.4g} {units[which]}"
+            return names[which], f"{stands} while {names[other]} moves by {moved[other]:.3g} {units[other]}"
     return None

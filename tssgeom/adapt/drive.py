@@ -1,6 +1,7 @@
 """The true drive behind noisy readings, while it runs; docs/model.md (202).
 
-Friction keeps every turn of the drive, those of its noise too: a few micrometres back take half a newton off T_in.
+Friction keeps every turn of the drive, those of its noise too: a few micrometres back take half a newton
+off T_in.
 """
 
 from __future__ import annotations
@@ -13,17 +14,19 @@ class DriveNoise(NamedTuple):
     """How noise of the drive is kept from turning the tendon."""
 
     on: float = 3.0
-    """Standard deviations beyond which a reading moves the drive on [1]; chosen: `highest_of_noise` is below."""
+    """Standard deviations beyond which a reading moves the drive on [1]; chosen: `highest_of_noise` is
+    below."""
     back: float = 5.5
     """Standard deviations by which a reading is behind the drive where it has turned [1].
     Chosen: noise alone does so once in a day of holds at 100 Hz."""
     memory: float = 0.1
     """Share of the newest reading in mean reading and mean step [1]. Chosen: ten readings of a motion."""
     slow: float = 0.3
-    """Standard deviations that a drive moves from reading to reading below which the mean reading tells more than
-    the highest one [1]; chosen."""
+    """Standard deviations that a drive moves from reading to reading below which the mean reading tells
+    more than the highest one [1]; chosen."""
     alike: float = 10.0
-    """Readings of a slide that share an error [1]. Measured: with 3 the errors of friction are a fifth larger."""
+    """Readings of a slide that share an error [1]. Measured: with 3 the errors of friction are a fifth
+    larger."""
 
 
 _NOISE = DriveNoise()
@@ -76,8 +79,8 @@ class DriveTracker:
     def repeated(self, slides: bool) -> float:
         """Return how many readings share the error of this one [1].
 
-        The k-th reading of a hold counts as 1/k², all as less than two. Where the tendon does not slide from end to
-        end, the error of the last turn stays.
+        The k-th reading of a hold counts as 1/k², all as less than two. Where the tendon does not slide
+        from end to end, the error of the last turn stays.
         """
         return max(1.0 + self._stood**2, _NOISE.alike if slides else 1.0 + self._in_leg)
 
@@ -85,7 +88,7 @@ class DriveTracker:
 def highest_of_noise(step: float) -> float:
     """Return how far the highest of all readings so far is above the last true value, on the average [1].
 
-    The drive moves by `step` from reading to reading; all in standard deviations of a reading. Derived: a curve
-    through what 4000 simulated motions gave, to 0.14 from 0.03 to 4.
+    The drive moves by `step` from reading to reading; all in standard deviations of a reading. Derived: a
+    curve through what 4000 simulated motions gave, to 0.14 from 0.03 to 4.
     """
     return 0.5 * math.log1p((0.65 / max(step, 1e-3)) ** 1.2)

@@ -1,4 +1,4 @@
-"""Which numbers of a rig are followed, and what they make of a tendon as straight lines; docs/model.md (200), (201)."""
+"""Numbers of a rig that are followed, and a plant as straight lines over them; docs/model.md (200), (201)."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ RIG_KEYS = (
 
 
 class DefaultDrift(NamedTuple):
-    """What is followed where the rig says nothing. Chosen: what worn sheaths and load cells of laboratories do."""
+    """What is followed where the rig says nothing. Chosen: what sheaths and load cells usually do."""
 
     friction_sd: float = 0.1
     """Standard deviation of friction at the start, and of its change in an hour, over its value [1]."""
@@ -77,7 +77,7 @@ class FollowedNumber:
 
 
 def followed_numbers(rig: Rig, measured: Sequence[str]) -> tuple[FollowedNumber, ...]:
-    """Return the numbers that a rig names to be followed, else friction and the zeros of the `measured` tensions.
+    """Return what a rig names to be followed, else friction and the zeros of the `measured` tensions.
 
     Raises
     ------
@@ -130,7 +130,7 @@ def with_numbers(rig: Rig, values: Mapping[str, float]) -> Rig:
         table, _, name = key.partition(".")
         at = next((i for i, one in enumerate(effects) if isinstance(one, KINDS[table])), None)
         if at is None:
-            effects.append(KINDS[table](**{name: value}))
+            effects.append(msgspec.convert({"name": table, name: value}, AnyEffect))
         else:
             effects[at] = msgspec.structs.replace(effects[at], **{name: value})
     changed = with_values(rig, of_rig) if of_rig else rig
@@ -160,7 +160,7 @@ class StraightLines:
 def straight_lines(
     rig: Rig, numbers: Sequence[FollowedNumber], about: Vector, arcs: Arcs, edge: Vector
 ) -> StraightLines:
-    """Return plant and sensors about values [d] of the followed numbers, on a route with bars cut at `edge`."""
+    """Return plant and sensors about values [d] of the numbers, on a route with bars cut at `edge`."""
 
     def at(values: Vector) -> tuple[Vector, Vector]:
         kept = {one.key: float(value) for one, value in zip(numbers, values, strict=True)}

@@ -1,4 +1,4 @@
-"""A rig that follows its readings in a stream: the filter, the watch beside it, and what it makes of an alarm."""
+"""A rig that follows its readings in a stream: the filter, the watch, and what follows an alarm."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from typing import NamedTuple
 from tssgeom.adapt.diagnosis import Explanation, explained
 from tssgeom.adapt.followed import followed_numbers
 from tssgeom.adapt.moments import Moment
-from tssgeom.adapt.rig_filter import CHANNELS, FollowedRig, Readings, RigFilter
+from tssgeom.adapt.readings import CHANNELS, FollowedRig, Readings
+from tssgeom.adapt.rig_filter import RigFilter
 from tssgeom.adapt.watch import Watch
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs

@@ -1,4 +1,4 @@
-"""The last seconds of a stream as a run, from where the tendon was: what models with other numbers make of them."""
+"""The last seconds of a stream as a run, for models with other numbers; docs/model.md (207)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ import numpy as np
 
 from tssgeom import core
 from tssgeom.adapt.drive import DriveTracker
-from tssgeom.adapt.rig_filter import CHANNELS, Readings, RigFilter, noise_variance
+from tssgeom.adapt.readings import CHANNELS, Readings, noise_variance
+from tssgeom.adapt.rig_filter import RigFilter
 from tssgeom.arrays import Vector
 from tssgeom.core.constants_tendon_rows import HELD, PLANT
 from tssgeom.errors import FitError
@@ -42,9 +43,11 @@ class RunSettings(NamedTuple):
     together: float = 5.0
     """Moments that count as one [1]. Chosen: errors of model and drive stay alike for so long."""
     near: int = 3
-    """Moments on each side in which the steepest slope over the drive counts [1]. Chosen: a turn is that long."""
+    """Moments on each side in which the steepest slope over the drive counts [1]. Chosen: a turn is that
+    long."""
     clipped: float = 8.0
-    """Standard deviations from which a residual counts as its root [1]; chosen: a wrong model may be far off."""
+    """Standard deviations from which a residual counts as its root [1]; chosen: a wrong model may be far
+    off."""
 
 
 _RUN = RunSettings()
@@ -141,6 +144,4 @@ class RunFromHere:
 
 def _channels(readings: Readings, muted: set[str]) -> list[float]:
     read = (None if readings.by_force else readings.tension_in, readings.tension_out, readings.elongation)
-    return [
-        math.nan if v is None or name in muted else v for name, v in zip(CHANNELS, read, strict=True)
-    ]
+    return [math.nan if v is None or name in muted else v for name, v in zip(CHANNELS, read, strict=True)]

@@ -1,9 +1,9 @@
 """The filter that follows a rig: an ensemble of tendons, each with its own numbers and its own history.
 
-Friction is not smooth, so no linear filter carries the tension along a tendon. Here each member is a tendon that
-the same drive moves; a reading shifts numbers and tensions of all members together, by what they have in common with
-what it reads. Source: docs/model.md (200) to (205); J. S. Whitaker and T. M. Hamill, Ensemble data assimilation
-without perturbed observations, Monthly Weather Review 130 (2002).
+Friction is not smooth, so no linear filter carries the tension along a tendon. Here each member is a tendon
+that the same drive moves; a reading shifts numbers and tensions of all members together, by what they have
+in common with what it reads. Source: docs/model.md (200) to (205); J. S. Whitaker and T. M. Hamill,
+Ensemble data assimilation without perturbed observations, Monthly Weather Review 130 (2002).
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -19,16 +18,15 @@ import numpy as np
 from tssgeom import core
 from tssgeom.adapt.drive import DriveTracker
 from tssgeom.adapt.followed import FollowedNumber, SensorNumbers, straight_lines, with_numbers
+from tssgeom.adapt.readings import CHANNELS, FollowedRig, Readings, noise_variance, predicted_readings
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.errors import FitError
-from tssgeom.rig import Rig, Sensor
+from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.bars.contact_grid import bends_of, edges
 from tssgeom.tendon.bars.model import BARS, Model, begin, model_of, setup_of
 from tssgeom.tendon.bars.plant import Memory
 
-CHANNELS = ("tension_in_N", "tension_out_N", "elongation_m")
-"""What the filter takes as readings, beside the drive."""
 _ENDS = 4  # T_in, T_out, x_in, x_out
 _DISTAL = [1, 3]
 _PROBES = 2  # tendons that show what an error of the drive does: derived, one either way
@@ -44,10 +42,11 @@ class FilterSettings(NamedTuple):
     drift_interval: float = 0.05
     """Time between two additions of drift [s]. Chosen: small beside any phase of a motion."""
     bent: float = 0.3
-    """Share of its noise by which an error of the drive may bend a reading that is used [1]. Chosen: just behind a
-    turn the tension is no straight line over the drive, and its mean would be biased."""
+    """Share of its noise by which an error of the drive may bend a reading that is used [1]. Chosen: just
+    behind a turn the tension is no straight line over the drive, and its mean would be biased."""
     straight: float = 2.0
-    """Scales of a number after which its straight line is drawn anew [1]. Chosen: friction is exact, (201)."""
+    """Scales of a number after which its straight line is drawn anew [1]. Chosen: friction is exact,
+    (201)."""
     least_noise: float = 1e-6
     """Noise of a channel that states none [N, m]. Chosen: below every sensor."""
     first_span: float = 1e-2
@@ -55,46 +54,6 @@ class FilterSettings(NamedTuple):
 
 
 _SETTINGS = FilterSettings()
-
-
-class Readings(NamedTuple):
-    """What was measured at one time; None where it was not."""
-
-    tension_in: float | None = None
-    displacement_in: float | None = None
-    tension_out: float | None = None
-    elongation: float | None = None
-
-    @property
-    def by_force(self) -> bool:
-        """Whether the tension drives: a position is the better drive where both are measured."""
-        return self.displacement_in is None
-
-
-@dataclass(frozen=True, slots=True)
-class FollowedRig:
-    """What is known of the rig and of both ends after a frame."""
-
-    keys: tuple[str, ...]
-    values: Vector
-    """[d] In the units of the keys."""
-    covariance: Matrix
-    """[d, d]"""
-    ends: Vector
-    """[4] T_in, T_out [N], x_in, x_out [m]."""
-    ends_se: Vector
-    """[4]"""
-    off: Vector
-    """[channels] Readings less what was expected [N, m]; NaN where there is none to use."""
-    off_sd: Vector
-    """[channels] Its standard deviation [N, m]."""
-    beyond: Vector
-    """[channels] How far a reading is off, over the most that noise, rig and drive explain at once [1]."""
-
-    @property
-    def se(self) -> Vector:
-        """[d] Standard errors."""
-        return np.sqrt(np.diag(self.covariance))
 
 
 class RigFilter:
@@ -184,7 +143,7 @@ class RigFilter:
         sensors = self._lines.sensors_of(numbers)
         drive = self._drive(readings, sensors)
         after, ends = self._stepped(arcs, numbers, drive, readings.by_force, span, warmth)
-        predicted = _predicted(ends, sensors)
+        predicted = predicted_readings(ends, sensors)
         by_drive = 0.5 * (predicted[count] - predicted[count + 1])
         ends_by_drive = 0.5 * np.abs(ends[count] - ends[count + 1])
         bent = 0.5 * np.abs(predicted[count] + predicted[count + 1] - 2.0 * predicted[0])
@@ -238,7 +197,7 @@ class RigFilter:
         return now.mean(axis=0), now.std(axis=0, ddof=1)
 
     def with_more(self, more: Sequence[FollowedNumber], rig: Rig | None = None) -> RigFilter:
-        """Return a filter that goes on from here and follows further numbers too, each with its own spread."""
+        """Return a filter that goes on from here and follows further numbers too."""
         other = copy.copy(self)
         other.rig = self.rig if rig is None else rig
         other.numbers = (*self.numbers, *more)
@@ -356,7 +315,7 @@ class RigFilter:
         return self.memory[: len(self.members), [0, len(self.edge)]].T
 
     def _deviations(self, count: int, sd: Vector, known: Sequence[Vector]) -> Matrix:
-        """Return [count, d] deviations of these standard deviations, uncorrelated in the sample with `known`."""
+        """Return [count, d] deviations of these sizes, uncorrelated in the sample with `known`."""
         basis = np.linalg.qr(np.column_stack([np.ones(count), *known]))[0]
         random = self._random.standard_normal((count, len(sd)))
         random -= basis @ (basis.T @ random)
@@ -371,21 +330,3 @@ class RigFilter:
         scale = np.array([one.scale for one in self.numbers])
         if (np.abs(self.values - self._lines.about) > _SETTINGS.straight * scale).any():
             self._lines = straight_lines(self.rig, self.numbers, self.values, self.cut, self.edge)
-
-
-def noise_variance(sensor: Sensor | None) -> float:
-    """Return the variance of a reading by the stated noise and resolution of its sensor."""
-    return 0.0 if sensor is None else sensor.noise**2 + sensor.resolution**2 / 12.0
-
-
-def _predicted(ends: Matrix, sensors: SensorNumbers) -> Matrix:
-    """Return what each of CHANNELS should read of the ends [n, 4]; docs/model.md (61)."""
-    tension_in, tension_out, x_in, x_out = ends.T
-    distal = tension_out + sensors.crosstalk * tension_in
-    return np.column_stack(
-        (
-            tension_in * sensors.gain_in + sensors.zero_in,
-            distal * sensors.gain_out + sensors.zero_out,
-            x_in - x_out,
-        )
-    )

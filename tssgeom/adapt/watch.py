@@ -16,7 +16,8 @@ class WatchSettings(NamedTuple):
     block: float = 0.25
     """Time over which innovations are averaged [s]. Chosen: longer than they stay alike in sound running."""
     shift: float = 0.75
-    """Half of the mean that the test is best at, in standard deviations of a block [1]. Chosen: a fault of 1.5."""
+    """Half of the mean that the test is best at, in standard deviations of a block [1]. Chosen: a fault of
+    1.5."""
     false_alarm_interval: float = 86400.0
     """Mean time between two false alarms [s]; stated: a day, over all channels."""
     clipped: float = 6.0
@@ -24,10 +25,11 @@ class WatchSettings(NamedTuple):
     memory: float = 1.0 / 400.0
     """Share of the newest block in the usual spread of blocks [1]. Chosen: it is learnt in some minutes."""
     least_spread: float = 4.0
-    """Least variance of a block over that of white innovations [1]. Chosen: the error of a turn stays for a leg, and
-    full faults are ten times as large."""
+    """Least variance of a block over that of white innovations [1]. Chosen: the error of a turn stays for a
+    leg, and full faults are ten times as large."""
     far: float = 6.0
-    """Of what noise, rig and drive explain, beyond which a reading is far off [1]; chosen: never by chance."""
+    """Of what noise, rig and drive explain, beyond which a reading is far off [1]; chosen: never by
+    chance."""
     far_for: float = 0.5
     """Time for which readings are far off without a break [s]. Chosen: a burst of outliers is shorter."""
     warm_up: float = 5.0

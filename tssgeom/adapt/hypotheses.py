@@ -1,0 +1,163 @@
+"""Mechanisms that may explain a disagreement, each with the numbers to be found; docs/model.md (207)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+
+from tssgeom.adapt.followed import FollowedNumber, with_numbers
+from tssgeom.adapt.moments import Moment
+from tssgeom.adapt.rig_filter import RigFilter
+from tssgeom.effects.laws import FrictionLaw
+from tssgeom.effects.route import HiddenBend
+from tssgeom.rig import Rig
+
+
+class HypothesisSettings(NamedTuple):
+    """Sizes and odds of mechanisms."""
+
+    bends: int = 6
+    """Positions at which a hidden bend is tried [1]. Chosen: neighbours can hardly be told apart."""
+    parts: int = 4
+    """Parts of the route on which friction may change by itself [1]; chosen: the sentence names them."""
+    length: float = 1e-3
+    """Standard deviation of a length that the tendon gains [m]. Chosen: strands that break give tenths of a
+    mm."""
+    of_route: float = 0.02
+    """Share of the sensed angle by which it changes where the sensor is at fault [1]; chosen."""
+    shape_first: float = 7.0
+    """Logarithm of the odds for the shape where it changes at that time [1]. Chosen: 1000; friction does
+    the same."""
+    sensor_last: float = -6.0
+    """Logarithm of the odds for a sensor that errs in gain and zero [1]. Chosen: sensors fail wholly, as
+    above."""
+    parts_last: float = -6.0
+    """Logarithm of the odds for friction that changes part by part [1]. Chosen: four numbers fit a bend as
+    well."""
+    turn: float = 1.0
+    """Time within which a sensed angle changes where the sensor is at fault [s]; chosen: routes move
+    slower."""
+
+
+_TRIED = HypothesisSettings()
+
+
+@dataclass(frozen=True, slots=True)
+class Hypothesis:
+    """A mechanism with the numbers that are sought."""
+
+    mechanism: str
+    where: str
+    numbers: tuple[FollowedNumber, ...]
+    words: str
+    """With `{}` for each value."""
+    rig: Rig
+    """With the effect whose number is sought."""
+    log_prior: float = 0.0
+    length: float = 0.0
+    """Of the route where its numbers are factors of friction on the parts of it [m]; else 0."""
+
+    def rig_with(self, values: Sequence[float]) -> Rig:
+        """Return the rig with these values of the numbers."""
+        if self.length == 0.0:
+            named = zip(self.numbers, values, strict=True)
+            return with_numbers(self.rig, {one.key: value for one, value in named})
+        x = self.length * (np.arange(len(values)) + 0.5) / len(values)
+        law = FrictionLaw(
+            over="arc_length", x=tuple(x.tolist()), factor=tuple(max(one, 0.01) for one in values)
+        )
+        return msgspec.structs.replace(self.rig, effects=(*self.rig.effects, law))
+
+
+def hypotheses(sound: RigFilter, moments: Sequence[Moment], since: float) -> Iterator[Hypothesis]:
+    """Yield the mechanisms that are tried on a filter that was sound until then."""
+    rig = sound.rig_now()
+    known = dict(zip(sound.keys, sound.values.tolist(), strict=True))
+
+    def number(key: str, value: float, sd: float, lower: float = -math.inf) -> FollowedNumber:
+        return FollowedNumber(key, known.get(key, value), sd, 0.0, lower, math.inf)
+
+    friction, compliance = rig.friction.coefficient, rig.tendon.compliance_per_N
+    length = sound.cut.total_length
+    yield Hypothesis(
+        "friction_over_time",
+        "along the route",
+        (number("friction.coefficient", friction, 0.5 * friction, 0.0),),
+        f"friction went from {friction:.3g} to {{:.3g}}",
+        rig,
+    )
+    if not any(isinstance(effect, FrictionLaw) for effect in rig.effects):
+        parts = tuple(FollowedNumber(f"part {i}", 1.0, 0.5, 0.0, 0.0, 10.0) for i in range(_TRIED.parts))
+        yield Hypothesis(
+            "friction_over_time",
+            "on a part of the route",
+            parts,
+            "friction on its quarters is {:.2g}, {:.2g}, {:.2g}, {:.2g} of what it was",
+            rig,
+            _TRIED.parts_last,
+            length,
+        )
+    if _turned(moments, since):
+        yield Hypothesis(
+            "sensed_angle",
+            "shape",
+            (number("route.angle_gain", rig.route.angle_gain, 0.3, 0.1),),
+            "the sensed angle changed and the tendon did not feel it: true over sensed is {:.3g}",
+            rig,
+            _TRIED.shape_first,
+        )
+    yield Hypothesis(
+        "strain_over_time",
+        "along the tendon",
+        (
+            number("tendon.compliance_per_N", compliance, 0.5 * compliance, 1e-6),
+            number("pretension_error.error_N", 0.0, _TRIED.length / (compliance * length)),
+        ),
+        f"1/EA went from {compliance:.3g} to {{:.3g}} 1/N, the pretension by {{:+.3g}} N",
+        rig,
+    )
+    if not any(isinstance(effect, HiddenBend) for effect in rig.effects):
+        for i in range(_TRIED.bends):
+            at = length * (i + 0.5) / _TRIED.bends
+            yield Hypothesis(
+                "route_angle",
+                f"{at:.2f} m from the proximal end",
+                (number("hidden_bend.angle_rad", 0.0, 0.8, 0.0),),
+                "a bend of {:.2g} rad that the shape does not show",
+                msgspec.structs.replace(rig, effects=(*rig.effects, HiddenBend(at_m=at, angle_rad=0.0))),
+                -math.log(_TRIED.bends),
+            )
+    yield Hypothesis(
+        "play_at_drive",
+        "drive",
+        (number("backlash.width_m", 0.0, 1e-3, 0.0),),
+        "play of {:.2g} m at the drive",
+        rig,
+    )
+    for channel, end in (("tension_in_N", "tension_in"), ("tension_out_N", "tension_out")):
+        if any(getattr(one.readings, end) is not None for one in moments) and channel not in sound.muted:
+            yield Hypothesis(
+                "sensor",
+                channel,
+                (
+                    number(f"{end}_gain.gain_error", 0.0, 0.7, -1.0),
+                    number(f"{end}_offset.offset_N", 0.0, 5.0),
+                ),
+                f"{channel} reads {{:+.2g}} of its value and {{:+.3g}} N too much",
+                rig,
+                _TRIED.sensor_last,
+            )
+
+
+def _turned(moments: Sequence[Moment], since: float) -> bool:
+    """Whether the sensed angle jumped before or when the disagreement began."""
+    near = [one for one in moments if one.time < since + _TRIED.turn]
+    times = np.array([one.time for one in near])
+    angles = np.array([one.arcs.total_angle for one in near])
+    later = np.minimum(np.searchsorted(times, times + _TRIED.turn), len(times) - 1)
+    return bool(np.abs(angles[later] - angles).max() > _TRIED.of_route * angles[0])

@@ -1,0 +1,73 @@
+"""What is read of a tendon, and what is known of it after that."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from tssgeom.adapt.followed import SensorNumbers
+from tssgeom.arrays import Matrix, Vector
+from tssgeom.rig import Sensor
+
+CHANNELS = ("tension_in_N", "tension_out_N", "elongation_m")
+"""What the filter takes as readings, beside the drive."""
+
+
+class Readings(NamedTuple):
+    """What was measured at one time; None where it was not."""
+
+    tension_in: float | None = None
+    displacement_in: float | None = None
+    tension_out: float | None = None
+    elongation: float | None = None
+
+    @property
+    def by_force(self) -> bool:
+        """Whether the tension drives: a position is the better drive where both are measured."""
+        return self.displacement_in is None
+
+
+@dataclass(frozen=True, slots=True)
+class FollowedRig:
+    """What is known of the rig and of both ends after a frame."""
+
+    keys: tuple[str, ...]
+    values: Vector
+    """[d] In the units of the keys."""
+    covariance: Matrix
+    """[d, d]"""
+    ends: Vector
+    """[4] T_in, T_out [N], x_in, x_out [m]."""
+    ends_se: Vector
+    """[4]"""
+    off: Vector
+    """[channels] Readings less what was expected [N, m]; NaN where there is none to use."""
+    off_sd: Vector
+    """[channels] Its standard deviation [N, m]."""
+    beyond: Vector
+    """[channels] How far a reading is off, over the most that noise, rig and drive explain at once [1]."""
+
+    @property
+    def se(self) -> Vector:
+        """[d] Standard errors."""
+        return np.sqrt(np.diag(self.covariance))
+
+
+def noise_variance(sensor: Sensor | None) -> float:
+    """Return the variance of a reading by the stated noise and resolution of its sensor."""
+    return 0.0 if sensor is None else sensor.noise**2 + sensor.resolution**2 / 12.0
+
+
+def predicted_readings(ends: Matrix, sensors: SensorNumbers) -> Matrix:
+    """Return what each of CHANNELS should read of the ends [n, 4]; docs/model.md (61)."""
+    tension_in, tension_out, x_in, x_out = ends.T
+    distal = tension_out + sensors.crosstalk * tension_in
+    return np.column_stack(
+        (
+            tension_in * sensors.gain_in + sensors.zero_in,
+            distal * sensors.gain_out + sensors.zero_out,
+            x_in - x_out,
+        )
+    )
