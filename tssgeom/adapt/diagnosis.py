@@ -27,6 +27,8 @@ class DiagnosisSettings(NamedTuple):
     """Standard errors by which a step is the last one [1]; chosen."""
     fewest: int = 20
     """Readings that show that a sensor stands [1]; chosen."""
+    uncertain: float = 0.5
+    """Time by which a fault may have begun later than the test says [s]. Chosen: two of its blocks."""
     still: float = 9.0
     """Noises within which all readings of a sensor that stands lie [1]; chosen: 1000 readings of noise lie
     in 7."""
@@ -220,11 +222,12 @@ def _fitted(run: RunFromHere, one: Hypothesis) -> Iterator[_Fit | None]:
 
 def _stopped_sensor(sound: RigFilter, after: Sequence[Moment]) -> tuple[str, str] | None:
     """Return the sensor at the drive that stands while the other one there moves, and that in words."""
-    pairs = [(one.readings.displacement_in, one.readings.tension_in) for one in after]
+    late = [one for one in after if one.time > after[0].time + _SETTINGS.uncertain]
+    pairs = [(one.readings.displacement_in, one.readings.tension_in) for one in late]
     if len(pairs) < _SETTINGS.fewest or any(None in pair for pair in pairs):
         return None
     names, units = ("displacement_in_m", "tension_in_N"), ("m", "N")
-    readings = np.array(pairs, dtype=np.float64)[1:].T
+    readings = np.array(pairs, dtype=np.float64).T
     moved = np.ptp(readings, axis=1)
     noise = np.array([math.sqrt(noise_variance(sound.rig.sensors.get(name))) for name in names])
     for which, other in ((0, 1), (1, 0)):

@@ -121,7 +121,13 @@ def _drift(follow: Follow) -> tuple[float, float]:
 
 
 def with_numbers(rig: Rig, values: Mapping[str, float]) -> Rig:
-    """Return a rig with other values of followed numbers, by key; effects that it lacks are added."""
+    """Return a rig with other values of followed numbers, by key; effects that it lacks are added.
+
+    Raises
+    ------
+    SettingsError
+        Where a value is out of bounds.
+    """
     of_rig = {key: value for key, value in values.items() if key in RIG_KEYS}
     effects = list[AnyEffect](rig.effects)
     for key, value in values.items():
@@ -130,7 +136,10 @@ def with_numbers(rig: Rig, values: Mapping[str, float]) -> Rig:
         table, _, name = key.partition(".")
         at = next((i for i, one in enumerate(effects) if isinstance(one, KINDS[table])), None)
         if at is None:
-            effects.append(msgspec.convert({"name": table, name: value}, AnyEffect))
+            try:
+                effects.append(msgspec.convert({"name": table, name: value}, AnyEffect))
+            except msgspec.ValidationError as error:
+                raise SettingsError(str(error)) from error
         else:
             effects[at] = msgspec.structs.replace(effects[at], **{name: value})
     changed = with_values(rig, of_rig) if of_rig else rig

@@ -145,7 +145,7 @@ def hypotheses(sound: RigFilter, moments: Sequence[Moment], since: float) -> Ite
                 "sensor",
                 channel,
                 (
-                    number(f"{end}_gain.gain_error", 0.0, 0.7, -1.0),
+                    number(f"{end}_gain.gain_error", 0.0, 0.5, -0.5),
                     number(f"{end}_offset.offset_N", 0.0, 5.0),
                 ),
                 f"{channel} reads {{:+.2g}} of its value and {{:+.3g}} N too much",

@@ -1,0 +1,82 @@
+"""A rig that is followed, beside the independent simulator: drifts, faults, and sound running."""
+
+import numpy as np
+import pytest
+
+from tests.adapt.rigs import errors, followed, rig_of
+from tests.twins import scenarios
+from tssgeom.adapt.follower import Follower
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_friction_and_zero_are_followed_within_their_bars(seed):
+    scenario = scenarios.drifting(seed, 0.06)
+    off, se = errors(scenario, Follower(rig_of(scenario)), 200.0)
+    assert np.sqrt(np.mean(off[:, 0] ** 2)) < 0.03 * scenario.machine.friction
+    assert np.sqrt(np.mean(off[:, 1] ** 2)) < 0.03
+    assert np.mean((off / se) ** 2) < 2.0
+
+
+def test_wrong_friction_is_found_within_ten_seconds():
+    scenario = scenarios.sound(1, 0.02)
+    rig = rig_of(scenario)
+    import msgspec
+
+    wrong = msgspec.structs.replace(
+        rig, friction=msgspec.structs.replace(rig.friction, coefficient=0.85 * scenario.machine.friction)
+    )
+    known = [known for _, known in followed(scenario, Follower(wrong), 20.0)]
+    assert known[-1].values[0] == pytest.approx(scenario.machine.friction, rel=0.03)
+
+
+@pytest.mark.parametrize(
+    ("kind", "mechanism", "where"),
+    [
+        ("frayed_tendon", "strain_over_time", "along the tendon"),
+        ("wet_sheath", "friction_over_time", "route"),
+        ("kinked_sheath", "route_angle", "m from the proximal end"),
+        ("unplugged_tension_in_N", "sensor", "tension_in_N"),
+        ("unplugged_displacement_in_m", "sensor", "displacement_in_m"),
+        ("wrong_shape", "sensed_angle", "shape"),
+    ],
+)
+def test_a_fault_is_found_in_time_and_named(kind, mechanism, where):
+    scenario = scenarios.FAULTS[kind](1, 0.04)
+    follower, first, acts = Follower(rig_of(scenario)), None, scenarios.acts_s(scenario)
+    assert acts is not None
+    for i, _ in followed(scenario, follower, acts + 14.0):
+        if first is None and follower.alert is not None:
+            first = float(scenario.times[i])
+    assert first is not None
+    assert acts <= first < acts + 10.0
+    alert = follower.alert
+    assert alert is not None
+    assert alert.explanations[0].mechanism == mechanism
+    assert where in alert.explanations[0].where
+    assert sum(one.probability for one in alert.explanations) == pytest.approx(1.0)
+
+
+def test_a_kink_is_measured():
+    scenario = scenarios.kinked_sheath(0, 0.04)
+    follower = Follower(rig_of(scenario))
+    for _ in followed(scenario, follower, scenario.begins_s + 14.0):
+        pass
+    assert follower.alert is not None
+    words = follower.alert.explanations[0].sentence
+    assert float(words.split()[3]) == pytest.approx(0.8, abs=0.2)
+
+
+def test_the_rig_goes_on_without_a_sensor_that_is_unplugged():
+    scenario = scenarios.unplugged(1, 0.04, "tension_in_N", "zero")
+    follower = Follower(rig_of(scenario))
+    known = [known for _, known in followed(scenario, follower, scenario.begins_s + 14.0)]
+    assert follower.filter is not None
+    assert "tension_in_N" in follower.filter.muted
+    assert known[-1].values[0] == pytest.approx(scenario.machine.friction, rel=0.05)
+
+
+def test_a_sound_machine_raises_no_alarm():
+    scenario = scenarios.sound(2, 0.05)
+    follower = Follower(rig_of(scenario))
+    for _ in followed(scenario, follower, 180.0):
+        assert follower.alert is None

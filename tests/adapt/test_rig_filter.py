@@ -1,0 +1,117 @@
+"""The ensemble of tendons: exact where all is linear, tendons as `predict` has them, and what it refuses."""
+
+import numpy as np
+import pytest
+
+from tssgeom import core
+from tssgeom.adapt.followed import FollowedNumber, followed_numbers, straight_lines, with_numbers
+from tssgeom.adapt.readings import Readings
+from tssgeom.adapt.rig_filter import RigFilter
+from tssgeom.errors import SettingsError
+from tssgeom.rig import Load, Rig, Sensor, Tendon, read_rig
+from tssgeom.route.pieces import Arcs
+from tssgeom.tendon.bars.contact_grid import edges
+from tssgeom.tendon.bars.model import model_of, predict, setup_of
+from tssgeom.uncertain import Follow
+
+ARCS = Arcs.exact([0.3, 0.4, 0.3], [2.0, 0.0, 3.0])
+RIG = Rig(
+    tendon=Tendon(pretension_N=3.0),
+    load=Load(stiffness_N_per_m=1500.0),
+    sensors={"tension_in_N": Sensor(noise=0.03), "tension_out_N": Sensor(noise=0.03)},
+)
+
+
+def number(key, value, sd, hourly=0.0):
+    return FollowedNumber(key, value, sd, hourly, -np.inf, np.inf)
+
+
+def test_readings_shift_an_ensemble_as_a_kalman_filter_does():
+    """Two readings that are linear in three numbers: mean and covariance by the textbook."""
+    rng, n, k = np.random.default_rng(4), 40, 3
+    numbers = rng.standard_normal((n, 3)) @ np.array([[1.0, 0.3, 0.0], [0.0, 0.5, 0.2], [0.0, 0.0, 2.0]])
+    memory = np.ascontiguousarray(np.tile(np.linspace(1.0, 2.0, 9 * (k + 1) + 7), (n, 1)))
+    rows = np.array([[1.0, -0.5, 0.2], [0.0, 1.0, 0.4]])
+    predicted = np.ascontiguousarray(numbers @ rows.T)
+    reading, variance = np.array([0.4, -0.3]), np.array([0.2, 0.05])
+    mean, before = numbers.mean(axis=0), np.cov(numbers, rowvar=False)
+    gain = before @ rows.T @ np.linalg.inv(rows @ before @ rows.T + np.diag(variance))
+    used, innovation = core.assimilate(k, numbers, memory, predicted, reading, variance, 6.0)
+    assert used == 2
+    np.testing.assert_allclose(numbers.mean(axis=0), mean + gain @ (reading - rows @ mean), rtol=1e-10)
+    np.testing.assert_allclose(
+        np.cov(numbers, rowvar=False), (np.eye(3) - gain @ rows) @ before, rtol=1e-9, atol=1e-12
+    )
+    np.testing.assert_allclose(predicted, numbers @ rows.T, rtol=1e-10, atol=1e-12)
+    np.testing.assert_allclose(memory, memory[:1].repeat(n, axis=0), rtol=1e-12)
+    assert innovation[0, 1] == pytest.approx(rows[0] @ before @ rows[0] + variance[0])
+
+
+def test_an_outlier_and_a_missing_reading_are_not_used():
+    numbers, memory = np.array([[1.0], [2.0], [3.0]]), np.ones((3, 43))
+    predicted = np.hstack((numbers, numbers))
+    before = numbers.copy()
+    used, _ = core.assimilate(3, numbers, memory, predicted, np.array([np.nan, 90.0]), np.ones(2), 6.0)
+    assert used == 0
+    np.testing.assert_array_equal(numbers, before)
+
+
+@pytest.mark.parametrize("drive", ["displacement_in_m", "tension_in_N"])
+def test_members_are_the_tendons_of_predict(drive):
+    time = np.arange(300) * 0.02
+    run = {"time_s": time, "displacement_in_m": 0.003 * (1.0 - np.cos(time))}
+    known = predict(run, ARCS, RIG)
+    run[drive] = known[drive]
+    edge, numbers = edges(ARCS, 30), [number("friction.coefficient", 0.145, 1e-12)]
+    lines = straight_lines(RIG, numbers, np.array([0.145]), ARCS, edge)
+    block = model_of(setup_of(RIG), ARCS, "displacement_in_m", edge).plant.block
+    np.testing.assert_allclose(lines.plant, block)
+    one = RigFilter(RIG, numbers, ARCS)
+    for i in range(len(time)):
+        value = float(run[drive][i])
+        by_position = drive == "displacement_in_m"
+        given = Readings(displacement_in=value) if by_position else Readings(tension_in=value)
+        ends = one.step(ARCS, given, float(time[i])).ends
+        assert ends[1] == pytest.approx(known["tension_out_N"][i], abs=1e-6)
+        assert ends[0] == pytest.approx(known["tension_in_N"][i], abs=1e-6)
+
+
+def test_straight_lines_are_the_plant_of_other_numbers():
+    keys = ("friction.coefficient", "tendon.compliance_per_N", "route.angle_gain", "backlash.width_m")
+    values, steps = (0.145, 3.16e-4, 1.0, 1e-4), (0.01, 1e-5, 0.03, 5e-5)
+    numbers = [number(key, value, step) for key, value, step in zip(keys, values, steps, strict=True)]
+    edge = edges(ARCS, 30)
+    lines = straight_lines(RIG, numbers, np.array(values), ARCS, edge)
+    for i, key in enumerate(keys):
+        rig = with_numbers(RIG, {**dict(zip(keys, values, strict=True)), key: values[i] + steps[i]})
+        bent = Arcs.exact(ARCS.length, rig.route.angle_gain * ARCS.angle)
+        plant = model_of(setup_of(rig), bent, "displacement_in_m", edge).plant.block
+        np.testing.assert_allclose(lines.plant + steps[i] * lines.slope[i], plant, rtol=2e-4, atol=1e-12)
+
+
+def test_drift_spreads_the_numbers_and_nothing_else():
+    one = RigFilter(RIG, [number("friction.coefficient", 0.145, 0.01, 0.02)], ARCS)
+    first = one.step(ARCS, Readings(displacement_in=0.004), 0.0)
+    later = one.step(ARCS, Readings(displacement_in=0.004), 900.0)
+    assert later.se[0] == pytest.approx(np.hypot(first.se[0], 0.02 * 0.5), rel=1e-6)
+
+
+def test_default_numbers_are_friction_and_the_zeros_that_are_measured():
+    keys = [one.key for one in followed_numbers(RIG, ["tension_in_N"])]
+    assert keys == ["friction.coefficient", "tension_in_offset.offset_N"]
+
+
+@pytest.mark.parametrize("key", ["friction", "tendon.length", "backlash.angle", "hidden_bend.angle_rad"])
+def test_what_cannot_be_followed_is_refused(key):
+    rig = Rig(adapt={key: Follow(sd=0.1)})
+    with pytest.raises(SettingsError, match=rf"adapt\.{key}"):
+        followed_numbers(rig, [])
+
+
+def test_a_rig_file_says_what_is_followed(tmp_path):
+    path = tmp_path / "rig.toml"
+    path.write_text('[adapt]\n"friction.coefficient" = { sd = 0.01, hourly_change = 0.02 }\n')
+    assert read_rig(path).adapt == {"friction.coefficient": Follow(sd=0.01, hourly_change=0.02)}
+    path.write_text('[adapt]\n"friction.coefficient" = { sd = -1 }\n')
+    with pytest.raises(SettingsError, match=r"adapt.*sd is -1"):
+        read_rig(path)
