@@ -11,7 +11,7 @@ from typing import NamedTuple
 from tssgeom.adapt.diagnosis import Explanation, Moment, explained
 from tssgeom.adapt.followed import followed_numbers
 from tssgeom.adapt.rig_filter import CHANNELS, FollowedRig, Readings, RigFilter
-from tssgeom.adapt.watch import Disagreement, Watch
+from tssgeom.adapt.watch import Watch
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
 

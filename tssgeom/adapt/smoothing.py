@@ -1,7 +1,8 @@
-"""What a whole run knows of followed numbers at each of its times: fixed-interval smoothing; docs/model.md (208).
+"""What a whole run knows of followed numbers at each of its times: smoothing; docs/model.md (208).
 
-Source: H. E. Rauch, F. Tung, C. T. Striebel, Maximum likelihood estimates of linear dynamic systems, AIAA Journal 3
-(1965). Only the numbers are smoothed: the tensions along a tendon are new after a stroke, numbers change over minutes.
+Source: H. E. Rauch, F. Tung, C. T. Striebel, Maximum likelihood estimates of linear dynamic systems, AIAA
+Journal 3 (1965). Only the numbers are smoothed: a tendon forgets its tensions within a stroke, numbers change
+over minutes.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ class SmoothingSettings(NamedTuple):
     """Numbers of the smoothing."""
 
     most_moments: int = 1000
-    """Moments that are kept [1], at most twice as many meanwhile. Chosen: more than a figure has pixels across."""
+    """Moments that are kept [1], twice as many meanwhile. Chosen: as many as pixels across a figure."""
     ridge: float = 1e-12
     """Added to the diagonal of correlations before they are inverted [1]. Chosen: 1000 times rounding."""
 
@@ -71,8 +72,8 @@ class SmoothedNumbers:
 class NumberHistory:
     """Takes in what a filter knows of a random walk, step by step, and smooths it.
 
-    All steps count, also those between the kept moments: the backward recursion is affine, and that over many steps
-    is one affine step again. Memory does not grow with the length of the run.
+    All steps count, also those between the kept moments: the backward recursion is affine, and that over many
+    steps is one affine step again. Memory does not grow with the length of the run.
 
     Parameters
     ----------
