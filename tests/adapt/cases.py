@@ -87,17 +87,29 @@ class Scores(NamedTuple):
 
 
 def scores(run: FollowedRun, scenario: Scenario) -> tuple[Scores, Scores]:
-    """Return the scores of filtered and of smoothed numbers; after an alert they do not count."""
-    stretch = run.stretches[0]
-    numbers = stretch.numbers
-    counts = numbers.time > BEGIN_S
-    rows = np.searchsorted(scenario.times, numbers.time[counts])
-    truth = np.column_stack([scenario.truth[TRUTH[key]][rows] for key in stretch.keys])
+    """Return the scores of filtered and of smoothed numbers, of those that are followed from the begin on."""
+    keys = [key for key in run.stretches[0].keys if key in TRUTH]
+    results = list[tuple[np.ndarray, ...]]()
+    for stretch in run.stretches:
+        numbers, at = stretch.numbers, [stretch.keys.index(key) for key in keys]
+        counts = numbers.time > BEGIN_S
+        rows = np.searchsorted(scenario.times, numbers.time[counts])
+        truth = np.column_stack([scenario.truth[TRUTH[key]][rows] for key in keys])
+        results.append(
+            (
+                numbers.filtered[counts][:, at] - truth,
+                numbers.filtered_covariance[counts][:, at][:, :, at],
+                numbers.values[counts][:, at] - truth,
+                numbers.covariance[counts][:, at][:, :, at],
+            )
+        )
+    filtered, filtered_spread, smoothed, spread = (
+        np.concatenate(parts) for parts in zip(*results, strict=True)
+    )
+    return _scores(filtered, filtered_spread), _scores(smoothed, spread)
 
-    def of(values: np.ndarray, covariance: np.ndarray) -> Scores:
-        error, spread = values[counts] - truth, covariance[counts]
-        se = np.sqrt(np.diagonal(spread, axis1=1, axis2=2))
-        whitened = np.linalg.solve(spread, error[:, :, None])[:, :, 0]
-        return Scores(error, se, np.sum(error * whitened, axis=1) / error.shape[1])
 
-    return of(numbers.filtered, numbers.filtered_covariance), of(numbers.values, numbers.covariance)
+def _scores(error: np.ndarray, spread: np.ndarray) -> Scores:
+    se = np.sqrt(np.diagonal(spread, axis1=1, axis2=2))
+    whitened = np.linalg.solve(spread, error[:, :, None])[:, :, 0]
+    return Scores(error, se, np.sum(error * whitened, axis=1) / error.shape[1])

@@ -59,6 +59,7 @@ def test_after_a_fault_the_history_begins_anew_and_what_followed_it_is_left_out(
     scenario = wet_sheath(3, 0.05, whole=True)
     run = follow(scenario, every=2)
     alert = run.alerts[0]
+    assert scenario.begins_s is not None
     assert alert.mechanism == "friction_over_time"
     assert scenario.begins_s - 1.0 < alert.since <= alert.time < scenario.begins_s + 15.0
     before, after = (stretch.numbers for stretch in run.stretches[:2])

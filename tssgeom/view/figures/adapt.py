@@ -67,15 +67,15 @@ def _draw_number(axes: Axes, run: FollowedRun, key: str, per: float) -> None:
 
 def _draw_tension(axes: Axes, run: FollowedRun, read: Vector | None) -> None:
     middle = run.alerts[0].since if run.alerts else run.time[-1] - _AFTER
-    shown = (run.time >= middle - _BEFORE) & (run.time <= middle + _AFTER)
-    time, value = run.time[shown], run.ends[shown, 1]
-    bound = _STANDARD_DEVIATIONS * run.ends_se[shown, 1]
+    window = (run.time >= middle - _BEFORE) & (run.time <= middle + _AFTER)
+    time, value = run.time[window], run.ends[window, 1]
+    bound = _STANDARD_DEVIATIONS * run.ends_se[window, 1]
     axes.fill_between(time, value - bound, value + bound, color=_BAND, linewidth=0)
     axes.plot(time, value, color=BLUE, linewidth=1.2, label="followed, with 95 % band")
     if read is not None:
         style = {"marker": "o", "markersize": 1.2, "linestyle": "none", "markeredgewidth": 0.0}
-        every = max(1, int(shown.sum()) // 400)
-        axes.plot(time[::every], read[shown][::every], color=INK, label="read", **style)
+        every = max(1, int(window.sum()) // 400)
+        axes.plot(time[::every], read[window][::every], color=INK, label="read", **style)
     for alert in run.alerts:
         if len(time) and time[0] <= alert.since <= time[-1]:
             axes.axvline(alert.since, color=ORANGE, linewidth=1.0)
