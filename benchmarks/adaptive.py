@@ -94,7 +94,7 @@ def exact_tension_out(scenario: Scenario, every: int) -> np.ndarray:
     numbers = followed_numbers(rig, CHANNELS[:1])
     truth = np.column_stack([scenario.truth[TRUTH[one.key]][::every] for one in numbers])
     model = RigFilter(rig, numbers, route_of(scenario).at(0.0))
-    model.muted = set(CHANNELS)
+    model.muted.update(CHANNELS)
     ends = np.empty(len(run.time))
     for i, now in enumerate(run.time):
         model.members[:] = truth[i]
