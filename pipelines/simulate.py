@@ -39,6 +39,17 @@ def simulate(
     unit: Unit = None,
     columns: Map = None,
     figures: Figures = None,
+    adapt: Annotated[
+        bool,
+        typer.Option(
+            "--adapt",
+            help="Follow the drifting numbers of the rig ([adapt] in it) through the readings of the run.",
+        ),
+    ] = False,
+    write_rig: Annotated[
+        Path | None,
+        typer.Option("--write-rig", help="With --adapt: rig file (TOML) to write, as it is at the end."),
+    ] = None,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -56,10 +67,27 @@ def simulate(
         write_run_recording,
     )
     from pipelines.summary_table import with_effects
+    from tssgeom.errors import SettingsError
     from tssgeom.io.results.tables import write_simulation
     from tssgeom.tendon import simulation
 
-    settings = run_settings(rig, TENSION_IN, unit, columns=columns, takes_machines=True)
+    settings = run_settings(rig, TENSION_IN, unit, columns=columns, takes_machines=not adapt)
+    if write_rig is not None and not adapt:
+        raise SettingsError("--write-rig needs --adapt: give both")
+    if adapt:
+        from pipelines.simulate_adapt import simulate_adapt
+
+        status = simulate_adapt(
+            shapes,
+            drive,
+            out,
+            settings,
+            write_rig=write_rig,
+            figures=figures,
+            as_json=as_json,
+            quiet=quiet,
+        )
+        raise typer.Exit(status)
     if settings.rig.is_machine:
         from pipelines.machines import simulate_machine
 

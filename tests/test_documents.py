@@ -12,6 +12,7 @@ from typer import Context
 from typer.main import get_command
 
 from pipelines.cli import app
+from tssgeom.adapt.followed import followed_numbers
 from tssgeom.io.formats.columns import CHANNELS, MACHINE_CHANNELS
 from tssgeom.mechanism import Drive, End, numbered, tendon_count
 from tssgeom.rig import GivenRoute, Rig, read_uncertain_rig
@@ -42,12 +43,14 @@ def test_the_python_of_the_readme_prints_angle_and_tension_of_a_half_circle(caps
 
 
 def test_the_effects_of_the_formats_are_a_rig():
-    columns, _, markers, scan, example, laws = blocks("docs/formats.md", "toml")
+    columns, _, markers, scan, example, laws, adapt = blocks("docs/formats.md", "toml")
     assert msgspec.toml.decode(columns, type=Rig).columns["Pos"] == "displacement_in_m:mm"
     assert len(msgspec.toml.decode(markers, type=Rig).shape.marker_offset_mm) == 4
     assert msgspec.toml.decode(scan, type=Rig).shape.source == "centreline"
     assert len(msgspec.toml.decode(example, type=Rig).effects) == 2
     assert len(msgspec.toml.decode(laws, type=Rig).effects) == 4
+    followed = followed_numbers(msgspec.toml.decode(adapt, type=Rig), ["tension_in_N"])
+    assert [one.hourly_change for one in followed] == [0.05, 0.2, 0.0]
 
 
 @pytest.mark.parametrize("block", blocks("docs/machines.md", "toml"))

@@ -18,7 +18,7 @@ class DriveNoise(NamedTuple):
     below."""
     back: float = 5.5
     """Standard deviations by which a reading is behind the drive where it has turned [1].
-    Chosen: noise alone does so once in a day of holds at 100 Hz."""
+    Chosen: noise alone does so once in some hours of holds at 100 Hz."""
     memory: float = 0.1
     """Share of the newest reading in mean reading and mean step [1]. Chosen: ten readings of a motion."""
     slow: float = 0.3
@@ -60,7 +60,7 @@ class DriveTracker:
         self._in_leg += 1
         self._mean += _NOISE.memory * (reading - self._mean)
         beyond = self._way * (reading - self._extreme) / noise
-        turned = beyond < -_NOISE.back
+        turned = self._way * (reading - self.value) < -_NOISE.back * noise
         self._step += _NOISE.memory * (max(beyond, 0.0) - self._step)
         if not turned and beyond <= 0.0:  # it stands, or turns
             self._stood += 1

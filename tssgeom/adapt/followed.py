@@ -42,6 +42,7 @@ DEFAULT = DefaultDrift()
 _STEP = (
     1e-3  # of the scale of a number, for its straight line [1]; chosen: rounding and bend are both far below
 )
+_OF_DISTAL_CELL = ("tension_out_gain.", "tension_out_offset.", "load_cell_crosstalk.")
 _SENSORS = 5  # numbers of `SensorNumbers`
 
 
@@ -79,12 +80,17 @@ class FollowedNumber:
 def followed_numbers(rig: Rig, measured: Sequence[str]) -> tuple[FollowedNumber, ...]:
     """Return what a rig names to be followed, else friction and the zeros of the `measured` tensions.
 
+    Those of a load cell at the distal end are left out where T_out is not measured: nothing depends on them.
+
     Raises
     ------
     SettingsError
         Where a key is none that can be followed.
     """
-    return tuple(_number(rig, key, follow) for key, follow in (rig.adapt or _default(rig, measured)).items())
+    named = rig.adapt or _default(rig, measured)
+    if "tension_out_N" not in measured:
+        named = {key: follow for key, follow in named.items() if not key.startswith(_OF_DISTAL_CELL)}
+    return tuple(_number(rig, key, follow) for key, follow in named.items())
 
 
 def _default(rig: Rig, measured: Sequence[str]) -> dict[str, Follow]:

@@ -1,4 +1,4 @@
-"""A rig that follows its readings in a stream: the filter, the watch, and what follows an alarm."""
+"""A rig that follows its readings in a stream: the filter, the watch beside it, and what it makes of an alarm."""
 
 from __future__ import annotations
 
@@ -8,11 +8,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from tssgeom.adapt.diagnosis import Explanation, explained
+from tssgeom.adapt.diagnosis import Explanation, Moment, explained
 from tssgeom.adapt.followed import followed_numbers
-from tssgeom.adapt.moments import Moment
-from tssgeom.adapt.readings import CHANNELS, FollowedRig, Readings
-from tssgeom.adapt.rig_filter import RigFilter
+from tssgeom.adapt.rig_filter import CHANNELS, FollowedRig, Readings, RigFilter
 from tssgeom.adapt.watch import Watch
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
@@ -159,7 +157,8 @@ class Follower:
         assert self._alert is not None
         sound = [one for one in self._copies if one.time <= self._alert.since - _SETTINGS.before]
         start = sound[-1] if sound else self._copies[0]
-        return explained(start, list(self._moments), self._alert.since)
+        moments = [one for one in self._moments if one.time > start.time]
+        return explained(start, moments, self._alert.since)
 
     def _conclude(self, result: tuple[Explanation, ...]) -> None:
         assert self._alert is not None
@@ -171,7 +170,6 @@ class Follower:
 
     def _adopt(self, first: Explanation) -> None:
         """Go on with the likeliest mechanism in the rig."""
-        assert first.filter is not None
         self._filter = first.filter
         self._copies.clear()
         self._watch.restart(first.filter.time)

@@ -1,0 +1,221 @@
+"""A recorded run that is followed as `live` would, and smoothed afterwards; docs/model.md (200) to (208)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from tssgeom.adapt.follower import Alert, Follower
+from tssgeom.adapt.rig_filter import CHANNELS, FollowedRig, Readings, RigFilter, noise_variance
+from tssgeom.adapt.smoothing import NumberHistory, SmoothedNumbers
+from tssgeom.arrays import Matrix, Vector
+from tssgeom.errors import FitError, SettingsError
+from tssgeom.rig import Rig
+from tssgeom.tendon.moving import MovingRoute
+
+_SLICE = 3e-3  # of work on an alert [s]; measured: eight frames of each mechanism
+_SMOOTHED = 0.1  # between two steps of the smoothing [s]; chosen: far below any drift
+
+
+class RunColumns(NamedTuple):
+    """Columns of a run, [n] each; NaN where a reading is missing, None where a channel is."""
+
+    time: Vector
+    """[s]."""
+    tension_in: Vector | None = None
+    """[N]."""
+    displacement_in: Vector | None = None
+    """[m]."""
+    tension_out: Vector | None = None
+    """[N]."""
+    elongation: Vector | None = None
+    """[m]."""
+    temperature: Vector | None = None
+    """[°C]."""
+
+
+class AlertRow(NamedTuple):
+    """A disagreement between readings and model, with the likeliest mechanism; empty until compared."""
+
+    time: float
+    """When it was certain [s]."""
+    since: float
+    """[s]"""
+    channel: str
+    phase: str
+    mechanism: str = ""
+    where: str = ""
+    probability: float = math.nan
+    """Of the mechanism, among those that were tried [1]."""
+    sentence: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Stretch:
+    """Part of a run in which the same numbers are followed."""
+
+    keys: tuple[str, ...]
+    numbers: SmoothedNumbers
+
+
+@dataclass(frozen=True, slots=True)
+class FollowedRun:
+    """What following a run gives."""
+
+    time: Vector
+    """[n] [s]"""
+    ends: Matrix
+    """[n, 4] T_in, T_out [N], x_in, x_out [m]; NaN in rows that were not used."""
+    ends_se: Matrix
+    """[n, 4] Standard errors."""
+    stretches: tuple[Stretch, ...]
+    """In the order of time; a new one begins where a mechanism was taken into the rig."""
+    alerts: tuple[AlertRow, ...]
+    rig: Rig
+    """As it is at the end."""
+    last: FollowedRig
+    """What is known at the end."""
+    lost: int
+    """Rows in which the tendon found no equilibrium."""
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Every number that was followed at some time."""
+        return tuple(dict.fromkeys(key for stretch in self.stretches for key in stretch.keys))
+
+
+class RunFollower:
+    """Follows a recorded run from row to row.
+
+    Parameters
+    ----------
+    rig
+        The rig as its file has it.
+    route
+        The route over time.
+    columns
+        The run: a drive without missing samples, and at least one reading beside it.
+    seed
+        Of the filter.
+
+    Raises
+    ------
+    SettingsError
+        Where the rig states no noise for a channel, or nothing is measured beside the drive.
+    """
+
+    def __init__(self, rig: Rig, route: MovingRoute, columns: RunColumns, *, seed: int = 0) -> None:
+        _check(rig, columns)
+        self._follower, self._route, self._columns = Follower(rig, seed=seed), route, columns
+        n = len(columns.time)
+        self._ends, self._ends_se = np.full((n, 4), math.nan), np.full((n, 4), math.nan)
+        self._histories = list[tuple[tuple[str, ...], NumberHistory]]()
+        self._filter: RigFilter | None = None
+        self._smoothed = -math.inf
+        self._alert: Alert | None = None
+        self._alerts = list[AlertRow]()
+        self._lost = 0
+
+    def rows(self) -> Iterator[int]:
+        """Follow the run; yield after each row its index.
+
+        Raises
+        ------
+        FitError
+            Where the tendon finds no equilibrium in any row.
+        """
+        run, before = self._columns, math.nan
+        channels = (run.tension_in, run.displacement_in, run.tension_out, run.elongation)
+        for i, time in enumerate(run.time.tolist()):
+            readings = Readings(*(_reading(channel, i) for channel in channels))
+            try:
+                known = self._follower.take(
+                    self._route.at(time), readings, time, _reading(run.temperature, i)
+                )
+            except FitError:
+                self._lost += 1
+                if self._follower.known is None and i + 1 == len(run.time):
+                    raise
+            else:
+                self._keep(i, time, known)
+            for _ in range(1 if math.isnan(before) else max(1, round((time - before) / _SLICE))):
+                self._follower.work()
+            self._note_alert(time)
+            before = time
+            yield i
+
+    def result(self) -> FollowedRun:
+        """Return what is known after the rows so far."""
+        assert self._follower.known is not None, "follow `rows` first"
+        return FollowedRun(
+            self._columns.time,
+            self._ends,
+            self._ends_se,
+            tuple(
+                Stretch(keys, numbers)
+                for keys, history in self._histories
+                if len((numbers := history.smoothed()).time)
+            ),
+            tuple(self._alerts),
+            self._follower.rig,
+            self._follower.known,
+            self._lost,
+        )
+
+    def _keep(self, row: int, time: float, known: FollowedRig) -> None:
+        now = self._follower.filter
+        assert now is not None
+        if now is not self._filter:
+            if self._histories and self._alert is not None:  # what followed a fault says nothing of before
+                self._histories[-1][1].cut(self._alert.since)
+            hourly = np.array([one.hourly_change for one in now.numbers])
+            self._histories.append((now.keys, NumberHistory(hourly)))
+            self._filter, self._smoothed = now, -math.inf
+        if time >= self._smoothed + _SMOOTHED:
+            self._histories[-1][1].take(time, known.values, known.covariance)
+            self._smoothed = time
+        self._ends[row], self._ends_se[row] = known.ends, known.ends_se
+
+    def _note_alert(self, time: float) -> None:
+        alert = self._follower.alert
+        if alert is self._alert or alert is None:
+            return
+        before, self._alert = self._alert, alert
+        row = AlertRow(time, alert.since, alert.channel, alert.phase)
+        if before is not None and (before.since, before.channel) == (alert.since, alert.channel):
+            row = self._alerts.pop()
+        if alert.explanations:
+            first = alert.explanations[0]
+            row = row._replace(
+                mechanism=first.mechanism,
+                where=first.where,
+                probability=first.probability,
+                sentence=first.sentence,
+            )
+        self._alerts.append(row)
+
+
+def _reading(channel: Vector | None, row: int) -> float | None:
+    return None if channel is None or math.isnan(channel[row]) else float(channel[row])
+
+
+def _check(rig: Rig, run: RunColumns) -> None:
+    by_force = run.displacement_in is None
+    drive, beside = ("tension_in_N", 1) if by_force else ("displacement_in_m", 0)
+    columns = (run.tension_in, run.tension_out, run.elongation)
+    measured = [name for name, column in zip(CHANNELS, columns, strict=True) if column is not None][beside:]
+    if not measured:
+        raise SettingsError(
+            f"the run has {drive} and no reading beside it: to follow a rig, add a column tension_in_N, "
+            "tension_out_N or elongation_m that does not drive"
+        )
+    for name in (drive, *measured):
+        if noise_variance(rig.sensors.get(name)) == 0.0:
+            raise SettingsError(
+                f"the rig states no noise of {name}: to follow a rig, add [sensors.{name}] noise (standard "
+                "deviation of a reading)"
+            )

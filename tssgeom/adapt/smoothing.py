@@ -1,0 +1,155 @@
+"""What a whole run knows of followed numbers at each of its times: smoothing; docs/model.md (208).
+
+Source: H. E. Rauch, F. Tung, C. T. Striebel, Maximum likelihood estimates of linear dynamic systems, AIAA
+Journal 3 (1965). Only the numbers are smoothed: a tendon forgets its tensions within a stroke, numbers change
+over minutes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from tssgeom.arrays import Matrix, Vector
+
+
+class SmoothingSettings(NamedTuple):
+    """Numbers of the smoothing."""
+
+    most_moments: int = 1000
+    """Moments that are kept [1], twice as many meanwhile. Chosen: as many as pixels across a figure."""
+    ridge: float = 1e-12
+    """Added to the diagonal of correlations before they are inverted [1]. Chosen: 1000 times rounding."""
+
+
+_SETTINGS = SmoothingSettings()
+
+
+class _Step(NamedTuple):
+    """A number given the next kept one, with all readings between: normal about `offset + gain · next`."""
+
+    offset: Vector
+    gain: Matrix
+    covariance: Matrix
+
+    def then(self, later: _Step) -> _Step:
+        """Return the step that leads over both."""
+        return _Step(
+            self.offset + self.gain @ later.offset,
+            self.gain @ later.gain,
+            self.covariance + self.gain @ later.covariance @ self.gain.T,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class SmoothedNumbers:
+    """Followed numbers at kept moments of a run, in the units of their keys."""
+
+    time: Vector
+    """[m] Times of the moments [s]."""
+    filtered: Matrix
+    """[m, d] With the readings up to each moment."""
+    filtered_covariance: np.ndarray
+    """[m, d, d]"""
+    values: Matrix
+    """[m, d] With all readings."""
+    covariance: np.ndarray
+    """[m, d, d]"""
+
+    @property
+    def filtered_se(self) -> Matrix:
+        """[m, d] Standard errors."""
+        return np.sqrt(np.maximum(np.diagonal(self.filtered_covariance, axis1=1, axis2=2), 0.0))
+
+    @property
+    def se(self) -> Matrix:
+        """[m, d] Standard errors."""
+        return np.sqrt(np.maximum(np.diagonal(self.covariance, axis1=1, axis2=2), 0.0))
+
+
+class NumberHistory:
+    """Takes in what a filter knows of a random walk, step by step, and smooths it.
+
+    All steps count, also those between the kept moments: the backward recursion is affine, and that over many
+    steps is one affine step again. Memory does not grow with the length of the run.
+
+    Parameters
+    ----------
+    hourly_change
+        [d] Standard deviation of the change of each number in an hour.
+    most_moments
+        Moments that are kept.
+    """
+
+    def __init__(self, hourly_change: Vector, most_moments: int = _SETTINGS.most_moments) -> None:
+        self._variance_rate = np.asarray(hourly_change, dtype=np.float64) ** 2 / 3600.0
+        self._most = most_moments
+        self._moments = list[tuple[float, Vector, Matrix]]()
+        self._steps = list[_Step]()  # from each kept moment to the next one, the last to the newest
+        self._newest: tuple[float, Vector, Matrix] | None = None
+        self._stride, self._since_kept = 1, 0
+
+    def take(self, time: float, values: Vector, covariance: Matrix) -> None:
+        """Take in what is known after the readings of a time [s], not before that of the last one.
+
+        Parameters
+        ----------
+        time
+            Time [s].
+        values, covariance
+            [d], [d, d].
+        """
+        now = (time, np.array(values), np.array(covariance))
+        if self._newest is not None:
+            step = self._step_back(*self._newest, time)
+            if self._since_kept == 0:
+                self._moments.append(self._newest)
+                self._steps.append(step)
+            else:
+                self._steps[-1] = self._steps[-1].then(step)
+            self._since_kept = (self._since_kept + 1) % self._stride
+            if self._since_kept == 0 and len(self._moments) >= 2 * self._most:
+                self._thin()
+        self._newest = now
+
+    def cut(self, time: float) -> None:
+        """Forget the kept moments from a time [s] on, and what came after."""
+        if self._newest is None or self._newest[0] < time:
+            return
+        count = sum(moment[0] < time for moment in self._moments)
+        self._newest = self._moments[count - 1] if count else None
+        self._moments, self._steps = self._moments[: max(count - 1, 0)], self._steps[: max(count - 1, 0)]
+        self._since_kept = 0
+
+    def smoothed(self) -> SmoothedNumbers:
+        """Return the numbers at the kept moments, with the readings up to each, and with all readings."""
+        moments = [*self._moments, *([] if self._newest is None else [self._newest])]
+        dimension = len(self._variance_rate)
+        time = np.array([one[0] for one in moments])
+        filtered = np.array([one[1] for one in moments]).reshape(-1, dimension)
+        covariances = np.array([one[2] for one in moments]).reshape(-1, dimension, dimension)
+        values, covariance = filtered.copy(), covariances.copy()
+        for k in range(len(moments) - 2, -1, -1):
+            step = self._steps[k]
+            values[k] = step.offset + step.gain @ values[k + 1]
+            covariance[k] = step.covariance + step.gain @ covariance[k + 1] @ step.gain.T
+        return SmoothedNumbers(time, filtered, covariances, values, covariance)
+
+    def _step_back(self, before: float, values: Vector, covariance: Matrix, time: float) -> _Step:
+        """Return the backward step of a random walk; docs/model.md (208)."""
+        added = self._variance_rate * (time - before)
+        expected = covariance + np.diag(added)
+        sd = np.sqrt(np.diag(expected))
+        sd[sd == 0.0] = 1.0
+        correlation = expected / np.outer(sd, sd) + _SETTINGS.ridge * np.eye(len(sd))
+        lost = added[:, None] * np.linalg.inv(correlation) / np.outer(sd, sd)  # Q (P + Q)⁻¹
+        return _Step(lost @ values, np.eye(len(sd)) - lost, np.diag(added) - lost * added)
+
+    def _thin(self) -> None:
+        """Keep every other moment."""
+        pairs = zip(self._steps[::2], self._steps[1::2], strict=True)
+        self._steps = [first.then(second) for first, second in pairs]
+        self._moments = self._moments[::2]
+        self._stride *= 2

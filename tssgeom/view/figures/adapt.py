@@ -1,0 +1,117 @@
+"""Figure of a followed run: each number over time with its band, the distal tension beside its reading."""
+
+from __future__ import annotations
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from tssgeom.adapt.offline import AlertRow, FollowedRun
+from tssgeom.arrays import Vector
+from tssgeom.view.figures.plots import BLUE, INK, ORANGE, PAGE, SKY, figure, note
+
+_BAND = "#c9dcea"
+_HEIGHT = 1.35  # of a row of the figure [inch]; chosen: the bands can be read
+_STANDARD_DEVIATIONS = 1.96
+_BEFORE, _AFTER = (
+    15.0,
+    30.0,
+)  # of the first alert, in the picture of the distal tension [s]; chosen: some strokes
+_UNITS = {
+    "N": ("N", 1.0),
+    "m": ("mm", 1e3),
+    "rad": ("rad", 1.0),
+    "per_N": ("1/N", 1.0),
+    "per_m": ("N/m", 1.0),
+}
+_TIMES = ((7200.0, "h", 3600.0), (300.0, "min", 60.0))
+
+
+def followed_figure(run: FollowedRun, tension_out: Vector | None) -> Figure:
+    """Draw what was followed in a run; `tension_out` is [n] as it was read [N], where it was."""
+    keys = run.keys
+    span = run.time[-1] - run.time[0]
+    unit, per = next(((unit, per) for least, unit, per in _TIMES if span > least), ("s", 1.0))
+    with figure((PAGE, _HEIGHT * (len(keys) + 1) + 0.3)) as drawing:
+        rows = drawing.subplots(len(keys) + 1, 1)
+        for axes, key in zip(rows, keys, strict=False):
+            _draw_number(axes, run, key, per)
+            axes.set_xlim(run.time[0] / per, run.time[-1] / per)
+            for alert in run.alerts:
+                axes.axvline(alert.since / per, color=ORANGE, linewidth=1.0)
+            axes.tick_params(labelbottom=axes is rows[-2])
+        rows[-2].set_xlabel(f"time [{unit}]")
+        for alert in run.alerts:
+            _name(rows[0], alert, per, run.time[-1] / per)
+        rows[0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderaxespad=0.1)
+        _draw_tension(rows[-1], run, tension_out)
+        drawing.align_ylabels(rows.tolist())
+    return drawing
+
+
+def _draw_number(axes: Axes, run: FollowedRun, key: str, per: float) -> None:
+    name, unit, factor = _words(key)
+    for i, stretch in enumerate(run.stretches):
+        if key not in stretch.keys:
+            continue
+        at, numbers = stretch.keys.index(key), stretch.numbers
+        time, value = numbers.time / per, factor * numbers.values[:, at]
+        bound = factor * _STANDARD_DEVIATIONS * numbers.se[:, at]
+        hidden = "_" if i else ""  # one line in the legend for all stretches
+        low, high = value - bound, value + bound
+        axes.fill_between(time, low, high, color=_BAND, linewidth=0, label=f"{hidden}95 % band")
+        filtered = factor * numbers.filtered[:, at]
+        axes.plot(time, filtered, color=SKY, linewidth=0.8, label=f"{hidden}filtered")
+        axes.plot(time, value, color=BLUE, linewidth=1.5, label=f"{hidden}smoothed")
+    axes.set_ylabel(f"{name}\n[{unit}]")
+
+
+def _draw_tension(axes: Axes, run: FollowedRun, read: Vector | None) -> None:
+    middle = run.alerts[0].since if run.alerts else run.time[-1] - _AFTER
+    window = (run.time >= middle - _BEFORE) & (run.time <= middle + _AFTER)
+    time, value = run.time[window], run.ends[window, 1]
+    bound = _STANDARD_DEVIATIONS * run.ends_se[window, 1]
+    axes.fill_between(time, value - bound, value + bound, color=_BAND, linewidth=0)
+    axes.plot(time, value, color=BLUE, linewidth=1.2, label="followed, with 95 % band")
+    if read is not None:
+        style = {"marker": "o", "markersize": 1.2, "linestyle": "none", "markeredgewidth": 0.0}
+        every = max(1, int(window.sum()) // 400)
+        axes.plot(time[::every], read[window][::every], color=INK, label="read", **style)
+    for alert in run.alerts:
+        if len(time) and time[0] <= alert.since <= time[-1]:
+            axes.axvline(alert.since, color=ORANGE, linewidth=1.0)
+    axes.margins(x=0.0)
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.1)
+    axes.set_ylabel("T_out\n[N]")
+    axes.set_xlabel("time [s], about the first alert" if run.alerts else "time [s], the end of the run")
+
+
+def _name(axes: Axes, alert: AlertRow, per: float, end: float) -> None:
+    words = (alert.mechanism or alert.channel).replace("_", " ")
+    if alert.mechanism:
+        words += f",\N{NO-BREAK SPACE}{100.0 * alert.probability:.0f}\N{NO-BREAK SPACE}%"
+    right = alert.since / per > 0.6 * end
+    note(
+        axes,
+        words,
+        (alert.since / per, 0.97),
+        xycoords=("data", "axes fraction"),
+        xytext=(-3 if right else 3, 0),
+        textcoords="offset points",
+        color=ORANGE,
+        ha="right" if right else "left",
+        va="top",
+    )
+
+
+def _words(key: str) -> tuple[str, str, float]:
+    """Return name, unit and factor of a number by its key: `tension_in_offset.offset_N`."""
+    table, _, name = key.partition(".")
+    words = {"coefficient": "friction μ", "angle_gain": "angle gain", "gain_error": table.replace("_", " ")}
+    for ending, (unit, factor) in _UNITS.items():
+        if name.endswith(f"_{ending}"):
+            stem = name.removesuffix(f"_{ending}")
+            owner = table.replace("_offset", " zero").replace("_in", "").replace("_", " ")
+            short = {"tension_in_offset": "zero of T_in", "tension_out_offset": "zero of T_out"}.get(table)
+            plain = stem if table in ("tendon", "load") else f"{owner} {stem}"
+            return short or plain.replace("_", " "), unit, factor
+    return words.get(name, key.replace("_", " ")), "1", 1.0
