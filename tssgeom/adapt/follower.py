@@ -1,19 +1,29 @@
-"""A rig that follows its readings in a stream: the filter, the watch beside it, and what it makes of an alarm."""
+"""A rig that follows its readings in a stream: the filter, the watch beside it, and what explains an alert."""
 
 from __future__ import annotations
 
+import copy
 import math
 from collections import deque
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
+import msgspec
+
+from tssgeom.adapt.alert import Alert, Cause
 from tssgeom.adapt.diagnosis import Explanation, Moment, explained
 from tssgeom.adapt.followed import followed_numbers
+from tssgeom.adapt.followed_tendon import NOISE, FollowedTendon, memory_on, with_noise
 from tssgeom.adapt.rig_filter import CHANNELS, FollowedRig, Readings, RigFilter
-from tssgeom.adapt.watch import Disagreement, Watch
+from tssgeom.adapt.watch import Watch
+from tssgeom.errors import SettingsError, TssgeomError
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
+from tssgeom.tendon.command import Command
+from tssgeom.tendon.command_error import DistalErrors, Step
+from tssgeom.tendon.commander import Commander, Given, Measured, Target
+from tssgeom.tendon.state import TendonState
 
 
 class FollowerSettings(NamedTuple):
@@ -31,22 +41,13 @@ class FollowerSettings(NamedTuple):
     """Probability from which the likeliest mechanism is taken into the rig [1]; chosen."""
     stands_by: float = 1e-6
     """Change of the drive between frames below which it holds [m, N]; chosen."""
+    caught_up: int = 8
+    """Frames that a new filter takes in at once until it has all [1]. Chosen: as in a slice of the search."""
+    quiet: float = 60.0
+    """Time without a disagreement after which an alert ends [s]. Chosen: several strokes."""
 
 
 _SETTINGS = FollowerSettings()
-
-
-@dataclass(frozen=True, slots=True)
-class Alert:
-    """A disagreement between readings and model, and what is known of it so far."""
-
-    channel: str
-    since: float
-    """[s]"""
-    phase: str
-    """What the drive did when it began: `pulling`, `releasing` or `hold`."""
-    explanations: tuple[Explanation, ...] = ()
-    """The likeliest first; none as long as they are not compared."""
 
 
 class Follower:
@@ -62,22 +63,36 @@ class Follower:
 
     def __init__(self, rig: Rig, *, seed: int = 0) -> None:
         self._first, self._seed = rig, seed
+        self._assumed, self._warnings = frozenset[str](), tuple[str, ...]()
         self._filter: RigFilter | None = None
         self._watch = Watch(CHANNELS)
         self._copies = deque[RigFilter]()
         self._moments = deque[Moment]()
         self._alert: Alert | None = None
-        self._alarmed = math.nan
+        self._concluded = False
+        """Whether all has been compared that an alert asks for."""
+        self._alarmed = self._disagreed = math.nan
         self._looks = 0
         self._work: Iterator[tuple[Explanation, ...] | None] | None = None
+        self._next: Iterator[RigFilter | None] | None = None
         self._coldest = math.nan
+        self._carried = FollowedTendon(rig)
+        self.measured: tuple[str, ...] = ()
+        """Tensions that the first frame measured."""
         self.known: FollowedRig | None = None
         """What is known after the last frame."""
 
     @property
     def rig(self) -> Rig:
         """The rig as it is now."""
-        return self._first if self._filter is None else self._filter.rig_now()
+        if self._filter is None:
+            return self._first
+        return msgspec.structs.replace(self._filter.rig_now(), sensors=self._first.sensors)
+
+    @property
+    def rig_of_frames(self) -> Rig:
+        """The rig that the last frame was computed with: it is built anew only where it has changed."""
+        return self._carried.rig
 
     @property
     def filter(self) -> RigFilter | None:
@@ -89,6 +104,40 @@ class Follower:
         """What readings and model disagree in; None where they do not."""
         return self._alert
 
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What had to be assumed, a sentence each."""
+        return self._warnings
+
+    def begin(self, arcs: Arcs, readings: Readings, state: TendonState | None = None) -> RigFilter:
+        """Return the filter; it begins with the first frame, on its route, with the history of its tendon.
+
+        Raises
+        ------
+        SettingsError
+            Where what is to be followed cannot be.
+        """
+        if self._filter is None:
+            given = readings._asdict()
+            of = {name: given[name.rpartition("_")[0]] is not None for name in NOISE}
+            self.measured = tuple(
+                name for name in CHANNELS[:2] if of[name] and not (readings.commanded and name == CHANNELS[0])
+            )
+            self._filter = self._new_filter(arcs, self.measured)
+            before = None if state is None else memory_on(state, arcs, self._first)
+            if before is not None:
+                self._filter.memory[:], self._filter.position[:] = before[0].block, before[1]
+            self._warnings = tuple(
+                f"sensors.{name}.noise is not stated: {NOISE[name]:g} {name.rpartition('_')[2]} is assumed"
+                for name in sorted(self._assumed)
+                if of[name]
+            )
+        return self._filter
+
+    def _new_filter(self, arcs: Arcs, measured: tuple[str, ...]) -> RigFilter:
+        rig, self._assumed = with_noise(self._first)
+        return RigFilter(rig, followed_numbers(rig, measured), arcs, seed=self._seed)
+
     def take(
         self, arcs: Arcs, readings: Readings, time: float, temperature: float | None = None
     ) -> FollowedRig:
@@ -97,63 +146,189 @@ class Follower:
         Raises
         ------
         SettingsError
-            Where what is to be followed cannot be.
+            Where what is to be followed cannot be, or where time does not increase.
         FitError
             Where the tendon finds no equilibrium.
         """
-        if self._filter is None:
-            measured = [
-                name for name in CHANNELS[:2] if getattr(readings, name.removesuffix("_N")) is not None
-            ]
-            self._filter = RigFilter(
-                self._first, followed_numbers(self._first, measured), arcs, seed=self._seed
-            )
-        now = self._filter
-        if "displacement_in_m" in now.muted:
+        now = self.begin(arcs, readings)
+        if not math.isnan(now.time) and not time > now.time:
+            raise SettingsError(f"time goes from {now.time:g} to {time:g} s: give increasing times")
+        if "displacement_in_m" in now.muted and readings.tension_in is not None:
             readings = readings._replace(displacement_in=None)
         if temperature is not None and math.isnan(self._coldest):
             self._coldest = temperature
         warmth = 0.0 if temperature is None else temperature - self._coldest
         self._keep(Moment(time, arcs, readings, warmth))
-        self.known = now.step(arcs, readings, time, warmth)
-        found = self._watch.take(self.known.off, self.known.off_sd, self.known.beyond, time)
-        if found is not None and self._alert is None:
-            self._alert = Alert(found.channel, found.since, self._phase(found.since))
-            self._alarmed, self._looks = time, 0
+        try:
+            self.known = now.step(arcs, readings, time, warmth)
+        except TssgeomError:
+            self._moments.pop()
+            raise
+        self._compare(self.known, time)
         return self.known
+
+    def moved(
+        self,
+        commander: Commander,
+        before: TendonState,
+        at: Step,
+        given: Given,
+        read: Readings,
+        tension_in: float,
+    ) -> tuple[TendonState, Command | None, Commander]:
+        """Do as `Commander.moved`, on the mean tendon of the filter.
+
+        Parameters
+        ----------
+        commander
+            What commands the frame.
+        before
+            The tendon before it.
+        at, given
+            Route and time, and what the frame brings of drive and target.
+        read
+            What is measured at the distal end; its drive is not used.
+        tension_in
+            Drives the tendon where the frame brings neither drive nor target [N].
+
+        Raises
+        ------
+        SettingsError, FitError
+            As `take`, and `Commander.command`.
+        """
+        pull, located, wanted, wanted_pull = given
+        has_target, driven = wanted is not None or wanted_pull is not None, not pull is located is None
+        at = at._replace(arcs=self._carried.lies_on(at.arcs))
+        target = Target(wanted, wanted_pull if wanted is None else None)
+        if driven:
+            kept = self._kept() if has_target else None
+            state = self._taken(before, at, read._replace(tension_in=pull, displacement_in=located))
+            true = state.tension_in if located is None else None
+            commander = self._commander(commander).driven(at, tension_in=true, displacement_in=located)
+            if kept is None:
+                return state, None, commander
+            try:
+                by: Measured = "tension" if located is None else "displacement"
+                return state, *self._command(commander, before, state, at, target, by)
+            except TssgeomError:
+                self._filter = kept
+                raise
+        if not has_target:
+            held = read._replace(tension_in=tension_in, displacement_in=None, commanded=True)
+            return self._taken(before, at, held), None, self._commander(commander)
+        self.begin(at.arcs, read._replace(tension_in=None, displacement_in=0.0, commanded=True), before)
+        command, commander = self._command(self._commander(commander), before, before, at, target, None)
+        done = read._replace(tension_in=None, displacement_in=command.displacement_in, commanded=True)
+        return self._taken(before, at, done), command, commander
+
+    def _command(
+        self,
+        commander: Commander,
+        before: TendonState,
+        state: TendonState,
+        at: Step,
+        target: Target,
+        measured: Measured,
+    ) -> tuple[Command, Commander]:
+        elapsed = at.time - before.time if at.time is not None and at.time >= before.time else 0.0
+        at = at._replace(arcs=self._carried.felt(at.arcs))
+        return commander.command(state, at, target, elapsed=elapsed, measured=measured)
+
+    def _commander(self, commander: Commander) -> Commander:
+        return replace(commander, rig=self._carried.rig, of_filter=self.errors_after)
+
+    def errors_after(self, displacement_in: float, tension_in: float) -> DistalErrors:
+        """Return the errors of the distal end by rig and state after the drive is moved [m] or pulls [N]."""
+        now, route = self._filter, self._carried.sensed
+        assert now is not None
+        assert route is not None
+        located = now.ends_after(route, 0.0, displacement_in=displacement_in)[1]
+        pulled = now.ends_after(route, 0.0, displacement_in=None, tension_in=tension_in)[1]
+        return DistalErrors(float(located[1]), float(located[3]), float(pulled[1]), float(pulled[3]))
+
+    def _taken(self, before: TendonState, at: Step, readings: Readings) -> TendonState:
+        """Take in a frame; return the mean tendon."""
+        if at.time is None or not math.isfinite(at.time):
+            raise SettingsError("a rig is followed over time: give the time of each frame [s]")
+        now = self.begin(at.arcs, readings, before)
+        since = now.time
+        known = self.take(at.arcs, readings, at.time, at.temperature)
+        self._carried.refresh(now, known)
+        used = self._moments[-1].readings
+        drive = used.tension_in if used.by_force else used.displacement_in
+        if not used.commanded or drive is None:
+            drive = now.drive_value(used.by_force)
+        span = at.time - since if not math.isnan(since) else 1.0
+        return self._carried.state(now, known, drive, used.by_force, span)
+
+    def _kept(self) -> RigFilter | None:
+        """Return the filter as it is, to go back to where a target is refused."""
+        now = self._filter
+        if now is None:
+            return None
+        kept = copy.copy(now)
+        kept.members, kept.position, kept.muted = now.members.copy(), now.position.copy(), set(now.muted)
+        kept._random = copy.deepcopy(now._random)
+        kept._drives = {name: copy.copy(drive) for name, drive in now._drives.items()}
+        return kept
 
     def work(self) -> None:
         """Do a slice of the work that no frame waits for."""
-        if self._alert is None or self._filter is None:
+        if self._next is not None:
+            following = next(self._next)
+            if following is not None:
+                self._adopt(following)
+            return
+        if self._alert is None or self._concluded or self._filter is None:
             return
         if self._work is None:
             looks = _SETTINGS.looks
-            if self._looks < len(looks) and self._filter.time >= self._alarmed + looks[self._looks]:
+            if self._filter.time >= self._alarmed + looks[self._looks]:
                 self._looks += 1
-                self._work = self._begin()
+                self._work = self._search()
             return
         result = next(self._work, None)
         if result:
             self._work = None
             self._conclude(result)
 
+    def _compare(self, known: FollowedRig, time: float) -> None:
+        """Let an alert begin where readings and model disagree, and end where they agree again for long."""
+        disagreement = self._watch.take(known.off, known.off_sd, known.beyond, time)
+        if disagreement is not None:
+            self._disagreed = time
+            if self._alert is None or (self._concluded and self._next is None):
+                since = disagreement.since
+                self._alert = Alert(disagreement.channel, since, self._phase(since))
+                self._alarmed, self._looks, self._concluded = time, 0, False
+        elif self._is_over(time):
+            self._alert, self._concluded = None, False
+
+    def _is_over(self, time: float) -> bool:
+        """Whether readings and model agree again; a sensor that is not used any more disagrees for ever."""
+        done = self._concluded and self._next is None and time > self._disagreed + _SETTINGS.quiet
+        return done and self._filter is not None and not self._filter.muted
+
     def _keep(self, moment: Moment) -> None:
+        """Keep what came in, and copies of the filter, from which an alert is explained."""
         self._moments.append(moment)
-        copies = self._copies
-        now = self._filter
+        copies, now = self._copies, self._filter
         assert now is not None
-        if math.isnan(now.time):
+        if (
+            math.isnan(now.time)
+            or (self._alert is not None and not self._concluded)
+            or self._next is not None
+        ):
             return
-        if self._alert is None and (not copies or moment.time >= copies[-1].time + _SETTINGS.copies):
+        if not copies or moment.time >= copies[-1].time + _SETTINGS.copies:
             copies.append(now.with_more(()))
         oldest = moment.time - _SETTINGS.kept
-        if self._alert is None:
-            while len(copies) > 2 and copies[1].time < oldest:
-                copies.popleft()
-            while self._moments[0].time < copies[0].time:
-                self._moments.popleft()
+        while len(copies) > 2 and copies[1].time < oldest:
+            copies.popleft()
+        while self._moments[0].time < copies[0].time:
+            self._moments.popleft()
 
-    def _begin(self) -> Iterator[tuple[Explanation, ...] | None]:
+    def _search(self) -> Iterator[tuple[Explanation, ...] | None]:
         assert self._alert is not None
         sound = [one for one in self._copies if one.time <= self._alert.since - _SETTINGS.before]
         start = sound[-1] if sound else self._copies[0]
@@ -162,17 +337,32 @@ class Follower:
 
     def _conclude(self, result: tuple[Explanation, ...]) -> None:
         assert self._alert is not None
-        self._alert = replace(self._alert, explanations=result)
-        first = result[0]
-        if first.probability < _SETTINGS.sure or self._looks < len(_SETTINGS.looks):
-            return
-        self._adopt(first)
+        causes = tuple(Cause(one.mechanism, one.where, one.probability, one.sentence) for one in result)
+        self._alert = replace(self._alert, explanations=causes)
+        self._concluded = self._looks >= len(_SETTINGS.looks)
+        if self._concluded and result[0].probability >= _SETTINGS.sure:
+            self._next = self._caught_up(result[0].filter)
 
-    def _adopt(self, first: Explanation) -> None:
-        """Go on with the likeliest mechanism in the rig."""
-        self._filter = first.filter
+    def _caught_up(self, following: RigFilter) -> Iterator[RigFilter | None]:
+        """Let the likeliest mechanism take in the frames that came while it was sought; yield it at last."""
+        while True:
+            waiting = [one for one in self._moments if one.time > following.time]
+            for one in waiting[: _SETTINGS.caught_up]:
+                try:
+                    following.step(one.arcs, one.readings, one.time, one.warmth)
+                except TssgeomError:
+                    yield following
+            if len(waiting) <= _SETTINGS.caught_up:
+                yield following
+            yield None
+
+    def _adopt(self, following: RigFilter) -> None:
+        """Go on with a filter in whose rig the likeliest mechanism is."""
+        self._filter, self._next = following, None
         self._copies.clear()
-        self._watch.restart(first.filter.time)
+        self._carried.restart(self._carried.sensed)
+        self._watch.restart(following.time)
+        self._disagreed = following.time
 
     def _phase(self, since: float) -> str:
         """Return what the drive did at a time."""

@@ -64,6 +64,8 @@ class Readings(NamedTuple):
     displacement_in: float | None = None
     tension_out: float | None = None
     elongation: float | None = None
+    commanded: bool = False
+    """Whether the drive is a command that counts as carried out: the true one, without noise."""
 
     @property
     def by_force(self) -> bool:
@@ -275,6 +277,10 @@ class RigFilter:
         memory.setflags(write=False)
         return Memory(memory), model_of(setup_of(self.rig_now()), self.cut, "displacement_in_m", self.edge)
 
+    def drive_value(self, by_force: bool) -> float:
+        """Return where the drive is, as it follows from its readings [N] or [m]."""
+        return self._tracker(by_force).value
+
     def _given(self, readings: Readings) -> Vector:
         read = (
             None if readings.by_force else readings.tension_in,
@@ -291,6 +297,8 @@ class RigFilter:
         """Return the drive of each member and probe, [N] or [m]."""
         by_force, tracker = readings.by_force, self._tracker(readings.by_force)
         given = readings.tension_in if by_force else readings.displacement_in
+        if readings.commanded and given is not None:
+            return np.full(len(self.memory), given)
         sd = tracker.take(0.0 if given is None else given)
         reading = np.full(len(self.memory), tracker.value)
         reading[-_PROBES:] += sd, -sd
