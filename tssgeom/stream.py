@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
+from tssgeom.adapt import carry
 from tssgeom.adapt.alert import Alert
 from tssgeom.adapt.followed_tendon import with_filter
 from tssgeom.adapt.follower import Follower
@@ -174,8 +175,8 @@ def pulled(
         moved, command, commander = commander.moved(state, at, given, tension_in)
     else:
         read = Readings(tension_out=frame.tension_out, elongation=frame.elongation)
-        moved, command, commander = follower.moved(commander, state, at, given, read, tension_in)
-        rig = follower.rig_of_frames
+        moved, command, commander = carry.moved(follower, commander, state, at, given, read, tension_in)
+        rig = follower.carried.rig
     most = moved.tension_in if command is None else max(moved.tension_in, command.tension_in)
     moved, transmission = _transmitted(state, moved, rig, stands, shared)
     known = None if follower is None else follower.known

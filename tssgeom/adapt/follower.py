@@ -20,9 +20,6 @@ from tssgeom.adapt.watch import Watch
 from tssgeom.errors import SettingsError, TssgeomError
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
-from tssgeom.tendon.command import Command
-from tssgeom.tendon.command_error import DistalErrors, Step
-from tssgeom.tendon.commander import Commander, Given, Measured, Target
 from tssgeom.tendon.state import TendonState
 
 
@@ -76,7 +73,8 @@ class Follower:
         self._work: Iterator[tuple[Explanation, ...] | None] | None = None
         self._next: Iterator[RigFilter | None] | None = None
         self._coldest = math.nan
-        self._carried = FollowedTendon(rig)
+        self.carried = FollowedTendon(rig)
+        """The mean tendon and its rig, as streams carry them."""
         self.measured: tuple[str, ...] = ()
         """Tensions that the first frame measured."""
         self.known: FollowedRig | None = None
@@ -90,9 +88,9 @@ class Follower:
         return msgspec.structs.replace(self._filter.rig_now(), sensors=self._first.sensors)
 
     @property
-    def rig_of_frames(self) -> Rig:
-        """The rig that the last frame was computed with: it is built anew only where it has changed."""
-        return self._carried.rig
+    def taken(self) -> Readings:
+        """What was used of the readings of the last frame."""
+        return self._moments[-1].readings
 
     @property
     def filter(self) -> RigFilter | None:
@@ -167,102 +165,8 @@ class Follower:
         self._compare(self.known, time)
         return self.known
 
-    def moved(
-        self,
-        commander: Commander,
-        before: TendonState,
-        at: Step,
-        given: Given,
-        read: Readings,
-        tension_in: float,
-    ) -> tuple[TendonState, Command | None, Commander]:
-        """Do as `Commander.moved`, on the mean tendon of the filter.
-
-        Parameters
-        ----------
-        commander
-            What commands the frame.
-        before
-            The tendon before it.
-        at, given
-            Route and time, and what the frame brings of drive and target.
-        read
-            What is measured at the distal end; its drive is not used.
-        tension_in
-            Drives the tendon where the frame brings neither drive nor target [N].
-
-        Raises
-        ------
-        SettingsError, FitError
-            As `take`, and `Commander.command`.
-        """
-        pull, located, wanted, wanted_pull = given
-        has_target, driven = wanted is not None or wanted_pull is not None, not pull is located is None
-        at = at._replace(arcs=self._carried.lies_on(at.arcs))
-        target = Target(wanted, wanted_pull if wanted is None else None)
-        if driven:
-            kept = self._kept() if has_target else None
-            state = self._taken(before, at, read._replace(tension_in=pull, displacement_in=located))
-            true = state.tension_in if located is None else None
-            commander = self._commander(commander).driven(at, tension_in=true, displacement_in=located)
-            if kept is None:
-                return state, None, commander
-            try:
-                by: Measured = "tension" if located is None else "displacement"
-                return state, *self._command(commander, before, state, at, target, by)
-            except TssgeomError:
-                self._filter = kept
-                raise
-        if not has_target:
-            held = read._replace(tension_in=tension_in, displacement_in=None, commanded=True)
-            return self._taken(before, at, held), None, self._commander(commander)
-        self.begin(at.arcs, read._replace(tension_in=None, displacement_in=0.0, commanded=True), before)
-        command, commander = self._command(self._commander(commander), before, before, at, target, None)
-        done = read._replace(tension_in=None, displacement_in=command.displacement_in, commanded=True)
-        return self._taken(before, at, done), command, commander
-
-    def _command(
-        self,
-        commander: Commander,
-        before: TendonState,
-        state: TendonState,
-        at: Step,
-        target: Target,
-        measured: Measured,
-    ) -> tuple[Command, Commander]:
-        elapsed = at.time - before.time if at.time is not None and at.time >= before.time else 0.0
-        at = at._replace(arcs=self._carried.felt(at.arcs))
-        return commander.command(state, at, target, elapsed=elapsed, measured=measured)
-
-    def _commander(self, commander: Commander) -> Commander:
-        return replace(commander, rig=self._carried.rig, of_filter=self.errors_after)
-
-    def errors_after(self, displacement_in: float, tension_in: float) -> DistalErrors:
-        """Return the errors of the distal end by rig and state after the drive is moved [m] or pulls [N]."""
-        now, route = self._filter, self._carried.sensed
-        assert now is not None
-        assert route is not None
-        located = now.ends_after(route, 0.0, displacement_in=displacement_in)[1]
-        pulled = now.ends_after(route, 0.0, displacement_in=None, tension_in=tension_in)[1]
-        return DistalErrors(float(located[1]), float(located[3]), float(pulled[1]), float(pulled[3]))
-
-    def _taken(self, before: TendonState, at: Step, readings: Readings) -> TendonState:
-        """Take in a frame; return the mean tendon."""
-        if at.time is None or not math.isfinite(at.time):
-            raise SettingsError("a rig is followed over time: give the time of each frame [s]")
-        now = self.begin(at.arcs, readings, before)
-        since = now.time
-        known = self.take(at.arcs, readings, at.time, at.temperature)
-        self._carried.refresh(now, known)
-        used = self._moments[-1].readings
-        drive = used.tension_in if used.by_force else used.displacement_in
-        if not used.commanded or drive is None:
-            drive = now.drive_value(used.by_force)
-        span = at.time - since if not math.isnan(since) else 1.0
-        return self._carried.state(now, known, drive, used.by_force, span)
-
-    def _kept(self) -> RigFilter | None:
-        """Return the filter as it is, to go back to where a target is refused."""
+    def kept(self) -> RigFilter | None:
+        """Return the filter as it is, for `go_back`."""
         now = self._filter
         if now is None:
             return None
@@ -271,6 +175,11 @@ class Follower:
         kept._random = copy.deepcopy(now._random)
         kept._drives = {name: copy.copy(drive) for name, drive in now._drives.items()}
         return kept
+
+    def go_back(self, kept: RigFilter | None) -> None:
+        """Forget the frame that came since the filter was `kept`."""
+        self._filter = kept
+        self._moments.pop()
 
     def work(self) -> None:
         """Do a slice of the work that no frame waits for."""
@@ -360,7 +269,7 @@ class Follower:
         """Go on with a filter in whose rig the likeliest mechanism is."""
         self._filter, self._next = following, None
         self._copies.clear()
-        self._carried.restart(self._carried.sensed)
+        self.carried.restart(self.carried.sensed)
         self._watch.restart(following.time)
         self._disagreed = following.time
 
