@@ -101,17 +101,14 @@ class FollowedTendon:
     def lies_on(self, arcs: Arcs) -> Arcs:
         """Return the route on which the tendon lies: as before where it has not moved beyond its errors."""
         known = self._sensed
-        if known is None or known is arcs or not unmoved(known, arcs):
-            self._sensed = arcs
-        elif arcs.total_angle_se < _SETTINGS.sharper * known.total_angle_se:
-            self._sensed = arcs
-        else:
-            return known
+        if known is not None and known is not arcs and unmoved(known, arcs):
+            arcs = arcs if arcs.total_angle_se < _SETTINGS.sharper * known.total_angle_se else known
+        self._sensed = arcs
         return arcs
 
-    def restart(self, sensed: Arcs | None) -> None:
-        """Begin with another filter, its tendon on a route as sensed."""
-        self._at, self._sensed = None, sensed
+    def restart(self, sensed: Arcs | None, rig: Rig) -> None:
+        """Begin with another filter and its rig, its tendon on a route as sensed."""
+        self._at, self._sensed, self.rig = None, sensed, rig
 
     def refresh(self, now: RigFilter, known: FollowedRig) -> None:
         """Build the rig anew where its numbers have changed, or where that was long ago."""
@@ -185,7 +182,7 @@ class FollowedTendon:
 
 
 def with_filter(result: Transmission, known: FollowedRig) -> Transmission:
-    """Return what a tendon transmits with the ends of the filter, and the errors of both"""
+    """Return what a tendon transmits with the ends of the filter; errors of route and filter add up."""
     tension_in, tension_out, x_in, x_out = known.ends.tolist()
     _, tension_out_se, x_in_se, x_out_se = known.ends_se.tolist()
     return result._replace(

@@ -1,4 +1,4 @@
-"""A rig that follows its readings in a stream: the filter, the watch beside it, and what explains an alert."""
+"""A rig that follows its readings in a stream: the filter, the watch beside it, and its alerts."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from tssgeom.adapt.diagnosis import Explanation, Moment, explained
 from tssgeom.adapt.followed import followed_numbers
 from tssgeom.adapt.followed_tendon import NOISE, FollowedTendon, memory_on, with_noise
 from tssgeom.adapt.rig_filter import CHANNELS, FollowedRig, Readings, RigFilter
+from tssgeom.adapt.saved import SavedFilter, captured
 from tssgeom.adapt.watch import Watch
 from tssgeom.errors import SettingsError, TssgeomError
 from tssgeom.rig import Rig
@@ -56,9 +57,11 @@ class Follower:
         The rig as its file has it.
     seed
         Of the filter.
+    saved
+        A filter of this rig to go on with.
     """
 
-    def __init__(self, rig: Rig, *, seed: int = 0) -> None:
+    def __init__(self, rig: Rig, *, seed: int = 0, saved: SavedFilter | None = None) -> None:
         self._first, self._seed = rig, seed
         self._assumed, self._warnings = frozenset[str](), tuple[str, ...]()
         self._filter: RigFilter | None = None
@@ -79,6 +82,8 @@ class Follower:
         """Tensions that the first frame measured."""
         self.known: FollowedRig | None = None
         """What is known after the last frame."""
+        if saved is not None:
+            self._go_on(saved)
 
     @property
     def rig(self) -> Rig:
@@ -116,25 +121,41 @@ class Follower:
             Where what is to be followed cannot be.
         """
         if self._filter is None:
-            given = readings._asdict()
-            of = {name: given[name.rpartition("_")[0]] is not None for name in NOISE}
+            in_measured = readings.tension_in is not None and not readings.commanded
+            measured = (in_measured, readings.tension_out is not None)
             self.measured = tuple(
-                name for name in CHANNELS[:2] if of[name] and not (readings.commanded and name == CHANNELS[0])
+                name for name, is_given in zip(CHANNELS[:2], measured, strict=True) if is_given
             )
             self._filter = self._new_filter(arcs, self.measured)
             before = None if state is None else memory_on(state, arcs, self._first)
             if before is not None:
                 self._filter.memory[:], self._filter.position[:] = before[0].block, before[1]
-            self._warnings = tuple(
-                f"sensors.{name}.noise is not stated: {NOISE[name]:g} {name.rpartition('_')[2]} is assumed"
-                for name in sorted(self._assumed)
-                if of[name]
-            )
+            self._warnings = self._assumptions(readings)
         return self._filter
+
+    def _assumptions(self, readings: Readings) -> tuple[str, ...]:
+        given = readings._asdict()
+        return tuple(
+            f"sensors.{name}.noise is not stated: {NOISE[name]:g} {name.rpartition('_')[2]} is assumed"
+            for name in sorted(self._assumed)
+            if given[name.rpartition("_")[0]] is not None
+        )
 
     def _new_filter(self, arcs: Arcs, measured: tuple[str, ...]) -> RigFilter:
         rig, self._assumed = with_noise(self._first)
         return RigFilter(rig, followed_numbers(rig, measured), arcs, seed=self._seed)
+
+    def _go_on(self, saved: SavedFilter) -> None:
+        rig, self._assumed = with_noise(self._first)
+        self._filter, self.measured, self._coldest = saved.restored(rig), saved.measured, saved.coldest
+        self.carried.restart(saved.sensed, self.rig)
+
+    def saved(self) -> SavedFilter | None:
+        """Return what a filter needs to go on after a restart; None before the first frame."""
+        now, sensed = self._filter, self.carried.sensed
+        if now is None or sensed is None or math.isnan(now.time):
+            return None
+        return captured(now, with_noise(self._first)[0], sensed, self.measured, self._coldest)
 
     def take(
         self, arcs: Arcs, readings: Readings, time: float, temperature: float | None = None
@@ -269,7 +290,7 @@ class Follower:
         """Go on with a filter in whose rig the likeliest mechanism is."""
         self._filter, self._next = following, None
         self._copies.clear()
-        self.carried.restart(self.carried.sensed)
+        self.carried.restart(self.carried.sensed, self.rig)
         self._watch.restart(following.time)
         self._disagreed = following.time
 
