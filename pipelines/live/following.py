@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from time import monotonic
 
-from pipelines.live.processes import SideProcess
+from pipelines.live.processes import SideProcess, send
+from tssgeom.adapt.alert import Alert
 from tssgeom.adapt.follower import Follower
 from tssgeom.stream import FrameResult
 
@@ -39,11 +41,11 @@ class RigFeed:
     def _send(self) -> None:
         known = self.follower.known
         if known is None or self._time is None:
-        return
+            return
         numbers = zip(known.keys, known.values.tolist(), known.se.tolist(), strict=True)
         lines = [
-        f"followed by tssgeom live --adapt until its frame at {self._time:.3f} s; value ± standard error:",
-        *(f"{key} = {value:.6g} ± {error:.2g}" for key, value, error in numbers),
+            f"followed by tssgeom live --adapt until {self._time:.3f} s; value ± standard error:",
+            *(f"{key} = {value:.6g} ± {error:.2g}" for key, value, error in numbers),
         ]
         send([self.process], "rig", (self.follower.rig, lines))
         self._time = None

@@ -152,9 +152,10 @@ class Follower:
 
     def saved(self) -> SavedFilter | None:
         """Return what a filter needs to go on after a restart; None before the first frame."""
-        now, sensed = self._filter, self.carried.sensed
-        if now is None or sensed is None or math.isnan(now.time):
+        now = self._filter
+        if now is None or math.isnan(now.time):
             return None
+        sensed = now.cut if self.carried.sensed is None else self.carried.sensed
         return captured(now, with_noise(self._first)[0], sensed, self.measured, self._coldest)
 
     def take(
