@@ -134,7 +134,7 @@ def test_a_filter_that_was_saved_goes_on_with_the_same_digits(scenario):
         if i == 300:
             stopped = _through_json(stopped, rig)
         readings = _readings(scenario, 4 * i)
-        one, other = (each.take(route, readings, 0.04 * i) for each in (kept, stopped))
+        one, other = (each.take(each.carried.lies_on(route), readings, 0.04 * i) for each in (kept, stopped))
         assert one.values.tolist() == other.values.tolist()
         assert one.ends.tolist() == other.ends.tolist()
 
