@@ -33,7 +33,7 @@ class FollowerSettings(NamedTuple):
     """Time between two copies of the filter [s]. Chosen: a fault is then at most so much younger."""
     before: float = 0.5
     """Time before a disagreement began at which the filter is taken for sound [s]; chosen."""
-    looks: tuple[float, ...] = (1.5, 4.0, 8.0)
+    comparisons: tuple[float, ...] = (1.5, 4.0, 8.0)
     """Times after an alarm at which mechanisms are compared [s]. Chosen: a stroke, and two more."""
     sure: float = 0.8
     """Probability from which the likeliest mechanism is taken into the rig [1]; chosen."""
@@ -72,7 +72,7 @@ class Follower:
         self._concluded = False
         """Whether all has been compared that an alert asks for."""
         self._alarmed = self._disagreed = math.nan
-        self._looks = 0
+        self._compared = 0
         self._work: Iterator[tuple[Explanation, ...] | None] | None = None
         self._next: Iterator[RigFilter | None] | None = None
         self._coldest = math.nan
@@ -213,9 +213,9 @@ class Follower:
         if self._alert is None or self._concluded or self._filter is None:
             return
         if self._work is None:
-            looks = _SETTINGS.looks
-            if self._filter.time >= self._alarmed + looks[self._looks]:
-                self._looks += 1
+            comparisons = _SETTINGS.comparisons
+            if self._filter.time >= self._alarmed + comparisons[self._compared]:
+                self._compared += 1
                 self._work = self._search()
             return
         result = next(self._work, None)
@@ -231,7 +231,7 @@ class Follower:
             if self._alert is None or (self._concluded and self._next is None):
                 since = disagreement.since
                 self._alert = Alert(disagreement.channel, since, self._phase(since))
-                self._alarmed, self._looks, self._concluded = time, 0, False
+                self._alarmed, self._compared, self._concluded = time, 0, False
         elif self._is_over(time):
             self._alert, self._concluded = None, False
 
@@ -270,7 +270,7 @@ class Follower:
         assert self._alert is not None
         causes = tuple(Cause(one.mechanism, one.where, one.probability, one.sentence) for one in result)
         self._alert = replace(self._alert, explanations=causes)
-        self._concluded = self._looks >= len(_SETTINGS.looks)
+        self._concluded = self._compared >= len(_SETTINGS.comparisons)
         if self._concluded and result[0].probability >= _SETTINGS.sure:
             self._next = self._caught_up(result[0].filter)
 
