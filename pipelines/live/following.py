@@ -25,7 +25,7 @@ class RigFeed:
     """Of the last frame since the rig was sent [s]."""
 
     def take(self, result: FrameResult, now: float) -> None:
-        """Take in an answered frame."""
+        """Take in a frame after its answer."""
         self._time = result.frame.time
         if now >= self._due:
             self._send()
@@ -59,7 +59,7 @@ class AlertReport:
     _last: Alert | None = None
 
     def take(self, result: FrameResult, now: float) -> None:
-        """Take in an answered frame."""
+        """Take in a frame after its answer."""
         before, alert = self._last, result.alert
         if alert is before:
             return
