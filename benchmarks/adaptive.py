@@ -30,7 +30,8 @@ from tests.adapt.cases import BEGIN_S, TRUTH, columns_of, rig_of, route_of, scor
 from tests.twins import DRIFTS, FAULTS, Scenario, acts_s
 from tssgeom.adapt.followed import followed_numbers
 from tssgeom.adapt.offline import FollowedRun, RunFollower
-from tssgeom.adapt.rig_filter import CHANNELS, Readings, RigFilter
+from tssgeom.adapt.readings import CHANNELS, Readings
+from tssgeom.adapt.rig_filter import RigFilter
 
 _MOST_FRICTION, _MOST_ZERO_N = 0.03, 0.010
 _INDEPENDENT_S = 60.0

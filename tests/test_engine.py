@@ -80,7 +80,7 @@ def test_frames_of_many_threads_are_all_taken_each_thread_in_its_order():
         engine.idle()
 
     switching = sys.getswitchinterval()
-    sys.setswitchinterval(1e-5)  # threads change places inside every call
+    sys.setswitchinterval(1e-5)  # threads take turns inside every call
     try:
         threads = [threading.Thread(target=push, args=(name,)) for name in range(6)]
         for thread in threads:

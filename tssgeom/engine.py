@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from threading import Condition
 
+from tssgeom.adapt.follower import Follower
 from tssgeom.errors import TssgeomError
 from tssgeom.frame import Frame, smoothed_in_time, smoothed_in_windows
 from tssgeom.plausibility.frames import FrameWatch
@@ -37,6 +38,9 @@ class Engine:
     commander
         Tolerance, policy and errors of the rig for frames with a target; by default the rig's numbers count
         as exact, and the dead zone is crossed at once.
+    follower
+        Follows the rig by what the frames measure, which need increasing times: tendon, rig and commands are
+        then the follower's. It belongs to one engine alone.
 
     Notes
     -----
@@ -68,10 +72,11 @@ class Engine:
         tension_in: float,
         state: TendonState | None = None,
         commander: Commander | None = None,
+        follower: Follower | None = None,
     ) -> None:
         self._rig, self._tension_in = rig, tension_in
         self._state = pretensioned(rig) if state is None else state
-        self._commander = commander
+        self._commander, self._follower = commander, follower
         self._last: TrackedFit | None = None
         self._watch = FrameWatch()
         self._count = 0
@@ -100,16 +105,21 @@ class Engine:
                 return replace(frame, seq=seq)
             self._check_model()
             before = self._state, self._rig, self._tension_in, self._last
-            result = _advanced(seq, frame, *before, filtered, self._commander)
+            result = _advanced(seq, frame, *before, filtered, self._commander, self._follower)
             if isinstance(result, Rejected):
                 return result
             self._state, self._last, self._commander = result.state, result.tracked, result.commander
             return _watched(result, self._watch)
 
     def idle(self) -> None:
-        """Make the step of the model check that follows a frame, so that the next `push` need not."""
+        """Make the step of the model check that follows a frame, so that the next `push` need not.
+
+        A follower does a slice of the work that explains an alert.
+        """
         with self._turn():
             self._check_model()
+            if self._follower is not None:
+                self._follower.work()
 
     def _check_model(self) -> None:
         if self._last is not None:
@@ -138,6 +148,7 @@ def process(
     tension_in: float,
     state: TendonState | None = None,
     commander: Commander | None = None,
+    follower: Follower | None = None,
 ) -> Iterator[FrameResult | Rejected]:
     """Turn frames into results, one for each frame and in their order; each fit starts from the last one.
 
@@ -154,7 +165,7 @@ def process(
         Total tension at the proximal end for frames that bring no drive and no target [N].
     state
         Tension along the tendon before the first frame; the rig's pretension by default.
-    commander
+    commander, follower
         As of `Engine`.
 
     Examples
@@ -167,7 +178,7 @@ def process(
     >>> [round(float(each.transmission.tension_out), 2) for each in process(frames, Rig(), tension_in=15.0)]
     [3.17, 9.51, 9.51]
     """
-    engine = Engine(rig, tension_in=tension_in, state=state, commander=commander)
+    engine = Engine(rig, tension_in=tension_in, state=state, commander=commander, follower=follower)
     yield from _carried(((frame, None) for frame in frames), engine)
 
 
@@ -201,10 +212,11 @@ def _advanced(
     last: TrackedFit | None,
     filtered: PointFilter | None,
     commander: Commander | None = None,
+    follower: Follower | None = None,
 ) -> FrameResult | Rejected:
     """Do as `advance`, but return what cannot be used as rejected."""
     try:
-        return advance(seq, frame, state, rig, tension_in, last, filtered, commander)
+        return advance(seq, frame, state, rig, tension_in, last, filtered, commander, follower)
     except _FAULTS as error:
         return Rejected(seq, frame.time, _reason(error), frame.id)
 

@@ -5,6 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
+from tssgeom.adapt import carry
+from tssgeom.adapt.alert import Alert
+from tssgeom.adapt.followed_tendon import with_filter
+from tssgeom.adapt.follower import Follower
+from tssgeom.adapt.readings import FollowedRig, Readings
 from tssgeom.effects import named
 from tssgeom.frame import Frame, fit_frame, with_shared_errors_of
 from tssgeom.plausibility.frames import frame_remarks, strain_remarks
@@ -45,6 +50,10 @@ class FrameResult:
     """What the drive has to do for the frame's target, where it has one."""
     commander: Commander | None = None
     """What commands the next frame."""
+    followed: FollowedRig | None = None
+    """What is known of the rig, where it is followed."""
+    alert: Alert | None = None
+    """What readings and model disagree in, where the rig is followed and they do."""
 
     @property
     def displacement_command(self) -> float | None:
@@ -103,10 +112,12 @@ def advance(
     last: TrackedFit | None = None,
     points: PointFilter | None = None,
     commander: Commander | None = None,
+    follower: Follower | None = None,
 ) -> FrameResult:
     """Carry the tendon from `state` over one frame, its geometry from that of the `last` one.
 
-    Its points are filtered in time by those before it, unless `points` has them filtered already.
+    Its points are filtered in time by those before it, unless `points` has them filtered already. Where a
+    `follower` takes in its readings, tendon and rig are the follower's.
 
     Raises
     ------
@@ -119,7 +130,7 @@ def advance(
     """
     shape, tracked = fit_frame(frame, rig, last, points)
     sensed = SensedRoute(shape, tracked, *with_shared_errors_of(frame, rig, tracked))
-    return pulled(seq, frame, state, rig, tension_in, sensed, commander)
+    return pulled(seq, frame, state, rig, tension_in, sensed, commander, follower)
 
 
 class SensedRoute(NamedTuple):
@@ -141,6 +152,7 @@ def pulled(
     tension_in: float,
     sensed: SensedRoute,
     commander: Commander | None = None,
+    follower: Follower | None = None,
 ) -> FrameResult:
     """Do as `advance` does, on a route that is fitted already.
 
@@ -152,15 +164,24 @@ def pulled(
         Where the tendon has no equilibrium.
     """
     shape, tracked, fit, shared = sensed
-    known = tracked.filtered
-    stands = None if known is None or known.interval == 0.0 else known.standing > _STANDS
+    points = tracked.filtered
+    stands = None if points is None or points.interval == 0.0 else points.standing > _STANDS
     at = Step(fit.arcs, frame.time, frame.temperature, stands, shared)
     given = Given(
         frame.tension_in, frame.displacement_in, frame.displacement_target, frame.tension_out_target
     )
-    moved, command, commander = (commander or commander_of(rig)).moved(state, at, given, tension_in)
+    commander = commander or commander_of(rig)
+    if follower is None:
+        moved, command, commander = commander.moved(state, at, given, tension_in)
+    else:
+        read = Readings(tension_out=frame.tension_out, elongation=frame.elongation)
+        moved, command, commander = carry.moved(follower, commander, state, at, given, read, tension_in)
+        rig = follower.carried.rig
     most = moved.tension_in if command is None else max(moved.tension_in, command.tension_in)
     moved, transmission = _transmitted(state, moved, rig, stands, shared)
+    known = None if follower is None else follower.known
+    if known is not None:
+        transmission = with_filter(transmission, known)
     return FrameResult(
         seq=seq,
         frame=frame,
@@ -173,9 +194,12 @@ def pulled(
         + shape.warnings
         + fit.warnings
         + _temperature_warnings(rig, frame)
-        + _implausible(frame, rig, fit.arcs.total_length, most),
+        + _implausible(frame, rig, fit.arcs.total_length, most)
+        + (() if follower is None else follower.warnings),
         command=command,
         commander=commander,
+        followed=known,
+        alert=None if follower is None else follower.alert,
     )
 
 

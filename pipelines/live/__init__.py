@@ -30,6 +30,13 @@ def live(
     columns: Map = None,
     tolerance_mm: ToleranceMm = None,
     policy: PolicyChoice = "cross",
+    adapt: Annotated[
+        bool, typer.Option("--adapt", help="Follow friction, zeros and what [adapt] of the rig names.")
+    ] = False,
+    write_rig: Annotated[
+        Path | None,
+        typer.Option("--write-rig", help="With --adapt: rig file to write each minute and at the end."),
+    ] = None,
     stale_after: Annotated[
         float,
         typer.Option("--stale-after", min=0.001, help="Silence after which a stale line is sent, in s."),
@@ -74,5 +81,7 @@ def live(
         view_port=view_port if view else None,
         tolerance=None if tolerance_mm is None else 1e-3 * tolerance_mm,
         policy=policy,
+        adapt=adapt,
+        write_rig=write_rig,
     )
     raise typer.Exit(run(options, run_settings(rig, tension_in, unit, columns=columns)))

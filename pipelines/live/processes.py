@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from pipelines.live.messages import packed
+from tssgeom.adapt.follower import Follower
 from tssgeom.errors import SourceError
 from tssgeom.io.network.channel import Channel
 from tssgeom.stream import FrameResult
@@ -77,7 +78,7 @@ class SideProcess:
         self.role, self.address = role, ""
         self.ready, self.failure, self.ended = False, "", False
         self.lost = 0
-        self._idle, self._may_idle = False, role != "save"
+        self._idle, self._may_idle = False, role not in ("save", "rig")
         self._report, self._unread = report, b""
         self._channel = Channel(selector, ours, self._read, self._closed, _LIMITS.most_waiting)
 
@@ -196,15 +197,19 @@ class PictureFeed:
                 break
             drawing.append(process)
         if drawing:
-            _send(drawing, "picture", result.strip())
+            send(drawing, "picture", result.strip())
         if now >= self._due:
             self.flush()
             self._due = now + _LIMITS.numbers_interval
 
+    def finish(self) -> None:
+        """Send the last numbers."""
+        self.flush()
+
     def flush(self) -> None:
         """Send the numbers since the last message."""
         if self._numbers:
-            _send([process for process, _ in self.processes], "numbers", np.array(self._numbers))
+            send([process for process, _ in self.processes], "numbers", np.array(self._numbers))
             self._numbers.clear()
 
 
@@ -213,6 +218,8 @@ class StateFeed:
     """Sends the newest state of the tendon to the process that saves it."""
 
     process: SideProcess
+    follower: Follower | None = None
+    """Its filter is saved with the tendon."""
     _due: float = 0.0
     _newest: TendonState | None = None
 
@@ -223,14 +230,19 @@ class StateFeed:
             self.flush()
             self._due = now + _LIMITS.state_interval
 
+    def finish(self) -> None:
+        """Send the last state."""
+        self.flush()
+
     def flush(self) -> None:
         """Send the newest state."""
         if self._newest is not None:
-            _send([self.process], "state", self._newest)
+            followed = None if self.follower is None else self.follower.saved()
+            send([self.process], "state", (self._newest, followed))
             self._newest = None
 
 
-def _send(processes: Sequence[SideProcess], kind: str, content: object) -> None:
+def send(processes: Sequence[SideProcess], kind: str, content: object) -> None:
     """Send one message to all of them, packed once."""
     if any(not process.ended for process in processes):
         message = packed(kind, content)

@@ -16,6 +16,7 @@ from pathlib import Path
 from types import FrameType
 
 from pipelines.inputs import RunSettings
+from pipelines.live.following import AlertReport, RigFeed
 from pipelines.live.processes import (
     PictureFeed,
     SideProcess,
@@ -27,9 +28,10 @@ from pipelines.live.processes import (
 from pipelines.live.session import ResultConsumer, Session
 from pipelines.live.status import StatusLine
 from pipelines.live.warm_up import warm_up
+from tssgeom.adapt.follower import Follower
 from tssgeom.engine import process
-from tssgeom.errors import require_replaceable
-from tssgeom.io.formats.states import read_state
+from tssgeom.errors import SettingsError, require_replaceable
+from tssgeom.io.formats.states import read_filter, read_state
 from tssgeom.io.network.addresses import Access, Endpoint
 from tssgeom.io.network.channel import READ, Pipe
 from tssgeom.io.network.mailbox import Mailbox
@@ -74,6 +76,10 @@ class LiveOptions:
     """Distance from a target that may be missed [m]."""
     policy: Policy = "cross"
     """What commands do inside the dead zone."""
+    adapt: bool = False
+    """Whether the rig is followed."""
+    write_rig: Path | None = None
+    """File to which the rig that is followed is written."""
 
 
 def run(options: LiveOptions, settings: RunSettings) -> int:
@@ -84,7 +90,9 @@ def run(options: LiveOptions, settings: RunSettings) -> int:
     SettingsError, ShapeError, SourceError
         Where a source, a sink or a file cannot be opened.
     """
-    for path in filter(None, (options.state, options.record)):
+    if options.write_rig is not None and not options.adapt:
+        raise SettingsError("--write-rig writes the rig that --adapt follows: give both")
+    for path in filter(None, (options.state, options.record, options.write_rig)):
         require_replaceable(path)
     with selectors.DefaultSelector() as selector:
         errors = Pipe(selector, 2)
@@ -102,17 +110,19 @@ def run(options: LiveOptions, settings: RunSettings) -> int:
         state = read_state(options.state) if options.state is not None and options.state.exists() else None
         if state is not None and math.isfinite(state.time):
             session.time = state.time
+        follower = _follower(options, settings, report) if options.adapt else None
+        followed = () if follower is None else settings.rig.adapt
         commander = commander_of(
             settings.rig,
-            settings.uncertain,
+            [one for one in settings.uncertain if one.key not in followed],
             tolerance=options.tolerance,
             policy=options.policy,
             state=state,
         )
-        session.consumers, processes = _side_processes(options, selector, report)
+        session.consumers, processes = _side_processes(options, follower, selector, report)
         session.report_statistics, finish = _statistics(session, processes, errors, stats=options.stats)
         try:
-            warm_up(settings.rig, commander)
+            warm_up(settings.rig, commander, adapt=options.adapt)
             await_ready(selector, processes)
             _stop_on_signals(session)
             gc.collect()  # before the line `ready`: it takes longer than many frames
@@ -125,6 +135,7 @@ def run(options: LiveOptions, settings: RunSettings) -> int:
                 tension_in=settings.tension_in,
                 state=state,
                 commander=commander,
+                follower=follower,
             ):
                 session.answer(result)
         finally:
@@ -134,8 +145,22 @@ def run(options: LiveOptions, settings: RunSettings) -> int:
     return 0 if all_well else 1
 
 
+def _follower(options: LiveOptions, settings: RunSettings, report: Callable[[str], None]) -> Follower:
+    """Return what follows the rig, where a state is kept from where it stood."""
+    saved = None
+    if options.state is not None and options.state.exists():
+        try:
+            saved = read_filter(options.state, settings.rig)
+        except SettingsError as error:
+            report(f"{error}; the rig is followed anew")
+    return Follower(settings.rig, saved=saved)
+
+
 def _side_processes(
-    options: LiveOptions, selector: selectors.BaseSelector, report: Callable[[str], None]
+    options: LiveOptions,
+    follower: Follower | None,
+    selector: selectors.BaseSelector,
+    report: Callable[[str], None],
 ) -> tuple[list[ResultConsumer], list[SideProcess]]:
     """Start the processes beside the stream; return what feeds them, and them."""
     consumers, processes = list[ResultConsumer](), list[SideProcess]()
@@ -145,7 +170,11 @@ def _side_processes(
         return processes[-1]
 
     if options.state is not None:
-        consumers.append(StateFeed(started("save", options.state)))
+        consumers.append(StateFeed(started("save", options.state), follower))
+    if follower is not None:
+        consumers.append(AlertReport(report))
+        if options.write_rig is not None:
+            consumers.append(RigFeed(started("rig", options.write_rig), follower))
     drawing = list[tuple[SideProcess, TokenBucket]]()
     if options.record is not None:
         drawing.append((started("record", options.record), TokenBucket(*_RATES.recorded)))

@@ -51,6 +51,10 @@ class ResultConsumer(Protocol):
         """Send what waits."""
         ...
 
+    def finish(self) -> None:
+        """Send the last."""
+        ...
+
 
 @dataclass(slots=True)
 class Session:
@@ -157,7 +161,7 @@ class Session:
         for sink in self.sinks:
             sink.close()
         for consumer in self.consumers:
-            consumer.flush()
+            consumer.finish()
 
     def _refuse(self, rejected: Rejected) -> None:
         self.statistics.rejected += 1

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from tssgeom.adapt.follower import Follower
 from tssgeom.engine import process
 from tssgeom.io.formats.jsonl import frame_of
 from tssgeom.io.results import answers
@@ -19,11 +20,12 @@ _COUNT = 60  # frames of each route; chosen: all drives and faults of `_driven` 
 _NOISE = 2e-4  # m; chosen: as of a good sensor
 
 
-def warm_up(rig: Rig, commander: Commander | None = None) -> None:
+def warm_up(rig: Rig, commander: Commander | None = None, *, adapt: bool = False) -> None:
     """Follow pieces and a smooth route that move under load, with gaps, outliers, targets and leaps."""
     for route in (_pieces, _spiral):
         frames = list(_frames(route))
-        for result in process(frames, rig, tension_in=10.0, commander=commander):
+        follower = Follower(rig) if adapt else None
+        for result in process(frames, rig, tension_in=10.0, commander=commander, follower=follower):
             if isinstance(result, FrameResult):
                 answers.answer(result, 0.0, 0, 0.0, 0)
                 result.route.position.sum()  # written out when it is asked for

@@ -22,15 +22,17 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from pipelines.live.messages import unpacked
+from tssgeom.adapt.saved import SavedFilter
 from tssgeom.errors import TssgeomError
 from tssgeom.io.formats.states import write_state
+from tssgeom.rig import Rig, write_rig
 from tssgeom.stream import FrameResult
 from tssgeom.tendon.state import TendonState
 
 if TYPE_CHECKING:
     from tssgeom.view.scene.live import LivePicture
 
-_FLUSH_INTERVAL = {"record": 0.5, "view": 0.08, "save": 0.1}
+_FLUSH_INTERVAL = {"record": 0.5, "view": 0.08, "save": 0.1, "rig": 0.1}
 """Time between two batches by role [s]; measured: a batch costs as much as four pictures."""
 _NICENESS = 10  # chosen: far behind the stream
 _READ_INTERVAL = 0.02  # s between two readings; chosen: each takes time from the stream
@@ -58,7 +60,7 @@ class StateSaver:
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self._state: TendonState | None = None
+        self._state: tuple[TendonState, SavedFilter | None] | None = None
 
     def take(self, kind: str, content: Any) -> None:
         """Take in a state."""
@@ -67,8 +69,28 @@ class StateSaver:
     def flush(self) -> None:
         """Write the newest state, whole or not at all."""
         if self._state is not None:
-            write_state(self._path, self._state)
+            write_state(self._path, *self._state)
             self._state = None
+
+    finish = flush
+
+
+class RigWriter:
+    """Keeps the newest rig in a file."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._rig: tuple[Rig, list[str]] | None = None
+
+    def take(self, kind: str, content: Any) -> None:
+        """Take in a rig, and the lines of its provenance."""
+        self._rig = content
+
+    def flush(self) -> None:
+        """Write the newest rig, whole or not at all."""
+        if self._rig is not None:
+            write_rig(self._path, *self._rig)
+            self._rig = None
 
     finish = flush
 
@@ -125,6 +147,8 @@ def _role(name: str, argument: str) -> tuple[Role, dict[str, Any]]:
     """Return a role that is ready for messages, and what the stream has to know of it."""
     if name == "save":
         return StateSaver(Path(argument)), {}
+    if name == "rig":
+        return RigWriter(Path(argument)), {}
     from tssgeom.view.scene.live import LivePicture, warm_up  # here, since it takes long to load
     from tssgeom.view.scene.writer import hosted
 

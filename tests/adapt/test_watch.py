@@ -21,17 +21,17 @@ def test_the_bound_gives_the_stated_interval_between_false_alarms(monkeypatch):
 
 
 def test_white_innovations_of_an_hour_raise_no_alarm():
-    rng, seen = np.random.default_rng(2), Watch(("tension_in_N",))
+    rng, tests = np.random.default_rng(2), Watch(("tension_in_N",))
     z = rng.standard_normal(100 * 3600)
     one, none = np.ones(1), np.zeros(1)
-    assert all(seen.take(z[i : i + 1], one, none, 0.01 * i) is None for i in range(len(z)))
+    assert all(tests.take(z[i : i + 1], one, none, 0.01 * i) is None for i in range(len(z)))
 
 
 def test_a_shift_is_reported_with_its_begin_and_way():
-    rng, seen = np.random.default_rng(3), Watch(("tension_in_N", "tension_out_N"))
+    rng, tests = np.random.default_rng(3), Watch(("tension_in_N", "tension_out_N"))
     for i in range(6000):
         off = rng.standard_normal(2) - (2.0 if i >= 4000 else 0.0) * np.array([0.0, 1.0])
-        alarm = seen.take(off, np.ones(2), np.zeros(2), 0.01 * i)
+        alarm = tests.take(off, np.ones(2), np.zeros(2), 0.01 * i)
         if alarm is not None:
             break
     assert alarm is not None
@@ -41,10 +41,10 @@ def test_a_shift_is_reported_with_its_begin_and_way():
 
 
 def test_a_reading_that_is_far_off_for_half_a_second_is_an_alarm_though_it_is_not_used():
-    seen = Watch(("tension_in_N",))
+    tests = Watch(("tension_in_N",))
     unused = np.full(1, np.nan)
     for i in range(2000):
-        alarm = seen.take(unused, np.ones(1), np.full(1, 9.0 if i >= 1000 else 1.0), 0.01 * i)
+        alarm = tests.take(unused, np.ones(1), np.full(1, 9.0 if i >= 1000 else 1.0), 0.01 * i)
         if alarm is not None:
             break
     assert alarm is not None
@@ -53,7 +53,7 @@ def test_a_reading_that_is_far_off_for_half_a_second_is_an_alarm_though_it_is_no
 
 
 def test_a_single_outlier_is_none():
-    seen = Watch(("tension_in_N",))
+    tests = Watch(("tension_in_N",))
     for i in range(2000):
         z = 50.0 if i == 1000 else 0.0
-        assert seen.take(np.full(1, z), np.ones(1), np.full(1, z), 0.01 * i) is None
+        assert tests.take(np.full(1, z), np.ones(1), np.full(1, z), 0.01 * i) is None

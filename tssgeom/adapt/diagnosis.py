@@ -140,10 +140,7 @@ def explained(
 def _through(followed: RigFilter, moments: Sequence[Moment]) -> Iterator[None]:
     """Take a filter through moments, in slices."""
     for i, moment in enumerate(moments):
-        readings = moment.readings
-        if "displacement_in_m" in followed.muted:
-            readings = readings._replace(displacement_in=None)
-        followed.step(moment.arcs, readings, moment.time, moment.warmth)
+        followed.step(moment.arcs, moment.readings, moment.time, moment.warmth)
         if i % _SETTINGS.slice == _SETTINGS.slice - 1:
             yield None
 
@@ -161,13 +158,13 @@ def _followed(sound: RigFilter, best: _Fit) -> RigFilter:
             sound.reopen(np.eye(len(sound.keys))[at] * 0.5 * sound.values[at])
         return sound
     se = np.sqrt(np.diag(best.covariance))
-    found = {
+    sought = {
         number.key: replace(number, value=value, sd=max(2.0 * u * number.sd, 0.02 * number.sd))
         for number, value, u in zip(one.numbers, best.values, se, strict=True)
     }
-    followed = sound.with_more([new for key, new in found.items() if key not in sound.keys], one.rig)
-    known = {key: new.value for key, new in found.items() if key in sound.keys}
-    followed.set_numbers(known, {key: found[key].sd for key in known})
+    followed = sound.with_more([new for key, new in sought.items() if key not in sound.keys], one.rig)
+    known = {key: new.value for key, new in sought.items() if key in sound.keys}
+    followed.set_numbers(known, {key: sought[key].sd for key in known})
     return followed
 
 

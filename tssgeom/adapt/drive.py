@@ -22,7 +22,7 @@ class DriveNoise(NamedTuple):
     memory: float = 0.1
     """Share of the newest reading in mean reading and mean step [1]. Chosen: ten readings of a motion."""
     slow: float = 0.3
-    """Standard deviations that a drive moves from reading to reading below which the mean reading tells
+    """Standard deviations that a drive moves from reading to reading below which the mean reading says
     more than the highest one [1]; chosen."""
     alike: float = 10.0
     """Readings of a slide that share an error [1]. Measured: with 3 the errors of friction are a fifth

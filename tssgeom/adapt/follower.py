@@ -1,19 +1,29 @@
-"""A rig that follows its readings in a stream: the filter, the watch beside it, and what it makes of an alarm."""
+"""A rig that follows its readings in a stream: the filter, the watch beside it, and its alerts."""
 
 from __future__ import annotations
 
+import copy
 import math
 from collections import deque
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
-from tssgeom.adapt.diagnosis import Explanation, Moment, explained
+import msgspec
+
+from tssgeom.adapt.alert import Alert, Cause
+from tssgeom.adapt.diagnosis import Explanation, explained
 from tssgeom.adapt.followed import followed_numbers
-from tssgeom.adapt.rig_filter import CHANNELS, FollowedRig, Readings, RigFilter
+from tssgeom.adapt.followed_tendon import NOISE, FollowedTendon, memory_on, with_noise
+from tssgeom.adapt.moments import Moment
+from tssgeom.adapt.readings import CHANNELS, FollowedRig, Readings
+from tssgeom.adapt.rig_filter import RigFilter
+from tssgeom.adapt.saved import SavedFilter, captured
 from tssgeom.adapt.watch import Watch
+from tssgeom.errors import SettingsError, TssgeomError
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
+from tssgeom.tendon.state import TendonState
 
 
 class FollowerSettings(NamedTuple):
@@ -25,28 +35,19 @@ class FollowerSettings(NamedTuple):
     """Time between two copies of the filter [s]. Chosen: a fault is then at most so much younger."""
     before: float = 0.5
     """Time before a disagreement began at which the filter is taken for sound [s]; chosen."""
-    looks: tuple[float, ...] = (1.5, 4.0, 8.0)
+    comparisons: tuple[float, ...] = (1.5, 4.0, 8.0)
     """Times after an alarm at which mechanisms are compared [s]. Chosen: a stroke, and two more."""
     sure: float = 0.8
     """Probability from which the likeliest mechanism is taken into the rig [1]; chosen."""
     stands_by: float = 1e-6
     """Change of the drive between frames below which it holds [m, N]; chosen."""
+    caught_up: int = 8
+    """Frames that a new filter takes in at once until it has all [1]. Chosen: as in a slice of the search."""
+    quiet: float = 60.0
+    """Time without a disagreement after which an alert ends [s]. Chosen: several strokes."""
 
 
 _SETTINGS = FollowerSettings()
-
-
-@dataclass(frozen=True, slots=True)
-class Alert:
-    """A disagreement between readings and model, and what is known of it so far."""
-
-    channel: str
-    since: float
-    """[s]"""
-    phase: str
-    """What the drive did when it began: `pulling`, `releasing` or `hold`."""
-    explanations: tuple[Explanation, ...] = ()
-    """The likeliest first; none as long as they are not compared."""
 
 
 class Follower:
@@ -58,26 +59,45 @@ class Follower:
         The rig as its file has it.
     seed
         Of the filter.
+    saved
+        A filter of this rig to go on with.
     """
 
-    def __init__(self, rig: Rig, *, seed: int = 0) -> None:
+    def __init__(self, rig: Rig, *, seed: int = 0, saved: SavedFilter | None = None) -> None:
         self._first, self._seed = rig, seed
+        self._assumed, self._warnings = frozenset[str](), tuple[str, ...]()
         self._filter: RigFilter | None = None
         self._watch = Watch(CHANNELS)
         self._copies = deque[RigFilter]()
         self._moments = deque[Moment]()
         self._alert: Alert | None = None
-        self._alarmed = math.nan
-        self._looks = 0
+        self._concluded = False
+        """Whether all has been compared that an alert asks for."""
+        self._alarmed = self._disagreed = math.nan
+        self._compared = 0
         self._work: Iterator[tuple[Explanation, ...] | None] | None = None
+        self._next: Iterator[RigFilter | None] | None = None
         self._coldest = math.nan
+        self.carried = FollowedTendon(rig)
+        """The mean tendon and its rig, as streams carry them."""
+        self.measured: tuple[str, ...] = ()
+        """Tensions that the first frame measured."""
         self.known: FollowedRig | None = None
         """What is known after the last frame."""
+        if saved is not None:
+            self._go_on(saved)
 
     @property
     def rig(self) -> Rig:
         """The rig as it is now."""
-        return self._first if self._filter is None else self._filter.rig_now()
+        if self._filter is None:
+            return self._first
+        return msgspec.structs.replace(self._filter.rig_now(), sensors=self._first.sensors)
+
+    @property
+    def taken(self) -> Readings:
+        """What was used of the readings of the last frame."""
+        return self._moments[-1].readings
 
     @property
     def filter(self) -> RigFilter | None:
@@ -89,6 +109,57 @@ class Follower:
         """What readings and model disagree in; None where they do not."""
         return self._alert
 
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What had to be assumed, a sentence each."""
+        return self._warnings
+
+    def begin(self, arcs: Arcs, readings: Readings, state: TendonState | None = None) -> RigFilter:
+        """Return the filter; it begins with the first frame, on its route, with the history of its tendon.
+
+        Raises
+        ------
+        SettingsError
+            Where what is to be followed cannot be.
+        """
+        if self._filter is None:
+            in_measured = readings.tension_in is not None and not readings.commanded
+            measured = (in_measured, readings.tension_out is not None)
+            self.measured = tuple(
+                name for name, is_given in zip(CHANNELS[:2], measured, strict=True) if is_given
+            )
+            self._filter = self._new_filter(arcs, self.measured)
+            before = None if state is None else memory_on(state, arcs, self._first)
+            if before is not None:
+                self._filter.memory[:], self._filter.position[:] = before[0].block, before[1]
+            self._warnings = self._assumptions(readings)
+        return self._filter
+
+    def _assumptions(self, readings: Readings) -> tuple[str, ...]:
+        given = readings._asdict()
+        return tuple(
+            f"sensors.{name}.noise is not stated: {NOISE[name]:g} {name.rpartition('_')[2]} is assumed"
+            for name in sorted(self._assumed)
+            if given[name.rpartition("_")[0]] is not None
+        )
+
+    def _new_filter(self, arcs: Arcs, measured: tuple[str, ...]) -> RigFilter:
+        rig, self._assumed = with_noise(self._first)
+        return RigFilter(rig, followed_numbers(rig, measured), arcs, seed=self._seed)
+
+    def _go_on(self, saved: SavedFilter) -> None:
+        rig, self._assumed = with_noise(self._first)
+        self._filter, self.measured, self._coldest = saved.restored(rig), saved.measured, saved.coldest
+        self.carried.restart(saved.sensed, self.rig)
+
+    def saved(self) -> SavedFilter | None:
+        """Return what a filter needs to go on after a restart; None before the first frame."""
+        now = self._filter
+        if now is None or math.isnan(now.time):
+            return None
+        sensed = now.cut if self.carried.sensed is None else self.carried.sensed
+        return captured(now, with_noise(self._first)[0], sensed, self.measured, self._coldest)
+
     def take(
         self, arcs: Arcs, readings: Readings, time: float, temperature: float | None = None
     ) -> FollowedRig:
@@ -97,82 +168,134 @@ class Follower:
         Raises
         ------
         SettingsError
-            Where what is to be followed cannot be.
+            Where what is to be followed cannot be, or where time does not increase.
         FitError
             Where the tendon finds no equilibrium.
         """
-        if self._filter is None:
-            measured = [
-                name for name in CHANNELS[:2] if getattr(readings, name.removesuffix("_N")) is not None
-            ]
-            self._filter = RigFilter(
-                self._first, followed_numbers(self._first, measured), arcs, seed=self._seed
-            )
-        now = self._filter
-        if "displacement_in_m" in now.muted:
+        now = self.begin(arcs, readings)
+        if not math.isnan(now.time) and not time > now.time:
+            raise SettingsError(f"time goes from {now.time:g} to {time:g} s: give increasing times")
+        if "displacement_in_m" in now.muted and readings.tension_in is not None:
             readings = readings._replace(displacement_in=None)
         if temperature is not None and math.isnan(self._coldest):
             self._coldest = temperature
         warmth = 0.0 if temperature is None else temperature - self._coldest
         self._keep(Moment(time, arcs, readings, warmth))
-        self.known = now.step(arcs, readings, time, warmth)
-        found = self._watch.take(self.known.off, self.known.off_sd, self.known.beyond, time)
-        if found is not None and self._alert is None:
-            self._alert = Alert(found.channel, found.since, self._phase(found.since))
-            self._alarmed, self._looks = time, 0
+        try:
+            self.known = now.step(arcs, readings, time, warmth)
+        except TssgeomError:
+            self._moments.pop()
+            raise
+        self._compare(self.known, time)
         return self.known
+
+    def kept(self) -> RigFilter | None:
+        """Return the filter as it is, for `go_back`."""
+        now = self._filter
+        if now is None:
+            return None
+        kept = copy.copy(now)
+        kept.members, kept.position, kept.muted = now.members.copy(), now.position.copy(), set(now.muted)
+        kept._random = copy.deepcopy(now._random)
+        kept._drives = {name: copy.copy(drive) for name, drive in now._drives.items()}
+        return kept
+
+    def go_back(self, kept: RigFilter | None) -> None:
+        """Forget the frame that came since the filter was `kept`."""
+        self._filter = kept
+        self._moments.pop()
 
     def work(self) -> None:
         """Do a slice of the work that no frame waits for."""
-        if self._alert is None or self._filter is None:
+        if self._next is not None:
+            following = next(self._next)
+            if following is not None:
+                self._adopt(following)
+            return
+        if self._alert is None or self._concluded or self._filter is None:
             return
         if self._work is None:
-            looks = _SETTINGS.looks
-            if self._looks < len(looks) and self._filter.time >= self._alarmed + looks[self._looks]:
-                self._looks += 1
-                self._work = self._begin()
+            comparisons = _SETTINGS.comparisons
+            if self._filter.time >= self._alarmed + comparisons[self._compared]:
+                self._compared += 1
+                self._work = self._search()
             return
         result = next(self._work, None)
         if result:
             self._work = None
             self._conclude(result)
 
+    def _compare(self, known: FollowedRig, time: float) -> None:
+        """Let an alert begin where readings and model disagree, and end where they agree again for long."""
+        disagreement = self._watch.take(known.off, known.off_sd, known.beyond, time)
+        if disagreement is not None:
+            self._disagreed = time
+            if self._alert is None or (self._concluded and self._next is None):
+                since = disagreement.since
+                self._alert = Alert(disagreement.channel, since, self._phase(since))
+                self._alarmed, self._compared, self._concluded = time, 0, False
+        elif self._is_over(time):
+            self._alert, self._concluded = None, False
+
+    def _is_over(self, time: float) -> bool:
+        """Whether readings and model agree again; a sensor that is not used any more disagrees for ever."""
+        done = self._concluded and self._next is None and time > self._disagreed + _SETTINGS.quiet
+        return done and self._filter is not None and not self._filter.muted
+
     def _keep(self, moment: Moment) -> None:
+        """Keep what came in, and copies of the filter, from which an alert is explained."""
         self._moments.append(moment)
-        copies = self._copies
-        now = self._filter
+        copies, now = self._copies, self._filter
         assert now is not None
-        if math.isnan(now.time):
+        if (
+            math.isnan(now.time)
+            or (self._alert is not None and not self._concluded)
+            or self._next is not None
+        ):
             return
-        if self._alert is None and (not copies or moment.time >= copies[-1].time + _SETTINGS.copies):
+        if not copies or moment.time >= copies[-1].time + _SETTINGS.copies:
             copies.append(now.with_more(()))
         oldest = moment.time - _SETTINGS.kept
-        if self._alert is None:
-            while len(copies) > 2 and copies[1].time < oldest:
-                copies.popleft()
-            while self._moments[0].time < copies[0].time:
-                self._moments.popleft()
+        while len(copies) > 2 and copies[1].time < oldest:
+            copies.popleft()
+        while self._moments[0].time < copies[0].time:
+            self._moments.popleft()
 
-    def _begin(self) -> Iterator[tuple[Explanation, ...] | None]:
+    def _search(self) -> Iterator[tuple[Explanation, ...] | None]:
         assert self._alert is not None
         sound = [one for one in self._copies if one.time <= self._alert.since - _SETTINGS.before]
         start = sound[-1] if sound else self._copies[0]
-        moments = [one for one in self._moments if one.time > start.time]
-        return explained(start, moments, self._alert.since)
+        return explained(start, list(self._moments), self._alert.since)
 
     def _conclude(self, result: tuple[Explanation, ...]) -> None:
         assert self._alert is not None
-        self._alert = replace(self._alert, explanations=result)
-        first = result[0]
-        if first.probability < _SETTINGS.sure or self._looks < len(_SETTINGS.looks):
-            return
-        self._adopt(first)
+        causes = tuple(Cause(one.mechanism, one.where, one.probability, one.sentence) for one in result)
+        self._alert = replace(self._alert, explanations=causes)
+        self._concluded = self._compared >= len(_SETTINGS.comparisons)
+        following = result[0].filter if result else None
+        if self._concluded and following is not None and result[0].probability >= _SETTINGS.sure:
+            self._next = self._caught_up(following)
 
-    def _adopt(self, first: Explanation) -> None:
-        """Go on with the likeliest mechanism in the rig."""
-        self._filter = first.filter
+    def _caught_up(self, following: RigFilter) -> Iterator[RigFilter | None]:
+        """Let the likeliest mechanism take in the frames that came while it was sought; yield it at last."""
+        while True:
+            waiting = [one for one in self._moments if one.time > following.time]
+            for one in waiting[: _SETTINGS.caught_up]:
+                try:
+                    following.step(one.arcs, one.readings, one.time, one.warmth)
+                except TssgeomError:
+                    yield following
+            if len(waiting) <= _SETTINGS.caught_up:
+                yield following
+            yield None
+
+    def _adopt(self, following: RigFilter) -> None:
+        """Go on with a filter in whose rig the likeliest mechanism is."""
+        self._filter, self._next = following, None
         self._copies.clear()
-        self._watch.restart(first.filter.time)
+        self.carried.restart(self.carried.sensed, self.rig)
+        self._watch.restart(following.time)
+        self._disagreed = following.time
 
     def _phase(self, since: float) -> str:
         """Return what the drive did at a time."""

@@ -1,4 +1,4 @@
-"""Mechanisms that may explain a disagreement, each with the numbers to be found; docs/model.md (207)."""
+"""Mechanisms that may explain a disagreement, each with the numbers that are sought; docs/model.md (207)."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class HypothesisSettings(NamedTuple):
     """Sizes and odds of mechanisms."""
 
     bends: int = 6
-    """Positions at which a hidden bend is tried [1]. Chosen: neighbours can hardly be told apart."""
+    """Positions at which a hidden bend is tried [1]. Chosen: neighbours do nearly the same."""
     parts: int = 4
     """Parts of the route on which friction may change by itself [1]; chosen: the sentence names them."""
     length: float = 1e-3

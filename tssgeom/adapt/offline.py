@@ -10,7 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from tssgeom.adapt.follower import Alert, Follower
-from tssgeom.adapt.rig_filter import CHANNELS, FollowedRig, Readings, RigFilter, noise_variance
+from tssgeom.adapt.readings import CHANNELS, FollowedRig, Readings, noise_variance
+from tssgeom.adapt.rig_filter import RigFilter
 from tssgeom.adapt.smoothing import NumberHistory, SmoothedNumbers
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.errors import FitError, SettingsError
@@ -80,7 +81,7 @@ class FollowedRun:
     last: FollowedRig
     """What is known at the end."""
     lost: int
-    """Rows in which the tendon found no equilibrium."""
+    """Rows in which the tendon has no equilibrium."""
 
     @property
     def keys(self) -> tuple[str, ...]:
@@ -131,7 +132,8 @@ class RunFollower:
         run, before = self._columns, math.nan
         channels = (run.tension_in, run.displacement_in, run.tension_out, run.elongation)
         for i, time in enumerate(run.time.tolist()):
-            readings = Readings(*(_reading(channel, i) for channel in channels))
+            tension_in, displacement_in, tension_out, elongation = (_reading(one, i) for one in channels)
+            readings = Readings(tension_in, displacement_in, tension_out, elongation)
             try:
                 known = self._follower.take(
                     self._route.at(time), readings, time, _reading(run.temperature, i)

@@ -22,6 +22,8 @@ class Readings(NamedTuple):
     displacement_in: float | None = None
     tension_out: float | None = None
     elongation: float | None = None
+    commanded: bool = False
+    """Whether the drive is a command that counts as carried out: the true one, without noise."""
 
     @property
     def by_force(self) -> bool:

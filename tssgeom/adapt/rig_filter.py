@@ -45,7 +45,7 @@ class FilterSettings(NamedTuple):
     """Share of its noise by which an error of the drive may bend a reading that is used [1]. Chosen: just
     behind a turn the tension is no straight line over the drive, and its mean would be biased."""
     straight: float = 2.0
-    """Scales of a number after which its straight line is drawn anew [1]. Chosen: friction is exact,
+    """Scales of a number after which its straight line is computed anew [1]. Chosen: friction is exact,
     (201)."""
     least_noise: float = 1e-6
     """Noise of a channel that states none [N, m]. Chosen: below every sensor."""
@@ -135,6 +135,8 @@ class RigFilter:
         FitError
             Where a member finds no equilibrium; the filter is then as before.
         """
+        if "displacement_in_m" in self.muted:
+            readings = readings._replace(displacement_in=None)
         span = _SETTINGS.first_span if math.isnan(self.time) else time - self.time
         self._drift(span)
         count, tracker = len(self.members), self._tracker(readings.by_force)
@@ -169,7 +171,7 @@ class RigFilter:
         self.memory, self.position = after, ends[:, 2].copy()
         self._by_force, self.time, self._distal_error = readings.by_force, time, ends_by_drive[_DISTAL]
         self._bound()
-        self._draw_anew()
+        self._update_lines()
         now = whole[:, len(CHANNELS) :]
         return FollowedRig(
             self.keys,
@@ -232,7 +234,7 @@ class RigFilter:
         spread = self._deviations(len(self.members), np.array([sds[key] for key in keys]), known)
         self.members[:, chosen] = np.array([values[key] for key in keys]) + spread
         self._bound()
-        self._draw_anew()
+        self._update_lines()
 
     def rig_now(self) -> Rig:
         """Return the rig with the followed numbers as they are now."""
@@ -243,6 +245,10 @@ class RigFilter:
         memory = self.memory[: len(self.members)].mean(axis=0)
         memory.setflags(write=False)
         return Memory(memory), model_of(setup_of(self.rig_now()), self.cut, "displacement_in_m", self.edge)
+
+    def drive_value(self, by_force: bool) -> float:
+        """Return where the drive is, as it follows from its readings [N] or [m]."""
+        return self._tracker(by_force).value
 
     def _given(self, readings: Readings) -> Vector:
         read = (
@@ -260,6 +266,8 @@ class RigFilter:
         """Return the drive of each member and probe, [N] or [m]."""
         by_force, tracker = readings.by_force, self._tracker(readings.by_force)
         given = readings.tension_in if by_force else readings.displacement_in
+        if readings.commanded and given is not None:
+            return np.full(len(self.memory), given)
         sd = tracker.take(0.0 if given is None else given)
         reading = np.full(len(self.memory), tracker.value)
         reading[-_PROBES:] += sd, -sd
@@ -325,7 +333,7 @@ class RigFilter:
         lower, upper = (np.array([getattr(one, side) for one in self.numbers]) for side in ("lower", "upper"))
         np.clip(self.members, lower, upper, out=self.members)
 
-    def _draw_anew(self) -> None:
+    def _update_lines(self) -> None:
         """Draw the straight lines about other values where the numbers went far."""
         scale = np.array([one.scale for one in self.numbers])
         if (np.abs(self.values - self._lines.about) > _SETTINGS.straight * scale).any():

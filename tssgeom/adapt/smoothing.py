@@ -35,7 +35,7 @@ class _Step(NamedTuple):
     covariance: Matrix
 
     def then(self, later: _Step) -> _Step:
-        """Return the step that leads over both."""
+        """Return the step over both."""
         return _Step(
             self.offset + self.gain @ later.offset,
             self.gain @ later.gain,

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, Protocol
 
 from tssgeom.errors import SettingsError
 from tssgeom.rig import Rig
@@ -53,6 +53,14 @@ class Given(NamedTuple):
     """Wanted distal tension [N]; not used beside a movement."""
 
 
+class FilterErrors(Protocol):
+    """Errors of the distal end after a move of the drive, by what a filter knows of rig and state."""
+
+    def __call__(self, displacement_in: float, tension_in: float) -> DistalErrors:
+        """Return them for a drive that goes to a position [m], and for one that pulls with a tension [N]."""
+        ...
+
+
 @dataclass(frozen=True, slots=True)
 class Commander:
     """What commands need beside the tendon: the rigs that it may be, the tolerance and the drive's position.
@@ -70,6 +78,8 @@ class Commander:
     """Position of the drive as last commanded or measured [m]; None where the model has it."""
     kept: DistalErrors | None = None
     """Errors that the route caused when the distal end last moved; None where `TendonState` has them."""
+    of_filter: FilterErrors | None = None
+    """What a filter of rig and state knows, beside the variants."""
 
     def moved(
         self, state: TendonState, at: Step, given: Given, tension_in: float
@@ -165,8 +175,8 @@ class Commander:
         )
         of_route = command.errors
         trials = self._trials(command.displacement_in, command.tension_in, at)
-        if trials or self.tolerance is not None:
-            errors = of_route.beside(spread(trials))
+        if trials or self.tolerance is not None or self.of_filter is not None:
+            errors = self._of_rig(of_route, trials, command.displacement_in, command.tension_in)
             miss = self._miss(target, command.displacement_reached, command.tension_reached)
             risk = None if self.tolerance is None else outside(miss, _of(errors, measured), self.tolerance)
             command = replace(command, errors=errors, out_of_tolerance=risk)
@@ -177,6 +187,15 @@ class Commander:
     def _trials(self, displacement_in: float, tension_in: float, at: Step) -> tuple[Variant, ...]:
         free = at._replace(stands=None)  # as `compensate` steps the tendon
         return tuple(each.driven(free, displacement_in, tension_in) for each in self.variants)
+
+    def _of_rig(
+        self, of_route: DistalErrors, trials: Sequence[Variant], displacement_in: float, tension_in: float
+    ) -> DistalErrors:
+        """Return the errors of the route beside those of rig and state."""
+        errors = of_route.beside(spread(trials))
+        return (
+            errors if self.of_filter is None else errors.beside(self.of_filter(displacement_in, tension_in))
+        )
 
     def _miss(self, target: Target, displacement_out: float, tension_out: float) -> float:
         """Return by how much the load is beyond its target [m]."""
@@ -200,8 +219,9 @@ class Commander:
     ) -> bool:
         """Whether a drive that is held inside the dead zone may stay there; docs/model.md (215)."""
         ends, rig = transmit(held, self.rig), self.rig
-        of_rig = spread(self._trials(ends.displacement_in, ends.tension_in, at))
-        errors = route_errors(before, held, ends, rig, at.shared, self.kept).beside(of_rig)
+        trials = self._trials(ends.displacement_in, ends.tension_in, at)
+        of_route = route_errors(before, held, ends, rig, at.shared, self.kept)
+        errors = self._of_rig(of_route, trials, ends.displacement_in, ends.tension_in)
         if target.tension_out is not None and rig.load.stiffness_N_per_m == 0.0:
             by_tension = measured == "tension"
             error = errors.tension_out_by_tension if by_tension else errors.tension_out

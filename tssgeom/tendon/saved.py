@@ -78,6 +78,18 @@ def state_of(saved: Mapping[str, Any]) -> TendonState:
         raise SettingsError(f"the saved state is broken ({error!r}): remove it and start anew") from error
 
 
+def route_object(route: Arcs) -> dict[str, Any]:
+    """Return a route as an object for JSON, from which `route_of` makes the same to the last bit."""
+    return _plain(route)
+
+
+def route_of(saved: Mapping[str, Any]) -> Arcs:
+    """Return the route that `route_object` wrote; a ValueError or its like where it is none."""
+    route = _revived(Arcs, saved)
+    _check_route(route)
+    return route
+
+
 def _of_version_3(saved: Mapping[str, Any]) -> dict[str, Any]:
     """Return the object of a version in which bars with and without effects were two kinds."""
     along = dict(saved["along"])

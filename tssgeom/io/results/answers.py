@@ -7,11 +7,14 @@ from typing import Any, overload
 
 import msgspec
 
+from tssgeom.adapt.alert import Alert
+from tssgeom.adapt.readings import FollowedRig
 from tssgeom.route.pieces import Arcs
 from tssgeom.stream import FrameResult, Rejected
 from tssgeom.tendon.command import Command
 from tssgeom.tendon.command_error import MOST_OUTSIDE
 
+_LEAST_PROBABILITY = 0.01  # of a mechanism that is named beside the likeliest one [1]; chosen
 _LONGEST_TEXT = 512  # characters of a frame's own text in an answer; chosen: ids and reasons fit
 
 
@@ -24,6 +27,28 @@ class Segment(msgspec.Struct, frozen=True):
     s_start_m: float
     angle_se_rad: float
     """Standard error of the angle; of a straight piece with the bend that its points may hide."""
+
+
+class OtherCause(msgspec.Struct, frozen=True):
+    """A mechanism that explains an alert less well."""
+
+    mechanism: str
+    where: str
+    probability: float
+    sentence: str
+
+
+class LiveAlert(msgspec.Struct, frozen=True, omit_defaults=True):
+    """A disagreement between readings and model; without a mechanism as long as none is known."""
+
+    channel: str
+    since_s: float
+    phase: str
+    mechanism: str = ""
+    where: str = ""
+    probability: float | None = None
+    sentence: str = ""
+    others: tuple[OtherCause, ...] = ()
 
 
 class Answer(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -57,6 +82,8 @@ class Answer(msgspec.Struct, frozen=True, omit_defaults=True):
     limited: str = ""
     waits: bool = False
     out_of_tolerance: float | None = None
+    followed: dict[str, tuple[float, float]] | None = None
+    alert: LiveAlert | None = None
     id: str | int = ""
     warnings: tuple[str, ...] = ()
 
@@ -107,6 +134,8 @@ def answer(result: FrameResult, time: float, seq: int, latency_us: float, droppe
             dropped=dropped,
             stale=False,
             **_of_command(result.command),
+            followed=None if result.followed is None else _numbers(result.followed),
+            alert=None if result.alert is None else _alert(result.alert, time - result.frame.time),
             id=result.frame.id,
             warnings=result.warnings,
         )
@@ -132,6 +161,22 @@ def _of_command(command: Command | None) -> dict[str, Any]:
         "waits": command.waits,
         "out_of_tolerance": risk if risk is not None and risk > MOST_OUTSIDE else None,
     }
+
+
+def _numbers(known: FollowedRig) -> dict[str, tuple[float, float]]:
+    """Return value and standard error of each number that is followed, by key."""
+    pairs = zip(known.values.tolist(), known.se.tolist(), strict=True)
+    return dict(zip(known.keys, pairs, strict=True))
+
+
+def _alert(alert: Alert, offset: float) -> LiveAlert:
+    """Return an alert as an answer has it; `offset` is the sender's clock less the tendon's [s]."""
+    begun = LiveAlert(alert.channel, alert.since + offset, alert.phase)
+    if not alert.explanations:
+        return begun
+    first, *others = alert.explanations
+    likely = tuple(OtherCause(*one) for one in others if one.probability >= _LEAST_PROBABILITY)
+    return LiveAlert(begun.channel, begun.since_s, begun.phase, *first, likely)
 
 
 def refusal(rejected: Rejected) -> bytes:

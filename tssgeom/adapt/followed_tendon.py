@@ -1,0 +1,197 @@
+"""The mean tendon of a filter, and its rig, as streams carry them; docs/model.md (200), (205)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+
+from tssgeom.adapt.readings import FollowedRig
+from tssgeom.adapt.rig_filter import RigFilter
+from tssgeom.arrays import Vector, read_only
+from tssgeom.core.constants_tendon_rows import MEMORY
+from tssgeom.rig import Rig, Sensor
+from tssgeom.route.pieces import Arcs
+from tssgeom.tendon.bars.bar_state import BarState, to_corners
+from tssgeom.tendon.bars.model import Model, model_of, moved, setup_of
+from tssgeom.tendon.bars.plant import Memory
+from tssgeom.tendon.bars.with_effects import cut, effective_setup
+from tssgeom.tendon.moving import unmoved
+from tssgeom.tendon.state import TendonState, corners
+from tssgeom.tendon.transmission import Transmission
+
+
+class CarrySettings(NamedTuple):
+    """Numbers of how a stream takes over what a filter knows."""
+
+    refresh: float = 1.0
+    """Longest time for which a rig is used [s]; chosen: drifts take minutes."""
+    moved: float = 0.1
+    """Change of a number, over its standard error, from which the rig is built anew [1]; chosen: small."""
+    sharper: float = 0.5
+    """Of the standard error of Φ: a route that is known so much better replaces the one before [1].
+    Chosen: as for a tendon that no filter follows."""
+    tension_noise_N: float = 0.05
+    """Noise of a tension whose sensor states none [N]. Chosen: as of coarse load cells of a laboratory."""
+    length_noise_m: float = 2e-5
+    """Noise of a position or an elongation whose sensor states none [m]. Chosen: as of coarse encoders."""
+
+
+_SETTINGS = CarrySettings()
+NOISE = {
+    "tension_in_N": _SETTINGS.tension_noise_N,
+    "tension_out_N": _SETTINGS.tension_noise_N,
+    "displacement_in_m": _SETTINGS.length_noise_m,
+    "elongation_m": _SETTINGS.length_noise_m,
+}
+"""Noise that is assumed where a rig states none, by channel [N, m]."""
+
+
+def with_noise(rig: Rig) -> tuple[Rig, frozenset[str]]:
+    """Return a rig with a noise for each channel, and the channels for which it is assumed."""
+    stated = rig.sensors
+    lacking = {
+        name for name in NOISE if name not in stated or not (stated[name].noise or stated[name].resolution)
+    }
+    assumed = {
+        name: msgspec.structs.replace(stated.get(name, Sensor()), noise=NOISE[name]) for name in lacking
+    }
+    return msgspec.structs.replace(rig, sensors={**stated, **assumed}), frozenset(lacking)
+
+
+def memory_on(state: TendonState, arcs: Arcs, rig: Rig) -> tuple[Memory, float] | None:
+    """Return what a tendon with a history remembers, cut on a route, and the position of its drive [m].
+
+    None where it lies on no route yet.
+    """
+    if state.route is None:
+        return None
+    bars = cut(corners(state), arcs, setup_of(rig))
+    moved_by = state.along.displacement_in if isinstance(state.along, BarState) else bars.displacement_in
+    return bars.memory, moved_by
+
+
+class FollowedTendon:
+    """What a stream carries of a filter: it is built anew only where it has changed.
+
+    Parameters
+    ----------
+    rig
+        The rig as its file has it.
+    """
+
+    def __init__(self, rig: Rig) -> None:
+        self._first = self.rig = rig
+        self._at: Vector | None = None
+        self._since = math.nan
+        self._sensed: Arcs | None = None
+        self._model: Model | None = None
+        self._model_of: tuple[Rig, Arcs, Arcs] | None = None
+        self._felt: tuple[Arcs, float, Arcs] | None = None
+        self._drive = (math.nan, True)
+        self._way, self._front = 1, 0
+
+    @property
+    def sensed(self) -> Arcs | None:
+        """The route on which the tendon lies, as sensed."""
+        return self._sensed
+
+    def lies_on(self, arcs: Arcs) -> Arcs:
+        """Return the route on which the tendon lies: as before where it has not moved beyond its errors."""
+        known = self._sensed
+        if known is not None and known is not arcs and unmoved(known, arcs):
+            arcs = arcs if arcs.total_angle_se < _SETTINGS.sharper * known.total_angle_se else known
+        self._sensed = arcs
+        return arcs
+
+    def restart(self, sensed: Arcs | None, rig: Rig) -> None:
+        """Begin with another filter and its rig, its tendon on a route as sensed."""
+        self._at, self._sensed, self.rig = None, sensed, rig
+
+    def refresh(self, now: RigFilter, known: FollowedRig) -> None:
+        """Build the rig anew where its numbers have changed, or where that was long ago."""
+        at, is_new = self._at, now.time < self._since + _SETTINGS.refresh
+        if is_new and at is not None and (np.abs(known.values - at) <= _SETTINGS.moved * known.se).all():
+            return
+        self.rig = msgspec.structs.replace(now.rig_now(), sensors=self._first.sensors)
+        self._at, self._since = known.values, now.time
+
+    def felt(self, sensed: Arcs) -> Arcs:
+        """Return the route as the tendon feels it, its angles times the rig's gain."""
+        gain = self.rig.route.angle_gain
+        if gain == 1.0:
+            return sensed
+        if self._felt is None or self._felt[0] is not sensed or self._felt[1] != gain:
+            self._felt = sensed, gain, replace(sensed, angle=read_only(gain * sensed.angle))
+        return self._felt[2]
+
+    def state(
+        self, now: RigFilter, known: FollowedRig, drive: float, by_force: bool, span: float
+    ) -> TendonState:
+        """Return the mean tendon after a step whose drive went to [N] or [m]."""
+        assert self._sensed is not None
+        route, count = self.felt(self._sensed), len(now.members)
+        block = now.memory[:count].mean(axis=0)
+        bars = len(now.edge) + 1
+        slip = block[MEMORY.slip * bars : (MEMORY.slip + 1) * bars]
+        np.rint(slip, out=slip)
+        memory = Memory(read_only(block))
+        before, force_before = self._drive
+        stands = by_force == force_before and drive == before
+        if not stands and not math.isnan(before) and by_force == force_before:
+            self._way = 1 if drive > before else -1
+        self._front = self._slid(slip[: bars - 1], stands)
+        self._drive = drive, by_force
+        setup, time = effective_setup(self.rig), now.time
+        if setup is None:
+            along = to_corners(now.edge, memory.tension, self._way, route)
+            return TendonState(along, route, time)
+        of = self.rig, now.cut, route
+        if (
+            self._model is None
+            or self._model_of is None
+            or any(one is not other for one, other in zip(of, self._model_of, strict=True))
+        ):
+            first = model_of(setup, now.cut, "tension_in_N", now.edge)
+            self._model, self._model_of = (first if route is now.cut else moved(first, route)), of
+        _, _, displacement_in, displacement_out = known.ends.tolist()
+        along = BarState(
+            edge=now.edge,
+            memory=memory,
+            displacement_in=displacement_in,
+            displacement_out=displacement_out,
+            elongation=displacement_in - displacement_out,
+            direction_index=self._way,
+            length=now.cut.total_length,
+            cut=now.cut,
+            by_force=by_force,
+            span=span,
+            front=self._front,
+            model=self._model,
+        )
+        return TendonState(along, route, time)
+
+    def _slid(self, slip: Vector, stands: bool) -> int:
+        """Return how many contacts from the drive on slid one way; as before where the drive stands."""
+        if slip[0] == 0.0:
+            return self._front if stands else 0
+        others = np.flatnonzero(slip != slip[0])
+        return int(others[0]) if len(others) else len(slip)
+
+
+def with_filter(result: Transmission, known: FollowedRig) -> Transmission:
+    """Return what a tendon transmits with the ends of the filter; errors of route and filter add up."""
+    tension_in, tension_out, x_in, x_out = known.ends.tolist()
+    _, tension_out_se, x_in_se, x_out_se = known.ends_se.tolist()
+    return result._replace(
+        tension_in=tension_in,
+        tension_out=tension_out,
+        elongation=x_in - x_out,
+        elongation_se=math.hypot(result.elongation_se, x_in_se, x_out_se),
+        tension_out_se=math.hypot(result.tension_out_se, tension_out_se),
+        displacement_in=x_in,
+        displacement_out=x_out,
+    )
