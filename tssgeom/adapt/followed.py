@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 import msgspec
@@ -75,6 +76,21 @@ class FollowedNumber:
     def scale(self) -> float:
         """A size of it that matters."""
         return max(self.sd, 0.01 * abs(self.value))
+
+
+class Limits(NamedTuple):
+    """Bounds and sizes of followed numbers, [d] each."""
+
+    lower: Vector
+    upper: Vector
+    scale: Vector
+
+
+@lru_cache(maxsize=64)
+def limits_of(numbers: tuple[FollowedNumber, ...]) -> Limits:
+    """Return bounds and sizes of numbers as arrays."""
+    columns = [(one.lower, one.upper, one.scale) for one in numbers]
+    return Limits(*np.array(columns).reshape(-1, 3).T)
 
 
 def followed_numbers(rig: Rig, measured: Sequence[str]) -> tuple[FollowedNumber, ...]:

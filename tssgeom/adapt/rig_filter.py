@@ -17,8 +17,15 @@ import numpy as np
 
 from tssgeom import core
 from tssgeom.adapt.drive import DriveTracker
-from tssgeom.adapt.followed import FollowedNumber, SensorNumbers, straight_lines, with_numbers
-from tssgeom.adapt.readings import CHANNELS, FollowedRig, Readings, noise_variance, predicted_readings
+from tssgeom.adapt.followed import FollowedNumber, SensorNumbers, limits_of, straight_lines, with_numbers
+from tssgeom.adapt.readings import (
+    CHANNELS,
+    FollowedRig,
+    Readings,
+    mean_and_sd,
+    noise_variance,
+    predicted_readings,
+)
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.errors import FitError
 from tssgeom.rig import Rig
@@ -114,7 +121,7 @@ class RigFilter:
     @property
     def values(self) -> Vector:
         """[d] The numbers as they are now."""
-        return self.members.mean(axis=0)
+        return self.members.sum(axis=0) / len(self.members)
 
     def step(self, arcs: Arcs, readings: Readings, time: float, warmth: float = 0.0) -> FollowedRig:
         """Move the drive of all members, and shift them by what was read.
@@ -133,7 +140,7 @@ class RigFilter:
         Raises
         ------
         FitError
-            Where a member finds no equilibrium; the filter is then as before.
+            Where a member finds no equilibrium; all tendons are then as before.
         """
         if "displacement_in_m" in self.muted:
             readings = readings._replace(displacement_in=None)
@@ -151,8 +158,8 @@ class RigFilter:
         bent = 0.5 * np.abs(predicted[count] + predicted[count + 1] - 2.0 * predicted[0])
         given = self._given(readings)
         farthest = np.abs(predicted[count:] - predicted[0]).max(axis=0)
-        mean, spread = predicted[:count].mean(axis=0), predicted[:count].var(axis=0, ddof=1)
-        beyond = np.abs(given - mean) / np.sqrt(self._noise_variance + spread + farthest**2)
+        mean, spread = mean_and_sd(predicted[:count])
+        beyond = np.abs(given - mean) / np.sqrt(self._noise_variance + spread**2 + farthest**2)
         given[bent > _SETTINGS.bent * np.sqrt(self._noise_variance)] = math.nan
         slides = bool(ends[count, 1] != ends[count + 1, 1])
         if not slides:  # what stands has the error of when it moved last
@@ -172,13 +179,15 @@ class RigFilter:
         self._by_force, self.time, self._distal_error = readings.by_force, time, ends_by_drive[_DISTAL]
         self._bound()
         self._update_lines()
-        now = whole[:, len(CHANNELS) :]
+        values = self.values
+        deviation = self.members - values
+        mean, spread = mean_and_sd(whole[:, len(CHANNELS) :])
         return FollowedRig(
             self.keys,
-            self.values,
-            np.atleast_2d(np.cov(self.members, rowvar=False)),
-            now.mean(axis=0),
-            np.hypot(now.std(axis=0, ddof=1), ends_by_drive),
+            values,
+            deviation.T @ deviation / (count - 1),
+            mean,
+            np.hypot(spread, ends_by_drive),
             innovation[: len(CHANNELS), 0],
             np.sqrt(innovation[: len(CHANNELS), 1]),
             beyond,
@@ -195,8 +204,7 @@ class RigFilter:
         drive = np.full(len(self.memory), tension_in if by_force else displacement_in)
         numbers = np.vstack((self.members, self.members[:1], self.members[:1]))
         ends = self._stepped(arcs, numbers, drive, by_force, max(span, _SETTINGS.first_span), 0.0)[1]
-        now = ends[: len(self.members)]
-        return now.mean(axis=0), now.std(axis=0, ddof=1)
+        return mean_and_sd(ends[: len(self.members)])
 
     def with_more(self, more: Sequence[FollowedNumber], rig: Rig | None = None) -> RigFilter:
         """Return a filter that goes on from here and follows further numbers too."""
@@ -330,11 +338,12 @@ class RigFilter:
         return np.linalg.qr(random)[0] * (math.sqrt(count - 1.0) * sd)
 
     def _bound(self) -> None:
-        lower, upper = (np.array([getattr(one, side) for one in self.numbers]) for side in ("lower", "upper"))
-        np.clip(self.members, lower, upper, out=self.members)
+        limits = limits_of(self.numbers)
+        np.maximum(self.members, limits.lower, out=self.members)
+        np.minimum(self.members, limits.upper, out=self.members)
 
     def _update_lines(self) -> None:
         """Draw the straight lines about other values where the numbers went far."""
-        scale = np.array([one.scale for one in self.numbers])
-        if (np.abs(self.values - self._lines.about) > _SETTINGS.straight * scale).any():
+        off = np.abs(self.values - self._lines.about)
+        if (off > _SETTINGS.straight * limits_of(self.numbers).scale).any():
             self._lines = straight_lines(self.rig, self.numbers, self.values, self.cut, self.edge)
