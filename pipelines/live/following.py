@@ -78,12 +78,6 @@ def alert_sentence(before: Alert | None, alert: Alert | None) -> str | None:
     """Return what to say where an alert is another than before; None where nothing has to be said."""
     if alert is None:
         return None if before is None else f"alert: {before.channel} agrees with the model again"
-    if not alert.explanations:
-        return f"alert: {alert.channel} disagrees with the model since {alert.since:.2f} s ({alert.phase})"
-    first = alert.explanations[0]
-    if before is not None and before.channel == alert.channel and before.mechanism == first.mechanism:
+    if before is not None and (before.channel, before.mechanism) == (alert.channel, alert.mechanism):
         return None
-    return (
-        f"alert: {alert.channel} since {alert.since:.2f} s: {first.mechanism} ({first.where}), "
-        f"probability {first.probability:.2f}: {first.sentence}"
-    )
+    return f"alert: {alert.sentence}"

@@ -112,7 +112,8 @@ def test_an_alert_is_said_when_it_begins_when_its_mechanism_is_named_and_when_it
         "alert: tension_in_N disagrees with the model since 12.50 s (pulling)"
     )
     assert alert_sentence(begun, named) == (
-        "alert: tension_in_N since 12.50 s: sensor (tension_in_N), probability 0.90: it stands"
+        "alert: tension_in_N disagrees with the model since 12.50 s (pulling): sensor (tension_in_N), "
+        "probability 0.90: it stands"
     )
     assert alert_sentence(named, surer) is None
     assert alert_sentence(surer, None) == "alert: tension_in_N agrees with the model again"

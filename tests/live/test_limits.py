@@ -4,6 +4,8 @@ import json
 import signal
 import socket
 import struct
+import subprocess
+import sys
 from contextlib import ExitStack, suppress
 from itertools import count
 
@@ -82,6 +84,14 @@ def test_no_address_of_another_machine_is_taken(run, uri):
     outcome = run("live", "--source", uri, "--sink", "none")
     assert outcome.status == 2
     assert "--allow-remote" in outcome.errors[0]
+
+
+def test_a_stream_may_give_nothing():
+    program = "from pipelines.cli import main; main()"
+    command = [sys.executable, "-c", program, "live", "--source", "-", "--sink", "none"]
+    outcome = subprocess.run(command, input=frame(0.0), capture_output=True, timeout=60, check=True)
+    assert outcome.stdout == b""
+    assert b"sink none" in outcome.stderr
 
 
 @pytest.mark.parametrize(

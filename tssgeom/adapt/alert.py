@@ -32,3 +32,13 @@ class Alert:
     def mechanism(self) -> str:
         """The likeliest mechanism; empty as long as none is known."""
         return self.explanations[0].mechanism if self.explanations else ""
+
+    @property
+    def sentence(self) -> str:
+        """It in words, with the likeliest mechanism where one is known."""
+        begun = f"{self.channel} disagrees with the model since {self.since:.2f} s ({self.phase})"
+        if not self.explanations:
+            return begun
+        first = self.explanations[0]
+        said = f"{first.mechanism} ({first.where}), probability {first.probability:.2f}"
+        return f"{begun}: {said}: {first.sentence}"

@@ -19,7 +19,7 @@ _SLOW = f"it has not read {BACKLOG} bytes of results (1 MiB) that wait for it"
 class Sink:
     """Answers to one address; the default methods discard them."""
 
-    text: str
+    text: str = "none"
     """Its address, as the user reads it."""
     unsent: int = 0
     """Lines without room."""

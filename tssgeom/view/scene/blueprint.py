@@ -31,13 +31,22 @@ def chart_boxes(*, timed: bool) -> ChartBoxes:
 
 
 def blueprint(
-    name: str, camera: Camera, *, timed: bool, live: bool = False, tension: float | None = None
+    name: str,
+    camera: Camera,
+    *,
+    timed: bool,
+    live: bool = False,
+    tension: float | None = None,
+    more: rrb.Container | None = None,
 ) -> rrb.Blueprint:
     """Lay out the views of a shape, or of a run with its series and its timeline; `live` shows the newest.
 
-    The plot of tensions ends at `tension` [N] where that is known.
+    The plot of tensions ends at `tension` [N] where that is known. `more` is a second tab.
     """
     views = _run_views(name, camera, tension) if timed else _shape_views(name, camera)
+    if more is not None:
+        views.name = name
+        views = rrb.Tabs(views, more)
     return layout(views, time_panel(timed=timed, live=live))
 
 

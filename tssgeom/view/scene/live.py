@@ -13,10 +13,12 @@ from tssgeom.arrays import Matrix, Vector
 from tssgeom.engine import process
 from tssgeom.rig import Rig
 from tssgeom.stream import Frame, FrameResult
+from tssgeom.view.quantities import TIMELINE
 from tssgeom.view.samples import Ranges, RouteSamples, numbers_of, ranges, round_up, route_samples
 from tssgeom.view.scene.blueprint import blueprint
 from tssgeom.view.scene.camera import ASPECT, Camera, camera
 from tssgeom.view.scene.columns import Sender
+from tssgeom.view.scene.followed import followed_views, keys_of, send_alert, send_followed
 from tssgeom.view.scene.recording import send_pictures
 from tssgeom.view.scene.run import Run, send_numbers
 
@@ -48,6 +50,10 @@ class LivePicture:
     _ranges: Ranges | None = field(default=None)
     _pieces: int = 0
     """Number of pieces that have a name and a colour so far."""
+    _followed: tuple[str, ...] = ()
+    """Numbers of the rig that are followed."""
+    _alert: str = ""
+    """The last alert in words."""
 
     def __post_init__(self) -> None:
         self.recording.set_log_time_enabled(False)  # one time for all: that of the frames
@@ -62,10 +68,21 @@ class LivePicture:
         times = np.array([result.frame.time for result in results])
         sender = Sender(self.recording, times, since=float(times[0]), repeats=grown)
         send_pictures(sender, run, self.lumen if grown else None)
+        send_followed(sender, results)
+        self._log_alerts(results)
 
     def number(self, times: Vector, numbers: Matrix) -> None:
         """Draw the `samples.numbers_of` frames at their times [s] as lines."""
         send_numbers(Sender(self.recording, times), numbers)
+
+    def _log_alerts(self, results: Sequence[FrameResult]) -> None:
+        """Log each alert when it begins and when another mechanism is the likeliest."""
+        for result in results:
+            text = "" if result.alert is None else result.alert.sentence
+            if result.alert is not None and text != self._alert:
+                self.recording.set_time(TIMELINE, duration=result.frame.time)
+                send_alert(self.recording, result.alert)
+            self._alert = text
 
     def _grown(self, results: Sequence[FrameResult], frames: Sequence[RouteSamples]) -> bool:
         """Make axes, camera and names hold these frames; return whether any of them changed."""
@@ -74,7 +91,8 @@ class LivePicture:
         wider = self._ranges is None or not _holds(self._ranges, needed)
         if wider:
             self._ranges = _widened(needed, self._ranges)
-        moved = self._camera is None or not _shows(self._camera, frames)
+        keys, self._followed = self._followed, keys_of(results) or self._followed
+        moved = self._camera is None or not _shows(self._camera, frames) or keys != self._followed
         if moved:
             self._point_camera(frames)
         more = pieces > self._pieces
@@ -85,7 +103,8 @@ class LivePicture:
         everywhere = np.concatenate([frame.position for frame in frames])
         forward = frames[-1].position[-1] - frames[-1].position[0]
         self._camera = camera(everywhere, forward)
-        layout = blueprint(self.name, self._camera, timed=True, live=True)
+        more = followed_views(self._followed) if self._followed else None
+        layout = blueprint(self.name, self._camera, timed=True, live=True, more=more)
         self.recording.send_blueprint(layout)
 
 
