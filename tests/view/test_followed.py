@@ -34,11 +34,11 @@ def followed(tmp_path_factory):
     return results, path
 
 
-def test_each_number_is_drawn_with_its_band(followed):
+def test_each_number_has_its_band(followed):
     results, path = followed
     verify(path)
     key = "friction.coefficient"
-    names = {end: f"/followed/friction\\.coefficient/{end}" for end in ("value", "upper", "lower")}
+    names = {end: f"/followed/friction.coefficient/{end}" for end in ("value", "upper", "lower")}
     assert set(names.values()) <= entities(path)
     assert "TimeSeries" in views(path)
     at = results[0].followed.keys.index(key)
