@@ -43,7 +43,7 @@ def simulate(
         bool,
         typer.Option(
             "--adapt",
-            help="Follow the drifting numbers of the rig ([adapt] in it) through the readings of the run.",
+            help="Follow the drifting numbers of the rig (its table adapt) through the readings of the run.",
         ),
     ] = False,
     write_rig: Annotated[

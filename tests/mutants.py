@@ -149,8 +149,8 @@ MUTANTS = (
     Mutant("tssgeom/tendon/design.py", "self.angle / self.kappa", "self.angle * self.kappa", REMEDY),
     Mutant(
         "tssgeom/tendon/command.py",
-        "sign = 1 if move.target > held.tension_out else -1",
-        "sign = -1 if move.target > held.tension_out else 1",
+        "sign = 1 if error < 0.0 else -1",
+        "sign = -1 if error < 0.0 else 1",
         INVERSE,
     ),
     Mutant(

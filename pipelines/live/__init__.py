@@ -31,7 +31,8 @@ def live(
     tolerance_mm: ToleranceMm = None,
     policy: PolicyChoice = "cross",
     adapt: Annotated[
-        bool, typer.Option("--adapt", help="Follow friction, zeros and what [adapt] of the rig names.")
+        bool,
+        typer.Option("--adapt", help="Follow friction, zeros and what the table adapt of the rig names."),
     ] = False,
     write_rig: Annotated[
         Path | None,

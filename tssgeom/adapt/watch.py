@@ -19,7 +19,7 @@ class WatchSettings(NamedTuple):
     """Half of the mean that the test is best at, in standard deviations of a block [1]. Chosen: a fault of
     1.5."""
     false_alarm_interval: float = 86400.0
-    """Mean time between two false alarms [s]; stated: a day, over all channels."""
+    """Mean time between two false alarms, over all channels [s]. Chosen: a day."""
     clipped: float = 6.0
     """Standard deviations beyond which a reading or a block counts as if it were there [1]; chosen."""
     memory: float = 1.0 / 400.0
