@@ -32,7 +32,7 @@ def live(
     policy: PolicyChoice = "cross",
     adapt: Annotated[
         bool,
-        typer.Option("--adapt", help="Follow friction, zeros and what the table adapt of the rig names."),
+        typer.Option("--adapt", help="Follow friction, zeros, or what the rig names in adapt."),
     ] = False,
     write_rig: Annotated[
         Path | None,
