@@ -24,7 +24,7 @@ class WatchSettings(NamedTuple):
     """Standard deviations beyond which a reading or a block counts as if it were there [1]; chosen."""
     memory: float = 1.0 / 400.0
     """Share of the newest block in the usual spread of blocks [1]. Chosen: it is learnt in some minutes."""
-    least_spread: float = 4.0
+    least_spread: float = 2.0
     """Least variance of a block over that of white innovations [1]. Chosen: the error of a turn stays for a
     leg, and full faults are ten times as large."""
     far: float = 6.0
