@@ -7,11 +7,11 @@ from matplotlib.figure import Figure
 
 from tssgeom.adapt.offline import AlertRow, FollowedRun
 from tssgeom.arrays import Vector
+from tssgeom.statistics import NORMAL_95
 from tssgeom.view.figures.plots import BLUE, INK, ORANGE, PAGE, SKY, figure, note
 
 _BAND = "#c9dcea"
 _HEIGHT = 1.35  # of a row of the figure [inch]; chosen: the bands can be read
-_STANDARD_DEVIATIONS = 1.96
 _BEFORE, _AFTER = (
     15.0,
     30.0,
@@ -41,7 +41,7 @@ def followed_figure(run: FollowedRun, tension_out: Vector | None) -> Figure:
             axes.tick_params(labelbottom=axes is rows[-2])
         rows[-2].set_xlabel(f"time [{unit}]")
         for alert in run.alerts:
-            _name(rows[0], alert, per, run.time[-1] / per)
+            _name(rows[0], alert, per)
         rows[0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderaxespad=0.1)
         _draw_tension(rows[-1], run, tension_out)
         drawing.align_ylabels(rows.tolist())
@@ -55,7 +55,7 @@ def _draw_number(axes: Axes, run: FollowedRun, key: str, per: float) -> None:
             continue
         at, numbers = stretch.keys.index(key), stretch.numbers
         time, value = numbers.time / per, factor * numbers.values[:, at]
-        bound = factor * _STANDARD_DEVIATIONS * numbers.se[:, at]
+        bound = factor * NORMAL_95 * numbers.se[:, at]
         hidden = "_" if i else ""  # one line in the legend for all stretches
         low, high = value - bound, value + bound
         axes.fill_between(time, low, high, color=_BAND, linewidth=0, label=f"{hidden}95 % band")
@@ -69,7 +69,7 @@ def _draw_tension(axes: Axes, run: FollowedRun, read: Vector | None) -> None:
     middle = run.alerts[0].since if run.alerts else run.time[-1] - _AFTER
     window = (run.time >= middle - _BEFORE) & (run.time <= middle + _AFTER)
     time, value = run.time[window], run.ends[window, 1]
-    bound = _STANDARD_DEVIATIONS * run.ends_se[window, 1]
+    bound = NORMAL_95 * run.ends_se[window, 1]
     axes.fill_between(time, value - bound, value + bound, color=_BAND, linewidth=0)
     axes.plot(time, value, color=BLUE, linewidth=1.2, label="followed, with 95 % band")
     if read is not None:
@@ -85,21 +85,21 @@ def _draw_tension(axes: Axes, run: FollowedRun, read: Vector | None) -> None:
     axes.set_xlabel("time [s], about the first alert" if run.alerts else "time [s], the end of the run")
 
 
-def _name(axes: Axes, alert: AlertRow, per: float, end: float) -> None:
+def _name(axes: Axes, alert: AlertRow, per: float) -> None:
     words = (alert.mechanism or alert.channel).replace("_", " ")
     if alert.mechanism:
         words += f",\N{NO-BREAK SPACE}{100.0 * alert.probability:.0f}\N{NO-BREAK SPACE}%"
-    right = alert.since / per > 0.6 * end
     note(
         axes,
         words,
-        (alert.since / per, 0.97),
+        (alert.since / per, 0.02),
         xycoords=("data", "axes fraction"),
-        xytext=(-3 if right else 3, 0),
+        xytext=(-2, 0),
         textcoords="offset points",
         color=ORANGE,
-        ha="right" if right else "left",
-        va="top",
+        ha="right",
+        va="bottom",
+        rotation=90,  # alerts may be near each other
     )
 
 
