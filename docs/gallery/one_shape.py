@@ -1,0 +1,10 @@
+"""
+One shape with its error bars
+=============================
+
+Text.
+"""
+
+import matplotlib.pyplot as plt
+
+plt.plot([1, 2])
