@@ -88,13 +88,13 @@ def _shell(block: Run, code: str, folder: Path) -> tuple[str, list[tuple[Path, s
         cwd=folder,
         env={**os.environ, **here, "NO_COLOR": "1", "MPLBACKEND": "agg"},
         stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
+        stderr=subprocess.PIPE,
         text=True,
         timeout=TIME_LIMIT,
         check=False,
     )
     if done.returncode != block.options.get("status", 0):
-        block.warn(f"exit status {done.returncode} of:\n{code}\n{done.stdout}")
+        block.warn(f"exit status {done.returncode} of:\n{code}\n{done.stdout}{done.stderr}")
     return done.stdout, []
 
 
