@@ -14,7 +14,9 @@ sys.path.insert(0, str(HERE / "building"))
 project = "tssgeom"
 author = "the authors of tssgeom"
 project_copyright = "the authors of tssgeom, MIT licence"
-release = version = re.findall(r"^version: (\S+)$", (HERE.parent / "CITATION.cff").read_text("utf-8"), re.M)[0]
+release = version = re.findall(r"^version: (\S+)$", (HERE.parent / "CITATION.cff").read_text("utf-8"), re.M)[
+    0
+]
 
 extensions = [
     "myst_parser",

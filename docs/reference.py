@@ -80,8 +80,14 @@ def _commands() -> Iterator[str]:
         yield "\n| argument or option | value | meaning |\n|---|---|---|\n"
         for written, meaning in sorted(rows, key=lambda row: row[0].startswith("-")):
             names, _, value = written.partition(" <")
-            names, _, shape = names.partition(" ") if names.startswith("-") and "/" not in names else (names, "", "")
-            value = VALUES.get(value.removesuffix(">"), value.removesuffix(">")) if value else f"`{shape}`" * bool(shape)
+            names, _, shape = (
+                names.partition(" ") if names.startswith("-") and "/" not in names else (names, "", "")
+            )
+            value = (
+                VALUES.get(value.removesuffix(">"), value.removesuffix(">"))
+                if value
+                else f"`{shape}`" * bool(shape)
+            )
             yield f"| `{names}` | {cell(value)} | {cell(meaning)} |\n"
 
 
@@ -112,7 +118,7 @@ def _rig() -> Iterator[str]:
 def _unknowns() -> Iterator[str]:
     names = ", ".join(f"`{name}`" for name in UNKNOWNS)
     text = (
-        f"These numbers, and the parameters of effects, may be `\"unknown\"`, and `tssgeom calibrate` fits them: {names}. "
+        f'These numbers, and the parameters of effects, may be `"unknown"`, and `tssgeom calibrate` fits them: {names}. '
         "Any number may be `{ value = 0.12, sd = 0.03 }`. [machines.md](../machines.md) has what is assumed of each."
     )
     yield f"\n## Numbers that are not known\n\n{wrapped(text)}\n"
@@ -176,7 +182,9 @@ def written_kind(hint: Any) -> str:
     if get_origin(hint) is Literal:
         return " or ".join(f'`"{each}"`' for each in get_args(hint))
     if get_origin(hint) is types.UnionType or str(get_origin(hint)).endswith("Union"):
-        return " or ".join(dict.fromkeys(written_kind(each) for each in get_args(hint) if each is not type(None)))
+        return " or ".join(
+            dict.fromkeys(written_kind(each) for each in get_args(hint) if each is not type(None))
+        )
     if get_origin(hint) is tuple:
         inside = [each for each in get_args(hint) if each is not Ellipsis]
         if len(inside) > 1:
@@ -208,7 +216,11 @@ def _columns() -> Iterator[str]:
     for file, schema, row in (
         ("summary.parquet", tables.SUMMARY, "A row for each input."),
         ("frames/NAME.parquet", tables.FRAMES, "A row for each frame."),
-        ("segments/NAME.parquet", tables.SEGMENTS, "A row for each piece of constant curvature of each good frame."),
+        (
+            "segments/NAME.parquet",
+            tables.SEGMENTS,
+            "A row for each piece of constant curvature of each good frame.",
+        ),
         ("simulate.parquet", tables.SIMULATE, "A row for each row of the run."),
         ("compensate.parquet", tables.COMPENSATE, "A row for each row of the run."),
     ):
@@ -254,14 +266,21 @@ def sentences(text: str) -> str:
 
 def cell(text: str) -> str:
     """Return text for a cell of a table."""
-    text = re.sub(r"; model\.md|(?<!\[)docs/model\.md", lambda m: m[0].replace("docs/model.md", "[model.md](../model.md)"), text)
+    text = re.sub(
+        r"; model\.md|(?<!\[)docs/model\.md",
+        lambda m: m[0].replace("docs/model.md", "[model.md](../model.md)"),
+        text,
+    )
     return " ".join(text.split()).replace("|", "\\|")
 
 
 def wrapped(text: str) -> str:
     """Return paragraphs in lines of at most 118 characters."""
     parts = text.split("\n\n")
-    return "\n\n".join(textwrap.fill(" ".join(part.split()), 118, break_on_hyphens=False, break_long_words=False) for part in parts)
+    return "\n\n".join(
+        textwrap.fill(" ".join(part.split()), 118, break_on_hyphens=False, break_long_words=False)
+        for part in parts
+    )
 
 
 def main() -> None:

@@ -4,7 +4,24 @@ from typing import Any
 
 from matplotlib import pyplot
 
-ORDER = ("one_shape",)
+ORDER = (
+    "one_shape",
+    "curvature_and_pieces",
+    "tension_map",
+    "sensor_comparison",
+    "resolution",
+    "hysteresis",
+    "compensation",
+    "moving_route",
+    "batch_table",
+    "calibration",
+    "discovery",
+    "adapting_filter",
+    "friction_laws",
+    "pair_on_a_joint",
+    "added_curve",
+)
+"""Of the scripts: from a shape to tension, to runs, to rigs."""
 
 
 class InOrder:
