@@ -1,7 +1,8 @@
 """How the pages are built: `sphinx-build -W --keep-going -n docs docs/_build/html`.
 
-Code blocks that are marked `{run}` are executed, and so are the scripts of the gallery. Pages of the reference
-are written from the code at each build, and the drawings by a script. No page loads anything from the network.
+Code blocks that are marked `{run}` are executed, and so are the scripts of the gallery. Pages of the
+reference are written from the code at each build, and the drawings by a script. No page loads anything from
+the network.
 """
 
 import re

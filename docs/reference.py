@@ -3,7 +3,7 @@
 python docs/reference.py            # writes the pages that are in git
 python docs/reference.py --check    # are they those of the code?
 
-The pages of the Python names are written when the site is built; `building/reference_pages.py` calls for them.
+The pages of the Python names are written when the site is built, by `building/reference_pages.py`.
 """
 
 import ast
@@ -66,9 +66,12 @@ def _pages() -> Iterator[tuple[str, str]]:
 
 def _commands() -> Iterator[str]:
     yield "# Commands\n\n"
-    yield "The options of each command, as `tssgeom COMMAND --help` prints them. Exit status: 0 done, 1 some "
-    yield "inputs\nwere rejected and the others done, 2 usage or nothing done. `tssgeom --version` prints the "
-    yield "version;\n`tssgeom --install-completion` adds the completion of commands and options to the shell.\n"
+    text = (
+        "The options of each command, as `tssgeom COMMAND --help` prints them. Exit status: 0 done, 1 some "
+        "inputs were rejected and the others done, 2 usage or nothing done. `tssgeom --version` prints the "
+        "version; `tssgeom --install-completion` adds the completion of commands and options to the shell."
+    )
+    yield f"{wrapped(text)}\n"
     group = typer.main.get_command(app)
     for name in sorted(COMMANDS):
         command = group.get_command(typer.Context(group), name)
@@ -98,15 +101,20 @@ def _as_code(text: str) -> str:
 
 def _rig() -> Iterator[str]:
     yield "# Keys of a rig file\n\n"
-    yield "A rig is a TOML file; [formats.md](../formats.md#rig) explains its tables with examples. All keys may be "
-    yield "left\nout, unless the default is “required”. Unknown keys are refused. The defaults are those of the paper.\n"
+    text = (
+        "A rig is a TOML file; [formats.md](../formats.md#rig) explains its tables with examples. All keys "
+        "may be left out, unless the default is “required”. Unknown keys are refused. The defaults are those "
+        "of the paper."
+    )
+    yield f"{wrapped(text)}\n"
     for table in Rig.__struct_fields__:
         kind = get_type_hints(Rig)[table]
         if table in ("effects", "columns"):
             continue
         many = {"sensors": Sensor, "adapt": Follow}.get(table)
         struct = many or kind
-        yield f"\n## [{table}{'.NAME' if table == 'sensors' else ''}{'.&quot;KEY&quot;' if table == 'adapt' else ''}]\n\n"
+        below = {"sensors": ".NAME", "adapt": ".&quot;KEY&quot;"}.get(table, "")
+        yield f"\n## [{table}{below}]\n\n"
         yield f"{wrapped(sentences(inspect.getdoc(struct) or ''))}\n\n"
         yield "| key | value | default | unit | meaning |\n|---|---|---|---|---|\n"
         for key in keys(struct):
@@ -118,15 +126,17 @@ def _rig() -> Iterator[str]:
 def _unknowns() -> Iterator[str]:
     names = ", ".join(f"`{name}`" for name in UNKNOWNS)
     text = (
-        f'These numbers, and the parameters of effects, may be `"unknown"`, and `tssgeom calibrate` fits them: {names}. '
-        "Any number may be `{ value = 0.12, sd = 0.03 }`. [machines.md](../machines.md) has what is assumed of each."
+        'These numbers, and the parameters of effects, may be `"unknown"`, and `tssgeom calibrate` fits them: '
+        f"{names}. Any number may be `{{ value = 0.12, sd = 0.03 }}`. [machines.md](../machines.md) has what "
+        "is assumed of each."
     )
     yield f"\n## Numbers that are not known\n\n{wrapped(text)}\n"
 
 
 def _effects() -> Iterator[str]:
-    yield "\n## [[effects]]\n\nA table for each effect, with its `name`. An effect of size zero changes nothing.\n\n"
-    yield "| name | parameter | least | greatest | default | unit | meaning |\n|---|---|---|---|---|---|---|\n"
+    yield "\n## [[effects]]\n\nA table for each effect, with its `name`. Size zero changes nothing.\n\n"
+    yield "| name | parameter | least | greatest | default | unit | meaning |\n"
+    yield "|---|---|---|---|---|---|---|\n"
     for name, kind in KINDS.items():
         first = f"**`{name}`**"
         yield f"| {first} | | | | | | {cell(sentences(inspect.getdoc(kind) or ''))} |\n"
@@ -211,8 +221,11 @@ def field_docs(kind: type) -> dict[str, str]:
 
 def _columns() -> Iterator[str]:
     yield "# Columns of the tables\n\n"
-    yield "What `batch`, `simulate` and `compensate` write as Parquet. Each field has its unit and its meaning as "
-    yield "metadata\ntoo. [formats.md](../formats.md#what-batch-writes) describes the files.\n"
+    text = (
+        "What `batch`, `simulate` and `compensate` write as Parquet. Each field has its unit and its meaning "
+        "as metadata too. [formats.md](../formats.md#what-batch-writes) describes the files."
+    )
+    yield f"{wrapped(text)}\n"
     for file, schema, row in (
         ("summary.parquet", tables.SUMMARY, "A row for each input."),
         ("frames/NAME.parquet", tables.FRAMES, "A row for each frame."),

@@ -6,8 +6,8 @@
     tssgeom analyse sample_shapes/half_circle.csv
     ```
 
-The blocks of a page run in the order of the page, in one folder with `sample_shapes` in it; those of Python share
-their names. A block that fails is a warning, and so ends the build.
+The blocks of a page run in the order of the page, in one folder with `sample_shapes` in it; those of Python
+share their names. A block that fails is a warning, and so ends the build.
 """
 
 import contextlib
@@ -87,8 +87,7 @@ def _shell(block: Run, code: str, folder: Path) -> tuple[str, list[tuple[Path, s
         ["bash", "-euo", "pipefail", "-c", code],
         cwd=folder,
         env={**os.environ, **here, "NO_COLOR": "1", "MPLBACKEND": "agg"},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
+        capture_output=True,
         text=True,
         timeout=TIME_LIMIT,
         check=False,
@@ -105,6 +104,9 @@ def _python(block: Run, code: str, folder: Path) -> tuple[str, list[tuple[Path, 
     from matplotlib import pyplot
 
     names, out = _names.setdefault(block.env.docname, {"__name__": "__main__"}), io.StringIO()
+    mpl.rcParams.update(
+        mpl.rcParamsDefault, backend="agg"
+    )  # scripts of the gallery have a style of their own
     with contextlib.chdir(folder), contextlib.redirect_stdout(out), warnings.catch_warnings():
         warnings.simplefilter("error")
         try:

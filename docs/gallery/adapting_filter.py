@@ -2,8 +2,8 @@
 Friction that drifts, followed from frame to frame
 ==================================================
 
-The friction of a tendon rises by a quarter within two minutes. A filter follows it from what the load cells read; its
-95 % band holds the true value.
+The friction of a tendon rises by a quarter within two minutes. A filter follows it from what the load
+cells read; its 95 % band holds the true value.
 """
 
 import matplotlib.pyplot as plt

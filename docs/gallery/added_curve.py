@@ -2,8 +2,8 @@
 An added curve that scales perturbations down
 =============================================
 
-Theorem 3 of the paper: a loop before the route divides every perturbation of the distal end by exp(μβ), and costs as
-much tension.
+Theorem 3 of the paper: a loop before the route divides every perturbation of the distal end by exp(μβ),
+and costs as much tension.
 """
 
 import matplotlib.pyplot as plt

@@ -2,8 +2,8 @@
 A table of many shapes
 ======================
 
-``tssgeom batch`` writes a table with a row for each input. Here it does the sample shapes, and the figure is made from
-the table alone.
+``tssgeom batch`` writes a table with a row for each input. Here it does the sample shapes, and the figure
+is made from the table alone.
 """
 
 from pathlib import Path

@@ -2,8 +2,8 @@
 Calibration of friction and compliance
 ======================================
 
-A slow pull and release on a half circle. Friction, compliance and the zeros of the sensors are fitted together; the
-residuals are what the sensors' noise explains.
+A slow pull and release on a half circle. Friction, compliance and the zeros of the sensors are fitted
+together; the residuals are what the sensors' noise explains.
 """
 
 from pathlib import Path

@@ -2,8 +2,8 @@
 Compensation of a move
 ======================
 
-The load is to follow a sine. A drive that makes the same sine falls short and lags; the computed command does not. The
-model plays the tendon in both cases.
+The load is to follow a sine. A drive that makes the same sine falls short and lags; the computed command
+does not. The model plays the tendon in both cases.
 """
 
 from pathlib import Path

@@ -2,10 +2,11 @@
 Curvature with its band, and constant-curvature pieces
 ======================================================
 
-Setup A of the paper is a half circle and then a loop, here as 200 points with 0.2 mm of noise. Two arcs explain the
-points, so the route becomes two pieces.
+Setup A of the paper is a half circle and then a loop, here as 200 points with 0.2 mm of noise. Two arcs
+explain the points, so the route becomes two pieces.
 """
 
+from itertools import pairwise
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -25,7 +26,7 @@ curvature.stairs(arcs.kappa, joints, color="black", linestyle=":", label="pieces
 curvature.set(xlabel="arc length [mm]", ylabel="curvature [1/m]")
 curvature.legend(loc="upper left")
 
-for k, (first, last) in enumerate(zip(joints, joints[1:], strict=False)):
+for k, (first, last) in enumerate(pairwise(joints)):
     inside = (s >= first) & (s <= last)
     label = f"piece {k + 1}: {np.degrees(arcs.angle[k]):.1f} ± {np.degrees(arcs.angle_se[k]):.1f}°"
     route.plot(*(1e3 * result.route.position[inside, :2].T), linewidth=3, label=label)

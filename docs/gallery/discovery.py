@@ -2,8 +2,8 @@
 What the model lacks: a bend that no sensor measures
 ====================================================
 
-Five measured runs disagree with the calibrated model. ``discover`` names the cause, a hidden bend of 0.6 rad at 0.21 m,
-and the misfit on the run that was held out falls to the noise.
+Five measured runs disagree with the calibrated model. ``discover`` names the cause, a hidden bend of 0.6
+rad at 0.21 m, and the misfit on the run that was held out falls to the noise.
 """
 
 from pathlib import Path

@@ -2,8 +2,8 @@
 Friction that is not constant
 =============================
 
-A law multiplies the coefficient of friction by a factor over tension, speed or another quantity; `discover` writes such
-laws, and every command takes them.
+A law multiplies the coefficient of friction by a factor over tension, speed or another quantity;
+``discover`` writes such laws, and every command takes them.
 """
 
 import matplotlib.pyplot as plt

@@ -2,8 +2,8 @@
 Hysteresis: pull, release, and the dead zone between
 ====================================================
 
-After each turn of the drive the friction reverses from the proximal end on. Until this slip front reaches the distal
-end, the load does not follow: the dead zone.
+After each turn of the drive the friction reverses from the proximal end on. Until this slip front reaches
+the distal end, the load does not follow: the dead zone.
 """
 
 import matplotlib.pyplot as plt

@@ -2,8 +2,8 @@
 A route that moves while the tendon is pulled
 =============================================
 
-An endoscope is inserted over 20 s; its tendon is pulled and released again and again. The same pull arrives weaker as
-the route bends more.
+An endoscope is inserted over 20 s; its tendon is pulled and released again and again. The same pull
+arrives weaker as the route bends more.
 """
 
 from pathlib import Path

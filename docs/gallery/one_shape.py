@@ -2,8 +2,8 @@
 One shape, with its error bar
 =============================
 
-A shape-sensing fibre measures a colon-like route of 1.3 m. The curve angle grows along it; its standard error
-grows too.
+A shape-sensing fibre measures a colon-like route of 1.3 m. The curve angle grows along it; its standard
+error grows too.
 """
 
 # sphinx_gallery_thumbnail_number = 1

@@ -2,8 +2,8 @@
 Two tendons on a pulley turn a joint
 ====================================
 
-A motor winds one tendon up and lets the other out. Friction in the sheaths and 0.5 mm of slack make the joint lag; the
-loop is wider where the sheaths bend more.
+A motor winds one tendon up and lets the other out. Friction in the sheaths and 0.5 mm of slack make the
+joint lag; the loop is wider where the sheaths bend more.
 """
 
 import matplotlib.pyplot as plt

@@ -2,8 +2,8 @@
 How much of the angle is in short waves
 =======================================
 
-A centre line from a scan winds through the voxels of its image, which adds bends that the sheath does not have. Φ over
-the shortest wave that counts has a plateau at the true angle.
+A centre line from a scan winds through the voxels of its image, which adds bends that the sheath does not
+have. Φ over the shortest wave that counts has a plateau at the true angle.
 """
 
 import matplotlib.pyplot as plt

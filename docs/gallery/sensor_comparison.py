@@ -2,8 +2,8 @@
 Which sensor for which error
 ============================
 
-The same route as different sensors measure it: number of points and noise decide the error of the curve angle. Bars are
-95 % intervals of one measurement each.
+The same route as different sensors measure it: number of points and noise decide the error of the curve
+angle. Bars are 95 % intervals of one measurement each.
 """
 
 import matplotlib.pyplot as plt

@@ -2,7 +2,8 @@
 Tension along the route
 =======================
 
-The tension falls where the sheath bends, and stays where it is straight. Colours are those of the viewer: viridis.
+The tension falls where the sheath bends, and stays where it is straight. Colours are those of the viewer:
+viridis.
 """
 
 from pathlib import Path
