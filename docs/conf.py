@@ -66,6 +66,7 @@ sphinx_gallery_conf = {
     "remove_config_comments": True,
     "show_memory": False,
     "show_signature": False,
+    "write_computation_times": False,
     "reset_modules": ("matplotlib", "gallery_order.plain_figures"),
 }
 
