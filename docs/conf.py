@@ -43,7 +43,7 @@ myst_heading_anchors = 4
 
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"  # numpy-style docstrings say it in words
-autodoc_default_options = {"members": True, "show-inheritance": False}
+autodoc_default_options = {"members": True}
 autodoc_class_signature = "mixed"
 napoleon_google_docstring = False
 napoleon_use_ivar = False
@@ -73,6 +73,7 @@ sphinx_gallery_conf = {
 html_theme = "pydata_sphinx_theme"
 html_title = f"tssgeom {release}"
 html_static_path = ["_static"]
+html_sidebars = {"index": [], "tutorial": [], "glossary": []}
 html_context = {"default_mode": "auto"}
 html_css_files = ["site.css"]
 html_copy_source = False

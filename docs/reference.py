@@ -127,8 +127,8 @@ def _unknowns() -> Iterator[str]:
     names = ", ".join(f"`{name}`" for name in UNKNOWNS)
     text = (
         'These numbers, and the parameters of effects, may be `"unknown"`, and `tssgeom calibrate` fits '
-        f"them: {names}. Any number may be `{{ value = 0.12, sd = 0.03 }}`. [machines.md](../machines.md) has what "
-        "is assumed of each."
+        f"them: {names}. Any number may be `{{ value = 0.12, sd = 0.03 }}`. "
+        "[machines.md](../machines.md) has what is assumed of each."
     )
     yield f"\n## Numbers that are not known\n\n{wrapped(text)}\n"
 

@@ -64,10 +64,10 @@ def release() -> Figure:
     run = simulate(time, route, Rig(), tension_in=pull)
     out = [moment.transmission.tension_out for moment in run]
     loop.plot(pull, out, color=FIRST)
-    loop.set(xlabel="T_in [N]", ylabel="T_out [N]")
-    loop.annotate("pull", (9, 3.5), color=INK, rotation=22)
-    loop.annotate("dead zone", (8.2, 6.4), color=READ)
-    loop.annotate("release", (0.6, 4.2), color=INK, rotation=62)
+    loop.set(xlabel="T_in [N]", ylabel="T_out [N]", ylim=(-0.2, 7.2))
+    loop.annotate("pull", (9, 2.6), color=INK)
+    loop.annotate("dead zone", (6.5, 6.3), color=READ)
+    loop.annotate("release", (2.4, 3.9), color=INK)
     phi = np.linspace(0.0, 2 * np.pi, 300)
     for now, colour in ((15.0, FIRST), (10.0, "C1"), (6.0, "C2")):
         tension = np.minimum(15 * np.exp(-0.145 * phi), now * np.exp(0.145 * phi))
@@ -102,7 +102,7 @@ def noise() -> Figure:
     angle.plot(1e3 * profile.s, phi, color=FIRST, label="fitted route, with 95 % band")
     angle.fill_between(1e3 * profile.s, phi - band, phi + band, color=FIRST, alpha=0.3)
     angle.axhline(90, color=INK, linestyle=":", label="true angle of the whole route")
-    angle.set(xlabel="arc length [mm]", ylabel="curve angle [°]", yscale="log", ylim=(10, None))
+    angle.set(xlabel="arc length [mm]", ylabel="curve angle [°]", yscale="log", ylim=(0.8, None))
     angle.legend(fontsize=8, loc="lower right")
     return figure
 

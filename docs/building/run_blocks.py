@@ -52,14 +52,14 @@ class Run(SphinxDirective):
         """Execute the block; return it with what it prints and draws."""
         language, code = self.arguments[0], "\n".join(self.content)
         folder = folder_of(self.env.docname, Path(self.env.app.doctreedir))
-        printed, drawn = (_python if language == "python" else _shell)(self, code, folder)
+        printed, pictures = (_python if language == "python" else _shell)(self, code, folder)
         out = [_literal(code, language)]
         if printed.strip():
             out.append(_literal(_first(printed, self.options.get("lines", 0)), "text", "output"))
         if "picture" in self.options:
             name, _, alt = self.options["picture"].partition(" ")
-            drawn.append((folder / name, alt))
-        for path, alt in drawn:
+            pictures.append((folder / name, alt))
+        for path, alt in pictures:
             if not path.exists():
                 self.warn(f"there is no picture {path.name}")
             else:
