@@ -5,9 +5,6 @@ from __future__ import annotations
 
 def tssgeom_version() -> str:
     """Return the version of the installed package, or that it is not installed."""
-    from importlib.metadata import PackageNotFoundError, version  # here, since `--help` needs no version
+    import tssgeom  # here, since `--help` needs no version
 
-    try:
-        return version("tssgeom")
-    except PackageNotFoundError:
-        return "not installed"
+    return tssgeom.__version__

@@ -18,10 +18,8 @@ from pipelines.terminal import print_json, print_message, print_table, step_prog
 from tssgeom.atomic import write_text
 
 if TYPE_CHECKING:
-    from tssgeom.identify.calibrated_run import Measured
     from tssgeom.identify.calibration import Calibration, Estimate
     from tssgeom.identify.fit_quality import ChannelFit
-    from tssgeom.io.formats.runs import MeasuredRun
     from tssgeom.rig import Rig
     from tssgeom.route.pieces import Arcs
     from tssgeom.view.figures.plots import Figure
@@ -88,6 +86,7 @@ def calibrate(
     from pipelines.calibrate_machine import calibrate_machine
     from pipelines.inputs import analysis_of, run_settings, with_unknown_angle, without_effects
     from pipelines.runs import errors_naming, measured_run, print_run_warnings
+    from tssgeom.api.inputs import measured_of
     from tssgeom.errors import SettingsError, require_replaceable
     from tssgeom.identify import calibration
     from tssgeom.rig import write_rig
@@ -119,7 +118,7 @@ def calibrate(
     read = measured_run(run, settings)
     result = analysis_of(shape.stem, shape, without_effects(settings)).results[-1]
     print_run_warnings(read, settings.rig, result.arcs, fitted=True)
-    measured = _columns(read)
+    measured = measured_of(read)
     with step_progress(quiet=quiet or as_json) as report_step, errors_naming(run, shape):
         fitted = calibration.calibrate(
             measured, result.arcs, settings.rig, from_tension=from_tension, progress=report_step
@@ -172,17 +171,6 @@ def write_report(
     if figures is not None:
         figures.mkdir(parents=True, exist_ok=True)
         write_figures(figures, stem, drawings)
-
-
-def _columns(run: MeasuredRun) -> Measured:
-    from tssgeom.identify.calibrated_run import Measured
-
-    elongation = run.elongation
-    if elongation is None and run.displacement_in is not None and run.displacement_out is not None:
-        elongation = run.displacement_in - run.displacement_out  # docs/model.md (44)
-    return Measured(
-        run.time, run.tension_in, run.displacement_in, run.tension_out, elongation, run.temperature
-    )
 
 
 def _estimates(fitted: Calibration) -> list[Estimate]:

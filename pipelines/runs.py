@@ -11,21 +11,20 @@ from typing import TypeVar
 import numpy as np
 
 from pipelines.figures import write_figures
-from pipelines.inputs import RunSettings, opened, print_reading, rejection_lines, without_effects
+from pipelines.inputs import RunSettings, opened, print_reading, rejection_lines
 from pipelines.terminal import counted_progress, print_message
+from tssgeom.api.inputs import sensed_frames
 from tssgeom.arrays import Vector
 from tssgeom.effects import named
-from tssgeom.engine import recorded
-from tssgeom.errors import ShapeError, TssgeomError
+from tssgeom.errors import TssgeomError
 from tssgeom.io.formats.columns import CHANNELS
-from tssgeom.io.formats.recording import in_order
 from tssgeom.io.formats.runs import MeasuredRun, read_run
 from tssgeom.plausibility.frames import strain_remarks
 from tssgeom.plausibility.rules import warnings_of
 from tssgeom.plausibility.runs import run_remarks
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
-from tssgeom.stream import Frame, FrameResult, Rejected
+from tssgeom.stream import FrameResult
 from tssgeom.tendon.history import last_peak
 from tssgeom.tendon.moving import MovingRoute
 from tssgeom.tendon.simulation import Moment
@@ -126,27 +125,10 @@ def sensed_route(path: Path, settings: RunSettings) -> SensedRoute:
     ShapeError, SourceError
         Where the file cannot be used, or none of its frames.
     """
-    recording = opened(path, settings)
-    rig = without_effects(settings).rig
-    shapes = in_order(_shapes_only(recording.frames))  # anew: a frame may be usable without its drive
-    items = list(recorded(shapes, rig, tension_in=rig.tendon.pretension_N))
-    rejected = [item for item in items if isinstance(item, Rejected)]
-    results = [item for item in items if isinstance(item, FrameResult)]
-    if not results:
-        reason = rejected[0].reason if rejected else "it holds no frame"
-        raise ShapeError(f"{path}: no frame can be used; the first: {reason}")
-    for line in rejection_lines(str(path), rejected, len(rejected)):
+    sensed = sensed_frames(opened(path, settings), settings.rig)
+    for line in rejection_lines(str(path), sensed.rejected, len(sensed.rejected)):
         print_message(line)
-    return SensedRoute(path.stem, results, len(rejected))
-
-
-_NO_DRIVE = dict.fromkeys(("tension_in", "displacement_in", "displacement_target", "tension_out_target"))
-
-
-def _shapes_only(frames: Iterable[Frame | Rejected]) -> Iterator[Frame | Rejected]:
-    """Yield the frames without their drives: the run brings its own."""
-    for frame in frames:
-        yield frame if isinstance(frame, Rejected) else replace(frame, **_NO_DRIVE)
+    return SensedRoute(path.stem, sensed.results, len(sensed.rejected))
 
 
 def computed_rows(

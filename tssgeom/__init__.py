@@ -4,15 +4,19 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from tssgeom.analysis import analyse, analyse_same
+    from tssgeom.analysis import analyse_same
+    from tssgeom.api.calls import analyse, calibrate, compensate, discover, simulate
+    from tssgeom.api.inputs import read
+    from tssgeom.api.runs import Compensation, Simulation
     from tssgeom.engine import Engine, process
     from tssgeom.errors import FitError, SettingsError, ShapeError, SourceError, TssgeomError
     from tssgeom.identify.calibrated_run import Measured
-    from tssgeom.identify.calibration import Calibration, calibrate
+    from tssgeom.identify.calibration import Calibration
     from tssgeom.identify.campaign import Campaign, Run
     from tssgeom.identify.finding import Finding
-    from tssgeom.identify.workflow import discover
     from tssgeom.io.formats.campaigns import read_campaign
+    from tssgeom.io.formats.recording import Recording
+    from tssgeom.io.formats.runs import MeasuredRun, read_run
     from tssgeom.rig import Rig, read_rig, read_uncertain_rig
     from tssgeom.route.curvature import CurvatureProfile
     from tssgeom.route.geometry import measure
@@ -22,12 +26,13 @@ if TYPE_CHECKING:
     from tssgeom.route.route_fit import RouteFit
     from tssgeom.route.spline.fit import Spline, fit
     from tssgeom.stream import Frame, FrameResult, Rejected
-    from tssgeom.tendon.command import Command, compensate
+    from tssgeom.tendon.command import Command
     from tssgeom.tendon.commander import Commander, commander_of
     from tssgeom.tendon.moving import MovingRoute
-    from tssgeom.tendon.simulation import Moment, simulate
+    from tssgeom.tendon.simulation import Moment
     from tssgeom.tendon.state import TendonState, pretensioned, step, tension, transmit
     from tssgeom.tendon.transmission import Transmission
+    from tssgeom.version import __version__ as __version__
 
 __all__ = [
     # errors
@@ -40,6 +45,11 @@ __all__ = [
     "Rig",
     "read_rig",
     "read_uncertain_rig",
+    # files
+    "MeasuredRun",
+    "Recording",
+    "read",
+    "read_run",
     # sensed points to geometry
     "Arcs",
     "CurvatureProfile",
@@ -70,8 +80,10 @@ __all__ = [
     # runs over time
     "Command",
     "Commander",
+    "Compensation",
     "Moment",
     "MovingRoute",
+    "Simulation",
     "commander_of",
     "compensate",
     "simulate",
@@ -87,15 +99,19 @@ __all__ = [
 ]
 
 _MODULES = {
-    "analysis": "analyse analyse_same",
+    "analysis": "analyse_same",
+    "api.calls": "analyse calibrate compensate discover simulate",
+    "api.inputs": "read",
+    "api.runs": "Compensation Simulation",
     "engine": "Engine process",
     "errors": "FitError SettingsError ShapeError SourceError TssgeomError",
     "identify.calibrated_run": "Measured",
-    "identify.calibration": "Calibration calibrate",
+    "identify.calibration": "Calibration",
     "identify.campaign": "Campaign Run",
     "identify.finding": "Finding",
-    "identify.workflow": "discover",
     "io.formats.campaigns": "read_campaign",
+    "io.formats.recording": "Recording",
+    "io.formats.runs": "MeasuredRun read_run",
     "rig": "Rig read_rig read_uncertain_rig",
     "route.curvature": "CurvatureProfile",
     "route.geometry": "measure",
@@ -105,12 +121,13 @@ _MODULES = {
     "route.route_fit": "RouteFit",
     "route.spline.fit": "Spline fit",
     "stream": "Frame FrameResult Rejected",
-    "tendon.command": "Command compensate",
+    "tendon.command": "Command",
     "tendon.commander": "Commander commander_of",
     "tendon.moving": "MovingRoute",
-    "tendon.simulation": "Moment simulate",
+    "tendon.simulation": "Moment",
     "tendon.state": "TendonState pretensioned step tension transmit",
     "tendon.transmission": "Transmission",
+    "version": "__version__",
 }
 _MODULE_OF = {name: f"tssgeom.{module}" for module, names in _MODULES.items() for name in names.split()}
 

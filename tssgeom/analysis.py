@@ -57,19 +57,6 @@ def analyse(
     Notes
     -----
     Source: docs/model.md (1) to (34); Sun, Wang and Phee (2014), eqs. (5) to (12).
-
-    Examples
-    --------
-    A half circle of 0.5 m at 15 N passes exp(-0.145 π) of the tension:
-
-    >>> import numpy as np
-    >>> from tssgeom import analyse
-    >>> s = np.linspace(0.0, 0.5, 40)
-    >>> angle = 2 * np.pi * s
-    >>> points = np.column_stack((np.sin(angle), 1 - np.cos(angle), 0 * s)) / (2 * np.pi)
-    >>> result = analyse(points, tension_in=15.0)
-    >>> print(f"{result.profile.total_angle:.4f} rad, {result.transmission.tension_out:.3f} N")
-    3.1416 rad, 9.512 N
     """
     if isinstance(points, Frame):
         frame = points

@@ -147,19 +147,6 @@ def calibrate(
     Notes
     -----
     Source: docs/model.md (70) to (74).
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from tssgeom import Arcs, Measured, MovingRoute, Rig, calibrate, simulate
-    >>> route, time = Arcs.exact([0.5], [np.pi]), np.linspace(0.0, 20.0, 401)
-    >>> pull = 5.0 + 10.0 * (1.0 - np.abs(time - 10.0) / 10.0)
-    >>> run = list(simulate(time, MovingRoute(np.array([0.0]), [route]), Rig(), tension_in=pull))
-    >>> out = np.array([moment.transmission.tension_out for moment in run])
-    >>> stretch = np.array([moment.transmission.elongation for moment in run])
-    >>> measured = Measured(time, tension_in=pull, tension_out=out, elongation=stretch)
-    >>> print(f"{calibrate(measured, route, Rig()).estimates['friction'].value:.3f}")
-    0.145
     """
     if arcs.total_angle < ROBUST.least_angle:
         raise SettingsError(

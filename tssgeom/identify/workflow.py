@@ -83,14 +83,6 @@ def discover(
     Notes
     -----
     Source: docs/discovery.md; docs/model.md (100) to (118).
-
-    Examples
-    --------
-    >>> from pathlib import Path
-    >>> from tssgeom import discover, read_campaign
-    >>> finding = discover(read_campaign(Path("sample_shapes/campaign_hidden_bend")))  # doctest: +SKIP
-    >>> [effect.name for effect in finding.effects]  # doctest: +SKIP
-    ['hidden_bend']
     """
     begun = time.perf_counter()
     report = progress or _silent

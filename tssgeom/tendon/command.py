@@ -164,17 +164,6 @@ def compensate(
     Notes
     -----
     Source: docs/model.md, "Compensation: the inverse model", and (120) to (122).
-
-    Examples
-    --------
-    The load, a spring of 1000 N/m, moves by 5 mm where the drive moves by 6 mm and pulls with 7.9 N:
-
-    >>> import numpy as np
-    >>> from tssgeom import Arcs, Rig, compensate, pretensioned
-    >>> route = Arcs.exact([0.5], [np.pi])
-    >>> command = compensate(pretensioned(Rig()), route, Rig(), displacement_out=0.005)
-    >>> print(f"{1e3 * command.displacement_in:.2f} mm, {command.tension_in:.2f} N")
-    6.00 mm, 7.89 N
     """
     move = _Move(state, arcs, rig, _target(rig, tension_out, displacement_out), time, temperature)
     now = drive_now(state, rig, position, elapsed)

@@ -83,18 +83,6 @@ def simulate(
     Notes
     -----
     Source: docs/model.md (1) to (6), (40) to (47); Sun, Wang and Phee (2014), Theorem 1 and Fig. 5.
-
-    Examples
-    --------
-    A pull to 15 N and back to 10 N on a half circle of 0.5 m, in the dead zone of Fig. 4 at the end:
-
-    >>> import numpy as np
-    >>> from tssgeom import Arcs, MovingRoute, Rig, simulate
-    >>> route = MovingRoute(np.array([0.0]), [Arcs.exact([0.5], [np.pi])])
-    >>> time, pull = np.array([0.0, 1.0, 2.0]), np.array([0.0, 15.0, 10.0])
-    >>> run = simulate(time, route, Rig(), tension_in=pull)
-    >>> [round(1e3 * float(moment.transmission.elongation), 3) for moment in run]
-    [0.0, 1.904, 1.728]
     """
     current = _begun(time, rig) if state is None else state
     name: Drive = "displacement_in_m" if tension_in is None else "tension_in_N"

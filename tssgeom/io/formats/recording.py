@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 from pathlib import Path
+from typing import overload
 
 from tssgeom.errors import ShapeError, TssgeomError
 from tssgeom.frame import require_usable
+from tssgeom.result import Result
 from tssgeom.stream import Frame, Rejected
 
 PER_METRE = {"m": 1.0, "mm": 1000.0}
@@ -18,9 +21,12 @@ UNTIMED = "no time: the frames are counted, one a second"
 """Warning of a recording without a clock; the tendon does not depend on the rate."""
 
 
-@dataclass(frozen=True, slots=True)
-class Recording:
-    """One file of sensed shapes, in SI."""
+@dataclass(frozen=True, slots=True, repr=False)
+class Recording(Result):
+    """One file of sensed shapes, in SI: a sequence of its frames, which are read when they are asked for.
+
+    `recording[i]` reads the file from its beginning to that frame, unless the file holds one shape.
+    """
 
     name: str
     """Stem of the file, with the part of it that was opened."""
@@ -39,6 +45,30 @@ class Recording:
     warnings: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     """How a file of a laboratory was read, a phrase each; empty where its names are those of the formats."""
+
+    def __iter__(self) -> Iterator[Frame | Rejected]:
+        """Yield the frames in order, by a new pass over the file."""
+        return iter(self.frames)
+
+    def __len__(self) -> int:
+        """Return the number of frames, the rejected ones included."""
+        return self.frame_count
+
+    @overload
+    def __getitem__(self, index: int) -> Frame | Rejected: ...
+    @overload
+    def __getitem__(self, index: slice) -> tuple[Frame | Rejected, ...]: ...
+    def __getitem__(self, index: int | slice) -> Frame | Rejected | tuple[Frame | Rejected, ...]:
+        """Return a frame by its count from 0, or several; a negative count is from the end."""
+        if isinstance(index, slice):
+            wanted = range(self.frame_count)[index]
+            last = max(wanted, default=-1)
+            read = dict(islice(enumerate(self.frames), min(wanted, default=0), last + 1))
+            return tuple(read[i] for i in wanted)
+        at = range(self.frame_count)[index]
+        if isinstance(self.frames, Sequence):
+            return self.frames[at]
+        return next(islice(self.frames, at, None))
 
 
 class Frames(ABC):

@@ -117,6 +117,41 @@ def read_run(path: Path, columns: ColumnMap = NO_MAP) -> MeasuredRun:
     )
 
 
+def run_of_columns(columns: Mapping[str, Any], name: str = "run") -> MeasuredRun:
+    """Take a run from columns by their names, as `read_run` takes it from a file.
+
+    Parameters
+    ----------
+    columns
+        `time_s` and channels, [n] each; columns of other names are left out.
+    name
+        Name of the run, for errors and titles.
+
+    Raises
+    ------
+    SettingsError
+        Where a column is missing, is no list of numbers or of another length, or time does not increase.
+    """
+    path = Path(name)
+    if TIME not in columns:
+        raise SettingsError(f"{name}: no column {TIME}: known are {_KNOWN}")
+    try:
+        known = {
+            each: np.array(values, dtype=np.float64)
+            for each, values in columns.items()
+            if each == TIME or each in _CHANNELS
+        }
+    except (TypeError, ValueError) as error:
+        raise SettingsError(f"{name}: a column holds no numbers ({first_line(error)}): mend it") from error
+    time = known[TIME]
+    for each, values in known.items():
+        if values.shape != time.shape or values.ndim != 1:
+            raise SettingsError(
+                f"{name}: {each} has size {values.shape}, {TIME} {time.shape}: make them equal"
+            )
+    return MeasuredRun(name, path, _times(path, time), **_channels(path, known))
+
+
 def holds_run(path: Path, columns: ColumnMap = NO_MAP) -> bool:
     """Whether a table has measured columns and no points, and so is a run."""
     kind = ending(path)

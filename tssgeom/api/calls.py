@@ -1,0 +1,483 @@
+"""The calls of a user's program: each takes arrays and objects, or the paths of their files.
+
+What a call needs is imported when it runs, so that `import tssgeom` and `analyse` of an array stay quick.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast, overload
+
+from tssgeom import analysis
+from tssgeom.errors import SettingsError
+from tssgeom.stream import Frame, FrameResult
+
+if TYPE_CHECKING:
+    from tssgeom.api.inputs import RigGiven, RunGiven, ShapesGiven
+    from tssgeom.api.runs import Compensation, Simulation
+    from tssgeom.arrays import Points, Vector
+    from tssgeom.identify.calibrated_run import Measured
+    from tssgeom.identify.calibration import Calibration
+    from tssgeom.identify.campaign import Campaign
+    from tssgeom.identify.finding import Finding
+    from tssgeom.identify.proposal import Asked
+    from tssgeom.route.pieces import Arcs
+    from tssgeom.route.resolution import SharedErrors
+    from tssgeom.tendon.command import Command
+    from tssgeom.tendon.command_error import DistalErrors
+    from tssgeom.tendon.commander import Policy
+    from tssgeom.tendon.moving import MovingRoute
+    from tssgeom.tendon.state import TendonState
+
+_DRIVES = ("tension_in_N", "displacement_in_m")
+_TARGETS = ("displacement_out_m", "tension_out_N")
+
+
+def analyse(
+    points: Points | Frame | str | Path,
+    rig: RigGiven = None,
+    *,
+    tension_in: float = 15.0,
+    stations: Vector | None = None,
+    unit: str | None = None,
+) -> FrameResult:
+    """Fit the route of a shape, and compute tension and elongation of its tendon.
+
+    Parameters
+    ----------
+    points
+        [n, 3] Sensed points from the proximal to the distal end, n >= 4; a row of NaN is a missing point [m].
+        Or a `Frame`, which also holds what was measured beside the points. Or the path of a file of sensed
+        shapes (docs/formats.md): of a recording the tendon goes through all frames, and the result is that of
+        the last usable one; `process` gives all.
+    rig
+        Tendon, friction, load and sensors, or the path of a rig file; that of the paper by default.
+    tension_in
+        Total tension at the proximal end, where the frame has no drive [N].
+    stations
+        [n] Known arc length of the points, increasing [m]; estimated where left out. Only beside an array.
+    unit
+        Unit of length, "mm" or "m", of a file that states none.
+
+    Returns
+    -------
+    FrameResult
+        `profile.total_angle` ± `profile.total_angle_se` [rad], `arcs` (pieces of constant curvature),
+        `transmission.tension_out` [N] and `transmission.elongation` [m], `warnings`.
+
+    Raises
+    ------
+    ShapeError
+        Where the points cannot be a route.
+    SettingsError
+        Where the tension is negative or not finite, or the rig file cannot be used.
+    FitError
+        Where the points give no finite curve.
+    SourceError
+        Where the file cannot be read.
+
+    Notes
+    -----
+    Source: docs/model.md, Geometry and Transmission; Sun, Wang and Phee (2014), eqs. (5) to (12).
+
+    Examples
+    --------
+    A half circle of 0.5 m at 15 N passes exp(-0.145 π) of the tension:
+
+    >>> import numpy as np
+    >>> from tssgeom import analyse
+    >>> s = np.linspace(0.0, 0.5, 40)
+    >>> angle = 2 * np.pi * s
+    >>> points = np.column_stack((np.sin(angle), 1 - np.cos(angle), 0 * s)) / (2 * np.pi)
+    >>> result = analyse(points, tension_in=15.0)
+    >>> print(f"{result.profile.total_angle:.4f} rad, {result.transmission.tension_out:.3f} N")
+    3.1416 rad, 9.512 N
+    """
+    if isinstance(rig, str | Path):
+        from tssgeom.rig import read_rig
+
+        rig = read_rig(rig)
+    if not isinstance(points, str | Path):
+        return analysis.analyse(points, rig, tension_in=tension_in, stations=stations)
+    if stations is not None:
+        raise SettingsError(f"{points}: stations belong to an array: give them as the column s_m of the file")
+    from tssgeom.api.inputs import last_result, read
+
+    return last_result(read(points, unit), rig, tension_in)
+
+
+@overload
+def simulate(
+    time: Vector,
+    route: MovingRoute,
+    rig: RigGiven = None,
+    *,
+    tension_in: Vector | None = None,
+    displacement_in: Vector | None = None,
+    temperature: Vector | None = None,
+    state: TendonState | None = None,
+) -> Simulation: ...
+@overload
+def simulate(
+    shapes: ShapesGiven,
+    run: RunGiven,
+    /,
+    rig: RigGiven = None,
+    *,
+    state: TendonState | None = None,
+    unit: str | None = None,
+) -> Simulation: ...
+def simulate(  # pyright: ignore[reportInconsistentOverload]
+    time: Any,
+    route: Any,
+    rig: RigGiven = None,
+    *,
+    tension_in: Vector | None = None,
+    displacement_in: Vector | None = None,
+    temperature: Vector | None = None,
+    state: TendonState | None = None,
+    unit: str | None = None,
+) -> Simulation:
+    """Drive a tendon through a run.
+
+    Call `simulate(time, route, rig, tension_in=...)`, or `simulate(shapes, run, rig)`.
+
+    Parameters
+    ----------
+    time
+        [n] Times of the run [s]. Or the shapes: a path, `Frame`, `FrameResult`, `Arcs` or `MovingRoute`.
+    route
+        The route over time. After shapes, the run instead: a path, a `MeasuredRun`, or columns such as a data
+        frame with `time_s` and `tension_in_N` or else `displacement_in_m` (docs/formats.md, Measured runs).
+    rig
+        Tendon, friction, load and effects, or the path of a rig file; that of the paper by default.
+    tension_in, displacement_in
+        [n] Total tension [N] or position [m] of the drive; one of them, and only beside times. A tension is
+        what its sensor reads, which is not the true one where effects spoil that sensor.
+    temperature
+        [n] Temperature [°C]; the same throughout where left out. Only beside times.
+    state
+        Tension along the tendon before the run; the rig's pretension by default.
+    unit
+        Unit of length, "mm" or "m", of a file of shapes that states none.
+
+    Returns
+    -------
+    Simulation
+        A sequence with one `Moment` for each time.
+
+    Raises
+    ------
+    SettingsError, FitError
+        As `tssgeom.step`; where the sensor of the drive lags, the run is refused (docs/checks.md) or the rig
+        is of several tendons.
+    ShapeError, SourceError
+        Where a file cannot be used.
+
+    Notes
+    -----
+    Source: docs/model.md; Sun, Wang and Phee (2014), Theorem 1 and Fig. 5.
+
+    Examples
+    --------
+    A pull to 15 N and back to 10 N on a half circle of 0.5 m, in the dead zone of Fig. 4 at the end:
+
+    >>> import numpy as np
+    >>> from tssgeom import Arcs, MovingRoute, Rig, simulate
+    >>> route = MovingRoute(np.array([0.0]), [Arcs.exact([0.5], [np.pi])])
+    >>> time, pull = np.array([0.0, 1.0, 2.0]), np.array([0.0, 15.0, 10.0])
+    >>> run = simulate(time, route, Rig(), tension_in=pull)
+    >>> [round(1e3 * float(moment.transmission.elongation), 3) for moment in run]
+    [0.0, 1.904, 1.728]
+    """
+    from tssgeom.api.inputs import (
+        require_one_tendon,
+        rig_of,
+        route_of,
+        run_of,
+        temperature_of,
+        warnings_of_run,
+    )
+    from tssgeom.api.runs import Simulation
+    from tssgeom.tendon import simulation
+    from tssgeom.tendon.moving import MovingRoute
+
+    rig = rig_of(rig)
+    require_one_tendon(rig, "simulate")
+    columns: dict[str, Any] = {
+        "tension_in": tension_in,
+        "displacement_in": displacement_in,
+        "temperature": temperature,
+    }
+    if isinstance(route, MovingRoute):
+        return Simulation(tuple(simulation.simulate(time, route, rig, **columns, state=state)))
+    if any(each is not None for each in columns.values()):
+        raise SettingsError("simulate: the run brings its drive: leave tension_in and displacement_in out")
+    run, moving = run_of(route, rig), route_of(time, rig, unit)
+    warnings = warnings_of_run(run, rig, moving, fitted=False)
+    name, drive = run.channel(_DRIVES)
+    columns = {name.rpartition("_")[0]: drive, "temperature": temperature_of(run, rig)}
+    return Simulation(
+        tuple(simulation.simulate(run.time, moving, rig, **columns, state=state)), run, warnings
+    )
+
+
+@overload
+def compensate(
+    state: TendonState,
+    arcs: Arcs,
+    rig: RigGiven = None,
+    *,
+    tension_out: float | None = None,
+    displacement_out: float | None = None,
+    time: float | None = None,
+    temperature: float | None = None,
+    position: float | None = None,
+    elapsed: float | None = None,
+    may_wait: Callable[[TendonState], bool] | None = None,
+    shared: SharedErrors | None = None,
+    kept: DistalErrors | None = None,
+) -> Command: ...
+@overload
+def compensate(
+    shapes: ShapesGiven,
+    target: RunGiven,
+    /,
+    rig: RigGiven = None,
+    *,
+    tolerance: float | None = None,
+    policy: Policy = "cross",
+    unit: str | None = None,
+) -> Compensation: ...
+def compensate(  # pyright: ignore[reportInconsistentOverload]
+    state: Any,
+    arcs: Any,
+    rig: RigGiven = None,
+    *,
+    tolerance: float | None = None,
+    policy: Policy = "cross",
+    unit: str | None = None,
+    **options: Any,
+) -> Command | Compensation:
+    """Return what the drive has to do for a target of the distal end.
+
+    Call `compensate(state, arcs, rig, displacement_out=...)` for one move, or
+    `compensate(shapes, target, rig)` for a run of targets.
+
+    Parameters
+    ----------
+    state
+        Tension along the tendon before the move. Or the shapes: a path, `Frame`, `FrameResult`, `Arcs` or
+        `MovingRoute`.
+    arcs
+        The route after the move. After shapes, the targets instead: a path, a `MeasuredRun`, or columns such
+        as a data frame with `time_s` and `displacement_out_m` or else `tension_out_N`.
+    rig
+        Tendon, friction, load and effects, or the path of a rig file, whose errors then count in those of the
+        commands; that of the paper by default.
+    tolerance
+        Distance from the target that may be missed [m]; only of a run.
+    policy
+        What the drive does where a target asks it to turn: "cross" the dead zone, or "wait" in it; only of a
+        run.
+    unit
+        Unit of length, "mm" or "m", of a file of shapes that states none.
+    options
+        Of one move: `tension_out` [N] or `displacement_out` [m], one of them, and the others of
+        `tssgeom.tendon.command.compensate`.
+
+    Returns
+    -------
+    Command or Compensation
+        The command of one move; of a run a sequence of them.
+
+    Raises
+    ------
+    SettingsError
+        Where not exactly one target is given, where no proximal tension can reach it, where the command is
+        beyond reason (docs/checks.md), or the rig is of several tendons.
+    FitError
+        Where no equilibrium was found on a moving route.
+    ShapeError, SourceError
+        Where a file cannot be used.
+
+    Notes
+    -----
+    Source: docs/model.md, "Compensation: the inverse model".
+
+    Examples
+    --------
+    The load, a spring of 1000 N/m, moves by 5 mm where the drive moves by 6 mm and pulls with 7.9 N:
+
+    >>> import numpy as np
+    >>> from tssgeom import Arcs, Rig, compensate, pretensioned
+    >>> route = Arcs.exact([0.5], [np.pi])
+    >>> command = compensate(pretensioned(Rig()), route, Rig(), displacement_out=0.005)
+    >>> print(f"{1e3 * command.displacement_in:.2f} mm, {command.tension_in:.2f} N")
+    6.00 mm, 7.89 N
+    """
+    from tssgeom.api.inputs import require_one_tendon, rig_of
+    from tssgeom.tendon import command
+    from tssgeom.tendon.state import TendonState
+
+    if isinstance(state, TendonState):
+        if "shared" in options and options["shared"] is None:
+            del options["shared"]
+        return command.compensate(state, arcs, rig_of(rig), **options)
+    if options:
+        raise SettingsError(f"compensate: {next(iter(options))} is of one move: a run brings its targets")
+    from tssgeom.api.inputs import route_of, run_of, temperature_of, uncertain_rig_of, warnings_of_run
+    from tssgeom.api.runs import Compensation
+    from tssgeom.tendon.commander import commander_of
+    from tssgeom.tendon.simulation import commands
+
+    known, uncertain = uncertain_rig_of(rig)
+    require_one_tendon(known, "compensate")
+    commander = commander_of(known, uncertain, tolerance=tolerance, policy=policy)
+    run, moving = run_of(arcs, known), route_of(state, known, unit)
+    warnings = warnings_of_run(run, known, moving, fitted=False)
+    name, target = run.channel(_TARGETS)
+    given: dict[str, Any] = {name.rpartition("_")[0]: target, "temperature": temperature_of(run, known)}
+    rows = commands(run.time, moving, known, commander=commander, **given)
+    return Compensation(tuple(rows), run.time, target, name == _TARGETS[1], warnings)
+
+
+def calibrate(
+    measured: Measured | RunGiven,
+    arcs: Arcs | ShapesGiven,
+    rig: RigGiven = None,
+    *,
+    from_tension: float = 4.0,
+    progress: Callable[[str, float], object] = lambda step, share: None,
+    unit: str | None = None,
+) -> Calibration:
+    """Fit friction, compliance and zeros to a run of one tendon.
+
+    Parameters
+    ----------
+    measured
+        Drive and responses of the run: `Measured`, a path, a `MeasuredRun`, or columns such as a data frame
+        with `time_s`, `tension_in_N` or else `displacement_in_m`, and `tension_out_N` or `elongation_m`.
+    arcs
+        The route, with the covariance of its pieces. Or the shape: a path, `Frame` or `FrameResult`; of a
+        recording the last frame.
+    rig
+        Nominal rig, or the path of its file: pretension, load and the standard deviation of the angle gain
+        are taken from it; that of the paper by default.
+    from_tension
+        Proximal tension below which the elongation does not count: slack is taken up there [N].
+    progress
+        Called with each step and the share of the work that is done [1].
+    unit
+        Unit of length, "mm" or "m", of a file of shapes that states none.
+
+    Returns
+    -------
+    Calibration
+        `estimates` with 95 % intervals by name; `applied(rig)` gives the rig with them.
+
+    Raises
+    ------
+    SettingsError
+        Where the route is straight, so that there is no friction to find; where the run is refused
+        (docs/checks.md).
+    FitError
+        Where nothing can be fitted.
+    ShapeError, SourceError
+        Where a file cannot be used.
+
+    Notes
+    -----
+    Source: docs/model.md, section on calibration.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tssgeom import Arcs, MovingRoute, Rig, calibrate, simulate
+    >>> route, time = Arcs.exact([0.5], [np.pi]), np.linspace(0.0, 20.0, 401)
+    >>> pull = 5.0 + 10.0 * (1.0 - np.abs(time - 10.0) / 10.0)
+    >>> run = simulate(time, MovingRoute(np.array([0.0]), [route]), Rig(), tension_in=pull)
+    >>> table = run.to_arrow()
+    >>> names = ("time_s", "tension_in_N", "tension_out_N", "elongation_m")
+    >>> measured = {name: table[name] for name in names}
+    >>> print(f"{calibrate(measured, route).estimates['friction'].value:.3f}")
+    0.145
+    """
+    from tssgeom.api.inputs import measured_of, require_one_tendon, rig_of, route_of, run_of, warnings_of_run
+    from tssgeom.identify import calibration
+    from tssgeom.identify.calibrated_run import Measured
+    from tssgeom.route.pieces import Arcs
+
+    rig = rig_of(rig)
+    require_one_tendon(rig, "calibrate")
+    route = arcs if isinstance(arcs, Arcs) else route_of(arcs, rig, unit).arcs[-1]
+    warnings: tuple[str, ...] = ()
+    if not isinstance(measured, Measured):
+        run = run_of(measured, rig)
+        warnings = warnings_of_run(run, rig, route_of(route, rig), fitted=True)
+        measured = measured_of(run)
+    fitted = calibration.calibrate(measured, route, rig, from_tension=from_tension, progress=progress)
+    return replace(fitted, warnings=(*warnings, *fitted.warnings))
+
+
+def discover(
+    campaign: Campaign | str | Path,
+    *,
+    seed: int = 0,
+    progress: Callable[[str, float], None] | None = None,
+    propose: Asked | None = None,
+    unit: str | None = None,
+) -> Finding:
+    """Find what the model of a rig lacks.
+
+    Parameters
+    ----------
+    campaign
+        Measured runs and the rig as it is believed to be, or the path of their folder, of one tendon or of a
+        machine.
+    seed
+        Of the simulated clean campaigns; the same seed gives the same answer.
+    progress
+        Is called with each step and the share that is done [1].
+    propose
+        How many experiments to design, and within which limits; left out, none. Not for a machine.
+    unit
+        Unit of length, "mm" or "m", of files of shapes that state none.
+
+    Raises
+    ------
+    SettingsError
+        Where the runs cannot be used, or limits forbid every experiment.
+    ShapeError, SourceError
+        Where a file is missing or cannot be used.
+
+    Notes
+    -----
+    Source: docs/discovery.md.
+
+    Examples
+    --------
+    >>> from tssgeom import discover
+    >>> finding = discover("sample_shapes/campaign_hidden_bend")  # doctest: +SKIP
+    >>> [effect.names for effect in finding.effects]  # doctest: +SKIP
+    [('hidden_bend',)]
+    """
+    from tssgeom.identify import workflow
+
+    if not isinstance(campaign, str | Path):
+        return workflow.discover(campaign, seed=seed, progress=progress, propose=propose)
+    from tssgeom.io.formats.campaigns import read_campaign
+    from tssgeom.io.formats.machine_campaigns import is_machine_campaign, read_machine_campaign
+
+    folder = Path(campaign)
+    if not is_machine_campaign(folder):
+        read = read_campaign(folder, unit)
+        return workflow.discover(read, seed=seed, progress=progress, propose=propose)
+    from tssgeom.identify.machine_discovery import discover_machine
+
+    if propose is not None:
+        raise SettingsError(f"propose takes campaigns of one tendon: {campaign} is of a machine")
+    report = progress or cast("Callable[[str, float], object]", lambda step, share: None)
+    return discover_machine(read_machine_campaign(folder, unit), progress=report)

@@ -1,0 +1,241 @@
+"""What the public calls accept for rigs, routes and runs: objects, columns, or the paths of their files."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Protocol, TypeAlias
+
+import numpy as np
+from msgspec.structs import replace as changed
+
+from tssgeom.arrays import Vector
+from tssgeom.engine import recorded
+from tssgeom.errors import SettingsError, ShapeError
+from tssgeom.identify.calibrated_run import Measured
+from tssgeom.io.formats.files import open_recording
+from tssgeom.io.formats.laboratory.mapping import ColumnMap
+from tssgeom.io.formats.recording import Recording, in_order
+from tssgeom.io.formats.runs import MeasuredRun, read_run, run_of_columns
+from tssgeom.plausibility.rules import warnings_of
+from tssgeom.plausibility.runs import run_remarks
+from tssgeom.rig import Rig, read_rig, read_uncertain_rig, require_known
+from tssgeom.route.pieces import Arcs
+from tssgeom.stream import Frame, FrameResult, Rejected
+from tssgeom.tendon.moving import MovingRoute
+from tssgeom.uncertain import Uncertain
+
+
+class Table(Protocol):
+    """Columns by name: a mapping of arrays, or a data frame of pandas or polars."""
+
+    def __getitem__(self, name: Any, /) -> Any:
+        """Return a column."""
+        ...
+
+    @property
+    def columns(self) -> Any:
+        """Names of the columns."""
+        ...
+
+
+RigGiven: TypeAlias = Rig | str | Path | None
+ShapesGiven: TypeAlias = str | Path | Frame | FrameResult | Arcs | MovingRoute
+RunGiven: TypeAlias = str | Path | MeasuredRun | Mapping[str, Any] | Table
+
+
+def read(path: str | Path, unit: str | None = None, columns: Iterable[str] = ()) -> Recording:
+    """Open a file of sensed shapes, of any format that `tssgeom` knows.
+
+    Parameters
+    ----------
+    path
+        A file, one recording of a file of several as `FILE#PART`, or the folder of a colonoscope recording or
+        a ROS 2 bag.
+    unit
+        Unit of length, "mm" or "m", where the file states none.
+    columns
+        What columns of a table are, as `--map` has it: "NAME=channel[:unit]".
+
+    Returns
+    -------
+    Recording
+        A sequence of `Frame` in metres; a frame that cannot be read is a `Rejected` with the reason. Frames
+        are read from the file when they are asked for, and anew at each pass.
+
+    Raises
+    ------
+    ShapeError
+        Where the file as a whole cannot be used: unit or columns missing or mixed, no points.
+    SourceError
+        Where the file cannot be read, or has an ending that no reader takes.
+    SettingsError
+        Where `columns` cannot be understood.
+
+    Notes
+    -----
+    Source: docs/formats.md, Shapes and recordings.
+
+    Examples
+    --------
+    >>> import tssgeom
+    >>> frames = tssgeom.read("sample_shapes/half_circle.csv")
+    >>> len(frames), frames[0].points.shape
+    (1, (100, 3))
+    """
+    return open_recording(path, unit, ColumnMap(columns))
+
+
+def last_result(recording: Recording, rig: Rig | None, tension_in: float) -> FrameResult:
+    """Carry a tendon through a recording, and return the result of the last frame that can be used.
+
+    Raises
+    ------
+    ShapeError
+        Where none can be.
+    """
+    last, first = None, "it holds no frame"
+    for item in recorded(recording.frames, rig or Rig(), tension_in=tension_in):
+        if isinstance(item, FrameResult):
+            last = item
+        elif last is None and item.seq == 0:
+            first = item.reason
+    if last is None:
+        raise ShapeError(f"{recording.path}: no frame can be used; the first: {first}")
+    return replace(last, warnings=(*recording.warnings, *last.warnings))
+
+
+def rig_of(rig: RigGiven) -> Rig:
+    """Return a rig, read from its file where a path is given, the paper's where nothing is; as `read_rig`."""
+    if rig is None:
+        return Rig()
+    return rig if isinstance(rig, Rig) else read_rig(rig)
+
+
+def uncertain_rig_of(rig: RigGiven) -> tuple[Rig, tuple[Uncertain, ...]]:
+    """Return a rig as `rig_of` does, and what of it is not certain; errors as `read_rig`."""
+    if rig is None or isinstance(rig, Rig):
+        return rig_of(rig), ()
+    known, uncertain = read_uncertain_rig(rig)
+    require_known(rig, uncertain)
+    return known, uncertain
+
+
+def require_one_tendon(rig: Rig, call: str) -> None:
+    """Refuse a rig of several tendons, a joint or a segment, with a SettingsError."""
+    if rig.is_machine:
+        raise SettingsError(
+            f"{call}: the rig has [drive] or [end], and so more than one tendon on a spring: use the command "
+            f"tssgeom {call}"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class SensedFrames:
+    """The routes of a shape, or of a recording over time."""
+
+    results: tuple[FrameResult, ...]
+    rejected: tuple[Rejected, ...]
+    """Frames that could not be used."""
+
+    @property
+    def route(self) -> MovingRoute:
+        """The route at any time."""
+        times = np.array([result.frame.time for result in self.results])
+        return MovingRoute(times, [result.arcs for result in self.results])
+
+
+def sensed_frames(recording: Recording, rig: Rig) -> SensedFrames:
+    """Fit the route of every frame of a recording; its drives do not count.
+
+    Raises
+    ------
+    ShapeError
+        Where no frame can be used.
+    """
+    without_effects = changed(rig, effects=())
+    shapes = in_order(_without_drives(recording.frames))  # anew: a frame may be usable without its drive
+    items = list(recorded(shapes, without_effects, tension_in=rig.tendon.pretension_N))
+    rejected = tuple(item for item in items if isinstance(item, Rejected))
+    results = tuple(item for item in items if isinstance(item, FrameResult))
+    if not results:
+        reason = rejected[0].reason if rejected else "it holds no frame"
+        raise ShapeError(f"{recording.path}: no frame can be used; the first: {reason}")
+    return SensedFrames(results, rejected)
+
+
+_NO_DRIVE = dict.fromkeys(("tension_in", "displacement_in", "displacement_target", "tension_out_target"))
+
+
+def _without_drives(frames: Iterable[Frame | Rejected]) -> Iterator[Frame | Rejected]:
+    """Yield the frames without their drives: the run brings its own."""
+    for frame in frames:
+        yield frame if isinstance(frame, Rejected) else replace(frame, **_NO_DRIVE)
+
+
+def route_of(shapes: ShapesGiven, rig: Rig, unit: str | None = None) -> MovingRoute:
+    """Return the route over time of what was given for it.
+
+    Raises
+    ------
+    ShapeError, SourceError, FitError
+        Where the file or its frames cannot be used.
+    """
+    if isinstance(shapes, MovingRoute):
+        return shapes
+    if isinstance(shapes, Arcs):
+        return MovingRoute(np.array([0.0]), [shapes])
+    if isinstance(shapes, FrameResult):
+        return MovingRoute(np.array([shapes.frame.time]), [shapes.arcs])
+    if isinstance(shapes, Frame):
+        from tssgeom.analysis import analyse
+
+        return route_of(analyse(replace(shapes, **_NO_DRIVE), changed(rig, effects=())), rig)
+    return sensed_frames(read(shapes, unit), rig).route
+
+
+def run_of(run: RunGiven, rig: Rig) -> MeasuredRun:
+    """Return a measured run of its columns, or from its file; errors as `read_run` has them."""
+    if isinstance(run, MeasuredRun):
+        return run
+    if isinstance(run, str | Path):
+        return read_run(Path(run), ColumnMap((), rig.columns))
+    names = run.keys() if isinstance(run, Mapping) else run.columns
+    return run_of_columns({name: run[name] for name in names})
+
+
+def warnings_of_run(run: MeasuredRun, rig: Rig, route: MovingRoute, *, fitted: bool) -> tuple[str, ...]:
+    """Return what is implausible in a run on the longest of its routes.
+
+    Raises
+    ------
+    SettingsError
+        Where a rule refuses the run; docs/checks.md.
+    """
+    arcs = max(route.arcs, key=lambda each: each.total_length)
+    remarks = run_remarks(run.columns, rig, length=arcs.total_length, angle=arcs.total_angle, fitted=fitted)
+    return (*run.warnings, *warnings_of(run.path, remarks))
+
+
+def temperature_of(run: MeasuredRun, rig: Rig) -> Vector | None:
+    """Return the temperature of a run where an effect of the rig needs it [°C].
+
+    Raises
+    ------
+    SettingsError
+        Where the column lacks a sample.
+    """
+    if run.temperature is None or not any("temperature_C" in effect.needs for effect in rig.effects):
+        return None
+    return run.channel(("temperature_C",))[1]
+
+
+def measured_of(run: MeasuredRun) -> Measured:
+    """Return the columns of a run as `calibrate` takes them."""
+    elongation = run.elongation
+    if elongation is None and run.displacement_in is not None and run.displacement_out is not None:
+        elongation = run.displacement_in - run.displacement_out  # docs/model.md (44)
+    return Measured(
+        run.time, run.tension_in, run.displacement_in, run.tension_out, elongation, run.temperature
+    )

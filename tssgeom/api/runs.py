@@ -1,0 +1,78 @@
+"""Results of `simulate` and `compensate`: all rows of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Generic, TypeVar, overload
+
+from tssgeom.arrays import Vector
+from tssgeom.io.formats.runs import MeasuredRun
+from tssgeom.result import Result
+from tssgeom.tendon.command import Command
+from tssgeom.tendon.simulation import Moment
+
+Row = TypeVar("Row")
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class _Rows(Result, Sequence[Row], Generic[Row]):
+    """Rows of a run, which count, iterate and slice as a tuple."""
+
+    rows: tuple[Row, ...]
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    @overload
+    def __getitem__(self, index: int) -> Row: ...
+    @overload
+    def __getitem__(self, index: slice) -> tuple[Row, ...]: ...
+    def __getitem__(self, index: int | slice) -> Row | tuple[Row, ...]:
+        return self.rows[index]
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class Simulation(_Rows[Moment]):
+    """The tendon at each time of a run: a sequence of `Moment`.
+
+    As a table it has the columns of `simulate.parquet` (docs/formats.md).
+
+    Attributes
+    ----------
+    rows
+        [n] The tendon at each time.
+    run
+        The run with what was measured in it; None where only times and a drive were given.
+    warnings
+        What is implausible in the run, a sentence each.
+    """
+
+    run: MeasuredRun | None = None
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class Compensation(_Rows[Command]):
+    """The command for each time of a run with a target: a sequence of `Command`.
+
+    As a table it has the columns of `compensate.parquet` (docs/formats.md).
+
+    Attributes
+    ----------
+    rows
+        [n] What the drive has to do at each time.
+    time
+        [n] Times of the run [s].
+    target
+        [n] Target of the distal end: movement of the load [m], or tension [N] where `by_tension`.
+    by_tension
+        Whether the target is the distal tension.
+    warnings
+        What is implausible in the run, a sentence each.
+    """
+
+    time: Vector
+    target: Vector
+    by_tension: bool
+    warnings: tuple[str, ...] = ()
