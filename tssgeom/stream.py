@@ -13,6 +13,7 @@ from tssgeom.adapt.readings import FollowedRig, Readings
 from tssgeom.effects import named
 from tssgeom.frame import Frame, fit_frame, with_shared_errors_of
 from tssgeom.plausibility.frames import frame_remarks, strain_remarks
+from tssgeom.result import Result
 from tssgeom.rig import Rig
 from tssgeom.route.curvature import CurvatureProfile
 from tssgeom.route.observations import Shape
@@ -31,8 +32,8 @@ from tssgeom.tendon.transmission import Transmission
 _STANDS = 0.5  # probability from which a route is taken to stand [1]; chosen
 
 
-@dataclass(frozen=True, slots=True)
-class FrameResult:
+@dataclass(frozen=True, slots=True, repr=False)
+class FrameResult(Result):
     """Geometry and transmission of one frame."""
 
     seq: int

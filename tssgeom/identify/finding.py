@@ -13,6 +13,7 @@ from tssgeom.arrays import Vector
 from tssgeom.effects import AnyEffect
 from tssgeom.identify.campaign import Campaign
 from tssgeom.identify.proposal import Proposal
+from tssgeom.result import Result
 from tssgeom.rig import Rig
 
 Verdict = Literal["none", "effect", "law", "tie", "partial", "unknown"]
@@ -195,8 +196,8 @@ class Shape:
     """Share of the misfit that it explains [1]."""
 
 
-@dataclass(frozen=True, slots=True)
-class Finding:
+@dataclass(frozen=True, slots=True, repr=False)
+class Finding(Result):
     """The answer."""
 
     campaign: Campaign
