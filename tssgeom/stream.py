@@ -39,14 +39,19 @@ class FrameResult(Result):
     seq: int
     """Count of the frame on arrival, from 0."""
     frame: Frame
+    """The frame as it was given."""
     shape: Shape
+    """Its points that are used."""
     fit: RouteFit
     """The fit of the route, at its resolution, with all errors of its source."""
     tracked: TrackedFit
     """The fit from which that of the next frame starts."""
     state: TendonState
+    """Tension along the tendon after the frame."""
     transmission: Transmission
+    """Tension at both ends and elongation."""
     warnings: tuple[str, ...] = ()
+    """What to know of the result, a sentence each."""
     command: Command | None = None
     """What the drive has to do for the frame's target, where it has one."""
     commander: Commander | None = None
@@ -99,9 +104,13 @@ class Rejected:
     """A frame that could not be used; the tendon's state is as before it."""
 
     seq: int
+    """Count of the frame on arrival, from 0."""
     time: float
+    """Time of the frame [s]."""
     reason: str
+    """Why it could not be used, with a hint."""
     id: str | int = ""
+    """The sender's own name of the frame."""
 
 
 def advance(

@@ -19,7 +19,7 @@ from tssgeom.view.wording import with_error
 if TYPE_CHECKING:
     import pyarrow as pa
 
-_MOST_DRAWN = 12
+_MOST_PLOTTED = 12
 """Frames of a recording in one plot. Chosen: their lines stay apart."""
 
 
@@ -146,7 +146,7 @@ def _of_frame(frame: Frame) -> Drawings:
 def _of_recording(recording: Recording) -> Drawings:
     from tssgeom.view.figures import on_axes
 
-    stride = -(-recording.frame_count // _MOST_DRAWN) or 1
+    stride = -(-recording.frame_count // _MOST_PLOTTED) or 1
     frames = [each for each in islice(recording, 0, None, stride) if isinstance(each, Frame)]
     if frames and frames[0].curvatures is not None:
         return _of_frame(frames[0])

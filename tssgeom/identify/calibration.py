@@ -83,8 +83,11 @@ class Calibration(Result):
     """What a run identifies of a rig."""
 
     estimates: dict[str, Estimate]
+    """Each number with its 95 % interval, by name."""
     channels: tuple[ChannelFit, ...]
+    """How well each measured channel is met."""
     warnings: tuple[str, ...]
+    """What to know of run and fit, a sentence each."""
     time: Vector
     """[n] [s]."""
     fitted: dict[str, Vector]

@@ -49,6 +49,7 @@ class Command(Result):
     tension_in: float
     """Tension at the proximal end [N]."""
     state: TendonState
+    """Tension along the tendon after the move."""
     reading_in: float
     """What the sensor of the proximal tension reads there [N]."""
     tension_reached: float

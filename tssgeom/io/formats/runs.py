@@ -33,7 +33,9 @@ class MeasuredRun(Result):
     """Channels against time; NaN is a missing sample, None a missing channel."""
 
     name: str
+    """Stem of the file."""
     path: Path
+    """The file."""
     time: Vector
     """[n] Times of the samples, increasing [s]."""
     tension_in: Vector | None = None

@@ -119,9 +119,9 @@ def draw_channels(axes: Axes, time: Vector, channels: dict[str, Vector], measure
         if name in measured:
             options = {**MEASURED, "color": of.ink, "label": f"{of.symbol} measured"}
             axes.plot(time, of.factor * measured[name], **options)
-    units = sorted({quantity(name).unit for name in {**channels, **measured}})
+    last = quantity(next(reversed({**channels, **measured})))
     axes.legend()
-    titles(axes, "", TIME.title, f"[{', '.join(units)}]")
+    titles(axes, "", TIME.title, f"{last.words.rpartition(' ')[2]} [{last.unit}]")
 
 
 def draw_loop(axes: Axes, across: tuple[str, Vector], up: tuple[str, Vector]) -> None:
