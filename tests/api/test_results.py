@@ -108,7 +108,7 @@ def test_a_result_becomes_the_same_table_in_every_library_and_file(results, name
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_every_plot_is_drawn_on_the_axes_that_are_given(results, name):
+def test_every_plot_uses_the_axes_that_are_given(results, name):
     for what in results[name].plots:
         axes = Figure().subplots()
         assert results[name].plot(axes, what) is axes
