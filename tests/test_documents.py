@@ -35,11 +35,24 @@ def blocks(document: str, language: str) -> list[str]:
 
 
 def test_the_python_of_the_readme_prints_angle_and_tension_of_a_half_circle(capsys):
-    (example,) = blocks("README.md", "python")
+    _, example = blocks("README.md", "python")
     exec(example, {})
     first = capsys.readouterr().out.split()
     assert float(first[0]) == pytest.approx(3.14159265, rel=1e-8)
     assert float(first[2]) == pytest.approx(5.0 * 0.6341, rel=1e-4)  # the paper's ratio has four digits
+
+
+def test_the_first_python_of_the_readme_prints_plots_and_saves(capsys, tmp_path, monkeypatch):
+    import matplotlib as mpl
+    import pyarrow.parquet as papq
+
+    mpl.use("Agg")
+    (tmp_path / "sample_shapes").symlink_to(HOME / "sample_shapes")
+    monkeypatch.chdir(tmp_path)
+    exec(blocks("README.md", "python")[0], {})
+    assert capsys.readouterr().out.startswith("<FrameResult: L = ")
+    assert (tmp_path / "tension.png").stat().st_size > 1000
+    assert papq.read_table(tmp_path / "run.parquet").num_rows == 240
 
 
 def test_the_effects_of_the_formats_are_a_rig():

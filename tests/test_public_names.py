@@ -2,11 +2,14 @@
 
 import doctest
 import inspect
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
 
 import tssgeom
+from pipelines import tssgeom_version
+from tssgeom.field_docs import documented_fields
 
 STAGES = ("analyse", "process", "simulate", "compensate", "calibrate", "discover")
 """The functions that README promises to users of every stage."""
@@ -32,6 +35,21 @@ def test_the_example_of_a_stage_runs(name, monkeypatch):
     runner = doctest.DocTestRunner()
     assert sum(runner.run(example).attempted for example in examples) > 0
     assert runner.failures == 0
+
+
+@pytest.mark.parametrize("name", [name for name in tssgeom.__all__ if name[0].isupper()])
+def test_every_field_of_a_public_class_is_described_in_its_help(name):
+    kind = getattr(tssgeom, name)
+    fields = getattr(kind, "__struct_fields__", getattr(kind, "_fields", getattr(kind, "__match_args__", ())))
+    described = documented_fields(kind)
+    assert [each for each in fields if not described.get(each)] == []
+    text = inspect.getdoc(kind) or ""
+    assert all(f"\n{each}\n    {described[each]}" in text for each in fields)
+
+
+def test_the_version_is_that_of_the_installed_package():
+    assert tssgeom.__version__ == tssgeom_version()
+    assert tssgeom.__version__ == version("tssgeom")
 
 
 def test_an_unknown_name_is_an_attribute_error():

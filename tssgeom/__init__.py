@@ -3,6 +3,8 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from tssgeom.field_docs import WithFields
+
 if TYPE_CHECKING:
     from tssgeom.analysis import analyse_same
     from tssgeom.api.calls import analyse, calibrate, compensate, discover, simulate
@@ -136,7 +138,10 @@ def __getattr__(name: str) -> Any:
     """Import a public name when it is first used, so that each command loads no more than it needs."""
     if name not in _MODULE_OF:
         raise AttributeError(f"module 'tssgeom' has no attribute {name!r}")
-    value = globals()[name] = getattr(import_module(_MODULE_OF[name]), name)
+    value = getattr(import_module(_MODULE_OF[name]), name)
+    if isinstance(value, type) and not isinstance(value.__dict__["__doc__"], WithFields):
+        value.__doc__ = WithFields(value.__doc__)  # pyright: ignore[reportAttributeAccessIssue]
+    globals()[name] = value
     return value
 
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from tssgeom.arrays import Matrix, Points, Vector, read_only, rows_at
 from tssgeom.errors import SettingsError, ShapeError, TssgeomError
+from tssgeom.result import Result
 from tssgeom.rig import Rig, Source
 from tssgeom.route.directions import NOISE_PRIOR as DIRECTION_NOISE
 from tssgeom.route.directions import estimated_noise, unit_directions
@@ -56,8 +57,8 @@ class Window(NamedTuple):
 _WINDOW = Window()
 
 
-@dataclass(frozen=True, slots=True)
-class Frame:
+@dataclass(frozen=True, slots=True, repr=False)
+class Frame(Result):
     """One sensed shape, and what was measured with it."""
 
     points: Points

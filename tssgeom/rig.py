@@ -208,14 +208,23 @@ class Rig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
     """Everything about the hardware that the model needs; the defaults are the paper's."""
 
     tendon: Tendon = Tendon()
+    """Compliance and pretension."""
     friction: Friction = Friction()
+    """Friction in the sheath."""
     load: Load = Load()
+    """The spring at the distal end."""
     sensors: dict[str, Sensor] = {}
+    """Noise and limits of each sensor, by the name of its channel."""
     shape: ShapeSensor = ShapeSensor()
+    """The sensor of the route."""
     sheath: Sheath = Sheath()
+    """Diameter and least radius of the sheath."""
     drive: Drive = Drive()
+    """What drives the tendons, and its limits."""
     end: End = End()
+    """What the tendons move."""
     route: GivenRoute = GivenRoute()
+    """The route where no shape is sensed."""
     effects: tuple[AnyEffect, ...] = ()
     """What else acts, beside the base model; docs/model.md (50)-(62)."""
     adapt: dict[str, Follow] = {}
@@ -235,8 +244,7 @@ def read_rig(path: str | Path) -> Rig:
     Raises
     ------
     SettingsError
-        Where the file is missing, is no TOML, or holds an unknown key, a value out of bounds, or a number
-        that is "unknown".
+        As `read_uncertain_rig`, and where a number is "unknown".
     """
     rig, uncertain = read_uncertain_rig(path)
     require_known(path, uncertain)
@@ -301,10 +309,8 @@ def write_rig(path: Path, rig: Rig, provenance: Sequence[str] = ()) -> None:
 
     Parameters
     ----------
-    path
-        The file.
-    rig
-        The rig.
+    path, rig
+        The file, and what it is to hold.
     provenance
         Origin of its numbers, a comment line each.
 
@@ -327,9 +333,8 @@ def write_rig(path: Path, rig: Rig, provenance: Sequence[str] = ()) -> None:
 
 def _without_none(value: Any) -> Any:
     """Leave out unset values, which TOML cannot express."""
-    if not isinstance(value, dict):
-        return value
-    return {key: _without_none(item) for key, item in value.items() if item not in (None, {}, ())}
+    kept = value.items() if isinstance(value, dict) else ()
+    return {key: _without_none(item) for key, item in kept if item not in (None, {}, ())} if kept else value
 
 
 def _wrong_effect(rig: dict[str, Any]) -> str:

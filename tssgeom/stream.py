@@ -13,6 +13,7 @@ from tssgeom.adapt.readings import FollowedRig, Readings
 from tssgeom.effects import named
 from tssgeom.frame import Frame, fit_frame, with_shared_errors_of
 from tssgeom.plausibility.frames import frame_remarks, strain_remarks
+from tssgeom.result import Result
 from tssgeom.rig import Rig
 from tssgeom.route.curvature import CurvatureProfile
 from tssgeom.route.observations import Shape
@@ -31,21 +32,26 @@ from tssgeom.tendon.transmission import Transmission
 _STANDS = 0.5  # probability from which a route is taken to stand [1]; chosen
 
 
-@dataclass(frozen=True, slots=True)
-class FrameResult:
+@dataclass(frozen=True, slots=True, repr=False)
+class FrameResult(Result):
     """Geometry and transmission of one frame."""
 
     seq: int
     """Count of the frame on arrival, from 0."""
     frame: Frame
+    """The frame as it was given."""
     shape: Shape
+    """Its points that are used."""
     fit: RouteFit
     """The fit of the route, at its resolution, with all errors of its source."""
     tracked: TrackedFit
     """The fit from which that of the next frame starts."""
     state: TendonState
+    """Tension along the tendon after the frame."""
     transmission: Transmission
+    """Tension at both ends and elongation."""
     warnings: tuple[str, ...] = ()
+    """What to know of the result, a sentence each."""
     command: Command | None = None
     """What the drive has to do for the frame's target, where it has one."""
     commander: Commander | None = None
@@ -98,9 +104,13 @@ class Rejected:
     """A frame that could not be used; the tendon's state is as before it."""
 
     seq: int
+    """Count of the frame on arrival, from 0."""
     time: float
+    """Time of the frame [s]."""
     reason: str
+    """Why it could not be used, with a hint."""
     id: str | int = ""
+    """The sender's own name of the frame."""
 
 
 def advance(

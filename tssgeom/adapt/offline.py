@@ -15,6 +15,7 @@ from tssgeom.adapt.rig_filter import RigFilter
 from tssgeom.adapt.smoothing import NumberHistory, SmoothedNumbers
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.errors import FitError, SettingsError
+from tssgeom.result import Result
 from tssgeom.rig import Rig
 from tssgeom.tendon.moving import MovingRoute
 
@@ -63,8 +64,8 @@ class Stretch:
     numbers: SmoothedNumbers
 
 
-@dataclass(frozen=True, slots=True)
-class FollowedRun:
+@dataclass(frozen=True, slots=True, repr=False)
+class FollowedRun(Result):
     """What following a run gives."""
 
     time: Vector

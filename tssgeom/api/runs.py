@@ -20,6 +20,7 @@ class _Rows(Result, Sequence[Row], Generic[Row]):
     """Rows of a run, which count, iterate and slice as a tuple."""
 
     rows: tuple[Row, ...]
+    """[n] One for each time of the run."""
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -37,19 +38,12 @@ class Simulation(_Rows[Moment]):
     """The tendon at each time of a run: a sequence of `Moment`.
 
     As a table it has the columns of `simulate.parquet` (docs/formats.md).
-
-    Attributes
-    ----------
-    rows
-        [n] The tendon at each time.
-    run
-        The run with what was measured in it; None where only times and a drive were given.
-    warnings
-        What is implausible in the run, a sentence each.
     """
 
     run: MeasuredRun | None = None
+    """The run with what was measured in it; None where only times and a drive were given."""
     warnings: tuple[str, ...] = ()
+    """What is implausible in the run, a sentence each."""
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -57,22 +51,13 @@ class Compensation(_Rows[Command]):
     """The command for each time of a run with a target: a sequence of `Command`.
 
     As a table it has the columns of `compensate.parquet` (docs/formats.md).
-
-    Attributes
-    ----------
-    rows
-        [n] What the drive has to do at each time.
-    time
-        [n] Times of the run [s].
-    target
-        [n] Target of the distal end: movement of the load [m], or tension [N] where `by_tension`.
-    by_tension
-        Whether the target is the distal tension.
-    warnings
-        What is implausible in the run, a sentence each.
     """
 
     time: Vector
+    """[n] Times of the run [s]."""
     target: Vector
+    """[n] Target of the distal end: movement of the load [m], or tension [N] where `by_tension`."""
     by_tension: bool
+    """Whether the target is the distal tension."""
     warnings: tuple[str, ...] = ()
+    """What is implausible in the run, a sentence each."""

@@ -26,6 +26,7 @@ from tssgeom.identify.calibrated_run import (
 from tssgeom.identify.fit import FIT, Point, Problem, Whitening, columns, prior_sd, refined, unshared
 from tssgeom.identify.fit_quality import ChannelFit, failures, inflation_of, spread, squares, whiteness
 from tssgeom.identify.prediction import FINE, stacked
+from tssgeom.result import Result
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.statistics import reading_noise
@@ -77,13 +78,16 @@ class Estimate:
     """Whether the fit ended at a bound of its value."""
 
 
-@dataclass(frozen=True, slots=True)
-class Calibration:
+@dataclass(frozen=True, slots=True, repr=False)
+class Calibration(Result):
     """What a run identifies of a rig."""
 
     estimates: dict[str, Estimate]
+    """Each number with its 95 % interval, by name."""
     channels: tuple[ChannelFit, ...]
+    """How well each measured channel is met."""
     warnings: tuple[str, ...]
+    """What to know of run and fit, a sentence each."""
     time: Vector
     """[n] [s]."""
     fitted: dict[str, Vector]

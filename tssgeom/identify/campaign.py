@@ -27,7 +27,9 @@ class Run:
     """One measured run; columns by the names of the run files, in SI, NaN where a reading is missing."""
 
     name: str
+    """Name of the run."""
     route: Route
+    """The route on which it was measured."""
     columns: Mapping[str, Vector]
     """`time_s` [s] and any of `tension_in_N`, `tension_out_N` [N], `elongation_m`, `displacement_in_m`,
     `displacement_out_m` [m], `temperature_C` [°C]; each [n]."""
@@ -40,8 +42,11 @@ class Campaign:
     """What `discover` is given."""
 
     name: str
+    """Name of the folder."""
     rig: Rig
+    """The rig as its owner believes it to be."""
     runs: tuple[Run, ...]
+    """The measured runs."""
     notes: tuple[str, ...] = ()
     """What the reader had to decide or noticed, each a sentence."""
     held_out_fixed: bool = False

@@ -13,6 +13,7 @@ from tssgeom.arrays import Vector
 from tssgeom.effects import AnyEffect
 from tssgeom.identify.campaign import Campaign
 from tssgeom.identify.proposal import Proposal
+from tssgeom.result import Result
 from tssgeom.rig import Rig
 
 Verdict = Literal["none", "effect", "law", "tie", "partial", "unknown"]
@@ -195,24 +196,32 @@ class Shape:
     """Share of the misfit that it explains [1]."""
 
 
-@dataclass(frozen=True, slots=True)
-class Finding:
+@dataclass(frozen=True, slots=True, repr=False)
+class Finding(Result):
     """The answer."""
 
     campaign: Campaign
+    """What was given."""
     verdict: Verdict
+    """Whether the model lacks something, and whether that has a name."""
     sentence: str
     """The verdict in words, with its numbers."""
     effects: tuple[Candidate, ...]
     """What was chosen, the strongest first; each a candidate of one effect, with the evidence it adds."""
     ties: tuple[Tie, ...]
+    """Effects that the data cannot separate."""
     breaks_tie: tuple[Experiment, ...]
+    """What to measure to separate them."""
     unobservable: Mapping[str, str]
     """Effects without signature in what was measured, and why."""
     where: tuple[MisfitShare, ...]
+    """Cells of the heat map in which measured and simulated disagree most."""
     heat: HeatMap
+    """Residual power by channel, run, phase and tension."""
     along: tuple[RouteMisfit, ...]
+    """Friction that each route wants beyond the model, along its length."""
     misfit: Misfit
+    """Root mean squares of measured less simulated, before and after."""
     base: Mapping[str, Estimate]
     """`friction` and `compliance_per_N`, refitted, and zeros of channels by run."""
     nominal: Mapping[str, float]
@@ -226,9 +235,11 @@ class Finding:
     rig: Rig
     """With the chosen effects."""
     traces: tuple[Trace, ...]
+    """Each run, measured and simulated."""
     notes: tuple[str, ...]
     """What to know of the data and the fit: dropouts, skew, saturation, which run was held out."""
     seconds: float
+    """Time that the identification took [s]."""
     proposal: Proposal | None = None
     """Designed experiments, where they were asked for."""
 

@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tssgeom.arrays import Vector, read_only
+from tssgeom.result import Result
 
 
-@dataclass(frozen=True, slots=True)
-class CurvatureProfile:
+@dataclass(frozen=True, slots=True, repr=False)
+class CurvatureProfile(Result):
     """Curvature along a route, on its nodes."""
 
     s: Vector

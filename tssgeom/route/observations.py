@@ -30,6 +30,7 @@ class Shape:
     stations: Vector | None
     """Known arc length at each point, from the sensor [m]."""
     warnings: tuple[str, ...]
+    """What was merged, bridged or left out, a sentence each."""
     directions: Points | None = None
     """Sensed unit tangents, a row of NaN where none was sensed [n, 3]."""
     direction_noise: float = 0.0

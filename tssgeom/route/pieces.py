@@ -9,12 +9,13 @@ import numpy as np
 
 from tssgeom import core
 from tssgeom.arrays import Matrix, Vector, read_only
+from tssgeom.result import Result
 from tssgeom.route.curvature import CurvatureProfile
 from tssgeom.route.spline.fit import Spline
 
 
-@dataclass(frozen=True, slots=True)
-class Arcs:
+@dataclass(frozen=True, slots=True, repr=False)
+class Arcs(Result):
     """A route as pieces of constant curvature, proximal to distal; a straight piece has angle 0."""
 
     length: Vector

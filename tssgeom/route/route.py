@@ -9,6 +9,7 @@ import numpy as np
 from tssgeom import core
 from tssgeom.arrays import Points, Vector, read_only
 from tssgeom.errors import ShapeError
+from tssgeom.result import Result
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,8 +31,8 @@ class StationLimits:
 STATIONS = StationLimits()
 
 
-@dataclass(frozen=True, slots=True)
-class Route:
+@dataclass(frozen=True, slots=True, repr=False)
+class Route(Result):
     """A route on nodes along its arc length, and how the sensed points lie about it."""
 
     s: Vector

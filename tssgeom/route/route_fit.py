@@ -13,6 +13,7 @@ import numpy as np
 from tssgeom import core
 from tssgeom.arrays import Matrix, Points, Vector, read_only, rows_at
 from tssgeom.errors import FitError
+from tssgeom.result import Result
 from tssgeom.route.arcs.chain import Chain
 from tssgeom.route.curvature import CurvatureProfile
 from tssgeom.route.pieces import Arcs, spread_over
@@ -85,8 +86,8 @@ def _same(value: Value) -> Value:
     return value
 
 
-@dataclass(frozen=True, slots=True)
-class RouteFit:
+@dataclass(frozen=True, slots=True, repr=False)
+class RouteFit(Result):
     """A route estimated from one frame, by whichever estimator.
 
     A stream needs the pieces of every frame; nodes and evidence cost more than those and are computed when

@@ -13,6 +13,7 @@ from typing import Any
 
 from tssgeom.errors import SettingsError
 from tssgeom.plausibility.frames import require_command
+from tssgeom.result import Result
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.route.resolution import NO_ERRORS, SharedErrors
@@ -39,8 +40,8 @@ _INSIDE = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Command:
+@dataclass(frozen=True, slots=True, repr=False)
+class Command(Result):
     """What the drive has to do, and the tendon once it has done it."""
 
     displacement_in: float
@@ -48,6 +49,7 @@ class Command:
     tension_in: float
     """Tension at the proximal end [N]."""
     state: TendonState
+    """Tension along the tendon after the move."""
     reading_in: float
     """What the sensor of the proximal tension reads there [N]."""
     tension_reached: float

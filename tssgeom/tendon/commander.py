@@ -69,11 +69,13 @@ class Commander:
     """
 
     rig: Rig
+    """The rig that is commanded."""
     variants: tuple[Variant, ...] = ()
     """Rigs and tendons as they may be. A filter of rig and state puts its own here, with its weights."""
     tolerance: float | None = None
     """Distance from the target that may be missed [m]."""
     policy: Policy = "cross"
+    """What the drive does inside the dead zone."""
     position: float | None = None
     """Position of the drive as last commanded or measured [m]; None where the model has it."""
     kept: DistalErrors | None = None

@@ -41,8 +41,11 @@ class Moment:
     time: float
     """[s]."""
     state: TendonState
+    """Tension along the tendon."""
     transmission: Transmission
+    """Tension at both ends, elongation and displacements."""
     phase: Phase
+    """What the tendon does: pull, release, a dead zone between them, or hold."""
     readings: Mapping[str, float]
     """What the sensors read, by the names of the columns of a run [N, m]; empty where these are true."""
 

@@ -31,6 +31,7 @@ class Recording(Result):
     name: str
     """Stem of the file, with the part of it that was opened."""
     path: Path
+    """The file, with the part of it that was opened."""
     unit: str
     """Unit of length in the file, "m" or "mm" (of Slicer also "um"); the frames are in metres."""
     kind: str
@@ -43,6 +44,7 @@ class Recording(Result):
     frames: Iterable[Frame | Rejected]
     """Frames in order; a frame that cannot be read is a `Rejected` at its position."""
     warnings: tuple[str, ...] = ()
+    """What to know of the file as a whole, a sentence each."""
     notes: tuple[str, ...] = ()
     """How a file of a laboratory was read, a phrase each; empty where its names are those of the formats."""
 

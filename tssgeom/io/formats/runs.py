@@ -18,6 +18,7 @@ from tssgeom.io.formats.laboratory.table import laboratory_table
 from tssgeom.io.formats.longform import is_plain
 from tssgeom.io.formats.paths import bytes_of, ending, split, stem
 from tssgeom.io.formats.tables import cells_of, parquet_names, plain_names
+from tssgeom.result import Result
 
 IN_SI = {field: name for name, (field, per_si) in CHANNELS.items() if per_si == 1.0}
 """The column in SI of each field of `MeasuredRun`."""
@@ -27,12 +28,14 @@ _MISSING = {"", "nan", "null", "na"}
 _KNOWN = ", ".join((TIME, *CHANNELS))
 
 
-@dataclass(frozen=True, slots=True)
-class MeasuredRun:
+@dataclass(frozen=True, slots=True, repr=False)
+class MeasuredRun(Result):
     """Channels against time; NaN is a missing sample, None a missing channel."""
 
     name: str
+    """Stem of the file."""
     path: Path
+    """The file."""
     time: Vector
     """[n] Times of the samples, increasing [s]."""
     tension_in: Vector | None = None
@@ -82,7 +85,7 @@ class MeasuredRun:
         raise SettingsError(f"{self.path}: no column {' or '.join(names)}: add one")
 
 
-def read_run(path: Path, columns: ColumnMap = NO_MAP) -> MeasuredRun:
+def read_run(path: str | Path, columns: ColumnMap = NO_MAP) -> MeasuredRun:
     """Read a measured run.
 
     Parameters
@@ -101,6 +104,7 @@ def read_run(path: Path, columns: ColumnMap = NO_MAP) -> MeasuredRun:
     SettingsError
         Where a column is missing or there twice, a cell is no number, or time does not increase.
     """
+    path = Path(path)
     kind = ending(path)
     if kind not in ENDINGS:
         raise SourceError(f"{path}: a run is a table: use {', '.join(ENDINGS)}")

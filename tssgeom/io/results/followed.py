@@ -44,10 +44,12 @@ class _Columns:
         self._fields.append(pa.field(name, array.type, metadata={"unit": unit, "meaning": meaning}))
         self._columns.append(array)
 
+    def table(self) -> pa.Table:
+        return pa.Table.from_arrays(self._columns, schema=pa.schema(self._fields))
+
     def write(self, path: Path) -> None:
-        table = pa.Table.from_arrays(self._columns, schema=pa.schema(self._fields))
         with replacing(path) as draft:
-            papq.write_table(table, draft)
+            papq.write_table(self.table(), draft)
 
 
 def write_followed(path: Path, run: FollowedRun) -> None:
@@ -58,6 +60,15 @@ def write_followed(path: Path, run: FollowedRun) -> None:
     SourceError
         Where the disk refuses.
     """
+    _followed(run).write(path)
+
+
+def followed_table(run: FollowedRun) -> pa.Table:
+    """Return both ends in each row of the run, with standard errors."""
+    return _followed(run).table()
+
+
+def _followed(run: FollowedRun) -> _Columns:
     columns = _Columns()
     columns.add("time_s", "s", "time of the run", run.time)
     for i, (name, unit, meaning) in enumerate(_ENDS):
@@ -66,7 +77,7 @@ def write_followed(path: Path, run: FollowedRun) -> None:
     columns.add(
         "elongation_m", "m", "elongation, of the drive less of the load", run.ends[:, 2] - run.ends[:, 3]
     )
-    columns.write(path)
+    return columns
 
 
 def write_numbers(path: Path, run: FollowedRun) -> None:

@@ -24,7 +24,7 @@ _NUMBER, _COUNT, _TEXT, _FLAG = pa.float64(), pa.int64(), pa.string(), pa.bool_(
 _TEXTS = pa.list_(pa.field("element", _TEXT))
 
 
-def _field(name: str, meaning: str, kind: pa.DataType = _NUMBER, unit: str | None = None) -> pa.Field:
+def field(name: str, meaning: str, kind: pa.DataType = _NUMBER, unit: str | None = None) -> pa.Field:
     """Return a field; the unit of a number is the end of its name, that of a count is 1."""
     if unit is None:
         unit = {_NUMBER: name.rpartition("_")[2], _COUNT: "1"}.get(kind, "")
@@ -32,25 +32,25 @@ def _field(name: str, meaning: str, kind: pa.DataType = _NUMBER, unit: str | Non
 
 
 _GEOMETRY = [
-    _field("points", "points that were used", _COUNT),
-    _field("noise_m", "standard deviation of a coordinate of the points"),
-    _field("length_m", "arc length L"),
-    _field("total_angle_rad", "accumulated curve angle Φ"),
-    _field("total_angle_se_rad", "standard error of Φ"),
-    _field("method", "estimator behind the pieces", _TEXT),
-    _field("pieces", "number of constant-curvature pieces", _COUNT),
+    field("points", "points that were used", _COUNT),
+    field("noise_m", "standard deviation of a coordinate of the points"),
+    field("length_m", "arc length L"),
+    field("total_angle_rad", "accumulated curve angle Φ"),
+    field("total_angle_se_rad", "standard error of Φ"),
+    field("method", "estimator behind the pieces", _TEXT),
+    field("pieces", "number of constant-curvature pieces", _COUNT),
 ]
 
 _TENDON = [
-    _field("tension_in_N", "tension at the proximal end"),
-    _field("tension_out_N", "tension at the distal end"),
-    _field("tension_out_se_N", "standard error of the distal tension"),
-    _field("elongation_m", "elongation δ above the pretensioned state"),
-    _field("elongation_se_m", "standard error of δ"),
+    field("tension_in_N", "tension at the proximal end"),
+    field("tension_out_N", "tension at the distal end"),
+    field("tension_out_se_N", "standard error of the distal tension"),
+    field("elongation_m", "elongation δ above the pretensioned state"),
+    field("elongation_se_m", "standard error of δ"),
 ]
 
 _RANGES = [
-    _field(f"{quantity}_{end}_{unit}", f"{word} over the good frames")
+    field(f"{quantity}_{end}_{unit}", f"{word} over the good frames")
     for quantity, unit in (
         ("length", "m"),
         ("total_angle", "rad"),
@@ -63,43 +63,43 @@ _RANGES = [
 
 SUMMARY = pa.schema(
     [
-        _field("name", "name of the outputs", _TEXT),
-        _field("source", "the input, relative to the working folder", _TEXT),
-        _field("timed", "true for a recording, false for one static shape", _FLAG),
-        _field("frames", "frames of the input", _COUNT),
-        _field("rejected", "frames that could not be used", _COUNT),
-        _field("warned", "good frames with a warning", _COUNT),
-        _field("duration_s", "time from the first to the last good frame"),
-        _field("time_s", "time of the frame that represents the input"),
+        field("name", "name of the outputs", _TEXT),
+        field("source", "the input, relative to the working folder", _TEXT),
+        field("timed", "true for a recording, false for one static shape", _FLAG),
+        field("frames", "frames of the input", _COUNT),
+        field("rejected", "frames that could not be used", _COUNT),
+        field("warned", "good frames with a warning", _COUNT),
+        field("duration_s", "time from the first to the last good frame"),
+        field("time_s", "time of the frame that represents the input"),
         *_GEOMETRY,
         *_TENDON,
         *_RANGES,
-        _field("noise_rms_m", "root mean square of the noise over the good frames"),
-        _field("clearance_m", "least clearance of the tube to the lumen; null without one"),
-        _field("clearance_at_m", "arc length of the least clearance"),
-        _field("contact_length_m", "length of the route on which the tube touches the lumen"),
-        _field("outside_length_m", "length of the route outside the lumen"),
-        _field("warnings", "what is worth knowing about the input", _TEXTS),
+        field("noise_rms_m", "root mean square of the noise over the good frames"),
+        field("clearance_m", "least clearance of the tube to the lumen; null without one"),
+        field("clearance_at_m", "arc length of the least clearance"),
+        field("contact_length_m", "length of the route on which the tube touches the lumen"),
+        field("outside_length_m", "length of the route outside the lumen"),
+        field("warnings", "what is worth knowing about the input", _TEXTS),
     ]
 )
 """A row for each input; values without min or max are those of `RunningSummary.representative`."""
 
 FRAMES = pa.schema(
     [
-        _field("name", "the input, as in the summary", _TEXT),
-        _field("seq", "count of the frame, from 0", _COUNT),
-        _field("time_s", "time of the frame"),
-        _field("id", "the sender's own name of the frame", _TEXT),
-        _field("rejected", "why the frame could not be used; empty where it was", _TEXT),
+        field("name", "the input, as in the summary", _TEXT),
+        field("seq", "count of the frame, from 0", _COUNT),
+        field("time_s", "time of the frame"),
+        field("id", "the sender's own name of the frame", _TEXT),
+        field("rejected", "why the frame could not be used; empty where it was", _TEXT),
         *_GEOMETRY,
         *_TENDON,
-        _field("direction_index", "+1 pulling, -1 releasing", _COUNT),
-        _field("dead_zone", "true where the distal end has not yet answered", _FLAG),
-        _field("dead_zone_width_N", "change of tension until the distal end answers"),
-        _field("measured_tension_out_N", "distal tension as measured, where it was"),
-        _field("measured_displacement_in_m", "proximal displacement as measured, where it was"),
-        _field("measured_elongation_m", "elongation as measured, where it was"),
-        _field("warnings", "what is worth knowing about the frame", _TEXTS),
+        field("direction_index", "+1 pulling, -1 releasing", _COUNT),
+        field("dead_zone", "true where the distal end has not yet answered", _FLAG),
+        field("dead_zone_width_N", "change of tension until the distal end answers"),
+        field("measured_tension_out_N", "distal tension as measured, where it was"),
+        field("measured_displacement_in_m", "proximal displacement as measured, where it was"),
+        field("measured_elongation_m", "elongation as measured, where it was"),
+        field("warnings", "what is worth knowing about the frame", _TEXTS),
     ]
 )
 """A row for each frame; a rejected frame has its reason and no numbers."""
@@ -107,14 +107,14 @@ FRAMES = pa.schema(
 
 SEGMENTS = pa.schema(
     [
-        _field("name", "the input, as in the summary", _TEXT),
-        _field("seq", "count of the frame, from 0", _COUNT),
-        _field("piece", "number of the piece, from 0 at the proximal end", _COUNT),
-        _field("s_start_m", "arc length at which the piece begins"),
-        _field("length_m", "arc length of the piece"),
-        _field("kappa_per_m", "curvature of the piece", unit="1/m"),
-        _field("angle_rad", "accumulated curve angle of the piece"),
-        _field("angle_se_rad", "standard error of the angle of the piece"),
+        field("name", "the input, as in the summary", _TEXT),
+        field("seq", "count of the frame, from 0", _COUNT),
+        field("piece", "number of the piece, from 0 at the proximal end", _COUNT),
+        field("s_start_m", "arc length at which the piece begins"),
+        field("length_m", "arc length of the piece"),
+        field("kappa_per_m", "curvature of the piece", unit="1/m"),
+        field("angle_rad", "accumulated curve angle of the piece"),
+        field("angle_se_rad", "standard error of the angle of the piece"),
     ]
 )
 """A row for each constant-curvature piece of each good frame."""
@@ -203,7 +203,7 @@ def write_csv(table: Path, path: Path) -> None:
     with papq.ParquetFile(table) as source:
         schema = source.schema_arrow
         lists = [k for k, kind in enumerate(schema.types) if pa.types.is_list(kind)]
-        plain = pa.schema([field.with_type(_TEXT) if k in lists else field for k, field in enumerate(schema)])
+        plain = pa.schema([each.with_type(_TEXT) if k in lists else each for k, each in enumerate(schema)])
         with pacsv.CSVWriter(path, plain) as rows:
             for batch in source.iter_batches(CHUNK * _ROW_GROUP):
                 columns = [
@@ -222,41 +222,39 @@ _PHASES = "pull, pull_to_release (dead zone), release, release_to_pull (dead zon
 
 SIMULATE = pa.schema(
     [
-        _field("time_s", "time of the run"),
-        _field("tension_in_N", "total tension at the proximal end"),
-        _field("tension_out_N", "total tension at the distal end"),
-        _field("elongation_m", "elongation of the tendon in the sheath above the pretensioned state"),
-        _field("displacement_in_m", "movement of the drive since the pretensioned state"),
-        _field("displacement_out_m", "movement of the load since the pretensioned state"),
-        _field("phase", _PHASES, _TEXT),
-        _field("direction_index", "+1 pulling, -1 releasing", _COUNT, unit=""),
-        _field("dead_zone_N", "change of the proximal tension until the distal end answers, 0 where it does"),
+        field("time_s", "time of the run"),
+        field("tension_in_N", "total tension at the proximal end"),
+        field("tension_out_N", "total tension at the distal end"),
+        field("elongation_m", "elongation of the tendon in the sheath above the pretensioned state"),
+        field("displacement_in_m", "movement of the drive since the pretensioned state"),
+        field("displacement_out_m", "movement of the load since the pretensioned state"),
+        field("phase", _PHASES, _TEXT),
+        field("direction_index", "+1 pulling, -1 releasing", _COUNT, unit=""),
+        field("dead_zone_N", "change of the proximal tension until the distal end answers, 0 where it does"),
     ]
 )
 """A row for each row of the run; where effects distort sensors, `read_` columns hold their readings."""
 
 COMPENSATE = pa.schema(
     [
-        _field("time_s", "time of the run"),
-        _field("displacement_in_m", "position of the drive at which the distal end is on target"),
-        _field("tension_in_N", "total tension at the proximal end at which it is"),
-        _field("displacement_reached_m", "movement of the load then: the target, unless it is cut or waits"),
-        _field("tension_reached_N", "distal tension then, likewise"),
-        _field("displacement_out_se_m", "standard error of that movement, the drive at the position"),
-        _field("tension_out_se_N", "standard error of that tension, the drive at the position"),
-        _field(
-            "displacement_out_se_by_tension_m", "standard error of the movement, the drive at the tension"
-        ),
-        _field(
+        field("time_s", "time of the run"),
+        field("displacement_in_m", "position of the drive at which the distal end is on target"),
+        field("tension_in_N", "total tension at the proximal end at which it is"),
+        field("displacement_reached_m", "movement of the load then: the target, unless it is cut or waits"),
+        field("tension_reached_N", "distal tension then, likewise"),
+        field("displacement_out_se_m", "standard error of that movement, the drive at the position"),
+        field("tension_out_se_N", "standard error of that tension, the drive at the position"),
+        field("displacement_out_se_by_tension_m", "standard error of the movement, the drive at the tension"),
+        field(
             "tension_out_se_by_tension_N", "standard error of the distal tension, the drive at the tension"
         ),
-        _field("limited", "limits of the drive that cut the command", _TEXT),
-        _field("waits", "1 where the drive is held inside the dead zone", _COUNT, unit=""),
-        _field("out_of_tolerance", "probability of a miss by more than the tolerance", unit="1"),
+        field("limited", "limits of the drive that cut the command", _TEXT),
+        field("waits", "1 where the drive is held inside the dead zone", _COUNT, unit=""),
+        field("out_of_tolerance", "probability of a miss by more than the tolerance", unit="1"),
     ]
 )
 """A row for each row of the run."""
-_READING = _field("read_tension_in_N", "reading of the sensor of that tension, where effects distort it")
+_READING = field("read_tension_in_N", "reading of the sensor of that tension, where effects distort it")
 
 
 def write_simulation(path: Path, moments: Sequence[Moment]) -> None:
@@ -267,9 +265,14 @@ def write_simulation(path: Path, moments: Sequence[Moment]) -> None:
     SourceError
         Where the disk refuses.
     """
+    _write(path, simulation_table(moments))
+
+
+def simulation_table(moments: Sequence[Moment]) -> pa.Table:
+    """Return the rows of a simulation, with the readings of distorted sensors; see `SIMULATE`."""
     readings = moments[0].readings if moments else {}
-    fields = [_field(f"read_{name}", f"{name} as its sensor reads it") for name in readings]
-    _write(path, pa.schema([*SIMULATE, *fields]), [simulation_row(moment) for moment in moments])
+    fields = [field(f"read_{name}", f"{name} as its sensor reads it") for name in readings]
+    return _table(pa.schema([*SIMULATE, *fields]), [simulation_row(moment) for moment in moments])
 
 
 def simulation_row(moment: Moment) -> dict[str, Any]:
@@ -297,6 +300,11 @@ def write_commands(path: Path, time: Sequence[float], commands: Sequence[Command
     SourceError
         Where the disk refuses.
     """
+    _write(path, commands_table(time, commands))
+
+
+def commands_table(time: Sequence[float | None], commands: Sequence[Command]) -> pa.Table:
+    """Return the rows of commands, with the reading of a distorted sensor; see `COMPENSATE`."""
     rows = [
         {
             "time_s": moment,
@@ -316,7 +324,7 @@ def write_commands(path: Path, time: Sequence[float], commands: Sequence[Command
         for moment, one in zip(time, commands, strict=True)
     ]
     distorted = any(one.reading_in != one.tension_in for one in commands)
-    _write(path, COMPENSATE.append(_READING) if distorted else COMPENSATE, rows)
+    return _table(COMPENSATE.append(_READING) if distorted else COMPENSATE, rows)
 
 
 def write_channels(path: Path, channels: Mapping[str, Vector]) -> None:
@@ -327,13 +335,14 @@ def write_channels(path: Path, channels: Mapping[str, Vector]) -> None:
     SourceError
         Where the disk refuses.
     """
-    schema = pa.schema([_field(name, name.rpartition("_")[0].replace("_", " ")) for name in channels])
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with replacing(path) as draft:
-        papq.write_table(pa.table(dict(channels), schema=schema), draft)
+    schema = pa.schema([field(name, name.rpartition("_")[0].replace("_", " ")) for name in channels])
+    _write(path, pa.table(dict(channels), schema=schema))
 
 
-def _write(path: Path, schema: pa.Schema, rows: Sequence[Mapping[str, Any]]) -> None:
-    table = pa.Table.from_pylist([dict(row) for row in rows], schema=schema)
+def _table(schema: pa.Schema, rows: Sequence[Mapping[str, Any]]) -> pa.Table:
+    return pa.Table.from_pylist([dict(row) for row in rows], schema=schema)
+
+
+def _write(path: Path, table: pa.Table) -> None:
     with replacing(path) as draft:
         papq.write_table(table, draft)

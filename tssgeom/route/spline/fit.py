@@ -33,6 +33,7 @@ class Spline:
     """A route with its posterior, docs/model.md (20) to (22)."""
 
     route: Route
+    """The fitted route on its nodes."""
     covariance: Matrix
     """Posterior covariance of r, T, a and b of (20), one coordinate, upper triangle [m, 10]."""
     gain: Matrix

@@ -69,6 +69,13 @@ _RC: Any = {
 
 
 @contextmanager
+def style() -> Iterator[None]:
+    """Draw in the common style."""
+    with mpl.rc_context(_RC):
+        yield
+
+
+@contextmanager
 def figure(size: tuple[float, float]) -> Iterator[Figure]:
     """Yield a figure of `size` [inch] to draw on, in the common style."""
     with mpl.rc_context(_RC):

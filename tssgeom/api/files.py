@@ -1,0 +1,116 @@
+"""Results as data frames of other libraries, and as files."""
+
+from __future__ import annotations
+
+import json
+import math
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tssgeom.api.presentation import drawing, presentation, table
+from tssgeom.atomic import replacing, write_text
+from tssgeom.errors import SettingsError
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import polars as pl
+    import pyarrow as pa
+
+PICTURES = (".png", ".pdf", ".svg")
+ENDINGS = (".csv", ".parquet", ".json", *PICTURES)
+
+
+def to_pandas(result: object) -> pd.DataFrame:
+    """Return a result as a data frame of pandas.
+
+    Raises
+    ------
+    SettingsError
+        Where pandas is not installed.
+    """
+    _library("pandas", "to_pandas")
+    return table(result).to_pandas()
+
+
+def to_polars(result: object) -> pl.DataFrame:
+    """Return a result as a data frame of polars.
+
+    Raises
+    ------
+    SettingsError
+        Where polars is not installed.
+    """
+    return _library("polars", "to_polars").from_arrow(table(result))
+
+
+def _library(name: str, call: str) -> Any:
+    try:
+        return import_module(name)
+    except ModuleNotFoundError as error:
+        raise SettingsError(f"{call} needs {name}, which is not installed: pip install {name}") from error
+
+
+def save(result: object, path: Path) -> Path:
+    """Write a result to a file by its ending; see `Result.save`.
+
+    Raises
+    ------
+    SettingsError
+        Where the ending is unknown.
+    SourceError
+        Where the disk refuses.
+    """
+    kind = path.suffix.lower()
+    if kind not in ENDINGS:
+        known = ", ".join(ENDINGS)
+        raise SettingsError(f"{path}: no result is saved as {kind or 'a file without ending'}: use {known}")
+    if kind == ".json":
+        write_text(path, _json(result) + "\n")
+    elif kind in PICTURES:
+        _save_picture(result, path)
+    else:
+        with replacing(path) as draft:
+            _write_table(table(result), draft, kind)
+    return path
+
+
+def _json(result: object) -> str:
+    of = presentation(result)
+    content = table(result).to_pylist() if of.json is None else of.json(result)
+    return json.dumps(_finite(content), indent=1, ensure_ascii=False, allow_nan=False)
+
+
+def _finite(value: Any) -> Any:
+    """Replace numbers that JSON has no sign for by null."""
+    if isinstance(value, dict):
+        return {key: _finite(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(each) for each in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _save_picture(result: object, path: Path) -> None:
+    from tssgeom.view.figures.on_axes import SIZE, figure, save
+
+    draw = drawing(result, None)
+    with figure(SIZE) as canvas:
+        draw(canvas.subplots())
+    with replacing(path) as draft:
+        save(canvas, draft)
+
+
+def _write_table(columns: pa.Table, path: Path, kind: str) -> None:
+    if kind == ".parquet":
+        import pyarrow.parquet as papq
+
+        papq.write_table(columns, path)
+        return
+    import pyarrow as pa
+    import pyarrow.csv as pacsv
+
+    for k, each in enumerate(columns.schema):
+        if pa.types.is_list(each.type):
+            texts = ["; ".join(value or ()) for value in columns.column(k).to_pylist()]
+            columns = columns.set_column(k, each.name, pa.array(texts, pa.string()))
+    pacsv.write_csv(columns, path)
