@@ -108,7 +108,8 @@ def measured(axes: Axes, across: Vector, value: Vector, **style: Any) -> None:
 
 
 def legend_below(drawing: Figure, axes: Axes, columns: int = 4) -> None:
-    """Write the legend of one axes below all of them, where it hides no value."""
+    """Write the legend of one axes below all of them, where it hides no value; in a column in two rows."""
+    columns = columns if drawing.get_figwidth() > 0.7 * PAGE else 2
     drawing.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=columns)
 
 

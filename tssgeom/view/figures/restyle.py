@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from typing import Any
 
 import numpy as np
@@ -17,21 +16,21 @@ from matplotlib.text import Text
 
 from tssgeom.view import colours
 from tssgeom.view.figures.style import used
+from tssgeom.view.quantities import SYMBOL
 
 FIXED = "fixed colour"
 """Group id of texts that stand on a colour of their own, so that a dark style leaves them."""
-_SYMBOL = re.compile(r"(?<![\w$])(Δ?[TxyzbIdθτδμ])_(in|out|tip|[mjs0xyz])(,\d+)?(?![\w.])")
 _GREY = 0.17
 """Largest difference of the parts of a grey, which a dark style inverts; chosen: bands are greys."""
 _DARK, _LIGHT = 0.08, 0.93
 """What white and black become on a dark ground; chosen: the ground is that of the recordings."""
-_LIGHTER = {"#0072b2": "#56b4e9", "#56b4e9": "#a6d8f5", "#a3508a": "#cc79a7"}
-"""Colours too dark for a dark ground, and those of Okabe and Ito that take their place."""
+_LIGHTER = {"#0072b2": "#3b9ad9", "#a3508a": "#cc79a7", "#c9dcea": "#24405a"}
+"""Colours of lines and bands, and what takes their place on a dark ground; chosen: of one hue."""
 
 
 def subscripts(text: str) -> str:
     """Write `T_in` as a symbol with its subscript."""
-    return _SYMBOL.sub(lambda found: rf"$\mathregular{{{found[1]}_{{{found[2]}{found[3] or ''}}}}}$", text)
+    return SYMBOL.sub(lambda found: rf"$\mathregular{{{found[1]}_{{{found[2]}{found[3] or ''}}}}}$", text)
 
 
 def restyle(drawing: Figure) -> None:
@@ -93,11 +92,11 @@ def _dark(colour: Any) -> Any:
 
 
 def _dark_array(colour: Any) -> np.ndarray:
-    """Return colours [n, 4] for a dark ground: greys inverted, the darkest of the palette lighter."""
+    """Return colours [n, 4] for a dark ground: those of lines lighter, greys inverted."""
     rgba = to_rgba_array(colour)
     for row in rgba:
-        if np.ptp(row[:3]) <= _GREY:
-            row[:3] = _LIGHT + (_DARK - _LIGHT) * row[:3]
-        elif (lighter := _LIGHTER.get(to_hex(row[:3]))) is not None:
+        if (lighter := _LIGHTER.get(to_hex(row[:3]))) is not None:
             row[:3] = to_rgba_array(lighter)[0, :3]
+        elif np.ptp(row[:3]) <= _GREY:
+            row[:3] = _LIGHT + (_DARK - _LIGHT) * row[:3]
     return rgba

@@ -24,12 +24,13 @@ NODES = 128
 """Nodes of a route in a figure; chosen: enough for a line of this size."""
 _HEIGHT = 2.3  # inch
 _SHADES = 64
+_ENDS = "proximal", "distal"
 
 
 class RouteLayout(NamedTuple):
     """Sizes beside a route in a figure [pt]; all chosen by eye on the sample shapes."""
 
-    border: tuple[float, float] = (52.0, 20.0)
+    border: tuple[float, float] = (44.0, 15.0)
     """Room beside and above the route, in which the names of its ends fit."""
     foot: float = 26.0
     """Height of the strip below it for the scale bar and the axes of space."""
@@ -46,6 +47,8 @@ class RouteLayout(NamedTuple):
 
 
 _SIZES = RouteLayout()
+_OPPOSITE = np.array([-0.7, -0.7])
+"""Where the letter of an axis stands that points along the view."""
 
 
 def route_figure(result: FrameResult) -> Figure:
@@ -68,8 +71,13 @@ def draw_route(axes: Axes, result: FrameResult) -> Axes:
     axes.set_axis_off()
     coloured(axes, flat, frame.tension, round_up(float(frame.tension.max())), 3.2)
     draw_dots(axes, ARC_LENGTH.factor * frame.at(result.arcs.s_start) @ plane)
-    for text, at in zip(("proximal", "distal"), _names((flat - corner) / per_point, size), strict=True):
-        axes.text(*(corner + per_point * at), text, color=INK, ha="center", va="center", zorder=5)
+    for text, end, at in zip(_ENDS, flat[[0, -1]], _names((flat - corner) / per_point, size), strict=True):
+        middle = corner + per_point * at
+        box = per_point * np.array(_SIZES.name)
+        edge = middle + np.clip(end - middle, -box, box)
+        if np.linalg.norm(end - edge) > 8.0 * per_point:
+            axes.plot(*np.stack([edge, end]).T, color=SOFT, linewidth=0.6, zorder=1)
+        axes.text(*middle, text, color=INK, ha="center", va="center", zorder=5)
     length = round_down(0.25 * size[0] * per_point)
     bar = corner + per_point * np.array([[6.0, 16.0], [6.0, 16.0]]) + np.array([[0.0, 0.0], [length, 0.0]])
     axes.plot(*bar.T, color=SOFT, linewidth=1.5)
@@ -116,12 +124,15 @@ def _names(line: Vector, size: Vector) -> list[Vector]:
 
 def _draw_triad(axes: Axes, origin: Vector, plane: Matrix, per_point: float) -> None:
     """Draw the directions of x, y and z as they lie on the picture; one along the view is a point."""
+    letters = list[Vector]()
     for name, direction in zip("xyz", plane, strict=True):
         tip = origin + _SIZES.triad * per_point * direction
         axes.plot(*np.stack([origin, tip]).T, color=SOFT, linewidth=1.0, solid_capstyle="round")
-        short = float(np.linalg.norm(direction)) < 0.4
-        away = np.array([-0.7, -0.7]) if short else direction / np.linalg.norm(direction)
-        at = (origin if short else tip) + 5.0 * per_point * away
+        away = direction / np.linalg.norm(direction) if np.linalg.norm(direction) > 0.1 else _OPPOSITE
+        at = tip + 5.0 * per_point * away
+        while any(np.abs(at - other).max() < 8.0 * per_point for other in letters):
+            at = at + 2.0 * per_point * away
+        letters.append(at)
         axes.text(*at, name, color=SOFT, fontsize=7.0, ha="center", va="center")
 
 

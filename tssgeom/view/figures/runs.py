@@ -9,6 +9,7 @@ from tssgeom.arrays import Vector
 from tssgeom.view.figures.plots import BLUE, ORANGE, PAGE, figure, legend_below, measured, panels, titles
 from tssgeom.view.quantities import ANGLE, ELONGATION, TENSION_IN, TENSION_OUT, TIME, Quantity
 from tssgeom.view.report.entry import Series, moments, strokes
+from tssgeom.view.samples import at_edge
 
 _HEIGHT, _ROW = 2.4, 1.35  # inch; chosen: three rows and a legend fill half a page
 _PALE = 0.25  # opacity of a standard error
@@ -67,7 +68,12 @@ def draw_over_time(axes: Axes, run: Series, quantity: Quantity) -> Axes:
     if observed is not None:
         measured(axes, time, observed)
     title = "Tensions" if quantity is TENSION_OUT else quantity.words.capitalize()
-    titles(axes, f"{title} ± s.e. over time", TIME.title, f"{quantity.symbol} [{quantity.unit}]")
+    titles(
+        axes,
+        f"{title} ± s.e. over time",
+        TIME.title,
+        f"{'T' if quantity is TENSION_OUT else quantity.symbol} [{quantity.unit}]",
+    )
     axes.set_xlim(time[0], time[-1])
     return axes
 
@@ -84,7 +90,7 @@ def _of(run: Series, quantity: Quantity, chosen: Vector) -> tuple[Vector, Vector
     )
     assert value is not None
     assert error is not None
-    return value, error, observed
+    return value, error, None if observed is None else at_edge(observed, value)
 
 
 def _draw_strokes(axes: Axes, across: Vector, value: Vector, error: Vector) -> None:
