@@ -17,11 +17,11 @@ def boxes(drawing: Figure) -> list[tuple[str, Bbox]]:
     canvas = FigureCanvasAgg(drawing)
     canvas.draw()
     to_points = 72.0 / drawing.dpi
-    found = list[tuple[str, Bbox]]()
+    texts = list[tuple[str, Bbox]]()
     for text in _texts(drawing):
         box = text.get_window_extent(canvas.get_renderer())
-        found.append((text.get_text(), Bbox(box.get_points() * to_points)))
-    return found
+        texts.append((text.get_text(), Bbox(box.get_points() * to_points)))
+    return texts
 
 
 def _texts(drawing: Figure) -> list[Text]:

@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from tssgeom.adapt.offline import FollowedRun
 from tssgeom.arrays import Vector
 from tssgeom.view.figures.plots import BLUE, ORANGE, PAGE, SKY, figure, legend_below, measured, note
+from tssgeom.view.quantities import quantity
 
 _BAND = "#c9dcea"
 _HEIGHT = 1.35  # of a row of the figure [inch]; chosen: the bands can be read
@@ -87,7 +88,7 @@ def _name_alerts(axes: Axes, run: FollowedRun, per: float) -> None:
     """Write the name of each alert above the axes, in as many lines as it takes that none covers another."""
     span, ends = max(float(run.time[-1] - run.time[0]), 1e-300), list[float]()
     for alert in sorted(run.alerts, key=lambda each: each.since):
-        words = (alert.mechanism or alert.channel).replace("_", " ")
+        words = alert.mechanism.replace("_", " ") or quantity(alert.channel).symbol
         if alert.mechanism:
             words += f",\N{NO-BREAK SPACE}{100.0 * alert.probability:.0f}\N{NO-BREAK SPACE}%"
         width = _LETTER * len(words)

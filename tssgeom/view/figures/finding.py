@@ -20,7 +20,7 @@ _HELD = "#f6f3e6"
 _ACROSS = ("tension_out_N", "elongation_m", "displacement_out_m", "tension_in_N")
 """What is drawn against the proximal tension, the first two that were measured."""
 _MOST_PANELS = 2
-_MEASURED = 99.0  # percentile of the residual before that its axis shows
+_MEASURED, _USUAL = 99.0, 80.0  # percentiles of residual and noise that its axis shows; chosen: no spikes
 _SIGMAS = 2.0
 _STYLES: Mapping[str, Any] = {
     "before": {"color": ORANGE, "linestyle": (0, (4, 1.5))},
@@ -137,7 +137,7 @@ def _draw_run(axes: Axes, first: int, trace: Trace, name: str, drawn: Mapping[st
 def _most(trace: Trace, name: str) -> float:
     """Return how far the axis of a residual has to reach, rare peaks left out."""
     left = np.abs(trace.measured[name] - trace.before[name])
-    reach = max(np.nanpercentile(left, _MEASURED), 2.0 * float(np.nanmax(trace.sigma[name])))
+    reach = max(np.nanpercentile(left, _MEASURED), 2.0 * float(np.nanpercentile(trace.sigma[name], _USUAL)))
     return words.channel(name).factor * float(reach)
 
 

@@ -30,7 +30,7 @@ _LIGHTER = {"#0072b2": "#3b9ad9", "#a3508a": "#cc79a7", "#c9dcea": "#24405a"}
 
 def subscripts(text: str) -> str:
     """Write `T_in` as a symbol with its subscript."""
-    return SYMBOL.sub(lambda found: rf"$\mathregular{{{found[1]}_{{{found[2]}{found[3] or ''}}}}}$", text)
+    return SYMBOL.sub(lambda symbol: rf"$\mathregular{{{symbol[1]}_{{{symbol[2]}{symbol[3] or ''}}}}}$", text)
 
 
 def restyle(drawing: Figure) -> None:
@@ -58,10 +58,10 @@ def _darken(drawing: Figure) -> None:
 
 def _recolour_ticks(axes: Axes) -> None:
     """Recolour the ticks that are made only when the figure is written."""
-    for name, axis in (("x", axes.xaxis), ("y", axes.yaxis)):
+    for axis in (axes.xaxis, axes.yaxis):
         now: Any = axis.get_tick_params()
         keys = ("color", "labelcolor", "grid_color")
-        axes.tick_params(axis=name, which="both", **{key: _dark(now[key]) for key in keys if key in now})
+        axis.set_tick_params(which="both", **{key: _dark(now[key]) for key in keys if key in now})
 
 
 def _recolour(artist: Artist) -> None:
@@ -91,12 +91,12 @@ def _dark(colour: Any) -> Any:
     return tuple(rows[0].tolist()) if len(rows) else colour
 
 
-def _dark_array(colour: Any) -> np.ndarray:
+def _dark_array(colour: Any) -> Any:
     """Return colours [n, 4] for a dark ground: those of lines lighter, greys inverted."""
     rgba = to_rgba_array(colour)
     for row in rgba:
         if (lighter := _LIGHTER.get(to_hex(row[:3]))) is not None:
             row[:3] = to_rgba_array(lighter)[0, :3]
         elif np.ptp(row[:3]) <= _GREY:
-            row[:3] = _LIGHT + (_DARK - _LIGHT) * row[:3]
+            row[:3] = _LIGHT + (_DARK - _LIGHT) * row[:3].mean()
     return rgba

@@ -77,12 +77,12 @@ def draw_route(axes: Axes, result: FrameResult) -> Axes:
         edge = middle + np.clip(end - middle, -box, box)
         if np.linalg.norm(end - edge) > 8.0 * per_point:
             axes.plot(*np.stack([edge, end]).T, color=SOFT, linewidth=0.6, zorder=1)
-        axes.text(*middle, text, color=INK, ha="center", va="center", zorder=5)
+        axes.text(float(middle[0]), float(middle[1]), text, color=INK, ha="center", va="center", zorder=5)
     length = round_down(0.25 * size[0] * per_point)
     bar = corner + per_point * np.array([[6.0, 16.0], [6.0, 16.0]]) + np.array([[0.0, 0.0], [length, 0.0]])
     axes.plot(*bar.T, color=SOFT, linewidth=1.5)
     foot = bar.mean(axis=0) - (0.0, 4.0 * per_point)
-    axes.text(*foot, f"{length:g} mm", ha="center", va="top")
+    axes.text(float(foot[0]), float(foot[1]), f"{length:g} mm", ha="center", va="top")
     _draw_triad(axes, corner + per_point * np.array([size[0] - 26.0, 8.0]), plane, per_point)
     axes.set_title("Route; its pieces begin at the dots")
     return axes
@@ -133,7 +133,7 @@ def _draw_triad(axes: Axes, origin: Vector, plane: Matrix, per_point: float) -> 
         while any(np.abs(at - other).max() < 8.0 * per_point for other in letters):
             at = at + 2.0 * per_point * away
         letters.append(at)
-        axes.text(*at, name, color=SOFT, fontsize=7.0, ha="center", va="center")
+        axes.text(float(at[0]), float(at[1]), name, color=SOFT, fontsize=7.0, ha="center", va="center")
 
 
 def _draw_colour_bar(drawing: Figure, top: float) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -34,7 +35,7 @@ def time_figure(run: Series) -> Figure:
         for axes, quantity in zip(rows, quantities, strict=True):
             draw_over_time(axes, run, quantity)
             axes.set_xlabel(TIME.title if axes is rows[-1] else "")
-        named: dict[str, object] = {}
+        named = dict[str, Artist]()
         for axes in rows:
             named |= dict(zip(*axes.get_legend_handles_labels()[::-1], strict=True))
         drawing.legend(list(named.values()), list(named), loc="outside lower center", ncols=5)

@@ -71,7 +71,7 @@ class Chart:
         for value, label in across:
             at = self.pixels(value, self.y[0])[0, 0]
             self._parts.append(f'<path class="g" d="M{at:.1f} {bottom:.1f}V{top:.1f}"/>')
-            self.text(at, bottom + 13, label, anchor="middle")
+            self.text(at, bottom + 15, label, anchor="middle")
         for value, label in ticks(self.y, (bottom - top) / self.size.up):
             at = self.pixels(self.x[0], value)[0, 1]
             self._parts.append(f'<path class="g" d="M{left:.1f} {at:.1f}H{right:.1f}"/>')
@@ -153,7 +153,7 @@ class Chart:
 def lowered(text: str) -> str:
     """Write a text with its subscripts for SVG."""
     below = '<tspan class="sub" dy="2.5">{}</tspan><tspan dy="-2.5">\N{ZERO WIDTH SPACE}</tspan>'
-    return SYMBOL.sub(lambda found: found[1] + below.format(found[2] + (found[3] or "")), html.escape(text))
+    return SYMBOL.sub(lambda one: one[1] + below.format(one[2] + (one[3] or "")), html.escape(text))
 
 
 def path(points: Vector) -> str:

@@ -18,7 +18,7 @@ def filled(template: str, **parts: str) -> str:
 
 def with_subscripts(markup: str) -> str:
     """Write `T_in` in the markup of a page as a symbol with its subscript."""
-    return SYMBOL.sub(lambda found: f"{found[1]}<sub>{found[2]}{found[3] or ''}</sub>", markup)
+    return SYMBOL.sub(lambda symbol: f"{symbol[1]}<sub>{symbol[2]}{symbol[3] or ''}</sub>", markup)
 
 
 def program_version() -> str:
