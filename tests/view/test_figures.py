@@ -83,9 +83,9 @@ def test_the_check_of_a_layout_detects_each_fault():
 def test_every_style_keeps_texts_apart_and_legible(figures, style: StyleName):
     choose(style)
     with for_print():
-        drawn = {name: draw() for name, draw in figures.items() if not name.startswith("paper")}
+        by_name = {name: draw() for name, draw in figures.items() if not name.startswith("paper")}
     choose("light")
-    for name, drawing in drawn.items():
+    for name, drawing in by_name.items():
         assert faults(drawing) == [], name
         assert min(text.get_fontsize() for text in drawing.findobj(Text)) >= SMALLEST, name
         width = drawing.get_figwidth() * 25.4

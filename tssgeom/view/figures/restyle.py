@@ -22,7 +22,7 @@ FIXED = "fixed colour"
 """Group id of texts that stand on a colour of their own, so that a dark style leaves them."""
 _GREY = 0.17
 """Largest difference of the parts of a grey, which a dark style inverts; chosen: bands are greys."""
-_DARK, _LIGHT = 0.08, 0.93
+_BLACK, _WHITE = 0.08, 0.93
 """What white and black become on a dark ground; chosen: the ground is that of the recordings."""
 _LIGHTER = {"#0072b2": "#3b9ad9", "#a3508a": "#cc79a7", "#c9dcea": "#24405a"}
 """Colours of lines and bands, and what takes their place on a dark ground; chosen: of one hue."""
@@ -98,5 +98,5 @@ def _dark_array(colour: Any) -> Any:
         if (lighter := _LIGHTER.get(to_hex(row[:3]))) is not None:
             row[:3] = to_rgba_array(lighter)[0, :3]
         elif np.ptp(row[:3]) <= _GREY:
-            row[:3] = _LIGHT + (_DARK - _LIGHT) * row[:3].mean()
+            row[:3] = _WHITE + (_BLACK - _WHITE) * row[:3].mean()
     return rgba
