@@ -61,7 +61,7 @@ def test_a_spike_stands_at_the_edge_and_no_other_value_moves() -> None:
     assert np.isnan(at_edge(np.full(3, np.nan), model)).all()
 
 
-def test_every_panel_is_drawn_on_the_axes_that_it_gets(moving: list[FrameResult]) -> None:
+def test_every_panel_is_plotted_on_the_axes_that_it_gets(moving: list[FrameResult]) -> None:
     run, result = series_of(moving), moving[3]
     shapes = (draw_route, draw_tension, draw_curvature, draw_angle, draw_resolution)
     draws = [lambda axes, draw=draw: draw(axes, result) for draw in shapes]

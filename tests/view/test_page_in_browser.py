@@ -73,7 +73,7 @@ def test_nothing_is_cut_or_covered_and_no_script_fails(page: Path, tmp_path: Pat
     }
 
 
-def test_paper_has_the_charts_of_inputs_that_are_closed_on_the_screen(page: Path, tmp_path: Path) -> None:
+def test_paper_has_the_charts_of_inputs_that_are_closed_in_the_page(page: Path, tmp_path: Path) -> None:
     closed = page.read_text("utf-8")
     assert "<details open" not in closed
     pages = []

@@ -25,7 +25,7 @@ _GREY = 0.17
 _BLACK, _WHITE = 0.08, 0.93
 """What white and black become on a dark ground; chosen: the ground is that of the recordings."""
 _LIGHTER = {"#0072b2": "#3b9ad9", "#a3508a": "#cc79a7", "#c9dcea": "#24405a"}
-"""Colours of lines and bands, and what takes their place on a dark ground; chosen: of one hue."""
+"""Colours of lines and bands, and what replaces them on a dark ground; chosen: of one hue."""
 
 
 def subscripts(text: str) -> str:

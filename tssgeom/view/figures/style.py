@@ -30,5 +30,5 @@ def for_print() -> Iterator[None]:
 
 
 def used() -> StyleName:
-    """Return the style in which a figure is drawn now."""
+    """Return the present style of figures."""
     return _used.get()
