@@ -117,9 +117,9 @@ class Session:
     def _on_tendon_clock(self, frame: Frame, clock: Clock) -> Frame:
         """Shift the time of a frame so that it is later than all before it, whatever clock its sender has.
 
-        The tendon's clock never goes back, so creep goes on when a sender is replaced, and it never leaps: where
-        a clock does, or where a new one joins others, it goes on by the time that has passed here. Where it
-        stands is kept only when the frame is answered, since it may still be rejected.
+        The tendon's clock never goes back, so creep goes on when a sender is replaced, and it never leaps:
+        where a clock does, or where a new one joins others, it goes on by the time that has passed here. It
+        is kept only when the frame is answered, since the frame may still be rejected.
         """
         time, warnings = frame.time + clock.offset, frame.warnings
         step = time - self.time
