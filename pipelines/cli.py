@@ -30,6 +30,7 @@ COMMANDS = (
     "analyse",
     "batch",
     "check",
+    "verify",
     "live",
     "samples",
     "view",
