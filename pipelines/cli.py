@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import _thread
 import inspect
+import io
 import os
 import sys
 import threading
@@ -30,6 +31,7 @@ COMMANDS = (
     "analyse",
     "batch",
     "check",
+    "verify",
     "live",
     "samples",
     "view",
@@ -96,6 +98,9 @@ def _options(
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the console script; each error is one line on stderr, and the exit status is 0, 1, 2 or 130."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # a terminal may lack μ, and a name may be no UTF-8
+            stream.reconfigure(errors="backslashreplace")
     sys.exit(_status(arguments))
 
 

@@ -69,6 +69,7 @@ def simulate(
         write_run_recording,
     )
     from pipelines.summary_table import with_effects
+    from tssgeom.atomic import replacing_all
     from tssgeom.errors import SettingsError
     from tssgeom.io.results.tables import write_simulation
     from tssgeom.tendon import simulation
@@ -113,8 +114,9 @@ def simulate(
     title = f"{sensed.name} driven by {run.name}"
     moments = computed_rows(rows, run, shapes, title, quiet=quiet or as_json)
     warn_about_strain(drive, sensed, settings.rig, max(one.transmission.tension_in for one in moments))
-    write_simulation(out / TABLE, moments)
-    write_run_recording(out / PICTURE, sensed, run, moments)
+    with replacing_all(out) as draft:  # no table without its picture
+        write_simulation(draft / TABLE, moments)
+        write_run_recording(draft / PICTURE, sensed, run, moments)
     if figures is not None:
         write_run_figures(figures, sensed, run, moments)
     if as_json:

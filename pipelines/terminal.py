@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
     from rich.table import Table
 
+_CONTROLS = {code: f"\\x{code:02x}" for code in (*range(32), *range(127, 160)) if code not in (9, 10)}
 _PIPE_WIDTH = 160  # characters of a table where stdout is no terminal; chosen: no column is left out
 _UNBOUNDED_WIDTH = 10_000  # characters: wider than any table
 
@@ -37,14 +38,19 @@ class ProgressTimes:
 _TIMES = ProgressTimes()
 
 
+def printable(text: str) -> str:
+    """Return a text with its control characters written out, so that no name of a file acts on a terminal."""
+    return text.translate(_CONTROLS)
+
+
 def print_message(text: str) -> None:
     """Print an error or a warning, one line on stderr."""
-    print(f"tssgeom: {text}", file=sys.stderr)  # noqa: T201
+    print(f"tssgeom: {printable(text)}", file=sys.stderr)  # noqa: T201
 
 
 def print_line(text: str) -> None:
     """Print plain text on stdout."""
-    print(text)  # noqa: T201
+    print(printable(text))  # noqa: T201
 
 
 def json_text(value: object) -> str:
@@ -54,7 +60,10 @@ def json_text(value: object) -> str:
 
 def print_json(value: object) -> None:
     """Print a result as JSON on stdout."""
-    print_line(json_text(value))
+    text = json_text(value)
+    if not (sys.stdout.encoding or "").lower().startswith("utf"):
+        text = json.dumps(json.loads(text), indent=1)
+    print_line(text)
 
 
 def print_table(
@@ -79,10 +88,10 @@ def print_table(
     if console.measure(table, options=unbounded).maximum > console.width:
         kept = [k for k, column in enumerate(columns) if column not in optional]
         table = _table([columns[k] for k in kept], [[row[k] for k in kept] for row in rows], words)
-    console.print(title, markup=False, style="bold")
+    console.print(printable(title), markup=False, style="bold")
     console.print(table)
     for note in notes:
-        console.print(note, markup=False, soft_wrap=True)
+        console.print(printable(note), markup=False, soft_wrap=True)
 
 
 def _table(columns: Sequence[str], rows: Sequence[Sequence[str]], words: Collection[str]) -> Table:
@@ -96,12 +105,12 @@ def _table(columns: Sequence[str], rows: Sequence[Sequence[str]], words: Collect
             escape(column), justify="left" if number == 0 or column in words else "right", overflow="fold"
         )
     for row in rows:
-        table.add_row(*map(escape, row))
+        table.add_row(*(escape(printable(cell)) for cell in row))
     return table
 
 
 def _status_line(text: str) -> None:
-    print(text, file=sys.stderr, flush=True)  # noqa: T201
+    print(printable(text), file=sys.stderr, flush=True)  # noqa: T201
 
 
 @contextmanager

@@ -108,6 +108,7 @@ def run(
         try:
             batch.run(refusals, options, quiet=quiet)
             if batch.done:
+                forget_all(folder, but=[task.name for task in batch.tasks])
                 batch.write_results(settings, options)
         finally:
             folder.tidy(_FOLDERS)
@@ -259,6 +260,8 @@ class Batch:
             inputs=[done.input for done in finished],
             rejected=[Rejection(source=source, reason=reason) for source, reason in self.rejections()],
             files=[*(file for done in finished for file in done.files), *own],
+            sha256={name: digest for done in finished for name, digest in done.sha256.items()}
+            | {name: self.out.sha256(name) or "" for name in own},
         )
         write_run(self.out, record)
 

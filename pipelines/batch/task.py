@@ -51,7 +51,7 @@ from tssgeom.summary import RunningSummary
 from tssgeom.view.figures.style import StyleName, choose
 from tssgeom.view.report.report import ReportEntry, rendered
 
-_FORMAT = 3  # version of the files; inputs done with another one are done anew
+_FORMAT = 4  # version of the files; inputs done with another one are done anew
 _figure_lock = threading.Lock()  # matplotlib holds the settings of a figure in the process
 
 Share = Callable[[Callable[..., Part], Iterator[tuple[object, ...]]], Iterator[Part]]
@@ -127,8 +127,8 @@ def _outcome(task: Task, path: Path, share: Share | None) -> Outcome:
 
 
 def _intact(task: Task, done: Done) -> bool:
-    figures = task.print_folder is None or intact(task.print_folder, done.figures)
-    return intact(task.out, done.files) and figures
+    figures = task.print_folder is None or intact(task.print_folder, done.figures, {})
+    return intact(task.out, done.files, done.sha256) and figures
 
 
 def _key(task: Task, digest: str) -> str:
@@ -188,6 +188,7 @@ def _done(task: Task, path: Path, digest: str, key: str, share: Share | None) ->
     if isinstance(figures, Refusal):
         failures, figures = [*failures, figures.reason], dict[str, int]()
     entry = _report_entry(task, analysis, plotted=any(file.endswith(".rrd") for file in files))
+    sizes = {file: ANY_SIZE if file.endswith(".rrd") else out.size(file) or 0 for file in files}
     return Done(
         key=key,
         input=_input(analysis, digest),
@@ -197,7 +198,8 @@ def _done(task: Task, path: Path, digest: str, key: str, share: Share | None) ->
         reading=recording.notes,
         failures=failures,
         report=entry,
-        files={file: ANY_SIZE if file.endswith(".rrd") else out.size(file) or 0 for file in files},
+        files=sizes,
+        sha256={file: out.sha256(file) or "" for file, size in sizes.items() if size != ANY_SIZE},
         figures=figures,
     )
 

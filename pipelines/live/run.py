@@ -112,6 +112,7 @@ def run(options: LiveOptions, settings: RunSettings) -> int:
             lambda: None,
             spin=options.spin and (os.cpu_count() or 1) > 1,
         )
+        sinks = list(session.sinks)
         state = None
         if options.state is not None and options.state.exists():
             state = read_state(options.state)
@@ -151,6 +152,10 @@ def run(options: LiveOptions, settings: RunSettings) -> int:
             session.close()
             all_well = finish_all(selector, processes)
         finish()
+        for sink in sinks:
+            if sink.failure:
+                report(f"--sink {sink.text}: answers cannot be written ({sink.failure}): make room")
+                all_well = False
     return 0 if all_well else 1
 
 

@@ -128,13 +128,50 @@ def test_nothing_done_is_status_2_and_writes_nothing(run, write_csv, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
+def test_tables_of_inputs_that_are_gone_are_removed_and_nothing_else(run, write_csv, tmp_path):
+    out, folder = tmp_path / "out", tmp_path / "in"
+    for name in ("stays", "gone", "breaks"):
+        write_csv(f"in/{name}.csv", half_circle())
+    assert run("batch", folder, "--out", out, "--quiet").status == 0
+    (out / "mine.txt").touch()
+    (folder / "gone.csv").unlink()
+    (folder / "breaks.csv").write_text("broken")
+    assert run("batch", folder, "--out", out, "--quiet").status == 1
+    record = json.loads((out / "run.json").read_text())
+    assert {*record["files"], "run.json", "mine.txt"} == set(files_in(out))
+    assert not [name for name in files_in(out) if "gone" in name or "breaks" in name]
+
+
+def test_a_bit_that_flips_in_a_table_is_named_by_verify_and_mended_by_the_next_batch(
+    run, write_csv, tmp_path
+):
+    out, shape = tmp_path / "out", write_csv("half.csv", half_circle())
+    assert run("batch", shape, "--out", out, "--quiet").status == 0
+    assert run("verify", out).status == 0
+    for name in ("frames/half.parquet", "segments/half.parquet", "summary.parquet"):
+        whole = bytearray((out / name).read_bytes())
+        damaged = whole.copy()
+        damaged[len(whole) // 2] ^= 1
+        (out / name).write_bytes(damaged)
+        outcome = run("verify", out)
+        assert outcome.status == 1
+        assert name in outcome.errors[0]
+        assert run("batch", shape, "--out", out, "--quiet").status == 0
+        assert (out / name).read_bytes() == whole
+    written = (out / "frames" / "half.parquet").stat().st_mtime_ns
+    assert run("batch", shape, "--out", out, "--quiet").status == 0
+    assert (out / "frames" / "half.parquet").stat().st_mtime_ns == written
+    (out / "recordings" / "half.rrd").unlink()
+    assert json.loads(run("verify", out, "--json").out)["changed"] == ["recordings/half.rrd"]
+    assert run("verify", tmp_path).status == 2
+
+
 def test_fresh_removes_what_an_earlier_batch_left_and_nothing_else(run, write_csv, tmp_path):
     out = tmp_path / "out"
     run("batch", write_csv("old.csv", half_circle()), "--out", out, "--quiet")
     (out / "mine.txt").touch()
     new = write_csv("new.csv", half_circle())
     assert run("batch", new, "--out", out, "--quiet").status == 0
-    assert "frames/old.parquet" in files_in(out)
     run("batch", write_csv("old.csv", half_circle()), "--out", out, "--quiet")
     assert run("batch", new, "--out", out, "--quiet", "--fresh").status == 0
     assert "mine.txt" in files_in(out)

@@ -69,6 +69,16 @@ def test_simulate_gives_a_row_for_each_row_of_the_run(run: Run, half: Path, tmp_
     assert all(Path(file).is_file() for file in summary["files"])
 
 
+def test_a_simulation_that_cannot_write_its_recording_leaves_no_table(run: Run, half: Path, tmp_path: Path):
+    out = tmp_path / "out"
+    (out / "simulate.rrd").mkdir(parents=True)
+    drive = write_run(tmp_path / "drive.csv", time_s=[0, 1], tension_in_N=[5.0, 15.0])
+    done = run("simulate", half, "--drive", drive, "--out", out)
+    assert done.status == 2
+    assert f"{out}/simulate.rrd: is no file" in done.errors[-1]
+    assert [path.name for path in out.iterdir()] == ["simulate.rrd"]
+
+
 def test_a_run_that_the_rig_cannot_bear_is_refused(run: Run, half: Path, tmp_path: Path):
     drive = write_run(tmp_path / "drive.csv", time_s=[0, 1], tension_in_N=[5.0, 3000.0])
     done = run("simulate", half, "--drive", drive, "--out", tmp_path / "out", "--json")

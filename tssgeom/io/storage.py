@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import hashlib
 import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from shutil import copyfileobj
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from tssgeom.atomic import remove_drafts, replacing
 from tssgeom.errors import SourceError, first_line, unwritable
@@ -165,6 +166,23 @@ class Folder:
         system, path = _reached(self.address)
         info = system.get_file_info(f"{path}/{name}")
         return info.size if info.type is pafs.FileType.File else None
+
+    def sha256(self, name: str) -> str | None:
+        """Return the SHA-256 of a file as hexadecimal digits; None where there is none that can be read."""
+        digest = hashlib.sha256()
+        try:
+            with self._opened(name) as file:
+                while block := file.read(_BLOCK):
+                    digest.update(block)
+        except OSError:
+            return None
+        return digest.hexdigest()
+
+    def _opened(self, name: str) -> Any:
+        if self.here is not None:
+            return (self.here / name).open("rb")
+        system, path = _reached(self.address)
+        return system.open_input_stream(f"{path}/{name}")
 
     def names(self, below: str) -> list[str]:
         """Return the files in the folder `below`, as names that the other methods take."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import select
 import selectors
@@ -128,7 +129,7 @@ class Pipe:
     as writable, in pieces that it then takes at once. Lines without room are refused.
     """
 
-    __slots__ = ("_fd", "_poll", "_selector", "_waiting", "closed")
+    __slots__ = ("_fd", "_poll", "_selector", "_waiting", "closed", "failure")
 
     def __init__(self, selector: selectors.BaseSelector, fd: int) -> None:
         self._selector, self._fd = selector, fd
@@ -136,6 +137,7 @@ class Pipe:
         self._poll = select.poll()
         self._poll.register(fd, select.POLLOUT)
         self.closed = False
+        self.failure = ""
 
     def send(self, line: bytes) -> bool:
         """Write a line now or later; return whether there was room for it."""
@@ -169,7 +171,9 @@ class Pipe:
                     taken += os.write(self._fd, view[taken : taken + select.PIPE_BUF])
                 except BlockingIOError:
                     break
-                except OSError:  # the reader has closed it
+                except OSError as error:
                     self.closed = True
+                    if error.errno != errno.EPIPE:  # else the reader has closed it
+                        self.failure = error.strerror or str(error)
                     return len(view)
         return taken

@@ -40,6 +40,11 @@ class Sink:
         """Whether its reader has closed it for good."""
         return False
 
+    @property
+    def failure(self) -> str:
+        """Why the system refused to write to it; empty where it did not."""
+        return ""
+
     def close(self) -> None:
         """Close sockets."""
 
@@ -71,6 +76,11 @@ class StandardOutput(Sink):
     def broken(self) -> bool:
         """Whether the reader has closed it."""
         return self._pipe.closed
+
+    @property
+    def failure(self) -> str:
+        """Why the system refused to write to it; empty where it did not."""
+        return self._pipe.failure
 
 
 class TcpSink(Sink):

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 import msgspec
@@ -65,6 +65,8 @@ class RunRecord(msgspec.Struct, frozen=True, kw_only=True):
     rejected: Sequence[Rejection]
     files: Sequence[str]
     """Files that the run wrote, relative to its folder."""
+    sha256: Mapping[str, str] = {}
+    """SHA-256 of each of them but the recordings, which differ slightly each time they are written."""
 
     @property
     def counts(self) -> dict[str, int]:
@@ -99,16 +101,28 @@ def remove_earlier_run(folder: Folder) -> None:
     SourceError
         Where there is a `run.json` that is no record of a run, or the disk refuses.
     """
+    record = earlier_run(folder)
+    if record is not None:
+        folder.remove([*record.files, RESULTS_MARK])
+
+
+def earlier_run(folder: Folder) -> RunRecord | None:
+    """Return the record in a folder; None where there is no `run.json`.
+
+    Raises
+    ------
+    SourceError
+        Where `run.json` is no record of a run.
+    """
     text = folder.read(RESULTS_MARK)
     if text is None:
-        return
+        return None
     try:
-        record = msgspec.json.decode(text, type=RunRecord)
+        return msgspec.json.decode(text, type=RunRecord)
     except msgspec.MsgspecError as error:
         raise SourceError(
             f"{folder.address}/{RESULTS_MARK}: no record of a run ({error}): remove it yourself"
         ) from error
-    folder.remove([*record.files, RESULTS_MARK])
 
 
 def sha256_of(path: Path) -> str:
@@ -157,6 +171,8 @@ class Done(msgspec.Struct, frozen=True, kw_only=True):
     """Its part of the report."""
     files: Mapping[str, int]
     """Written files with their sizes [B] or `ANY_SIZE`."""
+    sha256: Mapping[str, str] = {}
+    """SHA-256 of each of them whose size is noted."""
     figures: Mapping[str, int] = {}
     """The same in the folder for figures, where there is one."""
 
@@ -177,10 +193,17 @@ def noted(folder: Folder, name: str) -> Done | None:
         return None
 
 
-def intact(folder: Folder, files: Mapping[str, int]) -> bool:
-    """Whether the files of an input exist, each with the size that it had when written."""
+def intact(folder: Folder, files: Mapping[str, int], sha256: Mapping[str, str]) -> bool:
+    """Whether the files of an input exist, each with the size and the SHA-256 that it had when written."""
     sizes = {name: folder.size(name) for name in files}
-    return all(sizes[name] is not None and size in (ANY_SIZE, sizes[name]) for name, size in files.items())
+    return all(
+        sizes[name] is not None and size in (ANY_SIZE, sizes[name]) for name, size in files.items()
+    ) and not damaged(folder, sha256)
+
+
+def damaged(folder: Folder, sha256: Mapping[str, str]) -> list[str]:
+    """Return the files whose SHA-256 is not as it was when they were written."""
+    return [name for name, digest in sha256.items() if folder.sha256(name) != digest]
 
 
 def note(folder: Folder, name: str, done: Done) -> None:
@@ -202,10 +225,11 @@ def forget(folder: Folder, name: str) -> None:
     folder.remove([] if before is None else list(before.files))
 
 
-def forget_all(folder: Folder) -> None:
-    """Remove the files and the notes of every input."""
+def forget_all(folder: Folder, but: Collection[str] = ()) -> None:
+    """Remove the files and the notes of every input, but of those with a name in `but`."""
     for file in folder.names(_NOTES):
-        forget(folder, Path(file).stem)
+        if (name := PurePosixPath(file).name.removesuffix(".json")) not in but:
+            forget(folder, name)
 
 
 @contextmanager
