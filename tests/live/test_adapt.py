@@ -90,7 +90,10 @@ def test_a_state_of_another_rig_is_said_and_the_rig_followed_anew(tmp_path, rig)
         assert stream.stop() == 0
     rig.write_text(RIG + '\n[adapt."tendon.compliance_per_N"]\nsd = 3e-5\n')
     with live("--rig", rig, "--adapt", "--state", state) as stream:
-        assert list(_answered(stream, 1)["followed"]) == ["tendon.compliance_per_N"]
+        assert list(_answered(stream, 1)["followed"]) == [
+            "tendon.compliance_per_N",
+            "tension_in_offset.offset_N",
+        ]
         assert any("the rig is followed anew" in text for text in stream.errors)
         assert stream.stop() == 0
 
