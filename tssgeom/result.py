@@ -39,7 +39,7 @@ class Result:
         Returns
         -------
         matplotlib.axes.Axes
-            The axes that were drawn on.
+            The axes with the plot.
 
         Raises
         ------
