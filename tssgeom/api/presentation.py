@@ -1,6 +1,6 @@
 """How a notebook shows each class of result: its numbers in a line and a table, its columns, and its plots.
 
-A class has one `Presentation`. Its module is imported when a result of the class is printed, and what draws or
+A class has one `Presentation`. Its module is imported when such a result is printed, and what draws or
 makes tables when that is asked for, so that a line of text needs no library for pictures.
 """
 
