@@ -140,7 +140,7 @@ def table() -> str:
     for number in order:
         if known[number] != heading:
             heading = known[number]
-            lines += ["", f"### {heading}", "", "| equation | file · functions |", "|---|---|"]
+            lines += ["", f"## {heading}", "", "| equation | file · functions |", "|---|---|"]
         where = stated.get(number) or covered.get(number, {})
         lines.append(f"| {number} | {'; '.join(_entry(*each) for each in where.items())} |")
     return "\n".join(lines[1:]) + "\n"

@@ -12,8 +12,21 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pipelines.options import TENSION_IN, Figures, Inputs, Json, Map, Quiet, RigFile, TensionIn, TubeMm, Unit
+from pipelines.options import (
+    TENSION_IN,
+    Figures,
+    FigureStyle,
+    Inputs,
+    Json,
+    Map,
+    Quiet,
+    RigFile,
+    TensionIn,
+    TubeMm,
+    Unit,
+)
 from pipelines.terminal import json_text, print_json
+from tssgeom.view.figures.style import choose
 
 if TYPE_CHECKING:
     from pipelines.inputs import Refusal, RunSettings
@@ -42,6 +55,7 @@ def analyse(
     ] = None,
     tube_mm: TubeMm = None,
     figures: Figures = None,
+    style: FigureStyle = "light",
     same: Annotated[
         bool, typer.Option("--same", help="The shapes are one route, sensed several times: estimate it too.")
     ] = False,
@@ -52,6 +66,7 @@ def analyse(
     from tssgeom.errors import SettingsError
     from tssgeom.io.results.exports import missing_libraries, selected_endings
 
+    choose(style)
     settings = run_settings(rig, tension_in, unit, lumen=lumen, tube_mm=tube_mm, columns=columns)
     if export and out is None:
         raise SettingsError(f"--export {export}: there is no folder to write to: give --out DIR too")

@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from pipelines import tssgeom_version
-from pipelines.options import TENSION_IN, Figures, Json, Map, Quiet, RigFile, Unit
+from pipelines.options import TENSION_IN, Figures, FigureStyle, Json, Map, Quiet, RigFile, Unit
 from pipelines.terminal import print_json, print_message, print_table, step_progress
 from tssgeom.atomic import write_text
+from tssgeom.view.figures.style import choose
 
 if TYPE_CHECKING:
     from tssgeom.identify.calibration import Calibration, Estimate
@@ -67,6 +68,7 @@ def calibrate(
     unit: Unit = None,
     columns: Map = None,
     figures: Figures = None,
+    style: FigureStyle = "light",
     force: Annotated[
         bool, typer.Option("--force", help="Write the rig even where the fit fails its test.")
     ] = False,
@@ -91,6 +93,7 @@ def calibrate(
     from tssgeom.identify import calibration
     from tssgeom.rig import write_rig
 
+    choose(style)
     settings = run_settings(
         rig, TENSION_IN, unit, columns=columns, may_be_uncertain=True, takes_machines=True
     )

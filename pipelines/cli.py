@@ -22,6 +22,7 @@ from pipelines import tssgeom_version
 from pipelines.terminal import print_message
 
 _INTERRUPTED = 130  # exit status that shells and typer give Ctrl-C
+_HELP = {"help_option_names": ["-h", "--help"]}
 _REPEATED_AFTER = 0.05  # s from a lost KeyboardInterrupt until it is raised again; chosen: it feels immediate
 
 COMMANDS = (
@@ -56,7 +57,7 @@ class _Commands(TyperGroup):
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         for name in (cmd_name,) if cmd_name in COMMANDS else COMMANDS:  # a misspelt one is compared with all
             if name not in self.commands:
-                single = typer.Typer(add_completion=False, rich_markup_mode=None)
+                single = typer.Typer(add_completion=False, rich_markup_mode=None, context_settings=_HELP)
                 single.command(name)(command(name))
                 self.commands[name] = typer.main.get_command(single)
         return self.commands.get(cmd_name)
@@ -72,7 +73,7 @@ app = typer.Typer(
     cls=_Commands,
     help="Tension and elongation of tendon-sheath transmissions on sensed three-dimensional routes.",
     no_args_is_help=True,
-    add_completion=False,
+    context_settings=_HELP,
     rich_markup_mode=None,  # plain help: rich takes a tenth of a second to import
     pretty_exceptions_enable=False,
 )

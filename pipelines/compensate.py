@@ -15,6 +15,7 @@ import typer
 from pipelines.options import (
     TENSION_IN,
     Figures,
+    FigureStyle,
     Json,
     Map,
     PolicyChoice,
@@ -25,6 +26,7 @@ from pipelines.options import (
     Unit,
 )
 from pipelines.terminal import print_json, print_line, print_message, print_table
+from tssgeom.view.figures.style import choose
 
 if TYPE_CHECKING:
     from tssgeom.io.formats.runs import MeasuredRun
@@ -48,6 +50,7 @@ def compensate(
     tolerance_mm: ToleranceMm = None,
     policy: PolicyChoice = "cross",
     figures: Figures = None,
+    style: FigureStyle = "light",
     unit: Unit = None,
     columns: Map = None,
     as_json: Json = False,
@@ -72,6 +75,7 @@ def compensate(
     from tssgeom.tendon import simulation
     from tssgeom.tendon.commander import commander_of
 
+    choose(style)
     settings = run_settings(rig, TENSION_IN, unit, columns=columns, takes_machines=True)
     if settings.rig.is_machine:
         from pipelines.machines import compensate_machine

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pipelines import tssgeom_version
-from pipelines.options import Figures, Json, Map, Quiet, Unit
+from pipelines.options import Figures, FigureStyle, Json, Map, Quiet, Unit
 from pipelines.terminal import print_json, print_line, print_table, step_progress
+from tssgeom.view.figures.style import choose
 
 if TYPE_CHECKING:
     from tssgeom.identify.finding import Finding
@@ -35,6 +36,7 @@ def discover(
     unit: Unit = None,
     columns: Map = None,
     figures: Figures = None,
+    style: FigureStyle = "light",
     propose: Annotated[
         int | None,
         typer.Option(
@@ -74,6 +76,7 @@ def discover(
     from tssgeom.io.formats.laboratory.mapping import ColumnMap
     from tssgeom.io.results.findings import report_object
 
+    choose(style)
     if out.exists() and not out.is_dir():
         raise SettingsError(f"--out {out} is a file: name a folder")
     design = asked(propose, limits or ())

@@ -32,7 +32,7 @@ def write_figure(
 
 
 def write_figures(folder: Path, name: str, figures: Mapping[str, Callable[[], Figure]]) -> list[str]:
-    """Draw figures and write each as PDF and SVG, `NAME_FIGURE`; return the names of the files.
+    """Draw figures and write each as PDF and SVG, `NAME_FIGURE`, in the chosen style; return their names.
 
     Raises
     ------
@@ -40,12 +40,14 @@ def write_figures(folder: Path, name: str, figures: Mapping[str, Callable[[], Fi
         Where the disk refuses.
     """
     from tssgeom.view.figures.plots import VECTOR
+    from tssgeom.view.figures.style import for_print
 
-    return [
-        file
-        for part, draw in figures.items()
-        for file in write_figure(draw(), folder, f"{name}_{part}", VECTOR)
-    ]
+    with for_print():
+        return [
+            file
+            for part, draw in figures.items()
+            for file in write_figure(draw(), folder, f"{name}_{part}", VECTOR)
+        ]
 
 
 def write_shape_figures(folder: Path, name: str, results: Sequence[FrameResult], *, timed: bool) -> list[str]:

@@ -7,6 +7,8 @@ from typing import Annotated, Literal
 
 import typer
 
+from tssgeom.view.figures.style import StyleName
+
 TENSION_IN = 15.0
 """Tension at the proximal end where neither the file nor the user gives one [N]; cited: the paper's runs."""
 
@@ -49,6 +51,10 @@ PolicyChoice = Annotated[
 ]
 Figures = Annotated[
     Path | None, typer.Option("--figures", help="Folder for figures for print, as PDF and SVG.")
+]
+FigureStyle = Annotated[
+    StyleName,
+    typer.Option("--style", help="Of the figures: light, dark, or paper: column width, no titles."),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON on stdout instead of a table.")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Print nothing on stdout and no progress.")]

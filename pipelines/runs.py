@@ -200,6 +200,7 @@ def write_run_figures(
         transmissions,
         [_measured(run.tension_out, row) for row in rows],
         [_measured(run.elongation, row) for row in rows],
+        [(arcs.total_angle, arcs.total_angle_se) for arcs in (sensed.nearest(m.time).arcs for m in moments)],
     )
     result = _result_at(sensed, run, moments[peak], peak)
     return write_figures(folder, f"{sensed.name}_{run.name}", figures_of(result, series))

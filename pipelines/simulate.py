@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 import typer
 
-from pipelines.options import TENSION_IN, Figures, Json, Map, Quiet, RigFile, Shapes, Unit
+from pipelines.options import TENSION_IN, Figures, FigureStyle, Json, Map, Quiet, RigFile, Shapes, Unit
 from pipelines.terminal import print_json, print_line, print_table
+from tssgeom.view.figures.style import choose
 
 if TYPE_CHECKING:
     from pipelines.runs import SensedRoute
@@ -39,6 +40,7 @@ def simulate(
     unit: Unit = None,
     columns: Map = None,
     figures: Figures = None,
+    style: FigureStyle = "light",
     adapt: Annotated[
         bool,
         typer.Option(
@@ -71,6 +73,7 @@ def simulate(
     from tssgeom.io.results.tables import write_simulation
     from tssgeom.tendon import simulation
 
+    choose(style)
     settings = run_settings(rig, TENSION_IN, unit, columns=columns, takes_machines=not adapt)
     if write_rig is not None and not adapt:
         raise SettingsError("--write-rig needs --adapt: give both")

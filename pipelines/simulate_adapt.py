@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from pipelines import tssgeom_version
 from pipelines.terminal import print_json, print_line, print_message, print_table, step_progress
 from tssgeom.atomic import write_text
+from tssgeom.statistics import NORMAL_95
 
 if TYPE_CHECKING:
     from pipelines.inputs import RunSettings
@@ -23,7 +24,6 @@ RUN, NUMBERS, ALERTS, REPORT, FIGURE = (
     "adapt",
 )
 _DRIVES = ("displacement_in_m", "tension_in_N")
-_STANDARD_DEVIATIONS = 1.96
 _REPORTED = 500  # rows between two reports of the progress; chosen: half a second
 
 
@@ -155,7 +155,7 @@ def _number(key: str, followed: FollowedRun) -> dict[str, Any]:
 
 def _row(number: dict[str, Any]) -> list[str]:
     def within(at: dict[str, float]) -> str:
-        return f"{at['value']:.5g} ± {_STANDARD_DEVIATIONS * at['se']:.2g}"
+        return f"{at['value']:.5g} ± {NORMAL_95 * at['se']:.2g}"
 
     low, high = number["smoothed_range"]
     return [number["key"], within(number["start"]), within(number["end"]), f"{low:.5g}", f"{high:.5g}"]
@@ -176,7 +176,7 @@ def _write_rig(path: Path, drive: Path, shapes: Path, followed: FollowedRun) -> 
         f"Run {drive.name}, SHA-256 {sha256_of(drive)}",
         f"Shape {shapes.name}, SHA-256 {sha256_of(shapes)}",
         "Followed numbers with 95 % intervals:",
-        *(f"  {key}: {value:.6g} ± {_STANDARD_DEVIATIONS * se:.2g}" for key, value, se in values),
+        *(f"  {key}: {value:.6g} ± {NORMAL_95 * se:.2g}" for key, value, se in values),
         *(
             f"Alert: {one.channel} from {one.since:.2f} s on: {_said(one.sentence)}"
             for one in followed.alerts

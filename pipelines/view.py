@@ -25,37 +25,42 @@ def view(
     screenshot: Annotated[
         Path | None, typer.Option("--screenshot", help="Write a PNG instead; works with no display.")
     ] = None,
+    clean: Annotated[
+        bool, typer.Option("--clean", help="With --screenshot: without the viewer's menu and time bar.")
+    ] = False,
     web: Annotated[bool, typer.Option("--web", help="Open in the web browser.")] = False,
     out: Annotated[
         Path | None, typer.Option("--out", help="Write the recording of a comparison into DIR instead.")
     ] = None,
 ) -> None:
     """Open the Rerun viewer on what a command wrote, or on two of them side by side."""
-    raise typer.Exit(_open(paths, screenshot, out, web=web))
+    raise typer.Exit(_open(paths, screenshot, out, web=web, clean=clean))
 
 
-def _open(paths: Sequence[Path], screenshot: Path | None, out: Path | None, *, web: bool) -> int:
+def _open(paths: Sequence[Path], screenshot: Path | None, out: Path | None, *, web: bool, clean: bool) -> int:
     """Open the viewer, or write a picture or the recording of a comparison, and return the exit status."""
     from tempfile import TemporaryDirectory
 
     from tssgeom.errors import SettingsError
 
+    if clean and screenshot is None:
+        raise SettingsError("--clean is for a picture: give --screenshot PNG too")
     if len(paths) > 2:
         raise SettingsError(f"{len(paths)} paths: give one to look at, or two to compare")
     if len(paths) == 1:
         if out is not None:
             raise SettingsError(f"--out {out}: it is for a comparison: give two recordings or folders")
-        return _show(recordings_in(paths[0]), paths[0], screenshot, web=web)
+        return _show(recordings_in(paths[0]), paths[0], screenshot, web=web, clean=clean)
     compared = pairs(*paths)
     if out is not None:
         written = _compared(compared, out)
         print_line(f"comparison: {', '.join(map(str, written))}")
-        return 0 if screenshot is None else _show(written, out, screenshot, web=web)
+        return 0 if screenshot is None else _show(written, out, screenshot, web=web, clean=clean)
     with TemporaryDirectory(prefix="tssgeom-") as folder:
-        return _show(_compared(compared, Path(folder)), paths[1], screenshot, web=web)
+        return _show(_compared(compared, Path(folder)), paths[1], screenshot, web=web, clean=clean)
 
 
-def _show(recordings: Sequence[Path], given: Path, screenshot: Path | None, *, web: bool) -> int:
+def _show(recordings: Sequence[Path], given: Path, screenshot: Path | None, *, web: bool, clean: bool) -> int:
     from tssgeom.view.scene import viewer
 
     if screenshot is None:
@@ -64,7 +69,7 @@ def _show(recordings: Sequence[Path], given: Path, screenshot: Path | None, *, w
         print_message(
             f"{given}: the picture shows {recordings[0].name}, the first of {len(recordings)} recordings"
         )
-    viewer.screenshot(recordings[0], screenshot)
+    viewer.screenshot(recordings[0], screenshot, clean=clean)
     return 0
 
 

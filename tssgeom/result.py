@@ -39,7 +39,7 @@ class Result:
         Returns
         -------
         matplotlib.axes.Axes
-            The axes with the plot.
+            The axes of the plot.
 
         Raises
         ------

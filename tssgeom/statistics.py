@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from tssgeom.arrays import Vector
 from tssgeom.core.constants import MEDIANS
 
+NORMAL_95 = 1.959964
+"""Standard deviations to either side of a 95 % interval. Derived: the 97.5 % quantile of the normal law."""
 _THROUGH = (3, 5, 7)  # readings whose differences show the noise; derived: lines to quintics vanish
 
 

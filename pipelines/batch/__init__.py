@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from pipelines.options import TENSION_IN, Json, Map, Quiet, RigFile, TensionIn, TubeMm, Unit
+from pipelines.options import TENSION_IN, FigureStyle, Json, Map, Quiet, RigFile, TensionIn, TubeMm, Unit
 
 
 def batch(
@@ -41,6 +41,7 @@ def batch(
         str | None,
         typer.Option("--figures", help="Folder for figures of each input for print, as PDF and SVG."),
     ] = None,
+    style: FigureStyle = "light",
     csv: Annotated[bool, typer.Option("--csv", help="Write every table as CSV too.")] = False,
     fresh: Annotated[bool, typer.Option("--fresh", help="First remove an earlier batch from DIR.")] = False,
     tube_mm: TubeMm = None,
@@ -59,5 +60,5 @@ def batch(
     settings = run_settings(
         rig, tension_in, unit, geometry_only=geometry_only, tube_mm=tube_mm, columns=columns
     )
-    options = BatchOptions(workers, scheduler, fresh, pictures, figures, csv)
+    options = BatchOptions(workers, scheduler, fresh, pictures, figures, csv, style)
     raise typer.Exit(run(inputs, settings, options, out=out, as_json=as_json, quiet=quiet))

@@ -32,6 +32,7 @@ from tssgeom.io.results.run_record import (
 from tssgeom.io.results.shapes import relative
 from tssgeom.io.results.tables import write_csv, write_summary
 from tssgeom.io.storage import Folder
+from tssgeom.view.figures.style import StyleName
 from tssgeom.view.report.outlying_inputs import OutlyingInput, outlying_inputs
 from tssgeom.view.report.report import Rendered, ReportEntry, rendered, write_report
 
@@ -74,6 +75,8 @@ class BatchOptions:
     """Folder for figures for print."""
     csv: bool = False
     """Whether tables are written as CSV too."""
+    style: StyleName = "light"
+    """Of the figures for print."""
 
 
 def run(
@@ -143,6 +146,7 @@ def _tasks(
             out=out,
             figures=options.pictures and number < _LIMITS.most_figures,
             print_folder=None if options.figures is None else Folder.of(options.figures),
+            style=options.style,
             csv=options.csv,
         )
         for number, source in enumerate(sources)

@@ -48,6 +48,7 @@ from tssgeom.io.results.tables import CHUNK, Part, part_of, parts, write_csv, wr
 from tssgeom.io.storage import Folder, fetched, local
 from tssgeom.stream import Frame, Rejected
 from tssgeom.summary import RunningSummary
+from tssgeom.view.figures.style import StyleName, choose
 from tssgeom.view.report.report import ReportEntry, rendered
 
 _FORMAT = 3  # version of the files; inputs done with another one are done anew
@@ -80,6 +81,8 @@ class Task:
     """Whether the report draws it."""
     print_folder: Folder | None = None
     """Where its figures for print go."""
+    style: StyleName = "light"
+    """Of these figures."""
     csv: bool = False
     """Whether its tables are written as CSV too."""
 
@@ -138,7 +141,7 @@ def _key(task: Task, digest: str) -> str:
         "source": task.source,
         "figures": task.figures,
         "csv": task.csv,
-        "printed": None if task.print_folder is None else task.print_folder.address,
+        "printed": None if task.print_folder is None else f"{task.print_folder.address} {task.style}",
         "sha256": digest,
         "lumen": None if lumen is None else sha256_of(lumen),
         "columns": _columns_beside(task),
@@ -276,6 +279,7 @@ def _write_print_figures(task: Task, analysis: Analysis) -> dict[str, int]:
     """Write the figures for print, and return their names and sizes."""
     if task.print_folder is None:
         return {}
+    choose(task.style)
     with tempfile.TemporaryDirectory() as folder, _figure_lock:
         written = write_shape_figures(Path(folder), task.name, analysis.results, timed=analysis.timed)
         for file in written:

@@ -21,6 +21,7 @@ import numpy as np
 from pipelines.live.messages import packed
 from tssgeom.adapt.follower import Follower
 from tssgeom.errors import SourceError
+from tssgeom.io.formats.states import Origin
 from tssgeom.io.network.channel import Channel
 from tssgeom.stream import FrameResult
 from tssgeom.tendon.state import TendonState
@@ -218,6 +219,7 @@ class StateFeed:
     """Sends the newest state of the tendon to the process that saves it."""
 
     process: SideProcess
+    origin: Origin
     follower: Follower | None = None
     """Its filter is saved with the tendon."""
     _due: float = 0.0
@@ -238,7 +240,7 @@ class StateFeed:
         """Send the newest state."""
         if self._newest is not None:
             followed = None if self.follower is None else self.follower.saved()
-            send([self.process], "state", (self._newest, followed))
+            send([self.process], "state", (self._newest, followed, self.origin))
             self._newest = None
 
 

@@ -11,12 +11,14 @@ import signal
 import socket
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import FrameType
 
 from pipelines.inputs import RunSettings
 from pipelines.live.following import AlertReport, RigFeed
+from pipelines.live.kept_files import kept_recording, locked
 from pipelines.live.processes import (
     PictureFeed,
     SideProcess,
@@ -30,8 +32,8 @@ from pipelines.live.status import StatusLine
 from pipelines.live.warm_up import warm_up
 from tssgeom.adapt.follower import Follower
 from tssgeom.engine import process
-from tssgeom.errors import SettingsError, require_replaceable
-from tssgeom.io.formats.states import read_filter, read_state
+from tssgeom.errors import SettingsError
+from tssgeom.io.formats.states import origin_of, origin_remark, read_filter, read_state
 from tssgeom.io.network.addresses import Access, Endpoint
 from tssgeom.io.network.channel import READ, Pipe
 from tssgeom.io.network.mailbox import Mailbox
@@ -92,11 +94,14 @@ def run(options: LiveOptions, settings: RunSettings) -> int:
     """
     if options.write_rig is not None and not options.adapt:
         raise SettingsError("--write-rig writes the rig that --adapt follows: give both")
-    for path in filter(None, (options.state, options.record, options.write_rig)):
-        require_replaceable(path)
-    with selectors.DefaultSelector() as selector:
+    with ExitStack() as stack:
+        stack.enter_context(locked([*filter(None, (options.state, options.record, options.write_rig))]))
+        selector = stack.enter_context(selectors.DefaultSelector())
         errors = Pipe(selector, 2)
         report = _reporter(errors)
+        if options.record is not None:
+            record = stack.enter_context(kept_recording(options.record, report))
+            options = replace(options, record=record)
         mailbox = Mailbox()
         session = Session(
             selector,
@@ -107,7 +112,11 @@ def run(options: LiveOptions, settings: RunSettings) -> int:
             lambda: None,
             spin=options.spin and (os.cpu_count() or 1) > 1,
         )
-        state = read_state(options.state) if options.state is not None and options.state.exists() else None
+        state = None
+        if options.state is not None and options.state.exists():
+            state = read_state(options.state)
+            if remark := origin_remark(options.state, settings.rig):
+                report(remark)
         if state is not None and math.isfinite(state.time):
             session.time = state.time
         follower = _follower(options, settings, report) if options.adapt else None
@@ -119,7 +128,7 @@ def run(options: LiveOptions, settings: RunSettings) -> int:
             policy=options.policy,
             state=state,
         )
-        session.consumers, processes = _side_processes(options, follower, selector, report)
+        session.consumers, processes = _side_processes(options, settings, follower, selector, report)
         session.report_statistics, finish = _statistics(session, processes, errors, stats=options.stats)
         try:
             warm_up(settings.rig, commander, adapt=options.adapt)
@@ -158,6 +167,7 @@ def _follower(options: LiveOptions, settings: RunSettings, report: Callable[[str
 
 def _side_processes(
     options: LiveOptions,
+    settings: RunSettings,
     follower: Follower | None,
     selector: selectors.BaseSelector,
     report: Callable[[str], None],
@@ -170,7 +180,7 @@ def _side_processes(
         return processes[-1]
 
     if options.state is not None:
-        consumers.append(StateFeed(started("save", options.state), follower))
+        consumers.append(StateFeed(started("save", options.state), origin_of(settings.rig), follower))
     if follower is not None:
         consumers.append(AlertReport(report))
         if options.write_rig is not None:
@@ -266,7 +276,7 @@ def _statistics(
 
 
 def _stop_on_signals(session: Session) -> None:
-    """Let SIGTERM and Ctrl-C end the stream; the second of them ends it at once."""
+    """Let SIGTERM, SIGHUP and Ctrl-C end the stream; the second of them ends it at once."""
     woken, wake = socket.socketpair()
     woken.setblocking(False)
     wake.setblocking(False)
@@ -277,5 +287,5 @@ def _stop_on_signals(session: Session) -> None:
         signal.signal(number, signal.SIG_DFL)
         session.stop()
 
-    for number in (signal.SIGTERM, signal.SIGINT):
+    for number in (signal.SIGTERM, signal.SIGHUP, signal.SIGINT):
         signal.signal(number, stop)

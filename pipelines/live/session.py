@@ -28,6 +28,12 @@ class LiveLimits:
     """Least time from the last frame of one clock to the first of another [s]; chosen: time increases."""
     longest_pause: float = 60.0
     """Greatest such time [s]; chosen: a tendon does not creep through a night of silence."""
+    longest_step: float = 3600.0
+    """Greatest time from one frame of a clock to its next, or from a saved state to the first frame [s];
+    chosen: longer pauses than between two readings of one experiment."""
+    latest_start: float = 1e11
+    """Greatest time at which a tendon's clock begins [s]; chosen: beyond it a clock of today is in another
+    unit, and the time between frames is rounded to 15 µs."""
     no_sleep_interval: float = 2e-3
     """Time between frames up to which the next one is awaited without sleep [s].
     Measured: waking takes 0.1 ms, a twentieth of it."""
@@ -78,8 +84,8 @@ class Session:
     stopping: bool = False
     _present: Arrival | None = None
     """The frame that was yielded last."""
-    _clock_offset: float = 0.0
-    """The tendon's clock less the sender's [s]."""
+    _tendon_time: float = 0.0
+    """Its time on the tendon's clock [s]."""
     _last_good: Arrival | None = None
     """The last frame that was answered and not rejected."""
     _fresh_since: float = math.inf
@@ -111,15 +117,28 @@ class Session:
     def _on_tendon_clock(self, frame: Frame, clock: Clock) -> Frame:
         """Shift the time of a frame so that it is later than all before it, whatever clock its sender has.
 
-        The tendon's clock never goes back, so creep goes on when a sender is replaced. The offset is kept
-        only when the frame is answered, since it may still be rejected.
+        The tendon's clock never goes back, so creep goes on when a sender is replaced, and it never leaps:
+        where a clock does, or where a new one joins others, it goes on by the time that has passed here. It
+        is kept only when the frame is answered, since the frame may still be rejected.
         """
-        offset = clock.offset
-        if not frame.time + offset > self.time:
-            pause = monotonic() - self._last_answer
-            offset = self.time + min(max(pause, _LIMITS.least_pause), _LIMITS.longest_pause) - frame.time
-        self._clock_offset = offset
-        return frame if offset == 0.0 else replace(frame, time=frame.time + offset)
+        time, warnings = frame.time + clock.offset, frame.warnings
+        step = time - self.time
+        joins = self._last_good is not None and clock.latest == -math.inf
+        if math.isinf(self.time):
+            if abs(time) > _LIMITS.latest_start:
+                time = 0.0
+                warnings += (f"t is {frame.time:g} s: the tendon's clock begins at 0 s; send seconds",)
+        elif joins or not 0.0 < step <= _LIMITS.longest_step:
+            passed = monotonic() - self._last_answer
+            passed = min(max(passed, _LIMITS.least_pause), _LIMITS.longest_pause)
+            time = self.time + passed
+            if step > _LIMITS.longest_step:
+                leap = f"t is {step:.3g} s later than the last frame: it counts as {passed:.3g} s"
+                warnings += (f"{leap}; send seconds of one clock",)
+        self._tendon_time = time
+        if time == frame.time and warnings is frame.warnings:
+            return frame
+        return replace(frame, time=time, warnings=warnings)
 
     def _measure_interval(self, arrival: Arrival) -> None:
         if self._present is not None:
@@ -136,8 +155,8 @@ class Session:
         if isinstance(result, Rejected):
             self._refuse(Rejected(arrival.seq, frame.time, result.reason, result.id))
             return
-        self._last_good, self.time = arrival, frame.time + self._clock_offset
-        arrival.clock.latest, arrival.clock.offset = frame.time, self._clock_offset
+        self._last_good, self.time = arrival, self._tendon_time
+        arrival.clock.latest, arrival.clock.offset = frame.time, self._tendon_time - frame.time
         self._fresh_since = self._last_answer = monotonic()
         latency_us = (perf_counter_ns() - arrival.arrived) / 1e3
         line = answers.answer(result, frame.time, arrival.seq, round(latency_us, 1), self.mailbox.dropped)

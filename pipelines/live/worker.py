@@ -24,7 +24,7 @@ import numpy as np
 from pipelines.live.messages import unpacked
 from tssgeom.adapt.saved import SavedFilter
 from tssgeom.errors import TssgeomError
-from tssgeom.io.formats.states import write_state
+from tssgeom.io.formats.states import Origin, write_state
 from tssgeom.rig import Rig, write_rig
 from tssgeom.stream import FrameResult
 from tssgeom.tendon.state import TendonState
@@ -60,7 +60,7 @@ class StateSaver:
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self._state: tuple[TendonState, SavedFilter | None] | None = None
+        self._state: tuple[TendonState, SavedFilter | None, Origin] | None = None
 
     def take(self, kind: str, content: Any) -> None:
         """Take in a state."""
@@ -180,7 +180,7 @@ def _messages(sock: socket.socket, flush: Callable[[], None], pause: float) -> I
 def main(role_name: str, argument: str) -> int:
     """Serve the stream until it ends; return the exit status."""
     # the stream ends it by closing the socket; a terminal may not stop it, even where it writes to it
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGTTOU):
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGTTOU):
         signal.signal(number, signal.SIG_IGN)
     with suppress(OSError):
         os.nice(_NICENESS)

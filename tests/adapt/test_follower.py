@@ -80,3 +80,51 @@ def test_a_sound_machine_raises_no_alarm():
     follower = Follower(rig_of(scenario))
     for _ in followed(scenario, follower, 180.0):
         assert follower.alert is None
+
+
+def _with_leap(channel: str, size: float, at: int = 4000):
+    scenario = scenarios.sound(1, 0.02)
+    read = scenario.readings[channel].copy()
+    read[at:] += size
+    return scenario._replace(readings={**scenario.readings, channel: read})
+
+
+@pytest.mark.parametrize("channel", ["tension_in_N", "tension_out_N"])
+def test_a_zero_that_leaps_is_named_and_followed(channel):
+    scenario = _with_leap(channel, 0.8)
+    follower = Follower(rig_of(scenario))
+    known = [known for _, known in followed(scenario, follower, 55.0, tension_out=True)]
+    assert follower.alert is not None
+    first = follower.alert.explanations[0]
+    assert (first.mechanism, first.where) == ("sensor", channel)
+    assert follower.filter is not None
+    at = follower.filter.keys.index(channel.removesuffix("_N") + "_offset.offset_N")
+    assert known[-1].values[at] == pytest.approx(0.8, abs=0.05)
+    assert not follower.filter.muted
+
+
+@pytest.mark.parametrize(
+    ("channel", "size"), [("tension_in_N", 1e12), ("tension_in_N", 60.0), ("displacement_in_m", 0.5)]
+)
+def test_a_reading_that_makes_no_sense_is_the_sensors_fault_and_is_left_out(channel, size):
+    scenario = _with_leap(channel, size)
+    follower = Follower(rig_of(scenario))
+    known = [known for _, known in followed(scenario, follower, 55.0, tension_out=True)]
+    assert follower.alert is not None
+    assert (follower.alert.explanations[0].mechanism, follower.alert.explanations[0].where) == (
+        "sensor",
+        channel,
+    )
+    assert follower.filter is not None
+    assert follower.filter.muted == {channel}
+    assert known[-1].values[0] == pytest.approx(scenario.machine.friction, rel=0.05)
+
+
+def test_a_zero_that_drifts_is_followed_whether_the_rig_names_it_or_not():
+    scenario = scenarios.drifting_zeros(2, 0.08)
+    follower = Follower(rig_of(scenario))  # its [adapt] names friction and the zero of T_in
+    for _ in followed(scenario, follower, 250.0, tension_out=True):
+        assert follower.alert is None
+    assert follower.filter is not None
+    at = follower.filter.keys.index("tension_out_offset.offset_N")
+    assert follower.filter.values[at] == pytest.approx(scenario.truth["zero_tension_out_N"][24999], abs=0.03)

@@ -83,7 +83,7 @@ def test_a_result_is_one_short_line_and_a_table(results, name):
     assert len(line) <= 200
     page = results[name]._repr_html_()
     assert page.count("<tr>") == page.count("</tr>") > 0
-    assert "color" not in page  # that of the notebook, on any ground
+    assert "color" not in page  # that of the notebook, of any style
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -191,15 +191,6 @@ def test_a_source_that_dies_and_returns_is_served_again(shared):
             source.sendall(frame(time + 1.0)[:100])  # dies in the middle of a line
 
 
-def test_a_state_that_cannot_be_written_is_reported_before_the_end(tmp_path):
-    (tmp_path / "taken").touch()
-    with live("--state", tmp_path / "taken" / "tendon.json") as stream:
-        stream.input.write(frame(0.0))
-        stream.input.close()
-        assert stream.process.wait(PATIENCE) == 1
-    assert any("tendon.json: cannot be written" in text for text in stream.errors)
-
-
 @pytest.mark.parametrize("content", ["", "{", '{"version": 1, "kind": "bars"}', "[]"])
 def test_a_broken_state_is_refused_with_the_remedy(run, tmp_path, content):
     state = tmp_path / "tendon.json"

@@ -51,7 +51,7 @@ def test_the_table_has_the_numbers_and_the_tension_they_belong_to(run, half):
     for cell in ("40", "500.0", "15.00", "9.51"):
         assert f" {cell} " in f"{row} "
     for value in ("180.0", "3.142", "1.904"):  # of exact points: the standard error is far below them
-        assert re.search(rf" {re.escape(value)} ± \de-\d+ ", f"{row} ")
+        assert re.search(rf" {re.escape(value)} ± < 0\.0+1 ", f"{row} ")
 
 
 def test_quiet_leaves_stdout_empty(run, half):

@@ -60,3 +60,20 @@ def test_a_folder_that_cannot_be_written_is_one_line(run: Run, half: Path, write
     outcome = run("analyse", half, "--figures", taken)
     assert outcome.status == 1
     assert "taken" in outcome.errors[0]
+
+
+def test_a_style_is_that_of_the_figures_and_a_batch_draws_anew_in_another(
+    run: Run, half: Path, tmp_path: Path
+) -> None:
+    figures = tmp_path / "figures"
+    ask = ("batch", half, "--out", tmp_path / "out", "--figures", figures, "--no-pictures", "--quiet")
+    by_style = dict[str, str]()
+    for style in ("light", "dark", "paper"):
+        run(*ask, "--style", style)
+        assert files(figures) == names("half", SHAPE)
+        by_style[style] = (figures / "half_curvature.svg").read_text("utf-8")
+    assert "#111318" in by_style["dark"]  # its ground
+    assert "#111318" not in by_style["light"]
+    assert f'width="{88 / 25.4 * 72:.2f}'[:11] in by_style["paper"]
+    run("analyse", half, "--figures", tmp_path / "again", "--quiet")
+    assert (tmp_path / "again" / "half_curvature.svg").read_text("utf-8") == by_style["light"]

@@ -9,7 +9,7 @@ from tests.view.conftest import analysed
 from tssgeom.stream import Frame, FrameResult
 from tssgeom.view.samples import route_samples
 from tssgeom.view.scene.camera import ASPECT, Camera, camera
-from tssgeom.view.scene.labels import LabelPositions, label_positions, scale_label
+from tssgeom.view.scene.labels import LabelPositions, label_positions, labelled, scale_label
 
 
 def helix(turns: float, pitch: float, size: float) -> np.ndarray:
@@ -78,6 +78,9 @@ def test_in_a_crowd_labels_are_shortened_and_none_covers_an_end_or_the_scale(tex
     wave = 0.05 * np.column_stack([6 * turn, np.sin(12 * turn), np.sin(7 * turn)])
     (result,) = analysed([Frame(wave + np.random.default_rng(1).normal(0.0, 1e-4, wave.shape))])
     assert len(result.arcs.length) > 10
+    chosen = labelled(result.arcs)
+    assert len(chosen) == 6
+    assert result.arcs.angle[chosen].min() >= np.delete(result.arcs.angle, chosen).max()
     view = looking_at(result.route.position)
     located = label_positions(view, route_samples(result), result.arcs, text_scale)
     assert located.whole[:2].all()

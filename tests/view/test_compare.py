@@ -101,7 +101,7 @@ def test_the_text_has_the_numbers_of_the_greatest_pull(both: Path, moving, rough
     a, b = moving[3].transmission, rough[3].transmission
     (text,) = columns(both, "/difference/words", timed=False)["TextDocument:text"][0]
     error = float(np.hypot(a.tension_out_se, b.tension_out_se))
-    assert f"**{with_error(b.tension_out - a.tension_out, error, 2, '+')} N**" in text
+    assert f"**{with_error(b.tension_out - a.tension_out, error, 2, '+')} N**".replace("-", "−") in text
     assert f"({a.tension_out:.2f} to {b.tension_out:.2f} N" in text
     assert "the drives are the same" in text
     assert "turn alike" in text
@@ -163,7 +163,7 @@ def test_the_numbers_are_those_of_the_moment_in_the_picture(tmp_path: Path):
     side = read_side(tmp_path / "a.rrd")
     assert side.time is not None
     assert ("time", side.time[side.peak]) == moment_of_greatest_tension(tmp_path / "a.rrd")
-    assert "| time [s] | 1.50 | 1.50 | +0.00 |" in table(side, side)
+    assert "| time [s] | 1.50 | 1.50 | 0.00 |" in table(side, side)
     assert "-0.0" not in table(side, side)
 
 

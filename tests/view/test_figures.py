@@ -7,15 +7,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from tests.view.conftest import analysed, arc
+from tests.view.layout import faults
 from tests.worked_finding import worked_finding
 from tssgeom.stream import Frame, FrameResult
 from tssgeom.view.figures.paper import paper_figures
 from tssgeom.view.figures.plots import COLUMN, SMALLEST, VECTOR, figure, markup, save
-from tssgeom.view.figures.shapes import figures_of, route_figure, transmission_figure
+from tssgeom.view.figures.restyle import subscripts
+from tssgeom.view.figures.shapes import figures_of, route_figure, time_figure, transmission_figure
+from tssgeom.view.figures.style import StyleName, choose, for_print
 from tssgeom.view.report.entry import ReportEntry, moments, series_of, strokes
 from tssgeom.view.report.finding import figures_of as figures_of_finding
 from tssgeom.view.report.report import section
@@ -55,6 +59,59 @@ def test_every_figure_fits_a_column_or_a_page_and_is_legible(figures):
         ), name
         texts = [text for text in drawing.findobj(Text) if text.get_visible() and text.get_text().strip()]
         assert min(text.get_fontsize() for text in texts) >= SMALLEST, name
+
+
+def test_no_text_covers_another_or_leaves_its_figure_and_no_panel_is_empty(figures):
+    for name, draw in figures.items():
+        assert faults(draw()) == [], name
+
+
+def test_the_check_of_a_layout_detects_each_fault():
+    with figure((COLUMN, 1.0)) as drawing:
+        axes = drawing.subplots()
+        axes.annotate("one", (0.5, 0.5))
+        axes.annotate("other", (0.5, 0.5))
+        axes.text(3.0, 0.5, "beyond")
+        drawing.set_layout_engine("none")
+    words = " ".join(faults(drawing))
+    assert "'one' and 'other' overlap" in words
+    assert "'beyond' leaves the figure" in words
+    assert "is empty" in words
+
+
+@pytest.mark.parametrize("style", ["dark", "paper"])
+def test_every_style_keeps_texts_apart_and_legible(figures, style: StyleName):
+    choose(style)
+    with for_print():
+        by_name = {name: draw() for name, draw in figures.items() if not name.startswith("paper")}
+    choose("light")
+    for name, drawing in by_name.items():
+        assert faults(drawing) == [], name
+        assert min(text.get_fontsize() for text in drawing.findobj(Text)) >= SMALLEST, name
+        width = drawing.get_figwidth() * 25.4
+        if style == "paper":
+            assert min(abs(width - 88.0), abs(width - 180.0)) < 1e-6, name
+            assert not any(axes.get_title(loc=loc) for axes in drawing.axes for loc in ("left", "center"))
+        else:
+            assert max(drawing.get_facecolor()[:3]) < 0.15, name
+            labels = [label for axes in drawing.axes for label in (axes.xaxis.label, axes.yaxis.label)]
+            assert min(max(to_rgb(label.get_color())) for label in labels) > 0.5, name
+
+
+def test_a_symbol_has_its_subscript_and_a_name_of_a_run_none():
+    assert subscripts("T_in [N], ΔT_out") == r"$\mathregular{T_{in}}$ [N], $\mathregular{ΔT_{out}}$"
+    assert subscripts("half_slow, tension_in_N") == "half_slow, tension_in_N"
+
+
+def test_the_curve_angle_over_time_has_its_band_where_the_route_moves(moving: list[FrameResult]) -> None:
+    run = series_of(moving)
+    assert run.angle is not None
+    panels = time_figure(run).axes
+    assert [axes.get_ylabel() for axes in panels] == ["T [N]", "δ [mm]", "Φ [°]"]
+    (band,) = panels[2].collections
+    np.testing.assert_allclose(panels[2].lines[0].get_ydata(), np.degrees(run.angle))
+    assert np.ptp(band.get_paths()[0].vertices[:, 1]) > np.ptp(np.degrees(run.angle))
+    assert len(time_figure(replace(run, angle=None, angle_se=None)).axes) == 2
 
 
 def test_every_axis_that_is_shown_has_a_unit(figures):

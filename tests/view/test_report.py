@@ -95,7 +95,7 @@ def test_tags_match_and_every_inner_link_has_its_place(page: Page) -> None:
 def test_each_input_has_a_row_and_each_good_one_its_figures(page: Page) -> None:
     rows = [value for tag, name, value in page.attributes if tag == "td" and name == "data-value"]
     assert len(rows) == 2 * 12 + 2  # a rejected input has its reason in its row
-    assert page.tags["svg"] == 5 + 9  # those of a frame, and of the run those of its history too
+    assert page.tags["svg"] == 5 + 10  # those of a frame, and of the run those of its history too
 
 
 def test_counts_and_rejections_come_first_and_give_the_reason(page: Page) -> None:

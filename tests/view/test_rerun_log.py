@@ -36,7 +36,10 @@ ENTITIES = {
     "/summary",
     "/table",
 }
-SERIES = {"/series/tension_in", "/series/tension_out", "/series/elongation", "/series/angle"}
+SERIES = {
+    f"/series/{name}"
+    for name in ("tension_in", "tension_out", "elongation", "angle", "angle_least", "angle_most")
+}
 FRONT = {"/route/slip_front", "/tension/slip_front"}
 
 

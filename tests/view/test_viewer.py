@@ -7,6 +7,7 @@ import urllib.error
 import urllib.request
 from pathlib import Path
 
+import numpy as np
 import pytest
 from PIL import Image
 
@@ -30,6 +31,10 @@ def test_screenshot_needs_no_display_and_shows_the_route_in_colour(
     with Image.open(tmp_path / "new" / "picture.png") as picture:
         assert picture.size == (1200, 700)
         colours = picture.convert("RGB").getcolors(maxcolors=1 << 20)
+    screenshot(moving_file, tmp_path / "clean.png", (1200, 700), clean=True)
+    with Image.open(tmp_path / "new" / "picture.png") as whole, Image.open(tmp_path / "clean.png") as clean:
+        assert clean.size == (1200, 700 - 37 - 30)
+        assert np.mean(np.asarray(clean.convert("L"))[0]) < 40 < np.max(np.asarray(whole.convert("L"))[:37])
     yellow = sum(count for count, (r, g, b) in colours or [] if r > 200 and g > 200 and b < 80)
     assert yellow > 100  # T_in of the last peak is the brightest colour
 

@@ -16,8 +16,8 @@ def test_a_standard_error_is_told_with_two_digits_and_its_value_to_the_same_deci
     assert angle_with_error(np.pi, np.radians(0.27)) == "180.00° ± 0.27°"
 
 
-def test_an_error_that_is_nothing_beside_the_value_is_told_with_one_digit() -> None:
-    assert with_error(9.51, 3.2e-7, 2) == "9.51 ± 3e-07"
+def test_an_error_that_is_nothing_beside_the_value_has_a_bound() -> None:
+    assert with_error(9.51, 3.2e-7, 2) == "9.51 ± < 0.001"
     assert with_error(9.51, 0.0, 2) == "9.51 ± 0"
     assert with_error(9.51, np.inf, 2) == "9.51 ± inf"
 

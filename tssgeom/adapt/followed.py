@@ -43,6 +43,7 @@ DEFAULT = DefaultDrift()
 _STEP = (
     1e-3  # of the scale of a number, for its straight line [1]; chosen: rounding and bend are both far below
 )
+_ZEROS = {"tension_in_N": "tension_in_offset.offset_N", "tension_out_N": "tension_out_offset.offset_N"}
 _OF_DISTAL_CELL = ("tension_out_gain.", "tension_out_offset.", "load_cell_crosstalk.")
 _SENSORS = 5  # numbers of `SensorNumbers`
 
@@ -94,29 +95,30 @@ def limits_of(numbers: tuple[FollowedNumber, ...]) -> Limits:
 
 
 def followed_numbers(rig: Rig, measured: Sequence[str]) -> tuple[FollowedNumber, ...]:
-    """Return what a rig names to be followed, else friction and the zeros of the `measured` tensions.
+    """Return what a rig names to be followed, else friction, and with either zeros of `measured` tensions.
 
-    Those of a load cell at the distal end are left out where T_out is not measured: nothing depends on them.
+    A zero that drifts and is not followed draws friction with it. Numbers of a load cell at the distal end
+    are left out where T_out is not measured: nothing depends on them.
 
     Raises
     ------
     SettingsError
         Where a key is none that can be followed.
     """
-    named = rig.adapt or _default(rig, measured)
+    named = (rig.adapt or _friction(rig)) | {
+        key: Follow(sd=DEFAULT.zero_sd_N, hourly_change=DEFAULT.zero_hourly_N)
+        for channel, key in _ZEROS.items()
+        if channel in measured and key not in rig.adapt
+    }
     if "tension_out_N" not in measured:
         named = {key: follow for key, follow in named.items() if not key.startswith(_OF_DISTAL_CELL)}
     return tuple(_number(rig, key, follow) for key, follow in named.items())
 
 
-def _default(rig: Rig, measured: Sequence[str]) -> dict[str, Follow]:
+def _friction(rig: Rig) -> dict[str, Follow]:
     friction = rig.friction.coefficient
-    of_friction = Follow(sd=DEFAULT.friction_sd * friction, hourly_change=DEFAULT.friction_hourly * friction)
-    zero = Follow(sd=DEFAULT.zero_sd_N, hourly_change=DEFAULT.zero_hourly_N)
-    zeros = {"tension_in_N": "tension_in_offset.offset_N", "tension_out_N": "tension_out_offset.offset_N"}
-    return {"friction.coefficient": of_friction} | {
-        key: zero for channel, key in zeros.items() if channel in measured
-    }
+    sd, hourly_change = DEFAULT.friction_sd * friction, DEFAULT.friction_hourly * friction
+    return {"friction.coefficient": Follow(sd=sd, hourly_change=hourly_change)}
 
 
 def _number(rig: Rig, key: str, follow: Follow) -> FollowedNumber:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import math
 from collections import deque
 from collections.abc import Iterator
@@ -191,14 +190,7 @@ class Follower:
 
     def kept(self) -> RigFilter | None:
         """Return the filter as it is, for `go_back`."""
-        now = self._filter
-        if now is None:
-            return None
-        kept = copy.copy(now)
-        kept.members, kept.position, kept.muted = now.members.copy(), now.position.copy(), set(now.muted)
-        kept._random = copy.deepcopy(now._random)
-        kept._drives = {name: copy.copy(drive) for name, drive in now._drives.items()}
-        return kept
+        return None if self._filter is None else self._filter.copied()
 
     def go_back(self, kept: RigFilter | None) -> None:
         """Forget the frame that came since the filter was `kept`."""
@@ -220,8 +212,11 @@ class Follower:
                 self._compared += 1
                 self._work = self._search()
             return
-        result = next(self._work, None)
-        if result:
+        try:
+            result = next(self._work, ())
+        except (TssgeomError, ArithmeticError):  # what explains nothing may not stop the stream
+            result = ()
+        if result is not None:
             self._work = None
             self._conclude(result)
 
@@ -254,7 +249,7 @@ class Follower:
         ):
             return
         if not copies or moment.time >= copies[-1].time + _SETTINGS.copies:
-            copies.append(now.with_more(()))
+            copies.append(now.copied())
         oldest = moment.time - _SETTINGS.kept
         while len(copies) > 2 and copies[1].time < oldest:
             copies.popleft()

@@ -35,7 +35,10 @@ class HypothesisSettings(NamedTuple):
     the same."""
     sensor_last: float = -6.0
     """Logarithm of the odds for a sensor that errs in gain and zero [1]. Chosen: sensors fail wholly, as
-    above."""
+    above, or their zero drifts."""
+    zero: float = 1.0
+    """Standard deviation of a zero that moved, and of its further change in an hour [N]. Chosen: some per
+    cent of what cells of 20 to 50 N span."""
     parts_last: float = -6.0
     """Logarithm of the odds for friction that changes part by part [1]. Chosen: four numbers fit a bend as
     well."""
@@ -61,6 +64,8 @@ class Hypothesis:
     log_prior: float = 0.0
     length: float = 0.0
     """Of the route where its numbers are factors of friction on the parts of it [m]; else 0."""
+    mutes: bool = False
+    """Whether a sensor of which this is true is not used any more."""
 
     def rig_with(self, values: Sequence[float]) -> Rig:
         """Return the rig with these values of the numbers."""
@@ -79,8 +84,10 @@ def hypotheses(sound: RigFilter, moments: Sequence[Moment], since: float) -> Ite
     rig = sound.rig_now()
     known = dict(zip(sound.keys, sound.values.tolist(), strict=True))
 
-    def number(key: str, value: float, sd: float, lower: float = -math.inf) -> FollowedNumber:
-        return FollowedNumber(key, known.get(key, value), sd, 0.0, lower, math.inf)
+    def number(
+        key: str, value: float, sd: float, lower: float = -math.inf, hourly: float = 0.0
+    ) -> FollowedNumber:
+        return FollowedNumber(key, known.get(key, value), sd, hourly, lower, math.inf)
 
     friction, compliance = rig.friction.coefficient, rig.tendon.compliance_per_N
     length = sound.cut.total_length
@@ -144,6 +151,13 @@ def hypotheses(sound: RigFilter, moments: Sequence[Moment], since: float) -> Ite
             yield Hypothesis(
                 "sensor",
                 channel,
+                (number(f"{end}_offset.offset_N", 0.0, _TRIED.zero, hourly=_TRIED.zero),),
+                f"the zero of {channel} is {{:+.3g}} N",
+                rig,
+            )
+            yield Hypothesis(
+                "sensor",
+                channel,
                 (
                     number(f"{end}_gain.gain_error", 0.0, 0.5, -0.5),
                     number(f"{end}_offset.offset_N", 0.0, 5.0),
@@ -151,6 +165,7 @@ def hypotheses(sound: RigFilter, moments: Sequence[Moment], since: float) -> Ite
                 f"{channel} reads {{:+.2g}} of its value and {{:+.3g}} N too much",
                 rig,
                 _TRIED.sensor_last,
+                mutes=True,
             )
 
 

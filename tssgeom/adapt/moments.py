@@ -67,13 +67,13 @@ class RunFromHere:
     def __init__(self, sound: RigFilter, after: Sequence[Moment]) -> None:
         step = -(-len(after) // _RUN.most)
         self._edge, self._arcs = sound.edge, after[-1].arcs
-        self._by_force = after[0].readings.by_force
-        name = "tension_in_N" if self._by_force else "displacement_in_m"
+        self.by_force = after[0].readings.by_force
+        name = "tension_in_N" if self.by_force else "displacement_in_m"
         tracker = DriveTracker(math.sqrt(noise_variance(sound.rig.sensors.get(name))))
         drive, sd = np.empty(len(after)), np.empty(len(after))
         for i, moment in enumerate(after):  # all of them, as noise is less than what is between two of a few
             read = moment.readings
-            given = read.tension_in if self._by_force else read.displacement_in
+            given = read.tension_in if self.by_force else read.displacement_in
             sd[i], drive[i] = tracker.take(0.0 if given is None else given), tracker.value
         chosen = np.arange(len(after) - 1, -1, -step)[::-1]
         times = np.array([after[i].time for i in chosen])
@@ -94,6 +94,12 @@ class RunFromHere:
         """How many independent readings are compared [1]."""
         return max(float(np.isfinite(self._readings).sum()) / _RUN.together, 1.0)
 
+    def distances(self, rig: Rig) -> dict[str, float]:
+        """Return the median distance of each channel that is read from a rig, in standard deviations."""
+        off = np.abs(self._readings - self._predicted(rig, self._drive)) / self._sd_of
+        read = zip(CHANNELS, off, strict=True)
+        return {name: float(np.nanmedian(one)) for name, one in read if np.isfinite(one).any()}
+
     def left(self, rig: Rig) -> Vector:
         """Return the standardised residuals of a rig.
 
@@ -113,14 +119,14 @@ class RunFromHere:
         plant = model_of(setup, arcs, "displacement_in_m", self._edge).plant
         plant.set(PLANT.swift, 0.0)
         given = drive
-        if self._by_force:
+        if self.by_force:
             given = np.maximum((drive - setup.tension_in_offset_N) / setup.tension_in_gain, 0.0)
         ones = np.ones(len(drive), dtype=np.int64)
         done, _, out, _ = core.march(
             len(self._edge),
             plant.block,
             self._memory,
-            self._by_force,
+            self.by_force,
             self._spans,
             given,
             self._warmth,

@@ -206,16 +206,19 @@ class RigFilter:
         ends = self._stepped(arcs, numbers, drive, by_force, max(span, _SETTINGS.first_span), 0.0)[1]
         return mean_and_sd(ends[: len(self.members)])
 
-    def with_more(self, more: Sequence[FollowedNumber], rig: Rig | None = None) -> RigFilter:
-        """Return a filter that goes on from here and follows further numbers too."""
+    def copied(self) -> RigFilter:
+        """Return a filter that goes on from here by itself."""
         other = copy.copy(self)
-        other.rig = self.rig if rig is None else rig
-        other.numbers = (*self.numbers, *more)
-        other._random, other._drives = copy.deepcopy(self._random), copy.deepcopy(self._drives)
-        other.memory, other.position, other.muted = self.memory.copy(), self.position.copy(), set(self.muted)
-        if not more and rig is None:
-            other.members = self.members.copy()
-            return other
+        other._random = copy.deepcopy(self._random)
+        other._drives = {name: copy.copy(drive) for name, drive in self._drives.items()}
+        other.members, other.memory = self.members.copy(), self.memory.copy()
+        other.position, other.muted = self.position.copy(), set(self.muted)
+        return other
+
+    def with_more(self, more: Sequence[FollowedNumber], rig: Rig) -> RigFilter:
+        """Return a filter that goes on from here and follows further numbers of a rig too."""
+        other = self.copied()
+        other.rig, other.numbers = rig, (*self.numbers, *more)
         known = [*self.members.T, *self._tensions()]
         new = np.array([one.value for one in more]) + other._deviations(
             len(self.members), np.array([one.sd for one in more]), known

@@ -1,6 +1,6 @@
 """How a notebook shows each class of result: its numbers in a line and a table, its columns, and its plots.
 
-A class has one `Presentation`. Its module is imported when such a result is printed, and what draws or
+A class has one `Presentation`. Its module is imported when such a result is displayed, and what draws or
 makes tables when that is asked for, so that a line of text needs no library for pictures.
 """
 
@@ -23,7 +23,7 @@ Drawings: TypeAlias = "Mapping[str, Callable[[Axes], None]]"
 """What draws each plot on axes, by its name; the default first."""
 
 _MOST_LETTERS = 160
-"""Of a line. Chosen: it fits a wide window."""
+"""Of a line. Chosen: it fits a wide terminal."""
 _LEFT = 'style="text-align:left"'
 _MOST_REMARKS = 5
 """Warnings in a table. Chosen: the numbers stay in sight."""
@@ -94,7 +94,7 @@ def table(result: object) -> pa.Table:
 
 
 def plots(result: object) -> tuple[str, ...]:
-    """Return the names of the plots of a result."""
+    """Return the names of the plots that a result has."""
     return tuple(presentation(result).drawings(result))
 
 

@@ -217,7 +217,7 @@ def compensate(  # pyright: ignore[reportInconsistentOverload]
         Where not exactly one target is given, where no proximal tension can reach it, where the command is
         beyond reason (docs/checks.md), or the rig is of several tendons.
     FitError
-        Where the tendon has no equilibrium on a moving route.
+        Where a moving route has no equilibrium.
     ShapeError, SourceError
         Where a file cannot be used.
 

@@ -27,9 +27,7 @@ from tssgeom.identify.selection import Selection, Step, Tried, close_candidates,
 from tssgeom.identify.ties import Tied, best_plans
 from tssgeom.identify.verdict import Judgement, why_not
 from tssgeom.rig import Rig
-
-NORMAL = 1.959964
-"""Standard deviations to either side of a 95 % interval."""
+from tssgeom.statistics import NORMAL_95
 
 
 def evidence_of(now: Step, one: Tried, held: HeldOut | None) -> Evidence:
@@ -56,7 +54,7 @@ def _estimate(at: Point, free: Free, sd: float) -> Estimate:
     effect = at.effects[free.effect]
     value = float(getattr(effect, free.key))
     u = free.u(value)
-    low, high = (free.value(u + sign * NORMAL * sd) for sign in (-1.0, 1.0))
+    low, high = (free.value(u + sign * NORMAL_95 * sd) for sign in (-1.0, 1.0))
     return Estimate(value, effect.parameters[free.key].unit, min(low, value), max(high, value))
 
 
@@ -106,7 +104,7 @@ def base_estimates(fit: Fit, nominal: Rig) -> dict[str, Estimate]:
     spread[0] = math.hypot(spread[0], nominal.shape.angle_gain_sd)
     both = (("friction", fit.at.friction, "1"), ("compliance_per_N", fit.at.compliance, "1/N"))
     return {
-        name: Estimate(value, unit, value * math.exp(-NORMAL * sd), value * math.exp(NORMAL * sd))
+        name: Estimate(value, unit, value * math.exp(-NORMAL_95 * sd), value * math.exp(NORMAL_95 * sd))
         for (name, value, unit), sd in zip(both, spread, strict=True)
     }
 

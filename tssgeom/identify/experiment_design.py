@@ -12,7 +12,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from tssgeom.errors import SettingsError
-from tssgeom.identify.assembly import NORMAL, Work
+from tssgeom.identify.assembly import Work
 from tssgeom.identify.candidate_models import CandidateModel, left_by
 from tssgeom.identify.expected_evidence import Information, shrink
 from tssgeom.identify.experiment_routes import RouteChoice, other_routes, own_routes
@@ -25,6 +25,7 @@ from tssgeom.identify.run_limits import KEYS, limits_of
 from tssgeom.identify.selection import name_of
 from tssgeom.identify.verdict import parameter, plain
 from tssgeom.rig import Rig
+from tssgeom.statistics import NORMAL_95
 
 _LARGE = 1000.0
 """ΔBIC beyond which its number says no more [1]; chosen."""
@@ -247,11 +248,11 @@ def _narrowed(goal: Goal, total: Information) -> NarrowedInterval:
             ("friction (the angle gain apart)", model.at.friction, "1"),
             ("compliance", model.at.compliance, "1/N"),
         )[k]
-        half = NORMAL * sd * value
+        half = NORMAL_95 * sd * value
         return NarrowedInterval(name, value, unit, half, ratio * half)
     free = model.at.free[k - 2]
     effect = model.at.effects[free.effect]
     value = float(getattr(effect, free.key))
-    half = NORMAL * sd * (abs(value) if free.log else free.unit)
+    half = NORMAL_95 * sd * (abs(value) if free.log else free.unit)
     name = f"{parameter(free.key)} of {plain(name_of(effect))}"
     return NarrowedInterval(name, value, effect.parameters[free.key].unit, half, ratio * half)

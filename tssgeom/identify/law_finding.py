@@ -10,13 +10,14 @@ import numpy as np
 from tssgeom.arrays import Vector, read_only
 from tssgeom.effects import AnyEffect
 from tssgeom.errors import FitError
-from tssgeom.identify.assembly import NORMAL, estimates
+from tssgeom.identify.assembly import estimates
 from tssgeom.identify.finding import Candidate, Evidence, LawCurve
 from tssgeom.identify.law_fit import LawFit
 from tssgeom.identify.law_search import LawSearch, Offer, as_fit, needed
 from tssgeom.identify.mechanisms import Mechanism
 from tssgeom.identify.screening import detection_limits, size_over_limit
 from tssgeom.identify.selection import name_of
+from tssgeom.statistics import NORMAL_95
 
 _POINTS = 25  # of a curve in a report; chosen
 
@@ -107,11 +108,11 @@ def curve(fit: LawFit, which: int, nearest: tuple[tuple[str, float], ...] = ()) 
     if one.name.startswith("friction_over"):
         shared = fit.covariance[0, start : start + one.size]
         variance = np.diag(own) + fit.covariance[0, 0] + 2.0 * shared
-        spread = NORMAL * np.sqrt(np.maximum(variance, 0.0) * inflated)
+        spread = NORMAL_95 * np.sqrt(np.maximum(variance, 0.0) * inflated)
         middle = fit.at.friction * one.value(term.u)
         low, high = middle * np.exp(-spread), middle * np.exp(spread)
     else:
-        spread = NORMAL * np.sqrt(np.diag(own) * inflated)
+        spread = NORMAL_95 * np.sqrt(np.diag(own) * inflated)
         middle, low, high = (one.value(term.u + sign * spread) for sign in (0.0, -1.0, 1.0))
     x, (middle, low, high) = _finer(one, middle, low, high)
     return LawCurve(

@@ -16,6 +16,7 @@ from tssgeom.arrays import read_only
 from tssgeom.rig import Rig, with_values
 from tssgeom.route.pieces import Arcs
 from tssgeom.route.resolution import NO_ERRORS, SharedErrors
+from tssgeom.statistics import NORMAL_95
 from tssgeom.tendon.state import TendonState, corners, pretensioned, step, transmit
 from tssgeom.tendon.transmission import Transmission, elongation_slopes
 from tssgeom.uncertain import Uncertain
@@ -27,7 +28,6 @@ _OF_ONE_TENDON = (
     "load.",
     "effects[",
 )  # begin the keys of numbers that one tendon has
-_NORMAL_95 = 1.959964  # derived: 97.5 % quantile of the normal distribution
 MOST_OUTSIDE = 0.05
 """Probability of being out of tolerance from which a target is flagged [1]; stated: 95 %."""
 
@@ -219,4 +219,4 @@ def outside(miss: float, error: float, tolerance: float) -> float:
 
 def bound(error: float) -> float:
     """Return the half width of the 95 % interval of a standard error."""
-    return _NORMAL_95 * error
+    return NORMAL_95 * error

@@ -26,7 +26,7 @@ _ROUTE = "route"  # stands for the route of the state where the bars were cut on
 _OF_BARS = ("tension", "creep", "creep_2", "creep_3")
 _OF_CONTACTS = ("displacement", "speed", "travel", "slip")
 _MEMORY = (*_OF_BARS, *_OF_CONTACTS, "drive")
-_SCALARS = ("length", "elongation", "displacement_in", "displacement_out", "span", "front", "iterations")
+_SCALARS = ("length", "elongation", "displacement_in", "displacement_out", "front", "iterations")
 _DRIVE = len(HELD)  # numbers that bars with effects remember of their drive
 _MOST = 1e12  # of any number in a state
 _Part = TypeVar("_Part", Corners, BarState, Arcs)
@@ -179,6 +179,7 @@ def _check_bars(along: BarState) -> None:
     _require(along.tension.min() >= 0.0 and along.tension.max() <= MOST_TENSION, "tension")
     for name in _SCALARS:
         _require(abs(getattr(along, name)) <= _MOST, name)
+    _require(math.isfinite(along.span), "span")
     _require(isinstance(along.front, int), "front")
     _require(isinstance(along.by_force, bool), "by_force")
     lagging = np.array(list(along.lags.values()))
@@ -253,8 +254,11 @@ def _memory(saved: Mapping[str, Any]) -> Memory:
     _require((saved["rest"] is None) == (saved["cut"] is not None), "rest")
     if saved["rest"] is not None:
         arrays["rest"], sizes["rest"] = _array(saved["rest"]), contacts + 1
-    for name, values in arrays.items():
-        _require(_numbers(values, sizes[name]), name)
+    drive = arrays["drive"]
+    _require(drive.shape == (_DRIVE,) and math.isfinite(drive[HELD.time]), "drive")  # a clock has no limit
+    bounded = np.delete(drive, HELD.time)
+    for name, values in (arrays | {"drive": bounded}).items():
+        _require(_numbers(values, len(bounded) if name == "drive" else sizes[name]), name)
     _require(bool(np.isin(arrays["slip"], (-1.0, 0.0, 1.0)).all()), "slip")
     memory = memory_of(**arrays)
     memory.block.setflags(write=False)

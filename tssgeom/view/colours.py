@@ -24,6 +24,7 @@ TENSION_OUT = (53, 183, 121)
 MEASURED = (205, 208, 214)
 ELONGATION = (86, 180, 233)
 ANGLE = (230, 159, 0)
+ANGLE_BAND = (138, 95, 0)
 
 PIECES = ((230, 159, 0), (86, 180, 233), (204, 121, 167), (240, 228, 66), (213, 94, 0), (0, 158, 115))
 """Colours of neighbouring pieces: a selection of Okabe and Ito, distinct to colour-blind people too."""

@@ -52,6 +52,9 @@ CURVATURE_AT = Quantity("κ", "curvature", "1/m", 1.0, colours.SENSED, "#5b6474"
 TENSION_AT = Quantity("T", "tension", "N", 1.0, colours.TENSION_OUT, "#0072b2")
 TIME = Quantity("t", "time", "s", 1.0, colours.AXIS, "#697386")
 
+SYMBOL = re.compile(r"(?<![\w$])(Δ?[TxyzbIdθτδμ])_(in|out|tip|[mjs0xyz])(,\d+)?(?![\w.])")
+"""A symbol with its subscript, as `T_in` or `T_in,2`: letter, subscript, number."""
+
 FIRST, SECOND = colours.ELONGATION, colours.ANGLE
 """Colours of A and B where two things are compared."""
 

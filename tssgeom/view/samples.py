@@ -33,6 +33,8 @@ class CurvatureAxis:
 
 
 _CURVATURE = CurvatureAxis()
+_SPIKE = 0.5
+"""Distance from the common values at which spikes stand, over their range; chosen: these fill half a plot."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,6 +102,19 @@ def front(result: FrameResult, frame: RouteSamples) -> float:
     Where that is all of it, the front is at the distal end.
     """
     return float(np.interp(result.transmission.slip_front, frame.phi, frame.s))
+
+
+def at_edge(measured: Vector, model: Vector) -> Vector:
+    """Return measured values, single spikes moved to the edge of what most of them and the model reach.
+
+    It lies half the spread of these and of the model beyond them.
+    """
+    finite = measured[np.isfinite(measured)]
+    if not len(finite):
+        return measured
+    low, high = np.quantile(finite, (0.01, 0.99))
+    low, high = min(float(low), float(np.nanmin(model))), max(float(high), float(np.nanmax(model)))
+    return np.clip(measured, low - _SPIKE * (high - low), high + _SPIKE * (high - low))
 
 
 def evenly(count: int, most: int) -> NDArray[np.intp]:

@@ -25,9 +25,11 @@ def decimals(error: float, usual: int) -> int:
 
 
 def plus_minus(error: float, usual: int) -> str:
-    """Write "± 0.0041", with the decimals of its value, or with one digit where it is far below them."""
+    """Write "± 0.0041", with the decimals of its value, or a bound of it where it is far below them."""
     if 10.0 ** -(usual + 2) <= error < math.inf:
         return f"± {error:.{decimals(error, usual)}f}"
+    if 0.0 < error < 10.0 ** -(usual + 2):
+        return f"± < {10.0 ** -(usual + 1):g}"
     return f"± {error:.1g}"
 
 

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
+
+import msgspec
 
 from tssgeom.adapt.saved import SavedFilter, filter_object, filter_of
 from tssgeom.atomic import write_text
@@ -13,9 +16,30 @@ from tssgeom.io.formats.paths import bytes_of
 from tssgeom.rig import Rig
 from tssgeom.tendon.saved import state_object, state_of
 from tssgeom.tendon.state import TendonState
+from tssgeom.version import __version__
+
+_ORIGIN = "origin"
+_DIGITS = 16  # of the digest of a rig; chosen: no two rigs of a laboratory share them
 
 
-def write_state(path: Path, state: TendonState, followed: SavedFilter | None = None) -> None:
+class Origin(NamedTuple):
+    """What a state was computed with."""
+
+    program: str
+    """Version of the program."""
+    rig: str
+    """First digits of the SHA-256 of the rig."""
+
+
+def origin_of(rig: Rig) -> Origin:
+    """Return the origin of states that this program computes with a rig."""
+    encoded = msgspec.json.encode(rig, order="deterministic")
+    return Origin(__version__, hashlib.sha256(encoded).hexdigest()[:_DIGITS])
+
+
+def write_state(
+    path: Path, state: TendonState, followed: SavedFilter | None = None, origin: Origin | None = None
+) -> None:
     """Write a state as JSON, and the filter of its rig where that is followed.
 
     Raises
@@ -26,6 +50,8 @@ def write_state(path: Path, state: TendonState, followed: SavedFilter | None = N
     saved = state_object(state)
     if followed is not None:
         saved["followed"] = filter_object(followed)
+    if origin is not None:
+        saved[_ORIGIN] = origin._asdict()
     write_text(path, json.dumps(saved, allow_nan=False) + "\n")
 
 
@@ -44,6 +70,27 @@ def read_state(path: Path) -> TendonState:
         return state_of(saved)
     except SettingsError as error:
         raise SettingsError(f"{path}: {error}") from error
+
+
+def origin_remark(path: Path, rig: Rig) -> str:
+    """Return what a user has to know where a state has another origin; empty where it has none or the same.
+
+    Raises
+    ------
+    SourceError, SettingsError
+        Where the file cannot be read.
+    """
+    saved, now = _object(path).get(_ORIGIN), origin_of(rig)
+    if not isinstance(saved, dict):
+        return ""
+    other = []
+    if saved.get("rig") != now.rig:
+        other.append("another rig")
+    if (program := saved.get("program")) != now.program:
+        other.append(f"tssgeom {program!s:.20} (this is {now.program})")
+    if not other:
+        return ""
+    return f"{path}: the state is of {' and '.join(other)}: its tensions are kept; remove it to start anew"
 
 
 def read_filter(path: Path, rig: Rig) -> SavedFilter | None:

@@ -94,7 +94,7 @@ class Rounds:
 
 def _natural(name: str) -> list[tuple[int, int | str]]:
     """Order numbers inside names as numbers."""
-    return [(0, int(part)) if part.isdigit() else (1, part) for part in re.split(r"(\d+)", name) if part]
+    return [(0, int(part)) if part.isdecimal() else (1, part) for part in re.split(r"(\d+)", name) if part]
 
 
 class IgtlSource(Source):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import selectors
 import socket
 from collections.abc import Callable
@@ -25,6 +26,8 @@ class ConnectionLimits:
     """New connections in one second; chosen: a client that reconnects at once is refused."""
     token_s: float = 5.0
     """Time in which a client has to send its token [s]; chosen."""
+    silent_s: float = 5.0
+    """Silence after which a sender gives way to a new client, where no more are admitted [s]; chosen."""
     token_bytes: int = 2048
     """Bytes in which the token has to end; derived: twice the longest token."""
     send_buffer_bytes: int = 1 << 17
@@ -47,6 +50,10 @@ class Peer:
     """Called with its bytes once it is admitted."""
     ended: Callable[[], object] = lambda: None
     """Called when it has closed the connection in order."""
+    heard: float = -math.inf
+    """When its last bytes came [s]."""
+    greeted: bool = False
+    """Whether its first line is complete and no request of HTTP."""
 
 
 def socket_error(endpoint: Endpoint, error: OSError) -> SourceError:
@@ -74,6 +81,9 @@ class Listener:
         Splits the first bytes of a client into token and rest; None as long as the token is incomplete.
     pack
         Packs the line with the reason for which a client is cut off.
+    longest_silence
+        Time [s] after which the client that is silent for longest gives way to a new one, where no more are
+        admitted.
     """
 
     def __init__(
@@ -86,7 +96,9 @@ class Listener:
         report: Callable[[str], object],
         split_token: Callable[[bytes], tuple[bytes, bytes] | None],
         pack: Callable[[bytes], bytes] = bytes,
+        longest_silence: float = math.inf,
     ) -> None:
+        self._longest_silence = longest_silence
         family, address = resolved(endpoint, allowed, socket.SOCK_STREAM)
         try:
             self._socket = socket.create_server(address, family=family, backlog=LIMITS.peers)
@@ -131,6 +143,7 @@ class Listener:
         except OSError:  # the client has closed it again
             return
         name = f"{address[0]}:{address[1]}"
+        self._make_room()
         if reason := self._full():
             self._report(f"{self.text}: {name} refused: {reason}")
             sock.setblocking(False)
@@ -153,6 +166,16 @@ class Listener:
         if peer.admitted:
             self._connected(peer)
 
+    def _make_room(self) -> None:
+        """Where no more clients are admitted, cut off the one that is silent for longest, if for too long."""
+        if len(self.peers) < LIMITS.peers:
+            return
+        silent = min(self.peers, key=lambda peer: max(peer.heard, peer.since))
+        if monotonic() - max(silent.heard, silent.since) > self._longest_silence:
+            self.cut(
+                silent, f"silent for {self._longest_silence:g} s, and another client needs its connection"
+            )
+
     def _full(self) -> str:
         """Return why no further client is admitted now; empty where one is."""
         second = monotonic() // 1.0
@@ -164,6 +187,7 @@ class Listener:
         return f"more than {most} connections in a second" if self._new > most else ""
 
     def _received(self, peer: Peer, data: bytes) -> None:
+        peer.heard = monotonic()
         if peer.admitted:
             peer.received(data)
             return

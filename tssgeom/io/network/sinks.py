@@ -9,7 +9,7 @@ from contextlib import suppress
 
 from tssgeom.io.network.addresses import Access, Endpoint, resolved
 from tssgeom.io.network.channel import BACKLOG, Pipe
-from tssgeom.io.network.listener import Listener, Peer, first_line
+from tssgeom.io.network.listener import Listener, Peer, first_line, socket_error
 from tssgeom.stream import FrameResult
 
 _LARGEST_DATAGRAM = 65_507  # bytes of UDP over IPv4
@@ -129,19 +129,30 @@ class TcpSink(Sink):
 
 
 class UdpSink(Sink):
-    """A line in each datagram; its arrival is not confirmed."""
+    """A line in each datagram; its arrival is not confirmed.
+
+    The socket is connected, so that it is bound to the one interface on which its datagrams leave.
+    """
 
     def __init__(self, endpoint: Endpoint, allowed: Access) -> None:
-        family, self._address = resolved(endpoint, allowed, socket.SOCK_DGRAM)
+        family, address = resolved(endpoint, allowed, socket.SOCK_DGRAM)
         self._socket = socket.socket(family, socket.SOCK_DGRAM)
+        try:
+            self._socket.connect(address)
+        except OSError as error:
+            self._socket.close()
+            raise socket_error(endpoint, error) from error
         self._socket.setblocking(False)
-        self.text = endpoint.at(self._address)
+        self.text = endpoint.at(address)
 
     def publish(self, line: bytes, result: FrameResult | None) -> None:
         """Send a datagram, or count it as not sent."""
-        with suppress(OSError):
-            if len(line) <= _LARGEST_DATAGRAM:
-                self._socket.sendto(line, self._address)
+        if len(line) > _LARGEST_DATAGRAM:
+            self.unsent += 1
+            return
+        for _ in range(2):  # the first may only report that nobody took the datagram before
+            with suppress(OSError):
+                self._socket.send(line)
                 return
         self.unsent += 1
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import select
 import selectors
 import socket
@@ -24,11 +25,13 @@ from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap
 from tssgeom.io.formats.recording import usable
 from tssgeom.io.network.addresses import Access, Endpoint, resolved
 from tssgeom.io.network.channel import READ
+from tssgeom.io.network.listener import LIMITS as CONNECTIONS
 from tssgeom.io.network.listener import Listener, Peer, first_line, socket_error
 from tssgeom.io.network.mailbox import LIMITS, Clock, Lines, Mailbox
 from tssgeom.stream import Frame, Rejected
 
 _CHUNK = 1 << 16  # bytes that are read at once from standard input: the size of a pipe of Linux
+_HTTP = re.compile(rb"[A-Z]+ \S+ HTTP/")
 _LOST = 40  # SO_RXQ_OVFL of Linux: counts the datagrams without room
 
 
@@ -161,7 +164,13 @@ class TcpSource(Source):
     ) -> None:
         self._mailbox, self._unit = mailbox, unit
         self._listener = Listener(
-            selector, endpoint, allowed, connected=self._connected, report=report, split_token=first_line
+            selector,
+            endpoint,
+            allowed,
+            connected=self._connected,
+            report=report,
+            split_token=first_line,
+            longest_silence=CONNECTIONS.silent_s,
         )
         self.text = self._listener.text
 
@@ -179,6 +188,12 @@ class TcpSource(Source):
 
     def _received(self, peer: Peer, lines: Lines, clock: Clock, data: bytes) -> None:
         now = perf_counter_ns()
+        if not peer.greeted:
+            begins = lines.rest + data
+            if _HTTP.match(begins):
+                self._listener.cut(peer, "this is no web server: send frames as lines of JSON")
+                return
+            peer.greeted = b"\n" in begins
         try:
             whole, skipped = lines.split(data, LIMITS.waiting)
         except ShapeError as error:

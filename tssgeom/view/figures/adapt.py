@@ -5,13 +5,15 @@ from __future__ import annotations
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from tssgeom.adapt.offline import AlertRow, FollowedRun
+from tssgeom.adapt.offline import FollowedRun
 from tssgeom.arrays import Vector
-from tssgeom.view.figures.plots import BLUE, INK, ORANGE, PAGE, SKY, figure, note
+from tssgeom.statistics import NORMAL_95
+from tssgeom.view.figures.plots import BLUE, ORANGE, PAGE, SKY, figure, legend_below, measured, note
+from tssgeom.view.quantities import quantity
 
 _BAND = "#c9dcea"
 _HEIGHT = 1.35  # of a row of the figure [inch]; chosen: the bands can be read
-_STANDARD_DEVIATIONS = 1.96
+_LETTER = 0.0115  # width of a letter over that of the axes; measured at 7.5 pt over 150 mm, rounded up
 _BEFORE, _AFTER = (
     15.0,
     30.0,
@@ -40,9 +42,8 @@ def followed_figure(run: FollowedRun, tension_out: Vector | None) -> Figure:
                 axes.axvline(alert.since / per, color=ORANGE, linewidth=1.0)
             axes.tick_params(labelbottom=axes is rows[-2])
         rows[-2].set_xlabel(f"time [{unit}]")
-        for alert in run.alerts:
-            _name(rows[0], alert, per, run.time[-1] / per)
-        rows[0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderaxespad=0.1)
+        _name_alerts(rows[0], run, per)
+        legend_below(drawing, rows[0])
         _draw_tension(rows[-1], run, tension_out)
         drawing.align_ylabels(rows.tolist())
     return drawing
@@ -55,7 +56,7 @@ def _draw_number(axes: Axes, run: FollowedRun, key: str, per: float) -> None:
             continue
         at, numbers = stretch.keys.index(key), stretch.numbers
         time, value = numbers.time / per, factor * numbers.values[:, at]
-        bound = factor * _STANDARD_DEVIATIONS * numbers.se[:, at]
+        bound = factor * NORMAL_95 * numbers.se[:, at]
         hidden = "_" if i else ""  # one line in the legend for all stretches
         low, high = value - bound, value + bound
         axes.fill_between(time, low, high, color=_BAND, linewidth=0, label=f"{hidden}95 % band")
@@ -69,13 +70,11 @@ def _draw_tension(axes: Axes, run: FollowedRun, read: Vector | None) -> None:
     middle = run.alerts[0].since if run.alerts else run.time[-1] - _AFTER
     window = (run.time >= middle - _BEFORE) & (run.time <= middle + _AFTER)
     time, value = run.time[window], run.ends[window, 1]
-    bound = _STANDARD_DEVIATIONS * run.ends_se[window, 1]
+    bound = NORMAL_95 * run.ends_se[window, 1]
     axes.fill_between(time, value - bound, value + bound, color=_BAND, linewidth=0)
     axes.plot(time, value, color=BLUE, linewidth=1.2, label="followed, with 95 % band")
     if read is not None:
-        style = {"marker": "o", "markersize": 1.2, "linestyle": "none", "markeredgewidth": 0.0}
-        every = max(1, int(window.sum()) // 400)
-        axes.plot(time[::every], read[window][::every], color=INK, label="read", **style)
+        measured(axes, time, read[window])
     for alert in run.alerts:
         if len(time) and time[0] <= alert.since <= time[-1]:
             axes.axvline(alert.since, color=ORANGE, linewidth=1.0)
@@ -85,22 +84,19 @@ def _draw_tension(axes: Axes, run: FollowedRun, read: Vector | None) -> None:
     axes.set_xlabel("time [s], about the first alert" if run.alerts else "time [s], the end of the run")
 
 
-def _name(axes: Axes, alert: AlertRow, per: float, end: float) -> None:
-    words = (alert.mechanism or alert.channel).replace("_", " ")
-    if alert.mechanism:
-        words += f",\N{NO-BREAK SPACE}{100.0 * alert.probability:.0f}\N{NO-BREAK SPACE}%"
-    right = alert.since / per > 0.6 * end
-    note(
-        axes,
-        words,
-        (alert.since / per, 0.97),
-        xycoords=("data", "axes fraction"),
-        xytext=(-3 if right else 3, 0),
-        textcoords="offset points",
-        color=ORANGE,
-        ha="right" if right else "left",
-        va="top",
-    )
+def _name_alerts(axes: Axes, run: FollowedRun, per: float) -> None:
+    """Write the name of each alert above the axes, in as many lines as it takes that none covers another."""
+    span, ends = max(float(run.time[-1] - run.time[0]), 1e-300), list[float]()
+    for alert in sorted(run.alerts, key=lambda each: each.since):
+        words = alert.mechanism.replace("_", " ") or quantity(alert.channel).symbol
+        if alert.mechanism:
+            words += f",\N{NO-BREAK SPACE}{100.0 * alert.probability:.0f}\N{NO-BREAK SPACE}%"
+        width = _LETTER * len(words)
+        begin = min((alert.since - run.time[0]) / span, 1.0 - width)
+        line = next((k for k, end in enumerate(ends) if end < begin), len(ends))
+        ends[line : line + 1] = [begin + width]
+        at = {"xytext": (0, 2 + 9 * line), "textcoords": "offset points", "va": "bottom"}
+        note(axes, words, (begin, 1.0), xycoords="axes fraction", color=ORANGE, **at)
 
 
 def _words(key: str) -> tuple[str, str, float]:

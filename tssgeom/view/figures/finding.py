@@ -13,14 +13,14 @@ from matplotlib.figure import Figure
 from tssgeom.arrays import Vector
 from tssgeom.identify.finding import Finding, Trace
 from tssgeom.view import finding_wording as words
-from tssgeom.view.figures.plots import BLUE, INK, MEASURED, ORANGE, PAGE, figure, titles
+from tssgeom.view.figures.plots import BLUE, INK, ORANGE, PAGE, figure, legend_below, measured, panels, titles
 
 _BAND, _SPREAD = "#c9dcea", "#d9dee6"
 _HELD = "#f6f3e6"
 _ACROSS = ("tension_out_N", "elongation_m", "displacement_out_m", "tension_in_N")
 """What is drawn against the proximal tension, the first two that were measured."""
 _MOST_PANELS = 2
-_MEASURED = 99.0  # percentile of the residual before that its axis shows
+_MEASURED, _USUAL = 99.0, 80.0  # percentiles of residual and noise that its axis shows; chosen: no spikes
 _SIGMAS = 2.0
 _STYLES: Mapping[str, Any] = {
     "before": {"color": ORANGE, "linestyle": (0, (4, 1.5))},
@@ -40,14 +40,13 @@ def transmission_figure(finding: Finding) -> Figure:
     """
     trace = judged(finding)
     drive = words.channel("tension_in_N" if trace.drive is None else trace.drive[0])
-    channels = panels(trace)
-    with figure((PAGE, 3.3)) as drawing:
-        row = drawing.subplots(1, len(channels), squeeze=False)[0]
+    channels = _channels(trace)
+    with panels(3.3, len(channels)) as (drawing, row):
         for axes, name in zip(row, channels, strict=True):
             _draw_loops(axes, trace, name, models(finding))
             reported = words.channel(name)
             titles(axes, f"{reported.symbol} over {drive.symbol}", drive.title, reported.label)
-        _legend(drawing, row[0])
+        legend_below(drawing, row[0])
     return drawing
 
 
@@ -56,12 +55,7 @@ def models(finding: Finding) -> dict[str, str]:
     return {"before": "before", "after": "after"} if finding.effects else {"after": "model"}
 
 
-def _legend(drawing: Figure, axes: Axes) -> None:
-    """Write the legend of one axes below all of them."""
-    drawing.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=4)
-
-
-def panels(trace: Trace) -> list[str]:
+def _channels(trace: Trace) -> list[str]:
     """Return the channels that are drawn over the drive; the input tension where only that was measured."""
     if trace.drive is not None:
         return list(trace.measured)[:_MOST_PANELS]
@@ -71,12 +65,7 @@ def panels(trace: Trace) -> list[str]:
 
 def _draw_loops(axes: Axes, trace: Trace, name: str, drawn: Mapping[str, str]) -> None:
     factor = words.channel(name).factor
-    axes.plot(
-        _across(trace, "measured"),
-        factor * trace.measured[name],
-        zorder=6,
-        **MEASURED,
-    )
+    measured(axes, _across(trace, "measured"), factor * trace.measured[name])
     across, after, spread = _across(trace, "after"), trace.after[name], _SIGMAS * trace.sigma[name]
     for start, stop in _strokes(across):
         low, high = (factor * (after + side)[start:stop] for side in (-spread, spread))
@@ -109,7 +98,7 @@ def residual_figure(finding: Finding) -> Figure:
         rows = drawing.subplots(len(channels), 1, sharex=True, squeeze=False)[:, 0]
         for axes, name in zip(rows, channels, strict=True):
             _draw_residual(axes, finding.traces, name, models(finding))
-        _legend(drawing, rows[0])
+        legend_below(drawing, rows[0])
         rows[-1].set_xlabel("runs, one after the other; each from its beginning to its end")
         _name_runs(rows[0], finding.traces)
     return drawing
@@ -148,7 +137,7 @@ def _draw_run(axes: Axes, first: int, trace: Trace, name: str, drawn: Mapping[st
 def _most(trace: Trace, name: str) -> float:
     """Return how far the axis of a residual has to reach, rare peaks left out."""
     left = np.abs(trace.measured[name] - trace.before[name])
-    reach = max(np.nanpercentile(left, _MEASURED), 2.0 * float(np.nanmax(trace.sigma[name])))
+    reach = max(np.nanpercentile(left, _MEASURED), 2.0 * float(np.nanpercentile(trace.sigma[name], _USUAL)))
     return words.channel(name).factor * float(reach)
 
 
@@ -171,8 +160,8 @@ def _name_runs(axes: Axes, traces: Sequence[Trace]) -> None:
 def missing_figure(finding: Finding) -> Figure:
     """Draw the friction that the data want over what it may depend on, where no name was found."""
     shapes = finding.missing_shapes
-    with figure((PAGE, 2.6)) as drawing:
-        for axes, shape in zip(drawing.subplots(1, len(shapes), squeeze=False)[0], shapes, strict=True):
+    with panels(2.6, len(shapes)) as (drawing, row):
+        for axes, shape in zip(row, shapes, strict=True):
             axes.fill_between(
                 shape.x,
                 shape.friction - _SIGMAS * shape.se,

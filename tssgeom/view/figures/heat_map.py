@@ -22,6 +22,7 @@ from tssgeom.view.figures.plots import (
     figure,
     titles,
 )
+from tssgeom.view.figures.restyle import FIXED, subscripts
 
 _LINES = (BLUE, ORANGE, GREEN, PURPLE, SKY)
 _MOST = 1e3
@@ -43,10 +44,9 @@ def heat_figure(finding: Finding) -> Figure:
         for i, j in zip(*np.nonzero(np.isfinite(power)), strict=True):
             value = float(power[i, j])
             shade = INK if float(scale(max(value, 1.0))) > _PALE else "white"
-            axes.text(
-                j + 0.5, i + 0.5, _digits(value), ha="center", va="center", fontsize=SMALLEST, color=shade
-            )
-        axes.set_yticks(np.arange(rows) + 0.5, [words.renamed(label) for label in heat.rows])
+            at, style = (j + 0.5, i + 0.5), {"ha": "center", "va": "center", "fontsize": SMALLEST}
+            axes.text(*at, _digits(value), color=shade, gid=FIXED, **style)
+        axes.set_yticks(np.arange(rows) + 0.5, [subscripts(words.renamed(label)) for label in heat.rows])
         axes.set_xticks(
             np.arange(columns) + 0.5, [words.renamed(heat.columns[k]) for k in used], rotation=35, ha="right"
         )

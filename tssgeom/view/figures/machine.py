@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from tssgeom.identify.machine_estimates import MachineCalibration
 from tssgeom.tendon.machine_simulation import drive_channels
-from tssgeom.view.figures.plots import BLUE, MEASURED, PAGE, SOFT, figure, titles
+from tssgeom.view.figures.plots import BLUE, MEASURED, PAGE, SOFT, figure, legend_below, measured, titles
 
 _HEIGHT = 1.9
 """Of the two rows of one channel [inch]."""
@@ -29,19 +29,19 @@ def run_figure(fitted: MachineCalibration, which: int) -> Figure:
         rows = drawing.subplots(2 * count, 1, sharex=True, squeeze=False, height_ratios=[2.0, 1.0] * count)
         for name, above, below in zip(run.measured, rows[::2, 0], rows[1::2, 0], strict=True):
             label, factor = pictured(name)
-            measured, given = factor * run.measured[name], factor * model[name]
+            readings, given = factor * run.measured[name], factor * model[name]
             for axes in (above, below):
                 if run.held_out.any():
                     axes.axvspan(time[run.held_out][0], time[-1], color=SOFT, alpha=0.12, linewidth=0.0)
-            above.plot(time, measured, **MEASURED)
+            measured(above, time, readings)
             above.plot(time, given, color=BLUE, linewidth=1.0, label="fitted")
             titles(above, "", "", label)
-            below.plot(time, measured - given, **MEASURED)
+            below.plot(time, readings - given, **MEASURED)
             titles(below, "", "", f"left [{label.rpartition('[')[2]}")
         rows[0, 0].set_title(
             f"{run.name}: readings and fit; below, what is left. Grey: held out in the check"
         )
-        drawing.legend(*rows[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
+        legend_below(drawing, rows[0, 0])
         rows[-1, 0].set_xlabel("time [s]")
     return drawing
 
@@ -53,7 +53,7 @@ def loop_figure(fitted: MachineCalibration) -> Figure:
         for run, model in zip(fitted.runs, fitted.fitted, strict=True):
             drive, answer = drive_channels(run.drive, run.tendons)[0], next(iter(run.measured))
             (across, x), (up, y) = pictured(drive), pictured(answer)
-            axes.plot(x * run.given[drive], y * run.measured[answer], **MEASURED)
+            measured(axes, x * run.given[drive], y * run.measured[answer])
             axes.plot(x * run.given[drive], y * model[answer], color=BLUE, linewidth=1.0, label="fitted")
             titles(axes, f"{up} over {across}", across, up)
         handles, labels = axes.get_legend_handles_labels()

@@ -10,8 +10,14 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+
+from tssgeom.arrays import Vector
+from tssgeom.view.figures.restyle import restyle
+from tssgeom.view.figures.style import used
+from tssgeom.view.samples import evenly
 
 INK, SOFT, FAINT = "#1d2330", "#697386", "#e8ebf0"
 BLUE, ORANGE, GREEN, PURPLE, SKY = "#0072b2", "#d55e00", "#009e73", "#a3508a", "#56b4e9"
@@ -20,23 +26,26 @@ BLUE, ORANGE, GREEN, PURPLE, SKY = "#0072b2", "#d55e00", "#009e73", "#a3508a", "
 MEASURED: Any = {
     "linestyle": "none",
     "marker": "o",
-    "markersize": 1.8,
-    "color": INK,
-    "markeredgewidth": 0.0,
+    "markersize": 3.0,
+    "markerfacecolor": "none",
+    "markeredgecolor": INK,
+    "markeredgewidth": 0.6,
+    "zorder": 6,
     "label": "measured",
 }
-"""Style of measured values, dots, for `Axes.plot`."""
+"""Style of measured values, open circles, for `Axes.plot`."""
+_MOST_MARKS = 90  # of one axes; chosen: circles of 3 pt do not touch over 170 mm
 
 COLUMN, PAGE = 85 / 25.4, 170 / 25.4
 """Widths of a column and of a page of a journal, 85 mm and 170 mm [inch]."""
+PAPER_COLUMN, PAPER_PAGE = 88 / 25.4, 180 / 25.4
+"""The same in the style `paper`, 88 mm and 180 mm [inch]; chosen: one and two columns of many journals."""
 
 FORMATS = ("pdf", "svg", "png")
 VECTOR = FORMATS[:2]
 SMALLEST = 7.0
 """Smallest text of a figure [pt]."""
 _DPI = 200
-_LEFT, _RIGHT, _SPACING, _BELOW, _ABOVE = 0.5, 0.1, 0.08, 0.42, 0.26
-"""Room for numbers and titles around axes [inch]."""
 _RC: Any = {
     "pdf.fonttype": 42,
     "svg.fonttype": "none",
@@ -77,30 +86,38 @@ def style() -> Iterator[None]:
 
 @contextmanager
 def figure(size: tuple[float, float]) -> Iterator[Figure]:
-    """Yield a figure of `size` [inch] to draw on, in the common style."""
+    """Yield a figure of `size` [inch] to draw on, in the style in use."""
+    width, height = size
+    if used() == "paper":
+        width = PAPER_COLUMN if width == COLUMN else PAPER_PAGE
     with mpl.rc_context(_RC):
-        yield Figure(figsize=size, layout="constrained")
+        drawing = Figure(figsize=(width, height), layout="constrained")
+        yield drawing
+        restyle(drawing)
 
 
 @contextmanager
-def panels(size: tuple[float, float], count: int) -> Iterator[tuple[Figure, list[Axes]]]:
-    """Yield a figure of `size` [inch] with axes side by side, at fixed margins.
+def panels(height: float, count: int) -> Iterator[tuple[Figure, list[Axes]]]:
+    """Yield a figure with axes side by side, one below the other in a column of a journal [inch]."""
+    stacked = used() == "paper" and count > 1
+    size = (COLUMN, count * height) if stacked or count == 1 else (PAGE, height)
+    with figure(size) as drawing:
+        rows = drawing.subplots(count if stacked else 1, 1 if stacked else count, squeeze=False)
+        yield drawing, rows.ravel().tolist()
 
-    A layout computed from the size of every text takes longer than the drawing itself.
-    """
-    width, height = size
-    with mpl.rc_context(_RC):
-        drawing = Figure(figsize=size)
-        each = (width - count * _LEFT - (count - 1) * _SPACING - _RIGHT) / count
-        row = drawing.subplots(1, count, squeeze=False)[0].tolist()
-        drawing.subplots_adjust(
-            left=_LEFT / width,
-            right=1 - _RIGHT / width,
-            bottom=_BELOW / height,
-            top=1 - _ABOVE / height,
-            wspace=(_LEFT + _SPACING) / each,
-        )
-        yield drawing, row
+
+def measured(axes: Axes, across: Vector, value: Vector, **style: Any) -> None:
+    """Mark measured values by open circles, so few that they are no line; the model is the line."""
+    finite = np.flatnonzero(np.isfinite(value) & np.isfinite(across))
+    if len(finite):
+        kept = finite[evenly(len(finite), _MOST_MARKS)]
+        axes.plot(across[kept], value[kept], **{**MEASURED, **style})
+
+
+def legend_below(drawing: Figure, axes: Axes, columns: int = 4) -> None:
+    """Write the legend of one axes below all of them, where it hides no value; in a column in two rows."""
+    columns = columns if drawing.get_figwidth() > 0.7 * PAGE else 2
+    drawing.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=columns)
 
 
 def save(drawing: Figure, path: Path) -> None:

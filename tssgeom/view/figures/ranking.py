@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 
 from tssgeom.identify.finding import Candidate, Finding
 from tssgeom.view import finding_wording as words
-from tssgeom.view.figures.plots import BLUE, ORANGE, PAGE, figure, titles
+from tssgeom.view.figures.plots import BLUE, ORANGE, PAGE, figure, legend_below, titles
 
 MOST = 10
 _PALE = "#c3c9d4"
@@ -39,6 +39,6 @@ def ranking_figure(finding: Finding) -> Figure:
         axes.set_xscale("symlog", linthresh=20.0)
         axes.xaxis.set_major_formatter("{x:g}")
         axes.grid(visible=False, axis="y")
-        axes.legend(loc="lower right")
+        legend_below(drawing, axes)
         titles(axes, "What each effect gains, refitted through the model", "ΔBIC [1]", "")
     return drawing

@@ -13,6 +13,7 @@ import numpy as np
 from tssgeom.view.quantities import ANGLE, TENSION_OUT
 from tssgeom.view.report.chart import Chart, limits_of
 from tssgeom.view.report.outlying_inputs import OutlyingInput
+from tssgeom.view.report.page import with_subscripts
 
 Row = Mapping[str, Any]
 _FEWEST = 3  # inputs from which a distribution says more than the table; chosen
@@ -33,7 +34,7 @@ def distributions(rows: Sequence[Row], outlying: Collection[str]) -> str:
     note = " Dots: outlying inputs, below." if marked.any() else ""
     return (
         f'<div class="figures">{charts}</div>\n<p class="soft">Number of inputs over each quantity; of a '
-        f"recording, the frame at the last of its highest peaks of T_in.{note}</p>"
+        f"recording, the frame at the last of its highest peaks of T<sub>in</sub>.{note}</p>"
     )
 
 
@@ -62,7 +63,8 @@ def outlying_table(inputs: Sequence[OutlyingInput], linked: Collection[str]) -> 
     if not inputs:
         return ""
     rows = "".join(
-        f'<tr><td>{input_name(each.name, linked)}</td><td class="text">{html.escape(each.words)}</td>'
+        f"<tr><td>{input_name(each.name, linked)}</td>"
+        f'<td class="text">{with_subscripts(html.escape(each.words))}</td>'
         f"<td>{each.z:.0f}</td><td>{_own_errors(each.own)}</td></tr>"
         for each in inputs
     )

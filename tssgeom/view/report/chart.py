@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tssgeom.arrays import Vector
+from tssgeom.view.quantities import SYMBOL
 
 Limits = tuple[float, float]
 Ticks = Sequence[tuple[float, str]]
@@ -70,7 +71,7 @@ class Chart:
         for value, label in across:
             at = self.pixels(value, self.y[0])[0, 0]
             self._parts.append(f'<path class="g" d="M{at:.1f} {bottom:.1f}V{top:.1f}"/>')
-            self.text(at, bottom + 13, label, anchor="middle")
+            self.text(at, bottom + 15, label, anchor="middle")
         for value, label in ticks(self.y, (bottom - top) / self.size.up):
             at = self.pixels(self.x[0], value)[0, 1]
             self._parts.append(f'<path class="g" d="M{left:.1f} {at:.1f}H{right:.1f}"/>')
@@ -82,7 +83,7 @@ class Chart:
         """Write a text at a position of the page [px]; `kind` is a class of the style."""
         options = f' class="{kind}"' if kind else ""
         self._parts.append(
-            f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}"{options}>{html.escape(text)}</text>'
+            f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}"{options}>{lowered(text)}</text>'
         )
 
     def note(self, x: float, y: float, text: str, *, anchor: str = "start", kind: str = "n") -> None:
@@ -111,13 +112,14 @@ class Chart:
                 self._parts.append(f'<path d="{path(points[begin : end + 1])}" {style}/>')
                 begin = end
 
-    def dots(self, x: Vector, y: Vector, colours: Sequence[str], radius: float) -> None:
-        """Draw a dot at each value."""
+    def dots(
+        self, x: Vector, y: Vector, colours: Sequence[str], radius: float, *, hollow: bool = False
+    ) -> None:
+        """Draw a dot, or a circle, at each value."""
         for (across, up), colour in zip(self.pixels(x, y), colours, strict=True):
             if math.isfinite(across + up):
-                self._parts.append(
-                    f'<circle cx="{across:.1f}" cy="{up:.1f}" r="{radius:g}" fill="{colour}"/>'
-                )
+                style = f'fill="none" stroke="{colour}" stroke-width=".7"' if hollow else f'fill="{colour}"'
+                self._parts.append(f'<circle cx="{across:.1f}" cy="{up:.1f}" r="{radius:g}" {style}/>')
 
     def bars(self, edges: Vector, heights: Vector, colour: str) -> None:
         """Draw the bars of a histogram between its edges [n + 1]."""
@@ -134,7 +136,7 @@ class Chart:
         """Write names in their colours, from the upper left corner of the box on."""
         left, top, _, _ = self.box
         spans = "".join(
-            f'<tspan fill="{colour}" dx="{6 if number else 0}">{html.escape(name)}</tspan>'
+            f'<tspan fill="{colour}" dx="{6 if number else 0}">{lowered(name)}</tspan>'
             for number, (name, colour) in enumerate(names)
         )
         self._parts.append(f'<text class="n" x="{left + 5:.1f}" y="{top + 11:.1f}">{spans}</text>')
@@ -144,8 +146,14 @@ class Chart:
         width, height, title = self.size.width, self.size.height, html.escape(self.title)
         return (
             f'<svg class="chart" viewBox="0 0 {width:g} {height:g}" role="img" aria-label="{title}">'
-            f'<text class="t" x="2" y="13">{title}</text>{"".join(self._parts)}</svg>'
+            f'<text class="t" x="2" y="13">{lowered(self.title)}</text>{"".join(self._parts)}</svg>'
         )
+
+
+def lowered(text: str) -> str:
+    """Write a text with its subscripts for SVG."""
+    below = '<tspan class="sub" dy="2.5">{}</tspan><tspan dy="-2.5">\N{ZERO WIDTH SPACE}</tspan>'
+    return SYMBOL.sub(lambda one: one[1] + below.format(one[2] + (one[3] or "")), html.escape(text))
 
 
 def path(points: Vector) -> str:

@@ -38,6 +38,10 @@ class Series:
     """NaN where a frame has none; None where no frame has one [N]."""
     elongation_measured: Vector | None = None
     """[m]."""
+    angle: Vector | None = None
+    """Curve angle; None where the route stands [rad]."""
+    angle_se: Vector | None = None
+    """[rad]."""
 
     @classmethod
     def of(
@@ -46,8 +50,10 @@ class Series:
         ends: Sequence[Transmission],
         tension_out: Sequence[float | None] = (),
         elongation: Sequence[float | None] = (),
+        angles: Sequence[tuple[float, float]] = (),
     ) -> Series:
-        """Take the numbers of the tendon at each time [s], and the measured values [N, m]."""
+        """Take the tendon at each time [s], the measured values [N, m], and Φ with its error [rad]."""
+        moves = len(set(angles)) > 1
         return cls(
             time=np.array(time),
             tension_in=np.array([each.tension_in for each in ends]),
@@ -57,6 +63,8 @@ class Series:
             elongation_se=np.array([each.elongation_se for each in ends]),
             tension_out_measured=_measured(tension_out),
             elongation_measured=_measured(elongation),
+            angle=np.array([angle for angle, _ in angles]) if moves else None,
+            angle_se=np.array([error for _, error in angles]) if moves else None,
         )
 
 
@@ -135,6 +143,7 @@ def series_of(results: Sequence[FrameResult]) -> Series:
         [result.transmission for result in results],
         [frame.tension_out for frame in frames],
         [frame.elongation for frame in frames],
+        [(result.arcs.total_angle, result.arcs.total_angle_se) for result in results],
     )
 
 

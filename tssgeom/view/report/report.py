@@ -26,7 +26,7 @@ from tssgeom.view.report.at_a_glance import (
 )
 from tssgeom.view.report.entry import ReportEntry
 from tssgeom.view.report.outlying_inputs import OutlyingInput
-from tssgeom.view.report.page import filled, program_version
+from tssgeom.view.report.page import filled, program_version, with_subscripts
 from tssgeom.view.samples import route_samples
 
 _MOST_WARNINGS = 5
@@ -43,7 +43,7 @@ COLUMNS = (
     "Φ ± s.e. [°]",
     "pieces",
     "T_in [N]",
-    "T_out [N]",
+    "T_out ± s.e. [N]",
     "δ ± s.e. [mm]",
     "noise [mm]",
     "warnings",
@@ -112,7 +112,7 @@ def write_report(
         counts="".join(f"<p>{html.escape(text)}</p>" for text in (_counts(entries), *notes)),
         distributions=distributions(summary, {each.name for each in outlying}),
         statement=_statement(rig, tension_in),
-        head="".join(f"<th><button>{html.escape(column)}</button></th>" for column in COLUMNS),
+        head="".join(f"<th><button>{_text(column)}</button></th>" for column in COLUMNS),
         rows="\n".join(entry.row for entry in entries),
         outlying=outlying_table(outlying, linked),
         rejected=rejected_table([entry.rejections for entry in entries if entry.rejections]),
@@ -135,7 +135,7 @@ def _statement(rig: Rig, tension_in: float) -> str:
         else f"{rig.shape.noise_mm:g} mm, as the rig says",
         "Program": f"tssgeom {program_version()}",
     }
-    lines = "".join(f"<dt>{name}</dt><dd>{html.escape(text)}</dd>" for name, text in facts.items())
+    lines = "".join(f"<dt>{name}</dt><dd>{_text(text)}</dd>" for name, text in facts.items())
     return f"<h3>Settings</h3>\n<dl>{lines}</dl>"
 
 
@@ -187,16 +187,23 @@ def row(entry: ReportEntry, *, linked: bool = True) -> str:
             (entry.used, f"{entry.used}"),
             (entry.rejected_frames, _warned(entry.rejected_frames)),
             (arcs.total_length, f"{1e3 * arcs.total_length:.1f}"),
-            (angle, words.with_error(angle, angle_se, 1)),
+            (angle, _text(words.with_error(angle, angle_se, 1))),
             (len(arcs.length), f"{len(arcs.length)}"),
             (ends.tension_in, f"{ends.tension_in:.2f}"),
-            (ends.tension_out, f"{ends.tension_out:.2f}"),
-            (ends.elongation, words.with_error(1e3 * ends.elongation, 1e3 * ends.elongation_se, 3)),
+            (ends.tension_out, _text(words.with_error(ends.tension_out, ends.tension_out_se, 2))),
+            (
+                ends.elongation,
+                _text(words.with_error(1e3 * ends.elongation, 1e3 * ends.elongation_se, 3)),
+            ),
             (result.sensed_noise, html.escape(words.noise(result))),
             (len(entry.warnings), _warned(len(entry.warnings))),
             (entry.name, _link_to(quote(entry.recording), "recording") if entry.recording else "–"),
         ]
     )
+
+
+def _text(text: str) -> str:
+    return with_subscripts(html.escape(text))
 
 
 def _link_to(address: str, text: str) -> str:
@@ -241,7 +248,7 @@ def _figures(entry: ReportEntry, result: FrameResult) -> str:
 
 def _paragraph(text: str) -> str:
     """Turn a paragraph of our own markdown, in which only bold occurs, into HTML."""
-    return "<p>" + re.sub(r"\*\*(.+?)\*\*", r"<b>\1</b>", html.escape(text)) + "</p>"
+    return "<p>" + with_subscripts(re.sub(r"\*\*(.+?)\*\*", r"<b>\1</b>", html.escape(text))) + "</p>"
 
 
 def _warnings(entry: ReportEntry) -> list[str]:

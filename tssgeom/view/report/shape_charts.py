@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator
 
@@ -15,13 +16,23 @@ from tssgeom.view import colours
 from tssgeom.view.quantities import ANGLE, ARC_LENGTH, ELONGATION, TENSION_IN, TENSION_OUT, Quantity
 from tssgeom.view.report.chart import SIZE, Chart, limits_of
 from tssgeom.view.report.entry import Series, moments, strokes
-from tssgeom.view.samples import RouteSamples, ranges, round_up, route_samples, staircase, tension_se
+from tssgeom.view.samples import (
+    RouteSamples,
+    at_edge,
+    evenly,
+    ranges,
+    round_up,
+    route_samples,
+    staircase,
+    tension_se,
+)
 from tssgeom.view.scene.camera import camera
 from tssgeom.view.wording import angle_with_error, with_error
 
 _NODES = 96  # of a route, enough for a line of this size
 _SHADES = 32  # of a tension along a route, few enough for a small page
 _MOMENTS = 250  # of a run
+_MOST_MARKS = 60  # of measured values; chosen: circles that are no line
 _RESOLUTIONS = 0.01, 0.5  # of the route: the shortest and the longest wave in the chart
 _BAND, _SENSED, _INK, _SOFT = "#d5dae3", "#5b6474", "#1d2330", "#697386"
 _PULL, _RELEASE = "#0072b2", "#d55e00"
@@ -158,12 +169,15 @@ def _resolution(result: FrameResult) -> Chart:
 def _responses(
     run: Series, chosen: NDArray[np.intp]
 ) -> Iterator[tuple[Quantity, Vector, Vector, list[Vector]]]:
-    """Yield T_out and δ at some frames in their units: quantity, mean, standard error, measured if at all."""
+    """Yield T_out, δ and, where it changes, Φ: quantity, mean, standard error, measured if at all."""
     for quantity, value, error, measured in (
         (TENSION_OUT, run.tension_out, run.tension_out_se, run.tension_out_measured),
         (ELONGATION, run.elongation, run.elongation_se, run.elongation_measured),
+        (ANGLE, run.angle, run.angle_se, None),
     ):
-        observed = [] if measured is None else [quantity.factor * measured[chosen]]
+        if value is None or error is None:
+            continue
+        observed = [] if measured is None else [quantity.factor * at_edge(measured[chosen], value[chosen])]
         yield quantity, quantity.factor * value[chosen], quantity.factor * error[chosen], observed
 
 
@@ -171,7 +185,7 @@ def _transmission(run: Series) -> Iterator[Chart]:
     """Draw output tension and elongation over input tension, pulls and releases in their colours."""
     chosen = moments(run, _MOMENTS)
     across = run.tension_in[chosen]
-    for quantity, middle, half, observed in _responses(run, chosen):
+    for quantity, middle, half, observed in itertools.islice(_responses(run, chosen), 2):
         limits = limits_of(middle - half, middle + half, *observed)
         chart = Chart(f"{quantity.words.capitalize()} ± s.e. over T_in", limits_of(across), limits)
         chart.axes(TENSION_IN.label, quantity.label)
@@ -188,15 +202,15 @@ def _transmission(run: Series) -> Iterator[Chart]:
 
 
 def _over_time(run: Series) -> Iterator[Chart]:
-    """Draw tensions and elongation against time."""
+    """Draw tensions, elongation and, of a route that moves, curve angle against time."""
     chosen = moments(run, _MOMENTS)
     time = run.time[chosen]
     across = limits_of(time, zero=False, room=0.0)
     for quantity, middle, half, observed in _responses(run, chosen):
         drive = [run.tension_in[chosen]] if quantity is TENSION_OUT else []
-        limits = limits_of(middle - half, middle + half, *observed, *drive, room=0.15)
-        title = "Tensions ± s.e. over time" if drive else "Elongation ± s.e. over time"
-        chart = Chart(title, across, limits)
+        limits = limits_of(middle - half, middle + half, *observed, *drive, room=0.15, zero=quantity != ANGLE)
+        title = "Tensions" if drive else quantity.words.capitalize()
+        chart = Chart(f"{title} ± s.e. over time", across, limits)
         chart.axes("t [s]", "T [N]" if drive else quantity.label)
         for line in drive:
             chart.line(time, line, TENSION_IN.ink, 1.0)
@@ -205,11 +219,13 @@ def _over_time(run: Series) -> Iterator[Chart]:
         _measured(chart, time, observed)
         names = [("T_in", TENSION_IN.ink)] if drive else []
         chart.legend(
-            [*names, (quantity.symbol, quantity.ink), *([("measured (dots)", _INK)] if observed else [])]
+            [*names, (quantity.symbol, quantity.ink), *([("measured (circles)", _INK)] if observed else [])]
         )
         yield chart
 
 
 def _measured(chart: Chart, x: Vector, observed: list[Vector]) -> None:
     for values in observed:
-        chart.dots(x, values, [_INK] * len(values), 1.2)
+        kept = np.flatnonzero(np.isfinite(values))
+        kept = kept[evenly(len(kept), _MOST_MARKS)]
+        chart.dots(x[kept], values[kept], [_INK] * len(kept), 1.8, hollow=True)

@@ -83,11 +83,12 @@ def _texts() -> rrb.Container:
 
 def _series(tension: float | None) -> list[rrb.TimeSeriesView]:
     tensions = ["series/tension_in", "series/tension_out", "series/tension_out_measured"]
+    angles = ["series/angle", "series/angle_least", "series/angle_most"]
     elongations = ["series/elongation", "series/elongation_measured"]
     return [
         plot("Tension [N] against time [s]", tensions, top=tension, named=True),
         plot("Elongation δ [mm] against time [s]", elongations, named=True),
-        plot("Accumulated curve angle Φ [°] against time [s]", ["series/angle"], named=True),
+        plot("Accumulated curve angle Φ ± s.e. [°] against time [s]", angles, named=True),
     ]
 
 

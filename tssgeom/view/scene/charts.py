@@ -58,7 +58,8 @@ class Axis:
         """Four to eight plain numbers from the bottom to the top; 0 is one of them."""
         rough = (self.top - self.bottom) / 5
         unit = 10.0 ** math.floor(math.log10(rough))
-        step = next(m * unit for m in (1.0, 2.0, 2.5, 5.0, 10.0) if m * unit >= 0.85 * rough)
+        least = (0.8 if self.bottom else 0.85) * rough  # with both signs fewer multiples fit
+        step = next(m * unit for m in (1.0, 2.0, 2.5, 5.0, 10.0) if m * unit >= least)
         below = math.floor(-self.bottom / step * (1 + 1e-9))
         return np.round(np.arange(-step * below, self.top * (1 + 1e-9), step), 12) + 0.0  # no -0
 

@@ -9,11 +9,11 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from tssgeom.adapt.alert import Alert
+from tssgeom.statistics import NORMAL_95
 from tssgeom.stream import FrameResult
 from tssgeom.view import colours
 from tssgeom.view.scene.columns import Sender
 
-_BAND = 1.959964  # derived: 97.5 % quantile of the normal distribution
 _ALERTS = "alerts"
 
 
@@ -30,7 +30,7 @@ def send_followed(sender: Sender, results: Sequence[FrameResult]) -> None:
         return
     values, errors = (np.array([getattr(one, name) for one in known]) for name in ("values", "se"))
     for i, key in enumerate(keys):
-        value, reach = values[:, i], _BAND * errors[:, i]
+        value, reach = values[:, i], NORMAL_95 * errors[:, i]
         for name, line, width in (
             (key, value, 2.0),
             ("upper", value + reach, 1.0),

@@ -15,6 +15,8 @@ from tssgeom.view.scene.camera import Camera
 _HALF_SIZE, _HALF_NUMBER, _HALF_SCALE = np.array([[0.13, 0.021], [0.03, 0.021], [0.045, 0.021]])
 """Half of the size of a label, of the number of a piece alone and of the length of the scale bar, as parts
 of the view's height."""
+_MOST_LABELLED = 6
+"""Pieces with a label of their own; chosen: more cover a view, and the table and the joints hold all."""
 _FIRST = 3
 """Labels of the scale and of both ends, which come first."""
 
@@ -42,7 +44,7 @@ _PLACEMENT = LabelPlacement()
 
 @dataclass(frozen=True, slots=True)
 class LabelPositions:
-    """Positions of the labels of both ends and of the k pieces."""
+    """Positions of the labels of both ends and of the k pieces that have one."""
 
     position: Points
     """[2 + k, 3] Points under which Rerun writes them [m]."""
@@ -60,6 +62,11 @@ class Candidates:
     """[n, m, 2] From there to the middle of the label, in heights of the view."""
     half: NDArray[np.float64]
     """[n, m, 2] Half of the size of the label, in heights of the view."""
+
+
+def labelled(arcs: Arcs) -> NDArray[np.intp]:
+    """Return the pieces that have a label, in their order: those of the largest angles."""
+    return np.sort(np.argsort(-arcs.angle, kind="stable")[:_MOST_LABELLED])
 
 
 def label_positions(
@@ -114,10 +121,11 @@ def _at_ends(camera: Camera, frame: RouteSamples) -> tuple[NDArray[np.float64], 
 def _at_pieces(
     camera: Camera, frame: RouteSamples, arcs: Arcs
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return points of each piece, and directions to the outer side of its bend, then to its inner side."""
-    share = np.array(_PLACEMENT.along_piece)
-    s = arcs.s_start[:, None] + arcs.length[:, None] * share
-    reach = np.minimum(0.25 * arcs.length, 0.15 * camera.half_width)[:, None]
+    """Return points of each labelled piece, and directions to the outer, then the inner side of its bend."""
+    share, chosen = np.array(_PLACEMENT.along_piece), labelled(arcs)
+    length = arcs.length[chosen, None]
+    s = arcs.s_start[chosen, None] + length * share
+    reach = np.minimum(0.25 * length, 0.15 * camera.half_width)
     steps = frame.at(np.concatenate([(s + step).ravel() for step in (-reach, 0.0, reach)]))
     before, here, after = camera.project(steps).reshape(3, -1, 2)
     outward = _outward(_unit(after - before), after + before - 2 * here).reshape(*s.shape, 2)

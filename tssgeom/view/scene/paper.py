@@ -17,7 +17,6 @@ from tssgeom.route.synthetic import Course, positions, setup_a, setup_b
 from tssgeom.tendon import paper
 from tssgeom.tendon.history import History, driven, profiles
 from tssgeom.view import colours
-from tssgeom.view import wording as words
 from tssgeom.view.quantities import ELONGATION, FIRST, SECOND, TENSION_IN, TENSION_OUT
 from tssgeom.view.samples import Ranges, RouteSamples, evenly
 from tssgeom.view.scene.blueprint import chart, layout, plot, space_view, time_panel
@@ -35,6 +34,7 @@ from tssgeom.view.scene.columns import Sender
 from tssgeom.view.scene.labels import label_positions
 from tssgeom.view.scene.run import send_line
 from tssgeom.view.scene.space import (
+    label_texts,
     send_joints,
     send_labels,
     send_piece_names,
@@ -107,10 +107,7 @@ def _send_route(sender: Sender, setup: _Setup) -> None:
     send_joints(still, frames[:1], pieces[:1])
     send_route(sender, frames, paper.PEAK)
     labels = label_positions(setup.camera, frames[0], setup.arcs, _TEXT_SCALE)
-    texts = [
-        [*words.end_labels(*frame.tension[[0, -1]].tolist()), *words.piece_labels(setup.arcs)]
-        for frame in frames
-    ]
+    texts = [label_texts(float(frame.tension[0]), float(frame.tension[-1]), setup.arcs) for frame in frames]
     send_labels(sender, [labels] * len(frames), texts)
     send_tension_chart(sender, frames, pieces, _LIMITS, _ALONG)
     tension = np.array([frame.tension for frame in frames])

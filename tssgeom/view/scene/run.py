@@ -52,6 +52,10 @@ def camera_of(frames: Sequence[RouteSamples]) -> Camera:
 def send_series(sender: Sender, results: Sequence[FrameResult]) -> None:
     """Send the lines over time, in the units of the plots' titles."""
     send_numbers(sender, np.array([numbers_of(result) for result in results]))
+    angle, error = np.array([(one.arcs.total_angle, one.arcs.total_angle_se) for one in results]).T
+    for end, sign, side in (("least", "−", -1.0), ("most", "+", 1.0)):
+        style = {"name": f"Φ {sign} s.e. [{ANGLE.unit}]", "colour": colours.ANGLE_BAND, "width": 1.0}
+        send_line(sender, f"angle_{end}", ANGLE, angle + side * error, **style)
     _send_measured(sender, results)
 
 
@@ -82,9 +86,10 @@ def send_line(
     *,
     name: str = "",
     colour: tuple[int, int, int] | None = None,
+    width: float = 2.0,
 ) -> None:
     """Send a quantity [SI] against time, in its own unit; name and colour are its own unless given."""
-    style = rr.SeriesLines(names=name or quantity.label, colors=[colour or quantity.rgb], widths=[2.0])
+    style = rr.SeriesLines(names=name or quantity.label, colors=[colour or quantity.rgb], widths=[width])
     sender.constant(f"series/{entity}", style)
     scalars = quantity.factor * np.asarray(values, np.float64)
     sender.send(f"series/{entity}", rr.Scalars.columns(scalars=scalars))

@@ -12,13 +12,12 @@ from scipy.spatial import KDTree
 from tssgeom.arrays import Points
 from tssgeom.lumen.clearance import Clearance
 from tssgeom.route.pieces import Arcs
-from tssgeom.stream import FrameResult
 from tssgeom.view import colours
 from tssgeom.view import wording as words
 from tssgeom.view.samples import RouteSamples, outliers
 from tssgeom.view.scene.camera import Camera
 from tssgeom.view.scene.columns import Sender, segments_3d
-from tssgeom.view.scene.labels import LabelPositions, label_positions, scale_label
+from tssgeom.view.scene.labels import LabelPositions, label_positions, labelled, scale_label
 from tssgeom.view.scene.run import Run, send_numbers_of_route
 
 _FEW_POINTS = 40
@@ -38,7 +37,11 @@ def send_space(sender: Sender, run: Run, lumen: trimesh.Trimesh | None) -> None:
     located = [
         label_positions(run.camera, frame, arcs) for frame, arcs in zip(run.frames, pieces, strict=True)
     ]
-    send_labels(sender, located, [_label_texts(result) for result in run.results])
+    ends = [result.transmission for result in run.results]
+    texts = [
+        label_texts(end.tension_in, end.tension_out, arcs) for end, arcs in zip(ends, pieces, strict=True)
+    ]
+    send_labels(sender, located, texts)
     send_numbers_of_route(sender, run)
 
 
@@ -141,9 +144,10 @@ def send_labels(sender: Sender, located: Sequence[LabelPositions], texts: Sequen
     sender.send("labels", columns, [len(row) for row in texts])
 
 
-def _label_texts(result: FrameResult) -> list[str]:
-    ends = result.transmission
-    return [*words.end_labels(ends.tension_in, ends.tension_out), *words.piece_labels(result.arcs)]
+def label_texts(tension_in: float, tension_out: float, arcs: Arcs) -> list[str]:
+    """Return the texts beside both ends, with their tensions [N], and beside the labelled pieces."""
+    pieces = words.piece_labels(arcs)
+    return [*words.end_labels(tension_in, tension_out), *(pieces[k] for k in labelled(arcs))]
 
 
 def send_clearance(sender: Sender, run: Run, measured: Sequence[Clearance]) -> None:

@@ -33,6 +33,8 @@ _END_LIMIT = 10.0
 """Longest wait for the viewer to end by itself [s]."""
 _NOTICES = 3.5
 """Time from its start until the viewer's notices have gone from the picture [s]."""
+_MENU, _TIME_BAR = 37, 30
+"""Heights of the viewer's menu and of its bar of the time [pixel]. Measured: pictures of Rerun 0.41."""
 _WAIT = 1.2
 """Time to draw after the last change [s]."""
 
@@ -77,7 +79,12 @@ def open_viewer(
 
 
 def screenshot(
-    path: Path, png: Path, size: tuple[int, int] = (1600, 900), *, at: float | None = None
+    path: Path,
+    png: Path,
+    size: tuple[int, int] = (1600, 900),
+    *,
+    at: float | None = None,
+    clean: bool = False,
 ) -> None:
     """Take a picture of a recording as the viewer shows it; this needs no display.
 
@@ -91,6 +98,8 @@ def screenshot(
         Width and height of the picture [pixel].
     at
         Time of the run in the picture [s]; the moment of greatest tension by default.
+    clean
+        True: cut off the viewer's menu and the bar of the time.
 
     Raises
     ------
@@ -109,6 +118,16 @@ def screenshot(
         viewer.save_screenshot(str(png.resolve()))
     if not png.is_file():
         raise SourceError(f"{png}: the viewer wrote no picture: check that the folder can be written")
+    if clean:
+        _cut_frame(png, timed=moment is not None)
+
+
+def _cut_frame(png: Path, *, timed: bool) -> None:
+    """Cut the menu off the top of a picture of the viewer, and the bar of the time off its foot."""
+    from matplotlib.image import imread, imsave
+
+    pixels = imread(png)
+    imsave(png, np.ascontiguousarray(pixels[_MENU : len(pixels) - (_TIME_BAR if timed else 0)]))
 
 
 def _go_to(viewer: ViewerClient, timeline: str, moment: float) -> None:

@@ -38,7 +38,7 @@ from tssgeom.view.scene.compare.difference import Difference, aligned, compariso
 from tssgeom.view.scene.compare.reading import Side, read_side
 from tssgeom.view.scene.labels import label_positions
 from tssgeom.view.scene.run import camera_of, send_line
-from tssgeom.view.scene.space import send_labels, send_piece_names, send_route, send_scale_bar
+from tssgeom.view.scene.space import label_texts, send_labels, send_piece_names, send_route, send_scale_bar
 from tssgeom.view.scene.writer import recording_file
 
 _TEXT_SCALE = 1.6  # of text beside the route: the views of both are lower than one alone
@@ -64,7 +64,7 @@ def write_comparison(path: Path, first: Path, second: Path) -> None:
     """
     a, b = aligned(*_with_distinct_names(read_side(first), read_side(second), first, second))
     sides, change = {"a": a, "b": b}, difference(a, b)
-    cameras = {key: camera_of(side.frames) for key, side in sides.items()}
+    cameras = _one_scale({key: camera_of(side.frames) for key, side in sides.items()})
     names = {key: f"{key.upper()} · {side.name}" for key, side in sides.items()}
     limits = ranges([*a.frames, *b.frames], [*a.pieces, *b.pieces])
     views = _blueprint(names, cameras, change, limits.tension)
@@ -74,6 +74,15 @@ def write_comparison(path: Path, first: Path, second: Path) -> None:
             _send_side(recording, key, side, limits)
             _send_labels(Sender(recording, side.time, below=f"{key}/"), side, cameras[key])
         _send_difference(recording, a, b, change, limits)
+
+
+def _one_scale(cameras: Mapping[str, Camera]) -> dict[str, Camera]:
+    """Return cameras at one distance, so that equal lengths are equally long in both views."""
+    half = {
+        name: max(getattr(camera, name) for camera in cameras.values())
+        for name in ("half_width", "half_height", "half_depth")
+    }
+    return {key: replace(camera, **half) for key, camera in cameras.items()}
 
 
 def _with_distinct_names(a: Side, b: Side, first: Path, second: Path) -> tuple[Side, Side]:
@@ -114,7 +123,8 @@ def _send_labels(sender: Sender, side: Side, camera: Camera) -> None:
         label_positions(camera, frame, arcs, _TEXT_SCALE)
         for frame, arcs in zip(side.frames, side.pieces, strict=True)
     ]
-    send_labels(sender, located, side.labels)
+    ends = zip(side.numbers["tension_in_N"], side.numbers["tension_out_N"], side.pieces, strict=True)
+    send_labels(sender, located, [label_texts(float(near), float(far), arcs) for near, far, arcs in ends])
 
 
 def _send_difference(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -112,7 +113,7 @@ def comparison(a: Side, b: Side, change: Difference | None) -> str:
         _peak_words(a, b),
         "" if change is None else _time_words(change),
     ]
-    return "\n\n".join(part for part in parts if part)
+    return _with_minus("\n\n".join(part for part in parts if part))
 
 
 def _name(side: Side) -> str:
@@ -198,8 +199,14 @@ def table(a: Side, b: Side) -> str:
         cells = (f"{first:.{digits}f}", f"{second:.{digits}f}", f"{second - first:+z.{digits}f}")
         rows.append(f"| {title} | {' | '.join(cells)} |")
     counts = [len(side.pieces[side.peak].length) for side in (a, b)]
-    rows.append(f"| pieces | {counts[0]} | {counts[1]} | {counts[1] - counts[0]:+d} |")
-    return "\n".join(["| | A | B | B − A |", "|---|--:|--:|--:|", *rows])
+    change = counts[1] - counts[0]
+    rows.append(f"| pieces | {counts[0]} | {counts[1]} | {f'{change:+d}' if change else '0'} |")
+    return "\n".join(["| | A | B | B − A |", "|---|--:|--:|--:|", *map(_with_minus, rows)])
+
+
+def _with_minus(text: str) -> str:
+    """Write negative numbers with a minus, as wide as a plus, and no sign before a zero."""
+    return re.sub(r"(?<![\w-])-(?=\d)", "−", re.sub(r"\+(0(?:\.0+)?)(?= )", r"\1", text))
 
 
 def _moments(a: Side, b: Side) -> list[str]:

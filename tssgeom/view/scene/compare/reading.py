@@ -21,7 +21,7 @@ from tssgeom.view.scene.viewer import parts_of, require_recording
 
 COPIED = ("/sensed", "/joints", "/lumen")
 """Entities that a comparison copies, with those below them."""
-_READ = ("/route", "/joints", "/summary", "/labels")
+_READ = ("/route", "/joints", "/summary")
 _NS = 1e-9  # s
 
 
@@ -34,8 +34,6 @@ class Side:
     """Time of each frame [s]; None for a static shape."""
     frames: Sequence[RouteSamples]
     pieces: Sequence[Arcs]
-    labels: Sequence[Sequence[str]]
-    """Texts beside the ends and the pieces."""
     numbers: Mapping[str, Vector]
     """`NUMBERS` of each frame [SI]."""
     parts: Sequence[Chunk]
@@ -79,7 +77,7 @@ def read_side(path: Path) -> Side:
     require_recording(path)
     chunks = [chunk for chunk in parts_of(path) if not chunk.is_empty]
     frames = {entity: _rows(chunks, entity) for entity in _READ}
-    route, joints, summary, labels = frames.values()
+    route, joints, summary = frames.values()
     if not {*ON_ROUTE, "LineStrips3D:strips"} <= route.keys() or not {*NUMBERS} <= summary.keys():
         raise SourceError(
             f"{path}: no numbers of a route to compare: give recordings of analyse, batch, simulate or live"
@@ -93,7 +91,6 @@ def read_side(path: Path) -> Side:
             Arcs.exact(np.asarray(length, np.float64), np.asarray(angle, np.float64))
             for length, angle in zip(*(joints[name].values for name in ON_JOINTS), strict=True)
         ],
-        labels=[row.tolist() for row in labels["Points3D:labels"].values],
         numbers={name: np.concatenate(summary[name].values).astype(np.float64) for name in NUMBERS},
         parts=[chunk for chunk in chunks if _is_copied(str(chunk.entity_path))],
         count=_count(summary, len(route["tension_N"].values)),

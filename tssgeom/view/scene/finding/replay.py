@@ -12,6 +12,7 @@ from tssgeom.arrays import Points, Vector
 from tssgeom.identify.campaign import Route
 from tssgeom.identify.finding import Finding, LawCurve, RouteMisfit, Trace
 from tssgeom.route.pieces import Arcs
+from tssgeom.statistics import NORMAL_95
 from tssgeom.view.samples import RouteSamples, evenly, round_up
 from tssgeom.view.scene.camera import Camera, camera
 from tssgeom.view.scene.charts import slid_up_to
@@ -103,11 +104,8 @@ def friction_map(finding: Finding) -> LawCurve | None:
 def _with_law(stretch: Stretch, law: LawCurve) -> Stretch:
     """Return a run with the friction along its route, and a standard error of it, for what it misses."""
     friction = np.interp(stretch.s, law.x, law.value)
-    error = np.interp(stretch.s, law.x, law.high - law.low) / (2.0 * _NORMAL)
+    error = np.interp(stretch.s, law.x, law.high - law.low) / (2.0 * NORMAL_95)
     return replace(stretch, misfit=friction, misfit_se=error)
-
-
-_NORMAL = 1.96  # derived: standard deviations to either side of a 95 % interval
 
 
 def _stretch(trace: Trace, route: Route, along: RouteMisfit | None, first: int, rows: int) -> Stretch:

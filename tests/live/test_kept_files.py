@@ -1,0 +1,90 @@
+"""State and recordings of a stream: one writer each, none overwritten, none lost with a signal or a kill."""
+
+import json
+import os
+import signal
+
+import pytest
+
+from benchmarks.live_process import PATIENCE, live
+from tests.live.peers import frame
+from tests.live.test_faults import _await_end
+from tssgeom.io.formats.states import read_state
+
+
+def answer_one(stream, time=0.0, **more):
+    stream.input.write(frame(time, **more))
+    stream.input.flush()
+    return json.loads(stream.output.readline())
+
+
+@pytest.mark.parametrize(("option", "name"), [("--state", "tendon.json"), ("--record", "live.rrd")])
+def test_a_second_stream_on_the_same_file_is_refused_at_its_start(run, tmp_path, option, name):
+    (tmp_path / "link").symlink_to(tmp_path)
+    with live(option, tmp_path / name) as first:
+        for same in (tmp_path / name, tmp_path / "link" / name):
+            outcome = run("live", "--sink", "none", option, same)
+            assert outcome.status == 2
+            assert "another stream writes it" in outcome.errors[-1]
+        assert "segments" in answer_one(first)
+        assert first.stop() == 0
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(["link", name])
+
+
+def test_a_state_that_cannot_be_written_is_refused_at_the_start(run, tmp_path):
+    (tmp_path / "taken").touch()
+    outcome = run("live", "--sink", "none", "--state", tmp_path / "taken" / "tendon.json")
+    assert outcome.status == 2
+    assert "tendon.json: cannot be written" in outcome.errors[-1]
+
+
+def test_a_state_of_another_rig_is_named_and_one_of_the_same_is_not(tmp_path):
+    state, rig = tmp_path / "tendon.json", tmp_path / "rig.toml"
+    rig.write_text("[friction]\ncoefficient = 0.3\n")
+    said = []
+    for options in ((), (), ("--rig", rig)):
+        with live("--state", state, *options) as stream:
+            answer_one(stream)
+            assert stream.stop() == 0
+        said.append([text for text in stream.errors if "of another rig" in text])
+    assert [len(one) for one in said] == [0, 0, 1]
+    assert "tendon.json" in said[-1][0]
+
+
+def test_a_hang_up_saves_state_and_recording(tmp_path):
+    state, recording = tmp_path / "tendon.json", tmp_path / "live.rrd"
+    with live("--state", state, "--record", recording) as stream:
+        for beside in stream.children():
+            os.kill(beside, signal.SIGHUP)
+        for i in range(5):
+            answer_one(stream, float(i), tension_in_N=5.0 + i)
+        assert stream.stop(signal.SIGHUP) == 0
+    assert read_state(state).tension_in == pytest.approx(9.0)
+    assert recording.stat().st_size > 0
+
+
+def test_no_recording_is_overwritten_and_what_a_kill_left_is_kept(tmp_path):
+    recording = tmp_path / "live.rrd"
+    with live("--record", recording) as stream:
+        answer_one(stream)
+        assert stream.stop() == 0
+    first = recording.read_bytes()
+    with live("--record", recording) as stream:
+        assert "live-2.rrd" in next(text for text in stream.errors if "exists" in text)
+        (beside,) = stream.children()
+        part = tmp_path / ".live-2.part.rrd"
+        i = 0
+        while not part.stat().st_size:
+            answer_one(stream, float(i := i + 1))
+        os.kill(beside, signal.SIGKILL)
+        stream.stop(signal.SIGKILL)
+    _await_end(beside)
+    left = part.read_bytes()
+    with live("--record", recording) as stream:
+        assert "live-2.rrd: what a stream recorded" in next(text for text in stream.errors if "order" in text)
+        answer_one(stream)
+        stream.input.close()
+        assert stream.process.wait(PATIENCE) == 0
+    assert recording.read_bytes() == first
+    assert (tmp_path / "live-2.rrd").read_bytes() == left
+    assert (tmp_path / "live-3.rrd").stat().st_size > 0

@@ -1,0 +1,100 @@
+"""Frames whose time or drive makes no sense: they change nothing for others, and each is in the warnings."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.live_process import PATIENCE, line, live
+from tests.live.peers import half_circle
+from tssgeom.engine import Engine
+from tssgeom.io.formats.states import read_state, write_state
+from tssgeom.rig import Rig, read_rig
+from tssgeom.stream import Frame
+
+PULL = 9.0  # N
+
+
+@pytest.fixture
+def creeping(tmp_path: Path) -> Path:
+    rig = tmp_path / "rig.toml"
+    rig.write_text('[[effects]]\nname = "creep"\nratio = 0.1\ntime_s = 10\n')
+    return rig
+
+
+def piped(frames: list[bytes], *arguments: str | Path) -> list[dict]:
+    """Answers of a stream to frames on its standard input."""
+    with live("--sink", "-", *arguments) as stream:
+        stream.input.write(b"".join(frames))
+        stream.input.close()
+        answers = [json.loads(text) for text in stream.output.read().splitlines()]
+        assert stream.process.wait(PATIENCE) == 0
+    return [one for one in answers if not one.get("stale")]
+
+
+@pytest.mark.parametrize("strange", [1.7e18, 1e13, 1e300])
+def test_a_frame_of_another_client_far_in_the_future_changes_no_answer_to_the_first(
+    tmp_path, creeping, strange
+):
+    state = tmp_path / "tendon.json"
+    ends = ("--source", "tcp://127.0.0.1:0", "--sink", "tcp://127.0.0.1:0")
+    with live(*ends, "--rig", creeping, "--state", state) as stream, stream.source() as source:
+        reader = stream.reader()
+        tensions = []
+        for i in range(8):
+            if i == 4:
+                with stream.source() as other:
+                    other.sendall(line(half_circle(), strange, tension_in_N=PULL, id="other"))
+                    answer = reader.until("id", "other")[-1]
+                    assert answer["t"] == strange
+                    assert "send seconds of one clock" in answer["warnings"][0]
+            source.sendall(line(half_circle(), 10 + 0.1 * i, tension_in_N=PULL, id=i))
+            answer = reader.until("id", i)[-1]
+            assert "warnings" not in answer
+            tensions.append(answer["tension_out_N"])
+        assert np.ptp(tensions) < 0.1  # a leap lets it creep by 1.2 N
+        reader.sock.close()
+        assert stream.stop() == 0
+    with live("--rig", creeping, "--state", state) as again:
+        again.input.close()
+        assert again.process.wait(PATIENCE) == 0
+
+
+@pytest.mark.parametrize("start", [1.7e18, 1e13])
+def test_a_clock_that_begins_or_leaps_far_in_the_future_leaves_a_state_that_is_read(
+    tmp_path, creeping, start
+):
+    state, ends = tmp_path / "tendon.json", ("--rig", creeping, "--state", tmp_path / "tendon.json")
+    frames = [line(half_circle(), start + k * 1e9, tension_in_N=PULL) for k in (0, 1)]
+    first, leaps = piped(frames, *ends)
+    assert "begins at 0 s" in first["warnings"][0]
+    assert "later than the last frame: it counts as" in leaps["warnings"][0]
+    assert 0.0 < read_state(state).time <= 60.0
+    (answer,) = piped([line(half_circle(), 1.0, tension_in_N=PULL)], *ends)
+    assert answer["tension_out_N"] > 0.0
+
+
+@pytest.mark.parametrize("temperature", [None, 1e15])
+def test_a_state_of_any_time_is_read_as_it_was_written(tmp_path, creeping, temperature):
+    points = 1e-3 * half_circle()
+    for rig in (Rig(), read_rig(creeping)):
+        engine = Engine(rig, tension_in=PULL)
+        for time in (0.0, 1e13, 1.7e18):
+            engine.push(Frame(points, time, tension_in=PULL, temperature=temperature))
+        write_state(tmp_path / "tendon.json", engine.state)
+        assert read_state(tmp_path / "tendon.json").time == engine.state.time == 1.7e18
+
+
+@pytest.mark.parametrize("follows", [(), ("--adapt",)])
+def test_a_position_of_the_drive_that_makes_no_sense_is_in_the_warnings(follows):
+    moves = (2e-3, 1000.0, 2e-3)  # m
+    frames = [json.loads(line(half_circle(), 0.1 * i)) for i in range(len(moves))]
+    for one, position in zip(frames, moves, strict=True):
+        del one["tension_in_N"]
+        one["displacement_in_m"] = position
+    answers = piped([json.dumps(one).encode() + b"\n" for one in frames], *follows)
+    named = [
+        any("displacement_in_m is 1000 m" in each for each in one.get("warnings", ())) for one in answers
+    ]
+    assert named == [False, True, False]

@@ -1,0 +1,114 @@
+"""Peers that are not what they should be: a browser, a sensor with any name, clients that send nothing."""
+
+import json
+import socket
+import time
+from contextlib import ExitStack
+from pathlib import Path
+
+import pyigtl
+
+from benchmarks.live_process import PATIENCE, live
+from tests.live.peers import frame, half_circle
+from tests.live.test_igtl import transform
+from tssgeom.io.network.listener import LIMITS
+
+EVERY_ADDRESS = "00000000"  # 0.0.0.0 in /proc/net/udp
+
+
+def test_a_request_of_a_browser_is_refused_and_its_body_is_no_frame(stream, source, reader):
+    body = frame(1.0, id="by HTTP")
+    request = b"POST / HTTP/1.1\r\nHost: localhost\r\nContent-Length: %d\r\n\r\n" % len(body)
+    for parts in ((request + body,), (request[:9], request[9:] + body)):
+        with stream.source() as browser:
+            browser.settimeout(PATIENCE)
+            for part in parts:
+                browser.sendall(part)
+                time.sleep(0.1)
+            assert "no web server" in json.loads(browser.recv(1000))["closed"]
+    source.sendall(frame(2.0, id="by TCP"))
+    answers = reader.until("id", "by TCP")
+    assert "by HTTP" not in [one.get("id") for one in answers]
+    assert not [one for one in answers if "rejected" in one]
+
+
+def test_clients_that_say_nothing_give_way_to_one_that_does(stream, source, reader):
+    with ExitStack() as stack:
+        for _ in range(LIMITS.peers):
+            stack.enter_context(stream.source())
+        end = time.monotonic() + PATIENCE
+        while time.monotonic() < end:
+            source.sendall(frame(time.monotonic(), id="busy"))  # not silent: it stays
+            with stream.source() as late:
+                late.sendall(frame(1.0, id="late"))
+                late.settimeout(0.5)
+                try:
+                    refused = late.recv(1000)
+                except TimeoutError:
+                    break
+                except ConnectionError:
+                    continue
+                assert b"which is the most" in refused
+        else:
+            raise AssertionError("no client gave way")
+    source.sendall(frame(time.monotonic(), id="end"))
+    answers = reader.until("id", "end")
+    assert any(one.get("id") == "late" and "segments" in one for one in answers)
+
+
+def test_a_sensor_may_have_any_name():
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        server.settimeout(PATIENCE)
+        source = f"igtl://127.0.0.1:{server.getsockname()[1]}"
+        with live("--source", source, "--sink", "-") as stream:
+            peer, _ = server.accept()
+            with peer:
+                for moment in (1.0, 2.0, 3.0):
+                    for name, position in zip(("²", "٣", "1a", "a", ""), half_circle(5), strict=True):
+                        message = bytearray(transform("x", position, moment))
+                        message[14:34] = name.encode().ljust(20, b"\0")
+                        peer.sendall(message)
+                answer = json.loads(stream.output.readline())
+                assert "t" in answer
+                whole = pyigtl.PointMessage(half_circle(29), timestamp=4.0, device_name="²")
+                peer.sendall(whole.pack())
+                while answer["t"] != 4.0:
+                    answer = json.loads(stream.output.readline())
+                assert answer["length_m"] > 0.4
+            assert stream.stop() == 0
+
+
+def test_a_sink_of_datagrams_listens_on_no_interface_but_its_own():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as reader:
+        reader.bind(("127.0.0.1", 0))
+        port = reader.getsockname()[1]
+        with live("--source", "tcp://127.0.0.1:0", "--sink", f"udp://127.0.0.1:{port}") as stream:
+            with stream.source() as source:
+                source.sendall(frame(1.0, id="sent"))
+                reader.settimeout(PATIENCE)
+                assert json.loads(reader.recv(1 << 16))["id"] == "sent"
+            inodes = {
+                link.readlink().name.removeprefix("socket:[").rstrip("]")
+                for link in Path(f"/proc/{stream.process.pid}/fd").iterdir()
+                if "socket" in str(link.readlink())
+            }
+            rows = [row.split() for row in Path("/proc/net/udp").read_text().splitlines()[1:]]
+            bound = [row[1].partition(":")[0] for row in rows if row[9] in inodes]
+            assert bound
+            assert EVERY_ADDRESS not in bound
+
+
+def test_a_sink_of_datagrams_without_a_reader_stops_nothing(free_port):
+    with live("--source", "tcp://127.0.0.1:0", "--sink", f"udp://127.0.0.1:{free_port}") as other:
+        with other.source() as sender:
+            for i in range(20):
+                sender.sendall(frame(float(i)))
+                time.sleep(0.02)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as late:
+            late.bind(("127.0.0.1", free_port))
+            late.settimeout(PATIENCE)
+            with other.source() as sender:
+                sender.sendall(frame(1.0, id="heard"))
+                while json.loads(late.recv(1 << 16)).get("id") != "heard":
+                    pass
+        assert other.stop() == 0

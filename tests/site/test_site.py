@@ -1,0 +1,93 @@
+"""The built site and a report, in Chromium: no error, nothing from the network, no overflow or overlap.
+
+    sphinx-build -W --keep-going -n docs docs/_build/html && pytest -n0 tests/site
+
+Skipped where the site is not built or Chromium is missing; `.ci/run` has both.
+"""
+
+import re
+from pathlib import Path
+
+import pytest
+
+import tssgeom
+from pipelines.cli import main
+from tests.site.browser import CHROMIUM, Browser
+
+ROOT = Path(__file__).parents[2]
+SITE = ROOT / "docs" / "_build" / "html"
+LAYOUT = (Path(__file__).parent / "layout.js").read_text("utf-8")
+PAGES = sorted(
+    path.relative_to(SITE).as_posix()
+    for path in SITE.rglob("*.html")
+    if not path.relative_to(SITE).as_posix().startswith((".doctrees", "_static", "_downloads"))
+)
+WIDTHS = (1280, 1920)
+built = pytest.mark.skipif(not PAGES, reason="the site is not built: sphinx-build docs docs/_build/html")
+needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="no chromium: apt-get install chromium")
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with Browser() as one:
+        yield one
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory):
+    out = tmp_path_factory.mktemp("results")
+    shapes = [str(ROOT / "sample_shapes" / f"{name}.csv") for name in ("helix", "setup_a", "colon_markers")]
+    with pytest.raises(SystemExit) as end:
+        main(["batch", *shapes, "--out", str(out), "--quiet"])
+    assert end.value.code == 0
+    return out / "report.html"
+
+
+@built
+@needs_chromium
+@pytest.mark.parametrize("page", PAGES)
+def test_a_page_has_no_error_and_no_text_that_is_cut_or_covered(browser, page):
+    for width in WIDTHS:
+        for dark in (False, True):
+            browser.open(SITE / page, width, dark=dark)
+            assert browser.problems == []
+            assert browser.run(LAYOUT) == []
+
+
+@needs_chromium
+@pytest.mark.parametrize("width", WIDTHS)
+def test_the_report_of_a_batch_has_no_error_and_no_text_that_is_cut_or_covered(browser, report, width):
+    browser.open(report, width)
+    assert browser.problems == []
+    assert browser.run(LAYOUT) == []
+
+
+@needs_chromium
+def test_errors_overflow_and_overlap_are_detected(browser, tmp_path):
+    page = tmp_path / "bad.html"
+    page.write_text(
+        "<p style='width:3000px'>wide</p><p style='position:absolute;top:90px'>one two</p>"
+        "<p style='position:absolute;top:92px'>three four</p>"
+        "<img src='http://127.0.0.1:9/none.png'><script>console.error('no')</script>"
+    )
+    browser.open(page, 1280)
+    assert any("from the network" in each for each in browser.problems)
+    assert any("no" in each for each in browser.problems)
+    faults = browser.run(LAYOUT)
+    assert any("wider than the window" in each for each in faults)
+    assert any("one two" in each and "three four" in each for each in faults)
+
+
+@built
+def test_every_public_name_has_its_entry_in_the_reference():
+    pages = "".join(path.read_text("utf-8") for path in (SITE / "reference").glob("python_*.html"))
+    entries = set(re.findall(r'id="tssgeom\.(\w+)"', pages))
+    assert set(tssgeom.__all__) - {"__version__"} <= entries
+
+
+@built
+def test_no_page_loads_anything_from_the_network():
+    loading = re.compile(
+        r'<(?:script|img|iframe)[^>]*src="(?:https?:)?//|<link[^>]*href="(?:https?:)?//[^"]*css'
+    )
+    assert [page for page in PAGES if loading.search((SITE / page).read_text("utf-8"))] == []

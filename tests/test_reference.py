@@ -1,0 +1,36 @@
+"""The pages of the reference are those of the code, and pages that give code execute some."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+DOCS = Path(__file__).parents[1] / "docs"
+GUIDES = [
+    DOCS / "tutorial.md",
+    *sorted((DOCS / "howto").glob("*.md")),
+    *sorted((DOCS / "explanation").glob("*.md")),
+]
+
+
+def test_commands_keys_and_columns_are_those_of_the_code():
+    done = subprocess.run([sys.executable, DOCS / "reference.py", "--check"], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.parametrize("page", GUIDES, ids=lambda path: path.stem)
+def test_a_page_with_code_has_code_that_is_executed(page):
+    text = page.read_text("utf-8")
+    fenced = re.findall(r"^```(\{?\w+\}?)", text, re.MULTILINE)
+    code = [kind for kind in fenced if kind not in ("{toctree}", "{include}")]
+    assert not code or "{run}" in code
+    assert all(kind == "{run}" for kind in code)
+
+
+def test_each_script_of_the_gallery_is_in_its_order():
+    order = (DOCS / "building" / "gallery_order.py").read_text("utf-8")
+    names = sorted(path.stem for path in (DOCS / "gallery").glob("*.py"))
+    assert names == sorted(re.findall(r'^    "(\w+)",$', order, re.MULTILINE))
+    assert len(names) >= 12

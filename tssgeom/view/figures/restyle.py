@@ -1,0 +1,102 @@
+"""What a finished figure becomes in the style in use: subscripts, dark colours, no titles."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.collections import Collection
+from matplotlib.colors import to_hex, to_rgba_array
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.text import Text
+
+from tssgeom.view import colours
+from tssgeom.view.figures.style import used
+from tssgeom.view.quantities import SYMBOL
+
+FIXED = "fixed colour"
+"""Group id of texts that stand on a colour of their own, so that a dark style leaves them."""
+_GREY = 0.17
+"""Largest difference of the parts of a grey, which a dark style inverts; chosen: bands are greys."""
+_BLACK, _WHITE = 0.08, 0.93
+"""What white and black become on a dark ground; chosen: the ground is that of the recordings."""
+_LIGHTER = {"#0072b2": "#3b9ad9", "#a3508a": "#cc79a7", "#c9dcea": "#24405a"}
+"""Colours of lines and bands, and what replaces them on a dark ground; chosen: of one hue."""
+
+
+def subscripts(text: str) -> str:
+    """Write `T_in` as a symbol with its subscript."""
+    return SYMBOL.sub(lambda symbol: rf"$\mathregular{{{symbol[1]}_{{{symbol[2]}{symbol[3] or ''}}}}}$", text)
+
+
+def restyle(drawing: Figure) -> None:
+    """Set subscripts, and give a figure what its style asks for."""
+    for text in _texts(drawing):
+        text.set_text(subscripts(text.get_text()))
+    if used() == "paper":
+        for axes in drawing.axes:
+            axes.set_title("", loc="left")
+    if used() == "dark":
+        _darken(drawing)
+
+
+def _texts(drawing: Figure) -> list[Text]:
+    return [artist for artist in drawing.findobj(Text) if isinstance(artist, Text)]
+
+
+def _darken(drawing: Figure) -> None:
+    for artist in drawing.findobj():
+        _recolour(artist)
+    drawing.set_facecolor(colours.css(colours.BACKGROUND))
+    for axes in drawing.axes:
+        _recolour_ticks(axes)
+
+
+def _recolour_ticks(axes: Axes) -> None:
+    """Recolour the ticks that are made only when the figure is written."""
+    for axis in (axes.xaxis, axes.yaxis):
+        now: Any = axis.get_tick_params()
+        keys = ("color", "labelcolor", "grid_color")
+        axis.set_tick_params(which="both", **{key: _dark(now[key]) for key in keys if key in now})
+
+
+def _recolour(artist: Artist) -> None:
+    if isinstance(artist, Text):
+        if artist.get_gid() != FIXED:
+            artist.set_color(_dark(artist.get_color()))
+        if (box := artist.get_bbox_patch()) is not None:
+            _recolour(box)
+    elif isinstance(artist, Line2D):
+        artist.set_markerfacecolor(_dark(artist.get_markerfacecolor()))
+        artist.set_markeredgecolor(_dark(artist.get_markeredgecolor()))
+        artist.set_color(_dark(artist.get_color()))
+    elif isinstance(artist, Patch):
+        face, edge = artist.get_facecolor(), artist.get_edgecolor()
+        artist.set_facecolor(_dark(face))
+        artist.set_edgecolor(_dark(edge))
+    elif isinstance(artist, Collection) and artist.get_array() is None:
+        face, edge = artist.get_facecolor(), artist.get_edgecolor()
+        artist.set_facecolor(_dark_array(face))
+        artist.set_edgecolor(_dark_array(edge))
+
+
+def _dark(colour: Any) -> Any:
+    if isinstance(colour, str) and colour in ("none", "auto"):
+        return colour
+    rows = _dark_array(colour)
+    return tuple(rows[0].tolist()) if len(rows) else colour
+
+
+def _dark_array(colour: Any) -> Any:
+    """Return colours [n, 4] for a dark ground: those of lines lighter, greys inverted."""
+    rgba = to_rgba_array(colour)
+    for row in rgba:
+        if (lighter := _LIGHTER.get(to_hex(row[:3]))) is not None:
+            row[:3] = to_rgba_array(lighter)[0, :3]
+        elif np.ptp(row[:3]) <= _GREY:
+            row[:3] = _WHITE + (_BLACK - _WHITE) * row[:3].mean()
+    return rgba

@@ -1,0 +1,169 @@
+"""Figure of a route in its main plane, coloured by tension, with its ends, a scale and the axes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.collections import LineCollection
+from matplotlib.colors import ListedColormap, Normalize
+from matplotlib.figure import Figure
+
+from tssgeom.arrays import Matrix, Vector
+from tssgeom.stream import FrameResult
+from tssgeom.view import colours
+from tssgeom.view.figures.plots import COLUMN, INK, SOFT, figure
+from tssgeom.view.quantities import ARC_LENGTH, TENSION_AT
+from tssgeom.view.samples import round_down, round_up, route_samples
+from tssgeom.view.scene.camera import camera
+
+NODES = 128
+"""Nodes of a route in a figure; chosen: enough for a line of this size."""
+_HEIGHT = 2.3  # inch
+_SHADES = 64
+_ENDS = "proximal", "distal"
+
+
+class RouteLayout(NamedTuple):
+    """Sizes beside a route in a figure [pt]; all chosen by eye on the sample shapes."""
+
+    border: tuple[float, float] = (44.0, 15.0)
+    """Room beside and above the route, in which the names of its ends fit."""
+    foot: float = 26.0
+    """Height of the strip below it for the scale bar and the axes of space."""
+    name: tuple[float, float] = (24.0, 6.0)
+    """Half of the size of the name of an end."""
+    distances: tuple[float, ...] = (4.0, 12.0, 22.0)
+    """Distances of a name from its end, the best first."""
+    directions: int = 16
+    """Directions in which a name may stand."""
+    clear: float = 4.0
+    """Distance between the line of the route and a name."""
+    triad: float = 13.0
+    """Length of the axes of space."""
+
+
+_SIZES = RouteLayout()
+_OPPOSITE = np.array([-0.7, -0.7])
+"""Where the letter of an axis stands that points along the view."""
+
+
+def route_figure(result: FrameResult) -> Figure:
+    """Draw a route coloured by tension, projected to the plane in which it spreads most."""
+    with figure((COLUMN, _HEIGHT)) as drawing:
+        drawing.set_layout_engine("none")
+        draw_route(drawing.add_axes((0.02, 0.25, 0.96, 0.65)), result)
+        _draw_colour_bar(drawing, round_up(float(route_samples(result, NODES).tension.max())))
+    return drawing
+
+
+def draw_route(axes: Axes, result: FrameResult) -> Axes:
+    """Draw the line, the beginnings of its pieces, the names of its ends, a scale bar and a triad of axes."""
+    frame = route_samples(result, NODES)
+    view = camera(frame.position, frame.position[-1] - frame.position[0])
+    plane = np.column_stack([view.across, view.up])
+    flat = ARC_LENGTH.factor * frame.position @ plane
+    per_point, corner, size = _limits(axes, flat)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_axis_off()
+    coloured(axes, flat, frame.tension, round_up(float(frame.tension.max())), 3.2)
+    draw_dots(axes, ARC_LENGTH.factor * frame.at(result.arcs.s_start) @ plane)
+    for text, end, at in zip(_ENDS, flat[[0, -1]], _names((flat - corner) / per_point, size), strict=True):
+        middle = corner + per_point * at
+        box = per_point * np.array(_SIZES.name)
+        edge = middle + np.clip(end - middle, -box, box)
+        if np.linalg.norm(end - edge) > 8.0 * per_point:
+            axes.plot(*np.stack([edge, end]).T, color=SOFT, linewidth=0.6, zorder=1)
+        axes.text(float(middle[0]), float(middle[1]), text, color=INK, ha="center", va="center", zorder=5)
+    length = round_down(0.25 * size[0] * per_point)
+    bar = corner + per_point * np.array([[6.0, 16.0], [6.0, 16.0]]) + np.array([[0.0, 0.0], [length, 0.0]])
+    axes.plot(*bar.T, color=SOFT, linewidth=1.5)
+    foot = bar.mean(axis=0) - (0.0, 4.0 * per_point)
+    axes.text(float(foot[0]), float(foot[1]), f"{length:g} mm", ha="center", va="top")
+    _draw_triad(axes, corner + per_point * np.array([size[0] - 26.0, 8.0]), plane, per_point)
+    axes.set_title("Route; its pieces begin at the dots")
+    return axes
+
+
+def _limits(axes: Axes, flat: Vector) -> tuple[float, Vector, Vector]:
+    """Set limits with room for names; return mm per point, the lower left corner [mm] and the size [pt]."""
+    drawing = axes.get_figure(root=True)
+    assert drawing is not None
+    size = np.array([axes.bbox.width, axes.bbox.height]) * 72.0 / drawing.dpi
+    low, high = flat.min(axis=0), flat.max(axis=0)
+    inner = np.maximum(size - 2.0 * np.array(_SIZES.border) - (0.0, _SIZES.foot), 10.0)
+    per_point = max(float(np.max((high - low) / inner)), 1e-9)
+    corner = 0.5 * (low + high) - 0.5 * per_point * (size + np.array([0.0, _SIZES.foot]))
+    axes.set_xlim(corner[0], corner[0] + per_point * size[0])
+    axes.set_ylim(corner[1], corner[1] + per_point * size[1])
+    return per_point, corner, size
+
+
+def _names(line: Vector, size: Vector) -> list[Vector]:
+    """Choose the middles of the names of both ends [pt], off the route, off each other and inside."""
+    half, inner = np.array(_SIZES.name), min(8, len(line) - 1)
+    turns = 2.0 * np.pi * np.arange(_SIZES.directions) / _SIZES.directions
+    unit = np.column_stack([np.cos(turns), np.sin(turns)])
+    chosen = list[Vector]()
+    for end, before in ((line[0], line[inner]), (line[-1], line[-1 - inner])):
+        outward = (end - before) / max(float(np.linalg.norm(end - before)), 1e-300)
+        reach = np.min(half / np.maximum(np.abs(unit), 1e-9), axis=1)
+        middles = np.concatenate([end + unit * (reach + d)[:, None] for d in _SIZES.distances])
+        covered = (np.abs(middles[:, None] - line) < half + _SIZES.clear).all(axis=2).sum(axis=1)
+        collides = [(np.abs(middles - other) < 2.0 * half + 2.0).all(axis=1) for other in chosen]
+        outside = ((middles < half + np.array([0.0, _SIZES.foot])) | (middles > size - half)).any(axis=1)
+        turned = np.tile(1.0 - unit @ outward, len(_SIZES.distances))
+        far = np.repeat(np.arange(len(_SIZES.distances)), len(unit))
+        cost = covered + 1e3 * (np.sum(collides, axis=0) + outside) + 0.1 * turned + 0.3 * far
+        chosen.append(middles[int(np.argmin(cost))])
+    return chosen
+
+
+def _draw_triad(axes: Axes, origin: Vector, plane: Matrix, per_point: float) -> None:
+    """Draw the directions of x, y and z as they lie on the picture; one along the view is a point."""
+    letters = list[Vector]()
+    for name, direction in zip("xyz", plane, strict=True):
+        tip = origin + _SIZES.triad * per_point * direction
+        axes.plot(*np.stack([origin, tip]).T, color=SOFT, linewidth=1.0, solid_capstyle="round")
+        away = direction / np.linalg.norm(direction) if np.linalg.norm(direction) > 0.1 else _OPPOSITE
+        at = tip + 5.0 * per_point * away
+        while any(np.abs(at - other).max() < 8.0 * per_point for other in letters):
+            at = at + 2.0 * per_point * away
+        letters.append(at)
+        axes.text(float(at[0]), float(at[1]), name, color=SOFT, fontsize=7.0, ha="center", va="center")
+
+
+def _draw_colour_bar(drawing: Figure, top: float) -> None:
+    """Draw the scale of the colours; few enough of them that the bar is made of lines and no image."""
+    colour_map = ListedColormap(colours.tension_rgb(np.linspace(0.0, top, _SHADES), top))
+    bar = drawing.colorbar(
+        ScalarMappable(Normalize(0.0, top), colour_map),
+        cax=drawing.add_axes((0.07, 0.18, 0.86, 0.03)),
+        orientation="horizontal",
+    )
+    bar.set_label(TENSION_AT.title)
+    bar.solids.set(rasterized=False, edgecolor="face")  # pyright: ignore[reportOptionalMemberAccess]
+    bar.outline.set_visible(False)  # pyright: ignore[reportCallIssue, reportAttributeAccessIssue]
+
+
+def draw_dots(axes: Axes, joints: Vector) -> None:
+    """Mark where each piece begins, in its colour."""
+    axes.scatter(*joints.T, s=20, c=shades(len(joints)), edgecolors=INK, linewidths=0.6, zorder=4)
+
+
+def shades(count: int) -> Sequence[str]:
+    """Return the colours of so many pieces."""
+    return [colours.css(colours.piece_rgb(number)) for number in range(count)]
+
+
+def coloured(
+    axes: Axes, line: Vector, tension: Vector, top: float, width: float, *, outline: float = 1.4
+) -> None:
+    """Draw a line in the colours of its tension, with a dark outline that keeps yellow visible on white."""
+    axes.plot(*line.T, color=INK, linewidth=width + outline, solid_capstyle="round", zorder=2)
+    strips = list(np.stack([line[:-1], line[1:]], axis=1))
+    rgb = colours.tension_rgb(0.5 * (tension[:-1] + tension[1:]), top)
+    axes.add_collection(LineCollection(strips, colors=rgb, linewidths=width, capstyle="round", zorder=3))
