@@ -7,8 +7,9 @@ from tssgeom.field_docs import WithFields
 
 if TYPE_CHECKING:
     from tssgeom.analysis import analyse_same
-    from tssgeom.api.calls import analyse, calibrate, compensate, discover, simulate
+    from tssgeom.api.calls import analyse, calibrate, discover
     from tssgeom.api.inputs import read
+    from tssgeom.api.run_calls import compensate, simulate
     from tssgeom.api.runs import Compensation, Simulation
     from tssgeom.engine import Engine, process
     from tssgeom.errors import FitError, SettingsError, ShapeError, SourceError, TssgeomError
@@ -102,8 +103,9 @@ __all__ = [
 
 _MODULES = {
     "analysis": "analyse_same",
-    "api.calls": "analyse calibrate compensate discover simulate",
+    "api.calls": "analyse calibrate discover",
     "api.inputs": "read",
+    "api.run_calls": "compensate simulate",
     "api.runs": "Compensation Simulation",
     "engine": "Engine process",
     "errors": "FitError SettingsError ShapeError SourceError TssgeomError",
