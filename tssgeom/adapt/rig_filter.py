@@ -220,10 +220,8 @@ class RigFilter:
         other = self.copied()
         other.rig, other.numbers = rig, (*self.numbers, *more)
         known = [*self.members.T, *self._tensions()]
-        new = np.array([one.value for one in more]) + other._deviations(
-            len(self.members), np.array([one.sd for one in more]), known
-        )
-        other.members = np.hstack((self.members, new))
+        value, sd = np.array([(one.value, one.sd) for one in more]).reshape(-1, 2).T
+        other.members = np.hstack((self.members, value + other._deviations(len(self.members), sd, known)))
         other._bends = bends_of(setup_of(other.rig))
         other._bound()
         other._lines = straight_lines(other.rig, other.numbers, other.values, self.cut, self.edge)

@@ -1,12 +1,7 @@
 """How a notebook shows each class of result: its numbers in a line and a table, its columns, and its plots.
 
-<<<<<<< HEAD
-A class has one `Presentation`. Its module is imported when a result of the class is displayed, and what draws
-or makes tables when that is asked for, so that a line of text needs no library for pictures.
-=======
 A class has one `Presentation`. Its module is imported when such a result is displayed, and what draws or
 makes tables when that is asked for, so that a line of text needs no library for pictures.
->>>>>>> 5d7a97ac73b911fd24423fbc6d8654cfd43c9e84
 """
 
 from __future__ import annotations
