@@ -22,6 +22,8 @@ def write(app: Sphinx) -> None:
 
 def as_pages(app: Sphinx, what: str, name: str, value: Any, options: Any, lines: list[str]) -> None:
     """Turn the names of documents in docstrings into links, and keep colons in what fields mean."""
+    if what == "class" and "Attributes" in lines:
+        del lines[lines.index("Attributes") :]  # for `help`; here each field has an entry
     for k, line in enumerate(lines):
         lines[k] = re.sub(r"\bdocs/(\w+)\.md", _linked, line)
     if what in ("attribute", "property", "data"):
