@@ -11,7 +11,6 @@ import rerun as rr
 from tssgeom.arrays import rows_at
 from tssgeom.identify.finding import Finding
 from tssgeom.view import colours
-from tssgeom.view import wording as words
 from tssgeom.view.figures.heat_map import bends
 from tssgeom.view.quantities import COUNT
 from tssgeom.view.samples import Ranges
@@ -23,7 +22,7 @@ from tssgeom.view.scene.finding.lines import send_lines
 from tssgeom.view.scene.finding.replay import Replay, replay
 from tssgeom.view.scene.finding.wording import send_words
 from tssgeom.view.scene.labels import label_positions
-from tssgeom.view.scene.space import send_joints, send_labels, send_piece_names, send_scale_bar
+from tssgeom.view.scene.space import label_texts, send_joints, send_labels, send_piece_names, send_scale_bar
 from tssgeom.view.scene.writer import recording_file
 
 _LARGER = 2.0  # text beside the route, in views that are lower than one alone
@@ -67,7 +66,7 @@ def _send_route(runs: Sender, moments: Sender, displayed: Replay) -> None:
     for sender in (runs, replace(runs, below="blame/")):
         send_scale_bar(sender, displayed.camera, _LARGER)
     rows = [
-        (location, [*words.end_labels(*ends), *words.piece_labels(one.arcs)])
+        (location, label_texts(*ends, one.arcs))
         for one, location in zip(each, locations, strict=True)
         for ends in one.trace.tension[one.rows][:, [0, -1]].tolist()
     ]
