@@ -39,6 +39,7 @@ def test_clients_that_say_nothing_give_way_to_one_that_does(stream, source, read
         end = time.monotonic() + PATIENCE
         while time.monotonic() < end:
             source.sendall(frame(time.monotonic(), id="busy"))  # not silent: it stays
+            time.sleep(0.2)  # fewer connections in a second than are admitted
             with stream.source() as late:
                 late.sendall(frame(1.0, id="late"))
                 late.settimeout(0.5)
