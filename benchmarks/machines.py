@@ -19,8 +19,8 @@ import numpy as np
 from benchmarks.tables import machine
 from tests import lumped
 from tssgeom.errors import TssgeomError
+from tssgeom.identify.machine_calibration import calibrate_machine
 from tssgeom.identify.machine_estimates import MachineCalibration
-from tssgeom.identify.machine_fit import calibrate_machine
 from tssgeom.identify.machine_run import machine_run, route_of_rig
 from tssgeom.mechanism import Drive, End
 from tssgeom.rig import GivenRoute, Rig, with_values

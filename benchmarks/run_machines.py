@@ -10,8 +10,8 @@ from benchmarks.real_tool import ARM, PRELOAD, ZERO
 from benchmarks.run_cases import Case
 from benchmarks.run_peers import Estimate, Prediction
 from tssgeom.arrays import Vector
+from tssgeom.identify.machine_calibration import calibrate_machine
 from tssgeom.identify.machine_estimates import MachineCalibration
-from tssgeom.identify.machine_fit import calibrate_machine
 from tssgeom.identify.machine_run import machine_run, predicted, route_of_rig
 from tssgeom.mechanism import Drive, End
 from tssgeom.rig import Friction, GivenRoute, Rig, Tendon, with_values

@@ -24,6 +24,7 @@ _TITLES = {
     "friction.coefficient": "friction coefficient μ",
     "tendon.compliance_per_N": "compliance ρ",
     "tendon.pretension_N": "pretension T_0",
+    "drive.lag_s": "lag of the drive",
     "route.angle_gain": "true over sensed angle",
     "route.angle_rad": "curve angle Φ",
 }
@@ -42,12 +43,12 @@ def calibrate_machine(
     quiet: bool,
 ) -> None:
     """Fit a machine to runs, print what they say of it, and write the rig."""
-    from tssgeom.identify import machine_fit
+    from tssgeom.identify import machine_calibration as calibration
     from tssgeom.rig import write_rig
 
     runs = _runs(paths, shapes, settings)
     with step_progress(quiet=quiet or as_json) as report_step:
-        fitted = machine_fit.calibrate_machine(runs, settings.rig, settings.uncertain, progress=report_step)
+        fitted = calibration.calibrate_machine(runs, settings.rig, settings.uncertain, progress=report_step)
         report_step("done", 1.0)
     for warning in fitted.warnings:
         print_message(f"{paths[0]}: warning: {warning}")

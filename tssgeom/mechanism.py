@@ -68,6 +68,8 @@ class Drive(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     """Coulomb friction of the motor, which it feels beside the tendons [N·m]."""
     torque_constant_Nm_per_A: float = 0.0
     """Torque of the motor for a current [N·m/A]; 0 where not known."""
+    lag_s: float = 0.0
+    """By how much later the drive is recorded than what answers [s]; negative where it is earlier."""
     limits: DriveLimits = NO_LIMITS
     """Force, travel and speed that no command exceeds."""
 
@@ -78,6 +80,7 @@ class Drive(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
         for name in ("gear", "coupling"):
             value = getattr(self, name)
             _require(0.0 < value < math.inf, f"drive.{name}", value, "give a finite value > 0")
+        _require(math.isfinite(self.lag_s), "drive.lag_s", self.lag_s, "give a finite value")
 
     @property
     def arm(self) -> float:

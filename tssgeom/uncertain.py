@@ -61,6 +61,7 @@ UNKNOWNS: Mapping[str, Prior] = {
     "drive.slack_m": Prior(1e-3, 1.5),
     "drive.play_rad": Prior(0.02, 1.5),
     "drive.friction_Nm": Prior(0.01, 2.0),
+    "drive.lag_s": Prior(0.0, 0.3, log=False),
     "end.radius_m": Prior(0.006, 1.0),
     "end.stiffness_Nm_per_rad": Prior(0.1, 2.5),
     "end.gravity_Nm": Prior(0.05, 2.0),
@@ -113,7 +114,7 @@ def parted(tables: dict[str, Any]) -> tuple[dict[str, Any], tuple[Uncertain, ...
 
 def assumed(key: str, value: float, sd: float) -> Prior:
     """Return the prior of a number that is known with a standard deviation."""
-    if value > 0.0 and not key.startswith("sensors") and not key.endswith("gravity_at_rad"):
+    if value > 0.0 and not key.startswith("sensors") and not key.endswith(("gravity_at_rad", "lag_s")):
         return Prior(value, math.sqrt(math.log1p((sd / value) ** 2)))
     return Prior(value, sd, log=False)
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tests import lumped
+from tssgeom.identify.machine_calibration import calibrate_machine
 from tssgeom.identify.machine_discovery import discover_machine
 from tssgeom.identify.machine_finding import MachineCampaign
 from tssgeom.identify.machine_parts import parts_of
@@ -49,14 +50,14 @@ def rig(tendons):
     )
 
 
-def columns(tendons, *, speed_gain=0.0, end_play=0.0, zero=0.0, torque=True, seed=1):
+def columns(tendons, *, speed_gain=0.0, end_play=0.0, zero=0.0, lag=0.0, torque=True, seed=1):
     """What a laboratory would have measured: noise, and what is between the joint and its encoder."""
     time, motor, run = lumped_run(tendons, speed_gain)
     rng = np.random.default_rng(seed)
     angle = play(np.asarray(run.joint_angle), end_play)
     out = {
         "time_s": time,
-        "motor_angle_rad": motor,
+        "motor_angle_rad": np.interp(time - lag, time, motor),
         "joint_angle_rad": angle + rng.normal(0.0, NOISE["joint_angle_rad"], len(time)),
     }
     if torque:
@@ -110,6 +111,33 @@ def test_play_of_a_joint_is_named_by_displacement_alone():
     assert finding.rig.end.play_rad == effect.parameters[0]["play_rad"].value
     before, after = held(finding, "joint_angle_rad")
     assert after < 0.4 * before
+
+
+@pytest.mark.parametrize("lag", [0.2, -0.15])
+def test_a_drive_that_is_recorded_late_or_early_is_named(lag):
+    finding = finding_of(2, columns(2, lag=lag, torque=False))
+    (effect,) = finding.effects
+    assert effect.names == ("drive_lag",)
+    assert effect.parameters[0]["lag_s"].value == pytest.approx(lag, abs=0.01)
+    assert finding.rig.drive.lag_s == effect.parameters[0]["lag_s"].value
+    before, after = held(finding, "joint_angle_rad")
+    assert after < 0.4 * before
+
+
+@pytest.mark.parametrize("lag", [0.2, 0.0])
+def test_a_calibration_fits_the_lag_of_a_drive_where_there_is_one(lag):
+    hardware = rig(2)
+    run = machine_run("run", columns(2, lag=lag, torque=False), [route_of_rig(hardware)], hardware)
+    uncertain = [Uncertain(key, UNKNOWNS[key], stated=False) for key in UNKNOWN]
+    fitted = calibrate_machine([run], hardware, uncertain)
+    assert fitted.rig.drive.lag_s == pytest.approx(lag, abs=0.01)
+    assert [each for each in fitted.warnings if "later than what answers" in each] == list(
+        fitted.warnings[: int(lag != 0.0)]
+    )
+    assert fitted.held_out["joint_angle_rad"][0] < 1.2 * NOISE["joint_angle_rad"]
+    if lag:
+        (estimate,) = (each for each in fitted.estimates if each.key == "drive.lag_s")
+        assert estimate.low < lag < estimate.high
 
 
 def test_the_zero_of_a_torque_cell_is_named():

@@ -1,5 +1,7 @@
 """What the fit of a machine says of itself."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from tssgeom.identify.machine_estimates import MachineCalibration, MachineEstimate
@@ -22,3 +24,11 @@ def test_a_number_at_its_bound_and_a_channel_that_is_not_finite_fail_the_test_of
     assert calibration().failures == ()
     assert calibration(bound).failures == ("end.radius_m is at its bound",)
     assert calibration(fitted=np.nan).failures == ("the fitted model is not finite",)
+
+
+def test_runs_that_identify_no_number_of_the_rig_fail_the_test_of_a_fit():
+    unknown = replace(FRICTION, identified=False)
+    none = replace(calibration(), estimates=(unknown,), friction_angle=unknown)
+    (failure,) = none.failures
+    assert "identify no number" in failure
+    assert replace(none, tied=("friction and angle show only as a product",)).failures == ()

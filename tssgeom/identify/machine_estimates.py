@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -66,11 +66,21 @@ class MachineCalibration:
         known = friction.value if friction.identified else None
         bounds = [each.name for each in self.estimates if each.at_bound]
         fitted = {f"{name} {k}": v for k, run in enumerate(self.fitted) for name, v in run.items()}
-        return tuple(failures(known, self.channels, bounds, fitted))
+        why = tuple(failures(known, self.channels, bounds, fitted))
+        of_rig = (each.identified for each in self.estimates if each.key)
+        if any(of_rig) or self.friction_angle.identified or self.tied:
+            return why
+        return (
+            *why,
+            "the runs identify no number of the rig: move the drive farther, or measure more channels",
+        )
 
 
 def calibration_of(
-    problem: Problem, state: FitState, held: Mapping[str, tuple[float, float]]
+    problem: Problem,
+    state: FitState,
+    held: Mapping[str, tuple[float, float]],
+    notes: Sequence[str] = (),
 ) -> MachineCalibration:
     """Return what a fit says, with the covariance of Gauss and Newton; docs/model.md (181)-(183)."""
     slope = problem.jacobian(state.u, state.channels, state.left) * np.concatenate(state.weight)[:, None]
@@ -89,7 +99,7 @@ def calibration_of(
         tuple(problem.of_run(state.u, k) for k in range(len(problem.runs))),
         problem.runs,
         tuple(problem.answers(state.channels)),
-        tuple(note for run in problem.runs for note in run.notes),
+        (*notes, *(note for run in problem.runs for note in run.notes)),
     )
 
 

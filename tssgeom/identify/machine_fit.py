@@ -1,4 +1,4 @@
-"""Calibration of any machine from any runs: Gauss-Newton on the model, with what was assumed as data.
+"""The fit of a machine to runs: Gauss-Newton on the model, with what was assumed as data.
 
 Source: docs/model.md (179)-(183).
 """
@@ -8,66 +8,16 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Sequence
-from contextlib import suppress
-from dataclasses import replace
 
 import numpy as np
 
 from tssgeom.arrays import Vector
 from tssgeom.errors import FitError
 from tssgeom.identify.fit_quality import inflation_of, spread
-from tssgeom.identify.machine_estimates import MachineCalibration, calibration_of
 from tssgeom.identify.machine_problem import FIT, FitState, Problem, fitted_rows
-from tssgeom.identify.machine_run import MachineRun, parameters_of, predicted, thinned
-from tssgeom.rig import Rig
-from tssgeom.uncertain import Uncertain
+from tssgeom.identify.machine_run import thinned
 
 _STARTS = tuple(itertools.product((0.0, -1.0, 1.0), repeat=3))
-
-
-def calibrate_machine(
-    runs: Sequence[MachineRun],
-    rig: Rig,
-    uncertain: Sequence[Uncertain] = (),
-    *,
-    progress: Callable[[str, float], object] = lambda step, share: None,
-) -> MachineCalibration:
-    """Fit what is not certain of a machine to runs of it.
-
-    Parameters
-    ----------
-    runs
-        Runs of the same machine, each on its routes.
-    rig
-        The machine, with the centre of what is assumed where a number is not certain.
-    uncertain
-        What is not certain of the rig; friction and compliance never are.
-    progress
-        Called with each step and the share of the work that is done [1].
-
-    Raises
-    ------
-    FitError
-        Where the model has no equilibrium at what is assumed.
-    """
-    each = max(FIT.least_of_each, FIT.most_of_all // len(runs))
-    runs = [thinned(run, each) for run in runs]
-    parameters = tuple(parameters_of(runs, rig, uncertain))
-    problem = Problem(tuple(runs), rig, parameters, fitted_rows(runs, held_out=False), FIT.bars)
-    progress("start", 0.0)
-    with suppress(FitError):  # what is wrong with the rig itself is said here
-        for run in runs:
-            predicted(run, rig, {}, FIT.bars)
-    start = start_of(problem)
-    problem, state = fit_from(
-        problem, start, lambda share: progress("fit without the last cycles", 0.1 + 0.6 * share)
-    )
-    held = {}
-    if any(run.held_out.any() for run in runs):
-        held = _held_out(problem, state)
-        progress("fit of all cycles", 0.7)
-        problem, state = fitted_again(replace(problem, rows=fitted_rows(runs, held_out=None)), state)
-    return calibration_of(problem, state, held)
 
 
 def start_of(problem: Problem) -> Vector:
@@ -166,18 +116,3 @@ def _objective(left: Sequence[Vector], weight: Sequence[Vector], u: Vector) -> f
     return 0.5 * sum(float(np.sum((w * r) ** 2)) for w, r in zip(weight, left, strict=True)) + 0.5 * float(
         u @ u
     )
-
-
-def _held_out(problem: Problem, state: FitState) -> dict[str, tuple[float, float]]:
-    """Return by channel the rms on what was held out, and on what was fitted."""
-    away, given = fitted_rows(problem.runs, held_out=True), problem.answers(state.channels)
-    squares: dict[str, list[list[Vector]]] = {}
-    for side, rows in enumerate((away, problem.rows)):
-        for k, name, at in rows:
-            off = problem.runs[k].measured[name][at] - given[k][name][at]
-            squares.setdefault(name, [[], []])[side].append(off**2)
-    rms = {
-        name: tuple(float(np.sqrt(np.mean(np.concatenate(side)))) if side else math.nan for side in sides)
-        for name, sides in squares.items()
-    }
-    return {name: (away, fitted) for name, (away, fitted) in rms.items() if math.isfinite(away)}

@@ -171,6 +171,10 @@ def _library_numbers(effect: Library) -> Iterator[Number]:
         )
 
 
+DRIVE_LAG = "drive.lag_s"
+"""Key of how much later the drive is recorded."""
+
+
 class _Choice(NamedTuple):
     """A number of the rig that a part may free."""
 
@@ -198,6 +202,7 @@ _CHOICES = (
 MEANINGS: Mapping[str, str] = {each.name: each.meaning for each in _CHOICES} | {
     "channel_gain": "A channel reads a share too much or too little",
     "channel_lag": "A channel passes a first-order filter before it is stored",
+    "drive_lag": "The drive is recorded later, or earlier, than what answers",
     "channel_zero": "A channel of force or torque does not read zero where nothing pulls",
 }
 """What each part is that is no effect of the library, in a clause."""
@@ -208,6 +213,7 @@ def _of_rig(rig: Rig, free: Sequence[str], runs: Sequence[MachineRun]) -> Iterat
     for each in _CHOICES:
         if each.key not in free and _applies(each.key, rig, runs, answers):
             yield _freed(each, rig)
+    yield from drive_lag(rig, free, runs)
     for name in answers:
         known = rig.sensors.get(name)
         if f"sensors.{name}.gain" not in free and len(answers) > 1:
@@ -216,6 +222,15 @@ def _of_rig(rig: Rig, free: Sequence[str], runs: Sequence[MachineRun]) -> Iterat
         if f"sensors.{name}.lag_s" not in free and (known is None or known.lag_s == 0.0):
             sd = PARTS.wide * _typical_lag(runs)
             yield _of_channel("channel_lag", name, "lag_s", "s", Prior(0.0, sd, log=False), 0.0)
+
+
+def drive_lag(rig: Rig, free: Sequence[str], runs: Sequence[MachineRun]) -> Iterator[Part]:
+    """Yield the part that moves the drive in time, where runs may show it; docs/model.md (178)."""
+    if DRIVE_LAG in free or rig.drive.lag_s != 0.0 or any(run.legs is not None for run in runs):
+        return  # a tension whose turns are fitted has its own times
+    prior = Prior(0.0, PARTS.wide * _typical_lag(runs), log=False)
+    number = Number("lag_s", DRIVE_LAG, "s", prior, 0.2 * prior.sd)
+    yield Part("drive_lag", RigNumber(key=DRIVE_LAG), (number,), MEANINGS["drive_lag"])
 
 
 def _typical_lag(runs: Sequence[MachineRun]) -> float:

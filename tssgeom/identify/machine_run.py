@@ -153,7 +153,16 @@ def machine_run(
         if each not in (*given_names, *answers, "temperature_C", "motor_current_A")
     )
     run = MachineRun(name, given, answers, held_out, tuple(routes), drive, end_given, count, notes=notes)
+    run = with_drive_known(run, rig.drive.lag_s)
     return run if made is None else _with_turns_between(run, made)
+
+
+def with_drive_known(run: MachineRun, lag: float) -> MachineRun:
+    """Return a run without the readings at which a drive with this lag [s] is not yet or no longer known."""
+    time = run.given["time_s"]
+    known = (time + lag >= time[0]) & (time + lag <= time[-1])
+    measured = {name: np.where(known, values, np.nan) for name, values in run.measured.items()}
+    return run if known.all() else replace(run, measured=measured)
 
 
 def _with_turns_between(run: MachineRun, made: Legs) -> MachineRun:

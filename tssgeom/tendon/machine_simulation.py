@@ -108,6 +108,7 @@ def simulated(
     run = with_torque(run, rig)
     name = drive or drive_of(run, n)
     time = run["time_s"]
+    run = {**run, **{each: _as_driven(run, each, rig.drive.lag_s) for each in drive_channels(name, n)}}
     spans = np.diff(time, prepend=2.0 * time[0] - time[1] if len(time) > 1 else time[0] - 1.0)
     arms = per_motor_angle(rig.drive, n)
     if name.startswith("motor") and not arms.any():
@@ -244,6 +245,11 @@ def direction(values: Vector) -> Vector:
     way = np.where(np.abs(steps) > _STILL, np.sign(steps), 0.0)
     last = np.maximum.accumulate(np.where(way != 0.0, np.arange(len(way)), 0))
     return way[last]
+
+
+def _as_driven(run: Mapping[str, Vector], channel: str, lag: float) -> Vector:
+    """Return a drive on the clock of what answers; the last of a late record is taken to stay; (178)."""
+    return np.interp(run["time_s"] + lag, run["time_s"], run[channel]) if lag else run[channel]
 
 
 def _with_zero(run: Mapping[str, Vector], channel: str, rig: Rig) -> Vector:

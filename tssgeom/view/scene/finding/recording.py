@@ -66,9 +66,9 @@ def _send_route(runs: Sender, moments: Sender, displayed: Replay) -> None:
     for sender in (runs, replace(runs, below="blame/")):
         send_scale_bar(sender, displayed.camera, _LARGER)
     rows = [
-        (location, label_texts(*ends, one.arcs))
+        (location, label_texts(near, far, one.arcs))
         for one, location in zip(each, locations, strict=True)
-        for ends in one.trace.tension[one.rows][:, [0, -1]].tolist()
+        for near, far in one.trace.tension[one.rows][:, [0, -1]].tolist()
     ]
     send_labels(moments, [location for location, _ in rows], [texts for _, texts in rows])
 

@@ -1,0 +1,106 @@
+"""Calibration of any machine from any runs: the fit, a check of the clocks, and what is held out.
+
+Source: docs/model.md (179)-(183).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import replace
+
+import numpy as np
+
+from tssgeom.arrays import Vector
+from tssgeom.errors import FitError
+from tssgeom.identify.machine_estimates import MachineCalibration, calibration_of
+from tssgeom.identify.machine_evidence import modelled
+from tssgeom.identify.machine_fit import fit_from, fitted_again, start_of
+from tssgeom.identify.machine_parts import DRIVE_LAG, drive_lag
+from tssgeom.identify.machine_problem import FIT, FitState, Problem, fitted_rows
+from tssgeom.identify.machine_run import MachineRun, parameters_of, predicted, thinned, with_drive_known
+from tssgeom.identify.machine_selection import part_step
+from tssgeom.rig import Rig
+from tssgeom.uncertain import Uncertain
+
+
+def calibrate_machine(
+    runs: Sequence[MachineRun],
+    rig: Rig,
+    uncertain: Sequence[Uncertain] = (),
+    *,
+    progress: Callable[[str, float], object] = lambda step, share: None,
+) -> MachineCalibration:
+    """Fit what is not certain of a machine to runs of it.
+
+    Parameters
+    ----------
+    runs
+        Runs of the same machine, each on its routes.
+    rig
+        The machine, with the centre of what is assumed where a number is not certain.
+    uncertain
+        What is not certain of the rig; friction and compliance never are.
+    progress
+        Called with each step and the share of the work that is done [1].
+
+    Raises
+    ------
+    FitError
+        Where the model has no equilibrium at what is assumed.
+    """
+    each = max(FIT.least_of_each, FIT.most_of_all // len(runs))
+    runs = [thinned(run, each) for run in runs]
+    parameters = tuple(parameters_of(runs, rig, uncertain))
+    problem = Problem(tuple(runs), rig, parameters, fitted_rows(runs, held_out=False), FIT.bars)
+    progress("start", 0.0)
+    with suppress(FitError):  # what is wrong with the rig itself is said here
+        for run in runs:
+            predicted(run, rig, {}, FIT.bars)
+    start = start_of(problem)
+    problem, state = fit_from(
+        problem, start, lambda share: progress("fit without the last cycles", 0.1 + 0.5 * share)
+    )
+    progress("clock of the drive", 0.6)
+    problem, state, notes = _with_drive_lag(problem, state)
+    held = {}
+    if any(run.held_out.any() for run in runs):
+        held = _held_out(problem, state)
+        progress("fit of all cycles", 0.7)
+        problem, state = fitted_again(replace(problem, rows=fitted_rows(problem.runs, held_out=None)), state)
+    return calibration_of(problem, state, held, notes)
+
+
+def _with_drive_lag(problem: Problem, state: FitState) -> tuple[Problem, FitState, tuple[str, ...]]:
+    """Fit the lag of the drive too where evidence and held-out cycles ask for it, and say so."""
+    free = [each.key for each in problem.parameters]
+    parts = tuple(drive_lag(problem.rig, free, problem.runs))
+    step = part_step(modelled(problem, state, (), ()), parts, ())
+    if step.chosen is None:
+        return problem, state, ()
+    made, ratio = step.chosen.model, step.chosen.held_ratio
+    lag = made.rig.drive.lag_s
+    note = (
+        f"the drive is recorded {abs(lag):.3g} s {'later' if lag > 0.0 else 'earlier'} than what answers, "
+        f"fitted as {DRIVE_LAG}: ΔBIC {step.chosen.delta_bic:.0f}"
+    )
+    note += "" if math.isnan(ratio) else f", {ratio:.2g} of the rms on held-out cycles"
+    runs = tuple(with_drive_known(run, lag) for run in made.problem.runs)
+    again = replace(made.problem, runs=runs, rows=fitted_rows(runs, held_out=False))
+    return *fitted_again(again, made.state), (f"{note}; a {DRIVE_LAG} in the rig settles it",)
+
+
+def _held_out(problem: Problem, state: FitState) -> dict[str, tuple[float, float]]:
+    """Return by channel the rms on what was held out, and on what was fitted."""
+    away, given = fitted_rows(problem.runs, held_out=True), problem.answers(state.channels)
+    squares: dict[str, list[list[Vector]]] = {}
+    for side, rows in enumerate((away, problem.rows)):
+        for k, name, at in rows:
+            off = problem.runs[k].measured[name][at] - given[k][name][at]
+            squares.setdefault(name, [[], []])[side].append(off**2)
+    rms = {
+        name: tuple(float(np.sqrt(np.mean(np.concatenate(side)))) if side else math.nan for side in sides)
+        for name, sides in squares.items()
+    }
+    return {name: (away, fitted) for name, (away, fitted) in rms.items() if math.isfinite(away)}
