@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -65,6 +66,12 @@ def calibrate(
             "--from-tension", min=0.0, help="Proximal tension below which elongation does not count [N]."
         ),
     ] = 4.0,
+    every: Annotated[
+        float | None,
+        typer.Option(
+            "--every", help="Fit each piece of so many seconds by itself: a long log.", metavar="SECONDS"
+        ),
+    ] = None,
     unit: Unit = None,
     columns: Map = None,
     figures: Figures = None,
@@ -83,9 +90,11 @@ def calibrate(
     rig.toml, calibration.json and figures. Where the fit fails its test (docs/checks.md), no rig is written.
 
     Several runs, --angle-from-run, and a rig with several tendons, a joint, a segment or numbers that are
-    "unknown" (docs/machines.md) are fitted together, with what is assumed of each number beforehand.
+    "unknown" (docs/machines.md) are fitted together, with what is assumed of each number beforehand. With
+    --every, pieces of one long log are fitted, each by itself, and the rig of the last good one is written.
     """
     from pipelines.calibrate_machine import calibrate_machine
+    from pipelines.calibrate_pieces import calibrate_pieces
     from pipelines.inputs import analysis_of, run_settings, with_unknown_angle, without_effects
     from pipelines.runs import errors_naming, measured_run, print_run_warnings
     from tssgeom.api.inputs import measured_of
@@ -102,8 +111,9 @@ def calibrate(
     folder = out if out.is_dir() or not out.suffix else None
     out = out if folder is None else folder / _RIG
     require_replaceable(out)
-    if settings.uncertain or settings.rig.is_machine or len(runs) > 1 or not shapes:
-        calibrate_machine(
+    if every is not None or settings.uncertain or settings.rig.is_machine or len(runs) > 1 or not shapes:
+        fit = calibrate_machine if every is None else partial(calibrate_pieces, every=every)
+        fit(
             runs,
             shapes or [],
             out,

@@ -74,7 +74,7 @@ def _runs(paths: Sequence[Path], shapes: Sequence[Path], settings: RunSettings) 
     from tssgeom.errors import TssgeomError
     from tssgeom.identify.machine_run import machine_run
 
-    routes = _routes(len(paths), shapes, settings)
+    routes = run_routes(len(paths), shapes, settings)
     runs = []
     for path, on in zip(paths, routes, strict=True):
         read = measured_run(path, settings)
@@ -85,7 +85,7 @@ def _runs(paths: Sequence[Path], shapes: Sequence[Path], settings: RunSettings) 
     return runs
 
 
-def _routes(runs: int, shapes: Sequence[Path], settings: RunSettings) -> list[list[Arcs]]:
+def run_routes(runs: int, shapes: Sequence[Path], settings: RunSettings) -> list[list[Arcs]]:
     """Return the routes of each run: of the rig, of one shape for all, one a run, or one a tendon."""
     from pipelines.inputs import analysis_of, without_effects
     from tssgeom.errors import SettingsError
@@ -139,8 +139,8 @@ def _object(
         "rig": None if out is None else str(out),
         "passes": not fitted.failures,
         "failures": list(fitted.failures),
-        "estimates": {each.name: _estimate(each) for each in fitted.estimates},
-        "friction_angle": _estimate(fitted.friction_angle),
+        "estimates": {each.name: estimate_object(each) for each in fitted.estimates},
+        "friction_angle": estimate_object(fitted.friction_angle),
         "tied": list(fitted.tied),
         "held_out": {
             name: {"rms": away, "fitted_rms": inside, "unit": name.rpartition("_")[2]}
@@ -151,7 +151,8 @@ def _object(
     }
 
 
-def _estimate(each: MachineEstimate) -> dict[str, Any]:
+def estimate_object(each: MachineEstimate) -> dict[str, Any]:
+    """Return a number with its interval, as `--json` prints it."""
     return {
         "value": each.value if each.identified else None,
         "ci95": [each.low, each.high] if each.identified else None,
@@ -170,13 +171,14 @@ def _provenance(paths: Sequence[Path], shapes: Sequence[Path], fitted: MachineCa
     for kind, files in (("Run", paths), ("Shape", shapes)):
         lines += [f"{kind} {path.name}, SHA-256 {sha256_of(path)}" for path in files]
     lines.append("With 95 % intervals; what is not identified stands near what was assumed:")
-    lines += [f"  {_title(each)}: {_sentence(each)}" for each in fitted.estimates]
+    lines += [f"  {estimate_title(each)}: {_sentence(each)}" for each in fitted.estimates]
     lines += [f"Tied: {each}" for each in fitted.tied]
     lines += [f"Fails its test: {failure}" for failure in fitted.failures]
     return lines + [f"Warning: {warning}" for warning in fitted.warnings]
 
 
-def _title(each: MachineEstimate) -> str:
+def estimate_title(each: MachineEstimate) -> str:
+    """Return what a number is called in tables."""
     return _TITLES.get(each.key, each.name)
 
 
@@ -198,7 +200,7 @@ def _print(paths: Sequence[Path], out: Path | None, fitted: MachineCalibration) 
             if each.identified
             else ["not identified", ""]
         )
-        rows.append([_title(each), *held, each.unit, assumed])
+        rows.append([estimate_title(each), *held, each.unit, assumed])
     notes = [
         *fitted.tied,
         *(

@@ -11,12 +11,13 @@ from scipy.special import ndtr
 
 from tssgeom.arrays import Vector
 from tssgeom.errors import FitError, SettingsError
+from tssgeom.identify.drive import calmed
 from tssgeom.identify.readings import with_added
 from tssgeom.identify.turning import Legs, legs, with_round_turns, with_turns
 from tssgeom.mechanism import numbered, tendon_count
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
-from tssgeom.statistics import turns
+from tssgeom.statistics import reading_noise, turns
 from tssgeom.tendon.machine import Start, machine_of
 from tssgeom.tendon.machine_simulation import (
     DriveName,
@@ -125,9 +126,12 @@ def machine_run(
         raise SettingsError(
             f"{name}: {len(rows)} samples with {given_names[1]}: give {LIMITS.least_samples} or more"
         )
+    most = most or LIMITS.most_samples
+    if len(rows) > most:
+        columns = _without_noise(columns, rows, drive, count)
     motion = columns[given_names[1]][rows]
     edges = turns(motion, LIMITS.turn * float(np.ptp(motion)))
-    rows = rows[_thinned(len(rows), edges, most or LIMITS.most_samples)]
+    rows = rows[_thinned(len(rows), edges, most)]
     given = {each: np.ascontiguousarray(columns[each][rows]) for each in given_names}
     made = None
     if drive == "tension_in":
@@ -155,6 +159,23 @@ def machine_run(
     run = MachineRun(name, given, answers, held_out, tuple(routes), drive, end_given, count, notes=notes)
     run = with_drive_known(run, rig.drive.lag_s)
     return run if made is None else _with_turns_between(run, made)
+
+
+def _without_noise(
+    columns: Mapping[str, Vector], rows: np.ndarray, drive: DriveName, count: int
+) -> Mapping[str, Vector]:
+    """Return channels with a position that drives calmed before it is thinned; docs/model.md (66).
+
+    A turn that is thinned to its farthest reading would keep the noise of many.
+    """
+    if drive not in ("motor_angle_rad", "displacement_in"):
+        return columns
+    calm = dict(columns)
+    for channel in drive_channels(drive, count):
+        readings = columns[channel].copy()
+        readings[rows] = calmed(readings[rows], reading_noise(readings[rows]), columns["time_s"][rows])
+        calm[channel] = readings
+    return calm
 
 
 def with_drive_known(run: MachineRun, lag: float) -> MachineRun:

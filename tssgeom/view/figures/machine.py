@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.figure import Figure
 
-from tssgeom.identify.machine_estimates import MachineCalibration
+from tssgeom.identify.calibrated_pieces import CalibratedPiece
+from tssgeom.identify.machine_estimates import MachineCalibration, MachineEstimate
 from tssgeom.tendon.machine_simulation import drive_channels
 from tssgeom.view.figures.plots import BLUE, MEASURED, PAGE, SOFT, figure, legend_below, measured, titles
 
@@ -58,4 +61,30 @@ def loop_figure(fitted: MachineCalibration) -> Figure:
             titles(axes, f"{up} over {across}", across, up)
         handles, labels = axes.get_legend_handles_labels()
         drawing.legend(handles[:2], labels[:2], loc="outside lower center", ncols=2)
+    return drawing
+
+
+def course_figure(pieces: Sequence[CalibratedPiece]) -> Figure:
+    """Draw every number of the rig that pieces of a log identify over time, with its 95 % interval."""
+    numbers: dict[str, list[tuple[CalibratedPiece, MachineEstimate]]] = {}
+    for piece in pieces:
+        for each in () if piece.fitted is None else piece.fitted.estimates:
+            if each.key and each.identified:
+                numbers.setdefault(each.key, []).append((piece, each))
+    with figure((PAGE, _HEIGHT * max(len(numbers), 1) + 0.5)) as drawing:
+        rows = drawing.subplots(max(len(numbers), 1), 1, sharex=True, squeeze=False)[:, 0]
+        for axes, (key, known) in zip(rows, numbers.items(), strict=False):
+            for passes, colour, label in ((True, BLUE, "95 % interval"), (False, SOFT, "fails its test")):
+                those = [pair for pair in known if bool(pair[0].failures) != passes]
+                if not those:
+                    continue
+                middle = [0.5 * (piece.start + piece.end) for piece, _ in those]
+                half = [0.5 * (piece.end - piece.start) for piece, _ in those]
+                value = np.array([each.value for _, each in those])
+                beyond = [value - [each.low for _, each in those], [each.high for _, each in those] - value]
+                axes.errorbar(middle, value, beyond, half, fmt="o", color=colour, markersize=3, label=label)
+            unit = known[0][1].unit
+            titles(axes, "", "", key if unit == "1" else f"{key} [{unit}]")
+        legend_below(drawing, rows[0])
+        rows[-1].set_xlabel("time [s]")
     return drawing
