@@ -130,16 +130,23 @@ def simulate(  # pyright: ignore[reportInconsistentOverload]
         "temperature": temperature,
     }
     if isinstance(route, MovingRoute):
-        return Simulation(tuple(simulation.simulate(time, route, rig, **columns, state=state)))
+        rows = simulation.simulate(time, route, rig, **columns, state=state)
+        return Simulation(tuple(rows), angles=_angles(route, time))
     if any(each is not None for each in columns.values()):
         raise SettingsError("simulate: the run brings its drive: leave tension_in and displacement_in out")
     run, moving = run_of(route, rig), route_of(time, rig, unit)
     warnings = warnings_of_run(run, rig, moving, fitted=False)
     name, drive = run.channel(_DRIVES)
     columns = {name.rpartition("_")[0]: drive, "temperature": temperature_of(run, rig)}
-    return Simulation(
-        tuple(simulation.simulate(run.time, moving, rig, **columns, state=state)), run, warnings
-    )
+    rows = simulation.simulate(run.time, moving, rig, **columns, state=state)
+    return Simulation(tuple(rows), run, _angles(moving, run.time), warnings)
+
+
+def _angles(route: MovingRoute, time: Vector) -> tuple[tuple[float, float], ...]:
+    """Return the curve angle and its standard error at each time [rad]; nothing where the route stands."""
+    if len(route.arcs) == 1:
+        return ()
+    return tuple((each.total_angle, each.total_angle_se) for each in map(route.at, time.tolist()))
 
 
 @overload

@@ -42,6 +42,8 @@ class Simulation(_Rows[Moment]):
 
     run: MeasuredRun | None = None
     """The run with what was measured in it; None where only times and a drive were given."""
+    angles: tuple[tuple[float, float], ...] = ()
+    """[n] Curve angle and its standard error at each time, where the route moves [rad]."""
     warnings: tuple[str, ...] = ()
     """What is implausible in the run, a sentence each."""
 

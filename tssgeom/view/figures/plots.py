@@ -41,6 +41,9 @@ COLUMN, PAGE = 85 / 25.4, 170 / 25.4
 PAPER_COLUMN, PAPER_PAGE = 88 / 25.4, 180 / 25.4
 """The same in the style `paper`, 88 mm and 180 mm [inch]; chosen: one and two columns of many journals."""
 
+NOTEBOOK = (0.75 * PAGE, 3.0)
+"""Size of a plot in a notebook [inch]. Chosen: its text is as large as that of the page."""
+
 FORMATS = ("pdf", "svg", "png")
 VECTOR = FORMATS[:2]
 SMALLEST = 7.0
@@ -82,6 +85,13 @@ def style() -> Iterator[None]:
     """Draw in the common style."""
     with mpl.rc_context(_RC):
         yield
+
+
+def new_axes() -> Axes:
+    """Return the axes of a new figure of pyplot, which a notebook shows."""
+    import matplotlib.pyplot as plt
+
+    return plt.subplots(figsize=NOTEBOOK, layout="constrained")[1]
 
 
 @contextmanager

@@ -35,8 +35,7 @@ def subscripts(text: str) -> str:
 
 def restyle(drawing: Figure) -> None:
     """Set subscripts, and give a figure what its style asks for."""
-    for text in _texts(drawing):
-        text.set_text(subscripts(text.get_text()))
+    set_subscripts(drawing)
     if used() == "paper":
         for axes in drawing.axes:
             axes.set_title("", loc="left")
@@ -44,8 +43,11 @@ def restyle(drawing: Figure) -> None:
         _darken(drawing)
 
 
-def _texts(drawing: Figure) -> list[Text]:
-    return [artist for artist in drawing.findobj(Text) if isinstance(artist, Text)]
+def set_subscripts(drawing: Artist) -> None:
+    """Write every `T_in` of a figure or of axes with its subscript."""
+    for text in drawing.findobj(Text):
+        if isinstance(text, Text):
+            text.set_text(subscripts(text.get_text()))
 
 
 def _darken(drawing: Figure) -> None:
