@@ -7,16 +7,18 @@ from tssgeom.field_docs import WithFields
 
 if TYPE_CHECKING:
     from tssgeom.analysis import analyse_same
-    from tssgeom.api.calls import analyse, calibrate, discover
+    from tssgeom.api.calls import analyse, analyse_all, calibrate, discover
     from tssgeom.api.inputs import read
+    from tssgeom.api.machine_calls import MachineChannels
     from tssgeom.api.run_calls import compensate, simulate
-    from tssgeom.api.runs import Compensation, Simulation
+    from tssgeom.api.runs import Compensation, RecordingResult, Simulation
     from tssgeom.engine import Engine, process
     from tssgeom.errors import FitError, SettingsError, ShapeError, SourceError, TssgeomError
     from tssgeom.identify.calibrated_run import Measured
     from tssgeom.identify.calibration import Calibration
     from tssgeom.identify.campaign import Campaign, Run
     from tssgeom.identify.finding import Finding
+    from tssgeom.identify.machine_estimates import MachineCalibration
     from tssgeom.io.formats.campaigns import read_campaign
     from tssgeom.io.formats.recording import Recording
     from tssgeom.io.formats.runs import MeasuredRun, read_run
@@ -77,13 +79,16 @@ __all__ = [
     "Frame",
     "FrameResult",
     "Rejected",
+    "RecordingResult",
     "analyse",
+    "analyse_all",
     "analyse_same",
     "process",
     # runs over time
     "Command",
     "Commander",
     "Compensation",
+    "MachineChannels",
     "Moment",
     "MovingRoute",
     "Simulation",
@@ -94,6 +99,7 @@ __all__ = [
     "Calibration",
     "Campaign",
     "Finding",
+    "MachineCalibration",
     "Measured",
     "Run",
     "calibrate",
@@ -103,16 +109,18 @@ __all__ = [
 
 _MODULES = {
     "analysis": "analyse_same",
-    "api.calls": "analyse calibrate discover",
+    "api.calls": "analyse analyse_all calibrate discover",
     "api.inputs": "read",
+    "api.machine_calls": "MachineChannels",
     "api.run_calls": "compensate simulate",
-    "api.runs": "Compensation Simulation",
+    "api.runs": "Compensation RecordingResult Simulation",
     "engine": "Engine process",
     "errors": "FitError SettingsError ShapeError SourceError TssgeomError",
     "identify.calibrated_run": "Measured",
     "identify.calibration": "Calibration",
     "identify.campaign": "Campaign Run",
     "identify.finding": "Finding",
+    "identify.machine_estimates": "MachineCalibration",
     "io.formats.campaigns": "read_campaign",
     "io.formats.recording": "Recording",
     "io.formats.runs": "MeasuredRun read_run",

@@ -11,7 +11,7 @@ import numpy as np
 
 from tssgeom.adapt.offline import FollowedRun
 from tssgeom.api.presentation import Drawings, Numbers, Presentation
-from tssgeom.api.runs import Compensation, Simulation
+from tssgeom.api.runs import Compensation, RecordingResult, Simulation
 from tssgeom.arrays import Vector
 from tssgeom.io.formats.runs import MeasuredRun
 from tssgeom.tendon.command import Command
@@ -115,6 +115,33 @@ def _over_time(time: Vector, columns: dict[str, Vector], measured: dict[str, Vec
     return drawings
 
 
+def _recording(result: RecordingResult) -> Numbers:
+    numbers = _rows(len(result), np.array([each.frame.time for each in result]))
+    numbers += [("rejected", str(len(result.rejected)))] if result.rejected else []
+    if not len(result):
+        return numbers
+    ends = [each.transmission for each in result]
+    return [
+        *numbers,
+        ("Φ", _range(np.array([each.arcs.total_angle for each in result]), "rad", 1.0, 3)),
+        ("T_in", _range(np.array([each.tension_in for each in ends]), "N")),
+        ("T_out", _range(np.array([each.tension_out for each in ends]), "N")),
+        ("δ", _range(np.array([each.elongation for each in ends]), "mm", 1e3, 3)),
+    ]
+
+
+def _recording_table(result: RecordingResult) -> pa.Table:
+    from tssgeom.io.results.geometry import frames_table
+
+    return frames_table(result.rows)
+
+
+def _of_recording(result: RecordingResult) -> Drawings:
+    from tssgeom.view.report.entry import series_of
+
+    return _of_series(series_of(result.rows)) if len(result) else {}
+
+
 def _command(command: Command) -> Numbers:
     reached, error = 1e3 * command.displacement_reached, 1e3 * command.displacement_out_se
     numbers = [
@@ -206,6 +233,9 @@ def _followed_table(run: FollowedRun) -> pa.Table:
 
 
 PRESENTATIONS = {
+    "RecordingResult": Presentation(
+        _recording, _recording_table, _of_recording, heading=lambda result: result.name
+    ),
     "Simulation": Presentation(
         _simulation, _simulation_table, _of_simulation, heading=lambda run: run.run.name if run.run else ""
     ),

@@ -46,7 +46,8 @@ class Presentation(NamedTuple):
 
 _MODULES = {
     "of_frames": "Arcs CurvatureProfile Frame FrameResult Recording Route RouteFit",
-    "of_runs": "Command Compensation FollowedRun MeasuredRun Simulation",
+    "of_runs": "Command Compensation FollowedRun MeasuredRun RecordingResult Simulation",
+    "of_machines": "MachineCalibration MachineChannels",
     "of_findings": "Calibration Finding",
 }
 _MODULE_OF = {name: f"tssgeom.api.{module}" for module, names in _MODULES.items() for name in names.split()}
@@ -112,7 +113,7 @@ def plot(result: object, axes: Axes | None, what: str | None) -> Axes:
     return axes
 
 
-def drawing(result: object, what: str | None) -> Callable[[Axes], None]:
+def drawing(result: object, what: str | None) -> Callable[[Axes], object]:
     """Return what draws a plot of a result.
 
     Raises

@@ -14,6 +14,7 @@ from tssgeom.arrays import Matrix, Vector
 from tssgeom.identify.fit_quality import ChannelFit, failures, whiteness
 from tssgeom.identify.machine_problem import FIT, FitState, Problem
 from tssgeom.identify.machine_run import MachineRun, routed
+from tssgeom.result import Result
 from tssgeom.rig import Rig, with_values
 from tssgeom.statistics import reading_noise
 
@@ -37,8 +38,8 @@ class MachineEstimate:
     """Whether a number of the rig went as far from what was assumed as a fit goes."""
 
 
-@dataclass(frozen=True, slots=True)
-class MachineCalibration:
+@dataclass(frozen=True, slots=True, repr=False)
+class MachineCalibration(Result):
     """What runs say of a machine."""
 
     estimates: tuple[MachineEstimate, ...]

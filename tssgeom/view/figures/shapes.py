@@ -89,12 +89,13 @@ def draw_curvature(axes: Axes, profile: CurvatureProfile | None, arcs: Arcs | No
     named = [name for name, one in (("Curvature ± s.e.", profile), ("pieces", arcs)) if one is not None]
     if profile is not None:
         _draw_band(axes, profile, profile.kappa, profile.kappa_se)
+        _limit(axes, profile.length)
     if arcs is not None:
+        _limit(axes, arcs.total_length)
         along, height = staircase(arcs)
         lines = list(np.column_stack([ARC_LENGTH.factor * along, height]).reshape(-1, 2, 2))
         axes.add_collection(LineCollection(lines, colors=INK, linewidths=3.0, zorder=3))
         axes.add_collection(LineCollection(lines, colors=shades(len(lines)), linewidths=2.0, zorder=4))
-    _limit(axes, arcs.total_length if profile is None and arcs is not None else float(profile.s[-1]))
     axes.set_ylim(0.0, top_of_curvature([profile] if profile else [], [arcs] if arcs else []))
     titles(axes, " and ".join(named).capitalize(), ARC_LENGTH.title, CURVATURE_AT.title)
     return axes
@@ -106,7 +107,7 @@ def draw_angle(axes: Axes, profile: CurvatureProfile, arcs: Arcs | None) -> Axes
     if arcs is not None:
         joints = ANGLE.factor * np.cumsum([0.0, *arcs.angle[:-1]])
         draw_dots(axes, np.column_stack([ARC_LENGTH.factor * arcs.s_start, joints]))
-    _limit(axes, float(profile.s[-1]))
+    _limit(axes, profile.length)
     axes.set_ylim(0.0, None)
     of = profile if arcs is None else arcs
     total = angle_with_error(of.total_angle, of.total_angle_se)
