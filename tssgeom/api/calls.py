@@ -239,13 +239,14 @@ def calibrate(
         runs = [run_of(each, rig) for each in _listed(measured)]
         routes = [route_of(each, rig, unit).arcs[-1] for each in _listed(arcs)]
         return fitted_machine(runs, routes, rig, uncertain, progress)
-    route = arcs if isinstance(arcs, Arcs) else route_of(arcs, rig, unit).arcs[-1]
+    one: Any = measured
+    route = arcs if isinstance(arcs, Arcs) else route_of(cast("Any", arcs), rig, unit).arcs[-1]
     warnings: tuple[str, ...] = ()
-    if not isinstance(measured, Measured):
-        run = run_of(measured, rig)
+    if not isinstance(one, Measured):
+        run = run_of(one, rig)
         warnings = warnings_of_run(run, rig, route_of(route, rig), fitted=True)
-        measured = measured_of(run)
-    fitted = calibration.calibrate(measured, route, rig, from_tension=from_tension, progress=progress)
+        one = measured_of(run)
+    fitted = calibration.calibrate(one, route, rig, from_tension=from_tension, progress=progress)
     return replace(fitted, warnings=(*warnings, *fitted.warnings))
 
 

@@ -91,10 +91,10 @@ def tension_se(result: FrameResult, frame: RouteSamples) -> Vector:
     return np.maximum(np.abs(upper - middle), np.abs(middle - lower))
 
 
-def numbers_of(result: FrameResult) -> tuple[float, float, float, float]:
-    """T_in [N], T_out [N], elongation [m] and accumulated curve angle [rad] of one frame."""
-    ends = result.transmission
-    return ends.tension_in, ends.tension_out, ends.elongation, result.arcs.total_angle
+def numbers_of(result: FrameResult) -> tuple[float, float, float, float, float]:
+    """T_in [N], T_out [N], elongation [m], and curve angle with its standard error [rad] of one frame."""
+    ends, arcs = result.transmission, result.arcs
+    return ends.tension_in, ends.tension_out, ends.elongation, arcs.total_angle, arcs.total_angle_se
 
 
 def front(result: FrameResult, frame: RouteSamples) -> float:

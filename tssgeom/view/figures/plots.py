@@ -15,12 +15,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tssgeom.arrays import Vector
+from tssgeom.view import colours
 from tssgeom.view.figures.restyle import restyle
 from tssgeom.view.figures.style import used
 from tssgeom.view.samples import evenly
 
-INK, SOFT, FAINT = "#1d2330", "#697386", "#e8ebf0"
-BLUE, ORANGE, GREEN, PURPLE, SKY = "#0072b2", "#d55e00", "#009e73", "#a3508a", "#56b4e9"
+INK, SOFT, FAINT = colours.TENSION_IN, "#697386", "#e8ebf0"
+BLUE, ORANGE, PURPLE = colours.TENSION_OUT, colours.ELONGATION, colours.ANGLE
+GREEN, SKY = "#009e73", "#56b4e9"
 """Colours of Okabe and Ito (purple darkened), distinct on white to colour-blind people too."""
 
 MEASURED: Any = {

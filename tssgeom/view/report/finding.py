@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from tssgeom.atomic import write_text
 from tssgeom.identify.finding import Candidate, Finding
 from tssgeom.identify.misfit import beyond_noise
+from tssgeom.view import colours
 from tssgeom.view import finding_wording as words
 from tssgeom.view.figures.finding import judged, missing_figure, residual_figure, transmission_figure
 from tssgeom.view.figures.heat_map import along_figure, heat_figure
@@ -42,6 +43,7 @@ def write_finding_report(path: Path, finding: Finding) -> None:
         title=html.escape(f"What the model of {finding.campaign.name} lacks"),
         subtitle=html.escape(_subtitle(finding)),
         accent=_ACCENTS[finding.verdict],
+        accent_dark=colours.on_dark(_ACCENTS[finding.verdict]),
         word=html.escape(words.VERDICTS[finding.verdict]),
         sentence=html.escape(finding.sentence),
         sections="\n".join(section for section in sections if section),

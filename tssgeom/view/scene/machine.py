@@ -12,7 +12,7 @@ import rerun.blueprint as rrb
 from tssgeom.arrays import Points, Vector
 from tssgeom.tendon.machine import Machine
 from tssgeom.view import colours
-from tssgeom.view.quantities import quantity
+from tssgeom.view.quantities import ANGLE, quantity
 from tssgeom.view.samples import RouteSamples
 from tssgeom.view.scene.blueprint import layout, plot, space_view, time_panel
 from tssgeom.view.scene.camera import Camera, camera
@@ -129,7 +129,7 @@ def _send_joint(
     circle = rr.LineStrips3D([at(around)], colors=[colours.AXIS], radii=rr.Radius.ui_points(1.5))
     sender.constant("joint/circle", circle)
     sender.constant(
-        "joint/hand", rr.LineStrips3D.from_fields(colors=colours.ANGLE, radii=rr.Radius.ui_points(3.0))
+        "joint/hand", rr.LineStrips3D.from_fields(colors=ANGLE.rgb, radii=rr.Radius.ui_points(3.0))
     )
     hands = [np.stack([middle, end]) for end in at(start + angle)]
     sender.send("joint/hand", rr.LineStrips3D.columns(strips=segments_3d(hands)), [1] * len(angle))

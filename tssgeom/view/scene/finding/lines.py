@@ -12,6 +12,7 @@ from tssgeom.identify.finding import Finding, Trace
 from tssgeom.view import colours
 from tssgeom.view import finding_wording as words
 from tssgeom.view.figures.finding import measured_channels, models
+from tssgeom.view.quantities import TENSION_IN
 from tssgeom.view.scene.columns import Sender
 
 MOST_CHANNELS = 3
@@ -31,7 +32,7 @@ def send_lines(samples: Sender, finding: Finding) -> None:
     """Send the channel with the widest gap, what is left of each, and the proximal tension."""
     traces = finding.traces
     pull = np.concatenate([trace.tension_in for trace in traces])
-    _line(samples, "series/tension_in", "T_in of the model [N]", colours.TENSION_IN, pull)
+    _line(samples, "series/tension_in", "T_in of the model [N]", TENSION_IN.rgb, pull)
     channels = plotted_channels(finding)
     for order, when in enumerate(("measured", *models(finding))):
         values = words.channel(channels[0]).factor * _column(traces, when, channels[0])
