@@ -142,7 +142,7 @@ def analyse_all(
     >>> from tssgeom import analyse_all
     >>> result = analyse_all("sample_shapes/insertion.jsonl")
     >>> len(result), result.plots
-    (201, ('tension', 'elongation', 'angle', 'transmission', 'elongation_loop'))
+    (600, ('tension', 'elongation', 'angle', 'transmission', 'elongation_loop'))
     """
     from collections import Counter
 
