@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from tssgeom.route.geometry import measure
     from tssgeom.route.observations import Shape, clean
     from tssgeom.route.pieces import Arcs, constant_curvature_pieces, curvature_profile
+    from tssgeom.route.repeated import Repeated
     from tssgeom.route.route import Route
     from tssgeom.route.route_fit import RouteFit
     from tssgeom.route.spline.fit import Spline, fit
@@ -58,6 +59,7 @@ __all__ = [
     # sensed points to geometry
     "Arcs",
     "CurvatureProfile",
+    "Repeated",
     "Route",
     "RouteFit",
     "Shape",
@@ -129,6 +131,7 @@ _MODULES = {
     "route.geometry": "measure",
     "route.observations": "Shape clean",
     "route.pieces": "Arcs constant_curvature_pieces curvature_profile",
+    "route.repeated": "Repeated",
     "route.route": "Route",
     "route.route_fit": "RouteFit",
     "route.spline.fit": "Spline fit",

@@ -70,7 +70,7 @@ def draw_route(axes: Axes, result: FrameResult) -> Axes:
     axes.set_axis_off()
     _draw_colour_bar(axes, top)
     per_point, corner, size = _limits(axes, flat)
-    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_aspect("equal", adjustable="box")
     coloured(axes, flat, frame.tension, top, 3.2)
     draw_dots(axes, ARC_LENGTH.factor * frame.at(result.arcs.s_start) @ plane)
     for text, end, at in zip(_ENDS, flat[[0, -1]], _names((flat - corner) / per_point, size), strict=True):
