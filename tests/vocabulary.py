@@ -168,7 +168,7 @@ def uses(root: Path) -> list[Use]:
     documents = [root / name for name in DOCUMENTS if (root / name).exists()]
     for path in [*documents, *pages(root)]:
         text = path.read_text(encoding="utf-8")
-        if path.name != "glossary.md" and not text.startswith("<!-- written by"):  # of words, or of docstrings
+        if path.name != "glossary.md" and not text.startswith("<!-- written by"):  # words; of docstrings
             lines = enumerate(text.splitlines(), 1)
             left += _of_prose(lines, str(path.relative_to(root)))
     return left

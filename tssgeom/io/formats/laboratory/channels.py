@@ -274,10 +274,10 @@ def _take_unitless(table: RawTable, column: Column, result: Resolved) -> None:
     result.suggested[column.name] = meant
 
 
-COMPUTED = frozenset(
-    ("displacement_reached_m", "tension_reached_N", "displacement_out_se_m", "tension_out_se_N")
-    + ("displacement_out_se_by_tension_m", "tension_out_se_by_tension_N")
-)
+COMPUTED = {
+    *("displacement_reached_m", "tension_reached_N", "displacement_out_se_m", "tension_out_se_N"),
+    *("displacement_out_se_by_tension_m", "tension_out_se_by_tension_N"),
+}
 """Columns of `compensate.parquet` that are results: such a file is the drive of `simulate` as it is."""
 
 
