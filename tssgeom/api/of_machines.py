@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +13,6 @@ from tssgeom.view.quantities import quantity
 
 if TYPE_CHECKING:
     import pyarrow as pa
-    from matplotlib.axes import Axes
 
 
 def _channels(run: MachineChannels) -> Numbers:
@@ -37,7 +35,7 @@ def _channels_table(run: MachineChannels) -> pa.Table:
 def _of_channels(run: MachineChannels) -> Drawings:
     from tssgeom.view.figures.runs import draw_channels
 
-    time, drawings = run.channels["time_s"], dict[str, Callable[[Axes], Any]]()
+    time, drawings = run.channels["time_s"], dict[str, Any]()
     for name, values in run.channels.items():
         if name != "time_s":
             drawings[name] = partial(draw_channels, time=time, channels={name: values}, readings={})
