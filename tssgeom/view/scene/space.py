@@ -61,7 +61,7 @@ def send_scale_bar(sender: Sender, camera: Camera, text_scale: float = 1.0) -> N
     if not sender.repeats:
         return
     axes, letters = camera.triad(camera.room_below)
-    lines = rr.LineStrips3D(axes, colors=[colours.AXIS], radii=rr.Radius.ui_points(1.5))
+    lines = rr.LineStrips3D(list(axes), colors=[colours.AXIS], radii=rr.Radius.ui_points(1.5))
     sender.constant("scale/axes", lines)
     anchor = camera.label_anchor(letters, np.zeros(2), text_scale)
     names = rr.Points3D(anchor, radii=0.0, labels=["x", "y", "z"], colors=[colours.SENSED], show_labels=True)
