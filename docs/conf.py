@@ -34,8 +34,6 @@ exclude_patterns = ["_build", "gallery/*.md", "gallery/*.rst", "README.md"]
 source_suffix = {".md": "markdown", ".rst": "restructuredtext"}
 default_role = "literal"
 nitpicky = True
-nitpick_ignore_regex = [("py:.*", ".*")]
-"""Types of other packages have no page here; links between pages are checked by MyST."""
 suppress_warnings = ["config.cache"]
 
 myst_enable_extensions = ["colon_fence", "deflist"]

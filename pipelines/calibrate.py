@@ -180,7 +180,7 @@ def write_report(
         folder.mkdir(parents=True, exist_ok=True)
         write_text(folder / _REPORT, json.dumps(summary, indent=1, ensure_ascii=False) + "\n")
         for name, draw in drawings.items():
-            write_figure(draw(), folder, name)
+            write_figure(draw, folder, name)
     if figures is not None:
         figures.mkdir(parents=True, exist_ok=True)
         write_figures(figures, stem, drawings)

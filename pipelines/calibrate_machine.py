@@ -16,7 +16,6 @@ from pipelines.terminal import print_json, print_message, print_table, step_prog
 if TYPE_CHECKING:
     from pipelines.inputs import RunSettings
     from tssgeom.identify.machine_estimates import MachineCalibration, MachineEstimate
-    from tssgeom.identify.machine_run import MachineRun
     from tssgeom.route.pieces import Arcs
     from tssgeom.view.figures.plots import Figure
 
@@ -43,12 +42,14 @@ def calibrate_machine(
     quiet: bool,
 ) -> None:
     """Fit a machine to runs, print what they say of it, and write the rig."""
-    from tssgeom.identify import machine_calibration as calibration
+    from pipelines.runs import measured_run
+    from tssgeom.api.machine_calls import fitted_machine
     from tssgeom.rig import write_rig
 
-    runs = _runs(paths, shapes, settings)
+    arcs = sensed_arcs(shapes, settings)
+    runs = [measured_run(path, settings) for path in paths]
     with step_progress(quiet=quiet or as_json) as report_step:
-        fitted = calibration.calibrate_machine(runs, settings.rig, settings.uncertain, progress=report_step)
+        fitted = fitted_machine(runs, arcs, settings.rig, settings.uncertain, report_step)
         report_step("done", 1.0)
     for warning in fitted.warnings:
         print_message(f"{paths[0]}: warning: {warning}")
@@ -68,54 +69,15 @@ def calibrate_machine(
         raise typer.Exit(2)
 
 
-def _runs(paths: Sequence[Path], shapes: Sequence[Path], settings: RunSettings) -> list[MachineRun]:
-    """Read the runs and put each on its routes."""
-    from pipelines.runs import measured_run
-    from tssgeom.errors import TssgeomError
-    from tssgeom.identify.machine_run import machine_run
-
-    routes = run_routes(len(paths), shapes, settings)
-    runs = []
-    for path, on in zip(paths, routes, strict=True):
-        read = measured_run(path, settings)
-        try:
-            runs.append(machine_run(read.name, read.columns, on, settings.rig))
-        except TssgeomError as error:
-            raise type(error)(f"{path}: {error}") from error
-    return runs
-
-
-def run_routes(runs: int, shapes: Sequence[Path], settings: RunSettings) -> list[list[Arcs]]:
-    """Return the routes of each run: of the rig, of one shape for all, one a run, or one a tendon."""
+def sensed_arcs(shapes: Sequence[Path], settings: RunSettings) -> list[Arcs]:
+    """Return the route of each shape, the last one of a recording."""
     from pipelines.inputs import analysis_of, without_effects
-    from tssgeom.errors import SettingsError
-    from tssgeom.identify.machine_run import route_of_rig
-    from tssgeom.mechanism import tendon_count
 
-    tendons = tendon_count(settings.rig.drive, settings.rig.end)
-    if not shapes:
-        return [[route_of_rig(settings.rig)]] * runs
     plain = without_effects(settings)
     sensed = {
         shape: analysis_of(shape.stem, shape, plain).results[-1].arcs for shape in dict.fromkeys(shapes)
     }
-    arcs = [sensed[shape] for shape in shapes]
-    if len(arcs) == 1:
-        return [arcs] * runs
-    if len(arcs) == runs:
-        return [[each] for each in arcs]
-    if len(arcs) == tendons:
-        return [arcs] * runs
-    if len(arcs) == runs * tendons:
-        return [arcs[k * tendons : (k + 1) * tendons] for k in range(runs)]
-    raise SettingsError(
-        f"{len(arcs)} --shape for {_counted(runs, 'run')} of {_counted(tendons, 'tendon')}: give one for "
-        "all, one a run, one a tendon, or those of each run one after the other"
-    )
-
-
-def _counted(count: int, thing: str) -> str:
-    return f"{count} {thing}" if count == 1 else f"{count} {thing}s"
+    return [sensed[shape] for shape in shapes]
 
 
 def _drawings(fitted: MachineCalibration) -> dict[str, Callable[[], Figure]]:

@@ -10,7 +10,7 @@ import typer
 
 from pipelines import tssgeom_version
 from pipelines.calibrate import channel_object, write_report
-from pipelines.calibrate_machine import estimate_object, estimate_title, run_routes
+from pipelines.calibrate_machine import estimate_object, estimate_title, sensed_arcs
 from pipelines.terminal import print_json, print_message, print_table, step_progress
 from tssgeom.errors import SettingsError
 
@@ -34,13 +34,15 @@ def calibrate_pieces(
 ) -> None:
     """Fit the pieces of a log, print how the rig went, and write that of the last piece that passes."""
     from pipelines.runs import errors_naming, measured_run
+    from tssgeom.api.machine_calls import routes_of_runs
     from tssgeom.identify import calibrated_pieces
     from tssgeom.rig import write_rig
     from tssgeom.view.figures.machine import course_figure
 
     if len(paths) > 1:
         raise SettingsError(f"{len(paths)} runs with --every: give one log")
-    (path,), (routes,) = paths, run_routes(1, shapes, settings)
+    (path,) = paths
+    (routes,) = routes_of_runs(1, sensed_arcs(shapes, settings), settings.rig)
     log = measured_run(path, settings)
     with step_progress(quiet=quiet or as_json) as report_step, errors_naming(path, *shapes[:1]):
         fits = calibrated_pieces.calibrate_pieces(

@@ -67,7 +67,7 @@ def discover(
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Find what the model lacks on measured runs, name it, put it into the rig, and show the gap shrink.
+    """Find what the model lacks on measured runs, name it, put it into the rig, and show the misfit shrink.
 
     With --propose it designs what to measure next; --with adds what was measured, until the verdict stands.
     """

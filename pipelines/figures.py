@@ -14,9 +14,9 @@ if TYPE_CHECKING:
 
 
 def write_figure(
-    figure: Figure, folder: Path, name: str, formats: Sequence[str] = ("pdf", "svg", "png")
+    draw: Callable[[], Figure], folder: Path, name: str, formats: Sequence[str] = ("pdf", "svg", "png")
 ) -> list[str]:
-    """Write a figure in each of the formats, and return the names of the files.
+    """Draw a figure in the chosen style, write it in each of the formats, and return the names of the files.
 
     Raises
     ------
@@ -24,7 +24,10 @@ def write_figure(
         Where the disk refuses.
     """
     from tssgeom.view.figures.plots import save
+    from tssgeom.view.figures.style import for_print
 
+    with for_print():
+        figure = draw()
     for ending in formats:
         with replacing(folder / f"{name}.{ending}") as draft:
             save(figure, draft)
@@ -40,14 +43,12 @@ def write_figures(folder: Path, name: str, figures: Mapping[str, Callable[[], Fi
         Where the disk refuses.
     """
     from tssgeom.view.figures.plots import VECTOR
-    from tssgeom.view.figures.style import for_print
 
-    with for_print():
-        return [
-            file
-            for part, draw in figures.items()
-            for file in write_figure(draw(), folder, f"{name}_{part}", VECTOR)
-        ]
+    return [
+        file
+        for part, draw in figures.items()
+        for file in write_figure(draw, folder, f"{name}_{part}", VECTOR)
+    ]
 
 
 def write_shape_figures(folder: Path, name: str, results: Sequence[FrameResult], *, timed: bool) -> list[str]:

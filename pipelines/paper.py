@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pipelines.options import Json, Quiet
+from pipelines.options import FigureStyle, Json, Quiet
 from pipelines.terminal import counted_progress, print_json, print_table
+from tssgeom.view.figures.style import choose
 
 if TYPE_CHECKING:
     from tssgeom.tendon.paper import Row
@@ -23,6 +24,7 @@ _COLUMNS = ("figure", "quantity", "unit", "paper", "ours", "difference")
 
 def paper(
     out: Annotated[Path, typer.Option("--out", help="Folder for figures, table and recording.")],
+    style: FigureStyle = "light",
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -30,6 +32,7 @@ def paper(
     from tssgeom.atomic import write_text
     from tssgeom.tendon.paper import EXACT, rows
 
+    choose(style)
     numbers = rows()
     plotted = _draw(out, quiet=quiet or as_json)
     write_text(out / "paper.csv", _as_csv(numbers))
@@ -54,7 +57,7 @@ def _draw(out: Path, *, quiet: bool) -> list[str]:
     with counted_progress(len(figures) + 1, quiet=quiet) as progress:
         for name, draw in figures.items():
             progress.begin(name)
-            written += write_figure(draw(), out, name)
+            written += write_figure(draw, out, name)
             progress.end(name)
         progress.begin("paper.rrd")
         with replacing(out / "paper.rrd") as draft:

@@ -7,13 +7,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pipelines.options import TENSION_IN, Json, Map, Quiet, RigFile, Unit
+from pipelines.options import TENSION_IN, FigureStyle, Json, Map, Quiet, RigFile, Unit
 from pipelines.terminal import counted_progress, json_text, print_json, print_message, print_table
+from tssgeom.view.figures.style import choose
 
 if TYPE_CHECKING:
     from pipelines.inputs import RunSettings
@@ -90,6 +92,7 @@ def remedy(
     unit: Unit = None,
     columns: Map = None,
     out: Annotated[Path | None, typer.Option("--out", help="Folder for figure and table.")] = None,
+    style: FigureStyle = "light",
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -101,6 +104,7 @@ def remedy(
     from pipelines.inputs import run_settings
     from tssgeom.tendon.design import Curve, Cycle, Perturbation
 
+    choose(style)
     design = Design(
         curve=Curve(math.radians(beta_deg), curvature_per_m),
         cycle=Cycle(tension_in, tension_in / 3 if release_to is None else release_to),
@@ -323,7 +327,8 @@ def _write(out: Path, report: dict[str, Any], design: Design, remedied: Remedied
     from tssgeom.atomic import write_text
     from tssgeom.view.figures.remedy import remedy_figure
 
-    write_figure(remedy_figure(remedied.tried, remedied.tolerance, design.percentile), out, "remedy")
+    draw = partial(remedy_figure, remedied.tried, remedied.tolerance, design.percentile)
+    write_figure(draw, out, "remedy")
     write_text(out / "remedy.json", json_text(report) + "\n")
     lines = ["| " + " | ".join(row) + " |" for row in [list(_COLUMNS), ["---"] * 4, *_rows(remedied.cases)]]
     write_text(out / "remedy.md", "\n".join(lines) + "\n\n" + "\n\n".join(remedied.sentences) + "\n")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -66,12 +67,12 @@ def simulate_adapt(
     write_followed(out / RUN, followed)
     write_numbers(out / NUMBERS, followed)
     write_alerts(out / ALERTS, followed)
-    files = write_figure(followed_figure(followed, run.tension_out), out, FIGURE)
+    draw = partial(followed_figure, followed, run.tension_out)
+    files = write_figure(draw, out, FIGURE)
     files = [(out / name).as_posix() for name in (RUN, NUMBERS, ALERTS, REPORT, *files)]
     if figures is not None:
         figures.mkdir(parents=True, exist_ok=True)
-        draw = {"adapt": lambda: followed_figure(followed, run.tension_out)}
-        write_figures(figures, f"{sensed.name}_{run.name}", draw)
+        write_figures(figures, f"{sensed.name}_{run.name}", {"adapt": draw})
     if write_rig is not None:
         _write_rig(write_rig, drive, shapes, followed)
         files.append(write_rig.as_posix())

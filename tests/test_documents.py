@@ -12,6 +12,7 @@ from typer import Context
 from typer.main import get_command
 
 from pipelines.cli import app
+from tests.vocabulary import pages
 from tssgeom.adapt.followed import followed_numbers
 from tssgeom.io.formats.columns import CHANNELS, MACHINE_CHANNELS
 from tssgeom.mechanism import Drive, End, numbered, tendon_count
@@ -21,12 +22,12 @@ from tssgeom.tendon.machine import machine_of
 from tssgeom.tendon.machine_simulation import drive_channels, simulate_machine
 
 HOME = Path(__file__).parents[1]
-DOCUMENTS = [HOME / "README.md", HOME / "CONTRIBUTING.md", *sorted((HOME / "docs").glob("*.md"))]
+DOCUMENTS = [HOME / "README.md", HOME / "CONTRIBUTING.md", *pages(HOME)]
 COMMANDS = [
     line.strip()
     for document in DOCUMENTS
     for line in document.read_text("utf-8").replace("\\\n", " ").splitlines()
-    if re.match(r"    (tssgeom|.*&& tssgeom) ", line)
+    if re.match(r"(?:    )?(tssgeom|.*(?:&&|\|) tssgeom) +[a-z]", line) and not line.startswith("|")
 ]
 
 
@@ -95,10 +96,10 @@ def test_the_page_of_the_machines_has_every_key_and_channel():
 
 @pytest.mark.parametrize("line", COMMANDS)
 def test_a_command_of_the_documents_has_the_options_that_they_give_it(line):
-    words = line.partition("tssgeom ")[2].partition(" #")[0].split()
+    words = re.split(r" [#|] ?", line.partition("tssgeom ")[2])[0].split()
     group = get_command(app)
     command = group.get_command(Context(group), words[0])
-    known = {option for parameter in command.params for option in parameter.opts}
+    known = {option for each in command.params for option in (*each.opts, *each.secondary_opts)}
     assert {word for word in words if word.startswith("--")} <= known
 
 
@@ -113,7 +114,7 @@ def test_the_source_distribution_holds_every_folder_that_its_tests_import():
     assert {"docs", "sample_shapes"} <= held
 
 
-@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.relative_to(HOME).as_posix())
 def test_a_line_of_a_document_has_at_most_120_characters_where_it_can_be_broken(document):
     text = re.sub(r"```.*?```", "", document.read_text("utf-8"), flags=re.DOTALL)
     assert not [

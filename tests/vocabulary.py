@@ -152,6 +152,13 @@ def _of_prose(lines: Iterable[tuple[int, str]], file: str) -> Iterator[Use]:
                 yield Use(word.lower(), file, line, text.strip(), "prose")
 
 
+def pages(root: Path) -> list[Path]:
+    """Return the documents below docs, without those that a build of the site writes there."""
+    written = ("_build/", "examples/", "reference/python_")
+    every = sorted((root / "docs").rglob("*.md"))
+    return [path for path in every if not path.relative_to(root / "docs").as_posix().startswith(written)]
+
+
 def uses(root: Path) -> list[Use]:
     """Return every private word that is left below a folder."""
     left = list[Use]()
@@ -159,9 +166,10 @@ def uses(root: Path) -> list[Use]:
         if path.stem not in ("vocabulary", "test_vocabulary"):  # they hold the words
             left += _of_module(path, str(path.relative_to(root)))
     documents = [root / name for name in DOCUMENTS if (root / name).exists()]
-    for path in [*documents, *sorted((root / "docs").glob("*.md"))]:
-        if path.name != "glossary.md":  # it lists the words
-            lines = enumerate(path.read_text(encoding="utf-8").splitlines(), 1)
+    for path in [*documents, *pages(root)]:
+        text = path.read_text(encoding="utf-8")
+        if path.name != "glossary.md" and not text.startswith("<!-- written by"):  # words; of docstrings
+            lines = enumerate(text.splitlines(), 1)
             left += _of_prose(lines, str(path.relative_to(root)))
     return left
 

@@ -7,16 +7,18 @@ from tssgeom.field_docs import WithFields
 
 if TYPE_CHECKING:
     from tssgeom.analysis import analyse_same
-    from tssgeom.api.calls import analyse, calibrate, discover
+    from tssgeom.api.calls import analyse, analyse_all, calibrate, discover
     from tssgeom.api.inputs import read
+    from tssgeom.api.machine_calls import MachineChannels
     from tssgeom.api.run_calls import compensate, simulate
-    from tssgeom.api.runs import Compensation, Simulation
+    from tssgeom.api.runs import Compensation, RecordingResult, Simulation
     from tssgeom.engine import Engine, process
     from tssgeom.errors import FitError, SettingsError, ShapeError, SourceError, TssgeomError
     from tssgeom.identify.calibrated_run import Measured
     from tssgeom.identify.calibration import Calibration
     from tssgeom.identify.campaign import Campaign, Run
     from tssgeom.identify.finding import Finding
+    from tssgeom.identify.machine_estimates import MachineCalibration
     from tssgeom.io.formats.campaigns import read_campaign
     from tssgeom.io.formats.recording import Recording
     from tssgeom.io.formats.runs import MeasuredRun, read_run
@@ -25,6 +27,7 @@ if TYPE_CHECKING:
     from tssgeom.route.geometry import measure
     from tssgeom.route.observations import Shape, clean
     from tssgeom.route.pieces import Arcs, constant_curvature_pieces, curvature_profile
+    from tssgeom.route.repeated import Repeated
     from tssgeom.route.route import Route
     from tssgeom.route.route_fit import RouteFit
     from tssgeom.route.spline.fit import Spline, fit
@@ -56,6 +59,7 @@ __all__ = [
     # sensed points to geometry
     "Arcs",
     "CurvatureProfile",
+    "Repeated",
     "Route",
     "RouteFit",
     "Shape",
@@ -77,13 +81,16 @@ __all__ = [
     "Frame",
     "FrameResult",
     "Rejected",
+    "RecordingResult",
     "analyse",
+    "analyse_all",
     "analyse_same",
     "process",
     # runs over time
     "Command",
     "Commander",
     "Compensation",
+    "MachineChannels",
     "Moment",
     "MovingRoute",
     "Simulation",
@@ -94,6 +101,7 @@ __all__ = [
     "Calibration",
     "Campaign",
     "Finding",
+    "MachineCalibration",
     "Measured",
     "Run",
     "calibrate",
@@ -103,16 +111,18 @@ __all__ = [
 
 _MODULES = {
     "analysis": "analyse_same",
-    "api.calls": "analyse calibrate discover",
+    "api.calls": "analyse analyse_all calibrate discover",
     "api.inputs": "read",
+    "api.machine_calls": "MachineChannels",
     "api.run_calls": "compensate simulate",
-    "api.runs": "Compensation Simulation",
+    "api.runs": "Compensation RecordingResult Simulation",
     "engine": "Engine process",
     "errors": "FitError SettingsError ShapeError SourceError TssgeomError",
     "identify.calibrated_run": "Measured",
     "identify.calibration": "Calibration",
     "identify.campaign": "Campaign Run",
     "identify.finding": "Finding",
+    "identify.machine_estimates": "MachineCalibration",
     "io.formats.campaigns": "read_campaign",
     "io.formats.recording": "Recording",
     "io.formats.runs": "MeasuredRun read_run",
@@ -121,6 +131,7 @@ _MODULES = {
     "route.geometry": "measure",
     "route.observations": "Shape clean",
     "route.pieces": "Arcs constant_curvature_pieces curvature_profile",
+    "route.repeated": "Repeated",
     "route.route": "Route",
     "route.route_fit": "RouteFit",
     "route.spline.fit": "Spline fit",

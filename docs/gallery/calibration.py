@@ -14,16 +14,11 @@ from tssgeom import calibrate
 
 FOLDER = Path("../../sample_shapes/campaign_clean")
 fitted = calibrate(FOLDER / "half_slow.csv", FOLDER / "route_half_circle.csv", FOLDER / "rig.toml")
-for name in ("friction", "compliance"):
-    one = fitted.estimates[name]
-    print(f"{name:10} {one.value:.4g} {one.unit}  95 %: {one.low:.4g} to {one.high:.4g}")
+print(fitted)
 
-figure, axes = plt.subplots(2, 2, figsize=(8, 4.4), sharex=True, height_ratios=(2, 1))
-for k, (name, factor, unit) in enumerate((("tension_out", 1.0, "T_out [N]"), ("elongation", 1e3, "δ [mm]"))):
-    measured, model = factor * fitted.measured[name], factor * fitted.fitted[name]
-    axes[0, k].plot(fitted.tension_in, measured, ".", color="0.6", label="measured")
-    axes[0, k].plot(fitted.tension_in, model, label="fitted")
-    axes[1, k].plot(fitted.tension_in, measured - model, ".", markersize=3)
-    axes[0, k].set_ylabel(unit)
-    axes[1, k].set(xlabel="T_in [N]", ylabel="residual")
+figure, axes = plt.subplots(2, 2, figsize=(8, 4.8), height_ratios=(2, 1), layout="constrained")
+for k, channel in enumerate(("tension_out", "elongation")):
+    fitted.plot(axes[0, k], f"{channel}_loop")
+    fitted.plot(axes[1, k], f"{channel}_residual")
+    axes[1, k].set_title("")
 axes[0, 0].legend()

@@ -10,9 +10,7 @@ import matplotlib.pyplot as plt
 import msgspec
 import numpy as np
 
-from tssgeom import Arcs, Rig
-from tssgeom.tendon.machine import machine_of
-from tssgeom.tendon.machine_simulation import simulate_machine
+from tssgeom import Arcs, Rig, simulate
 
 RIG = """
 [tendon]
@@ -30,9 +28,11 @@ rig = msgspec.toml.decode(RIG, type=Rig)
 time = np.linspace(0.0, 8.0, 241)
 motor = 0.5 * np.sin(2 * np.pi * time / 4)  # rad
 for degrees in (45, 180, 360):
-    routes = [Arcs.exact([0.5], [np.radians(degrees)])]
-    run = simulate_machine(machine_of(rig, routes), {"time_s": time, "motor_angle_rad": motor})
-    plt.plot(np.degrees(motor), np.degrees(run["joint_angle_rad"]), label=f"sheaths bent by {degrees}°")
+    route = Arcs.exact([0.5], [np.radians(degrees)])
+    run = simulate(route, {"time_s": time, "motor_angle_rad": motor}, rig)
+    plt.plot(
+        np.degrees(motor), np.degrees(run.channels["joint_angle_rad"]), label=f"sheaths bent by {degrees}°"
+    )
 plt.xlabel("angle of the motor [°]")
 plt.ylabel("angle of the joint [°]")
 plt.legend()

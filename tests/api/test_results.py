@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import matplotlib as mpl
+import msgspec
 import numpy as np
 import pandas as pd
 import polars as pl
@@ -41,6 +42,26 @@ def followed():
     return follower.result()
 
 
+PAIR = """
+[tendon]
+pretension_N = 4.0
+[drive]
+kind = "pair"
+radius_m = 0.01
+[end]
+kind = "joint"
+radius_m = 0.006
+stiffness_Nm_per_rad = 0.05
+"""
+
+
+def machine_run():
+    motor = {"time_s": TIME, "motor_angle_rad": 0.3 * np.sin(TIME)}
+    return tssgeom.simulate(
+        CAMPAIGN / "route_half_circle.csv", motor, msgspec.toml.decode(PAIR, type=tssgeom.Rig)
+    )
+
+
 @pytest.fixture(scope="module")
 def results():
     """One result of every class that a notebook shows."""
@@ -65,13 +86,17 @@ def results():
         tssgeom.calibrate(run, shape, rig),
         tssgeom.discover(SAMPLES / "campaign_clean"),
         followed(),
+        tssgeom.analyse_all(recording[:12], rig),
+        machine_run(),
+        tssgeom.calibrate([run, run], shape, rig),
     ]
     return {type(each).__name__: each for each in listed}
 
 
 NAMES = [
     *("Recording", "Frame", "FrameResult", "RouteFit", "Route", "CurvatureProfile", "Arcs", "MeasuredRun"),
-    *("Simulation", "Compensation", "Command", "Calibration", "Finding", "FollowedRun"),
+    *("Simulation", "Compensation", "Command", "Calibration", "Finding", "FollowedRun", "RecordingResult"),
+    *("MachineChannels", "MachineCalibration"),
 ]
 
 
@@ -132,6 +157,31 @@ def test_a_plot_is_saved_by_its_ending_and_opens_no_figure(results, ending, tmp_
     assert path.stat().st_size > 1000
     assert plt.get_fignums() == []
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_every_frame_of_a_recording_is_kept_or_rejected(results):
+    kept = results["RecordingResult"]
+    assert len(kept) + len(kept.rejected) == 12
+    assert kept.to_arrow().num_rows == len(kept)
+    assert kept[-1].transmission.tension_in == pytest.approx(kept.to_pandas()["tension_in_N"].iloc[-1])
+
+
+def test_a_machine_is_simulated_commanded_and_calibrated_as_its_commands_do(tmp_path):
+    rig = tmp_path / "rig.toml"
+    rig.write_text(PAIR + '[friction]\ncoefficient = "unknown"\n', "utf-8")
+    shape = CAMPAIGN / "route_half_circle.csv"
+    run = machine_run().channels
+    measured = {
+        name: run[name] for name in ("time_s", "motor_angle_rad", "motor_torque_Nm", "joint_angle_rad")
+    }
+    fitted = tssgeom.calibrate(measured, shape, rig)
+    assert fitted.rig.friction.coefficient == pytest.approx(0.145, rel=0.1)
+    known = msgspec.toml.decode(PAIR, type=tssgeom.Rig)
+    target = {"time_s": TIME, "joint_angle_rad": run["joint_angle_rad"]}
+    commands = tssgeom.compensate(shape, target, known)
+    assert commands.reached.all()
+    again = tssgeom.simulate(shape, {k: commands.channels[k] for k in ("time_s", "motor_angle_rad")}, known)
+    np.testing.assert_allclose(again.channels["joint_angle_rad"], target["joint_angle_rad"], atol=1e-5)
 
 
 def test_what_a_result_has_not_is_one_line_with_what_it_has(results, tmp_path):

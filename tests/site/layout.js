@@ -19,17 +19,47 @@
     return right - left > 1 && bottom - top > 1 ? { left, top, right, bottom } : null;
   };
 
+  const bounds = (corners) => {
+    const xs = corners.map((each) => each.x), ys = corners.map((each) => each.y);
+    return { left: Math.min(...xs), right: Math.max(...xs), top: Math.min(...ys), bottom: Math.max(...ys) };
+  };
+  // how deep two oriented boxes are in each other along an axis of either, over the height of the lower one
+  const depth = (a, b) => {
+    const sides = [a, b].flatMap(({ corners }) => [[corners[0], corners[1]], [corners[0], corners[3]]]);
+    const overlaps = sides.map(([from, to]) => {
+      const length = Math.hypot(to.x - from.x, to.y - from.y) || 1;
+      const along = ({ x, y }) => (x * (to.x - from.x) + y * (to.y - from.y)) / length;
+      const one = a.corners.map(along), other = b.corners.map(along);
+      return Math.min(Math.max(...one), Math.max(...other)) - Math.max(Math.min(...one), Math.min(...other));
+    });
+    return Math.min(...overlaps);
+  };
+  const height = ({ corners }) => Math.hypot(corners[3].x - corners[0].x, corners[3].y - corners[0].y);
+
   const texts = [];
   const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
   while (walker.nextNode()) {
     const node = walker.currentNode, parent = node.parentElement;
     if (!node.textContent.trim() || !parent.checkVisibility({ opacityProperty: true, visibilityProperty: true })) continue;
     if (parent.closest("script, style, noscript, option, dialog:not([open])")) continue;
+    const rotated = parent.closest("svg text"), matrix = rotated && rotated.getScreenCTM();
+    if (rotated && Math.abs(matrix.a * matrix.b) > 1e-6) { // neither level nor upright: an oriented box, once
+      if (texts.some((each) => each.parent === rotated)) continue;
+      const box = rotated.getBBox();
+      const corners = [[0, 0], [1, 0], [1, 1], [0, 1]].map(([x, y]) =>
+        new DOMPoint(box.x + x * box.width, box.y + y * box.height).matrixTransform(matrix));
+      if (!visible(rotated.getBoundingClientRect(), rotated)) continue;
+      texts.push({ ...bounds(corners), corners, parent: rotated, text: rotated.textContent.trim().slice(0, 40) });
+      continue;
+    }
     const range = document.createRange();
     range.selectNodeContents(node);
     for (const box of range.getClientRects()) {
       const inside = visible(box, parent);
-      if (inside) texts.push({ ...inside, parent, text: node.textContent.trim().slice(0, 40) });
+      if (!inside) continue;
+      const { left, top, right, bottom } = inside;
+      const corners = [[left, top], [right, top], [right, bottom], [left, bottom]].map(([x, y]) => ({ x, y }));
+      texts.push({ ...inside, corners, parent, text: node.textContent.trim().slice(0, 40) });
     }
   }
   texts.sort((a, b) => a.top - b.top);
@@ -38,11 +68,11 @@
     for (let j = i + 1; j < texts.length && texts[j].top < a.bottom; j++) {
       const b = texts[j];
       if (a.parent === b.parent || a.parent.contains(b.parent) || b.parent.contains(a.parent)) continue;
-      const across = Math.min(a.right, b.right) - Math.max(a.left, b.left);
-      const down = Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top);
+      if (Math.min(a.right, b.right) - Math.max(a.left, b.left) <= 2) continue;
       // lines of text have leading: a third of the lower one may overlap
-      if (across > 2 && down > 0.35 * Math.min(a.bottom - a.top, b.bottom - b.top))
-        faults.push(`“${a.text}” and “${b.text}” overlap by ${across.toFixed(0)} × ${down.toFixed(0)} px`);
+      const deep = depth(a, b);
+      if (deep > Math.max(2, 0.35 * Math.min(height(a), height(b))))
+        faults.push(`“${a.text}” and “${b.text}” overlap by ${deep.toFixed(0)} px`);
     }
   }
   return faults.slice(0, 12);

@@ -34,13 +34,25 @@ def browser():
 
 
 @pytest.fixture(scope="module")
-def report(tmp_path_factory):
+def reports(tmp_path_factory):
+    """The page of a batch, and that of a finding."""
     out = tmp_path_factory.mktemp("results")
     shapes = [str(ROOT / "sample_shapes" / f"{name}.csv") for name in ("helix", "setup_a", "colon_markers")]
     with pytest.raises(SystemExit) as end:
         main(["batch", *shapes, "--out", str(out), "--quiet"])
     assert end.value.code == 0
-    return out / "report.html"
+    with pytest.raises(SystemExit) as end:
+        main(
+            [
+                "discover",
+                str(ROOT / "sample_shapes/campaign_hidden_bend"),
+                "--out",
+                str(out / "finding"),
+                "--quiet",
+            ]
+        )
+    assert end.value.code == 0
+    return {"batch": out / "report.html", "finding": out / "finding" / "report.html"}
 
 
 @built
@@ -55,11 +67,26 @@ def test_a_page_has_no_error_and_no_text_that_is_cut_or_covered(browser, page):
 
 
 @needs_chromium
+@pytest.mark.parametrize("name", ["batch", "finding"])
+@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
 @pytest.mark.parametrize("width", WIDTHS)
-def test_the_report_of_a_batch_has_no_error_and_no_text_that_is_cut_or_covered(browser, report, width):
-    browser.open(report, width)
+def test_a_report_has_no_error_and_no_text_that_is_cut_or_covered(browser, reports, name, width, dark):
+    browser.open(reports[name], width, dark=dark)
+    browser.run("document.querySelectorAll('details').forEach((each) => { each.open = true; })")
     assert browser.problems == []
     assert browser.run(LAYOUT) == []
+    ground = browser.run("getComputedStyle(document.body).backgroundColor")
+    assert (ground == "rgb(255, 255, 255)") != dark
+
+
+@needs_chromium
+def test_rotated_labels_collide_by_their_own_boxes(browser, tmp_path):
+    label = "<text font-size='12' transform='translate({},90) rotate(-35)'>a long label</text>"
+    for apart, collide in ((30, False), (5, True)):
+        page = tmp_path / f"{apart}.html"
+        page.write_text(f"<svg width='200' height='120'>{label.format(20)}{label.format(20 + apart)}</svg>")
+        browser.open(page, 1280)
+        assert bool(browser.run(LAYOUT)) == collide
 
 
 @needs_chromium

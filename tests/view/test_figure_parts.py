@@ -61,10 +61,14 @@ def test_a_spike_stands_at_the_edge_and_no_other_value_moves() -> None:
     assert np.isnan(at_edge(np.full(3, np.nan), model)).all()
 
 
+_ALONG = (draw_curvature, draw_angle)
+
+
 def test_every_panel_is_plotted_on_the_axes_that_it_gets(moving: list[FrameResult]) -> None:
     run, result = series_of(moving), moving[3]
-    shapes = (draw_route, draw_tension, draw_curvature, draw_angle, draw_resolution)
+    shapes = (draw_route, draw_tension, draw_resolution)
     draws = [lambda axes, draw=draw: draw(axes, result) for draw in shapes]
+    draws += [lambda axes, draw=draw: draw(axes, result.profile, result.arcs) for draw in _ALONG]
     draws += [lambda axes, q=q: draw_over_time(axes, run, q) for q in (TENSION_OUT, ELONGATION, ANGLE)]
     draws += [lambda axes, q=q: draw_over_drive(axes, run, q) for q in (TENSION_OUT, ELONGATION)]
     for draw in draws:
@@ -72,5 +76,5 @@ def test_every_panel_is_plotted_on_the_axes_that_it_gets(moving: list[FrameResul
             axes = drawing.subplots()
             returned: Axes = draw(axes)
         assert returned is axes
-        assert drawing.axes == [axes]
+        assert drawing.axes[0] is axes
         assert faults(drawing) == []

@@ -16,8 +16,11 @@ from tssgeom.view.report.report import rendered, write_report
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here to open the page in")
 
-MEASURE = """<script>
+LISTEN = """<script>
 addEventListener("error", (event) => { document.title = "error: " + event.message; });
+</script>"""
+"""Stands before the page, so that it gets every error of the page's own scripts."""
+MEASURE = """<script>
 document.querySelectorAll("details.input").forEach((part) => { part.open = true; });
 const wide = [...document.querySelectorAll("body *")].filter((part) => !part.closest("svg"))
   .filter((part) => part.getBoundingClientRect().right > document.documentElement.clientWidth + 1)
@@ -60,7 +63,7 @@ def chromium(folder: Path, *options: str) -> str:
 @pytest.mark.parametrize("width", [1280, 1920])
 def test_nothing_is_cut_or_covered_and_no_script_fails(page: Path, tmp_path: Path, width: int) -> None:
     copy = tmp_path / "report.html"
-    copy.write_text(page.read_text("utf-8") + MEASURE, "utf-8")
+    copy.write_text(page.read_text("utf-8").replace("<head>", f"<head>{LISTEN}") + MEASURE, "utf-8")
     text = chromium(tmp_path, f"--window-size={width},900", "--dump-dom", copy.as_uri())
     measured = re.search(r'data-measured="([^"]*)"', text)
     assert measured is not None

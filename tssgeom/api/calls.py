@@ -5,22 +5,24 @@ What a call needs is imported when it runs, so that `import tssgeom` and `analys
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
 from tssgeom import analysis
 from tssgeom.errors import SettingsError
-from tssgeom.stream import Frame, FrameResult
+from tssgeom.stream import Frame, FrameResult, Rejected
 
 if TYPE_CHECKING:
     from tssgeom.api.inputs import RigGiven, RunGiven, ShapesGiven
+    from tssgeom.api.runs import RecordingResult
     from tssgeom.arrays import Points, Vector
     from tssgeom.identify.calibrated_run import Measured
     from tssgeom.identify.calibration import Calibration
     from tssgeom.identify.campaign import Campaign
     from tssgeom.identify.finding import Finding
+    from tssgeom.identify.machine_estimates import MachineCalibration
     from tssgeom.identify.proposal import Asked
     from tssgeom.route.pieces import Arcs
 
@@ -41,7 +43,7 @@ def analyse(
         [n, 3] Sensed points from the proximal to the distal end, n >= 4; a row of NaN is a missing point [m].
         Or a `Frame`, which also holds what was measured beside the points. Or the path of a file of sensed
         shapes (docs/formats.md): of a recording the tendon goes through all frames, and the result is that of
-        the last usable one; `process` gives all.
+        the last usable one; `analyse_all` gives all.
     rig
         Tendon, friction, load and sensors, or the path of a rig file; that of the paper by default.
     tension_in
@@ -98,25 +100,88 @@ def analyse(
     return last_result(read(points, unit), rig, tension_in)
 
 
+def analyse_all(
+    frames: Iterable[Frame | Rejected] | str | Path,
+    rig: RigGiven = None,
+    *,
+    tension_in: float = 15.0,
+    unit: str | None = None,
+) -> RecordingResult:
+    """Carry a tendon through all frames of a recording, and keep every result.
+
+    Parameters
+    ----------
+    frames
+        The recording: its path, what `read` returns, or any frames in order of time. A recording too long to
+        be kept whole is for `process`, which yields one result after the other.
+    rig
+        Tendon, friction, load and sensors, or the path of a rig file; that of the paper by default.
+    tension_in
+        Total tension at the proximal end for frames that bring no drive [N].
+    unit
+        Unit of length, "mm" or "m", of a file that states none.
+
+    Returns
+    -------
+    RecordingResult
+        A sequence of `FrameResult`; a frame that cannot be used is among its `rejected`.
+
+    Raises
+    ------
+    ShapeError, SourceError
+        Where the file cannot be read.
+    SettingsError
+        Where the rig cannot be used.
+
+    Notes
+    -----
+    Source: docs/model.md; the points of each frame are filtered also by those after it, (162).
+
+    Examples
+    --------
+    >>> from tssgeom import analyse_all
+    >>> result = analyse_all("sample_shapes/insertion.jsonl")
+    >>> len(result), result.plots
+    (600, ('tension', 'elongation', 'angle', 'transmission', 'elongation_loop'))
+    """
+    from collections import Counter
+
+    from tssgeom.api.inputs import read, rig_of
+    from tssgeom.api.runs import RecordingResult
+    from tssgeom.engine import recorded
+    from tssgeom.io.formats.recording import Recording, in_order
+
+    frames = read(frames, unit) if isinstance(frames, str | Path) else frames
+    of = frames if isinstance(frames, Recording) else None
+    items = list(recorded(in_order(frames), rig_of(rig), tension_in=tension_in))
+    results = tuple(each for each in items if isinstance(each, FrameResult))
+    rejected = tuple(each for each in items if isinstance(each, Rejected))
+    warnings = tuple(Counter(text for each in results for text in each.warnings))
+    name, own = ("", ()) if of is None else (of.name, of.warnings)
+    return RecordingResult(results, name, rejected, (*own, *warnings))
+
+
 def calibrate(
-    measured: Measured | RunGiven,
-    arcs: Arcs | ShapesGiven,
+    measured: Measured | RunGiven | list[RunGiven],
+    arcs: Arcs | ShapesGiven | list[ShapesGiven] | None,
     rig: RigGiven = None,
     *,
     from_tension: float = 4.0,
     progress: Callable[[str, float], object] = lambda step, share: None,
     unit: str | None = None,
-) -> Calibration:
-    """Fit friction, compliance and zeros to a run of one tendon.
+) -> Calibration | MachineCalibration:
+    """Fit friction, compliance and zeros to a run; or a machine and unknown numbers of a rig to runs.
 
     Parameters
     ----------
     measured
         Drive and responses of the run: `Measured`, a path, a `MeasuredRun`, or columns such as a data frame
-        with `time_s`, `tension_in_N` or else `displacement_in_m`, and `tension_out_N` or `elongation_m`.
+        with `time_s`, `tension_in_N` or else `displacement_in_m`, and `tension_out_N` or `elongation_m`. Or a
+        list of runs, which are fitted together.
     arcs
         The route, with the covariance of its pieces. Or the shape: a path, `Frame` or `FrameResult`; of a
-        recording the last frame.
+        recording the last frame. Or a list of routes, one a run or one a tendon; None where the rig has its
+        own angle (docs/machines.md).
     rig
         Nominal rig, or the path of its file: pretension, load and the standard deviation of the angle gain
         are taken from it; that of the paper by default.
@@ -129,8 +194,10 @@ def calibrate(
 
     Returns
     -------
-    Calibration
-        `estimates` with 95 % intervals by name; `applied(rig)` gives the rig with them.
+    Calibration or MachineCalibration
+        `estimates` with 95 % intervals by name; `applied(rig)` gives the rig with them. Of several runs, of a
+        rig with several tendons, a joint or a segment, and of one whose file has numbers that are "unknown"
+        or have an `sd`, a `MachineCalibration`: its `estimates`, and the `rig` with them.
 
     Raises
     ------
@@ -159,21 +226,32 @@ def calibrate(
     >>> print(f"{calibrate(measured, route).estimates['friction'].value:.3f}")
     0.145
     """
-    from tssgeom.api.inputs import measured_of, require_one_tendon, rig_of, route_of, run_of, warnings_of_run
+    from tssgeom.api.inputs import measured_of, route_of, run_of, uncertain_rig_of, warnings_of_run
     from tssgeom.identify import calibration
     from tssgeom.identify.calibrated_run import Measured
     from tssgeom.route.pieces import Arcs
 
-    rig = rig_of(rig)
-    require_one_tendon(rig, "calibrate")
-    route = arcs if isinstance(arcs, Arcs) else route_of(arcs, rig, unit).arcs[-1]
+    rig, uncertain = uncertain_rig_of(rig, may_be_unknown=True)
+    several = isinstance(measured, list | tuple) or isinstance(arcs, list | tuple | None)
+    if several or uncertain or rig.is_machine:
+        from tssgeom.api.machine_calls import fitted_machine
+
+        runs = [run_of(each, rig) for each in _listed(measured)]
+        routes = [route_of(each, rig, unit).arcs[-1] for each in _listed(arcs)]
+        return fitted_machine(runs, routes, rig, uncertain, progress)
+    one: Any = measured
+    route = arcs if isinstance(arcs, Arcs) else route_of(cast("Any", arcs), rig, unit).arcs[-1]
     warnings: tuple[str, ...] = ()
-    if not isinstance(measured, Measured):
-        run = run_of(measured, rig)
+    if not isinstance(one, Measured):
+        run = run_of(one, rig)
         warnings = warnings_of_run(run, rig, route_of(route, rig), fitted=True)
-        measured = measured_of(run)
-    fitted = calibration.calibrate(measured, route, rig, from_tension=from_tension, progress=progress)
+        one = measured_of(run)
+    fitted = calibration.calibrate(one, route, rig, from_tension=from_tension, progress=progress)
     return replace(fitted, warnings=(*warnings, *fitted.warnings))
+
+
+def _listed(given: Any) -> list[Any]:
+    return list(given) if isinstance(given, list | tuple) else [] if given is None else [given]
 
 
 def discover(

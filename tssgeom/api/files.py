@@ -91,10 +91,10 @@ def _finite(value: Any) -> Any:
 
 
 def _save_picture(result: object, path: Path) -> None:
-    from tssgeom.view.figures.on_axes import SIZE, figure, save
+    from tssgeom.view.figures.plots import NOTEBOOK, figure, save
 
     draw = drawing(result, None)
-    with figure(SIZE) as canvas:
+    with figure(NOTEBOOK) as canvas:
         draw(canvas.subplots())
     with replacing(path) as draft:
         save(canvas, draft)

@@ -12,7 +12,7 @@ from msgspec.structs import replace as changed
 
 from tssgeom.arrays import Vector
 from tssgeom.engine import recorded
-from tssgeom.errors import SettingsError, ShapeError
+from tssgeom.errors import ShapeError
 from tssgeom.identify.calibrated_run import Measured
 from tssgeom.io.formats.files import open_recording
 from tssgeom.io.formats.laboratory.mapping import ColumnMap
@@ -113,22 +113,14 @@ def rig_of(rig: RigGiven) -> Rig:
     return rig if isinstance(rig, Rig) else read_rig(rig)
 
 
-def uncertain_rig_of(rig: RigGiven) -> tuple[Rig, tuple[Uncertain, ...]]:
+def uncertain_rig_of(rig: RigGiven, *, may_be_unknown: bool = False) -> tuple[Rig, tuple[Uncertain, ...]]:
     """Return a rig as `rig_of` does, and what of it is not certain; errors as `read_rig`."""
     if rig is None or isinstance(rig, Rig):
         return rig_of(rig), ()
     known, uncertain = read_uncertain_rig(rig)
-    require_known(rig, uncertain)
+    if not may_be_unknown:
+        require_known(rig, uncertain)
     return known, uncertain
-
-
-def require_one_tendon(rig: Rig, call: str) -> None:
-    """Refuse a rig of several tendons, a joint or a segment, with a SettingsError."""
-    if rig.is_machine:
-        raise SettingsError(
-            f"{call}: the rig has [drive] or [end], and so more than one tendon on a spring: use the command "
-            f"tssgeom {call}"
-        )
 
 
 @dataclass(frozen=True, slots=True)

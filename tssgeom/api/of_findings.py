@@ -53,9 +53,14 @@ def _calibration_table(fitted: Calibration) -> pa.Table:
 
 
 def _of_calibration(fitted: Calibration) -> Drawings:
-    from tssgeom.view.figures import on_axes
+    from tssgeom.view.figures import calibration
 
-    return {each.name: partial(on_axes.draw_fit, fitted=fitted, name=each.name) for each in fitted.channels}
+    parts = {"": calibration.draw_fit, "_loop": calibration.draw_loop, "_residual": calibration.draw_residual}
+    return {
+        f"{each.name}{part}": partial(draw, fitted=fitted, channel=each)
+        for part, draw in parts.items()
+        for each in fitted.channels
+    }
 
 
 def _finding(finding: Finding) -> Numbers:
@@ -105,9 +110,15 @@ def _finding_object(finding: Finding) -> Any:
 
 
 def _of_finding(finding: Finding) -> Drawings:
-    from tssgeom.view.figures import on_axes
+    from tssgeom.view.figures import finding as figures
+    from tssgeom.view.figures.ranking import draw_ranking
 
-    return {"ranking": partial(on_axes.draw_ranking, finding=finding)}
+    drawings: dict[str, Any] = {"ranking": partial(draw_ranking, finding=finding)}
+    for name in figures.displayed_channels(figures.judged(finding)):
+        drawings[f"{name}_loop"] = partial(figures.draw_loops, finding=finding, name=name)
+    for name in figures.measured_channels(finding.traces):
+        drawings[f"{name}_residual"] = partial(figures.draw_residual, finding=finding, name=name)
+    return drawings
 
 
 PRESENTATIONS = {

@@ -114,37 +114,44 @@ def _result_object(result: FrameResult) -> Any:
 
 
 def _along(route: Route | None, profile: CurvatureProfile | None, arcs: Arcs | None) -> Drawings:
-    from tssgeom.view.figures import on_axes
+    from tssgeom.view.figures.sensed import draw_points
+    from tssgeom.view.figures.shapes import draw_angle, draw_curvature
 
     drawings: dict[str, Any] = {}
     if profile is not None or arcs is not None:
-        drawings["curvature"] = partial(on_axes.draw_curvature, profile=profile, arcs=arcs)
+        drawings["curvature"] = partial(draw_curvature, profile=profile, arcs=arcs)
     if profile is not None:
-        drawings["angle"] = partial(on_axes.draw_angle, profile=profile)
+        drawings["angle"] = partial(draw_angle, profile=profile, arcs=arcs)
     if route is not None:
-        drawings["route"] = partial(on_axes.draw_points, frames=[route.position], label="Route")
+        drawings["route"] = partial(draw_points, frames=[route.position], label="Route")
     return drawings
 
 
 def _of_result(result: FrameResult) -> Drawings:
-    from tssgeom.view.figures import on_axes
+    from tssgeom.view.figures.route import draw_route
+    from tssgeom.view.figures.shapes import draw_resolution, draw_tension
 
-    tension = partial(on_axes.draw_tension, result=result)
-    return {"tension": tension, **_along(result.route, result.profile, result.arcs)}
+    return {
+        "tension": partial(draw_tension, result=result),
+        **_along(None, result.profile, result.arcs),
+        "route": partial(draw_route, result=result),
+        "resolution": partial(draw_resolution, result=result),
+        "points": _of_frame(result.frame)["points"],
+    }
 
 
 def _of_frame(frame: Frame) -> Drawings:
-    from tssgeom.view.figures import on_axes
+    from tssgeom.view.figures.sensed import draw_components, draw_points
 
     if frame.curvatures is None:
-        return {"points": partial(on_axes.draw_points, frames=[frame.points], label="Sensed points")}
+        return {"points": partial(draw_points, frames=[frame.points], label="Sensed points")}
     count = len(frame.curvatures)
     stations = np.arange(count, dtype=np.float64) if frame.stations is None else frame.stations
-    return {"curvature": partial(on_axes.draw_components, stations=stations, curvatures=frame.curvatures)}
+    return {"points": partial(draw_components, stations=stations, curvatures=frame.curvatures)}
 
 
 def _of_recording(recording: Recording) -> Drawings:
-    from tssgeom.view.figures import on_axes
+    from tssgeom.view.figures.sensed import draw_points
 
     stride = -(-recording.frame_count // _MOST_PLOTTED) or 1
     frames = [each for each in islice(recording, 0, None, stride) if isinstance(each, Frame)]
@@ -152,7 +159,7 @@ def _of_recording(recording: Recording) -> Drawings:
         return _of_frame(frames[0])
     label = f"Sensed points of {len(frames)} of {recording.frame_count} frames, the last ones yellow"
     label = "Sensed points" if recording.frame_count == 1 else label
-    return {"points": partial(on_axes.draw_points, frames=[each.points for each in frames], label=label)}
+    return {"points": partial(draw_points, frames=[each.points for each in frames], label=label)}
 
 
 PRESENTATIONS = {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -10,15 +11,18 @@ import numpy as np
 
 from tssgeom.adapt.offline import FollowedRun
 from tssgeom.api.presentation import Drawings, Numbers, Presentation
-from tssgeom.api.runs import Compensation, Simulation
+from tssgeom.api.runs import Compensation, RecordingResult, Simulation
 from tssgeom.arrays import Vector
 from tssgeom.io.formats.runs import MeasuredRun
 from tssgeom.tendon.command import Command
-from tssgeom.tendon.command_error import bound
+from tssgeom.view.quantities import ANGLE, ELONGATION, TENSION_OUT
 from tssgeom.view.wording import with_error
 
 if TYPE_CHECKING:
     import pyarrow as pa
+    from matplotlib.axes import Axes
+
+    from tssgeom.view.report.entry import Series
 
 _TENSIONS = ("tension_in_N", "tension_out_N")
 _SIMULATED = ("elongation_m", "displacement_in_m", "displacement_out_m")
@@ -64,13 +68,41 @@ def _simulation_table(simulation: Simulation) -> pa.Table:
 
 
 def _of_simulation(simulation: Simulation) -> Drawings:
-    columns = _columns(simulation)
-    return _over_time(columns["time_s"], columns, {} if simulation.run is None else simulation.run.columns)
+    from tssgeom.view.report.entry import Series
+
+    columns, measured = _columns(simulation), {} if simulation.run is None else simulation.run.columns
+    blank = np.full(len(simulation), np.nan)
+    series = Series.of(
+        columns["time_s"].tolist(),
+        [each.transmission for each in simulation],
+        measured.get("tension_out_N", blank).tolist(),
+        measured.get("elongation_m", blank).tolist(),
+        simulation.angles,
+    )
+    return {**_of_series(series), "displacement": _over_time(series.time, columns, measured)["displacement"]}
+
+
+def _of_series(run: Series) -> Drawings:
+    """Return the plots of tension, elongation and, where it moves, Φ, over time and over the drive."""
+    from tssgeom.view.figures.runs import draw_over_drive, draw_over_time
+
+    over_time = {"tension": TENSION_OUT, "elongation": ELONGATION}
+    over_time |= {} if run.angle is None else {"angle": ANGLE}
+    over_drive = {"transmission": TENSION_OUT, "elongation_loop": ELONGATION}
+    return {
+        name: _with_legend(partial(draw, run=run, quantity=quantity))
+        for draw, named in ((draw_over_time, over_time), (draw_over_drive, over_drive))
+        for name, quantity in named.items()
+    }
+
+
+def _with_legend(draw: Callable[[Axes], Axes]) -> Callable[[Axes], object]:
+    return lambda axes: draw(axes).legend()
 
 
 def _over_time(time: Vector, columns: dict[str, Vector], measured: dict[str, Vector]) -> Drawings:
-    """Return plots over time, of tensions and of lengths, and the loops over the proximal tension."""
-    from tssgeom.view.figures import on_axes
+    """Return plots over time, of tensions and of lengths."""
+    from tssgeom.view.figures.runs import draw_channels
 
     drawings: dict[str, Any] = {}
     groups = {"tension": _TENSIONS, "elongation": ("elongation_m",)}
@@ -79,13 +111,35 @@ def _over_time(time: Vector, columns: dict[str, Vector], measured: dict[str, Vec
         lines = {each: columns[each] for each in wanted if each in columns}
         dots = {each: measured[each] for each in wanted if each in measured}
         if lines or dots:
-            drawings[name] = partial(on_axes.draw_channels, time=time, channels=lines, measured=dots)
-    pull = columns.get("tension_in_N")
-    for name, each in (("transmission", "tension_out_N"), ("elongation_loop", "elongation_m")):
-        if pull is not None and each in columns:
-            across, up = ("tension_in_N", pull), (each, columns[each])
-            drawings[name] = partial(on_axes.draw_loop, across=across, up=up)
+            drawings[name] = partial(draw_channels, time=time, channels=lines, readings=dots)
     return drawings
+
+
+def _recording(result: RecordingResult) -> Numbers:
+    numbers = _rows(len(result), np.array([each.frame.time for each in result]))
+    numbers += [("rejected", str(len(result.rejected)))] if result.rejected else []
+    if not len(result):
+        return numbers
+    ends = [each.transmission for each in result]
+    return [
+        *numbers,
+        ("Φ", _range(np.array([each.arcs.total_angle for each in result]), "rad", 1.0, 3)),
+        ("T_in", _range(np.array([each.tension_in for each in ends]), "N")),
+        ("T_out", _range(np.array([each.tension_out for each in ends]), "N")),
+        ("δ", _range(np.array([each.elongation for each in ends]), "mm", 1e3, 3)),
+    ]
+
+
+def _recording_table(result: RecordingResult) -> pa.Table:
+    from tssgeom.io.results.geometry import frames_table
+
+    return frames_table(result.rows)
+
+
+def _of_recording(result: RecordingResult) -> Drawings:
+    from tssgeom.view.report.entry import series_of
+
+    return _of_series(series_of(result.rows)) if len(result) else {}
 
 
 def _command(command: Command) -> Numbers:
@@ -126,23 +180,16 @@ def _compensation_table(run: Compensation) -> pa.Table:
 
 
 def _of_compensation(run: Compensation) -> Drawings:
-    from tssgeom.view.figures import on_axes
+    from tssgeom.view.figures.commands import draw_commands, draw_missed
+    from tssgeom.view.figures.runs import draw_channels
 
-    name = "tension_out_N" if run.by_tension else "displacement_out_m"
-    if run.by_tension:
-        reached = np.array([each.tension_reached for each in run])
-        error = np.array([bound(each.tension_out_se) for each in run])
-    else:
-        reached = np.array([each.displacement_reached for each in run])
-        error = np.array([bound(each.displacement_out_se) for each in run])
-    result = partial(
-        on_axes.draw_commands, time=run.time, reached=reached, error=error, target=run.target, name=name
-    )
+    given = {"time": run.time, "target": run.target, "commands": run.rows, "by_tension": run.by_tension}
     drive = {"displacement_in_m": np.array([each.displacement_in for each in run])}
     pull = {"tension_in_N": np.array([each.tension_in for each in run])}
-    over_time = partial(on_axes.draw_channels, time=run.time, measured={})
+    over_time = partial(draw_channels, time=run.time, readings={})
     return {
-        "result": result,
+        "result": _with_legend(partial(draw_commands, **given)),
+        "missed": partial(draw_missed, **given),
         "drive": partial(over_time, channels=drive),
         "tension": partial(over_time, channels=pull),
     }
@@ -164,10 +211,11 @@ def _of_run(run: MeasuredRun) -> Drawings:
     return _over_time(run.time, {}, run.columns)
 
 
-def _followed_columns(run: FollowedRun) -> dict[str, Vector]:
-    names = ("tension_in_N", "tension_out_N", "displacement_in_m", "displacement_out_m")
-    columns = {name: run.ends[:, k] for k, name in enumerate(names)}
-    return {**columns, "elongation_m": run.ends[:, 2] - run.ends[:, 3]}
+def _of_followed(run: FollowedRun) -> Drawings:
+    from tssgeom.view.figures.adapt import draw_followed_tension, draw_number
+
+    numbers = {key: _with_legend(partial(draw_number, run=run, key=key)) for key in run.keys}
+    return {**numbers, "tension": partial(draw_followed_tension, run=run)}
 
 
 def _followed(run: FollowedRun) -> Numbers:
@@ -185,13 +233,14 @@ def _followed_table(run: FollowedRun) -> pa.Table:
 
 
 PRESENTATIONS = {
+    "RecordingResult": Presentation(
+        _recording, _recording_table, _of_recording, heading=lambda result: result.name
+    ),
     "Simulation": Presentation(
         _simulation, _simulation_table, _of_simulation, heading=lambda run: run.run.name if run.run else ""
     ),
     "Command": Presentation(_command, _command_table, lambda command: {}),
     "Compensation": Presentation(_compensation, _compensation_table, _of_compensation),
     "MeasuredRun": Presentation(_run, _run_table, _of_run, heading=lambda run: run.name),
-    "FollowedRun": Presentation(
-        _followed, _followed_table, lambda run: _over_time(run.time, _followed_columns(run), {})
-    ),
+    "FollowedRun": Presentation(_followed, _followed_table, _of_followed),
 }

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 Numbers: TypeAlias = list[tuple[str, str]]
 """Symbols, and values with their units as text."""
-Drawings: TypeAlias = "Mapping[str, Callable[[Axes], None]]"
+Drawings: TypeAlias = "Mapping[str, Callable[[Axes], object]]"
 """What draws each plot on axes, by its name; the default first."""
 
 _MOST_LETTERS = 160
@@ -46,7 +46,8 @@ class Presentation(NamedTuple):
 
 _MODULES = {
     "of_frames": "Arcs CurvatureProfile Frame FrameResult Recording Route RouteFit",
-    "of_runs": "Command Compensation FollowedRun MeasuredRun Simulation",
+    "of_runs": "Command Compensation FollowedRun MeasuredRun RecordingResult Simulation",
+    "of_machines": "MachineCalibration MachineChannels",
     "of_findings": "Calibration Finding",
 }
 _MODULE_OF = {name: f"tssgeom.api.{module}" for module, names in _MODULES.items() for name in names.split()}
@@ -101,18 +102,18 @@ def plots(result: object) -> tuple[str, ...]:
 def plot(result: object, axes: Axes | None, what: str | None) -> Axes:
     """Draw a result on axes, or on those of a new figure of pyplot, and return them."""
     draw = drawing(result, what)
-    from tssgeom.view.figures.on_axes import new_axes, style
+    from tssgeom.view.figures.plots import new_axes, style
+    from tssgeom.view.figures.restyle import set_subscripts
 
-    if axes is not None:
-        draw(axes)
-        return axes
-    with style():
-        axes = new_axes()
-        draw(axes)
+    if axes is None:
+        with style():
+            return plot(result, new_axes(), what)
+    draw(axes)
+    set_subscripts(axes)
     return axes
 
 
-def drawing(result: object, what: str | None) -> Callable[[Axes], None]:
+def drawing(result: object, what: str | None) -> Callable[[Axes], object]:
     """Return what draws a plot of a result.
 
     Raises

@@ -12,6 +12,7 @@ from tssgeom.errors import SettingsError
 
 if TYPE_CHECKING:
     from tssgeom.api.inputs import RigGiven, RunGiven, ShapesGiven
+    from tssgeom.api.machine_calls import MachineChannels
     from tssgeom.api.runs import Compensation, Simulation
     from tssgeom.arrays import Vector
     from tssgeom.route.pieces import Arcs
@@ -46,7 +47,7 @@ def simulate(
     *,
     state: TendonState | None = None,
     unit: str | None = None,
-) -> Simulation: ...
+) -> Simulation | MachineChannels: ...
 def simulate(  # pyright: ignore[reportInconsistentOverload]
     time: Any,
     route: Any,
@@ -57,7 +58,7 @@ def simulate(  # pyright: ignore[reportInconsistentOverload]
     temperature: Vector | None = None,
     state: TendonState | None = None,
     unit: str | None = None,
-) -> Simulation:
+) -> Simulation | MachineChannels:
     """Drive a tendon through a run.
 
     Call `simulate(time, route, rig, tension_in=...)`, or `simulate(shapes, run, rig)`.
@@ -83,14 +84,14 @@ def simulate(  # pyright: ignore[reportInconsistentOverload]
 
     Returns
     -------
-    Simulation
-        A sequence with one `Moment` for each time.
+    Simulation or MachineChannels
+        A sequence with one `Moment` for each time. Of a rig with several tendons, a joint or a segment the
+        `channels` over time, on the first route of a recording.
 
     Raises
     ------
     SettingsError, FitError
-        As `tssgeom.step`; where the sensor of the drive lags, the run is refused (docs/checks.md) or the rig
-        is of several tendons.
+        As `tssgeom.step`; where the sensor of the drive lags, or the run is refused (docs/checks.md).
     ShapeError, SourceError
         Where a file cannot be used.
 
@@ -110,36 +111,39 @@ def simulate(  # pyright: ignore[reportInconsistentOverload]
     >>> [round(1e3 * float(moment.transmission.elongation), 3) for moment in run]
     [0.0, 1.904, 1.728]
     """
-    from tssgeom.api.inputs import (
-        require_one_tendon,
-        rig_of,
-        route_of,
-        run_of,
-        temperature_of,
-        warnings_of_run,
-    )
+    from tssgeom.api.inputs import rig_of, route_of, run_of, temperature_of, warnings_of_run
     from tssgeom.api.runs import Simulation
     from tssgeom.tendon import simulation
     from tssgeom.tendon.moving import MovingRoute
 
     rig = rig_of(rig)
-    require_one_tendon(rig, "simulate")
     columns: dict[str, Any] = {
         "tension_in": tension_in,
         "displacement_in": displacement_in,
         "temperature": temperature,
     }
     if isinstance(route, MovingRoute):
-        return Simulation(tuple(simulation.simulate(time, route, rig, **columns, state=state)))
+        rows = simulation.simulate(time, route, rig, **columns, state=state)
+        return Simulation(tuple(rows), angles=_angles(route, time))
     if any(each is not None for each in columns.values()):
         raise SettingsError("simulate: the run brings its drive: leave tension_in and displacement_in out")
     run, moving = run_of(route, rig), route_of(time, rig, unit)
+    if rig.is_machine:
+        from tssgeom.api.machine_calls import machine_on, simulated_machine
+
+        return simulated_machine(run, machine_on(moving.arcs[:1], rig))
     warnings = warnings_of_run(run, rig, moving, fitted=False)
     name, drive = run.channel(_DRIVES)
     columns = {name.rpartition("_")[0]: drive, "temperature": temperature_of(run, rig)}
-    return Simulation(
-        tuple(simulation.simulate(run.time, moving, rig, **columns, state=state)), run, warnings
-    )
+    rows = simulation.simulate(run.time, moving, rig, **columns, state=state)
+    return Simulation(tuple(rows), run, _angles(moving, run.time), warnings)
+
+
+def _angles(route: MovingRoute, time: Vector) -> tuple[tuple[float, float], ...]:
+    """Return the curve angle and its standard error at each time [rad]; nothing where the route stands."""
+    if len(route.arcs) == 1:
+        return ()
+    return tuple((each.total_angle, each.total_angle_se) for each in map(route.at, time.tolist()))
 
 
 @overload
@@ -168,7 +172,7 @@ def compensate(
     tolerance: float | None = None,
     policy: Policy = "cross",
     unit: str | None = None,
-) -> Compensation: ...
+) -> Compensation | MachineChannels: ...
 def compensate(  # pyright: ignore[reportInconsistentOverload]
     state: Any,
     arcs: Any,
@@ -178,7 +182,7 @@ def compensate(  # pyright: ignore[reportInconsistentOverload]
     policy: Policy = "cross",
     unit: str | None = None,
     **options: Any,
-) -> Command | Compensation:
+) -> Command | Compensation | MachineChannels:
     """Return what the drive has to do for a target of the distal end.
 
     Call `compensate(state, arcs, rig, displacement_out=...)` for one move, or
@@ -191,7 +195,8 @@ def compensate(  # pyright: ignore[reportInconsistentOverload]
         `MovingRoute`.
     arcs
         The route after the move. After shapes, the targets instead: a path, a `MeasuredRun`, or columns such
-        as a data frame with `time_s` and `displacement_out_m` or else `tension_out_N`.
+        as a data frame with `time_s` and `displacement_out_m` or else `tension_out_N`, or of a joint
+        `joint_angle_rad`.
     rig
         Tendon, friction, load and effects, or the path of a rig file, whose errors then count in those of the
         commands; that of the paper by default.
@@ -208,14 +213,14 @@ def compensate(  # pyright: ignore[reportInconsistentOverload]
 
     Returns
     -------
-    Command or Compensation
-        The command of one move; of a run a sequence of them.
+    Command, Compensation or MachineChannels
+        The command of one move; of a run a sequence of them; of a rig with a joint the `channels` over time.
 
     Raises
     ------
     SettingsError
-        Where not exactly one target is given, where no proximal tension can reach it, where the command is
-        beyond reason (docs/checks.md), or the rig is of several tendons.
+        Where not exactly one target is given, where no proximal tension can reach it, or where the command is
+        beyond reason (docs/checks.md).
     FitError
         Where a moving route has no equilibrium.
     ShapeError, SourceError
@@ -236,7 +241,7 @@ def compensate(  # pyright: ignore[reportInconsistentOverload]
     >>> print(f"{1e3 * command.displacement_in:.2f} mm, {command.tension_in:.2f} N")
     6.00 mm, 7.89 N
     """
-    from tssgeom.api.inputs import require_one_tendon, rig_of
+    from tssgeom.api.inputs import rig_of
     from tssgeom.tendon import command
     from tssgeom.tendon.state import TendonState
 
@@ -252,9 +257,14 @@ def compensate(  # pyright: ignore[reportInconsistentOverload]
     from tssgeom.tendon.simulation import commands
 
     known, uncertain = uncertain_rig_of(rig)
-    require_one_tendon(known, "compensate")
-    commander = commander_of(known, uncertain, tolerance=tolerance, policy=policy)
     run, moving = run_of(arcs, known), route_of(state, known, unit)
+    if known.is_machine:
+        if tolerance is not None or policy != "cross":
+            raise SettingsError("compensate: tolerance and policy are for one tendon: leave them out")
+        from tssgeom.api.machine_calls import commanded_machine, machine_on
+
+        return commanded_machine(run, machine_on(moving.arcs[:1], known))
+    commander = commander_of(known, uncertain, tolerance=tolerance, policy=policy)
     warnings = warnings_of_run(run, known, moving, fitted=False)
     name, target = run.channel(_TARGETS)
     given: dict[str, Any] = {name.rpartition("_")[0]: target, "temperature": temperature_of(run, known)}

@@ -1,4 +1,4 @@
-"""Results of `simulate` and `compensate`: all rows of a run."""
+"""Results of `analyse_all`, `simulate` and `compensate`: all rows of a recording or a run."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Generic, TypeVar, overload
 from tssgeom.arrays import Vector
 from tssgeom.io.formats.runs import MeasuredRun
 from tssgeom.result import Result
+from tssgeom.stream import FrameResult, Rejected
 from tssgeom.tendon.command import Command
 from tssgeom.tendon.simulation import Moment
 
@@ -34,6 +35,21 @@ class _Rows(Result, Sequence[Row], Generic[Row]):
 
 
 @dataclass(frozen=True, slots=True, repr=False)
+class RecordingResult(_Rows[FrameResult]):
+    """The results of all frames of a recording: a sequence of `FrameResult`.
+
+    As a table it has the columns of `frames/NAME.parquet` (docs/formats.md).
+    """
+
+    name: str = ""
+    """Name of the recording."""
+    rejected: tuple[Rejected, ...] = ()
+    """Frames that could not be used, with the reason."""
+    warnings: tuple[str, ...] = ()
+    """What to know of the recording and its frames, a sentence each."""
+
+
+@dataclass(frozen=True, slots=True, repr=False)
 class Simulation(_Rows[Moment]):
     """The tendon at each time of a run: a sequence of `Moment`.
 
@@ -42,6 +58,8 @@ class Simulation(_Rows[Moment]):
 
     run: MeasuredRun | None = None
     """The run with what was measured in it; None where only times and a drive were given."""
+    angles: tuple[tuple[float, float], ...] = ()
+    """[n] Curve angle and its standard error at each time, where the route moves [rad]."""
     warnings: tuple[str, ...] = ()
     """What is implausible in the run, a sentence each."""
 

@@ -14,6 +14,7 @@ from tssgeom.arrays import Matrix, Vector
 from tssgeom.identify.fit_quality import ChannelFit, failures, whiteness
 from tssgeom.identify.machine_problem import FIT, FitState, Problem
 from tssgeom.identify.machine_run import MachineRun, routed
+from tssgeom.result import Result
 from tssgeom.rig import Rig, with_values
 from tssgeom.statistics import reading_noise
 
@@ -37,16 +38,18 @@ class MachineEstimate:
     """Whether a number of the rig went as far from what was assumed as a fit goes."""
 
 
-@dataclass(frozen=True, slots=True)
-class MachineCalibration:
+@dataclass(frozen=True, slots=True, repr=False)
+class MachineCalibration(Result):
     """What runs say of a machine."""
 
     estimates: tuple[MachineEstimate, ...]
+    """Every number that was fitted."""
     friction_angle: MachineEstimate
     """μΦ of the first route, what friction takes from a tendon that slides all along [1]."""
     tied: tuple[str, ...]
     """What is known only together, a sentence each."""
     channels: tuple[ChannelFit, ...]
+    """How well each channel is met."""
     held_out: Mapping[str, tuple[float, float]]
     """By channel: rms on samples that were held out, and on those that were fitted without them."""
     rig: Rig
@@ -55,9 +58,11 @@ class MachineCalibration:
     values: tuple[Mapping[tuple[str, str], float], ...]
     """Of each run its zeros and its start, by kind and key, as `machine_run.predicted` takes them."""
     runs: tuple[MachineRun, ...]
+    """The runs on their routes."""
     fitted: tuple[Mapping[str, Vector], ...]
     """What the model gives in each channel of each run."""
     warnings: tuple[str, ...]
+    """What to know of the runs, a sentence each."""
 
     @property
     def failures(self) -> tuple[str, ...]:

@@ -19,12 +19,28 @@ CONTACT = (255, 92, 200)
 BAND = (78, 90, 116)
 GRID = (52, 56, 66)
 
-TENSION_IN = (253, 231, 37)
-TENSION_OUT = (53, 183, 121)
 MEASURED = (205, 208, 214)
-ELONGATION = (86, 180, 233)
-ANGLE = (230, 159, 0)
-ANGLE_BAND = (138, 95, 0)
+
+TENSION_IN, TENSION_OUT, ELONGATION, ANGLE = "#1d2330", "#0072b2", "#d55e00", "#a3508a"
+"""Colours of quantities on white, of Okabe and Ito (Φ darkened); `on_dark` gives those on a dark ground."""
+ANGLE_BAND = (122, 72, 102)
+"""Ends of the band of Φ in a recording."""
+FIRST, SECOND = (86, 180, 233), (230, 159, 0)
+"""Colours of A and B where two things are compared in a recording."""
+
+_ON_DARK = {
+    "#1d2330": "#e6e9ee",
+    "#0072b2": "#3b9ad9",
+    "#a3508a": "#cc79a7",
+    "#d55e00": "#f0803c",
+    "#c9dcea": "#24405a",
+    "#f6f3e6": "#2d2a1c",
+}
+"""Colours of lines and bands, and what replaces them on a dark ground; chosen: of one hue."""
+_GREY = 0.17
+"""Largest difference of the parts of a grey, which a dark ground inverts; chosen: bands are greys."""
+_BLACK, _WHITE = 0.08, 0.93
+"""What white and black become on a dark ground; chosen: the ground is that of the recordings."""
 
 PIECES = ((230, 159, 0), (86, 180, 233), (204, 121, 167), (240, 228, 66), (213, 94, 0), (0, 158, 115))
 """Colours of neighbouring pieces: a selection of Okabe and Ito, distinct to colour-blind people too."""
@@ -70,6 +86,22 @@ def _interpolated(table: NDArray[np.float64], value: Vector, top: float) -> NDAr
     """Return the rows of a table of colours for values from 0 to `top`; beyond them its ends."""
     share = np.clip(np.asarray(value, dtype=np.float64) / top, 0.0, 1.0)
     return table[np.rint(share * (len(table) - 1)).astype(np.intp)]
+
+
+def on_dark(colour: str) -> str:
+    """Return a colour `#rrggbb` for a dark ground: lines lighter, greys inverted, others as they are."""
+    if (listed := _ON_DARK.get(colour)) is not None:
+        return listed
+    parts = np.array(rgb_of(colour)) / 255.0
+    if np.ptp(parts) > _GREY:
+        return colour
+    grey = round(255.0 * float(_WHITE + (_BLACK - _WHITE) * parts.mean()))
+    return css((grey, grey, grey))
+
+
+def rgb_of(colour: str) -> tuple[int, int, int]:
+    """Return red, green and blue of `#rrggbb`."""
+    return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)
 
 
 def piece_rgb(piece: int) -> tuple[int, int, int]:

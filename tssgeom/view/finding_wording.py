@@ -139,8 +139,10 @@ def next_steps(finding: Finding) -> list[str]:
     elif finding.verdict != "unknown" and after > max(MISFIT.floor, MISFIT.same * before):
         names = ", ".join(trace.run for trace in held)
         if finding.is_machine:
-            return [*steps, f"Repeat {names}, and drive it otherwise: the gap there stays."]
-        steps.append(f"Repeat {names}, and add a fitted run on route {held[0].route}: the gap there stays.")
+            return [*steps, f"Repeat {names}, and drive it otherwise: the misfit there stays."]
+        steps.append(
+            f"Repeat {names}, and add a fitted run on route {held[0].route}: the misfit there stays."
+        )
     if not steps and finding.verdict == "law":
         steps.append("Use the new rig within what the law was learnt from; --propose designs the next run.")
     return steps or [
@@ -183,11 +185,11 @@ def _toward_a_name(finding: Finding) -> list[str]:
         best = max(finding.missing_shapes, key=lambda shape: shape.explains)
         steps.append(
             f"Vary {_VARIED[best.over]} and nothing else: friction that depends on it explains "
-            f"{100 * best.explains:.0f} % of the gap."
+            f"{100 * best.explains:.0f} % of the misfit."
         )
     if finding.where:
-        steps.append(f"Look closer at the largest part of the gap: {misfit_cell(finding.where[0])}.")
-    return steps or ["Vary one thing alone (tension, rate, route, cycles), and compare the gap."]
+        steps.append(f"Look closer at the largest part of the misfit: {misfit_cell(finding.where[0])}.")
+    return steps or ["Vary one thing alone (tension, rate, route, cycles), and compare the misfit."]
 
 
 def expected(each: Experiment) -> str:

@@ -25,10 +25,13 @@ class Quantity:
     unit: str
     factor: float
     """Units of a picture in one SI unit [1]."""
-    rgb: tuple[int, int, int]
-    """Colour on the dark ground of a recording."""
     ink: str
-    """Colour on paper."""
+    """Colour on white."""
+
+    @property
+    def rgb(self) -> tuple[int, int, int]:
+        """Colour on the dark ground of a recording."""
+        return colours.rgb_of(colours.on_dark(self.ink))
 
     @property
     def label(self) -> str:
@@ -41,22 +44,20 @@ class Quantity:
         return f"{self.words} {self.label}"
 
 
-TENSION_IN = Quantity("T_in", "input tension", "N", 1.0, colours.TENSION_IN, "#1d2330")
-TENSION_OUT = Quantity("T_out", "output tension", "N", 1.0, colours.TENSION_OUT, "#0072b2")
-ELONGATION = Quantity("δ", "elongation", "mm", 1e3, colours.ELONGATION, "#d55e00")
-DISPLACEMENT_IN = Quantity("x_in", "input displacement", "mm", 1e3, colours.TENSION_IN, "#1d2330")
-DISPLACEMENT_OUT = Quantity("x_out", "output displacement", "mm", 1e3, colours.TENSION_OUT, "#0072b2")
-ANGLE = Quantity("Φ", "curve angle", "°", 57.29577951308232, colours.ANGLE, "#a3508a")
-ARC_LENGTH = Quantity("s", "arc length", "mm", 1e3, colours.AXIS, "#697386")
-CURVATURE_AT = Quantity("κ", "curvature", "1/m", 1.0, colours.SENSED, "#5b6474")
-TENSION_AT = Quantity("T", "tension", "N", 1.0, colours.TENSION_OUT, "#0072b2")
-TIME = Quantity("t", "time", "s", 1.0, colours.AXIS, "#697386")
+_SOFT = "#697386"
+TENSION_IN = Quantity("T_in", "input tension", "N", 1.0, colours.TENSION_IN)
+TENSION_OUT = Quantity("T_out", "output tension", "N", 1.0, colours.TENSION_OUT)
+ELONGATION = Quantity("δ", "elongation", "mm", 1e3, colours.ELONGATION)
+DISPLACEMENT_IN = Quantity("x_in", "input displacement", "mm", 1e3, colours.TENSION_IN)
+DISPLACEMENT_OUT = Quantity("x_out", "output displacement", "mm", 1e3, colours.TENSION_OUT)
+ANGLE = Quantity("Φ", "curve angle", "°", 57.29577951308232, colours.ANGLE)
+ARC_LENGTH = Quantity("s", "arc length", "mm", 1e3, _SOFT)
+CURVATURE_AT = Quantity("κ", "curvature", "1/m", 1.0, "#5b6474")
+TENSION_AT = Quantity("T", "tension", "N", 1.0, colours.TENSION_OUT)
+TIME = Quantity("t", "time", "s", 1.0, _SOFT)
 
 SYMBOL = re.compile(r"(?<![\w$])(Δ?[TxyzbIdθτδμ])_(in|out|tip|[mjs0xyz])(,\d+)?(?![\w.])")
 """A symbol with its subscript, as `T_in` or `T_in,2`: letter, subscript, number."""
-
-FIRST, SECOND = colours.ELONGATION, colours.ANGLE
-"""Colours of A and B where two things are compared."""
 
 CHANNELS = {
     "tension_in_N": TENSION_IN,
@@ -96,4 +97,4 @@ def quantity(name: str) -> Quantity:
     stem, _, unit = name.rpartition("_")
     symbol, words = _OF_MACHINES.get(stem, (stem.replace("_", " "),) * 2)
     pictured, factor = _PICTURED.get(unit, (unit, 1.0))
-    return Quantity(symbol, words, pictured, factor, colours.AXIS, "#697386")
+    return Quantity(symbol, words, pictured, factor, _SOFT)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tssgeom.arrays import Points, Vector, rows_at
+from tssgeom.route.curvature import CurvatureProfile
 from tssgeom.route.pieces import Arcs
 from tssgeom.stream import FrameResult
 from tssgeom.tendon.state import tension
@@ -90,10 +91,10 @@ def tension_se(result: FrameResult, frame: RouteSamples) -> Vector:
     return np.maximum(np.abs(upper - middle), np.abs(middle - lower))
 
 
-def numbers_of(result: FrameResult) -> tuple[float, float, float, float]:
-    """T_in [N], T_out [N], elongation [m] and accumulated curve angle [rad] of one frame."""
-    ends = result.transmission
-    return ends.tension_in, ends.tension_out, ends.elongation, result.arcs.total_angle
+def numbers_of(result: FrameResult) -> tuple[float, float, float, float, float]:
+    """T_in [N], T_out [N], elongation [m], and curve angle with its standard error [rad] of one frame."""
+    ends, arcs = result.transmission, result.arcs
+    return ends.tension_in, ends.tension_out, ends.elongation, arcs.total_angle, arcs.total_angle_se
 
 
 def front(result: FrameResult, frame: RouteSamples) -> float:
@@ -152,20 +153,26 @@ class Ranges:
 
 def ranges(frames: Sequence[RouteSamples], pieces: Sequence[Arcs]) -> Ranges:
     """Ranges from 0 that hold every frame; rare peaks of the sensed curvature may exceed theirs."""
-    length = max(float(frame.s[-1]) for frame in frames)
     return Ranges(
         tension=round_up(max(float(frame.tension.max()) for frame in frames)),
-        length=length,
-        kappa=round_up(max(_common_curvature(frames, pieces), _CURVATURE.least_angle / length)),
+        length=max(float(frame.s[-1]) for frame in frames),
+        kappa=top_of_curvature(frames, pieces),
     )
 
 
-def _common_curvature(frames: Sequence[RouteSamples], pieces: Sequence[Arcs]) -> float:
-    """Curvature that few nodes exceed, and of the pieces only those beyond twice that of the nodes [1/m]."""
-    nodes = float(np.quantile(np.concatenate([frame.kappa for frame in frames]), _CURVATURE.quantile))
-    steps = max(float(arcs.kappa.max()) for arcs in pieces)
-    error = float(np.median(np.concatenate([frame.kappa_se for frame in frames])))
-    return _CURVATURE.headroom * max(nodes, min(steps, _CURVATURE.steps * nodes)) + error
+def top_of_curvature(profiles: Sequence[RouteSamples | CurvatureProfile], pieces: Sequence[Arcs]) -> float:
+    """Return a round curvature that few nodes and pieces exceed [1/m]; one of both may be empty.
+
+    Pieces count up to twice the curvature of the nodes.
+    """
+    length = max([*(float(one.s[-1]) for one in profiles), *(arcs.total_length for arcs in pieces)])
+    steps, error = max([float(arcs.kappa.max()) for arcs in pieces], default=0.0), 0.0
+    common = steps
+    if profiles:
+        nodes = float(np.quantile(np.concatenate([one.kappa for one in profiles]), _CURVATURE.quantile))
+        common = max(nodes, min(steps, _CURVATURE.steps * nodes))
+        error = float(np.median(np.concatenate([one.kappa_se for one in profiles])))
+    return round_up(max(_CURVATURE.headroom * common + error, _CURVATURE.least_angle / length))
 
 
 def round_up(value: float) -> float:

@@ -31,26 +31,29 @@ _TIMES = ((7200.0, "h", 3600.0), (300.0, "min", 60.0))
 def followed_figure(run: FollowedRun, tension_out: Vector | None) -> Figure:
     """Draw what was followed in a run; `tension_out` is [n] as it was read [N], where it was."""
     keys = run.keys
-    span = run.time[-1] - run.time[0]
-    unit, per = next(((unit, per) for least, unit, per in _TIMES if span > least), ("s", 1.0))
+    unit, per = _unit_of_time(run)
     with figure((PAGE, _HEIGHT * (len(keys) + 1) + 0.3)) as drawing:
         rows = drawing.subplots(len(keys) + 1, 1)
         for axes, key in zip(rows, keys, strict=False):
-            _draw_number(axes, run, key, per)
-            axes.set_xlim(run.time[0] / per, run.time[-1] / per)
-            for alert in run.alerts:
-                axes.axvline(alert.since / per, color=ORANGE, linewidth=1.0)
+            draw_number(axes, run, key)
+            axes.set_xlabel("")
             axes.tick_params(labelbottom=axes is rows[-2])
         rows[-2].set_xlabel(f"time [{unit}]")
         _name_alerts(rows[0], run, per)
         legend_below(drawing, rows[0])
-        _draw_tension(rows[-1], run, tension_out)
+        draw_followed_tension(rows[-1], run, tension_out)
         drawing.align_ylabels(rows.tolist())
     return drawing
 
 
-def _draw_number(axes: Axes, run: FollowedRun, key: str, per: float) -> None:
-    name, unit, factor = _words(key)
+def _unit_of_time(run: FollowedRun) -> tuple[str, float]:
+    span = run.time[-1] - run.time[0]
+    return next(((unit, per) for least, unit, per in _TIMES if span > least), ("s", 1.0))
+
+
+def draw_number(axes: Axes, run: FollowedRun, key: str) -> Axes:
+    """Draw one followed number over time with its 95 % band, and when alerts were given."""
+    (time_unit, per), (name, unit, factor) = _unit_of_time(run), _words(key)
     for i, stretch in enumerate(run.stretches):
         if key not in stretch.keys:
             continue
@@ -63,10 +66,16 @@ def _draw_number(axes: Axes, run: FollowedRun, key: str, per: float) -> None:
         filtered = factor * numbers.filtered[:, at]
         axes.plot(time, filtered, color=SKY, linewidth=0.8, label=f"{hidden}filtered")
         axes.plot(time, value, color=BLUE, linewidth=1.5, label=f"{hidden}smoothed")
+    for alert in run.alerts:
+        axes.axvline(alert.since / per, color=ORANGE, linewidth=1.0)
+    axes.set_xlim(run.time[0] / per, run.time[-1] / per)
+    axes.set_xlabel(f"time [{time_unit}]")
     axes.set_ylabel(f"{name}\n[{unit}]")
+    return axes
 
 
-def _draw_tension(axes: Axes, run: FollowedRun, read: Vector | None) -> None:
+def draw_followed_tension(axes: Axes, run: FollowedRun, read: Vector | None = None) -> Axes:
+    """Draw the distal tension about the first alert, or at the end, with its band and what was read [N]."""
     middle = run.alerts[0].since if run.alerts else run.time[-1] - _AFTER
     window = (run.time >= middle - _BEFORE) & (run.time <= middle + _AFTER)
     time, value = run.time[window], run.ends[window, 1]
@@ -82,6 +91,7 @@ def _draw_tension(axes: Axes, run: FollowedRun, read: Vector | None) -> None:
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.1)
     axes.set_ylabel("T_out\n[N]")
     axes.set_xlabel("time [s], about the first alert" if run.alerts else "time [s], the end of the run")
+    return axes
 
 
 def _name_alerts(axes: Axes, run: FollowedRun, per: float) -> None:

@@ -1,11 +1,13 @@
-"""Figures of a calibration: readings and fit over time, what is left, and both channels over T_in."""
+"""Figures of a calibration: readings and fit over time, residuals, and both channels over T_in."""
 
 from __future__ import annotations
 
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from tssgeom.arrays import Vector
 from tssgeom.identify.calibration import Calibration
-from tssgeom.view import finding_wording as words
+from tssgeom.identify.fit_quality import ChannelFit
 from tssgeom.view.figures.plots import (
     BLUE,
     MEASURED,
@@ -17,6 +19,7 @@ from tssgeom.view.figures.plots import (
     panels,
     titles,
 )
+from tssgeom.view.quantities import TENSION_IN, TIME, quantity
 
 _COLUMNS = {"tension_out": "tension_out_N", "elongation": "elongation_m"}
 _HEIGHT = 2.0
@@ -24,27 +27,21 @@ _HEIGHT = 2.0
 
 
 def fit_figure(fitted: Calibration) -> Figure:
-    """Draw each channel over time as measured and fitted, and below it what is left, beside its noise."""
+    """Draw each channel over time as measured and fitted, and below it the residual, beside its noise."""
     count = len(fitted.channels)
     with figure((PAGE, _HEIGHT * count + 0.3)) as drawing:
-        rows = drawing.subplots(2 * count, 1, sharex=True, squeeze=False, height_ratios=[2.0, 1.0] * count)[
-            :, 0
-        ]
+        ratios = [2.0, 1.0] * count
+        rows = drawing.subplots(2 * count, 1, sharex=True, squeeze=False, height_ratios=ratios)[:, 0]
         for channel, above, below in zip(fitted.channels, rows[::2], rows[1::2], strict=True):
-            quantity = words.channel(_COLUMNS[channel.name])
-            readings, model = (
-                quantity.factor * each[channel.name] for each in (fitted.measured, fitted.fitted)
-            )
-            measured(above, fitted.time, readings)
-            above.plot(fitted.time, model, color=BLUE, linewidth=1.0, label="fitted")
-            titles(above, "", "", quantity.label)
-            left, noise = readings - model, quantity.factor * channel.noise
-            below.axhspan(-2.0 * noise, 2.0 * noise, color=SOFT, alpha=0.18, linewidth=0.0)
-            below.plot(fitted.time, left, **MEASURED)
-            titles(below, "", "", f"left [{quantity.label.rpartition('[')[2]}")
-        rows[0].set_title("Readings and fit; below, what is left, and ± 2 standard deviations of the noise")
+            draw_fit(above, fitted, channel)
+            draw_residual(below, fitted, channel)
+            below.set_ylabel("\n[".join(below.get_ylabel().split(" [")))
+        for axes in rows:
+            axes.set_title("")
+            axes.set_xlabel(TIME.title if axes is rows[-1] else "")
+        rows[0].set_title("Readings and fit; below, the residual, and ± 2 standard deviations of the noise")
         legend_below(drawing, rows[0])
-        rows[-1].set_xlabel("time [s]")
+        drawing.align_ylabels(rows.tolist())
     return drawing
 
 
@@ -52,15 +49,40 @@ def phase_figure(fitted: Calibration) -> Figure:
     """Draw T_out and elongation over T_in, measured and fitted: the loops of friction."""
     with panels(3.0, len(fitted.channels)) as (drawing, row):
         for axes, channel in zip(row, fitted.channels, strict=True):
-            quantity = words.channel(_COLUMNS[channel.name])
-            measured(axes, fitted.tension_in, quantity.factor * fitted.measured[channel.name])
-            axes.plot(
-                fitted.tension_in,
-                quantity.factor * fitted.fitted[channel.name],
-                color=BLUE,
-                linewidth=1.0,
-                label="fitted",
-            )
-            titles(axes, f"{quantity.symbol} over T_in", "proximal tension T_in [N]", quantity.label)
+            draw_loop(axes, fitted, channel)
         legend_below(drawing, row[0])
     return drawing
+
+
+def draw_fit(axes: Axes, fitted: Calibration, channel: ChannelFit) -> Axes:
+    """Draw one channel over time, measured and fitted."""
+    of = quantity(_COLUMNS[channel.name])
+    _draw_both(axes, fitted.time, fitted, channel)
+    titles(axes, "Readings and fit", TIME.title, of.label)
+    return axes
+
+
+def draw_residual(axes: Axes, fitted: Calibration, channel: ChannelFit) -> Axes:
+    """Draw measured less fitted over time, beside twice the standard deviation of the noise."""
+    of = quantity(_COLUMNS[channel.name])
+    noise = of.factor * channel.noise
+    axes.axhspan(-2.0 * noise, 2.0 * noise, color=SOFT, alpha=0.18, linewidth=0.0)
+    left = of.factor * (fitted.measured[channel.name] - fitted.fitted[channel.name])
+    axes.plot(fitted.time, left, **MEASURED)
+    titles(axes, "Residual, and ± 2 s.d. of the noise", TIME.title, f"Δ{of.label}")
+    return axes
+
+
+def draw_loop(axes: Axes, fitted: Calibration, channel: ChannelFit) -> Axes:
+    """Draw one channel over T_in, measured and fitted: the loop of friction."""
+    of = quantity(_COLUMNS[channel.name])
+    _draw_both(axes, fitted.tension_in, fitted, channel)
+    titles(axes, f"{of.symbol} over T_in", TENSION_IN.title, of.label)
+    return axes
+
+
+def _draw_both(axes: Axes, across: Vector, fitted: Calibration, channel: ChannelFit) -> None:
+    factor = quantity(_COLUMNS[channel.name]).factor
+    measured(axes, across, factor * fitted.measured[channel.name])
+    model = factor * fitted.fitted[channel.name]
+    axes.plot(across, model, color=BLUE, linewidth=1.0, label="fitted")

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tssgeom.arrays import Vector
 from tssgeom.tendon.command import Command
 from tssgeom.tendon.command_error import MOST_OUTSIDE, bound
 from tssgeom.view.figures.plots import BLUE, INK, ORANGE, PAGE, figure, legend_below, titles
+from tssgeom.view.quantities import DISPLACEMENT_OUT, TENSION_OUT, TIME, Quantity
 
 _BAND = "#c9dcea"
 _HEIGHT = 3.3  # inch; chosen: two rows and a legend
@@ -21,36 +23,59 @@ def command_figure(time: Vector, target: Vector, commands: Sequence[Command], *,
 
     `target` is [n] the movement of the load [m], or with `by_tension` the distal tension [N].
     """
-    if by_tension:
-        name, factor = "T_out [N]", 1.0
-        reached = np.array([each.tension_reached for each in commands])
-        error = np.array([bound(each.tension_out_se) for each in commands])
-    else:
-        name, factor = "x_out [mm]", 1e3
-        reached = np.array([each.displacement_reached for each in commands])
-        error = np.array([bound(each.displacement_out_se) for each in commands])
     with figure((PAGE, _HEIGHT)) as drawing:
         axes, below = drawing.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0))
-        low, high = factor * (reached - error), factor * (reached + error)
-        axes.fill_between(time, low, high, color=_BAND, linewidth=0, label="95 % bounds")
-        axes.plot(time, factor * reached, color=BLUE, linewidth=1.4, label="commanded")
-        axes.plot(time, factor * target, color=INK, linestyle=(0, (4, 1.5)), linewidth=1.0, label="target")
-        left = factor * (reached - target)
-        below.fill_between(time, left - factor * error, left + factor * error, color=_BAND, linewidth=0)
-        below.plot(time, left, color=BLUE, linewidth=1.2)
-        marks = (
-            ("cut by a limit", "v", [bool(each.limited) for each in commands]),
-            ("waits", "s", [each.waits for each in commands]),
-            ("out of tolerance", "x", [(each.out_of_tolerance or 0.0) > MOST_OUTSIDE for each in commands]),
-        )
-        for label, marker, flagged in marks:
-            if any(flagged):
-                at = np.flatnonzero(flagged)
-                style = {"color": ORANGE, "marker": marker, "markersize": 3.0, "linestyle": "none"}
-                axes.plot(time[at], factor * reached[at], label=label, **style)
-        axes.margins(x=0.02)
-        titles(axes, "Where the commands bring the distal end; below, its distance from the target", "", name)
-        titles(below, "", "time t [s]", f"less target\n[{'N' if by_tension else 'mm'}]")
+        draw_commands(axes, time, target, commands, by_tension=by_tension)
+        draw_missed(below, time, target, commands, by_tension=by_tension)
+        axes.set_title("Where the commands bring the distal end; below, its distance from the target")
+        axes.set_xlabel("")
+        below.set_title("")
         legend_below(drawing, axes, 6)
         drawing.align_ylabels([axes, below])
     return drawing
+
+
+def draw_commands(
+    axes: Axes, time: Vector, target: Vector, commands: Sequence[Command], *, by_tension: bool
+) -> Axes:
+    """Draw where commands bring the distal end, with 95 % bounds, beside the target; as `command_figure`."""
+    of, reached, error = _reached(commands, by_tension=by_tension)
+    axes.fill_between(time, reached - error, reached + error, color=_BAND, linewidth=0, label="95 % bounds")
+    axes.plot(time, reached, color=BLUE, linewidth=1.4, label="commanded")
+    wanted = of.factor * target
+    axes.plot(time, wanted, color=INK, linestyle=(0, (4, 1.5)), linewidth=1.0, label="target")
+    marks = (
+        ("cut by a limit", "v", [bool(each.limited) for each in commands]),
+        ("waits", "s", [each.waits for each in commands]),
+        ("out of tolerance", "x", [(each.out_of_tolerance or 0.0) > MOST_OUTSIDE for each in commands]),
+    )
+    for label, marker, flagged in marks:
+        if any(flagged):
+            at = np.flatnonzero(flagged)
+            style = {"color": ORANGE, "marker": marker, "markersize": 3.0, "linestyle": "none"}
+            axes.plot(time[at], reached[at], label=label, **style)
+    axes.margins(x=0.02)
+    titles(axes, "Where the commands bring the distal end", TIME.title, of.label)
+    return axes
+
+
+def draw_missed(
+    axes: Axes, time: Vector, target: Vector, commands: Sequence[Command], *, by_tension: bool
+) -> Axes:
+    """Draw how far from the target commands bring the distal end, with 95 % bounds; as `command_figure`."""
+    of, reached, error = _reached(commands, by_tension=by_tension)
+    left = reached - of.factor * target
+    axes.fill_between(time, left - error, left + error, color=_BAND, linewidth=0, label="95 % bounds")
+    axes.plot(time, left, color=BLUE, linewidth=1.2)
+    titles(axes, "Distal end less target", TIME.title, f"less target\n[{of.unit}]")
+    return axes
+
+
+def _reached(commands: Sequence[Command], *, by_tension: bool) -> tuple[Quantity, Vector, Vector]:
+    """Return what the target is of, what is reached and its 95 % bound, in the unit of the picture."""
+    if by_tension:
+        of, values = TENSION_OUT, [(each.tension_reached, each.tension_out_se) for each in commands]
+    else:
+        of, values = DISPLACEMENT_OUT, [(e.displacement_reached, e.displacement_out_se) for e in commands]
+    reached, error = np.array([(value, bound(se)) for value, se in values]).T
+    return of, of.factor * reached, of.factor * error

@@ -22,6 +22,7 @@ _ACROSS = ("tension_out_N", "elongation_m", "displacement_out_m", "tension_in_N"
 _MOST_PANELS = 2
 _MEASURED, _USUAL = 99.0, 80.0  # percentiles of residual and noise that its axis shows; chosen: no spikes
 _SIGMAS = 2.0
+_RUNS = "runs, one after the other; each from its beginning to its end"
 _STYLES: Mapping[str, Any] = {
     "before": {"color": ORANGE, "linestyle": (0, (4, 1.5))},
     "after": {"color": BLUE},
@@ -39,13 +40,10 @@ def transmission_figure(finding: Finding) -> Figure:
     Of one tendon that is output tension and elongation over input tension.
     """
     trace = judged(finding)
-    drive = words.channel("tension_in_N" if trace.drive is None else trace.drive[0])
-    channels = _channels(trace)
+    channels = displayed_channels(trace)
     with panels(3.3, len(channels)) as (drawing, row):
         for axes, name in zip(row, channels, strict=True):
-            _draw_loops(axes, trace, name, models(finding))
-            reported = words.channel(name)
-            titles(axes, f"{reported.symbol} over {drive.symbol}", drive.title, reported.label)
+            draw_loops(axes, finding, name)
         legend_below(drawing, row[0])
     return drawing
 
@@ -55,7 +53,7 @@ def models(finding: Finding) -> dict[str, str]:
     return {"before": "before", "after": "after"} if finding.effects else {"after": "model"}
 
 
-def _channels(trace: Trace) -> list[str]:
+def displayed_channels(trace: Trace) -> list[str]:
     """Return the channels that are drawn over the drive; the input tension where only that was measured."""
     if trace.drive is not None:
         return list(trace.measured)[:_MOST_PANELS]
@@ -63,8 +61,10 @@ def _channels(trace: Trace) -> list[str]:
     return [name for name in observed if name != "tension_in_N"][:_MOST_PANELS] or observed[:1]
 
 
-def _draw_loops(axes: Axes, trace: Trace, name: str, drawn: Mapping[str, str]) -> None:
-    factor = words.channel(name).factor
+def draw_loops(axes: Axes, finding: Finding, name: str) -> Axes:
+    """Draw one channel over the drive, measured, before and after, of the run that judges."""
+    trace, drawn, factor = judged(finding), models(finding), words.channel(name).factor
+    drive = words.channel("tension_in_N" if trace.drive is None else trace.drive[0])
     measured(axes, _across(trace, "measured"), factor * trace.measured[name])
     across, after, spread = _across(trace, "after"), trace.after[name], _SIGMAS * trace.sigma[name]
     for start, stop in _strokes(across):
@@ -74,6 +74,8 @@ def _draw_loops(axes: Axes, trace: Trace, name: str, drawn: Mapping[str, str]) -
     for when, title in drawn.items():
         values = factor * getattr(trace, when)[name]
         axes.plot(_across(trace, when), values, label=title, linewidth=1.2, zorder=4, **_STYLES[when])
+    titles(axes, f"{words.channel(name).symbol} over {drive.symbol}", drive.title, words.channel(name).label)
+    return axes
 
 
 def _across(trace: Trace, when: str) -> Vector:
@@ -97,9 +99,10 @@ def residual_figure(finding: Finding) -> Figure:
     with figure((PAGE, 0.8 + 1.15 * len(channels))) as drawing:
         rows = drawing.subplots(len(channels), 1, sharex=True, squeeze=False)[:, 0]
         for axes, name in zip(rows, channels, strict=True):
-            _draw_residual(axes, finding.traces, name, models(finding))
+            draw_residual(axes, finding, name)
+            axes.set_xlabel("")
         legend_below(drawing, rows[0])
-        rows[-1].set_xlabel("runs, one after the other; each from its beginning to its end")
+        rows[-1].set_xlabel(_RUNS)
         _name_runs(rows[0], finding.traces)
     return drawing
 
@@ -109,8 +112,9 @@ def measured_channels(traces: Sequence[Trace]) -> list[str]:
     return list(dict.fromkeys(name for trace in traces for name in trace.measured))
 
 
-def _draw_residual(axes: Axes, traces: Sequence[Trace], name: str, drawn: Mapping[str, str]) -> None:
-    reported = words.channel(name)
+def draw_residual(axes: Axes, finding: Finding, name: str) -> Axes:
+    """Draw measured less simulated of one channel over all runs, before and after."""
+    reported, traces, drawn = words.channel(name), finding.traces, models(finding)
     displayed = [(k, trace) for k, trace in enumerate(traces) if name in trace.measured]
     for k, trace in displayed:
         _draw_run(axes, k, trace, name, drawn if k == displayed[0][0] else dict.fromkeys(drawn, "_"))
@@ -121,6 +125,8 @@ def _draw_residual(axes: Axes, traces: Sequence[Trace], name: str, drawn: Mappin
     axes.set_xlim(0, len(traces))
     axes.set_xticks(range(len(traces) + 1), [""] * (len(traces) + 1))
     axes.set_ylabel(f"Δ{reported.symbol} [{reported.unit}]")
+    axes.set_xlabel(_RUNS)
+    return axes
 
 
 def _draw_run(axes: Axes, first: int, trace: Trace, name: str, drawn: Mapping[str, str]) -> None:
@@ -174,7 +180,7 @@ def missing_figure(finding: Finding) -> Figure:
             name, _, unit = shape.over.partition("_")
             titles(
                 axes,
-                f"closes {100 * shape.explains:.0f} % of the gap",
+                f"explains {100 * shape.explains:.0f} % of the misfit",
                 f"{name} [{unit}]" if unit else name,
                 "friction μ ± 2 s.e. [1]",
             )

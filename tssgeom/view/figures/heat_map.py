@@ -22,7 +22,8 @@ from tssgeom.view.figures.plots import (
     figure,
     titles,
 )
-from tssgeom.view.figures.restyle import FIXED, subscripts
+from tssgeom.view.figures.restyle import subscripts
+from tssgeom.view.figures.style import FIXED
 
 _LINES = (BLUE, ORANGE, GREEN, PURPLE, SKY)
 _MOST = 1e3

@@ -5,63 +5,81 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tssgeom.identify.calibrated_pieces import CalibratedPiece
 from tssgeom.identify.machine_estimates import MachineCalibration, MachineEstimate
+from tssgeom.identify.machine_run import MachineRun
 from tssgeom.tendon.machine_simulation import drive_channels
 from tssgeom.view.figures.plots import BLUE, MEASURED, PAGE, SOFT, figure, legend_below, measured, titles
+from tssgeom.view.quantities import TIME, quantity
 
 _HEIGHT = 1.9
 """Of the two rows of one channel [inch]."""
-_PICTURED = {"rad": ("°", 180.0 / np.pi), "m": ("mm", 1e3), "Nm": ("mN·m", 1e3)}
-
-
-def pictured(name: str) -> tuple[str, float]:
-    """Return the label of a channel in a picture, and how many of its unit make one in SI."""
-    stem, _, unit = name.rpartition("_")
-    unit_of_picture, factor = _PICTURED.get(unit, (unit, 1.0))
-    return f"{stem.replace('_', ' ')} [{unit_of_picture}]", factor
 
 
 def run_figure(fitted: MachineCalibration, which: int) -> Figure:
     """Draw each channel of one run over time, and below it what is left; samples held out are grey."""
-    run, model = fitted.runs[which], fitted.fitted[which]
-    time, count = run.given["time_s"], len(run.measured)
+    run = fitted.runs[which]
+    count = len(run.measured)
     with figure((PAGE, _HEIGHT * count + 0.3)) as drawing:
         rows = drawing.subplots(2 * count, 1, sharex=True, squeeze=False, height_ratios=[2.0, 1.0] * count)
         for name, above, below in zip(run.measured, rows[::2, 0], rows[1::2, 0], strict=True):
-            label, factor = pictured(name)
-            readings, given = factor * run.measured[name], factor * model[name]
-            for axes in (above, below):
-                if run.held_out.any():
-                    axes.axvspan(time[run.held_out][0], time[-1], color=SOFT, alpha=0.12, linewidth=0.0)
-            measured(above, time, readings)
-            above.plot(time, given, color=BLUE, linewidth=1.0, label="fitted")
-            titles(above, "", "", label)
-            below.plot(time, readings - given, **MEASURED)
-            titles(below, "", "", f"left [{label.rpartition('[')[2]}")
-        rows[0, 0].set_title(
-            f"{run.name}: readings and fit; below, what is left. Grey: held out in the check"
-        )
+            draw_fit(above, fitted, which, name)
+            draw_residual(below, fitted, which, name)
+        for axes in rows[:, 0]:
+            axes.set_title("")
+            axes.set_xlabel("")
+        rows[0, 0].set_title(f"{run.name}: readings and fit; below, residuals. Grey: held out in the check")
         legend_below(drawing, rows[0, 0])
-        rows[-1, 0].set_xlabel("time [s]")
+        rows[-1, 0].set_xlabel(TIME.title)
     return drawing
+
+
+def draw_fit(axes: Axes, fitted: MachineCalibration, which: int, name: str) -> Axes:
+    """Draw one channel of a run over time, measured and fitted; samples held out are grey."""
+    of, run = quantity(name), fitted.runs[which]
+    _mark_held_out(axes, run)
+    measured(axes, run.given["time_s"], of.factor * run.measured[name])
+    model = of.factor * fitted.fitted[which][name]
+    axes.plot(run.given["time_s"], model, color=BLUE, linewidth=1.0, label="fitted")
+    titles(axes, f"{run.name}: readings and fit", TIME.title, of.label)
+    return axes
+
+
+def draw_residual(axes: Axes, fitted: MachineCalibration, which: int, name: str) -> Axes:
+    """Draw measured less fitted of one channel of a run over time; samples held out are grey."""
+    of, run = quantity(name), fitted.runs[which]
+    _mark_held_out(axes, run)
+    axes.plot(run.given["time_s"], of.factor * (run.measured[name] - fitted.fitted[which][name]), **MEASURED)
+    titles(axes, f"{run.name}: residual", TIME.title, f"Δ{of.label}")
+    return axes
+
+
+def _mark_held_out(axes: Axes, run: MachineRun) -> None:
+    if run.held_out.any():
+        time = run.given["time_s"]
+        axes.axvspan(time[run.held_out][0], time[-1], color=SOFT, alpha=0.12, linewidth=0.0)
 
 
 def loop_figure(fitted: MachineCalibration) -> Figure:
     """Draw the first channel of every run over its drive, measured and fitted: the loops of friction."""
     with figure((PAGE, 3.2)) as drawing:
-        axes = drawing.subplots()
-        for run, model in zip(fitted.runs, fitted.fitted, strict=True):
-            drive, answer = drive_channels(run.drive, run.tendons)[0], next(iter(run.measured))
-            (across, x), (up, y) = pictured(drive), pictured(answer)
-            measured(axes, x * run.given[drive], y * run.measured[answer])
-            axes.plot(x * run.given[drive], y * model[answer], color=BLUE, linewidth=1.0, label="fitted")
-            titles(axes, f"{up} over {across}", across, up)
-        handles, labels = axes.get_legend_handles_labels()
-        drawing.legend(handles[:2], labels[:2], loc="outside lower center", ncols=2)
+        legend_below(drawing, draw_loops(drawing.subplots(), fitted))
     return drawing
+
+
+def draw_loops(axes: Axes, fitted: MachineCalibration) -> Axes:
+    """Draw the first channel of every run over its drive, measured and fitted."""
+    for k, (run, model) in enumerate(zip(fitted.runs, fitted.fitted, strict=True)):
+        drive, answer = drive_channels(run.drive, run.tendons)[0], next(iter(run.measured))
+        x, y = quantity(drive), quantity(answer)
+        across, hidden = x.factor * run.given[drive], "_" if k else ""  # each named once
+        measured(axes, across, y.factor * run.measured[answer], label=f"{hidden}measured")
+        axes.plot(across, y.factor * model[answer], color=BLUE, linewidth=1.0, label=f"{hidden}fitted")
+        titles(axes, f"{y.symbol} over {x.symbol}", x.title, y.title)
+    return axes
 
 
 def course_figure(pieces: Sequence[CalibratedPiece]) -> Figure:

@@ -15,12 +15,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tssgeom.arrays import Vector
+from tssgeom.view import colours
 from tssgeom.view.figures.restyle import restyle
 from tssgeom.view.figures.style import used
 from tssgeom.view.samples import evenly
 
-INK, SOFT, FAINT = "#1d2330", "#697386", "#e8ebf0"
-BLUE, ORANGE, GREEN, PURPLE, SKY = "#0072b2", "#d55e00", "#009e73", "#a3508a", "#56b4e9"
+INK, SOFT, FAINT = colours.TENSION_IN, "#697386", "#e8ebf0"
+BLUE, ORANGE, PURPLE = colours.TENSION_OUT, colours.ELONGATION, colours.ANGLE
+GREEN, SKY = "#009e73", "#56b4e9"
 """Colours of Okabe and Ito (purple darkened), distinct on white to colour-blind people too."""
 
 MEASURED: Any = {
@@ -40,6 +42,9 @@ COLUMN, PAGE = 85 / 25.4, 170 / 25.4
 """Widths of a column and of a page of a journal, 85 mm and 170 mm [inch]."""
 PAPER_COLUMN, PAPER_PAGE = 88 / 25.4, 180 / 25.4
 """The same in the style `paper`, 88 mm and 180 mm [inch]; chosen: one and two columns of many journals."""
+
+NOTEBOOK = (0.75 * PAGE, 3.0)
+"""Size of a plot in a notebook [inch]. Chosen: its text is as large as that of the page."""
 
 FORMATS = ("pdf", "svg", "png")
 VECTOR = FORMATS[:2]
@@ -82,6 +87,13 @@ def style() -> Iterator[None]:
     """Draw in the common style."""
     with mpl.rc_context(_RC):
         yield
+
+
+def new_axes() -> Axes:
+    """Return the axes of a new figure of pyplot, which a notebook shows."""
+    import matplotlib.pyplot as plt
+
+    return plt.subplots(figsize=NOTEBOOK, layout="constrained")[1]
 
 
 @contextmanager

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tssgeom.identify.finding import Candidate, Finding
@@ -19,26 +20,28 @@ def listed_candidates(finding: Finding) -> tuple[Candidate, ...]:
 
 def ranking_figure(finding: Finding) -> Figure:
     """Draw how much each candidate lowers the information criterion, and what it has to pass."""
+    with figure((PAGE, 0.75 + 0.24 * len(listed_candidates(finding)))) as drawing:
+        legend_below(drawing, draw_ranking(drawing.subplots(), finding))
+    return drawing
+
+
+def draw_ranking(axes: Axes, finding: Finding) -> Axes:
+    """Draw how much each of the first candidates lowers the information criterion, and its threshold."""
     candidates = listed_candidates(finding)
     chosen = {name for each in finding.effects for name in each.names}
-    with figure((PAGE, 0.75 + 0.24 * len(candidates))) as drawing:
-        axes = drawing.subplots()
-        rows = range(len(candidates))
-        gains = [each.evidence.delta_bic for each in candidates]
-        shades = [BLUE if chosen.issuperset(each.names) and chosen else _PALE for each in candidates]
-        axes.barh(rows, gains, color=shades, height=0.7)
-        for k, each in enumerate(candidates):
-            bar = [each.evidence.threshold] * 2
-            axes.plot(bar, [k - 0.45, k + 0.45], color=ORANGE, linewidth=1.6, label="_" if k else "threshold")
-            end = (max(gains[k], 0.0), k)
-            axes.annotate(
-                f"{gains[k]:.0f}", end, xytext=(3, 0), textcoords="offset points", va="center", fontsize=7.5
-            )
-        axes.set_yticks(rows, [words.candidate(each) for each in candidates])
-        axes.invert_yaxis()
-        axes.set_xscale("symlog", linthresh=20.0)
-        axes.xaxis.set_major_formatter("{x:g}")
-        axes.grid(visible=False, axis="y")
-        legend_below(drawing, axes)
-        titles(axes, "What each effect gains, refitted through the model", "ΔBIC [1]", "")
-    return drawing
+    rows = range(len(candidates))
+    gains = [each.evidence.delta_bic for each in candidates]
+    shades = [BLUE if chosen.issuperset(each.names) and chosen else _PALE for each in candidates]
+    axes.barh(rows, gains, color=shades, height=0.7)
+    for k, each in enumerate(candidates):
+        bar = [each.evidence.threshold] * 2
+        axes.plot(bar, [k - 0.45, k + 0.45], color=ORANGE, linewidth=1.6, label="_" if k else "threshold")
+        end, style = (max(gains[k], 0.0), k), {"va": "center", "fontsize": 7.5}
+        axes.annotate(f"{gains[k]:.0f}", end, xytext=(3, 0), textcoords="offset points", **style)
+    axes.set_yticks(rows, [words.candidate(each) for each in candidates])
+    axes.invert_yaxis()
+    axes.set_xscale("symlog", linthresh=20.0)
+    axes.xaxis.set_major_formatter("{x:g}")
+    axes.grid(visible=False, axis="y")
+    titles(axes, "What each effect gains, refitted through the model", "ΔBIC [1]", "")
+    return axes

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import Collection
@@ -15,17 +14,8 @@ from matplotlib.patches import Patch
 from matplotlib.text import Text
 
 from tssgeom.view import colours
-from tssgeom.view.figures.style import used
+from tssgeom.view.figures.style import FIXED, used
 from tssgeom.view.quantities import SYMBOL
-
-FIXED = "fixed colour"
-"""Group id of texts that stand on a colour of their own, so that a dark style leaves them."""
-_GREY = 0.17
-"""Largest difference of the parts of a grey, which a dark style inverts; chosen: bands are greys."""
-_BLACK, _WHITE = 0.08, 0.93
-"""What white and black become on a dark ground; chosen: the ground is that of the recordings."""
-_LIGHTER = {"#0072b2": "#3b9ad9", "#a3508a": "#cc79a7", "#c9dcea": "#24405a"}
-"""Colours of lines and bands, and what replaces them on a dark ground; chosen: of one hue."""
 
 
 def subscripts(text: str) -> str:
@@ -35,8 +25,7 @@ def subscripts(text: str) -> str:
 
 def restyle(drawing: Figure) -> None:
     """Set subscripts, and give a figure what its style asks for."""
-    for text in _texts(drawing):
-        text.set_text(subscripts(text.get_text()))
+    set_subscripts(drawing)
     if used() == "paper":
         for axes in drawing.axes:
             axes.set_title("", loc="left")
@@ -44,8 +33,11 @@ def restyle(drawing: Figure) -> None:
         _darken(drawing)
 
 
-def _texts(drawing: Figure) -> list[Text]:
-    return [artist for artist in drawing.findobj(Text) if isinstance(artist, Text)]
+def set_subscripts(drawing: Artist) -> None:
+    """Write every `T_in` of a figure or of axes with its subscript."""
+    for text in drawing.findobj(Text):
+        if isinstance(text, Text):
+            text.set_text(subscripts(text.get_text()))
 
 
 def _darken(drawing: Figure) -> None:
@@ -92,11 +84,8 @@ def _dark(colour: Any) -> Any:
 
 
 def _dark_array(colour: Any) -> Any:
-    """Return colours [n, 4] for a dark ground: those of lines lighter, greys inverted."""
+    """Return colours [n, 4] for a dark ground; the opacity stays."""
     rgba = to_rgba_array(colour)
     for row in rgba:
-        if (lighter := _LIGHTER.get(to_hex(row[:3]))) is not None:
-            row[:3] = to_rgba_array(lighter)[0, :3]
-        elif np.ptp(row[:3]) <= _GREY:
-            row[:3] = _WHITE + (_BLACK - _WHITE) * row[:3].mean()
+        row[:3] = to_rgba_array(colours.on_dark(to_hex(row[:3])))[0, :3]
     return rgba

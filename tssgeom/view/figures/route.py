@@ -56,20 +56,22 @@ def route_figure(result: FrameResult) -> Figure:
     with figure((COLUMN, _HEIGHT)) as drawing:
         drawing.set_layout_engine("none")
         draw_route(drawing.add_axes((0.02, 0.25, 0.96, 0.65)), result)
-        _draw_colour_bar(drawing, round_up(float(route_samples(result, NODES).tension.max())))
     return drawing
 
 
 def draw_route(axes: Axes, result: FrameResult) -> Axes:
-    """Draw the line, the beginnings of its pieces, the names of its ends, a scale bar and a triad of axes."""
+    """Draw the line in the colours of its tension, its pieces, its ends, a scale bar and a triad of axes."""
     frame = route_samples(result, NODES)
     view = camera(frame.position, frame.position[-1] - frame.position[0])
     plane = np.column_stack([view.across, view.up])
     flat = ARC_LENGTH.factor * frame.position @ plane
-    per_point, corner, size = _limits(axes, flat)
-    axes.set_aspect("equal", adjustable="datalim")
+    top = round_up(float(frame.tension.max()))
+    axes.set_title("Route; its pieces begin at the dots")
     axes.set_axis_off()
-    coloured(axes, flat, frame.tension, round_up(float(frame.tension.max())), 3.2)
+    _draw_colour_bar(axes, top)
+    per_point, corner, size = _limits(axes, flat)
+    axes.set_aspect("equal", adjustable="box")
+    coloured(axes, flat, frame.tension, top, 3.2)
     draw_dots(axes, ARC_LENGTH.factor * frame.at(result.arcs.s_start) @ plane)
     for text, end, at in zip(_ENDS, flat[[0, -1]], _names((flat - corner) / per_point, size), strict=True):
         middle = corner + per_point * at
@@ -84,7 +86,6 @@ def draw_route(axes: Axes, result: FrameResult) -> Axes:
     foot = bar.mean(axis=0) - (0.0, 4.0 * per_point)
     axes.text(float(foot[0]), float(foot[1]), f"{length:g} mm", ha="center", va="top")
     _draw_triad(axes, corner + per_point * np.array([size[0] - 26.0, 8.0]), plane, per_point)
-    axes.set_title("Route; its pieces begin at the dots")
     return axes
 
 
@@ -92,6 +93,7 @@ def _limits(axes: Axes, flat: Vector) -> tuple[float, Vector, Vector]:
     """Set limits with room for names; return mm per point, the lower left corner [mm] and the size [pt]."""
     drawing = axes.get_figure(root=True)
     assert drawing is not None
+    drawing.draw_without_rendering()  # the layout gives the axes their size
     size = np.array([axes.bbox.width, axes.bbox.height]) * 72.0 / drawing.dpi
     low, high = flat.min(axis=0), flat.max(axis=0)
     inner = np.maximum(size - 2.0 * np.array(_SIZES.border) - (0.0, _SIZES.foot), 10.0)
@@ -136,12 +138,14 @@ def _draw_triad(axes: Axes, origin: Vector, plane: Matrix, per_point: float) -> 
         axes.text(float(at[0]), float(at[1]), name, color=SOFT, fontsize=7.0, ha="center", va="center")
 
 
-def _draw_colour_bar(drawing: Figure, top: float) -> None:
+def _draw_colour_bar(axes: Axes, top: float) -> None:
     """Draw the scale of the colours; few enough of them that the bar is made of lines and no image."""
+    drawing = axes.get_figure(root=True)
+    assert drawing is not None
     colour_map = ListedColormap(colours.tension_rgb(np.linspace(0.0, top, _SHADES), top))
     bar = drawing.colorbar(
         ScalarMappable(Normalize(0.0, top), colour_map),
-        cax=drawing.add_axes((0.07, 0.18, 0.86, 0.03)),
+        cax=axes.inset_axes((0.05, -0.11, 0.9, 0.045)),
         orientation="horizontal",
     )
     bar.set_label(TENSION_AT.title)

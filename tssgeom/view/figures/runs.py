@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tssgeom.arrays import Vector
 from tssgeom.view.figures.plots import BLUE, ORANGE, PAGE, figure, legend_below, measured, panels, titles
-from tssgeom.view.quantities import ANGLE, ELONGATION, TENSION_IN, TENSION_OUT, TIME, Quantity
+from tssgeom.view.quantities import (
+    ANGLE,
+    ELONGATION,
+    TENSION_IN,
+    TENSION_OUT,
+    TIME,
+    Quantity,
+    quantity,
+)
 from tssgeom.view.report.entry import Series, moments, strokes
 from tssgeom.view.samples import at_edge
 
@@ -76,6 +86,25 @@ def draw_over_time(axes: Axes, run: Series, quantity: Quantity) -> Axes:
         f"{'T' if quantity is TENSION_OUT else quantity.symbol} [{quantity.unit}]",
     )
     axes.set_xlim(time[0], time[-1])
+    return axes
+
+
+def draw_channels(
+    axes: Axes, time: Vector, channels: Mapping[str, Vector], readings: Mapping[str, Vector]
+) -> Axes:
+    """Draw channels of one unit over time [s] as lines, and what was measured of them as circles."""
+    names = list({**channels, **readings})
+    for name in names:
+        of = quantity(name)
+        if name in channels:
+            axes.plot(time, of.factor * channels[name], color=of.ink, linewidth=1.2, label=of.symbol)
+        if name in readings:
+            value, style = of.factor * readings[name], {"markeredgecolor": of.ink}
+            measured(axes, time, value, label=f"{of.symbol} measured", **style)
+    of = quantity(names[0])
+    kind = of.title if len(names) == 1 else f"{of.words.rpartition(' ')[2]} [{of.unit}]"
+    axes.legend()
+    titles(axes, "", TIME.title, kind)
     return axes
 
 

@@ -12,6 +12,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from tssgeom.arrays import Vector
+from tssgeom.route.curvature import CurvatureProfile
+from tssgeom.route.pieces import Arcs
 from tssgeom.route.resolution import angle_over_resolution
 from tssgeom.statistics import NORMAL_95
 from tssgeom.stream import FrameResult
@@ -20,7 +22,7 @@ from tssgeom.view.figures.route import NODES, coloured, draw_dots, route_figure,
 from tssgeom.view.figures.runs import time_figure, transmission_figure
 from tssgeom.view.quantities import ANGLE, ARC_LENGTH, CURVATURE_AT, TENSION_AT
 from tssgeom.view.report.entry import Series
-from tssgeom.view.samples import ranges, round_up, route_samples, staircase, tension_se
+from tssgeom.view.samples import evenly, round_up, route_samples, staircase, tension_se, top_of_curvature
 from tssgeom.view.wording import angle_with_error, with_error
 
 _HEIGHT = 2.3  # inch
@@ -54,8 +56,8 @@ def tension_figure(result: FrameResult) -> Figure:
 def curvature_figure(result: FrameResult) -> Figure:
     """Draw curvature and accumulated curve angle, both with their standard errors, and the pieces."""
     with panels(_HEIGHT, 2) as (drawing, (curvature, angle)):
-        draw_curvature(curvature, result)
-        draw_angle(angle, result)
+        draw_curvature(curvature, result.profile, result.arcs)
+        draw_angle(angle, result.profile, result.arcs)
     return drawing
 
 
@@ -76,37 +78,39 @@ def draw_tension(axes: Axes, result: FrameResult) -> Axes:
     text = f"T_out = {with_error(ends.tension_out, ends.tension_out_se, 2)} N"
     free = 0.06 if frame.tension[-1] > 0.5 * top else 0.96
     note(axes, text, (s[-1], free * top), ha="right", color=INK)
-    axes.set_xlim(-0.02 * s[-1], 1.02 * s[-1])
+    _limit(axes, float(frame.s[-1]))
     axes.set_ylim(0.0, 1.06 * top)
     titles(axes, "Tension ± s.e. along the tendon", ARC_LENGTH.title, TENSION_AT.title)
     return axes
 
 
-def draw_curvature(axes: Axes, result: FrameResult) -> Axes:
-    """Draw the curvature along the route with its standard error, and the pieces."""
-    frame, arcs = route_samples(result, NODES), result.arcs
-    s = ARC_LENGTH.factor * frame.s
-    _draw_band(axes, s, frame.kappa, frame.kappa_se)
-    along, height = staircase(arcs)
-    lines = list(np.column_stack([ARC_LENGTH.factor * along, height]).reshape(-1, 2, 2))
-    axes.add_collection(LineCollection(lines, colors=INK, linewidths=3.0, zorder=3))
-    axes.add_collection(LineCollection(lines, colors=shades(len(lines)), linewidths=2.0, zorder=4))
-    axes.set_xlim(-0.02 * s[-1], 1.02 * s[-1])
-    axes.set_ylim(0.0, ranges([frame], [arcs]).kappa)
-    titles(axes, "Curvature ± s.e. and pieces", ARC_LENGTH.title, CURVATURE_AT.title)
+def draw_curvature(axes: Axes, profile: CurvatureProfile | None, arcs: Arcs | None) -> Axes:
+    """Draw the curvature along a route with its standard error, and the pieces; either may be None."""
+    named = [name for name, one in (("Curvature ± s.e.", profile), ("pieces", arcs)) if one is not None]
+    if profile is not None:
+        _draw_band(axes, profile, profile.kappa, profile.kappa_se)
+        _limit(axes, profile.length)
+    if arcs is not None:
+        _limit(axes, arcs.total_length)
+        along, height = staircase(arcs)
+        lines = list(np.column_stack([ARC_LENGTH.factor * along, height]).reshape(-1, 2, 2))
+        axes.add_collection(LineCollection(lines, colors=INK, linewidths=3.0, zorder=3))
+        axes.add_collection(LineCollection(lines, colors=shades(len(lines)), linewidths=2.0, zorder=4))
+    axes.set_ylim(0.0, top_of_curvature([profile] if profile else [], [arcs] if arcs else []))
+    titles(axes, " and ".join(named).capitalize(), ARC_LENGTH.title, CURVATURE_AT.title)
     return axes
 
 
-def draw_angle(axes: Axes, result: FrameResult) -> Axes:
-    """Draw the accumulated curve angle along the route with its standard error."""
-    frame, arcs = route_samples(result, NODES), result.arcs
-    s = ARC_LENGTH.factor * frame.s
-    _draw_band(axes, s, ANGLE.factor * frame.phi, ANGLE.factor * frame.phi_se)
-    joints = ANGLE.factor * np.cumsum([0.0, *arcs.angle[:-1]])
-    draw_dots(axes, np.column_stack([ARC_LENGTH.factor * arcs.s_start, joints]))
-    axes.set_xlim(-0.02 * s[-1], 1.02 * s[-1])
+def draw_angle(axes: Axes, profile: CurvatureProfile, arcs: Arcs | None) -> Axes:
+    """Draw the accumulated curve angle along a route with its standard error, and where its pieces begin."""
+    _draw_band(axes, profile, ANGLE.factor * profile.phi, ANGLE.factor * profile.phi_se)
+    if arcs is not None:
+        joints = ANGLE.factor * np.cumsum([0.0, *arcs.angle[:-1]])
+        draw_dots(axes, np.column_stack([ARC_LENGTH.factor * arcs.s_start, joints]))
+    _limit(axes, profile.length)
     axes.set_ylim(0.0, None)
-    total = angle_with_error(arcs.total_angle, arcs.total_angle_se)
+    of = profile if arcs is None else arcs
+    total = angle_with_error(of.total_angle, of.total_angle_se)
     titles(axes, f"Curve angle ± s.e.; Φ = {total}", ARC_LENGTH.title, ANGLE.title)
     return axes
 
@@ -130,6 +134,12 @@ def draw_resolution(axes: Axes, result: FrameResult) -> Axes:
     return axes
 
 
-def _draw_band(axes: Axes, s: Vector, value: Vector, error: Vector) -> None:
+def _draw_band(axes: Axes, profile: CurvatureProfile, value: Vector, error: Vector) -> None:
+    kept = evenly(len(profile.s), NODES)
+    s, value, error = ARC_LENGTH.factor * profile.s[kept], value[kept], error[kept]
     axes.fill_between(s, np.maximum(value - error, 0.0), value + error, color=_BAND, linewidth=0)
     axes.plot(s, value, color=_SENSED, linewidth=1.0)
+
+
+def _limit(axes: Axes, length: float) -> None:
+    axes.set_xlim(-0.02 * ARC_LENGTH.factor * length, 1.02 * ARC_LENGTH.factor * length)

@@ -10,6 +10,9 @@ from typing import Literal
 StyleName = Literal["light", "dark", "paper"]
 """`paper`: width of a journal's column, 88 mm, or of its page, 180 mm, and no titles."""
 
+FIXED = "fixed colour"
+"""Group id of texts that stand on a colour of their own, so that a dark style leaves them."""
+
 _wanted: ContextVar[StyleName] = ContextVar("style of figures for print", default="light")
 _used: ContextVar[StyleName] = ContextVar("style of the figure that is drawn", default="light")
 

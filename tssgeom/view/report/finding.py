@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from tssgeom.atomic import write_text
 from tssgeom.identify.finding import Candidate, Finding
 from tssgeom.identify.misfit import beyond_noise
+from tssgeom.view import colours
 from tssgeom.view import finding_wording as words
 from tssgeom.view.figures.finding import judged, missing_figure, residual_figure, transmission_figure
 from tssgeom.view.figures.heat_map import along_figure, heat_figure
@@ -42,6 +43,7 @@ def write_finding_report(path: Path, finding: Finding) -> None:
         title=html.escape(f"What the model of {finding.campaign.name} lacks"),
         subtitle=html.escape(_subtitle(finding)),
         accent=_ACCENTS[finding.verdict],
+        accent_dark=colours.on_dark(_ACCENTS[finding.verdict]),
         word=html.escape(words.VERDICTS[finding.verdict]),
         sentence=html.escape(finding.sentence),
         sections="\n".join(section for section in sections if section),
@@ -70,7 +72,7 @@ def _effects(finding: Finding) -> str:
         "parameters [95 % interval]",
         "ΔBIC (threshold)",
         "size / detection limit",
-        "held-out gap, ratio",
+        "held-out misfit, ratio",
     )
     return _section("What acts", _table(head, rows, text=(1, 2)), _tie_words(finding))
 
@@ -126,7 +128,7 @@ def _misfit(finding: Finding) -> str:
     held = ", which was held out" if trace.held_out and not finding.is_machine else ""
     where = f" on route {trace.route}" if trace.route else ""
     return _section(
-        "The gap" if one else "The gap before and after",
+        "The misfit" if one else "The misfit before and after",
         f"<p>{_misfit_text(finding)}</p>",
         misfit_table(finding.misfit, one=one),
         phases,
@@ -151,10 +153,10 @@ def _misfit_text(finding: Finding) -> str:
     )
 
 
-def _beyond(gap: float) -> str:
-    if gap < _NOTHING:
+def _beyond(misfit: float) -> str:
+    if misfit < _NOTHING:
         return "nothing beyond the noise of the sensors"
-    return f"<b>{gap:.3g}</b> times the noise beyond it (root mean over channels)"
+    return f"<b>{misfit:.3g}</b> times the noise beyond it (root mean over channels)"
 
 
 def _next(finding: Finding) -> str:
@@ -193,7 +195,7 @@ def _where(finding: Finding) -> str:
 
 
 _ALONG = (
-    "What each stretch of a route would have to turn more, were the gap all friction there. "
+    "What each stretch of a route would have to turn more, were the misfit all friction there. "
     "A peak at one arc length on every route is evidence for a bend; waves that differ are not."
 )
 
@@ -224,7 +226,7 @@ def _ranking(finding: Finding) -> str:
         ]
         for each in reported
     ]
-    head = ("candidate", "why not", "ΔBIC", "size / detection limit", "held-out gap, ratio")
+    head = ("candidate", "why not", "ΔBIC", "size / detection limit", "held-out misfit, ratio")
     more = len(finding.ranking) - len(reported)
     note = f'<p class="soft">and {more} more in report.json</p>' if more > 0 else ""
     return _section(

@@ -1,4 +1,4 @@
-"""The gap in numbers: measured less simulated, by channel and phase, before and after."""
+"""The misfit in numbers: measured less simulated, by channel and phase, before and after."""
 
 from __future__ import annotations
 

@@ -18,6 +18,10 @@ ASPECT = 1.5
 """Width of the spatial view over its height, on a common screen."""
 _TIE = np.array([1e-6, 1e-7, 1e-8])
 """Decides the direction across the screen of a route whose ends coincide or lie one above the other."""
+_TRIAD = 0.045
+"""Length of the axes of space [heights of the view]; chosen: shorter than the room below a route."""
+_ALONG_VIEW = 0.9
+"""Cosine between an axis of space and the view from which it is a point; chosen: 26°."""
 _LABEL_RISE = 0.025
 """Rerun writes a label below its point; lifted by this part of the view's height it sits on it."""
 
@@ -73,6 +77,17 @@ class Camera:
         down = self.half_height + below * self.view_height
         left = self.target - self.half_width * self.across - down * self.up
         return np.array([left, left + length * self.across]), f"{1e3 * length:g} mm"
+
+    def triad(self, below: float) -> tuple[Points, Points]:
+        """Return axes x, y, z [3, 2, 3] `below` the route on the right, and where their letters stand."""
+        down = self.half_height + below * self.view_height
+        origin = self.target + self.half_width * self.across - down * self.up
+        reach = _TRIAD * self.view_height * np.eye(3)
+        along_view = (
+            np.abs(self.axes[2])[:, None] > _ALONG_VIEW
+        )  # its letter stands below the point that it is
+        letters = origin + 1.4 * reach - 0.6 * along_view * _TRIAD * self.view_height * self.up
+        return np.stack([np.broadcast_to(origin, (3, 3)), origin + reach], axis=1), letters
 
     def project(self, points: Points) -> Vector:
         """Positions of points on the screen [n, 2], right and up from its middle, in heights of the view."""

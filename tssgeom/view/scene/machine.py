@@ -12,7 +12,7 @@ import rerun.blueprint as rrb
 from tssgeom.arrays import Points, Vector
 from tssgeom.tendon.machine import Machine
 from tssgeom.view import colours
-from tssgeom.view.figures.machine import pictured
+from tssgeom.view.quantities import ANGLE, quantity
 from tssgeom.view.samples import RouteSamples
 from tssgeom.view.scene.blueprint import layout, plot, space_view, time_panel
 from tssgeom.view.scene.camera import Camera, camera
@@ -129,7 +129,7 @@ def _send_joint(
     circle = rr.LineStrips3D([at(around)], colors=[colours.AXIS], radii=rr.Radius.ui_points(1.5))
     sender.constant("joint/circle", circle)
     sender.constant(
-        "joint/hand", rr.LineStrips3D.from_fields(colors=colours.ANGLE, radii=rr.Radius.ui_points(3.0))
+        "joint/hand", rr.LineStrips3D.from_fields(colors=ANGLE.rgb, radii=rr.Radius.ui_points(3.0))
     )
     hands = [np.stack([middle, end]) for end in at(start + angle)]
     sender.send("joint/hand", rr.LineStrips3D.columns(strips=segments_3d(hands)), [1] * len(angle))
@@ -139,7 +139,7 @@ def _send_series(sender: Sender, channels: Mapping[str, Vector]) -> None:
     stems = tuple(stem for group in _PLOTS.values() for stem in group)
     chosen = [name for name in channels if name.startswith(stems)]
     for k, name in enumerate(chosen):
-        label, factor = pictured(name)
-        style = rr.SeriesLines(names=label, colors=[colours.piece_rgb(k)], widths=[2.0])
+        of = quantity(name)
+        style = rr.SeriesLines(names=of.label, colors=[colours.piece_rgb(k)], widths=[2.0])
         sender.constant(f"series/{name}", style)
-        sender.send(f"series/{name}", rr.Scalars.columns(scalars=factor * channels[name]))
+        sender.send(f"series/{name}", rr.Scalars.columns(scalars=of.factor * channels[name]))

@@ -17,7 +17,7 @@ from tssgeom.route.synthetic import Course, positions, setup_a, setup_b
 from tssgeom.tendon import paper
 from tssgeom.tendon.history import History, driven, profiles
 from tssgeom.view import colours
-from tssgeom.view.quantities import ELONGATION, FIRST, SECOND, TENSION_IN, TENSION_OUT
+from tssgeom.view.quantities import ELONGATION, TENSION_IN, TENSION_OUT
 from tssgeom.view.samples import Ranges, RouteSamples, evenly
 from tssgeom.view.scene.blueprint import chart, layout, plot, space_view, time_panel
 from tssgeom.view.scene.camera import Camera, camera
@@ -49,7 +49,7 @@ _BOX = Box(width=1.55, text=0.095)
 _ALONG = Box(width=1.55, text=0.095, unitless=True)
 _TEXT_SCALE = 1.7  # of text beside the route: the views of both setups are lower than one alone
 _ROUTES = ("a", "b", "half")
-_SETUPS = {"a": ("A", FIRST), "b": ("B", SECOND)}
+_SETUPS = {"a": ("A", colours.FIRST), "b": ("B", colours.SECOND)}
 _LIMITS = Ranges(tension=paper.PEAK, length=0.5, kappa=1.0)
 
 
@@ -143,14 +143,14 @@ def _send_ends(sender: Sender, name: str, run: History) -> None:
 def _send_half_circle(sender: Sender, run: History) -> None:
     """Send the curves of figures 4 and 5."""
     send_line(sender, "tension_in", TENSION_IN, run.tension_in)
-    _send_response(sender, "half", "the half circle", colours.TENSION_OUT, run)
+    _send_response(sender, "half", "the half circle", TENSION_OUT.rgb, run)
     for name, values, top, unit in (
         ("figure_5a", run.tension_out, 10.0, "N"),
         ("figure_5b", 1e3 * run.elongation, 2.0, "mm"),
     ):
         chart = Chart(Axis(16.0, "N"), Axis(top, unit), _BOX)
         send_axes(sender, name, chart)
-        _send_curve(sender, f"{name}/curve", chart.position(run.tension_in, values), colours.TENSION_OUT)
+        _send_curve(sender, f"{name}/curve", chart.position(run.tension_in, values), TENSION_OUT.rgb)
 
 
 def _send_scaling(sender: Sender) -> None:
@@ -214,7 +214,7 @@ def _blueprint(cameras: dict[str, Camera]) -> rrb.Blueprint:
     )
     series = rrb.Vertical(
         plot(
-            "T [N] over time [s]: T_in yellow, A blue, B orange",
+            "T [N] over time [s]: T_in white, A blue, B orange",
             [f"series/{name}" for name in ("tension_in", *(f"tension_out_{one}" for one in _ROUTES))],
         ),
         plot("δ [mm] over time [s]", [f"series/elongation_{one}" for one in _ROUTES]),

@@ -52,20 +52,19 @@ def camera_of(frames: Sequence[RouteSamples]) -> Camera:
 def send_series(sender: Sender, results: Sequence[FrameResult]) -> None:
     """Send the lines over time, in the units of the plots' titles."""
     send_numbers(sender, np.array([numbers_of(result) for result in results]))
-    angle, error = np.array([(one.arcs.total_angle, one.arcs.total_angle_se) for one in results]).T
-    for end, sign, side in (("least", "−", -1.0), ("most", "+", 1.0)):
-        style = {"name": f"Φ {sign} s.e. [{ANGLE.unit}]", "colour": colours.ANGLE_BAND, "width": 1.0}
-        send_line(sender, f"angle_{end}", ANGLE, angle + side * error, **style)
     _send_measured(sender, results)
 
 
 def send_numbers(sender: Sender, numbers: Matrix) -> None:
-    """Send the `numbers_of` of m frames [m, 4], in the units of the plots' titles."""
-    tension_in, tension_out, elongation, angle = numbers.T
+    """Send the `numbers_of` of m frames [m, 5], in the units of the plots' titles; Φ with its band."""
+    tension_in, tension_out, elongation, angle, error = numbers.T
     send_line(sender, "tension_in", TENSION_IN, tension_in)
     send_line(sender, "tension_out", TENSION_OUT, tension_out)
     send_line(sender, "elongation", ELONGATION, elongation)
     send_line(sender, "angle", ANGLE, angle)
+    for end, sign, side in (("least", "−", -1.0), ("most", "+", 1.0)):
+        style = {"name": f"Φ {sign} s.e. [{ANGLE.unit}]", "colour": colours.ANGLE_BAND, "width": 1.0}
+        send_line(sender, f"angle_{end}", ANGLE, angle + side * error, **style)
 
 
 def _send_measured(sender: Sender, results: Sequence[FrameResult]) -> None:

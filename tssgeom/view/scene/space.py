@@ -29,6 +29,8 @@ def send_space(sender: Sender, run: Run, lumen: trimesh.Trimesh | None) -> None:
     pieces = [result.arcs for result in run.results]
     send_piece_names(sender, pieces)
     send_scale_bar(sender, run.camera)
+    if run.timed:
+        _send_time(sender, run)
     if lumen is not None:
         _send_lumen(sender, run, lumen)
     send_route(sender, run.frames, run.ranges.tension)
@@ -55,13 +57,31 @@ def send_piece_names(sender: Sender, pieces: Sequence[Arcs]) -> None:
 
 
 def send_scale_bar(sender: Sender, camera: Camera, text_scale: float = 1.0) -> None:
-    """Draw a bar of a round length below the route, with its length."""
+    """Draw a bar of a round length below the route, with its length, and the directions of x, y and z."""
     if not sender.repeats:
         return
+    axes, letters = camera.triad(camera.room_below)
+    lines = rr.LineStrips3D(list(axes), colors=[colours.AXIS], radii=rr.Radius.ui_points(1.5))
+    sender.constant("scale/axes", lines)
+    anchor = camera.label_anchor(letters, np.zeros(2), text_scale)
+    names = rr.Points3D(anchor, radii=0.0, labels=["x", "y", "z"], colors=[colours.SENSED], show_labels=True)
+    sender.constant("scale/axes/letters", names)
     bar, text, anchor = scale_label(camera, text_scale)
     sender.constant("scale", rr.LineStrips3D([bar], colors=[colours.AXIS], radii=rr.Radius.ui_points(1.5)))
     label = rr.Points3D(anchor, radii=0.0, labels=[text], colors=[colours.WHITE], show_labels=True)
     sender.constant("scale/length", label)
+
+
+def _send_time(sender: Sender, run: Run) -> None:
+    """Write the time of each frame below the route."""
+    bar, _ = run.camera.scale_bar(run.camera.room_below)
+    middle = bar.mean(axis=0) + run.camera.half_width * run.camera.across
+    anchor = run.camera.label_anchor(middle[None], np.zeros(2))
+    style = rr.Points3D.from_fields(radii=0.0, colors=colours.WHITE, show_labels=True)
+    sender.constant("scale/time", style)
+    labels = [f"t = {result.frame.time:.2f} s" for result in run.results]
+    positions = np.repeat(anchor, len(labels), axis=0)
+    sender.send("scale/time", rr.Points3D.columns(positions=positions, labels=labels))
 
 
 def _send_lumen(sender: Sender, run: Run, lumen: trimesh.Trimesh) -> None:

@@ -12,6 +12,7 @@ import rerun.blueprint as rrb
 
 from tssgeom.arrays import Points, Vector
 from tssgeom.view import colours
+from tssgeom.view.quantities import ANGLE, TENSION_OUT
 from tssgeom.view.scene.blueprint import BACKGROUND, layout, space_view, time_panel
 from tssgeom.view.scene.camera import Camera, camera
 from tssgeom.view.scene.columns import Sender
@@ -89,8 +90,8 @@ def _send_markers(sender: Sender, tracked: Tracked) -> None:
 def _send_numbers(sender: Sender, tracked: Tracked) -> None:
     share = 100 * np.array([_known(frame).mean() for frame in tracked.points])
     for entity, name, colour, values in (
-        ("seen", "markers placed [%]", colours.TENSION_OUT, share),
-        ("noise", "noise [mm]", colours.ANGLE, 1e3 * tracked.noise),
+        ("seen", "markers placed [%]", TENSION_OUT.rgb, share),
+        ("noise", "noise [mm]", ANGLE.rgb, 1e3 * tracked.noise),
     ):
         sender.constant(f"series/{entity}", rr.SeriesLines(names=name, colors=[colour], widths=[2.0]))
         sender.send(f"series/{entity}", rr.Scalars.columns(scalars=values))

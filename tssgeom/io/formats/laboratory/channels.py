@@ -274,6 +274,13 @@ def _take_unitless(table: RawTable, column: Column, result: Resolved) -> None:
     result.suggested[column.name] = meant
 
 
+COMPUTED = {
+    *("displacement_reached_m", "tension_reached_N", "displacement_out_se_m", "tension_out_se_N"),
+    *("displacement_out_se_by_tension_m", "tension_out_se_by_tension_N"),
+}
+"""Columns of `compensate.parquet` that are results: such a file is the drive of `simulate` as it is."""
+
+
 def _leave(column: Column, result: Resolved, drives: tuple[str, ...]) -> None:
     """Leave out a column that resembles a channel; one that may be the only drive is unclear."""
     like = [
@@ -282,6 +289,8 @@ def _leave(column: Column, result: Resolved, drives: tuple[str, ...]) -> None:
         if QUANTITIES.get(name.rpartition("_")[0]) == column.meaning.quantity
     ]
     nearest = difflib.get_close_matches(column.name, like, 1, 0.0)[0] if like else TIME
+    if column.name in COMPUTED:
+        return
     if column.meaning.target or column.meaning.quantity not in drives or result.drives:
         result.warnings.append(not_read(column.name, nearest))
         return

@@ -14,8 +14,6 @@ from tssgeom.arrays import Vector
 from tssgeom.view import colours
 from tssgeom.view.quantities import (
     ELONGATION,
-    FIRST,
-    SECOND,
     TENSION_IN,
     TENSION_OUT,
     TIMELINE,
@@ -42,7 +40,7 @@ from tssgeom.view.scene.space import label_texts, send_labels, send_piece_names,
 from tssgeom.view.scene.writer import recording_file
 
 _TEXT_SCALE = 1.6  # of text beside the route: the views of both are lower than one alone
-_COLOURS = {"a": FIRST, "b": SECOND}
+_COLOURS = {"a": colours.FIRST, "b": colours.SECOND}
 _CHART_BOX = Box(width=1.9, text=0.12, unitless=True)
 _BOTH_BOX = Box(width=3.1, text=0.115)
 

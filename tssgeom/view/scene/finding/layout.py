@@ -73,7 +73,7 @@ def _chart(origin: str, title: str, box: Box) -> rrb.Spatial2DView:
 
 
 def _plots(finding: Finding, tension: float) -> list[rrb.TimeSeriesView]:
-    """Lay out the channel with the widest gap, and below it what is left of each channel."""
+    """Lay out the channel with the largest misfit, and below it what is left of each channel."""
     channels = [(name, words.channel(name)) for name in plotted_channels(finding)]
     name, widest = channels[0]
     most = max(float(np.nanmax(each.measured.get(name, 0.0), initial=0.0)) for each in finding.traces)

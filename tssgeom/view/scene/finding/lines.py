@@ -12,6 +12,7 @@ from tssgeom.identify.finding import Finding, Trace
 from tssgeom.view import colours
 from tssgeom.view import finding_wording as words
 from tssgeom.view.figures.finding import measured_channels, models
+from tssgeom.view.quantities import TENSION_IN
 from tssgeom.view.scene.columns import Sender
 
 MOST_CHANNELS = 3
@@ -20,18 +21,18 @@ _COLOURS = {"measured": colours.MEASURED, "before": colours.BEFORE, "after": col
 
 
 def plotted_channels(finding: Finding) -> list[str]:
-    """Return the channels that are plotted, the one with the widest gap before first."""
-    gap = finding.misfit
-    reported = gap.before[words.judged_runs(gap)]
+    """Return the channels that are plotted, the one with the largest misfit before first."""
+    misfit = finding.misfit
+    reported = misfit.before[words.judged_runs(misfit)]
     known = [name for name in measured_channels(finding.traces) if name in reported]
-    return sorted(known, key=lambda name: -reported[name] / gap.noise[name])[:MOST_CHANNELS]
+    return sorted(known, key=lambda name: -reported[name] / misfit.noise[name])[:MOST_CHANNELS]
 
 
 def send_lines(samples: Sender, finding: Finding) -> None:
-    """Send the channel with the widest gap, what is left of each, and the proximal tension."""
+    """Send the channel with the largest misfit, what is left of each, and the proximal tension."""
     traces = finding.traces
     pull = np.concatenate([trace.tension_in for trace in traces])
-    _line(samples, "series/tension_in", "T_in of the model [N]", colours.TENSION_IN, pull)
+    _line(samples, "series/tension_in", "T_in of the model [N]", TENSION_IN.rgb, pull)
     channels = plotted_channels(finding)
     for order, when in enumerate(("measured", *models(finding))):
         values = words.channel(channels[0]).factor * _column(traces, when, channels[0])

@@ -1,0 +1,167 @@
+"""`simulate`, `compensate` and `calibrate` of rigs with several tendons, a joint or unknown numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from tssgeom.arrays import Vector
+from tssgeom.errors import SettingsError, TssgeomError
+from tssgeom.identify.machine_calibration import calibrate_machine
+from tssgeom.identify.machine_estimates import MachineCalibration
+from tssgeom.identify.machine_run import MachineRun, machine_run, route_of_rig, routed
+from tssgeom.io.formats.runs import MeasuredRun
+from tssgeom.mechanism import tendon_count
+from tssgeom.result import Result
+from tssgeom.rig import Rig
+from tssgeom.route.pieces import Arcs
+from tssgeom.tendon.machine import Machine, machine_of
+from tssgeom.tendon.machine_command import command_machine
+from tssgeom.tendon.machine_simulation import drive_of, simulated
+from tssgeom.uncertain import Uncertain
+
+TARGET = "joint_angle_rad"
+"""Column of the target that a joint follows."""
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class MachineChannels(Result):
+    """Channels of a machine over a run, as `simulate` and `compensate` compute them.
+
+    As a table it has the columns of `simulate.parquet` or `compensate.parquet` (docs/machines.md).
+    """
+
+    channels: Mapping[str, Vector]
+    """Columns by their names in files, `time_s` first; each [n] in the unit of its name."""
+    drive: str
+    """Name of the drive of the run, or of the target."""
+    machine: Machine
+    """The machine on its routes."""
+    tension: Vector | None = None
+    """Tension along each tendon at each time [N]; None of commands."""
+    reached: Vector | None = None
+    """[n] Whether the joint gets where it is wanted; None of a simulation."""
+    warnings: tuple[str, ...] = ()
+    """What to know of the run, a sentence each."""
+
+    def __len__(self) -> int:
+        return len(self.channels["time_s"])
+
+
+def machine_on(arcs: Sequence[Arcs], rig: Rig) -> Machine:
+    """Return the rig on its routes, one for all tendons or one for each."""
+    return machine_of(rig, [routed(each, rig) for each in arcs])
+
+
+def simulated_machine(run: MeasuredRun, machine: Machine) -> MachineChannels:
+    """Take a machine through the drive of a run.
+
+    Raises
+    ------
+    SettingsError
+        Where the run has no drive for the machine, or a sample is missing.
+    FitError
+        Where the machine has no equilibrium.
+    """
+    columns = _complete(run)
+    name = drive_of(columns, machine.count)
+    end_given = machine.rig.end.given == "angle" and TARGET in columns
+    done = simulated(machine, columns, drive=name, end_given=end_given, profile=True)
+    return MachineChannels({"time_s": run.time, **done.channels}, name, machine, done.tension)
+
+
+def commanded_machine(run: MeasuredRun, machine: Machine) -> MachineChannels:
+    """Return the angles of the motor that turn the joint as a run wants it.
+
+    Raises
+    ------
+    SettingsError
+        Where the run has no target, a sample is missing, or the machine has no joint.
+    FitError
+        Where the machine has no equilibrium.
+    """
+    if TARGET not in run.columns:
+        raise SettingsError(f"{run.path}: no column {TARGET}: a joint follows the angle in it; add one")
+    columns = _complete(run)
+    commands = command_machine(machine, run.time, columns[TARGET], columns.get("joint_torque_Nm"))
+    channels = {"motor_angle_rad": commands.motor_angle, TARGET: commands.joint_angle}
+    for which in range(machine.count):
+        channels[f"tension_in_{which + 1}_N"] = commands.ends[:, which, 0]
+        channels[f"displacement_in_{which + 1}_m"] = commands.ends[:, which, 2]
+    missed = np.flatnonzero(~commands.reached)
+    warnings = tuple(
+        f"{len(missed)} targets are out of reach, the first at {run.time[row]:g} s: "
+        f"{columns[TARGET][row]:.4g} rad is wanted, {commands.joint_angle[row]:.4g} reached"
+        for row in missed[:1]
+    )
+    of = {"reached": commands.reached, "warnings": warnings}
+    return MachineChannels({"time_s": run.time, **channels}, TARGET, machine, **of)
+
+
+def _complete(run: MeasuredRun) -> Mapping[str, Vector]:
+    for name, values in run.columns.items():
+        missing = np.flatnonzero(~np.isfinite(values))
+        if len(missing):
+            time = run.time[missing[0]]
+            raise SettingsError(f"{run.path}: {name} has no value at time_s = {time:g}: fill every row")
+    return run.columns
+
+
+def fitted_machine(
+    runs: Sequence[MeasuredRun],
+    arcs: Sequence[Arcs],
+    rig: Rig,
+    uncertain: Sequence[Uncertain],
+    progress: Callable[[str, float], Any] = lambda step, share: None,
+) -> MachineCalibration:
+    """Fit a machine, or the unknown numbers of a rig, to runs; `arcs` as `routes_of_runs` takes them.
+
+    Raises
+    ------
+    SettingsError
+        Where a run or the number of routes cannot be used.
+    FitError
+        Where nothing can be fitted.
+    """
+    pairs = zip(runs, routes_of_runs(len(runs), arcs, rig), strict=True)
+    on_routes = [_on_routes(run, each, rig) for run, each in pairs]
+    return calibrate_machine(on_routes, rig, uncertain, progress=progress)
+
+
+def _on_routes(run: MeasuredRun, arcs: Sequence[Arcs], rig: Rig) -> MachineRun:
+    try:
+        return machine_run(run.name, run.columns, list(arcs), rig)
+    except TssgeomError as error:
+        raise type(error)(f"{run.path}: {error}") from error
+
+
+def routes_of_runs(runs: int, arcs: Sequence[Arcs], rig: Rig) -> list[list[Arcs]]:
+    """Return the routes of each run: of the rig where none is given, one for all, one a run, or one a tendon.
+
+    Raises
+    ------
+    SettingsError
+        Where the number of routes fits neither runs nor tendons.
+    """
+    tendons = tendon_count(rig.drive, rig.end)
+    if not arcs:
+        return [[route_of_rig(rig)]] * runs
+    if len(arcs) == 1:
+        return [list(arcs)] * runs
+    if len(arcs) == runs:
+        return [[each] for each in arcs]
+    if len(arcs) == tendons:
+        return [list(arcs)] * runs
+    if len(arcs) == runs * tendons:
+        return [list(arcs[k * tendons : (k + 1) * tendons]) for k in range(runs)]
+    raise SettingsError(
+        f"{len(arcs)} shapes for {_counted(runs, 'run')} of {_counted(tendons, 'tendon')}: give one for all, "
+        "one a run, one a tendon, or those of each run one after the other"
+    )
+
+
+def _counted(count: int, thing: str) -> str:
+    return f"{count} {thing}" if count == 1 else f"{count} {thing}s"
