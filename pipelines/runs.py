@@ -18,6 +18,7 @@ from tssgeom.arrays import Vector
 from tssgeom.effects import named
 from tssgeom.errors import TssgeomError
 from tssgeom.io.formats.columns import CHANNELS
+from tssgeom.io.formats.paths import stem
 from tssgeom.io.formats.runs import MeasuredRun, read_run
 from tssgeom.plausibility.frames import strain_remarks
 from tssgeom.plausibility.rules import warnings_of
@@ -128,7 +129,7 @@ def sensed_route(path: Path, settings: RunSettings) -> SensedRoute:
     sensed = sensed_frames(opened(path, settings), settings.rig)
     for line in rejection_lines(str(path), sensed.rejected, len(sensed.rejected)):
         print_message(line)
-    return SensedRoute(path.stem, sensed.results, len(sensed.rejected))
+    return SensedRoute(stem(path), sensed.results, len(sensed.rejected))
 
 
 def computed_rows(

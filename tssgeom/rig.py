@@ -12,7 +12,7 @@ import tomli_w
 
 from tssgeom.atomic import write_text
 from tssgeom.effects import KINDS, LAWS, AnyEffect
-from tssgeom.errors import SettingsError
+from tssgeom.errors import SettingsError, printable, require_file
 from tssgeom.mechanism import Drive, End
 from tssgeom.uncertain import Follow, Uncertain, parted, path_of
 
@@ -267,11 +267,11 @@ def read_uncertain_rig(path: str | Path) -> tuple[Rig, tuple[Uncertain, ...]]:
         Where the file is missing, is no TOML, or holds an unknown key or a value out of bounds.
     """
     tables: dict[str, Any] = {}
+    require_file(Path(path))
     try:
-        with Path(path).open("rb") as file:
+        with open(path, "rb") as file:
             content = file.read(_MOST_BYTES + 1)
-        if len(content) > _MOST_BYTES:
-            raise SettingsError(f"{path}: longer than {_MOST_BYTES} bytes: mend the rig file")
+        _require(len(content) <= _MOST_BYTES, "its size", len(content), f"at most {_MOST_BYTES} bytes")
         tables, uncertain = parted(tomllib.loads(content.decode("utf-8-sig")))
         return msgspec.convert(tables, Rig), uncertain
     except OSError as error:
@@ -319,7 +319,7 @@ def write_rig(path: Path, rig: Rig, provenance: Sequence[str] = ()) -> None:
     SourceError
         Where the disk refuses.
     """
-    comments = "".join(f"# {' '.join(line.split())}\n" for line in provenance)
+    comments = "".join(f"# {printable(' '.join(line.split()))}\n" for line in provenance)
     tables = _without_none(msgspec.to_builtins(rig, enc_hook=float))  # fits give numpy's floats
     for name in ("drive", "end", "route"):
         if getattr(rig, name) == getattr(Rig(), name):

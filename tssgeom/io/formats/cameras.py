@@ -11,7 +11,7 @@ import tomli_w
 
 from tssgeom.atomic import write_text
 from tssgeom.errors import SettingsError
-from tssgeom.io.formats.paths import reading
+from tssgeom.io.formats.paths import SETTINGS_BYTES, bytes_of
 from tssgeom.vision.cameras import DISTORTIONS, Camera
 from tssgeom.vision.quality import Calibration
 
@@ -74,8 +74,7 @@ def read_cameras(path: Path) -> tuple[Camera, ...]:
     SourceError
         Where it cannot be read.
     """
-    with reading(path, "check --calibration"):
-        content = path.read_bytes()
+    content = bytes_of(path, SETTINGS_BYTES, "check --calibration")
     decode = msgspec.json.decode if path.suffix.lower() == ".json" else msgspec.toml.decode
     try:
         held = decode(content, type=CalibrationFile)

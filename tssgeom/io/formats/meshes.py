@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tssgeom.errors import ShapeError, SourceError, first_line, unreadable
-from tssgeom.io.formats.paths import split
+from tssgeom.errors import ShapeError, SourceError, first_line, require_file, unreadable
+from tssgeom.io.formats.paths import bytes_of, split
 from tssgeom.io.formats.recording import PER_METRE
 from tssgeom.lumen.wall import Wall
 
@@ -59,6 +60,7 @@ def read_lumen(path: str | Path, unit: str) -> trimesh.Trimesh:
         raise ShapeError(f"{path}: the unit is {unit!r}: give mm or m")
     if path.suffix.lower() not in ENDINGS:
         raise SourceError(f"{path}: no reader takes {path.suffix!r} as a mesh: use {', '.join(ENDINGS)}")
+    require_file(path)
     if not path.is_file():
         raise SourceError(f"{path}: no such file: check the path")
     mesh = _loaded(path)
@@ -81,8 +83,9 @@ def wall_of(mesh: trimesh.Trimesh) -> Wall:
 def _loaded(path: Path) -> trimesh.Trimesh:
     import trimesh
 
+    content = BytesIO(bytes_of(path))
     try:
-        return trimesh.load_mesh(path)
+        return trimesh.load_mesh(content, file_type=path.suffix[1:].lower())
     except OSError as error:
         raise unreadable(path, error) from error
     except Exception as error:  # a broken file can make the loaders of trimesh raise anything

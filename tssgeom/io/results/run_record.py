@@ -13,7 +13,7 @@ from filelock import FileLock, Timeout
 
 from tssgeom.errors import SourceError, unreadable, unwritable
 from tssgeom.io.formats.files import RESULTS_MARK, UNFINISHED_MARK
-from tssgeom.io.formats.paths import split
+from tssgeom.io.formats.paths import reading, split
 from tssgeom.io.storage import Folder
 from tssgeom.rig import Rig
 
@@ -141,13 +141,13 @@ def sha256_of(path: Path) -> str:
             return _sha256(file)
         listed = [(each.relative_to(file).as_posix(), each) for each in file.rglob("*") if each.is_file()]
         lines = "".join(f"{_sha256(each)}  {name}\n" for name, each in sorted(listed))
-        return hashlib.sha256(lines.encode()).hexdigest()
+        return hashlib.sha256(lines.encode(errors="surrogateescape")).hexdigest()
     except OSError as error:
         raise unreadable(file, error) from error
 
 
 def _sha256(file: Path) -> str:
-    with file.open("rb") as held:
+    with reading(file), file.open("rb") as held:
         return hashlib.file_digest(held, "sha256").hexdigest()
 
 
