@@ -39,6 +39,18 @@ MOST_PLOTTED = 400
 
 
 @contextmanager
+def outputs(folder: Path, *names: str) -> Iterator[None]:
+    """Remove the files of a command from its folder where it fails, those of an earlier run too."""
+    try:
+        yield
+    except (TssgeomError, OSError):
+        for name in names:
+            if (folder / name).is_file():
+                (folder / name).unlink()
+        raise
+
+
+@contextmanager
 def errors_naming(run: Path, shape: Path) -> Iterator[None]:
     """Put run and shape before the errors of the model, which knows no files."""
     try:

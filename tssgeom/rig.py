@@ -14,6 +14,7 @@ from tssgeom.atomic import write_text
 from tssgeom.effects import KINDS, LAWS, AnyEffect
 from tssgeom.errors import SettingsError, printable, require_file
 from tssgeom.mechanism import Drive, End
+from tssgeom.toml_keys import with_short_keys
 from tssgeom.uncertain import Follow, Uncertain, parted, path_of
 
 Source = Literal["markers", "em", "fbg", "centreline", "smoothed"]
@@ -272,11 +273,11 @@ def read_uncertain_rig(path: str | Path) -> tuple[Rig, tuple[Uncertain, ...]]:
         with open(path, "rb") as file:
             content = file.read(_MOST_BYTES + 1)
         _require(len(content) <= _MOST_BYTES, "its size", len(content), f"at most {_MOST_BYTES} bytes")
-        tables, uncertain = parted(tomllib.loads(content.decode("utf-8-sig")))
+        tables, uncertain = parted(tomllib.loads(with_short_keys(content).decode("utf-8-sig")))
         return msgspec.convert(tables, Rig), uncertain
     except OSError as error:
         raise SettingsError(f"{path}: cannot read the rig file ({error.strerror}): check the path") from error
-    except (msgspec.ValidationError, ValueError, RecursionError) as error:
+    except (msgspec.DecodeError, ValueError, RecursionError) as error:
         if isinstance(error, SettingsError):
             raise SettingsError(f"{path}: {error}") from error
         reported = _wrong_effect(tables) if "$.effects" in str(error) else str(error)

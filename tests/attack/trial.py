@@ -1,4 +1,4 @@
-"""One command on hostile input, in a process of its own: how long it takes, its memory, and what it answers."""
+"""One command on hostile input, in a process of its own: its time, its memory, and what it answers."""
 
 from __future__ import annotations
 

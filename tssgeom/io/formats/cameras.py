@@ -12,6 +12,7 @@ import tomli_w
 from tssgeom.atomic import write_text
 from tssgeom.errors import SettingsError
 from tssgeom.io.formats.paths import SETTINGS_BYTES, bytes_of
+from tssgeom.toml_keys import with_short_keys
 from tssgeom.vision.cameras import DISTORTIONS, Camera
 from tssgeom.vision.quality import Calibration
 
@@ -75,9 +76,11 @@ def read_cameras(path: Path) -> tuple[Camera, ...]:
         Where it cannot be read.
     """
     content = bytes_of(path, SETTINGS_BYTES, "check --calibration")
-    decode = msgspec.json.decode if path.suffix.lower() == ".json" else msgspec.toml.decode
     try:
-        held = decode(content, type=CalibrationFile)
+        if path.suffix.lower() == ".json":
+            held = msgspec.json.decode(content, type=CalibrationFile)
+        else:
+            held = msgspec.toml.decode(with_short_keys(content), type=CalibrationFile)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise SettingsError(f"{path}: {error}: write it with tssgeom track --calibrate") from error
     if not held.camera:

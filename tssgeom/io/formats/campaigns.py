@@ -22,6 +22,7 @@ from tssgeom.plausibility.rules import warnings_of
 from tssgeom.plausibility.runs import campaign_remarks, fit_remarks, run_remarks
 from tssgeom.rig import Rig, Sensor, read_rig
 from tssgeom.stream import Frame, FrameResult, Rejected
+from tssgeom.toml_keys import with_short_keys
 
 _SPECIFIED = {name.rpartition("_")[0]: (name, 1.0) for name in IN_SI.values()} | {
     name: (IN_SI[field], per_si) for name, (field, per_si) in CHANNELS.items()
@@ -141,7 +142,7 @@ def read_plan(listing: Path) -> Plan:
     hint = f"a campaign is a folder with {CAMPAIGN} (docs/formats.md, Campaign)"
     content = bytes_of(listing, SETTINGS_BYTES, hint).removeprefix(codecs.BOM_UTF8)
     try:
-        plan = msgspec.toml.decode(content, type=Plan)
+        plan = msgspec.toml.decode(with_short_keys(content), type=Plan)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise SettingsError(f"{listing}: {error}: mend it (docs/formats.md, Campaign)") from error
     if not plan.run:

@@ -236,7 +236,7 @@ def _shapes_in(folder: Path, left_out: Collection[Path]) -> Iterator[Path]:
             continue
         folders[:] = [name for name in folders if not name.startswith(".")]
         for name in names:
-            kind = ending(Path(name))
+            kind = ending(here / name)
             if not name.startswith((".", "~$")) and kind in READERS and kind not in _ONLY_NAMED:
                 yield here / name
 

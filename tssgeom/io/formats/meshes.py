@@ -64,7 +64,7 @@ def read_lumen(path: str | Path, unit: str) -> trimesh.Trimesh:
     if not path.is_file():
         raise SourceError(f"{path}: no such file: check the path")
     mesh = _loaded(path)
-    if len(mesh.faces) == 0:
+    if np.shape(getattr(mesh, "faces", ()))[1:] != (3,) or len(mesh.faces) == 0:
         raise ShapeError(f"{path}: the mesh has no triangles: export a surface")
     if not (np.abs(mesh.vertices) <= _FARTHEST).all() or not 0 <= mesh.faces.min() <= mesh.faces.max() < len(
         mesh.vertices

@@ -75,6 +75,24 @@ def bytes_of(path: Path, most: int | None = None, hint: str = "check the path") 
         return content + file.read((room() if most is None else most) - len(content))
 
 
+def require_lines(path: Path, raw: bytes) -> bytes:
+    """Return the content of a table in text, of which no line is longer than LONGEST_LINE.
+
+    Raises
+    ------
+    ShapeError
+        Where one is.
+    """
+    begin = 0
+    while len(raw) - begin > LONGEST_LINE:
+        end = max(raw.rfind(mark, begin, begin + LONGEST_LINE + 1) for mark in (b"\n", b"\r"))
+        if end < begin:
+            number = raw.count(b"\n", 0, begin) + 1
+            raise ShapeError(f"{path}: line {number} is longer than {LONGEST_LINE} bytes (1 MiB): divide it")
+        begin = end + 1
+    return raw
+
+
 class Stamp(NamedTuple):
     """What changes where a file is written anew."""
 
@@ -158,7 +176,7 @@ def split(path: Path) -> tuple[Path, str | None]:
     if "#" in text and not path.exists():
         for mark in re.finditer("#", text):
             file = Path(text[: mark.start()])
-            if file.exists() and text[mark.end() :]:
+            if mark.start() and file.exists() and text[mark.end() :]:
                 return file, text[mark.end() :]
     return path, None
 

@@ -16,7 +16,7 @@ from tssgeom.io.formats.laboratory.files import ENDINGS
 from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap
 from tssgeom.io.formats.laboratory.table import laboratory_table
 from tssgeom.io.formats.longform import is_plain
-from tssgeom.io.formats.paths import bytes_of, ending, split, stem
+from tssgeom.io.formats.paths import bytes_of, ending, require_lines, split, stem
 from tssgeom.io.formats.tables import (
     as_numbers,
     cells_of,
@@ -267,7 +267,7 @@ def _times(path: Path, time: Vector) -> Vector:
 
 def _csv(path: Path, names: Sequence[str]) -> dict[str, Vector]:
     """Return the columns that are read."""
-    lines = bytes_of(path).decode(errors="replace").splitlines()
+    lines = require_lines(path, bytes_of(path)).decode(errors="replace").splitlines()
     wanted = _wanted(path, names)
     rows = [
         _numbers(path, line, text, names, wanted) for line, text in enumerate(lines[1:], 2) if text.strip()

@@ -14,7 +14,16 @@ import numpy as np
 
 from tssgeom.arrays import Points, read_only
 from tssgeom.errors import ShapeError, SourceError
-from tssgeom.io.formats.paths import Stamp, bytes_of, require_room, selected, split, stamp_of, stem
+from tssgeom.io.formats.paths import (
+    Stamp,
+    bytes_of,
+    require_lines,
+    require_room,
+    selected,
+    split,
+    stamp_of,
+    stem,
+)
 from tssgeom.io.formats.recording import PER_METRE, Recording, agreed_unit
 from tssgeom.stream import Frame
 
@@ -152,7 +161,7 @@ def open_fcsv(path: Path, unit: str | None) -> Recording:
     """
     agreed = agreed_unit(path, "mm", unit, "")
     # A row of Slicer 5 may hold a carriage return in its middle, so that lines end at "\n" alone.
-    lines = bytes_of(path).decode("utf-8-sig", errors="replace").split("\n")
+    lines = require_lines(path, bytes_of(path)).decode("utf-8-sig", errors="replace").split("\n")
     head = _header(lines)
     system = head.get("CoordinateSystem", "RAS")
     if system not in _SYSTEMS:

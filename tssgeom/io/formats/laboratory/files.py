@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import re
 import struct
+import zipfile
 import zlib
 from collections import Counter
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from datetime import date, datetime, time, timedelta
+from functools import reduce
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -23,6 +27,7 @@ from tssgeom.io.formats.tables import parquet_columns, parquet_file
 TEXT = (".csv", ".tsv", ".txt", ".dat", ".csv.gz", ".tsv.gz", ".txt.gz", ".dat.gz")
 SHEETS = (".xlsx", ".xls", ".ods")
 _NAMES_OF_COLUMNS = ("names", "columns", "header", "headers", "labels", "channels", "varnames")
+_CELL = re.compile(rb'\br="([A-Z]{1,4})(\d{1,9})"')
 _MATLAB_HEAD, _MATLAB_PACKED = 128, 15
 """Bytes before the first element of a MATLAB file, and the kind of a packed one. Source: its format 5."""
 _BLOCK = 1 << 20  # bytes that are unpacked at a time; chosen
@@ -57,10 +62,28 @@ def _sheets(path: Path) -> list[RawTable]:
     from python_calamine import CalamineWorkbook
 
     require_room_in_zip(path)
-    with CalamineWorkbook.from_filelike(BytesIO(bytes_of(path))) as book:
+    content = bytes_of(path)
+    require_room(path, _cells_in(content) * np.dtype(np.float64).itemsize)
+    with CalamineWorkbook.from_filelike(BytesIO(content)) as book:
         sheets = {name: book.get_sheet_by_name(name).to_python() for name in book.sheet_names}
     tables = [_sheet(name, rows) for name, rows in sheets.items()]
     return [table for table in tables if table is not None]
+
+
+def _cells_in(content: bytes) -> int:
+    """Return how many cells the largest sheet of an .xlsx spans, which its reader makes all of."""
+    most = 0
+    with suppress(zipfile.BadZipFile), zipfile.ZipFile(BytesIO(content)) as book:
+        for name in book.namelist():
+            if name.startswith("xl/worksheets/"):
+                named = set(_CELL.findall(book.read(name)))
+                columns = max((_column_number(letters) for letters in {each[0] for each in named}), default=0)
+                most = max(most, columns * max((int(row) for _, row in named), default=0))
+    return most
+
+
+def _column_number(letters: bytes) -> int:
+    return reduce(lambda number, letter: 26 * number + letter - ord("A") + 1, letters, 0)
 
 
 def _sheet(title: str, values: list[list[Any]]) -> RawTable | None:

@@ -15,6 +15,7 @@ from tssgeom.errors import SettingsError
 from tssgeom.io.formats.laboratory.names import EXACT, QUANTITIES, canonical, channel_text
 from tssgeom.io.formats.laboratory.units import Unit, plain, scaled_unit, unit_of
 from tssgeom.io.formats.paths import SETTINGS_BYTES, bytes_of
+from tssgeom.toml_keys import with_short_keys
 
 FILE = "columns.toml"
 """Name of the file beside the data."""
@@ -136,7 +137,7 @@ def _beside(folder: Path) -> Mapping[str, Mapped]:
         return {}
     content = bytes_of(path, SETTINGS_BYTES).removeprefix(codecs.BOM_UTF8)
     try:
-        listed = msgspec.toml.decode(content, type=_Listed)
+        listed = msgspec.toml.decode(with_short_keys(content), type=_Listed)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise SettingsError(f"{path}: {error}: mend it (docs/formats.md, Laboratory files)") from error
     return {name: mapped(name, text, str(path)) for name, text in listed.columns.items()}

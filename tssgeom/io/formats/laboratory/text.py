@@ -18,7 +18,7 @@ from tssgeom.errors import ShapeError, SourceError
 from tssgeom.io.formats.laboratory import rows
 from tssgeom.io.formats.laboratory.raw import MISSING, Column, RawTable
 from tssgeom.io.formats.laboratory.rows import Row, decimal_of, header_of, is_data, is_number, table_of
-from tssgeom.io.formats.paths import require_room, room
+from tssgeom.io.formats.paths import require_lines, require_room, room
 
 _COMMENTS = ("#", "%", "//", "!", "*")
 _SPACES = " "
@@ -93,6 +93,7 @@ def decoded(path: Path, raw: bytes) -> tuple[str, list[str]]:
     if raw[:2] == b"\x1f\x8b":
         raw = _unpacked(path, raw)
         notes.append("unpacked by gzip")
+    require_lines(path, raw)
     for encoding in _encodings(raw):
         try:
             text = raw.decode(encoding).removeprefix("\ufeff")
