@@ -10,7 +10,7 @@ import struct
 import zipfile
 import zlib
 from base64 import b64encode
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from io import BytesIO
 from pathlib import Path
 
@@ -177,9 +177,11 @@ BOMBS: dict[str, Callable[[Path], object]] = {
 """Writers of a file, by its name."""
 
 
-def bombs(folder: Path) -> Iterator[tuple[str, list[str | Path]]]:
+def bombs(
+    folder: Path, chosen: Mapping[str, Callable[[Path], object]]
+) -> Iterator[tuple[str, list[str | Path]]]:
     """Yield the name and the commands of each file, written to `folder`."""
-    for name, write in BOMBS.items():
+    for name, write in chosen.items():
         path = folder / name
         write(path)
         for command in _commands(path, folder):

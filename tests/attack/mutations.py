@@ -69,7 +69,7 @@ def mutations(folder: Path, count: int, seed: int = 26) -> Iterator[tuple[str, l
             shutil.copy(CORPUS / "points.csv", folder)
         file.write_bytes(mutated(sample.read_bytes(), random))
         yield f"{number} {sample.name}", _command(file, number // len(files))
-        file.rename(folder / f"last{''.join(sample.suffixes)}")
+        file.unlink(missing_ok=True)
 
 
 def _command(file: Path, turn: int) -> list[str | Path]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+from functools import lru_cache
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -9,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tssgeom.errors import ShapeError, SourceError, first_line, require_file, unreadable
-from tssgeom.io.formats.paths import bytes_of, split
+from tssgeom.io.formats.paths import Stamp, bytes_of, split, stamp_of
 from tssgeom.io.formats.recording import PER_METRE
 from tssgeom.lumen.wall import Wall
 
@@ -95,9 +97,14 @@ def _loaded(path: Path) -> trimesh.Trimesh:
 
 
 def _meshes_in(folder: Path) -> list[Path]:
-    if not folder.is_dir():
-        return []
-    return [file for file in folder.iterdir() if file.suffix.lower() in ENDINGS and file.stem.endswith(_MARK)]
+    return _meshes_once(folder, stamp_of(folder)) if folder.is_dir() else []
+
+
+@lru_cache(maxsize=16)
+def _meshes_once(folder: Path, stamp: Stamp) -> list[Path]:
+    """Read a folder once, not for each file in it."""
+    names = [name for name in os.listdir(folder) if _MARK in name and Path(name).stem.endswith(_MARK)]
+    return [folder / name for name in names if Path(name).suffix.lower() in ENDINGS]
 
 
 def _name(mesh: Path) -> str:

@@ -71,7 +71,7 @@ def markup_names(file: Path) -> list[str]:
     ShapeError, SourceError
         Where the file holds no route or cannot be read.
     """
-    return _named(_routes(file))
+    return _routes(file)[1]
 
 
 def open_markups(path: Path, unit: str | None) -> Recording:
@@ -86,8 +86,8 @@ def open_markups(path: Path, unit: str | None) -> Recording:
         Where the file cannot be read.
     """
     file, _ = split(path)
-    routes = _routes(file)
-    markup = routes[selected(path, _named(routes))]
+    routes, names = _routes(file)
+    markup = routes[selected(path, names)]
     stated = markup.coordinate_units
     own = stated if isinstance(stated, str) else next(iter(stated), "")
     if own not in _PER_METRE:
@@ -100,8 +100,8 @@ def open_markups(path: Path, unit: str | None) -> Recording:
     return Recording(stem(path), path, own, "slicer", False, 1, (Frame(points),))
 
 
-def _routes(file: Path) -> list[_Markup]:
-    """Return the curves of a file, or its point lists where it has no curve.
+def _routes(file: Path) -> tuple[list[_Markup], list[str]]:
+    """Return the curves of a file, or its point lists where it has no curve, and their names.
 
     Those of the last file are kept, since each of them is an input of its own.
     """
@@ -109,11 +109,11 @@ def _routes(file: Path) -> list[_Markup]:
 
 
 @lru_cache(maxsize=1)
-def _routes_once(file: Path, stamp: Stamp) -> list[_Markup]:
+def _routes_once(file: Path, stamp: Stamp) -> tuple[list[_Markup], list[str]]:
     held = _decoded(file).markups
     for kind in _ROUTES:
         if routes := [markup for markup in held if markup.type == kind]:
-            return routes
+            return routes, _named(routes)
     kinds = ", ".join(sorted({markup.type for markup in held})) or "no markup"
     raise ShapeError(f"{file}: it holds {kinds}, no route: save an open curve or a point list")
 
