@@ -7,4 +7,4 @@ from pathlib import Path
 
 project = tomllib.loads(Path("pyproject.toml").read_text("utf-8"))["project"]
 for line in (*project["dependencies"], *project["optional-dependencies"]["ros"]):
-    sys.stdout.write(re.sub(r">=([^,]+).*", r"==\1", line) + "\n")
+    sys.stdout.write(re.sub(r">=([^,]+).*", r"==\1.*", line) + "\n")

@@ -1,4 +1,4 @@
-"""The attack by files, `python -m tests.attack.files [--long]`: counts hangs, tracebacks, memory, lost, silent."""
+"""The attack by files, `python -m tests.attack.files [--long]`. Counts hangs, tracebacks, memory, lost."""
 
 from __future__ import annotations
 

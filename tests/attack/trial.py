@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import resource
 import signal
 import sys
 import tempfile
@@ -27,6 +28,7 @@ class Answer:
     status: int | None
     """None where it had to be killed, or died of a signal."""
     seconds: float
+    """Time on a processor [s]: another load does not count; what waits in vain is killed."""
     memory: int
     """Greatest resident set [B]."""
     out: bytes
@@ -59,8 +61,8 @@ def attempt(arguments: Sequence[str | Path]) -> Answer:
         child = os.fork()
         if child == 0:
             _run(arguments, out.fileno(), err.fileno())
-        status, memory = _ended(child, begun + _LOST_AFTER)
-        seconds = time.monotonic() - begun
+        status, usage = _ended(child, begun + _LOST_AFTER)
+        seconds, memory = usage.ru_utime + usage.ru_stime, usage.ru_maxrss * 1024
         out.seek(0)
         err.seek(0)
         return Answer(status, seconds, memory, out.read(), err.read())
@@ -88,17 +90,17 @@ def _run(arguments: Sequence[str | Path], out: int, err: int) -> None:
         os._exit(status)
 
 
-def _ended(child: int, until: float) -> tuple[int | None, int]:
-    """Wait for a process, and kill it and its own after a time; return its status and memory."""
+def _ended(child: int, until: float) -> tuple[int | None, resource.struct_rusage]:
+    """Wait for a process, and kill it and its own after a time; return its status and what it used."""
     pause = 0.001
     while True:
         ended, status, usage = os.wait4(child, os.WNOHANG)
         if ended:
-            return (os.WEXITSTATUS(status) if os.WIFEXITED(status) else None), usage.ru_maxrss * 1024
+            return (os.WEXITSTATUS(status) if os.WIFEXITED(status) else None), usage
         if time.monotonic() > until:
             with suppress(ProcessLookupError):
                 os.killpg(child, signal.SIGKILL)
             _, _, usage = os.wait4(child, 0)
-            return None, usage.ru_maxrss * 1024
+            return None, usage
         time.sleep(pause)
         pause = min(2 * pause, 0.02)
