@@ -244,10 +244,10 @@ def specials(folder: Path) -> Iterator[tuple[str, list[str | Path]]]:
         (campaign / "campaign.toml").write_text(
             f'[[run]]\ndata = "../{path.name}"\nshape = "../{path.name}"\n'
         )
-        yield f"discover {name}", ["discover", campaign, "--out", folder / "found"]
+        yield f"discover {name}", ["discover", campaign, "--out", folder / "result"]
         yield (
             f"campaign {name}",
-            ["discover", _named(path, "", "campaign.toml").parent, "--out", folder / "found"],
+            ["discover", _named(path, "", "campaign.toml").parent, "--out", folder / "result"],
         )
 
 

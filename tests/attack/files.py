@@ -40,10 +40,10 @@ def attacked(cases: Cases, faults: Counter[str], most: int | None = None) -> int
     """Run each case, print and count its faults; a slow one counts if it is slow twice. Return the number."""
     number = 0
     for number, (name, command) in enumerate(cases, start=1):
-        found = attempt(command).faults()
-        if any(fault.startswith("hang") for fault in found):
-            found = attempt(command).faults()
-        for fault in found:
+        observed = attempt(command).faults()
+        if any(fault.startswith("hang") for fault in observed):
+            observed = attempt(command).faults()
+        for fault in observed:
             faults[fault.split()[0]] += 1
             print(f"{name}: {fault}: tssgeom {' '.join(map(repr, map(str, command)))}")  # noqa: T201
         if number == most:

@@ -25,9 +25,10 @@ STEMS = (
 def make_named(folder: Path) -> list[Path]:
     """Write a sound shape under each name, some of them in folders of such names."""
     made = list[Path]()
+    folder.mkdir(exist_ok=True)
     for number, stem in enumerate(STEMS):
         home = folder / os.fsdecode(b"in-" + stem[:40]) if number % 4 == 0 else folder
-        home.mkdir(exist_ok=True)
+        home.mkdir(parents=True, exist_ok=True)
         made.append(home / os.fsdecode(stem + b".csv"))
         made[-1].write_bytes(SOUND.read_bytes())
     return made
