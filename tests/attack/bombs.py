@@ -221,7 +221,7 @@ def make_special(folder: Path) -> dict[str, Path]:
 
 
 def specials(folder: Path) -> Iterator[tuple[str, list[str | Path]]]:
-    """Yield the name and the commands with a special file in the place of each input."""
+    """Yield the name and the commands with a special file as each input."""
     out, campaign = folder / "out", folder / "campaign"
     for name, path in make_special(folder).items():
         yield f"check {name}", ["check", path]

@@ -55,10 +55,10 @@ def named(folder: Path, faults: Counter[str]) -> int:
     """Analyse shapes under hostile names in one batch; a shape without a result is lost."""
     made = make_named(folder / "in")
     out = folder / "out"
-    answer = attempt(["batch", folder / "in", *made, "--out", out, "--no-pictures", "--workers", "1"])
-    sources = json.loads((out / "run.json").read_text("utf-8"))["inputs"] if answer.status == 0 else []
+    ending = attempt(["batch", folder / "in", *made, "--out", out, "--no-pictures", "--workers", "1"])
+    sources = json.loads((out / "run.json").read_text("utf-8"))["inputs"] if ending.status == 0 else []
     faults["lost"] += len(made) - len(sources)
-    for fault in answer.faults(allowed=60.0):  # of all together
+    for fault in ending.faults(allowed=60.0):  # of all together
         faults[fault.split()[0]] += 1
     if attempt(["verify", out]).status != 0:
         faults["lost"] += 1

@@ -1,4 +1,4 @@
-"""One command on hostile input, in a process of its own: its time, its memory, and what it answers."""
+"""One command on hostile input, in a process of its own: its time, its memory, and its output."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _LONGEST = 2048  # B of one line on stderr; Source: the same aim
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class Ending:
     """The end of one command."""
 
     status: int | None
@@ -54,7 +54,7 @@ class Answer:
         return faults
 
 
-def attempt(arguments: Sequence[str | Path]) -> Answer:
+def attempt(arguments: Sequence[str | Path]) -> Ending:
     """Run a command in a fork of this process, which has imported it, and wait for its end."""
     with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
         begun = time.monotonic()
@@ -65,7 +65,7 @@ def attempt(arguments: Sequence[str | Path]) -> Answer:
         seconds, memory = usage.ru_utime + usage.ru_stime, usage.ru_maxrss * 1024
         out.seek(0)
         err.seek(0)
-        return Answer(status, seconds, memory, out.read(), err.read())
+        return Ending(status, seconds, memory, out.read(), err.read())
 
 
 def _run(arguments: Sequence[str | Path], out: int, err: int) -> None:
