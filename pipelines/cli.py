@@ -126,9 +126,11 @@ def _status(arguments: Sequence[str] | None) -> int:
 
 def _expected(error: Exception) -> int:
     """Print an error of the package or of the system, and return the exit status; raise any other again."""
-    from tssgeom.errors import TssgeomError, refused  # here, since it brings the whole package
+    from tssgeom.errors import SettingsError, TssgeomError, refused  # here, since it brings the whole package
 
     error = refused(error) if isinstance(error, OSError) else error
+    if isinstance(error, UnicodeEncodeError):
+        error = SettingsError("a name or an argument is not UTF-8, and goes into a file: give another one")
     if not isinstance(error, TssgeomError):
         raise error
     return _failed(str(error), 2)

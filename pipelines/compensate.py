@@ -62,6 +62,7 @@ def compensate(
         check_run,
         computed_rows,
         measured_run,
+        outputs,
         sensed_route,
         temperature_of,
         value_range,
@@ -77,71 +78,72 @@ def compensate(
 
     choose(style)
     settings = run_settings(rig, TENSION_IN, unit, columns=columns, takes_machines=True)
-    if settings.rig.is_machine:
-        from pipelines.machines import compensate_machine
+    with outputs(out, TABLE):
+        if settings.rig.is_machine:
+            from pipelines.machines import compensate_machine
 
-        if tolerance_mm is not None or policy != "cross" or figures is not None:
-            raise SettingsError(
-                f"{rig}: --tolerance-mm, --policy and --figures are for one tendon: leave them out"
+            if tolerance_mm is not None or policy != "cross" or figures is not None:
+                raise SettingsError(
+                    f"{rig}: --tolerance-mm, --policy and --figures are for one tendon: leave them out"
+                )
+            raise typer.Exit(compensate_machine(shapes, target, out, settings, as_json=as_json, quiet=quiet))
+        commander = commander_of(
+            settings.rig,
+            settings.uncertain,
+            tolerance=None if tolerance_mm is None else 1e-3 * tolerance_mm,
+            policy=policy,
+        )
+        run = measured_run(target, settings)
+        channel, values = run.channel(_TARGETS)
+        warn_about_unused(run, channel, _TARGETS)
+        sensed = sensed_route(shapes, settings)
+        check_run(run, sensed, settings.rig)
+        rows = simulation.commands(
+            run.time,
+            sensed.route,
+            settings.rig,
+            temperature=temperature_of(run, settings),
+            commander=commander,
+            **{CHANNELS[channel][0]: values},
+        )
+        title = f"{sensed.name} follows {run.name}"
+        commands = computed_rows(rows, run, shapes, title, quiet=quiet or as_json)
+        warn_about_strain(target, sensed, settings.rig, max(one.tension_in for one in commands))
+        write_commands(out / TABLE, run.time.tolist(), commands)
+        files = [(out / TABLE).as_posix()]
+        if figures is not None:
+            files += [(figures / file).as_posix() for file in _write_figure(figures, run, channel, commands)]
+        facts = _facts(run, commands)
+        for line in _lines(facts, len(commands), tolerance_mm):
+            print_message(f"{target}: warning: {line}")
+        drive = value_range([one.displacement_in for one in commands])
+        tension = value_range([one.tension_in for one in commands])
+        if as_json:
+            print_json(
+                {
+                    "shape": sensed.name,
+                    "rejected": sensed.rejected,
+                    "run": run.name,
+                    "target": channel,
+                    "rows": len(commands),
+                    "range": {"displacement_in_m": drive, "tension_in_N": tension},
+                    **facts,
+                    "files": files,
+                }
             )
-        raise typer.Exit(compensate_machine(shapes, target, out, settings, as_json=as_json, quiet=quiet))
-    commander = commander_of(
-        settings.rig,
-        settings.uncertain,
-        tolerance=None if tolerance_mm is None else 1e-3 * tolerance_mm,
-        policy=policy,
-    )
-    run = measured_run(target, settings)
-    channel, values = run.channel(_TARGETS)
-    warn_about_unused(run, channel, _TARGETS)
-    sensed = sensed_route(shapes, settings)
-    check_run(run, sensed, settings.rig)
-    rows = simulation.commands(
-        run.time,
-        sensed.route,
-        settings.rig,
-        temperature=temperature_of(run, settings),
-        commander=commander,
-        **{CHANNELS[channel][0]: values},
-    )
-    title = f"{sensed.name} follows {run.name}"
-    commands = computed_rows(rows, run, shapes, title, quiet=quiet or as_json)
-    warn_about_strain(target, sensed, settings.rig, max(one.tension_in for one in commands))
-    write_commands(out / TABLE, run.time.tolist(), commands)
-    files = [(out / TABLE).as_posix()]
-    if figures is not None:
-        files += [(figures / file).as_posix() for file in _write_figure(figures, run, channel, commands)]
-    facts = _facts(run, commands)
-    for line in _lines(facts, len(commands), tolerance_mm):
-        print_message(f"{target}: warning: {line}")
-    drive = value_range([one.displacement_in for one in commands])
-    tension = value_range([one.tension_in for one in commands])
-    if as_json:
-        print_json(
-            {
-                "shape": sensed.name,
-                "rejected": sensed.rejected,
-                "run": run.name,
-                "target": channel,
-                "rows": len(commands),
-                "range": {"displacement_in_m": drive, "tension_in_N": tension},
-                **facts,
-                "files": files,
-            }
-        )
-    elif not quiet:
-        title = f"{sensed.name} follows {channel} of {run.name}: {len(commands)} commands"
-        cells = (
-            channel,
-            f"{1e3 * drive[0]:.3f}–{1e3 * drive[1]:.3f}",
-            f"{tension[0]:.2f}–{tension[1]:.2f}",
-            f"{1e3 * facts['displacement_out_se_m']:.3f}",
-            f"{1e3 * facts['displacement_out_se_by_tension_m']:.3f}",
-        )
-        header = ("target", "drive [mm]", "T_in [N]", "x_out ± by drive [mm]", "by T_in [mm]")
-        print_table(title + with_effects(settings), header, [cells])
-        print_line(f"table: {out / TABLE}")
-    raise typer.Exit(1 if sensed.rejected or facts["limited"] else 0)
+        elif not quiet:
+            title = f"{sensed.name} follows {channel} of {run.name}: {len(commands)} commands"
+            cells = (
+                channel,
+                f"{1e3 * drive[0]:.3f}–{1e3 * drive[1]:.3f}",
+                f"{tension[0]:.2f}–{tension[1]:.2f}",
+                f"{1e3 * facts['displacement_out_se_m']:.3f}",
+                f"{1e3 * facts['displacement_out_se_by_tension_m']:.3f}",
+            )
+            header = ("target", "drive [mm]", "T_in [N]", "x_out ± by drive [mm]", "by T_in [mm]")
+            print_table(title + with_effects(settings), header, [cells])
+            print_line(f"table: {out / TABLE}")
+        raise typer.Exit(1 if sensed.rejected or facts["limited"] else 0)
 
 
 def _facts(run: MeasuredRun, commands: Sequence[Command]) -> dict[str, Any]:

@@ -13,7 +13,15 @@ from msgspec.structs import replace as changed
 
 from pipelines.terminal import print_message, sized_progress
 from tssgeom.engine import recorded
-from tssgeom.errors import SettingsError, ShapeError, SpaceError, TssgeomError, refused
+from tssgeom.errors import (
+    SettingsError,
+    ShapeError,
+    SpaceError,
+    TssgeomError,
+    printable,
+    refused,
+    shortened,
+)
 from tssgeom.io.formats.files import Recording, find_inputs, open_recording, output_names, real
 from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap
 from tssgeom.io.results.shapes import Analysis, frame_row, relative
@@ -309,5 +317,5 @@ def unexpected(source: str | Path, error: Exception) -> str:
 
 
 def one_line(text: str) -> str:
-    """Return a text without its line breaks."""
-    return " ".join(text.split())
+    """Return a text without its line breaks, printable and no longer than a message."""
+    return shortened(printable(" ".join(text.split())))

@@ -18,6 +18,7 @@ from tssgeom.arrays import Vector
 from tssgeom.effects import named
 from tssgeom.errors import TssgeomError
 from tssgeom.io.formats.columns import CHANNELS
+from tssgeom.io.formats.paths import stem
 from tssgeom.io.formats.runs import MeasuredRun, read_run
 from tssgeom.plausibility.frames import strain_remarks
 from tssgeom.plausibility.rules import warnings_of
@@ -35,6 +36,18 @@ Row = TypeVar("Row")
 TEMPERATURE = "temperature_C"
 MOST_PLOTTED = 400
 """Moments of a run in its picture, evenly spread; chosen: as many as a batch keeps of a recording."""
+
+
+@contextmanager
+def outputs(folder: Path, *names: str) -> Iterator[None]:
+    """Remove the files of a command from its folder where it fails, those of an earlier run too."""
+    try:
+        yield
+    except (TssgeomError, OSError):
+        for name in names:
+            if (folder / name).is_file():
+                (folder / name).unlink()
+        raise
 
 
 @contextmanager
@@ -128,7 +141,7 @@ def sensed_route(path: Path, settings: RunSettings) -> SensedRoute:
     sensed = sensed_frames(opened(path, settings), settings.rig)
     for line in rejection_lines(str(path), sensed.rejected, len(sensed.rejected)):
         print_message(line)
-    return SensedRoute(path.stem, sensed.results, len(sensed.rejected))
+    return SensedRoute(stem(path), sensed.results, len(sensed.rejected))
 
 
 def computed_rows(

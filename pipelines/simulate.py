@@ -61,6 +61,7 @@ def simulate(
         check_run,
         computed_rows,
         measured_run,
+        outputs,
         sensed_route,
         temperature_of,
         warn_about_strain,
@@ -78,54 +79,55 @@ def simulate(
     settings = run_settings(rig, TENSION_IN, unit, columns=columns, takes_machines=not adapt)
     if write_rig is not None and not adapt:
         raise SettingsError("--write-rig needs --adapt: give both")
-    if adapt:
-        from pipelines.simulate_adapt import simulate_adapt
+    with outputs(out, TABLE, PICTURE):
+        if adapt:
+            from pipelines.simulate_adapt import simulate_adapt
 
-        status = simulate_adapt(
-            shapes,
-            drive,
-            out,
-            settings,
-            write_rig=write_rig,
-            figures=figures,
-            as_json=as_json,
-            quiet=quiet,
+            status = simulate_adapt(
+                shapes,
+                drive,
+                out,
+                settings,
+                write_rig=write_rig,
+                figures=figures,
+                as_json=as_json,
+                quiet=quiet,
+            )
+            raise typer.Exit(status)
+        if settings.rig.is_machine:
+            from pipelines.machines import simulate_machine
+
+            status = simulate_machine(shapes, drive, out, settings, as_json=as_json, quiet=quiet)
+            raise typer.Exit(status)
+        run = measured_run(drive, settings)
+        channel, values = run.channel(_DRIVES)
+        warn_about_unused(run, channel, _DRIVES)
+        sensed = sensed_route(shapes, settings)
+        check_run(run, sensed, settings.rig)
+        by_tension = channel == _DRIVES[0]
+        rows = simulation.simulate(
+            run.time,
+            sensed.route,
+            settings.rig,
+            tension_in=values if by_tension else None,
+            displacement_in=None if by_tension else values,
+            temperature=temperature_of(run, settings),
         )
-        raise typer.Exit(status)
-    if settings.rig.is_machine:
-        from pipelines.machines import simulate_machine
-
-        status = simulate_machine(shapes, drive, out, settings, as_json=as_json, quiet=quiet)
-        raise typer.Exit(status)
-    run = measured_run(drive, settings)
-    channel, values = run.channel(_DRIVES)
-    warn_about_unused(run, channel, _DRIVES)
-    sensed = sensed_route(shapes, settings)
-    check_run(run, sensed, settings.rig)
-    by_tension = channel == _DRIVES[0]
-    rows = simulation.simulate(
-        run.time,
-        sensed.route,
-        settings.rig,
-        tension_in=values if by_tension else None,
-        displacement_in=None if by_tension else values,
-        temperature=temperature_of(run, settings),
-    )
-    title = f"{sensed.name} driven by {run.name}"
-    moments = computed_rows(rows, run, shapes, title, quiet=quiet or as_json)
-    warn_about_strain(drive, sensed, settings.rig, max(one.transmission.tension_in for one in moments))
-    with replacing_all(out) as draft:  # no table without its picture
-        write_simulation(draft / TABLE, moments)
-        write_run_recording(draft / PICTURE, sensed, run, moments)
-    if figures is not None:
-        write_run_figures(figures, sensed, run, moments)
-    if as_json:
-        print_json(summary(sensed, run, channel, moments, out))
-    elif not quiet:
-        title = f"{sensed.name} driven by {channel} of {run.name}: {len(moments)} rows"
-        print_table(title + with_effects(settings), _COLUMNS, _rows(moments))
-        print_line(f"table: {out / TABLE}   picture: tssgeom view {out / PICTURE}")
-    raise typer.Exit(1 if sensed.rejected else 0)
+        title = f"{sensed.name} driven by {run.name}"
+        moments = computed_rows(rows, run, shapes, title, quiet=quiet or as_json)
+        warn_about_strain(drive, sensed, settings.rig, max(one.transmission.tension_in for one in moments))
+        with replacing_all(out) as draft:  # no table without its pictures
+            write_simulation(draft / TABLE, moments)
+            write_run_recording(draft / PICTURE, sensed, run, moments)
+            if figures is not None:
+                write_run_figures(figures, sensed, run, moments)
+        if as_json:
+            print_json(summary(sensed, run, channel, moments, out))
+        elif not quiet:
+            title = f"{sensed.name} driven by {channel} of {run.name}: {len(moments)} rows"
+            print_table(title + with_effects(settings), _COLUMNS, _rows(moments))
+            print_line(f"table: {out / TABLE}   picture: tssgeom view {out / PICTURE}")
+        raise typer.Exit(1 if sensed.rejected else 0)
 
 
 def summary(

@@ -24,6 +24,7 @@ RUN, NUMBERS, ALERTS, REPORT, FIGURE = (
     "adapt.json",
     "adapt",
 )
+_FILES = (RUN, NUMBERS, ALERTS, REPORT, *(f"{FIGURE}.{kind}" for kind in ("png", "pdf", "svg")))
 _DRIVES = ("displacement_in_m", "tension_in_N")
 _REPORTED = 500  # rows between two reports of the progress; chosen: half a second
 
@@ -41,7 +42,7 @@ def simulate_adapt(
 ) -> int:
     """Follow a run, write tables, report and figure; return the exit status."""
     from pipelines.figures import write_figure, write_figures
-    from pipelines.runs import check_run, errors_naming, measured_run, sensed_route
+    from pipelines.runs import check_run, errors_naming, measured_run, outputs, sensed_route
     from tssgeom.adapt.offline import RunFollower
     from tssgeom.errors import require_replaceable
     from tssgeom.io.results.followed import write_alerts, write_followed, write_numbers
@@ -49,45 +50,52 @@ def simulate_adapt(
 
     if write_rig is not None:
         require_replaceable(write_rig)
-    run = measured_run(drive, settings)
-    channel, _ = run.channel(_DRIVES)
-    sensed = sensed_route(shapes, settings)
-    check_run(run, sensed, settings.rig)
-    with errors_naming(drive, shapes), step_progress(quiet=quiet or as_json) as report_step:
-        follower = RunFollower(settings.rig, sensed.route, _columns(run, settings))
-        count = len(run.time)
-        for row in follower.rows():
-            if row % _REPORTED == 0:
-                tenth = 10 * row // count
-                report_step(f"{drive}: following up to {run.time[tenth * count // 10]:.0f} s", row / count)
-        followed = follower.result()
-    if followed.lost:
-        print_message(f"{drive}: warning: {followed.lost} rows are left out: no equilibrium of the tendon")
-    out.mkdir(parents=True, exist_ok=True)
-    write_followed(out / RUN, followed)
-    write_numbers(out / NUMBERS, followed)
-    write_alerts(out / ALERTS, followed)
-    draw = partial(followed_figure, followed, run.tension_out)
-    files = write_figure(draw, out, FIGURE)
-    files = [(out / name).as_posix() for name in (RUN, NUMBERS, ALERTS, REPORT, *files)]
-    if figures is not None:
-        figures.mkdir(parents=True, exist_ok=True)
-        write_figures(figures, f"{sensed.name}_{run.name}", {"adapt": draw})
-    if write_rig is not None:
-        _write_rig(write_rig, drive, shapes, followed)
-        files.append(write_rig.as_posix())
-    report = _report(sensed.name, run, channel, followed, files)
-    write_text(out / REPORT, json.dumps(report, indent=1, ensure_ascii=False) + "\n")
-    for alert in followed.alerts:
-        print_message(f"{drive}: alert: {alert.channel} from {alert.since:.2f} s on: {_said(alert.sentence)}")
-    if as_json:
-        print_json(report)
-    elif not quiet:
-        columns = ("", "at the start", "at the end", "smoothed, least", "smoothed, greatest")
-        title = f"{run.name} followed on {sensed.name}: {len(run.time)} rows by {channel}"
-        print_table(title, columns, [_row(each) for each in report["numbers"]])
-        print_line(f"table: {out / RUN}   numbers: {out / NUMBERS}   figure: {out / FIGURE}.png")
-    return 1 if sensed.rejected else 0
+    with outputs(out, *_FILES):
+        run = measured_run(drive, settings)
+        channel, _ = run.channel(_DRIVES)
+        sensed = sensed_route(shapes, settings)
+        check_run(run, sensed, settings.rig)
+        with errors_naming(drive, shapes), step_progress(quiet=quiet or as_json) as report_step:
+            follower = RunFollower(settings.rig, sensed.route, _columns(run, settings))
+            count = len(run.time)
+            for row in follower.rows():
+                if row % _REPORTED == 0:
+                    tenth = 10 * row // count
+                    report_step(
+                        f"{drive}: following up to {run.time[tenth * count // 10]:.0f} s", row / count
+                    )
+            followed = follower.result()
+        if followed.lost:
+            print_message(
+                f"{drive}: warning: {followed.lost} rows are left out: no equilibrium of the tendon"
+            )
+        out.mkdir(parents=True, exist_ok=True)
+        write_followed(out / RUN, followed)
+        write_numbers(out / NUMBERS, followed)
+        write_alerts(out / ALERTS, followed)
+        draw = partial(followed_figure, followed, run.tension_out)
+        files = write_figure(draw, out, FIGURE)
+        files = [(out / name).as_posix() for name in (RUN, NUMBERS, ALERTS, REPORT, *files)]
+        if figures is not None:
+            figures.mkdir(parents=True, exist_ok=True)
+            write_figures(figures, f"{sensed.name}_{run.name}", {"adapt": draw})
+        if write_rig is not None:
+            _write_rig(write_rig, drive, shapes, followed)
+            files.append(write_rig.as_posix())
+        report = _report(sensed.name, run, channel, followed, files)
+        write_text(out / REPORT, json.dumps(report, indent=1, ensure_ascii=False) + "\n")
+        for alert in followed.alerts:
+            print_message(
+                f"{drive}: alert: {alert.channel} from {alert.since:.2f} s on: {_said(alert.sentence)}"
+            )
+        if as_json:
+            print_json(report)
+        elif not quiet:
+            columns = ("", "at the start", "at the end", "smoothed, least", "smoothed, greatest")
+            title = f"{run.name} followed on {sensed.name}: {len(run.time)} rows by {channel}"
+            print_table(title, columns, [_row(each) for each in report["numbers"]])
+            print_line(f"table: {out / RUN}   numbers: {out / NUMBERS}   figure: {out / FIGURE}.png")
+        return 1 if sensed.rejected else 0
 
 
 def _columns(run: MeasuredRun, settings: RunSettings) -> RunColumns:

@@ -14,11 +14,12 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from tssgeom.errors import printable, shortened
+
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
     from rich.table import Table
 
-_CONTROLS = {code: f"\\x{code:02x}" for code in (*range(32), *range(127, 160)) if code not in (9, 10)}
 _PIPE_WIDTH = 160  # characters of a table where stdout is no terminal; chosen: no column is left out
 _UNBOUNDED_WIDTH = 10_000  # characters: wider than any table
 
@@ -38,14 +39,9 @@ class ProgressTimes:
 _TIMES = ProgressTimes()
 
 
-def printable(text: str) -> str:
-    """Return a text with its control characters written out, so that no name of a file acts on a terminal."""
-    return text.translate(_CONTROLS)
-
-
 def print_message(text: str) -> None:
     """Print an error or a warning, one line on stderr."""
-    print(f"tssgeom: {printable(text)}", file=sys.stderr)  # noqa: T201
+    print(f"tssgeom: {shortened(printable(text))}", file=sys.stderr)  # noqa: T201
 
 
 def print_line(text: str) -> None:

@@ -81,8 +81,9 @@ def recordings_in(path: Path) -> list[Path]:
     SourceError
         Where there is none.
     """
-    from tssgeom.errors import SourceError
+    from tssgeom.errors import SourceError, require_file
 
+    require_file(path)
     if not path.exists():
         raise SourceError(f"{path}: no such file or folder: name what a command wrote")
     files = sorted(path.rglob("*.rrd")) if path.is_dir() else [path]

@@ -39,9 +39,12 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a complete text file, or leave `path` as it was; see `replacing`."""
+    """Write a complete text file, or leave `path` as it was; see `replacing`.
+
+    Bytes of a name that are not UTF-8 are written as JSON escapes them.
+    """
     with replacing(path) as draft:
-        draft.write_text(text, encoding="utf-8", newline="\n")
+        draft.write_text(text, encoding="utf-8", errors="backslashreplace", newline="\n")
 
 
 @contextmanager

@@ -5,13 +5,30 @@ import os
 from pathlib import Path
 
 _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
+_HEAD, _TAIL = 1000, 500
+"""Characters of a longer message that are kept at its beginning and end; chosen: a screen, with the hint."""
+_WRITTEN_OUT = {code: f"\\x{code:02x}" for code in (*range(32), *range(127, 160)) if code not in (9, 10)}
+_WRITTEN_OUT |= {code: f"\\x{code - 0xDC00:02x}" for code in range(0xDC80, 0xDD00)}
+_WRITTEN_OUT |= {code: f"\\u{code:04x}" for code in range(0xD800, 0xE000) if code not in _WRITTEN_OUT}
+"""Control characters, and the surrogates by which Python names bytes of a file name that are not UTF-8."""
+
+
+def printable(text: str) -> str:
+    """Return a text whose control characters, and bytes that are not UTF-8, are written as hexadecimal."""
+    return text.translate(_WRITTEN_OUT)
+
+
+def shortened(text: str) -> str:
+    """Return a message without its middle where it is too long for a screen."""
+    cut = len(text) - _HEAD - _TAIL
+    return text if cut <= 0 else f"{text[:_HEAD]} ... ({cut} characters) ... {text[-_TAIL:]}"
 
 
 class TssgeomError(Exception):
     """Root of every error that tssgeom raises on purpose; its message is one line, whatever a file holds."""
 
     def __init__(self, message: object) -> None:
-        super().__init__(" ".join(str(message).splitlines()))
+        super().__init__(shortened(printable(" ".join(str(message).splitlines()))))
 
 
 class ShapeError(TssgeomError, ValueError):
@@ -41,15 +58,42 @@ def refused(error: OSError) -> SourceError:
 
 
 def require_replaceable(path: Path) -> None:
-    """Refuse to replace a device, a pipe or a folder with a file.
+    """Refuse to replace a device, a pipe or a folder with a file, and a name that is not UTF-8.
 
     Raises
     ------
     SourceError
         Where `path` is one of them.
     """
+    require_utf8(path)
     if path.exists() and not path.is_file():
         raise SourceError(f"{path}: is no file but a device, a pipe or a folder: name another file to write")
+
+
+def require_utf8(path: str | Path) -> None:
+    """Refuse to write to a name that is not UTF-8, which libraries of tables and pictures cannot open.
+
+    Raises
+    ------
+    SourceError
+        Where a byte of `path` is no part of a character.
+    """
+    try:
+        str(path).encode()
+    except UnicodeEncodeError as error:
+        raise SourceError(f"{path}: cannot be written, the name is not UTF-8: give another one") from error
+
+
+def require_file(path: Path) -> None:
+    """Refuse a device or a pipe, which may have no end.
+
+    Raises
+    ------
+    SourceError
+        Where `path` exists and is neither a file nor a folder.
+    """
+    if path.exists() and not (path.is_file() or path.is_dir()):
+        raise SourceError(f"{path}: a pipe or a device, which cannot be read twice: save it as a file")
 
 
 def unwritable(what: object, error: OSError) -> SourceError:

@@ -12,8 +12,9 @@ import tomli_w
 
 from tssgeom.atomic import write_text
 from tssgeom.effects import KINDS, LAWS, AnyEffect
-from tssgeom.errors import SettingsError
+from tssgeom.errors import SettingsError, printable, require_file
 from tssgeom.mechanism import Drive, End
+from tssgeom.toml_keys import with_short_keys
 from tssgeom.uncertain import Follow, Uncertain, parted, path_of
 
 Source = Literal["markers", "em", "fbg", "centreline", "smoothed"]
@@ -28,7 +29,7 @@ def _require(condition: bool, what: str, value: float, remedy: str) -> None:
 
 
 def _finite_at_least_zero(what: str, value: float, unit: str) -> None:
-    _require(math.isfinite(value) and value >= 0, what, value, f"give a finite value >= 0 {unit}".rstrip())
+    _require(0 <= value <= 1e12, what, value, f"give a value from 0 to 1e12 {unit}".rstrip())
 
 
 class Tendon(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -267,16 +268,16 @@ def read_uncertain_rig(path: str | Path) -> tuple[Rig, tuple[Uncertain, ...]]:
         Where the file is missing, is no TOML, or holds an unknown key or a value out of bounds.
     """
     tables: dict[str, Any] = {}
+    require_file(Path(path))
     try:
-        with Path(path).open("rb") as file:
+        with open(path, "rb") as file:
             content = file.read(_MOST_BYTES + 1)
-        if len(content) > _MOST_BYTES:
-            raise SettingsError(f"{path}: longer than {_MOST_BYTES} bytes: mend the rig file")
-        tables, uncertain = parted(tomllib.loads(content.decode("utf-8-sig")))
+        _require(len(content) <= _MOST_BYTES, "its size", len(content), f"at most {_MOST_BYTES} bytes")
+        tables, uncertain = parted(tomllib.loads(with_short_keys(content).decode("utf-8-sig")))
         return msgspec.convert(tables, Rig), uncertain
     except OSError as error:
         raise SettingsError(f"{path}: cannot read the rig file ({error.strerror}): check the path") from error
-    except (msgspec.ValidationError, ValueError, RecursionError) as error:
+    except (msgspec.DecodeError, ValueError, RecursionError) as error:
         if isinstance(error, SettingsError):
             raise SettingsError(f"{path}: {error}") from error
         reported = _wrong_effect(tables) if "$.effects" in str(error) else str(error)
@@ -319,7 +320,7 @@ def write_rig(path: Path, rig: Rig, provenance: Sequence[str] = ()) -> None:
     SourceError
         Where the disk refuses.
     """
-    comments = "".join(f"# {' '.join(line.split())}\n" for line in provenance)
+    comments = "".join(f"# {printable(' '.join(line.split()))}\n" for line in provenance)
     tables = _without_none(msgspec.to_builtins(rig, enc_hook=float))  # fits give numpy's floats
     for name in ("drive", "end", "route"):
         if getattr(rig, name) == getattr(Rig(), name):

@@ -24,6 +24,7 @@ from tssgeom.io.results.run_record import (
     Rejection,
     RunRecord,
     Settings,
+    forget,
     forget_all,
     locked,
     remove_earlier_run,
@@ -110,6 +111,8 @@ def run(
             if batch.done:
                 forget_all(folder, but=[task.name for task in batch.tasks])
                 batch.write_results(settings, options)
+            elif batch.tasks:
+                remove_earlier_run(folder)
         finally:
             folder.tidy(_FOLDERS)
     if as_json:
@@ -210,6 +213,7 @@ class Batch:
         if outcome.full:
             raise SpaceError(outcome.reason)
         if outcome.done is None:
+            forget(self.out, task.name)
             self.refused[task.name] = outcome.reason
             self.tally.refuse(Refusal(task.given, outcome.reason))
         else:

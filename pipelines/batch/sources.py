@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path, PurePosixPath
 
 from pipelines.inputs import Refusal, attempt, inputs_of
+from tssgeom.errors import printable
 from tssgeom.io.formats.files import READERS, RESULTS_MARK, real
 from tssgeom.io.formats.laboratory.mapping import ColumnMap
 from tssgeom.io.storage import Folder, files_at, local
@@ -20,7 +21,7 @@ class Source:
 
     address: str
     given: str
-    """As the user wrote it."""
+    """As the user wrote it, printable."""
     size: int
 
 
@@ -62,4 +63,4 @@ def _local_source(path: Path) -> Source:
     size = 0
     with suppress(OSError):
         size = path.stat().st_size
-    return Source(str(real(path)), str(path), size)
+    return Source(str(real(path)), printable(str(path)), size)

@@ -26,7 +26,7 @@ from pipelines.inputs import (
 )
 from pipelines.lumen import SensedLumen, add_clearance, lumen_of
 from tssgeom.engine import alone, recorded
-from tssgeom.errors import SpaceError, TssgeomError
+from tssgeom.errors import SpaceError, TssgeomError, printable
 from tssgeom.io.formats.files import open_recording
 from tssgeom.io.formats.laboratory.mapping import FILE as COLUMNS_FILE
 from tssgeom.io.formats.meshes import lumen_beside
@@ -106,7 +106,7 @@ def work(task: Task, share: Share | None = None) -> Outcome:
             try:
                 return _outcome(task, path, share)
             except TssgeomError as error:
-                reason = one_line(str(error)).replace(str(path), task.given)
+                reason = one_line(str(error)).replace(printable(str(path)), task.given)
                 return Outcome(None, reason, full=isinstance(error, SpaceError))
     except TssgeomError as error:
         return Outcome(None, one_line(str(error)))
@@ -177,7 +177,7 @@ def _done(task: Task, path: Path, digest: str, key: str, share: Share | None) ->
     lumen, failures = _lumen(task, analysis)
     if lumen is not None:
         add_clearance(report, row, analysis, lumen)
-    lines = [line.replace(str(path), task.given) for line in frame_refusals(analysis, task.given)]
+    lines = [line.replace(printable(str(path)), task.given) for line in frame_refusals(analysis, task.given)]
     files = [*tables, *texts]
     if task.recorded.pictures:
         file = f"recordings/{task.name}.rrd"

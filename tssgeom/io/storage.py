@@ -12,7 +12,7 @@ from shutil import copyfileobj
 from typing import TYPE_CHECKING, Any
 
 from tssgeom.atomic import remove_drafts, replacing
-from tssgeom.errors import SourceError, first_line, unwritable
+from tssgeom.errors import SourceError, first_line, require_utf8, unwritable
 
 if TYPE_CHECKING:
     import pyarrow.fs as pafs
@@ -107,6 +107,7 @@ class Folder:
     @classmethod
     def of(cls, address: str) -> Folder:
         """Return a folder by its absolute path, which holds for a process with another working folder too."""
+        require_utf8(address)
         here = local(address)
         return cls(address.rstrip("/") if here is None else str(here.absolute()))
 

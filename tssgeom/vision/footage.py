@@ -11,7 +11,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from tssgeom.errors import SettingsError, SourceError
+from tssgeom.errors import SettingsError, SourceError, require_file
 
 IMAGES = {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".pgm", ".ppm"}
 _SAME_RATE = 2e-3  # relative difference of frame rates that is rounding
@@ -114,6 +114,7 @@ def _source(given: str) -> Source:
     path = Path(given)
     if given.isdecimal() and not path.exists():
         return _camera(int(given))
+    require_file(path)
     if not path.exists():
         raise SourceError(f"{given}: no such file, folder or camera: check the path")
     if path.is_dir():

@@ -12,18 +12,18 @@ from typing import NamedTuple
 import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pacsv
-import pyarrow.parquet as papq
 
-from tssgeom.errors import ShapeError, SourceError, first_line
+from tssgeom.errors import ShapeError
 from tssgeom.io.formats.columns import POINT, TIME, Columns, columns_of
 from tssgeom.io.formats.longform import MOST_AT_ONCE, LongFrames, filled, lowest_point, runs_of
-from tssgeom.io.formats.paths import reading
+from tssgeom.io.formats.paths import reading, require_room, stem
 from tssgeom.io.formats.recording import Frames, Recording
 from tssgeom.io.formats.tables import (
     NO_ROW,
     Table,
     as_numbers,
     convert_options,
+    parquet_file,
     parquet_names,
     read_options,
     slow_table,
@@ -78,7 +78,7 @@ class CsvBlocks:
             "convert_options": convert_options(wanted),
         }
         first = 2
-        with reading(self.path), pacsv.open_csv(self.path, **options) as reader:
+        with reading(self.path), self.path.open("rb") as file, pacsv.open_csv(file, **options) as reader:
             for batch in reader:
                 yield table_of(self.columns, batch, "line", first)
                 first += batch.num_rows
@@ -119,15 +119,10 @@ class ParquetBlocks:
             Where a column holds no numbers.
         """
         first = 1
-        try:
-            with papq.ParquetFile(self.path, buffer_size=1 << 20) as file:
-                for batch in file.iter_batches(SIZES.parquet_rows, columns=list(wanted), use_threads=False):
-                    yield table_of(self.columns, as_numbers(self.path, batch), "row", first)
-                    first += batch.num_rows
-        except (OSError, pa.ArrowException) as error:
-            raise SourceError(
-                f"{self.path}: cannot be read as Parquet ({first_line(error)}): write the file anew"
-            ) from error
+        with parquet_file(self.path, 1 << 20) as file:
+            for batch in file.iter_batches(SIZES.parquet_rows, columns=list(wanted), use_threads=False):
+                yield table_of(self.columns, as_numbers(self.path, batch), "row", first)
+                first += batch.num_rows
 
 
 Blocks = CsvBlocks | ParquetBlocks
@@ -214,8 +209,9 @@ def open_large(path: Path, kind: str, source: Blocks) -> Recording:
         raise ShapeError(f"{path}: the rows are not in the order of {TIME}: sort so large a file by it first")
     if not survey.frames:
         raise ShapeError(f"{path}: {NO_ROW}")
+    require_room(path, survey.most_rows * len(columns.names) * np.dtype(np.float64).itemsize)
     frames = BlockFrames(source, survey.lowest)
-    return Recording(path.stem, path, columns.unit, kind, True, survey.frames, frames, columns.warnings)
+    return Recording(stem(path), path, columns.unit, kind, True, survey.frames, frames, columns.warnings)
 
 
 class _Survey(NamedTuple):
@@ -223,18 +219,23 @@ class _Survey(NamedTuple):
     ordered: bool
     """Whether time never decreases, and is known from the first row on."""
     lowest: float
+    most_rows: int
+    """Of one frame."""
 
 
 def _survey(source: Blocks) -> _Survey:
     wanted = [TIME, POINT] if source.columns.numbered else [TIME]
-    frames, ordered, lowest, latest = 0, True, np.inf, np.nan
+    frames, ordered, lowest, latest, rows, most_rows = 0, True, np.inf, np.nan, 0, 0
     for table in source.blocks(wanted):
         if not len(table):
             continue
         time = filled(np.concatenate(([latest], table.values[TIME])))
         step = np.nan_to_num(time, nan=-np.inf)
-        frames += int(np.count_nonzero(step[1:] != step[:-1])) + (frames == 0 and step[1] == step[0])
+        begins = np.flatnonzero(step[1:] != step[:-1])
+        frames += len(begins) + (frames == 0 and step[1] == step[0])
+        counts = np.diff(np.concatenate(([-rows], begins, [len(table)])))
+        rows, most_rows = int(counts[-1]), max(most_rows, int(counts.max()))
         ordered &= not np.isnan(time[1:]).any() and bool((step[1:] >= step[:-1]).all())
         lowest = min(lowest, lowest_point(table))
         latest = time[-1]
-    return _Survey(frames, ordered, lowest)
+    return _Survey(frames, ordered, lowest, most_rows)

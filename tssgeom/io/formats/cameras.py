@@ -11,7 +11,8 @@ import tomli_w
 
 from tssgeom.atomic import write_text
 from tssgeom.errors import SettingsError
-from tssgeom.io.formats.paths import reading
+from tssgeom.io.formats.paths import SETTINGS_BYTES, bytes_of
+from tssgeom.toml_keys import with_short_keys
 from tssgeom.vision.cameras import DISTORTIONS, Camera
 from tssgeom.vision.quality import Calibration
 
@@ -74,11 +75,12 @@ def read_cameras(path: Path) -> tuple[Camera, ...]:
     SourceError
         Where it cannot be read.
     """
-    with reading(path, "check --calibration"):
-        content = path.read_bytes()
-    decode = msgspec.json.decode if path.suffix.lower() == ".json" else msgspec.toml.decode
+    content = bytes_of(path, SETTINGS_BYTES, "check --calibration")
     try:
-        held = decode(content, type=CalibrationFile)
+        if path.suffix.lower() == ".json":
+            held = msgspec.json.decode(content, type=CalibrationFile)
+        else:
+            held = msgspec.toml.decode(with_short_keys(content), type=CalibrationFile)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise SettingsError(f"{path}: {error}: write it with tssgeom track --calibrate") from error
     if not held.camera:

@@ -15,13 +15,14 @@ from tssgeom.identify.campaign import Campaign, Route, Run
 from tssgeom.io.formats.columns import CHANNELS
 from tssgeom.io.formats.files import CAMPAIGN, open_recording, output_names
 from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap
-from tssgeom.io.formats.paths import split
+from tssgeom.io.formats.paths import SETTINGS_BYTES, bytes_of, split
 from tssgeom.io.formats.runs import IN_SI, read_run
 from tssgeom.plausibility.frames import rig_remarks
 from tssgeom.plausibility.rules import warnings_of
 from tssgeom.plausibility.runs import campaign_remarks, fit_remarks, run_remarks
 from tssgeom.rig import Rig, Sensor, read_rig
 from tssgeom.stream import Frame, FrameResult, Rejected
+from tssgeom.toml_keys import with_short_keys
 
 _SPECIFIED = {name.rpartition("_")[0]: (name, 1.0) for name in IN_SI.values()} | {
     name: (IN_SI[field], per_si) for name, (field, per_si) in CHANNELS.items()
@@ -138,14 +139,10 @@ def read_plan(listing: Path) -> Plan:
     """
     if not listing.parent.is_dir():
         raise SourceError(f"{listing.parent}: no such folder: name the folder of a campaign")
+    hint = f"a campaign is a folder with {CAMPAIGN} (docs/formats.md, Campaign)"
+    content = bytes_of(listing, SETTINGS_BYTES, hint).removeprefix(codecs.BOM_UTF8)
     try:
-        content = listing.read_bytes().removeprefix(codecs.BOM_UTF8)
-        plan = msgspec.toml.decode(content, type=Plan)
-    except OSError as error:
-        raise SourceError(
-            f"{listing}: cannot be read ({error.strerror}): a campaign is a folder with {CAMPAIGN} "
-            "(docs/formats.md, Campaign)"
-        ) from error
+        plan = msgspec.toml.decode(with_short_keys(content), type=Plan)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise SettingsError(f"{listing}: {error}: mend it (docs/formats.md, Campaign)") from error
     if not plan.run:

@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from pathlib import Path
 
-from tssgeom.errors import SourceError, TssgeomError
+from tssgeom.errors import SourceError, TssgeomError, printable, require_file
 from tssgeom.io.formats.colonoscope import is_colonoscope, open_colonoscope
 from tssgeom.io.formats.jsonl import open_jsonl
 from tssgeom.io.formats.laboratory.files import ENDINGS as TABLES
@@ -94,8 +94,7 @@ def open_recording(path: str | Path, unit: str | None = None, columns: ColumnMap
     file, part = split(path)
     if not file.exists():
         raise SourceError(f"{path}: no such file: check the path")
-    if not (file.is_file() or file.is_dir()):
-        raise SourceError(f"{path}: a pipe or a device, which cannot be read twice: save it as a file")
+    require_file(file)
     reader = _reader(file)
     if part is not None and reader not in _PART_READERS:
         raise SourceError(f"{file}: it holds one recording, there is no #{part} in it: leave that out")
@@ -207,17 +206,21 @@ def _kind(path: Path) -> str:
 
 
 def _home(path: Path) -> str:
-    return split(path)[0].resolve().parent.name
+    return printable(split(path)[0].resolve().parent.name).replace("\\", "_")
 
 
 def _numbered(names: dict[Path, str]) -> dict[Path, str]:
     """Add a number to every name that an earlier path has taken."""
-    taken = set[str]()
+    taken = dict[str, int]()
     numbered = dict[Path, str]()
     for path, name in names.items():
-        free = (name, *(f"{name}-{number}" for number in range(2, len(names) + 2)))
-        numbered[path] = next(one for one in free if one.casefold() not in taken)
-        taken.add(numbered[path].casefold())
+        one, number = name, taken.get(name.casefold(), 1)
+        while one.casefold() in taken:
+            number += 1
+            one = f"{name}-{number}"
+        taken[name.casefold()] = number
+        taken.setdefault(one.casefold(), 1)
+        numbered[path] = one
     return numbered
 
 
@@ -233,7 +236,7 @@ def _shapes_in(folder: Path, left_out: Collection[Path]) -> Iterator[Path]:
             continue
         folders[:] = [name for name in folders if not name.startswith(".")]
         for name in names:
-            kind = ending(Path(name))
+            kind = ending(here / name)
             if not name.startswith((".", "~$")) and kind in READERS and kind not in _ONLY_NAMED:
                 yield here / name
 

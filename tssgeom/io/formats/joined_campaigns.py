@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from tssgeom.errors import SettingsError, SourceError
@@ -16,6 +17,8 @@ from tssgeom.identify.readings import with_held_out
 from tssgeom.io.formats.campaigns import is_campaign, read_more_runs, read_run_on
 from tssgeom.io.formats.files import CAMPAIGN
 from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap
+from tssgeom.io.formats.paths import SETTINGS_BYTES, bytes_of
+from tssgeom.toml_keys import with_short_keys
 
 PROPOSAL = "proposal.toml"
 _FOLLOWED = 0.02  # of the range of the drive: rms beyond which another drive was run; chosen
@@ -107,9 +110,9 @@ def _proposed(files: Sequence[Path]) -> dict[str, Mapping[str, Any]]:
     for file in files:
         if file.is_file():
             try:
-                listed = tomllib.loads(file.read_text("utf-8"))["run"]
+                listed = tomllib.loads(with_short_keys(bytes_of(file, SETTINGS_BYTES)).decode())["run"]
                 return {Path(run["data"]).stem: run for run in listed}
-            except (OSError, ValueError, KeyError, TypeError) as error:
+            except (msgspec.DecodeError, ValueError, KeyError, TypeError, RecursionError) as error:
                 raise SettingsError(f"{file}: {error}: write it anew with --propose") from error
     return {}
 

@@ -19,7 +19,7 @@ from tssgeom import core
 from tssgeom.arrays import read_only
 from tssgeom.errors import ShapeError
 from tssgeom.io.formats.laboratory.unknown import unknown_names
-from tssgeom.io.formats.paths import LONGEST_LINE, reading
+from tssgeom.io.formats.paths import LONGEST_LINE, reading, stem
 from tssgeom.io.formats.recording import PER_METRE, UNTIMED, Frames, Recording, agreed_unit
 from tssgeom.stream import Frame, Rejected
 
@@ -267,7 +267,7 @@ def open_jsonl(path: Path, unit: str | None) -> Recording:
     timed = survey.has_clock or survey.lines > 1
     warnings = ((UNTIMED,) if timed and not survey.has_clock else ()) + survey.unknown
     frames = JsonFrames(path, unit, counted=not survey.has_clock)
-    return Recording(path.stem, path, agreed, "jsonl", timed, survey.lines, frames, warnings)
+    return Recording(stem(path), path, agreed, "jsonl", timed, survey.lines, frames, warnings)
 
 
 class _Survey(NamedTuple):

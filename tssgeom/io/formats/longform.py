@@ -16,9 +16,18 @@ from tssgeom.io.formats.columns import AXES, MEASURED, POINT, TIME, columns_of
 from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap
 from tssgeom.io.formats.laboratory.names import EXACT, RECORDING, is_inert, meaning_of
 from tssgeom.io.formats.laboratory.table import laboratory_table
-from tssgeom.io.formats.paths import PACKED, bytes_of, ending, reading, split, stem
+from tssgeom.io.formats.paths import PACKED, bytes_of, ending, reading, require_lines, split, stem
 from tssgeom.io.formats.recording import PER_METRE, Frames, Recording
-from tssgeom.io.formats.tables import NO_ROW, Table, parquet_names, plain_names, read_csv, read_parquet
+from tssgeom.io.formats.tables import (
+    NO_ROW,
+    Table,
+    parquet_file,
+    parquet_names,
+    parquet_size,
+    plain_names,
+    read_csv,
+    read_parquet,
+)
 from tssgeom.stream import Frame, Rejected
 
 MOST_AT_ONCE = 64 << 20
@@ -170,7 +179,7 @@ def _open_csv(path: Path, names: list[str], unit: str | None) -> Recording:
         from tssgeom.io.formats.blocks import csv_blocks, open_large
 
         return open_large(path, "csv", csv_blocks(path, names, unit))
-    table = read_csv(path, bytes_of(path), names, unit)
+    table = read_csv(path, require_lines(path, bytes_of(path)), names, unit)
     if table.faults:  # a row of units, comments and the like are none to those who expect them
         try:
             return _open_laboratory(path, unit, NO_MAP, clean=True)
@@ -180,7 +189,9 @@ def _open_csv(path: Path, names: list[str], unit: str | None) -> Recording:
 
 
 def _open_parquet(path: Path, names: list[str], unit: str | None) -> Recording:
-    if _size(path) <= MOST_AT_ONCE:
+    with parquet_file(path) as file:
+        size = max(_size(path), parquet_size(file, columns_of(path, names, unit).names))
+    if size <= MOST_AT_ONCE:
         return _recording(path, "parquet", read_parquet(path, unit))
     from tssgeom.io.formats.blocks import open_large, parquet_blocks
 

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import os
+from functools import lru_cache
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tssgeom.errors import ShapeError, SourceError, first_line, unreadable
-from tssgeom.io.formats.paths import split
+from tssgeom.errors import ShapeError, SourceError, first_line, require_file, unreadable
+from tssgeom.io.formats.paths import Stamp, bytes_of, split, stamp_of
 from tssgeom.io.formats.recording import PER_METRE
 from tssgeom.lumen.wall import Wall
 
@@ -59,10 +62,11 @@ def read_lumen(path: str | Path, unit: str) -> trimesh.Trimesh:
         raise ShapeError(f"{path}: the unit is {unit!r}: give mm or m")
     if path.suffix.lower() not in ENDINGS:
         raise SourceError(f"{path}: no reader takes {path.suffix!r} as a mesh: use {', '.join(ENDINGS)}")
+    require_file(path)
     if not path.is_file():
         raise SourceError(f"{path}: no such file: check the path")
     mesh = _loaded(path)
-    if len(mesh.faces) == 0:
+    if np.shape(getattr(mesh, "faces", ()))[1:] != (3,) or len(mesh.faces) == 0:
         raise ShapeError(f"{path}: the mesh has no triangles: export a surface")
     if not (np.abs(mesh.vertices) <= _FARTHEST).all() or not 0 <= mesh.faces.min() <= mesh.faces.max() < len(
         mesh.vertices
@@ -81,8 +85,9 @@ def wall_of(mesh: trimesh.Trimesh) -> Wall:
 def _loaded(path: Path) -> trimesh.Trimesh:
     import trimesh
 
+    content = BytesIO(bytes_of(path))
     try:
-        return trimesh.load_mesh(path)
+        return trimesh.load_mesh(content, file_type=path.suffix[1:].lower())
     except OSError as error:
         raise unreadable(path, error) from error
     except Exception as error:  # a broken file can make the loaders of trimesh raise anything
@@ -92,9 +97,14 @@ def _loaded(path: Path) -> trimesh.Trimesh:
 
 
 def _meshes_in(folder: Path) -> list[Path]:
-    if not folder.is_dir():
-        return []
-    return [file for file in folder.iterdir() if file.suffix.lower() in ENDINGS and file.stem.endswith(_MARK)]
+    return _meshes_once(folder, stamp_of(folder)) if folder.is_dir() else []
+
+
+@lru_cache(maxsize=16)
+def _meshes_once(folder: Path, stamp: Stamp) -> list[Path]:
+    """Read a folder once, not for each file in it."""
+    names = [name for name in os.listdir(folder) if _MARK in name and Path(name).stem.endswith(_MARK)]
+    return [folder / name for name in names if Path(name).suffix.lower() in ENDINGS]
 
 
 def _name(mesh: Path) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import zipfile
 import zlib
 from collections.abc import Iterator, Mapping
@@ -13,15 +14,17 @@ from typing import IO, Any
 import numpy as np
 
 from tssgeom.arrays import Vector, read_only
-from tssgeom.errors import ShapeError, SourceError, first_line
+from tssgeom.errors import ShapeError, SourceError, TssgeomError, first_line
 from tssgeom.io.formats.columns import MEASURED, TIME
 from tssgeom.io.formats.laboratory.unknown import unknown_names
+from tssgeom.io.formats.paths import require_room, stem
 from tssgeom.io.formats.recording import PER_METRE, UNTIMED, Frames, Recording, agreed_unit
 from tssgeom.stream import Frame
 
 _BLOCK = 1 << 22
 """Bytes of an array that are read at a time; chosen."""
 _LARGE = ("points", "s")
+_SMALL = (TIME, "unit", *MEASURED)
 _DRIVES = ("tension_in", "displacement_in", "displacement_target", "tension_out_target")
 _ARRAY = b"\x93NUMPY"
 
@@ -69,6 +72,11 @@ class Stored:
     begin: int
     """Length of its header [B]."""
 
+    @property
+    def size(self) -> int:
+        """Of its numbers [B]."""
+        return math.prod(self.shape) * self.dtype.itemsize
+
 
 def rows_of(path: Path, array: Stored) -> Iterator[np.ndarray]:
     """Yield an array along its first axis, as float64.
@@ -79,6 +87,7 @@ def rows_of(path: Path, array: Stored) -> Iterator[np.ndarray]:
         Where the archive ends early or is corrupt.
     """
     if array.columns_first:
+        require_room(path, 2 * array.size)
         with _archive(path) as archive:
             yield from np.asarray(archive[array.name], dtype=np.float64).reshape(array.shape)
         return
@@ -106,10 +115,10 @@ def open_npz(path: Path, unit: str | None) -> Recording:
         Where the file cannot be read.
     """
     stored = {name: array for name in _LARGE if (array := _stored(path, name)) is not None}
-    arrays = _arrays(path)
+    arrays, names = _arrays(path)
     if "points" not in stored:
         raise ShapeError(
-            f"{path}: no array 'points' among {sorted({*arrays, *stored})}: save points[F,N,3] or points[N,3]"
+            f"{path}: no array 'points' among {sorted(names)}: save points[F,N,3] or points[N,3]"
         )
     stated = _text(arrays["unit"]) if "unit" in arrays else None
     agreed = agreed_unit(path, stated, unit, 'save unit="mm" or unit="m" with the points')
@@ -119,13 +128,13 @@ def open_npz(path: Path, unit: str | None) -> Recording:
     timed = len(points.shape) == 3
     frames = _frames(path, arrays, stored, PER_METRE[agreed])
     driven = any(name in arrays for name in MEASURED if name.startswith(_DRIVES))
-    unknown = arrays.keys() - {TIME, "unit", *MEASURED, "covariance_mm2"}
+    unknown = names - {*_SMALL, *_LARGE, "covariance_mm2"}
     try:
         warnings = unknown_names(unknown, (TIME, *MEASURED), driven=driven)
     except ShapeError as error:
         raise ShapeError(f"{path}: {error}") from error
     warnings += (UNTIMED,) if timed and TIME not in arrays else ()
-    return Recording(path.stem, path, agreed, "npz", timed, len(frames.time), frames, warnings)
+    return Recording(stem(path), path, agreed, "npz", timed, len(frames.time), frames, warnings)
 
 
 def _frames(
@@ -135,6 +144,8 @@ def _frames(
     if len(points.shape) == 2:
         points = replace(points, shape=(1, *points.shape))
     count = points.shape[0]
+    require_room(path, points.size // count)
+    require_room(path, count * np.dtype(np.float64).itemsize)
     time = _per_frame(path, arrays, TIME, count) if TIME in arrays else np.arange(count, dtype=np.float64)
     measured = {
         field: read_only(_per_frame(path, arrays, name, count) / per_unit)
@@ -151,6 +162,7 @@ def _stations(
         return None
     stations = _of_numbers(path, stored["s"])
     if stations.shape == points.shape[1:2]:
+        require_room(path, stations.size)
         return read_only(np.array(list(rows_of(path, stations))) / per_metre)
     if stations.shape != points.shape[:2]:
         raise ShapeError(
@@ -164,7 +176,7 @@ def _read(path: Path) -> Iterator[None]:
     """Turn a failure to read the archive into an error of the source."""
     try:
         yield
-    except ShapeError:
+    except TssgeomError:
         raise
     except (OSError, ValueError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
         raise SourceError(
@@ -195,6 +207,8 @@ def _stored(path: Path, name: str) -> Stored | None:
     with _archive(path) as archive:
         if name not in archive.files:
             return None
+    with _read(path), zipfile.ZipFile(path) as opened:
+        stored = opened.getinfo(f"{name}.npy").file_size
     with _member(path, name) as file:
         version = np.lib.format.read_magic(file)
         read = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
@@ -203,13 +217,21 @@ def _stored(path: Path, name: str) -> Stored | None:
         shape, columns_first, dtype = read[version](file)
         if dtype.hasobject:
             raise ValueError(f"{name} holds Python objects, which are never unpickled")
-        return Stored(name, shape, dtype, columns_first and len(shape) > 1, file.tell())
+        array = Stored(name, shape, dtype, columns_first and len(shape) > 1, file.tell())
+        if array.size > stored - array.begin:
+            raise ValueError(f"{name} ends early, its size is {shape}")
+        return array
 
 
-def _arrays(path: Path) -> dict[str, Any]:
-    """Return all arrays but the large ones."""
+def _arrays(path: Path) -> tuple[dict[str, Any], set[str]]:
+    """Return the arrays that are read at once, and the names of all."""
     with _archive(path) as archive:
-        return {name: archive[name] for name in archive.files if name not in _LARGE}
+        names = set(archive.files)
+    small = {name: array for name in _SMALL if (array := _stored(path, name)) is not None}
+    for array in small.values():
+        require_room(path, array.size)
+    with _archive(path) as archive:
+        return {name: archive[name] for name in small}, names
 
 
 def _of_numbers(path: Path, array: Stored) -> Stored:

@@ -5,46 +5,169 @@ PART is the number of the route, its name or its topic.
 
 from __future__ import annotations
 
+import math
+import os
 import re
+import zipfile
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import NamedTuple
 
-from tssgeom.errors import ShapeError, unreadable
+from tssgeom.errors import SettingsError, ShapeError, SourceError, printable, require_file, unreadable
 
 MARKUPS = ".mrk.json"
 PACKED = ".gz"
 LONGEST_LINE = 1 << 20
 """Bytes of the longest line that is read, 1 MiB: the limit of the stream; 20 000 points fit."""
+MOST_MIB = "TSSGEOM_MOST_MIB"
+"""Environment variable with the memory that one file may take [MiB]."""
+_MOST_MIB, _MOST_DIGITS = "64", 10
+"""Its default, and digits of a number beyond any memory. Chosen: with the copies and the objects that readers
+make of it, a process stays below 1 GiB."""
+SETTINGS_BYTES = 4 << 20
+"""Bytes of the longest file of settings, such as `campaign.toml`; chosen: 40 000 runs fit."""
+_LONGEST_NAME = 150
+"""Bytes of the stem of a name of outputs; chosen: with endings and draft marks a name stays below 255."""
+_LINES = {9: "_x09", 10: "_x0a"}
 _MOST_NAMED = 5  # names of routes in a message
 _NOT_IN_NAMES = re.compile(r"[^\w.-]+")
 
 
 @contextmanager
 def reading(path: Path, hint: str = "check the path") -> Iterator[None]:
-    """Turn a refusal of the system to read `path` into an error with a hint.
+    """Turn a refusal of the system to read `path` into an error with a hint; a pipe or device is one at once.
 
     Raises
     ------
     SourceError
         Where the file cannot be read.
     """
+    require_file(path)
     try:
         yield
     except OSError as error:
         raise unreadable(path, error, hint) from error
 
 
-def bytes_of(path: Path) -> bytes:
+def bytes_of(path: Path, most: int | None = None, hint: str = "check the path") -> bytes:
     """Return the content of a file.
+
+    Parameters
+    ----------
+    path
+        The file.
+    most
+        Its greatest size [B]; None: `room`.
+    hint
+        What to check where the file cannot be read.
 
     Raises
     ------
     SourceError
-        Where the file cannot be read.
+        Where the file cannot be read, or is larger.
+    """
+    with reading(path, hint), path.open("rb") as file:
+        size = os.fstat(file.fileno()).st_size
+        require_room(path, size, most)
+        content = file.read(size + 1)
+        require_room(path, len(content), most)
+        return content + file.read((room() if most is None else most) - len(content))
+
+
+def require_lines(path: Path, raw: bytes) -> bytes:
+    """Return the content of a table in text, of which no line is longer than LONGEST_LINE.
+
+    Raises
+    ------
+    ShapeError
+        Where one is.
+    """
+    begin = 0
+    while len(raw) - begin > LONGEST_LINE:
+        end = max(raw.rfind(mark, begin, begin + LONGEST_LINE + 1) for mark in (b"\n", b"\r"))
+        if end < begin:
+            number = raw.count(b"\n", 0, begin) + 1
+            raise ShapeError(f"{path}: line {number} is longer than {LONGEST_LINE} bytes (1 MiB): divide it")
+        begin = end + 1
+    return raw
+
+
+class Stamp(NamedTuple):
+    """What changes where a file is written anew."""
+
+    inode: int
+    size: int
+    modified: int
+    """[ns]."""
+
+
+def stamp_of(path: Path) -> Stamp:
+    """Return the stamp of a file, by which what was read of it may be kept.
+
+    Raises
+    ------
+    SourceError
+        Where there is no such file.
     """
     with reading(path):
-        return path.read_bytes()
+        status = path.stat()
+    return Stamp(status.st_ino, status.st_size, status.st_mtime_ns)
+
+
+def room() -> int:
+    """Return how much of a file may be in memory at once [B]; the environment variable `MOST_MIB` sets it.
+
+    Raises
+    ------
+    SettingsError
+        Where the variable is no whole number above 0.
+    """
+    text = os.environ.get(MOST_MIB, _MOST_MIB)
+    if not (text.isdecimal() and text.isascii() and len(text) < _MOST_DIGITS and int(text)):
+        raise SettingsError(f"{MOST_MIB} is {text!r}: give a whole number of MiB, such as {_MOST_MIB}")
+    return int(text) << 20
+
+
+def require_room(path: Path, size: float, most: int | None = None) -> None:
+    """Refuse content that would take too much memory; what is read frame by frame needs room for one.
+
+    Parameters
+    ----------
+    path
+        The file.
+    size
+        Size of the content once it is unpacked, as the file declares it [B].
+    most
+        The limit [B]; None: `room`.
+
+    Raises
+    ------
+    SourceError
+        Where it is above the limit.
+    """
+    limit = room() if most is None else most
+    if size > limit:
+        how = f"set {MOST_MIB}={math.ceil(size / (1 << 20))}" if most is None else "make it smaller"
+        raise SourceError(
+            f"{path}: unpacked it takes {_mib(size)}, the limit is {_mib(limit)}: divide the file, or {how}"
+        )
+
+
+def _mib(size: float) -> str:
+    return f"{size / (1 << 20):.4g} MiB"
+
+
+def require_room_in_zip(path: Path) -> None:
+    """Refuse a ZIP archive whose members declare more than `room`; a file that is none is left to its reader.
+
+    Raises
+    ------
+    SourceError
+        Where it is too large, or cannot be read.
+    """
+    with reading(path), suppress(zipfile.BadZipFile), zipfile.ZipFile(path) as archive:
+        require_room(path, sum(member.file_size for member in archive.infolist()))
 
 
 def split(path: Path) -> tuple[Path, str | None]:
@@ -53,7 +176,7 @@ def split(path: Path) -> tuple[Path, str | None]:
     if "#" in text and not path.exists():
         for mark in re.finditer("#", text):
             file = Path(text[: mark.start()])
-            if file.exists() and text[mark.end() :]:
+            if mark.start() and file.exists() and text[mark.end() :]:
                 return file, text[mark.end() :]
     return path, None
 
@@ -71,10 +194,17 @@ def ending(path: Path) -> str:
 
 
 def stem(path: Path) -> str:
-    """Return the name of the outputs of a path: the file without its ending, then its part."""
+    """Return the name of the outputs of a path: the file without its ending, then its part.
+
+    What cannot be printed is written out, a byte that is not UTF-8 as `_xff`.
+    """
     file, part = split(path)
     name = file.name if file.is_dir() else file.name[: len(file.name) - len(ending(file))]
-    return name if part is None else f"{name}-{_NOT_IN_NAMES.sub('_', part).strip('_')}"
+    if part is not None:
+        name = f"{name}-{_NOT_IN_NAMES.sub('_', part).strip('_')}"
+    if not name.isprintable():
+        name = printable(name.translate(_LINES)).replace("\\", "_")
+    return name.encode(errors="replace")[:_LONGEST_NAME].decode(errors="ignore")
 
 
 def selected(path: Path, names: Sequence[str]) -> int:

@@ -16,8 +16,15 @@ from tssgeom.io.formats.laboratory.files import ENDINGS
 from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap
 from tssgeom.io.formats.laboratory.table import laboratory_table
 from tssgeom.io.formats.longform import is_plain
-from tssgeom.io.formats.paths import bytes_of, ending, split, stem
-from tssgeom.io.formats.tables import cells_of, parquet_names, plain_names
+from tssgeom.io.formats.paths import bytes_of, ending, require_lines, split, stem
+from tssgeom.io.formats.tables import (
+    as_numbers,
+    cells_of,
+    parquet_columns,
+    parquet_file,
+    parquet_names,
+    plain_names,
+)
 from tssgeom.result import Result
 
 IN_SI = {field: name for name, (field, per_si) in CHANNELS.items() if per_si == 1.0}
@@ -260,7 +267,7 @@ def _times(path: Path, time: Vector) -> Vector:
 
 def _csv(path: Path, names: Sequence[str]) -> dict[str, Vector]:
     """Return the columns that are read."""
-    lines = bytes_of(path).decode(errors="replace").splitlines()
+    lines = require_lines(path, bytes_of(path)).decode(errors="replace").splitlines()
     wanted = _wanted(path, names)
     rows = [
         _numbers(path, line, text, names, wanted) for line, text in enumerate(lines[1:], 2) if text.strip()
@@ -298,17 +305,8 @@ def _number(path: Path, line: int, name: str, cell: str) -> float:
 
 
 def _parquet(path: Path, names: Sequence[str]) -> dict[str, Vector]:
-    import pyarrow as pa
-    import pyarrow.parquet as papq
-
-    try:
-        with papq.ParquetFile(path) as file:
-            table = file.read(columns=[names[k] for k in _wanted(path, names)])
-        numbers = table.cast(pa.schema([(name, pa.float64()) for name in table.column_names]))
-    except (OSError, pa.ArrowException, UnicodeDecodeError) as error:
-        raise SourceError(
-            f"{path}: cannot be read as a table of numbers ({first_line(error)}): write float64"
-        ) from error
+    with parquet_file(path) as file:
+        numbers = as_numbers(path, parquet_columns(path, file, [names[k] for k in _wanted(path, names)]))
     return {name: np.asarray(numbers[name].to_numpy(), np.float64) for name in numbers.column_names}
 
 

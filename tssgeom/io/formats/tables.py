@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import codecs
 import csv
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
@@ -16,10 +17,12 @@ from numpy.typing import NDArray
 from tssgeom.arrays import Vector
 from tssgeom.errors import ShapeError, SourceError, first_line
 from tssgeom.io.formats.columns import Columns, columns_of
+from tssgeom.io.formats.paths import reading, require_room
 
 if TYPE_CHECKING:
     import pyarrow as pa
     import pyarrow.csv as pacsv
+    import pyarrow.parquet as papq
 
 NO_ROW = "no row of points: write one row for each point"
 _SMALL = 1 << 16
@@ -74,17 +77,9 @@ def read_parquet(path: Path, given_unit: str | None) -> Table:
     SourceError
         Where the file cannot be read.
     """
-    import pyarrow as pa
-    import pyarrow.parquet as papq
-
-    try:
-        with papq.ParquetFile(path) as file:
-            columns = columns_of(path, file.schema_arrow.names, given_unit)
-            table = file.read(columns=list(columns.names))
-    except (OSError, pa.ArrowException, UnicodeDecodeError) as error:
-        raise SourceError(
-            f"{path}: cannot be read as Parquet ({first_line(error)}): write the file anew"
-        ) from error
+    with parquet_file(path) as file:
+        columns = columns_of(path, file.schema_arrow.names, given_unit)
+        table = parquet_columns(path, file, columns.names)
     return _table(path, columns, as_numbers(path, table), "row", 1)
 
 
@@ -96,15 +91,46 @@ def parquet_names(path: Path) -> list[str]:
     SourceError
         Where the file cannot be read.
     """
+    with parquet_file(path) as file:
+        return file.schema_arrow.names
+
+
+@contextmanager
+def parquet_file(path: Path, buffer: int = 0) -> Iterator[papq.ParquetFile]:
+    """Open a Parquet file for a `with` block, and read it through a buffer of so many bytes.
+
+    Raises
+    ------
+    SourceError
+        Where the file cannot be read.
+    """
     import pyarrow as pa
     import pyarrow.parquet as papq
 
     try:
-        return papq.read_schema(path).names
-    except (OSError, pa.ArrowException, UnicodeDecodeError) as error:
+        with reading(path), path.open("rb") as held, papq.ParquetFile(held, buffer_size=buffer) as file:
+            yield file
+    except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
         raise SourceError(
             f"{path}: cannot be read as Parquet ({first_line(error)}): write the file anew"
         ) from error
+
+
+def parquet_columns(path: Path, file: papq.ParquetFile, names: Sequence[str]) -> pa.Table:
+    """Read columns at once.
+
+    Raises
+    ------
+    SourceError
+        Where they take more memory than a file may.
+    """
+    require_room(path, parquet_size(file, names))
+    return file.read(columns=list(names))
+
+
+def parquet_size(file: papq.ParquetFile, names: Collection[str]) -> int:
+    """Return how much memory columns of numbers take [B]."""
+    return file.metadata.num_rows * len(names) * np.dtype(np.float64).itemsize
 
 
 _Columns = TypeVar("_Columns", "pa.Table", "pa.RecordBatch")

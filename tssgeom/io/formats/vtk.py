@@ -12,6 +12,7 @@ import zlib
 from base64 import b64decode
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -22,7 +23,7 @@ from numpy.typing import NDArray
 
 from tssgeom.arrays import Points, read_only
 from tssgeom.errors import ShapeError, SourceError, first_line
-from tssgeom.io.formats.paths import bytes_of, selected, split, stem
+from tssgeom.io.formats.paths import Stamp, bytes_of, require_room, selected, split, stamp_of, stem
 from tssgeom.io.formats.recording import PER_METRE, Recording, agreed_unit
 from tssgeom.rig import Source
 from tssgeom.stream import Frame
@@ -37,6 +38,9 @@ Element = ElementTree.Element
 
 _TYPES = {"Float": "f", "Int": "i", "UInt": "u"}
 _APPENDED = re.compile(rb"<AppendedData\b[^>]*>\s*_")
+_BLANK = re.compile(r"\s")
+_TEXT_BLOCK = 1 << 20
+"""Characters of an array that are read at a time; chosen."""
 _AFTER = b"</AppendedData>"
 _DECOMPRESSORS: dict[str, Callable[[], Any]] = {
     "vtkZLibDataCompressor": zlib.decompressobj,
@@ -74,9 +78,17 @@ def open_vtp(path: Path, unit: str | None) -> Recording:
 
 
 def _read(file: Path) -> tuple[list[Points], str | None, Source | None]:
-    """Return the points of each poly line in the file's unit, that unit if it is stated, and their source."""
+    """Return the points of each poly line in the file's unit, that unit if it is stated, and their source.
+
+    The last file is kept, since each of its lines is an input of its own.
+    """
+    return _read_once(file, stamp_of(file))
+
+
+@lru_cache(maxsize=1)
+def _read_once(file: Path, stamp: Stamp) -> tuple[list[Points], str | None, Source | None]:
     try:
-        held = _parsed(bytes_of(file))
+        held = _parsed(file, bytes_of(file))
         data = held.root.find("PolyData")
         if data is None:
             raise ValueError(f"it holds {held.root.get('type')}")
@@ -131,6 +143,9 @@ class _XmlFile:
     appended: bytes
     raw: bool
     """True where the appended bytes are raw, False where they are base64."""
+    path: Path
+    unpacked: list[int]
+    """Size of each block so far [B]."""
 
     def numbers(self, array: Element) -> NDArray[Any]:
         """Return the numbers of a DataArray, flat.
@@ -143,7 +158,7 @@ class _XmlFile:
         kind = _kind(array, self.order)
         form = array.get("format")
         if form == "ascii":
-            return np.array((array.text or "").split(), dtype=kind)
+            return _from_text(array.text or "", kind)
         if form == "appended":
             held = self.appended[int(array.get("offset", "")) :]
             return self._decoded(held, kind, raw=self.raw)
@@ -173,6 +188,8 @@ class _XmlFile:
             size = last if last and block == blocks - 1 else full
             if size <= 0:  # a decompressor takes this for no limit
                 raise ValueError(f"a block states a size of {size} bytes")
+            self.unpacked.append(size)
+            require_room(self.path, sum(self.unpacked))
             try:
                 whole = _DECOMPRESSORS[self.compressor or ""]().decompress(body[begin : begin + packed], size)
             except (zlib.error, lzma.LZMAError, EOFError) as error:
@@ -183,7 +200,7 @@ class _XmlFile:
             begin += packed
 
 
-def _parsed(content: bytes) -> _XmlFile:
+def _parsed(path: Path, content: bytes) -> _XmlFile:
     """Parse a file.
 
     Raises
@@ -207,7 +224,7 @@ def _parsed(content: bytes) -> _XmlFile:
     heading = np.dtype(f"{order}u{8 if root.get('header_type') == 'UInt64' else 4}")
     data = root.find("AppendedData")
     raw = data is not None and data.get("encoding") == "raw"
-    return _XmlFile(root, order, heading, compressor, appended, raw)
+    return _XmlFile(root, order, heading, compressor, appended, raw, path, [])
 
 
 def _kind(array: Element, order: str) -> np.dtype[Any]:
@@ -216,6 +233,16 @@ def _kind(array: Element, order: str) -> np.dtype[Any]:
     if named is None or named[0] == "Float8":
         raise ValueError(f"an array has the type {array.get('type')!r}")
     return np.dtype(f"{order}{_TYPES[named[1]]}{int(named[2]) // 8}")
+
+
+def _from_text(text: str, kind: np.dtype[Any]) -> NDArray[Any]:
+    """Read numbers between blanks, some of them at a time, since a word takes more memory than a number."""
+    ends = [0]
+    while ends[-1] < len(text):
+        blank = _BLANK.search(text, ends[-1] + _TEXT_BLOCK)
+        ends.append(blank.start() if blank else len(text))
+    blocks = [np.array(text[begin:end].split(), dtype=kind) for begin, end in pairwise(ends)]
+    return np.concatenate(blocks) if blocks else np.array([], dtype=kind)
 
 
 def _from_raw(held: bytes, begin: int, count: int) -> bytes:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from tssgeom.errors import printable
 from tssgeom.lumen.clearance import Clearance, Region
 from tssgeom.route.pieces import Arcs
 from tssgeom.stream import FrameResult, Rejected
@@ -221,7 +222,10 @@ def _regions(regions: Sequence[Region]) -> list[dict[str, float]]:
 
 
 def relative(path: str | Path) -> str:
-    """Return a path relative to the working folder, with forward slashes; an address as it is."""
+    """Return a path relative to the working folder, with forward slashes; an address as it is.
+
+    What cannot be printed is written out: the text is for tables and reports, it opens no file.
+    """
     if "://" in str(path):
-        return str(path)
-    return Path(os.path.relpath(path)).as_posix()
+        return printable(str(path))
+    return printable(Path(os.path.relpath(path)).as_posix())

@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+import re
+import struct
+import zipfile
+import zlib
 from collections import Counter
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from datetime import date, datetime, time, timedelta
+from functools import reduce
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -14,11 +21,16 @@ from tssgeom.errors import ShapeError, SourceError, first_line
 from tssgeom.io.formats.laboratory.raw import Column, RawTable
 from tssgeom.io.formats.laboratory.rows import Row, column_of, decimal_of, is_data, table_of
 from tssgeom.io.formats.laboratory.text import read_text
-from tssgeom.io.formats.paths import bytes_of, ending
+from tssgeom.io.formats.paths import bytes_of, ending, require_room, require_room_in_zip, room
+from tssgeom.io.formats.tables import parquet_columns, parquet_file
 
 TEXT = (".csv", ".tsv", ".txt", ".dat", ".csv.gz", ".tsv.gz", ".txt.gz", ".dat.gz")
 SHEETS = (".xlsx", ".xls", ".ods")
 _NAMES_OF_COLUMNS = ("names", "columns", "header", "headers", "labels", "channels", "varnames")
+_CELL = re.compile(rb'\br="([A-Z]{1,4})(\d{1,9})"')
+_MATLAB_HEAD, _MATLAB_PACKED = 128, 15
+"""Bytes before the first element of a MATLAB file, and the kind of a packed one. Source: its format 5."""
+_BLOCK = 1 << 20  # bytes that are unpacked at a time; chosen
 _UNITS_OF_COLUMNS = ("units", "unit")
 
 
@@ -49,10 +61,29 @@ def raw_tables(path: Path) -> list[RawTable]:
 def _sheets(path: Path) -> list[RawTable]:
     from python_calamine import CalamineWorkbook
 
-    with CalamineWorkbook.from_path(str(path)) as book:
+    require_room_in_zip(path)
+    content = bytes_of(path)
+    require_room(path, _cells_in(content) * np.dtype(np.float64).itemsize)
+    with CalamineWorkbook.from_filelike(BytesIO(content)) as book:
         sheets = {name: book.get_sheet_by_name(name).to_python() for name in book.sheet_names}
     tables = [_sheet(name, rows) for name, rows in sheets.items()]
     return [table for table in tables if table is not None]
+
+
+def _cells_in(content: bytes) -> int:
+    """Return how many cells the largest sheet of an .xlsx spans, which its reader makes all of."""
+    most = 0
+    with suppress(zipfile.BadZipFile), zipfile.ZipFile(BytesIO(content)) as book:
+        for name in book.namelist():
+            if name.startswith("xl/worksheets/"):
+                named = set(_CELL.findall(book.read(name)))
+                columns = max((_column_number(letters) for letters in {each[0] for each in named}), default=0)
+                most = max(most, columns * max((int(row) for _, row in named), default=0))
+    return most
+
+
+def _column_number(letters: bytes) -> int:
+    return reduce(lambda number, letter: 26 * number + letter - ord("A") + 1, letters, 0)
 
 
 def _sheet(title: str, values: list[list[Any]]) -> RawTable | None:
@@ -82,7 +113,7 @@ def _cell(value: Any) -> str:
 
 
 def _array(path: Path) -> list[RawTable]:
-    array = np.load(path, allow_pickle=False)
+    array = np.load(BytesIO(bytes_of(path)), allow_pickle=False)
     if not isinstance(array, np.ndarray):
         raise ShapeError(f"{path}: an archive, no array: name it .npz")
     if array.dtype.names:
@@ -132,8 +163,10 @@ def _column(values: np.ndarray) -> Column:
 def _matlab(path: Path) -> list[RawTable]:
     from scipy.io import loadmat
 
+    packed = bytes_of(path)
+    require_room(path, _unpacked_size(packed))
     try:
-        content = loadmat(path, simplify_cells=True)
+        content = loadmat(BytesIO(packed), simplify_cells=True)
     except NotImplementedError as error:
         raise SourceError(f"{path}: MATLAB 7.3 (HDF5): save it with -v7, or as CSV") from error
     held = {name: value for name, value in content.items() if not name.startswith("__")}
@@ -160,6 +193,20 @@ def _matlab(path: Path) -> list[RawTable]:
     return [_with_length_unit(_of_columns(columns, units), stated)]
 
 
+def _unpacked_size(content: bytes) -> int:
+    """Return the size of the unpacked elements of a MATLAB 5 file, up to a little above `room` [B]."""
+    order, at, size = "<" if content[126:128] == b"IM" else ">", _MATLAB_HEAD, 0
+    while at + 8 <= len(content) and size <= room():
+        kind, count = struct.unpack_from(f"{order}II", content, at)
+        if kind == _MATLAB_PACKED:
+            unpacker, rest = zlib.decompressobj(), content[at + 8 : at + 8 + count]
+            while rest and size <= room():
+                size += len(unpacker.decompress(rest, _BLOCK))
+                rest = unpacker.unconsumed_tail
+        at += 8 + count
+    return size
+
+
 def _words(value: Any) -> tuple[str, ...]:
     words = value if isinstance(value, list | np.ndarray) else ()
     return tuple(str(word).strip() for word in words)
@@ -177,19 +224,23 @@ def _with_length_unit(table: RawTable, stated: Any) -> RawTable:
 def _feather(path: Path) -> list[RawTable]:
     import pyarrow as pa
 
-    with pa.memory_map(str(path)) as file:
-        try:
-            return [_of_arrow(pa.ipc.open_file(file).read_all())]
-        except pa.ArrowInvalid:
-            file.seek(0)
-            return [_of_arrow(pa.ipc.open_stream(file).read_all())]
+    content = bytes_of(path)
+    try:
+        file = pa.ipc.open_file(content)
+        batches = (file.get_batch(k) for k in range(file.num_record_batches))
+    except pa.ArrowInvalid:
+        file = batches = pa.ipc.open_stream(content)
+    held, size = list[pa.RecordBatch](), 0
+    for batch in batches:
+        size += max(batch.nbytes, batch.num_rows * batch.num_columns * np.dtype(np.float64).itemsize)
+        require_room(path, size)
+        held.append(batch)
+    return [_of_arrow(pa.Table.from_batches(held, file.schema))]
 
 
 def _parquet(path: Path) -> list[RawTable]:
-    import pyarrow.parquet as papq
-
-    with papq.ParquetFile(path) as file:
-        return [_of_arrow(file.read())]
+    with parquet_file(path) as file:
+        return [_of_arrow(parquet_columns(path, file, file.schema_arrow.names))]
 
 
 def _of_arrow(table: Any) -> RawTable:

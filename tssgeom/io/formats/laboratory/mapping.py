@@ -14,6 +14,8 @@ import msgspec
 from tssgeom.errors import SettingsError
 from tssgeom.io.formats.laboratory.names import EXACT, QUANTITIES, canonical, channel_text
 from tssgeom.io.formats.laboratory.units import Unit, plain, scaled_unit, unit_of
+from tssgeom.io.formats.paths import SETTINGS_BYTES, bytes_of
+from tssgeom.toml_keys import with_short_keys
 
 FILE = "columns.toml"
 """Name of the file beside the data."""
@@ -131,12 +133,11 @@ def _channel(text: str) -> tuple[str | None, Unit | None]:
 def _beside(folder: Path) -> Mapping[str, Mapped]:
     """Read `columns.toml` in a folder, once in a process."""
     path = folder / FILE
-    try:
-        content = path.read_bytes().removeprefix(codecs.BOM_UTF8)
-    except OSError:
+    if not path.exists():
         return {}
+    content = bytes_of(path, SETTINGS_BYTES).removeprefix(codecs.BOM_UTF8)
     try:
-        listed = msgspec.toml.decode(content, type=_Listed)
+        listed = msgspec.toml.decode(with_short_keys(content), type=_Listed)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise SettingsError(f"{path}: {error}: mend it (docs/formats.md, Laboratory files)") from error
     return {name: mapped(name, text, str(path)) for name, text in listed.columns.items()}

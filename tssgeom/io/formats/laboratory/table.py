@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -14,10 +15,10 @@ from tssgeom.errors import ShapeError, SourceError
 from tssgeom.io.formats.columns import AXES, POINT, TIME
 from tssgeom.io.formats.laboratory.channels import Resolved
 from tssgeom.io.formats.laboratory.files import raw_tables
-from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap
+from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap, Mapped
 from tssgeom.io.formats.laboratory.raw import RawTable
 from tssgeom.io.formats.laboratory.resolve import marker_numbers, resolved
-from tssgeom.io.formats.paths import selected, split
+from tssgeom.io.formats.paths import Stamp, selected, split, stamp_of
 from tssgeom.io.formats.recording import UNTIMED
 
 _LONGER = 1.2
@@ -68,9 +69,8 @@ def laboratory_table(path: Path, columns: ColumnMap = NO_MAP, unit: str | None =
     if part is not None and len(tables) == 1 and result.recordings is None:
         raise SourceError(f"{file}: it holds one recording, there is no #{part} in it: leave that out")
     if result.recordings is not None and len(tables) == 1:
-        name, words = result.recordings
-        parts = list(dict.fromkeys(words))
-        rows = np.flatnonzero(np.array(words) == parts[selected(path, parts)])
+        name, parts = result.recordings[0], _rows_of_parts(file, columns, unit)
+        rows = parts[list(parts)[selected(path, list(parts))]]
         notes.append(f"one of {len(parts)} recordings by {name}")
     values = {name: column[rows] for name, column in result.values.items()}
     faults = {k: table.faults[row] for k, row in enumerate(rows.tolist()) if row in table.faults}
@@ -100,9 +100,37 @@ def tables_of(file: Path, columns: ColumnMap, unit: str | None) -> list[tuple[Ra
     SourceError
         Where the file cannot be read.
     """
-    said = columns.of(file)
-    every = [(table, resolved(file, table, said, unit)) for table in raw_tables(file)]
+    return _tables_once(file, stamp_of(file), _key(columns.of(file)), unit)
+
+
+def _key(said: Mapping[str, Mapped]) -> tuple[tuple[str, Mapped], ...]:
+    return tuple(sorted(said.items(), key=lambda each: each[0]))
+
+
+@lru_cache(maxsize=1)
+def _tables_once(
+    file: Path, stamp: Stamp, said: tuple[tuple[str, Mapped], ...], unit: str | None
+) -> list[tuple[RawTable, Resolved]]:
+    """Read a file once, since each of its recordings is an input of its own."""
+    every = [(table, resolved(file, table, dict(said), unit)) for table in raw_tables(file)]
     return [each for each in every if each[1].values or each[1].unclear] or every
+
+
+def _rows_of_parts(file: Path, columns: ColumnMap, unit: str | None) -> dict[str, NDArray[np.int64]]:
+    """Return the rows of each recording in the one table of a file, by its name."""
+    return _rows_once(file, stamp_of(file), _key(columns.of(file)), unit)
+
+
+@lru_cache(maxsize=1)
+def _rows_once(
+    file: Path, stamp: Stamp, said: tuple[tuple[str, Mapped], ...], unit: str | None
+) -> dict[str, NDArray[np.int64]]:
+    recordings = _tables_once(file, stamp, said, unit)[0][1].recordings
+    words = () if recordings is None else recordings[1]
+    rows = dict[str, list[int]]()
+    for row, word in enumerate(words):
+        rows.setdefault(word, []).append(row)
+    return {word: np.array(each, np.int64) for word, each in rows.items()}
 
 
 def parts_of(file: Path, columns: ColumnMap, unit: str | None) -> list[str]:

@@ -18,6 +18,7 @@ from tssgeom.errors import ShapeError, SourceError
 from tssgeom.io.formats.laboratory import rows
 from tssgeom.io.formats.laboratory.raw import MISSING, Column, RawTable
 from tssgeom.io.formats.laboratory.rows import Row, decimal_of, header_of, is_data, is_number, table_of
+from tssgeom.io.formats.paths import require_lines, require_room, room
 
 _COMMENTS = ("#", "%", "//", "!", "*")
 _SPACES = " "
@@ -31,8 +32,6 @@ class TextLimits(NamedTuple):
 
     head: int = 4096
     """Bytes by which an encoding is recognised."""
-    unpacked: int = 1 << 31
-    """Bytes of an unpacked file; more is refused."""
     fast: int = 1 << 22
     """Characters beyond which pyarrow reads the rows: less takes no longer line by line than its import."""
 
@@ -94,6 +93,7 @@ def decoded(path: Path, raw: bytes) -> tuple[str, list[str]]:
     if raw[:2] == b"\x1f\x8b":
         raw = _unpacked(path, raw)
         notes.append("unpacked by gzip")
+    require_lines(path, raw)
     for encoding in _encodings(raw):
         try:
             text = raw.decode(encoding).removeprefix("\ufeff")
@@ -108,13 +108,12 @@ def decoded(path: Path, raw: bytes) -> tuple[str, list[str]]:
 def _unpacked(path: Path, raw: bytes) -> bytes:
     unpacker = zlib.decompressobj(wbits=31)
     try:
-        text = unpacker.decompress(raw, LIMITS.unpacked)
+        text = unpacker.decompress(raw, room() + 1)
     except zlib.error as error:
         raise SourceError(f"{path}: cannot be unpacked ({error}): pack it anew by gzip") from error
+    require_room(path, len(text))
     if not unpacker.eof:
-        raise SourceError(
-            f"{path}: it ends early, or holds over {LIMITS.unpacked >> 20} MiB: pack it anew by gzip"
-        )
+        raise SourceError(f"{path}: it ends early: pack it anew by gzip")
     return text
 
 

@@ -1,0 +1,1 @@
+"""Attacks from outside: hostile files, names and peers; each driver counts what may not happen."""

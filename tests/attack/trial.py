@@ -1,0 +1,106 @@
+"""One command on hostile input, in a process of its own: its time, its memory, and its output."""
+
+from __future__ import annotations
+
+import os
+import resource
+import signal
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+SLOW = 2.0
+"""Time of a hang [s]; Source: the aim of the attack."""
+LARGE = 1 << 30
+"""Memory that no case may take [B]; Source: the same."""
+_LOST_AFTER = 20.0  # s until a command is killed; chosen
+_LONGEST = 2048  # B of one line on stderr; Source: the same aim
+
+
+@dataclass(frozen=True, slots=True)
+class Ending:
+    """The end of one command."""
+
+    status: int | None
+    """None where it had to be killed, or died of a signal."""
+    seconds: float
+    """Time on a processor [s]: another load does not count; what waits in vain is killed."""
+    memory: int
+    """Greatest resident set [B]."""
+    out: bytes
+    err: bytes
+
+    def faults(self, allowed: float = SLOW) -> list[str]:
+        """Return what must not be: hang, death, traceback, memory, silence, an endless or unsafe line."""
+        faults = list[str]()
+        if self.seconds > allowed:
+            faults.append(f"hang {self.seconds:.1f} s")
+        if self.status not in (0, 1, 2):
+            faults.append(f"died ({self.status})")
+        if b"Traceback" in self.err or b"please report it" in self.err:
+            faults.append("traceback")
+        if self.memory > LARGE:
+            faults.append(f"memory {self.memory >> 20} MiB")
+        if not (self.err + self.out).strip():
+            faults.append("silent")
+        if max(map(len, self.err.split(b"\n"))) > _LONGEST:
+            faults.append("long line")
+        if set(self.out + self.err) & {0x1B, 0x01, 0x07}:
+            faults.append("control character")
+        return faults
+
+
+def attempt(arguments: Sequence[str | Path]) -> Ending:
+    """Run a command in a fork of this process, which has imported it, and wait for its end."""
+    with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
+        begun = time.monotonic()
+        child = os.fork()
+        if child == 0:
+            _run(arguments, out.fileno(), err.fileno())
+        status, usage = _ended(child, begun + _LOST_AFTER)
+        seconds, memory = usage.ru_utime + usage.ru_stime, usage.ru_maxrss * 1024
+        out.seek(0)
+        err.seek(0)
+        return Ending(status, seconds, memory, out.read(), err.read())
+
+
+def _run(arguments: Sequence[str | Path], out: int, err: int) -> None:
+    """Run the command and end the process, whatever happens."""
+    status = 70
+    try:
+        os.setpgid(0, 0)
+        nothing = os.open(os.devnull, os.O_RDONLY)
+        for given, taken in ((nothing, 0), (out, 1), (err, 2)):
+            os.dup2(given, taken)
+        from pipelines.cli import main
+
+        try:
+            main([str(each) for each in arguments])
+        except SystemExit as end:
+            status = end.code if isinstance(end.code, int) else 2
+        except BaseException:
+            sys.excepthook(*sys.exc_info())
+        sys.stdout.flush()
+        sys.stderr.flush()
+    finally:
+        os._exit(status)
+
+
+def _ended(child: int, until: float) -> tuple[int | None, resource.struct_rusage]:
+    """Wait for a process, and kill it and its own after a time; return its status and what it used."""
+    pause = 0.001
+    while True:
+        ended, status, usage = os.wait4(child, os.WNOHANG)
+        if ended:
+            return (os.WEXITSTATUS(status) if os.WIFEXITED(status) else None), usage
+        if time.monotonic() > until:
+            with suppress(ProcessLookupError):
+                os.killpg(child, signal.SIGKILL)
+            _, _, usage = os.wait4(child, 0)
+            return None, usage
+        time.sleep(pause)
+        pause = min(2 * pause, 0.02)

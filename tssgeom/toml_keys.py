@@ -1,0 +1,21 @@
+"""Keys of TOML files, whose reader takes a time that grows with the square of their parts."""
+
+import re
+
+import msgspec
+
+_MOST_PARTS = 100  # of a key; chosen: no file of ours has more than four
+_LONG_KEY = re.compile(rb"""(?<![\w"'-])(?:[\w"'-]++\s*+\.\s*+){%d}""" % _MOST_PARTS)
+
+
+def with_short_keys(content: bytes) -> bytes:
+    """Return the content of a TOML file.
+
+    Raises
+    ------
+    msgspec.DecodeError
+        Where a key has more than 100 parts.
+    """
+    if _LONG_KEY.search(content):
+        raise msgspec.DecodeError(f"a key has more than {_MOST_PARTS} parts")
+    return content
