@@ -40,13 +40,15 @@ MOST_PLOTTED = 400
 
 @contextmanager
 def outputs(folder: Path, *names: str) -> Iterator[None]:
-    """Remove the files of a command from its folder where it fails, those of an earlier run too."""
+    """Remove what a command has written into its folder where it fails; what was there before stays."""
+    files = [folder / name for name in names]
+    before = {file: file.stat().st_mtime_ns for file in files if file.is_file()}
     try:
         yield
     except (TssgeomError, OSError):
-        for name in names:
-            if (folder / name).is_file():
-                (folder / name).unlink()
+        for file in files:
+            if file.is_file() and file.stat().st_mtime_ns != before.get(file):
+                file.unlink()
         raise
 
 

@@ -19,7 +19,7 @@ def printable(text: str) -> str:
 
 
 def shortened(text: str) -> str:
-    """Return a message without its middle where it is too long for a screen."""
+    """Return a message without its middle where it is too long to be read."""
     cut = len(text) - _HEAD - _TAIL
     return text if cut <= 0 else f"{text[:_HEAD]} ... ({cut} characters) ... {text[-_TAIL:]}"
 

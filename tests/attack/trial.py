@@ -14,11 +14,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 SLOW = 2.0
-"""Time of a hang [s]; Source: the aim of the attack."""
+"""Time of a hang [s]; chosen: longer than any sound command on a small file needs."""
 LARGE = 1 << 30
-"""Memory that no case may take [B]; Source: the same."""
+"""Memory that no case may take [B]; chosen: what a small computer can spare."""
 _LOST_AFTER = 20.0  # s until a command is killed; chosen
-_LONGEST = 2048  # B of one line on stderr; Source: the same aim
+_LONGEST = 2048  # B of one line on stderr; chosen: some lines of a terminal
 
 
 @dataclass(frozen=True, slots=True)

@@ -79,6 +79,15 @@ def test_a_simulation_that_cannot_write_its_recording_leaves_no_table(run: Run, 
     assert [path.name for path in out.iterdir()] == ["simulate.rrd"]
 
 
+def test_a_simulation_that_fails_keeps_the_table_of_an_earlier_one(run: Run, half: Path, tmp_path: Path):
+    out = tmp_path / "out"
+    drive = write_run(tmp_path / "drive.csv", time_s=[0, 1], tension_in_N=[5.0, 15.0])
+    assert run("simulate", half, "--drive", drive, "--out", out).status == 0
+    before = (out / "simulate.parquet").read_bytes()
+    assert run("simulate", half, "--drive", tmp_path / "mistyped.csv", "--out", out).status == 2
+    assert (out / "simulate.parquet").read_bytes() == before
+
+
 def test_a_run_that_the_rig_cannot_bear_is_refused(run: Run, half: Path, tmp_path: Path):
     drive = write_run(tmp_path / "drive.csv", time_s=[0, 1], tension_in_N=[5.0, 3000.0])
     done = run("simulate", half, "--drive", drive, "--out", tmp_path / "out", "--json")

@@ -129,7 +129,7 @@ def test_only_what_is_unknown_shows_a_shape(pages: dict[str, Page]) -> None:
 
 
 def test_without_an_effect_no_before_and_after_is_shown(pages: dict[str, Page]) -> None:
-    assert "The gap" in pages["none"].headings
+    assert "The misfit" in pages["none"].headings
     assert "What acts" not in pages["none"].headings
     assert pages["none"].tags["svg"] == pages["effect"].tags["svg"]
 

@@ -23,6 +23,8 @@ ENTITIES = {
     "/labels",
     "/scale",
     "/scale/length",
+    "/scale/axes",
+    "/scale/axes/letters",
     "/tension/grid",
     "/tension/numbers",
     "/tension/colour_bar",
@@ -55,7 +57,7 @@ def test_still_recording_holds_every_part_of_the_picture_and_no_series(still_fil
 
 
 def test_moving_recording_holds_the_series_too(moving_file: Path) -> None:
-    assert entities(moving_file) - {"/"} == ENTITIES | SERIES | FRONT
+    assert entities(moving_file) - {"/"} == ENTITIES | SERIES | FRONT | {"/scale/time"}
 
 
 def test_still_recording_has_no_timeline(still_file: Path) -> None:

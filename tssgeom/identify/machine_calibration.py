@@ -88,7 +88,7 @@ def _with_drive_lag(problem: Problem, state: FitState) -> tuple[Problem, FitStat
     note += "" if math.isnan(ratio) else f", {ratio:.2g} of the rms on held-out cycles"
     runs = tuple(with_drive_known(run, lag) for run in made.problem.runs)
     again = replace(made.problem, runs=runs, rows=fitted_rows(runs, held_out=False))
-    return *fitted_again(again, made.state), (f"{note}; a {DRIVE_LAG} in the rig settles it",)
+    return *fitted_again(again, made.state), (f"{note}; a {DRIVE_LAG} in the rig fixes it",)
 
 
 def _held_out(problem: Problem, state: FitState) -> dict[str, tuple[float, float]]:
