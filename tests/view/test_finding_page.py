@@ -113,7 +113,7 @@ def test_the_next_step_follows_from_what_was_identified() -> None:
     unknown = worked_finding("unknown")
     assert unknown.where[0].run in steps["unknown"][1]
     assert (
-        f"{100 * max(one.explains for one in unknown.missing_shapes):.0f} % of the gap" in steps["unknown"][0]
+        f"{100 * max(one.explains for one in unknown.missing_shapes):.0f} % of the misfit" in steps["unknown"][0]
     )
     refit = Experiment("measure a route with another sensor", 0.0, ("rig.friction.coefficient", "angle gain"))
     asked = replace(worked_finding(), breaks_tie=(refit,))
