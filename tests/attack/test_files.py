@@ -44,13 +44,16 @@ def test_what_unpacks_to_too_much_is_refused_by_the_limit(tmp_path, name):
 
 
 @pytest.mark.parametrize("command", [("simulate", "--drive"), ("compensate", "--target")])
-def test_a_run_that_fails_leaves_no_table(tmp_path, command):
+def test_a_run_that_fails_leaves_no_table_and_keeps_an_earlier_one(tmp_path, command):
     name, option = command
-    (tmp_path / f"{name}.parquet").write_text("of an earlier run")
     broken = tmp_path / "broken.csv"
     broken.write_text("time_s,tension_in_N\n0,nan\n")
+    table = tmp_path / f"{name}.parquet"
     assert ended(name, SOUND, option, broken, "--out", tmp_path).returncode == 2
-    assert not (tmp_path / f"{name}.parquet").exists()
+    assert not table.exists()
+    table.write_text("of an earlier run")
+    assert ended(name, SOUND, option, broken, "--out", tmp_path).returncode == 2
+    assert table.read_text() == "of an earlier run"
 
 
 def test_a_rejected_input_loses_its_earlier_result(tmp_path):

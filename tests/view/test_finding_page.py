@@ -112,9 +112,8 @@ def test_the_next_step_follows_from_what_was_identified() -> None:
     assert "Measure nothing more" in next_steps(replace(worked_finding("none"), misfit=fits))[0]
     unknown = worked_finding("unknown")
     assert unknown.where[0].run in steps["unknown"][1]
-    assert (
-        f"{100 * max(one.explains for one in unknown.missing_shapes):.0f} % of the misfit" in steps["unknown"][0]
-    )
+    explained = max(one.explains for one in unknown.missing_shapes)
+    assert f"{100 * explained:.0f} % of the misfit" in steps["unknown"][0]
     refit = Experiment("measure a route with another sensor", 0.0, ("rig.friction.coefficient", "angle gain"))
     asked = replace(worked_finding(), breaks_tie=(refit,))
     assert next_steps(asked) == steps["effect"]  # what a refit stands for is said beside the refit
