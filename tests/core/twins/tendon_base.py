@@ -4,7 +4,7 @@ import numpy as np
 
 from tests.core.twins.tendon_equilibrium import PULLED, RELEASED, STUCK
 from tests.core.twins.tendon_laws import Memory, Plant, balanced, workspace
-from tests.core.twins.tendon_profile import discretised
+from tests.core.twins.tendon_profile import discretised, exponential
 from tssgeom.core.constants_tendon import BAR
 
 
@@ -41,8 +41,8 @@ def on_route(old, route, rig_numbers, length_before, drive):
         pulling=exponent,
         releasing=exponent,
         fitting=none[1:],
-        low=np.exp(-exponent),
-        high=np.exp(exponent),
+        low=exponential(-exponent),
+        high=exponential(exponent),
         force=none[1:],
         drag=none[1:],
         load_exponent=0.0,

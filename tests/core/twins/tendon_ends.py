@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from tests.core.twins.tendon_laws import load_factor, stretched
-from tests.core.twins.tendon_profile import bent, discretised
+from tests.core.twins.tendon_profile import bent, discretised, exponential
 from tssgeom.core.constants_tendon import BAR
 
 
@@ -99,7 +99,7 @@ def put_on_route(plant, numbers, edge, length, angle, bends):
     return plant._replace(
         pulling=pulling,
         releasing=releasing,
-        low=np.exp(-pulling - plant.fitting),
-        high=np.exp(releasing + plant.fitting),
+        low=exponential(-pulling - plant.fitting),
+        high=exponential(releasing + plant.fitting),
         saved=np.concatenate(([0.0], plant.clearance * turns, [0.0])),
     )

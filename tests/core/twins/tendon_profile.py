@@ -9,6 +9,11 @@ from tssgeom.core.constants_tendon import PROFILE, SAME_ROUTE
 _SHARES = 8
 
 
+def exponential(exponents):
+    """Return e to each power as C does: numpy's own loop differs in the last digit on some processors."""
+    return np.array([math.exp(one) for one in exponents])
+
+
 def _front(angle, log_tension, drive, friction, direction_index):
     """Return how many corners the front wipes out, and the angle φ* where it meets the old profile."""
     before = direction_index * (drive - log_tension[0])  # excess of the front over the old profile [1]
