@@ -42,7 +42,7 @@ def test_an_interruption_leaves_the_folder_as_it_was(tmp_path, stop):
     assert not (tmp_path / "fresh").exists()
 
 
-def test_a_folder_that_cannot_be_made_is_told(tmp_path):
+def test_a_folder_that_cannot_be_made_is_an_error(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(SourceError, match="check the folder"), replacing_all(tmp_path / "file"):
         pass

@@ -55,7 +55,7 @@ def test_the_error_bar_of_the_elongation_holds_the_truth_as_often_as_it_says():
 
 @settings(max_examples=15, deadline=None, derandomize=True)
 @given(seed=st.integers(0, 2**32 - 1), shift=st.floats(-1e3, 1e3), mirrored=st.booleans())
-def test_tension_and_elongation_do_not_depend_on_place_attitude_or_hand(seed, shift, mirrored):
+def test_tension_and_elongation_do_not_depend_on_position_attitude_or_handedness(seed, shift, mirrored):
     rng = np.random.default_rng(seed)
     points = sensed(plotted(rng), 60, 1e-4, rng)
     turn = np.linalg.qr(rng.standard_normal((3, 3)))[0]

@@ -87,7 +87,7 @@ OUT_OF_BOUNDS = [
 
 @pytest.mark.parametrize("value", [-1.0, math.nan, math.inf])
 @pytest.mark.parametrize(("part", "key", "path"), OUT_OF_BOUNDS)
-def test_a_value_out_of_bounds_is_refused_with_path_value_and_remedy(part, key, path, value):
+def test_a_value_out_of_bounds_is_refused_with_path_value_and_hint(part, key, path, value):
     remedy = "give a (finite value > 0|value from 0 to 1e12)"
     with pytest.raises(SettingsError, match=f"{path} is {value:g}: {remedy}") as caught:
         part(**{key: value})
@@ -112,7 +112,7 @@ def test_zero_is_within_bounds(part):
         ("[friction\n", "mend the rig file"),
     ],
 )
-def test_a_wrong_file_is_refused_with_its_name_and_the_place(tmp_path, text, reported):
+def test_a_wrong_file_is_refused_with_its_name_and_the_key(tmp_path, text, reported):
     path = written(tmp_path, text)
     with pytest.raises(SettingsError, match=reported) as caught:
         read_rig(path)

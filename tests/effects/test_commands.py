@@ -55,7 +55,7 @@ def test_a_sensor_that_errs_does_not_change_the_command_but_its_reading():
     assert plain.reading_in == plain.tension_in
 
 
-def test_a_place_of_the_load_counts_from_the_pretension_that_is():
+def test_a_displacement_of_the_load_counts_from_the_true_pretension():
     rig = with_effect("pretension_error")
     reported = compensate(pretensioned(rig), ARCS, rig, displacement_out=1e-3)
     assert reported.state.tension_out == pytest.approx(2.6 + 3.0, rel=1e-9)

@@ -70,7 +70,7 @@ def test_a_run_in_chunks_gives_the_digits_of_the_whole(kind, drive):
 
 
 @KIND
-def test_an_effect_says_what_it_needs_to_be_found(kind):
+def test_an_effect_states_what_its_detection_needs(kind):
     assert kind.__doc__
     assert "docs/model.md (" in kind.__doc__
     assert "Source: " in kind.__doc__

@@ -178,6 +178,6 @@ def test_a_rig_file_holds_laws(tmp_path):
         (lambda: predicted(Creep(ratio=0.1), CreepLaw(time_s=(1.0,), ratio=(0.1,))), "keep creep or"),
     ],
 )
-def test_a_law_that_is_none_is_refused_with_the_remedy(make, said):
+def test_a_law_that_is_none_is_refused_with_the_hint(make, said):
     with pytest.raises(SettingsError, match=said):
         make()

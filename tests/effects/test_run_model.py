@@ -147,7 +147,7 @@ def test_a_lag_that_is_asked_for_in_a_ramp_stays_behind_by_its_time():
     assert late[-1] == pytest.approx(plain[-1] - 0.3 * speed, abs=1e-9)  # e^(−24/0.3) is left
 
 
-def test_backlash_is_lost_at_a_turn_and_found_at_the_next():
+def test_backlash_is_lost_at_a_turn_and_regained_at_the_next():
     gap = modelled(FORCE, Backlash(width_m=2e-4))[POSITION] - modelled(FORCE)[POSITION]
     assert gap[[30, 45, 60]] == pytest.approx([0.0, -2e-4, 0.0], abs=1e-12)
 

@@ -135,7 +135,7 @@ def test_a_saved_state_goes_on_bit_for_bit(drive):
         assert one.readings == other.readings
 
 
-def test_a_state_saved_before_it_moved_is_laid_on_its_first_route_again():
+def test_a_state_saved_before_it_moved_is_discretised_on_its_first_route_again():
     rig = with_effects(*SOME)
     state = driven(rig, (5.0, 12.0))
     revived = state_of(json.loads(json.dumps(state_object(state))))
@@ -202,7 +202,7 @@ def test_the_drive_may_change_between_tension_and_position(name):
         assert state.tension_in == pytest.approx(9.0, abs=3e3 * slack)
 
 
-def test_tension_is_drawn_over_the_length_where_a_hidden_bend_lies_on_a_straight_piece():
+def test_a_hidden_bend_on_a_straight_piece_changes_the_tension_over_its_length():
     straight = Arcs.exact(np.array([0.2, 0.2, 0.1]), np.array([1.0, 0.0, 1.0]))
     rig = changed(Rig(), effects=(HiddenBend(at_m=0.3, angle_rad=1.0),))
     state = driven(rig, (10.0,), straight)

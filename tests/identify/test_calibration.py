@@ -64,14 +64,14 @@ def test_an_uncertain_angle_widens_the_interval_of_the_friction_as_much():
     assert math.log(sure.high / sure.low) < 0.2 * half
 
 
-def test_a_run_without_distal_tension_still_tells_friction_and_not_its_zero():
+def test_a_run_without_distal_tension_identifies_friction_and_no_zero_of_its_sensor():
     result = calibrate(run_of(noise=0.03, tension_out=None), HALF, Rig())
     assert result.estimates["friction"].value == pytest.approx(MU, rel=0.03)
     assert not result.estimates["tension_out_offset"].observable
     assert any("no tension_out_N" in warning for warning in result.warnings)
 
 
-def test_a_run_without_elongation_tells_no_compliance_and_leaves_that_of_the_rig():
+def test_a_run_without_elongation_keeps_the_compliance_of_the_rig():
     result = calibrate(run_of(noise=0.03, elongation=None), HALF, Rig())
     assert not result.estimates["compliance"].observable
     applied = result.applied(Rig())
@@ -125,7 +125,7 @@ def test_a_turn_lies_where_its_flatter_side_ends():
     assert result == pytest.approx(5.0 + 0.02 * 90.4, abs=0.02)
 
 
-def test_the_paper_s_rig_is_found_from_a_rig_that_is_twice_off():
+def test_the_paper_s_rig_is_identified_from_a_rig_with_twice_its_values():
     """Section III-B: μ = 0.145, ρ = 3.16e-4 /N, and 1.69 mm of elongation beyond the model above 4 N."""
     tension, rng = TENSION, np.random.default_rng(5)
     ends = driven(tension, HALF, Rig())

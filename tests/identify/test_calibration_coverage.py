@@ -19,7 +19,7 @@ def test_intervals_hold_the_truth_on_runs_of_the_lumped_chain():
     assert all(count >= 6 for count in held.values()), held
 
 
-def test_a_run_that_is_driven_by_position_tells_friction_and_compliance():
+def test_a_run_that_is_driven_by_position_identifies_friction_and_compliance():
     result, truth = trial("by position", 0)
     for name in ("friction", "compliance"):
         assert result.estimates[name].value == pytest.approx(truth[name], rel=0.05)  # angle gain of 1 %

@@ -11,7 +11,7 @@ from tssgeom.identify.workflow import discover
 from tssgeom.rig import Rig
 
 
-def test_a_clean_campaign_lacks_nothing_and_the_refit_is_told_beside_the_nominal(result, campaign):
+def test_a_clean_campaign_lacks_no_effect_and_reports_the_refit_beside_the_nominal(result, campaign):
     finding, truth = result(4), campaign(4)[1]
     assert finding.verdict == "none"
     assert finding.effects == ()
@@ -35,7 +35,7 @@ def test_a_cause_of_half_its_usual_size_is_named_with_its_numbers(result, campai
     assert all(one.why_not for one in finding.ranking[1:])
 
 
-def test_the_gap_of_the_held_out_run_falls_with_the_cause_in_the_model(result):
+def test_the_misfit_of_the_held_out_run_falls_with_the_cause_in_the_model(result):
     reported = result(0, "hidden_bend", 0.5).misfit
     before, after = (
         beyond_noise(side["held_out"], reported.noise) for side in (reported.before, reported.after)
@@ -57,7 +57,7 @@ def test_both_of_a_pair_are_named(result):
     assert {one.names[0] for one in result(0, pair).effects} == {*pair}
 
 
-def test_a_cause_that_nothing_explains_is_called_unknown_and_its_shape_is_told(result):
+def test_a_cause_that_no_effect_explains_is_unknown_and_its_shape_is_reported(result):
     finding = result(0, "slipping_encoder")
     assert finding.verdict == "unknown"
     assert finding.effects == ()

@@ -67,7 +67,7 @@ def test_where_no_run_is_held_out_the_one_alone_on_its_route_is(campaign):
     assert any("held out before anything was fitted" in note for note in notes)
 
 
-def test_dropouts_and_saturation_are_left_out_and_told(campaign):
+def test_dropouts_and_saturation_are_left_out_and_noted(campaign):
     runs = campaign(4)[0].runs
     columns = {name: np.array(column) for name, column in runs[0].columns.items()}
     columns["displacement_in_m"][50:55] = np.nan

@@ -94,7 +94,7 @@ def test_effects_of_the_rig_arrive_and_do_not_touch_the_route(folder):
     assert campaign.runs[0].route.arcs.total_angle == plain
 
 
-def test_of_a_recording_the_first_usable_frame_is_taken_and_told(folder):
+def test_of_a_recording_the_first_usable_frame_is_taken_and_noted(folder):
     points = half_circle().tolist()
     frames = [{"t": 0.0, "points": points[:2]}, {"t": 1.0, "points": points}, {"t": 2.0, "points": points}]
     lines = "\n".join(json.dumps(frame | {"unit": "mm"}) for frame in frames)
@@ -106,7 +106,7 @@ def test_of_a_recording_the_first_usable_frame_is_taken_and_told(folder):
     assert "frame 1" in note
 
 
-def test_gaps_and_strange_sensors_are_noted(folder):
+def test_missing_values_and_unknown_sensors_are_noted(folder):
     columns = pulled()
     columns["tension_out_N"][3:7] = np.nan
     table(folder / "two.csv", columns)
@@ -119,7 +119,7 @@ def test_gaps_and_strange_sensors_are_noted(folder):
     assert any(note.startswith("one: tension_in_N reaches 15 N and its full scale is 12 N") for note in notes)
 
 
-def test_sensors_are_found_by_short_names_and_in_millimetres(folder):
+def test_sensors_are_known_by_short_names_and_in_millimetres(folder):
     (folder / "rig.toml").write_text(
         "[sensors.tension_in]\nnoise = 0.1\nfull_scale = 20.0\n"
         "[sensors.elongation_mm]\nnoise = 0.02\nresolution = 0.01\nnonlinearity = 0.001\n"

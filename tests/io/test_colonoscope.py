@@ -33,7 +33,7 @@ def test_a_folder_is_a_recording_from_the_far_coil_to_the_tip(folder):
     assert [frame.time for frame in outcome] == [0.0, 0.1, 0.2, 0.3]
 
 
-def test_an_empty_cell_is_a_coil_that_was_not_seen(folder):
+def test_an_empty_cell_is_a_missing_coil(folder):
     outcome = [item for item in open_recording(folder, "mm").frames if isinstance(item, Frame)]
     assert np.isnan(outcome[2].points).all(axis=1).tolist() == [False, False, True, False, False, False]
 
@@ -75,7 +75,7 @@ def test_a_file_that_ends_early_rejects_the_frames_behind_it(folder):
     assert outcome == [True, True, False, False]
 
 
-def test_a_folder_that_lost_a_file_is_found_and_refused(folder):
+def test_a_folder_that_lost_a_file_is_refused(folder):
     (folder / "T.txt").unlink()
     assert find_inputs([folder.parent]) == [folder]
     with pytest.raises(SourceError, match=r"no T\.txt in it: a recording has X\.txt, Y\.txt, Z\.txt, T\.txt"):

@@ -44,7 +44,7 @@ def test_a_number_halfway_between_two_is_left_to_the_json_library():
     np.testing.assert_array_equal(_read(f"[[{numerator + 1}.0,0,0]]"), [[float(numerator + 1), 0, 0]])
 
 
-def test_a_point_that_was_not_seen_is_a_row_of_nan():
+def test_a_missing_point_is_a_row_of_nan():
     expected = [[1.0, 2.0, 3.0], [np.nan] * 3, [-400.0, 0.5, 6e-3]]
     np.testing.assert_array_equal(_read(" [[1,2 ,3],\tnull, [-4E2,0.5,6e-3]]\r\n"), expected)
 

@@ -29,6 +29,6 @@ def test_a_folder_s_digest_is_that_of_its_files_and_their_names_wherever_it_lies
     assert sha256_of(folder) != longer
 
 
-def test_a_file_that_is_not_there_is_told(tmp_path):
+def test_a_missing_file_is_an_error_that_names_it(tmp_path):
     with pytest.raises(SourceError, match="cannot be read"):
         sha256_of(tmp_path / "none.csv")

@@ -63,7 +63,7 @@ def poly_data(path):
 
 
 @pytest.mark.parametrize("ending", ["mrk.json", "vtp", "csv"])
-def test_what_is_written_is_a_shape_that_is_read_again_without_being_told_its_unit(written, line, ending):
+def test_what_is_written_is_a_shape_that_is_read_again_without_a_stated_unit(written, line, ending):
     recording = open_recording(written / f"arc_tension.{ending}")
     (frame,) = recording.frames
     assert recording.unit == ("mm" if ending == "mrk.json" else line.unit)
@@ -160,7 +160,7 @@ def test_endings_are_a_list_with_or_without_dots():
         selected_endings("vtp,obj")
 
 
-def test_without_vtk_the_remedy_is_the_extra(line, mesh, tmp_path, monkeypatch):
+def test_without_vtk_the_hint_is_the_extra(line, mesh, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "vtkmodules.vtkIOXML", None)
     with pytest.raises(SourceError, match=r"pip install 'tssgeom\[vtk\]'"):
         write_exports(tmp_path, ("vtp",), line, mesh)

@@ -71,7 +71,7 @@ def test_parquet_holds_the_same_columns(tmp_path):
         ("s,kappa_x_per_m,kappa_y_per_m", "name the columns s_mm or s_m, or give --unit mm|m"),
     ],
 )
-def test_a_unit_that_is_missing_or_mixed_is_refused_with_the_remedy(tmp_path, header, reason):
+def test_a_unit_that_is_missing_or_mixed_is_refused_with_the_hint(tmp_path, header, reason):
     with pytest.raises(ShapeError) as refused:
         opened(tmp_path, f"{header}\n10,1,2\n20,1,2\n30,1,2\n")
     assert reason in str(refused.value)

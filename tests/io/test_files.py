@@ -33,7 +33,7 @@ def test_results_are_no_inputs(tmp_path):
     assert [path.name for path in find_inputs([tmp_path], besides=[tmp_path / "new"])] == ["a.csv"]
 
 
-def test_each_file_is_found_once(tmp_path):
+def test_each_file_is_listed_once(tmp_path):
     touch(tmp_path, "a.csv")
     assert len(find_inputs([tmp_path, tmp_path / "a.csv", tmp_path / "." / "a.csv"])) == 1
 
@@ -76,7 +76,7 @@ def test_outputs_are_called_by_the_stem():
         (["a/one.csv", "a/one.npz", "b/one-csv.csv"], ["one-csv", "one-npz", "one-csv-2"]),
     ],
 )
-def test_files_of_one_stem_are_told_apart(paths, names):
+def test_files_of_one_stem_get_different_names(paths, names):
     given = [Path(path) for path in paths]
     assert list(output_names(given).values()) == names
 

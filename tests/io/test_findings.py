@@ -52,7 +52,7 @@ def test_an_effect_has_parameters_with_intervals_and_evidence(tmp_path):
     }
 
 
-def test_gaps_stand_by_runs_and_channel(tmp_path):
+def test_misfits_are_listed_by_runs_and_channel(tmp_path):
     gap = read(tmp_path, "effect")["gap"]
     assert gap["noise"].keys() == set(CHANNELS)
     for when in ("before", "after"):
@@ -97,7 +97,7 @@ def test_the_ranking_says_of_each_why_it_was_passed_over():
     assert [bool(each["why_not"]) for each in ranking] == [False, True, True]
 
 
-def test_the_updated_rig_reads_back_with_what_was_found(tmp_path):
+def test_the_updated_rig_reads_back_with_the_identified_effect(tmp_path):
     finding = worked_finding()
     path = write_updated_rig(tmp_path, finding, "1.2.3")
     rig = read_rig(path)
@@ -113,7 +113,7 @@ def test_the_updated_rig_reads_back_with_what_was_found(tmp_path):
     assert any(f"tension_out_N: {before:.3g} → {after:.3g} (0.02)" in line for line in comments)
 
 
-def test_without_held_out_runs_the_rig_tells_the_fitted_gap(tmp_path):
+def test_without_held_out_runs_the_rig_states_the_misfit_of_the_fitted_ones(tmp_path):
     text = write_updated_rig(tmp_path, without_held_out(worked_finding()), "1.2.3").read_text("utf-8")
     assert "on the runs that were fitted" in text
 

@@ -70,7 +70,7 @@ def test_lines_without_time_are_counted_with_a_warning(tmp_path):
     assert recording.warnings == ("no time: the frames are counted, one a second",)
 
 
-def test_null_is_a_point_that_was_not_seen(tmp_path):
+def test_null_is_a_missing_point(tmp_path):
     points = [[0, 0, 0], None, [2, None, 0], [3, 1, 1]]
     (frame,) = opened(tmp_path, line(0, points=points)).frames
     assert isinstance(frame, Frame)
@@ -126,7 +126,7 @@ def test_lines_in_different_units_are_refused(tmp_path):
         opened(tmp_path, line(0), line(1, unit="m"))
 
 
-def test_no_unit_is_refused_with_the_remedy(tmp_path):
+def test_no_unit_is_refused_with_the_hint(tmp_path):
     with pytest.raises(ShapeError, match=r"no unit.*--unit mm\|m"):
         opened(tmp_path, json.dumps({"t": 0, "points": POINTS}))
 
@@ -178,7 +178,7 @@ def test_a_byte_order_mark_is_passed_over(tmp_path):
     assert isinstance(frame, Frame)
 
 
-def test_where_no_line_is_a_frame_the_first_fault_is_told(tmp_path):
+def test_where_no_line_is_a_frame_the_first_fault_is_reported(tmp_path):
     not_json = line(0)[:-1] + ', "unit": NaN}'  # what Python writes, and JSON does not know
     with pytest.raises(ShapeError, match=r"no line is a frame; the first: .*invalid character"):
         opened(tmp_path, not_json)

@@ -94,7 +94,7 @@ def test_points_in_any_order_within_their_frame_give_the_same_frames_in_blocks(t
     same_both_ways(parquet_of(shuffled, tmp_path / "a.parquet"), request)
 
 
-def test_faults_are_told_with_their_lines_in_blocks(tmp_path, request):
+def test_faults_are_reported_with_their_lines_in_blocks(tmp_path, request):
     table = columns(np.random.default_rng(4))
     path = csv_of(table, tmp_path / "a.csv", {30: "", 100: "0.8,2,3", 200: "oops,1,2,3,4,5"})
     outcome = same_both_ways(path, request)

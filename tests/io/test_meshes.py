@@ -16,7 +16,7 @@ def test_every_format_is_read_in_metres(tmp_path, ending, unit, size):
     np.testing.assert_allclose(read_lumen(path, unit).extents, size, rtol=1e-6)  # STL holds float32
 
 
-def test_the_lumen_of_a_shape_is_found_by_its_name(tmp_path):
+def test_the_lumen_of_a_shape_is_read_by_its_name(tmp_path):
     for name in ("colon_lumen.ply", "colon_lumen.stl", "colon_left_lumen.stl", "col_lumen.ply"):
         (tmp_path / name).touch()
     expected = {

@@ -32,7 +32,7 @@ def test_tools_side_by_side_are_the_points_of_a_frame_in_mm_and_seconds():
     )  # times since 1970
 
 
-def test_a_tool_that_was_not_tracked_is_a_gap():
+def test_a_tool_that_was_not_tracked_is_a_missing_point():
     outcome = frames(open_recording(TOOLBOX))
     assert np.isnan(outcome[1].points[2]).all()
     assert np.isnan(outcome[1].points).any(axis=1).sum() == 1
@@ -45,7 +45,7 @@ def test_the_third_axis_of_a_scalar_first_quaternion_is_the_direction():
     np.testing.assert_allclose(first.directions, tangents, atol=1e-6)  # seven digits in the file
 
 
-def test_coils_that_look_to_the_proximal_end_are_turned_round(tmp_path):
+def test_coils_with_axes_towards_the_proximal_end_are_turned_round(tmp_path):
     """Half a turn about the first axis, (0, 1, 0, 0) times q, sends the third axis of a tool backwards."""
     rows = [line.split(",") for line in TOOLBOX.read_text().splitlines()]
     starts = [k for k, name in enumerate(rows[0]) if name == "Q0"]

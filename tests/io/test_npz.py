@@ -51,7 +51,7 @@ def test_without_time_the_frames_are_counted_with_a_warning(tmp_path):
     assert "no time" in recording.warnings[0]
 
 
-def test_a_coordinate_of_nan_makes_the_point_one_that_was_not_seen(tmp_path):
+def test_a_coordinate_of_nan_makes_the_point_a_missing_one(tmp_path):
     points = POINTS.copy()
     points[0, 2, 1] = np.nan
     frame = frames(opened(tmp_path, points=points, unit="m"))[0]

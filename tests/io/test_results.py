@@ -70,7 +70,7 @@ def written(items: Items, folder: Path) -> tuple[pa.Table, pa.Table, RunningSumm
     return papq.read_table(folder / "frames"), papq.read_table(folder / "segments"), summary
 
 
-def test_one_shape_is_told_with_the_promised_keys():
+def test_the_summary_of_one_shape_has_the_promised_keys():
     (result,) = process([Frame(half_circle())], Rig(), tension_in=15.0)
     reported = shape_summary("half", result)
     assert list(reported) == [
@@ -122,7 +122,7 @@ def test_the_error_of_an_angle_is_that_of_its_piece_and_a_straight_one_may_hide_
     assert piece["angle_se_rad"] > 0.0
 
 
-def test_a_recording_is_told_by_its_last_good_frame_and_by_ranges(analysis, items):
+def test_a_recording_is_summarised_by_its_last_good_frame_and_by_ranges(analysis, items):
     reported = analysis_object(analysis)
     assert (reported["frames"], reported["rejected"], reported["time_s"]) == (4, 1, 1.5)
     assert reported["tension_in_N"] == pytest.approx(10)
@@ -133,7 +133,7 @@ def test_a_recording_is_told_by_its_last_good_frame_and_by_ranges(analysis, item
     assert reported["warnings"][1].endswith("(1 of 3 frames)")
 
 
-def test_the_summary_tells_the_last_peak_of_tension(analysis):
+def test_the_summary_has_the_frame_at_the_last_peak_of_tension(analysis):
     row = summary_row(analysis)
     assert (row["time_s"], row["tension_in_N"]) == (0.5, pytest.approx(15))
     assert row["tension_out_N"] == analysis.representative.transmission.tension_out
@@ -178,7 +178,7 @@ def test_segments_come_back_with_units_and_add_up_to_their_frame(items, tmp_path
     assert {row["seq"] for row in table.to_pylist()} == {0, 1, 3}
 
 
-def test_accounts_of_parts_add_up_to_that_of_the_whole(items):
+def test_summaries_of_parts_add_up_to_that_of_the_whole(items):
     whole, joined = summarised(items * 3), RunningSummary.of(12)
     for k in range(3):
         joined.join(summarised(items))
@@ -209,7 +209,7 @@ def record(folder: Path, *files: str) -> RunRecord:
     return RunRecord(version="1", settings=settings, inputs=[item], rejected=[], files=files)
 
 
-def test_the_record_of_a_run_tells_settings_inputs_and_counts(tmp_path):
+def test_the_record_of_a_run_has_settings_inputs_and_counts(tmp_path):
     write_run(Folder.of(str(tmp_path)), record(tmp_path, "summary.parquet"))
     reported = json.loads((tmp_path / "run.json").read_text())
     assert reported["settings"]["rig"]["friction"]["coefficient"] == 0.145

@@ -74,7 +74,7 @@ def test_a_bag_comes_back_bit_for_bit_with_the_stamps_of_its_messages(tmp_path, 
 
 
 @pytest.mark.parametrize("name", ["shape.mcap", "shape.db3"])
-def test_a_file_without_its_metadata_is_read_too_and_nan_is_a_gap(name):
+def test_a_file_without_its_metadata_is_read_too_and_nan_is_a_missing_point(name):
     outcome = frames(open_recording(CORPUS / name, "mm"))
     assert [frame.time for frame in outcome] == [100.5, 101.5, 102.5]
     np.testing.assert_allclose(outcome[0].points[:, 0], 0.01 * np.arange(6), atol=0)
@@ -99,7 +99,7 @@ def test_of_several_topics_one_has_to_be_named(tmp_path):
         open_recording(f"{bag}#shape", "m")
 
 
-def test_a_topic_named_for_a_folder_is_looked_for_in_each_bag(tmp_path):
+def test_a_topic_named_for_a_folder_is_read_in_each_bag(tmp_path):
     for name in ("one", "two"):
         (tmp_path / name).mkdir()
         recorded(tmp_path / name, {"/plan": PATH, "/shape": ARRAY})
@@ -147,7 +147,7 @@ def test_a_file_that_is_no_bag_is_refused_in_one_line(tmp_path, name, cut):
     assert "\n" not in str(caught.value)
 
 
-def test_without_rosbags_the_remedy_is_the_extra(monkeypatch):
+def test_without_rosbags_the_hint_is_the_extra(monkeypatch):
     monkeypatch.setitem(sys.modules, "rosbags.highlevel", None)
     with pytest.raises(SourceError, match=r"pip install 'tssgeom\[ros\]'"):
         open_recording(CORPUS / "shape.mcap", "mm")

@@ -65,12 +65,12 @@ def test_parquet_holds_the_same(tmp_path):
         ("time_s,elongation_m,elongation_mm\n0,1,2\n", "both there"),
     ],
 )
-def test_a_fault_is_told_with_its_place(tmp_path, text, said):
+def test_a_fault_is_reported_with_its_line_or_column(tmp_path, text, said):
     with pytest.raises((SettingsError, ShapeError), match=said):
         read_run(written(tmp_path, text))
 
 
-def test_a_drive_with_a_gap_is_refused(tmp_path):
+def test_a_drive_with_a_missing_value_is_refused(tmp_path):
     run = read_run(written(tmp_path, "time_s,tension_in_N\n0,1\n0.5,\n"))
     with pytest.raises(SettingsError, match=r"tension_in_N has no value at time_s = 0\.5"):
         run.channel(["tension_in_N"])

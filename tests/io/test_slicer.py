@@ -36,7 +36,7 @@ def saved(folder: Path, *markups: dict, **fields: object) -> Path:
     return path
 
 
-def test_a_curve_is_a_shape_in_si_whose_undefined_points_are_gaps():
+def test_a_curve_is_a_shape_in_si_whose_undefined_points_are_missing():
     recording = open_recording(CORPUS / "curve.mrk.json")
     assert (recording.name, recording.unit, recording.kind, recording.timed) == (
         "curve",
@@ -47,7 +47,7 @@ def test_a_curve_is_a_shape_in_si_whose_undefined_points_are_gaps():
     np.testing.assert_array_equal(points_of(recording), np.array(LPS) / 1000)
 
 
-def test_ras_and_lps_give_the_same_places(tmp_path):
+def test_ras_and_lps_give_the_same_positions(tmp_path):
     right = curve(
         coordinateSystem="RAS",
         controlPoints=[{"position": [-x, -y, z]} for x, y, z in np.arange(12.0).reshape(4, 3)],
@@ -80,7 +80,7 @@ def test_without_a_unit_it_is_the_schema_s_millimetre(tmp_path):
         open_recording(saved(tmp_path, plain), "m")
 
 
-def test_a_previewed_point_is_not_placed_yet(tmp_path):
+def test_a_previewed_point_has_no_position_yet(tmp_path):
     points = [*curve()["controlPoints"], {"position": [1, 2, 3], "positionStatus": "preview"}, {"id": "6"}]
     outcome = points_of(open_recording(saved(tmp_path, curve(controlPoints=points))))
     assert np.isnan(outcome[4:]).all()
@@ -119,7 +119,7 @@ def test_point_lists_are_routes_only_where_there_is_no_curve(tmp_path):
         ([curve(controlPoints=[{"position": [1, 2]}])], "", "no Slicer markup"),
     ],
 )
-def test_what_cannot_be_used_is_refused_with_the_remedy(tmp_path, markups, part, says):
+def test_what_cannot_be_used_is_refused_with_the_hint(tmp_path, markups, part, says):
     path = saved(tmp_path, *markups)
     with pytest.raises(TssgeomError) as caught:
         open_recording(f"{path}{part}")

@@ -29,6 +29,6 @@ def test_what_is_no_state_is_refused_with_its_path(tmp_path, text):
         read_state(path)
 
 
-def test_a_missing_state_is_told(tmp_path):
+def test_a_missing_state_is_an_error(tmp_path):
     with pytest.raises(SourceError, match="cannot be read"):
         read_state(tmp_path / "none.json")

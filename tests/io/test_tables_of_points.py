@@ -52,7 +52,7 @@ def test_columns_may_stand_in_any_order_with_spaces_quotes_and_a_byte_order_mark
     np.testing.assert_array_equal(frame.points, POINTS / 1000)
 
 
-def test_no_unit_is_refused_with_the_remedy(tmp_path):
+def test_no_unit_is_refused_with_the_hint(tmp_path):
     with pytest.raises(ShapeError, match=r"no unit.*x_mm,y_mm,z_mm.*--unit mm\|m"):
         opened(tmp_path, f"x,y,z\n{ROWS}")
 
@@ -114,7 +114,7 @@ def test_a_binary_file_called_csv_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize("cells", ["nan,nan,nan", ",,", "2,,0", "NaN,1,0"])
-def test_empty_cells_and_nan_are_a_point_that_was_not_seen(tmp_path, cells):
+def test_empty_cells_and_nan_are_a_missing_point(tmp_path, cells):
     (frame,) = frames(opened(tmp_path, f"x_mm,y_mm,z_mm\n0,0,0\n1,0,0\n{cells}\n3,1,1\n4,2,1\n"))
     assert np.isnan(frame.points[2]).all()
     np.testing.assert_array_equal(np.delete(frame.points, 2, axis=0), np.delete(POINTS, 2, axis=0) / 1000)
@@ -158,7 +158,7 @@ def test_with_point_numbers_the_order_of_rows_does_not_matter(tmp_path):
         np.testing.assert_array_equal(one.points, other.points)
 
 
-def test_a_point_number_left_out_is_a_point_that_was_not_seen(tmp_path):
+def test_a_point_number_left_out_is_a_missing_point(tmp_path):
     (frame,) = frames(opened(tmp_path, "point,x_mm,y_mm,z_mm,s_mm\n1,0,0,0,0\n2,1,0,0,1\n4,3,0,0,3\n"))
     np.testing.assert_array_equal(np.isnan(frame.points[:, 0]), [False, False, True, False])
     assert frame.stations is not None
@@ -203,7 +203,7 @@ def test_time_that_runs_back_rejects_the_late_frame(tmp_path):
     assert "1 s comes after 2 s" in reasons(recording)[2]
 
 
-def test_a_column_that_looks_like_a_measurement_and_is_not_read_gives_a_warning(tmp_path):
+def test_a_column_that_resembles_a_measurement_and_is_not_read_gives_a_warning(tmp_path):
     recording = opened(
         tmp_path, "x_mm,y_mm,z_mm,tension_in_N,tension_out_raw_V,colour\n" + "1,2,3,4,5,6\n" * 4
     )
@@ -226,7 +226,7 @@ def test_parquet_reads_as_the_same_csv_does(tmp_path):
         assert (one.time, one.tension_in) == (other.time, other.tension_in)
 
 
-def test_parquet_null_is_a_point_that_was_not_seen(tmp_path):
+def test_parquet_null_is_a_missing_point(tmp_path):
     column = pa.array([0.0, None, 2.0, 3.0])
     papq.write_table(pa.table({"x_m": column, "y_m": column, "z_m": column}), tmp_path / "shape.parquet")
     (frame,) = frames(open_recording(tmp_path / "shape.parquet"))

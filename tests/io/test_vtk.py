@@ -127,7 +127,7 @@ def test_whatever_vtk_writes_is_read(tmp_path, mode, compressor, heading, order,
     assert len(points_of(open_recording(short))) == 7
 
 
-def test_lz4_is_refused_with_the_remedy(tmp_path):
+def test_lz4_is_refused_with_the_hint(tmp_path):
     writer = vtkXMLPolyDataWriter()
     writer.SetCompressorTypeToLZ4()
     writer.SetFileName(str(tmp_path / "route.vtp"))

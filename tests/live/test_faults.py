@@ -192,7 +192,7 @@ def test_a_source_that_dies_and_returns_is_served_again(shared):
 
 
 @pytest.mark.parametrize("content", ["", "{", '{"version": 1, "kind": "bars"}', "[]"])
-def test_a_broken_state_is_refused_with_the_remedy(run, tmp_path, content):
+def test_a_broken_state_is_refused_with_the_hint(run, tmp_path, content):
     state = tmp_path / "tendon.json"
     state.write_text(content)
     outcome = run("live", "--sink", "none", "--state", state)

@@ -62,7 +62,7 @@ def test_a_message_with_a_whole_route_is_a_frame(peer, reader, message):
 
 
 @pytest.mark.parametrize("one", [transform, own_position], ids=["TRANSFORM", "POSITION"])
-def test_sensors_that_tell_one_place_each_make_frames_in_the_order_of_their_names(peer, reader, one):
+def test_sensors_of_one_position_each_make_frames_in_the_order_of_their_names(peer, reader, one):
     for time in (20.0, 21.0, 22.0):
         order = np.random.default_rng(int(time)).permutation(12)
         for i in order:
@@ -73,7 +73,7 @@ def test_sensors_that_tell_one_place_each_make_frames_in_the_order_of_their_name
     )  # of the part that is sensed
 
 
-def test_named_sensors_make_a_frame_in_the_order_named_and_one_that_is_silent_is_a_gap():
+def test_named_sensors_make_a_frame_in_the_order_named_and_a_silent_one_is_a_missing_point():
     rounds = Rounds(("base", "middle", "tip"), learning=False)
 
     def sensed(name: str, x: float) -> tuple[Message, np.ndarray] | None:

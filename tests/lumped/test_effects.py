@@ -105,7 +105,7 @@ def test_friction_by_speed_takes_the_speed_of_sliding():
         assert observed == pytest.approx(dragged(HALF, friction=0.145 * factor)[-1], abs=EXACT_N)
 
 
-def test_friction_that_falls_with_speed_settles_after_its_lag():
+def test_friction_that_falls_with_speed_is_stationary_after_its_lag():
     falls = {"stribeck_gain": 0.3, "stribeck_speed_m_per_s": SLOW, "speed_lag_s": 1.0}
     factor = 1 + 0.3 * math.exp(-1.0)
     assert dragged(HALF, **falls)[-1] == pytest.approx(dragged(HALF, friction=0.145 * factor)[-1], abs=1e-4)

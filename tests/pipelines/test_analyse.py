@@ -159,7 +159,7 @@ UNCERTAIN = {
 
 
 @pytest.mark.parametrize("case", UNCERTAIN)
-def test_a_doubtful_shape_is_used_with_a_warning(run, write_csv, case):
+def test_an_uncertain_shape_is_used_with_a_warning(run, write_csv, case):
     points, expected = UNCERTAIN[case]
     output = json.loads(run("analyse", write_csv("doubt.csv", points), "--json").out)
     assert any(expected in warning for warning in output["warnings"])

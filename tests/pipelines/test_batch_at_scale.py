@@ -203,7 +203,7 @@ def test_results_and_inputs_may_be_at_addresses(undisturbed: Path, inputs: Path,
     ]
 
 
-def test_an_address_that_leads_nowhere_is_one_line(tmp_path: Path, run) -> None:
+def test_an_unreachable_address_is_an_error_of_one_line(tmp_path: Path, run) -> None:
     done = run("batch", "nonsense://bucket/key", "--out", tmp_path / "out", "--quiet")
     assert done.status == 2
     assert "nonsense://bucket/key: cannot be reached" in done.errors[0]

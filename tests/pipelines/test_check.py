@@ -38,7 +38,7 @@ def test_what_analyse_refuses_of_a_frame_is_wrong(run, tmp_path):
     assert [one.partition(":")[0] for one in output["wrong"]] == ["frame 0", "frame 1"]
 
 
-def test_frames_beyond_the_first_few_that_are_wrong_are_found_at_their_frames(run, recording):
+def test_wrong_frames_beyond_the_first_few_are_counted_and_listed_in_json(run, recording):
     with recording.open("a") as file:
         file.write('{"t": 9, "points": [[1,2\n' * 6)
     for command in (run("analyse", recording).errors[-1], run("check", recording).out):
@@ -48,7 +48,7 @@ def test_frames_beyond_the_first_few_that_are_wrong_are_found_at_their_frames(ru
     assert len(output["wrong"]) == 7
 
 
-def test_gaps_and_stations_are_reported(run, write_csv):
+def test_missing_points_and_stations_are_reported(run, write_csv):
     angle = np.linspace(0.0, 2.0, 15)
     points = np.column_stack([np.cos(angle), np.sin(angle), 0 * angle, angle])
     points[4, :3] = np.nan
@@ -128,7 +128,7 @@ def test_a_rig_and_a_mesh_are_reported(run, tmp_path):
     assert "mesh, 12 triangles, 10.0 × 20.0 × 30.0 mm" in outcome.out
 
 
-def test_what_is_wrong_is_reported_with_the_remedy_and_the_rest_is_checked(run, half, write_csv):
+def test_what_is_wrong_is_reported_with_the_hint_and_the_rest_is_checked(run, half, write_csv):
     plain = write_csv("bare.csv", np.zeros((5, 3)), "x,y,z")
     outcome = run("check", plain, half)
     assert outcome.status == 1

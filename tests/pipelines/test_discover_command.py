@@ -69,7 +69,7 @@ def test_the_updated_rig_has_the_bend_and_the_refitted_base(results):
     assert output["base"]["friction"]["nominal"] == 0.145
 
 
-def test_the_updated_rig_shrinks_the_gap_of_a_run_that_no_fit_saw(
+def test_the_updated_rig_shrinks_the_misfit_of_a_held_out_run(
     results: Path, run: Run, tmp_path: Path
 ) -> None:
     left = {}

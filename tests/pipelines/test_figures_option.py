@@ -23,7 +23,7 @@ def test_analyse_draws_a_shape_and_a_recording(run: Run, half: Path, recording: 
     assert files(tmp_path / "new" / "figures") == [*names("half", SHAPE), *names("pull", RUN)]
 
 
-def test_without_the_option_nothing_is_drawn(run: Run, half: Path, tmp_path: Path) -> None:
+def test_without_the_option_no_figure_is_written(run: Run, half: Path, tmp_path: Path) -> None:
     before = files(tmp_path)
     run("analyse", half, "--quiet")
     assert files(tmp_path) == before

@@ -85,7 +85,7 @@ def test_a_pair_is_simulated_and_its_command_brings_the_joint_there(run, tmp_pat
     assert (out / "simulate.rrd").stat().st_size > 10_000
 
 
-def test_what_is_unknown_is_found_or_said_to_show_only_together(run, tmp_path):
+def test_unknown_numbers_are_identified_or_reported_as_tied(run, tmp_path):
     true = {"friction.coefficient": 0.12, "tendon.pretension_N": 8.0, "route.angle_rad": 3.6}
     file = measured(tmp_path, **true)
     (tmp_path / "rig.toml").write_text(UNKNOWN + '[friction]\ncoefficient = "unknown"\n')

@@ -24,7 +24,7 @@ def test_pieces_keep_length_and_angle(geometry, sensed, course, noise):
 @pytest.mark.parametrize(
     ("course", "count"), [(half_circle(), 1), (setup_a(), 2), (setup_b(), 2), (BENT_3D, 3)]
 )
-def test_pieces_are_found(geometry, sensed, course, count):
+def test_pieces_are_identified(geometry, sensed, course, count):
     _, _, pieces = geometry(sensed(course, 200, 1e-4)[0])
     long = (
         pieces.length > 0.04 * pieces.total_length

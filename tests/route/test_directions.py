@@ -96,7 +96,7 @@ def test_angles_with_directions_are_better_and_their_errors_right(course, share,
     assert np.sqrt(np.mean(np.square(z))) < 1.5  # 1.0 and 1.2 in 200 trials of each
 
 
-def test_the_noise_of_the_points_is_found_beside_directions():
+def test_the_noise_of_the_points_is_estimated_beside_directions():
     result = [
         measure(clean(points, s, tangents, TURN), method="spline").route.noise
         for points, s, tangents in (_coils(SEVEN, seed) for seed in range(6))
@@ -129,7 +129,7 @@ def test_a_direction_that_stands_off_is_left_out_and_named(method):
     assert result.arcs.total_angle == pytest.approx(expected.arcs.total_angle, rel=2e-3)  # one more pass
 
 
-def test_directions_that_cannot_be_are_refused_with_the_remedy():
+def test_directions_that_cannot_be_are_refused_with_the_hint():
     points, s, tangents = _coils(half_circle(), 3)
     with pytest.raises(ShapeError, match="direction 0 has length 2: give unit vectors"):
         clean(points, s, 2 * tangents, TURN)
@@ -186,7 +186,7 @@ def test_a_length_that_cannot_be_right_is_named_and_not_used():
         clean(points, length=-1.0)
 
 
-def test_a_length_does_not_count_where_an_end_was_not_seen():
+def test_a_length_does_not_count_where_an_end_is_missing():
     points, s, _ = _coils(half_circle(), 8, 60)
     points[0] = np.nan
     shape = clean(points, length=float(s[-1]))

@@ -93,7 +93,7 @@ def test_noise_alone_adds_no_angle_to_a_straight_fibre():
     assert np.mean(result[:, 0]) < 0.05 * rectified
 
 
-def test_unknown_noise_is_found():
+def test_unknown_noise_is_estimated():
     bend = half(np.random.default_rng(0))(stations(100))
     rng = np.random.default_rng(1)
     result = fit_fibre(read(bend + 0.5 * rng.standard_normal(bend.shape), stations(100)))
@@ -102,7 +102,7 @@ def test_unknown_noise_is_found():
     )  # 200 values tell it to 5 %; grid steps of 10 %
 
 
-def test_pieces_are_told_from_smooth_curvature():
+def test_pieces_are_distinguished_from_smooth_curvature():
     rng = np.random.default_rng(2)
     for route, method in ((six_pieces, "arcs"), (harmonics, "spline")):
         bend = route(rng)(stations(60))
@@ -127,7 +127,7 @@ def test_curvatures_of_zero_leave_the_angle_that_the_known_noise_could_hide():
     assert 0.1 * hidden < arcs.total_angle_se < 3 * hidden
 
 
-def test_a_joint_is_uncertain_by_the_gap_between_gratings():
+def test_a_joint_is_uncertain_by_the_spacing_of_gratings():
     s = stations(10)  # 50 mm apart
     bend = np.where(s[:, None] < 0.25, [4.0, 0.0], [20.0, 0.0])
     arcs = measure_fibre(
@@ -190,7 +190,7 @@ def test_linear_curvature_is_carried_to_fourth_order():
     assert rough / fine > 12  # 16 in the limit
 
 
-def test_a_helix_is_carried_to_its_own_places():
+def test_a_helix_of_curvatures_gives_the_positions_of_the_helix():
     radius, pitch = 0.03, 0.04
     rise = pitch / (2 * np.pi)
     per = radius**2 + rise**2
@@ -275,7 +275,7 @@ def test_gratings_that_were_not_read_are_bridged_with_a_larger_error():
         (np.full((4, 2), 5000.0), 0.01 * np.arange(4.0), "check the units"),
     ],
 )
-def test_what_cannot_be_used_is_refused_with_the_remedy(bend, s, reason):
+def test_what_cannot_be_used_is_refused_with_the_hint(bend, s, reason):
     with pytest.raises(ShapeError, match=reason):
         clean_fibre(bend, s)
 

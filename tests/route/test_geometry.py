@@ -88,7 +88,7 @@ def test_the_standard_error_covers_the_truth(sensed, course, n, noise):
     assert 0.1 < np.sqrt(np.mean(np.square(z))) < 2.3
 
 
-def test_noise_is_found_and_used_when_known(geometry, sensed):
+def test_noise_is_estimated_and_used_when_known(geometry, sensed):
     points, _ = sensed(setup_a(), 200, 3e-4)
     result, _, _ = geometry(points)
     assert result.route.noise == pytest.approx(3e-4, rel=0.15)  # 2 x 200 normal components: sd 3.5 %
@@ -107,7 +107,7 @@ def test_uneven_and_random_spacing_does_no_harm():
         assert abs(phi - course.total_angle) < 4 * se
 
 
-def test_a_gap_is_bridged_with_a_larger_error(sensed):
+def test_missing_points_are_bridged_with_a_larger_error(sensed):
     points, s = sensed(half_circle(), 100, 2e-4)
     whole, whole_se = _phi(points, s)
     gap = points.copy()
@@ -161,7 +161,7 @@ def test_clear_points_are_not_taken_for_outliers(sensed):
     st.floats(0.2, 50.0),
     st.tuples(*[st.floats(-1, 1)] * 3),
 )
-def test_angle_does_not_depend_on_place_attitude_or_scale(seed, scale, shift):
+def test_angle_does_not_depend_on_position_attitude_or_scale(seed, scale, shift):
     rng = np.random.default_rng(seed)
     turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
     points = positions(S_BEND, np.linspace(0, 0.4, 80)) + 2e-4 * rng.standard_normal((80, 3))

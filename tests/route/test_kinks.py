@@ -52,7 +52,7 @@ def test_a_corner_is_kept_from_frame_to_frame():
         assert last.fit.arcs.total_angle == pytest.approx(angle, abs=0.03)
 
 
-def test_a_coarse_polygon_says_how_little_its_points_tell():
+def test_a_coarse_polygon_has_a_standard_error_that_covers_its_bias():
     points, s, angle = _polygon("two", 10, 0.0)
     arcs = measure(clean(points, s)).arcs
     assert abs(arcs.total_angle - angle) < 2.0 * arcs.total_angle_se

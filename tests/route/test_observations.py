@@ -59,7 +59,7 @@ def test_dense_noise_is_no_disorder():
     clean(_arc(3000) + 2e-3 * np.random.default_rng(0).normal(size=(3000, 3)))
 
 
-def test_an_unmarked_gap_is_no_disorder():
+def test_points_missing_without_a_mark_are_no_disorder():
     clean(np.delete(_arc(100), slice(40, 70), axis=0))
 
 
@@ -69,7 +69,7 @@ def test_repeated_points_are_merged_with_a_warning():
     assert shape.warnings == ("50 repeated points merged",)
 
 
-def test_a_gap_is_kept_as_a_hole_in_the_count():
+def test_missing_points_keep_their_numbers():
     arc = _arc()
     arc[10:13] = np.nan
     shape = clean(arc)
@@ -78,7 +78,7 @@ def test_a_gap_is_kept_as_a_hole_in_the_count():
     assert shape.warnings == ("3 points not seen, bridged",)
 
 
-def test_points_not_seen_at_the_ends_are_no_gap_but_the_route_is_shorter():
+def test_points_missing_at_the_ends_are_not_bridged():
     arc = _arc()
     arc[:2] = arc[-3:] = np.nan
     assert clean(arc).warnings == (
@@ -88,16 +88,16 @@ def test_points_not_seen_at_the_ends_are_no_gap_but_the_route_is_shorter():
 
 
 @pytest.mark.parametrize("scale", [1e-3, 1e3])
-def test_a_route_of_unlikely_size_is_taken_with_a_doubt_about_the_unit(scale):
+def test_a_route_of_unlikely_size_is_used_with_a_warning_about_the_unit(scale):
     assert any("check the unit" in text for text in clean(scale * _arc()).warnings)
 
 
 @pytest.mark.parametrize("scale", [0.0064, 1.0, 100.0])
-def test_routes_from_a_few_millimetres_to_tens_of_metres_are_not_doubted(scale):
+def test_routes_from_a_few_millimetres_to_tens_of_metres_give_no_warning(scale):
     assert clean(scale * _arc()).warnings == ()
 
 
-def test_places_too_far_out_to_be_told_apart_are_refused():
+def test_positions_too_far_out_for_their_differences_are_refused():
     with pytest.raises(ShapeError, match="check the unit of the coordinates"):
         clean(1e300 * _arc())
 
@@ -123,7 +123,7 @@ def test_wrong_stations_are_refused(stations, reason):
         clean(_arc(5), np.array(stations, dtype=float))
 
 
-def test_known_stations_count_from_the_first_seen_point():
+def test_known_stations_count_from_the_first_sensed_point():
     arc = _arc(20)
     arc[0] = np.nan
     shape = clean(arc, np.linspace(0.1, 0.6, 20))
@@ -137,7 +137,7 @@ def test_the_shape_cannot_be_written_to():
         clean(_arc()).points[0] = 0.0
 
 
-def test_points_that_pass_by_quick_bounds_pass_a_closer_look():
+def test_points_that_pass_the_quick_bounds_pass_the_full_tests():
     rng, passed = np.random.default_rng(0), 0
     for i in range(300):
         points = _arc(int(rng.integers(8, 60))) + 2e-3 * rng.random() * rng.standard_normal((1, 3))

@@ -57,7 +57,7 @@ def test_points_in_order_give_no_warning(name):
         assert order_warning(route.position(np.linspace(0.0, route.length, n))) is None
 
 
-def test_what_is_out_of_order_names_the_remedy():
+def test_what_is_out_of_order_names_the_hint():
     points = sensed(12)[[0, 7, 3, 9, 1, 5, 11, 2, 8, 4, 10, 6]]
     assert "0 4 7" in (order_warning(points) or "")
     with pytest.raises(FitError, match="check their order"):

@@ -65,7 +65,7 @@ def test_a_chain_with_more_outliers_than_a_tenth_keeps_all_its_points():
     assert outlier_weights(data, chain) is None
 
 
-def test_the_direction_farthest_off_a_straight_curve_is_found_and_chance_is_not():
+def test_the_direction_farthest_off_a_straight_curve_is_an_outlier_only_beyond_the_limit():
     n, variance = 20, np.full(20, 1e-4)
     u = np.arange(float(n))
     mean = np.zeros((n, 3, 4))

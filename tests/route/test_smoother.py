@@ -190,7 +190,7 @@ def test_covariance_stays_positive_on_long_smooth_routes():
 
 
 @pytest.mark.parametrize("known", [False, True])
-def test_noise_is_found_where_the_prior_holds(known):
+def test_noise_is_estimated_where_the_prior_holds(known):
     rng = np.random.default_rng(0)
     n = 600
     u = np.arange(float(n))

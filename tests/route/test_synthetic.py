@@ -14,7 +14,7 @@ def test_axes_stay_orthonormal():
     np.testing.assert_allclose(axes[-1] @ axes[-1].T, np.eye(3), atol=1e-12)
 
 
-def test_places_agree_with_stepping_along_the_tangent():
+def test_positions_agree_with_stepping_along_the_tangent():
     course = chain(np.array([0.1, 0.2]), np.array([12.0, 30.0]), np.array([0.3, 2.0]))
     s = np.linspace(0, 0.3, 30001)
     points = positions(course, s)

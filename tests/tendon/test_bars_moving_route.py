@@ -39,8 +39,8 @@ from tssgeom.tendon.bars.model import begin, carry_on, model_of
 
 @given(pieces, histories)
 @untimed
-def test_the_same_route_in_other_pieces_gives_the_same_answer(plotted, history):
-    arcs = arcs_of(plotted)
+def test_the_same_route_in_other_pieces_gives_the_same_answer(parts, history):
+    arcs = arcs_of(parts)
     halved = Arcs.exact(np.repeat(arcs.length, 2) / 2, np.repeat(arcs.angle, 2) / 2)
     hardware, one = rig(4.0), pretensioned_bars(rig(4.0), arcs, 17)
     other = one

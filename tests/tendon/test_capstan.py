@@ -108,7 +108,7 @@ def test_tension_read_back_from_the_state_holds_it(tension_in):
 
 
 @pytest.mark.parametrize("value", [-1.0, math.nan, math.inf])
-def test_impossible_tension_is_refused_with_value_unit_and_remedy(value):
+def test_impossible_tension_is_refused_with_value_unit_and_hint(value):
     with pytest.raises(SettingsError, match=rf"{value:g} N: .*give a finite total tension >= 0 N"):
         step(driven([]), value, MU)
 

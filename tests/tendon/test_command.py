@@ -25,15 +25,15 @@ pieces = st.lists(
 targets = st.lists(st.floats(0.1, 30.0), min_size=1, max_size=8)
 
 
-def arcs_of(plotted):
-    return Arcs.exact([length for length, _ in plotted], [angle for _, angle in plotted])
+def arcs_of(parts):
+    return Arcs.exact([length for length, _ in parts], [angle for _, angle in parts])
 
 
 @given(targets, pieces, st.sampled_from([0.0, 5.0]), st.floats(0.0, 0.4))
 @untimed
-def test_on_a_fixed_route_the_model_carries_out_the_inverse(wanted, plotted, pretension, friction):
+def test_on_a_fixed_route_the_model_carries_out_the_inverse(wanted, parts, pretension, friction):
     rig = Rig(tendon=Tendon(pretension_N=pretension), friction=Friction(coefficient=friction))
-    arcs, state = arcs_of(plotted), pretensioned(rig)
+    arcs, state = arcs_of(parts), pretensioned(rig)
     forward = state
     for target in wanted:
         command = compensate(state, arcs, rig, tension_out=target)
@@ -46,9 +46,9 @@ def test_on_a_fixed_route_the_model_carries_out_the_inverse(wanted, plotted, pre
 
 @given(targets, pieces)
 @untimed
-def test_on_a_fixed_route_the_inverse_finds_the_drive_wherever_the_distal_end_answers(history, plotted):
+def test_on_a_fixed_route_the_inverse_finds_the_drive_wherever_the_distal_end_answers(history, parts):
     """Forward, then back: outside the dead zones the drive is found again, inside them it is not needed."""
-    rig, arcs = Rig(), arcs_of(plotted)
+    rig, arcs = Rig(), arcs_of(parts)
     forward = back = pretensioned(rig)
     tension_out = 0.0
     for tension_in in history:
@@ -70,10 +70,10 @@ def test_on_a_moving_route_the_model_carries_out_the_inverse(moves):
     rig = Rig(tendon=Tendon(pretension_N=2.0))
     state = pretensioned(rig)
     forward = state
-    for target, plotted in moves:
-        command = compensate(state, arcs_of(plotted), rig, tension_out=target)
+    for target, parts in moves:
+        command = compensate(state, arcs_of(parts), rig, tension_out=target)
         state = command.state
-        forward = step(forward, arcs_of(plotted), rig, tension_in=command.tension_in)
+        forward = step(forward, arcs_of(parts), rig, tension_in=command.tension_in)
         # equilibria are solved to 1e-10 of the greatest tension on the way, up to 30·exp(0.145·12) N here
         assert transmit(forward, rig).tension_out == pytest.approx(target, rel=1e-9, abs=3e-8)
 
@@ -118,7 +118,7 @@ def test_a_target_out_of_reach_is_refused(target, said):
         compensate(pretensioned(Rig()), HALF_CIRCLE, Rig(), **target)
 
 
-def test_the_place_of_a_dead_weight_is_no_target():
+def test_the_displacement_of_a_dead_weight_is_no_target():
     rig = Rig(load=Load(stiffness_N_per_m=0.0))
     with pytest.raises(SettingsError, match="dead weight"):
         compensate(pretensioned(rig), HALF_CIRCLE, rig, displacement_out=0.001)

@@ -68,7 +68,7 @@ def test_on_a_fixed_route_the_state_is_the_corner_list(history):
 
 @given(histories)
 @untimed
-def test_the_proximal_tension_is_told_as_it_was_put_there(history):
+def test_the_proximal_tension_is_the_one_that_was_set(history):
     state = driven(history, HALF_CIRCLE)
     assert transmit(state, Rig()).tension_in == pytest.approx(history[-1], rel=1e-12)
     assert transmit(driven([14.0], HALF_CIRCLE), Rig()).tension_in == 14.0  # exp(ln 14) is not quite 14
@@ -84,7 +84,7 @@ def test_a_position_drive_goes_on_in_bars_from_the_same_tension():
     assert after.elongation == pytest.approx(before.elongation, rel=DISCRETE)
 
 
-def test_a_tension_that_is_the_same_all_along_is_laid_on_any_route_without_bars():
+def test_a_tension_that_is_uniform_needs_no_bars_on_any_route():
     rig = Rig(tendon=Tendon(pretension_N=5.0))
     state = pretensioned(rig)
     for arcs in (HALF_CIRCLE, BENT, HALF_CIRCLE):
@@ -139,7 +139,7 @@ def test_a_route_that_only_trembles_does_not_shake_the_tendon():
     assert transmit(state, Rig()) == before
 
 
-def test_a_slow_drift_is_seen_although_each_step_is_less_than_the_error():
+def test_a_slow_drift_is_followed_although_each_step_is_less_than_the_error():
     route, state = [1.0, 2.0], driven([15.0], sensed([0.2, 0.3], [1.0, 2.0], 0.01))
     for k in range(100):
         route = [1.0 - 0.005 * k, 2.0]
@@ -158,7 +158,7 @@ def test_the_same_route_in_other_pieces_has_not_moved(cut):
     )
 
 
-def test_a_joint_of_unknown_place_may_lie_elsewhere():
+def test_a_joint_of_unknown_position_may_lie_elsewhere():
     """Two pieces of one length with one joint that is known to 2 mm: φ between them is as uncertain."""
     covariance = np.zeros((4, 4))
     covariance[:2, :2] = 2e-3**2 * np.array([[1.0, -1.0], [-1.0, 1.0]])
@@ -222,11 +222,11 @@ def test_bars_on_a_sensed_route_have_the_standard_errors_of_corners():
     assert observed.elongation_se == pytest.approx(corners.elongation_se, rel=1e-3)
 
 
-def test_bars_are_drawn_with_the_tension_they_have():
+def test_the_ends_of_bars_have_the_tensions_of_the_state():
     pulled = driven([15.0], HALF_CIRCLE)
     bars = step(pulled, BENT, Rig(), tension_in=15.0)
-    plotted = tension(bars, np.array([0.0, 3.5]))
-    assert plotted == pytest.approx([bars.tension_in, bars.tension_out], rel=1e-9)
+    ends = tension(bars, np.array([0.0, 3.5]))
+    assert ends == pytest.approx([bars.tension_in, bars.tension_out], rel=1e-9)
 
 
 @given(histories, st.booleans())

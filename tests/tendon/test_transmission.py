@@ -50,8 +50,8 @@ def chain(*routes):
     return Arcs.exact(np.concatenate([r.length for r in routes]), np.concatenate([r.angle for r in routes]))
 
 
-def arcs_of(plotted):
-    length, angle = np.array(plotted).T
+def arcs_of(parts):
+    length, angle = np.array(parts).T
     return Arcs.exact(length, angle)
 
 
@@ -74,9 +74,9 @@ def on_a_fine_grid(history, arcs, pretension, friction):
 
 @given(st.lists(st.floats(0.1, 30.0), max_size=12), pieces, st.floats(0.1, 10.0), frictions)
 @untimed
-def test_closed_form_equals_a_fine_sum(history, plotted, pretension, friction):
+def test_closed_form_equals_a_fine_sum(history, parts, pretension, friction):
     """docs/model.md (5) and (9), against a sum that knows nothing of corners."""
-    arcs = arcs_of(plotted)
+    arcs = arcs_of(parts)
     result = after(history, arcs, pretension, friction)
     tension_out, elongation = on_a_fine_grid(history, arcs, pretension, friction)
     assert result.tension_out == pytest.approx(tension_out, rel=RELATIVE)
@@ -87,13 +87,13 @@ def test_closed_form_equals_a_fine_sum(history, plotted, pretension, friction):
 
 @given(histories, pieces, st.data(), st.floats(0.0, 1.0), tensions)
 @untimed
-def test_splitting_a_piece_changes_nothing(history, plotted, data, share, pretension):
-    arcs = arcs_of(plotted)
-    cut = data.draw(st.integers(0, len(plotted) - 1))
-    length, angle = plotted[cut]
-    parts = [(share * length, share * angle), ((1 - share) * length, (1 - share) * angle)]
+def test_splitting_a_piece_changes_nothing(history, parts, data, share, pretension):
+    arcs = arcs_of(parts)
+    cut = data.draw(st.integers(0, len(parts) - 1))
+    length, angle = parts[cut]
+    halves = [(share * length, share * angle), ((1 - share) * length, (1 - share) * angle)]
     whole = after(history, arcs, pretension)
-    split = after(history, arcs_of([*plotted[:cut], *parts, *plotted[cut + 1 :]]), pretension)
+    split = after(history, arcs_of([*parts[:cut], *halves, *parts[cut + 1 :]]), pretension)
     assert split.tension_out == pytest.approx(whole.tension_out, rel=RELATIVE)
     # Elongation is a difference to the pretensioned length: it rounds on the scale of ρ·30 N·2 m = 0.02 m.
     assert split.elongation == pytest.approx(whole.elongation, rel=RELATIVE, abs=1e-12)
@@ -112,8 +112,8 @@ def test_a_route_in_two_parts_is_the_second_driven_by_the_first(history, first, 
 
 @given(histories, pieces, st.floats(0.1, 10.0), st.floats(0.1, 10.0))
 @untimed
-def test_scaling_every_tension_scales_the_elongation(history, plotted, pretension, factor):
-    arcs = arcs_of(plotted)
+def test_scaling_every_tension_scales_the_elongation(history, parts, pretension, factor):
+    arcs = arcs_of(parts)
     base = after(history, arcs, pretension)
     scaled = after([factor * value for value in history], arcs, factor * pretension)
     assert scaled.tension_out == pytest.approx(factor * base.tension_out, rel=RELATIVE)
@@ -122,9 +122,9 @@ def test_scaling_every_tension_scales_the_elongation(history, plotted, pretensio
 
 @given(histories, pieces, frictions)
 @untimed
-def test_dead_zone_ends_after_its_own_width(history, plotted, friction):
+def test_dead_zone_ends_after_its_own_width(history, parts, friction):
     """docs/model.md (6): just before that tension the distal end still holds, just after it answers."""
-    arcs, state = arcs_of(plotted), driven(history, 5.0, friction)
+    arcs, state = arcs_of(parts), driven(history, 5.0, friction)
     result = transmit(state, arcs, rig(5.0, friction))
     assert result.dead_zone == (result.dead_zone_width > 0)
     edge = result.tension_in + result.direction_index * result.dead_zone_width
@@ -195,9 +195,9 @@ bends = st.tuples(st.floats(0.01, 0.3), st.one_of(st.just(0.0), st.floats(0.1, 4
 
 @given(st.lists(tenths, max_size=12), st.lists(bends, min_size=1, max_size=6))
 @untimed
-def test_elongation_derivatives_equal_differences(history, plotted):
+def test_elongation_derivatives_equal_differences(history, parts):
     """docs/model.md (10) and (11); a longer angle moves all later pieces on in φ."""
-    arcs, state = arcs_of(plotted), driven(history, 5.0)
+    arcs, state = arcs_of(parts), driven(history, 5.0)
     joints = np.concatenate(([0.0], np.cumsum(arcs.angle)))
     apart = np.abs(np.subtract.outer(state.angle[1:], joints))
     assume(np.all(apart > 1e-5))  # at a joint with a corner the derivative of a straight piece is one-sided
@@ -222,15 +222,15 @@ def test_tension_out_derivative_equals_differences(history):
         assert by_angle == pytest.approx(difference, abs=1e-9)  # linear: rounding 1e-15 over 2e-4
 
 
-def test_standard_errors_equal_the_spread_over_drawn_pieces():
+def test_standard_errors_equal_the_spread_over_sampled_pieces():
     """docs/model.md (13) and (14), with correlated errors of lengths and angles."""
     rng = np.random.default_rng(3)
     root = 1e-3 * rng.normal(size=(6, 6)) * np.array([0.1, 0.3, 0.1, 1.0, 1.0, 1.0])[:, None]
     mean = np.array([0.1, 0.3, 0.1, 0.5, 2.0, 1.0])
     arcs = Arcs(mean[:3], mean[3:], root @ root.T, "exact")
     state = driven([15.0, 10.0, 12.0], 5.0)
-    plotted = mean + rng.normal(size=(4000, 6)) @ root.T
-    results = [transmit(state, Arcs.exact(*np.split(row, 2)), rig(5.0)) for row in plotted]
+    sampled = mean + rng.normal(size=(4000, 6)) @ root.T
+    results = [transmit(state, Arcs.exact(*np.split(row, 2)), rig(5.0)) for row in sampled]
     result = transmit(state, arcs, rig(5.0))
     # A spread from 4000 draws has a relative error of 1/sqrt(8000) = 1.1 %; 4 % is above three of those.
     assert result.elongation_se == pytest.approx(np.std([r.elongation for r in results]), rel=0.04)

@@ -43,7 +43,7 @@ def test_proximal_end_is_on_the_left() -> None:
         assert across[0] < across[-1]
 
 
-def test_flat_route_is_looked_at_squarely() -> None:
+def test_camera_faces_the_plane_of_a_flat_route() -> None:
     view = looking_at(helix(0.7, 0.0, 0.1))
     assert abs(np.cross(view.across, view.up)[2]) == pytest.approx(1.0)
 

@@ -14,7 +14,7 @@ def test_more_tension_is_never_darker() -> None:
     assert (np.diff(luminance(tension_rgb(np.linspace(0, 15, 200), 15.0))) >= -1e-9).all()
 
 
-def test_no_tension_is_still_seen_on_the_dark_background() -> None:
+def test_zero_tension_is_visible_on_the_dark_background() -> None:
     assert luminance(tension_rgb(np.zeros(1), 15.0))[0] > 0.03
 
 

@@ -114,7 +114,7 @@ def test_the_curve_angle_over_time_has_its_band_where_the_route_moves(moving: li
     assert len(time_figure(replace(run, angle=None, angle_se=None)).axes) == 2
 
 
-def test_every_axis_that_is_shown_has_a_unit(figures):
+def test_every_visible_axis_has_a_unit(figures):
     unitless = {"found residual", "found heat", "found ranking", "found missing"}  # runs, words and ratios
     for name in figures.keys() - unitless:
         for axes in figures[name]().axes:
@@ -170,7 +170,7 @@ def test_a_pdf_holds_its_fonts_at_its_true_width_and_an_svg_needs_none(figures, 
     assert f'width="{width * _POINTS_PER_MM:.2f}'[:10] in picture
 
 
-def test_the_band_of_the_tension_ends_at_the_error_that_is_told(
+def test_the_band_of_the_tension_ends_at_the_reported_error(
     still: list[FrameResult], moving: list[FrameResult]
 ) -> None:
     for result in (still[0], moving[2], moving[3]):

@@ -66,7 +66,7 @@ def test_one_channel_is_enough_for_every_figure(channel):
     assert len(residual_figure(finding).axes) == 1
 
 
-def test_residuals_are_measured_less_simulated_in_shown_units():
+def test_residuals_are_measured_less_simulated_in_the_units_of_figures():
     finding = worked_finding()
     drawing = residual_figure(finding)
     wanted = [subscripts(label) for label in ("ΔT_in [N]", "ΔT_out [N]", "Δδ [mm]")]
@@ -90,7 +90,7 @@ def test_the_heat_map_leaves_out_what_never_occurs_and_keeps_the_rest():
     assert len(axes.texts) == np.isfinite(finding.heat.power).sum()
 
 
-def test_blame_is_drawn_for_every_route_with_the_bend_that_was_found():
+def test_misfit_along_the_route_is_drawn_for_every_route_with_the_detected_bend():
     drawn = lines(along_figure(worked_finding()))
     assert {"half_circle", "setup_a", "chain", "bend found"} <= set(drawn)
     assert drawn["bend found"][0, 0] == pytest.approx(210.0)

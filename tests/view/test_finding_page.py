@@ -79,7 +79,7 @@ def test_the_page_needs_nothing_beside_itself(pages: dict[str, Page], verdict: s
     assert not [address for address in page.addresses if "//" in address]
 
 
-def test_a_found_effect_stands_with_interval_evidence_and_gap(pages: dict[str, Page]) -> None:
+def test_a_detected_effect_has_its_interval_evidence_and_misfit(pages: dict[str, Page]) -> None:
     text = pages["effect"].text
     assert "angle = 0.598 [0.571, 0.627] rad" in text
     assert "at = 210.4 [206.1, 214.9] mm" in text
@@ -127,7 +127,7 @@ def test_only_what_is_unknown_shows_a_shape(pages: dict[str, Page]) -> None:
     assert [verdict for verdict in VERDICTS if title in pages[verdict].headings] == ["unknown"]
 
 
-def test_without_an_effect_no_before_and_after_is_shown(pages: dict[str, Page]) -> None:
+def test_without_an_effect_the_page_has_no_before_and_after(pages: dict[str, Page]) -> None:
     assert "The misfit" in pages["none"].headings
     assert "What acts" not in pages["none"].headings
     assert pages["none"].tags["svg"] == pages["effect"].tags["svg"]

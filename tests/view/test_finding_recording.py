@@ -64,7 +64,7 @@ def test_the_route_is_sent_once_a_run_and_its_colours_at_every_row(path):
     assert max(segments) < MOST_NODES
 
 
-def test_blame_marks_the_bend_that_was_found(path):
+def test_misfit_along_the_route_marks_the_detected_bend(path):
     result = columns(path, "blame/found")
     labels = [
         text for part in result["Points3D:labels"] if part.null_count == 0 for row in part for text in row
@@ -76,14 +76,14 @@ def test_blame_marks_the_bend_that_was_found(path):
     np.testing.assert_allclose(first, location, atol=1e-6)  # sent in single precision
 
 
-def test_the_chart_of_what_is_missing_marks_the_same_place_by_its_arc_length(path):
+def test_the_chart_of_the_missing_angle_marks_the_bend_at_its_arc_length(path):
     length = 1e3 * replay(worked_finding()).length
     ((strip,),) = columns(path, "missing/found")["LineStrips2D:strips"][0].to_pylist()
     across = MISFIT_BOX.width * 210.0 / length
     np.testing.assert_allclose(strip, [[across, 1.0], [across, 0.0]], atol=1e-6)  # sent in single precision
 
 
-def test_words_tell_the_verdict_and_which_run_is_seen(path):
+def test_documents_state_the_verdict_and_the_run_of_the_moment(path):
     (verdict,) = columns(path, "summary")["TextDocument:text"]
     assert "hidden bend" in verdict[0].as_py()[0]
     texts = [row.as_py()[0] for part in columns(path, "table")["TextDocument:text"] for row in part]

@@ -84,7 +84,7 @@ def test_page_loads_nothing_from_elsewhere(page: Page) -> None:
     assert "@import" not in page.text
 
 
-def test_tags_match_and_every_inner_link_has_its_place(page: Page) -> None:
+def test_tags_match_and_every_inner_link_has_its_target(page: Page) -> None:
     assert page.open == []
     ids = page.values("id")
     links = [address[1:] for address in page.values("href") if address.startswith("#")]

@@ -115,7 +115,7 @@ def test_tension_on_the_route_runs_from_tension_in_to_tension_out(
         assert row[-1] == pytest.approx(result.transmission.tension_out, rel=1e-4)
 
 
-def test_nothing_is_drawn_at_a_place_that_is_not_a_number(still_file: Path, moving_file: Path) -> None:
+def test_every_position_that_is_drawn_is_finite(still_file: Path, moving_file: Path) -> None:
     for path in (still_file, moving_file):
         for chunk in RrdReader(str(path)).stream():
             if not str(chunk.entity_path).startswith("/__"):
@@ -124,7 +124,7 @@ def test_nothing_is_drawn_at_a_place_that_is_not_a_number(still_file: Path, movi
                     assert np.isfinite(floats(column)).all(), chunk.entity_path
 
 
-def test_sensed_points_are_all_shown_and_the_outlier_once_more(
+def test_sensed_points_are_all_drawn_and_the_outlier_once_more(
     still_file: Path, still: list[FrameResult]
 ) -> None:
     points = still[0].frame.points

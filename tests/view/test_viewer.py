@@ -39,8 +39,8 @@ def test_screenshot_needs_no_display_and_shows_the_route_in_colour(
     assert yellow > 100  # T_in of the last peak is the brightest colour
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="names the remedy of Linux")
-def test_missing_graphics_driver_is_named_with_its_remedy(
+@pytest.mark.skipif(sys.platform != "linux", reason="names the hint of Linux")
+def test_missing_graphics_driver_is_named_with_its_hint(
     still_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("VK_DRIVER_FILES", str(tmp_path / "none.json"))

@@ -8,7 +8,7 @@ from tssgeom.view.samples import route_samples
 from tssgeom.view.wording import angle_with_error, piece_labels, piece_table, summary, with_error
 
 
-def test_a_standard_error_is_told_with_two_digits_and_its_value_to_the_same_decimals() -> None:
+def test_a_standard_error_has_two_digits_and_its_value_the_same_decimals() -> None:
     assert with_error(2.55123, 0.0041, 2) == "2.5512 ± 0.0041"
     assert with_error(2.55123, 0.41, 2) == "2.55 ± 0.41"
     assert with_error(180.04, 12.3, 1) == "180 ± 12"
@@ -48,7 +48,7 @@ def test_summary_says_length_angle_tensions_elongation_and_warnings(still: list[
         assert part in text
 
 
-def test_summary_tells_how_far_the_dead_zone_still_reaches(moving: list[FrameResult]) -> None:
+def test_summary_states_how_far_the_dead_zone_still_reaches(moving: list[FrameResult]) -> None:
     turned = next(result for result in moving if result.transmission.dead_zone)
     width = turned.transmission.dead_zone_width
     assert f"T_in has to fall by another {width:.2f} N" in summary("run", turned, timed=True)

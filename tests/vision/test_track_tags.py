@@ -31,7 +31,7 @@ def images_of(lenses, sightings, frames=1):
     return [[FIND(render(lens, sightings, v, f)) for v, lens in enumerate(lenses)] for f in range(frames)]
 
 
-def test_tags_are_placed_at_their_middles_in_the_order_that_is_asked(cameras_of):
+def test_tags_are_located_at_their_middles_in_the_given_order(cameras_of):
     lenses = ring(2)
     result = track(cameras_of(lenses), images_of(lenses, scene(), 4), Wanted(tags=True, ids=IDS))
     assert result.ids == IDS
