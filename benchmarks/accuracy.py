@@ -155,8 +155,8 @@ _LEGEND = """\
 δ: rms error of the elongation on the first pull to 15 N with the paper's tendon.
 95 %: share [%] of intervals of ±1.96 standard errors that hold the truth, of Φ and of δ.
 count: share [%] of trials with the true number of pieces. bound: Cramér–Rao, for the true pieces.
-stations: known (even), or not told: even, jitter (sd a fifth of the spacing), random (uniform).
-Peers get chord lengths where stations are not told, and always the true noise where they use one.
+stations: known (even), or unknown: even, jitter (sd a fifth of the spacing), random (uniform).
+Peers get chord lengths where stations are unknown, and always the true noise where they use one.
 GCV spline runs every fourth trial of more than 100 points (it takes 0.2 s for 200 and 1 s for 1000)."""
 
 

@@ -52,7 +52,7 @@ def target_rows(outcomes: Sequence[Outcome]) -> list[Row]:
         *_misfit_rows([scores.held_out_ratio(one.report) for one in of("single", "half", "pair")]),
         *_number_rows(of("single", "half", "pair"), of("clean")),
         *(
-            _least(f"tie {tie} and its experiment told", counted(map(scores.tie_declared, of(tie))), 1.0)
+            _least(f"tie {tie} and its experiment named", counted(map(scores.tie_declared, of(tie))), 1.0)
             for tie in ("G1", "G4", "G5", "G6")
         ),
         _most(
@@ -82,8 +82,8 @@ def _alarms(clean: Sequence[Outcome]) -> Row:
 def _misfit_rows(ratios: Sequence[float]) -> list[Row]:
     known = [ratio for ratio in ratios if not math.isnan(ratio)]
     return [
-        _most("held-out gap after / before (median)", known, 0.35, np.median),
-        _rare("held-out gap worse", counted(ratio > 1.0 for ratio in known), 0.05),
+        _most("held-out misfit after / before (median)", known, 0.35, np.median),
+        _rare("held-out misfit worse", counted(ratio > 1.0 for ratio in known), 0.05),
     ]
 
 
@@ -92,7 +92,7 @@ def _number_rows(faulty: Sequence[Outcome], clean: Sequence[Outcome]) -> list[Ro
     errors, held = scores.parameters(faulty)
     inside, base = counted(held), scores.base_held(clean)
     return [
-        _most("hidden bend, place / L (median)", position_errors, 0.02, np.median),
+        _most("hidden bend, position / L (median)", position_errors, 0.02, np.median),
         _most("hidden bend, angle (median)", angle, 0.10, np.median),
         _most("parameters, error (median)", errors, 0.10, np.median),
         Row(
@@ -173,7 +173,7 @@ def peers(outcomes: Sequence[Outcome], *, markdown: bool) -> str:
     for name in dict.fromkeys(key for one in mine for key in one.baselines):
         answers = [(o.baselines[name], o.causes[0]) for o in mine if name in o.baselines]
         rows.append(_peer(name, [(one.name, cause, one.held_out_ratio) for one, cause in answers]))
-    head = ["single causes, typical size", "right name", "held-out gap (median)", "worse"]
+    head = ["single causes, typical size", "right name", "held-out misfit (median)", "worse"]
     return table(head, rows, text_columns=1, markdown=markdown)
 
 

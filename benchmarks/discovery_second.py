@@ -148,7 +148,7 @@ def targets(outcomes: Sequence[Outcome], *, markdown: bool) -> str:
         ["formula right where it is in the library", "≥ 95 %", _of(counted(map(right_formula, named)))],
         ["false alarms, clean", "≤ 2 %", f"{_of(clean)}, below {share(bound)} %"],
         ["outside: mechanism right", "≥ 80 %", _of(counted(map(right_mechanism, outside)))],
-        ["outside: held-out gap after / before (median)", "≤ 0.35", _median(ratios)],
+        ["outside: held-out misfit after / before (median)", "≤ 0.35", _median(ratios)],
         ["outside: law within its band (mean share)", "93–97 %", _mean_share(bands)],
         ["machines: mechanism right", ABSENT, _of(counted(map(right_mechanism, of("machine"))))],
         [

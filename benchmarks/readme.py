@@ -109,7 +109,7 @@ def _accuracy(text: str) -> Extract:
 def _speed(text: str) -> Extract:
     printed = tables(text)
     smooth, pieces, tendon = printed[2], printed[3], printed[6]
-    mine = "whole frame, stations not told"
+    mine = "whole frame, stations unknown"
     whole, pelt, kernel = (
         cell(smooth, row, "p50 [µs]") for row in (mine, "scipy + ruptures PELT", "scipy + ruptures kernel")
     )
@@ -152,7 +152,7 @@ def _discovery(text: str) -> Extract:
 PARTS = (
     Part(
         "accuracy",
-        "error of Φ, 7 pieces, 200 points, 0.5 mm, neither stations nor noise told",
+        "error of Φ, 7 pieces, 200 points, 0.5 mm, stations and noise unknown",
         ("--quick", "--trials", "200"),
         ("--quick",),
         _accuracy,
@@ -262,7 +262,7 @@ def between(text: str, name: str, new: Callable[[str], str]) -> str:
     head, begun, rest = text.partition(first)
     old, ended, tail = rest.partition(last)
     if not (begun and ended):
-        raise LookupError(f"there is no place for {name}: write {first.strip()} and {last.strip()}")
+        raise LookupError(f"there are no marks of {name}: write {first.strip()} and {last.strip()}")
     return f"{head}{first}{new(old)}{last}{tail}"
 
 

@@ -200,14 +200,14 @@ class Cell:
         if self.outliers:
             parts.append(f"{100 * self.outliers:g} % outliers")
         if self.gap:
-            parts.append(f"{100 * self.gap:g} % unseen")
+            parts.append(f"{100 * self.gap:g} % missing")
         if self.shared[0]:
             parts.append(f"{1e3 * self.shared[0]:g} ‰ over {100 * self.shared[1]:g} %")
         return " ".join(parts)
 
     @property
     def title(self) -> str:
-        """Name with the group, which `--cell` looks into."""
+        """Name with the group, which `--cell` searches."""
         return f"{self.group}: {self.name}"
 
 

@@ -1,7 +1,7 @@
 """What a user would fit to a run instead: laws of one drive with hysteresis, by least squares.
 
 Each law is linear in some parameters and nonlinear in few. The nonlinear ones start from several values,
-drawn with a fixed seed where there are many, and are refined by scipy's least_squares while the linear ones
+sampled with a fixed seed where there are many, and are refined by scipy's least_squares while the linear ones
 are solved for. Given channels beside the drive enter linearly.
 
 Intervals are 95 %: from the curvature of the sum of squares, with the variance widened by (1 + ρ)/(1 - ρ)

@@ -56,7 +56,7 @@ def table(header: Sequence[str], rows: Sequence[Sequence[str]], *, text_columns:
     header, rows
         Cells that are already written out.
     text_columns
-        How many leading columns are text and stand on the left; the others stand on the right.
+        Number of first columns that are text and stand on the left; the others stand on the right.
     markdown
         Whether to draw the table for Markdown.
     """

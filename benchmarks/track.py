@@ -57,19 +57,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     header = (
         "film",
-        "markers placed [%]",
+        "markers located [%]",
         "pixel [px]",
         "error [mm]",
         "allowed [mm]",
         "ratio",
-        "told / error",
+        "stated / error",
     )
-    speeds = ("find [ms/image]", "place [ms/frame]", "frames/s")
+    speeds = ("find [ms/image]", "locate [ms/frame]", "frames/s")
     rows = [_film(*film, frames) for film in _films()]
     print(table((*header, *speeds), rows, text_columns=1, markdown=options.markdown), flush=True)
     print(f"\nΦ of {scenes} scenes, noise 0.25 px, 24 markers: within 1 and 2 s.e. (68 and 95 expected)\n")
     rows = [_angles(views, scenes) for views in (2, 3)]
-    header = ("cameras", "all placed [%]", "within 1 s.e. [%]", "within 2 s.e. [%]", "rms z", "misplaced")
+    header = ("cameras", "all located [%]", "within 1 s.e. [%]", "within 2 s.e. [%]", "rms z", "misplaced")
     print(table(header, rows, text_columns=1, markdown=options.markdown), flush=True)
     print("\nclearance of 1000 nodes in a lumen\n")
     header = ("triangles", "first frame [s]", "each further [s]")

@@ -2,7 +2,7 @@
 
     python -m benchmarks.view [--quick] [--frames N] [--markdown]
 
-A frame is a route of 200 sensed points. The lean frame (route, points, profile and six numbers) is logged
+A frame is a route of 200 sensed points. The minimal frame (route, points, profile and six numbers) is logged
 as Rerun's first pages teach it and then as columns; beside it stands what tssgeom draws: the whole picture of
 a frame, as `live` and `batch` send it, and the numbers that `live` sends of every frame. Time is that of the
 sender's thread; bytes are those of the finished file. No time is asserted.
@@ -128,7 +128,7 @@ def _logged(results: Sequence[FrameResult]) -> Cost:
         for index, value in enumerate(numbers[begin]):
             recording.log(f"series/{index}", rr.Scalars(value))
 
-    return _timed("lean frame, logged part by part", results, 1, send)
+    return _timed("minimal frame, logged part by part", results, 1, send)
 
 
 def _in_columns(results: Sequence[FrameResult]) -> Cost:
@@ -199,7 +199,7 @@ def _labels(results: Sequence[FrameResult]) -> Cost:
         start = time.perf_counter()
         label_positions(run.camera, frame, result.arcs)
         seconds.append(time.perf_counter() - start)
-    return Cost("of it: places of the labels", seconds, 1, math.nan)
+    return Cost("of it: positions of the labels", seconds, 1, math.nan)
 
 
 _WAYS = (_logged, _in_columns, _numbers, _pictures(1), _pictures(_BATCH), _bulk, _labels)

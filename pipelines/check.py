@@ -112,4 +112,4 @@ def _noise(report: dict[str, Any]) -> str:
 
 def _missing(report: dict[str, Any]) -> str:
     count = report["points_not_seen"]
-    return f", {count} not seen (gaps)" if count else ", no gaps"
+    return f", {count} missing" if count else ", none missing"

@@ -156,7 +156,7 @@ class _RecordingReport:
 
 
 def _rows(frame: Frame) -> Matrix:
-    """Return the rows that a sensor could have seen: the points, or the gratings between the ends' marks."""
+    """Return the rows that a sensor measures: the points, or the gratings between the ends' marks."""
     if frame.curvatures is None:
         return frame.points
     valid = np.flatnonzero(~np.isnan(frame.curvatures).any(axis=1))

@@ -36,7 +36,7 @@ Done = TypeVar("Done")
 ONE_TENDON = "[drive] and [end] are not used here: a tendon counts as one on the spring of [load]"
 """What commands on one tendon say of the rig of a machine."""
 MOST_REPORTED = 5
-"""Rejected frames of one input with a line each; the others are counted. Chosen: they fit a screen."""
+"""Rejected frames of one input with a line each; the others are counted. Chosen: they fit a terminal."""
 
 
 @dataclass(frozen=True, slots=True)

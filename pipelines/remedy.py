@@ -98,7 +98,7 @@ def remedy(
 ) -> None:
     """Design the added curve of Theorem 3: what it scales down, what it costs, what it does on release.
 
-    Unknown bends are drawn at random on the route itself. The change of T_out and δ that they make is
+    Unknown bends are sampled at random on the route itself. The change of T_out and δ by them is
     reported without the curve, with it at the same T_in, and with it at the same T_out.
     """
     from pipelines.inputs import run_settings

@@ -46,7 +46,7 @@ def _open(paths: Sequence[Path], screenshot: Path | None, out: Path | None, *, w
     if clean and screenshot is None:
         raise SettingsError("--clean is for a picture: give --screenshot PNG too")
     if len(paths) > 2:
-        raise SettingsError(f"{len(paths)} paths: give one to look at, or two to compare")
+        raise SettingsError(f"{len(paths)} paths: give one to view, or two to compare")
     if len(paths) == 1:
         if out is not None:
             raise SettingsError(f"--out {out}: it is for a comparison: give two recordings or folders")

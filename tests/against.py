@@ -114,7 +114,7 @@ def held(path: Path) -> Any:
 
 
 def differences(where: str, one: Any, other: Any) -> Iterator[str]:
-    """Yield each place at which two objects disagree."""
+    """Yield each path at which two objects differ."""
     if isinstance(one, dict) and isinstance(other, dict):
         if lost := one.keys() - other.keys():
             yield f"{where}: keys are lost: {sorted(lost)}"

@@ -115,7 +115,7 @@ MUTANTS = (
         "tension_out / stiffness",
         "tests/tendon/test_load.py",
     ),
-    # histories, remedy, calibration, inverse
+    # histories, the remedy of Theorem 3, calibration, inverse
     Mutant(
         "tssgeom/core/tendon_corners.c",
         "compliance * length[i] * (means[i] - pretension)",

@@ -103,7 +103,7 @@ def test_a_target_beside_a_measured_drive_is_advice_and_moves_nothing():
 def test_commands_do_not_chatter_while_a_target_is_held_on_a_noisy_route():
     frames = [Frame(bend(seed=k), float(k), displacement_target=6e-3) for k in range(12)]
     commands = [one.displacement_command for one in results(frames)]
-    # the route may be laid anew once it is known better; one reversal would be 0.1 mm and more
+    # the tendon may be discretised anew once the route is known better; one reversal would be 0.1 mm and more
     assert np.ptp(commands) < 1e-6
 
 

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Vector: TypeAlias = Annotated[NDArray[np.float64], "n"]
-"""One number for each of n places."""
+"""One number for each of n positions."""
 
 Points: TypeAlias = Annotated[NDArray[np.float64], "n 3"]
-"""n places in space; a row of NaN is a place that was not seen."""
+"""n positions in space; a row of NaN is a missing point."""
 
 Matrix: TypeAlias = Annotated[NDArray[np.float64], "m n"]
 """A dense matrix, such as a covariance."""

@@ -231,7 +231,7 @@ def _reason(fault: Exception) -> str:
     """Say why a frame has no result."""
     if isinstance(fault, TssgeomError):
         return str(fault)
-    return f"the points cannot be computed with ({fault}): look for points that coincide or run back"
+    return f"the points cannot be computed with ({fault}): check for points that coincide or run back"
 
 
 def alone(

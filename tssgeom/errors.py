@@ -6,7 +6,7 @@ from pathlib import Path
 
 _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 _HEAD, _TAIL = 1000, 500
-"""Characters of a longer message that are kept at its beginning and end; chosen: a screen, with the hint."""
+"""Characters of a longer message that are kept at its beginning and end; chosen: they fit a terminal."""
 _WRITTEN_OUT = {code: f"\\x{code:02x}" for code in (*range(32), *range(127, 160)) if code not in (9, 10)}
 _WRITTEN_OUT |= {code: f"\\x{code - 0xDC00:02x}" for code in range(0xDC80, 0xDD00)}
 _WRITTEN_OUT |= {code: f"\\u{code:04x}" for code in range(0xD800, 0xE000) if code not in _WRITTEN_OUT}

@@ -62,7 +62,7 @@ class Frame(Result):
     """One sensed shape, and what was measured with it."""
 
     points: Points
-    """Sensed points, proximal to distal; a row of NaN is a point that was not seen [m]."""
+    """Sensed points, proximal to distal; a row of NaN is a missing point [m]."""
     time: float = 0.0
     """Time of the frame [s]."""
     stations: Vector | None = None

@@ -49,7 +49,7 @@ Report = Callable[[int, float], None]
 
 @dataclass(frozen=True, slots=True)
 class WorkerLost:
-    """The outcome of a call whose worker died."""
+    """The outcome of a call whose worker is lost."""
 
     reason: str
 
@@ -148,7 +148,7 @@ class WorkerPool:
             raise SourceError(_LOST_REASON) from error
 
 
-_LOST_REASON = "a worker process died over it, perhaps for want of memory: run it alone with --workers 1"
+_LOST_REASON = "the worker process of it was lost, perhaps for want of memory: run it alone with --workers 1"
 
 
 def _any_done(running: Iterable[Future[Any]]) -> bool:

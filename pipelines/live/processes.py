@@ -1,4 +1,4 @@
-"""The processes beside a stream, seen from the stream: it sends them messages and never waits for them."""
+"""The processes beside a stream: the stream sends them messages and never waits for them."""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ from tssgeom.tendon.commander import Policy, commander_of
 
 @dataclass(frozen=True, slots=True)
 class PictureRates:
-    """How many frames are drawn; all are in the numbers. Chosen: what a core draws without delay."""
+    """Rates of the frames with a picture; all have numbers. Chosen: what a core draws without delay."""
 
     recorded: tuple[float, float] = (100.0, 200.0)
     """Pictures in a recording: a second [1/s], and at once [1]."""

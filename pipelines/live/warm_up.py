@@ -21,7 +21,7 @@ _NOISE = 2e-4  # m; chosen: as of a good sensor
 
 
 def warm_up(rig: Rig, commander: Commander | None = None, *, adapt: bool = False) -> None:
-    """Follow pieces and a smooth route that move under load, with gaps, outliers, targets and leaps."""
+    """Follow pieces and a smooth route that move under load, with NaN points, outliers, targets and leaps."""
     for route in (_pieces, _spiral):
         frames = list(_frames(route))
         follower = Follower(rig) if adapt else None

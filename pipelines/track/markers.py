@@ -48,7 +48,7 @@ def image_options(
     rate: float | None,
     most: int | None,
 ) -> ImageOptions:
-    """Check how the markers look.
+    """Check the appearance of the markers.
 
     Raises
     ------
@@ -115,7 +115,7 @@ def run(
     Raises
     ------
     SettingsError, ShapeError, SourceError
-        Where an input cannot be used, the markers are not found in a clear order, or the disk refuses.
+        Where an input cannot be used, the order of the markers is ambiguous, or the disk refuses.
     """
     if calibration is None:
         raise SettingsError("--calibration is missing: make one with tssgeom track --calibrate")
@@ -159,7 +159,7 @@ def matched(cameras: tuple[Camera, ...], footage: Footage) -> tuple[Camera, ...]
     Raises
     ------
     SettingsError
-        Where there are more sources than cameras, or one source in place of several without its name.
+        Where there are more sources than cameras, or one source instead of several without its name.
     """
     named = {camera.name: camera for camera in cameras}
     names = [source.name for source in footage.sources]

@@ -20,7 +20,7 @@ from tssgeom.vision.sightings import Sightings
 from tssgeom.vision.track import Track
 
 _MOST_PAINTED = 500
-"""Frames that are drawn, evenly spread [1]; chosen: a few tens of megabytes."""
+"""Frames that are written, evenly spread [1]; chosen: a few tens of megabytes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +35,7 @@ class DetectedFootage:
     quiet: bool
 
     def images(self) -> Iterator[tuple[int, list[np.ndarray]]]:
-        """Yield some frames evenly, each with its number and the images of all cameras, markers drawn in."""
+        """Yield some frames evenly, each with its number and the images of all cameras with their markers."""
         selected = set(evenly(len(self.frames), _MOST_PAINTED).tolist())
         with counted_progress(1, quiet=self.quiet) as progress:
             progress.begin("drawing")

@@ -26,7 +26,7 @@ class Ending:
     """The end of one command."""
 
     status: int | None
-    """None where it had to be killed, or died of a signal."""
+    """None where it was killed, here or by a signal."""
     seconds: float
     """Time on a processor [s]: another load does not count; what waits in vain is killed."""
     memory: int

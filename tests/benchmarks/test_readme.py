@@ -70,7 +70,7 @@ def test_discovery_leaves_out_what_was_not_measured():
     targets = rendered(
         ["metric", "target", "reached", "kept"],
         ["right name first, typical size", "≥ 95 %", "97 % (31 of 32)", "yes"],
-        ["tie G1 and its experiment told", "≥ 100 %", "—", "—"],
+        ["tie G1 and its experiment named", "≥ 100 %", "—", "—"],
     )
     peers = rendered(["single", "right name"], ["this workflow", "97 %"], ["pysindy", "40 %"], ["GP", "—"])
     extract = part("discovery").extract(f"{targets}\n\n{peers}")
@@ -80,7 +80,7 @@ def test_discovery_leaves_out_what_was_not_measured():
 
 def test_only_what_stands_between_the_marks_changes():
     assert between(DOCUMENT, "speed", lambda old: old + "er") == DOCUMENT.replace("old", "older")
-    with pytest.raises(LookupError, match="there is no place for batch"):
+    with pytest.raises(LookupError, match="there are no marks of batch"):
         between(DOCUMENT, "batch", lambda old: old)
 
 

@@ -1,4 +1,4 @@
-"""The sensitivity benchmark finds every tuned constant, changes it at its place, and names what moves."""
+"""The sensitivity benchmark lists every tuned constant, changes it in its module, and names what moves."""
 
 from pathlib import Path
 

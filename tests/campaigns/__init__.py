@@ -1,4 +1,4 @@
-"""Measured campaigns with a known cause, for the workflow that looks for it.
+"""Measured campaigns with a known cause, for the workflow that identifies it.
 
 The physics and the instruments are those of `tests.lumped`; nothing here imports `tssgeom`, and the files are
 plain text. The cause lies in a file beside the campaign's folder, never in it.

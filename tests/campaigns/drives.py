@@ -1,4 +1,4 @@
-"""What the drive of each run does: levels of tension, passed at a speed, told to the rig as positions."""
+"""What the drive of each run does: levels of tension, passed at a speed, given to the rig as positions."""
 
 from dataclasses import dataclass
 
@@ -45,7 +45,7 @@ class Timed:
 
 
 def timed(course: Course, path: Path, believed: Physics, distal: Distal, plan: str) -> Timed:
-    """Return times and values that lead a rig as it is believed to be through the levels.
+    """Return times and values that take the nominal rig through the levels.
 
     Turns and dwells begin at samples, so that none is cut off between two; with "round_turns", each leg is
     half a cosine. The values are positions [m], with "force_driven" proximal tensions [N].

@@ -142,7 +142,7 @@ def _names(effect: str | tuple[str, ...] | None) -> tuple[str, ...]:
 
 
 def _rig(seed: int, effects: tuple[str, ...], size: float, split: str) -> Rig:
-    """Draw a rig; what is drawn depends on the seed and the names, not on the size."""
+    """Sample a rig; the sample depends on the seed and the names, not on the size."""
     if not 0 <= seed < 1_000_000:
         raise ValueError(f"seed {seed}: a split has seeds from 0 to 999999")
     own = SEEDS[split] + seed
@@ -200,7 +200,7 @@ def _warmth(times: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 
 
 def _points(rig: Rig, k: int) -> tuple[np.ndarray, str, bool]:
-    """Points of a route as sensed [n, 3 or 4], the unit of the file, and whether stations are told."""
+    """Points of a route as sensed [n, 3 or 4], the unit of the file, and whether stations are known."""
     rng = np.random.default_rng((rig.seed, k, 9))
     stations = np.linspace(0.0, rig.length, int(rng.integers(120, 201)))
     measured_at = positions(rig.routes[k], stations, rig.angle_gain) + 2e-4 * rng.standard_normal(

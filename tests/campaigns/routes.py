@@ -1,4 +1,4 @@
-"""Routes of a sheath in space, of pieces in planes of their own, and points seen of them."""
+"""Routes of a sheath in space, of pieces in planes of their own, and points sensed on them."""
 
 from dataclasses import dataclass
 
@@ -57,7 +57,7 @@ def path(route: Route, times: np.ndarray, sway_rad: float) -> Path:
 
 
 def positions(route: Route, stations: np.ndarray, angle_gain: float) -> np.ndarray:
-    """Return the points [n, 3] [m] at stations [m], all turns seen `angle_gain` times as wide."""
+    """Return the points [n, 3] [m] at stations [m], all turns sensed `angle_gain` times as wide."""
     edges = np.concatenate(([0.0], np.cumsum(route.lengths)))
     which = np.clip(np.searchsorted(edges, stations, side="right") - 1, 0, len(route.lengths) - 1)
     origin, frame = np.zeros(3), np.eye(3)  # rows: tangent and two normals

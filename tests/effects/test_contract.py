@@ -1,4 +1,4 @@
-"""What every effect has to keep: silent at zero, seen where it says, smooth, and whole in chunks."""
+"""What every effect has to keep: no change at zero, else in its channels, smoothness, and whole chunks."""
 
 import msgspec
 import numpy as np
@@ -12,7 +12,7 @@ from tssgeom.tendon.bars.model import CHANNELS, begin, carry_on, predict, prepar
 
 KIND = pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)
 DRIVE = pytest.mark.parametrize("drive", [FORCE, POSITION])
-OBSERVED = {"N": 1e-3, "m": 1e-7}  # a tenth of what a good cell or encoder tells
+OBSERVED = {"N": 1e-3, "m": 1e-7}  # a tenth of what a good cell or encoder resolves
 UNOBSERVED = {"N": 1e-8, "m": 1e-11}  # what an equilibrium leaves over: 1e-10 of 15 N, and that over 1e3 N/m
 
 

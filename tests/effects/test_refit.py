@@ -40,5 +40,5 @@ def test_friction_compliance_and_effect_come_back_within_their_errors(name):
     fit = least_squares(missed, start, method="lm", diff_step=1e-4)
     error = np.sqrt(np.diag(np.linalg.inv(fit.jac.T @ fit.jac)))
     assert np.all(np.abs(fit.x - 1.0) < 4.0 * error)
-    assert error[2] < 0.15  # the run tells the size, so that the line above says something
+    assert error[2] < 0.15  # the run identifies the size, so the line above is a test
     assert fit.cost * 2.0 < 300.0  # of 242 values: 2.7 standard deviations of chance

@@ -74,8 +74,8 @@ def test_the_base_is_the_corner_list(pulls):
         assert observed["elongation_m"][i] == pytest.approx(exact.elongation, abs=2e-6)  # 60 bars, 3e-3 m
 
 
-# Behind backlash or a fitting at the drive the position does not tell the tension; where the steps within a
-# sample matter, tension and position cannot both be straight in time.
+# Behind backlash or a fitting at the drive the position does not determine the tension; where the steps
+# within a sample matter, tension and position cannot both be straight in time.
 NOT_BOTH_WAYS = ("backlash", "end_fitting_friction_proximal", "viscous_drag", "velocity_dependent_friction")
 
 

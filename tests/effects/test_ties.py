@@ -1,4 +1,4 @@
-"""What no fit can tell apart: the pair gives the same data, so the tie is told and not a name guessed."""
+"""What no fit can distinguish: the pair gives the same data, so the tie is reported, and no name."""
 
 import math
 

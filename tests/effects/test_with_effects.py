@@ -225,7 +225,7 @@ def test_a_tendon_goes_on_with_effects_that_come_and_go():
     base = driven(RIG, (5.0, 14.0, 9.0))
     held = step(base, ARCS, rig, tension_in=9.0)
     assert held.tension_out == pytest.approx(base.tension_out, rel=1e-9)
-    # places are those of the tensions: δ of 30 bars
+    # at the positions of the tensions: δ of 30 bars
     assert transmit(held, rig).elongation == pytest.approx(transmit(base, RIG).elongation, abs=2e-6)
     back = step(held, ARCS, RIG, tension_in=9.0)
     assert back.tension_out == pytest.approx(base.tension_out, rel=1e-9)

@@ -1,4 +1,4 @@
-"""Calibration finds what the model was given, and says what a run cannot tell."""
+"""Calibration identifies the model's numbers, and states which of them a run does not determine."""
 
 import math
 
@@ -54,7 +54,7 @@ def test_noisy_readings_are_met_within_the_intervals():
 
 
 def test_an_uncertain_angle_widens_the_interval_of_the_friction_as_much():
-    """Friction and a gain of all angles cannot be told apart: μΦ is what is seen."""
+    """Friction and a gain of all angles are tied: only μΦ is identifiable."""
     sure = calibrate(run_of(noise=0.03), HALF, Rig()).estimates["friction"]
     rig = Rig(shape=ShapeSensor(angle_gain_sd=0.05))
     unsure = calibrate(run_of(noise=0.03), HALF, rig).estimates["friction"]

@@ -120,7 +120,7 @@ def test_a_drive_that_swings_like_a_sine_is_no_noise():
     for when in (time, uneven):
         swing = 3e-3 * np.sin(2 * np.pi * when / 10.0)
         observed = reading_noise(swing + 1e-6 * rng.standard_normal(300), when)
-        assert observed == pytest.approx(1e-6, rel=0.35)  # the median of 300 tells it to 8 %
+        assert observed == pytest.approx(1e-6, rel=0.35)  # the median of 300 is accurate to 8 %
     assert reading_noise(drive, time) < 1e-9
     assert reading_noise(np.round(np.linspace(0.0, 1.0, 300), 1), time) == pytest.approx(0.1 / np.sqrt(12))
 

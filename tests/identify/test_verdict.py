@@ -34,9 +34,9 @@ NOT_FITTED = "of the disagreement on runs that were not fitted"
     ("before", "after", "end"),
     [
         (3.0, 1.0, f"it closes 66 % {NOT_FITTED} (from 3 to 1 times the noise)."),
-        (1.5, 2.6, "but with it the gap on held-out runs grows, from 1.5 to 2.6 times the noise."),
-        (2.0, 2.0, "but with it the gap on held-out runs stays, from 2 to 2 times the noise."),
-        (0.2, 0.4, "the held-out runs show no gap, with it or without."),
+        (1.5, 2.6, "but with it the misfit on held-out runs grows, from 1.5 to 2.6 times the noise."),
+        (2.0, 2.0, "but with it the misfit on held-out runs stays, from 2 to 2 times the noise."),
+        (0.2, 0.4, "the held-out runs have no misfit, with it or without."),
     ],
 )
 def test_a_misfit_falls_only_where_it_falls(before: float, after: float, end: str):

@@ -34,7 +34,7 @@ def test_numbers_are_rounded_as_by_the_json_library():
         read += len(outcome)
         if len(outcome):
             np.testing.assert_array_equal(outcome, json.loads(text))
-    assert read > 2900  # the others have more than 22 places, or stand too close to a tie
+    assert read > 2900  # the others have more than 22 digits, or stand too close to a tie
 
 
 def test_a_number_halfway_between_two_is_left_to_the_json_library():

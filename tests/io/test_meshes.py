@@ -1,4 +1,4 @@
-"""Meshes of the lumen: found beside the shape, read in metres."""
+"""Meshes of the lumen: the file beside the shape, read in metres."""
 
 import numpy as np
 import pytest

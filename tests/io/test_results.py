@@ -1,4 +1,4 @@
-"""What is told and written about an analysis."""
+"""Summaries of an analysis, and the files of them."""
 
 import dataclasses
 import json

@@ -1,4 +1,4 @@
-"""Measured runs: channels in SI, and every fault told with its place."""
+"""Measured runs: channels in SI, and every fault with its line or column."""
 
 from pathlib import Path
 

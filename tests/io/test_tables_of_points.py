@@ -1,4 +1,4 @@
-"""CSV and Parquet: columns, units, gaps, recordings in long form."""
+"""CSV and Parquet: columns, units, missing points, recordings in long form."""
 
 from pathlib import Path
 

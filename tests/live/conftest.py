@@ -26,7 +26,7 @@ class Shared(NamedTuple):
     datagrams: socket.socket
     """Receives what its UDP sink sends."""
     server: socket.socket
-    """Listens where its OpenIGTLink source looks for a server."""
+    """Listens at the address of its OpenIGTLink source."""
 
 
 @pytest.fixture(scope="session")

@@ -73,7 +73,7 @@ def test_a_line_gives_a_frame_or_a_reason(text, unit):
 @QUICK
 @given(damaged(MESSAGES), st.booleans())
 def test_a_message_gives_positions_or_a_reason(data, mended):
-    """With `mended`, the checksum is made right, so that the content is looked at."""
+    """With `mended`, the checksum is made right, so that the content is read."""
     result = outcome(lambda: message_in(data, mended))
     assert isinstance(result, str | None) or result.positions.shape[1:] == (3,)
 

@@ -17,7 +17,7 @@ from tssgeom.io.network.igtl_peers import Rounds
 
 POSITIONS = half_circle(29)  # not as many points as from other senders: the filter in time begins anew
 WHEN = 7000.0
-"""Time of a frame, which no other source tells: answers to all of them are read."""
+"""Time of a frame, which no other source has: answers to all of them are read."""
 
 
 @pytest.fixture
@@ -40,7 +40,7 @@ def transform(name: str, position: np.ndarray, time: float) -> bytes:
 
 
 def own_position(name: str, position: np.ndarray, time: float) -> bytes:
-    """The protocol's own POSITION: a place and a quaternion."""
+    """The protocol's own POSITION: a position and a quaternion."""
     message = pyigtl.StringMessage("", timestamp=time, device_name=name)
     message._message_type = "POSITION"
     message._pack_content = lambda: np.array([*position, 0, 0, 0, 1], ">f4").tobytes()

@@ -100,5 +100,5 @@ void tendon_ends(const Tendon *tendon, double ends[6]);
 void tendon_keep(Tendon *tendon, double span);
 void tendon_record(const Tendon *tendon, Records *records, int64_t row);
 
-/* Run the steps; return how many, or minus the grid point, from 1, where no balance was found. */
+/* Run the steps; return how many, or minus the grid point, from 1, where the balance did not converge. */
 int64_t march(const Chain *chain, const Imposed *imposed, Records *records, int64_t *passes);

@@ -51,7 +51,7 @@ class _Handed:
 def march(chain: Chain, imposed: dict[str, np.ndarray], records) -> tuple[int, int]:
     """Run the steps of `imposed` and write the kept ones into `records`; return how many steps and passes.
 
-    A negative number of steps tells the grid point, counted from 1, where no balance was found.
+    A negative number of steps is that of the grid point, from 1, where the balance did not converge.
     """
     handed = _Handed(chain, imposed, records)
     passes = handed.ffi.new("int64_t *")

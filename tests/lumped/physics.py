@@ -67,7 +67,7 @@ class Physics:
 
     # the route as the tendon sees it
     bend_at_m: float = 0.0
-    """Middle of a bend that the route does not tell [m]."""
+    """Middle of a bend that the route does not contain [m]."""
     bend_angle_rad: float = 0.0
     bend_width_m: float = 0.02
     clearance_m: float = 0.0

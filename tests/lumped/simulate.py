@@ -216,7 +216,7 @@ def celsius_of(drive, grid: np.ndarray) -> np.ndarray:
 
 
 def play(values: np.ndarray, width: float | np.ndarray, inverse: bool = False) -> np.ndarray:
-    """Pass a series through a play that starts engaged for pulling; or return what leads to that series.
+    """Pass a series through a play that starts engaged for pulling; or return the series that gives it.
 
     A play that changes has a width for each value [m], and no inverse.
     """

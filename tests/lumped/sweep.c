@@ -1,4 +1,4 @@
-/* The chain answered exactly in one sweep, for straight laws.
+/* The chain solved exactly in one sweep, for straight laws.
 
    From the proximal side, all that lies distal of a point is one curve: how far the point moves in this
    step, w, against the tension T there. It rises, and is a polyline for straight laws. A bar adds its

@@ -64,7 +64,7 @@ def test_a_recording_remembers_the_pull_and_rejects_its_broken_line_only(run, re
     assert outcome.status == 1
     assert outcome.errors == [
         f"tssgeom: {recording}: frame 2: line 3: Input data was truncated: "
-        "write one JSON object a line, null for a point not seen"
+        "write one JSON object a line, null for a missing point"
     ]
     assert (output["frames"], output["rejected"]) == (6, 1)
     assert output["elongation_m"] == pytest.approx(1.7284e-3, rel=1e-3)  # docs/model.md: 15 N, then 10 N
@@ -153,7 +153,7 @@ OUTLIER[22] += [0.0, 0.0, 20.0]
 
 UNCERTAIN = {
     "repeated points": (GOOD[np.repeat(np.arange(40), 2)], "merged"),
-    "a gap": (MISSING, "3 points not seen"),
+    "missing points": (MISSING, "3 points missing"),
     "one outlier": (OUTLIER, "1 outlying point"),
 }
 

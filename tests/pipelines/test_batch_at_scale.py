@@ -108,7 +108,7 @@ def test_a_batch_killed_at_any_moment_goes_on_to_the_same_bytes_by_other_workers
 def wait_for_tables(out: Path, count: int, running: subprocess.Popen[bytes]) -> None:
     """Return when so many tables of frames are there or begun, whatever the pace of the machine."""
     while running.poll() is None and len(list((out / "frames").glob("*"))) < count:
-        time.sleep(0.001)  # between two looks at the folder
+        time.sleep(0.001)  # between two readings of the folder
 
 
 def test_what_is_unchanged_is_not_done_again(tmp_path: Path, run) -> None:

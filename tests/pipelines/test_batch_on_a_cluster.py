@@ -34,7 +34,7 @@ def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     try:
         while not file.exists():
             assert processes[0].poll() is None
-            time.sleep(0.05)  # between two looks at the folder
+            time.sleep(0.05)  # between two readings of the folder
         address = json.loads(file.read_text())["address"]
         wait_for_workers(address)
         yield address

@@ -13,7 +13,7 @@ def test_a_good_shape_is_reported(run, half):
     outcome = run("check", half)
     assert (outcome.status, outcome.errors) == (0, [])
     assert f"{half}: shape in mm (csv)" in outcome.out
-    assert "points: 40, no gaps" in outcome.out
+    assert "points: 40, none missing" in outcome.out
     assert "length 500.0 mm" in outcome.out
 
 
@@ -25,7 +25,7 @@ def test_a_recording_is_reported_with_the_frames_that_are_wrong(run, recording):
     assert (output["frames"], output["points"]) == (6, [12, 12])
     assert (output["duration_s"], output["measured"], output["stations"]) == (4.0, ["tension_in"], False)
     assert output["wrong"] == [
-        "frame 2: line 3: Input data was truncated: write one JSON object a line, null for a point not seen"
+        "frame 2: line 3: Input data was truncated: write one JSON object a line, null for a missing point"
     ]
 
 

@@ -36,7 +36,7 @@ def test_analyse_draws_it(run, fibre, tmp_path):
 
 def test_check_reports_gratings_and_noise(run, fibre):
     outcome = run("check", fibre)
-    assert "gratings: 18, 1 not seen (gaps)" in outcome.out
+    assert "gratings: 18, 1 missing" in outcome.out
     assert "length 500.0 mm" in outcome.out
     (output,) = json.loads(run("check", fibre, "--json").out)
     assert output["curvature_noise_per_m"] == pytest.approx(0.05, rel=0.5)  # the s.e. of 34 values is 12 %

@@ -1,4 +1,4 @@
-"""`--figures DIR` of analyse, batch and simulate: which files it writes, and when they are drawn anew."""
+"""`--figures DIR` of analyse, batch and simulate: which files it writes, and when it writes them anew."""
 
 from pathlib import Path
 

@@ -39,12 +39,12 @@ def test_without_a_unit_it_is_refused_with_the_hint(run, name):
 @pytest.mark.parametrize(
     ("name", "holds"),
     [
-        ("curve.mrk.json", "shape in mm (slicer)\n  points: 6, 1 not seen (gaps)"),
-        ("points.fcsv", "shape in mm (fcsv)\n  points: 5, no gaps"),
-        ("tools_toolbox.csv", "recording in mm (ndi), 3 frames in 0.1 s\n  points: 5, 1 not seen (gaps)"),
-        ("lines_ascii.vtp#1", "shape in mm (vtk)\n  points: 6, no gaps"),
-        ("colonoscope", "recording in mm (colonoscope), 4 frames in 0.3 s\n  points: 6, 1 not seen (gaps)"),
-        ("shape.mcap", "recording in mm (ros2), 3 frames in 2 s\n  points: 6, 1 not seen (gaps)"),
+        ("curve.mrk.json", "shape in mm (slicer)\n  points: 6, 1 missing"),
+        ("points.fcsv", "shape in mm (fcsv)\n  points: 5, none missing"),
+        ("tools_toolbox.csv", "recording in mm (ndi), 3 frames in 0.1 s\n  points: 5, 1 missing"),
+        ("lines_ascii.vtp#1", "shape in mm (vtk)\n  points: 6, none missing"),
+        ("colonoscope", "recording in mm (colonoscope), 4 frames in 0.3 s\n  points: 6, 1 missing"),
+        ("shape.mcap", "recording in mm (ros2), 3 frames in 2 s\n  points: 6, 1 missing"),
     ],
 )
 def test_check_reports_what_it_holds(run, name, holds):

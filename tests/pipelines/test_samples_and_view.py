@@ -118,7 +118,7 @@ def test_view_of_two_results_writes_their_comparison(run, half, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("a", "b", "c"), "3 paths: give one to look at, or two"),
+        (("a", "b", "c"), "3 paths: give one to view, or two"),
         (("a", "--out", "d"), "two recordings or folders"),
     ],
 )

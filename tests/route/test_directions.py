@@ -191,7 +191,7 @@ def test_a_length_does_not_count_where_an_end_is_missing():
     points[0] = np.nan
     shape = clean(points, length=float(s[-1]))
     assert shape.length is None
-    assert "the stated length is not used: an end of the route was not seen" in shape.warnings
+    assert "the stated length is not used: an end of the route is missing" in shape.warnings
 
 
 @pytest.mark.parametrize("noise_deg", [0.3, 1.0, 3.0])

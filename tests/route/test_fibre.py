@@ -99,7 +99,7 @@ def test_unknown_noise_is_estimated():
     result = fit_fibre(read(bend + 0.5 * rng.standard_normal(bend.shape), stations(100)))
     assert result.curvature_noise == pytest.approx(
         0.5, rel=0.25
-    )  # 200 values tell it to 5 %; grid steps of 10 %
+    )  # 200 values determine it to 5 %; grid steps of 10 %
 
 
 def test_pieces_are_distinguished_from_smooth_curvature():
@@ -133,7 +133,7 @@ def test_a_joint_is_uncertain_by_the_spacing_of_gratings():
     arcs = measure_fibre(
         read(bend + 0.05 * np.random.default_rng(4).standard_normal(bend.shape), s), 0.05
     ).arcs
-    gap = 0.05 / np.sqrt(12)  # standard deviation of a place that may be anywhere in 50 mm
+    gap = 0.05 / np.sqrt(12)  # standard deviation of a position uniform over 50 mm
     assert np.sqrt(arcs.covariance[0, 0]) == pytest.approx(gap, rel=0.02)
     assert arcs.total_angle_se == pytest.approx(16.0 * gap, rel=0.1)  # noise and the end adds a little
     assert arcs.covariance[:2, :2].sum() == pytest.approx(0.0, abs=1e-15)  # the whole length is known
@@ -216,7 +216,7 @@ def test_the_distal_end_scatters_as_its_standard_deviation_says():
         ends.append(route.position[-1])
         stated.append(route.noise)
     scatter = np.sqrt(np.mean(np.var(ends, axis=0)))
-    # 60 trials with about two values each tell a standard deviation to 7 %, and the choice of method adds
+    # 60 trials with about two values each give a standard deviation to 7 %, and the choice of method adds
     assert np.sqrt(np.mean(np.square(stated))) == pytest.approx(scatter, rel=0.3)
 
 
@@ -249,7 +249,9 @@ def test_thousands_of_gratings_are_averaged():
     bend = half(np.random.default_rng(0))(s) + np.random.default_rng(8).standard_normal((3000, 2))
     arcs = measure_fibre(read(bend, s), 1.0).arcs
     assert arcs.total_angle == pytest.approx(np.pi, abs=3 * arcs.total_angle_se)
-    assert arcs.total_angle_se < 2 * LENGTH / np.sqrt(3000)  # 1/m over the root of the number, and a margin
+    assert arcs.total_angle_se < 2 * LENGTH / np.sqrt(
+        3000
+    )  # 1/m over the root of the number, and an allowance
 
 
 def test_gratings_that_were_not_read_are_bridged_with_a_larger_error():

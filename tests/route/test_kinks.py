@@ -1,4 +1,4 @@
-"""Routes with corners: no smooth curve leads to them, and yet their angle is plain."""
+"""Routes with corners: no smooth curve fits them, and their angle is estimated all the same."""
 
 import math
 
@@ -31,7 +31,7 @@ def _polygon(name: str, n: int, noise: float, seed: int = 1) -> tuple[np.ndarray
     return points + noise * np.random.default_rng(seed).standard_normal((n, 3)), s, angle
 
 
-@pytest.mark.parametrize("known", [True, False], ids=["stations known", "not told"])
+@pytest.mark.parametrize("known", [True, False], ids=["stations known", "unknown"])
 @pytest.mark.parametrize("noise", [0.0, 1e-5, 5e-4])
 @pytest.mark.parametrize("n", [50, 77, 200, 600])
 @pytest.mark.parametrize("name", CORNERS)

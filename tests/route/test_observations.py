@@ -75,15 +75,15 @@ def test_missing_points_keep_their_numbers():
     shape = clean(arc)
     assert len(shape.points) == 47
     np.testing.assert_array_equal(np.diff(shape.index)[8:11], [1, 4, 1])
-    assert shape.warnings == ("3 points not seen, bridged",)
+    assert shape.warnings == ("3 points missing, bridged",)
 
 
 def test_points_missing_at_the_ends_are_not_bridged():
     arc = _arc()
     arc[:2] = arc[-3:] = np.nan
     assert clean(arc).warnings == (
-        "the first 2 points not seen: the route is computed without them",
-        "the last 3 points not seen: the route is computed without them",
+        "the first 2 points missing: the route is computed without them",
+        "the last 3 points missing: the route is computed without them",
     )
 
 

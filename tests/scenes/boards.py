@@ -16,7 +16,7 @@ _FINE = 2
 
 @dataclass(frozen=True)
 class Board:
-    """Inner corners along and across, side of a square [m], and brightness 0..1 at places u, v [m]."""
+    """Inner corners along and across, side of a square [m], and brightness 0..1 at positions u, v [m]."""
 
     columns: int
     rows: int
@@ -25,7 +25,7 @@ class Board:
 
 
 def checkerboard(columns: int = 9, rows: int = 6, square: float = 0.03) -> Board:
-    """A checkerboard with a white margin; the first inner corner is at 0, 0."""
+    """A checkerboard with a white border; the first inner corner is at 0, 0."""
 
     def shade(u: np.ndarray, v: np.ndarray) -> np.ndarray:
         i, j = np.floor(u / square).astype(int), np.floor(v / square).astype(int)
@@ -36,7 +36,7 @@ def checkerboard(columns: int = 9, rows: int = 6, square: float = 0.03) -> Board
 
 
 def pose_of(board: Board, turn: Sequence[float], position: Sequence[float]) -> tuple[np.ndarray, np.ndarray]:
-    """Pose of a board whose middle is at a place, turned from lying flat towards -y."""
+    """Pose of a board whose middle is at a position, turned from lying flat towards -y."""
     upright = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
     axes = Rotation.from_rotvec(turn).as_matrix() @ upright
     middle = 0.5 * board.square * np.array([board.columns - 1, board.rows - 1, 0.0])

@@ -15,7 +15,7 @@ _FINE = 4  # rays along each side of a pixel
 
 @dataclass(frozen=True)
 class Ball:
-    """A ball of even brightness: place and radius [m], colour blue green red."""
+    """A ball of even brightness: position and radius [m], colour blue green red."""
 
     position: np.ndarray
     radius: float = 0.004

@@ -1,4 +1,4 @@
-"""Cameras with lenses that distort, and rays through any place of the image."""
+"""Cameras with lenses that distort, and rays through any pixel of the image."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Lens:
     height: int = 480
 
     def project(self, points: np.ndarray) -> np.ndarray:
-        """Pixels [n, 2] of places [n, 3]."""
+        """Pixels [n, 2] of positions [n, 3]."""
         inside = points @ self.rotation.T + self.shift
         return self.pixels(inside[:, :2] / inside[:, 2:])
 
@@ -59,7 +59,7 @@ def _bent(slope: np.ndarray, distortion: tuple[float, ...]) -> np.ndarray:
 
 
 def towards(position: np.ndarray, target: np.ndarray, roll: float = 0.0, **lens: object) -> Lens:
-    """Camera at a place that looks at a target, the image's down along -z where it can be."""
+    """Camera at a position that faces a target, the image's down along -z where it can be."""
     forward = target - position
     forward = forward / np.linalg.norm(forward)
     right = np.cross(forward, np.array([0.0, 0.0, 1.0]))

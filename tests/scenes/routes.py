@@ -26,7 +26,7 @@ def loop(
 
 
 def tag_poses(positions: np.ndarray, toward: np.ndarray) -> np.ndarray:
-    """Axes [n, 3, 3] of tags at places that face a point: right, up, out."""
+    """Axes [n, 3, 3] of tags at positions that face a point: right, up, out."""
     result = []
     for position in positions:
         out = toward - position

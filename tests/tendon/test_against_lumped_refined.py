@@ -71,7 +71,7 @@ def test_the_difference_on_a_moving_route_falls_with_the_step_in_time(case, row)
 
 
 def exact_tension_in(positions):
-    """Tension [N] of a drive that was pulled to places[0] against a fixed end and goes back, closed form."""
+    """Tension [N] of a drive that was pulled to `at[0]` against a fixed end and goes back, closed form."""
     rig, arcs = Rig(tendon=Tendon(compliance_per_N=RHO, pretension_N=2.0)), Arcs.exact(*SETUP_B)
 
     def missing(tension_in, state, location):

@@ -194,6 +194,6 @@ def test_a_ringing_that_never_closes_a_loop_keeps_the_corner_list_bounded():
     state = driven(ring)
     assert len(state.angle) <= MAX_CORNERS
     # Half the log ratio, ln(15/5)/2 = 0.55, is spread over 512 corners, 0.0011 between two of them. Thinning
-    # goes where corners stand closest; it leaves gaps of up to four such spacings, hence errors up to half.
+    # goes where corners stand closest; up to four such spacings remain between two, hence errors up to half.
     error = np.log(tension(state, PHI) / clipped_on_grid(ring, 0.0, MU))
     assert np.max(np.abs(error)) < 0.0022

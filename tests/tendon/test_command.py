@@ -47,7 +47,7 @@ def test_on_a_fixed_route_the_model_carries_out_the_inverse(wanted, parts, prete
 @given(targets, pieces)
 @untimed
 def test_on_a_fixed_route_the_inverse_finds_the_drive_wherever_the_distal_end_answers(history, parts):
-    """Forward, then back: outside the dead zones the drive is found again, inside them it is not needed."""
+    """Forward, then back: outside the dead zones the inverse returns the drive; inside it is not unique."""
     rig, arcs = Rig(), arcs_of(parts)
     forward = back = pretensioned(rig)
     tension_out = 0.0

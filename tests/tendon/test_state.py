@@ -275,7 +275,7 @@ def test_a_tendon_on_no_route_has_no_distal_end():
 
 
 def test_a_tendon_that_hangs_loose_pulls_again_once_its_slack_is_taken_up():
-    """Let go by 2 mm beyond its rest, drawn back: nothing for 2 mm, then as on the first pull."""
+    """Released by 2 mm beyond its rest, pulled again: nothing for 2 mm, then as on the first pull."""
     rig, state = Rig(), driven([15.0], HALF_CIRCLE)
     for location in (-2e-3, -1.5e-3, -0.3e-3, 0.0):
         state = step(state, HALF_CIRCLE, rig, displacement_in=location)

@@ -59,7 +59,7 @@ def arcs_of(parts):
 
 
 def on_a_fine_grid(history, arcs, pretension, friction):
-    """The slow twin: clip on 20 001 places along each piece, then add up by the trapezium rule."""
+    """The slow twin: clip at 20 001 positions along each piece, then add up by the trapezium rule."""
     ends = np.concatenate(([0.0], np.cumsum(arcs.angle)))
     elongation, local = 0.0, np.empty(0)
     for length, start, stop in zip(arcs.length, ends[:-1], ends[1:], strict=True):

@@ -49,6 +49,6 @@ def _of_layout(path: Path, column: str) -> list:
 
 
 def verify(path: Path) -> None:
-    """Let Rerun itself look for errors in a recording."""
+    """Let Rerun itself check a recording."""
     binary = Path(rerun_cli.__file__).parent / "rerun"
     subprocess.run([binary, "rrd", "verify", path], check=True, capture_output=True)

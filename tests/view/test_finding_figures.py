@@ -1,4 +1,4 @@
-"""Figures of a finding: what is drawn is what was found, with units, and partial data have figures too."""
+"""Figures of a finding: they have its numbers, with units, and partial data have figures too."""
 
 from dataclasses import replace
 
@@ -92,9 +92,9 @@ def test_the_heat_map_leaves_out_what_never_occurs_and_keeps_the_rest():
 
 def test_misfit_along_the_route_is_drawn_for_every_route_with_the_detected_bend():
     drawn = lines(along_figure(worked_finding()))
-    assert {"half_circle", "setup_a", "chain", "bend found"} <= set(drawn)
-    assert drawn["bend found"][0, 0] == pytest.approx(210.0)
-    assert "bend found" not in lines(along_figure(worked_finding("unknown")))
+    assert {"half_circle", "setup_a", "chain", "detected bend"} <= set(drawn)
+    assert drawn["detected bend"][0, 0] == pytest.approx(210.0)
+    assert "detected bend" not in lines(along_figure(worked_finding("unknown")))
 
 
 def test_the_ranking_marks_what_was_chosen_and_the_threshold():

@@ -1,4 +1,4 @@
-"""Pictures and pages take the place of files, and of nothing else."""
+"""Pictures and pages replace files, and nothing else."""
 
 import os
 import stat

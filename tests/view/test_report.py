@@ -117,11 +117,11 @@ def test_warnings_of_all_frames_are_counted_and_written_out(
 ) -> None:
     assert f"⚠ {still[0].warnings[0]}" in page.text
     warned = [
-        dataclasses.replace(result, warnings=("one point not seen, bridged",) if result.seq < 3 else ())
+        dataclasses.replace(result, warnings=("one point missing, bridged",) if result.seq < 3 else ())
         for result in moving
     ]
     entry = ReportEntry.of("warned", warned, timed=True)
-    assert entry.warnings == (("one point not seen, bridged", 3),)
+    assert entry.warnings == (("one point missing, bridged", 3),)
     assert "(3 of 7 frames)" in section(entry, warned[-1])
 
 

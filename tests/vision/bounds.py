@@ -27,7 +27,7 @@ def bound(lenses, positions, noise):
 
 
 def pixel_error(lenses, images, positions, find):
-    """Root mean square error of a coordinate of the centres that were found [px]."""
+    """Root mean square error of a coordinate of the detected centres [px]."""
     off = []
     for lens, image in zip(lenses, images, strict=True):
         centre, truth = find(image).centre, lens.project(positions)

@@ -1,4 +1,4 @@
-"""Blobs are found to a small part of a pixel, and what is no whole blob is not taken for one."""
+"""Blobs are located to a small part of a pixel, and a part of a blob is no blob."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ def balls(**view_set_of):
 
 
 def off(result, truth=TRUTH):
-    """Distance of every found centre to the nearest true one, and of every true one to the nearest found."""
+    """Distances from each detected centre to the nearest true one, and from each true one to the nearest."""
     distance = np.linalg.norm(result.centre[:, None] - truth[None], axis=2)
     return distance.min(axis=1), distance.min(axis=0)
 
@@ -37,7 +37,9 @@ def test_the_error_of_a_centre_is_what_the_noise_of_the_image_allows():
         errors.append((result.centre - TRUTH[order]).ravel())
         stated.append(result.noise)
     ratio = np.concatenate(errors).std() / np.concatenate(stated).mean()
-    assert 0.75 < ratio < 1.3  # 140 errors tell their spread to 6 %; blur and edge are not in the propagation
+    assert (
+        0.75 < ratio < 1.3
+    )  # 140 errors determine their spread to 6 %; blur and edge are not in the propagation
 
 
 def test_dark_balls_are_detected_on_a_bright_ground():

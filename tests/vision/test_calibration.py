@@ -1,4 +1,4 @@
-"""Cameras are found from boards, to within the errors that are told."""
+"""Cameras are calibrated from boards, to within the reported errors."""
 
 from dataclasses import replace
 
@@ -22,7 +22,7 @@ def inside(lens, pixels):
 
 
 def detections_of(lenses, poses, noise, seed=0):
-    """Corners as a detector gives them, with noise of its own, of boards that are wholly seen."""
+    """Corners as a detector gives them, with noise of its own, of boards that are wholly visible."""
     random, rows = np.random.default_rng(seed), []
     for axes, origin in poses:
         row = []
@@ -35,13 +35,13 @@ def detections_of(lenses, poses, noise, seed=0):
 
 
 def smaller(lens):
-    """The same camera with fewer pixels, which are drawn sooner."""
+    """The same camera with fewer pixels, which are rendered faster."""
     focal, centre = (tuple(0.625 * x for x in pair) for pair in (lens.focal, lens.centre))
     return replace(lens, focal=focal, centre=centre, width=400, height=300)
 
 
 def parameters(lens, first):
-    """What a calibration in the frame of the first camera should find: lens and place."""
+    """What a calibration in the frame of the first camera should estimate: lens and pose."""
     position = first.rotation @ (lens.position - first.position)
     return np.array([*lens.focal, *lens.centre, *lens.distortion]), position
 
@@ -49,7 +49,7 @@ def parameters(lens, first):
 def test_lenses_and_positions_are_estimated_to_within_their_errors():
     poses = board_poses(PLOTTED, 24)
     result = calibrated(BOARD, ["a", "b"], SIZES, detections_of(LENSES, poses, 0.1))
-    assert result.noise == pytest.approx(0.1, rel=0.05)  # 4000 coordinates tell it to 1 %
+    assert result.noise == pytest.approx(0.1, rel=0.05)  # 4000 coordinates determine it to 1 %
     for v, lens in enumerate(LENSES):
         camera = result.cameras[v]
         truth, position = parameters(lens, LENSES[0])
@@ -67,7 +67,7 @@ def test_the_covariance_is_that_of_repeated_calibrations():
     ]
     focal = np.array([[one.cameras[1].matrix[0, 0], one.cameras[1].shift[0] * 1e3] for one in many])
     stated = np.array([one.sd[1, [0, CAMERA - 3]] * [1.0, 1e3] for one in many]).mean(axis=0)
-    # 12 values tell their spread to 21 %
+    # 12 values determine their spread to 21 %
     assert np.abs(np.log(focal.std(axis=0, ddof=1) / stated)).max() < 0.6
 
 

@@ -1,4 +1,4 @@
-"""Cameras see points where the optics of the scenes say, and look back along the same rays."""
+"""Cameras project points as the optics of the scenes do, and their rays pass through the points."""
 
 import numpy as np
 import pytest

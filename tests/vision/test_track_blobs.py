@@ -1,4 +1,4 @@
-"""Blobs in rendered films: as near to the truth as pixels allow, in order, a gap where they are hidden."""
+"""Blobs in rendered films: as near to the truth as pixels allow, in order, missing where they are hidden."""
 
 import numpy as np
 import pytest

@@ -39,7 +39,7 @@ def test_tags_are_located_at_their_middles_in_the_given_order(cameras_of):
     spread = np.array([one.covariance for one in result.frames])
     stated = np.sqrt(np.trace(spread, axis1=2, axis2=3).mean() / 3)
     assert np.isfinite(error).all()
-    # corners share what the lens and the pixels do to an edge, which no view can tell from the others
+    # corners share what the lens and the pixels do to an edge, which no view can distinguish
     assert np.sqrt(np.mean(error**2)) < 2.0 * stated
     assert np.sqrt(np.mean(error**2)) < 5e-5  # a twentieth of a pixel
 

@@ -1,4 +1,4 @@
-"""Points are placed as well as pixel noise allows, their covariance says so, and a wrong view is found."""
+"""Points are triangulated to the noise of pixels, with a true covariance, and a wrong view is detected."""
 
 import numpy as np
 import pytest

@@ -134,7 +134,7 @@ class RunFromHere:
             0,
         )
         if done < len(drive):
-            raise FitError("no equilibrium of the tendon was found: take smaller steps")
+            raise FitError("there is no equilibrium of the tendon: take smaller steps")
         read = sensed(setup, out, self._elapsed)
         return np.array([read[name] for name in CHANNELS])
 

@@ -307,7 +307,7 @@ class RigFilter:
         )
         if done < len(drive):
             said = ", ".join(f"{key} {value:g}" for key, value in zip(self.keys, numbers[done], strict=True))
-            raise FitError(f"no equilibrium of the tendon was found with {said}: take smaller steps")
+            raise FitError(f"there is no equilibrium of the tendon with {said}: take smaller steps")
         return after, ends
 
     def _gains(self, numbers: Matrix) -> Vector:

@@ -32,7 +32,7 @@ library = _library()
 NULL, from_buffer, new, empty = ffi.NULL, ffi.from_buffer, ffi.new, np.empty
 
 _FAULTS = {  # codes of core.h
-    1: "the points give no finite curve: check the unit and look for outlying points",
+    1: "the points give no finite curve: check the unit, and check for outlying points",
     2: "the tendon finds no equilibrium: check stiffness, friction and tension of the rig",
     3: "arrays of the geometry do not belong to each other: this is a fault of the program, please report it",
 }

@@ -31,7 +31,7 @@ _C_TYPES = {"float": "double", "int": "int64_t", "bool": "int64_t"}
 
 
 class NoCompilerError(RuntimeError):
-    """Neither a C compiler nor the package `ziglang` was found."""
+    """Neither a C compiler nor the package `ziglang` is installed."""
 
 
 def sources() -> list[Path]:

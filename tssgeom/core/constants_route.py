@@ -75,7 +75,7 @@ class RawOutlierLimits(NamedTuple):
     longest_run: int = 3
     """Points in a row that may be outliers together. Chosen: a longer run is a break of the sequence."""
     uneven: float = 4.0
-    """Steps by which unevenly spaced points may lie ahead or behind [1]. Chosen."""
+    """Steps by which unevenly spaced points may be off along the route, either way [1]. Chosen."""
     extrapolated_from: int = 6
     """Points whose line is extrapolated beyond an end. Chosen."""
     most: float = 0.1

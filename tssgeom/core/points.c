@@ -147,7 +147,7 @@ static double off_line(
     return most(off2 - along * along / way2, 0.0);
 }
 
-/* How far a point lies ahead of the next one or behind the last, along the way between them [m]. */
+/* How far a point lies beyond the next one or behind the last, along the way between them [m]. */
 static double backwards(const double before[3], const double here[3], const double after[3]) {
     double forward = 0.0, behind = 0.0, way2 = 1e-300;
     for (int c = 0; c < 3; c++) {
@@ -168,7 +168,7 @@ static int any_off_middle(int64_t n, const double p[][3], double spacing) {
 
 /* The inner point that is farthest from every guess from its neighbours, if an outlier, or -1. A good point beside an
    outlier still agrees with one of the guesses: halfway between the next, between the next but one, or straight on
-   from either side. What leaps ahead of the next point or back behind the last counts as off by as much. */
+   from either side. A point beyond the next one or behind the last is off by as much. */
 static int64_t worst_inside(int64_t n, const double p[][3], double spacing, double *size) {
     if (!any_off_middle(n, p, spacing)) return -1;
     int64_t worst = 0;

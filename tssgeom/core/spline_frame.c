@@ -148,9 +148,9 @@ status tss_spline_nodes(
 static double ratio_nearby(const FilterModel *model, double variance, double ratio) {
     for (int64_t search = 0; search < PASSES.warm_searches; search++) {
         double next = best_ratio(model, variance, ratio);
-        int found = fabs(log(next / ratio)) <= PASSES.warm_ratio;
+        int near = fabs(log(next / ratio)) <= PASSES.warm_ratio;
         ratio = next;
-        if (found) return ratio;
+        if (near) return ratio;
     }
     return 0.0;
 }

@@ -1,7 +1,7 @@
 /* The prior of a route that bends with it: how a state moves on, and what it is linearised along.
 
    The prior says that the rate of the curvature vector, carried along without twist, wanders like Brownian motion
-   of intensity q and is drawn back against the curvature (20). With κ = 0 the posterior mean is the smoothing
+   of intensity q with a restoring rate against the curvature (20). With κ = 0 the posterior mean is the smoothing
    spline of degree seven; with κ², κκ' and ω² of a previous pass circles and helices cost nothing.
 
    The state is r, r' = T, T' = a, and b with a' = b - κ² T, b' = -κκ' T - ω² a + w. Transitions are kept without

@@ -140,7 +140,7 @@ ENTRY int64_t tss_step_with_effects(
 /** Return both ends of a tendon with effects; docs/model.md (121)-(123).
 
 `way` is the direction index ζ, `front` the contacts that slid last. Returns standard error of the elongation
-[m] and of T_out [N], width of the dead zone [N], whether the load answered, angle of the slip front [rad]. */
+[m] and of T_out [N], width of the dead zone [N], whether the load responded, angle of the slip front [rad]. */
 ENTRY void tss_transmit_with_effects(
     int64_t k, const double edge[k], const double plant[16 * (k + 1) + 428],
     const double memory[9 * (k + 1) + 7], int64_t p, const double length[p], const double angle[p],

@@ -2,7 +2,7 @@
 
    The tendon is a chain of elastic bars between contacts. A contact with movement w > 0 slides towards the
    proximal end and is on the lower side of its friction cone, one with w < 0 on the upper side; inside it
-   sticks. Which contacts slide is found by policy iteration on a tridiagonal M-matrix; docs/model.md
+   sticks. Policy iteration on a tridiagonal M-matrix determines which contacts slide; docs/model.md
    (40)-(46). */
 #include "tendon_bars.h"
 

@@ -41,8 +41,8 @@ typedef struct {
 /* Accumulated curve angle at even shares of the length, and its variance; docs/model.md (80).
 
    At the share σ, in piece i, the derivative is κ(σ − u) by the lengths and u by the angles, where u is 1
-   before that piece, the part passed in it, and 0 behind. So the variance follows from sums over leading
-   blocks. */
+   before that piece, the part passed in it, and 0 behind. So the variance follows from sums over
+   leading blocks. */
 static void at_shares(
     int64_t p, const double length[], const double angle[], const double *covariance, route_shares *result) {
     double whole = total(p, length), begin = 0.0, phi = 0.0;

@@ -6,7 +6,7 @@
 
 enum {
     MOTIONS = 7, /* from a route that stands to one that goes where it likes */
-    SMOOTH = 8,  /* smoothest components of a motion along the route, by which it is told from noise */
+    SMOOTH = 8,  /* smoothest components of a motion along the route, which distinguish it from noise */
 };
 
 /* Noise of the acceleration over that of the points [1 / step³]; chosen: the bandwidth grows threefold from one to
@@ -69,7 +69,7 @@ static double smooth_part(
     return squares;
 }
 
-static int seen(const double point[3]) { return isfinite(point[0] + point[1] + point[2]); }
+static int sensed(const double point[3]) { return isfinite(point[0] + point[1] + point[2]); }
 
 /* Square of what second differences in time have beside their smooth part; (158). */
 static counted rough_part(
@@ -78,7 +78,7 @@ static counted rough_part(
     int64_t used = 0;
     double squares = 0.0, part[SMOOTH][3];
     for (int64_t i = 0; i < n; i++) {
-        int all = seen(points[i]) && seen(last[i]) && seen(before[i]);
+        int all = sensed(points[i]) && sensed(last[i]) && sensed(before[i]);
         used += all;
         for (int c = 0; c < 3; c++) {
             double second = points[i][c] - last[i][c] - ratio * (last[i][c] - before[i][c]);
@@ -151,7 +151,7 @@ static double corrected(
     p.vv += restlessness * step;
     double expected = p.xx + 1.0, to_x = p.xx / expected, to_v = p.xv / expected;
     for (int64_t i = 0; i < n; i++) {
-        int here = seen(points[i]);
+        int here = sensed(points[i]);
         for (int c = 0; c < 3; c++) {
             now->x[i][c] += step * now->v[i][c];
             field[i][c] = here ? points[i][c] - now->x[i][c] : 0.0;
@@ -174,7 +174,7 @@ static void judge(
     }
     for (int64_t i = 0; i < n; i++) {
         double off = distance3(points[i], field[i]);
-        innovation[i] = seen(points[i]) ? off * off / r : 0.0;
+        innovation[i] = sensed(points[i]) ? off * off / r : 0.0;
     }
 }
 
@@ -226,8 +226,8 @@ void tss_filter_in_time(
     for (int k = 0; k < MOTIONS; k++) {
         double share = probability_after[k] /= sum;
         add(3 * n, share, *memory_after[k], *filtered);
-        double told = share / squared(squared(expected[k])); /* a motion hides the noise */
-        low.values += told * smooth_values, low.squares += told * squares[k] / expected[k];
+        double weight = share / squared(squared(expected[k])); /* a motion hides the noise */
+        low.values += weight * smooth_values, low.squares += weight * squares[k] / expected[k];
     }
     low = forgetting(low);
     double r = (low.squares + prior.squares) / (low.values + prior.values);
@@ -242,7 +242,7 @@ void tss_filter_in_time(
         p += probability_after[k] * (covariance_after[k][0] + apart / (smooth_values * r));
     }
     for (int64_t i = 0; i < n; i++)
-        if (!seen(points[i])) filtered[i][0] = filtered[i][1] = filtered[i][2] = NAN;
+        if (!sensed(points[i])) filtered[i][0] = filtered[i][1] = filtered[i][2] = NAN;
     memcpy(memory_after[15], memory[14], (size_t)n * sizeof *memory[14]);
     memcpy(memory_after[14], points, (size_t)n * sizeof *points);
     noise_after[0] = low.values, noise_after[1] = low.squares, noise_after[2] = high.values;

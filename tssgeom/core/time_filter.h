@@ -7,8 +7,8 @@
 Parameters: what it remembers, for each motion the positions [m], then for each the velocities [m per unit of time],
 then the last two frames as sensed; probability of each motion; variance of a position, its covariance with the
 velocity and the variance of that, over the variance of the noise; of the noise of the smooth part of the motion
-and of the rest, values counted and their sum of squares [m²], then the last step; the points, NaN where one was
-not seen; the time since the last frame; and a variance [m²] that the noise of the rest cannot exceed. Time is
+and of the rest, values counted and their sum of squares [m²], then the last step; the points, NaN where one is
+missing; the time since the last frame; and a variance [m²] that the noise of the rest cannot exceed. Time is
 counted in usual steps.
 Returns what it remembers then, in the same order; the filtered points; the squared distance of each
 point from where it was expected, over the variance of the noise; the variance of a filtered coordinate and of a

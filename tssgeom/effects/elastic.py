@@ -43,8 +43,8 @@ class ToeRegion(Effect, frozen=True):
 
     Equation: docs/model.md (50).
 
-    Strands settle before they stretch. Source: Y. C. Fung, Elasticity of soft tissues in simple elongation,
-    Am. J. Physiol. 213 (1967), for the exponential.
+    Strands are compacted before they stretch. Source: Y. C. Fung, Elasticity of soft tissues in simple
+    elongation, Am. J. Physiol. 213 (1967), for the exponential.
     """
 
     strain: float

@@ -215,7 +215,7 @@ class EndFittingFrictionProximal(Effect, frozen=True):
 
     Equation: docs/model.md (52), (54).
 
-    Source: Coulomb friction at one place; as a sign switch it would be wrong wherever the tendon sticks.
+    Source: Coulomb friction at one position; a sign switch is wrong wherever the tendon sticks.
     """
 
     force_N: float = 0.0

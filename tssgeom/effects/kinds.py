@@ -58,7 +58,7 @@ class Parameter:
 
 @dataclass(frozen=True, slots=True)
 class Tie:
-    """What no fit can tell apart from the effect, and the experiment that can."""
+    """What no fit can distinguish from the effect, and the experiment that can."""
 
     gauge: str
     """Name of the tie in docs/model.md, G1 to G10."""

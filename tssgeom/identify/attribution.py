@@ -24,7 +24,7 @@ from tssgeom.identify.readings import Reading
 
 @dataclass(frozen=True, slots=True)
 class AttributionSettings:
-    """Where a misfit is looked for; no verdict rests on these. All are chosen for tables that can be read."""
+    """How finely a misfit is attributed; no verdict depends on these. All are chosen for readable tables."""
 
     bins: int = 3
     """Bins of tension."""
@@ -231,7 +231,7 @@ def _cycle(reading: Reading) -> Vector:
 
 
 def _shape(problem: Problem, fit: Fit, slope: Vector, name: str, x: Vector) -> Shape:
-    """Fit ln μ as a broken line over x, in place of one number; docs/model.md (118)."""
+    """Fit ln μ as a broken line over x, instead of one number; docs/model.md (118)."""
     knots = np.unique(np.quantile(x, np.linspace(0.0, 1.0, ATTRIBUTION.knots)))
     hats = _hats(x, knots)
     column = problem.whitening.whitened(slope[:, None] * hats)

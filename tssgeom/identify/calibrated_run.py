@@ -143,7 +143,7 @@ class CalibratedRun:
         return {zero.name: zero.value(u) for zero, u in zip(self.zeros, at.zeros, strict=True)}
 
     def channels(self, at: Point, nominal: Rig, bars: int = BARS) -> dict[str, Vector]:
-        """Return what each channel would have shown [n]; docs/model.md (71)."""
+        """Return the predicted reading of each channel [n]; docs/model.md (71)."""
         value, reading = self.values(at), self.reading
         offset = value.get("elongation_offset", 0.0)
         by_position = reading.drive == "displacement_in_m"

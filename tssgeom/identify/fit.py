@@ -140,7 +140,7 @@ class Fit:
     chi2: float
     """Of residuals and priors [1]."""
     residual: Vector
-    """[rows + k] Weighed [1]."""
+    """[rows + k] Whitened [1]."""
     jacobian: Matrix
     """[rows + k, 2 + free] Of the whitened prediction by ln μ, ln ρ and what is free [1]."""
     left: Vector

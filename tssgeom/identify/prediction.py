@@ -145,7 +145,7 @@ def errors_of(stack: Stack, rig: Rig, effects: Sequence[AnyEffect] = ()) -> Erro
 
 
 def _from_drive(reading: Reading, rig: Rig, effects: Sequence[AnyEffect]) -> dict[str, Vector]:
-    """Return what a channel is off for the noise of the drive, drawn and calmed anew; docs/model.md (100)."""
+    """Return the error of a channel for a new sample of the drive's noise, denoised; docs/model.md (100)."""
     drive, noise = reading.given[reading.drive], reading.noise[reading.drive]
     rng, holds = np.random.default_rng(NOISE.seed), _holds(drive, noise)
     soft, blunt = _softened(drive, [hold(drive, 0, noise), *holds]) - drive, blunted(drive, holds)

@@ -1,7 +1,7 @@
 """The library held against a fitted model by score tests: trial sizes, gains, threshold and detection limits.
 
 The threshold is what the best of a library reaches on clean campaigns of the same sensors, a parametric
-bootstrap: clean residuals are drawn from the sensor specification, with bends of load cells of other forms
+bootstrap: clean residuals are sampled from the sensor specification, with bends of load cells of other forms
 than the error model has, and tested with the same straight lines. Source: docs/model.md (107), (110), (111).
 """
 
@@ -32,7 +32,7 @@ class DetectionLimits:
     trial: float = 0.5
     """Of the typical size: size at which an effect is first tried [1]; chosen."""
     draws: int = 400
-    """Clean campaigns that are drawn; chosen: 4 of them exceed the threshold."""
+    """Clean campaigns that are sampled; chosen: 4 of them exceed the threshold."""
     rate: float = 0.01
     """Share of clean campaigns that may pass the threshold [1]; chosen."""
     least_threshold: float = 10.0
@@ -128,7 +128,7 @@ class ScoreTest:
 
     variant: Variant
     column: Vector
-    """[rows + k] Weighed change for one unit of amplitude, off friction and compliance."""
+    """[rows + k] Whitened change for one unit of amplitude, friction and compliance projected off."""
     amplitude: float
     """That the readings want, in the parameter's unit."""
     gain: float

@@ -50,7 +50,7 @@ class SearchSettings:
     nonlinear: float = 3.0
     """ΔBIC that a refit may gain beyond its score test [1]; chosen on development seeds."""
     exchanged: int = 6
-    """Effects that are tried in place of one; chosen for speed."""
+    """Effects that are tried instead of one; chosen for speed."""
     continued: int = 7
     """Candidates whose refit goes on; chosen for speed."""
 
@@ -277,7 +277,7 @@ def without(at: Point, which: int) -> Point:
 def exchanged(
     problem: Problem, errors: Errors, fit: Fit, tried: Sequence[Variant], seed: int
 ) -> tuple[Problem, Errors, Fit]:
-    """Take each effect out in turn, and put in its place whatever fits best there, or nothing."""
+    """Replace each effect in turn by the one that fits best there, or by none."""
     for which in range(len(fit.at.effects) - 1):
         rest = refined(problem, without(fit.at, which))
         now = step(problem, errors, rest, tried, seed, SEARCH.exchanged)

@@ -164,7 +164,7 @@ def _recorded(
 
 
 def _drive(pull: Pull, arcs: Arcs) -> tuple[Vector, Vector]:
-    """Return times [s] and positions [m] that lead the believed rig through the tensions of a plan.
+    """Return times [s] and positions [m] that take the nominal rig through the tensions of a plan.
 
     The drive turns at samples: a turn between two is not recorded, and costs more than all noise.
     """

@@ -175,7 +175,7 @@ def base_ties(fit: Fit, rig: Rig) -> tuple[str, list[Tied]]:
     if abs(friction) > max(TIES.moved * spread[0], TIES.least_move):
         words.append(
             f"friction is {fit.at.friction:.4g} and not {rig.friction.coefficient:.4g}, which an angle gain "
-            f"of {math.exp(friction):.3f} of the shape sensor would look like (G3): "
+            f"of {math.exp(friction):.3f} of the shape sensor would give as well (G3): "
             "only another sensor separates them"
         )
         names = ("rig.friction.coefficient", "angle gain of the shape sensor")
@@ -186,7 +186,7 @@ def base_ties(fit: Fit, rig: Rig) -> tuple[str, list[Tied]]:
         words.append(
             f"compliance is {fit.at.compliance:.4g} 1/N and not {rig.tendon.compliance_per_N:.4g} 1/N, "
             f"which a scale of {math.exp(give):.3f} of encoder or route length, or a sheath that gives way, "
-            "would look like (G2): a straight tendon with a dead weight separates them"
+            "would give as well (G2): a straight tendon with a dead weight separates them"
         )
         names = (
             "rig.tendon.compliance_per_N",

@@ -169,13 +169,13 @@ def _held_out_words(before: float, after: float) -> str:
     if math.isnan(before):
         return ""
     if max(before, after) <= MISFIT.floor:
-        return "; the held-out runs show no gap, with it or without"
+        return "; the held-out runs have no misfit, with it or without"
     change = f"from {before:.2g} to {after:.2g} times the noise"
     if after < MISFIT.same * before:
         closed = math.floor(100.0 * (1.0 - after / before))
         return f"; it closes {closed} % of the disagreement on runs that were not fitted ({change})"
     grows = "grows" if MISFIT.same * after > before else "stays"
-    return f"; but with it the gap on held-out runs {grows}, {change}"
+    return f"; but with it the misfit on held-out runs {grows}, {change}"
 
 
 def plain(name: str) -> str:

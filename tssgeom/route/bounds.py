@@ -61,7 +61,7 @@ class Polygon:
         if length < least:
             return (
                 f"the route is {1e3 * length:.5g} mm long, its points lie at least {1e3 * least:.5g} mm "
-                "apart along it: check noise_mm and look for outlying points"
+                "apart along it: check noise_mm, and check for outlying points"
             )
         inverse = 1.0 / self.chord
         turn_noise = np.sqrt(inverse[:-1] ** 2 + inverse[1:] ** 2 + (inverse[:-1] + inverse[1:]) ** 2)
@@ -70,7 +70,7 @@ class Polygon:
         if noise < LIMITS.small_noise * chords / len(self.chord) and angle < least:
             return (
                 f"the route turns by {math.degrees(angle):.4g}°, the polygon through its points by at least "
-                f"{math.degrees(least):.4g}°: check noise_mm and look for outlying points"
+                f"{math.degrees(least):.4g}°: check noise_mm, and check for outlying points"
             )
         return None
 

@@ -53,7 +53,7 @@ class TrackingSchedule:
     longest_interval: int = 512
     """The same where the other was far behind again and again [frames]. Chosen."""
     takeover: float = 10.0
-    """Evidence difference by which the other must lead to take over [2 ln]. Chosen: odds of 1 to 150."""
+    """Log evidence difference above which the other takes over [2 ln]. Chosen: odds of 1 to 150."""
     far_behind: float = 60.0
     """Evidence difference beyond which the interval to the next trial doubles [2 ln]. Chosen."""
     work: int = 3000
@@ -239,7 +239,7 @@ def _taken_over(taken: TrackedFit, now: TrackedFit) -> TrackedFit:
 def _not_taken_over(
     difference: float, candidate: Spline | None, variance: float, now: TrackedFit
 ) -> TrackedFit:
-    """Go on as before, the candidate's evidence being ahead by the difference [2 ln], mostly negative."""
+    """Keep the model. `difference` is the candidate's log evidence less that of the model [2 ln]."""
     interval = SCHEDULE.first_interval
     if difference < -SCHEDULE.far_behind:
         interval = min(2 * now.interval, SCHEDULE.longest_interval)

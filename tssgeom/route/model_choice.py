@@ -114,7 +114,7 @@ def added_variance(probability: Vector, angle: Vector, own: Vector, about: float
 
 
 def selected(smooth: RouteFit, arcs: RouteFit, log_evidence_difference: float) -> RouteFit:
-    """Select the likelier model and add the variance of that choice; the chain is ahead by the difference."""
+    """Select the likelier model and add the variance of that choice; the difference is chain less spline."""
     likelier = replace(arcs if log_evidence_difference > 0 else smooth, spline=smooth.spline)
     return likelier.with_model_choice_variance(model_choice_variance(smooth, arcs, log_evidence_difference))
 

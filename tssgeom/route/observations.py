@@ -54,7 +54,7 @@ def clean(
     Parameters
     ----------
     points
-        Points along the route; a row of NaN is one that was not seen [m].
+        Points along the route; a row of NaN is a missing one [m].
     stations
         Known arc length at each point, increasing [m].
     directions
@@ -109,7 +109,7 @@ def _with_length(shape: Shape, length: float, noise: float, sensed: int) -> Shap
     if not (math.isfinite(length) and length > 0.0):
         raise ShapeError(f"the length is {length:g} m: give a finite value > 0 m, or leave it out")
     if shape.index[0] > 0 or shape.index[-1] < sensed - 1:
-        unused = "the stated length is not used: an end of the route was not seen"
+        unused = "the stated length is not used: an end of the route is missing"
         return replace(shape, warnings=(*shape.warnings, unused))
     return replace(shape, length=length, length_noise=noise)
 
@@ -164,7 +164,7 @@ def _usable(points: Points, known: Vector | None) -> tuple[np.ndarray, tuple[str
     """Return the indices of the points that can be used, and what is to be said of the others."""
     if np.isinf(points).any():
         row = int(np.argmax(np.isinf(points).any(axis=1)))
-        raise ShapeError(f"point {row} is infinite: leave a point that was not seen empty or NaN")
+        raise ShapeError(f"point {row} is infinite: leave a missing point empty or NaN")
     far = (np.abs(points) > POINTS.farthest).any(axis=1)
     if far.any():
         most, row = np.nanmax(np.abs(points)), int(np.argmax(far))
@@ -202,9 +202,9 @@ def _missing_warnings(observed: np.ndarray) -> tuple[str, ...]:
     if not inside.size:
         return ()
     missing = int((~observed[inside[0] : inside[-1] + 1]).sum())
-    bridged = (f"{missing} points not seen, bridged",) if missing else ()
+    bridged = (f"{missing} points missing, bridged",) if missing else ()
     ends = (("first", int(inside[0])), ("last", len(observed) - 1 - int(inside[-1])))
-    lost = "the {} {} points not seen: the route is computed without them"
+    lost = "the {} {} points missing: the route is computed without them"
     return bridged + tuple(lost.format(*end) for end in ends if end[1])
 
 
@@ -246,4 +246,4 @@ def order_warnings(shape: Shape, weight: Vector, stations: Vector, noise: float)
     if not len(behind):
         return ()
     named = listed(shape.index[behind].astype(int))
-    return (f"{len(behind)} points run back along the route {named}: look for points out of order",)
+    return (f"{len(behind)} points run back along the route {named}: check for points out of order",)

@@ -269,7 +269,7 @@ def _converged(problem: Problem, before: Solution | LastPass, ratio: float) -> _
         if abs(reached - last) < GRID.converged:
             break
     if best is None:
-        raise FitError("the points give no finite curve: check the unit and look for outlying points")
+        raise FitError("the points give no finite curve: check the unit, and check for outlying points")
     return best  # at a kink the prior and the curve along which it is linearised sharpen each other
 
 

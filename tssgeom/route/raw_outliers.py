@@ -36,7 +36,7 @@ def _unmark_long_runs(mark: np.ndarray) -> None:
 
 
 def _unmark_ends(points: Points, mark: np.ndarray) -> None:
-    """Unmark points at an end that lie where the kept ones go on to: an outlier made them look like one."""
+    """Unmark points at an end that continue the kept ones: an outlier beside them had marked them."""
     for direction in (slice(None), slice(None, None, -1)):
         p, off = points[direction], mark[direction]
         kept = np.flatnonzero(~off)[: RAW.extrapolated_from]

@@ -1,7 +1,7 @@
 """Φ at a resolution, and the errors that neighbouring points share; docs/model.md (163), (164).
 
-A shape does not tell a bend from an error of the same length. What the source of the points is known to do,
-and how short a wave a sheath can follow, is all there is to part them by.
+A shape does not distinguish a bend from an error of the same length. Only what is known of the source of the
+points, and of how short a wave a sheath can follow, separates them.
 """
 
 from __future__ import annotations

@@ -19,7 +19,7 @@ class StationLimits:
     chords: int = 8
     """Chords into which a route is cut for the comparison. Chosen: so few that noise lengthens none."""
     warning: float = 1.05
-    """Chords over their stations above which a warning is due [1]. Derived: 1, and a margin for noise."""
+    """Chords over their stations above which a warning is due [1]. Derived: 1, and an allowance for noise."""
     refusal: float = 2.0
     """Chords over their stations above which the frame is refused [1]. Chosen: a wrong unit or column."""
     shortest_path: float = 1 / 3

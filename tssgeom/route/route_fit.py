@@ -41,7 +41,7 @@ class AgreementLimits:
     """Share of the points without weight, above which the fit is refused [1]. Chosen."""
     longest_path: float = 1.3
     """Path from point to point over the length of the route with its noise [1]. Derived: chords are shorter
-    than arcs, so 1 plus a margin."""
+    than arcs, so 1 plus an allowance for noise."""
     residual: float = 4.0
     """Noises, beside one spacing, of the root mean square residual [1]. Chosen."""
     fold_cosine: float = -0.5
@@ -198,7 +198,7 @@ def _length_warning(longer: float, length: float, se: float) -> str:
     return (
         f"the route is {1e3 * abs(longer):.3g} mm {'longer' if longer > 0 else 'shorter'} "
         f"than the stated length of {1e3 * length:.6g} mm, with a standard error of {1e3 * se:.2g} mm: "
-        "look for points beyond the ends, a wrong unit or a wrong length"
+        "check for points beyond the ends, a wrong unit or a wrong length"
     )
 
 
@@ -289,7 +289,7 @@ def refuse_lost(fit: RouteFit, points: Points) -> None:
     arcs = fit.arcs
     length, _, angle_se, shortest, every = core.totals(arcs.length, arcs.angle, arcs.covariance)
     if not math.isfinite(every) or shortest <= 0.0:
-        raise FitError("the points give no finite curve: check the unit and look for outlying points")
+        raise FitError("the points give no finite curve: check the unit, and check for outlying points")
     ignored, path = core.path_length(points, fit.weight)
     chord = math.hypot(length / len(points), math.sqrt(6.0) * fit.noise)
     too_long = path > AGREEMENT.longest_path * len(points) * chord
@@ -297,12 +297,12 @@ def refuse_lost(fit: RouteFit, points: Points) -> None:
     if lost or length > AGREEMENT.longest_detour * path:
         raise FitError(
             f"no route fits the points, {ignored} of {len(points)} lie off it: sense it more densely where "
-            "it turns sharply, and look for points out of order"
+            "it turns sharply, and check for points out of order"
         )
     if angle_se > AGREEMENT.largest_angle_se:
         raise FitError(
             f"{len(points)} points do not determine how far the route turns: sense it more densely where it "
-            "turns sharply, and look for points out of order"
+            "turns sharply, and check for points out of order"
         )
 
 

@@ -38,7 +38,7 @@ def chain(length: Vector, kappa: Vector, plane: Vector | float = 0.0) -> Course:
 
 
 def frames(course: Course) -> tuple[Points, np.ndarray]:
-    """Place [k+1, 3] and axes [k+1, 3 axes, 3] (tangent and two normals) at the joints of a route."""
+    """Positions [k+1, 3] and axes [k+1, 3 axes, 3] (tangent and two normals) at the joints of a route."""
     positions, axes = np.zeros((len(course.length) + 1, 3)), np.zeros((len(course.length) + 1, 3, 3))
     axes[0] = np.eye(3)
     for i, (length, bend) in enumerate(zip(course.length, course.bend, strict=True)):
@@ -49,7 +49,7 @@ def frames(course: Course) -> tuple[Points, np.ndarray]:
 
 
 def _along(s: Vector, bend: Vector) -> tuple[Points, np.ndarray]:
-    """Place [n, 3] and axes [n, 3, 3] at arc lengths `s` of one arc, in the axes at its start."""
+    """Return positions [n, 3] and axes [n, 3, 3] at arc lengths `s` of one arc, in the axes at its start."""
     kappa = float(np.linalg.norm(bend))
     way = bend / kappa if kappa > 0 else np.array([1.0, 0.0])
     angle = kappa * s
@@ -66,7 +66,7 @@ def _along(s: Vector, bend: Vector) -> tuple[Points, np.ndarray]:
 
 
 def positions(course: Course, s: Vector) -> Points:
-    """Places of a route at arc lengths `s` [n] [m]."""
+    """Return positions of a route at arc lengths `s` [n] [m]."""
     joints, axes = frames(course)
     begin = np.concatenate(([0.0], np.cumsum(course.length)))
     piece = np.clip(np.searchsorted(begin, s, side="right") - 1, 0, len(course.length) - 1)
@@ -103,7 +103,7 @@ def _reversed(course: Course) -> Course:
 
 
 def helix(radius: float, pitch: float, s: Vector) -> Points:
-    """Places of a helix [m] at arc lengths `s` [m]; its curvature is r/(r² + c²), c = pitch/2π."""
+    """Return positions of a helix [m] at arc lengths `s` [m]; its curvature is r/(r² + c²), c = pitch/2π."""
     c = pitch / (2 * np.pi)
     angle = s / np.hypot(radius, c)
     return np.column_stack((radius * np.cos(angle), radius * np.sin(angle), c * angle))

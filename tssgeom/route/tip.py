@@ -132,7 +132,7 @@ def _posterior(sensed: TipReadings) -> tuple[Vector, Matrix]:
             break
     covariance = np.asarray(np.linalg.inv(slope.T @ slope + np.eye(size)), dtype=np.float64)
     if not np.isfinite(covariance).all():
-        raise FitError("no route leads from the base to the tip: check both, and the length")
+        raise FitError("no route of this length joins the base and the tip: check both, and the length")
     return at, covariance
 
 

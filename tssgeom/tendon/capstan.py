@@ -104,7 +104,7 @@ def tension(state: Corners, phi: Vector) -> Vector:
 
 
 def load_moved(tension_out: float, rig: Rig) -> float:
-    """Return how far a distal tension has drawn the rig's spring from where the pretension left it [m].
+    """Return how far a distal tension stretches the rig's spring beyond its length at the pretension [m].
 
     A dead weight, of stiffness 0, stays where it is.
     """

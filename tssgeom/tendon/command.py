@@ -161,7 +161,7 @@ def compensate(
         Where not exactly one target is given, where no proximal tension can reach it, or where the command is
         beyond reason: docs/checks.md; where the speed is limited and `elapsed` is not given.
     FitError
-        Where no equilibrium was found on a moving route.
+        Where there is no equilibrium on a moving route.
 
     Notes
     -----
@@ -216,7 +216,9 @@ def _target(rig: Rig, tension_out: float | None, displacement_out: float | None)
     else:
         stiffness = rig.load.stiffness_N_per_m
         if stiffness == 0.0:
-            raise SettingsError("load.stiffness_N_per_m is 0: a dead weight's place has no tension: give it")
+            raise SettingsError(
+                "load.stiffness_N_per_m is 0: the position of a dead weight sets no tension: give it"
+            )
         target = rest_tension(rig) + stiffness * (displacement_out or 0.0)  # docs/model.md (82)
         said = f"displacement_out is {displacement_out:g} m, a distal tension of {target:g} N"
     if not 0.0 <= target <= MOST_TENSION:

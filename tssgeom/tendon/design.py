@@ -1,6 +1,6 @@
 """The added curve of Theorem 3 as a design: what it scales down, what it costs, and what happens on release.
 
-Sources: docs/model.md (15), (16), section on the remedy; paper section II-D, eqs. (16)-(19).
+Sources: docs/model.md (15), (16), the remedy of Theorem 3; paper section II-D, eqs. (16)-(19).
 """
 
 from __future__ import annotations
@@ -199,7 +199,7 @@ def sweep(
 ) -> list[Tried]:
     """Try curves of 0° to `most` [rad] in steps of 45°, all on the same perturbed routes.
 
-    `tell` is called after each.
+    `report` is called after each.
     """
     tried = list[Tried]()
     for angle in angles(most):

@@ -89,7 +89,7 @@ def simulate_machine(
     SettingsError
         Where the run has no drive, or the rig not what it needs.
     FitError
-        Where no equilibrium was found.
+        Where there is no equilibrium.
     """
     return simulated(machine, run, drive=drive, end_given=end_given, start=start).channels
 
@@ -151,7 +151,7 @@ def simulated(
         profile=profile,
     )
     if done < len(time):
-        raise FitError(f"no equilibrium of the machine was found at {time[done]:g} s: thin the run less")
+        raise FitError(f"there is no equilibrium of the machine at {time[done]:g} s: thin the run less")
     if name == "motor_torque_Nm":
         motor = trace.coordinate[:, -1]
     turned = motor if name.startswith("motor") else None

@@ -34,7 +34,7 @@ SETUP_B = Arcs.exact(SETUP_A.length[::-1], SETUP_A.angle[::-1])
 REMEDY = Arcs.exact(np.array([2 * math.pi / 40.0]), np.array([2 * math.pi]))
 """The added curve of section III-C: β = 2π, K = 40/m."""
 FRICTIONS = (0.1, 0.145, 0.2, 0.3)
-"""Coefficients for which figure 8 is drawn here [1]."""
+"""Coefficients of the curves in figure 8 [1]."""
 
 _SAMPLES = 300
 _PERTURBED_FROM = 2 / 3  # share of the length before the perturbation of figure 7, which is not printed

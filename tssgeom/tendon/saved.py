@@ -137,7 +137,7 @@ def _with_memory(along: dict[str, Any]) -> dict[str, Any]:
 
 
 def _check(along: Corners | BarState, route: Arcs | None) -> None:
-    """Refuse a state that no step could have left: compiled code reads its arrays without a look at sizes.
+    """Refuse a state that no step could have left: compiled code reads its arrays without a check of sizes.
 
     Raises
     ------

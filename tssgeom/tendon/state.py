@@ -31,7 +31,7 @@ HALVINGS = 4
 """The first bar is halved so often: just after a reversal T_in is known to half of that bar."""
 _MOST_FRICTION = 500.0  # [1] μΦ whose exponential can still be squared
 _KEPT = 1e-4  # change of the distal tension in one step that is rounding [1]; chosen
-_SHARPER = 0.5  # of the old standard error of Φ: a route known so much better takes its place
+_SHARPER = 0.5  # of the old standard error of Φ: a route known so much better replaces it
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +124,7 @@ def step(
         Where not exactly one drive is given, or where it is negative or not finite; where effects act over
         time and none is given.
     FitError
-        Where no equilibrium was found.
+        Where there is no equilibrium.
     """
     now = state.time if time is None else time
     drives, setup = (tension_in, displacement_in), effective_setup(rig)

@@ -36,9 +36,9 @@ class Transmission(NamedTuple):
     direction_index: int
     """ζ: +1 pulling, −1 releasing."""
     dead_zone: bool
-    """True where the distal end has not yet answered to the last change of the proximal tension."""
+    """True where the distal end does not yet respond to the last change of the proximal tension."""
     dead_zone_width: float
-    """How much further the proximal tension has to go, in the present direction, for an answer [N]."""
+    """Further change of the proximal tension, in the present direction, until the distal end responds [N]."""
     slip_front: float
     """Curve angle up to which the tendon slid when the drive last moved, φ*; Φ where all of it did [rad]."""
     displacement_in: float

@@ -42,7 +42,7 @@ _UNITS = {
 
 
 def channel(name: str) -> Quantity:
-    """Return how a channel is shown."""
+    """Return how a channel is displayed."""
     return quantity(name)
 
 
@@ -146,7 +146,7 @@ def next_steps(finding: Finding) -> list[str]:
     if not steps and finding.verdict == "law":
         steps.append("Use the new rig within what the law was learnt from; --propose designs the next run.")
     return steps or [
-        "Measure nothing more for this question: the refitted model explains these runs."
+        "Measure nothing more for this finding: the refitted model explains these runs."
         if finding.verdict == "none"
         else "No further measurement separates this effect from the others of the library: use the new rig."
     ]
@@ -188,7 +188,7 @@ def _toward_a_name(finding: Finding) -> list[str]:
             f"{100 * best.explains:.0f} % of the misfit."
         )
     if finding.where:
-        steps.append(f"Look closer at the largest part of the misfit: {misfit_cell(finding.where[0])}.")
+        steps.append(f"Examine the largest part of the misfit: {misfit_cell(finding.where[0])}.")
     return steps or ["Vary one thing alone (tension, rate, route, cycles), and compare the misfit."]
 
 
@@ -198,5 +198,5 @@ def expected(each: Experiment) -> str:
 
 
 def judged_runs(misfit: Misfit) -> str:
-    """Tell which runs a misfit is judged by: those held out, else those fitted."""
+    """Return which runs a misfit is judged by: those held out, else those fitted."""
     return "held_out" if misfit.before.get("held_out") else "fitted"

@@ -1,1 +1,1 @@
-"""Markers along a sheath, seen by calibrated cameras: images to ordered points with covariance."""
+"""Markers along a sheath in the images of calibrated cameras: images to ordered points with covariance."""

@@ -61,7 +61,9 @@ def _strength_of(kind: str) -> Callable[[np.ndarray], np.ndarray]:
     if kind == "dark":
         return lambda image: 255.0 - grey(image).astype(np.float32)
     if not re.fullmatch(r"#[0-9a-fA-F]{6}", kind):
-        raise SettingsError(f"blobs cannot look {kind!r}: write bright, dark or a colour such as #ff3030")
+        raise SettingsError(
+            f"there is no appearance {kind!r}: write bright, dark or a colour such as #ff3030"
+        )
     red, green, blue = (int(kind[k : k + 2], 16) for k in (1, 3, 5))
     colour = np.array([blue, green, red], dtype=np.float32)
     vivid = colour - colour.mean()

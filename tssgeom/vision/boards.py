@@ -58,7 +58,7 @@ def board_finder(board: Board, cameras: int) -> Callable[[np.ndarray], BoardDete
     board
         The board.
     cameras
-        How many cameras see it: several need a board that looks different upside down.
+        How many cameras observe it: several need a board that differs from itself upside down.
 
     Raises
     ------
@@ -74,7 +74,7 @@ def board_finder(board: Board, cameras: int) -> Callable[[np.ndarray], BoardDete
         return _charuco_finder(board, board.family)
     if cameras > 1 and (board.columns + board.rows) % 2 == 0:
         raise SettingsError(
-            f"a checkerboard of {board.columns} x {board.rows} inner corners looks alike upside down: for "
+            f"a checkerboard of {board.columns} x {board.rows} inner corners is the same upside down: for "
             "several cameras use one of an even by an odd number, or a ChArUco board"
         )
     return lambda image: _checkerboard(board, grey(image))
@@ -91,7 +91,7 @@ def _checkerboard(board: Board, image: np.ndarray) -> BoardDetection | None:
 
 
 def _sharpened(image: np.ndarray, corners: np.ndarray, board: Board) -> np.ndarray:
-    """Place corners to a fraction of a pixel, in windows that hold one corner each."""
+    """Locate corners to a fraction of a pixel, in windows that hold one corner each."""
     grid = corners.reshape(board.rows, board.columns, 2)
     spacings = [np.linalg.norm(np.diff(grid, axis=axis), axis=2).min() for axis in (0, 1)]
     window = int(np.clip(_WINDOW * min(spacings), 2, _MOST_WINDOW))

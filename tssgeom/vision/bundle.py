@@ -23,7 +23,7 @@ _BOARD = 6
 
 @dataclass(frozen=True, slots=True)
 class Sighted:
-    """One board seen by one camera."""
+    """One board in the image of one camera."""
 
     camera: int
     frame: int

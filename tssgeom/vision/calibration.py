@@ -72,7 +72,7 @@ def calibrated(
     pose, boards = _located(names, in_camera)
     fitted = fit_all(corners, sighted, lens, pose, boards, free)
     if board_frame is not None and board_frame not in fitted.boards:
-        raise ShapeError(f"no board is seen in frame {board_frame}: name another --board-frame")
+        raise ShapeError(f"no board is detected in frame {board_frame}: name another --board-frame")
     return quality_of(corners, names, sizes, sighted, fitted, board_frame)
 
 
@@ -134,7 +134,7 @@ def _fitted_lens(corners: Points, sighted: Sequence[Sighted], size: tuple[int, i
 def _located(
     names: Sequence[str], in_camera: dict[tuple[int, int], Pose]
 ) -> tuple[list[Pose], dict[int, Pose]]:
-    """Place cameras and boards in the frame of the first camera, one after the other by shared boards."""
+    """Locate cameras and boards in the frame of the first camera, one after the other by shared boards."""
     pose, boards = {0: STILL}, dict[int, Pose]()
     while True:
         for (v, frame), detections in in_camera.items():

@@ -79,7 +79,7 @@ def beginning(matches: Sequence[Matches], reach: float, off: Off | None, count: 
 def _too_few(wanted: int, most: int, reasons: Mapping[int, str]) -> str:
     first = next((f"; frame {frame}: {reason}" for frame, reason in reasons.items()), "")
     return (
-        f"at most {most} markers are placed in one frame, {wanted} are needed: check lighting, area and "
+        f"at most {most} markers are located in one frame, {wanted} are needed: check lighting, area and "
         f"calibration{first}"
     )
 

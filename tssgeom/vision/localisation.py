@@ -1,4 +1,4 @@
-"""Markers placed in space from the sightings that were assigned to them."""
+"""Positions of markers in space from the sightings that were assigned to them."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def refuse_one_camera(cameras: tuple[Camera, ...], alone: Alone, *, tags: bool) 
 def located(
     cameras: tuple[Camera, ...], view_set: ViewSet, which: np.ndarray, gate: Vector, alone: Alone
 ) -> Located:
-    """Place markers.
+    """Locate markers.
 
     Parameters
     ----------

@@ -23,7 +23,7 @@ def chained(points: Points) -> np.ndarray:
     Parameters
     ----------
     points
-        Places of the markers in any order [n, 3] [m].
+        Positions of the markers in any order [n, 3] [m].
 
     Returns
     -------
@@ -49,7 +49,7 @@ def belonging(points: Points, reach: float) -> np.ndarray:
     Parameters
     ----------
     points
-        Places [n, 3] [m].
+        Positions [n, 3] [m].
     reach
         Distance within which the next marker lies [m].
     """

@@ -93,7 +93,7 @@ def _shades(count: int) -> list[tuple[int, int, int]]:
 def _draw_route(
     canvas: np.ndarray, pixels: np.ndarray, shades: Sequence[tuple[int, int, int]], size: float
 ) -> None:
-    """Join neighbours that were both placed; across a missing marker there is no line."""
+    """Join neighbours that were both located; across a missing marker there is no line."""
     for n in range(len(pixels) - 1):
         if np.isfinite(pixels[n : n + 2]).all():
             _draw_line(canvas, pixels[n], pixels[n + 1], shades[n], size)

@@ -1,4 +1,4 @@
-"""How good a calibration is: errors of its parameters and of points that it places; docs/model.md (142)."""
+"""Quality of a calibration: errors of its parameters and of triangulated points; docs/model.md (142)."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def _covered(sighted: Sequence[Sighted], camera: int, size: tuple[int, int]) -> 
 def _point_sd(
     corners: Points, cameras: tuple[Camera, ...], sighted: Sequence[Sighted], fitted: Fitted
 ) -> float:
-    """Root mean square standard deviation of corners that are placed again with a calibration in error."""
+    """Root mean square standard deviation of corners that are triangulated with a calibration in error."""
     frames = sorted({one.frame for one in sighted})
     positions = np.concatenate(
         [corners @ fitted.boards[k].rotation.T + fitted.boards[k].shift for k in frames]

@@ -15,7 +15,7 @@ _FIT = 25.0  # squared standard deviations that the corners of a tag may be off,
 
 
 def on_plane(camera: Camera, pixels: Matrix, noise: Vector, height: float) -> tuple[Points, np.ndarray]:
-    """Place markers that lie on the plane z = height of the common frame.
+    """Locate markers that lie on the plane z = height of the common frame.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def refuse_without_plane(camera: Camera, height: float) -> None:
 
 
 def by_tag(camera: Camera, corners: np.ndarray, noise: Vector, side: float) -> tuple[Points, np.ndarray]:
-    """Place tags of a known side by their four corners.
+    """Locate tags of a known side by their four corners.
 
     Depth follows from the size of the image, so that its error is large; it is left out where the error is
     beyond 3 % of the depth, or where the corners are no square.

@@ -25,7 +25,7 @@ _PROBED = 60  # frames from which the pixel noise is estimated before anything i
 _FEW = 30.0  # degrees of freedom that the stated pixel noise weighs beside those of the views
 _UNUSED = 0.1  # of the blobs of a camera, above which more than chance is wrong
 _INCONSISTENT, _INCONSISTENT_PIXELS = 3.0, 0.2  # times the stated noise, and pixels
-_SELDOM = 0.02  # of the frames: a tag placed in fewer is a misreading
+_SELDOM = 0.02  # of the frames: a tag located in fewer is a misreading
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,12 +123,14 @@ def _often(
     keep = np.flatnonzero(times >= (0 if stated else max(_SELDOM * len(frames), 1)))
     if not times[keep].sum():
         raise ShapeError(
-            "tags are detected, but none could be placed: check that calibration and cameras belong together"
+            "tags are detected, but none could be located: check that calibration and cameras belong together"
         )
     seldom = [
         str(number) for number, count in zip(known, times, strict=True) if count < times.max() * _SELDOM
     ]
-    notes = () if stated or not seldom else (f"tags {', '.join(seldom)} are hardly ever placed: left out",)
+    notes = (
+        () if stated or not seldom else (f"tags {', '.join(seldom)} are located in too few frames: left out",)
+    )
     return tuple(known[int(k)] for k in keep), [_rows(one, keep) for one in frames], notes
 
 
@@ -181,8 +183,8 @@ def _unused(
         used = sum(int((one.which[:, v] >= 0).sum()) for one in frames)
         if total - used > _UNUSED * total:
             yield (
-                f"camera {camera.name!r}: {100 * (total - used) / total:.0f} % of its blobs are not placed "
-                "(red in the images of --overlay): check calibration, colour and area of the blobs"
+                f"camera {camera.name!r}: {100 * (total - used) / total:.0f} % of its blobs belong to no "
+                "marker (red in the images of --overlay): check calibration, colour and area of the blobs"
             )
 
 

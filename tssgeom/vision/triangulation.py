@@ -22,7 +22,7 @@ class Triangulated:
     """Points in space, and how well their views agree."""
 
     points: Points
-    """A row of NaN where no point could be placed [n, 3] [m]."""
+    """A row of NaN where no point could be triangulated [n, 3] [m]."""
     covariance: np.ndarray
     """[n, 3, 3] [m²]."""
     square: Vector
@@ -86,16 +86,16 @@ def triangulate(eyes: Eyes, slope: np.ndarray, weight: np.ndarray, gate: Vector)
 def intersections(
     eyes: Eyes, slope: np.ndarray, weight: np.ndarray, visible: np.ndarray
 ) -> tuple[Points, np.ndarray, Vector]:
-    """Place each point by Gauss-Newton from the views to which it is `visible` [v, n].
+    """Triangulate each point by Gauss-Newton from the views to which it is `visible` [v, n].
 
     Returns
     -------
     tuple of ndarray
-        Positions [n, 3], covariances [n, 3, 3], and squares [n], infinite where a point could not be placed.
+        Positions [n, 3], covariances [n, 3, 3], and squares [n], infinite where there is no point.
     """
     slope = np.where(visible[..., None], slope, 0.0)
     weight = np.where(visible[..., None, None], weight, 0.0)
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # points that cannot be placed
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # points that cannot be triangulated
         ray = np.einsum("vic,vni->vnc", eyes.rotation[:, :2], slope) + eyes.rotation[:, None, 2]
         ray /= np.sqrt(np.einsum("vnc,vnc->vn", ray, ray))[..., None]
         x = _first_guess(eyes, ray, visible)

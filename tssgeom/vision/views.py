@@ -34,7 +34,7 @@ class Located:
     covariance: np.ndarray
     """[n, 3, 3] [m²]."""
     square: Vector
-    """Sum of squared, weighted reprojection errors of a marker; NaN where it is not placed [n]."""
+    """Sum of squared, weighted reprojection errors of a marker; NaN where it is not located [n]."""
     freedom: Vector
     """Degrees of freedom of `square`, 0 where one camera locates it [n]."""
     which: np.ndarray

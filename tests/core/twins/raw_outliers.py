@@ -54,8 +54,8 @@ def _worst_inside(p: np.ndarray, spacing: float) -> int:
     """Return the inner point that is farthest from every guess from its neighbours, if an outlier, or -1.
 
     A good point beside an outlier still agrees with one of the guesses: halfway between the next, between the
-    next but one, or straight on from either side. What leaps ahead of the next point or back behind the last
-    counts as off by as much.
+    next but one, or straight on from either side. A point beyond the next one or behind the last
+    is off by as much.
     """
     if not _any_off_middle(p, spacing):
         return -1
@@ -96,7 +96,7 @@ def _off_line(
 
 
 def _backwards(before: np.ndarray, here: np.ndarray, after: np.ndarray) -> float:
-    """Return how far a point lies ahead of the next one or behind the last, along the way between them."""
+    """Return how far a point lies beyond the next one or behind the last, along the way between them."""
     forward, behind, way2 = 0.0, 0.0, 1e-300
     for c in range(3):
         way = after[c] - before[c]

@@ -57,7 +57,8 @@ class Memory(NamedTuple):
     creep: np.ndarray  # [b] m
     slip: np.ndarray  # [k] int8: +1 slid on a pull, 0 stuck, −1 slid on a release
     drive: np.ndarray
-    """[6] last drive [N or m], warmth [K], position past the backlash [m], lag [m], lead [m], rate [m/s]
+    """[6] last drive [N or m], warmth [K], position past the backlash [m], lag [m] and position before it
+    [m], rate [m/s].
 
     Its clock is left out."""
 

@@ -28,7 +28,7 @@ _UNOBSERVED = (None, None, None)
 _STATE_UNIT = 'write "unit": "mm" or "unit": "m" in each line'
 _KEY = re.compile(r"(?:\$\.|field `)(\w+)")  # that a decoder names as wrong or missing
 _TO_WRITE = {
-    "points": "write each point as [x,y,z], or null where it was not seen",
+    "points": "write each point as [x,y,z], or null where it is missing",
     "directions": "write each direction as [x,y,z], or null where none was sensed",
     "s": 'write "s" as a list of numbers',
     "id": 'write "id" as text or a whole number',
@@ -118,7 +118,7 @@ def _fault(error: Exception) -> str:
     """Return the fault of a line that could not be decoded, and what to write instead."""
     key = _KEY.search(str(error)) if isinstance(error, msgspec.ValidationError) else None
     if key is None:
-        return f"{error}: write one JSON object a line, null for a point not seen"
+        return f"{error}: write one JSON object a line, null for a missing point"
     hint = _TO_WRITE.get(key[1], f'write "{key[1]}" as a number')
     return f"{error}: {hint}"
 

@@ -188,7 +188,9 @@ def _read(path: Path) -> Iterator[None]:
 def _archive(path: Path) -> Iterator[np.lib.npyio.NpzFile]:
     with _read(path), path.open("rb") as file:
         if file.read(len(_ARRAY)) == _ARRAY:
-            raise ShapeError(f"{path}: one bare array: save points, time_s and unit with numpy.savez")
+            raise ShapeError(
+                f"{path}: one array without a name: save points, time_s and unit with numpy.savez"
+            )
         if not zipfile.is_zipfile(file):
             raise ValueError("it is no ZIP archive, or not all of it")
         file.seek(0)

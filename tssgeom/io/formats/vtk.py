@@ -116,7 +116,7 @@ def _lines(held: _XmlFile, piece: Element) -> list[Points]:
         raise ValueError(f"a line goes through point {through.max()} of {len(points)}")
     if ends and not 0 <= min(ends) <= max(ends) <= len(through):
         raise ValueError(f"a line ends at entry {max(ends)} of {len(through)}")
-    starts = [0, *ends] if ends[:1] != [0] else ends  # VTK 9 may write a leading 0
+    starts = [0, *ends] if ends[:1] != [0] else ends  # VTK 9 may write a 0 in front
     return [points[through[a:b]] for a, b in pairwise(starts) if b > a]
 
 

@@ -82,7 +82,7 @@ def header_of(data: bytes | bytearray) -> Header:
     if fields["header_version"] not in _VERSIONS:
         raise ShapeError(
             f"OpenIGTLink header of version {fields['header_version']}: only 1 and 2 are known; "
-            "a body of a wrong length looks like this too"
+            "a body of a wrong length gives this error too"
         )
     if fields["body_size"] > LARGEST:
         raise ShapeError(f"a body of {fields['body_size']} bytes: send {LARGEST} (1 MiB) at most")

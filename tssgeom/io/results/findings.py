@@ -199,7 +199,7 @@ def _run(name: str, route: str, held_out: bool, samples: int) -> dict[str, Any]:
 
 
 def _finite(value: Any) -> Any:
-    """Return plain objects for JSON, null in place of numbers that are not finite."""
+    """Return plain objects for JSON, null instead of numbers that are not finite."""
     if isinstance(value, Mapping):
         return {key: _finite(item) for key, item in value.items()}
     if isinstance(value, np.ndarray):

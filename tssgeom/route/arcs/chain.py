@@ -44,7 +44,7 @@ class Data(NamedTuple):
     tangents: WeightedTangents | None = None
     """Sensed directions, where there are any."""
     shortest: float = 1.0
-    """Shortest piece [mean spacings]: less than 1 where there are kinks, or noise would look like them."""
+    """Shortest piece [mean spacings]: less than 1 only where there are kinks, as it also fits noise."""
 
     @property
     def sensed(self) -> tuple[Points, Vector, bool, float, float, Points | None, Vector | None]:

@@ -1,4 +1,4 @@
-"""A first chain for a route with kinks: straight pieces between corners, which no smooth curve leads to."""
+"""A first chain for a route with kinks, which no smooth curve fits: straight pieces between corners."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def cornered(data: Data, route: Route) -> tuple[Data, Chain] | None:
 
     Notes
     -----
-    Corners are found by cutting the line through both ends at the point farthest off, again and again
+    The line through both ends is cut at the point farthest off, again and again; the cuts are the corners
     (Ramer, 1972; Douglas and Peucker, 1973).
     """
     points = data.points

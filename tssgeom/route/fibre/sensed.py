@@ -176,12 +176,12 @@ def fibre_of_points(points: Points, stations: Vector) -> Fibre:
 
     The errors of such points grow along the fibre and neighbours share them; those of the curvatures behind
     them are white. The points should stand at the gratings, and curvature is taken to run straight between
-    them: points in between repeat the gratings, and their errors then look smaller than they are.
+    them: points in between repeat the gratings, and their errors are then underestimated.
 
     Parameters
     ----------
     points
-        Places, proximal to distal, none missing [m].
+        Positions, proximal to distal, none missing [m].
     stations
         Known arc length of each [m].
 
@@ -316,7 +316,7 @@ def _noises(sensed: Sensed, score: Callable[[float], float]) -> tuple[Vector, Ve
 
 
 def sensed_shape(fibre: Fibre, fit: RouteFit) -> Shape:
-    """Return the positions of the gratings on the route, as a shape that can be drawn [m]."""
+    """Return the positions of the gratings on the route, as a shape [m]."""
     route = fit.route
     positions = rows_at(fibre.stations, route.s, route.position)
     return Shape(read_only(positions), fibre.index, fibre.stations, fibre.warnings)

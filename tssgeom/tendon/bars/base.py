@@ -49,7 +49,7 @@ def step(
         Where not exactly one drive is given, where it is negative, not finite, or out of balance with a dead
         weight; where the tendon does not stretch.
     FitError
-        Where no equilibrium was found.
+        Where there is no equilibrium.
     """
     drive, load = one_drive(tension_in, displacement_in), (rig.load.stiffness_N_per_m, 0.0)
     return step_on(state, (arcs, arcs), rig, load, drive, stretches_with_route, math.inf)[0]
@@ -74,7 +74,7 @@ def step_on(
     SettingsError
         Where the tendon does not stretch, μΦ is beyond `most_friction`, or a dead weight runs away.
     FitError
-        Where no equilibrium was found.
+        Where there is no equilibrium.
     """
     before, now = routes
     tendon, friction, (goal, by_force) = rig.tendon, rig.friction.coefficient, drive
@@ -137,7 +137,7 @@ def direction_after(slip: int, moved_by: float, before: int) -> int:
 def no_equilibrium(drive: float, by_force: bool) -> FitError:
     """Return the error of a step that has no equilibrium."""
     what = f"tension_in {drive:g} N" if by_force else f"displacement_in {drive:g} m"
-    return FitError(f"no equilibrium of the tendon was found at {what}: take smaller steps")
+    return FitError(f"there is no equilibrium of the tendon at {what}: take smaller steps")
 
 
 def too_much_friction(coefficient: float, angle: float) -> SettingsError:

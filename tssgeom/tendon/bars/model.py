@@ -97,7 +97,7 @@ def predict(
     SettingsError
         Where the run has no drive, or effects and rig do not go together.
     FitError
-        Where no equilibrium was found.
+        Where there is no equilibrium.
     """
     model = prepare(run, arcs, rig, effects, drive=drive, bars=bars)
     return carry_on(model, begin(model), run, longest_step_s=longest_step_s)[0].channels
@@ -191,7 +191,7 @@ def carry_on(
     Raises
     ------
     FitError
-        Where no equilibrium was found.
+        Where there is no equilibrium.
     """
     time = np.asarray(run["time_s"], dtype=float)
     spans = np.diff(time, prepend=state.time)
@@ -221,8 +221,8 @@ def carry_on(
     )
     if done < len(time):
         raise FitError(
-            f"no equilibrium of the tendon was found at {time[done]:g} s, {model.drive} {given[done]:g}: "
-            "thin the run less, or look for a jump in the drive"
+            f"there is no equilibrium of the tendon at {time[done]:g} s, {model.drive} {given[done]:g}: "
+            "thin the run less, or check for a jump in the drive"
         )
     read = sensed(model.setup, out, elapsed) | {model.drive: given}
     channels, lags = with_lags(model.setup, read, spans, state.lags, model.drive)

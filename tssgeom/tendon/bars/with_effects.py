@@ -125,7 +125,7 @@ def driven(
     SettingsError
         Where μΦ is too much.
     FitError
-        Where no equilibrium was found.
+        Where there is no equilibrium.
     """
     first, warmth = _warmth(state, temperature)
     before, now = routes

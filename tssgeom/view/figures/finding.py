@@ -30,7 +30,7 @@ _STYLES: Mapping[str, Any] = {
 
 
 def judged(finding: Finding) -> Trace:
-    """Return the run by which a finding is shown: the first that was held out, else the first."""
+    """Return the run of the figures of a finding: the first that was held out, else the first."""
     return next((trace for trace in finding.traces if trace.held_out), finding.traces[0])
 
 
@@ -108,7 +108,7 @@ def residual_figure(finding: Finding) -> Figure:
 
 
 def measured_channels(traces: Sequence[Trace]) -> list[str]:
-    """Return every channel that a run answered in, each once."""
+    """Return every channel that a run measured, each once."""
     return list(dict.fromkeys(name for trace in traces for name in trace.measured))
 
 
@@ -164,7 +164,7 @@ def _name_runs(axes: Axes, traces: Sequence[Trace]) -> None:
 
 
 def missing_figure(finding: Finding) -> Figure:
-    """Draw the friction that the data want over what it may depend on, where no name was found."""
+    """Draw the friction that the data want over what it may depend on, where no effect was identified."""
     shapes = finding.missing_shapes
     with panels(2.6, len(shapes)) as (drawing, row):
         for axes, shape in zip(row, shapes, strict=True):

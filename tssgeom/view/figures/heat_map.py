@@ -27,7 +27,7 @@ from tssgeom.view.figures.style import FIXED
 
 _LINES = (BLUE, ORANGE, GREEN, PURPLE, SKY)
 _MOST = 1e3
-_PALE = 0.45  # place on the scale of colours from which a number is written dark on light
+_PALE = 0.45  # position on the scale of colours from which a number is written dark on light
 
 
 def heat_figure(finding: Finding) -> Figure:
@@ -63,7 +63,7 @@ def _digits(power: float) -> str:
 
 
 def along_figure(finding: Finding) -> Figure:
-    """Draw the curve angle that each route misses, along its length, and where bends were found."""
+    """Draw the curve angle that each route misses, along its length, and where bends were detected."""
     with figure((PAGE, 2.5)) as drawing:
         axes = drawing.subplots()
         for colour, misfit in zip(_LINES * len(finding.along), finding.along, strict=False):
@@ -78,7 +78,7 @@ def along_figure(finding: Finding) -> Figure:
                 color=INK,
                 linewidth=1.0,
                 linestyle=(0, (2, 2)),
-                label=None if k else "bend found",
+                label=None if k else "detected bend",
             )
         axes.axhline(0.0, color=SOFT, linewidth=0.8)
         axes.legend(loc="upper right", ncols=2)

@@ -135,7 +135,7 @@ def legend_below(drawing: Figure, axes: Axes, columns: int = 4) -> None:
 def save(drawing: Figure, path: Path) -> None:
     """Write a figure in the format of its file's ending; the same figure gives the same bytes.
 
-    A PDF holds its fonts, and the letters of an SVG are outlines: both look alike on every machine.
+    A PDF holds its fonts, and the letters of an SVG are outlines: both are the same on every machine.
     """
     with mpl.rc_context({**_RC, "svg.fonttype": "path"}):
         drawing.savefig(path, dpi=_DPI, metadata=_METADATA[path.suffix[1:]])

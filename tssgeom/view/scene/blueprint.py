@@ -39,7 +39,7 @@ def blueprint(
     tension: float | None = None,
     more: rrb.Container | None = None,
 ) -> rrb.Blueprint:
-    """Lay out the views of a shape, or of a run with its series and its timeline; `live` shows the newest.
+    """Arrange the views of a shape, or of a run with its series and its timeline; `live` shows the newest.
 
     The plot of tensions ends at `tension` [N] where that is known. `more` is a second tab.
     """

@@ -109,7 +109,7 @@ class Camera:
 
 
 def camera(points: Points, forward: Vector) -> Camera:
-    """Look square at the plane in which the points spread most.
+    """Face the plane in which the points spread most.
 
     Parameters
     ----------

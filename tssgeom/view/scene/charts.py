@@ -155,7 +155,7 @@ def _send_error_bars(sender: Sender, chart: Chart, frames: Sequence[RouteSamples
 
 
 def _error_bars(chart: Chart, frame: RouteSamples) -> Vector:
-    """Upright strips [m, 2, 2] between κ − s.e. and κ + s.e., dense enough to look like a band."""
+    """Upright strips [m, 2, 2] between κ − s.e. and κ + s.e., dense enough to form a band."""
     chosen = evenly(len(frame.s), _CHART_NODES)
     s, kappa, spread = 1e3 * frame.s[chosen], frame.kappa[chosen], frame.kappa_se[chosen]
     return np.stack([chart.position(s, kappa - spread), chart.position(s, kappa + spread)], axis=1)

@@ -90,7 +90,7 @@ def _send_markers(sender: Sender, tracked: Tracked) -> None:
 def _send_numbers(sender: Sender, tracked: Tracked) -> None:
     share = 100 * np.array([_known(frame).mean() for frame in tracked.points])
     for entity, name, colour, values in (
-        ("seen", "markers placed [%]", TENSION_OUT.rgb, share),
+        ("seen", "markers located [%]", TENSION_OUT.rgb, share),
         ("noise", "noise [mm]", ANGLE.rgb, 1e3 * tracked.noise),
     ):
         sender.constant(f"series/{entity}", rr.SeriesLines(names=name, colors=[colour], widths=[2.0]))
@@ -117,7 +117,7 @@ def _blueprint(tracked: Tracked, view: Camera) -> rrb.Blueprint:
     space = space_view(title, view, ("sensed", "route", "scale"))
     below = rrb.Horizontal(
         rrb.TextDocumentView(origin="summary", name="Summary"),
-        rrb.TimeSeriesView(name="Markers placed [%] over time [s]", contents=["series/seen"]),
+        rrb.TimeSeriesView(name="Markers located [%] over time [s]", contents=["series/seen"]),
         rrb.TimeSeriesView(name="Noise of a coordinate [mm]", contents=["series/noise"]),
         column_shares=[40, 30, 30],
     )

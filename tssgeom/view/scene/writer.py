@@ -30,7 +30,7 @@ _HOSTED_MEMORY = "256MiB"  # of frames that a viewer which connects late still g
 def recording_file(
     path: Path, name: str, layout: rrb.Blueprint, *, application: str | None = None
 ) -> Iterator[rr.RecordingStream]:
-    """Yield a stream into a recording; on leaving, the file takes the place of an older one.
+    """Yield a stream into a recording; on leaving, the file replaces an older one.
 
     Parameters
     ----------

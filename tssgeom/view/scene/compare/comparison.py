@@ -170,7 +170,7 @@ def _line(line: Vector, colour: tuple[int, int, int], radius: float) -> rr.LineS
 def _blueprint(
     names: Mapping[str, str], cameras: Mapping[str, Camera], change: Difference | None, tension: float
 ) -> rrb.Blueprint:
-    """Lay out the views; one time line moves both columns. The plot of tensions ends at `tension` [N]."""
+    """Arrange the views; one time line moves both columns. The plot of tensions ends at `tension` [N]."""
     columns = rrb.Horizontal(*(_column(side, names[side], cameras[side]) for side in ("a", "b")))
     text = rrb.TextDocumentView(origin="difference/words", name="What differs")
     numbers = rrb.TextDocumentView(origin="difference/table", name="At the greatest pull of each")

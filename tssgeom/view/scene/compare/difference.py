@@ -30,9 +30,9 @@ class ComparisonLimits:
     early_share: float = 0.05
     """Share of the length before which tensions differ from the beginning. chosen."""
     length_mm: float = 0.05
-    """Difference in length below which routes are equally long [mm]. chosen: half of the digit shown."""
+    """Difference in length below which routes are equally long [mm]. Chosen: half of its last digit."""
     drive_N: float = 0.01
-    """Difference below which drives are the same [N], rms over time. chosen: the last digit shown."""
+    """Difference below which drives are the same [N], rms over time. Chosen: its last digit."""
 
 
 _LIMITS = ComparisonLimits()

@@ -21,7 +21,7 @@ _ROUTE = ["route/**", "joints/**", "labels/**", "scale/**"]
 
 
 def blueprint(finding: Finding, displayed: Replay) -> rrb.Blueprint:
-    """Lay out the views; one slider over the samples of all runs moves them together."""
+    """Arrange the views; one slider over the samples of all runs moves them together."""
     learnt = friction_map(finding) is not None
     along = "Friction μ along the route, learnt" if learnt else "What this route misses, before [rad/m]"
     charted = "Friction μ ± s.e." if learnt else "Missing curve angle ± s.e. [rad/m]"
@@ -73,7 +73,7 @@ def _chart(origin: str, title: str, box: Box) -> rrb.Spatial2DView:
 
 
 def _plots(finding: Finding, tension: float) -> list[rrb.TimeSeriesView]:
-    """Lay out the channel with the largest misfit, and below it what is left of each channel."""
+    """Arrange the channel with the largest misfit, and below it what is left of each channel."""
     channels = [(name, words.channel(name)) for name in plotted_channels(finding)]
     name, widest = channels[0]
     most = max(float(np.nanmax(each.measured.get(name, 0.0), initial=0.0)) for each in finding.traces)

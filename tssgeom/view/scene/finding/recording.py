@@ -74,7 +74,7 @@ def _send_route(runs: Sender, moments: Sender, displayed: Replay) -> None:
 
 
 def _send_misfit(runs: Sender, finding: Finding, displayed: Replay) -> None:
-    """Draw the route in the colours of what it misses, and mark the bends that were found."""
+    """Draw the route in the colours of what it misses, and mark the detected bends."""
     each = displayed.stretches
     runs.constant("blame/route", rr.LineStrips3D.from_fields(radii=rr.Radius.ui_points(3.5)))
     middles = np.concatenate([0.5 * (stretch.misfit[:-1] + stretch.misfit[1:]) for stretch in each])

@@ -1,4 +1,4 @@
-"""A campaign as one recording shows it: run after run, each route turned to be seen square on."""
+"""A campaign in one recording: run after run, the plane of each route turned to face the viewer."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the recording says in words: the verdict, and the run that is shown."""
+"""The texts of the recording: the verdict, and the run of the moment."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def verdict_words(finding: Finding) -> str:
 
 
 def run_words(trace: Trace) -> str:
-    """Say which run is shown, and what each channel leaves, as markdown."""
+    """Return the run of the moment and the misfit of each channel, as markdown."""
     kept = "held out from every fit" if trace.held_out else "fitted"
     rows = [
         f"| {words.channel(name).label} | {_rms(trace, name, 'before')} | {_rms(trace, name, 'after')} |"
