@@ -26,7 +26,7 @@ def check(
     suggest: Annotated[
         bool,
         typer.Option(
-            "--suggest", help="Print what columns.toml beside the tables would say of their columns."
+            "--suggest", help="Print the lines of columns.toml for these tables."
         ),
     ] = False,
     as_json: Json = False,

@@ -1,4 +1,4 @@
-"""`tssgeom check --suggest`: what `columns.toml` beside some tables would say of their columns."""
+"""`tssgeom check --suggest`: the lines of `columns.toml` for some tables."""
 
 from __future__ import annotations
 

@@ -140,7 +140,7 @@ class ShapeSensor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     order: Literal["given", "shortest"] = "given"
     """Whether the points are in order, or to be put in that of the shortest path through them."""
     source: Source | None = None
-    """Where the points come from: by it errors that neighbours share are counted. A file may say it too."""
+    """Where the points come from: by it errors that neighbours share are counted. A file may state it too."""
     resolution_mm: float | None = None
     """Length of the shortest wave of the route that counts [mm]; left out, that of sheath or source."""
 

@@ -25,7 +25,7 @@ def _scale_of_force(other: str) -> tuple[Tie, ...]:
 
 
 class PretensionError(Effect, frozen=True):
-    """The tendon starts at another tension than the rig says; docs/model.md (59).
+    """The tendon starts at another tension than that of the rig; docs/model.md (59).
 
     Source: paper, eq. (4); what is left below zero counts as zero.
     """

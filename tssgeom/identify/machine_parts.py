@@ -193,10 +193,10 @@ _CHOICES = (
     _Choice("end_play", "end.play_rad", "Play between the joint and what measures its angle"),
     _Choice("joint_friction", "end.friction_Nm", "Coulomb friction of the joint itself"),
     _Choice("joint_weight", "end.gravity_Nm", "A weight that the joint carries"),
-    _Choice("end_stiffness", "end.stiffness_Nm_per_rad", "The joint is stiffer or softer than the rig says"),
+    _Choice("end_stiffness", "end.stiffness_Nm_per_rad", "The joint is stiffer or softer than in the rig"),
     _Choice("load_stiffness", "load.stiffness_N_per_m", "The spring of the load is not that of the rig"),
     _Choice(
-        "pretension_error", "tendon.pretension_N", "The tendons start at another tension than the rig says"
+        "pretension_error", "tendon.pretension_N", "The tendons start at another tension than in the rig"
     ),
 )
 MEANINGS: Mapping[str, str] = {each.name: each.meaning for each in _CHOICES} | {
