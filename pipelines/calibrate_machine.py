@@ -41,7 +41,7 @@ def calibrate_machine(
     as_json: bool,
     quiet: bool,
 ) -> None:
-    """Fit a machine to runs, print what they say of it, and write the rig."""
+    """Fit a machine to runs, print the estimates, and write the rig."""
     from pipelines.runs import measured_run
     from tssgeom.api.machine_calls import fitted_machine
     from tssgeom.rig import write_rig

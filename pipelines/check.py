@@ -25,9 +25,7 @@ def check(
     columns: Map = None,
     suggest: Annotated[
         bool,
-        typer.Option(
-            "--suggest", help="Print the lines of columns.toml for these tables."
-        ),
+        typer.Option("--suggest", help="Print the lines of columns.toml for these tables."),
     ] = False,
     as_json: Json = False,
 ) -> None:

@@ -147,7 +147,7 @@ def compensate(
 
 
 def _facts(run: MeasuredRun, commands: Sequence[Command]) -> dict[str, Any]:
-    """Return what `--json` says of errors, limits and tolerance; errors are the greatest of the run."""
+    """Return the part of `--json` on errors, limits and tolerance; errors are the greatest of the run."""
     from tssgeom.tendon.command_error import MOST_OUTSIDE
 
     risks = [each.out_of_tolerance or 0.0 for each in commands]

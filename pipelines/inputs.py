@@ -34,7 +34,7 @@ from tssgeom.uncertain import UNKNOWNS, Uncertain
 Done = TypeVar("Done")
 
 ONE_TENDON = "[drive] and [end] are not used here: a tendon counts as one on the spring of [load]"
-"""What commands on one tendon say of the rig of a machine."""
+"""Note of commands on one tendon where the rig is that of a machine."""
 MOST_REPORTED = 5
 """Rejected frames of one input with a line each; the others are counted. Chosen: they fit a terminal."""
 
@@ -54,7 +54,7 @@ class RunSettings:
     tube_radius: float = 0.0
     """Radius of the tube along the route, for its clearance [m]."""
     columns: ColumnMap = NO_MAP
-    """What the user says of columns of tables."""
+    """The user's statements on columns of tables."""
     uncertain: tuple[Uncertain, ...] = ()
     """What is not certain of the rig; commands count it in their errors."""
 

@@ -1,4 +1,4 @@
-"""What `tssgeom discover` is asked about further experiments: limits, and folders of new runs."""
+"""Settings of `tssgeom discover` for further experiments: limits, and folders of new runs."""
 
 from __future__ import annotations
 

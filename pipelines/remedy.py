@@ -175,7 +175,7 @@ def _require_usable(design: Design, settings: RunSettings) -> None:
         raise SettingsError("--tolerance-mm and --tolerance-percent are both given: give one")
     if settings.rig.effects:
         raise SettingsError(
-            f"{settings.rig_file}: Theorem 3 knows no effects, but the rig has "
+            f"{settings.rig_file}: Theorem 3 has no effects, but the rig has "
             f"{named(settings.rig.effects)}: leave [[effects]] out of the rig for this command"
         )
 

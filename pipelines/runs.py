@@ -54,7 +54,7 @@ def outputs(folder: Path, *names: str) -> Iterator[None]:
 
 @contextmanager
 def errors_naming(run: Path, shape: Path) -> Iterator[None]:
-    """Put run and shape before the errors of the model, which knows no files."""
+    """Put run and shape before the errors of the model, which names no files."""
     try:
         yield
     except TssgeomError as error:
@@ -111,7 +111,7 @@ def check_run(run: MeasuredRun, sensed: SensedRoute, rig: Rig) -> None:
 
 
 def print_run_warnings(run: MeasuredRun, rig: Rig, arcs: Arcs, *, fitted: bool) -> list[str]:
-    """Print and return the warnings of a run on a route; `fitted` says whether it is to be fitted.
+    """Print and return the warnings of a run on a route; `fitted` is true where it is to be fitted.
 
     Raises
     ------

@@ -54,7 +54,7 @@ class SpaceError(SourceError):
 def refused(error: OSError) -> SourceError:
     """Return the error to raise where the system refused a file and no caller expected it."""
     where = f"{error.filename}: " if error.filename else ""
-    return SourceError(f"{where}{error.strerror or error}: check the path and who may use it")
+    return SourceError(f"{where}{error.strerror or error}: check the path and its permissions")
 
 
 def require_replaceable(path: Path) -> None:

@@ -92,7 +92,7 @@ class Frame(Result):
     noise: float | None = None
     """Standard deviation of each coordinate across the route, where the sensor states it [m]."""
     source: Source | None = None
-    """Where the points come from, where a file says it."""
+    """Source of the points, where a file states it."""
     warnings: tuple[str, ...] = ()
     """What its reader did not read, a sentence each; the result has them too."""
 

@@ -22,7 +22,7 @@ def _require(condition: bool, key: str, value: float, remedy: str) -> None:
 
 
 class DriveLimits(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What commands may ask of a drive; a limit that is left out is none."""
+    """Limits of the commands of a drive; a limit that is left out is none."""
 
     tension_N: float | None = None
     """Greatest proximal tension [N]."""

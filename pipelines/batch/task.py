@@ -155,7 +155,7 @@ def _lumen_file(task: Task) -> Path | None:
 
 
 def _columns_beside(task: Task) -> str | None:
-    """Return the digest of what a file beside the data says of its columns, where there is one."""
+    """Return the digest of the file beside the data that describes its columns, where there is one."""
     path = local(task.address)
     beside = None if path is None else path.parent / COLUMNS_FILE
     return sha256_of(beside) if beside is not None and beside.is_file() else None

@@ -148,7 +148,7 @@ class WorkerPool:
             raise SourceError(_LOST_REASON) from error
 
 
-_LOST_REASON = "the worker process of it was lost, perhaps for want of memory: run it alone with --workers 1"
+_LOST_REASON = "the worker process of it was lost, perhaps for lack of memory: run it alone with --workers 1"
 
 
 def _any_done(running: Iterable[Future[Any]]) -> bool:

@@ -1,4 +1,4 @@
-"""What a stream says and keeps of a rig that is followed: alerts on stderr, the rig in a file."""
+"""Messages and files of a rig that is followed: alerts on stderr, the rig in a file."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ class AlertReport:
 
 
 def alert_sentence(before: Alert | None, alert: Alert | None) -> str | None:
-    """Return what to say where an alert is another than before; None where nothing has to be said."""
+    """Return the message where an alert is another than before; else None."""
     if alert is None:
         return None if before is None else f"alert: {before.channel} agrees with the model again"
     if before is not None and (before.channel, before.mechanism) == (alert.channel, alert.mechanism):

@@ -56,7 +56,7 @@ def image_options(
         Where neither tags nor blobs are given, or both.
     """
     if (family is None) == (appearance is None):
-        raise SettingsError("say what the markers are: --tags FAMILY, or --blobs bright, dark or #RRGGBB")
+        raise SettingsError("state what the markers are: --tags FAMILY, or --blobs bright, dark or #RRGGBB")
     return ImageOptions(family, BlobAppearance(appearance or "bright", *areas), rate, most)
 
 

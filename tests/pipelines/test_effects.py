@@ -155,7 +155,7 @@ def test_calibrate_holds_the_effects_and_finds_friction_and_compliance_beside_th
 def test_remedy_refuses_a_rig_with_effects_in_one_line(run: Run, half: Path, rig: Any):
     done = run("remedy", "--shape", half, "--rig", rig(HIDDEN))
     assert (done.status, len(done.errors)) == (2, 1)
-    assert "Theorem 3 knows no effects, but the rig has hidden_bend" in done.errors[0]
+    assert "Theorem 3 has no effects, but the rig has hidden_bend" in done.errors[0]
 
 
 def test_an_effect_over_time_takes_a_shape_that_stands_alone_as_one_second(run: Run, half: Path, rig: Any):

@@ -139,8 +139,8 @@ def test_covariances_stand_beside_the_points_in_both_formats(filmed, calibration
     ("options", "expected"),
     [
         (["--blobs", "bright"], "--calibration is missing"),
-        (["--calibration", "CAMERAS"], "say what the markers are"),
-        (["--calibration", "CAMERAS", "--blobs", "bright", "--tags", "4x4_50"], "say what the markers are"),
+        (["--calibration", "CAMERAS"], "state what the markers are"),
+        (["--calibration", "CAMERAS", "--blobs", "bright", "--tags", "4x4_50"], "state what the markers are"),
         (["--calibration", "gone.toml", "--blobs", "bright"], "cannot be read"),
         (["--calibration", "CAMERAS", "--blobs", "bright", "--proximal", "left"], "--proximal 'left'"),
         (["--calibration", "CAMERAS", "--blobs", "bright", "--count", "15"], "at most 14 markers"),

@@ -28,7 +28,7 @@ class DiagnosisSettings(NamedTuple):
     fewest: int = 20
     """Readings that show that a sensor stands [1]; chosen."""
     uncertain: float = 0.5
-    """Time by which a fault may have begun later than the test says [s]. Chosen: two of its blocks."""
+    """Time by which a fault may begin later than the test estimates [s]. Chosen: two of its blocks."""
     still: float = 9.0
     """Noises within which all readings of a sensor that stands lie [1]; chosen: 1000 readings of noise lie
     in 7."""

@@ -29,7 +29,7 @@ RIG_KEYS = (
 
 
 class DefaultDrift(NamedTuple):
-    """What is followed where the rig says nothing. Chosen: what sheaths and load cells usually do."""
+    """What is followed where the rig states nothing. Chosen: what sheaths and load cells usually do."""
 
     friction_sd: float = 0.1
     """Standard deviation of friction at the start, and of its change in an hour, over its value [1]."""

@@ -25,7 +25,7 @@ from tssgeom.tendon.transmission import Transmission
 
 
 class CarrySettings(NamedTuple):
-    """Numbers of how a stream takes over what a filter knows."""
+    """Numbers of how a stream takes over the estimates of a filter."""
 
     refresh: float = 1.0
     """Longest time for which a rig is used [s]; chosen: drifts take minutes."""

@@ -71,7 +71,7 @@ class Follower:
         self._moments = deque[Moment]()
         self._alert: Alert | None = None
         self._concluded = False
-        """Whether all has been compared that an alert asks for."""
+        """Whether every comparison of an alert is done."""
         self._alarmed = self._disagreed = math.nan
         self._compared = 0
         self._work: Iterator[tuple[Explanation, ...] | None] | None = None

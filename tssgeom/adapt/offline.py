@@ -173,7 +173,9 @@ class RunFollower:
         now = self._follower.filter
         assert now is not None
         if now is not self._filter:
-            if self._histories and self._alert is not None:  # what followed a fault says nothing of before
+            if (
+                self._histories and self._alert is not None
+            ):  # readings after a fault are no evidence of the time before
                 self._histories[-1][1].cut(self._alert.since)
             hourly = np.array([one.hourly_change for one in now.numbers])
             self._histories.append((now.keys, NumberHistory(hourly)))

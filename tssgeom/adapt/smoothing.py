@@ -1,4 +1,4 @@
-"""What a whole run knows of followed numbers at each of its times: smoothing; docs/model.md (208).
+"""Estimates of followed numbers at each time of a run, from all its readings: smoothing; docs/model.md (208).
 
 Source: H. E. Rauch, F. Tung, C. T. Striebel, Maximum likelihood estimates of linear dynamic systems, AIAA
 Journal 3 (1965). Only the numbers are smoothed: a tendon forgets its tensions within a stroke, numbers change
@@ -70,7 +70,7 @@ class SmoothedNumbers:
 
 
 class NumberHistory:
-    """Takes in what a filter knows of a random walk, step by step, and smooths it.
+    """Takes in the estimates of a filter of a random walk, step by step, and smooths them.
 
     All steps count, also those between the kept moments: the backward recursion is affine, and that over many
     steps is one affine step again. Memory does not grow with the length of the run.

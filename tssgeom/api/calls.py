@@ -267,7 +267,7 @@ def discover(
     Parameters
     ----------
     campaign
-        Measured runs and the rig as it is believed to be, or the path of their folder, of one tendon or of a
+        Measured runs and the nominal rig, or the path of their folder, of one tendon or of a
         machine.
     seed
         Of the simulated clean campaigns; the same seed gives the same answer.

@@ -46,7 +46,7 @@ RunGiven: TypeAlias = str | Path | MeasuredRun | Mapping[str, Any] | Table
 
 
 def read(path: str | Path, unit: str | None = None, columns: Iterable[str] = ()) -> Recording:
-    """Open a file of sensed shapes, of any format that `tssgeom` knows.
+    """Open a file of sensed shapes, of any format that `tssgeom` reads.
 
     Parameters
     ----------

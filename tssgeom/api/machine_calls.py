@@ -74,7 +74,7 @@ def simulated_machine(run: MeasuredRun, machine: Machine) -> MachineChannels:
 
 
 def commanded_machine(run: MeasuredRun, machine: Machine) -> MachineChannels:
-    """Return the angles of the motor that turn the joint as a run wants it.
+    """Return the angles of the motor that turn the joint along the target of a run.
 
     Raises
     ------

@@ -168,7 +168,7 @@ def snake(name: str) -> str:
 class Effect(
     msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="name", tag=snake
 ):
-    """What all effects share: bounds that are checked, and what the workflow wants to know of each."""
+    """What all effects share: bounds that are checked, and what the workflow needs of each."""
 
     hook: ClassVar[Hook]
     by_force: ClassVar[tuple[Channel, ...]] = LOSSES

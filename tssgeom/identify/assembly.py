@@ -75,7 +75,7 @@ class Attribution:
     where: tuple[MisfitShare, ...]
     along: tuple[RouteMisfit, ...]
     gains: tuple[float, ...]
-    """How much χ² falls by what each route wants."""
+    """How much χ² falls by the fitted angle of each route."""
 
 
 @dataclass(frozen=True, slots=True)

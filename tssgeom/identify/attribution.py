@@ -1,4 +1,4 @@
-"""Where the model and the readings disagree, and what friction the readings want.
+"""Where the model and the readings disagree, and the friction that fits the readings.
 
 By channel, phase, run and tension; along the route; where no name fits, over what friction may depend on.
 
@@ -113,7 +113,7 @@ def _worst(cells: list[tuple[float, MisfitShare]], power: float) -> tuple[Misfit
 def along_routes(
     problem: Problem, at: Point, base: Matrix
 ) -> tuple[tuple[RouteMisfit, ...], tuple[float, ...]]:
-    """Return the curve angle that readings want beyond the model, by stretches of each route; (109).
+    """Return the fitted curve angle beyond the model, by stretches of each route; (109).
 
     With it how much χ² falls by that of each route.
     """
@@ -190,7 +190,7 @@ def _stretch(misfit: RouteMisfit) -> tuple[float, float] | None:
 def missing_shapes(
     problem: Problem, fit: Fit, along: Sequence[RouteMisfit], gains: Sequence[float]
 ) -> tuple[Shape, ...]:
-    """Return the friction that the readings want, over each thing that it may depend on."""
+    """Return the friction that fits the readings, over each quantity that it may depend on."""
     moved = np.zeros(2 + len(fit.at.free))
     moved[0] = ATTRIBUTION.step
     slope = (fit.left - problem.left(fit.at.moved(moved))) / ATTRIBUTION.step
@@ -259,7 +259,7 @@ def _hats(x: Vector, knots: Vector) -> Matrix:
 def _over_arc_length(
     problem: Problem, at: Point, along: Sequence[RouteMisfit], shares: Sequence[float]
 ) -> list[Shape]:
-    """Return what the routes want along their length as friction on their mean curvature."""
+    """Return the fitted friction beyond the model along the routes, as friction on their mean curvature."""
     out = []
     routes = {reading.route.name: reading.route.arcs for reading in problem.stack.readings}
     for misfit, share in zip(along, shares, strict=True):

@@ -32,7 +32,7 @@ _MOST_PIECES = 2000
 
 @dataclass(frozen=True, slots=True)
 class CalibratedPiece:
-    """A piece of a log, and what it says of the rig."""
+    """A piece of a log, and the rig that is fitted to it."""
 
     start: float
     """Time of its first reading [s]."""

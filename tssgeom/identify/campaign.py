@@ -1,4 +1,4 @@
-"""A campaign: measured runs of one rig on its routes, and what its owner believes of the rig."""
+"""A campaign: measured runs of one rig on its routes, and the nominal rig."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Campaign:
     name: str
     """Name of the folder."""
     rig: Rig
-    """The rig as its owner believes it to be."""
+    """The nominal rig."""
     runs: tuple[Run, ...]
     """The measured runs."""
     notes: tuple[str, ...] = ()

@@ -126,8 +126,8 @@ def _information(fit: Fit) -> Matrix:
 def _hidden(work: Work) -> list[CandidateModel]:
     """Return effects that may be there below what the readings can show, the likeliest first.
 
-    First those that readings want, but no larger than sensors may produce; then those of typical size that a
-    refit of friction or compliance hides, by a known tie.
+    First those that improve the fit, but no larger than sensors may produce; then those of typical size that
+    a refit of friction or compliance hides, by a known tie.
     """
     problem, first = work.chosen.problem, work.chosen.steps[0]
     small = [one for one in first.tried if one.delta_bic > first.needed(one) and one.size <= 1.0]

@@ -28,7 +28,7 @@ from tssgeom.rig import Rig
 from tssgeom.statistics import NORMAL_95
 
 _LARGE = 1000.0
-"""ΔBIC beyond which its number says no more [1]; chosen."""
+"""ΔBIC beyond which a larger one adds no evidence [1]; chosen."""
 
 
 def proposed(work: Work, runs: Sequence[Reading], rig: Rig, asked: Asked, seed: int) -> Proposal:
@@ -41,7 +41,7 @@ def proposed(work: Work, runs: Sequence[Reading], rig: Rig, asked: Asked, seed: 
     runs
         All runs of the campaign, held out ones too.
     rig
-        As it is believed to be.
+        The nominal one.
     asked
         How many experiments, and within which limits.
     seed

@@ -33,7 +33,7 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """Why an effect is believed, or not."""
+    """Evidence for an effect, or against it."""
 
     delta_bic: float
     """How much the Bayesian information criterion falls with the effect [1]."""
@@ -46,7 +46,7 @@ class Evidence:
 
 
 class RigNumber(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A number of a rig that acts where the rig file has none, such as a play; its key says which."""
+    """A number of a rig that acts where the rig file has none, such as a play; its key names it."""
 
     key: str
     """Where it stands in the rig: `end.play_rad`."""
@@ -113,7 +113,7 @@ class HeatMap:
 
 @dataclass(frozen=True, slots=True)
 class RouteMisfit:
-    """How much friction a route wants beyond the model, along its length."""
+    """Fitted friction of a route beyond the model, along its length."""
 
     route: str
     s: Vector
@@ -190,7 +190,7 @@ class Shape:
     """tension_N, speed_m_per_s, curvature_per_m, s_m or cycle."""
     x: Vector
     friction: Vector
-    """[k] Coefficient of friction that the data want there [1]."""
+    """[k] Fitted coefficient of friction there [1]."""
     se: Vector
     explains: float
     """Share of the misfit that it explains [1]."""
@@ -219,7 +219,7 @@ class Finding(Result):
     heat: HeatMap
     """Residual power by channel, run, phase and tension."""
     along: tuple[RouteMisfit, ...]
-    """Friction that each route wants beyond the model, along its length."""
+    """Fitted friction of each route beyond the model, along its length."""
     misfit: Misfit
     """Root mean squares of measured less simulated, before and after."""
     base: Mapping[str, Estimate]

@@ -42,7 +42,7 @@ def discover_machine(
     Parameters
     ----------
     campaign
-        Measured runs on their routes, and the rig as it is believed to be.
+        Measured runs on their routes, and the nominal rig.
     progress
         Is called with each step and the share that is done [1].
 

@@ -1,4 +1,4 @@
-"""What the fit of a machine says: estimates, what is known only together, and how each channel is met."""
+"""Results of the fit of a machine: estimates, numbers that are tied, and the residuals of each channel."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class MachineEstimate:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class MachineCalibration(Result):
-    """What runs say of a machine."""
+    """Estimates of a machine from its runs."""
 
     estimates: tuple[MachineEstimate, ...]
     """Every number that was fitted."""
@@ -87,7 +87,7 @@ def calibration_of(
     held: Mapping[str, tuple[float, float]],
     notes: Sequence[str] = (),
 ) -> MachineCalibration:
-    """Return what a fit says, with the covariance of Gauss and Newton; docs/model.md (181)-(183)."""
+    """Return the estimates of a fit, with the covariance of Gauss and Newton; docs/model.md (181)-(183)."""
     slope = problem.jacobian(state.u, state.channels, state.left) * np.concatenate(state.weight)[:, None]
     covariance = np.asarray(np.linalg.inv(slope.T @ slope + np.eye(len(state.u))), dtype=np.float64)
     effective = sum(len(each) for each in state.left) / float(np.mean(state.inflation))

@@ -1,4 +1,4 @@
-"""What speaks for a part of a machine and against it: evidence, held-out misfit, physics.
+"""Evidence for a part of a machine and against it: log evidence, held-out misfit, physics.
 
 Source: docs/model.md (196)-(198).
 """
@@ -28,7 +28,7 @@ from tssgeom.tendon.machine_simulation import drive_channels, simulate_machine
 
 @dataclass(frozen=True, slots=True)
 class EvidenceSettings:
-    """When a part of a machine is believed."""
+    """When a part of a machine is accepted."""
 
     needed: float = 10.0
     """ΔBIC that a part needs [1]; cited: Kass and Raftery, JASA 90 (1995), "very strong"."""

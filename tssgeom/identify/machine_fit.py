@@ -36,7 +36,7 @@ def start_of(problem: Problem) -> Vector:
         if channels is not None:
             starts.append((_objective(short.left(channels), weight, u), u))
     if not starts:
-        raise FitError("the machine has no equilibrium at what the rig says of it: check units and radii")
+        raise FitError("the machine has no equilibrium at the numbers of the rig: check units and radii")
     nearest = sorted(starts, key=lambda start: start[0])[: FIT.starts]
     inflation = np.ones(len(rows))
     states = [fit_round(short, u, weight, inflation, FIT.start_steps) for _, u in nearest]

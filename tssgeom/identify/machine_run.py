@@ -337,7 +337,7 @@ def finely_predicted(
 
 
 def routed(arcs: Arcs, rig: Rig) -> Arcs:
-    """Return a route with what the rig says of its length and angle."""
+    """Return a route with the length and angle of the rig file."""
     given = rig.route
     length, angle = arcs.length, arcs.angle * given.angle_gain
     if given.length_m is not None:

@@ -1,4 +1,4 @@
-"""Which parts the runs of a machine ask for: forward, one at a time, and one backward pass.
+"""Selection of the parts of a machine: forward, one at a time, and one backward pass.
 
 Source: docs/model.md (196)-(198).
 """

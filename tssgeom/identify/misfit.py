@@ -31,7 +31,7 @@ class MisfitSettings:
     still: float = 0.05
     """Of the median step in motion: a slower drive is a hold [1]; chosen."""
     floor: float = 0.7
-    """Held-out misfit below which its ratio says nothing [1]; derived: half of the noise variance again."""
+    """Held-out misfit below which its ratio is no evidence [1]; derived: half of the noise variance again."""
     same: float = 0.95
     """Of a misfit: one that differs by less has neither fallen nor grown [1]; chosen: two digits."""
 
@@ -76,7 +76,7 @@ class HeldOut:
         return beyond_noise(_rms(self.problem, left, self.counted), self.noise)
 
     def widens(self, before: Point, after: Point) -> bool:
-        """Whether a second model leaves a wider misfit than a first, both beyond what says nothing."""
+        """Whether a second model leaves a wider misfit than a first, both beyond the floor."""
         return self.misfit(after) > max(self.misfit(before), MISFIT.floor)
 
     def ratio(self, at: Point) -> float:

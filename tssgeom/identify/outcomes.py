@@ -29,7 +29,7 @@ _SYMBOLS = {
     "displacement_out_m": "x_out",
 }
 _MIDDLE = 0.2  # share of a leg at each end that does not count; chosen: what follows a turn is less sure
-_CLEAR = 2.0  # standard deviations by which an outcome speaks for a model; chosen
+_CLEAR = 2.0  # standard deviations by which an outcome is evidence for a model; chosen
 
 
 @dataclass(frozen=True, slots=True)

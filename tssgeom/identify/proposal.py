@@ -15,7 +15,7 @@ from tssgeom.tendon.bars.sensors import Drive
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """What a user asks for."""
+    """Settings of a proposal."""
 
     runs: int
     """How many."""
@@ -25,7 +25,7 @@ class Asked:
 
 @dataclass(frozen=True, slots=True)
 class ExpectedEvidence:
-    """What the runs so far and those that are proposed are expected to say of two models."""
+    """Expected evidence of the runs so far and of the proposed ones between two models."""
 
     true: str
     other: str

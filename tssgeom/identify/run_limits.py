@@ -1,4 +1,4 @@
-"""What a rig may be asked to do in one more run: as stated, or as far as the runs of a campaign went.
+"""Limits of a rig in one more run: as stated, or as far as the runs of a campaign went.
 
 Source: docs/discovery.md, "Designed experiments".
 """

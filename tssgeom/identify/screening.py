@@ -130,7 +130,7 @@ class ScoreTest:
     column: Vector
     """[rows + k] Whitened change for one unit of amplitude, friction and compliance projected off."""
     amplitude: float
-    """That the readings want, in the parameter's unit."""
+    """Fitted to the readings, in the parameter's unit."""
     gain: float
     """How much χ² would fall [1]."""
     size: float

@@ -1,4 +1,4 @@
-"""Which effects the readings ask for: forward, one at a time, with an exchange and a backward pass.
+"""Selection of effects: forward, one at a time, with an exchange and a backward pass.
 
 Source: docs/model.md (107), (110), (114).
 """

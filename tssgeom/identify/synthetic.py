@@ -39,7 +39,7 @@ BELIEVED = Rig(
     },
     shape=ShapeSensor(noise_mm=1e3 * _POINT_NOISE, angle_gain_sd=0.005),
 )
-"""The rig as its owner believes it to be."""
+"""The nominal rig."""
 TRUE = msgspec.structs.replace(
     BELIEVED,
     tendon=Tendon(compliance_per_N=3.16e-4, pretension_N=1.5),

@@ -67,7 +67,7 @@ def discover(
     Parameters
     ----------
     campaign
-        Measured runs and the rig as it is believed to be.
+        Measured runs and the nominal rig.
     seed
         Of the simulated clean campaigns; the same seed gives the same answer.
     progress

@@ -1,1 +1,1 @@
-"""Everything that knows a format, a unit or a socket: files to frames, results to files."""
+"""Formats, units and sockets: files to frames, results to files."""

@@ -1,4 +1,4 @@
-"""Storage of files and results: on this machine, or at any address that `pyarrow.fs` knows."""
+"""Storage of files and results: on this machine, or at any address of `pyarrow.fs`."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ _MUST_MOVE = ("tension_in_N", "tension_out_N", "displacement_in_m", "elongation_
 
 
 def digit_remarks(run: Series, *, fitted: bool) -> Iterator[Remark]:
-    """Yield what recorders and connections do to rows; `fitted` says whether the run is measured."""
+    """Yield faults of rows by recorders and connections; `fitted` is true where the run is measured."""
     yield from _clock(run)
     if not fitted:
         return

@@ -19,7 +19,7 @@ _TENSION_IN, _TENSION_OUT = "tension_in_N", "tension_out_N"
 
 
 def motion_remarks(run: Series, *, fitted: bool) -> Iterator[Remark]:
-    """Yield what is wrong between channels; `fitted` says whether the run is measured."""
+    """Yield what is wrong between channels; `fitted` is true where the run is measured."""
     yield from _tension_ratio(run)
     yield from _signs(run)
     yield from _consistency(run)

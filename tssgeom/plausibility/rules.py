@@ -38,7 +38,7 @@ class Remark(NamedTuple):
 
 
 def remark(rule: str, subject: Subject, measured: str) -> Remark:
-    """Return the remark that a rule is broken; `measured` says by what, with numbers and units."""
+    """Return the remark that a rule is broken; `measured` states by what, with numbers and units."""
     row = RULES[rule]
     return Remark(rule, row.severity[subject], f"{measured}: {row.hint} [{rule}]")
 

@@ -109,7 +109,7 @@ def added_variance(probability: Vector, angle: Vector, own: Vector, about: float
     about, known
         Φ of the fit that stands for all [rad], and its own variance [rad²].
     """
-    # a variance above Φ² only says that a fit is not linear in its errors
+    # a variance above Φ² only shows that a fit is not linear in its errors
     return max(mixture_variance(probability, angle, np.minimum(own, angle**2), about) - known, 0.0)
 
 

@@ -161,7 +161,7 @@ def _passed_elsewhere(points: Points, index: int, radius: float) -> bool:
 
 
 def _usable(points: Points, known: Vector | None) -> tuple[np.ndarray, tuple[str, ...]]:
-    """Return the indices of the points that can be used, and what is to be said of the others."""
+    """Return the indices of the points that can be used, and the warnings on the others."""
     if np.isinf(points).any():
         row = int(np.argmax(np.isinf(points).any(axis=1)))
         raise ShapeError(f"point {row} is infinite: leave a missing point empty or NaN")

@@ -60,7 +60,7 @@ class ResolutionLimits:
     """Noise over the length of a route below which its points were not sensed [1]. Chosen: a tenth of what
     the best cameras reach."""
     fewest: int = 40
-    """Points from which on so little noise says so [1]. Chosen: few points always fit a smooth route."""
+    """Points from which on so little noise is evidence [1]. Chosen: few points always fit a smooth route."""
     hidden: float = 0.035
     """Share of Φ in bends shorter than a tenth of a smooth route from which they may be errors [1]. Measured:
     routes of 1 to 13 rad with white noise have at most 0.03."""

@@ -45,7 +45,7 @@ class FilterLimits:
     most_outliers: float = 0.2
     """Share of the points that may be outliers [1]. Chosen: where there are more, the route moved."""
     patience: int = 5
-    """Frames in a row after which a point that leapt alone, or comes back, is believed [1]. Chosen."""
+    """Frames in a row after which a point that leapt alone, or comes back, is used [1]. Chosen."""
     constant_share: float = 0.2
     """Least share of a stated variance that counts as constant in time [1]. Chosen: what changes is known to
     some 10 % after a few frames."""
@@ -138,7 +138,7 @@ def filtered(before: PointFilter, points: Points, noise: float, time: float) -> 
         return None
     step = max(step, FILTER.least_step)
     last = before.memory[2 * _MOTIONS]
-    if points[0, 0] == last[0, 0] and np.array_equal(points, last):  # sent again: it says nothing new
+    if points[0, 0] == last[0, 0] and np.array_equal(points, last):  # sent again: it has no new information
         return before._replace(time=time, warnings=())
     most = FILTER.most_over_spatial * (noise * before.sensed_noise / before.noise) ** 2
     before = before._replace(time=time, interval=interval, warnings=())
@@ -249,7 +249,7 @@ def _complete(points: Points) -> bool:
 
 
 def _missing_for(points: Points) -> Vector:
-    """Count a missing point as if it had leapt for long: it is believed when it comes back."""
+    """Count a missing point as if it had leapt for long: it is used when it comes back."""
     if _complete(points):
         return np.zeros(len(points))
     return np.where(np.isnan(points).any(axis=1), FILTER.patience, 0.0)

@@ -239,7 +239,7 @@ def _reached(move: _Move, held: TendonState, error: float) -> TendonState:
     reach = max(sign * (far - start), _LEAST_REACH * max(start, move.target))
     far = start + sign * reach if sign * (far - start) <= 0.0 else far
     answer = move.pulled(far)
-    for _ in range(_WIDENINGS):  # friction that grows with speed asks for more
+    for _ in range(_WIDENINGS):  # friction that grows with speed needs more
         if sign * (error := move.error(answer)) >= 0.0:
             break
         if far == 0.0:

@@ -26,7 +26,7 @@ from tssgeom.tendon.state import TendonState, step, transmit, true_tension
 from tssgeom.uncertain import Uncertain
 
 Policy = Literal["cross", "wait"]
-"""What a drive does where a target asks it to turn: `cross` the dead zone at once, or `wait` inside it."""
+"""What a drive does where a target makes it turn: `cross` the dead zone at once, or `wait` inside it."""
 Measured = Literal["tension", "displacement"] | None
 """What is measured of a drive."""
 
@@ -54,7 +54,7 @@ class Given(NamedTuple):
 
 
 class FilterErrors(Protocol):
-    """Errors of the distal end after a move of the drive, by what a filter knows of rig and state."""
+    """Errors of the distal end after a move of the drive, by a filter of rig and state."""
 
     def __call__(self, displacement_in: float, tension_in: float) -> DistalErrors:
         """Return them for a drive that goes to a position [m], and for one that pulls with a tension [N]."""
@@ -81,7 +81,7 @@ class Commander:
     kept: DistalErrors | None = None
     """Errors that the route caused when the distal end last moved; None where `TendonState` has them."""
     of_filter: FilterErrors | None = None
-    """What a filter of rig and state knows, beside the variants."""
+    """Estimates of a filter of rig and state, beside the variants."""
 
     def moved(
         self, state: TendonState, at: Step, given: Given, tension_in: float
@@ -206,7 +206,7 @@ class Commander:
         stiffness = self.rig.load.stiffness_N_per_m
         if stiffness == 0.0:
             raise SettingsError(
-                "load.stiffness_N_per_m is 0: a tolerance in mm says nothing of a tension: leave "
+                "load.stiffness_N_per_m is 0: a tolerance in mm does not apply to a tension: leave "
                 "--tolerance-mm, or give the stiffness"
             )
         return (tension_out - (target.tension_out or 0.0)) / stiffness

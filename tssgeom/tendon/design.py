@@ -160,7 +160,7 @@ def bent(arcs: Arcs, where: Vector, angle: Vector, width: float) -> Arcs:
 def disturbed(
     arcs: Arcs, routes: Sequence[Arcs], rig: Rig, curve: Curve, tensions: Vector, percentile: float
 ) -> Disturbed:
-    """Return how much perturbed routes differ from the one that the model knows, after each tension [N]."""
+    """Return how much perturbed routes differ from the one of the model, after each tension [N]."""
     calm = driven(tensions, curve.before(arcs), rig)
     runs = [driven(tensions, curve.before(route), rig) for route in routes]
     tension = np.abs([run.tension_out - calm.tension_out for run in runs])

@@ -45,7 +45,7 @@ def drive_channels(drive: str, count: int) -> tuple[str, ...]:
 
 
 def with_torque(run: Mapping[str, Vector], rig: Rig) -> Mapping[str, Vector]:
-    """Return a run with the torque of its motor where the current says it."""
+    """Return a run with the torque of its motor where the current determines it."""
     constant = rig.drive.torque_constant_Nm_per_A
     if constant == 0.0 or "motor_current_A" not in run or "motor_torque_Nm" in run:
         return run
@@ -253,7 +253,7 @@ def _as_driven(run: Mapping[str, Vector], channel: str, lag: float) -> Vector:
 
 
 def _with_zero(run: Mapping[str, Vector], channel: str, rig: Rig) -> Vector:
-    """Return what a channel says without its zero and gain; nothing where the run does not have it."""
+    """Return a channel without its zero and gain; nothing where the run does not have it."""
     if channel not in run:
         return np.zeros(len(run["time_s"]))
     values, sensor = run[channel], rig.sensors.get(channel)

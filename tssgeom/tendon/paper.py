@@ -184,7 +184,7 @@ def _order_rows() -> list[Row]:
             10.0,
             True,
             100 * difference / (a.elongation[-1] + OFFSET),
-            "printed as almost 10 %; the paper does not say of what, without the offset it is 23 %",
+            "printed as almost 10 %; the paper does not state of what, without the offset it is 23 %",
         ),
         Row(
             "6",
@@ -240,7 +240,7 @@ def _remedy_rows() -> list[Row]:
             6.8,
             True,
             100 * without / (at_peak(HALF_CIRCLE).elongation[-1] + OFFSET),
-            "0.256 mm over δ with the offset, on the half circle; the paper does not say of what",
+            "0.256 mm over δ with the offset, on the half circle; the paper does not state of what",
         ),
     ]
 

@@ -116,7 +116,7 @@ def step(
     stands
         Whether the route is known to stand: what has changed of it is what is known of it. The tension then
         keeps its history over the curve angle. A route that is known to move has moved where it differs by
-        half of the usual distance. None where neither is known; where effects act, this says nothing.
+        half of the usual distance. None where neither is known; where effects act, this has no meaning.
 
     Raises
     ------

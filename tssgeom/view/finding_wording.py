@@ -158,7 +158,7 @@ def _separating(each: Experiment) -> str:
 
 
 def proposed_steps(finding: Finding) -> list[str]:
-    """Write what was designed, a sentence each; none where nothing was asked for."""
+    """Write what was designed, a sentence each; none where nothing was designed."""
     proposal = finding.proposal
     if proposal is None:
         return []

@@ -91,7 +91,7 @@ def _alone(
     """Calibrate one camera: lens [9], which parameters count [9], and the pose of each board before it.
 
     Views that are far worse than the others are left out. Whether the lens needs a third radial coefficient
-    is what its errors say (Schwarz's criterion).
+    follows from its errors (Schwarz's criterion).
     """
     fitted_lens = _fitted_lens(corners, sighted, size, cv2.CALIB_FIX_K3)
     kept = [

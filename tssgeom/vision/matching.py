@@ -133,7 +133,7 @@ def clash(blobs: np.ndarray) -> np.ndarray:
 
 
 def sure(candidates: Matches) -> tuple[np.ndarray, np.ndarray]:
-    """Split combinations into those that nothing speaks against and those that are left open.
+    """Split combinations into consistent ones and those that are left open.
 
     A combination is sure where none that shares a blob with it has as many views. Taking it rules those out,
     which may make others sure.

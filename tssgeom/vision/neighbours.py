@@ -42,7 +42,7 @@ def reach_of(cameras: tuple[Camera, ...], view_sets: Sequence[ViewSet], matches:
 
 
 def unopposed(candidates: Matches, reach: float) -> np.ndarray:
-    """Return which matches nothing speaks against, after those with fewer neighbours have given way.
+    """Return which matches are consistent, after those with fewer neighbours are removed.
 
     Of matches that share a blob the one that more cameras see counts, or else the one with more neighbours;
     of two with as many, neither does.

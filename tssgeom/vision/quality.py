@@ -52,7 +52,7 @@ def quality_of(
     fitted: Fitted,
     board_frame: int | None,
 ) -> Calibration:
-    """Turn a fit into cameras, and say how good it is."""
+    """Return the cameras of a fit, and its quality."""
     cameras = tuple(_camera(*given) for given in zip(names, sizes, fitted.lens, fitted.pose, strict=True))
     covered = np.array([_covered(sighted, v, size) for v, size in enumerate(sizes)])
     calibration = Calibration(

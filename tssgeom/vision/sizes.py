@@ -12,7 +12,7 @@ from tssgeom.vision.matching import Matches, sure
 from tssgeom.vision.views import ViewSet
 
 _SAME = 0.22  # of ln radius: spread of one size by lighting, blur and slanted views
-_MOSTLY = 0.7  # of the sure matches that have to agree before size says anything
+_MOSTLY = 0.7  # of the sure matches that have to agree before size is used
 
 
 def of_one_size(

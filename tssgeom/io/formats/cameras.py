@@ -99,7 +99,7 @@ def _camera(one: CameraFile) -> Camera:
 
 
 def write_calibration(path: Path, calibration: Calibration) -> None:
-    """Write a calibration, which `read_cameras` reads back; TOML, or JSON where the ending says so.
+    """Write a calibration, which `read_cameras` reads back; TOML, or JSON where the ending is that.
 
     Raises
     ------

@@ -61,7 +61,7 @@ def read_campaign(folder: Path, unit: str | None = None, columns: ColumnMap = NO
     unit
         Unit of length, "mm" or "m", of shapes that state none.
     columns
-        What the user says of columns of the files.
+        The user's statements on columns of the files.
 
     Raises
     ------

@@ -81,7 +81,7 @@ def open_recording(path: str | Path, unit: str | None = None, columns: ColumnMap
     unit
         Unit of length, "mm" or "m", where the file states none.
     columns
-        What the user says of columns of tables.
+        The user's statements on columns of tables.
 
     Raises
     ------

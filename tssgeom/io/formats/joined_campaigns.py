@@ -43,7 +43,7 @@ def with_runs(
     unit, columns
         As `read_campaign`.
     proposals
-        Files that may say on which route each run was proposed, beside the one in the folder itself.
+        Files that may state the route on which each run was proposed, beside the one in the folder itself.
 
     Raises
     ------

@@ -61,7 +61,7 @@ def read_machine_campaign(
     unit
         Unit of length, "mm" or "m", of shapes that state none.
     columns
-        What the user says of columns of the files.
+        The user's statements on columns of the files.
 
     Raises
     ------

@@ -1,6 +1,6 @@
 """ROS 2 bags and MCAP files with shapes as `PoseArray` or `Path`; needs the extra `[ros]`.
 
-A bag states no unit: REP 103 says m, practice is mm, so the user has to state it.
+A bag states no unit: REP 103 prescribes m, practice is mm, so the user has to state it.
 """
 
 from __future__ import annotations

@@ -100,7 +100,7 @@ def read_run(path: str | Path, columns: ColumnMap = NO_MAP) -> MeasuredRun:
     path
         A table, or one recording of a table as `FILE#PART`.
     columns
-        What the user says of its columns.
+        The user's statements on its columns.
 
     Raises
     ------
@@ -204,7 +204,7 @@ def _plain(path: Path, kind: str, columns: ColumnMap) -> _Read | None:
     try:
         values = _READERS[kind](path, names)
     except SettingsError:
-        try:  # a row of units, comments and the like are no fault to those who expect them
+        try:  # a row of units, comments and the like are no fault to a caller that expects them
             return _laboratory(path, columns)
         except TssgeomError:
             pass

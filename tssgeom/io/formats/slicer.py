@@ -30,7 +30,7 @@ from tssgeom.stream import Frame
 TO_LPS = {"LPS": (1.0, 1.0, 1.0), "RAS": (-1.0, -1.0, 1.0)}
 """What turns coordinates of each system into LPS, in which Slicer writes meshes and markups."""
 
-_PER_METRE = PER_METRE | {"um": 1e6}  # the third unit that the schema knows
+_PER_METRE = PER_METRE | {"um": 1e6}  # the third unit of the schema
 _ROUTES = ("Curve", "Fiducial")
 _SYSTEMS = {"0": "RAS", "1": "LPS", "RAS": "RAS", "LPS": "LPS"}
 _FIRST, _LAST = 1, 4  # columns of the coordinates in an .fcsv file, the same in every version

@@ -29,7 +29,7 @@ from tssgeom.rig import Source
 from tssgeom.stream import Frame
 
 UNIT = "unit"
-"""Field array that states the unit of length; VTK itself knows none."""
+"""Field array that states the unit of length; VTK itself has none."""
 
 SPHERES = "MaximumInscribedSphereRadius"
 """Point array of a centre line: VMTK computes lines of vessels through the centres of maximal spheres."""
@@ -70,7 +70,7 @@ def open_vtp(path: Path, unit: str | None) -> Recording:
         Where the file cannot be read.
     """
     lines, stated, source = _read(split(path)[0])
-    agreed = agreed_unit(path, stated, unit, f"add a field array {UNIT!r} that says mm or m")
+    agreed = agreed_unit(path, stated, unit, f"add a field array {UNIT!r} that states mm or m")
     names = [str(number) for number, _ in enumerate(lines, start=1)]
     points = lines[selected(path, names)] / PER_METRE[agreed]
     points[np.isnan(points).any(axis=1)] = np.nan

@@ -42,7 +42,7 @@ class DatagramLimits:
     largest_bytes: int = 1 << 16
     """Bytes of a datagram; cited: UDP allows 65 507."""
     buffer_bytes: int = 1 << 22
-    """Bytes of datagrams that the system is asked to buffer; chosen: 64 of the largest."""
+    """Size of the system's buffer for datagrams [bytes]; chosen: 64 of the largest."""
     at_once: int = 64
     """Datagrams that are read before other work; derived: those that the buffer holds."""
     senders: int = 64

@@ -143,7 +143,7 @@ def answer(result: FrameResult, time: float, seq: int, latency_us: float, droppe
 
 
 def _of_command(command: Command | None) -> dict[str, Any]:
-    """Return what an answer says of a command: what is reached only where that is not the target."""
+    """Return the part of an answer on a command: what is reached only where that is not the target."""
     if command is None:
         return {}
     errors, risk = command.errors, command.out_of_tolerance

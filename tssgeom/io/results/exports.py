@@ -253,7 +253,7 @@ def selected_endings(text: str) -> tuple[str, ...]:
 
 
 def missing_libraries(endings: Sequence[str]) -> dict[str, str]:
-    """Return the endings whose library is not installed, each with the line that says so."""
+    """Return the endings whose library is not installed, each with the line that states it."""
     if "vtp" not in endings:
         return {}
     try:

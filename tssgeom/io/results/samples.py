@@ -172,7 +172,7 @@ def _inline(effect: Mapping[str, float | str]) -> str:
 
 def _write_campaign(folder: Path, campaign: SampleCampaign) -> list[Path]:
     written = [folder / "rig.toml", folder / CAMPAIGN]
-    write_rig(written[0], BELIEVED, ["What the owner of the rig believes."])
+    write_rig(written[0], BELIEVED, ["The nominal rig."])
     write_text(written[1], _listing(campaign.runs))
     for name, points in campaign.routes.items():
         written.append(folder / f"route_{name}.csv")

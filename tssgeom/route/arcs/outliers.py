@@ -34,7 +34,7 @@ def outlier_weights(data: Data, chain: Chain, variance: float = 0.0) -> Vector |
     data, chain
         Points and the chain that was fitted to those with weight.
     variance
-        Least noise variance that is assumed where `data` knows none [m²].
+        Least noise variance that is assumed where `data` has none [m²].
     """
     known = (data.weight, data.free, data.variance, data.spacing)
     differ, weight = core.outlier_weights(chain.square, *known, variance)
@@ -66,7 +66,7 @@ def with_tangents(
     kappa
         Curvature at the points, as far as it is known [n] [1/m].
     variance
-        Noise variance of a coordinate, where `data` knows none [m²].
+        Noise variance of a coordinate, where `data` has none [m²].
     """
     if tangents is None:
         return data

@@ -107,7 +107,7 @@ def fit_in_steps(
 
 
 def _fit_white(shape: Shape, noise: float | None) -> Generator[int, None, tuple[Spline, Callable[[], float]]]:
-    """Fit a route as if all errors were white; returns also how to ask for their correlation."""
+    """Fit a route as if all errors were white; returns also a function that fits their correlation."""
     spacing = _mean_spacing(shape)
     problem, solution = yield from posterior_in_steps(shape, spacing, noise)
     return spline_of(shape, problem, solution, spacing), partial(

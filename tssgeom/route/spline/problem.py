@@ -1,6 +1,6 @@
 """The smoothing problem of a route and its solution, in units of the mean spacing.
 
-The prior says that the rate of the curvature vector, carried along without twist, is a Brownian
+By the prior the rate of the curvature vector, carried along without twist, is a Brownian
 motion of intensity q with a restoring rate against the curvature. λ is the noise variance of a point over q.
 Source: docs/model.md (20) to (22).
 """

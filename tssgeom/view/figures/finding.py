@@ -1,4 +1,4 @@
-"""Figures of a finding: what was measured, what the model says before and after, and what is left."""
+"""Figures of a finding: readings, predictions before and after, and residuals."""
 
 from __future__ import annotations
 
@@ -164,7 +164,7 @@ def _name_runs(axes: Axes, traces: Sequence[Trace]) -> None:
 
 
 def missing_figure(finding: Finding) -> Figure:
-    """Draw the friction that the data want over what it may depend on, where no effect was identified."""
+    """Draw the fitted friction over what it may depend on, where no effect was identified."""
     shapes = finding.missing_shapes
     with panels(2.6, len(shapes)) as (drawing, row):
         for axes, shape in zip(row, shapes, strict=True):

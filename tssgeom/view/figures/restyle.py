@@ -24,7 +24,7 @@ def subscripts(text: str) -> str:
 
 
 def restyle(drawing: Figure) -> None:
-    """Set subscripts, and give a figure what its style asks for."""
+    """Set subscripts, and give a figure the properties of its style."""
     set_subscripts(drawing)
     if used() == "paper":
         for axes in drawing.axes:

@@ -16,7 +16,7 @@ from tssgeom.view.report.outlying_inputs import OutlyingInput
 from tssgeom.view.report.page import with_subscripts
 
 Row = Mapping[str, Any]
-_FEWEST = 3  # inputs from which a distribution says more than the table; chosen
+_FEWEST = 3  # inputs from which a distribution is clearer than the table; chosen
 _MOST_BARS, _FEWEST_BARS = 30, 6  # of a histogram; chosen
 _BAR, _MARK = "#9db7d5", "#d55e00"
 

@@ -207,7 +207,7 @@ def _residuals(finding: Finding) -> str:
 def _missing(finding: Finding) -> str:
     if not finding.missing_shapes:
         return ""
-    text = "<p>No effect of the library explains it. This is the friction that the data want instead:</p>"
+    text = "<p>No effect of the library explains it. This is the friction that fits the data instead:</p>"
     return _section("The shape of what is missing", text, _figure(missing_figure, finding, ""))
 
 

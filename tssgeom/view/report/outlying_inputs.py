@@ -19,7 +19,7 @@ class OutlyingLimits:
     """When an input of a batch differs from the others."""
 
     fewest: int = 5
-    """Inputs in a batch of which some may be outlying. chosen: a median of fewer says little."""
+    """Inputs in a batch of which some may be outlying. Chosen: a median of fewer is too uncertain."""
     z: float = 3.5
     """Robust z beyond which an input is outlying. cited: Iglewicz and Hoaglin 1993."""
     least_share: float = 1e-3

@@ -132,7 +132,7 @@ def _statement(rig: Rig, tension_in: float) -> str:
         "Effects": named(rig.effects) or "none beside the base model",
         "Sensor noise": "estimated from the points"
         if rig.shape.noise_mm is None
-        else f"{rig.shape.noise_mm:g} mm, as the rig says",
+        else f"{rig.shape.noise_mm:g} mm, as the rig states",
         "Program": f"tssgeom {program_version()}",
     }
     lines = "".join(f"<dt>{name}</dt><dd>{_text(text)}</dd>" for name, text in facts.items())

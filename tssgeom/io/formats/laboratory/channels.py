@@ -66,7 +66,7 @@ class Resolved:
 
     @property
     def drives(self) -> bool:
-        """Whether a channel says what drives the tendon."""
+        """Whether a channel is that of a drive."""
         return any(
             name.startswith(("tension_in_", "displacement_in_")) or "_target_" in name for name in self.values
         )

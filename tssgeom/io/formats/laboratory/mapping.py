@@ -1,4 +1,4 @@
-"""What the user says of columns: `--map "NAME=channel[:unit]"`, `columns.toml`, and `[columns]` of a rig."""
+"""Columns by statement of the user: `--map "NAME=channel[:unit]"`, `columns.toml`, `[columns]` of a rig."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Mapped(NamedTuple):
     unit: Unit | None
     """None where the name of the column or the channel states it."""
     origin: str
-    """Who says so: "--map", the file or the rig."""
+    """Origin of the statement: "--map", the file or the rig."""
 
 
 class _Listed(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -59,7 +59,7 @@ class ColumnMap:
         """Names of the option that no file has had so far."""
 
     def of(self, path: Path) -> Mapping[str, Mapped]:
-        """Return what is said of the columns of a file, by name.
+        """Return the statements on the columns of a file, by name.
 
         Raises
         ------
@@ -69,7 +69,7 @@ class ColumnMap:
         return {**self._rig, **_beside(path.parent), **self._options}
 
     def with_rig(self, rig: Mapping[str, str]) -> ColumnMap:
-        """Return the same options with what a rig says of columns."""
+        """Return the same options with the statements of a rig on columns."""
         other = ColumnMap((), rig)
         other._options, other.reported, other.unused = self._options, self.reported, self.unused
         return other

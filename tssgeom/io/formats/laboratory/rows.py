@@ -115,7 +115,7 @@ def header_of(rows: Sequence[Row], count: int) -> tuple[list[str], list[str], in
 
 
 def _is_unit_row(cells: Sequence[str]) -> bool:
-    """Whether each cell is a unit, or says that there is none."""
+    """Whether each cell is a unit, or a mark that there is none."""
     units = [cell for cell in cells if cell.strip("[](){} ").lower() not in _UNITLESS]
     return bool(units) and all(unit_of(cell) for cell in units)
 

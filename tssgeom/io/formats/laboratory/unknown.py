@@ -1,4 +1,4 @@
-"""Names of keys and arrays that no reader knows: which may be meant, and whether that changes a result."""
+"""Names of keys and arrays that no reader reads: which may be meant, and whether that changes a result."""
 
 from __future__ import annotations
 
