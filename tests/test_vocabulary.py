@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+import tssgeom
 from tests.vocabulary import ROOT, WORDS, comments, parts, private_uses, private_words, uses
 
 PLANTED = '''"""Where the stray went."""
@@ -83,6 +84,16 @@ def test_the_code_names_of_the_glossary_are_names_of_the_code():
     known = {word for path in modules for word in re.findall(r"\w+", path.read_text(encoding="utf-8"))}
     assert len(listed) > 60
     assert listed <= known
+
+
+def test_the_glossary_has_every_term_once_and_every_public_class():
+    glossary = (ROOT / "docs" / "glossary.md").read_text(encoding="utf-8").partition("## Words")[0]
+    rows = [line.split(" | ") for line in glossary.splitlines() if line.startswith("| ")]
+    terms = [row[0] for row in rows if row[0] != "| term"]
+    listed = {name for row in rows for name in re.findall(r"`(\w+)`", row[3])}
+    public = {name for name in tssgeom.__all__ if isinstance(getattr(tssgeom, name), type)}
+    assert len(terms) == len(set(terms))
+    assert {name for name in public if not name.endswith("Error")} <= listed
 
 
 def test_no_private_word_is_left():
