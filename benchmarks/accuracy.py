@@ -3,7 +3,7 @@
     python -m benchmarks.accuracy [--quick] [--trials N] [--cell TEXT] [--all] [--markdown] [--jobs N]
 
 The full run has 200 trials a cell and takes three hours of a core; `--quick` takes less than a minute and
-fails where this project is clearly not what it says.
+fails where this project clearly misses its targets.
 """
 
 from __future__ import annotations
@@ -65,15 +65,15 @@ def failings(results: Sequence[Result]) -> list[str]:
         if one.failed:
             wrong.append(f"{name}: {_CHOSEN} failed {one.failed} times: {one.failure}")
         if one.coverage < _QUICK_COVERAGE:
-            wrong.append(f"{name}: 95 % intervals hold {share(one.coverage)} %, want at least 80 %")
+            wrong.append(f"{name}: 95 % intervals hold {share(one.coverage)} %, target at least 80 %")
         over = _over_peer(result)
         if result.shortest > 0 and over > _QUICK_TIMES_PEER and not _on_line(result, one):
-            wrong.append(f"{name}: rms {number(over)} times that of {result.best_peer}, want at most 1.3")
+            wrong.append(f"{name}: rms {number(over)} times that of {result.best_peer}, target at most 1.3")
     return wrong
 
 
 def _on_line(result: Result, one: Summary) -> bool:
-    """Whether a line is called straight for all that matters, which no ratio of errors near zero can say."""
+    """Whether a line counts as straight; errors near zero have no ratio."""
     return result.cell.route == "line" and one.rms < _STRAIGHT
 
 

@@ -56,7 +56,7 @@ class Case:
     noise: float
     """Standard deviation of each coordinate of the sensed points [m]."""
     seed: int = 0
-    """Of the noise; its two lowest bits say on which side the known friction and compliance are wrong."""
+    """Of the noise; its two lowest bits are the signs of the errors of friction and compliance."""
 
 
 def sine(frames: int) -> Vector:
@@ -105,7 +105,7 @@ def _stations() -> Vector:
 
 
 def known_rig(case: Case) -> Rig:
-    """Return the rig as those who command it know it."""
+    """Return the nominal rig, by which commands are computed."""
     friction, compliance = (1 + OFF * (1 - 2 * (case.seed >> bit & 1)) for bit in (0, 1))
     return Rig(
         tendon=Tendon(compliance_per_N=RHO * compliance, pretension_N=PRETENSION),
@@ -198,7 +198,7 @@ def _of_full_sliding(tracked_route: TrackedFit, way: int, x: float, rig: Rig) ->
 
 
 def ours(case: Case) -> Vector:
-    """Command what `process` says, the tendon's state carried from target to target."""
+    """Command the results of `process`, the tendon's state carried from target to target."""
     frames = (
         Frame(points, float(i), _stations(), displacement_target=float(x))
         for i, (points, x) in enumerate(zip(sensed(case), case.target, strict=True))

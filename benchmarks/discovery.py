@@ -96,7 +96,7 @@ def _worked_by_children() -> float:
 
 
 def discovered(campaign: Path, out: Path) -> tuple[dict[str, Any] | None, str]:
-    """Run `tssgeom discover` and return its report, or what it said instead."""
+    """Run `tssgeom discover` and return its report, or its message."""
     call = "import sys; from pipelines.cli import main; sys.exit(main())"
     command = [sys.executable, "-c", call, "discover", str(campaign), "--out", str(out), "--quiet"]
     try:

@@ -134,7 +134,7 @@ class _Chain:
 
 
 def _across(jacobian: np.ndarray, tangent: Points) -> np.ndarray:
-    """Drop what inner points say along the tangent [n, 3, parameters]."""
+    """Drop the residuals of inner points along the tangent [n, 3, parameters]."""
     along = np.einsum("nc,ncp->np", tangent, jacobian)
     along[[0, -1]] = 0.0
     return jacobian - tangent[:, :, None] * along[:, None, :]

@@ -44,7 +44,7 @@ class Latencies:
 
 
 def compiled_client(folder: Path) -> Path | None:
-    """Compile the client into a folder; where there is no compiler, say so and return None."""
+    """Compile the client into a folder; where there is no compiler, print that and return None."""
     program = folder / "live_client"
     try:
         command = [*compiler(), *_FLAGS, str(_SOURCE), "-o", str(program)]

@@ -47,7 +47,7 @@ _WRONG = {
 
 
 ROUTES = ("7 pieces", "harmonics")
-"""Those that `points_mm` knows: one of pieces and a smooth one."""
+"""Those of `points_mm`: one of pieces and a smooth one."""
 
 
 def points_mm(n: int, time: float, seed: int = 0, noise: float = 5e-4, route: str = ROUTES[0]) -> np.ndarray:
@@ -101,7 +101,7 @@ _ADDRESS = re.compile(r"(source|sink|view) (\S+?)(?:,|$)")
 
 
 class Live:
-    """A running stream, and what it says on stderr."""
+    """A running stream, and its lines on stderr."""
 
     def __init__(self, process: subprocess.Popen[bytes]) -> None:
         self.process = process

@@ -5,7 +5,7 @@
 The route sways, the noise is half a millimetre and unknown; the tension pulls and releases. A frame's latency
 runs from just before it was sent to when the first byte of its answer arrived, by the clock of a client in C;
 `sent late` is how late the client itself was, in the 99th percentile. `--view` and `--record` are on where a
-row says so. The load of the machine is printed, since other work on it affects every number. The faults end
+row states it. The load of the machine is printed, since other work on it affects every number. The faults end
 with exit status 1 where one of them is not borne.
 """
 

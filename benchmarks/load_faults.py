@@ -147,7 +147,7 @@ def source_returns(quick: bool) -> Verdict:
             with stream.source() as source:
                 source.sendall(retimed(_GOOD, 1.0)[:-2] + b',"id":"back %d"}\n' % i + _GOOD[:500])
                 answered += "segments" in exchange.reader.until("id", f"back {i}")[-1]
-            sleep(1.2 / LIMITS.new_per_second)  # who comes back more often is turned away
+            sleep(1.2 / LIMITS.new_per_second)  # a client that comes back more often is turned away
         exchange.close()
     return Verdict("source dies and returns", answered == count, f"{answered} of {count} times answered")
 

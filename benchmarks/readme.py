@@ -3,7 +3,7 @@
     python -m benchmarks.readme [PART…] [--quick]
 
 Runs the benchmarks one after the other, some two hours in all, and writes what each shows as soon as it is
-done. Where one fails, what the documents say of it stays as it was, and the exit status is 1. `--quick` is to
+done. Where one fails, its part of the documents stays as it was, and the exit status is 1. `--quick` is to
 try whether all works: it runs the quick benchmarks, prints what they show, and writes nothing.
 """
 

@@ -2,8 +2,8 @@
 
     python -m benchmarks.real [shapes | runs] [--quick] [--markdown]
 
-The sets are read from ../shared/data, where each states its source and licence; one that is absent is left
-out with a line that says so. Without a part both are measured: `shapes` compares shapes, `runs` the error of
+The sets are read from ../shared/data, where each states its source and licence; one that is absent has
+a line that states it. Without a part both are measured: `shapes` compares shapes, `runs` the error of
 motor torques, joint angles and forces on cycles that were not fitted. `--quick` takes every tenth shape, and
 fewer rows and runs.
 """

@@ -150,7 +150,7 @@ def fitted(method: Method, points: Points, noise: float) -> Fitted | None:
 
 
 def keeps_bounds(points: Points, one: Fitted) -> bool:
-    """Whether a fit is no shorter and turns no less than the polygon, or says that it does not."""
+    """Whether a fit is as long as the polygon and turns as far, or states that it does not."""
     bound = polygon(points, np.ones(len(points)))
     return one.warned or bound.broken(one.length, one.angle, one.noise) is None
 
@@ -251,7 +251,7 @@ def _tentacle_markers(file: str, order: Sequence[int]) -> Points:
 
 
 def _on_rod(file: str, known: tuple[Sequence[int], float]) -> str:
-    """Fit the centre line with offsets and the direction at the start; says also what the rod gives."""
+    """Fit the centre line with offsets and the direction at the start; returns also the result of the rod."""
     points = _tentacle_markers(file, known[0])
     points[0] += _TENTACLE_START
     directions = np.full_like(points, np.nan)

@@ -66,7 +66,7 @@ class Case:
 def mean_cycle_error(case: Case, column: str) -> float:
     """Return the rms difference of held-out rows from the mean of the fitted cycles at the same phase.
 
-    It is the error of a method that repeats the cycle it knows: no fit to the drive alone does much better.
+    It is the error of a method that repeats the fitted cycle: no fit to the drive alone does much better.
     NaN where a held-out row has no fitted cycle before it.
     """
     if case.period is None:

@@ -71,7 +71,7 @@ class Summary:
     right_count: float
     """Share of trials with the true number of pieces."""
     failure: str
-    """What the first failure said."""
+    """Message of the first failure."""
 
 
 def run(cell: Cell, trials: Sequence[int]) -> dict[str, Outcome]:
@@ -237,7 +237,7 @@ def matrix(results: Sequence[Result], *, markdown: bool) -> str:
 
 
 def details(results: Sequence[Result], *, every: bool, markdown: bool) -> str:
-    """Everything else, for this project and its best peer, or for all; then what failures said."""
+    """Everything else, for this project and its best peer, or for all; then the messages of failures."""
     rows: list[list[str]] = []
     notes: list[str] = []
     for result in results:

@@ -1,4 +1,4 @@
-"""Plain aligned tables, their Markdown twins, and the line that says on what they were measured."""
+"""Plain aligned tables, their Markdown twins, and the line that states the machine of the measurement."""
 
 from __future__ import annotations
 

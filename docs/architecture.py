@@ -94,7 +94,7 @@ def sizes(room: str) -> dict[str, int]:
 
 
 def purpose(room: str) -> str:
-    """Return what a room says of itself, up to its first full stop, colon or semicolon."""
+    """Return the description of a room, up to its first full stop, colon or semicolon."""
     text = ast.get_docstring(ast.parse(modules()[room].read_bytes())) or ""
     first = text.splitlines()[0]
     return first.split(":")[0].split(";")[0].split(". ")[0].rstrip(".")

@@ -188,7 +188,7 @@ def _default(field: Any) -> str:
 
 
 def written_kind(hint: Any) -> str:
-    """Return a type as a reader of a TOML file says it."""
+    """Return a type in the words of a TOML file."""
     if get_origin(hint) is Literal:
         return " or ".join(f'`"{each}"`' for each in get_args(hint))
     if get_origin(hint) is types.UnionType or str(get_origin(hint)).endswith("Union"):

@@ -101,7 +101,7 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def output_of(copy: Path, *words: str) -> str:
-    """Run a module or a program of Python in the copy, and return what it says; it has to succeed."""
+    """Run a module or a program of Python in the copy, and return its output; it has to succeed."""
     done = subprocess.run(
         [sys.executable, *words],
         cwd=copy,

@@ -71,7 +71,7 @@ ALLOWED = (
     ("tssgeom/view/figures/", r"screen", "plane of a picture"),
     ("tests/view/", r"screen", "plane of a picture"),
 )
-"""Where the file starts so, names that match stay; the last entry says why. Keep this short."""
+"""Where the file starts so, names that match stay; the last entry is the reason. Keep this short."""
 
 _FRAMES = ("benchmarks/", "tests/live/", "pipelines/", "tssgeom/io/network/", "docs/", "README", "CHANGELOG")
 _PICTURES = ("tssgeom/view/", "tests/view/", "docs/view.md")
@@ -96,7 +96,7 @@ PHRASES = (
     *((start, r"drawn|screens?|margins?", "of a picture and its display") for start in _PICTURES),
     *((start, r"blur|light", "of an image") for start in _IMAGES),
 )
-"""Where the file starts so, words inside a phrase of prose that matches stay; the last entry says why."""
+"""Where the file starts so, words inside a matching phrase of prose stay; the last entry is the reason."""
 
 Kind = Literal["name", "sentence", "prose"]
 """A test's name is a sentence."""

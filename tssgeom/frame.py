@@ -307,7 +307,7 @@ def sensed_points(frame: Frame, rig: Rig, direction_noise: float | None) -> Shap
 
 
 def require_usable(frame: Frame) -> None:
-    """Refuse what no tendon and no fit could use, without fitting anything.
+    """Refuse what neither a tendon nor a fit can use, before any fit.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What compensation buys on the lumped rig, in small cases, and that the table says so."""
+"""Gain of compensation on the lumped rig, in small cases and in the table."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""That the finite volumes are a reference: exact in the limit, in balance, and as good as the table says."""
+"""That the finite volumes are a reference: exact in the limit, in balance, and as good as in the table."""
 
 import time
 

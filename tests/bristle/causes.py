@@ -39,7 +39,7 @@ class Case:
     readings: dict[str, list[Reading]] = field(default_factory=dict)
     """By channel."""
     believed: dict[str, float] = field(default_factory=dict)
-    """What the rig file says otherwise than is true."""
+    """Errors of the rig file."""
     parameters: dict[str, float] = field(default_factory=dict)
     law: tuple[str, str, Callable[[Array], Array]] | None = None
     """What the law is over, its unit, and the law."""

@@ -11,7 +11,7 @@ Array = np.ndarray
 
 
 class Specified(NamedTuple):
-    """What a data sheet says of a channel, in its unit in SI."""
+    """Specification of a channel in a data sheet, in its unit in SI."""
 
     noise: float
     resolution: float

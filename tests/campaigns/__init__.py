@@ -8,7 +8,7 @@ plain text. The cause lies in a file beside the campaign's folder, never in it.
 
 A campaign of the full plan has five runs of about 300 samples on three routes of one sheath, the last route
 held out: position driven, several peak tensions, two speeds ten times apart, dwells, another base tension, no
-slack. The rig file is what its owner believes: the true friction and compliance are a few per cent off.
+slack. The rig file is nominal: the true friction and compliance are a few per cent off.
 """
 
 from tests.campaigns.causes import INSIDE, OUTSIDE, PAIRS

@@ -1,4 +1,4 @@
-"""A campaign: the rig as it is and as it is believed to be, its runs, and the files."""
+"""A campaign: the true rig and the nominal one, its runs, and the files."""
 
 import json
 import zlib

@@ -106,7 +106,7 @@ def fuzz(seconds: float, seed: int, only: str = "") -> int:
 
 
 def main() -> None:
-    """Fuzz as the command line says."""
+    """Fuzz with the options of the command line."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--seconds", type=float, default=20.0)
     parser.add_argument("--seed", type=int, default=0)

@@ -1,4 +1,4 @@
-"""What the fit of a machine says of itself."""
+"""Estimates of a machine, their intervals, and their warnings."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Any rig, campaign, run, calibration, state, mesh or token gives what it says, or an error of one line.
+"""Any rig, campaign, run, calibration, state, mesh or token gives its content, or an error of one line.
 
 Each begins with a sound file of the corpus and cuts, joins and fills it. A saved state that is read has to
 serve: it is stepped, and what it gives is finite.

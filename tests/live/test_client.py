@@ -31,7 +31,7 @@ def client(request, tmp_path):
 
 
 class Echo:
-    """Answers each frame on another connection, in two parts, and says between answers what is none."""
+    """Answers each frame on another connection, in two parts, and sends other lines between them."""
 
     def __init__(self) -> None:
         self.source, self.sink = (socket.create_server(("127.0.0.1", 0)) for _ in range(2))

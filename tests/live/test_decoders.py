@@ -1,4 +1,4 @@
-"""Whatever bytes arrive, every decoder gives a frame or one line that says what is wrong.
+"""Whatever bytes arrive, every decoder gives a frame or one line with the fault.
 
 The corpus holds lines and messages, good and bad; hypothesis cuts, joins and changes them.
 """

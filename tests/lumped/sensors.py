@@ -36,7 +36,7 @@ class Sensor:
     drift_time_s: float = 300.0
     """Period of that wave [s]."""
     nonlinearity: float = 0.0
-    """Greatest deviation from a straight line over the full scale [1]; bow or S, as the seed says."""
+    """Greatest deviation from a straight line over the full scale [1]; bow or S, by the seed."""
     noise: float = 0.0
     """Standard deviation of white noise [unit of the channel]."""
     resolution: float = 0.0

@@ -1,4 +1,4 @@
-"""Paths that move while the tendon is loaded: what balance alone says about them."""
+"""Paths that move while the tendon is loaded: what follows from balance alone."""
 
 import math
 

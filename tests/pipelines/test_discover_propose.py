@@ -93,7 +93,7 @@ def test_a_proposed_drive_is_a_run_that_simulate_reads(tied, run):
         "simulate", tied / "campaign" / f"{route}.csv", "--drive", drive, "--rig",
         tied / "out" / "rig.updated.toml", "--out", tied / "simulated", "--json",
     )  # fmt: skip
-    assert done.status == 0  # one line on stderr says that positions are read in mm
+    assert done.status == 0  # one line on stderr states that positions are read in mm
     tension = json.loads(done.out)["range"]["tension_in_N"]
     assert max(tension) < 1.1 * report(tied / "out")["proposed"]["limits"]["tension_N"]
 

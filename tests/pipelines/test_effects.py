@@ -1,4 +1,4 @@
-"""A rig file with effects works in every command alike, and each says that they act."""
+"""A rig file with effects works in every command alike, and each states that they act."""
 
 import json
 import math

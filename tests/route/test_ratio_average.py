@@ -1,4 +1,4 @@
-"""Few points do not determine how smooth their route is, and the error bar of Φ says so."""
+"""Few points do not determine how smooth their route is, and the error bar of Φ includes it."""
 
 from contextlib import suppress
 

@@ -53,7 +53,7 @@ def _turning(points: np.ndarray) -> float:
 @pytest.mark.parametrize("line", [0, 1])
 def test_raw_aorta_comes_out_in_the_range_of_its_smoothed_versions(geometry, line):
     points = _lines("aorta-centerline.vtp")[line]
-    assert _turning(points) > 1000  # what a plain sum says, in degrees
+    assert _turning(points) > 1000  # what a plain sum gives, in degrees
     spline, profile, _ = geometry(points)
     route = spline.route
     phi, se = np.degrees([profile.total_angle, profile.total_angle_se])

@@ -122,7 +122,7 @@ def test_unobserved_stations_change_nothing_elsewhere(uneven):
 
 
 def test_gain_gives_the_covariance_of_neighbours(uneven):
-    """Pushing one observation shifts neighbours as their covariance says."""
+    """Pushing one observation shifts neighbours by their covariance."""
     u, y = uneven
     given = _given(u, y)
     base, covariance, gain = core.smooth(*_model(u, y, np.ones(14), given), None, None, 1.0, 0.0)

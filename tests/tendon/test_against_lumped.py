@@ -36,7 +36,7 @@ TENSION, ELONGATION, POSITION = 0.015, 1e-6, 3e-6
 def differences(case, max_step=0.02):
     asked = case.asked()
     here, there = by_bars(case, asked, max_step), by_lumped(case, asked, max_step)
-    taut = there[0] > 0.0  # where a slack tendon hangs, before the sheath or in it, no law says
+    taut = there[0] > 0.0  # where a slack tendon hangs, before the sheath or in it, no law determines
     return np.max(np.abs(here - there), axis=1, where=taut | (np.arange(5)[:, None] != 2), initial=0.0)
 
 

@@ -257,7 +257,7 @@ def _knots(hours: float) -> np.ndarray:
 
 
 def _friction_sinusoid(seed: int, hours: float) -> Change:
-    """A period of an hour, up or down first as the seed says."""
+    """A period of an hour, up or down first by the seed."""
     sign = 1.0 if np.random.default_rng((seed, 3)).integers(2) else -1.0
     at = _knots(hours)
     return Change("friction", at, 1.0 + sign * FRICTION_DRIFT * np.sin(2.0 * np.pi * at / HOUR_S))

@@ -116,7 +116,7 @@ def test_the_next_step_follows_from_what_was_identified() -> None:
     assert f"{100 * explained:.0f} % of the misfit" in steps["unknown"][0]
     refit = Experiment("measure a route with another sensor", 0.0, ("rig.friction.coefficient", "angle gain"))
     asked = replace(worked_finding(), breaks_tie=(refit,))
-    assert next_steps(asked) == steps["effect"]  # what a refit stands for is said beside the refit
+    assert next_steps(asked) == steps["effect"]  # what a refit stands for is stated beside the refit
     assert "one more run" in next_steps(without_held_out(worked_finding()))[-1]
     grown = replace(worked_finding().misfit, after=worked_finding().misfit.before)
     assert "Repeat" in next_steps(replace(worked_finding(), misfit=grown))[-1]

@@ -179,7 +179,7 @@ def _without_noise(
 
 
 def with_drive_known(run: MachineRun, lag: float) -> MachineRun:
-    """Return a run without the readings at which a drive with this lag [s] is not yet or no longer known."""
+    """Return a run with NaN for the readings at which a drive with this lag [s] is unknown."""
     time = run.given["time_s"]
     known = (time + lag >= time[0]) & (time + lag <= time[-1])
     measured = {name: np.where(known, values, np.nan) for name, values in run.measured.items()}

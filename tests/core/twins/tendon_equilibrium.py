@@ -103,7 +103,7 @@ def guess(chain, hanging, tension, slip, tight):
 
 
 def _solve(chain, slip, tight, w, ratios):
-    """Solve the bar laws with every contact doing what `slip` says, for the movements w [m]."""
+    """Solve the bar laws with every contact in the state of `slip`, for the movements w [m]."""
     trial, stiffness, low, high = chain.trial, chain.stiffness, chain.low, chain.high
     force, drag = chain.force, chain.drag
     nodes = slip.size
@@ -310,7 +310,7 @@ def _freed_from_rounding(chain, slip, w, tension):
 def equilibrium(chain, hanging, before, patience):
     """Return movements [n+1] [m], tensions [n+2] [N], slip [n+1] [1], the solves spent, and the residual [N].
 
-    `hanging` says whether the last bar is a dead weight, `before` [n+1] is a guess: what each contact did in
+    `hanging` is true where the last bar is a dead weight, `before` [n+1] is a guess: what each contact did in
     the last step. `patience` is as `PATIENCE`.
     """
     nodes = before.size
