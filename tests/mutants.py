@@ -268,7 +268,7 @@ MUTANTS = (
     ),
     Mutant(
         "tssgeom/identify/drive.py",
-        "fitted = _rounded(when, drive, turns, k, noise) if k < len(turns) - 1 else None",
+        "fitted = fitted_turn(when, drive, int(turn), between, noise)",
         "fitted = None",
         f"{DRIVE} sine",
     ),

@@ -13,6 +13,7 @@ from scipy.optimize import isotonic_regression
 from scipy.special import ndtri
 
 from tssgeom.arrays import Vector
+from tssgeom.identify.turn_shapes import fitted_turn
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,18 +37,6 @@ class DriveSettings:
     """Of a step: difference from the step before on a straight leg [1]; chosen."""
     unlike: float = 4.0
     """S.d. by which two steps of one slope differ at most [1]; chosen."""
-    round: float = 40.0
-    """S.d. below a turn in which its readings show whether it is round [1]; chosen."""
-    half_round: int = 3
-    """Readings on each side of a round turn, off its plateau; chosen."""
-    fewest_round: int = 7
-    """Readings of a round turn in all; derived: five are fitted."""
-    about: int = 2
-    """Readings beside those of its slopes that the fit of a round turn meets as well; chosen."""
-    vertices: int = 33
-    """Grid points in the turn at which its halves may end; chosen."""
-    loose: float = 3.0
-    """S.d. of χ² of what is left beyond which a turn is not round [1]; chosen."""
     same: float = 0.02
     """Of a step and of the noise: a corner this near to a sample is that sample [1]; chosen."""
     between: float = 0.05
@@ -85,9 +74,10 @@ def calmed(drive: Vector, noise: float, time: Vector | None = None) -> Vector:
             _monotone(drive[first : last + 1], there - here), min(here, there), max(here, there)
         )
     for k, turn in enumerate(turns):
-        fitted = _rounded(when, drive, turns, k, noise) if k < len(turns) - 1 else None
+        between = int(turns[max(k - 1, 0)]), int(turns[min(k + 1, len(turns) - 1)])
+        fitted = fitted_turn(when, drive, int(turn), between, noise)
         if fitted is not None:
-            turns[k] = _write_round(out, turns, k, fitted)
+            turns[k] = _write_shape(out, between, int(turn), fitted)
             continue
         start, stop = hold(drive, int(turn), noise)
         if stop - start >= DRIVE.fewest:
@@ -99,76 +89,16 @@ def _monotone(values: Vector, way: float) -> Vector:
     return isotonic_regression(values, increasing=way >= 0.0).x
 
 
-def _rounded(
-    time: Vector, drive: Vector, turns: np.ndarray, k: int, noise: float
-) -> tuple[int, Vector] | None:
-    """Return the first sample and the values of a turn that is round; None where it is sharp or a hold.
-
-    It comes in along half of a parabola, may rest, and leaves along half of another; so may the drive leave
-    where it began.
-    """
-    here = int(turns[k])
-    near = np.abs(drive - drive[here]) < DRIVE.round * noise
-    start, stop = _around(near | (np.arange(len(drive)) == here), here)
-    first = int(turns[k - 1]) + 1 if start > 0 else 0
-    start, stop = max(start, first), min(stop, int(turns[k + 1]))
-    sloping = np.abs(drive[start:stop] - drive[here]) > DRIVE.plateau * noise
-    came = start == 0 or sloping[: here - start].sum() >= DRIVE.half_round
-    if not came or sloping[here - start :].sum() < DRIVE.half_round or stop - start < DRIVE.fewest_round:
-        return None
-    when, what = time[start:stop], drive[start:stop]
-    scale = float(when[-1] - when[0])
-    joints = np.linspace(0.0, 1.0, DRIVE.vertices)
-    fitted = _rounds((when - when[0]) / scale, what, joints)
-    counted = (
-        np.convolve(sloping, np.ones(2 * DRIVE.about + 1), "same") > 0.0
-    )  # a long rest would hide a bad fit
-    freedom = max(int(counted.sum()) - 5, 1)
-    if np.sum(np.square(what - fitted)[counted]) > noise**2 * (
-        freedom + DRIVE.loose * np.sqrt(2.0 * freedom)
-    ):
-        return None
-    return start, fitted
-
-
-def _rounds(time: Vector, drive: Vector, joints: Vector) -> Vector:
-    """Fit a half of a parabola, a level and another half, the joints tried at all pairs of joints.
-
-    Returns the fitted values [n]; none is a number where all are inflections, which are no turns.
-    """
-    first, last = np.triu_indices(len(joints))
-    came = np.minimum(time - joints[:, None], 0.0) ** 2
-    left = np.maximum(time - joints[:, None], 0.0) ** 2
-    matrix, right = np.empty((len(first), 3, 3)), np.empty((len(first), 3, 1))
-    matrix[:, 0, 0], right[:, 0, 0] = len(time), drive.sum()
-    matrix[:, 0, 1] = matrix[:, 1, 0] = came.sum(axis=1)[first]
-    matrix[:, 0, 2] = matrix[:, 2, 0] = left.sum(axis=1)[last]
-    matrix[:, 1, 1], right[:, 1, 0] = (came**2).sum(axis=1)[first], (came @ drive)[first]
-    matrix[:, 2, 2], right[:, 2, 0] = (left**2).sum(axis=1)[last], (left @ drive)[last]
-    matrix[:, 1, 2] = matrix[:, 2, 1] = (came @ left.T)[first, last]
-    matrix[:, range(3), range(3)] *= 1.0 + 1e-12
-    matrix[:, range(3), range(3)] += 1e-300  # a half without readings
-    level, one, other = np.linalg.solve(matrix, right).T[0]
-    turns = np.flatnonzero(one * other > 0.0)
-    if len(turns) == 0:
-        return np.full(len(drive), np.inf)
-    level, one, other = (each[turns, None] for each in (level, one, other))
-    values = level + one * came[first[turns]] + other * left[last[turns]]
-    return values[np.argmin(np.square(drive - values).sum(axis=1))]
-
-
-def _write_round(out: Vector, turns: np.ndarray, k: int, turn: tuple[int, Vector]) -> int:
-    """Write a round turn into a drive, both legs still monotone; returns where it turns then."""
-    start, fitted = turn
-    before, here, after = int(turns[k - 1]) if k > 0 else 0, int(turns[k]), int(turns[k + 1])
-    way = out[here] - out[after]
-    out[start : start + len(fitted)] = fitted
-    if start == 0:
-        out[:after] = _monotone(out[:after], -way)
-        return here
-    top = start + int(np.argmax(fitted if way >= 0.0 else -fitted))
-    out[before : top + 1] = _monotone(out[before : top + 1], way)
-    out[top : after + 1] = _monotone(out[top : after + 1], -way)
+def _write_shape(out: Vector, between: tuple[int, int], turn: int, shape: tuple[int, Vector]) -> int:
+    """Write the shape of a turn into a drive, both legs still monotone; returns where it turns then."""
+    (start, values), (before, after) = shape, between
+    way = out[turn] - out[after if after > turn else before]
+    out[start : start + len(values)] = values
+    top = start + int(np.argmax(values if way >= 0.0 else -values)) if before < turn < after else turn
+    if before < turn:
+        out[before : top + 1] = _monotone(out[before : top + 1], way)
+    if turn < after:
+        out[top : after + 1] = _monotone(out[top : after + 1], -way)
     return top
 
 
@@ -273,8 +203,8 @@ def _extreme(drive: Vector, turns: np.ndarray, k: int, noise: float) -> float:
     neighbour = drive[turns[k - 1] if k > 0 else turns[1]]
     sign = 1.0 if drive[here] >= neighbour else -1.0
     below = sign * (drive[here] - drive)
-    if k in (0, len(turns) - 1):  # no turn, only an end: nothing was chosen for being extreme
-        return float(drive[here])
+    if k in (0, len(turns) - 1):  # no turn, only an end: the drive may have gone farther
+        return sign * math.inf
     start, stop = _around(below < DRIVE.plateau * noise, int(here))
     count = np.count_nonzero(below[start:stop] < 0.5 * DRIVE.plateau * noise)
     return float(drive[here] - sign * noise * max(ndtri((count - 0.375) / (count + 0.25)), 0.0))
