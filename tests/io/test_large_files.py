@@ -9,7 +9,7 @@ import pyarrow.parquet as papq
 import pytest
 
 from tssgeom.errors import ShapeError, SourceError
-from tssgeom.io.formats import blocks, longform, npz
+from tssgeom.io.formats import blocks, npz, point_tables
 from tssgeom.io.formats.files import open_recording
 from tssgeom.stream import Frame, Rejected
 
@@ -48,7 +48,7 @@ def parquet_of(table: dict[str, np.ndarray], path: Path) -> Path:
 @pytest.fixture
 def small_blocks(monkeypatch):
     """Take every file for a large one, and read a few rows at a time."""
-    monkeypatch.setattr(longform, "MOST_AT_ONCE", 0)
+    monkeypatch.setattr(point_tables, "MOST_AT_ONCE", 0)
     sizes = blocks.BlockSizes(csv_bytes=1000, parquet_rows=17, slow_lines=17)
     monkeypatch.setattr(blocks, "SIZES", sizes)
 

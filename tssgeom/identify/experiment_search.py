@@ -25,7 +25,7 @@ from tssgeom.identify.expected_evidence import (
     size_over_limits,
     with_errors,
 )
-from tssgeom.identify.experiment_routes import RouteChoice, ranges_of
+from tssgeom.identify.experiment_routes import RouteChoice, SlowStroke
 from tssgeom.identify.readings import Reading
 from tssgeom.identify.run_limits import KEYS, RunLimits, top_speed
 from tssgeom.identify.selection import separable_from
@@ -144,6 +144,11 @@ class Search:
         """Return the information with that of the runs that are already proposed."""
         return added if self.before is None else self.before.plus(added)
 
+    def ranges(self, choice: RouteChoice) -> Iterator[Range]:
+        """Yield how far the drive may go on a route by the first model."""
+        model = self.goal.models[0]
+        return SlowStroke(choice.route, self.template, self.rig, model, self.limits).ranges()
+
     def tried(self, choice: RouteChoice, within: Range, waveform: Waveform) -> Designed | None:
         """Return a run; None where it goes beyond a limit, or a model has no equilibrium."""
         course = course_of(waveform, within)
@@ -208,7 +213,7 @@ def best_run(
     SettingsError
         Where the limits leave no run.
     """
-    ranges = [(choice, within) for choice in choices for within in ranges_of(search, choice)]
+    ranges = [(choice, within) for choice in choices for within in search.ranges(choice)]
     sketched = list(_sketches(search, ranges, rng, round(share * EFFORT.sketched)))
     if not sketched:
         words = ", ".join(f"{key}={value:.3g}" for key, value in search.limits.values.items())

@@ -12,10 +12,10 @@ from tssgeom.io.formats.jsonl import open_jsonl
 from tssgeom.io.formats.laboratory.files import ENDINGS as TABLES
 from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap
 from tssgeom.io.formats.laboratory.table import parts_of
-from tssgeom.io.formats.longform import names_recordings, open_table
 from tssgeom.io.formats.ndi import is_ndi, open_ndi
 from tssgeom.io.formats.npz import open_npz
 from tssgeom.io.formats.paths import MARKUPS, ending, part_of, split, stem
+from tssgeom.io.formats.point_tables import names_recordings, open_table
 from tssgeom.io.formats.recording import Recording
 from tssgeom.io.formats.ros import is_bag, open_bag
 from tssgeom.io.formats.slicer import markup_names, open_fcsv, open_markups

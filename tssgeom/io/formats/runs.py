@@ -15,8 +15,8 @@ from tssgeom.io.formats.columns import AXES, BENDS, CHANNELS, MACHINE_CHANNELS, 
 from tssgeom.io.formats.laboratory.files import ENDINGS
 from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap
 from tssgeom.io.formats.laboratory.table import laboratory_table
-from tssgeom.io.formats.longform import is_plain
 from tssgeom.io.formats.paths import bytes_of, ending, require_lines, split, stem
+from tssgeom.io.formats.point_tables import is_plain
 from tssgeom.io.formats.tables import (
     as_numbers,
     cells_of,

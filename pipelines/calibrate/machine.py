@@ -10,23 +10,19 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from pipelines import tssgeom_version
-from pipelines.calibrate import channel_object, write_report
+from pipelines.calibrate.report import (
+    channel_object,
+    estimate_object,
+    estimate_title,
+    sensed_arcs,
+    write_report,
+)
 from pipelines.terminal import print_json, print_message, print_table, step_progress
 
 if TYPE_CHECKING:
     from pipelines.inputs import RunSettings
     from tssgeom.identify.machine_estimates import MachineCalibration, MachineEstimate
-    from tssgeom.route.pieces import Arcs
     from tssgeom.view.figures.plots import Figure
-
-_TITLES = {
-    "friction.coefficient": "friction coefficient μ",
-    "tendon.compliance_per_N": "compliance ρ",
-    "tendon.pretension_N": "pretension T_0",
-    "drive.lag_s": "lag of the drive",
-    "route.angle_gain": "true over sensed angle",
-    "route.angle_rad": "curve angle Φ",
-}
 
 
 def calibrate_machine(
@@ -69,17 +65,6 @@ def calibrate_machine(
         raise typer.Exit(2)
 
 
-def sensed_arcs(shapes: Sequence[Path], settings: RunSettings) -> list[Arcs]:
-    """Return the route of each shape, the last one of a recording."""
-    from pipelines.inputs import analysis_of, without_effects
-
-    plain = without_effects(settings)
-    sensed = {
-        shape: analysis_of(shape.stem, shape, plain).results[-1].arcs for shape in dict.fromkeys(shapes)
-    }
-    return [sensed[shape] for shape in shapes]
-
-
 def _drawings(fitted: MachineCalibration) -> dict[str, Callable[[], Figure]]:
     from tssgeom.view.figures.machine import loop_figure, run_figure
 
@@ -113,18 +98,6 @@ def _object(
     }
 
 
-def estimate_object(each: MachineEstimate) -> dict[str, Any]:
-    """Return a number with its interval, as `--json` prints it."""
-    return {
-        "value": each.value if each.identified else None,
-        "ci95": [each.low, each.high] if each.identified else None,
-        "unit": each.unit,
-        "observable": each.identified,
-        "assumed95": list(each.assumed),
-        "key": each.key or None,
-    }
-
-
 def _provenance(paths: Sequence[Path], shapes: Sequence[Path], fitted: MachineCalibration) -> list[str]:
     """Return the comment at the head of the rig file: inputs with digests, and all estimates."""
     from tssgeom.io.results.run_record import sha256_of
@@ -137,11 +110,6 @@ def _provenance(paths: Sequence[Path], shapes: Sequence[Path], fitted: MachineCa
     lines += [f"Tied: {each}" for each in fitted.tied]
     lines += [f"Fails its test: {failure}" for failure in fitted.failures]
     return lines + [f"Warning: {warning}" for warning in fitted.warnings]
-
-
-def estimate_title(each: MachineEstimate) -> str:
-    """Return what a number is called in tables."""
-    return _TITLES.get(each.key, each.name)
 
 
 def _sentence(each: MachineEstimate) -> str:

@@ -9,8 +9,13 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from pipelines import tssgeom_version
-from pipelines.calibrate import channel_object, write_report
-from pipelines.calibrate_machine import estimate_object, estimate_title, sensed_arcs
+from pipelines.calibrate.report import (
+    channel_object,
+    estimate_object,
+    estimate_title,
+    sensed_arcs,
+    write_report,
+)
 from pipelines.terminal import print_json, print_message, print_table, step_progress
 from tssgeom.errors import SettingsError
 

@@ -5,7 +5,6 @@ What it needs is imported when it runs, so that `--help` is quick.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -14,9 +13,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from pipelines import tssgeom_version
+from pipelines.calibrate.report import channel_object, write_report
 from pipelines.options import TENSION_IN, Figures, FigureStyle, Json, Map, Quiet, RigFile, Unit
 from pipelines.terminal import print_json, print_message, print_table, step_progress
-from tssgeom.atomic import write_text
 from tssgeom.view.figures.style import choose
 
 if TYPE_CHECKING:
@@ -34,7 +33,7 @@ _TITLES = {
     "take_up": "slack taken up, d_0",
     "take_up_tension": "over a tension of, T_s",
 }
-_RIG, _REPORT = "rig.toml", "calibration.json"
+_RIG = "rig.toml"
 _WHITE = 0.01  # probability below which residuals are not white [1]; chosen: one sound run in a hundred
 _PRINTED_UNITS = {"m": ("mm", 1e3)}
 
@@ -93,8 +92,8 @@ def calibrate(
     "unknown" (docs/machines.md) are fitted together, with what is assumed of each number beforehand. With
     --every, pieces of one long log are fitted, each by itself, and the rig of the last good one is written.
     """
-    from pipelines.calibrate_machine import calibrate_machine
-    from pipelines.calibrate_pieces import calibrate_pieces
+    from pipelines.calibrate.machine import calibrate_machine
+    from pipelines.calibrate.pieces import calibrate_pieces
     from pipelines.inputs import analysis_of, run_settings, with_unknown_angle, without_effects
     from pipelines.runs import errors_naming, measured_run, print_run_warnings
     from tssgeom.api.inputs import measured_of
@@ -166,26 +165,6 @@ def _drawings(fitted: Calibration) -> dict[str, Callable[[], Figure]]:
     return {"fit": lambda: fit_figure(fitted), "phase": lambda: phase_figure(fitted)}
 
 
-def write_report(
-    stem: str,
-    folder: Path | None,
-    figures: Path | None,
-    summary: dict[str, Any],
-    drawings: dict[str, Callable[[], Figure]],
-) -> None:
-    """Write the report into a folder, and figures where they are wanted."""
-    from pipelines.figures import write_figure, write_figures
-
-    if folder is not None:
-        folder.mkdir(parents=True, exist_ok=True)
-        write_text(folder / _REPORT, json.dumps(summary, indent=1, ensure_ascii=False) + "\n")
-        for name, draw in drawings.items():
-            write_figure(draw, folder, name)
-    if figures is not None:
-        figures.mkdir(parents=True, exist_ok=True)
-        write_figures(figures, stem, drawings)
-
-
 def _estimates(fitted: Calibration) -> list[Estimate]:
     return [fitted.estimates[name] for name in _TITLES if name in fitted.estimates]
 
@@ -209,21 +188,6 @@ def _object(
         "estimates": {each.name: _estimate(each, rig) for each in _estimates(fitted)},
         "channels": [channel_object(each) for each in fitted.channels],
         "warnings": list(fitted.warnings),
-    }
-
-
-def channel_object(each: ChannelFit) -> dict[str, Any]:
-    """Return how well a channel is met, as `--json` prints it."""
-    return {
-        "name": each.name,
-        "unit": each.unit,
-        "rms": each.rms,
-        "readings": each.count,
-        "effective_readings": each.effective_count,
-        "noise": each.noise,
-        "rms_over_noise": each.over_noise,
-        "rms_over_range": each.over_range,
-        "whiteness_p": each.whiteness_p,
     }
 
 

@@ -1,0 +1,90 @@
+"""What the ways to calibrate share: the routes they read, and their reports."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tssgeom.atomic import write_text
+
+if TYPE_CHECKING:
+    from pipelines.inputs import RunSettings
+    from tssgeom.identify.fit_quality import ChannelFit
+    from tssgeom.identify.machine_estimates import MachineEstimate
+    from tssgeom.route.pieces import Arcs
+    from tssgeom.view.figures.plots import Figure
+
+_REPORT = "calibration.json"
+_TITLES = {
+    "friction.coefficient": "friction coefficient μ",
+    "tendon.compliance_per_N": "compliance ρ",
+    "tendon.pretension_N": "pretension T_0",
+    "drive.lag_s": "lag of the drive",
+    "route.angle_gain": "true over sensed angle",
+    "route.angle_rad": "curve angle Φ",
+}
+
+
+def sensed_arcs(shapes: Sequence[Path], settings: RunSettings) -> list[Arcs]:
+    """Return the route of each shape, the last one of a recording."""
+    from pipelines.inputs import analysis_of, without_effects
+
+    plain = without_effects(settings)
+    sensed = {
+        shape: analysis_of(shape.stem, shape, plain).results[-1].arcs for shape in dict.fromkeys(shapes)
+    }
+    return [sensed[shape] for shape in shapes]
+
+
+def write_report(
+    stem: str,
+    folder: Path | None,
+    figures: Path | None,
+    summary: dict[str, Any],
+    drawings: dict[str, Callable[[], Figure]],
+) -> None:
+    """Write the report into a folder, and figures where they are wanted."""
+    from pipelines.figures import write_figure, write_figures
+
+    if folder is not None:
+        folder.mkdir(parents=True, exist_ok=True)
+        write_text(folder / _REPORT, json.dumps(summary, indent=1, ensure_ascii=False) + "\n")
+        for name, draw in drawings.items():
+            write_figure(draw, folder, name)
+    if figures is not None:
+        figures.mkdir(parents=True, exist_ok=True)
+        write_figures(figures, stem, drawings)
+
+
+def channel_object(each: ChannelFit) -> dict[str, Any]:
+    """Return how well a channel is met, as `--json` prints it."""
+    return {
+        "name": each.name,
+        "unit": each.unit,
+        "rms": each.rms,
+        "readings": each.count,
+        "effective_readings": each.effective_count,
+        "noise": each.noise,
+        "rms_over_noise": each.over_noise,
+        "rms_over_range": each.over_range,
+        "whiteness_p": each.whiteness_p,
+    }
+
+
+def estimate_object(each: MachineEstimate) -> dict[str, Any]:
+    """Return a number with its interval, as `--json` prints it."""
+    return {
+        "value": each.value if each.identified else None,
+        "ci95": [each.low, each.high] if each.identified else None,
+        "unit": each.unit,
+        "observable": each.identified,
+        "assumed95": list(each.assumed),
+        "key": each.key or None,
+    }
+
+
+def estimate_title(each: MachineEstimate) -> str:
+    """Return what a number is called in tables."""
+    return _TITLES.get(each.key, each.name)
