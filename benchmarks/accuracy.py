@@ -20,9 +20,9 @@ from itertools import groupby
 
 import numpy as np
 
+from benchmarks import machine, number, options_parser, share, table
 from benchmarks.routes import Cell, catalogue, quick, truth
 from benchmarks.scores import METHODS, Outcome, Result, Summary, bound, details, matrix, run, summary
-from benchmarks.tables import machine, number, share, table
 
 _CHOSEN = "auto"
 _TIMES_BOUND = 1.3
@@ -182,16 +182,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.accuracy", description=(__doc__ or "").split("\n")[0]
-    )
-    parser.add_argument("--quick", action="store_true", help="a few cells and trials, with loose assertions")
+    parser = options_parser(__doc__, "a few cells and trials, with loose assertions")
     parser.add_argument("--trials", type=int, default=0, help="trials a cell (200; quick 24)")
     parser.add_argument("--cell", default="", metavar="TEXT", help="only cells with TEXT in group or name")
     parser.add_argument(
         "--all", action="store_true", help="details of every estimator, not of the best peer only"
     )
-    parser.add_argument("--markdown", action="store_true", help="tables to paste into documents")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes (one a core)")
     return parser.parse_args(arguments)
 

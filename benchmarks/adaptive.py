@@ -25,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.stats import chi2
 
-from benchmarks.tables import ABSENT, machine, number, share, table
+from benchmarks import ABSENT, machine, number, options_parser, share, table
 from tests.adapt.cases import BEGIN_S, TRUTH, columns_of, rig_of, route_of, scores
 from tests.twins import DRIFTS, FAULTS, Scenario, acts_s
 from tssgeom.adapt.followed import followed_numbers
@@ -228,16 +228,11 @@ def _fault_row(kind: str, results: Sequence[Fault]) -> list[str]:
 
 
 def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.adaptive", description=__doc__)
-    parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    parser.add_argument(
-        "--quick", action="store_true", help="a seed, two drifts and a fault of 108 s at 25 Hz"
-    )
+    parser = options_parser(__doc__, "a seed, two drifts and a fault of 108 s at 25 Hz")
     parser.add_argument("--seeds", type=int, default=3, help="machines")
     parser.add_argument("--hours", type=float, default=0.2, help="length of each run")
     parser.add_argument("--every", type=int, default=1, help="of the samples, at 100 Hz, which one counts")
     parser.add_argument("--tension-out", action="store_true", help="T_out is measured too")
-    parser.add_argument("--markdown", action="store_true", help="print Markdown tables")
     return parser.parse_args(arguments)
 
 

@@ -28,8 +28,8 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks import machine, number, options_parser, table
 from benchmarks.stages import NOISE, frames, kernel, pelt
-from benchmarks.tables import machine, number, table
 from pipelines import tssgeom_version
 from pipelines.batch.task import Task, work
 from pipelines.inputs import RunSettings
@@ -90,13 +90,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
-    summary = (__doc__ or "").split("\n")[0]
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.batch", description=summary)
-    parser.add_argument("--quick", action="store_true", help="fewer frames")
+    parser = options_parser(__doc__, "fewer frames")
     parser.add_argument("--frames", type=int, default=0, help=f"of each recording ({_FRAMES})")
     parser.add_argument("--large", type=int, default=0, help=f"frames of the largest recording ({_LARGE})")
     parser.add_argument("--wall", action="store_true", help="time on the wall, not of the processor")
-    parser.add_argument("--markdown", action="store_true", help="tables to paste into documents")
     return parser.parse_args(arguments)
 
 

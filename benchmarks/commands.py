@@ -17,31 +17,23 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.routes import arc_positions
-from benchmarks.tables import machine, table
-from tests.lumped import Distal, Drive, Physics, Run, from_pieces, simulate
-from tssgeom.arrays import Matrix, Vector
+from benchmarks import machine, options_parser, table
+from benchmarks.compensation import MU, PRETENSION, RHO, STATIONS, STIFFNESS, moved, sensed_points, swayed
+from tests.lumped import Physics
+from tssgeom.arrays import Vector
 from tssgeom.engine import process
 from tssgeom.rig import Friction, Load, Rig, ShapeSensor, Tendon
-from tssgeom.route.synthetic import chain
 from tssgeom.stream import Frame, FrameResult
 from tssgeom.tendon.command import Command
 from tssgeom.tendon.command_error import bound
 from tssgeom.tendon.commander import commander_of
 from tssgeom.uncertain import Uncertain, assumed
 
-MU, RHO, PRETENSION, STIFFNESS = 0.145, 3.16e-4, 3.0, 1000.0
-"""What is stated: friction [1], compliance [1/N], pretension [N], distal spring [N/m]."""
 MU_SD, RHO_SD, GAIN_SD = 0.010, 1.6e-5, 0.02
 """Standard errors of friction [1], compliance [1/N] and of all angles' scale [1]; chosen: a calibration."""
 NOISE = 5e-4
 """Of each coordinate of the sensed points [m]."""
-POINTS = 60
-_LENGTH = np.array([0.15, 0.2, 0.15])
-_ANGLE, _PLANE = np.array([1.0, 1.3, 0.9]), np.array([0.0, 1.2, -0.7])
-_SWAY = np.array([0.25, -0.5, 0.35])
 _TARGETS = 1e-3 * np.array([2.0, 4.0, 5.5, 5.0, 3.0, 1.5, 2.5, 4.5, 4.2, 6.0])  # m, with turns
-_CELLS, _SUBSTEPS = 64, 2
 _RIGS, _QUICK_RIGS = 200, 40
 _BEYOND = 3.0  # standard errors of a share that count as chance; chosen: four shares fail in one of 100 runs
 LEAST, MOST = 0.93, 0.97
@@ -86,43 +78,20 @@ def outcome(seed: int, *, moving: bool, by_force: bool) -> Outcome:
     rig, uncertain = stated_rig()
     true_mu, true_rho = (each.prior.value(rng.standard_normal()) for each in uncertain)
     gain = 1.0 + GAIN_SD * rng.standard_normal()  # true over sensed
-    count = len(_TARGETS)
-    sway = np.sin(0.5 * np.arange(count)[:, None] + _PLANE) - np.sin(_PLANE)
-    sensed_angles = _ANGLE + moving * _SWAY * sway
-    at = np.linspace(0.0, float(_LENGTH.sum()), POINTS)
+    angles = swayed(0.5 * np.arange(len(_TARGETS)), moving=moving)
     frames = [
-        Frame(
-            arc_positions(chain(_LENGTH, angle / _LENGTH, _PLANE))(at)
-            + NOISE * rng.standard_normal((POINTS, 3)),
-            float(i),
-            at,
-            displacement_target=float(target),
-        )
-        for i, (angle, target) in enumerate(zip(sensed_angles, _TARGETS, strict=True))
+        Frame(points, float(i), STATIONS, displacement_target=float(target))
+        for i, (points, target) in enumerate(zip(sensed_points(angles, NOISE, rng), _TARGETS, strict=True))
     ]
     commander = commander_of(rig, uncertain)
     results = list(process(frames, rig, tension_in=0.0, commander=commander))
     commands = tuple(each.command for each in results if isinstance(each, FrameResult) and each.command)
-    if len(commands) != count:
+    if len(commands) != len(_TARGETS):
         raise TypeError(f"frames without a command: {results}")
     physics = Physics(friction=true_mu, compliance_per_N=true_rho, pretension_N=PRETENSION)
-    run = carried_out(gain * sensed_angles, commands, physics, by_force=by_force)
+    values = np.array([each.tension_in if by_force else each.displacement_in for each in commands])
+    run = moved(gain * angles, values, physics, by_force=by_force)
     return Outcome(commands, run.displacement_out[2::2] - _TARGETS, by_force)
-
-
-def carried_out(angles: Matrix, commands: Sequence[Command], physics: Physics, *, by_force: bool) -> Run:
-    """Run a lumped rig through commands; the route moves, then the drive, half a second each."""
-    begin = np.arange(len(commands), dtype=float)
-    when = np.concatenate(([0.0], np.stack((begin + 0.5, begin + 1.0), axis=1).ravel()))
-    first = PRETENSION if by_force else 0.0
-    values = [each.tension_in if by_force else each.displacement_in for each in commands]
-    held = np.concatenate(([first], values))
-    drive = Drive(
-        "force" if by_force else "displacement", when, np.concatenate(([first], np.repeat(held, 2)[1:-1]))
-    )
-    routes = np.concatenate((angles[:1], np.repeat(angles, 2, axis=0)))
-    path = from_pieces(_LENGTH, routes, _CELLS, when.tolist())
-    return simulate(path, physics, drive, Distal("spring", STIFFNESS), when, max_step=0.5 / _SUBSTEPS)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -151,11 +120,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
-    summary = (__doc__ or "").split("\n")[0]
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.commands", description=summary)
-    parser.add_argument("--quick", action="store_true", help="fewer rigs")
+    parser = options_parser(__doc__, "fewer rigs")
     parser.add_argument("--rigs", type=int, default=0, help=f"how many ({_RIGS}; quick {_QUICK_RIGS})")
-    parser.add_argument("--markdown", action="store_true", help="a table to paste into documents")
     return parser.parse_args(arguments)
 
 

@@ -18,8 +18,8 @@ from itertools import product
 
 import numpy as np
 
+from benchmarks import machine, number, options_parser, table
 from benchmarks.routes import arc_positions
-from benchmarks.tables import machine, number, table
 from tests.lumped import Distal, Drive, Physics, Run, from_pieces, simulate
 from tssgeom.arrays import Matrix, Points, Vector
 from tssgeom.engine import process
@@ -41,6 +41,8 @@ TENSION_NOISE = 0.05
 _LENGTH = np.array([0.15, 0.2, 0.15])
 _ANGLE, _SWAY = np.array([1.0, 1.3, 0.9]), np.array([0.25, -0.5, 0.35])
 _PLANE = np.array([0.0, 1.2, -0.7])
+STATIONS: Vector = np.linspace(0.0, float(_LENGTH.sum()), POINTS)
+"""Of the sensed points [m]."""
 _SWAY_FRAMES = 70.0  # so that bends move on while the target rests and while it turns
 _CELLS, _SUBSTEPS = 64, 2  # 2 mN and 0.1 µm on such a route
 
@@ -85,23 +87,26 @@ TARGETS = {"sine": sine, "steps": steps, "ramps": ramps}
 def case(target: str, frames: int, noise: float, *, moving: bool, seed: int = 0) -> Case:
     """Return the named target on the route that stands, or on the one whose bends sway."""
     phase = 2 * np.pi * np.arange(frames) / _SWAY_FRAMES
-    sway = np.sin(phase[:, None] + _PLANE) - np.sin(_PLANE)
-    return Case(TARGETS[target](frames), _ANGLE + moving * _SWAY * sway, noise, seed)
+    return Case(TARGETS[target](frames), swayed(phase, moving=moving), noise, seed)
+
+
+def swayed(phase: np.ndarray, *, moving: bool) -> Matrix:
+    """Return the angles [F, 3] of the pieces in each frame [rad]; the same in all where nothing moves."""
+    return _ANGLE + moving * _SWAY * (np.sin(phase[:, None] + _PLANE) - np.sin(_PLANE))
 
 
 def sensed(case: Case) -> list[Points]:
     """Return the points of every frame, stations known and evenly spaced."""
-    rng = np.random.default_rng((case.seed, 1))
-    at = _stations()
+    return sensed_points(case.angles, case.noise, np.random.default_rng((case.seed, 1)))
+
+
+def sensed_points(angles: Matrix, noise: float, rng: np.random.Generator) -> list[Points]:
+    """Return the points at `STATIONS` of routes with these angles [F, 3] of the pieces [rad]."""
     return [
-        arc_positions(chain(_LENGTH, angle / _LENGTH, _PLANE))(at)
-        + case.noise * rng.standard_normal((POINTS, 3))
-        for angle in case.angles
+        arc_positions(chain(_LENGTH, angle / _LENGTH, _PLANE))(STATIONS)
+        + noise * rng.standard_normal((POINTS, 3))
+        for angle in angles
     ]
-
-
-def _stations() -> Vector:
-    return np.linspace(0.0, float(_LENGTH.sum()), POINTS)
 
 
 def known_rig(case: Case) -> Rig:
@@ -115,16 +120,22 @@ def known_rig(case: Case) -> Rig:
     )
 
 
-def moved(angles: Matrix, commands: Vector) -> Run:
-    """Run the rig through the first commands [m]; the route moves, then the drive, half a second each."""
-    count = len(commands)
+PHYSICS = Physics(friction=MU, compliance_per_N=RHO, pretension_N=PRETENSION)
+
+
+def moved(angles: Matrix, commands: Vector, physics: Physics = PHYSICS, *, by_force: bool = False) -> Run:
+    """Run a rig through the first commands; the route moves, then the drive, half a second each.
+
+    The commands are positions [m], or tensions [N] where the rig is driven by force.
+    """
+    count, first = len(commands), PRETENSION if by_force else 0.0
     begin = np.arange(count, dtype=float)
-    sensed_angles = np.concatenate((angles[:1], np.repeat(angles[:count], 2, axis=0)))
+    routes = np.concatenate((angles[:1], np.repeat(angles[:count], 2, axis=0)))
     when = np.concatenate(([0.0], np.stack((begin + 0.5, begin + 1.0), axis=1).ravel()))
-    held = np.concatenate(([0.0], commands))
-    drive = Drive("displacement", when, np.concatenate(([0.0], np.repeat(held, 2)[1:-1])))
-    path = from_pieces(_LENGTH, sensed_angles, _CELLS, when.tolist())
-    physics = Physics(friction=MU, compliance_per_N=RHO, pretension_N=PRETENSION)
+    held = np.concatenate(([first], commands))
+    kind = "force" if by_force else "displacement"
+    drive = Drive(kind, when, np.concatenate(([first], np.repeat(held, 2)[1:-1])))
+    path = from_pieces(_LENGTH, routes, _CELLS, when.tolist())
     return simulate(path, physics, drive, Distal("spring", STIFFNESS), when, max_step=0.5 / _SUBSTEPS)
 
 
@@ -183,7 +194,7 @@ def closed_form(case: Case) -> Vector:
     """Command the paper's elongation of full pulling or releasing, on the route sensed in each frame."""
     rig, last, commands = known_rig(case), None, []
     for points, (way, x) in zip(sensed(case), _ways(case.target), strict=True):
-        last = follow(clean(points, _stations()), rig.shape.noise, last)
+        last = follow(clean(points, STATIONS), rig.shape.noise, last)
         commands.append(_of_full_sliding(last, way, x, rig))
     return np.array(commands)
 
@@ -200,7 +211,7 @@ def _of_full_sliding(tracked_route: TrackedFit, way: int, x: float, rig: Rig) ->
 def ours(case: Case) -> Vector:
     """Command the results of `process`, the tendon's state carried from target to target."""
     frames = (
-        Frame(points, float(i), _stations(), displacement_target=float(x))
+        Frame(points, float(i), STATIONS, displacement_target=float(x))
         for i, (points, x) in enumerate(zip(sensed(case), case.target, strict=True))
     )
     return np.array([_command(result) for result in process(frames, known_rig(case), tension_in=0.0)])
@@ -215,7 +226,7 @@ def ours_measured(case: Case) -> Vector:
         for i, (points, x) in enumerate(zip(sensed(case), case.target, strict=True)):
             so_far = np.append(commands[:i], commands[max(i - 1, 0)])
             reading = float(moved(case.angles, so_far).tension_in[2 * i + 1] + noise[i])
-            yield Frame(points, float(i), _stations(), reading, displacement_target=float(x))
+            yield Frame(points, float(i), STATIONS, reading, displacement_target=float(x))
 
     for i, result in enumerate(process(frames(), known_rig(case), tension_in=0.0)):
         commands[i] = _command(result)  # before the next frame is asked for
@@ -278,13 +289,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
-    summary = (__doc__ or "").split("\n")[0]
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.compensation", description=summary)
-    parser.add_argument("--quick", action="store_true", help="fewer frames, noises and draws")
+    parser = options_parser(__doc__, "fewer frames, noises and draws")
     parser.add_argument(
         "--frames", type=int, default=0, help=f"of each run ({_FRAMES}; quick {_QUICK_FRAMES})"
     )
-    parser.add_argument("--markdown", action="store_true", help="a table to paste into documents")
     return parser.parse_args(arguments)
 
 

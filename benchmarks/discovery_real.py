@@ -17,8 +17,8 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
+from benchmarks import machine
 from benchmarks.real_tool import ARM, BACK, PITCHES, TOOL, TORQUE, read_tool, tensions, tool_file
-from benchmarks.tables import machine
 from tssgeom.arrays import Points, Vector
 from tssgeom.identify.finding import Finding
 from tssgeom.identify.workflow import discover

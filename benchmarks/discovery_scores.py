@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 from scipy.stats import beta
 
+from benchmarks import ABSENT, share
+
 Report = Mapping[str, Any]
 _DETECTED = 0.9  # share that must be right at a size and at all larger ones
 
@@ -55,6 +57,11 @@ class Sums:
     def share(self) -> float:
         """Right ones over all; NaN of none."""
         return self.right / self.of if self.of else math.nan
+
+    @property
+    def text(self) -> str:
+        """The share in per cent, with both counts."""
+        return f"{share(self.share)} % ({self.right} of {self.of})" if self.of else ABSENT
 
 
 def counted(answers: Iterable[bool]) -> Sums:

@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.discovery_case import Case
+from benchmarks import ABSENT, number, share, table
+from benchmarks.discovery_campaigns import Case
 from benchmarks.discovery_scores import Outcome, Sums, counted, held_out_ratio, ties, upper_bound, verdict
-from benchmarks.tables import ABSENT, number, share, table
 from tests.bristle import CAUSES, PAIR_CAUSES
 from tssgeom.identify.mechanisms import MECHANISM_OF
 
@@ -142,19 +142,19 @@ def targets(outcomes: Sequence[Outcome], *, markdown: bool) -> str:
     ratios = _known(held_out_ratio(one.report) for one in outside)
     bands = _known(law_held(one) for one in outside)
     rows = [
-        ["mechanism right, full size", "≥ 95 %", _of(counted(map(right_mechanism, of("single"))))],
-        ["mechanism right, half size", "≥ 90 %", _of(counted(map(right_mechanism, of("half"))))],
-        ["mechanism right or tied", ABSENT, _of(counted(map(right_or_tied, of("single", "half"))))],
-        ["formula right where it is in the library", "≥ 95 %", _of(counted(map(right_formula, named)))],
-        ["false alarms, clean", "≤ 2 %", f"{_of(clean)}, below {share(bound)} %"],
-        ["outside: mechanism right", "≥ 80 %", _of(counted(map(right_mechanism, outside)))],
+        ["mechanism right, full size", "≥ 95 %", counted(map(right_mechanism, of("single"))).text],
+        ["mechanism right, half size", "≥ 90 %", counted(map(right_mechanism, of("half"))).text],
+        ["mechanism right or tied", ABSENT, counted(map(right_or_tied, of("single", "half"))).text],
+        ["formula right where it is in the library", "≥ 95 %", counted(map(right_formula, named)).text],
+        ["false alarms, clean", "≤ 2 %", f"{clean.text}, below {share(bound)} %"],
+        ["outside: mechanism right", "≥ 80 %", counted(map(right_mechanism, outside)).text],
         ["outside: held-out misfit after / before (median)", "≤ 0.35", _median(ratios)],
         ["outside: law within its band (mean share)", "93–97 %", _mean_share(bands)],
-        ["machines: mechanism right", ABSENT, _of(counted(map(right_mechanism, of("machine"))))],
+        ["machines: mechanism right", ABSENT, counted(map(right_mechanism, of("machine"))).text],
         [
             "machines, clean: none",
             ABSENT,
-            _of(counted(verdict(one.report) == "none" for one in of("machine, clean"))),
+            counted(verdict(one.report) == "none" for one in of("machine, clean")).text,
         ],
     ]
     return table(["metric", "target", "reached"], rows, text_columns=2, markdown=markdown)
@@ -188,10 +188,6 @@ def by_cause(outcomes: Sequence[Outcome], *, markdown: bool) -> str:
 
 def _known(values: Any) -> list[float]:
     return [value for value in values if not math.isnan(value)]
-
-
-def _of(sums: Sums) -> str:
-    return f"{share(sums.share)} % ({sums.right} of {sums.of})" if sums.of else ABSENT
 
 
 def _count(sums: Sums) -> str:

@@ -1,4 +1,4 @@
-/* Sends frames to a stream and times its answers, so that no interpreter is late; `live_client.py` runs it.
+/* Sends frames to a stream and times its answers, so that no interpreter is late; `load.py` runs it.
 
        live_client SOURCE_PORT SINK_PORT FRAMES RATE COUNT
 

@@ -17,8 +17,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from benchmarks import ABSENT, table
 from benchmarks.estimators import OURS
-from benchmarks.tables import ABSENT, table
 from tssgeom.atomic import write_text
 
 Cells = list[list[str]]

@@ -23,7 +23,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.run_cases import DATA, Case, Mask, Response
+from benchmarks.run_laws import DATA, Case, Mask, Response
 from tssgeom.arrays import Matrix, Points, Vector
 
 ROBOTS = DATA / "real" / "tdcr_tendon_tip"

@@ -16,10 +16,9 @@ from itertools import combinations
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from benchmarks import ABSENT, number, share, table
 from benchmarks.estimators import PEERS, Estimate, Sighting, chord_lengths, of_curve, scipy_splprep
-from benchmarks.run_cases import DATA
-from benchmarks.scores import INTERVAL
-from benchmarks.tables import ABSENT, number, share, table
+from benchmarks.run_laws import DATA
 from tssgeom.analysis import analyse
 from tssgeom.arrays import Points, Vector
 from tssgeom.errors import TssgeomError
@@ -29,6 +28,7 @@ from tssgeom.route.bounds import polygon
 from tssgeom.route.marker_offset import follow_markers
 from tssgeom.route.observations import clean
 from tssgeom.route.route import step_lengths
+from tssgeom.statistics import NORMAL_95
 from tssgeom.stream import Frame
 
 _FIBRE = DATA / "real" / "fibre_mocap"
@@ -211,7 +211,7 @@ def _sensed(every: int, *, markdown: bool) -> tuple[str, int]:
                     continue
                 errors.append(math.degrees(one.angle - true.angle))
                 se = math.hypot(one.angle_se, true.angle_se)
-                inside.append(abs(one.angle - true.angle) <= INTERVAL * se)
+                inside.append(abs(one.angle - true.angle) <= NORMAL_95 * se)
                 kept.append(keeps_bounds(sensed, one))
             wrong += kept.count(False) if name == "tssgeom" else 0
             row += [

@@ -37,7 +37,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.run_cases import DATA, Case, Response
+from benchmarks.run_laws import DATA, Case, Response
 from tssgeom.arrays import Matrix, Vector
 
 TOOL = DATA / "davinci_tool"

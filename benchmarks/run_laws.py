@@ -1,19 +1,141 @@
-"""Laws of one drive with hysteresis, as columns to combine linearly at given nonlinear parameters."""
+"""What a measured set gives to a fit, and the laws of hysteresis that a user would fit to it instead.
+
+A law gives columns to combine linearly at given nonlinear parameters; rate has no part in any operator.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import partial
 from itertools import product
+from pathlib import Path
 from typing import Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from benchmarks.hysteresis import bouc_wen, dead_zone, play, stop
-from benchmarks.run_cases import Mask, Response
 from tssgeom.arrays import Matrix, Vector
+
+DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
+
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class Response:
+    """One channel that is predicted from the channels that are given."""
+
+    column: str
+    drive: str
+    """The channel that moves it, with hysteresis."""
+    others: tuple[str, ...] = ()
+    """Channels that are given beside the drive; a peer takes them linearly."""
+    resists: bool = False
+    """Whether it is a force that changes sign with the drive's direction (a stop), not a motion (a play)."""
+    zeroed: bool = False
+    """Whether drive and response count from the first row of each run, so that no offset is to be fitted."""
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """One or several runs of one rig.
+
+    Rows of a run follow each other in time. Those that are neither fitted nor held out belong to a run-up
+    that only sets the state.
+    """
+
+    source: str
+    """Name of the set."""
+    name: str
+    columns: Mapping[str, Vector]
+    """[n] each, SI; the unit ends the name."""
+    run: NDArray[np.int_]
+    """[n] Number of the run of each row, from 0 and rising."""
+    fitted: Mask
+    """[n]"""
+    held_out: Mask
+    """[n]"""
+    responses: tuple[Response, ...]
+    known: Mapping[str, float] = field(default_factory=dict[str, float])
+    """What is known of the rig, SI; the unit ends the name."""
+    period: float | None = None
+    """Of the drive [s], where fitted and held-out cycles repeat each other."""
+
+    def runs(self) -> Iterator[slice]:
+        """Yield the rows of each run."""
+        ends = np.flatnonzero(np.diff(self.run)) + 1
+        for start, end in zip((0, *ends), (*ends, len(self.run)), strict=True):
+            yield slice(int(start), int(end))
+
+
+def mean_cycle_error(case: Case, column: str) -> float:
+    """Return the rms difference of held-out rows from the mean of the fitted cycles at the same phase.
+
+    It is the error of a method that repeats the fitted cycle: no fit to the drive alone does much better.
+    NaN where a held-out row has no fitted cycle before it.
+    """
+    if case.period is None:
+        return np.nan
+    errors = list[Vector]()
+    for rows in case.runs():
+        time, values = case.columns["time_s"][rows], case.columns[column][rows]
+        fitted, held_out = case.fitted[rows], case.held_out[rows]
+        if not (fitted.any() and held_out.any()):
+            return np.nan
+        low, high = time[fitted][[0, -1]]
+        near = 0.5 * (time[1] - time[0])
+        backs = np.arange(1, int((time[-1] - low) / case.period) + 2)
+        at = time[held_out][:, None] - backs * case.period
+        inside = (at >= low - near) & (at <= high + near)
+        known = np.where(inside, np.interp(at, time, values), 0.0).sum(axis=1) / inside.sum(axis=1)
+        errors.append(values[held_out] - known)
+    return float(np.sqrt(np.mean(np.square(np.concatenate(errors)))))
+
+
+_STEP = 0.2  # of the yield displacement; a longer change of the drive is cut up
+
+
+def play(drive: Vector, half_width: float) -> Vector:
+    """Return what lags the drive by at most `half_width`; it starts at the drive's first value."""
+    lagging = np.empty_like(drive)
+    state = float(drive[0])
+    for i, value in enumerate(drive.tolist()):
+        state = min(max(state, value - half_width), value + half_width)
+        lagging[i] = state
+    return lagging
+
+
+def stop(drive: Vector, half_width: float) -> Vector:
+    """Return the drive less its play: an elastic body that slides at `half_width`."""
+    return drive - play(drive, half_width)
+
+
+def dead_zone(values: Vector, half_width: float) -> Vector:
+    """Return what exceeds the clearance on either side."""
+    return values - np.clip(values, -half_width, half_width)
+
+
+def bouc_wen(drive: Vector, yield_at: float, share: float, power: float) -> Vector:
+    """Return the hysteretic variable z, from -1 to 1, of a drive u.
+
+    dz = (1 - |z|^n (share sgn(z du) + 1 - share)) du / yield_at, where `share` is β/(β + γ) of the usual
+    notation and n is `power`.
+    """
+    states = np.empty_like(drive)
+    state = 0.0
+    changes = (np.diff(drive, prepend=drive[0]) / yield_at).tolist()
+    for i, change in enumerate(changes):
+        count = math.ceil(abs(change) / _STEP)
+        part = change / max(count, 1)
+        for _ in range(min(count, 100)):
+            against = share if state * part > 0.0 else -share
+            state += part * (1.0 - abs(state) ** power * (against + 1.0 - share))
+            state = min(max(state, -1.0), 1.0)
+        states[i] = state
+    return states
+
 
 _SEED = 20181
 _PLAYS = 6

@@ -18,10 +18,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import least_squares, nnls
 
-from benchmarks.run_cases import Case, Mask, Response
-from benchmarks.run_laws import Data, Kind, Law
-from benchmarks.scores import INTERVAL
+from benchmarks.run_laws import Case, Data, Kind, Law, Mask, Response
 from tssgeom.arrays import Matrix, Vector
+from tssgeom.statistics import NORMAL_95
 
 _STARTS = 3  # best of the starting values, that are refined
 _CORRELATION = 0.98  # at most; a higher one cannot be estimated from one run
@@ -145,7 +144,7 @@ def _estimates(law: Law, solved: _Solved, data: Data, half_range: float) -> tupl
     gains = solved.factors[: len(law.gains)]
     used = np.concatenate([inside, solved.factors != 0.0])
     covariance = _covariance(law, data, solved, used)
-    error = INTERVAL * np.sqrt(np.where(used, np.diag(covariance), np.nan))
+    error = NORMAL_95 * np.sqrt(np.where(used, np.diag(covariance), np.nan))
     estimates = list[Estimate]()
     for k, each in enumerate(law.nonlinear):
         scale = half_range if each.kind == "drive" else 1.0
@@ -156,7 +155,7 @@ def _estimates(law: Law, solved: _Solved, data: Data, half_range: float) -> tupl
     if law.slides:
         slope = np.zeros(len(used))
         slope[[0, count]] = gains[0], solved.theta[0]
-        width = INTERVAL * math.sqrt(slope @ covariance @ slope)
+        width = NORMAL_95 * math.sqrt(slope @ covariance @ slope)
         estimates.append(Estimate("force", "response", gains[0] * solved.theta[0], width))
     return tuple(estimates)
 

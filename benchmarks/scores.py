@@ -8,13 +8,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from benchmarks import ABSENT, number, share, table
 from benchmarks.estimators import OURS, PEERS, SLOW, Bound, Estimate, Sighting, cramer_rao, first_pull
 from benchmarks.routes import Cell, Draw, Truth, draw
-from benchmarks.tables import ABSENT, number, share, table
+from tssgeom.statistics import NORMAL_95
 
 _LAYOUTS = 20  # draws of stations over which the bound is averaged
 _GRID = 501  # stations at which φ(s) is compared
-INTERVAL = 1.959964  # standard errors to both sides that hold 95 %
 _SLOW_POINTS, _SLOW_SHARE = 100, 4  # slow peers run every fourth trial of more points than this
 
 METHODS: Mapping[str, Callable[[Sighting], Estimate]] = {**OURS, **PEERS}
@@ -153,7 +153,7 @@ def _rms(x: np.ndarray) -> float:
 def _coverage(error: np.ndarray, se: np.ndarray) -> float:
     if not len(se) or np.isnan(se).all():
         return np.nan
-    return float(np.mean(np.abs(error) <= INTERVAL * se))
+    return float(np.mean(np.abs(error) <= NORMAL_95 * se))
 
 
 def bound(cell: Cell, trials: int) -> Bound:

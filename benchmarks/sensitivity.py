@@ -28,8 +28,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from benchmarks import ABSENT, machine, number, options_parser, table
 from benchmarks.sensitivity_cases import CASES, CLOCK, Numbers
-from benchmarks.tables import ABSENT, machine, number, table
 
 ROOT = Path(__file__).parents[1]
 ORIGINS = ("derived", "cited", "fitted", "chosen", "measured")
@@ -224,14 +224,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
-    summary = (__doc__ or "").split("\n")[0]
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.sensitivity", description=summary)
+    parser = options_parser(__doc__, "one constant in few cases; keeps no rows")
     parser.add_argument("names", nargs="*", metavar="NAME", help="only constants with this in their name")
     parser.add_argument("--only", choices=list(CASES), help="only constants of one area")
     parser.add_argument("--list", action="store_true", help="print the constants with unit and origin")
-    parser.add_argument("--quick", action="store_true", help="one constant in few cases; keeps no rows")
     parser.add_argument("--fresh", action="store_true", help="forget the rows that are done")
-    parser.add_argument("--markdown", action="store_true", help="tables to paste into documents")
     return parser.parse_args(arguments)
 
 

@@ -18,13 +18,14 @@ import msgspec
 import numpy as np
 
 from benchmarks.calibration import trial
-from benchmarks.discovery import discovered
+from benchmarks.discovery_campaigns import discovered
 from benchmarks.live_process import points_mm
 from benchmarks.routes import Cell, Draw, draw, truth
 from tests.campaigns import make_campaign
 from tssgeom import Frame, FrameResult, Rejected, Rig, process
 from tssgeom.arrays import Vector
 from tssgeom.rig import Friction, Load, ShapeSensor
+from tssgeom.statistics import NORMAL_95
 
 Numbers = dict[str, float]
 
@@ -51,7 +52,6 @@ _GRATINGS = 40
 _FIBRE_NOISE = 0.3  # of a curvature component [1/m]
 _POINT_NOISE = 1e-4  # of a coordinate in the streams of the tendon [m]
 _DIRECTION_NOISE = math.radians(0.5)
-_INTERVAL = 1.959964
 _CAMPAIGNS = (("hidden_bend", 0), ("velocity_dependent_friction", 1), (None, 0), (None, 1))
 _KINDS = ("white", "no T_out", "by position")
 _EFFECTS = (
@@ -85,7 +85,7 @@ def route(*, quick: bool) -> Numbers:
     for name, stream in (("stream", _swaying(quick)), ("moving stream", _growing(quick))):
         errors[name] = list(stream)
     numbers = {f"rms Φ, {name} [%]": 100.0 * _rms([e for e, _ in rows]) for name, rows in errors.items()}
-    pooled = [abs(e) <= _INTERVAL * se for rows in errors.values() for e, se in rows if math.isfinite(se)]
+    pooled = [abs(e) <= NORMAL_95 * se for rows in errors.values() for e, se in rows if math.isfinite(se)]
     return numbers | {"coverage [%]": 100.0 * _share(pooled), "right count [%]": 100.0 * _share(counts)}
 
 

@@ -20,19 +20,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.tables import machine, number, share, table
+from benchmarks import machine, number, options_parser, share, table
 from tssgeom.arrays import Matrix, Points, Vector
 from tssgeom.engine import process
 from tssgeom.frame import Frame
 from tssgeom.rig import Rig, ShapeSensor
 from tssgeom.route.pieces import Arcs
 from tssgeom.route.synthetic import chain, positions
+from tssgeom.statistics import NORMAL_95
 from tssgeom.stream import FrameResult
 from tssgeom.tendon.state import pretensioned, step, transmit
 
 _FRAMES, _FIRST, _INTERVAL = 150, 20, 0.02  # [1], [1], [s]
 _NEWEST = 0.1
-_STANDARD_DEVIATIONS = 1.96
 _QUICK_GAIN, _QUICK_COVERAGE = 5.0, 0.85
 
 Motion = Callable[[int, Vector], Vector]
@@ -122,7 +122,7 @@ def score(streams: Sequence[Recorded], method: str) -> Score:
     error, ratio = np.array(errors), np.array(ratios)
     return Score(
         np.sqrt(np.mean(error**2, axis=0)),
-        np.mean(np.abs(ratio) < _STANDARD_DEVIATIONS, axis=0),
+        np.mean(np.abs(ratio) < NORMAL_95, axis=0),
         np.mean(ratio, axis=0),
         passed,
     )
@@ -162,13 +162,10 @@ def _row(cell: str, method: str, one: Score) -> list[str]:
 
 
 def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.streams", description=__doc__)
-    parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    parser.add_argument("--quick", action="store_true", help="two routes that stand or sway slowly")
+    parser = options_parser(__doc__, "two routes that stand or sway slowly")
     parser.add_argument("--routes", type=int, default=16, help="routes of each kind")
     parser.add_argument("--points", type=int, default=40, help="points of a route")
     parser.add_argument("--noise-mm", type=float, default=0.5, help="noise of a coordinate")
-    parser.add_argument("--markdown", action="store_true", help="print a Markdown table")
     return parser.parse_args(arguments)
 
 

@@ -10,7 +10,6 @@ No time is asserted.
 
 from __future__ import annotations
 
-import argparse
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -18,7 +17,7 @@ from collections.abc import Callable, Sequence
 import cv2
 import numpy as np
 
-from benchmarks.tables import machine, number, share, table
+from benchmarks import machine, number, options_parser, share, table
 from tests.scenes import Ball, Lens, Scene, TagAt, arch, loop, render, ring, tag_poses
 from tssgeom.engine import process
 from tssgeom.errors import TssgeomError
@@ -42,12 +41,8 @@ Find = Callable[[np.ndarray], Sightings]
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the benchmark and return the exit code."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--quick", action="store_true", help="fewer and shorter films")
+    parser = options_parser(__doc__, "fewer and shorter films")
     parser.add_argument("--scenes", type=int, default=0, help="scenes for the angle")
-    parser.add_argument("--markdown", action="store_true")
     options = parser.parse_args(arguments)
     scenes, frames = options.scenes or (24 if options.quick else 300), 4 if options.quick else 20
     print(machine())

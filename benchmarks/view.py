@@ -10,7 +10,6 @@ sender's thread; bytes are those of the finished file. No time is asserted.
 
 from __future__ import annotations
 
-import argparse
 import math
 import sys
 import tempfile
@@ -23,8 +22,8 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 
+from benchmarks import ABSENT, machine, number, options_parser, table
 from benchmarks.live_process import points_mm
-from benchmarks.tables import ABSENT, machine, number, table
 from tssgeom.engine import process
 from tssgeom.rig import Rig
 from tssgeom.stream import Frame, FrameResult
@@ -64,12 +63,8 @@ class Cost:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the benchmark and return the exit code."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--quick", action="store_true", help="fewer frames")
+    parser = options_parser(__doc__, "fewer frames")
     parser.add_argument("--frames", type=int, default=0)
-    parser.add_argument("--markdown", action="store_true")
     options = parser.parse_args(arguments)
     count = options.frames or (200 if options.quick else 2000)
     results = _results(count)

@@ -7,9 +7,9 @@ import pytest
 
 from benchmarks import discovery
 from benchmarks import discovery_scores as scores
-from benchmarks.discovery import Case, cases, discovered
+from benchmarks.discovery import confusions, failures, limits, peers, target_rows, targets
+from benchmarks.discovery_campaigns import Case, cases, discovered
 from benchmarks.discovery_peers import Residual, held_out_ratio, without_flicker
-from benchmarks.discovery_report import confusions, failures, limits, peers, target_rows, targets
 from benchmarks.discovery_scores import Baseline, Outcome
 from tests.campaigns import INSIDE, OUTSIDE
 

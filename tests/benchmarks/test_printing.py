@@ -3,12 +3,11 @@
 import numpy as np
 import pytest
 
-from benchmarks import accuracy, speed
+from benchmarks import accuracy, machine, number, speed, table
 from benchmarks.accuracy import failings, targets
 from benchmarks.routes import Cell
 from benchmarks.scores import METHODS, Outcome, Result, Score, bound, details, matrix, run, summary
 from benchmarks.stages import PIPELINES, SMOOTH_STAGES, STAGES, frames
-from benchmarks.tables import machine, number, table
 
 CELL = Cell("test", "half circle", 30, 5e-4)
 

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks import table
 from benchmarks.readme import PARTS, ROOT, Extract, Part, between, cell, done, main, short, tables, write
-from benchmarks.tables import table
 
 MACHINE = "machine: Linux x86_64, 2 cores (a processor), load 1.8, Python 3.11.7"
 DOCUMENT = "before\n<!-- speed: measured -->\nold\n<!-- speed: end -->\nafter\n"

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.real_runs import play_fit, stop_fit
+from benchmarks.real import play_fit, stop_fit
 from benchmarks.real_sets import (
     BAND,
     ROBOTS,
@@ -17,8 +17,7 @@ from benchmarks.real_sets import (
     without_jumps,
 )
 from benchmarks.real_tool import TOOL, tool_cases
-from benchmarks.run_cases import mean_cycle_error
-from benchmarks.run_laws import LAWS
+from benchmarks.run_laws import LAWS, mean_cycle_error
 from benchmarks.run_peers import fit
 
 needs_tool = pytest.mark.skipif(not TOOL.is_dir(), reason="needs the torques of the cable-driven instrument")

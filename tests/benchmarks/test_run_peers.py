@@ -5,9 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from benchmarks.hysteresis import bouc_wen, dead_zone, play, stop
-from benchmarks.run_cases import Case, Response, mean_cycle_error
-from benchmarks.run_laws import LAWS
+from benchmarks.run_laws import LAWS, Case, Response, bouc_wen, dead_zone, mean_cycle_error, play, stop
 from benchmarks.run_peers import fit
 
 TIME = np.arange(0.0, 6.0, 0.01)

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.live_client import compiled_client, measured
 from benchmarks.live_process import lines
+from benchmarks.load import compiled_client, measured
 from tssgeom.core.build import NoCompilerError, compiler
 
 FRAMES = lines(12, 5, 500.0)
@@ -106,7 +106,7 @@ def test_without_a_compiler_the_output_says_that_the_client_is_in_python(monkeyp
     def missing():
         raise NoCompilerError("no C compiler")
 
-    monkeypatch.setattr("benchmarks.live_client.compiler", missing)
+    monkeypatch.setattr("benchmarks.load.compiler", missing)
     assert compiled_client(tmp_path) is None
     assert capsys.readouterr().out == "the client is in Python, and may itself be late: no C compiler\n"
 

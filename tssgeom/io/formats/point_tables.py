@@ -82,7 +82,7 @@ def _open_csv(path: Path, names: list[str], unit: str | None) -> Recording:
 
         return open_large(path, "csv", csv_blocks(path, names, unit))
     table = read_csv(path, require_lines(path, bytes_of(path)), names, unit)
-    if table.faults:  # a row of units, comments and the like are none to those who expect them
+    if table.faults:  # a row of units, comments and the like are none to a caller that expects them
         try:
             return _open_laboratory(path, unit, NO_MAP, clean=True)
         except TssgeomError:

@@ -5,8 +5,8 @@ import time
 import numpy as np
 import pytest
 
-from benchmarks import tendon_steps as reference
-from benchmarks.tendon_steps import Rod, cells_history, exact_history, step_table
+from benchmarks import speed as reference
+from benchmarks.speed import Rod, cells_history, exact_history, step_table
 
 ROD = Rod(length=0.5, compliance=3.16e-4, friction=0.145, pretension=2.0, load_stiffness=1000.0)
 
