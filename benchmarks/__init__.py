@@ -1,8 +1,8 @@
 """Measurements of accuracy and speed beside the peers; each module prints tables, in one run.
 
 What all share is here: their options, plain aligned tables with Markdown twins, and the line that states
-the machine of the measurement. Linear algebra is held to one thread before numpy loads: times are those of one
-core, and the trials already keep every core busy.
+the machine of the measurement. Linear algebra is held to one thread before numpy loads: times are those of
+one core, and the trials already keep every core busy.
 """
 
 from __future__ import annotations

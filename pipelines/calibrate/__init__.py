@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from pipelines import tssgeom_version
-from pipelines.calibrate.report import channel_object, write_report
+from pipelines.calibrate.report import channel_object, print_verdict, write_report
 from pipelines.options import TENSION_IN, Figures, FigureStyle, Json, Map, Quiet, RigFile, Unit
 from pipelines.terminal import print_json, print_message, print_table, step_progress
 from tssgeom.view.figures.style import choose
@@ -152,11 +152,7 @@ def calibrate(
         print_json(summary)
     elif not quiet:
         _print_table(run, out if written else None, fitted, result.arcs, settings.rig)
-    for failure in fitted.failures:
-        print_message(f"{run}: {'warning: ' if force else ''}the fit fails its test: {failure}")
-    if not written:
-        print_message(f"{run}: no rig is written: mend the run or the rig, or give --force")
-        raise typer.Exit(2)
+    print_verdict(run, fitted.failures, force=force, written=written)
 
 
 def _drawings(fitted: Calibration) -> dict[str, Callable[[], Figure]]:

@@ -7,13 +7,12 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import typer
-
 from pipelines import tssgeom_version
 from pipelines.calibrate.report import (
     channel_object,
     estimate_object,
     estimate_title,
+    print_verdict,
     sensed_arcs,
     write_report,
 )
@@ -58,11 +57,7 @@ def calibrate_machine(
         print_json(summary)
     elif not quiet:
         _print(paths, out if written else None, fitted)
-    for failure in fitted.failures:
-        print_message(f"{paths[0]}: {'warning: ' if force else ''}the fit fails its test: {failure}")
-    if not written:
-        print_message(f"{paths[0]}: no rig is written: mend the run or the rig, or give --force")
-        raise typer.Exit(2)
+    print_verdict(paths[0], fitted.failures, force=force, written=written)
 
 
 def _drawings(fitted: MachineCalibration) -> dict[str, Callable[[], Figure]]:

@@ -7,6 +7,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import typer
+
+from pipelines.terminal import print_message
 from tssgeom.atomic import write_text
 
 if TYPE_CHECKING:
@@ -56,6 +59,15 @@ def write_report(
     if figures is not None:
         figures.mkdir(parents=True, exist_ok=True)
         write_figures(figures, stem, drawings)
+
+
+def print_verdict(path: Path, failures: Sequence[str], *, force: bool, written: bool) -> None:
+    """Say which tests a fit fails; ends with exit status 2 where no rig is written."""
+    for failure in failures:
+        print_message(f"{path}: {'warning: ' if force else ''}the fit fails its test: {failure}")
+    if not written:
+        print_message(f"{path}: no rig is written: mend the run or the rig, or give --force")
+        raise typer.Exit(2)
 
 
 def channel_object(each: ChannelFit) -> dict[str, Any]:

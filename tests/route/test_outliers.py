@@ -5,10 +5,11 @@ import math
 import numpy as np
 import pytest
 
+from tests.core.twins.arcs_fit import residual_variance
 from tssgeom.core.constants_route import OUTLIERS
 from tssgeom.route.arcs.chain import Data, unfitted
 from tssgeom.route.arcs.outliers import outlier_weights
-from tssgeom.route.outliers import outlier_limit, residual_variance
+from tssgeom.route.outliers import outlier_limit
 from tssgeom.route.spline.outliers import leaves_out_a_stretch, outlying_tangent
 
 NOISE = 5e-4

@@ -31,7 +31,7 @@ from tssgeom.errors import FitError
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.bars.contact_grid import bends_of, edges
-from tssgeom.tendon.bars.model import BARS, Model, begin, model_of, setup_of
+from tssgeom.tendon.bars.model import BARS, begin, model_of, setup_of
 from tssgeom.tendon.bars.plant import Memory
 
 _ENDS = 4  # T_in, T_out, x_in, x_out
@@ -248,12 +248,6 @@ class RigFilter:
     def rig_now(self) -> Rig:
         """Return the rig with the followed numbers as they are now."""
         return with_numbers(self.rig, dict(zip(self.keys, self.values.tolist(), strict=True)))
-
-    def tendon_now(self) -> tuple[Memory, Model]:
-        """Return the mean tendon, and the rig that it belongs to on the route that it was cut on."""
-        memory = self.memory[: len(self.members)].mean(axis=0)
-        memory.setflags(write=False)
-        return Memory(memory), model_of(setup_of(self.rig_now()), self.cut, "displacement_in_m", self.edge)
 
     def drive_value(self, by_force: bool) -> float:
         """Return where the drive is, as it follows from its readings [N] or [m]."""

@@ -91,13 +91,6 @@ class LawFit:
         start = self.at.size + sum(term.mechanism.size for term in self.terms[:which])
         return np.sqrt(np.diag(self.covariance))[start : start + self.terms[which].mechanism.size]
 
-    @property
-    def effective_numbers(self) -> float:
-        """Numbers of the laws that the readings determine [1]: the trace of J·C·Jᵀ over them."""
-        start = self.at.size
-        information = self.jacobian.T @ self.jacobian
-        return float(np.trace((self.covariance @ information)[start:, start:]))
-
 
 def with_terms(at: Point, terms: Sequence[Term]) -> Point:
     """Return a model with laws as effects behind its own."""

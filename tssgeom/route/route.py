@@ -84,13 +84,6 @@ def carried(tangent: Points, axis: Vector) -> Points:
     return np.vstack((axis, turn @ axis))
 
 
-def insert_nodes(u: Vector, longest: float) -> tuple[Vector, np.ndarray]:
-    """Split every interval longer than `longest`; returns the nodes and which of them are the given ones."""
-    parts = np.maximum(np.ceil(np.diff(u) / longest - 1e-9).astype(np.int64), 1)
-    where = np.concatenate(([0], np.cumsum(parts)))
-    return np.interp(np.arange(where[-1] + 1), where, u), where
-
-
 def step_lengths(points: Points) -> Vector:
     """Distances from point to point [n - 1] [m]."""
     step = np.diff(points, axis=0)

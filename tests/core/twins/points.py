@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 
+from tests.core.twins.arcs_fit import outlier_limit, residual_variance
 from tests.core.twins.raw_outliers import worst_outlier
 from tests.core.twins.statistics import median
 from tssgeom.core.constants import MEDIANS
 from tssgeom.core.constants_route import ORDERING, OUTLIERS, POINTS, SPACING
-from tssgeom.route.outliers import outlier_limit, residual_variance
 
 MIN_POINTS = 4
 

@@ -48,7 +48,12 @@ class Plan(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
 
 def is_campaign(path: Path) -> bool:
     """Whether a path is the folder of a campaign, or the `campaign.toml` in it."""
-    return path.name == CAMPAIGN or (path / CAMPAIGN).is_file()
+    return path.name == CAMPAIGN or listing_of(path).is_file()
+
+
+def listing_of(folder: Path) -> Path:
+    """Return the `campaign.toml` of a folder, which may be given itself."""
+    return folder if folder.name == CAMPAIGN else folder / CAMPAIGN
 
 
 def read_campaign(folder: Path, unit: str | None = None, columns: ColumnMap = NO_MAP) -> Campaign:
@@ -70,7 +75,7 @@ def read_campaign(folder: Path, unit: str | None = None, columns: ColumnMap = NO
     ShapeError, SourceError
         Where a file is missing or cannot be used.
     """
-    listing = folder if folder.name == CAMPAIGN else folder / CAMPAIGN
+    listing = listing_of(folder)
     home = listing.parent
     plan = read_plan(listing)
     stated = read_rig(home / plan.rig)
@@ -100,7 +105,7 @@ def read_more_runs(
     SettingsError, ShapeError, SourceError
         As `read_campaign`.
     """
-    listing = folder if folder.name == CAMPAIGN else folder / CAMPAIGN
+    listing = listing_of(folder)
     return _runs(listing, read_plan(listing), rig, unit, columns)
 
 

@@ -10,8 +10,8 @@ import msgspec
 from tssgeom.errors import SettingsError, TssgeomError
 from tssgeom.identify.machine_finding import MachineCampaign
 from tssgeom.identify.machine_run import machine_run, route_of_rig
-from tssgeom.io.formats.campaigns import Listed, read_columns, read_plan, read_route, run_names
-from tssgeom.io.formats.files import CAMPAIGN, output_names
+from tssgeom.io.formats.campaigns import Listed, listing_of, read_columns, read_plan, read_route, run_names
+from tssgeom.io.formats.files import output_names
 from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap
 from tssgeom.io.formats.paths import split
 from tssgeom.io.formats.runs import read_run
@@ -34,7 +34,7 @@ def is_machine_campaign(folder: Path, columns: ColumnMap = NO_MAP) -> bool:
     ShapeError, SourceError
         Where a file is missing or cannot be used.
     """
-    listing = folder if folder.name == CAMPAIGN else folder / CAMPAIGN
+    listing = listing_of(folder)
     plan = read_plan(listing)
     rig, uncertain = read_uncertain_rig(listing.parent / plan.rig)
     if rig.is_machine or any(not each.stated for each in uncertain):
@@ -65,12 +65,10 @@ def read_machine_campaign(
 
     Raises
     ------
-    SettingsError
-        Where `campaign.toml`, the rig or a run cannot be used.
-    ShapeError, SourceError
-        Where a file is missing or cannot be used.
+    SettingsError, ShapeError, SourceError
+        As `read_campaign`.
     """
-    listing = folder if folder.name == CAMPAIGN else folder / CAMPAIGN
+    listing = listing_of(folder)
     home = listing.parent
     plan = read_plan(listing)
     rig, uncertain = read_uncertain_rig(home / plan.rig)

@@ -49,12 +49,6 @@ class Sink:
         """Close sockets."""
 
 
-class Nowhere(Sink):
-    """Answers that are discarded."""
-
-    text = "none"
-
-
 class StandardOutput(Sink):
     """A line each on standard output; lines without room are dropped."""
 

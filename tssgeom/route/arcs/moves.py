@@ -62,8 +62,10 @@ def work_of_candidate(data: Data, chain: Chain) -> int:
     return len(data.points) * len(chain.matrix)
 
 
-def simpler(data: Data, chain: Chain, unlikely: slice = _ALL) -> Chain | None:
-    """Try one piece straightened, dropped or merged, those first that promise most.
+def simpler_tried(data: Data, chain: Chain, unlikely: slice = _ALL) -> Iterator[Chain | None]:
+    """Try one piece straightened, dropped or merged, those first that promise most; docs/model.md (126).
+
+    Each candidate that is tried is yielded: the better chain, or None.
 
     Parameters
     ----------
@@ -72,16 +74,6 @@ def simpler(data: Data, chain: Chain, unlikely: slice = _ALL) -> Chain | None:
     unlikely
         Which ones to try of those that straight lines do not promise to help, the likeliest first.
     """
-    return next(filter(None, simpler_tried(data, chain, unlikely)), None)
-
-
-def finer(data: Data, chain: Chain, unlikely: slice = _ALL) -> Chain | None:
-    """Try one joint more where it promises to save most; parameters as in `simpler`."""
-    return next(filter(None, finer_tried(data, chain, unlikely)), None)
-
-
-def simpler_tried(data: Data, chain: Chain, unlikely: slice = _ALL) -> Iterator[Chain | None]:
-    """Try the candidates of `simpler`, one at a time: each is the better chain, or None; (126)."""
     promised = _simplifications(data, chain)
     yield None
     now, latest = criterion(data, chain), information_price(CHAIN_MOVES.latest, value_count(data))
@@ -93,7 +85,7 @@ def simpler_tried(data: Data, chain: Chain, unlikely: slice = _ALL) -> Iterator[
 
 
 def finer_tried(data: Data, chain: Chain, unlikely: slice = _ALL) -> Iterator[Chain | None]:
-    """Try the candidates of `finer`, one at a time: each is the better chain, or None; (126)."""
+    """Try one joint more where it promises to save most, as `simpler_tried` does; docs/model.md (126)."""
     if len(chain.bend) >= CHAIN_MOVES.most_pieces:
         return
     saved, part, _ = core.saved_by_parts(*data.sensed, *chain[:5])
