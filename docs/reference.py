@@ -1,4 +1,4 @@
-"""Write the pages of docs/reference from the code: commands, keys of a rig, columns of tables, Python names.
+"""Write the pages of docs/reference from the code: commands, keys of rigs and JSON, columns, Python names.
 
 python docs/reference.py            # writes the pages that are in git
 python docs/reference.py --check    # are they those of the code?
@@ -6,24 +6,23 @@ python docs/reference.py --check    # are they those of the code?
 The pages of the Python names are written when the site is built, by `building/reference_pages.py`.
 """
 
-import ast
 import inspect
 import re
 import sys
-import textwrap
 import types
 from collections.abc import Iterator
-from functools import cache
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, get_args, get_origin, get_type_hints
 
+import json_keys
 import msgspec
+import table_columns
 import typer
+from docstrings import cell, field_docs, parted, sentences, wrapped
 
 import tssgeom
 from pipelines.cli import COMMANDS, app
 from tssgeom.effects import KINDS, LAWS
-from tssgeom.io.results import tables
 from tssgeom.rig import Rig, Sensor
 from tssgeom.uncertain import UNKNOWNS, Follow
 
@@ -61,7 +60,8 @@ def pages() -> dict[str, str]:
 def _pages() -> Iterator[tuple[str, str]]:
     yield "commands.md", "".join(_commands())
     yield "rig.md", "".join(_rig())
-    yield "columns.md", "".join(_columns())
+    yield "columns.md", "".join(table_columns.page())
+    yield "json.md", "".join(json_keys.page())
 
 
 def _commands() -> Iterator[str]:
@@ -160,15 +160,8 @@ def keys(struct: type) -> Iterator[Key]:
         if isinstance(hints[field.name], type) and issubclass(hints[field.name], msgspec.Struct):
             yield from (key._replace(name=f"{field.name}.{key.name}") for key in keys(hints[field.name]))
             continue
-        meaning, unit = _parted(meanings.get(field.name, ""))
+        meaning, unit = parted(meanings.get(field.name, ""))
         yield Key(field.name, written_kind(hints[field.name]), _default(field), unit, meaning)
-
-
-def _parted(meaning: str) -> tuple[str, str]:
-    """Return a docstring without its unit in brackets, and the unit."""
-    units = re.findall(r" \[([^\]\d][^\]]*|1(?:/[^\]]+)?)\]", meaning)
-    unit = units[0] if units else ""
-    return (meaning.replace(f" [{unit}]", "", 1) if units else meaning), unit
 
 
 def _default(field: Any) -> str:
@@ -203,46 +196,6 @@ def written_kind(hint: Any) -> str:
     return {float: "number", int: "whole number", str: "text", bool: "`true` or `false`"}.get(hint, str(hint))
 
 
-@cache
-def field_docs(kind: type) -> dict[str, str]:
-    """Return the docstring below each field of a class and of those that it inherits from."""
-    docs: dict[str, str] = {}
-    for base in reversed(kind.__mro__):
-        if base.__module__.partition(".")[0] != "tssgeom":
-            continue
-        (node,) = ast.parse(textwrap.dedent(inspect.getsource(base))).body
-        assert isinstance(node, ast.ClassDef)
-        for field, below in zip(node.body, node.body[1:], strict=False):
-            match field, below:
-                case ast.AnnAssign(target=ast.Name(id=name)), ast.Expr(value=ast.Constant(value=str(text))):
-                    docs[name] = " ".join(text.split())
-    return docs
-
-
-def _columns() -> Iterator[str]:
-    yield "# Columns of the tables\n\n"
-    text = (
-        "What `batch`, `simulate` and `compensate` write as Parquet. Each field has its unit and its meaning "
-        "as metadata too. [formats.md](../formats.md#what-batch-writes) describes the files."
-    )
-    yield f"{wrapped(text)}\n"
-    for file, schema, row in (
-        ("summary.parquet", tables.SUMMARY, "A row for each input."),
-        ("frames/NAME.parquet", tables.FRAMES, "A row for each frame."),
-        (
-            "segments/NAME.parquet",
-            tables.SEGMENTS,
-            "A row for each piece of constant curvature of each good frame.",
-        ),
-        ("simulate.parquet", tables.SIMULATE, "A row for each row of the run."),
-        ("compensate.parquet", tables.COMPENSATE, "A row for each row of the run."),
-    ):
-        yield f"\n## {file}\n\n{row}\n\n| column | type | unit | meaning |\n|---|---|---|---|\n"
-        for field in schema:
-            unit, meaning = (field.metadata[key].decode() for key in (b"unit", b"meaning"))
-            yield f"| `{field.name}` | {field.type} | {unit} | {cell(meaning)} |\n"
-
-
 def python_pages() -> dict[str, str]:
     """Return the pages of the Python names, one for each group of `__all__`, and their table of contents."""
     out, entries = {}, list[str]()
@@ -269,31 +222,6 @@ def groups() -> dict[str, list[str]]:
             title = line.strip("# ")
         out.setdefault(title, []).extend(re.findall(r'"(\w+)"', line))
     return {title: names for title, names in out.items() if names}
-
-
-def sentences(text: str) -> str:
-    """Return a docstring as one paragraph, with links to the model."""
-    text = re.sub(r"\bdocs/model\.md\b", "[model.md](../model.md)", " ".join(text.split()))
-    return re.sub(r"; docs/(\w+)\.md", r"; [\1.md](../\1.md)", text)
-
-
-def cell(text: str) -> str:
-    """Return text for a cell of a table."""
-    text = re.sub(
-        r"; model\.md|(?<!\[)docs/model\.md",
-        lambda m: m[0].replace("docs/model.md", "[model.md](../model.md)"),
-        text,
-    )
-    return " ".join(text.split()).replace("|", "\\|")
-
-
-def wrapped(text: str) -> str:
-    """Return paragraphs in lines of at most 118 characters."""
-    parts = text.split("\n\n")
-    return "\n\n".join(
-        textwrap.fill(" ".join(part.split()), 118, break_on_hyphens=False, break_long_words=False)
-        for part in parts
-    )
 
 
 def main() -> None:

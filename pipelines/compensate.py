@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -30,6 +30,7 @@ from tssgeom.view.figures.style import choose
 
 if TYPE_CHECKING:
     from tssgeom.io.formats.runs import MeasuredRun
+    from tssgeom.io.results.keys.runs import CommandFacts, Compensated
     from tssgeom.tendon.command import Command
 
 TABLE = "compensate.parquet"
@@ -119,18 +120,17 @@ def compensate(
         drive = value_range([one.displacement_in for one in commands])
         tension = value_range([one.tension_in for one in commands])
         if as_json:
-            print_json(
-                {
-                    "shape": sensed.name,
-                    "rejected": sensed.rejected,
-                    "run": run.name,
-                    "target": channel,
-                    "rows": len(commands),
-                    "range": {"displacement_in_m": drive, "tension_in_N": tension},
-                    **facts,
-                    "files": files,
-                }
-            )
+            summary: Compensated = {
+                "shape": sensed.name,
+                "rejected": sensed.rejected,
+                "run": run.name,
+                "target": channel,
+                "rows": len(commands),
+                "range": {"displacement_in_m": drive, "tension_in_N": tension},
+                **facts,
+                "files": files,
+            }
+            print_json(summary)
         elif not quiet:
             title = f"{sensed.name} follows {channel} of {run.name}: {len(commands)} commands"
             cells = (
@@ -146,7 +146,7 @@ def compensate(
         raise typer.Exit(1 if sensed.rejected or facts["limited"] else 0)
 
 
-def _facts(run: MeasuredRun, commands: Sequence[Command]) -> dict[str, Any]:
+def _facts(run: MeasuredRun, commands: Sequence[Command]) -> CommandFacts:
     """Return the part of `--json` on errors, limits and tolerance; errors are the greatest of the run."""
     from tssgeom.tendon.command_error import MOST_OUTSIDE
 
@@ -175,7 +175,7 @@ def _facts(run: MeasuredRun, commands: Sequence[Command]) -> dict[str, Any]:
     }
 
 
-def _lines(facts: dict[str, Any], count: int, tolerance_mm: float | None) -> Iterator[str]:
+def _lines(facts: CommandFacts, count: int, tolerance_mm: float | None) -> Iterator[str]:
     """Say which commands are cut, and which targets are out of tolerance."""
     if cut := facts["limited"]:
         first = cut[0]

@@ -6,7 +6,7 @@ What it needs is imported when it runs, so that `--help` is quick.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -15,6 +15,7 @@ from pipelines.terminal import counted_progress, print_json, print_table
 from tssgeom.view.figures.style import choose
 
 if TYPE_CHECKING:
+    from tssgeom.io.results.keys.designs import PaperNumber
     from tssgeom.tendon.paper import Row
 
 _TITLE = "Sun, Wang and Phee 2014: the paper's numbers and ours"
@@ -66,7 +67,7 @@ def _draw(out: Path, *, quiet: bool) -> list[str]:
     return [*written, "paper.rrd"]
 
 
-def _object(row: Row) -> dict[str, Any]:
+def _object(row: Row) -> PaperNumber:
     return {
         "figure": row.figure,
         "quantity": row.quantity,

@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -18,6 +18,7 @@ from pipelines.terminal import counted_progress, json_text, print_json, print_me
 from tssgeom.view.figures.style import choose
 
 if TYPE_CHECKING:
+    import tssgeom.io.results.keys.designs as keys
     from pipelines.inputs import RunSettings
     from tssgeom.tendon.design import Advice, Curve, Cycle, Perturbation, Tried
     from tssgeom.tendon.design_table import Case
@@ -268,7 +269,7 @@ def _recommendation(design: Design, advice: Advice, tolerance: float) -> str:
     return f"{wanted}{limit}: {geometry}; price: {price}."
 
 
-def _object(shape: Path, design: Design, remedied: Remedied) -> dict[str, Any]:
+def _object(shape: Path, design: Design, remedied: Remedied) -> keys.Remedied:
     return {
         "shape": str(shape),
         "beta_rad": design.curve.angle,
@@ -289,7 +290,7 @@ def _object(shape: Path, design: Design, remedied: Remedied) -> dict[str, Any]:
     }
 
 
-def _tried(each: Tried) -> dict[str, float]:
+def _tried(each: Tried) -> keys.TriedCurve:
     return {
         "beta_rad": each.curve.angle,
         "curvature_per_m": each.curve.kappa,
@@ -301,8 +302,10 @@ def _tried(each: Tried) -> dict[str, float]:
     }
 
 
-def _advice(advice: Advice) -> dict[str, Any]:
-    return {"verdict": advice.verdict, **({} if advice.tried is None else _tried(advice.tried))}
+def _advice(advice: Advice) -> keys.Recommended:
+    if advice.tried is None:
+        return {"verdict": advice.verdict}
+    return {"verdict": advice.verdict, **_tried(advice.tried)}
 
 
 def _rows(compared: list[Case]) -> list[list[str]]:
@@ -322,7 +325,7 @@ def _print_table(shape: Path, design: Design, remedied: Remedied) -> None:
     print_table(title, _COLUMNS, _rows(remedied.cases), notes=remedied.sentences)
 
 
-def _write(out: Path, report: dict[str, Any], design: Design, remedied: Remedied) -> None:
+def _write(out: Path, report: keys.Remedied, design: Design, remedied: Remedied) -> None:
     from pipelines.figures import write_figure
     from tssgeom.atomic import write_text
     from tssgeom.view.figures.remedy import remedy_figure

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, get_args
+from typing import TYPE_CHECKING, Annotated, get_args
 
 import typer
 
@@ -19,6 +19,7 @@ from tssgeom.view.figures.style import choose
 if TYPE_CHECKING:
     from pipelines.runs import SensedRoute
     from tssgeom.io.formats.runs import MeasuredRun
+    from tssgeom.io.results.keys.runs import Simulated
     from tssgeom.tendon.simulation import Moment
 
 TABLE, PICTURE = "simulate.parquet", "simulate.rrd"
@@ -132,7 +133,7 @@ def simulate(
 
 def summary(
     sensed: SensedRoute, run: MeasuredRun, drive: str, moments: Sequence[Moment], out: Path
-) -> dict[str, Any]:
+) -> Simulated:
     """Return the object that `--json` prints: ranges over the run, rows in each phase, files."""
     from pipelines.runs import value_range
 

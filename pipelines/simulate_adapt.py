@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from pipelines.inputs import RunSettings
     from tssgeom.adapt.offline import FollowedRun, RunColumns
     from tssgeom.io.formats.runs import MeasuredRun
+    from tssgeom.io.results.keys.runs import FollowedNumber, FollowedObject, NumberAt
 
 RUN, NUMBERS, ALERTS, REPORT, FIGURE = (
     "adapt.parquet",
@@ -116,7 +117,7 @@ def _columns(run: MeasuredRun, settings: RunSettings) -> RunColumns:
 
 def _report(
     shape: str, run: MeasuredRun, channel: str, followed: FollowedRun, files: list[str]
-) -> dict[str, Any]:
+) -> FollowedObject:
     return {
         "shape": shape,
         "run": run.name,
@@ -141,12 +142,12 @@ def _report(
     }
 
 
-def _number(key: str, followed: FollowedRun) -> dict[str, Any]:
+def _number(key: str, followed: FollowedRun) -> FollowedNumber:
     having = [one for one in followed.stretches if key in one.keys]
     values = [one.numbers.values[:, one.keys.index(key)] for one in having]
     first, last = having[0], having[-1]
 
-    def at(stretch: Any, moment: int) -> dict[str, float]:
+    def at(stretch: Any, moment: int) -> NumberAt:
         i, numbers = stretch.keys.index(key), stretch.numbers
         return {
             "time_s": float(numbers.time[moment]),
@@ -162,8 +163,8 @@ def _number(key: str, followed: FollowedRun) -> dict[str, Any]:
     }
 
 
-def _row(number: dict[str, Any]) -> list[str]:
-    def within(at: dict[str, float]) -> str:
+def _row(number: FollowedNumber) -> list[str]:
+    def within(at: NumberAt) -> str:
         return f"{at['value']:.5g} ± {NORMAL_95 * at['se']:.2g}"
 
     low, high = number["smoothed_range"]

@@ -53,6 +53,7 @@ ALLOWED = (
     # Words of the contract: keys of JSON files and commands keep their names.
     ("", r"gap", "key of findings and of report.json"),
     ("", r"size_over_guard", "key of findings"),
+    ("tssgeom/io/results/keys/", r"told|seen|points_not_seen|place_m|answered", "keys of JSON"),
     ("", r"_?(\w+_)?(remedy|Remedy|REMEDY)(_\w+)?", "Theorem 3 and its command"),
     # Names of Python and of other packages.
     ("", r"\w+NotFoundError|allow_not_found|notfound", "Python and pyarrow"),

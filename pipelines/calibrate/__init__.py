@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -21,6 +21,7 @@ from tssgeom.view.figures.style import choose
 if TYPE_CHECKING:
     from tssgeom.identify.calibration import Calibration, Estimate
     from tssgeom.identify.fit_quality import ChannelFit
+    from tssgeom.io.results.keys.calibrations import Calibrated, PlainEstimate
     from tssgeom.rig import Rig
     from tssgeom.route.pieces import Arcs
     from tssgeom.view.figures.plots import Figure
@@ -171,7 +172,7 @@ def _nominal(name: str, rig: Rig) -> float | None:
 
 def _object(
     run: Path, shape: Path, out: Path | None, fitted: Calibration, route: Arcs, rig: Rig
-) -> dict[str, Any]:
+) -> Calibrated:
     return {
         "run": str(run),
         "shape": str(shape),
@@ -187,7 +188,7 @@ def _object(
     }
 
 
-def _estimate(each: Estimate, rig: Rig) -> dict[str, Any]:
+def _estimate(each: Estimate, rig: Rig) -> PlainEstimate:
     return {
         "value": each.value if each.observable else None,
         "ci95": [each.low, each.high] if each.observable else None,

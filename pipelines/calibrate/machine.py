@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from pipelines import tssgeom_version
 from pipelines.calibrate.report import (
@@ -21,6 +21,7 @@ from pipelines.terminal import print_json, print_message, print_table, step_prog
 if TYPE_CHECKING:
     from pipelines.inputs import RunSettings
     from tssgeom.identify.machine_estimates import MachineCalibration, MachineEstimate
+    from tssgeom.io.results.keys.calibrations import MachineCalibrated
     from tssgeom.view.figures.plots import Figure
 
 
@@ -72,7 +73,7 @@ def _drawings(fitted: MachineCalibration) -> dict[str, Callable[[], Figure]]:
 
 def _object(
     paths: Sequence[Path], shapes: Sequence[Path], out: Path | None, fitted: MachineCalibration
-) -> dict[str, Any]:
+) -> MachineCalibrated:
     """Return what `--json` prints."""
     return {
         "run": str(paths[0]),

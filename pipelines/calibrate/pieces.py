@@ -22,6 +22,7 @@ from tssgeom.errors import SettingsError
 if TYPE_CHECKING:
     from pipelines.inputs import RunSettings
     from tssgeom.identify.calibrated_pieces import CalibratedPiece
+    from tssgeom.io.results.keys.calibrations import FittedPiece, PiecesCalibrated
 
 
 def calibrate_pieces(
@@ -82,7 +83,7 @@ def calibrate_pieces(
 
 def _object(
     path: Path, shapes: Sequence[Path], out: Path | None, every: float, pieces: Sequence[CalibratedPiece]
-) -> dict[str, Any]:
+) -> PiecesCalibrated:
     """Return what `--json` prints."""
     return {
         "run": str(path),
@@ -94,13 +95,18 @@ def _object(
     }
 
 
-def _piece_object(piece: CalibratedPiece) -> dict[str, Any]:
+def _piece_object(piece: CalibratedPiece) -> FittedPiece:
     fitted = piece.fitted
-    facts = {"start_s": piece.start, "end_s": piece.end, "passes": not piece.failures}
-    facts["failures"] = list(piece.failures)
+    facts: FittedPiece = {
+        "start_s": piece.start,
+        "end_s": piece.end,
+        "passes": not piece.failures,
+        "failures": list(piece.failures),
+    }
     if fitted is None:
         return facts
-    return facts | {
+    return {
+        **facts,
         "estimates": {each.name: estimate_object(each) for each in fitted.estimates},
         "friction_angle": estimate_object(fitted.friction_angle),
         "channels": [channel_object(each) for each in fitted.channels],

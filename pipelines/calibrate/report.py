@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from pipelines.inputs import RunSettings
     from tssgeom.identify.fit_quality import ChannelFit
     from tssgeom.identify.machine_estimates import MachineEstimate
+    from tssgeom.io.results.keys.calibrations import ChannelOf, MachineEstimateOf
     from tssgeom.route.pieces import Arcs
     from tssgeom.view.figures.plots import Figure
 
@@ -45,7 +46,7 @@ def write_report(
     stem: str,
     folder: Path | None,
     figures: Path | None,
-    summary: dict[str, Any],
+    summary: object,
     drawings: dict[str, Callable[[], Figure]],
 ) -> None:
     """Write the report into a folder, and figures where they are wanted."""
@@ -70,7 +71,7 @@ def print_verdict(path: Path, failures: Sequence[str], *, force: bool, written: 
         raise typer.Exit(2)
 
 
-def channel_object(each: ChannelFit) -> dict[str, Any]:
+def channel_object(each: ChannelFit) -> ChannelOf:
     """Return how well a channel is met, as `--json` prints it."""
     return {
         "name": each.name,
@@ -85,7 +86,7 @@ def channel_object(each: ChannelFit) -> dict[str, Any]:
     }
 
 
-def estimate_object(each: MachineEstimate) -> dict[str, Any]:
+def estimate_object(each: MachineEstimate) -> MachineEstimateOf:
     """Return a number with its interval, as `--json` prints it."""
     return {
         "value": each.value if each.identified else None,

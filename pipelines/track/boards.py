@@ -8,6 +8,7 @@ from pathlib import Path
 from pipelines.terminal import counted_progress, print_json, print_table
 from tssgeom.errors import SettingsError, ShapeError
 from tssgeom.io.formats.cameras import write_calibration
+from tssgeom.io.results.keys.cameras import CameraOf, CamerasCalibrated
 from tssgeom.vision.boards import Board, BoardDetection, board_finder
 from tssgeom.vision.calibration import calibrated
 from tssgeom.vision.footage import Footage, open_footage
@@ -113,8 +114,8 @@ def _detections(
     return detections, [sizes[v] for v in range(len(footage.sources))]
 
 
-def _summary(calibration: Calibration, files: Sequence[str]) -> dict[str, object]:
-    cameras = [
+def _summary(calibration: Calibration, files: Sequence[str]) -> CamerasCalibrated:
+    cameras: list[CameraOf] = [
         {
             "name": camera.name,
             "views": calibration.views[v],

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 
+from tests.described import described, optional
 from tests.twins import drifting_friction, route_points
 from tssgeom.rig import Friction, Load, Rig, Tendon, read_rig, write_rig
 
@@ -33,6 +34,7 @@ def test_calibrate_of_a_log_in_pieces_writes_the_rig_of_the_last_one(run, tmp_pa
     done = run(*command, "--every", "300")
     assert done.status == 0
     report = json.loads(done.out)
+    assert described("calibrate --every --json", report) == optional("calibrate --every --json")
     assert [piece["passes"] for piece in report["pieces"]] == [True, True, True]
     last = report["pieces"][-1]["estimates"]["friction.coefficient"]
     assert read_rig(tmp_path / "day" / "rig.toml").friction.coefficient == last["value"]

@@ -7,6 +7,7 @@ import numpy as np
 import pyarrow.parquet as papq
 import pytest
 
+from tests.described import described, optional
 from tssgeom.rig import read_rig, with_values
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.machine import machine_of
@@ -72,7 +73,9 @@ def test_a_pair_is_simulated_and_its_command_brings_the_joint_there(run, tmp_pat
     (tmp_path / "rig.toml").write_text(RIG)
     target = table(tmp_path / "target.csv", time_s=TIME, joint_angle_deg=20 * np.sin(TIME))
     rig, out = str(tmp_path / "rig.toml"), tmp_path / "out"
-    run("compensate", str(shape), "--target", str(target), "--rig", rig, "--out", str(out))
+    done = run("compensate", str(shape), "--target", str(target), "--rig", rig, "--out", str(out), "--json")
+    title = "simulate --json, compensate --json of a machine"
+    keys = described(title, json.loads(done.out))
     commands = papq.read_table(out / "compensate.parquet")
     drive = table(tmp_path / "drive.csv", time_s=TIME, motor_angle_rad=commands["motor_angle_rad"].to_numpy())
     done = run("simulate", str(shape), "--drive", str(drive), "--rig", rig, "--out", str(out), "--json")
@@ -81,6 +84,7 @@ def test_a_pair_is_simulated_and_its_command_brings_the_joint_there(run, tmp_pat
         simulated["joint_angle_rad"].to_numpy(), np.radians(20 * np.sin(TIME)), atol=1e-5
     )
     assert json.loads(done.out)["drive"] == "motor_angle_rad"
+    assert keys | described(title, json.loads(done.out)) == optional(title)
     assert {"tension_in_1_N", "tension_out_2_N", "motor_torque_Nm"} <= set(simulated.column_names)
     assert (out / "simulate.rrd").stat().st_size > 10_000
 
@@ -92,6 +96,7 @@ def test_unknown_numbers_are_identified_or_reported_as_tied(run, tmp_path):
     out = tmp_path / "out"
     done = run("calibrate", str(file), "--rig", str(tmp_path / "rig.toml"), "--out", str(out), "--json")
     summary = json.loads(done.out)
+    described("calibrate --json of a machine", summary)
     estimates = summary["estimates"]
     low, high = estimates["tendon.pretension_N"]["ci95"]
     assert low <= 8.0 <= high < 9.0

@@ -9,6 +9,7 @@ import pytest
 
 from pipelines.cli import main
 from tests.adapt.cases import rig_of
+from tests.described import described
 from tests.twins import drifting_friction, route_points
 from tssgeom.rig import read_rig, write_rig
 
@@ -40,6 +41,7 @@ def test_a_run_is_followed_and_written(folder, capsys):
     rig, written = folder / "rig.toml", folder / "now.toml"
     assert simulate(folder, "--rig", str(rig), "--adapt", "--write-rig", str(written), "--json") == 0
     report = json.loads(capsys.readouterr().out)
+    described("simulate --adapt --json, adapt.json", report)
     assert json.loads((folder / "out/adapt.json").read_text("utf-8")) == report
     assert (report["rows"], report["rows_left_out"], report["drive"]) == (COUNT, 0, "displacement_in_m")
     assert [one["key"] for one in report["numbers"]] == list(read_rig(rig).adapt)

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
+from tests.described import described
 from tests.scenes import Ball, Scene, arch, board_images, board_poses, checkerboard, render, ring
 from tests.view.recorded import columns, entities, timelines, verify, views
 from tssgeom.io.formats.cameras import read_cameras
@@ -53,7 +54,9 @@ def calibration(filmed, run) -> Path:
             "track", *sources, "--calibrate", "--board", "9x6", "--square-mm", "30", "--out", path, "--json"
         )
         assert outcome.status == 0
-        assert max(camera["reprojection_px"] for camera in json.loads(outcome.out)["cameras"]) < 0.3
+        report = json.loads(outcome.out)
+        described("track --calibrate --json", report)
+        assert max(camera["reprojection_px"] for camera in report["cameras"]) < 0.3
     return path
 
 
@@ -79,6 +82,7 @@ def test_films_become_a_recording_that_analyse_reads_with_the_angle_in_its_error
         "--proximal", f"{start[0]:.0f},{start[1]:.0f}", "--overlay", tmp_path / "seen",
     )  # fmt: skip
     output = json.loads(outcome.out)
+    described("track --json", output)
     assert outcome.status == 0
     assert (output["frames"], output["markers"], output["warnings"]) == (FRAMES, COUNT, [])
     assert output["seen"] == pytest.approx(1 - 1 / (FRAMES * COUNT))  # one marker is hidden once

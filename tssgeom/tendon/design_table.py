@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypedDict
 
 import numpy as np
 
@@ -20,6 +21,43 @@ from tssgeom.tendon.design import (
     price,
     same_output,
 )
+
+
+class CaseNumbers(TypedDict):
+    """A pull and release on the route, with or without the curve."""
+
+    scaling_factor: float
+    """Factor S of what perturbations change on pulling [1]."""
+    release_amplification: float
+    """Factor 1/S when all of the tendon releases [1]."""
+    tension_in_N: float
+    """Proximal tension at the end of the pull [N]."""
+    release_to_N: float
+    """Proximal tension at the end of the release [N]."""
+    full_release_at_N: float
+    """Proximal tension below which all of the tendon releases [N]."""
+    tension_out_N: float
+    """Distal tension at the end of the pull [N]."""
+    elongation_m: float
+    """Elongation at the end of the pull [m]."""
+    own_elongation_m: float
+    """Elongation of the added curve itself [m]."""
+    pull_reaches_from_N: float
+    """Proximal tension from which a pull reaches the distal end [N]."""
+    release_reaches_below_N: float
+    """Proximal tension below which a release reaches the distal end [N]."""
+    pull_tension_out_change_N: float
+    """Change of the distal tension by the bends, end of the pull [N]."""
+    pull_elongation_change_m: float
+    """Change of the elongation by the bends, end of the pull [m]."""
+    release_tension_out_change_N: float
+    """Change of the distal tension, end of the release [N]."""
+    release_elongation_change_m: float
+    """Change of the elongation, end of the release [m]."""
+    full_release_tension_out_change_N: float
+    """Change of the distal tension when all releases [N]."""
+    full_release_elongation_change_m: float
+    """Change of the elongation when all releases [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,9 +84,10 @@ class Case:
         """|Δδ| at the end of the release [m]."""
         return float(self.disturbed.elongation[1])
 
-    def numbers(self) -> dict[str, float]:
+    def numbers(self) -> CaseNumbers:
         """Return all numbers, in SI."""
-        elongation, tension = self.disturbed.elongation.tolist(), self.disturbed.tension.tolist()
+        elongation: list[float] = self.disturbed.elongation.tolist()
+        tension: list[float] = self.disturbed.tension.tolist()
         return {
             "scaling_factor": self.scaling,
             "release_amplification": 1.0 / self.scaling,

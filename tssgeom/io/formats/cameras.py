@@ -25,29 +25,42 @@ class Uncertain(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     """Standard deviations of the numbers of one camera."""
 
     focal_px: Pair
+    """Of the focal length along x and y [px]."""
     centre_px: Pair
+    """Of the principal point [px]."""
     distortion: Five
+    """Of the coefficients of distortion [1]."""
     turn_rad: Triple
+    """Of the rotation vector [rad]."""
     shift_m: Triple
+    """Of the shift [m]."""
 
 
 class CameraFile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """One camera as it is written."""
 
     name: str
+    """Name of the camera."""
     size_px: tuple[int, int]
+    """Width and height of an image [px]."""
     focal_px: Pair
+    """Focal length along x and y [px]."""
     centre_px: Pair
+    """Principal point [px]."""
     distortion: Five = (0.0, 0.0, 0.0, 0.0, 0.0)
-    """k1, k2, p1, p2, k3."""
+    """Coefficients k1, k2, p1, p2, k3 [1]."""
     turn_rad: Triple = (0.0, 0.0, 0.0)
-    """Rotation vector from the common frame into the camera's."""
+    """Rotation vector from the common frame into the camera's [rad]."""
     shift_m: Triple = (0.0, 0.0, 0.0)
-    """Position of the common origin in the camera's frame."""
+    """Position of the common origin in the camera's frame [m]."""
     reprojection_px: float | None = None
+    """Reprojection error (rms) [px]."""
     views: int | None = None
+    """Boards that were detected [1]."""
     covered: float | None = None
+    """Share of the image that the boards cover [1]."""
     sd: Uncertain | None = None
+    """Standard deviations of the numbers above."""
 
     def __post_init__(self) -> None:
         numbers = (*self.focal_px, *self.centre_px, *self.distortion, *self.turn_rad, *self.shift_m)
@@ -61,8 +74,11 @@ class CalibrationFile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_
     """All cameras as they are written."""
 
     camera: list[CameraFile]
+    """The cameras."""
     corner_noise_px: float | None = None
+    """Standard deviation of a corner [px]."""
     point_sd_mm: float | None = None
+    """Standard deviation of a coordinate that the calibration itself causes [mm]."""
 
 
 def read_cameras(path: Path) -> tuple[Camera, ...]:

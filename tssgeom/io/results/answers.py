@@ -22,80 +22,127 @@ class Segment(msgspec.Struct, frozen=True):
     """One piece of constant curvature."""
 
     length_m: float
+    """Arc length of the piece [m]."""
     kappa_per_m: float
+    """Its curvature [1/m]."""
     angle_rad: float
+    """Its curve angle [rad]."""
     s_start_m: float
+    """Arc length at which it begins [m]."""
     angle_se_rad: float
-    """Standard error of the angle; of a straight piece with the bend that its points may hide."""
+    """Standard error of the angle; of a straight piece with the bend that its points may hide [rad]."""
 
 
 class OtherCause(msgspec.Struct, frozen=True):
     """A mechanism that explains an alert less well."""
 
     mechanism: str
+    """Name of the mechanism."""
     where: str
+    """On what it acts."""
     probability: float
+    """Of the mechanism, among those that were tried [1]."""
     sentence: str
+    """The mechanism with its size."""
 
 
 class LiveAlert(msgspec.Struct, frozen=True, omit_defaults=True):
     """A disagreement between readings and model; without a mechanism as long as none is known."""
 
     channel: str
+    """Channel whose readings the model does not explain."""
     since_s: float
+    """When it began, by the sender's clock [s]."""
     phase: str
+    """What the drive did then: `pulling`, `releasing` or `hold`."""
     mechanism: str = ""
+    """What explains it best, and likewise the keys below; left out where nothing is compared yet."""
     where: str = ""
+    """On what the mechanism acts."""
     probability: float | None = None
+    """Of the mechanism, among those that were tried [1]."""
     sentence: str = ""
+    """The mechanism with its size."""
     others: tuple[OtherCause, ...] = ()
+    """Mechanisms that explain it less well."""
 
 
 class Answer(msgspec.Struct, frozen=True, omit_defaults=True):
     """The answer to a good frame, in SI."""
 
     t: float
+    """Time of the frame [s]."""
     seq: int
+    """Count of the frame on arrival, from 0, over all sources [1]."""
     length_m: float
+    """Arc length L [m]."""
     total_angle_rad: float
+    """Accumulated curve angle Φ [rad]."""
     total_angle_se_rad: float
+    """Standard error of Φ [rad]."""
     tension_in_N: float
+    """Tension at the proximal end [N]."""
     tension_out_N: float
+    """Tension at the distal end [N]."""
     elongation_m: float
+    """Elongation δ above the pretensioned state [m]."""
     elongation_se_m: float
+    """Standard error of δ [m]."""
     direction_index: int
+    """+1 pulling, -1 releasing."""
     dead_zone: bool
+    """True where the distal end has not followed yet."""
     segments: list[Segment]
+    """Pieces of constant curvature, proximal to distal."""
     latency_us: float
     """From the last byte of the frame to this line [µs]."""
     dropped: int
-    """Frames that were dropped for newer ones, since the start."""
+    """Frames that were dropped for newer ones, since the start [1]."""
     stale: bool
+    """False."""
     displacement_command_m: float | None = None
+    """Position of the drive that reaches the target; as the keys below, only with a target [m]."""
     tension_command_N: float | None = None
+    """Tension of the drive that reaches it [N]."""
     displacement_out_se_m: float | None = None
+    """Standard error of the load's movement, the drive at the position [m]."""
     tension_out_se_N: float | None = None
+    """Standard error of the distal tension, the drive at the position [N]."""
     displacement_out_se_by_tension_m: float | None = None
+    """Standard error of the load's movement, the drive at the tension [m]."""
     tension_out_se_by_tension_N: float | None = None
+    """Standard error of the distal tension, the drive at the tension [N]."""
     displacement_reached_m: float | None = None
+    """Movement of the load that is reached instead; only with `limited` or `waits` [m]."""
     tension_reached_N: float | None = None
+    """Distal tension that is reached instead; only with `limited` or `waits` [N]."""
     limited: str = ""
+    """Limits of the drive that cut the command; only where one did."""
     waits: bool = False
+    """True where the drive is held inside the dead zone; only there."""
     out_of_tolerance: float | None = None
+    """Probability of a miss by more than `--tolerance-mm`; only where above 5 % [1]."""
     followed: dict[str, tuple[float, float]] | None = None
+    """With `--adapt`: value and standard error of each followed number, by key of the rig, in its unit."""
     alert: LiveAlert | None = None
+    """With `--adapt`: a disagreement, as long as it lasts."""
     id: str | int = ""
+    """The sender's own name of the frame."""
     warnings: tuple[str, ...] = ()
+    """What is worth knowing about the frame; only where there is any."""
 
 
 class Refusal(msgspec.Struct, frozen=True, omit_defaults=True):
     """The answer to a bad frame."""
 
     t: float | None
-    """Time of the frame [s]; None where it holds none that could be read."""
+    """Time of the frame; null where it holds none that could be read [s]."""
     seq: int
+    """Count of the frame on arrival, from 0 [1]."""
     rejected: str
+    """Why it could not be used."""
     id: str | int = ""
+    """The sender's own name of the frame."""
 
 
 class Stale(msgspec.Struct, frozen=True):
@@ -104,10 +151,13 @@ class Stale(msgspec.Struct, frozen=True):
     t: float
     """Time of the last good frame [s]."""
     seq: int
-    """Count of the last good frame."""
+    """Count of the last good frame [1]."""
     stale: bool
+    """True."""
     silent_s: float
+    """Time since the last good frame [s]."""
     dropped: int
+    """Frames that were dropped for newer ones, since the start [1]."""
 
 
 _encoder = msgspec.json.Encoder()

@@ -41,6 +41,15 @@ _OF_ROUTE = {
 }
 
 
+VALUES = {
+    "tension_N": "tension of the tendon",
+    "kappa_per_m": "curvature of the route",
+    "kappa_se_per_m": "standard error of the curvature",
+    "angle_rad": "curve angle from the proximal end",
+}
+"""Numbers at each node of an exported route, by name with the unit."""
+
+
 @dataclass(frozen=True, slots=True)
 class TensionLine:
     """A route with the tension along it: its nodes, proximal to distal, and the numbers at each."""
@@ -78,12 +87,7 @@ def tension_line(name: str, unit: str, result: FrameResult, tension: Vector) -> 
         "m" if unit == "m" else "mm",
         result.route.s,
         result.route.position,
-        {
-            "tension_N": tension,
-            "kappa_per_m": profile.kappa,
-            "kappa_se_per_m": profile.kappa_se,
-            "angle_rad": profile.phi,
-        },
+        dict(zip(VALUES, (tension, profile.kappa, profile.kappa_se, profile.phi), strict=True)),
         {
             "length_m": profile.length,
             "total_angle_rad": profile.total_angle,

@@ -24,6 +24,21 @@ from tssgeom.identify.finding import (
     Shape,
 )
 from tssgeom.identify.mechanisms import MECHANISM_OF
+from tssgeom.io.results.keys.findings import (
+    AlongRoute,
+    BaseNumber,
+    EffectOf,
+    EvidenceOf,
+    FrictionShape,
+    Law,
+    MisfitCell,
+    MisfitOf,
+    Number,
+    RankedCandidate,
+    Report,
+    RunOf,
+    SelectedEffect,
+)
 from tssgeom.io.results.proposals import proposal_object
 from tssgeom.rig import write_rig
 
@@ -55,9 +70,9 @@ def write_updated_rig(folder: Path, finding: Finding, version: str) -> Path:
     return folder / RIG
 
 
-def report_object(finding: Finding, version: str) -> dict[str, Any]:
+def report_object(finding: Finding, version: str) -> Report:
     """Return the object of `report.json`, in SI; what is not known is null, never NaN."""
-    report = {
+    report: Report = {
         "version": version,
         "campaign": finding.campaign.name,
         "verdict": finding.verdict,
@@ -91,11 +106,11 @@ def report_object(finding: Finding, version: str) -> dict[str, Any]:
     return _finite(report)
 
 
-def _effects(each: Candidate) -> list[dict[str, Any]]:
-    return [effect | {"evidence": _evidence(each.evidence)} for effect in _named(each)]
+def _effects(each: Candidate) -> list[SelectedEffect]:
+    return [{**effect, "evidence": _evidence(each.evidence)} for effect in _named(each)]
 
 
-def _ranked(each: Candidate) -> dict[str, Any]:
+def _ranked(each: Candidate) -> RankedCandidate:
     return {
         "name": " + ".join(each.names),
         "effects": _named(each),
@@ -104,7 +119,7 @@ def _ranked(each: Candidate) -> dict[str, Any]:
     }
 
 
-def _named(each: Candidate) -> list[dict[str, Any]]:
+def _named(each: Candidate) -> list[EffectOf]:
     """Return name, numbers and choices (such as the end at which it acts) of each effect."""
     return [
         {
@@ -119,27 +134,27 @@ def _named(each: Candidate) -> list[dict[str, Any]]:
     ]
 
 
-def _law(each: LawCurve) -> dict[str, Any]:
+def _law(each: LawCurve) -> Law:
     return {
         "over": each.over,
-        "x": each.x,
-        "value": each.value,
-        "lo": each.low,
-        "hi": each.high,
+        "x": each.x.tolist(),
+        "value": each.value.tolist(),
+        "lo": each.low.tolist(),
+        "hi": each.high.tolist(),
         "unit": each.unit,
         "nearest": [{"formula": name, "log_evidence": -0.5 * less} for name, less in each.nearest],
     }
 
 
-def _parameters(parameters: Mapping[str, Estimate]) -> dict[str, Any]:
+def _parameters(parameters: Mapping[str, Estimate]) -> dict[str, Number]:
     return {key: _estimate(each) for key, each in parameters.items()}
 
 
-def _estimate(each: Estimate) -> dict[str, Any]:
+def _estimate(each: Estimate) -> Number:
     return {"value": each.value, "unit": each.unit, "ci95": [each.low, each.high]}
 
 
-def _evidence(each: Evidence) -> dict[str, Any]:
+def _evidence(each: Evidence) -> EvidenceOf:
     return {
         "delta_bic": each.delta_bic,
         "threshold": each.threshold,
@@ -148,11 +163,14 @@ def _evidence(each: Evidence) -> dict[str, Any]:
     }
 
 
-def _base(name: str, each: Estimate, nominal: Mapping[str, float]) -> dict[str, Any]:
-    return _estimate(each) | ({"nominal": nominal[name]} if name in nominal else {})
+def _base(name: str, each: Estimate, nominal: Mapping[str, float]) -> BaseNumber:
+    number: BaseNumber = {**_estimate(each)}
+    if name in nominal:
+        number["nominal"] = nominal[name]
+    return number
 
 
-def _misfit_share(each: MisfitShare) -> dict[str, Any]:
+def _misfit_share(each: MisfitShare) -> MisfitCell:
     return {
         "channel": each.channel,
         "phase": each.phase,
@@ -163,16 +181,16 @@ def _misfit_share(each: MisfitShare) -> dict[str, Any]:
     }
 
 
-def _along(each: RouteMisfit) -> dict[str, Any]:
+def _along(each: RouteMisfit) -> AlongRoute:
     return {
         "route": each.route,
-        "s_m": each.s,
-        "extra_angle_rad_per_m": each.extra_angle_rad_per_m,
-        "se_rad_per_m": each.se,
+        "s_m": each.s.tolist(),
+        "extra_angle_rad_per_m": each.extra_angle_rad_per_m.tolist(),
+        "se_rad_per_m": each.se.tolist(),
     }
 
 
-def _misfit(each: Misfit) -> dict[str, Any]:
+def _misfit(each: Misfit) -> MisfitOf:
     return {
         "noise": dict(each.noise),
         "before": {runs: dict(rms) for runs, rms in each.before.items()},
@@ -184,17 +202,17 @@ def _misfit(each: Misfit) -> dict[str, Any]:
     }
 
 
-def _shape(each: Shape) -> dict[str, Any]:
+def _shape(each: Shape) -> FrictionShape:
     return {
         "over": each.over,
-        "x": each.x,
-        "friction": each.friction,
-        "se": each.se,
+        "x": each.x.tolist(),
+        "friction": each.friction.tolist(),
+        "se": each.se.tolist(),
         "explains": each.explains,
     }
 
 
-def _run(name: str, route: str, held_out: bool, samples: int) -> dict[str, Any]:
+def _run(name: str, route: str, held_out: bool, samples: int) -> RunOf:
     return {"name": name, "route": route, "held_out": held_out, "samples": samples}
 
 

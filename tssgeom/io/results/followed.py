@@ -2,54 +2,60 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as papq
 
-from tssgeom.adapt.offline import AlertRow, FollowedRun
+from tssgeom.adapt.offline import FollowedRun
 from tssgeom.arrays import Vector
-from tssgeom.atomic import replacing
+from tssgeom.io.results.tables import field, write_table
 
-_ENDS = (
-    ("tension_in", "N", "tension at the proximal end"),
-    ("tension_out", "N", "tension at the distal end"),
-    ("displacement_in", "m", "movement of the drive since the pretensioned state"),
-    ("displacement_out", "m", "movement of the load since the pretensioned state"),
-)
-_ALERTS = {
-    "time": ("time_s", "s", "when the disagreement was certain"),
-    "since": ("since_s", "s", "when it began"),
-    "channel": ("channel", "", "channel whose readings the model does not explain"),
-    "phase": ("phase", "", "what the drive did when it began: pulling, releasing or hold"),
-    "mechanism": ("mechanism", "", "what explains it best; null where nothing was compared"),
-    "where": ("where", "", "on what the mechanism acts"),
-    "probability": ("probability", "1", "of the mechanism, among those that were tried"),
-    "sentence": ("sentence", "", "the mechanism with its size"),
+_ENDS = {
+    "tension_in_N": "tension at the proximal end",
+    "tension_out_N": "tension at the distal end",
+    "displacement_in_m": "movement of the drive since the pretensioned state",
+    "displacement_out_m": "movement of the load since the pretensioned state",
 }
-_TEXTS = ("channel", "phase", "mechanism", "where", "sentence")
 
 
-class _Columns:
-    """Columns of a table with unit and meaning."""
+def _with_error(name: str, meaning: str) -> tuple[pa.Field, pa.Field]:
+    quantity, _, unit = name.rpartition("_")
+    return field(name, meaning), field(f"{quantity}_se_{unit}", f"standard error of the {meaning}")
 
-    def __init__(self) -> None:
-        self._fields, self._columns = list[pa.Field](), list[pa.Array]()
 
-    def add(self, name: str, unit: str, meaning: str, column: Vector | pa.Array) -> None:
-        array = (
-            pa.array(column, from_pandas=True) if isinstance(column, np.ndarray) else column
-        )  # NaN is null
-        self._fields.append(pa.field(name, array.type, metadata={"unit": unit, "meaning": meaning}))
-        self._columns.append(array)
+FOLLOWED = pa.schema(
+    [
+        field("time_s", "time of the run"),
+        *(each for name, meaning in _ENDS.items() for each in _with_error(name, meaning)),
+        field("elongation_m", "elongation, of the drive less of the load"),
+    ]
+)
+"""A row for each row of the run."""
 
-    def table(self) -> pa.Table:
-        return pa.Table.from_arrays(self._columns, schema=pa.schema(self._fields))
+NUMBERS = {
+    "filtered": "with the readings up to that time",
+    "filtered_se": "its standard error",
+    "smoothed": "with all readings of the run",
+    "smoothed_se": "its standard error",
+}
+"""Columns of each followed number, behind its key."""
 
-    def write(self, path: Path) -> None:
-        with replacing(path) as draft:
-            papq.write_table(self.table(), draft)
+ALERTS = pa.schema(
+    [
+        field("time_s", "when the disagreement was certain"),
+        field("since_s", "when it began"),
+        field("channel", "channel whose readings the model does not explain", pa.string()),
+        field("phase", "what the drive did when it began: pulling, releasing or hold", pa.string()),
+        field("mechanism", "what explains it best; null where nothing was compared", pa.string()),
+        field("where", "on what the mechanism acts", pa.string()),
+        field("probability", "of the mechanism, among those that were tried", unit="1"),
+        field("sentence", "the mechanism with its size", pa.string()),
+    ]
+)
+"""A row for each disagreement."""
 
 
 def write_followed(path: Path, run: FollowedRun) -> None:
@@ -60,36 +66,25 @@ def write_followed(path: Path, run: FollowedRun) -> None:
     SourceError
         Where the disk refuses.
     """
-    _followed(run).write(path)
+    write_table(path, followed_table(run))
 
 
 def followed_table(run: FollowedRun) -> pa.Table:
-    """Return both ends in each row of the run, with standard errors."""
-    return _followed(run).table()
-
-
-def _followed(run: FollowedRun) -> _Columns:
-    columns = _Columns()
-    columns.add("time_s", "s", "time of the run", run.time)
-    for i, (name, unit, meaning) in enumerate(_ENDS):
-        columns.add(f"{name}_{unit}", unit, meaning, run.ends[:, i])
-        columns.add(f"{name}_se_{unit}", unit, f"standard error of the {meaning}", run.ends_se[:, i])
-    columns.add(
-        "elongation_m", "m", "elongation, of the drive less of the load", run.ends[:, 2] - run.ends[:, 3]
-    )
-    return columns
+    """Return both ends in each row of the run, with standard errors; see `FOLLOWED`."""
+    ends = [each[:, i] for i in range(len(_ENDS)) for each in (run.ends, run.ends_se)]
+    return _table(FOLLOWED, [run.time, *ends, run.ends[:, 2] - run.ends[:, 3]])
 
 
 def write_numbers(path: Path, run: FollowedRun) -> None:
-    """Write `adapt_numbers.parquet`: each followed number at some thousand times of the run.
+    """Write `adapt_numbers.parquet`: each followed number at some thousand times of the run; see `NUMBERS`.
 
     Raises
     ------
     SourceError
         Where the disk refuses.
     """
-    columns = _Columns()
-    columns.add("time_s", "s", "time of the run", np.concatenate([one.numbers.time for one in run.stretches]))
+    fields = [field("time_s", "time of the run")]
+    columns = [np.concatenate([one.numbers.time for one in run.stretches])]
     for key in run.keys:
         parts = list[np.ndarray]()
         for one in run.stretches:
@@ -99,36 +94,29 @@ def write_numbers(path: Path, run: FollowedRun) -> None:
                 continue
             series = (numbers.filtered, numbers.filtered_se, numbers.values, numbers.se)
             parts.append(np.column_stack([each[:, at] for each in series]))
-        table, unit = np.concatenate(parts), _unit(key)
-        for i, (ending, meaning) in enumerate(
-            (
-                ("filtered", "with the readings up to that time"),
-                ("filtered_se", "its standard error"),
-                ("smoothed", "with all readings of the run"),
-                ("smoothed_se", "its standard error"),
-            )
-        ):
-            columns.add(f"{key}_{ending}", unit, meaning, table[:, i])
-    columns.write(path)
+        columns += list(np.concatenate(parts).T)
+        fields += [field(f"{key}_{ending}", meaning, unit=_unit(key)) for ending, meaning in NUMBERS.items()]
+    write_table(path, _table(pa.schema(fields), columns))
 
 
 def write_alerts(path: Path, run: FollowedRun) -> None:
-    """Write `adapt_alerts.parquet`: a row for each disagreement.
+    """Write `adapt_alerts.parquet`: a row for each disagreement; see `ALERTS`.
 
     Raises
     ------
     SourceError
         Where the disk refuses.
     """
-    columns = _Columns()
-    for name in AlertRow._fields:
-        column, unit, meaning = _ALERTS[name]
-        values = [getattr(one, name) for one in run.alerts]
-        if name in _TEXTS:
-            columns.add(column, unit, meaning, pa.array([value or None for value in values], pa.string()))
-        else:
-            columns.add(column, unit, meaning, pa.array(np.array(values, dtype=np.float64), from_pandas=True))
-    columns.write(path)
+    rows = [[None if value == "" else value for value in one] for one in run.alerts]
+    write_table(path, _table(ALERTS, [[row[i] for row in rows] for i in range(len(ALERTS))]))
+
+
+def _table(schema: pa.Schema, columns: Sequence[Vector | list[Any]]) -> pa.Table:
+    """Return columns as a table; NaN is null."""
+    pairs = zip(columns, schema, strict=True)
+    return pa.Table.from_arrays(
+        [pa.array(each, one.type, from_pandas=True) for each, one in pairs], schema=schema
+    )
 
 
 def _unit(key: str) -> str:

@@ -11,6 +11,7 @@ import tomli_w
 from tssgeom.atomic import write_text
 from tssgeom.identify.proposal import Proposal, ProposedRun
 from tssgeom.io.formats.joined_campaigns import PROPOSAL
+from tssgeom.io.results.keys.findings import ProposalObject, Proposed
 
 FOLDER = "proposed"
 """Where proposals are written, below the folder of the report."""
@@ -39,7 +40,7 @@ def _drive_file(run: ProposedRun) -> str:
     return "\n".join((f"time_s,{name}", *rows)) + "\n"
 
 
-def proposal_object(proposal: Proposal) -> dict[str, Any]:
+def proposal_object(proposal: Proposal) -> ProposalObject:
     """Return `proposed` of `report.json`, in SI but for the limits, whose keys have their units."""
     narrowed = proposal.narrowed
     return {
@@ -61,7 +62,7 @@ def proposal_object(proposal: Proposal) -> dict[str, Any]:
     }
 
 
-def _run(run: ProposedRun) -> dict[str, Any]:
+def _run(run: ProposedRun) -> Proposed:
     arcs = run.new_route
     return {
         "data": f"{run.name}.csv",

@@ -29,55 +29,86 @@ class Settings(msgspec.Struct, frozen=True, kw_only=True):
     """Options that the user chose."""
 
     tension_in_N: float
+    """Proximal tension where a file brings none [N]."""
     unit: str | None
+    """Unit of files that state none; null where it is not given."""
     rig_file: str | None
+    """File of the rig; null for the defaults."""
     rig: Rig
+    """The rig, with the keys of its file."""
     geometry_only: bool = False
+    """True with `--geometry-only`."""
     pictures: bool = True
+    """False with `--no-pictures`."""
     tube_radius_m: float = 0.0
+    """Outer radius of the tube [m]."""
     columns: dict[str, str] = {}
+    """Columns that are renamed, with `--columns`."""
 
 
 class Input(msgspec.Struct, frozen=True, kw_only=True):
     """One analysed input."""
 
     name: str
+    """Name of the outputs."""
     source: str
+    """The input, relative to the working folder."""
     sha256: str
+    """SHA-256 of its content."""
     kind: str
+    """Format."""
     unit: str
+    """Unit of length in the file."""
     frames: int
+    """Frames [1]."""
     rejected: int
+    """Frames that could not be used [1]."""
 
 
 class Rejection(msgspec.Struct, frozen=True, kw_only=True):
     """One rejected input, or a failure beside the tables of an analysed one."""
 
     source: str
+    """The input, relative to the working folder."""
     reason: str
+    """Why."""
+
+
+class Counts(msgspec.Struct, frozen=True):
+    """Inputs and frames, analysed and rejected."""
+
+    inputs: int
+    """Inputs that were analysed [1]."""
+    inputs_rejected: int
+    """Inputs that were rejected, and failures [1]."""
+    frames: int
+    """Frames of the analysed inputs [1]."""
+    frames_rejected: int
+    """Frames of them that could not be used [1]."""
 
 
 class RunRecord(msgspec.Struct, frozen=True, kw_only=True):
     """Everything in `run.json`."""
 
     version: str
+    """Version of tssgeom."""
     settings: Settings
+    """Options that the user chose."""
     inputs: Sequence[Input]
+    """Inputs that were analysed."""
     rejected: Sequence[Rejection]
+    """Inputs that were rejected, and failures."""
     files: Sequence[str]
     """Files that the run wrote, relative to its folder."""
     sha256: Mapping[str, str] = {}
     """SHA-256 of each of them but the recordings, which differ slightly each time they are written."""
 
-    @property
-    def counts(self) -> dict[str, int]:
-        """Inputs and frames, analysed and rejected."""
-        return {
-            "inputs": len(self.inputs),
-            "inputs_rejected": len(self.rejected),
-            "frames": sum(item.frames for item in self.inputs),
-            "frames_rejected": sum(item.rejected for item in self.inputs),
-        }
+
+class RunFile(RunRecord, frozen=True, kw_only=True):
+    """The record of a batch."""
+
+    counts: Counts
+    """Sums over all inputs."""
 
 
 def write_run(folder: Folder, record: RunRecord) -> None:
@@ -88,7 +119,9 @@ def write_run(folder: Folder, record: RunRecord) -> None:
     SourceError
         Where the disk refuses.
     """
-    content: dict[str, Any] = {**msgspec.to_builtins(record), "counts": record.counts}
+    frames, refused = (sum(getattr(each, key) for each in record.inputs) for key in ("frames", "rejected"))
+    counts = Counts(len(record.inputs), len(record.rejected), frames, refused)
+    content = RunFile(**msgspec.structs.asdict(record), counts=counts)
     text = msgspec.json.format(msgspec.json.encode(content), indent=2).decode()
     with folder.replacing(RESULTS_MARK) as draft:
         draft.write_text(text + "\n", encoding="utf-8", newline="\n")

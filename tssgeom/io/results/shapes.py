@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from tssgeom.errors import printable
+from tssgeom.io.results.keys.shapes import ClearanceOf, Contact, Piece
 from tssgeom.lumen.clearance import Clearance, Region
 from tssgeom.route.pieces import Arcs
 from tssgeom.stream import FrameResult, Rejected
@@ -100,11 +101,13 @@ def _geometry(result: FrameResult) -> dict[str, Any]:
     }
 
 
-def segments(arcs: Arcs) -> list[dict[str, float]]:
+def segments(arcs: Arcs) -> list[Piece]:
     """Return the constant-curvature pieces of a route as plain objects, proximal to distal."""
     columns = (arcs.length, arcs.kappa, arcs.angle, arcs.s_start, arcs.angle_se)
-    names = ("length_m", "kappa_per_m", "angle_rad", "s_start_m", "angle_se_rad")
-    return [dict(zip(names, map(float, row), strict=True)) for row in zip(*columns, strict=True)]
+    return [
+        {"length_m": length, "kappa_per_m": kappa, "angle_rad": angle, "s_start_m": start, "angle_se_rad": se}
+        for length, kappa, angle, start, se in zip(*(each.tolist() for each in columns), strict=True)
+    ]
 
 
 def analysis_object(analysis: Analysis) -> dict[str, Any]:
@@ -189,7 +192,7 @@ def frame_row(item: FrameResult | Rejected) -> dict[str, Any]:
     }
 
 
-def clearance_object(lumen: str, clearance: Clearance) -> dict[str, Any]:
+def clearance_object(lumen: str, clearance: Clearance) -> ClearanceOf:
     """Return the object of `analyse --json` for the clearance of one frame to a mesh named `lumen`, in SI."""
     return {
         "lumen": lumen,
@@ -217,7 +220,7 @@ def _narrowest(clearance: Clearance) -> float | None:
     return None if clearance.least is None else float(clearance.s[clearance.narrowest])
 
 
-def _regions(regions: Sequence[Region]) -> list[dict[str, float]]:
+def _regions(regions: Sequence[Region]) -> list[Contact]:
     return [{"s_start_m": one.begin, "s_end_m": one.end, "least_m": one.least} for one in regions]
 
 

@@ -254,7 +254,7 @@ COMPENSATE = pa.schema(
     ]
 )
 """A row for each row of the run."""
-_READING = field("read_tension_in_N", "reading of the sensor of that tension, where effects distort it")
+READING = field("read_tension_in_N", "reading of the sensor of that tension, where effects distort it")
 
 
 def write_simulation(path: Path, moments: Sequence[Moment]) -> None:
@@ -265,7 +265,7 @@ def write_simulation(path: Path, moments: Sequence[Moment]) -> None:
     SourceError
         Where the disk refuses.
     """
-    _write(path, simulation_table(moments))
+    write_table(path, simulation_table(moments))
 
 
 def simulation_table(moments: Sequence[Moment]) -> pa.Table:
@@ -300,7 +300,7 @@ def write_commands(path: Path, time: Sequence[float], commands: Sequence[Command
     SourceError
         Where the disk refuses.
     """
-    _write(path, commands_table(time, commands))
+    write_table(path, commands_table(time, commands))
 
 
 def commands_table(time: Sequence[float | None], commands: Sequence[Command]) -> pa.Table:
@@ -319,12 +319,12 @@ def commands_table(time: Sequence[float | None], commands: Sequence[Command]) ->
             "limited": one.limited,
             "waits": int(one.waits),
             "out_of_tolerance": one.out_of_tolerance,
-            _READING.name: one.reading_in,
+            READING.name: one.reading_in,
         }
         for moment, one in zip(time, commands, strict=True)
     ]
     distorted = any(one.reading_in != one.tension_in for one in commands)
-    return _table(COMPENSATE.append(_READING) if distorted else COMPENSATE, rows)
+    return _table(COMPENSATE.append(READING) if distorted else COMPENSATE, rows)
 
 
 def write_channels(path: Path, channels: Mapping[str, Vector]) -> None:
@@ -336,13 +336,14 @@ def write_channels(path: Path, channels: Mapping[str, Vector]) -> None:
         Where the disk refuses.
     """
     schema = pa.schema([field(name, name.rpartition("_")[0].replace("_", " ")) for name in channels])
-    _write(path, pa.table(dict(channels), schema=schema))
+    write_table(path, pa.table(dict(channels), schema=schema))
 
 
 def _table(schema: pa.Schema, rows: Sequence[Mapping[str, Any]]) -> pa.Table:
     return pa.Table.from_pylist([dict(row) for row in rows], schema=schema)
 
 
-def _write(path: Path, table: pa.Table) -> None:
+def write_table(path: Path, table: pa.Table) -> None:
+    """Write a table, whole or not at all."""
     with replacing(path) as draft:
         papq.write_table(table, draft)
