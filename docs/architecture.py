@@ -23,12 +23,16 @@ PICTURE = Path(__file__).with_suffix(".png")
 INK, GREY, BAND, PALE = "#1d2330", "#5b6474", "#eef2f7", "#ffffff"
 SHADES = ("#2f5d8a", "#5f8fbb", "#94b8d8", "#c3d8ea")
 UPWARD = "#d55e00"
-BAR_AT, BAR_WIDE = 3.55, 3.2  # where bars begin, and the longest one, in rows
+WIDE, ROW, HEAD = 9.6, 0.38, 0.95  # of the picture, of a row, of what is above them [in]
+NAME_AT, BAR_AT, BAR_WIDE, DOTS_AT = 0.15, 3.25, 2.0, 5.95  # where they begin, and the longest bar [in]
+LETTER = 0.075  # of a name in a bar, with space around it [in]
+SMALL = 100  # lines of a room that shares a row
+LONGEST = 52  # characters of a purpose that fit
 GENERATED = ("_entries.py", "_declarations.py")  # by the build of the core
-DOTS_AT, STEP = 7.45, 0.31  # where dots begin, and from one column to the next
 CAPTION = (
-    "Bars: lines of code, by package. Dots: how many modules import from the room above.\n"
-    "Squares: the room itself. Imports go down only, so no dot stands left of a square."
+    "Bars: lines of Python, by package. Dots: how many modules of the row\n"
+    "import from the column. Squares: the row itself. Imports go down\n"
+    "only, so no dot stands left of a square."
 )
 
 
@@ -94,10 +98,10 @@ def sizes(room: str) -> dict[str, int]:
 
 
 def purpose(room: str) -> str:
-    """Return the description of a room, up to its first full stop, colon or semicolon."""
+    """Return the description of a room, up to its first stop, or comma if it is long."""
     text = ast.get_docstring(ast.parse(modules()[room].read_bytes())) or ""
-    first = text.splitlines()[0]
-    return first.split(":")[0].split(";")[0].split(". ")[0].rstrip(".")
+    first = text.splitlines()[0].split(":")[0].split(";")[0].split(". ")[0].rstrip(".")
+    return (first if len(first) <= LONGEST else first.split(",")[0]).replace("`", "")
 
 
 def wrong() -> list[str]:
@@ -118,63 +122,79 @@ def wrong() -> list[str]:
     return said + [f"{name} is in no layer of the contract" for name in homeless]
 
 
+def rows() -> list[list[str]]:
+    """Return the rooms of each row; the small ones of a layer share one."""
+    return [row for layer in layers() for row in _shared(layer)]
+
+
+def _shared(layer: list[str]) -> list[list[str]]:
+    small = [room for room in layer if sum(sizes(room).values()) < SMALL]
+    if len(small) < 2:
+        return [[room] for room in layer]
+    return [*([room] for room in layer if room not in small), small]
+
+
 def draw() -> Figure:
     """Draw a row for each room, a band for each layer: name, size, and what it imports."""
-    wanted = layers()
-    rooms = [room for layer in wanted for room in layer]
-    figure = Figure(figsize=(9.0, 6.9), dpi=200)
+    lines = rows()
+    high = HEAD + ROW * len(lines) + 0.05
+    figure = Figure(figsize=(WIDE, high), dpi=200)
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-    axes.set(xlim=(0.0, 13.2), ylim=(len(rooms) + 0.35, -1.35))
+    axes.set(xlim=(0.0, WIDE), ylim=(high, 0.0))
     axes.axis("off")
-    top = 0
-    for layer in wanted:
-        axes.add_patch(Rectangle((0.15, top + 0.04), 12.9, len(layer) - 0.08, color=BAND, lw=0))
-        top += len(layer)
-    axes.text(0.35, -0.7, CAPTION, size=6.5, color=GREY, va="center", linespacing=1.5)
-    scale = BAR_WIDE / max(sum(sizes(room).values()) for room in rooms)
-    for row, room in enumerate(rooms):
-        _row(axes, row, room, scale)
-    _dots(axes, rooms)
+    top = HEAD
+    for layer in layers():
+        deep = ROW * len(_shared(layer))
+        axes.add_patch(Rectangle((0.05, top + 0.015), WIDE - 0.1, deep - 0.03, color=BAND, lw=0))
+        top += deep
+    axes.text(NAME_AT, HEAD - 0.1, CAPTION, size=8, color=GREY, va="bottom", linespacing=1.5)
+    scale = BAR_WIDE / max(_lines(row) for row in lines)
+    for k, row in enumerate(lines):
+        _row(axes, HEAD + ROW * k, row, scale)
+    _dots(axes, lines)
     return figure
 
 
-def _row(axes: Axes, row: int, room: str, scale: float) -> None:
-    name, middle = room.rpartition(".")[2], row + 0.5
-    axes.text(0.35, row + 0.34, name, weight="bold", size=9, color=INK, va="center")
-    axes.text(0.35, row + 0.72, purpose(room), size=5.6, color=GREY, va="center")
-    at, parts = BAR_AT, sizes(room)
+def _lines(row: list[str]) -> int:
+    return sum(sum(sizes(room).values()) for room in row)
+
+
+def _row(axes: Axes, top: float, row: list[str], scale: float) -> None:
+    name, middle = ", ".join(room.rpartition(".")[2] for room in row), top + 0.5 * ROW
+    if len(row) == 1:
+        axes.text(NAME_AT, top + 0.12, name, weight="bold", size=9, color=INK, va="center")
+        axes.text(NAME_AT, top + 0.27, purpose(row[0]), size=7, color=GREY, va="center")
+    else:
+        axes.text(NAME_AT, middle, name, weight="bold", size=7, color=INK, va="center")
+    at, parts = BAR_AT, sizes(row[0]) if len(row) == 1 else {"": _lines(row)}
     for shade, (part, lines) in enumerate(parts.items()):
         wide = lines * scale
         colour = SHADES[min(shade, len(SHADES) - 1)]
-        axes.add_patch(Rectangle((at, row + 0.22), wide, 0.56, fc=colour, lw=0))
-        axes.plot([at + wide] * 2, [row + 0.22, row + 0.78], color=BAND, lw=0.8)
-        if wide > 0.068 * len(part):
-            axes.text(
-                at + wide / 2,
-                middle,
-                part,
-                size=5.6,
-                color=INK if shade > 1 else PALE,
-                ha="center",
-                va="center",
-            )
+        axes.add_patch(Rectangle((at, top + 0.08), wide, ROW - 0.16, fc=colour, lw=0))
+        axes.plot([at + wide] * 2, [top + 0.08, top + ROW - 0.08], color=BAND, lw=0.8)
+        if wide > LETTER * len(part) > 0.0:
+            ink = INK if shade > 1 else PALE
+            axes.text(at + wide / 2, middle, part, size=7, color=ink, ha="center", va="center")
         at += wide
-    axes.text(
-        at + 0.08, middle, f"{sum(parts.values()):,}".replace(",", " "), size=6.5, color=GREY, va="center"
-    )
+    number = f"{_lines(row):,}".replace(",", " ")
+    axes.text(at + 0.06, middle, number, size=7.5, color=GREY, va="center")
 
 
-def _dots(axes: Axes, rooms: list[str]) -> None:
-    count = crossings(rooms)
-    for row, room in enumerate(rooms):
-        axes.text(DOTS_AT + STEP * row, -0.12, room.rpartition(".")[2], size=6.5, color=INK, rotation=45)
-        axes.add_patch(
-            Rectangle((DOTS_AT + STEP * row - 0.06, row + 0.36), 0.12, 0.28, color="#c8d0dc", lw=0)
-        )
-    for (a, b), modules_ in count.items():
-        row, column = rooms.index(a), rooms.index(b)
-        colour = SHADES[0] if column > row else UPWARD
-        axes.scatter(DOTS_AT + STEP * column, row + 0.5, s=4.0 + 2.2 * modules_, color=colour, lw=0)
+def _dots(axes: Axes, lines: list[list[str]]) -> None:
+    count, step = Counter[tuple[int, int]](), (WIDE - 0.2 - DOTS_AT) / len(lines)
+    row_of = {room: k for k, row in enumerate(lines) for room in row}
+    for (a, b), modules_ in crossings(list(row_of)).items():
+        count[row_of[a], row_of[b]] += modules_
+    for k, row in enumerate(lines):
+        x, y = DOTS_AT + step * k, HEAD + ROW * k
+        name = row[0].rpartition(".")[2] + " …" * (len(row) > 1)
+        axes.text(x, HEAD - 0.1, name, size=8, color=INK, rotation=90, ha="center", va="bottom")
+        axes.add_patch(Rectangle((x - 0.05, y + 0.5 * ROW - 0.05), 0.1, 0.1, color="#c8d0dc", lw=0))
+    for (row, column), modules_ in count.items():
+        if row != column:
+            colour = SHADES[0] if column > row else UPWARD
+            x, y = DOTS_AT + step * column, HEAD + ROW * (row + 0.5)
+            axes.scatter(x, y, s=3.0 + 1.6 * modules_, color=colour, lw=0)
 
 
 def main() -> int:

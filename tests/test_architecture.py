@@ -1,11 +1,14 @@
 """The picture of the layers in README is that of the contract, and the code keeps it."""
 
+import importlib.util
 import json
 import subprocess
 import sys
 from pathlib import Path
 
 from PIL import Image
+
+from tests.view.layout import faults
 
 ROOT = Path(__file__).parents[1]
 SCRIPT = ROOT / "docs" / "architecture.py"
@@ -52,3 +55,10 @@ def test_a_picture_of_other_layers_and_an_import_upwards_are_reported(tmp_path):
 def test_the_picture_knows_its_layers_by_itself():
     with Image.open(SCRIPT.with_suffix(".png")) as picture:
         assert json.loads(picture.info["layers"])[-1] == ["tssgeom.errors"]
+
+
+def test_no_text_of_the_picture_overlaps_another_or_leaves_it():
+    spec = importlib.util.spec_from_file_location("architecture", SCRIPT)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    assert [fault for fault in faults(module.draw()) if "is empty" not in fault] == []
