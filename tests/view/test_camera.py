@@ -6,10 +6,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.view.conftest import analysed
+from tssgeom.route.synthetic import Course, positions
 from tssgeom.stream import Frame, FrameResult
 from tssgeom.view.samples import route_samples
 from tssgeom.view.scene.camera import ASPECT, Camera, camera
-from tssgeom.view.scene.labels import LabelPositions, label_positions, labelled, scale_label
+from tssgeom.view.scene.labels import LabelPositions, label_positions, labelled, scale_label, time_position
 
 
 def helix(turns: float, pitch: float, size: float) -> np.ndarray:
@@ -109,3 +110,15 @@ def separation(centre: np.ndarray, half: np.ndarray) -> np.ndarray:
     room = np.abs(centre[:, None] - centre[None]) / (half[:, None] + half[None])
     np.fill_diagonal(room[:, :, 0], np.inf)
     return room.max(axis=2)
+
+
+def test_no_label_of_a_piece_covers_the_time_or_the_letters_of_the_axes() -> None:
+    bend = np.array([[6.0, 0.0], [0.0, 0.0], [-18.0, 0.0], [-7.0, 2.0], [12.0, 0.0]])
+    points = positions(Course(np.array([0.08, 0.12, 0.07, 0.15, 0.08]), bend), np.linspace(0.0, 0.5, 120))
+    (result,) = analysed([Frame(points)])
+    view = looking_at(points)
+    centre, half = boxes(view, label_positions(view, route_samples(result), result.arcs), 1.0)
+    _, letters = view.triad(view.room_below)
+    for fixed, size in ((time_position(view), (0.065, 0.021)), (letters, (0.015, 0.021))):
+        between = np.abs(centre[:, None] - view.project(fixed)) / (half[:, None] + size)
+        assert (between.max(axis=2) > 0.95).all()  # a box touches another where this is 1

@@ -36,14 +36,16 @@ def blueprint(
     *,
     timed: bool,
     live: bool = False,
+    moving: bool = True,
     tension: float | None = None,
     more: rrb.Container | None = None,
 ) -> rrb.Blueprint:
     """Arrange the views of a shape, or of a run with its series and its timeline; `live` shows the newest.
 
-    The plot of tensions ends at `tension` [N] where that is known. `more` is a second tab.
+    The plot of tensions ends at `tension` [N] where that is known; that of the curve angle is left out where
+    the route is not `moving`. `more` is a second tab.
     """
-    views = _run_views(name, camera, tension) if timed else _shape_views(name, camera)
+    views = _run_views(name, camera, tension, moving=moving) if timed else _shape_views(name, camera)
     if more is not None:
         views.name = name
         views = rrb.Tabs(views, more)
@@ -56,9 +58,10 @@ def _shape_views(name: str, camera: Camera) -> rrb.Container:
     return rrb.Horizontal(left, right, column_shares=[6, 4])
 
 
-def _run_views(name: str, camera: Camera, tension: float | None) -> rrb.Container:
+def _run_views(name: str, camera: Camera, tension: float | None, *, moving: bool) -> rrb.Container:
     left = rrb.Vertical(_space(name, camera, "; slip front in pink"), _texts(), row_shares=[66, 34])
-    right = rrb.Vertical(*_charts(timed=True), *_series(tension), row_shares=[26, 22, 20, 16, 16])
+    series = _series(tension)[: 3 if moving else 2]
+    right = rrb.Vertical(*_charts(timed=True), *series, row_shares=[26, 22, 20, 16, 16][: 2 + len(series)])
     return rrb.Horizontal(left, right, column_shares=[58, 42])
 
 

@@ -15,6 +15,8 @@ from tssgeom.view.scene.camera import Camera
 _HALF_SIZE, _HALF_NUMBER, _HALF_SCALE = np.array([[0.13, 0.021], [0.03, 0.021], [0.045, 0.021]])
 """Half of the size of a label, of the number of a piece alone and of the length of the scale bar, as parts
 of the view's height."""
+_HALF_TIME, _HALF_LETTER = np.array([[0.065, 0.021], [0.015, 0.021]])
+"""Half of the size of the time of a frame, and of a letter of the axes, in heights of the view."""
 _MOST_LABELLED = 6
 """Pieces with a label of their own; chosen: more cover a view, and the table and the joints hold all."""
 _FIRST = 3
@@ -87,6 +89,7 @@ def label_positions(
     counts = np.repeat([group.shift.shape[1] for group in groups], [len(group.shift) for group in groups])
     bar, _ = camera.scale_bar(camera.room_below)
     taken = camera.project(np.vstack([frame.position[:: _PLACEMENT.node_step], bar]))
+    taken = np.concatenate([taken, _at_foot(camera, text_scale)])
     edge = np.array(_PLACEMENT.edge)
     chosen = _chosen(camera.project(position) + shift, half, counts, taken, edge)[1:]
     whole = half[chosen, 0] == text_scale * _HALF_SIZE[0]
@@ -98,6 +101,22 @@ def scale_label(camera: Camera, text_scale: float = 1.0) -> tuple[Points, str, P
     bar, text = camera.scale_bar(camera.room_below)
     only = _at_scale(camera, text_scale)
     return bar, text, camera.label_anchor(only.position[0], only.shift[0], text_scale)
+
+
+def time_position(camera: Camera) -> Points:
+    """Return where the time of a frame stands, in the middle below the route, [1, 3] [m]."""
+    bar, _ = camera.scale_bar(camera.room_below)
+    return (bar.mean(axis=0) + camera.half_width * camera.across)[None]
+
+
+def _at_foot(camera: Camera, text_scale: float) -> NDArray[np.float64]:
+    """Return the corners of the labels below the route that do not move: the time, and x, y and z."""
+    _, letters = camera.triad(camera.room_below)
+    corners = np.array([[x, y] for x in (-1.0, 0.0, 1.0) for y in (-1.0, 0.0, 1.0)])
+    pairs = ((time_position(camera), _HALF_TIME), (letters, _HALF_LETTER))
+    return np.concatenate(
+        [(camera.project(at)[:, None] + text_scale * half * corners).reshape(-1, 2) for at, half in pairs]
+    )
 
 
 def _at_scale(camera: Camera, text_scale: float) -> Candidates:

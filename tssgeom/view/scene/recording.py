@@ -58,7 +58,9 @@ def write_recording(
     run = run_of(name, results if timed else results[-1:], timed)
     measured = [clearance(one) for one in run.results] if clearance else []
     top = max(run.ranges.tension, *(one.frame.tension_out or 0.0 for one in run.results))
-    with recording_file(path, name, blueprint(name, run.camera, timed=timed, tension=top)) as recording:
+    moving = len({one.arcs.total_angle for one in run.results}) > 1
+    views = blueprint(name, run.camera, timed=timed, moving=moving, tension=top)
+    with recording_file(path, name, views) as recording:
         sender = Sender(recording, _times(run))
         send_pictures(sender, run, lumen, measured)
         if timed:

@@ -17,7 +17,7 @@ from tssgeom.view import wording as words
 from tssgeom.view.samples import RouteSamples, outliers
 from tssgeom.view.scene.camera import Camera
 from tssgeom.view.scene.columns import Sender, segments_3d
-from tssgeom.view.scene.labels import LabelPositions, label_positions, labelled, scale_label
+from tssgeom.view.scene.labels import LabelPositions, label_positions, labelled, scale_label, time_position
 from tssgeom.view.scene.run import Run, send_numbers_of_route
 
 _FEW_POINTS = 40
@@ -74,9 +74,7 @@ def send_scale_bar(sender: Sender, camera: Camera, text_scale: float = 1.0) -> N
 
 def _send_time(sender: Sender, run: Run) -> None:
     """Write the time of each frame below the route."""
-    bar, _ = run.camera.scale_bar(run.camera.room_below)
-    middle = bar.mean(axis=0) + run.camera.half_width * run.camera.across
-    anchor = run.camera.label_anchor(middle[None], np.zeros(2))
+    anchor = run.camera.label_anchor(time_position(run.camera), np.zeros(2))
     style = rr.Points3D.from_fields(radii=0.0, colors=colours.WHITE, show_labels=True)
     sender.constant("scale/time", style)
     labels = [f"t = {result.frame.time:.2f} s" for result in run.results]

@@ -8,10 +8,11 @@ import rerun.blueprint as rrb
 from tssgeom.identify.finding import Finding
 from tssgeom.view import colours
 from tssgeom.view import finding_wording as words
+from tssgeom.view.figures.finding import models
 from tssgeom.view.quantities import COUNT
 from tssgeom.view.scene.blueprint import from_zero
 from tssgeom.view.scene.charts import Box
-from tssgeom.view.scene.finding.lines import plotted_channels
+from tssgeom.view.scene.finding.lines import column, plotted_channels
 from tssgeom.view.scene.finding.replay import Replay, friction_map
 
 TENSION_BOX = MISFIT_BOX = Box(width=1.9, text=0.1)
@@ -78,16 +79,27 @@ def _plots(finding: Finding, tension: float) -> list[rrb.TimeSeriesView]:
     name, widest = channels[0]
     most = max(float(np.nanmax(each.measured.get(name, 0.0), initial=0.0)) for each in finding.traces)
     top = max(tension, most) if widest.unit == "N" else None
-    first = _plot("channel", f"{widest.label} over the samples of all runs", legend=True, top=top)
+    first = _plot("channel", f"{widest.label} over the samples of all runs", legend=True, axis=from_zero(top))
     left = [
         _plot(
-            f"left/{name}", f"Δ{reported.label}, measured less simulated, ± 2σ of the sensors", legend=k == 0
+            f"left/{name}",
+            f"Δ{reported.label}, measured less simulated, ± 2σ of the sensors",
+            legend=k == 0,
+            axis=_of_residuals(finding, name, reported.factor),
         )
         for k, (name, reported) in enumerate(channels)
     ]
     return [first, *left]
 
 
-def _plot(origin: str, title: str, *, legend: bool, top: float | None = None) -> rrb.TimeSeriesView:
+def _of_residuals(finding: Finding, name: str, factor: float) -> rrb.ScalarAxis:
+    """Return an axis that the residuals fill; where the noise is larger for a moment, its band leaves it."""
+    measured, sigma = (column(finding.traces, when, name) for when in ("measured", "sigma"))
+    left = [np.abs(measured - column(finding.traces, when, name)) for when in models(finding)]
+    most = factor * max(2.0 * float(np.nanmedian(sigma)), float(np.nanmax(left)))
+    return rrb.ScalarAxis(range=(-1.1 * most, 1.1 * most))
+
+
+def _plot(origin: str, title: str, *, legend: bool, axis: rrb.ScalarAxis | None) -> rrb.TimeSeriesView:
     corner = rrb.PlotLegend(corner=rrb.Corner2D.LeftTop, visible=legend)
-    return rrb.TimeSeriesView(origin=origin, name=title, plot_legend=corner, axis_y=from_zero(top))
+    return rrb.TimeSeriesView(origin=origin, name=title, plot_legend=corner, axis_y=axis)

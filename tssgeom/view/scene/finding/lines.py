@@ -35,7 +35,7 @@ def send_lines(samples: Sender, finding: Finding) -> None:
     _line(samples, "series/tension_in", "T_in of the model [N]", TENSION_IN.rgb, pull)
     channels = plotted_channels(finding)
     for order, when in enumerate(("measured", *models(finding))):
-        values = words.channel(channels[0]).factor * _column(traces, when, channels[0])
+        values = words.channel(channels[0]).factor * column(traces, when, channels[0])
         _line(samples, f"channel/line_{order}", when, _COLOURS[when], values, 3.0 if order == 0 else 1.5)
     for name in channels:
         _send_left(samples, finding, name)
@@ -44,15 +44,16 @@ def send_lines(samples: Sender, finding: Finding) -> None:
 def _send_left(samples: Sender, finding: Finding, name: str) -> None:
     """Send measured less simulated, in the order in which the lines are drawn."""
     traces, factor = finding.traces, words.channel(name).factor
-    spread = _SIGMAS * factor * _column(traces, "sigma", name)
+    spread = _SIGMAS * factor * column(traces, "sigma", name)
     _line(samples, f"left/{name}/line_0", "− 2σ of the sensors", colours.AXIS, -spread, 1.0)
     _line(samples, f"left/{name}/line_1", "+ 2σ of the sensors", colours.AXIS, spread, 1.0)
     for order, when in enumerate(models(finding), start=2):
-        left = factor * (_column(traces, "measured", name) - _column(traces, when, name))
+        left = factor * (column(traces, "measured", name) - column(traces, when, name))
         _line(samples, f"left/{name}/line_{order}", when, _COLOURS[when], left, 1.5)
 
 
-def _column(traces: Sequence[Trace], when: str, name: str) -> Vector:
+def column(traces: Sequence[Trace], when: str, name: str) -> Vector:
+    """Return a channel over the samples of all runs [SI], NaN where a run lacks it."""
     parts = [getattr(trace, when).get(name, np.full(len(trace.time), np.nan)) for trace in traces]
     return np.concatenate(parts)
 
