@@ -1,9 +1,11 @@
 """Tables of tracked tools from NDI's programs."""
 
+import warnings
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from tssgeom.errors import ShapeError
 from tssgeom.io.formats.files import Recording, open_recording
@@ -43,6 +45,31 @@ def test_the_third_axis_of_a_scalar_first_quaternion_is_the_direction():
     a = 0.25 * np.arange(5)
     tangents = np.column_stack([np.cos(a), np.sin(a), np.zeros(5)])
     np.testing.assert_allclose(first.directions, tangents, atol=1e-6)  # seven digits in the file
+
+
+def test_euler_angles_give_the_directions_of_the_quaternions(tmp_path):
+    rows = [line.split(",") for line in TOOLBOX.read_text().splitlines()]
+    starts = [k for k, name in enumerate(rows[0]) if name == "Q0"]
+    for k in reversed(starts):
+        rows[0][k : k + 4] = ["Rz", "Ry", "Rx"]
+        for row in rows[1:]:
+            row[k : k + 4] = _angles(row[k : k + 4])
+    (tmp_path / "tools.csv").write_text("\n".join(map(",".join, rows)) + "\n")
+    by_angles, by_quaternions = (frames(open_recording(file)) for file in (tmp_path / "tools.csv", TOOLBOX))
+    for here, there in zip(by_angles, by_quaternions, strict=True):
+        np.testing.assert_array_equal(here.points, there.points)
+        np.testing.assert_allclose(here.directions, there.directions, atol=1e-6)
+
+
+def _angles(quaternion: list[str]) -> list[str]:
+    """Roll, pitch and yaw [deg] of a quaternion, by SciPy."""
+    if not any(quaternion):
+        return ["", "", ""]
+    w, *xyz = map(float, quaternion)
+    with warnings.catch_warnings():  # some tools of the file point along an axis, where two angles are one
+        warnings.simplefilter("ignore")
+        angles = Rotation.from_quat([*xyz, w]).as_euler("ZYX", degrees=True)
+    return [f"{angle:.9g}" for angle in angles]
 
 
 def test_coils_with_axes_towards_the_proximal_end_are_turned_round(tmp_path):

@@ -97,7 +97,7 @@ def _with_directions(
     shape: Shape, directions: Points, noise: float | None, points: Points, index: np.ndarray | None
 ) -> Shape:
     if not noise:
-        unused = "directions are not used: state their noise, [shape] direction_noise_deg, or 'estimate'"
+        unused = "directions are not used: the rig lacks [shape] direction_noise_deg: give it, or 'estimate'"
         return replace(shape, warnings=(*shape.warnings, unused))
     unit, warnings = checked_directions(directions, points)
     unit = unit if index is None else unit[index]

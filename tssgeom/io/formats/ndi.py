@@ -1,6 +1,7 @@
 """Tables that NDI's programs write of tracked tools, `.csv`: a row for each frame, the tools side by side.
 
-Lengths are in mm, the quaternion of a tool is scalar-first and turns its own axes into the tracker's.
+Lengths are in mm. The quaternion of a tool is scalar-first and turns its own axes into the tracker's; so do
+its Euler angles [deg], about x, then y, then z.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from tssgeom.io.formats.recording import PER_METRE, UNTIMED, Frames, Recording, 
 from tssgeom.stream import Frame, Rejected
 
 POSE = ("q0", "qx", "qy", "qz", "tx", "ty", "tz")
+_EULER = ("rz", "ry", "rx", "tx", "ty", "tz")
 _STATES = ("state", "transformstatus", "status")
 _FRAMES = ("frame", "frame#")
 _MARKERS = ("markers", "#markers")
@@ -37,6 +39,8 @@ class Layout:
     frame: int | None
     markers: int | None
     """Column with the number of markers, the last before the markers themselves."""
+    width: int = len(POSE)
+    """Columns of a pose."""
 
     def columns(self, cells: Sequence[str]) -> list[tuple[int, int | None]]:
         """Return pose and state columns of each tool in a row.
@@ -120,10 +124,10 @@ def _layout(header: bytes) -> Layout | None:
     names = [
         name.strip().strip('"').lower() for name in header.decode("utf-8-sig", errors="replace").split(",")
     ]
-    poses = [k for k in range(len(names)) if tuple(names[k : k + len(POSE)]) == POSE]
+    width, poses = next(((len(pose), at) for pose in (POSE, _EULER) if (at := _starts(names, pose))), (0, []))
     if not poses:
         return None
-    first, begins = poses[0], [0, *(k + len(POSE) for k in poses[:-1])]
+    first, begins = poses[0], [0, *(k + width for k in poses[:-1])]
     return Layout(
         tuple(
             (pose, _before(names, begin, pose, _STATES)) for begin, pose in zip(begins, poses, strict=True)
@@ -132,7 +136,12 @@ def _layout(header: bytes) -> Layout | None:
         _before(names, 0, first, ("timespec_ns",)),
         _before(names, 0, first, _FRAMES),
         next((k for k in range(first, len(names)) if names[k] in _MARKERS), None),
+        width,
     )
+
+
+def _starts(names: Sequence[str], pose: Sequence[str]) -> list[int]:
+    return [k for k in range(len(names)) if tuple(names[k : k + len(pose)]) == pose]
 
 
 def _before(names: Sequence[str], begin: int, end: int, wanted: Sequence[str]) -> int | None:
@@ -144,19 +153,20 @@ def _sensed(cells: Sequence[str], layout: Layout) -> tuple[Points, Points]:
     """Return positions [mm] and third axes of the tools in a row, NaN for those that were not observed."""
     poses = np.array(
         [
-            _pose(cells[at : at + len(POSE)], "" if state is None else cells[state])
+            _pose(cells[at : at + layout.width], "" if state is None else cells[state], layout.width)
             for at, state in layout.columns(cells)
         ]
     )
-    return poses[:, 4:], _third_axes(poses[:, :4])
+    turned = poses[:, :-3]
+    return poses[:, -3:], (_third_axes if layout.width == len(POSE) else _third_axes_by_angles)(turned)
 
 
-def _pose(cells: Sequence[str], state: str) -> list[float]:
-    unknown = [np.nan] * len(POSE)
+def _pose(cells: Sequence[str], state: str, width: int) -> list[float]:
+    unknown = [np.nan] * width
     if state.strip().lower() in _UNOBSERVED or not any(cell.strip() for cell in cells):
         return unknown
-    if len(cells) < len(POSE):
-        raise ValueError(f"a tool has {len(cells)} of its {len(POSE)} numbers")
+    if len(cells) < width:
+        raise ValueError(f"a tool has {len(cells)} of its {width} numbers")
     pose = [float(cell) for cell in cells]
     return pose if all(abs(number) < _FARTHEST for number in pose) else unknown
 
@@ -166,6 +176,12 @@ def _third_axes(quaternions: Matrix) -> Points:
     size = np.linalg.norm(quaternions, axis=1)
     w, x, y, z = np.where(size > 0, quaternions.T / np.where(size > 0, size, 1.0), np.nan)
     return np.column_stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)])
+
+
+def _third_axes_by_angles(angles: Matrix) -> Points:
+    """Turn the third axis by Euler angles about z, y and x [n, 3] [deg]: R = Rz Ry Rx, as NDI has it."""
+    (sz, sy, sx), (cz, cy, cx) = np.sin(np.radians(angles.T)), np.cos(np.radians(angles.T))
+    return np.column_stack([cz * sy * cx + sz * sx, sz * sy * cx - cz * sx, cy * cx])
 
 
 def _time(cells: Sequence[str], layout: Layout) -> float | None:
