@@ -26,10 +26,10 @@ from tssgeom.io.formats.files import Recording, find_inputs, open_recording, out
 from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap
 from tssgeom.io.results.shapes import Analysis, frame_row, relative
 from tssgeom.plausibility.frames import rig_remarks
-from tssgeom.rig import Rig, read_uncertain_rig, require_known
+from tssgeom.rig import Rig, read_uncertain_rig
 from tssgeom.stream import Rejected
 from tssgeom.summary import RunningSummary
-from tssgeom.uncertain import UNKNOWNS, Uncertain
+from tssgeom.uncertain import UNKNOWNS, Uncertain, require_known
 
 Done = TypeVar("Done")
 

@@ -96,6 +96,18 @@ def analyse_same(
     Notes
     -----
     Source: docs/model.md (165).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tssgeom import Frame, analyse_same
+    >>> angle = np.linspace(0.0, np.pi, 60)
+    >>> exact = 0.5 / np.pi * np.column_stack((np.sin(angle), 1 - np.cos(angle), 0 * angle))
+    >>> rng = np.random.default_rng(1)
+    >>> frames = [Frame(exact + rng.normal(0.0, 2e-4, exact.shape)) for _ in range(3)]
+    >>> result, repeated = analyse_same(frames)
+    >>> abs(result.profile.total_angle - np.pi) < 0.05
+    True
     """
     from tssgeom.route.repeated import common_route  # here: one shape needs no scipy
 

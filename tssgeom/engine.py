@@ -168,6 +168,20 @@ def process(
     commander, follower
         As of `Engine`.
 
+    Yields
+    ------
+    FrameResult | Rejected
+        Route, tension and elongation of a frame, or why it could not be used.
+
+    Raises
+    ------
+    SettingsError
+        Where the tension is negative or not finite.
+
+    Notes
+    -----
+    Source: docs/model.md, from sensed points to the tendon.
+
     Examples
     --------
     >>> import numpy as np

@@ -51,6 +51,17 @@ class SpaceError(SourceError):
     """No room is left where results are written."""
 
 
+def require(condition: bool, what: str, value: float, hint: str) -> None:
+    """Raise a SettingsError with a value that is out of bounds."""
+    if not condition:
+        raise SettingsError(f"{what} is {value:g}: {hint}")
+
+
+def require_at_least_zero(what: str, value: float, unit: str) -> None:
+    """Refuse a value below 0 or above 1e12, with a SettingsError."""
+    require(0 <= value <= 1e12, what, value, f"give a value from 0 to 1e12 {unit}".rstrip())
+
+
 def refused(error: OSError) -> SourceError:
     """Return the error to raise where the system refused a file and no caller expected it."""
     where = f"{error.filename}: " if error.filename else ""

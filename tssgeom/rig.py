@@ -11,25 +11,16 @@ import msgspec
 import tomli_w
 
 from tssgeom.atomic import write_text
-from tssgeom.effects import KINDS, LAWS, AnyEffect
-from tssgeom.errors import SettingsError, printable, require_file
+from tssgeom.effects import AnyEffect, wrong_effect
+from tssgeom.errors import SettingsError, printable, require, require_at_least_zero, require_file
 from tssgeom.mechanism import Drive, End
-from tssgeom.toml_keys import with_short_keys
-from tssgeom.uncertain import Follow, Uncertain, parted, path_of
+from tssgeom.toml_keys import with_short_keys, without_none
+from tssgeom.uncertain import Follow, Uncertain, parted, path_of, require_known
 
 Source = Literal["markers", "em", "fbg", "centreline", "smoothed"]
 """Where the points of a route come from; docs/model.md (164)."""
 
 _MOST_BYTES = 1 << 20  # of a rig file: more is none
-
-
-def _require(condition: bool, what: str, value: float, remedy: str) -> None:
-    if not condition:
-        raise SettingsError(f"{what} is {value:g}: {remedy}")
-
-
-def _finite_at_least_zero(what: str, value: float, unit: str) -> None:
-    _require(0 <= value <= 1e12, what, value, f"give a value from 0 to 1e12 {unit}".rstrip())
 
 
 class Tendon(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -41,8 +32,8 @@ class Tendon(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """Tension all along the tendon before the first pull [N]."""
 
     def __post_init__(self) -> None:
-        _finite_at_least_zero("tendon.compliance_per_N", self.compliance_per_N, "1/N")
-        _finite_at_least_zero("tendon.pretension_N", self.pretension_N, "N")
+        require_at_least_zero("tendon.compliance_per_N", self.compliance_per_N, "1/N")
+        require_at_least_zero("tendon.pretension_N", self.pretension_N, "N")
 
 
 class Friction(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -52,7 +43,7 @@ class Friction(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     """Coefficient of friction [1]."""
 
     def __post_init__(self) -> None:
-        _finite_at_least_zero("friction.coefficient", self.coefficient, "")
+        require_at_least_zero("friction.coefficient", self.coefficient, "")
 
 
 class Load(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -62,7 +53,7 @@ class Load(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     """Stiffness of the distal spring [N/m]."""
 
     def __post_init__(self) -> None:
-        _finite_at_least_zero("load.stiffness_N_per_m", self.stiffness_N_per_m, "N/m")
+        require_at_least_zero("load.stiffness_N_per_m", self.stiffness_N_per_m, "N/m")
 
 
 class Sensor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -85,10 +76,10 @@ class Sensor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 
     def __post_init__(self) -> None:
         for name in ("noise", "resolution", "full_scale", "nonlinearity", "lag_s"):
-            _finite_at_least_zero(f"sensors.*.{name}", getattr(self, name), "")
-        _require(math.isfinite(self.zero), "sensors.*.zero", self.zero, "give a finite value")
+            require_at_least_zero(f"sensors.*.{name}", getattr(self, name), "")
+        require(math.isfinite(self.zero), "sensors.*.zero", self.zero, "give a finite value")
         usable = math.isfinite(self.gain) and self.gain != 0.0
-        _require(usable, "sensors.*.gain", self.gain, "give a finite value that is not 0")
+        require(usable, "sensors.*.gain", self.gain, "give a finite value that is not 0")
 
 
 class Sheath(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -103,7 +94,7 @@ class Sheath(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
         for name in self.__struct_fields__:
             if (value := getattr(self, name)) is not None:
                 remedy = "give a finite value > 0 mm, or leave it out"
-                _require(math.isfinite(value) and value > 0, f"sheath.{name}", value, remedy)
+                require(math.isfinite(value) and value > 0, f"sheath.{name}", value, remedy)
 
     @property
     def diameter(self) -> float | None:
@@ -149,14 +140,14 @@ class ShapeSensor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
             value = getattr(self, name)
             if value is not None:
                 remedy = f"give a finite value > 0 {unit}, or leave it out"
-                _require(math.isfinite(value) and value > 0, f"shape.{name}", value, remedy)
+                require(math.isfinite(value) and value > 0, f"shape.{name}", value, remedy)
         if isinstance(turn := self.direction_noise_deg, float | int):
             remedy = "give a value > 0 deg and < 90 deg, or leave it out where no directions are sensed"
-            _require(0 < turn < 90, "shape.direction_noise_deg", turn, remedy)
-        _finite_at_least_zero("shape.length_noise_mm", self.length_noise_mm, "mm")
-        _finite_at_least_zero("shape.angle_gain_sd", self.angle_gain_sd, "")
+            require(0 < turn < 90, "shape.direction_noise_deg", turn, remedy)
+        require_at_least_zero("shape.length_noise_mm", self.length_noise_mm, "mm")
+        require_at_least_zero("shape.angle_gain_sd", self.angle_gain_sd, "")
         for value in (*itertools.chain.from_iterable(self.marker_offset_mm), *(self.marker_axis or ())):
-            _require(
+            require(
                 math.isfinite(value), "shape.marker_offset_mm or marker_axis", value, "give finite numbers"
             )
         if self.marker_axis is not None and not any(self.marker_axis):
@@ -202,7 +193,7 @@ class GivenRoute(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
         for name in self.__struct_fields__:
             if (value := getattr(self, name)) is not None:
                 sound = math.isfinite(value) and (value > 0.0 or (name == "angle_rad" and value == 0.0))
-                _require(sound, f"route.{name}", value, "give a finite value > 0")
+                require(sound, f"route.{name}", value, "give a finite value > 0")
 
 
 class Rig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -242,37 +233,63 @@ class Rig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
 def read_rig(path: str | Path) -> Rig:
     """Read a rig from a TOML file; of a number with an error, its value.
 
+    Parameters
+    ----------
+    path
+        The file.
+
+    Returns
+    -------
+    Rig
+        What it holds; the paper's numbers where it holds none.
+
     Raises
     ------
     SettingsError
         As `read_uncertain_rig`, and where a number is "unknown".
+
+    Examples
+    --------
+    >>> from tssgeom import read_rig
+    >>> read_rig("sample_shapes/campaign_clean/rig.toml").friction.coefficient
+    0.145
     """
     rig, uncertain = read_uncertain_rig(path)
     require_known(path, uncertain)
     return rig
 
 
-def require_known(path: str | Path, uncertain: Sequence[Uncertain]) -> None:
-    """Refuse a rig in which a number is "unknown", with a SettingsError."""
-    unknown = ", ".join(each.key for each in uncertain if not each.stated)
-    if unknown:
-        raise SettingsError(f"{path}: {unknown} is unknown: give a value, or find it with tssgeom calibrate")
-
-
 def read_uncertain_rig(path: str | Path) -> tuple[Rig, tuple[Uncertain, ...]]:
     """Read a rig, and what of it is not certain; docs/model.md (179).
+
+    Parameters
+    ----------
+    path
+        The file.
+
+    Returns
+    -------
+    tuple[Rig, tuple[Uncertain, ...]]
+        The rig, and its numbers that are unknown or have an error.
 
     Raises
     ------
     SettingsError
         Where the file is missing, is no TOML, or holds an unknown key or a value out of bounds.
+
+    Examples
+    --------
+    >>> from tssgeom import read_uncertain_rig
+    >>> rig, uncertain = read_uncertain_rig("sample_shapes/campaign_clean/rig.toml")
+    >>> uncertain
+    ()
     """
     tables: dict[str, Any] = {}
     require_file(Path(path))
     try:
         with open(path, "rb") as file:
             content = file.read(_MOST_BYTES + 1)
-        _require(len(content) <= _MOST_BYTES, "its size", len(content), f"at most {_MOST_BYTES} bytes")
+        require(len(content) <= _MOST_BYTES, "its size", len(content), f"at most {_MOST_BYTES} bytes")
         tables, uncertain = parted(tomllib.loads(with_short_keys(content).decode("utf-8-sig")))
         return msgspec.convert(tables, Rig), uncertain
     except OSError as error:
@@ -280,7 +297,7 @@ def read_uncertain_rig(path: str | Path) -> tuple[Rig, tuple[Uncertain, ...]]:
     except (msgspec.DecodeError, ValueError, RecursionError) as error:
         if isinstance(error, SettingsError):
             raise SettingsError(f"{path}: {error}") from error
-        reported = _wrong_effect(tables) if "$.effects" in str(error) else str(error)
+        reported = wrong_effect(tables) if "$.effects" in str(error) else str(error)
         raise SettingsError(f"{path}: {reported}: mend the rig file (docs/formats.md, Rig)") from error
 
 
@@ -321,7 +338,7 @@ def write_rig(path: Path, rig: Rig, provenance: Sequence[str] = ()) -> None:
         Where the disk refuses.
     """
     comments = "".join(f"# {printable(' '.join(line.split()))}\n" for line in provenance)
-    tables = _without_none(msgspec.to_builtins(rig, enc_hook=float))  # fits give numpy's floats
+    tables = without_none(msgspec.to_builtins(rig, enc_hook=float))  # fits give numpy's floats
     for name in ("drive", "end", "route"):
         if getattr(rig, name) == getattr(Rig(), name):
             del tables[name]
@@ -330,22 +347,3 @@ def write_rig(path: Path, rig: Rig, provenance: Sequence[str] = ()) -> None:
             if sensor[name] == getattr(Sensor(), name):
                 del sensor[name]
     write_text(path, comments + "\n" * bool(comments) + tomli_w.dumps(tables))
-
-
-def _without_none(value: Any) -> Any:
-    """Leave out unset values, which TOML cannot express."""
-    kept = value.items() if isinstance(value, dict) else ()
-    return {key: _without_none(item) for key, item in kept if item not in (None, {}, ())} if kept else value
-
-
-def _wrong_effect(rig: dict[str, Any]) -> str:
-    """Say which effect of a rig file is wrong, and what there is to choose from."""
-    tables = rig["effects"]
-    for i, table in enumerate(tables if isinstance(tables, list) else []):
-        try:
-            msgspec.convert(table, type=AnyEffect)
-        except msgspec.ValidationError as error:
-            kind = (KINDS | LAWS).get(str(table.get("name"))) if isinstance(table, dict) else None
-            known = ", ".join(kind.__struct_fields__ if kind else (*KINDS, *LAWS))
-            return f"effects[{i}]: {error}; {'its parameters' if kind else 'effects'} are {known}"
-    return "effects is no list of tables; write each as [[effects]]"

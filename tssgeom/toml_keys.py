@@ -1,6 +1,7 @@
 """Keys of TOML files, whose reader takes a time that grows with the square of their parts."""
 
 import re
+from typing import Any
 
 import msgspec
 
@@ -19,3 +20,9 @@ def with_short_keys(content: bytes) -> bytes:
     if _LONG_KEY.search(content):
         raise msgspec.DecodeError(f"a key has more than {_MOST_PARTS} parts")
     return content
+
+
+def without_none(value: Any) -> Any:
+    """Leave out unset values, which TOML cannot express."""
+    kept = value.items() if isinstance(value, dict) else ()
+    return {key: without_none(item) for key, item in kept if item not in (None, {}, ())} if kept else value

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import msgspec
@@ -144,3 +145,10 @@ def _of_unknown(key: str, tables: dict[str, Any]) -> Prior:
         known = ", ".join((*UNKNOWNS, "parameters of effects"))
         raise SettingsError(f"{key} cannot be unknown: give a number; {known} can be")
     return UNKNOWNS[name]
+
+
+def require_known(path: str | Path, uncertain: Sequence[Uncertain]) -> None:
+    """Refuse a rig in which a number is "unknown", with a SettingsError."""
+    unknown = ", ".join(each.key for each in uncertain if not each.stated)
+    if unknown:
+        raise SettingsError(f"{path}: {unknown} is unknown: give a value, or find it with tssgeom calibrate")

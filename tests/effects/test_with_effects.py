@@ -28,11 +28,10 @@ from tssgeom.tendon.bars.model import predict
 from tssgeom.tendon.bars.sensors import CHANNELS
 from tssgeom.tendon.moving import MovingRoute
 from tssgeom.tendon.saved import state_object, state_of
+from tssgeom.tendon.sensor_errors import readings, sensors_err
 from tssgeom.tendon.simulation import simulate
 from tssgeom.tendon.state import (
     pretensioned,
-    readings,
-    sensors_err,
     step,
     tension,
     transmit,

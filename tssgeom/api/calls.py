@@ -278,6 +278,11 @@ def discover(
     unit
         Unit of length, "mm" or "m", of files of shapes that state none.
 
+    Returns
+    -------
+    Finding
+        Verdict, effects with intervals, misfit before and after, and the updated rig.
+
     Raises
     ------
     SettingsError

@@ -20,11 +20,11 @@ from tssgeom.io.formats.recording import Recording, in_order
 from tssgeom.io.formats.runs import MeasuredRun, read_run, run_of_columns
 from tssgeom.plausibility.rules import warnings_of
 from tssgeom.plausibility.runs import run_remarks
-from tssgeom.rig import Rig, read_rig, read_uncertain_rig, require_known
+from tssgeom.rig import Rig, read_rig, read_uncertain_rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.stream import Frame, FrameResult, Rejected
 from tssgeom.tendon.moving import MovingRoute
-from tssgeom.uncertain import Uncertain
+from tssgeom.uncertain import Uncertain, require_known
 
 
 class Table(Protocol):
@@ -82,7 +82,7 @@ def read(path: str | Path, unit: str | None = None, columns: Iterable[str] = ())
     >>> import tssgeom
     >>> frames = tssgeom.read("sample_shapes/half_circle.csv")
     >>> len(frames), frames[0].points.shape
-    (1, (100, 3))
+    (1, (101, 3))
     """
     return open_recording(path, unit, ColumnMap(columns))
 

@@ -117,6 +117,19 @@ def together(setup: Setup, effects: Iterable[AnyEffect]) -> Setup:
     return setup
 
 
+def wrong_effect(rig: dict[str, Any]) -> str:
+    """Say which effect of a rig file is wrong, and what there is to choose from."""
+    tables = rig["effects"]
+    for i, table in enumerate(tables if isinstance(tables, list) else []):
+        try:
+            msgspec.convert(table, type=AnyEffect)
+        except msgspec.ValidationError as error:
+            kind = (KINDS | LAWS).get(str(table.get("name"))) if isinstance(table, dict) else None
+            known = ", ".join(kind.__struct_fields__ if kind else (*KINDS, *LAWS))
+            return f"effects[{i}]: {error}; {'its parameters' if kind else 'effects'} are {known}"
+    return "effects is no list of tables; write each as [[effects]]"
+
+
 __all__ = [
     "KINDS",
     "LAWS",
@@ -162,4 +175,5 @@ __all__ = [
     "snake",
     "together",
     "with_size",
+    "wrong_effect",
 ]

@@ -85,10 +85,28 @@ def measure(shape: Shape, noise: float | None = None, method: Method = "auto") -
     method
         Estimator: the spline, the chain of arcs, or the one with more evidence; docs/model.md (34).
 
+    Returns
+    -------
+    RouteFit
+        Route, profile and pieces, with standard errors.
+
     Raises
     ------
     FitError
         Where the points give no finite curve.
+
+    Notes
+    -----
+    Source: docs/model.md (34).
+
+    Examples
+    --------
+    >>> from tssgeom import clean, measure
+    >>> import numpy as np
+    >>> angle = np.linspace(0.0, np.pi, 40)  # a half circle of 0.5 m
+    >>> points = 0.5 / np.pi * np.column_stack((np.sin(angle), 1 - np.cos(angle), 0 * angle))
+    >>> round(float(measure(clean(points)).arcs.total_angle), 4)  # [rad]
+    3.1416
     """
     fit = _fitted(shape, noise, method)
     unordered = order_warning(shape.points) if shape.stations is None else None

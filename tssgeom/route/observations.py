@@ -64,12 +64,26 @@ def clean(
     length, length_noise
         Known length of the route from the first to the last point, and its standard deviation [m].
 
+    Returns
+    -------
+    Shape
+        Distinct points [n, 3] [m] in the order of the route, and what was sensed with them.
+
     Raises
     ------
     ShapeError
         Fewer than four distinct points, infinite coordinates, no extent, stations that do not increase, or
         points that are not in order along the route; directions that are no unit vectors or run backwards; a
         length that is not positive.
+
+    Examples
+    --------
+    >>> from tssgeom import clean
+    >>> import numpy as np
+    >>> angle = np.linspace(0.0, np.pi, 40)  # a half circle of 0.5 m
+    >>> points = 0.5 / np.pi * np.column_stack((np.sin(angle), 1 - np.cos(angle), 0 * angle))
+    >>> len(clean(points).points)
+    40
     """
     points = read_only(points)
     if points.ndim != 2 or points.shape[1] != 3:

@@ -99,12 +99,52 @@ def smooth_geometry(spline: Spline) -> tuple[CurvatureProfile, Arcs]:
 
 
 def curvature_profile(spline: Spline) -> CurvatureProfile:
-    """Curvature and accumulated curve angle of a fitted route; docs/model.md (23) to (26)."""
+    """Return curvature and accumulated curve angle of a fitted route; docs/model.md (23) to (26).
+
+    Parameters
+    ----------
+    spline
+        A fitted route, as of `fit`.
+
+    Returns
+    -------
+    CurvatureProfile
+        Curvature [m] [1/m] and curve angle [m] [rad] at the nodes, with standard errors.
+
+    Examples
+    --------
+    >>> from tssgeom import clean, curvature_profile, fit
+    >>> import numpy as np
+    >>> angle = np.linspace(0.0, np.pi, 40)  # a half circle of 0.5 m
+    >>> points = 0.5 / np.pi * np.column_stack((np.sin(angle), 1 - np.cos(angle), 0 * angle))
+    >>> round(float(curvature_profile(fit(clean(points), noise=1e-4)).total_angle), 2)  # [rad]
+    3.14
+    """
     return smooth_geometry(spline)[0]
 
 
 def constant_curvature_pieces(spline: Spline) -> Arcs:
-    """Cut a fitted route into pieces of constant curvature, as `smooth_geometry` does."""
+    """Cut a fitted route into pieces of constant curvature, as `smooth_geometry` does.
+
+    Parameters
+    ----------
+    spline
+        A fitted route, as of `fit`.
+
+    Returns
+    -------
+    Arcs
+        Length [k] [m] and curve angle [k] [rad] of each piece, with their covariance.
+
+    Examples
+    --------
+    >>> from tssgeom import clean, constant_curvature_pieces, fit
+    >>> import numpy as np
+    >>> angle = np.linspace(0.0, np.pi, 40)  # a half circle of 0.5 m
+    >>> points = 0.5 / np.pi * np.column_stack((np.sin(angle), 1 - np.cos(angle), 0 * angle))
+    >>> len(constant_curvature_pieces(fit(clean(points), noise=1e-4)).length)
+    1
+    """
     return smooth_geometry(spline)[1]
 
 

@@ -17,15 +17,20 @@ from tssgeom.result import Result
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.route.resolution import NO_ERRORS, SharedErrors
+from tssgeom.tendon import transmission
+from tssgeom.tendon.bars import base, with_effects
+from tssgeom.tendon.bars.bar_state import BarState
 from tssgeom.tendon.capstan import MOST_TENSION
 from tssgeom.tendon.command_error import DistalErrors, route_errors
 from tssgeom.tendon.drive_limits import cut_to_limits, drive_now
+from tssgeom.tendon.sensor_errors import reading_of
 from tssgeom.tendon.state import (
+    MOST_FRICTION,
     TendonState,
     acts_by_speed,
-    answering,
-    reading_of,
+    required_setup,
     rest_tension,
+    route_of,
     step,
     transmit,
 )
@@ -199,7 +204,7 @@ def compensate(
 def _waiting(move: _Move, held: TendonState) -> TendonState | None:
     """Return the tendon with the drive where it is, if that is inside the dead zone; docs/model.md (215)."""
     before, sign = move.state, 1 if move.target > held.tension_out else -1
-    start = answering(held, move.rig, held.tension_out, sign)
+    start = _answering(held, move.rig, held.tension_out, sign)
     if before.route is None or sign * (start - held.tension_in) <= _INSIDE * held.tension_in:
         return None
     if held.route is before.route:
@@ -230,7 +235,7 @@ def _reached(move: _Move, held: TendonState, error: float) -> TendonState:
     """Return the state with the distal tension at the target, off by `error` [N] while the drive is held."""
     sign = 1 if error < 0.0 else -1
     start = held.tension_in
-    far = answering(held, move.rig, move.target, sign)  # docs/model.md (83): exact where all slides slowly
+    far = _answering(held, move.rig, move.target, sign)  # docs/model.md (83): exact where all slides slowly
     if far > MOST_TENSION:
         raise SettingsError(
             f"{move.target:g} N at the distal end need {far:.3g} N at the proximal end: "
@@ -279,3 +284,17 @@ def _by_position(move: _Move, answer: TendonState) -> TendonState:
 
     root: Any = brentq(lambda position: move.error(move.located(position)), low, high, xtol=1e-16)
     return move.located(float(root))
+
+
+def _answering(state: TendonState, rig: Rig, tension_out: float, way: int) -> float:
+    """Return the proximal tension from which on a slow pull (+1) or release (−1) moves the load [N].
+
+    `tension_out` is the distal tension then [N]; docs/model.md (83), (122).
+    """
+    route, along = route_of(state), state.along
+    if isinstance(along, BarState) and along.has_effects:
+        model = with_effects.model_on(along, route, required_setup(rig))
+        return transmission.answering(along, model, tension_out, way)
+    if rig.friction.coefficient * route.total_angle > MOST_FRICTION:
+        raise base.too_much_friction(rig.friction.coefficient, route.total_angle)
+    return tension_out * math.exp(way * rig.friction.coefficient * route.total_angle)

@@ -22,7 +22,8 @@ from tssgeom.tendon.command_error import (
     spread,
     variants_of,
 )
-from tssgeom.tendon.state import TendonState, step, transmit, true_tension
+from tssgeom.tendon.sensor_errors import true_tension
+from tssgeom.tendon.state import TendonState, step, transmit
 from tssgeom.uncertain import Uncertain
 
 Policy = Literal["cross", "wait"]
@@ -261,11 +262,31 @@ def commander_of(
     state
         The tendon before; at rest by default.
 
+    Returns
+    -------
+    Commander
+        It holds the tendon; `command` gives the drive for a target.
+
     Raises
     ------
     SettingsError
         Where the tolerance is not positive, or a number of the rig is out of bounds a standard deviation from
         its value.
+
+    Notes
+    -----
+    Source: docs/model.md (211) to (215).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tssgeom import Frame, Rig, commander_of, process
+    >>> angle = np.linspace(0.0, np.pi, 40)
+    >>> points = 0.5 / np.pi * np.column_stack((np.sin(angle), 1 - np.cos(angle), 0 * angle))
+    >>> frame = Frame(points, time=0.0, displacement_target=2e-3)  # [s], [m]
+    >>> (result,) = process([frame], Rig(), tension_in=0.0, commander=commander_of(Rig()))
+    >>> result.displacement_command > 2e-3  # [m]
+    True
     """
     if tolerance is not None and not 0.0 < tolerance < float("inf"):
         raise SettingsError(f"--tolerance-mm is {1e3 * tolerance:g} mm: give a finite value > 0 mm")

@@ -19,14 +19,12 @@ from tssgeom.tendon.command import Command
 from tssgeom.tendon.command_error import Step
 from tssgeom.tendon.commander import Commander, Target, commander_of
 from tssgeom.tendon.moving import MovingRoute
+from tssgeom.tendon.sensor_errors import readings, sensors_err, true_tension
 from tssgeom.tendon.state import (
     TendonState,
     pretensioned,
-    readings,
-    sensors_err,
     step,
     transmit,
-    true_tension,
 )
 from tssgeom.tendon.transmission import Transmission
 

@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tssgeom.arrays import Vector
-from tssgeom.core.constants_tendon import BAR
 from tssgeom.effects import Setup
 from tssgeom.errors import SettingsError
 from tssgeom.rig import Rig
@@ -21,7 +20,6 @@ from tssgeom.route.pieces import Arcs
 from tssgeom.tendon import capstan, transmission
 from tssgeom.tendon.bars import base, with_effects
 from tssgeom.tendon.bars.bar_state import AT_LIMIT, BarState, end_slope, on_better_route, to_bars, to_corners
-from tssgeom.tendon.bars.sensors import bend, err, unbent
 from tssgeom.tendon.bars.with_effects import effective_setup
 from tssgeom.tendon.capstan import Corners
 from tssgeom.tendon.moving import unmoved
@@ -29,7 +27,8 @@ from tssgeom.tendon.transmission import Transmission
 
 HALVINGS = 4
 """The first bar is halved so often: just after a reversal T_in is known to half of that bar."""
-_MOST_FRICTION = 500.0  # [1] μΦ whose exponential can still be squared
+MOST_FRICTION = 500.0
+"""μΦ whose exponential can still be squared [1]."""
 _KEPT = 1e-4  # change of the distal tension in one step that is rounding [1]; chosen
 _SHARPER = 0.5  # of the old standard error of Φ: a route known so much better replaces it
 
@@ -57,12 +56,29 @@ class TendonState:
         """Total tension at the distal end of the route [N]."""
         along = self.along
         if isinstance(along, Corners):
-            return float(capstan.tension(along, np.array([_route(self).total_angle]))[0])
+            return float(capstan.tension(along, np.array([route_of(self).total_angle]))[0])
         return along.tension_out
 
 
 def pretensioned(rig: Rig, time: float = math.nan) -> TendonState:
-    """Return the tendon before its first pull, on no route yet; `time` is when it is so [s]."""
+    """Return the tendon before its first pull, on no route yet.
+
+    Parameters
+    ----------
+    rig, time
+        The rig, and when it is so [s].
+
+    Returns
+    -------
+    TendonState
+        The tendon at its pretension.
+
+    Examples
+    --------
+    >>> from tssgeom import Rig, pretensioned
+    >>> pretensioned(Rig()).tension_in  # [N]
+    0.0
+    """
     return TendonState(capstan.level(rest_tension(rig)), None, time)
 
 
@@ -118,6 +134,11 @@ def step(
         keeps its history over the curve angle. A route that is known to move has moved where it differs by
         half of the usual distance. None where neither is known; where effects act, this has no meaning.
 
+    Returns
+    -------
+    TendonState
+        The tendon after the step.
+
     Raises
     ------
     SettingsError
@@ -125,6 +146,15 @@ def step(
         time and none is given.
     FitError
         Where there is no equilibrium.
+
+    Examples
+    --------
+    >>> import math
+    >>> from tssgeom import Arcs, Rig, pretensioned, step
+    >>> half_circle = Arcs.exact(0.5, math.pi)  # [m], [rad]
+    >>> pulled = step(pretensioned(Rig()), half_circle, Rig(), tension_in=15.0)
+    >>> round(step(pulled, half_circle, Rig(), tension_in=10.0).tension_out, 2)  # [N]
+    9.51
     """
     now = state.time if time is None else time
     drives, setup = (tension_in, displacement_in), effective_setup(rig)
@@ -137,9 +167,7 @@ def step(
         route = arcs if route is compared or known is None else known
         return TendonState(along, route, now, state.tension_out_se)
     if stretches_with_route:
-        raise SettingsError(
-            "where effects act, a route cannot stretch the tendon: leave stretches_with_route"
-        )
+        raise SettingsError("effects act, so a route cannot stretch the tendon: leave stretches_with_route")
     drive, along = base.one_drive(*drives), state.along
     if isinstance(along, BarState) and along.has_effects:
         before = arcs if state.route is None else state.route
@@ -149,7 +177,8 @@ def step(
         along = with_effects.cut(corners(state), before, setup)
         routes = before, arcs if moves else before
     model = with_effects.model_on(along, before, setup)
-    span, friction = _span(state, along, setup, time), (rig.friction.coefficient, _MOST_FRICTION)
+    span = with_effects.step_span(state.time, time, along.span, setup)
+    friction = rig.friction.coefficient, MOST_FRICTION
     along, route = with_effects.driven(along, model, routes, drive, span, temperature, friction)
     return TendonState(along, route, now, state.tension_out_se)
 
@@ -185,27 +214,8 @@ def _without_effects(
         along = to_bars(along, before, rig, halvings=HALVINGS)
         routes = before, arcs if moves else before
     return base.step_on(
-        along, routes, rig, load, base.one_drive(*drives), stretches_with_route, _MOST_FRICTION
+        along, routes, rig, load, base.one_drive(*drives), stretches_with_route, MOST_FRICTION
     )
-
-
-def _check_friction(rig: Rig, route: Arcs) -> None:
-    """Refuse friction so large that no float holds what it makes of a tension [N]."""
-    if rig.friction.coefficient * route.total_angle > _MOST_FRICTION:
-        raise base.too_much_friction(rig.friction.coefficient, route.total_angle)
-
-
-def _span(state: TendonState, along: BarState, setup: Setup, time: float | None) -> float:
-    """Return how long a step lasts [s]."""
-    if not with_effects.timed(setup):
-        return BAR.untimed
-    if time is None:
-        raise SettingsError("some of the effects act over time: give the time of each step [s]")
-    if math.isnan(state.time):
-        return BAR.untimed
-    if time < state.time:
-        raise SettingsError(f"time goes from {state.time:g} to {time:g} s: give increasing times")
-    return time - state.time if time > state.time else along.span
 
 
 def corners(state: TendonState) -> Corners:
@@ -213,35 +223,72 @@ def corners(state: TendonState) -> Corners:
     along = state.along
     if isinstance(along, Corners):
         return along
-    return to_corners(along.edge, along.tension, along.direction_index, _route(state))
+    return to_corners(along.edge, along.tension, along.direction_index, route_of(state))
 
 
 def tension(state: TendonState, phi: Vector, s: Vector | None = None) -> Vector:
-    """Return the tension [N] at the accumulated curve angles `phi` [rad].
+    """Return the tension along the tendon.
 
-    Effects make it change over straight pieces too; there it needs the arc lengths `s` of the same positions
-    [m].
+    Parameters
+    ----------
+    state
+        The tendon.
+    phi
+        Accumulated curve angles [n] [rad].
+    s
+        Arc lengths of the same positions [n] [m]; needed where effects change it over straight pieces.
+
+    Returns
+    -------
+    Vector
+        Tension at each of them [n] [N].
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tssgeom import Arcs, Rig, pretensioned, step, tension
+    >>> state = step(pretensioned(Rig()), Arcs.exact(0.5, np.pi), Rig(), tension_in=15.0)
+    >>> tension(state, np.array([0.0, np.pi])).round(2).tolist()
+    [15.0, 9.51]
     """
     along = state.along
     if s is None or isinstance(along, Corners) or not along.has_effects:
         return capstan.tension(corners(state), phi)
-    return with_effects.tension_along(along, _route(state), s)
+    return with_effects.tension_along(along, route_of(state), s)
 
 
 def transmit(state: TendonState, rig: Rig) -> Transmission:
     """Return tension, elongation and dead zone of a tendon on the route it lies on.
 
+    Parameters
+    ----------
+    state, rig
+        The tendon after a step, and its rig.
+
+    Returns
+    -------
+    Transmission
+        Tensions [N], elongation and displacements [m], with standard errors.
+
     Raises
     ------
     SettingsError
         Where it lies on no route yet, or where it was last stepped with effects that the rig lacks.
+
+    Examples
+    --------
+    >>> import math
+    >>> from tssgeom import Arcs, Rig, pretensioned, step, transmit
+    >>> state = step(pretensioned(Rig()), Arcs.exact(0.5, math.pi), Rig(), tension_in=15.0)
+    >>> round(transmit(state, Rig()).tension_out, 2)  # [N]
+    9.51
     """
-    route, along = _route(state), state.along
+    route, along = route_of(state), state.along
     if isinstance(along, Corners):
         return transmission.of_corners(along, route, rig)
     if not along.has_effects:
         return transmission.of_bars(along, route, rig)
-    model = with_effects.model_on(along, route, _setup_of(rig))
+    model = with_effects.model_on(along, route, required_setup(rig))
     return transmission.of_effects(along, model, route)
 
 
@@ -257,7 +304,7 @@ def transmit_after(
     if before.route is not None and _keeps_tension_out(before, now, rig, stands):
         error = max(error, before.tension_out_se)
     more = math.sqrt(max(error**2 - result.tension_out_se**2, 0.0))
-    kept = 0.5 * rig.tendon.compliance_per_N * _route(now).total_length * more  # none at the proximal end
+    kept = 0.5 * rig.tendon.compliance_per_N * route_of(now).total_length * more  # none at the proximal end
     elongation_se = math.hypot(result.elongation_se, kept)
     result = result._replace(tension_out_se=error, elongation_se=elongation_se)
     return replace(now, tension_out_se=error), result
@@ -269,59 +316,9 @@ def _keeps_tension_out(before: TendonState, now: TendonState, rig: Rig, stands: 
     if stands:
         if isinstance(along, Corners) or along.has_effects:
             return False
-        if abs(end_slope(along, _route(now))) >= AT_LIMIT * rig.friction.coefficient:
+        if abs(end_slope(along, route_of(now))) >= AT_LIMIT * rig.friction.coefficient:
             return False
     return abs(now.tension_out - before.tension_out) <= _KEPT * now.tension_out
-
-
-def answering(state: TendonState, rig: Rig, tension_out: float, way: int) -> float:
-    """Return the proximal tension from which on a slow pull (+1) or release (−1) moves the load [N].
-
-    `tension_out` is the distal tension then [N]; docs/model.md (83), (122).
-    """
-    route, along = _route(state), state.along
-    if isinstance(along, BarState) and along.has_effects:
-        model = with_effects.model_on(along, route, _setup_of(rig))
-        return transmission.answering(along, model, tension_out, way)
-    _check_friction(rig, route)
-    return tension_out * math.exp(way * rig.friction.coefficient * route.total_angle)
-
-
-def true_tension(rig: Rig, reading: float) -> float:
-    """Return the proximal tension [N] behind a reading of its sensor [N]; docs/model.md (61)."""
-    setup = effective_setup(rig)
-    if setup is None or not err(setup):
-        return reading
-    true = (reading - setup.tension_in_offset_N) / setup.tension_in_gain
-    return max(float(unbent(setup, "tension_in_N", np.array([true]))[0]), 0.0)
-
-
-def reading_of(rig: Rig, tension_in: float) -> float:
-    """Return what the sensor of the proximal tension reads [N] of a tension [N]; docs/model.md (61)."""
-    setup = effective_setup(rig)
-    if setup is None:
-        return tension_in
-    bent = float(bend(setup, "tension_in_N", np.array([tension_in]))[0]) if setup.curves else 0.0
-    return tension_in * setup.tension_in_gain + setup.tension_in_offset_N + bent
-
-
-def sensors_err(rig: Rig) -> bool:
-    """Whether effects make any sensor read another value than the true one."""
-    setup = effective_setup(rig)
-    return setup is not None and err(setup)
-
-
-def readings(state: TendonState, rig: Rig) -> dict[str, float]:
-    """Return what the sensors read after a step with effects, by the names of `sensors.CHANNELS` [N, m].
-
-    Raises
-    ------
-    SettingsError
-        Where no effect acted in the last step.
-    """
-    if isinstance(state.along, Corners) or not state.along.has_effects:
-        raise SettingsError("no effect acted in the last step: sensors read what `transmit` returns")
-    return with_effects.readings(state.along, _setup_of(rig))
 
 
 def _compared(state: TendonState, arcs: Arcs) -> tuple[Arcs, bool]:
@@ -337,13 +334,15 @@ def _compared(state: TendonState, arcs: Arcs) -> tuple[Arcs, bool]:
     return arcs if sharper else known, False
 
 
-def _route(state: TendonState) -> Arcs:
+def route_of(state: TendonState) -> Arcs:
+    """Return the route on which a tendon lies; raises SettingsError where it lies on none."""
     if state.route is None:
         raise SettingsError("the tendon lies on no route yet: step it first")
     return state.route
 
 
-def _setup_of(rig: Rig) -> Setup:
+def required_setup(rig: Rig) -> Setup:
+    """Return the setup of a rig; raises SettingsError where it has no effects."""
     setup = effective_setup(rig)
     if setup is None:
         raise SettingsError("effects acted in the last step that the rig lacks: step the tendon with the rig")

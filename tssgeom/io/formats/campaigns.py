@@ -68,12 +68,25 @@ def read_campaign(folder: Path, unit: str | None = None, columns: ColumnMap = NO
     columns
         The user's statements on columns of the files.
 
+    Returns
+    -------
+    Campaign
+        The rig as it is believed to be, and each run with its route.
+
     Raises
     ------
     SettingsError
         Where `campaign.toml`, the rig or a run cannot be used.
     ShapeError, SourceError
         Where a file is missing or cannot be used.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tssgeom import read_campaign
+    >>> campaign = read_campaign(Path("sample_shapes/campaign_clean"))
+    >>> [run.name for run in campaign.runs if run.held_out]
+    ['chain']
     """
     listing = listing_of(folder)
     home = listing.parent

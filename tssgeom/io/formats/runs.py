@@ -102,6 +102,11 @@ def read_run(path: str | Path, columns: ColumnMap = NO_MAP) -> MeasuredRun:
     columns
         The user's statements on its columns.
 
+    Returns
+    -------
+    MeasuredRun
+        Its channels [n] in SI, NaN where a sample is missing.
+
     Raises
     ------
     SourceError
@@ -110,6 +115,13 @@ def read_run(path: str | Path, columns: ColumnMap = NO_MAP) -> MeasuredRun:
         Where the form of the table cannot be recognised, or a column is not clear.
     SettingsError
         Where a column is missing or there twice, a cell is no number, or time does not increase.
+
+    Examples
+    --------
+    >>> from tssgeom import read_run
+    >>> run = read_run("sample_shapes/campaign_clean/chain.csv")
+    >>> len(run.time), float(run.tension_in.max()) > 10.0  # [N]
+    (240, True)
     """
     path = Path(path)
     kind = ending(path)

@@ -82,10 +82,28 @@ def fit(shape: Shape, noise: float | None = None, last: Spline | None = None) ->
         Fit of the same route a moment ago, as in a stream: where it still holds, one pass that begins with
         it is enough.
 
+    Returns
+    -------
+    Spline
+        The route as position, tangent and curvature at knots [m, 1, 1/m], with covariances.
+
     Raises
     ------
     FitError
         Where the points give no finite curve.
+
+    Notes
+    -----
+    Source: docs/model.md (20) to (22).
+
+    Examples
+    --------
+    >>> from tssgeom import clean, fit
+    >>> import numpy as np
+    >>> angle = np.linspace(0.0, np.pi, 40)  # a half circle of 0.5 m
+    >>> points = 0.5 / np.pi * np.column_stack((np.sin(angle), 1 - np.cos(angle), 0 * angle))
+    >>> round(float(fit(clean(points), noise=1e-4).route.s[-1]), 4)  # [m]
+    0.5
     """
     return at_once(fit_in_steps(shape, noise, last))
 

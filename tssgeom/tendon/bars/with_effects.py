@@ -14,6 +14,7 @@ from msgspec.structs import replace as changed
 
 from tssgeom import core
 from tssgeom.arrays import Vector
+from tssgeom.core.constants_tendon import BAR
 from tssgeom.core.constants_tendon_rows import HELD, LAW
 from tssgeom.effects import AnyEffect, Setup
 from tssgeom.errors import SettingsError
@@ -200,6 +201,19 @@ def tension_along(state: BarState, route: Arcs, s: Vector) -> Vector:
     at = np.interp(s, ends, phi) + _BY_LENGTH * s / whole
     held = np.maximum(state.memory.tension, _SLACK)
     return np.exp(np.interp(at, known, np.log(held)))
+
+
+def step_span(before: float, time: float | None, last: float, setup: Setup) -> float:
+    """Return how long a step from the time `before` lasts [s]; at that time as long as the `last` one [s]."""
+    if not timed(setup):
+        return BAR.untimed
+    if time is None:
+        raise SettingsError("some of the effects act over time: give the time of each step [s]")
+    if math.isnan(before):
+        return BAR.untimed
+    if time < before:
+        raise SettingsError(f"time goes from {before:g} to {time:g} s: give increasing times")
+    return time - before if time > before else last
 
 
 def _warmth(state: BarState, temperature: float | None) -> tuple[float, float]:
