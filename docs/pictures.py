@@ -2,7 +2,7 @@
 
     python docs/pictures.py      # needs a Vulkan driver: apt-get install mesa-vulkan-drivers
 
-`machines.png` and `architecture.png` are drawn as well. The site draws its own figures at each build.
+It runs `machines.py` and `architecture.py` as well. The site makes its own figures at each build.
 """
 
 import subprocess

@@ -82,6 +82,7 @@ PHRASES = (
     # Names that a text mentions.
     ("", r"`(?! )[^`]*\b(gap|size_over_guard|remedy|seen|light)\b[^`]*(?<! )`", "keys, commands and options"),
     ("", r"[Tt]he remedy of (Theorem 3|the paper)|(tssgeom|test) remedy", "Theorem 3 and its command"),
+    ("docs/json_keys.py", r"remedy --json, remedy\.json", "a command and its file"),
     ("tssgeom/tendon/paper.py", r"remedy", "the paper's own word"),
     ("tssgeom/view/figures/paper.py", r"remedy", "the paper's own word"),
     ("", r"[Ll]ight, dark|dark on light", "styles of pictures"),
