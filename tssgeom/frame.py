@@ -136,7 +136,7 @@ def fit_frame(
     else:
         tracked = follow(shape, noise, last)
         if now is not None and last is not None and _is_astray(tracked, last, now):
-            tracked, bounded = TrackedFit(measure(shape, now.sensed_noise), shape.index), True
+            tracked, bounded = TrackedFit.of(measure(shape, now.sensed_noise), shape.index), True
     if given.direction_noise_deg == "estimate" and tracked.age == 0:
         shape, tracked = _with_direction_noise(shape, noise, tracked)
     if now is None and given.time_filter:
