@@ -71,10 +71,10 @@ def tried():
 
 
 def test_straight_pieces_between_bends_cost_a_joint_each_and_fit_no_worse(tried):
-    _, data, found = tried
-    begin, end = found.joints[0], found.stations.max()
-    form = np.vstack((found.form[:4], [begin, 6.0, 0.0], [0.5 * (begin + end), -6.0, 0.0]))
-    two = fit_fixed_pieces(data, found._replace(form=form, curved=np.ones(2, dtype=np.bool_)))
+    _, data, arcs = tried
+    begin, end = arcs.joints[0], arcs.stations.max()
+    form = np.vstack((arcs.form[:4], [begin, 6.0, 0.0], [0.5 * (begin + end), -6.0, 0.0]))
+    two = fit_fixed_pieces(data, arcs._replace(form=form, curved=np.ones(2, dtype=np.bool_)))
     ((_, more),) = with_straights([(data, two)])
     assert not more.curved.all()
     assert more.curved.sum() == 2
@@ -82,9 +82,9 @@ def test_straight_pieces_between_bends_cost_a_joint_each_and_fit_no_worse(tried)
 
 
 def test_the_added_variance_is_that_of_the_mixture_about_the_selected_model(tried):
-    smooth, data, found = tried
-    angle, length = added_by_models(smooth, smooth, [(data, found)])
-    every = [(data, found), *with_straights([(data, found)])]
+    smooth, data, arcs = tried
+    angle, length = added_by_models(smooth, smooth, [(data, arcs)])
+    every = [(data, arcs), *with_straights([(data, arcs)])]
     models = [chain_model(*one, smooth.spline) for one in every]
     mean = np.array([smooth.arcs.total_angle, *(one.angle for one in models)])
     own = np.array([smooth.arcs.total_angle_se**2, *(one.angle_variance for one in models)])

@@ -2,7 +2,7 @@
 
 Few points select neither the kind of model nor the number of pieces. The estimate is that of the selected
 model; its variances are taken over all models that were tried, and over their chains with straight pieces put
-between the bends, which the information criterion cannot tell from them.
+between the bends, which fit as well where noise hides them.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ def with_straights(tried: Iterable[tuple[Data, Chain]]) -> Iterator[tuple[Data, 
 
 
 def _different(tried: Iterable[tuple[Data, Chain]]) -> list[tuple[Data, Chain]]:
-    """Return each chain once, which several first guesses may lead to."""
+    """Return each chain once, which several first guesses may give."""
     return list({(len(chain.bend), f"{chain.cost:.4g}"): (data, chain) for data, chain in tried}.values())
 
 
@@ -143,10 +143,10 @@ def added_by_models(
         return 0.0, 0.0
     of_chains = np.array([one[:4] for one in models]).T
     angle, own_angle, length, own_length = np.column_stack((_moments(smooth.arcs), of_chains))
-    now = _moments(fit.arcs)
+    about, known, length_about, length_known = _moments(fit.arcs)
     return (
-        added_variance(probability, angle, own_angle, *now[:2]),
-        added_variance(probability, length, own_length, *now[2:]),
+        added_variance(probability, angle, own_angle, about, known),
+        added_variance(probability, length, own_length, length_about, length_known),
     )
 
 
