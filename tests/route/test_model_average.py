@@ -85,7 +85,7 @@ def test_the_added_variance_is_that_of_the_mixture_about_the_selected_model(trie
     smooth, data, arcs = tried
     angle, length = added_by_models(smooth, smooth, [(data, arcs)])
     every = [(data, arcs), *with_straights([(data, arcs)])]
-    models = [chain_model(*one, smooth.spline) for one in every]
+    models = [chain_model(points, chain, smooth.spline) for points, chain in every]
     mean = np.array([smooth.arcs.total_angle, *(one.angle for one in models)])
     own = np.array([smooth.arcs.total_angle_se**2, *(one.angle_variance for one in models)])
     whole = mixture_variance(probabilities(models), mean, own, smooth.arcs.total_angle)
