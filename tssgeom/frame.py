@@ -136,8 +136,9 @@ def fit_frame(
     else:
         tracked = follow(shape, noise, last)
         if now is not None and last is not None and _is_astray(tracked, last, now):
-            tracked, bounded = TrackedFit(measure(shape, now.sensed_noise), shape.index), True
-    if given.direction_noise_deg == "estimate" and tracked.age == 0:
+            tracked, bounded = TrackedFit.of(measure(shape, now.sensed_noise), shape.index), True
+    unknown = given.direction_noise_deg == "estimate" and (last is None or last.direction_noise == 0.0)
+    if unknown and tracked.age == 0:
         shape, tracked = _with_direction_noise(shape, noise, tracked)
     if now is None and given.time_filter:
         now = begun(frame.points, stated or tracked.fit.noise, frame.time)
@@ -279,7 +280,7 @@ def _with_direction_noise(shape: Shape, noise: float | None, tracked: TrackedFit
         if abs(estimate - shape.direction_noise) < DIRECTION_NOISE.kept * shape.direction_noise:
             break
         shape = replace(shape, direction_noise=estimate)
-        tracked = TrackedFit(measure(shape, noise), shape.index, marker_axis=tracked.marker_axis)
+        tracked = replace(TrackedFit.of(measure(shape, noise), shape.index), marker_axis=tracked.marker_axis)
     return shape, tracked
 
 

@@ -16,11 +16,12 @@ from tssgeom.core.constants_arcs import CHAIN_MOVES
 from tssgeom.errors import FitError
 from tssgeom.route.arcs.chain import Chain, Data, fit_fixed_pieces, unfitted
 from tssgeom.route.arcs.corners import cornered
-from tssgeom.route.arcs.moves import fit_chain, without_piece
+from tssgeom.route.arcs.moves import fit_chain
 from tssgeom.route.arcs.outliers import refitted_with_tangents, with_tangents, without_outliers
-from tssgeom.route.arcs.summary import ChainPieces, chain_nodes, chain_pieces
+from tssgeom.route.arcs.summary import ChainPieces, chain_nodes, chain_turns_unobserved, identifiable
 from tssgeom.route.bounds import polygon
 from tssgeom.route.directions import direction_warnings
+from tssgeom.route.model_average import averaged_over_models
 from tssgeom.route.model_choice import (
     CHOICE,
     chain_deviance,
@@ -34,7 +35,7 @@ from tssgeom.route.order import order_warning
 from tssgeom.route.pieces import Arcs, smooth_geometry
 from tssgeom.route.ratio_average import GRID, averaged
 from tssgeom.route.resolution import SharedErrors
-from tssgeom.route.route import Route, step_lengths, summed
+from tssgeom.route.route import Route, step_lengths
 from tssgeom.route.route_fit import (
     Deferred,
     Nodes,
@@ -44,7 +45,6 @@ from tssgeom.route.route_fit import (
     is_folded,
     refuse_folded,
     refuse_lost,
-    turns_unobserved,
 )
 from tssgeom.route.spline.fit import Spline, fit, on_chords
 
@@ -162,14 +162,19 @@ def _measured(shape: Shape, noise: float | None, method: Method) -> RouteFit:
     data = chain_data(shape, noise, spline)
     required = method == "arcs" or is_folded(spline.route)
     tried = list(_chains(data, smooth, spline, required=required))
-    sound = [one for one in tried if not _turns_unobserved(*one)]
+    sound = [one for one in tried if not chain_turns_unobserved(*one)]
     candidates = sound or (tried if method == "arcs" else [])
     if not candidates:
         return smooth
     scored = [(penalised_log_evidence_difference(*one, spline), *one) for one in candidates]
     difference, data, chain = max(scored, key=itemgetter(0))
     arcs = chain_fit(shape, *without_outliers(data, chain))
-    return arcs if required else selected(smooth, arcs, difference)
+    if required:
+        return arcs
+    if len(shape.points) > GRID.most_points:
+        return selected(smooth, arcs, difference)
+    likelier = replace(arcs if difference > 0.0 else smooth, spline=smooth.spline)
+    return averaged_over_models(likelier, smooth, candidates)
 
 
 def _chains(data: Data, smooth: RouteFit, spline: Spline, *, required: bool) -> Iterator[tuple[Data, Chain]]:
@@ -180,15 +185,8 @@ def _chains(data: Data, smooth: RouteFit, spline: Spline, *, required: bool) -> 
             chain = _competitive(given, chain, spline)
         for one in () if chain is None else (fit_chain(given, chain), chain):
             weighted, fitted = refitted_with_tangents(given, one)
-            fitted, _ = _identifiable(weighted, fitted)
+            fitted, _ = identifiable(weighted, fitted)
             yield weighted, fitted
-
-
-def _turns_unobserved(data: Data, chain: Chain) -> bool:
-    """Whether a chain turns between its points by more than these could show."""
-    edge = np.append(chain.joints, chain.stations.max())  # the last piece has no joint behind it
-    turned = np.interp(chain.stations, edge, summed(np.linalg.norm(chain.bend, axis=1) * np.diff(edge)))
-    return turns_unobserved(data.points, data.weight, chain.stations, turned)
 
 
 def _first_guesses(data: Data, smooth: RouteFit) -> Iterator[tuple[Data, Chain]]:
@@ -220,8 +218,8 @@ def spline_fit(spline: Spline) -> RouteFit:
 def with_few_points_variance(smooth: RouteFit, shape: Shape) -> RouteFit:
     """Add to a smooth fit of points too few for a chain its distance from their turns; docs/model.md (34).
 
-    What arcs are longer than the chords between few points goes with the square of the angle: the error of
-    the length holds that of the angle; (166).
+    The error of the length holds what other λ give, (216), or what the error of the angle means for it,
+    (166), whichever is more: arcs exceed the chords between few points with the square of the angle.
     """
     if len(shape.points) > GRID.most_points:
         return smooth
@@ -229,8 +227,9 @@ def with_few_points_variance(smooth: RouteFit, shape: Shape) -> RouteFit:
         smooth = smooth.with_model_choice_variance(_turns_missed(smooth, shape) ** 2)
     arcs = smooth.arcs
     longer = arcs.total_length - float(np.sum(step_lengths(shape.points[smooth.weight > 0.0])))
-    share = 2.0 * max(longer, 0.0) * arcs.total_angle_se / max(arcs.total_angle, 1e-12)
-    return replace(smooth, arcs=SharedErrors(0.0, share**2).on(arcs))
+    by_angle = 2.0 * max(longer, 0.0) * arcs.total_angle_se / max(arcs.total_angle, 1e-12)
+    by_ratio = 0.0 if smooth.spline is None else smooth.spline.ratio_length_variance * arcs.total_length**2
+    return replace(smooth, arcs=SharedErrors(0.0, max(by_angle**2, by_ratio)).on(arcs))
 
 
 def _turns_missed(smooth: RouteFit, shape: Shape) -> float:
@@ -248,7 +247,7 @@ def chain_fit(shape: Shape, data: Data, chain: Chain, pieces: ChainPieces | None
     if data.tangents is not None:
         used = np.where(data.tangents.variance[:, None] > 0.0, data.tangents.unit, np.nan)
         warnings += direction_warnings(shape.directions, used, shape.index)
-    chain, pieces = _identifiable(data, chain, pieces)
+    chain, pieces = identifiable(data, chain, pieces)
     if data.free:
         warnings += order_warnings(shape, data.weight, chain.stations, pieces.noise)
     fit = RouteFit(
@@ -267,15 +266,6 @@ def chain_fit(shape: Shape, data: Data, chain: Chain, pieces: ChainPieces | None
 
 def _chain_log_evidence(data: Data, chain: Chain) -> float:
     return -0.5 * chain_deviance(data, chain)
-
-
-def _identifiable(data: Data, chain: Chain, pieces: ChainPieces | None = None) -> tuple[Chain, ChainPieces]:
-    """Drop pieces whose bend the points do not determine; returns also those that remain."""
-    pieces = pieces or chain_pieces(data, chain)
-    while pieces.unidentifiable >= 0:
-        chain = without_piece(data, chain, pieces.unidentifiable)
-        pieces = chain_pieces(data, chain)
-    return chain, pieces
 
 
 def chain_data(shape: Shape, noise: float | None, spline: Spline) -> Data:
@@ -297,10 +287,17 @@ def chain_allowed(shape: Shape, spline: Spline) -> bool:
 def _competitive(data: Data, chain: Chain, spline: Spline) -> Chain | None:
     """Return the chain after a few moves, or None where its evidence stays hopeless beside the spline."""
     for _ in range(START.quick_moves):
-        if log_evidence_difference(data, chain, spline) >= CHOICE.hopeless:
+        if _evidence(data, chain, spline) >= CHOICE.hopeless:
             return chain
         chain = fit_chain(data, chain, 1)
-    return chain if log_evidence_difference(data, chain, spline) >= CHOICE.hopeless else None
+    return chain if _evidence(data, chain, spline) >= CHOICE.hopeless else None
+
+
+def _evidence(data: Data, chain: Chain, spline: Spline) -> float:
+    """Evidence of a chain over the spline [2 ln]; of few points not priced, since all models count."""
+    if len(data.points) <= GRID.most_points:
+        return spline.deviance - chain_deviance(data, chain)
+    return log_evidence_difference(data, chain, spline)
 
 
 def first_chain(data: Data, smooth: RouteFit) -> Chain:

@@ -24,7 +24,14 @@ from tssgeom.route.arcs.moves import (
     simpler_tried,
     work_of_candidate,
 )
-from tssgeom.route.geometry import chain_data, chain_fit, first_chain, spline_fit
+from tssgeom.route.geometry import (
+    chain_data,
+    chain_fit,
+    first_chain,
+    spline_fit,
+    with_few_points_variance,
+)
+from tssgeom.route.model_average import added_by_models
 from tssgeom.route.model_choice import (
     CHOICE,
     log_evidence_difference,
@@ -33,6 +40,8 @@ from tssgeom.route.model_choice import (
     undecided,
 )
 from tssgeom.route.observations import Shape
+from tssgeom.route.ratio_average import GRID
+from tssgeom.route.resolution import SharedErrors
 from tssgeom.route.route_fit import RouteFit
 from tssgeom.route.spline.fit import Spline, fit_in_steps
 from tssgeom.route.time_filter import PointFilter
@@ -97,6 +106,8 @@ class TrackedFit:
     """What may take over: a chain under trial, or the spline of the last trial."""
     model_choice_variance: float = 0.0
     """Variance of Φ from the choice between the two [rad²]."""
+    model_length_variance: float = 0.0
+    """The same of the length [m²]."""
     trials: int = 0
     """Checks that the candidate chain has gone through."""
     run: CheckRun | None = None
@@ -120,6 +131,19 @@ class TrackedFit:
     hidden_share: float = 0.0
     """Share of Φ in short bends that may be errors of the points, where no source of them is stated [1]."""
 
+    @classmethod
+    def of(cls, fit: RouteFit, index: Vector) -> TrackedFit:
+        """Begin with a fit that was made from nothing."""
+        return cls(fit, index).with_model_variances(fit.by_models)
+
+    def with_model_variances(self, added: tuple[float, float]) -> TrackedFit:
+        """Return it with other variances of Φ [rad²] and length [m²] from the choice between the two."""
+        return replace(self, model_choice_variance=added[0], model_length_variance=added[1])
+
+    def beside(self, fit: RouteFit) -> RouteFit:
+        """Return the fit of a later frame with these variances added."""
+        return SharedErrors(self.model_choice_variance, self.model_length_variance).beside(fit)
+
     def with_check(self, check: ModelCheck | None) -> TrackedFit:
         """Begin a check, where there is one."""
         if check is None:
@@ -129,6 +153,7 @@ class TrackedFit:
         return replace(self, run=CheckRun(_steps(check, self), work), frames=0, due=True)
 
 
+_NO_VARIANCES = (0.0, 0.0)
 Outcome: TypeAlias = Callable[[TrackedFit], TrackedFit]
 """What a check changes of what is tracked when it ends, some frames after it began."""
 Steps: TypeAlias = Generator[int, None, Outcome]
@@ -219,14 +244,30 @@ def _spline_tried(check: ModelCheck, data: Data, chain: Chain, begun: TrackedFit
         return partial(replace, candidate=spline)
     yield 0
     difference = penalised_log_evidence_difference(data, chain, spline)
-    if difference > 0.0 and not undecided(difference, len(chain.bend)):
-        return partial(_not_taken_over, -difference, spline, 0.0)
-    smooth = spline_fit(spline)
-    variance = model_choice_variance(smooth, begun.fit, difference)
-    if difference < -SCHEDULE.takeover:
-        taken = TrackedFit(smooth, check.shape.index, model_choice_variance=variance)
-        return partial(_taken_over, taken)
-    return partial(_not_taken_over, -difference, spline, variance)
+    few = len(check.shape.points) <= GRID.most_points
+    if difference > 0.0 and not few and not undecided(difference, len(chain.bend)):
+        return partial(_not_taken_over, -difference, spline, _NO_VARIANCES)
+    smooth, arcs = spline_fit(spline), chain_fit(check.shape, data, chain) if few else begun.fit
+    taken = difference < -SCHEDULE.takeover
+    added = _variances(smooth, arcs, (data, chain), difference, few=few, spline_stays=taken)
+    if taken:
+        return partial(_taken_over, TrackedFit(smooth, check.shape.index).with_model_variances(added))
+    return partial(_not_taken_over, -difference, spline, added)
+
+
+def _variances(
+    smooth: RouteFit,
+    arcs: RouteFit,
+    tried: tuple[Data, Chain],
+    difference: float,
+    *,
+    few: bool,
+    spline_stays: bool,
+) -> tuple[float, float]:
+    """Return what the choice adds to the variances of Φ and length of the model that is tracked on."""
+    if few:
+        return added_by_models(smooth if spline_stays else arcs, smooth, [tried])
+    return model_choice_variance(smooth, arcs, difference), 0.0
 
 
 def _taken_over(taken: TrackedFit, now: TrackedFit) -> TrackedFit:
@@ -237,15 +278,14 @@ def _taken_over(taken: TrackedFit, now: TrackedFit) -> TrackedFit:
 
 
 def _not_taken_over(
-    difference: float, candidate: Spline | None, variance: float, now: TrackedFit
+    difference: float, candidate: Spline | None, added: tuple[float, float], now: TrackedFit
 ) -> TrackedFit:
     """Keep the model. `difference` is the candidate's log evidence less that of the model [2 ln]."""
     interval = SCHEDULE.first_interval
     if difference < -SCHEDULE.far_behind:
         interval = min(2 * now.interval, SCHEDULE.longest_interval)
-    return replace(
-        now, age=0, interval=interval, candidate=candidate, trials=0, model_choice_variance=variance
-    )
+    now = replace(now, age=0, interval=interval, candidate=candidate, trials=0)
+    return now.with_model_variances(added)
 
 
 def _chain_tried(check: ModelCheck, begun: TrackedFit) -> Steps:
@@ -253,6 +293,9 @@ def _chain_tried(check: ModelCheck, begun: TrackedFit) -> Steps:
     smooth, spline = begun.fit, begun.fit.spline
     if spline is None:
         return _unchanged
+    few = len(check.shape.points) <= GRID.most_points
+    if few:  # without the variances that earlier checks added
+        smooth = with_few_points_variance(spline_fit(spline), check.shape)
     data = chain_data(check.shape, check.noise, spline)
     if isinstance(begun.candidate, Chain):
         first = begun.candidate._replace(stations=np.array(spline.route.station))
@@ -263,15 +306,16 @@ def _chain_tried(check: ModelCheck, begun: TrackedFit) -> Steps:
     moved = yield from fit_chain_in_steps(data, candidate, SCHEDULE.moves)
     difference = log_evidence_difference(data, moved, spline)
     converged = len(moved.bend) == len(candidate.bend)
-    if difference < CHOICE.hopeless and (converged or begun.trials >= SCHEDULE.patience):
-        return partial(_not_taken_over, difference, None, 0.0)
+    if difference < CHOICE.hopeless and (converged or begun.trials >= SCHEDULE.patience) and not few:
+        return partial(_not_taken_over, difference, None, _NO_VARIANCES)
     if not converged:
         return partial(replace, candidate=moved, trials=begun.trials + 1)
     yield work_of_candidate(data, moved)
     arcs = chain_fit(check.shape, data, moved)
     difference = penalised_log_evidence_difference(data, moved, spline)
-    variance = model_choice_variance(smooth, arcs, difference)
-    if difference > SCHEDULE.takeover:
-        taken = TrackedFit(arcs, check.shape.index, candidate=spline, model_choice_variance=variance)
-        return partial(_taken_over, taken)
-    return partial(_not_taken_over, difference, None, variance)
+    taken = difference > SCHEDULE.takeover
+    added = _variances(smooth, arcs, (data, moved), difference, few=few, spline_stays=not taken)
+    if taken:
+        begins = TrackedFit(arcs, check.shape.index, candidate=spline)
+        return partial(_taken_over, begins.with_model_variances(added))
+    return partial(_not_taken_over, difference, None, added)

@@ -69,6 +69,12 @@ class Arcs(Result):
         k = len(self.length)
         return math.sqrt(max(float(self.covariance[k:, k:].sum()), 0.0))
 
+    @property
+    def total_length_se(self) -> float:
+        """Standard error of the arc length of the whole route [m]."""
+        k = len(self.length)
+        return math.sqrt(max(float(self.covariance[:k, :k].sum()), 0.0))
+
 
 def smooth_geometry(spline: Spline) -> tuple[CurvatureProfile, Arcs]:
     """Curvature of a fitted route, and its pieces of constant curvature that keep its length and angle.

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tssgeom import core
+from tssgeom.arrays import Vector
 from tssgeom.core.constants_route import PRIOR, SEARCH
 from tssgeom.errors import FitError
 from tssgeom.route.bounds import Polygon, polygon
@@ -53,6 +54,9 @@ class RatioGrid:
     """Change of -2 ln of the posterior of λ in the last pass [1]. Chosen."""
     negligible: float = 9.0
     """-2 ln of a posterior, above the least, that counts no more [1]. Derived: a weight of 1 %."""
+    fewest_left: float = 3.0
+    """Fewest values beside the effective parameters [1]. Derived: a Student distribution needs three for a
+    variance."""
     missed: int = 2
     """Neighbouring λ that do not count or give no curve, after which the search ends. Chosen."""
     most: int = 20
@@ -89,6 +93,12 @@ class _Candidate(NamedTuple):
     """Φ [rad]."""
     variance: float
     """Its variance [rad²]."""
+    length: float
+    """Length [m]."""
+    length_variance: float
+    """Its variance at a known noise [m²]."""
+    spread: float
+    """Factor on that variance where the noise is estimated [1]; docs/model.md (216)."""
 
 
 class _State(NamedTuple):
@@ -184,7 +194,19 @@ def _representative(shape: Shape, candidates: list[_Candidate], first: list[_Can
     best = sound[int(np.argmin(criterion))].spline
     more = added_variance(probability, angle, own, chosen.angle, chosen.variance)
     share = (more + unresolved_turn(chosen.spline.route) ** 2) / max(chosen.angle, 1e-12) ** 2
-    return replace(chosen.spline, deviance=best.deviance, ratio_variance=share)
+    return replace(
+        chosen.spline,
+        deviance=best.deviance,
+        ratio_variance=share,
+        ratio_length_variance=_added_length_variance(probability, sound, chosen),
+    )
+
+
+def _added_length_variance(probability: Vector, every: list[_Candidate], chosen: _Candidate) -> float:
+    """Return what other fits add to the variance of the length of one, over its square [1]; (216)."""
+    length = np.array([one.length for one in every])
+    own = np.array([one.length_variance * one.spread for one in every])
+    return added_variance(probability, length, own, chosen.length, chosen.length_variance) / chosen.length**2
 
 
 def unresolved_turn(route: Route) -> float:
@@ -224,9 +246,17 @@ def _candidates(shape: Shape, noise: float | None, spline: Spline) -> Iterator[_
             fitted = spline_of(shape, state.problem, state.solution, spline.memory.spacing)
             arcs = smooth_geometry(fitted)[1]
             angle, variance = arcs.total_angle, arcs.total_angle_se**2
+            of_length = arcs.total_length, arcs.total_length_se**2, _noise_spread(fitted, noise)
             if math.isfinite(angle + variance):
                 criterion = state.criterion - 2.0 * math.log(step)
-                yield _Candidate(fitted, criterion, angle, variance)
+                yield _Candidate(fitted, criterion, angle, variance, *of_length)
+
+
+def _noise_spread(spline: Spline, noise: float | None) -> float:
+    """Return the variance of a Student distribution over a normal one, where the noise is estimated."""
+    left = 2.0 * (float(np.count_nonzero(spline.route.weight)) - spline.freedom)
+    left = max(left, GRID.fewest_left)
+    return left / (left - 2.0) if noise is None else 1.0
 
 
 def _aside(first: _State, step: float) -> Iterator[_State]:

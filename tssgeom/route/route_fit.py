@@ -106,6 +106,8 @@ class RouteFit(Result):
     """ln of the evidence of the observations."""
     warnings: tuple[str, ...] = ()
     """What the user should know of the fit."""
+    by_models: tuple[float, float] = (0.0, 0.0)
+    """What not knowing the model adds to the variances of Φ [rad²] and of the length [m²], for few points."""
     resolution: float = 0.0
     """Length of the shortest wave that counts [m]; 0 where all do that were fitted."""
     spline: Spline | None = None

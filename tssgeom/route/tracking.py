@@ -30,8 +30,9 @@ from tssgeom.route.geometry import (
 )
 from tssgeom.route.model_check import SCHEDULE, ModelCheck, TrackedFit, model_checked
 from tssgeom.route.observations import Shape
+from tssgeom.route.ratio_average import GRID
 from tssgeom.route.route_fit import RouteFit
-from tssgeom.route.spline.fit import Spline, fit
+from tssgeom.route.spline.fit import Spline, fit, warm
 
 
 def follow(shape: Shape, noise: float | None, last: TrackedFit | None, method: Method = "auto") -> TrackedFit:
@@ -65,7 +66,7 @@ def follow(shape: Shape, noise: float | None, last: TrackedFit | None, method: M
         with suppress(FitError):  # a route that leaps may be lost, and fitted again from nothing
             fit = checked(tracked.fit, shape)
             return tracked if fit is tracked.fit else replace(tracked, fit=fit)
-    return TrackedFit(measure(shape, noise, method), shape.index)
+    return TrackedFit.of(measure(shape, noise, method), shape.index)
 
 
 def _follow_chain(
@@ -95,8 +96,7 @@ def _follow_chain(
         chain, pieces = fit_chain(data, chain), None
         if not _fits(data, chain, variance):
             return None
-    result = chain_fit(shape, data, chain, pieces)
-    result = result.with_model_choice_variance(last.model_choice_variance)
+    result = last.beside(chain_fit(shape, data, chain, pieces))
     now = _now(result, shape, last, last.candidate or last.fit.spline)
     if now.run is not None:
         return now
@@ -117,6 +117,7 @@ def _now(result: RouteFit, shape: Shape, last: TrackedFit, candidate: Chain | Sp
         last.checks,
         candidate,
         last.model_choice_variance,
+        last.model_length_variance,
         last.trials,
         last.run,
         last.frames,
@@ -144,11 +145,15 @@ def _fits(data: Data, chain: Chain, variance: float) -> bool:
     return bool(core.chain_fits(*known, chain.form, chain.stations, chain.cost, variance))
 
 
-def _follow_spline(shape: Shape, noise: float | None, last: TrackedFit, method: Method) -> TrackedFit:
-    """Go on with a spline, and now and then plan a trial of a chain beside it."""
-    spline = fit(shape, noise, last.fit.spline)
+def _follow_spline(shape: Shape, noise: float | None, last: TrackedFit, method: Method) -> TrackedFit | None:
+    """Go on with a spline, now and then with a trial of a chain; None where few points need a new fit."""
+    spline = warm(shape, noise, last.fit.spline)
+    if spline is None:
+        if len(shape.points) <= GRID.most_points:
+            return None  # one λ does not stand for all
+        spline = fit(shape, noise)
     smooth = with_few_points_variance(spline_fit(spline), shape)
-    result = smooth.with_model_choice_variance(last.model_choice_variance)
+    result = last.beside(smooth)
     now = _now(result, shape, last, last.candidate)
     wanted = method == "auto" and (last.candidate is not None or now.age >= last.interval)
     if now.run is None and wanted and chain_allowed(shape, spline):

@@ -18,10 +18,11 @@ from tssgeom.route.arcs.chain import (
     along,
     noise_variance,
 )
+from tssgeom.route.arcs.moves import without_piece
 from tssgeom.route.curvature import CurvatureProfile
 from tssgeom.route.pieces import Arcs
 from tssgeom.route.route import Route, summed
-from tssgeom.route.route_fit import Nodes
+from tssgeom.route.route_fit import Nodes, turns_unobserved
 
 _NODES = 161  # beside the joints
 
@@ -61,6 +62,22 @@ def chain_nodes(data: Data, chain: Chain, noise: float) -> Nodes:
 def chain_pieces(data: Data, chain: Chain) -> ChainPieces:
     """Return the pieces of a fitted chain; docs/model.md (33)."""
     return pieces_of(*core.chain_pieces(*data.sensed, *chain[:5])[:5])
+
+
+def identifiable(data: Data, chain: Chain, pieces: ChainPieces | None = None) -> tuple[Chain, ChainPieces]:
+    """Drop pieces whose bend the points do not determine; returns also those that remain."""
+    pieces = pieces or chain_pieces(data, chain)
+    while pieces.unidentifiable >= 0:
+        chain = without_piece(data, chain, pieces.unidentifiable)
+        pieces = chain_pieces(data, chain)
+    return chain, pieces
+
+
+def chain_turns_unobserved(data: Data, chain: Chain) -> bool:
+    """Whether a chain turns between its points by more than these could show."""
+    edge = np.append(chain.joints, chain.stations.max())  # the last piece has no joint behind it
+    turned = np.interp(chain.stations, edge, summed(np.linalg.norm(chain.bend, axis=1) * np.diff(edge)))
+    return turns_unobserved(data.points, data.weight, chain.stations, turned)
 
 
 def pieces_of(

@@ -54,6 +54,8 @@ class Spline:
     """Whether the stations are those of arcs over the chords between the points."""
     ratio_variance: float = 0.0
     """Variance of Φ from not knowing λ, over Φ² [1]."""
+    ratio_length_variance: float = 0.0
+    """The same of the length, over its square [1]."""
     tangent_share: float = 0.0
     """Share of the effective parameters that sensed directions determine [1]."""
     warnings: tuple[str, ...] = ()
@@ -65,7 +67,11 @@ class Spline:
             return self
         known = self.stations_known and not other.by_chords
         return replace(
-            self, stations_known=known, by_chords=other.by_chords, ratio_variance=other.ratio_variance
+            self,
+            stations_known=known,
+            by_chords=other.by_chords,
+            ratio_variance=other.ratio_variance,
+            ratio_length_variance=other.ratio_length_variance,
         )
 
 
@@ -113,7 +119,7 @@ def fit_in_steps(
 ) -> Generator[int, None, Spline]:
     """Do as `fit`, with a stop after each pass."""
     if last is not None and last.shared_angle_error == 0.0:
-        moved = _moved(shape, noise, last)
+        moved = warm(shape, noise, last)
         if moved is not None:
             return moved
         yield PARAMETERS * len(shape.points)
@@ -182,8 +188,10 @@ def _angle_in_cells(shape: Shape, cell: float) -> float:
     return raw_angle(at_once(_fit_white(merged(shape, cell)[0], None))[0].route)
 
 
-def _moved(shape: Shape, noise: float | None, last: Spline) -> Spline | None:
-    """Spline of the same route a moment after the last one, or None where that no longer holds."""
+def warm(shape: Shape, noise: float | None, last: Spline | None) -> Spline | None:
+    """Fit the same route a moment after the last fit in one pass; None where that no longer holds."""
+    if last is None or last.shared_angle_error:
+        return None
     before = last.memory
     if last.by_chords and shape.stations is None:
         shape = on_chords(shape)

@@ -1,0 +1,173 @@
+"""Φ and the length of few points, averaged over a smooth route and chains of arcs; docs/model.md (217).
+
+Few points select neither the kind of model nor the number of pieces. The estimate is that of the selected
+model; its variances are taken over all models that were tried, and over their chains with straight pieces put
+between the bends, which fit as well where noise hides them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from tssgeom.arrays import Vector
+from tssgeom.errors import FitError
+from tssgeom.route.arcs.chain import Chain, Data, fit_fixed_pieces, parameter_count, value_count
+from tssgeom.route.arcs.moves import saved_by_slopes
+from tssgeom.route.arcs.summary import chain_pieces, chain_turns_unobserved, identifiable
+from tssgeom.route.model_choice import (
+    added_variance,
+    chain_deviance,
+    log_evidence_difference,
+    model_probabilities,
+    search_variance,
+)
+from tssgeom.route.pieces import Arcs
+from tssgeom.route.resolution import SharedErrors
+from tssgeom.route.route_fit import RouteFit
+from tssgeom.route.spline.fit import Spline
+
+
+@dataclass(frozen=True, slots=True)
+class ModelAverage:
+    """How evidence weighs the models of few points."""
+
+    parameter_error: float = 1.0
+    """Error of the information criterion, which all parameters share [2 ln a parameter]. Derived: it leaves
+    out the density of the prior, of the order of 1 for each."""
+    straight_share: float = 0.1
+    """First length of a straight piece beside a bend, of that bend [1]. Chosen: the fit moves it."""
+
+
+AVERAGE = ModelAverage()
+
+
+class ChainModel(NamedTuple):
+    """What a chain says of the route, and the evidence for it."""
+
+    angle: float
+    """Φ [rad]."""
+    angle_variance: float
+    """Its variance [rad²]."""
+    length: float
+    """Length [m]."""
+    length_variance: float
+    """Its variance [m²]."""
+    difference: float
+    """Evidence over that of the spline [2 ln]."""
+    priced: float
+    """The same after the price of its joints; docs/model.md (34)."""
+    parameters: int
+
+
+def chain_model(data: Data, chain: Chain, spline: Spline) -> ChainModel:
+    """Angle, length and evidence of a fitted chain beside a spline of the same points."""
+    slopes = max(saved_by_slopes(data, chain), 0.0)
+    angle, angle_variance, length, length_variance = _moments(chain_pieces(data, chain).arcs)
+    return ChainModel(
+        angle=angle,
+        angle_variance=(1.0 + search_variance(data, chain)) * angle_variance,
+        length=length,
+        length_variance=length_variance,
+        difference=spline.deviance - chain_deviance(data, chain) - slopes,
+        priced=log_evidence_difference(data, chain, spline) - slopes,
+        parameters=len(chain.matrix),
+    )
+
+
+def with_straights(tried: Iterable[tuple[Data, Chain]]) -> Iterator[tuple[Data, Chain]]:
+    """Fit chains again with a straight piece wherever a bend meets another one or an end."""
+    for data, chain in tried:
+        candidate = _with_straights(chain)
+        if candidate is not None and parameter_count(candidate.curved, data.free) < value_count(data):
+            with suppress(FitError):
+                yield data, identifiable(data, fit_fixed_pieces(data, candidate))[0]
+
+
+def _different(tried: Iterable[tuple[Data, Chain]]) -> list[tuple[Data, Chain]]:
+    """Return each chain once, which several first guesses may give."""
+    return list({(len(chain.bend), f"{chain.cost:.4g}"): (data, chain) for data, chain in tried}.values())
+
+
+def _with_straights(chain: Chain) -> Chain | None:
+    """Put short straight pieces beside the bends of a chain; None where all have one."""
+    edge = np.append(chain.joints, chain.stations.max())
+    beside = np.concatenate(([True], chain.curved, [True]))
+    cut = AVERAGE.straight_share * np.diff(edge) * chain.curved
+    before, after = cut * beside[:-2], cut * beside[2:]
+    if not before.any() and not after.any():
+        return None
+    begin, kept = edge[:-1] + before, np.diff(edge) - before - after
+    bend = chain.bend * (np.diff(edge) / np.maximum(kept, 1e-12))[:, None]
+    new = np.concatenate((edge[:1][before[:1] > 0.0], (edge[1:] - after)[after > 0.0]))
+    joints = np.concatenate((begin, new))
+    curved = np.concatenate((chain.curved, np.zeros(len(new), dtype=np.bool_)))
+    rows = np.column_stack((joints, np.concatenate((bend, np.zeros((len(new), 2))))))
+    order = np.argsort(joints, kind="stable")
+    return chain._replace(form=np.concatenate((chain.form[:4], rows[order])), curved=curved[order])
+
+
+def averaged_over_models(fit: RouteFit, smooth: RouteFit, tried: Sequence[tuple[Data, Chain]]) -> RouteFit:
+    """Return the selected fit with what all models add to its variances, which it remembers.
+
+    Parameters
+    ----------
+    fit
+        The selected fit, the smooth one or a chain.
+    smooth
+        The smooth fit.
+    tried
+        Chains that were fitted to the same points.
+    """
+    angle, length = added_by_models(fit, smooth, tried)
+    return replace(SharedErrors(angle, length).beside(fit), by_models=(angle, length))
+
+
+def added_by_models(
+    fit: RouteFit, smooth: RouteFit, tried: Sequence[tuple[Data, Chain]]
+) -> tuple[float, float]:
+    """Variances of Φ [rad²] and of the length [m²] beside those of a fit; parameters as above; (217)."""
+    if smooth.spline is None:
+        return 0.0, 0.0
+    first = _different(tried)
+    every = _different((*first, *with_straights(first)))
+    models = [chain_model(*one, smooth.spline) for one in every if not chain_turns_unobserved(*one)]
+    models = [one for one in models if math.isfinite(sum(one[:4]))]
+    probability = probabilities(models)
+    if not len(probability):
+        return 0.0, 0.0
+    of_chains = np.array([one[:4] for one in models]).T
+    angle, own_angle, length, own_length = np.column_stack((_moments(smooth.arcs), of_chains))
+    about, known, length_about, length_known = _moments(fit.arcs)
+    return (
+        added_variance(probability, angle, own_angle, about, known),
+        added_variance(probability, length, own_length, length_about, length_known),
+    )
+
+
+def _moments(arcs: Arcs) -> tuple[float, float, float, float]:
+    """Φ [rad] and the length [m], each followed by its variance."""
+    return arcs.total_angle, arcs.total_angle_se**2, arcs.total_length, arcs.total_length_se**2
+
+
+def probabilities(models: Sequence[ChainModel]) -> Vector:
+    """Probability of the smooth model and of each chain [1 + n], or none where no chain has evidence; (217).
+
+    The price of joints is a guess. The odds of all chains are those nearest to even that any share of it
+    gives, and known no better than the criterion is. Between chains the criterion itself decides.
+    """
+    difference = np.array([one.difference for one in models])
+    priced = np.array([one.priced if math.isfinite(one.priced) else -math.inf for one in models])
+    if not len(models) or not np.isfinite(difference.max()) or not np.isfinite(priced.max()):
+        return np.empty(0)
+    least, most = sorted((float(priced.max()), float(difference.max())))
+    error = AVERAGE.parameter_error * models[int(np.argmax(priced))].parameters
+    # a logistic density that is as wide as the error, joined with that of the odds themselves
+    scale = 2.0 * math.sqrt(1.0 + 3.0 * (error / (2.0 * math.pi)) ** 2)
+    of_chains = 0.5 * (1.0 + math.tanh(0.5 * min(max(0.0, least), most) / scale))
+    return np.concatenate(([1.0 - of_chains], of_chains * model_probabilities(0.5 * difference)))
