@@ -5,14 +5,11 @@ What a command needs is imported when it runs, so that `--help` is quick.
 
 from __future__ import annotations
 
-import _thread
 import inspect
 import io
 import os
 import sys
-import threading
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from importlib import import_module
 from typing import Annotated, Any
 
@@ -20,11 +17,10 @@ import typer
 from typer.core import TyperGroup
 
 from pipelines import tssgeom_version
+from pipelines.interruption import interruptible
 from pipelines.terminal import print_message
 
-_INTERRUPTED = 130  # exit status that shells and typer give Ctrl-C
 _HELP = {"help_option_names": ["-h", "--help"]}
-_REPEATED_AFTER = 0.05  # s from a lost KeyboardInterrupt until it is raised again; chosen: it feels immediate
 
 COMMANDS = (
     "track",
@@ -97,31 +93,28 @@ def _options(
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the console script; each error is one line on stderr, and the exit status is 0, 1, 2 or 130."""
+    """Run the console script; each error is one line on stderr.
+
+    The exit status is 0, 1 or 2, or 128 and the number of the signal that ended the command.
+    """
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # a terminal may lack μ, and a name may be no UTF-8
             stream.reconfigure(errors="backslashreplace")
-    sys.exit(_status(arguments))
+    sys.exit(interruptible(lambda: _status(arguments)))
 
 
 def _status(arguments: Sequence[str] | None) -> int:
     if "" in (sys.argv[1:] if arguments is None else arguments):
         return _failed("an argument is empty: is a variable of the shell not set?", 2)
     try:
-        with lost_interrupts_repeated():
-            status = app(args=arguments, prog_name="tssgeom", standalone_mode=False) or 0
+        return app(args=arguments, prog_name="tssgeom", standalone_mode=False) or 0
     except typer.TyperException as error:
         return _failed(f"{error.format_message().rstrip('.')}: see tssgeom --help", 2) if str(error) else 2
-    except KeyboardInterrupt:
-        status = _INTERRUPTED
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except Exception as error:
         return _expected(error)
-    if status == _INTERRUPTED:
-        return _failed("interrupted: the files that were finished are whole", status)
-    return status
 
 
 def _expected(error: Exception) -> int:
@@ -139,29 +132,3 @@ def _expected(error: Exception) -> int:
 def _failed(text: str, status: int) -> int:
     print_message(" ".join(text.split()))
     return status
-
-
-@contextmanager
-def lost_interrupts_repeated() -> Iterator[None]:
-    """Raise KeyboardInterrupt again where it was lost, as in a callback of the compiler or a finalizer.
-
-    There Python only reports an exception (`sys.unraisablehook`), and the program would go on.
-    """
-    report, timers = sys.unraisablehook, list[threading.Timer]()
-
-    def repeat(lost: Any) -> None:
-        if not issubclass(lost.exc_type, KeyboardInterrupt):
-            report(lost)
-            return
-        timer = threading.Timer(_REPEATED_AFTER, _thread.interrupt_main)
-        timer.daemon = True
-        timers.append(timer)
-        timer.start()
-
-    sys.unraisablehook = repeat
-    try:
-        yield
-    finally:
-        sys.unraisablehook = report
-        for timer in timers:
-            timer.cancel()

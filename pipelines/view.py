@@ -11,6 +11,7 @@ from typing import Annotated
 
 import typer
 
+from pipelines.interruption import ending_this_step
 from pipelines.terminal import print_line, print_message
 
 
@@ -39,8 +40,7 @@ def view(
 
 def _open(paths: Sequence[Path], screenshot: Path | None, out: Path | None, *, web: bool, clean: bool) -> int:
     """Open the viewer, or write a picture or the recording of a comparison, and return the exit status."""
-    from tempfile import TemporaryDirectory
-
+    from tssgeom.atomic import temporary_folder
     from tssgeom.errors import SettingsError
 
     if clean and screenshot is None:
@@ -56,15 +56,17 @@ def _open(paths: Sequence[Path], screenshot: Path | None, out: Path | None, *, w
         written = _compared(compared, out)
         print_line(f"comparison: {', '.join(map(str, written))}")
         return 0 if screenshot is None else _show(written, out, screenshot, web=web, clean=clean)
-    with TemporaryDirectory(prefix="tssgeom-") as folder:
-        return _show(_compared(compared, Path(folder)), paths[1], screenshot, web=web, clean=clean)
+    with temporary_folder() as folder:
+        return _show(_compared(compared, folder), paths[1], screenshot, web=web, clean=clean)
 
 
 def _show(recordings: Sequence[Path], given: Path, screenshot: Path | None, *, web: bool, clean: bool) -> int:
     from tssgeom.view.scene import viewer
 
     if screenshot is None:
-        return viewer.open_viewer(recordings, web=web)
+        with ending_this_step():
+            return viewer.open_viewer(recordings, web=web)
+        return 0
     if len(recordings) > 1:
         print_message(
             f"{given}: the picture shows {recordings[0].name}, the first of {len(recordings)} recordings"

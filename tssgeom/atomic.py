@@ -1,10 +1,14 @@
-"""Files that are complete or absent: each is written as a hidden draft in its folder, then renamed."""
+"""Files that are complete or absent: each is written as a hidden draft in its folder, then renamed.
+
+`discard_drafts` removes what is unfinished, so that a process may end at any moment.
+"""
 
 from __future__ import annotations
 
 import os
 import re
 import shutil
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -12,6 +16,39 @@ from pathlib import Path
 from tssgeom.errors import require_replaceable, unwritable
 
 _DRAFT = re.compile(r"\..+\.\d+\.[a-z]+")  # names that `replacing` gives
+_drafts = set[Path]()  # files and folders of this process that are not finished
+
+
+@contextmanager
+def _discarded(draft: Path) -> Iterator[Path]:
+    """Yield a draft, and remove on leaving what is left of it."""
+    _drafts.add(draft)
+    try:
+        yield draft
+    finally:
+        _discard(draft)
+
+
+def _discard(draft: Path) -> None:
+    if draft.is_dir():
+        shutil.rmtree(draft, ignore_errors=True)
+    else:
+        with suppress(OSError):
+            draft.unlink(missing_ok=True)
+    _drafts.discard(draft)
+
+
+def discard_drafts() -> None:
+    """Remove the drafts and temporary folders of this process; it is to end, whatever its threads do."""
+    for draft in [*_drafts]:
+        _discard(draft)
+
+
+@contextmanager
+def temporary_folder() -> Iterator[Path]:
+    """Yield a folder for temporary files, and remove it on leaving."""
+    with _discarded(Path(tempfile.mkdtemp(prefix="tssgeom-"))) as folder:
+        yield folder
 
 
 @contextmanager
@@ -29,13 +66,11 @@ def replacing(path: Path) -> Iterator[Path]:
     try:
         require_replaceable(path)
         path.parent.mkdir(parents=True, exist_ok=True)
-        yield draft
-        os.replace(draft, path)
+        with _discarded(draft):
+            yield draft
+            os.replace(draft, path)
     except OSError as error:
         raise unwritable(path, error) from error
-    finally:
-        with suppress(OSError):
-            draft.unlink(missing_ok=True)
 
 
 def write_text(path: Path, text: str) -> None:
@@ -61,17 +96,17 @@ def replacing_all(folder: Path) -> Iterator[Path]:
     draft = folder / f".{os.getpid()}.draft"
     fresh = not folder.exists()
     try:
-        draft.mkdir(parents=True, exist_ok=True)
-        yield draft
-        written = sorted(draft.iterdir())
-        for path in written:
-            require_replaceable(folder / path.name)
-        for path in written:
-            os.replace(path, folder / path.name)
+        with _discarded(draft):
+            draft.mkdir(parents=True, exist_ok=True)
+            yield draft
+            written = sorted(draft.iterdir())
+            for path in written:
+                require_replaceable(folder / path.name)
+            for path in written:
+                os.replace(path, folder / path.name)
     except OSError as error:
         raise unwritable(folder, error) from error
     finally:
-        shutil.rmtree(draft, ignore_errors=True)
         if fresh:
             with suppress(OSError):
                 folder.rmdir()  # succeeds only where the folder is empty

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-import tempfile
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
@@ -25,6 +24,7 @@ from pipelines.inputs import (
     unexpected,
 )
 from pipelines.lumen import SensedLumen, add_clearance, lumen_of
+from tssgeom.atomic import temporary_folder
 from tssgeom.engine import alone, recorded
 from tssgeom.errors import SpaceError, TssgeomError, printable
 from tssgeom.io.formats.files import open_recording
@@ -282,11 +282,11 @@ def _write_print_figures(task: Task, analysis: Analysis) -> dict[str, int]:
     if task.print_folder is None:
         return {}
     choose(task.style)
-    with tempfile.TemporaryDirectory() as folder, _figure_lock:
-        written = write_shape_figures(Path(folder), task.name, analysis.results, timed=analysis.timed)
+    with temporary_folder() as folder, _figure_lock:
+        written = write_shape_figures(folder, task.name, analysis.results, timed=analysis.timed)
         for file in written:
             with task.print_folder.replacing(file) as draft:
-                shutil.move(Path(folder) / file, draft)
+                shutil.move(folder / file, draft)
     return {file: task.print_folder.size(file) or 0 for file in written}
 
 

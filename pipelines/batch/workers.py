@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import os
-import signal
+import tempfile
 import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -21,6 +21,8 @@ from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
 from typing import Any, ParamSpec, TypeVar
 
+from pipelines.interruption import end_workers, unheard
+from tssgeom.atomic import temporary_folder
 from tssgeom.errors import SettingsError, SourceError
 
 
@@ -93,7 +95,7 @@ class WorkerPool:
         while waiting or running:
             while waiting and len(running) < self.count * _LIMITS.calls_per_worker and not _any_done(running):
                 one = waiting.popleft()
-                running[self.executor.submit(work, one)] = one
+                running[self._submit(work, one)] = one
             done, _ = wait(running, _LIMITS.report_interval, FIRST_COMPLETED)
             self.show(*self.progress())
             suspects = list[Given]()
@@ -115,7 +117,7 @@ class WorkerPool:
         self.executor.shutdown(wait=False)
         for one in suspects:
             self.executor = self.make(1)
-            future = self.executor.submit(work, one)
+            future = self._submit(work, one)
             wait([future])
             yield one, _outcome(future)
             self.executor.shutdown(wait=False)
@@ -131,11 +133,18 @@ class WorkerPool:
         """
         running = deque[Future[Done]]()
         for call in calls:
-            running.append(self.executor.submit(work, *call))
+            running.append(self._submit(work, *call))
             if len(running) >= self.count * _LIMITS.calls_per_worker:
                 yield self._result(running.popleft())
         while running:
             yield self._result(running.popleft())
+
+    def _submit(self, work: Callable[..., Done], *given: Any) -> Future[Done]:
+        """Hand out a call; a worker that starts for it hears no signal."""
+        if self.count == 1:
+            return self.executor.submit(work, *given)
+        with unheard():
+            return self.executor.submit(work, *given)
 
     def _result(self, future: Future[Done]) -> Done:
         while not wait([future], _LIMITS.report_interval).done:
@@ -213,34 +222,35 @@ def _same_process(show: Report) -> Iterator[WorkerPool]:
 
 @contextmanager
 def _processes(workers: int, show: Report) -> Iterator[WorkerPool]:
-    """Start processes that end with this one, however it ends: they watch a pipe whose other end it holds."""
+    """Start processes that end with this one, however it ends: they watch a pipe whose other end it holds.
+
+    They are killed, since all results are there or none is wanted, and one that was stopped would not end.
+    """
     context = multiprocessing.get_context("spawn")
     watched, held = context.Pipe(duplex=False)
     frames, sizes = context.RawArray("q", _LIMITS.slots), context.RawArray("d", _LIMITS.slots)
     next_slot = context.Value("i", 0)
 
-    def make(count: int) -> Executor:
-        given = (watched, frames, sizes, next_slot)
-        return ProcessPoolExecutor(count, context, initializer=_begin, initargs=given)
+    with temporary_folder() as temporary:
+        given = (watched, frames, sizes, next_slot, str(temporary))
 
-    pool = WorkerPool(workers, make, lambda: (sum(frames), sum(sizes)), show)
-    try:
-        yield pool
-    except BaseException:
-        held.close()
-        pool.executor.shutdown(cancel_futures=True)  # waits: what they write on their way out is tidied after
-        raise
-    else:
-        pool.executor.shutdown()
-    finally:
-        held.close()
-        watched.close()
+        def make(count: int) -> Executor:
+            return ProcessPoolExecutor(count, context, initializer=_begin, initargs=given)
+
+        pool = WorkerPool(workers, make, lambda: (sum(frames), sum(sizes)), show)
+        try:
+            yield pool
+        finally:
+            end_workers()
+            pool.executor.shutdown(cancel_futures=True)
+            held.close()
+            watched.close()
 
 
-def _begin(watched: Connection, frames: Any, sizes: Any, next_slot: Any) -> None:
+def _begin(watched: Connection, frames: Any, sizes: Any, next_slot: Any, temporary: str) -> None:
     """Prepare a new process: it counts its frames and bytes in a slot of its own."""
     global _report
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # its parent ends it
+    tempfile.tempdir = temporary  # its parent removes it
     threading.Thread(target=_end_with, args=(watched,), daemon=True).start()
     with next_slot.get_lock():
         slot = next_slot.value % _LIMITS.slots

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from pipelines.inputs import MOST_REPORTED
+from pipelines.interruption import ending_this_step
 from pipelines.terminal import CountedProgress, counted_progress, print_json, print_message, print_table
 from tssgeom.errors import SettingsError
 from tssgeom.io.formats.cameras import read_cameras
@@ -182,7 +183,7 @@ def _detections(
     detections = list[list[Sightings]]()
     with (
         counted_progress(1, quiet=quiet) as progress,
-        suppress(*([KeyboardInterrupt] if footage.live else [])),
+        ending_this_step() if footage.live else nullcontext(),
     ):
         progress.begin("detecting markers")
         for images in _limited(footage, options.most, progress):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -11,7 +10,7 @@ from pathlib import Path, PurePosixPath
 from shutil import copyfileobj
 from typing import TYPE_CHECKING, Any
 
-from tssgeom.atomic import remove_drafts, replacing
+from tssgeom.atomic import remove_drafts, replacing, temporary_folder
 from tssgeom.errors import SourceError, first_line, require_utf8, unwritable
 
 if TYPE_CHECKING:
@@ -87,8 +86,8 @@ def fetched(address: str) -> Iterator[Path]:
         yield here
         return
     system, path = _reached(address)
-    with tempfile.TemporaryDirectory(prefix="tssgeom-") as folder:
-        copy = Path(folder) / PurePosixPath(path).name
+    with temporary_folder() as folder:
+        copy = folder / PurePosixPath(path).name
         try:
             with system.open_input_stream(path) as source, copy.open("wb") as target:
                 copyfileobj(source, target, _BLOCK)
@@ -129,8 +128,8 @@ class Folder:
             with replacing(self.here / name) as draft:
                 yield draft
             return
-        with tempfile.TemporaryDirectory(prefix="tssgeom-") as folder:
-            draft = Path(folder) / PurePosixPath(name).name
+        with temporary_folder() as folder:
+            draft = folder / PurePosixPath(name).name
             yield draft
             self._send(draft, name)
 

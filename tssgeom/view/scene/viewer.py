@@ -227,6 +227,9 @@ def _headless(path: Path, size: tuple[int, int]) -> Iterator[ViewerClient]:
             yield _loaded(viewer, port, began)
         except (ConnectionError, RuntimeError, TimeoutError) as error:
             raise _failure(path, log) from error
+        except KeyboardInterrupt:
+            viewer.kill()
+            raise
         finally:
             _end(viewer)
 
