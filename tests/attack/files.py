@@ -55,10 +55,10 @@ def named(folder: Path, faults: Counter[str]) -> int:
     """Analyse shapes under hostile names in one batch; a shape without a result is lost."""
     made = make_named(folder / "in")
     out = folder / "out"
-    ending = attempt(["batch", folder / "in", *made, "--out", out, "--no-pictures", "--workers", "1"])
+    ending = attempt(["batch", folder / "in", *made, "--out", out, "--no-pictures", "--workers", "1"], 60.0)
     sources = json.loads((out / "run.json").read_text("utf-8"))["inputs"] if ending.status == 0 else []
     faults["lost"] += len(made) - len(sources)
-    for fault in ending.faults(allowed=60.0):  # of all together
+    for fault in ending.faults():
         faults[fault.split()[0]] += 1
     if attempt(["verify", out]).status != 0:
         faults["lost"] += 1

@@ -17,7 +17,7 @@ SLOW = 2.0
 """Time of a hang [s]; chosen: longer than any sound command on a small file needs."""
 LARGE = 1 << 30
 """Memory that no case may take [B]; chosen: what a small computer can spare."""
-_LOST_AFTER = 20.0  # s until a command is killed; chosen
+_LOST_AFTER = 30.0  # times the allowed time until a command is killed; chosen: others use the machine too
 _LONGEST = 2048  # B of one line on stderr; chosen: some lines of a terminal
 
 
@@ -33,11 +33,15 @@ class Ending:
     """Greatest resident set [B]."""
     out: bytes
     err: bytes
+    allowed: float = SLOW
+    """Time that it may take on a processor [s]."""
+    quiet: bool = False
+    """Whether it was to print nothing where all is well."""
 
-    def faults(self, allowed: float = SLOW) -> list[str]:
+    def faults(self) -> list[str]:
         """Return what must not be: hang, death, traceback, memory, silence, an endless or unsafe line."""
         faults = list[str]()
-        if self.seconds > allowed:
+        if self.seconds > self.allowed:
             faults.append(f"hang {self.seconds:.1f} s")
         if self.status not in (0, 1, 2):
             faults.append(f"died ({self.status})")
@@ -45,7 +49,7 @@ class Ending:
             faults.append("traceback")
         if self.memory > LARGE:
             faults.append(f"memory {self.memory >> 20} MiB")
-        if not (self.err + self.out).strip():
+        if not (self.err + self.out).strip() and not (self.quiet and self.status == 0):
             faults.append("silent")
         if max(map(len, self.err.split(b"\n"))) > _LONGEST:
             faults.append("long line")
@@ -54,18 +58,18 @@ class Ending:
         return faults
 
 
-def attempt(arguments: Sequence[str | Path]) -> Ending:
+def attempt(arguments: Sequence[str | Path], allowed: float = SLOW) -> Ending:
     """Run a command in a fork of this process, which has imported it, and wait for its end."""
     with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
         begun = time.monotonic()
         child = os.fork()
         if child == 0:
             _run(arguments, out.fileno(), err.fileno())
-        status, usage = _ended(child, begun + _LOST_AFTER)
+        status, usage = _ended(child, begun + _LOST_AFTER * allowed)
         seconds, memory = usage.ru_utime + usage.ru_stime, usage.ru_maxrss * 1024
         out.seek(0)
         err.seek(0)
-        return Ending(status, seconds, memory, out.read(), err.read())
+        return Ending(status, seconds, memory, out.read(), err.read(), allowed, "--quiet" in arguments)
 
 
 def _run(arguments: Sequence[str | Path], out: int, err: int) -> None:

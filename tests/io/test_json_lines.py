@@ -212,3 +212,15 @@ def test_warnings_of_a_frame_are_few_and_short_whatever_its_keys_are():
     assert len(warnings) == 33
     assert warnings[-1] == "368 more names are not read"
     assert max(map(len, warnings)) < 100
+
+
+def test_a_key_that_is_no_text_rejects_its_frame_only(tmp_path):
+    lines = [
+        b'{"t": 0, "points": [[0,0,0],[1,0,0]], "unit": "mm", "tens\x85": 1}',
+        b'{"t": 1, "points": [[0,0,0],[1,0,0]], "unit": "mm"}',
+    ]
+    (tmp_path / "shape.jsonl").write_bytes(b"\n".join(lines))
+    bad, good = open_recording(tmp_path / "shape.jsonl", None).frames
+    assert isinstance(bad, Rejected)
+    assert "line 1: 'utf-8' codec can't decode byte 0x85" in bad.reason
+    assert isinstance(good, Frame)

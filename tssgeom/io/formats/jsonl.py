@@ -290,7 +290,7 @@ def _survey(path: Path) -> _Survey:
         read += 1
         if (count := text.count(b'":')) != keys:  # lines of one sender have the same keys
             keys = count
-            with suppress(ShapeError):  # which its frame reports
+            with suppress(ShapeError, msgspec.DecodeError, UnicodeDecodeError):  # which its frame reports
                 unknown |= dict.fromkeys(_unknown_keys(text))
         has_clock |= heading.t is not None
         if unit and heading.unit and heading.unit != unit:

@@ -132,7 +132,10 @@ def runs_of(table: Table) -> tuple[Rows, ...]:
 
 def filled(time: Vector) -> Vector:
     """Give each row without a time the time of the row before it, so that its frame stays one."""
-    known = np.where(np.isnan(time), -1, np.arange(len(time)))
+    missing = np.isnan(time)
+    if not missing.any():
+        return time
+    known = np.where(missing, -1, np.arange(len(time)))
     latest = np.maximum.accumulate(known)
     return np.where(latest < 0, np.nan, time[latest])
 

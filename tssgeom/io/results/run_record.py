@@ -153,7 +153,7 @@ def earlier_run(folder: Folder) -> RunRecord | None:
         return None
     try:
         return msgspec.json.decode(text, type=RunRecord)
-    except msgspec.MsgspecError as error:
+    except (msgspec.MsgspecError, UnicodeDecodeError) as error:
         raise SourceError(
             f"{folder.address}/{RESULTS_MARK}: no record of a run ({error}): remove it yourself"
         ) from error
@@ -229,7 +229,7 @@ def noted(folder: Folder, name: str) -> Done | None:
         return None
     try:
         return msgspec.json.decode(text, type=Done)
-    except msgspec.MsgspecError:
+    except (msgspec.MsgspecError, UnicodeDecodeError):
         return None
 
 

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import re
-import struct
 import zipfile
-import zlib
 from collections import Counter
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -18,19 +16,17 @@ from typing import Any
 import numpy as np
 
 from tssgeom.errors import ShapeError, SourceError, first_line
+from tssgeom.io.formats.laboratory.matlab import matlab_variables
 from tssgeom.io.formats.laboratory.raw import Column, RawTable
 from tssgeom.io.formats.laboratory.rows import Row, column_of, decimal_of, is_data, table_of
 from tssgeom.io.formats.laboratory.text import read_text
-from tssgeom.io.formats.paths import bytes_of, ending, require_room, require_room_in_zip, room
+from tssgeom.io.formats.paths import bytes_of, ending, require_room, require_room_in_zip
 from tssgeom.io.formats.tables import parquet_columns, parquet_file
 
 TEXT = (".csv", ".tsv", ".txt", ".dat", ".csv.gz", ".tsv.gz", ".txt.gz", ".dat.gz")
 SHEETS = (".xlsx", ".xls", ".ods")
 _NAMES_OF_COLUMNS = ("names", "columns", "header", "headers", "labels", "channels", "varnames")
 _CELL = re.compile(rb'\br="([A-Z]{1,4})(\d{1,9})"')
-_MATLAB_HEAD, _MATLAB_PACKED = 128, 15
-"""Bytes before the first element of a MATLAB file, and the kind of a packed one. Source: its format 5."""
-_BLOCK = 1 << 20  # bytes that are unpacked at a time; chosen
 _UNITS_OF_COLUMNS = ("units", "unit")
 
 
@@ -161,17 +157,9 @@ def _column(values: np.ndarray) -> Column:
 
 
 def _matlab(path: Path) -> list[RawTable]:
-    from scipy.io import loadmat
-
-    packed = bytes_of(path)
-    require_room(path, _unpacked_size(packed))
-    try:
-        content = loadmat(BytesIO(packed), simplify_cells=True)
-    except NotImplementedError as error:
-        raise SourceError(f"{path}: MATLAB 7.3 (HDF5): save it with -v7, or as CSV") from error
-    held = {name: value for name, value in content.items() if not name.startswith("__")}
-    while len(held) == 1 and isinstance(struct := next(iter(held.values())), dict):
-        held = struct
+    held = matlab_variables(path)
+    while len(held) == 1 and isinstance(inner := next(iter(held.values())), dict):
+        held = inner
     arrays = {
         name: value
         for name, value in held.items()
@@ -191,20 +179,6 @@ def _matlab(path: Path) -> list[RawTable]:
         )
     units = dict(stated) if isinstance(stated, dict) else dict(zip(columns, _words(stated), strict=False))
     return [_with_length_unit(_of_columns(columns, units), stated)]
-
-
-def _unpacked_size(content: bytes) -> int:
-    """Return the size of the unpacked elements of a MATLAB 5 file, up to a little above `room` [B]."""
-    order, at, size = "<" if content[126:128] == b"IM" else ">", _MATLAB_HEAD, 0
-    while at + 8 <= len(content) and size <= room():
-        kind, count = struct.unpack_from(f"{order}II", content, at)
-        if kind == _MATLAB_PACKED:
-            unpacker, rest = zlib.decompressobj(), content[at + 8 : at + 8 + count]
-            while rest and size <= room():
-                size += len(unpacker.decompress(rest, _BLOCK))
-                rest = unpacker.unconsumed_tail
-        at += 8 + count
-    return size
 
 
 def _words(value: Any) -> tuple[str, ...]:
