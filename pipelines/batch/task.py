@@ -36,7 +36,7 @@ from tssgeom.io.results.run_record import (
     Done,
     Input,
     Settings,
-    forget,
+    begin,
     intact,
     key_of,
     note,
@@ -120,7 +120,8 @@ def _outcome(task: Task, path: Path, share: Share | None) -> Outcome:
     before = noted(task.out, task.name)
     if before is not None and before.key == key and _intact(task, before):
         return Outcome(before, unchanged=True)
-    forget(task.out, task.name)
+    tables, texts = _tables(task)
+    begin(task.out, task.name, [*tables, *texts, _picture(task)])
     done = _done(task, path, digest, key, share)
     note(task.out, task.name, done)
     return Outcome(done)
@@ -163,10 +164,9 @@ def _columns_beside(task: Task) -> str | None:
 
 def _done(task: Task, path: Path, digest: str, key: str, share: Share | None) -> Done:
     name, out = task.name, task.out
+    tables, texts = _tables(task)
     recording = open_recording(path, task.settings.unit, task.settings.columns)
     running = RunningSummary.of(recording.frame_count)
-    tables = (f"frames/{name}.parquet", f"segments/{name}.parquet")
-    texts = [str(Path(table).with_suffix(".csv").as_posix()) for table in tables] if task.csv else []
     with out.replacing(tables[0]) as frames, out.replacing(tables[1]) as segments:
         write_parts(frames, segments, _parts(task, recording, running.stride, share), running)
         analysis = require_used(name, task.source, recording, running)
@@ -180,7 +180,7 @@ def _done(task: Task, path: Path, digest: str, key: str, share: Share | None) ->
     lines = [line.replace(printable(str(path)), task.given) for line in frame_refusals(analysis, task.given)]
     files = [*tables, *texts]
     if task.recorded.pictures:
-        file = f"recordings/{task.name}.rrd"
+        file = _picture(task)
         failure = attempt(task.given, lambda: _write_recording(task, analysis, file, lumen))
         files += [file] if failure is None else []
         failures += [] if failure is None else [failure.reason]
@@ -202,6 +202,16 @@ def _done(task: Task, path: Path, digest: str, key: str, share: Share | None) ->
         sha256={file: out.sha256(file) or "" for file, size in sizes.items() if size != ANY_SIZE},
         figures=figures,
     )
+
+
+def _tables(task: Task) -> tuple[tuple[str, str], list[str]]:
+    """Return the files of frames and segments, and those of the same as CSV."""
+    tables = (f"frames/{task.name}.parquet", f"segments/{task.name}.parquet")
+    return tables, [str(Path(table).with_suffix(".csv").as_posix()) for table in tables] if task.csv else []
+
+
+def _picture(task: Task) -> str:
+    return f"recordings/{task.name}.rrd"
 
 
 def _parts(task: Task, recording: Recording, stride: int, share: Share | None) -> Iterator[Part]:
@@ -297,7 +307,7 @@ def _report_entry(task: Task, analysis: Analysis, *, plotted: bool) -> dict[str,
         running.results,
         timed=analysis.timed,
         rejected=running.rejected,
-        recording=f"recordings/{task.name}.rrd" if plotted else "",
+        recording=_picture(task) if plotted else "",
         used=running.used,
         rejected_frames=running.refused,
         warnings=running.warnings,

@@ -65,6 +65,12 @@ def named(folder: Path, faults: Counter[str]) -> int:
     return len(made)
 
 
+def warmed() -> None:
+    """Import in this process what its forks need, so that it is not measured."""
+    for command in _WARM:
+        _quietly(command)
+
+
 def _quietly(command: list[str | Path]) -> None:
     """Run a command in this process, so that its forks have imported what it needs."""
     from pipelines.cli import main as tssgeom
@@ -85,8 +91,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=26)
     parser.add_argument("--mutations", type=int)
     options = parser.parse_args()
-    for command in _WARM:
-        _quietly(command)
+    warmed()
     faults, counts = Counter[str](), dict[str, int]()
     with tempfile.TemporaryDirectory() as home:
         folders = [Path(home, name) for name in ("bombs", "special", "mutations", "names/in")]

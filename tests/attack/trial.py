@@ -13,6 +13,8 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from pipelines.interruption import SIGNALS
+
 SLOW = 2.0
 """Time of a hang [s]; chosen: longer than any sound command on a small file needs."""
 LARGE = 1 << 30
@@ -37,6 +39,12 @@ class Ending:
     """Time that it may take on a processor [s]."""
     quiet: bool = False
     """Whether it was to print nothing where all is well."""
+    late: float | None = None
+    """Time from the signal that was sent to the end [s]; None where it ended before."""
+    elapsed: float = 0.0
+    """Time from start to end [s]."""
+    left: bool = False
+    """Whether a process that it started is still there."""
 
     def faults(self) -> list[str]:
         """Return what must not be: hang, death, traceback, memory, silence, an endless or unsafe line."""
@@ -58,18 +66,56 @@ class Ending:
         return faults
 
 
-def attempt(arguments: Sequence[str | Path], allowed: float = SLOW) -> Ending:
-    """Run a command in a fork of this process, which has imported it, and wait for its end."""
+def attempt(
+    arguments: Sequence[str | Path], allowed: float = SLOW, sent: tuple[int, float] | None = None
+) -> Ending:
+    """Run a command in a fork of this process, which has imported it, and wait for its end.
+
+    Parameters
+    ----------
+    arguments
+        Of the command.
+    allowed
+        Time that it may take on a processor [s].
+    sent
+        A signal to send, and how long after the start [s].
+    """
     with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
         begun = time.monotonic()
         child = os.fork()
         if child == 0:
             _run(arguments, out.fileno(), err.fileno())
+        struck = None if sent is None else _struck(child, sent[0], begun + sent[1])
         status, usage = _ended(child, begun + _LOST_AFTER * allowed)
+        now = time.monotonic()
+        late = None if struck is None else now - struck
         seconds, memory = usage.ru_utime + usage.ru_stime, usage.ru_maxrss * 1024
         out.seek(0)
         err.seek(0)
-        return Ending(status, seconds, memory, out.read(), err.read(), allowed, "--quiet" in arguments)
+        text, quiet = (out.read(), err.read()), "--quiet" in arguments
+        return Ending(status, seconds, memory, *text, allowed, quiet, late, now - begun, _is_left(child))
+
+
+def _struck(child: int, number: int, moment: float) -> float | None:
+    """Send a signal at a moment, and return when; None where the process has ended."""
+    while time.monotonic() < moment:
+        if os.waitid(os.P_PID, child, os.WEXITED | os.WNOHANG | os.WNOWAIT):
+            return None
+        time.sleep(0.001)
+    os.kill(child, number)
+    return time.monotonic()
+
+
+def _is_left(group: int) -> bool:
+    """Whether a process of a group is there, after the time that its end may take."""
+    until = time.monotonic() + SLOW
+    while time.monotonic() < until:
+        try:
+            os.killpg(group, 0)
+        except ProcessLookupError:
+            return False
+        time.sleep(0.01)
+    return True
 
 
 def _run(arguments: Sequence[str | Path], out: int, err: int) -> None:
@@ -77,6 +123,8 @@ def _run(arguments: Sequence[str | Path], out: int, err: int) -> None:
     status = 70
     try:
         os.setpgid(0, 0)
+        for number in SIGNALS:  # what starts this may have shut them off
+            signal.signal(number, signal.SIG_DFL if number != signal.SIGINT else signal.default_int_handler)
         nothing = os.open(os.devnull, os.O_RDONLY)
         for given, taken in ((nothing, 0), (out, 1), (err, 2)):
             os.dup2(given, taken)

@@ -68,9 +68,8 @@ def read_lumen(path: str | Path, unit: str) -> trimesh.Trimesh:
     mesh = _loaded(path)
     if np.shape(getattr(mesh, "faces", ()))[1:] != (3,) or len(mesh.faces) == 0:
         raise ShapeError(f"{path}: the mesh has no triangles: export a surface")
-    if not (np.abs(mesh.vertices) <= _FARTHEST).all() or not 0 <= mesh.faces.min() <= mesh.faces.max() < len(
-        mesh.vertices
-    ):
+    near = mesh.vertices.shape[1] == 3 and (np.abs(mesh.vertices) <= _FARTHEST).all()
+    if not near or not 0 <= mesh.faces.min() <= mesh.faces.max() < len(mesh.vertices):
         raise ShapeError(f"{path}: the mesh has impossible corners: export it anew")
     mesh.apply_scale(1.0 / PER_METRE[unit])
     return mesh

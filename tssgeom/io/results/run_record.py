@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from functools import lru_cache
 from pathlib import Path, PurePosixPath
-from typing import Any
+from typing import Any, TypeVar
 
 import msgspec
 from filelock import FileLock, Timeout
@@ -23,6 +23,7 @@ HIDDEN = UNFINISHED_MARK
 ANY_SIZE = -1
 """Replaces the size of a file that differs slightly each time it is written."""
 _NOTES = f"{HIDDEN}/done"
+Note = TypeVar("Note")
 
 
 class Settings(msgspec.Struct, frozen=True, kw_only=True):
@@ -217,18 +218,26 @@ class Done(msgspec.Struct, frozen=True, kw_only=True):
     """The same in the folder for figures, where there is one."""
 
 
+class _Begun(msgspec.Struct, frozen=True):
+    """What a note has from the beginning on: the files that there may be."""
+
+    files: Mapping[str, int] = {}
+
+
 def key_of(parts: Mapping[str, Any]) -> str:
     """Return a digest of everything that the results of an input depend on."""
     return hashlib.sha256(msgspec.json.encode(parts, order="deterministic")).hexdigest()
 
 
 def noted(folder: Folder, name: str) -> Done | None:
-    """Return the note of an input; None where there is none that can be read."""
+    """Return the note of an input that is done; None where there is none that can be read."""
+    return _noted(folder, name, Done)
+
+
+def _noted(folder: Folder, name: str, kind: type[Note]) -> Note | None:
     text = folder.read(f"{_NOTES}/{name}.json")
-    if text is None:
-        return None
     try:
-        return msgspec.json.decode(text, type=Done)
+        return None if text is None else msgspec.json.decode(text, type=kind)
     except (msgspec.MsgspecError, UnicodeDecodeError):
         return None
 
@@ -258,11 +267,24 @@ def note(folder: Folder, name: str, done: Done) -> None:
         draft.write_bytes(msgspec.json.encode(done))
 
 
+def begin(folder: Folder, name: str, files: Sequence[str]) -> None:
+    """Remove what an earlier batch wrote of an input, and note the files that are about to be written.
+
+    Raises
+    ------
+    SourceError
+        Where the disk refuses.
+    """
+    forget(folder, name)
+    with folder.replacing(f"{_NOTES}/{name}.json") as draft:
+        draft.write_bytes(msgspec.json.encode(_Begun(dict.fromkeys(files, ANY_SIZE))))
+
+
 def forget(folder: Folder, name: str) -> None:
-    """Remove the note of an input, then its files, so that no file of an earlier version remains."""
-    before = noted(folder, name)
-    folder.remove([f"{_NOTES}/{name}.json"])
+    """Remove the files of an input, finished or not, then its note, so that no file of it remains."""
+    before = _noted(folder, name, _Begun)
     folder.remove([] if before is None else list(before.files))
+    folder.remove([f"{_NOTES}/{name}.json"])
 
 
 def forget_all(folder: Folder, but: Collection[str] = ()) -> None:

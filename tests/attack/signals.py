@@ -1,0 +1,117 @@
+"""The attack by signals, `python -m tests.attack.signals`: each command ends at once and cleanly."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import random
+import shutil
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as papq
+
+from pipelines.interruption import MESSAGE, SIGNALS
+from tests.attack.files import warmed
+from tests.attack.kills import moving
+from tests.attack.trial import Ending, attempt
+
+ROOT = Path(__file__).parents[2]
+SHAPES = ROOT / "sample_shapes"
+PROMPT = 0.5
+"""Longest time from a signal to the end [s]; chosen: it feels immediate."""
+_LONG = 60.0  # s on a processor that a command may take undisturbed
+
+
+def commands(folder: Path) -> Iterator[list[str | Path]]:
+    """Yield commands that take a while and write to `folder / "out"`."""
+    out, loop, campaign = folder / "out", SHAPES / "setup_a.csv", SHAPES / "campaign_hidden_bend"
+    many, long = folder / "in", moving(folder / "long.jsonl", 400)
+    many.mkdir()
+    for k in range(4):
+        moving(many / f"run{k}.jsonl", 10 + k)
+    batch = ["batch", many, "--out", out]
+    yield [*batch, "--workers", "2"]
+    yield [*batch, "--workers", "1"]
+    yield ["batch", long, "--out", out, "--geometry-only", "--workers", "2"]
+    yield ["analyse", long, "--out", out]
+    yield ["check", long, *many.iterdir()]
+    yield ["simulate", long, "--drive", campaign / "loop_slow.csv", "--out", out]
+    yield ["compensate", loop, "--target", campaign / "loop_slow.csv", "--out", out]
+    yield ["calibrate", campaign / "loop_slow.csv", "--shape", loop, "--out", out / "rig.toml"]
+    yield ["discover", campaign, "--out", out]
+    yield ["remedy", "--shape", loop, "--out", out]
+    yield ["paper", "--out", out]
+    yield ["samples", "--out", out]
+
+
+def faults(ending: Ending, number: int, folder: Path) -> Iterator[str]:
+    """Yield what must not be after a signal."""
+    if ending.late is None:
+        return
+    message = f"tssgeom: {MESSAGE}"
+    if ending.status not in (0, 1, 128 + number):
+        yield f"status {ending.status}"
+    if ending.status == 128 + number and ending.err.decode().splitlines()[-1:] != [message]:
+        yield f"message {ending.err[-200:]!r}"
+    if b"Traceback" in ending.err:
+        yield "traceback"
+    if ending.left:
+        yield "process left"
+    for path in [*(folder / "temporary").iterdir(), *(folder / "out").rglob(".*")]:
+        if path.name != ".batch":
+            yield f"draft {path.relative_to(folder)}"
+    for path in (folder / "out").rglob("*"):
+        try:
+            if path.suffix == ".parquet":
+                papq.read_table(path)
+            elif path.suffix == ".json":
+                json.loads(path.read_text("utf-8"))
+        except ValueError as error:
+            yield f"half-written {path.relative_to(folder)} ({error})"
+
+
+def main() -> int:
+    """Run the attack, and return 1 where anything happened that may not."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--times", type=int, default=6, help="signals to each command, at random moments")
+    parser.add_argument("--only", default="", help="commands whose name begins so")
+    options = parser.parse_args()
+    warmed()
+    bad = 0
+    with tempfile.TemporaryDirectory() as home:
+        folder = Path(home)
+        (folder / "temporary").mkdir()
+        os.environ["TMPDIR"] = tempfile.tempdir = str(folder / "temporary")
+        for command in commands(folder):
+            if not str(command[0]).startswith(options.only):
+                continue
+            whole, late = attempt(command, _LONG), list[float]()
+            if whole.status not in (0, 1):
+                print(f"{command[0]}: does not run undisturbed: {whole.err[-300:]!r}")  # noqa: T201
+                bad += 1
+            for turn in range(options.times):
+                number, after = SIGNALS[turn % len(SIGNALS)], random.uniform(0.0, whole.elapsed)
+                shutil.rmtree(folder / "out", ignore_errors=True)
+                ending = attempt(command, _LONG, (number, after))
+                late += [] if ending.late is None else [ending.late]
+                for fault in faults(ending, number, folder):
+                    bad += 1
+                    print(f"{command[0]} after {after:.2f} s of {whole.elapsed:.2f} s: {fault}")  # noqa: T201
+            slow = sum(each > PROMPT for each in late)
+            worst = max(late, default=0.0)
+            print(  # noqa: T201
+                f"{command[0]}: {whole.elapsed:.1f} s undisturbed, {len(late)} signals, "
+                f"the end after {np.median(late or [0.0]):.3f} s (median), {worst:.3f} s (longest), "
+                f"{slow} late",
+                flush=True,
+            )
+    print(f"faults: {bad or 'none'}")  # noqa: T201
+    return int(bool(bad))
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
