@@ -6,8 +6,6 @@ What a command needs is imported when it runs, so that `--help` is quick.
 from __future__ import annotations
 
 import inspect
-import io
-import os
 import sys
 from collections.abc import Callable, Sequence
 from importlib import import_module
@@ -18,7 +16,7 @@ from typer.core import TyperGroup
 
 from pipelines import tssgeom_version
 from pipelines.interruption import interruptible
-from pipelines.terminal import print_message
+from pipelines.terminal import open_streams, print_message, whose_reader_may_leave
 
 _HELP = {"help_option_names": ["-h", "--help"]}
 
@@ -97,9 +95,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
     The exit status is 0, 1 or 2, or 128 and the number of the signal that ended the command.
     """
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):  # a terminal may lack μ, and a name may be no UTF-8
-            stream.reconfigure(errors="backslashreplace")
+    open_streams()
     sys.exit(interruptible(lambda: _status(arguments)))
 
 
@@ -107,12 +103,13 @@ def _status(arguments: Sequence[str] | None) -> int:
     if "" in (sys.argv[1:] if arguments is None else arguments):
         return _failed("an argument is empty: is a variable of the shell not set?", 2)
     try:
-        return app(args=arguments, prog_name="tssgeom", standalone_mode=False) or 0
+        status = 0
+        with whose_reader_may_leave():
+            status = app(args=arguments, prog_name="tssgeom", standalone_mode=False) or 0
+            sys.stdout.flush()
+        return status
     except typer.TyperException as error:
         return _failed(f"{error.format_message().rstrip('.')}: see tssgeom --help", 2) if str(error) else 2
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
     except Exception as error:
         return _expected(error)
 

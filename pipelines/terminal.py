@@ -5,14 +5,16 @@ rich is imported when it is needed, so that `--help` is quick.
 
 from __future__ import annotations
 
+import io
 import json
 import math
+import os
 import sys
 import time
 from collections.abc import Callable, Collection, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TextIO
 
 from tssgeom.errors import printable, shortened
 
@@ -39,14 +41,53 @@ class ProgressTimes:
 _TIMES = ProgressTimes()
 
 
+def open_streams() -> None:
+    """Make stdout and stderr take every text; one that is closed goes nowhere.
+
+    A terminal may lack μ, and a name may be no UTF-8.
+    """
+    for name in ("stdin", "stdout", "stderr"):
+        if getattr(sys, name) is None:  # in this order each gets its own number back
+            setattr(sys, name, open(os.devnull, "r" if name == "stdin" else "w", encoding="utf-8"))  # noqa: SIM115
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
+
+
+@contextmanager
+def whose_reader_may_leave() -> Iterator[None]:
+    """Print on stdout; where the reader of a pipe has closed it, the work goes on without it."""
+    try:
+        yield
+    except (BrokenPipeError, SystemExit) as error:  # rich and typer make the second of the first
+        if not isinstance(error, BrokenPipeError) and not isinstance(error.__context__, BrokenPipeError):
+            raise
+        _leave(sys.stdout)
+
+
+def _leave(stream: TextIO) -> None:
+    """Let a stream go nowhere from now on."""
+    with suppress(OSError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+
+
+def _print_beside(text: str) -> None:
+    """Print a line on stderr; where that is full or closed, the work goes on without it."""
+    try:
+        print(text, file=sys.stderr, flush=True)  # noqa: T201
+    except OSError:
+        _leave(sys.stderr)
+
+
 def print_message(text: str) -> None:
     """Print an error or a warning, one line on stderr."""
-    print(f"tssgeom: {shortened(printable(text))}", file=sys.stderr)  # noqa: T201
+    _print_beside(f"tssgeom: {shortened(printable(text))}")
 
 
 def print_line(text: str) -> None:
     """Print plain text on stdout."""
-    print(printable(text))  # noqa: T201
+    with whose_reader_may_leave():
+        print(printable(text))  # noqa: T201
 
 
 def json_text(value: object) -> str:
@@ -84,10 +125,11 @@ def print_table(
     if console.measure(table, options=unbounded).maximum > console.width:
         kept = [k for k, column in enumerate(columns) if column not in optional]
         table = _table([columns[k] for k in kept], [[row[k] for k in kept] for row in rows], words)
-    console.print(printable(title), markup=False, style="bold")
-    console.print(table)
-    for note in notes:
-        console.print(printable(note), markup=False, soft_wrap=True)
+    with whose_reader_may_leave():
+        console.print(printable(title), markup=False, style="bold")
+        console.print(table)
+        for note in notes:
+            console.print(printable(note), markup=False, soft_wrap=True)
 
 
 def _table(columns: Sequence[str], rows: Sequence[Sequence[str]], words: Collection[str]) -> Table:
@@ -106,7 +148,7 @@ def _table(columns: Sequence[str], rows: Sequence[Sequence[str]], words: Collect
 
 
 def _status_line(text: str) -> None:
-    print(printable(text), file=sys.stderr, flush=True)  # noqa: T201
+    _print_beside(printable(text))
 
 
 @contextmanager
