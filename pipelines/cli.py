@@ -116,11 +116,13 @@ def _status(arguments: Sequence[str] | None) -> int:
 
 def _expected(error: Exception) -> int:
     """Print an error of the package or of the system, and return the exit status; raise any other again."""
-    from tssgeom.errors import SettingsError, TssgeomError, refused  # here, since it brings the whole package
+    from tssgeom.errors import SettingsError, TssgeomError, first_line, refused  # here: it is rarely needed
 
     error = refused(error) if isinstance(error, OSError) else error
     if isinstance(error, UnicodeEncodeError):
         error = SettingsError("a name or an argument is not UTF-8, and goes into a file: give another one")
+    if isinstance(error, MemoryError | ImportError):
+        error = SettingsError(f"{first_line(error)}: check the free memory, its limits, and the installation")
     if not isinstance(error, TssgeomError):
         raise error
     return _failed(str(error), 2)

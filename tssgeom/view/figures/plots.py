@@ -137,8 +137,10 @@ def save(drawing: Figure, path: Path) -> None:
 
     A PDF holds its fonts, and the letters of an SVG are outlines: both are the same on every machine.
     """
+    content, kind = io.BytesIO(), path.suffix[1:]  # on a full disk matplotlib's writers raise what they like
     with mpl.rc_context({**_RC, "svg.fonttype": "path"}):
-        drawing.savefig(path, dpi=_DPI, metadata=_METADATA[path.suffix[1:]])
+        drawing.savefig(content, format=kind, dpi=_DPI, metadata=_METADATA[kind])
+    path.write_bytes(content.getvalue())
 
 
 def markup(drawing: Figure) -> str:

@@ -14,7 +14,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from tssgeom.atomic import replacing
-from tssgeom.errors import SourceError, SpaceError, require_replaceable
+from tssgeom.errors import SourceError, require_replaceable
 from tssgeom.view.scene.viewer import binary
 
 _START = b"RRF2\x00)\x00\x00\x01\x02\x00\x00"  # of every file: format, version, messages in protobuf
@@ -49,17 +49,17 @@ def recording_file(
     SourceError
         Where the file cannot be written; SpaceError where the disk is full.
     """
-    with replacing(path) as draft:
-        draft.touch()
-        try:
-            with rr.RecordingStream(application or f"tssgeom: {name}", recording_id=uuid4()) as recording:
-                recording.save(draft, default_blueprint=layout)
-                recording.send_recording_name(name)
-                yield recording
-        except RuntimeError as error:  # the file was there: its sink stopped on the way
-            raise SpaceError(
-                f"{path}: the recording ends early ({error}): free space and run again"
-            ) from error
+    with (
+        replacing(path) as draft,
+        rr.RecordingStream(application or f"tssgeom: {name}", recording_id=uuid4()) as recording,
+    ):
+        stream = (
+            recording.binary_stream()
+        )  # since Rerun's own file sink blocks for ever once the disk is full
+        recording.send_blueprint(layout, make_active=False)
+        recording.send_recording_name(name)
+        yield recording
+        draft.write_bytes(stream.read() or b"")
 
 
 def hosted(name: str, port: int) -> tuple[rr.RecordingStream, str]:
@@ -83,8 +83,8 @@ def hosted(name: str, port: int) -> tuple[rr.RecordingStream, str]:
 class GrowingFile:
     """A recording that is written piece by piece to a hidden file, which gets its name when it is finished.
 
-    Rerun's own file sink blocks for ever once the disk is full; here what was written before stays whole.
-    Without room to join the pieces, the file has no table of contents, and can be read all the same.
+    What was written before the disk is full stays whole. Without room to join the pieces, the file has no
+    table of contents, and can be read all the same.
     """
 
     def __init__(self, path: Path) -> None:
