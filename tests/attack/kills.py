@@ -56,10 +56,10 @@ def killed(folder: Path, kills: int, workers: int) -> list[str]:
         hits += ending.late is not None
         if ending.late is None or random.random() < 0.3:
             moving(inputs / f"run{random.randrange(_INPUTS)}.jsonl", random.randrange(3, 12))
-            odd = inputs / f"odd{renamed}.jsonl"
-            odd.unlink(missing_ok=True)
+            other = inputs / f"other{renamed}.jsonl"
+            other.unlink(missing_ok=True)
             renamed += 1
-            moving(inputs / f"odd{renamed}.jsonl", 5)
+            moving(inputs / f"other{renamed}.jsonl", 5)
     last, undisturbed = (attempt([*command, where], _LONG) for where in (out, folder / "undisturbed"))
     faults = [
         f"{one.status}: {one.err[-300:]!r}" for one in (last, undisturbed) if one.faults() or one.status

@@ -23,6 +23,7 @@ ROOT = Path(__file__).parents[2]
 SHAPES = ROOT / "sample_shapes"
 PROMPT = 0.5
 """Longest time from a signal to the end [s]; chosen: it feels immediate."""
+_BEGUN = 0.2  # s until a fork hears signals as a command does; before, it dies of them
 _LONG = 60.0  # s on a processor that a command may take undisturbed
 
 
@@ -94,7 +95,7 @@ def main() -> int:
                 print(f"{command[0]}: does not run undisturbed: {whole.err[-300:]!r}")  # noqa: T201
                 bad += 1
             for turn in range(options.times):
-                number, after = SIGNALS[turn % len(SIGNALS)], random.uniform(0.0, whole.elapsed)
+                number, after = SIGNALS[turn % len(SIGNALS)], random.uniform(_BEGUN, whole.elapsed)
                 shutil.rmtree(folder / "out", ignore_errors=True)
                 ending = attempt(command, _LONG, (number, after))
                 late += [] if ending.late is None else [ending.late]

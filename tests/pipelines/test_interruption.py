@@ -11,7 +11,7 @@ import pytest
 
 from pipelines.interruption import MESSAGE, SIGNALS, ending_this_step, interruptible
 
-LATE = 20.0  # s; far more than is aimed at, since tests share the machine; the work takes a minute
+LATE = 20.0  # s; far above the 0.5 s of an idle machine, which tests share; the work takes a minute
 
 PROGRAM = """
 import ctypes, hashlib, multiprocessing, sys, time
