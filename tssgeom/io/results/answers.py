@@ -160,6 +160,21 @@ class Stale(msgspec.Struct, frozen=True):
     """Frames that were dropped for newer ones, since the start [1]."""
 
 
+class Late(msgspec.Struct, frozen=True, omit_defaults=True):
+    """The line that is sent when the answer to a frame is not out by its deadline; the answer follows."""
+
+    t: float
+    """Time of that frame [s]."""
+    seq: int
+    """Count of that frame."""
+    stale: bool
+    late: bool
+    silent_s: float
+    """Time since it arrived [s]."""
+    dropped: int
+    id: str | int = ""
+
+
 _encoder = msgspec.json.Encoder()
 
 
@@ -246,6 +261,11 @@ def _cut(given: str | int) -> str | int:
 def stale(time: float, seq: int, silent: float, dropped: int) -> bytes:
     """Write that no good frame has come for `silent` seconds."""
     return _line(Stale(time, seq, True, round(silent, 3), dropped))
+
+
+def late(time: float, seq: int, silent: float, dropped: int, name: str | int) -> bytes:
+    """Write that a frame which arrived `silent` seconds ago is not answered by its deadline."""
+    return _line(Late(time, seq, True, True, round(silent, 3), dropped, _cut(name)))
 
 
 def _segments(arcs: Arcs) -> list[Segment]:
