@@ -112,6 +112,7 @@ def run(options: LiveOptions, settings: RunSettings) -> int:
             mailbox,
             [_source(one, selector, mailbox, options.access, settings, report) for one in options.sources],
             [_sink(one, selector, options.access, report) for one in options.sinks],
+            report,
             options.stale_after,
             lambda: None,
             spin=options.spin and (os.cpu_count() or 1) > 1,
@@ -150,6 +151,8 @@ def run(options: LiveOptions, settings: RunSettings) -> int:
             gc.collect()  # before the line `ready`: it takes longer than many frames
             gc.freeze()
             gc.disable()
+            if options.access.token and options.view_port is not None:
+                report("--view: any program on this machine may read the picture, without the token")
             errors.send(f"ready: {_addresses(session, processes)}\n".encode())
             session.run()
         finally:

@@ -71,6 +71,8 @@ class Session:
     mailbox: Mailbox
     sources: Sequence[Source]
     sinks: list[Sink]
+    report: Callable[[str], object]
+    """Called with a sentence for the user."""
     stale_after: float
     """Time without a good frame after which a stale line is sent [s]."""
     report_statistics: Callable[[], object]
@@ -89,6 +91,10 @@ class Session:
     """When the last frame arrived that was taken, of `perf_counter_ns` [ns]; 0 before the first."""
     _last_good: Arrival | None = None
     """The last frame that was answered and not rejected."""
+    _before_last: Sender | None = None
+    """The sender that was answered before that of the last good frame."""
+    _said_many: bool = False
+    """Whether it was said that senders take turns."""
     _fresh_since: float = math.inf
     """When the last good frame was answered [s]; infinite before the first, and after its stale line."""
     _last_answer: float = field(default_factory=monotonic)
@@ -186,6 +192,7 @@ class Session:
         if isinstance(result, Rejected):
             self._refuse(Rejected(arrival.seq, given.time, result.reason, result.id))
             return
+        self._note_turns(sender)
         self._last_good, self.time = arrival, frame.time
         sender.latest, sender.offset = given.time, frame.time - given.time
         self._fresh_since = self._last_answer = monotonic()
@@ -195,6 +202,19 @@ class Session:
         self.statistics.add(result, (perf_counter_ns() - arrival.arrived) / 1e3)
         for consumer in self.consumers:
             consumer.take(result, self._last_answer)
+
+    def _note_turns(self, sender: Sender) -> None:
+        """Say once where a second sender does not replace the first one, but both go on."""
+        last = None if self._last_good is None else self._last_good.sender
+        if last is None or last is sender:
+            return
+        if sender is self._before_last and not self._said_many:
+            self._said_many = True
+            self.report(
+                "two senders drive one tendon: each has its own fits, filters and clock; end one of them, or "
+                "let one sensor send from one connection"
+            )
+        self._before_last = last
 
     def stop(self) -> None:
         """Take no further frame."""
@@ -268,9 +288,9 @@ class Session:
         self._fresh_since, self.statistics.stale = math.inf, True
 
     def _say_late(self, arrival: Arrival) -> None:
-        frame, waited = arrival.frame, 1e-9 * (perf_counter_ns() - arrival.arrived)
-        assert frame is not None
-        self._publish(answers.late(frame.time, arrival.seq, waited, self.mailbox.dropped, frame.id))
+        good, waited = self._last_good, 1e-9 * (perf_counter_ns() - arrival.arrived)
+        time, seq = (None, -1) if good is None or good.frame is None else (good.frame.time, good.seq)
+        self._publish(answers.late(time, seq, arrival.seq, waited, self.mailbox.dropped))
 
     def _keep_house(self) -> None:
         for part in (*self.sources, *self.sinks):

@@ -29,7 +29,7 @@ class DatagramLimits:
     largest_bytes: int = 1 << 16
     """Bytes of a datagram; cited: UDP allows 65 507."""
     buffer_bytes: int = 1 << 22
-    """Bytes of datagrams that the system is asked to buffer; chosen: 64 of the largest."""
+    """Size of the system's buffer for datagrams [bytes]; chosen: 64 of the largest."""
     sender_bytes: int = 1 << 20
     """The same for one sender; derived: 16 of the largest, as many as its mailbox keeps."""
     at_once: int = 64

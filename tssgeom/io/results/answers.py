@@ -160,19 +160,19 @@ class Stale(msgspec.Struct, frozen=True):
     """Frames that were dropped for newer ones, since the start [1]."""
 
 
-class Late(msgspec.Struct, frozen=True, omit_defaults=True):
+class Late(msgspec.Struct, frozen=True):
     """The line that is sent when the answer to a frame is not out by its deadline; the answer follows."""
 
-    t: float
-    """Time of that frame [s]."""
+    t: float | None
+    """Time of the last good frame [s]; None before the first."""
     seq: int
-    """Count of that frame."""
+    """Count of the last good frame; −1 before the first."""
     stale: bool
-    late: bool
+    late: int
+    """Count of the frame that is not answered."""
     silent_s: float
-    """Time since it arrived [s]."""
+    """Time since that frame arrived [s]."""
     dropped: int
-    id: str | int = ""
 
 
 _encoder = msgspec.json.Encoder()
@@ -263,9 +263,9 @@ def stale(time: float, seq: int, silent: float, dropped: int) -> bytes:
     return _line(Stale(time, seq, True, round(silent, 3), dropped))
 
 
-def late(time: float, seq: int, silent: float, dropped: int, name: str | int) -> bytes:
-    """Write that a frame which arrived `silent` seconds ago is not answered by its deadline."""
-    return _line(Late(time, seq, True, True, round(silent, 3), dropped, _cut(name)))
+def late(time: float | None, seq: int, frame: int, waited: float, dropped: int) -> bytes:
+    """Write that a frame is not answered by its deadline; `time` and `seq` are the last good frame's."""
+    return _line(Late(time, seq, True, frame, round(waited, 3), dropped))
 
 
 def _segments(arcs: Arcs) -> list[Segment]:
