@@ -37,7 +37,10 @@ class FitLimits:
     more_points: float = 2.0
     """Ratio of points to those of the last frame beyond which the time is unknown [1]; chosen."""
     threads: int = 2
-    """Fits beside the stream at a time [1]; chosen: one sender with long fits leaves one to the others."""
+    """Fits at a time of senders that were answered before [1], and one more of new ones; chosen: one sender
+    with long fits leaves a thread to the others."""
+    bearable: float = 20e-3
+    """The same as `inline` where all threads are busy [s]; chosen: less than waiting for one of them."""
     switch: float = 5e-4
     """Time after which a thread leaves the interpreter to another one, while a fit is beside the stream [s];
     derived: a tenth of the 5 ms; Python's own is all of them."""
@@ -85,6 +88,8 @@ class LongFit:
     arrival: Arrival
     frame: Frame
     """The frame, its time on the tendon's clock."""
+    first: bool
+    """Whether it starts from nothing."""
     due: float
     """When it is late [s]; infinite once that has been said."""
     sensed: SensedRoute | Rejected | BaseException | None = None
@@ -104,9 +109,12 @@ class Fits:
     longest_deadline: float
     """Greatest deadline that the user has not stated [s]: after it a stale line comes anyway."""
     running: list[LongFit] = field(default_factory=list)
-    """In the order in which they began."""
+    """Those that wait for a thread too, in the order in which they began."""
     _paces: WeakKeyDictionary[Sender, _Pace] = field(default_factory=WeakKeyDictionary)
-    _work: SimpleQueue[LongFit] = field(default_factory=SimpleQueue)
+    _first: SimpleQueue[LongFit] = field(default_factory=SimpleQueue)
+    """First frames of new senders: however many come, they have one thread."""
+    _next: SimpleQueue[LongFit] = field(default_factory=SimpleQueue)
+    """Later frames."""
     _done: deque[LongFit] = field(default_factory=deque)
     _wake: socket.socket | None = None
 
@@ -116,8 +124,10 @@ class Fits:
         pace = self._paces.setdefault(sender, _Pace())
         pace.comes(arrival)
         before, pace.points = pace.points, points
-        known = sender.track.last is not None and 0 < points <= _LIMITS.more_points * before
-        return known and pace.slowest <= _LIMITS.inline
+        if sender.track.last is None or not 0 < points <= _LIMITS.more_points * before:
+            return False
+        others = sum(not fit.first for fit in self.running)
+        return pace.slowest <= (_LIMITS.inline if others < _LIMITS.threads else _LIMITS.bearable)
 
     def took(self, sender: Sender, time: float) -> None:
         """Take in the processor time of a fit that the stream made itself [s]."""
@@ -129,9 +139,11 @@ class Fits:
             self._start()
         if not self.running:
             sys.setswitchinterval(_LIMITS.switch)
-        arrival.sender.busy = True
-        self.running.append(LongFit(arrival, frame, monotonic() + self._allowed(arrival.sender)))
-        self._work.put(self.running[-1])
+        sender = arrival.sender
+        sender.busy = True
+        fit = LongFit(arrival, frame, sender.track.last is None, monotonic() + self._allowed(sender))
+        self.running.append(fit)
+        (self._first if fit.first else self._next).put(fit)
 
     def ended(self) -> LongFit | None:
         """Return a fit that has ended; None where there is none.
@@ -149,7 +161,7 @@ class Fits:
             sys.setswitchinterval(_OWN_SWITCH)
         sender = fit.arrival.sender
         sender.busy = False
-        if sender.track.last is not None:  # the first fit says nothing of the next
+        if not fit.first:  # the first fit says nothing of the next
             self._paces[sender].took(fit.took)
         sender.used += fit.took
         if isinstance(fit.sensed, BaseException):
@@ -180,12 +192,12 @@ class Fits:
         woken.setblocking(False)
         self._wake.setblocking(False)
         self.selector.register(woken, READ, partial(_emptied, woken))
-        for _ in range(_LIMITS.threads):
-            Thread(target=self._serve, daemon=True).start()
+        for work in (self._first, *[self._next] * _LIMITS.threads):
+            Thread(target=self._serve, args=(work,), daemon=True).start()
 
-    def _serve(self) -> None:
+    def _serve(self, work: SimpleQueue[LongFit]) -> None:
         while True:
-            fit, begun = self._work.get(), thread_time()
+            fit, begun = work.get(), thread_time()
             try:
                 fit.sensed = self.engine.sense(fit.frame, fit.arrival.sender.track)
             except BaseException as error:  # the stream raises it

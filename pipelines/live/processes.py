@@ -122,8 +122,9 @@ class SideProcess:
         """Let it go on where it was stopped: it has to finish."""
         self._process.send_signal(signal.SIGCONT)
 
-    def join(self, begun: float) -> bool:
-        """Wait until it has finished what it `begun` to finish then [s]; return whether all went well."""
+    def join(self, begun: float | None = None) -> bool:
+        """Wait until it has finished, which it has `begun` then [s] or now; return whether all went well."""
+        begun = monotonic() if begun is None else begun
         allowed = _LIMITS.end_view if self.role == "view" else _LIMITS.end
         while self._process.poll() is None and monotonic() < begun + allowed:
             self.resume()

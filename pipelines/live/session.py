@@ -162,7 +162,7 @@ class Session:
         """
         time, warnings = frame.time + sender.offset, frame.warnings
         step = time - self.time
-        joins = self._last_good is not None and sender.latest == -math.inf
+        joins = self._last_good is not None and sender.is_new
         if math.isinf(self.time):
             if abs(time) > _LIMITS.latest_start:
                 time = 0.0
