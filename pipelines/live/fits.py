@@ -13,7 +13,7 @@ from collections import deque
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
-from queue import SimpleQueue
+from queue import Empty, SimpleQueue
 from threading import Thread
 from time import monotonic, thread_time
 from weakref import WeakKeyDictionary
@@ -39,6 +39,8 @@ class FitLimits:
     threads: int = 2
     """Fits at a time of senders that were answered before [1], and one more of new ones; chosen: one sender
     with long fits leaves a thread to the others."""
+    first_waiting: int = 4
+    """First frames that wait for their thread [1]; chosen: newer ones win, however many ports a flood has."""
     bearable: float = 20e-3
     """The same as `inline` where all threads are busy [s]; chosen: less than waiting for one of them."""
     switch: float = 5e-4
@@ -133,8 +135,11 @@ class Fits:
         """Take in the processor time of a fit that the stream made itself [s]."""
         self._paces[sender].took(time)
 
-    def begin(self, arrival: Arrival, frame: Frame) -> None:
-        """Begin a fit beside the stream; the sender's later frames wait for it."""
+    def begin(self, arrival: Arrival, frame: Frame) -> Arrival | None:
+        """Begin a fit beside the stream, for which the sender's later frames wait.
+
+        Return the frame that is dropped for it, if one is.
+        """
         if self._wake is None:
             self._start()
         if not self.running:
@@ -144,6 +149,15 @@ class Fits:
         fit = LongFit(arrival, frame, sender.track.last is None, monotonic() + self._allowed(sender))
         self.running.append(fit)
         (self._first if fit.first else self._next).put(fit)
+        if self._first.qsize() <= _LIMITS.first_waiting:
+            return None
+        try:
+            oldest = self._first.get_nowait()
+        except Empty:  # its thread was quicker
+            return None
+        self.running.remove(oldest)
+        oldest.arrival.sender.busy = False
+        return oldest.arrival
 
     def ended(self) -> LongFit | None:
         """Return a fit that has ended; None where there is none.

@@ -130,8 +130,9 @@ class Session:
             frame = self._on_tendon_clock(arrival.frame, arrival.sender)
             if self.fits.are_quick(arrival, len(frame.points)):
                 self._answer_now(arrival, frame)
-            else:
-                self.fits.begin(arrival, frame)
+            elif (dropped := self.fits.begin(arrival, frame)) is not None:
+                self.mailbox.dropped += 1
+                self._refuse_all(dropped)
         arrival.sender.used += 1e-9 * (perf_counter_ns() - begun)
 
     def _answer_now(self, arrival: Arrival, frame: Frame) -> None:

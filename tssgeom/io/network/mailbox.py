@@ -20,8 +20,8 @@ class FrameLimits:
     """Limits of frames that wait, so that none delays those after it."""
 
     waiting: int = 16
-    """Newest frames of a sender that are kept until one is used, and senders that wait for their first
-    answer; chosen: so many bad ones may follow a good one."""
+    """Newest frames of a sender that are kept until one is used; chosen: so many bad ones may follow a good
+    one."""
     points: int = 10_000
     """Points of a frame; chosen: a larger one would delay all frames after it."""
     id_length: int = 256
@@ -163,22 +163,12 @@ class Mailbox:
             sender.waiting.popleft()
             self.dropped += 1
         if not sender.waiting:
-            self._admit(sender)
+            self._senders.append(sender)
+            sender.used = max(sender.used, self._used)  # who was idle has saved nothing
         now = perf_counter_ns() if arrived is None else arrived
         sender.waiting.append(Waiting(self.arrived, now, decode))
         sender.arrived += 1
         self.arrived += 1
-
-    def _admit(self, sender: Sender) -> None:
-        """Let a sender wait for its turn; of too many never answered ones, the oldest loses its frames."""
-        self._senders.append(sender)
-        sender.used = max(sender.used, self._used)  # who was idle has saved nothing
-        new = [one for one in self._senders if one.is_new and not one.busy]
-        if sender.is_new and len(new) > LIMITS.waiting:
-            self.dropped += len(new[0].waiting) + len(new[0].rejected)
-            new[0].waiting.clear()
-            new[0].rejected.clear()
-            self._senders.remove(new[0])
 
     def skip(self, count: int) -> None:
         """Count frames that are dropped on arrival."""
