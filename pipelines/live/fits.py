@@ -177,7 +177,6 @@ class Fits:
         sender.busy = False
         if not fit.first:  # the first fit says nothing of the next
             self._paces[sender].took(fit.took)
-        sender.used += fit.took
         if isinstance(fit.sensed, BaseException):
             raise fit.sensed
         return fit

@@ -133,7 +133,7 @@ class Session:
             elif (dropped := self.fits.begin(arrival, frame)) is not None:
                 self.mailbox.dropped += 1
                 self._refuse_all(dropped)
-        arrival.sender.used += 1e-9 * (perf_counter_ns() - begun)
+        self.mailbox.charge(arrival.sender, 1e-9 * (perf_counter_ns() - begun))
 
     def _answer_now(self, arrival: Arrival, frame: Frame) -> None:
         engine, track, begun = self.fits.engine, arrival.sender.track, thread_time()
@@ -145,6 +145,7 @@ class Session:
     def _finish(self, fit: LongFit) -> None:
         """Answer a frame that was fitted beside the stream; others may have moved the tendon since."""
         arrival, frame, sensed = fit.arrival, fit.frame, fit.sensed
+        self.mailbox.charge(arrival.sender, fit.took)
         assert arrival.frame is not None
         if frame.time <= self.time:
             frame = self._on_tendon_clock(arrival.frame, arrival.sender)
@@ -163,7 +164,7 @@ class Session:
         """
         time, warnings = frame.time + sender.offset, frame.warnings
         step = time - self.time
-        joins = self._last_good is not None and sender.is_new
+        joins = self._last_good is not None and sender.latest == -math.inf
         if math.isinf(self.time):
             if abs(time) > _LIMITS.latest_start:
                 time = 0.0

@@ -32,13 +32,6 @@ def attacked(faults: Counter[str], folder: Path, *, long: bool) -> int:
             time.sleep(1.0 / 40.0)  # fewer connections in a second than are admitted
         for name, fault in PEERS.items():
             _count(faults, name, [] if fault(target, long) else ["silent"])
-            print(
-                name,
-                round(target.longest_silence(), 2),
-                len(target.sent),
-                len(target.answered),
-                time.monotonic(),
-            )
         target.end()
         _judge(faults, target)
         begun = time.monotonic()

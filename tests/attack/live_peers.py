@@ -157,6 +157,7 @@ def _new_ports(target: Target, long: bool) -> bool:
     for k in range(2000 if long else 300):
         with target.stream.source("udp") as sock:
             sock.send(retimed(_FRAME, 1.0 + k)[:-2] + b',"id":"port"}')
+        time.sleep(5e-3)
     return target.reaction(lambda one: one.get("id") == "port", begin)
 
 

@@ -142,7 +142,9 @@ class UdpSource(Source):
         """Make a new sender; where more are known than are kept, the one that is silent for longest goes."""
         if len(self._peers) >= DATAGRAMS.senders:
             silent = min(self._peers, key=lambda one: self._peers[one].heard)
-            self._forget(self._peers.pop(silent))
+            gone = self._peers.pop(silent)
+            self._forget(gone)
+            self._mailbox.forget(gone.sender)
         before, peer = self._newest, _Peer()
         if before is not None and before.sender.arrived == 1 and not before.sender.pending:
             # a program that sends each frame from another port

@@ -89,7 +89,7 @@ class Sender:
     busy: bool = False
     """Whether a frame of it is being fitted; its later ones wait."""
     used: float = 0.0
-    """Time that its frames took, also while others waited for none [s]."""
+    """Time that its frames took, or at least those of others when it began to wait [s]."""
     arrived: int = 0
     """Frames so far."""
     waiting: deque[Waiting] = field(default_factory=deque)
@@ -103,8 +103,8 @@ class Sender:
 
     @property
     def is_new(self) -> bool:
-        """Whether no frame of it was answered yet."""
-        return self.latest == -math.inf
+        """Whether it has sent few frames so far."""
+        return self.arrived <= LIMITS.waiting
 
     def refusal(self, frame: Frame) -> str:
         """Return why a frame is not later than all answered ones; empty where it is."""
@@ -150,6 +150,8 @@ class Mailbox:
     """Those with frames that wait."""
     _used: float = 0.0
     """Time that the frames of the last sender had taken when its turn came [s]."""
+    _used_by_new: float = 0.0
+    """Time that the frames of all new senders took together: many ports of a flood count as one [s]."""
 
     def __len__(self) -> int:
         """Return how many senders have a frame to be answered now."""
@@ -164,11 +166,32 @@ class Mailbox:
             self.dropped += 1
         if not sender.waiting:
             self._senders.append(sender)
-            sender.used = max(sender.used, self._used)  # who was idle has saved nothing
+            if sender.is_new:  # who was idle has saved nothing
+                self._used_by_new = max(self._used_by_new, self._used)
+            else:
+                sender.used = max(sender.used, self._used)
         now = perf_counter_ns() if arrived is None else arrived
         sender.waiting.append(Waiting(self.arrived, now, decode))
         sender.arrived += 1
         self.arrived += 1
+
+    def forget(self, sender: Sender) -> None:
+        """Drop the frames of a sender that is not heard any more."""
+        if sender.waiting:
+            self._senders.remove(sender)
+            self.dropped += len(sender.waiting) + len(sender.rejected)
+            sender.waiting.clear()
+            sender.rejected.clear()
+
+    def charge(self, sender: Sender, time: float) -> None:
+        """Count the time that a frame of a sender took [s]."""
+        if sender.is_new:
+            self._used_by_new += time
+        else:
+            sender.used += time
+
+    def _share(self, sender: Sender) -> float:
+        return self._used_by_new if sender.is_new else sender.used
 
     def skip(self, count: int) -> None:
         """Count frames that are dropped on arrival."""
@@ -181,8 +204,8 @@ class Mailbox:
         Where it is good, the earlier ones are dropped. Where it is bad, it is kept until an earlier one is
         good or none is left: then all bad ones are reported, in their order.
         """
-        sender = min((one for one in self._senders if not one.busy), key=lambda one: one.used)
-        self._used = sender.used
+        sender = min((one for one in self._senders if not one.busy), key=self._share)
+        self._used = self._share(sender)
         waiting = sender.waiting.pop()
         frame = waiting.decode()
         if isinstance(frame, Rejected):
