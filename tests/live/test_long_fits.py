@@ -91,10 +91,10 @@ def test_senders_that_take_turns_have_the_fits_that_each_has_alone():
 def test_a_route_that_was_sensed_before_gives_the_same_result():
     frames, engine, track = _frames(0), Engine(Rig(), tension_in=9.0), Track()
     wanted = process(frames, Rig(), tension_in=9.0)
-    for frame, expected in zip(frames, wanted, strict=True):
-        sensed = engine.sense(frame, track)
+    for one, expected in zip(frames, wanted, strict=True):
+        sensed = engine.sense(one, track)
         assert isinstance(sensed, SensedRoute)
-        result = engine.push(frame, track=track, sensed=sensed)
+        result = engine.push(one, track=track, sensed=sensed)
         assert isinstance(result, FrameResult)
         assert isinstance(expected, FrameResult)
         assert result.transmission == expected.transmission

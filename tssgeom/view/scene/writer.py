@@ -75,7 +75,7 @@ def hosted(name: str, port: int) -> tuple[rr.RecordingStream, str]:
         socket.create_server(("127.0.0.1", port)).close()
     except OSError as error:
         raise SourceError(
-            f"--view: port {port}: {error.strerror or error}: choose another with --view-port"
+            f"--view: port {port}: {os.strerror(error.errno or 0)}: choose another with --view-port"
         ) from error
     recording = rr.RecordingStream(f"tssgeom: {name}", batcher_config=rr.ChunkBatcherConfig.LOW_LATENCY())
     sink = rr.GrpcServerSink(bind_ip="127.0.0.1", port=port, server_memory_limit=_HOSTED_MEMORY)
