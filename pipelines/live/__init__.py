@@ -47,7 +47,7 @@ def live(
         typer.Option(
             "--deadline-ms",
             min=1.0,
-            help="Time after which a late line is sent for a frame, in ms. \\[default: 3 frames, 50 to 200]",
+            help="Time in which an answer is out, else a late line is, in ms; 3 frames by default.",
         ),
     ] = None,
     spin: Annotated[

@@ -18,6 +18,7 @@ from tests.attack.live_starts import STARTS
 from tests.attack.live_target import Target, hang
 from tests.attack.trial import LARGE
 
+_ENOUGH = 40  # good frames of which a percentile is printed
 _FEW = 7  # starts of the short form: those that come first
 _ENDS = ("--source", "tcp://127.0.0.1:0", "--source", "udp://127.0.0.1:0", "--sink", "tcp://127.0.0.1:0")
 
@@ -31,7 +32,10 @@ def attacked(faults: Counter[str], folder: Path, *, long: bool) -> int:
             _count(faults, name, [] if sent(target, name, text) else ["silent"])
             time.sleep(1.0 / 40.0)  # fewer connections in a second than are admitted
         for name, fault in PEERS.items():
+            begin = len(target.sent)
             _count(faults, name, [] if fault(target, long) else ["silent"])
+            if len(target.sent) - begin > _ENOUGH:
+                print(f"{name}: {target.summary(begin)}", flush=True)  # noqa: T201
         target.end()
         _judge(faults, target)
         begun = time.monotonic()
@@ -46,12 +50,9 @@ def attacked(faults: Counter[str], folder: Path, *, long: bool) -> int:
 
 def _judge(faults: Counter[str], target: Target) -> None:
     """Count what the good sender observed, and print it."""
-    times, silence, memory = target.latencies(), target.longest_silence(), _peak(target.stream)
-    share = len(times) / len(target.sent)
-    high = 1e3 * times[int(0.99 * len(times))]
+    silence, memory = target.longest_silence(), _peak(target.stream)
     print(  # noqa: T201
-        f"good sender: {len(target.sent)} sent, {share:.2%} answered, p99 {high:.1f} ms, "
-        f"longest silence {silence:.2f} s; memory {memory >> 20} MiB"
+        f"good sender: {target.summary()}, longest silence {silence:.2f} s; memory {memory >> 20} MiB"
     )
     _count(faults, "good sender", ["hang"] * (silence > hang()) + ["lost"] * target.missing())
     _count(faults, "memory", ["memory"] * (memory > LARGE))
@@ -60,8 +61,8 @@ def _judge(faults: Counter[str], target: Target) -> None:
 def _peak(stream: Live) -> int:
     """Return the greatest resident memory so far [B]."""
     status = Path(f"/proc/{stream.process.pid}/status").read_text()
-    found = re.search(r"VmHWM:\s+(\d+) kB", status)
-    return int(found[1]) * 1024 if found else 0
+    matches = re.search(r"VmHWM:\s+(\d+) kB", status)
+    return int(matches[1]) * 1024 if matches else 0
 
 
 def _count(faults: Counter[str], name: str, observed: list[str]) -> None:

@@ -181,7 +181,7 @@ def _urgent(target: Target, long: bool) -> bool:
 
 
 def _many_frames_at_once(target: Target, long: bool) -> bool:
-    """Send thousands of frames in one go: the newest is answered."""
+    """Send thousands of frames in one go: the newest has its answer."""
     many, begin = (20_000 if long else 2000), len(target.lines)
     with _connected(target) as sock:
         sock.sendall(b"".join(retimed(_FRAME, 1e-3 * k) for k in range(1, many)))

@@ -21,6 +21,7 @@ from tssgeom.io.formats.states import read_state
 
 _HERE = "tcp://127.0.0.1:0"
 _ORDER = 5.0  # s in which a recording is put in order
+_PATIENCE = 20.0  # s until the first half second of a recording is on the disk
 _DISK = 400_000  # bytes of a disk that is soon full
 _LONG_FIT = line(helix(10_000, 200.0), 2.0)
 
@@ -28,7 +29,7 @@ Trial = Callable[[Path], list[str]]
 """Does one thing in a folder; returns what may not be."""
 
 
-def _answered(stream: Live, moment: float) -> dict:
+def _answer_to(stream: Live, moment: float) -> dict:
     stream.input.write(line(points_mm(60, moment), moment))
     stream.input.flush()
     while (answer := json.loads(stream.output.readline())).get("stale"):
@@ -78,9 +79,11 @@ def _killed_and_started(folder: Path) -> list[str]:
     for _ in range(3):
         with live("--state", state, "--record", record) as stream:
             parts, k = list[Path](), 0
-            while not any(one.stat().st_size for one in parts) and k < 1000:
+            until = time.monotonic() + _PATIENCE
+            while not any(one.stat().st_size for one in parts) and time.monotonic() < until:
                 k += 1
-                _answered(stream, 0.1 * k)
+                time.sleep(0.01)
+                _answer_to(stream, 0.1 * k)
                 parts = [*folder.glob(".run*.part.rrd")]
             for number in (*stream.children(), stream.process.pid):
                 with suppress(ProcessLookupError):
@@ -91,7 +94,7 @@ def _killed_and_started(folder: Path) -> list[str]:
         except TssgeomError:
             wrong.append("lost state")
     with live("--state", state, "--record", record) as stream:
-        _answered(stream, 0.0)
+        _answer_to(stream, 0.0)
         wrong += _ended(stream, more=_ORDER)
     kept = [one for one in folder.glob("run*.rrd") if one.stat().st_size]
     return wrong + ["lost recording"] * max(4 - len(kept), 0)
@@ -99,7 +102,7 @@ def _killed_and_started(folder: Path) -> list[str]:
 
 def _stopped_workers(folder: Path) -> list[str]:
     with live("--state", folder / "tendon.json", "--record", folder / "run.rrd") as stream:
-        _answered(stream, 0.0)
+        _answer_to(stream, 0.0)
         for number in stream.children():
             os.kill(number, signal.SIGSTOP)
         return _ended(stream, more=_ORDER)
@@ -107,10 +110,10 @@ def _stopped_workers(folder: Path) -> list[str]:
 
 def _killed_workers(folder: Path) -> list[str]:
     with live("--state", folder / "tendon.json", "--record", folder / "run.rrd") as stream:
-        _answered(stream, 0.0)
+        _answer_to(stream, 0.0)
         for number in stream.children():
             os.kill(number, signal.SIGKILL)
-        good = all("segments" in _answered(stream, 0.1 * k) for k in range(1, 20))
+        good = all("segments" in _answer_to(stream, 0.1 * k) for k in range(1, 20))
         return ([] if good else ["lost"]) + _ended(stream, status=1)
 
 
@@ -122,7 +125,7 @@ def _full_disk(folder: Path) -> list[str]:
         k = 0
         while not any("make room" in one for one in stream.errors) and k < 20_000:
             k += 1
-            _answered(stream, 0.1 * k)
+            _answer_to(stream, 0.1 * k)
         wrong = [] if k < 20_000 else ["silent"]
         wrong += _ended(stream, more=_ORDER, status=1)
     return wrong + ([] if (folder / "full.rrd").stat().st_size else ["lost recording"])
@@ -132,14 +135,14 @@ def _state_folder_goes(folder: Path) -> list[str]:
     """A state that can no longer be written is reported, and not in each save."""
     home = folder / "home"
     with live("--state", home / "tendon.json") as stream:
-        _answered(stream, 0.0)
+        _answer_to(stream, 0.0)
         time.sleep(0.5)
         for one in home.iterdir():
             one.unlink()
         home.rmdir()
         home.touch()  # a file where the folder was
         for k in range(1, 30):
-            _answered(stream, 0.1 * k)
+            _answer_to(stream, 0.1 * k)
             time.sleep(0.1)
         said = [one for one in stream.errors if "tendon.json" in one]
         wrong = ["silent"] if not said else ["long"] * (len(said) > 2)

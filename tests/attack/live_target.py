@@ -1,4 +1,4 @@
-"""The stream that is attacked, and its good sender: a frame each 20 ms, each of which has to be answered."""
+"""The stream that is attacked, and its good sender: a frame each 20 ms, each of which needs its answer."""
 
 from __future__ import annotations
 
@@ -30,7 +30,13 @@ def hang() -> float:
 @contextmanager
 def beside(work: Callable[[], object]) -> Iterator[None]:
     """Do work in another process, which must not take the interpreter from the good sender."""
-    worker = multiprocessing.get_context("fork").Process(target=work, daemon=True)
+
+    def begun() -> None:
+        if hasattr(os, "SCHED_OTHER"):  # also where good sender and stream have a priority
+            os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+        work()
+
+    worker = multiprocessing.get_context("fork").Process(target=begun, daemon=True)
     worker.start()
     try:
         yield
@@ -46,7 +52,8 @@ class Target:
         self.stream = stream
         self.lines: list[dict[str, Any]] = []
         self.sent: dict[str, float] = {}
-        self.answered: dict[str, float] = {}
+        self.answers: dict[str, float] = {}
+        """When the answer to each good frame came [s]."""
         self._arrived = threading.Condition()
         self._ending = threading.Event()
         self._good = [line(points_mm(60, PERIOD * k), 0.0) for k in range(100)]
@@ -78,17 +85,25 @@ class Target:
         self.reaction(lambda one: one.get("id") == last)
 
     def missing(self) -> int:
-        """Return how many good frames were neither answered nor counted as dropped."""
+        """Return how many good frames have no answer and are not counted as dropped."""
         dropped = max((one["dropped"] for one in self.lines if "dropped" in one), default=0)
-        return max(len(self.sent) - len(self.answered) - dropped, 0)
+        return max(len(self.sent) - len(self.answers) - dropped, 0)
 
-    def latencies(self) -> list[float]:
-        """Return the times from good frames to their answers, in rising order [s]."""
-        return sorted(self.answered[name] - self.sent[name] for name in self.answered)
+    def summary(self, begin: int = 0) -> str:
+        """Return how many good frames from a count on have an answer, and how long it took."""
+        sent = [name for name in list(self.sent)[begin:] if name in self.answers or self._is_old(name)]
+        times = sorted(self.answers[name] - self.sent[name] for name in sent if name in self.answers)
+        if not times:
+            return f"{len(sent)} sent, none with an answer"
+        high = 1e3 * times[int(0.99 * len(times))]
+        return f"{len(sent)} sent, {len(times) / len(sent):.1%} with an answer, p99 {high:.1f} ms"
+
+    def _is_old(self, name: str) -> bool:
+        return time.monotonic() - self.sent[name] > 1.0
 
     def longest_silence(self) -> float:
-        """Return the longest time in which no good frame was answered [s]."""
-        times = sorted(self.answered.values())
+        """Return the longest time without an answer to a good frame [s]."""
+        times = sorted(self.answers.values())
         return max((b - a for a, b in pairwise(times)), default=_GIVEN_UP)
 
     def _read(self, reader: Reader) -> None:
@@ -96,7 +111,7 @@ class Target:
             while True:
                 content = reader.next()
                 if str(name := content.get("id", "")).startswith("good") and "segments" in content:
-                    self.answered[name] = time.monotonic()
+                    self.answers[name] = time.monotonic()
                 with self._arrived:
                     self.lines.append(content)
                     self._arrived.notify_all()

@@ -94,7 +94,7 @@ class Sender:
     """Frames so far."""
     waiting: deque[Waiting] = field(default_factory=deque)
     rejected: list[Rejected] = field(default_factory=list)
-    """Frames newer than the good one that is looked for."""
+    """Frames newer than the good one, which is not known yet."""
 
     @property
     def pending(self) -> bool:

@@ -169,7 +169,7 @@ class Late(msgspec.Struct, frozen=True):
     """Count of the last good frame; −1 before the first."""
     stale: bool
     late: int
-    """Count of the frame that is not answered."""
+    """Count of the frame whose answer is not out."""
     silent_s: float
     """Time since that frame arrived [s]."""
     dropped: int
@@ -264,7 +264,7 @@ def stale(time: float, seq: int, silent: float, dropped: int) -> bytes:
 
 
 def late(time: float | None, seq: int, frame: int, waited: float, dropped: int) -> bytes:
-    """Write that a frame is not answered by its deadline; `time` and `seq` are the last good frame's."""
+    """Write that a frame has no answer by its deadline; `time` and `seq` are the last good frame's."""
     return _line(Late(time, seq, True, frame, round(waited, 3), dropped))
 
 
