@@ -37,7 +37,7 @@ class ProcessLimits:
 
     start: float = 60.0
     """Time in which it has to be ready [s]."""
-    end: float = 30.0
+    end: float = 60.0
     """Time in which all of them have to finish [s]: a long recording is still put in order."""
     end_view: float = 2.0
     """The same for one that writes no file [s]."""
