@@ -42,7 +42,10 @@ class FitLimits:
     first_waiting: int = 4
     """First frames that wait for their thread [1]; chosen: newer ones win, however many ports a flood has."""
     bearable: float = 20e-3
-    """The same as `inline` where all threads are busy [s]; chosen: less than waiting for one of them."""
+    """The same as `inline` where all threads are busy or no other sender waits [s]; chosen: less than waiting
+    for a thread, and far less than the half second in which a signal is heard."""
+    alone: float = 1.0
+    """Time without a frame of another sender after which a sender is alone [s]; chosen."""
     switch: float = 5e-4
     """Time after which a thread leaves the interpreter to another one, while a fit is beside the stream [s];
     derived: a tenth of the 5 ms; Python's own is all of them."""
@@ -112,6 +115,10 @@ class Fits:
     """Greatest deadline that the user has not stated [s]: after it a stale line comes anyway."""
     running: list[LongFit] = field(default_factory=list)
     """Those that wait for a thread too, in the order in which they began."""
+    _last: Sender | None = None
+    """The sender of the last frame."""
+    _turn: int = 0
+    """When its first frame after one of another sender arrived, of `perf_counter_ns` [ns]."""
     _paces: WeakKeyDictionary[Sender, _Pace] = field(default_factory=WeakKeyDictionary)
     _first: SimpleQueue[LongFit] = field(default_factory=SimpleQueue)
     """First frames of new senders: however many come, they have one thread."""
@@ -125,11 +132,16 @@ class Fits:
         sender = arrival.sender
         pace = self._paces.setdefault(sender, _Pace())
         pace.comes(arrival)
+        if sender is not self._last:
+            self._last, self._turn = sender, arrival.arrived
         before, pace.points = pace.points, points
         if sender.track.last is None or not 0 < points <= _LIMITS.more_points * before:
             return False
-        others = sum(not fit.first for fit in self.running)
-        return pace.slowest <= (_LIMITS.inline if others < _LIMITS.threads else _LIMITS.bearable)
+        free = sum(not fit.first for fit in self.running) < _LIMITS.threads
+        return pace.slowest <= (_LIMITS.inline if free and not self._is_alone(arrival) else _LIMITS.bearable)
+
+    def _is_alone(self, arrival: Arrival) -> bool:
+        return 1e-9 * (arrival.arrived - self._turn) > _LIMITS.alone
 
     def took(self, sender: Sender, time: float) -> None:
         """Take in the processor time of a fit that the stream made itself [s]."""

@@ -1,6 +1,5 @@
 """State and recordings of a stream: one writer each, none overwritten, none lost with a signal or a kill."""
 
-import json
 import os
 import shutil
 import signal
@@ -10,7 +9,7 @@ import time
 import pytest
 
 from benchmarks.live_process import PATIENCE, live
-from tests.live.peers import frame
+from tests.live.peers import frame, next_answer
 from tests.live.test_faults import _await_end
 from tssgeom.io.formats.states import read_state
 
@@ -18,9 +17,7 @@ from tssgeom.io.formats.states import read_state
 def answer_one(stream, moment=0.0, **more):
     stream.input.write(frame(moment, **more))
     stream.input.flush()
-    while (answer := json.loads(stream.output.readline())).get("stale"):
-        pass
-    return answer
+    return next_answer(stream)
 
 
 @pytest.mark.parametrize(("option", "name"), [("--state", "tendon.json"), ("--record", "live.rrd")])
