@@ -73,13 +73,20 @@ def replacing(path: Path) -> Iterator[Path]:
         raise unwritable(path, error) from error
 
 
-def write_text(path: Path, text: str) -> None:
+def write_text(path: Path, text: str, *, durable: bool = False) -> None:
     """Write a complete text file, or leave `path` as it was; see `replacing`.
 
-    Bytes of a name that are not UTF-8 are written as JSON escapes them.
+    Bytes of a name that are not UTF-8 are written as JSON escapes them. A durable file is on the disk
+    before it replaces an older one, so that a loss of power leaves one of the two.
     """
-    with replacing(path) as draft:
-        draft.write_text(text, encoding="utf-8", errors="backslashreplace", newline="\n")
+    with (
+        replacing(path) as draft,
+        draft.open("w", encoding="utf-8", errors="backslashreplace", newline="\n") as file,
+    ):
+        file.write(text)
+        if durable:
+            file.flush()
+            os.fsync(file.fileno())
 
 
 @contextmanager

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from threading import Condition
 
 from tssgeom.adapt.follower import Follower
@@ -15,11 +15,26 @@ from tssgeom.plausibility.frames import FrameWatch
 from tssgeom.rig import Rig
 from tssgeom.route.time_filter import PointFilter
 from tssgeom.route.tracking import TrackedFit, model_checked
-from tssgeom.stream import FrameResult, Rejected, advance
+from tssgeom.stream import FrameResult, Rejected, SensedRoute, advance, pulled, sensed_route
 from tssgeom.tendon.commander import Commander
 from tssgeom.tendon.state import TendonState, pretensioned
 
 _FAULTS = (TssgeomError, ArithmeticError)  # of one frame: the next may be sound
+
+
+@dataclass(slots=True)
+class Track:
+    """What goes on from frame to frame of one sender: its fits, its filters, and its rules."""
+
+    last: TrackedFit | None = None
+    """The fit from which that of the next frame starts; None before the first."""
+    watch: FrameWatch = field(default_factory=FrameWatch)
+    """The rules on frames beside those before them."""
+
+    def check_model(self) -> None:
+        """Make the step of the model check that is due after a frame."""
+        if self.last is not None:
+            self.last = model_checked(self.last)
 
 
 class Engine:
@@ -77,8 +92,7 @@ class Engine:
         self._rig, self._tension_in = rig, tension_in
         self._state = pretensioned(rig) if state is None else state
         self._commander, self._follower = commander, follower
-        self._last: TrackedFit | None = None
-        self._watch = FrameWatch()
+        self._track = Track()
         self._count = 0
         self._calls = deque[object]()
         self._call_ended = Condition()
@@ -88,7 +102,14 @@ class Engine:
         """The tendon after the last good frame."""
         return self._state
 
-    def push(self, frame: Frame | Rejected, *, filtered: PointFilter | None = None) -> FrameResult | Rejected:
+    def push(
+        self,
+        frame: Frame | Rejected,
+        *,
+        filtered: PointFilter | None = None,
+        track: Track | None = None,
+        sensed: SensedRoute | None = None,
+    ) -> FrameResult | Rejected:
         """Carry the tendon over one frame; a `Rejected` passes through, with its count.
 
         Parameters
@@ -98,32 +119,56 @@ class Engine:
             neither, a target is taken as reached, and without a target the proximal tension is `tension_in`.
         filtered
             Its points, where they are filtered in time already; the engine filters them otherwise.
+        track
+            What its sender has sent before, where there are many senders: they share the tendon, but neither
+            fits nor filters.
+        sensed
+            Its route, where `sense` has fitted it already.
         """
         with self._turn():
             seq, self._count = self._count, self._count + 1
             if isinstance(frame, Rejected):
                 return replace(frame, seq=seq)
-            self._check_model()
-            before = self._state, self._rig, self._tension_in, self._last
-            result = _advanced(seq, frame, *before, filtered, self._commander, self._follower)
+            track = track or self._track
+            if sensed is None:
+                track.check_model()
+            result = self._pulled(seq, frame, track, filtered, sensed)
             if isinstance(result, Rejected):
                 return result
-            self._state, self._last, self._commander = result.state, result.tracked, result.commander
-            return _watched(result, self._watch)
+            self._state, track.last, self._commander = result.state, result.tracked, result.commander
+            return _watched(result, track.watch)
 
-    def idle(self) -> None:
+    def sense(self, frame: Frame, track: Track) -> SensedRoute | Rejected:
+        """Fit the route of a frame, for a later `push`: the tendon waits for no fit that takes long.
+
+        A track may be in one call at a time; calls with different tracks may run side by side.
+        """
+        track.check_model()
+        try:
+            return sensed_route(frame, self._rig, track.last)
+        except _FAULTS as error:
+            return Rejected(0, frame.time, _reason(error), frame.id)
+
+    def idle(self, track: Track | None = None) -> None:
         """Make the step of the model check that follows a frame, so that the next `push` need not.
 
         A follower does a slice of the work that explains an alert.
         """
         with self._turn():
-            self._check_model()
+            (track or self._track).check_model()
             if self._follower is not None:
                 self._follower.work()
 
-    def _check_model(self) -> None:
-        if self._last is not None:
-            self._last = model_checked(self._last)
+    def _pulled(
+        self, seq: int, frame: Frame, track: Track, filtered: PointFilter | None, sensed: SensedRoute | None
+    ) -> FrameResult | Rejected:
+        before, more = (self._state, self._rig, self._tension_in), (self._commander, self._follower)
+        if sensed is None:
+            return _advanced(seq, frame, *before, track.last, filtered, *more)
+        try:
+            return pulled(seq, frame, *before, sensed, *more)
+        except _FAULTS as error:
+            return Rejected(seq, frame.time, _reason(error), frame.id)
 
     @contextmanager
     def _turn(self) -> Iterator[None]:

@@ -138,9 +138,9 @@ def advance(
     FitError
         Where the points give no finite curve, or the tendon no equilibrium.
     """
-    shape, tracked = fit_frame(frame, rig, last, points)
-    sensed = SensedRoute(shape, tracked, *with_shared_errors_of(frame, rig, tracked))
-    return pulled(seq, frame, state, rig, tension_in, sensed, commander, follower)
+    return pulled(
+        seq, frame, state, rig, tension_in, sensed_route(frame, rig, last, points), commander, follower
+    )
 
 
 class SensedRoute(NamedTuple):
@@ -152,6 +152,22 @@ class SensedRoute(NamedTuple):
     """The fit at its resolution."""
     shared: SharedErrors
     """Errors beside its own, which other frames have too."""
+
+
+def sensed_route(
+    frame: Frame, rig: Rig, last: TrackedFit | None = None, points: PointFilter | None = None
+) -> SensedRoute:
+    """Fit the route of a frame, from that of the `last` one; no tendon is needed, and none is moved.
+
+    Raises
+    ------
+    ShapeError
+        Where the points cannot be a route.
+    FitError
+        Where they give no finite curve.
+    """
+    shape, tracked = fit_frame(frame, rig, last, points)
+    return SensedRoute(shape, tracked, *with_shared_errors_of(frame, rig, tracked))
 
 
 def pulled(

@@ -42,6 +42,14 @@ def live(
         float,
         typer.Option("--stale-after", min=0.001, help="Silence after which a stale line is sent, in s."),
     ] = 0.2,
+    deadline_ms: Annotated[
+        float | None,
+        typer.Option(
+            "--deadline-ms",
+            min=1.0,
+            help="Time in which an answer is out, else a late line is, in ms; 3 frames by default.",
+        ),
+    ] = None,
     spin: Annotated[
         bool,
         typer.Option(help="Above 500 frames a second, await the next without sleep: that takes a core."),
@@ -75,6 +83,7 @@ def live(
         sinks=[sink_of(one) for one in each_once(sink or ["-"], "--sink")],
         access=access(allow_remote=allow_remote, token_file=token_file),
         stale_after=stale_after,
+        deadline=None if deadline_ms is None else 1e-3 * deadline_ms,
         spin=spin,
         stats=stats,
         state=state,

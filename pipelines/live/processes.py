@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import selectors
+import signal
 import socket
 import subprocess
 import sys
@@ -36,8 +37,10 @@ class ProcessLimits:
 
     start: float = 60.0
     """Time in which it has to be ready [s]."""
-    end: float = 30.0
-    """Time in which it has to finish [s]."""
+    end: float = 60.0
+    """Time in which all of them have to finish [s]: a long recording is still put in order."""
+    end_view: float = 2.0
+    """The same for one that writes no file [s]."""
     poll: float = 0.2
     """Longest wait for its messages at start and end [s]."""
     most_waiting: int = 1 << 23
@@ -115,13 +118,22 @@ class SideProcess:
         if self._channel.open:
             self._channel.sock.shutdown(socket.SHUT_WR)
 
-    def join(self) -> bool:
-        """Wait until it has finished; return whether all went well."""
-        try:
-            self._process.wait(_LIMITS.end)
-        except subprocess.TimeoutExpired:
+    def resume(self) -> None:
+        """Let it go on where it was stopped: it has to finish."""
+        self._process.send_signal(signal.SIGCONT)
+
+    def join(self, begun: float | None = None) -> bool:
+        """Wait until it has finished, which it has `begun` then [s] or now; return whether all went well."""
+        begun = monotonic() if begun is None else begun
+        allowed = _LIMITS.end_view if self.role == "view" else _LIMITS.end
+        while self._process.poll() is None and monotonic() < begun + allowed:
+            self.resume()
+            with suppress(subprocess.TimeoutExpired):
+                self._process.wait(_LIMITS.poll)
+        if self._process.poll() is None:
             self._process.kill()
-            self._report(f"{self.role}: did not finish within {_LIMITS.end:g} s and was ended")
+            self._process.wait()
+            self._report(f"{self.role}: did not finish within {allowed:g} s and was ended")
         self._read_rest()
         self._channel.close()
         if self.lost:
@@ -270,12 +282,14 @@ def await_ready(selector: selectors.BaseSelector, processes: Sequence[SideProces
 
 def finish_all(selector: selectors.BaseSelector, processes: Sequence[SideProcess]) -> bool:
     """Let all processes take their messages and finish; return whether all went well."""
-    end = monotonic() + _LIMITS.end
-    while any(process.waiting for process in processes) and monotonic() < end:
+    begun = monotonic()
+    for process in processes:
+        process.resume()
+    while any(process.waiting for process in processes) and monotonic() < begun + _LIMITS.end:
         _call_back(selector)
     for process in processes:
         process.end_messages()
-    ended_well = [process.join() for process in processes]  # each of them, even after one that failed
+    ended_well = [process.join(begun) for process in processes]  # each of them, even after one that failed
     return all(ended_well)
 
 

@@ -17,6 +17,7 @@ from pathlib import Path
 from types import FrameType
 
 from pipelines.inputs import RunSettings
+from pipelines.live.fits import Fits
 from pipelines.live.following import AlertReport, RigFeed
 from pipelines.live.kept_files import kept_recording, locked
 from pipelines.live.processes import (
@@ -31,14 +32,15 @@ from pipelines.live.session import ResultConsumer, Session
 from pipelines.live.status import StatusLine
 from pipelines.live.warm_up import warm_up
 from tssgeom.adapt.follower import Follower
-from tssgeom.engine import process
+from tssgeom.engine import Engine
 from tssgeom.errors import SettingsError
 from tssgeom.io.formats.states import origin_of, origin_remark, read_filter, read_state
 from tssgeom.io.network.addresses import Access, Endpoint
 from tssgeom.io.network.channel import READ, Pipe
+from tssgeom.io.network.datagrams import UdpSource
 from tssgeom.io.network.mailbox import Mailbox
 from tssgeom.io.network.sinks import Sink, StandardOutput, TcpSink, UdpSink
-from tssgeom.io.network.sources import Replay, Source, StandardInput, TcpSource, UdpSource
+from tssgeom.io.network.sources import Replay, Source, StandardInput, TcpSource
 from tssgeom.tendon.commander import Policy, commander_of
 
 
@@ -72,6 +74,8 @@ class LiveOptions:
     """File that keeps the tendon's state from one start to the next."""
     record: Path | None = None
     """Recording to write."""
+    deadline: float | None = None
+    """Time in which an answer has to be out [s]; None: from the rate of the frames."""
     view_port: int | None = None
     """Port at which viewers may connect; None: no picture."""
     tolerance: float | None = None
@@ -108,6 +112,7 @@ def run(options: LiveOptions, settings: RunSettings) -> int:
             mailbox,
             [_source(one, selector, mailbox, options.access, settings, report) for one in options.sources],
             [_sink(one, selector, options.access, report) for one in options.sinks],
+            report,
             options.stale_after,
             lambda: None,
             spin=options.spin and (os.cpu_count() or 1) > 1,
@@ -129,6 +134,14 @@ def run(options: LiveOptions, settings: RunSettings) -> int:
             policy=options.policy,
             state=state,
         )
+        engine = Engine(
+            settings.rig,
+            tension_in=settings.tension_in,
+            state=state,
+            commander=commander,
+            follower=follower,
+        )
+        session.fits = Fits(selector, engine, options.deadline, options.stale_after)
         session.consumers, processes = _side_processes(options, settings, follower, selector, report)
         session.report_statistics, finish = _statistics(session, processes, errors, stats=options.stats)
         try:
@@ -138,16 +151,10 @@ def run(options: LiveOptions, settings: RunSettings) -> int:
             gc.collect()  # before the line `ready`: it takes longer than many frames
             gc.freeze()
             gc.disable()
+            if options.access.token and options.view_port is not None:
+                report("--view: any program on this machine may read the picture, without the token")
             errors.send(f"ready: {_addresses(session, processes)}\n".encode())
-            for result in process(
-                session.frames(),
-                settings.rig,
-                tension_in=settings.tension_in,
-                state=state,
-                commander=commander,
-                follower=follower,
-            ):
-                session.answer(result)
+            session.run()
         finally:
             session.close()
             all_well = finish_all(selector, processes)

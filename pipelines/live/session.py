@@ -5,17 +5,18 @@ from __future__ import annotations
 import gc
 import math
 import selectors
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from time import monotonic, perf_counter_ns
+from time import monotonic, perf_counter_ns, thread_time
 from typing import Protocol
 
+from pipelines.live.fits import Fits, LongFit
 from pipelines.live.status import Statistics
-from tssgeom.io.network.mailbox import Arrival, Clock, Mailbox
+from tssgeom.io.network.mailbox import Arrival, Mailbox, Sender
 from tssgeom.io.network.sinks import Sink
 from tssgeom.io.network.sources import Source
 from tssgeom.io.results import answers
-from tssgeom.stream import Frame, FrameResult, Rejected
+from tssgeom.stream import Frame, FrameResult, Rejected, SensedRoute
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +71,8 @@ class Session:
     mailbox: Mailbox
     sources: Sequence[Source]
     sinks: list[Sink]
+    report: Callable[[str], object]
+    """Called with a sentence for the user."""
     stale_after: float
     """Time without a good frame after which a stale line is sent [s]."""
     report_statistics: Callable[[], object]
@@ -80,14 +83,18 @@ class Session:
     """Take in answered frames beside the sinks."""
     time: float = -math.inf
     """Time of the last answered frame, on the tendon's clock [s]."""
+    fits: Fits = field(init=False)
+    """The engine, and the fits that it makes; set before `run`."""
     statistics: Statistics = field(default_factory=Statistics)
     stopping: bool = False
-    _present: Arrival | None = None
-    """The frame that was yielded last."""
-    _tendon_time: float = 0.0
-    """Its time on the tendon's clock [s]."""
+    _arrived: int = 0
+    """When the last frame arrived that was taken, of `perf_counter_ns` [ns]; 0 before the first."""
     _last_good: Arrival | None = None
     """The last frame that was answered and not rejected."""
+    _before_last: Sender | None = None
+    """The sender that was answered before that of the last good frame."""
+    _said_many: bool = False
+    """Whether it was said that senders take turns."""
     _fresh_since: float = math.inf
     """When the last good frame was answered [s]; infinite before the first, and after its stale line."""
     _last_answer: float = field(default_factory=monotonic)
@@ -96,34 +103,68 @@ class Session:
     _frame_interval: float = math.inf
     """Time between frames, averaged over the last ones [s]."""
 
-    def frames(self) -> Iterator[Frame]:
-        """Yield the newest good frame when the last one has been answered, until all sources end."""
+    def run(self) -> None:
+        """Answer the newest good frame of each sender in turn, until all sources end or `stop` is called."""
         self.statistics.begin()
         self._next_housekeeping = monotonic() + _LIMITS.housekeeping
-        while not self.stopping:
-            if not len(self.mailbox) and all(source.ended for source in self.sources):
-                return
+        while not (self.stopping or self._at_end):
             self._serve()
-            if not len(self.mailbox):
-                continue
-            arrival = self.mailbox.newest()
-            if arrival.frame is not None:
-                self._measure_interval(arrival)
-                self._present = arrival
-                yield self._on_tendon_clock(arrival.frame, arrival.clock)
-            for rejected in arrival.rejected:
-                self._refuse(rejected)
+            while (fit := self.fits.ended()) is not None:
+                self._finish(fit)
+            if len(self.mailbox):
+                self._take_next()
 
-    def _on_tendon_clock(self, frame: Frame, clock: Clock) -> Frame:
+    @property
+    def _at_end(self) -> bool:
+        waiting = len(self.mailbox) or self.fits.running
+        return not waiting and all(source.ended for source in self.sources)
+
+    def _take_next(self) -> None:
+        """Decode the next frame, and answer it or begin its fit."""
+        begun = perf_counter_ns()
+        arrival = self.mailbox.newest()
+        if arrival.frame is None:
+            self._refuse_all(arrival)
+        else:
+            self._measure_interval(arrival)
+            frame = self._on_tendon_clock(arrival.frame, arrival.sender)
+            if self.fits.are_quick(arrival, len(frame.points)):
+                self._answer_now(arrival, frame)
+            elif (dropped := self.fits.begin(arrival, frame)) is not None:
+                self.mailbox.dropped += 1
+                self._refuse_all(dropped)
+        self.mailbox.charge(arrival.sender, 1e-9 * (perf_counter_ns() - begun))
+
+    def _answer_now(self, arrival: Arrival, frame: Frame) -> None:
+        engine, track, begun = self.fits.engine, arrival.sender.track, thread_time()
+        self._answer(arrival, frame, engine.push(frame, track=track))
+        engine.idle(track)  # the answer is out: the check of the model delays no frame that has arrived
+        self.fits.took(arrival.sender, thread_time() - begun)
+        self._refuse_all(arrival)
+
+    def _finish(self, fit: LongFit) -> None:
+        """Answer a frame that was fitted beside the stream; others may have moved the tendon since."""
+        arrival, frame, sensed = fit.arrival, fit.frame, fit.sensed
+        self.mailbox.charge(arrival.sender, fit.took)
+        assert arrival.frame is not None
+        if frame.time <= self.time:
+            frame = self._on_tendon_clock(arrival.frame, arrival.sender)
+        if isinstance(sensed, SensedRoute):
+            sensed = self.fits.engine.push(frame, track=arrival.sender.track, sensed=sensed)
+        assert isinstance(sensed, FrameResult | Rejected)
+        self._answer(arrival, frame, sensed)
+        self._refuse_all(arrival)
+
+    def _on_tendon_clock(self, frame: Frame, sender: Sender) -> Frame:
         """Shift the time of a frame so that it is later than all before it, whatever clock its sender has.
 
         The tendon's clock never goes back, so creep goes on when a sender is replaced, and it never leaps:
         where a clock does, or where a new one joins others, it goes on by the time that has passed here. It
         is kept only when the frame is answered, since the frame may still be rejected.
         """
-        time, warnings = frame.time + clock.offset, frame.warnings
+        time, warnings = frame.time + sender.offset, frame.warnings
         step = time - self.time
-        joins = self._last_good is not None and clock.latest == -math.inf
+        joins = self._last_good is not None and sender.latest == -math.inf
         if math.isinf(self.time):
             if abs(time) > _LIMITS.latest_start:
                 time = 0.0
@@ -135,36 +176,47 @@ class Session:
             if step > _LIMITS.longest_step:
                 leap = f"t is {step:.3g} s later than the last frame: it counts as {passed:.3g} s"
                 warnings += (f"{leap}; send seconds of one clock",)
-        self._tendon_time = time
         if time == frame.time and warnings is frame.warnings:
             return frame
         return replace(frame, time=time, warnings=warnings)
 
     def _measure_interval(self, arrival: Arrival) -> None:
-        if self._present is not None:
-            interval = min(1e-9 * (arrival.arrived - self._present.arrived), 1.0)
+        if self._arrived:
+            interval = min(1e-9 * (arrival.arrived - self._arrived), 1.0)
             mean = interval if math.isinf(self._frame_interval) else self._frame_interval
             self._frame_interval = mean + (interval - mean) / _LIMITS.smoothed_frames
+        self._arrived = arrival.arrived
 
-    def answer(self, result: FrameResult | Rejected) -> None:
-        """Send the result of the frame that was yielded last to all sinks."""
-        arrival = self._present
-        assert arrival is not None
-        frame = arrival.frame
-        assert frame is not None
+    def _answer(self, arrival: Arrival, frame: Frame, result: FrameResult | Rejected) -> None:
+        """Send the result of a frame, whose time is on the tendon's clock, to all sinks."""
+        given, sender = arrival.frame, arrival.sender
+        assert given is not None
         if isinstance(result, Rejected):
-            self._refuse(Rejected(arrival.seq, frame.time, result.reason, result.id))
+            self._refuse(Rejected(arrival.seq, given.time, result.reason, result.id))
             return
-        self._last_good, self.time = arrival, self._tendon_time
-        arrival.clock.latest, arrival.clock.offset = frame.time, self._tendon_time - frame.time
+        self._note_turns(sender)
+        self._last_good, self.time = arrival, frame.time
+        sender.latest, sender.offset = given.time, frame.time - given.time
         self._fresh_since = self._last_answer = monotonic()
         latency_us = (perf_counter_ns() - arrival.arrived) / 1e3
-        line = answers.answer(result, frame.time, arrival.seq, round(latency_us, 1), self.mailbox.dropped)
-        for sink in self.sinks:
-            sink.publish(line, result)
+        line = answers.answer(result, given.time, arrival.seq, round(latency_us, 1), self.mailbox.dropped)
+        self._publish(line, result)
         self.statistics.add(result, (perf_counter_ns() - arrival.arrived) / 1e3)
         for consumer in self.consumers:
             consumer.take(result, self._last_answer)
+
+    def _note_turns(self, sender: Sender) -> None:
+        """Say once where a second sender does not replace the first one, but both go on."""
+        last = None if self._last_good is None else self._last_good.sender
+        if last is None or last is sender:
+            return
+        if sender is self._before_last and not self._said_many:
+            self._said_many = True
+            self.report(
+                "two senders drive one tendon: each has its own fits, filters and clock; end one of them, or "
+                "let one sensor send from one connection"
+            )
+        self._before_last = last
 
     def stop(self) -> None:
         """Take no further frame."""
@@ -182,11 +234,17 @@ class Session:
         for consumer in self.consumers:
             consumer.finish()
 
+    def _publish(self, line: bytes, result: FrameResult | None = None) -> None:
+        for sink in self.sinks:
+            sink.publish(line, result)
+
+    def _refuse_all(self, arrival: Arrival) -> None:
+        for rejected in arrival.rejected:
+            self._refuse(rejected)
+
     def _refuse(self, rejected: Rejected) -> None:
         self.statistics.rejected += 1
-        line = answers.refusal(rejected)
-        for sink in self.sinks:
-            sink.publish(line, None)
+        self._publish(answers.refusal(rejected))
 
     def _serve(self) -> None:
         """Read and write at all peers, wait where no frame is there, and do the housekeeping that is due."""
@@ -194,10 +252,10 @@ class Session:
         self._call_back(0.0 if len(self.mailbox) else max(due - monotonic(), 0.0))
         now = monotonic()
         for source in self.sources:
-            if len(self.mailbox):
-                break
             if (pulled := source.due()) is not None and pulled <= now:
                 source.pull()
+        for fit in self.fits.late(now):
+            self._say_late(fit.arrival)
         if now - self._fresh_since >= self.stale_after and not len(self.mailbox):
             self._send_stale(now)
         if now >= self._next_housekeeping:
@@ -205,7 +263,7 @@ class Session:
             self._keep_house()
 
     def _next_due(self) -> float:
-        due = min(self._next_housekeeping, self._fresh_since + self.stale_after)
+        due = min(self._next_housekeeping, self._fresh_since + self.stale_after, self.fits.next_due())
         for source in self.sources:
             if (pulled := source.due()) is not None:
                 due = min(due, pulled)
@@ -228,10 +286,13 @@ class Session:
         arrival = self._last_good
         if arrival is not None and arrival.frame is not None:
             silent = now - self._fresh_since
-            line = answers.stale(arrival.frame.time, arrival.seq, silent, self.mailbox.dropped)
-            for sink in self.sinks:
-                sink.publish(line, None)
+            self._publish(answers.stale(arrival.frame.time, arrival.seq, silent, self.mailbox.dropped))
         self._fresh_since, self.statistics.stale = math.inf, True
+
+    def _say_late(self, arrival: Arrival) -> None:
+        good, waited = self._last_good, 1e-9 * (perf_counter_ns() - arrival.arrived)
+        time, seq = (None, -1) if good is None or good.frame is None else (good.frame.time, good.seq)
+        self._publish(answers.late(time, seq, arrival.seq, waited, self.mailbox.dropped))
 
     def _keep_house(self) -> None:
         for part in (*self.sources, *self.sinks):

@@ -33,6 +33,7 @@ def warm_up(rig: Rig, commander: Commander | None = None, *, adapt: bool = False
                 answers.refusal(result)
     answers.refusal(Rejected(0, math.nan, "warm"))
     answers.stale(0.0, 0, 0.2, 0)
+    answers.late(None, -1, 0, 0.2, 0)
     for point in (b"null", b"[0.5, null, 1]"):  # read straight from the text, and by the JSON library
         frame_of(_LINE % point, None)
 

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 
 _FLUSH_INTERVAL = {"record": 0.5, "view": 0.08, "save": 0.1, "rig": 0.1}
 """Time between two batches by role [s]; measured: a batch costs as much as four pictures."""
+_REPORT_INTERVAL = 60.0  # s between two reports of a file that cannot be written; stated
 _NICENESS = 10  # chosen: far behind the stream
 _READ_INTERVAL = 0.02  # s between two readings; chosen: each takes time from the stream
 _CHUNK = 1 << 20  # bytes in one reading
@@ -197,19 +198,20 @@ def main(role_name: str, argument: str) -> int:
         return 1
     report({"ready": True} | details)
 
-    failures = list[str]()
+    failed_at = list[float]()  # when failures were reported [s]
 
     def attempt(work: Callable[[], None]) -> None:
         try:
             work()
         except TssgeomError as error:
-            failures.append(str(error))
-            report({"failed": str(error)})
+            if not failed_at or monotonic() > failed_at[-1] + _REPORT_INTERVAL:
+                failed_at.append(monotonic())
+                report({"failed": str(error)})
 
     for kind, content in _messages(sock, lambda: attempt(role.flush), _FLUSH_INTERVAL[role_name]):
         role.take(kind, content)
     attempt(role.finish)
-    return 1 if failures else 0
+    return 1 if failed_at else 0
 
 
 if __name__ == "__main__":

@@ -1,5 +1,6 @@
 """Frames that tests send, and a reader that misses none of them."""
 
+import json
 from itertools import count
 
 import numpy as np
@@ -26,6 +27,13 @@ def synchronised(stream: Live, reader: Reader) -> None:
 
 def frame(time: float, n: int = 30, **more: object) -> bytes:
     return line(points_mm(n, 0.0), time, **more)
+
+
+def next_answer(stream: Live) -> dict:
+    """Read standard output up to the next line that belongs to a frame: a busy machine may be late."""
+    while (answer := json.loads(stream.output.readline())).get("stale"):
+        pass
+    return answer
 
 
 def half_circle(n: int = 40) -> np.ndarray:

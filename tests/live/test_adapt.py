@@ -1,6 +1,5 @@
 """A stream whose rig is followed: answers, the rig in a file, and the state over restarts."""
 
-import json
 import signal
 from pathlib import Path
 from time import monotonic, sleep
@@ -9,7 +8,7 @@ from typing import Any
 import pytest
 
 from benchmarks.live_process import PATIENCE, Live, line, live
-from tests.live.peers import half_circle
+from tests.live.peers import half_circle, next_answer
 from tssgeom.io.formats.states import read_filter, read_state
 from tssgeom.rig import read_rig
 
@@ -37,9 +36,9 @@ def _answered(stream: Live, i: int) -> dict[str, Any]:
     drive = {"tension_in_N": 3.0 + 0.02 * i, "displacement_in_m": 1e-5 * i}
     stream.input.write(line(half_circle(), 0.01 * i, **drive))
     stream.input.flush()
-    answer = json.loads(stream.output.readline())
+    answer = next_answer(stream)
     while answer.get("stale"):
-        answer = json.loads(stream.output.readline())
+        answer = next_answer(stream)
     return answer
 
 

@@ -1,11 +1,9 @@
 """Commands of a stream: their errors, tolerance, policy and the limits of the drive."""
 
-import json
-
 import pytest
 
 from benchmarks.live_process import PATIENCE, line, live
-from tests.live.peers import half_circle
+from tests.live.peers import half_circle, next_answer
 
 RIG = """
 [tendon]
@@ -28,7 +26,7 @@ def test_a_stream_says_the_error_of_each_command_and_what_kept_it_from_its_targe
             wanted = {"displacement_target_m": target, "tension_in_N": None if target else 3.5}
             stream.input.write(line(half_circle(), float(time), **wanted))
         stream.input.close()
-        none, first, held, cut = (json.loads(stream.output.readline()) for _ in targets)
+        none, first, held, cut = (next_answer(stream) for _ in targets)
         assert stream.process.wait(PATIENCE) == 0
     new = {"displacement_out_se_m", "tension_out_se_N", "limited", "waits", "out_of_tolerance"}
     assert not new & none.keys()

@@ -22,7 +22,7 @@ from tssgeom.io.formats.states import read_state
 from tssgeom.io.network.addresses import sink_of, source_of
 from tssgeom.io.network.igtl import HEADER, Message, header_of, message_of
 from tssgeom.io.network.igtl_peers import first_string
-from tssgeom.io.network.mailbox import Clock, Lines, Mailbox
+from tssgeom.io.network.mailbox import Lines, Mailbox, Sender
 from tssgeom.io.network.sources import Replay
 from tssgeom.stream import Frame, Rejected
 
@@ -121,9 +121,9 @@ def test_of_a_line_without_end_no_more_is_kept_than_a_line_may_have():
 @QUICK
 @given(st.lists(damaged(LINES), min_size=1, max_size=40))
 def test_every_frame_is_answered_rejected_or_counted(texts):
-    mailbox, clock, reported = Mailbox(), Clock(), 0
+    mailbox, sender, reported = Mailbox(), Sender(), 0
     for text in texts:
-        mailbox.post(clock, lambda text=text: frame_or_refusal(text, None))
+        mailbox.post(sender, lambda text=text: frame_or_refusal(text, None))
     while len(mailbox):
         arrival = mailbox.newest()
         reported += len(arrival.rejected) + (arrival.frame is not None)
@@ -152,11 +152,13 @@ def test_a_state_file_is_read_or_refused(tmp_path_factory, content):
 
 
 def test_points_and_names_beyond_all_measure_are_refused():
-    mailbox, clock = Mailbox(), Clock()
-    mailbox.post(clock, lambda: Frame(np.zeros((20_000, 3)), 1.0))
-    mailbox.post(clock, lambda: Frame(np.zeros((5, 3)), 2.0, id="x" * 1000))
-    mailbox.post(clock, lambda: Frame(np.zeros((5, 3)), math.nan))
-    reasons = [one.reason for one in mailbox.newest().rejected]
+    mailbox, sender = Mailbox(), Sender()
+    mailbox.post(sender, lambda: Frame(np.zeros((20_000, 3)), 1.0))
+    mailbox.post(sender, lambda: Frame(np.zeros((5, 3)), 2.0, id="x" * 1000))
+    mailbox.post(sender, lambda: Frame(np.zeros((5, 3)), math.nan))
+    arrivals = [mailbox.newest() for _ in range(3)]  # one is decoded at a time
+    assert [len(one.rejected) for one in arrivals] == [0, 0, 3]
+    reasons = [one.reason for one in arrivals[-1].rejected]
     assert [next(word for word in ("20000", "1000", "nan") if word in one) for one in reasons] == [
         "20000",
         "1000",

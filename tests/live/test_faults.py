@@ -19,7 +19,7 @@ from rerun.chunk import RrdReader
 from benchmarks.live_process import PATIENCE, Reader, line, live
 from pipelines.live.messages import packed
 from pipelines.live.processes import SideProcess
-from tests.live.peers import frame, half_circle
+from tests.live.peers import frame, half_circle, next_answer
 from tssgeom.engine import process
 from tssgeom.io.formats.files import open_recording
 from tssgeom.io.formats.states import read_state, write_state
@@ -86,8 +86,8 @@ def test_a_tendon_that_creeps_goes_on_as_it_was_left_though_the_clock_began_anew
         stream.input.write(line(half_circle(), -1e9, tension_in_N=-9.0))
         stream.input.write(line(half_circle(), 1.0, tension_in_N=9.0))
         stream.input.close()
-        assert "rejected" in json.loads(stream.output.readline())
-        reply = json.loads(stream.output.readline())
+        assert "rejected" in next_answer(stream)
+        reply = next_answer(stream)
         assert stream.process.wait(PATIENCE) == 0
     assert 1000.0 < read_state(state).time < 1100.0  # a minute has passed at most; the rejected time is none
     assert reply["t"] == 1.0
@@ -119,9 +119,9 @@ def test_a_killed_or_stopped_picture_and_a_killed_saver_change_no_answer(tmp_pat
         def answered() -> bool:
             stream.input.write(frame(float(next(times))))
             stream.input.flush()
-            answer = json.loads(stream.output.readline())
+            answer = next_answer(stream)
             while answer.get("stale"):  # no frame came while the test waited for a message
-                answer = json.loads(stream.output.readline())
+                answer = next_answer(stream)
             return "segments" in answer
 
         assert answered()
@@ -152,7 +152,7 @@ def test_a_full_disk_ends_the_recording_with_the_reason_and_not_the_stream(tmp_p
                 time += 1.0
                 stream.input.write(frame(time))
                 stream.input.flush()
-                assert "segments" in json.loads(stream.output.readline())
+                assert "segments" in next_answer(stream)
         assert "make room" in stream.said("full.rrd")
         stream.input.close()
         assert stream.process.wait(PATIENCE) == 1

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 import pyigtl
 import pytest
-from pyigtl.messages import MessageBase
+from pyigtl.messages import CRC64, MessageBase
 
 from benchmarks.live_process import PATIENCE, Reader
 from tests.live.conftest import Shared
@@ -101,6 +101,29 @@ def test_numbers_in_the_metadata_drive_the_tendon(peer, reader):
     outcome = reported(reader, 30.0)
     assert outcome["tension_in_N"] == pytest.approx(7.5)
     assert outcome["id"] == "with metadata"
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_extended_headers_of_any_length_and_metadata_of_any_encoding_are_read(version):
+    message = pyigtl.PointMessage(POSITIONS, timestamp=30.5, device_name="route")
+    message.header_version = 2
+    message.metadata = {"tension_in_N": "7.5", "room": "Zuerich"}
+    data = bytearray(message.pack())
+    body = bytes(data[HEADER:])
+    longer = (16).to_bytes(2, "big") + body[2:12] + b"more" + body[12:]
+    at = longer.rindex(b"Zuerich")
+    index = longer.rindex((7).to_bytes(4, "big"), 0, at) - 2
+    latin = (
+        longer[:index] + (4).to_bytes(2, "big") + longer[index + 2 : at] + b"Z\xfcrich." + longer[at + 7 :]
+    )
+    data[:2], data[42:50] = version.to_bytes(2, "big"), len(latin).to_bytes(8, "big")
+    data[14:34] = b"\xb2".ljust(20, b"\0")  # a device of Latin-1
+    data[50:58] = CRC64(latin).to_bytes(8, "big")
+    read = message_of(header_of(data), latin)
+    assert read is not None
+    assert read.header.time == 30.5
+    assert read.metadata == {"tension_in_N": "7.5", "room": "Zürich."}
+    np.testing.assert_allclose(1e3 * read.positions, POSITIONS, rtol=1e-5, atol=1e-3)  # single precision
 
 
 def test_metadata_that_resemble_a_number_have_a_warning_and_those_of_other_programs_have_none(peer, reader):

@@ -1,21 +1,23 @@
 """State and recordings of a stream: one writer each, none overwritten, none lost with a signal or a kill."""
 
-import json
 import os
+import shutil
 import signal
+import socket
+import time
 
 import pytest
 
 from benchmarks.live_process import PATIENCE, live
-from tests.live.peers import frame
+from tests.live.peers import frame, next_answer
 from tests.live.test_faults import _await_end
 from tssgeom.io.formats.states import read_state
 
 
-def answer_one(stream, time=0.0, **more):
-    stream.input.write(frame(time, **more))
+def answer_one(stream, moment=0.0, **more):
+    stream.input.write(frame(moment, **more))
     stream.input.flush()
-    return json.loads(stream.output.readline())
+    return next_answer(stream)
 
 
 @pytest.mark.parametrize(("option", "name"), [("--state", "tendon.json"), ("--record", "live.rrd")])
@@ -36,6 +38,41 @@ def test_a_state_that_cannot_be_written_is_refused_at_the_start(run, tmp_path):
     outcome = run("live", "--sink", "none", "--state", tmp_path / "taken" / "tendon.json")
     assert outcome.status == 2
     assert "tendon.json: cannot be written" in outcome.errors[-1]
+
+
+def test_a_state_that_can_no_longer_be_written_is_said_once_a_minute(tmp_path):
+    home = tmp_path / "home"
+    with live("--state", home / "tendon.json") as stream:
+        answer_one(stream)
+        while not (home / "tendon.json").exists():
+            time.sleep(0.05)
+        shutil.rmtree(home)
+        home.touch()  # a file where the folder was
+        for i in range(1, 8):
+            answer_one(stream, float(i))
+            time.sleep(0.25)
+        assert stream.stop() == 1
+    assert len([one for one in stream.errors if "tendon.json: cannot be written" in one]) == 1
+
+
+def test_workers_that_are_stopped_finish_with_the_stream(tmp_path):
+    state, recording = tmp_path / "tendon.json", tmp_path / "live.rrd"
+    with live("--state", state, "--record", recording) as stream:
+        for beside in stream.children():
+            os.kill(beside, signal.SIGSTOP)
+        for i in range(5):
+            answer_one(stream, float(i), tension_in_N=5.0 + i)
+        assert stream.stop() == 0
+    assert read_state(state).tension_in == pytest.approx(9.0)
+    assert recording.stat().st_size > 0
+
+
+def test_a_viewer_port_that_is_taken_is_an_error_at_the_start(run):
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        outcome = run("live", "--sink", "none", "--view", "--view-port", str(port))
+    assert outcome.status == 2
+    assert f"port {port}: Address already in use: choose another with --view-port" in outcome.errors[-1]
 
 
 def test_a_state_of_another_rig_is_named_and_one_of_the_same_is_not(tmp_path):

@@ -12,6 +12,8 @@ from benchmarks.live_process import PATIENCE, live
 from tests.live.peers import frame, half_circle
 from tests.live.test_igtl import transform
 from tssgeom.io.network.listener import LIMITS
+from tssgeom.io.network.mailbox import Mailbox, Sender
+from tssgeom.stream import Frame, Rejected
 
 EVERY_ADDRESS = "00000000"  # 0.0.0.0 in /proc/net/udp
 
@@ -30,6 +32,38 @@ def test_a_request_of_a_browser_is_refused_and_its_body_is_no_frame(stream, sour
     answers = reader.until("id", "by TCP")
     assert "by HTTP" not in [one.get("id") for one in answers]
     assert not [one for one in answers if "rejected" in one]
+
+
+def test_a_request_of_a_browser_to_a_sink_is_refused(stream, source, reader):
+    with socket.create_connection(("127.0.0.1", stream.port("sink", "tcp")), PATIENCE) as browser:
+        browser.sendall(b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n")
+        last = b""
+        while chunk := browser.recv(1 << 16):
+            last += chunk
+        assert "no web server: connect, and read" in json.loads(last.splitlines()[-1])["closed"]
+
+
+def test_the_flood_of_one_sender_leaves_another_its_turns():
+    mailbox, flood, good, answered = Mailbox(), Sender(), Sender(), 0
+    for turn in range(400):
+        for _ in range(50):
+            mailbox.post(flood, lambda: Rejected(0, 0.0, "bad"))
+        if turn % 4 == 0:
+            mailbox.post(good, lambda turn=turn: Frame(half_circle(), float(turn)))
+        arrival = mailbox.newest()
+        mailbox.charge(arrival.sender, 1e-3)
+        answered += arrival.frame is not None
+    assert answered >= 99
+    assert len(mailbox) == 1
+
+
+def test_the_frames_of_a_sender_that_is_forgotten_are_dropped():
+    mailbox, gone = Mailbox(), Sender()
+    for _ in range(3):
+        mailbox.post(gone, lambda: Rejected(0, 0.0, "bad"))
+    mailbox.newest()
+    mailbox.forget(gone)
+    assert (len(mailbox), mailbox.dropped, mailbox.arrived) == (0, 3, 3)
 
 
 def test_clients_that_say_nothing_give_way_to_one_that_does(stream, source, reader):

@@ -52,7 +52,7 @@ def write_state(
         saved["followed"] = filter_object(followed)
     if origin is not None:
         saved[_ORIGIN] = origin._asdict()
-    write_text(path, json.dumps(saved, allow_nan=False) + "\n")
+    write_text(path, json.dumps(saved, allow_nan=False) + "\n", durable=True)
 
 
 def read_state(path: Path) -> TendonState:

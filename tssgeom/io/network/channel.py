@@ -79,9 +79,16 @@ class Channel:
             self._selector.modify(self.sock, READ | WRITE, self._ready)
         return True
 
-    def close(self) -> None:
-        """Close the socket; waiting bytes are lost."""
+    def close(self, *, drain: bool = False) -> None:
+        """Close the socket; waiting bytes are lost.
+
+        With `drain`, bytes that came and are not read are read first: a peer whose bytes are not read is
+        reset by the system, and may lose the last line that it was sent.
+        """
         if self.open:
+            if drain:
+                with suppress(OSError):
+                    self.sock.recv(_CHUNK)
             self._selector.unregister(self.sock)
             self.sock.close()
 

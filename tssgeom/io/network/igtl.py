@@ -1,6 +1,6 @@
 """OpenIGTLink messages: shapes out of POINT, POLYDATA, POSITION and TRANSFORM, results into POLYDATA, STRING.
 
-Header, checksum, metadata and packing are pyigtl's; the contents are read here, checked and as arrays.
+Checksum and packing are pyigtl's; headers, metadata and contents are read here, checked and as arrays.
 Lengths are millimetres, as the protocol's users have them.
 """
 
@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import struct
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from pyigtl.messages import CRC64, MessageBase, PolyDataMessage, StringMessage
@@ -22,13 +21,17 @@ HEADER = MessageBase.IGTL_HEADER_SIZE
 LARGEST = 1 << 20
 """Bytes of the largest body that is read, 1 MiB: the limit of the stream."""
 
+_EXTENDED = struct.Struct(">HHII")  # bytes of itself, of the index and the text of metadata, and an id
+_COUNT = struct.Struct(">H")  # entries of the index
+_ENTRY = struct.Struct(">HHI")  # bytes of a key, encoding and bytes of its value
+_ENCODINGS = {3: "ascii", 4: "latin-1", 106: "utf-8"}  # as IANA numbers them; another counts as UTF-8
 _POINT = np.dtype([("about", "S100"), ("position", ">f4", 3), ("more", "S24")])
 _LIST = np.dtype([("about", "S100"), ("position", ">f4", 3), ("turn", ">f4", 4), ("more", "S24")])
 _POLYDATA = 40  # bytes with the numbers of points and cells
 _COORDINATE = ">f4"
-_CHECKSUM = slice(50, 58)
 _KINDS = ("POINT", "POLYDATA", "POSITION", "TRANSFORM", "STRING")
-_VERSIONS = (1, 2)
+_VERSIONS = (1, 2, 3)  # from 2 on, an extended header and metadata
+_FIELDS = struct.Struct(">H12s20sIIQQ")  # version, kind, device, time in s and in 2⁻³² s, size, checksum
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,8 +44,7 @@ class Header:
     """Time of the sender since 1970 [s]; 0 where it states none."""
     size: int
     """Bytes of the body."""
-    fields: dict[str, Any]
-    """As pyigtl has them."""
+    version: int
     checksum: int
 
 
@@ -58,15 +60,6 @@ class Message:
     """Of a STRING."""
 
 
-class _Raw(MessageBase):
-    """A message whose content is left as bytes."""
-
-    content: bytes = b""
-
-    def _unpack_content(self, content: bytes) -> None:
-        self.content = content
-
-
 def header_of(data: bytes | bytearray) -> Header:
     """Read a header.
 
@@ -75,20 +68,20 @@ def header_of(data: bytes | bytearray) -> Header:
     ShapeError
         Where it is none, or announces a body that is too large.
     """
-    try:
-        fields = MessageBase.parse_header(data[:HEADER])
-    except (struct.error, UnicodeDecodeError) as error:
-        raise ShapeError(f"no OpenIGTLink header ({error}): check what listens on this port") from error
-    if fields["header_version"] not in _VERSIONS:
+    if len(data) < HEADER:
+        raise ShapeError(f"no OpenIGTLink header in {len(data)} bytes: check what listens on this port")
+    version, kind_text, device_text, seconds, fraction, size, checksum = _FIELDS.unpack_from(data)
+    kind = kind_text.decode("ascii", "replace").rstrip(" \t\r\n\0")
+    device = device_text.decode("utf-8", "replace").rstrip(" \t\r\n\0")
+    if version not in _VERSIONS:
         raise ShapeError(
-            f"OpenIGTLink header of version {fields['header_version']}: only 1 and 2 are known; "
-            "a body of a wrong length gives this error too"
+            f"OpenIGTLink header of version {version}: only 1 to 3 are known; "
+            "a body of a wrong length gives this error too: check what listens on this port"
         )
-    if fields["body_size"] > LARGEST:
-        raise ShapeError(f"a body of {fields['body_size']} bytes: send {LARGEST} (1 MiB) at most")
-    checksum = int.from_bytes(data[_CHECKSUM], "big")
-    kind, device, time = fields["message_type"], fields["device_name"], fields["timestamp"]
-    return Header(kind, device, time, fields["body_size"], fields, checksum)
+    if size > LARGEST:
+        raise ShapeError(f"a body of {size} bytes: send {LARGEST} (1 MiB) at most")
+    time = seconds + fraction * 2.0**-32
+    return Header(kind, device, time, size, version, checksum)
 
 
 def message_of(header: Header, body: bytes) -> Message | None:
@@ -103,15 +96,34 @@ def message_of(header: Header, body: bytes) -> Message | None:
         return None
     if CRC64(body) != header.checksum:
         raise ShapeError(f"{header.kind} of {header.device!r}: wrong checksum: the message is damaged")
-    raw = _Raw()
     try:
-        raw.unpack(header.fields, body)
-    except (struct.error, UnicodeDecodeError, TypeError) as error:
+        content, metadata = (body, {}) if header.version == 1 else _extended(body)
+    except (struct.error, ValueError) as error:
         raise ShapeError(f"{header.kind} of {header.device!r}: broken extended header ({error})") from error
     if header.kind == "STRING":
-        return Message(header, np.empty((0, 3)), raw.metadata, _text(raw.content))
-    positions = _positions(header, raw.content)
-    return Message(header, positions.astype(np.float64) / PER_METRE["mm"], raw.metadata)
+        return Message(header, np.empty((0, 3)), metadata, _text(content))
+    positions = _positions(header, content)
+    return Message(header, positions.astype(np.float64) / PER_METRE["mm"], metadata)
+
+
+def _extended(body: bytes) -> tuple[bytes, dict[str, str]]:
+    """Split a body into content and metadata, as an extended header at its beginning says."""
+    begin, index, text, _ = _EXTENDED.unpack_from(body)
+    end = len(body) - index - text
+    if not _EXTENDED.size <= begin <= end:
+        raise ValueError(f"{begin}, {index} and {text} bytes do not fit into {len(body)}")
+    if not index:
+        return body[begin:end], {}
+    (count,) = _COUNT.unpack_from(body, end)
+    at, metadata = end + _COUNT.size + count * _ENTRY.size, dict[str, str]()
+    for i in range(count):
+        key_size, encoding, size = _ENTRY.unpack_from(body, end + _COUNT.size + i * _ENTRY.size)
+        key, at = body[at : at + key_size], at + key_size
+        value, at = body[at : at + size], at + size
+        metadata[key.decode("utf-8", "replace")] = value.decode(_ENCODINGS.get(encoding, "utf-8"), "replace")
+    if at > len(body):
+        raise ValueError(f"metadata of {at - end} bytes in {len(body) - end}")
+    return body[begin:end], metadata
 
 
 def _positions(header: Header, content: bytes) -> np.ndarray:

@@ -30,7 +30,7 @@ from tssgeom.io.network.igtl import (
     route_message,
     text_message,
 )
-from tssgeom.io.network.mailbox import Clock, Mailbox
+from tssgeom.io.network.mailbox import Mailbox, Sender
 from tssgeom.io.network.sinks import TcpSink
 from tssgeom.io.network.sources import Source
 from tssgeom.stream import Frame, FrameResult, Rejected
@@ -115,6 +115,7 @@ class IgtlSource(Source):
         self._channel: Channel | None = None
         self._connecting: socket.socket | None = None
         self._pause, self._next = BACKOFF.first_s, 0.0
+        self._sender = Sender()
         self._begin()
 
     def due(self) -> float | None:
@@ -141,7 +142,7 @@ class IgtlSource(Source):
             self._channel.close()
 
     def _begin(self) -> None:
-        self._data, self._clock = bytearray(), Clock()
+        self._data, self._sender = bytearray(), Sender(track=self._sender.track)
         self._rounds = Rounds(self._sensors, not self._sensors)
 
     def _connected(self, events: int) -> None:
@@ -192,7 +193,7 @@ class IgtlSource(Source):
             self._sensed(header, body, now)
         elif header.kind in ("POINT", "POLYDATA"):
             self._pause = BACKOFF.first_s
-            self._mailbox.post(self._clock, partial(_decoded, header, body), now)
+            self._mailbox.post(self._sender, partial(_decoded, header, body), now)
 
     def _sensed(self, header: Header, body: bytes, now: int) -> None:
         try:
@@ -204,14 +205,14 @@ class IgtlSource(Source):
             return
         self._pause = BACKOFF.first_s
         if len(message.positions) > 1:
-            self._mailbox.post(self._clock, partial(_frame_or_refusal, message, message.positions), now)
+            self._mailbox.post(self._sender, partial(_frame_or_refusal, message, message.positions), now)
             return
         if (whole := self._rounds.shape(message)) is not None:
-            self._mailbox.post(self._clock, partial(_frame_or_refusal, *whole), now)
+            self._mailbox.post(self._sender, partial(_frame_or_refusal, *whole), now)
 
     def _refuse(self, error: ShapeError, now: int) -> None:
         refused = Rejected(0, math.nan, str(error))
-        self._mailbox.post(self._clock, lambda: refused, now)
+        self._mailbox.post(self._sender, lambda: refused, now)
 
 
 def _decoded(header: Header, body: bytes) -> Frame | Rejected:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import selectors
 import socket
 from collections.abc import Callable
@@ -36,6 +37,8 @@ class ConnectionLimits:
 
 LIMITS = ConnectionLimits()
 
+_HTTP = re.compile(rb"[A-Z]{3,7} [/*]")  # how a request begins, and neither a token nor a frame does
+
 
 @dataclass(slots=True)
 class Peer:
@@ -46,10 +49,13 @@ class Peer:
     since: float
     admitted: bool
     greeting: bytes = b""
+    """Its first bytes, up to the end of the token or of the first line."""
     received: Callable[[bytes], object] = field(default=len)
     """Called with its bytes once it is admitted."""
     ended: Callable[[], object] = lambda: None
     """Called when it has closed the connection in order."""
+    gone: Callable[[], object] = lambda: None
+    """Called when the connection is closed, by whichever side."""
     heard: float = -math.inf
     """When its last bytes came [s]."""
     greeted: bool = False
@@ -79,6 +85,8 @@ class Listener:
         Called with a sentence for the user.
     split_token
         Splits the first bytes of a client into token and rest; None as long as the token is incomplete.
+    purpose
+        What a client has to do, for one that takes it for a web server.
     pack
         Packs the line with the reason for which a client is cut off.
     longest_silence
@@ -95,10 +103,11 @@ class Listener:
         connected: Callable[[Peer], object],
         report: Callable[[str], object],
         split_token: Callable[[bytes], tuple[bytes, bytes] | None],
+        purpose: str,
         pack: Callable[[bytes], bytes] = bytes,
         longest_silence: float = math.inf,
     ) -> None:
-        self._longest_silence = longest_silence
+        self._longest_silence, self._purpose = longest_silence, purpose
         family, address = resolved(endpoint, allowed, socket.SOCK_STREAM)
         try:
             self._socket = socket.create_server(address, family=family, backlog=LIMITS.peers)
@@ -121,7 +130,7 @@ class Listener:
         """Close the connection of a client; it and the user get the reason."""
         self._report(f"{self.text}: {peer.name} cut off: {reason}")
         peer.channel.send(self._farewell(reason))
-        peer.channel.close()
+        peer.channel.close(drain=True)
         self._forget(peer)
 
     def tick(self) -> None:
@@ -188,10 +197,17 @@ class Listener:
 
     def _received(self, peer: Peer, data: bytes) -> None:
         peer.heard = monotonic()
+        if not (peer.greeted and peer.admitted):
+            peer.greeting += data
+        if not peer.greeted:
+            peer.greeted = b"\n" in peer.greeting or len(peer.greeting) > LIMITS.token_bytes
+            if _HTTP.match(peer.greeting):  # nothing of it is read, and its body is no frame
+                if peer.greeted:
+                    self.cut(peer, f"this is no web server: {self._purpose}")
+                return
         if peer.admitted:
             peer.received(data)
             return
-        peer.greeting += data
         parts = self._split_token(peer.greeting)
         if parts is None:
             if len(peer.greeting) > LIMITS.token_bytes:
@@ -209,6 +225,7 @@ class Listener:
     def _forget(self, peer: Peer) -> None:
         if peer in self.peers:  # sending the reason may have failed and removed it
             self.peers.remove(peer)
+            peer.gone()
 
     def _farewell(self, reason: str) -> bytes:
         return self._pack(json.dumps({"closed": reason}).encode() + b"\n")

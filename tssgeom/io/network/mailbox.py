@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from time import perf_counter_ns
 
+from tssgeom.engine import Track
 from tssgeom.errors import ShapeError
 from tssgeom.io.formats.paths import LONGEST_LINE
 from tssgeom.io.formats.recording import late
@@ -19,7 +20,8 @@ class FrameLimits:
     """Limits of frames that wait, so that none delays those after it."""
 
     waiting: int = 16
-    """Newest frames that are kept until one is used; chosen: so many bad ones may follow a good one."""
+    """Newest frames of a sender that are kept until one is used; chosen: so many bad ones may follow a good
+    one."""
     points: int = 10_000
     """Points of a frame; chosen: a larger one would delay all frames after it."""
     id_length: int = 256
@@ -74,13 +76,35 @@ class Lines:
             self.rest = rest
 
 
-@dataclass(slots=True)
-class Clock:
-    """Time of the last answered frame of one connection."""
+@dataclass(slots=True, eq=False, weakref_slot=True)
+class Sender:
+    """One connection: its clock, its waiting frames, its fits, and the time that they took."""
 
     latest: float = -math.inf
+    """Time of its last answered frame, on its own clock [s]."""
     offset: float = 0.0
     """Time of the stream minus time of this sender [s]."""
+    track: Track = field(default_factory=Track)
+    """What the fit of its next frame starts from."""
+    busy: bool = False
+    """Whether a frame of it is being fitted; its later ones wait."""
+    used: float = 0.0
+    """Time that its frames took, or at least those of others when it began to wait [s]."""
+    arrived: int = 0
+    """Frames so far."""
+    waiting: deque[Waiting] = field(default_factory=deque)
+    rejected: list[Rejected] = field(default_factory=list)
+    """Frames newer than the good one, which is not known yet."""
+
+    @property
+    def pending(self) -> bool:
+        """Whether a frame of it waits or is being fitted."""
+        return self.busy or bool(self.waiting)
+
+    @property
+    def is_new(self) -> bool:
+        """Whether it has sent few frames so far."""
+        return self.arrived <= LIMITS.waiting
 
     def refusal(self, frame: Frame) -> str:
         """Return why a frame is not later than all answered ones; empty where it is."""
@@ -95,44 +119,79 @@ class Waiting:
     """Count on arrival, from 0."""
     arrived: int
     """Time of its last byte, of `perf_counter_ns` [ns]."""
-    clock: Clock
     decode: Callable[[], Frame | Rejected]
     """Decodes the frame."""
 
 
 @dataclass(frozen=True, slots=True)
 class Arrival:
-    """The frame that is answered next, and the newer ones that were rejected."""
+    """The frame that is answered next, and the newer ones of its sender that were rejected."""
 
     seq: int
     arrived: int
     frame: Frame | None
-    """None where all frames were bad."""
-    clock: Clock
+    """None where all frames were bad, or the next is still to be decoded."""
+    sender: Sender
     rejected: tuple[Rejected, ...]
 
 
 @dataclass(slots=True)
 class Mailbox:
-    """A bounded number of frames that have arrived and are not answered yet."""
+    """A bounded number of frames of each sender that have arrived and are not answered yet.
+
+    The sender whose frames have taken the least time is next, so that none waits for the flood of another.
+    """
 
     arrived: int = 0
     """Frames so far."""
     dropped: int = 0
     """Frames that were dropped for newer ones."""
-    _waiting: deque[Waiting] = field(default_factory=deque)
+    _senders: list[Sender] = field(default_factory=list)
+    """Those with frames that wait."""
+    _used: float = 0.0
+    """Time that the frames of the last sender had taken when its turn came [s]."""
+    _used_by_new: float = 0.0
+    """Time that the frames of all new senders took together: many ports of a flood count as one [s]."""
 
     def __len__(self) -> int:
-        return len(self._waiting)
+        """Return how many senders have a frame to be answered now."""
+        return sum(not sender.busy for sender in self._senders)
 
-    def post(self, clock: Clock, decode: Callable[[], Frame | Rejected], arrived: int | None = None) -> None:
-        """Add one frame; where too many wait, the oldest is dropped."""
-        if len(self._waiting) >= LIMITS.waiting:
-            self._waiting.popleft()
+    def post(
+        self, sender: Sender, decode: Callable[[], Frame | Rejected], arrived: int | None = None
+    ) -> None:
+        """Add one frame; where too many of its sender wait, the oldest is dropped."""
+        if len(sender.waiting) >= LIMITS.waiting:
+            sender.waiting.popleft()
             self.dropped += 1
+        if not sender.waiting:
+            self._senders.append(sender)
+            if sender.is_new:  # who was idle has saved nothing
+                self._used_by_new = max(self._used_by_new, self._used)
+            else:
+                sender.used = max(sender.used, self._used)
         now = perf_counter_ns() if arrived is None else arrived
-        self._waiting.append(Waiting(self.arrived, now, clock, decode))
+        sender.waiting.append(Waiting(self.arrived, now, decode))
+        sender.arrived += 1
         self.arrived += 1
+
+    def forget(self, sender: Sender) -> None:
+        """Drop the frames of a sender that is not heard any more."""
+        if sender.waiting:
+            self._senders.remove(sender)
+            self.dropped += len(sender.waiting) + len(sender.rejected)
+            sender.waiting.clear()
+            sender.rejected.clear()
+
+    def charge(self, sender: Sender, time: float) -> None:
+        """Count the time that a frame of a sender took [s]."""
+        if sender.is_new:
+            self._used_by_new += time
+        else:
+            sender.used += time
+
+    def _share(self, sender: Sender) -> float:
+        return self._used_by_new if sender.is_new else sender.used
 
     def skip(self, count: int) -> None:
         """Count frames that are dropped on arrival."""
@@ -140,21 +199,32 @@ class Mailbox:
         self.dropped += count
 
     def newest(self) -> Arrival:
-        """Return the newest good frame; earlier ones are dropped, later ones are bad and rejected."""
-        rejected = list[Rejected]()
-        while self._waiting:
-            waiting = self._waiting.pop()
-            frame = waiting.decode()
-            if isinstance(frame, Rejected):
-                rejected.append(replace(frame, seq=waiting.seq))
-                continue
-            if reason := _too_large(frame) or waiting.clock.refusal(frame):
-                rejected.append(Rejected(waiting.seq, frame.time, reason, frame.id))
-                continue
-            self.dropped += len(self._waiting)
-            self._waiting.clear()
-            return Arrival(waiting.seq, waiting.arrived, frame, waiting.clock, tuple(reversed(rejected)))
-        return Arrival(-1, 0, None, Clock(), tuple(reversed(rejected)))
+        """Decode the newest frame of the sender whose turn it is, which must not be busy.
+
+        Where it is good, the earlier ones are dropped. Where it is bad, it is kept until an earlier one is
+        good or none is left: then all bad ones are reported, in their order.
+        """
+        sender = min((one for one in self._senders if not one.busy), key=self._share)
+        self._used = self._share(sender)
+        waiting = sender.waiting.pop()
+        frame = waiting.decode()
+        if isinstance(frame, Rejected):
+            sender.rejected.append(replace(frame, seq=waiting.seq))
+        elif reason := _too_large(frame) or sender.refusal(frame):
+            sender.rejected.append(Rejected(waiting.seq, frame.time, reason, frame.id))
+        else:
+            self.dropped += len(sender.waiting)
+            sender.waiting.clear()
+            return self._ended(sender, waiting, frame)
+        if sender.waiting:
+            return Arrival(waiting.seq, waiting.arrived, None, sender, ())
+        return self._ended(sender, waiting, None)
+
+    def _ended(self, sender: Sender, waiting: Waiting, frame: Frame | None) -> Arrival:
+        self._senders.remove(sender)
+        rejected = tuple(reversed(sender.rejected))
+        sender.rejected.clear()
+        return Arrival(waiting.seq, waiting.arrived, frame, sender, rejected)
 
 
 def _too_large(frame: Frame) -> str:

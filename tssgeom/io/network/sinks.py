@@ -97,6 +97,7 @@ class TcpSink(Sink):
             connected=lambda peer: None,
             report=report,
             split_token=split_token,
+            purpose="connect, and read answers as lines of JSON",
             pack=pack,
         )
         self.text = self._listener.text

@@ -1,4 +1,4 @@
-"""Sources of frames: standard input, TCP, UDP and files that are replayed.
+"""Sources of frames: standard input, TCP and files that are replayed; `datagrams` has UDP.
 
 Senders on a socket cannot be held back, so their newest frame wins. Standard input and files wait instead:
 their next frame is read when the last one has been answered.
@@ -8,48 +8,26 @@ from __future__ import annotations
 
 import math
 import os
-import re
 import select
 import selectors
-import socket
-import sys
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from functools import partial
 from time import monotonic, perf_counter_ns
 
+from tssgeom.engine import Track
 from tssgeom.errors import ShapeError, TssgeomError
 from tssgeom.io.formats.files import open_recording
 from tssgeom.io.formats.jsonl import frame_or_refusal
 from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap
 from tssgeom.io.formats.recording import usable
-from tssgeom.io.network.addresses import Access, Endpoint, resolved
+from tssgeom.io.network.addresses import Access, Endpoint
 from tssgeom.io.network.channel import READ
 from tssgeom.io.network.listener import LIMITS as CONNECTIONS
-from tssgeom.io.network.listener import Listener, Peer, first_line, socket_error
-from tssgeom.io.network.mailbox import LIMITS, Clock, Lines, Mailbox
+from tssgeom.io.network.listener import Listener, Peer, first_line
+from tssgeom.io.network.mailbox import LIMITS, Lines, Mailbox, Sender
 from tssgeom.stream import Frame, Rejected
 
 _CHUNK = 1 << 16  # bytes that are read at once from standard input: the size of a pipe of Linux
-_HTTP = re.compile(rb"[A-Z]+ \S+ HTTP/")
-_LOST = 40  # SO_RXQ_OVFL of Linux: counts the datagrams without room
-
-
-@dataclass(frozen=True, slots=True)
-class DatagramLimits:
-    """Limits of a socket that receives datagrams."""
-
-    largest_bytes: int = 1 << 16
-    """Bytes of a datagram; cited: UDP allows 65 507."""
-    buffer_bytes: int = 1 << 22
-    """Size of the system's buffer for datagrams [bytes]; chosen: 64 of the largest."""
-    at_once: int = 64
-    """Datagrams that are read before other work; derived: those that the buffer holds."""
-    senders: int = 64
-    """Senders whose clocks are kept; chosen."""
-
-
-DATAGRAMS = DatagramLimits()
 
 
 class Source:
@@ -86,7 +64,7 @@ class StandardInput(Source):
         self, selector: selectors.BaseSelector, mailbox: Mailbox, unit: str | None, fd: int = 0
     ) -> None:
         self._mailbox, self._unit, self._fd = mailbox, unit, fd
-        self._lines, self._clock = Lines(), Clock()
+        self._lines, self._sender = Lines(), Sender()
         self._waiting: list[Callable[[], Frame | Rejected]] = []
         self._at_end = False
         self._poll = select.poll()
@@ -102,6 +80,8 @@ class StandardInput(Source):
 
     def due(self) -> float | None:
         """Return 0, which is now, if lines wait or the input is a file, for which no selector works."""
+        if self._sender.pending:
+            return None
         return 0.0 if self._waiting or self._ready or not (self._watched or self._at_end) else None
 
     def pull(self) -> None:
@@ -109,7 +89,7 @@ class StandardInput(Source):
         if not self._waiting and not self._at_end and self._poll.poll(0):
             self._read()
         if self._waiting:
-            self._mailbox.post(self._clock, self._waiting.pop())
+            self._mailbox.post(self._sender, self._waiting.pop())
         self._watch()
 
     def close(self) -> None:
@@ -163,6 +143,7 @@ class TcpSource(Source):
         report: Callable[[str], object],
     ) -> None:
         self._mailbox, self._unit = mailbox, unit
+        self._left: Track | None = None
         self._listener = Listener(
             selector,
             endpoint,
@@ -170,6 +151,7 @@ class TcpSource(Source):
             connected=self._connected,
             report=report,
             split_token=first_line,
+            purpose="send frames as lines of JSON",
             longest_silence=CONNECTIONS.silent_s,
         )
         self.text = self._listener.text
@@ -183,98 +165,29 @@ class TcpSource(Source):
         self._listener.close()
 
     def _connected(self, peer: Peer) -> None:
-        peer.received = partial(self._received, peer, Lines(), Clock())
+        sender, lines = Sender(), Lines()
+        peer.received = partial(self._received, peer, lines, sender)
         peer.ended = partial(peer.received, b"\n")  # the last line may come without its end
+        peer.gone = partial(self._gone, sender)
 
-    def _received(self, peer: Peer, lines: Lines, clock: Clock, data: bytes) -> None:
+    def _gone(self, sender: Sender) -> None:
+        if not sender.busy and sender.track.last is not None:
+            self._left = sender.track
+
+    def _received(self, peer: Peer, lines: Lines, sender: Sender, data: bytes) -> None:
         now = perf_counter_ns()
-        if not peer.greeted:
-            begins = lines.rest + data
-            if _HTTP.match(begins):
-                self._listener.cut(peer, "this is no web server: send frames as lines of JSON")
-                return
-            peer.greeted = b"\n" in begins
+        if not sender.arrived and self._left is not None:  # it may be the one that has gone
+            sender.track, self._left = self._left, None
         try:
             whole, skipped = lines.split(data, LIMITS.waiting)
         except ShapeError as error:
-            self._mailbox.post(clock, partial(_refused, error), now)
+            self._mailbox.post(sender, partial(_refused, error), now)
             self._listener.cut(peer, str(error))
             return
         if skipped:
             self._mailbox.skip(skipped)
         for line in whole:
-            self._mailbox.post(clock, partial(frame_or_refusal, line, self._unit), now)
-
-
-class UdpSource(Source):
-    """A frame as JSON in each datagram; a required token is its first line."""
-
-    def __init__(
-        self,
-        selector: selectors.BaseSelector,
-        mailbox: Mailbox,
-        endpoint: Endpoint,
-        allowed: Access,
-        unit: str | None,
-    ) -> None:
-        family, address = resolved(endpoint, allowed, socket.SOCK_DGRAM)
-        self._socket = socket.socket(family, socket.SOCK_DGRAM)
-        try:
-            self._socket.bind(address)
-        except OSError as error:
-            self._socket.close()
-            raise socket_error(endpoint, error) from error
-        self._socket.setblocking(False)
-        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, DATAGRAMS.buffer_bytes)
-        self._counts_lost = os.uname().sysname == "Linux"
-        if self._counts_lost:
-            self._socket.setsockopt(socket.SOL_SOCKET, _LOST, 1)
-        self.text = endpoint.at(self._socket.getsockname())
-        self._mailbox, self._allowed, self._unit = mailbox, allowed, unit
-        self._clocks = dict[tuple, Clock]()
-        self._lost = 0
-        self._selector = selector
-        selector.register(self._socket, READ, self._ready)
-
-    def close(self) -> None:
-        """Close the socket."""
-        self._selector.unregister(self._socket)
-        self._socket.close()
-
-    def _ready(self, events: int) -> None:
-        for _ in range(DATAGRAMS.at_once):
-            try:
-                data, about, _, sender = self._socket.recvmsg(
-                    DATAGRAMS.largest_bytes, 64 if self._counts_lost else 0
-                )
-            except OSError:
-                return
-            self._count_lost(about)
-            self._received(data, sender)
-
-    def _count_lost(self, about: list[tuple[int, int, bytes]]) -> None:
-        """Count the datagrams without room in the system's buffer as dropped."""
-        for _, kind, value in about:
-            if kind == _LOST:
-                lost = int.from_bytes(value[:4], sys.byteorder)
-                self._mailbox.skip((lost - self._lost) & 0xFFFFFFFF)
-                self._lost = lost
-
-    def _received(self, data: bytes, sender: tuple) -> None:
-        if self._allowed.token:
-            token, _, data = data.partition(b"\n")
-            if not self._allowed.admits(token):
-                return  # a sender without the token gets no answer and no count
-        if not data.strip():
-            return
-        self._mailbox.post(self._clock(sender), partial(frame_or_refusal, data.strip(), self._unit))
-
-    def _clock(self, sender: tuple) -> Clock:
-        if sender not in self._clocks:
-            while len(self._clocks) >= DATAGRAMS.senders:
-                del self._clocks[next(iter(self._clocks))]
-            self._clocks[sender] = Clock()
-        return self._clocks[sender]
+            self._mailbox.post(sender, partial(frame_or_refusal, line, self._unit), now)
 
 
 class Replay(Source):
@@ -284,7 +197,7 @@ class Replay(Source):
         self, mailbox: Mailbox, endpoint: Endpoint, unit: str | None, columns: ColumnMap = NO_MAP
     ) -> None:
         self.text = endpoint.text
-        self._mailbox, self._speed, self._clock = mailbox, endpoint.speed(), Clock()
+        self._mailbox, self._speed, self._sender = mailbox, endpoint.speed(), Sender()
         recording = open_recording(endpoint.path, unit, columns)
         self.notes = (*recording.notes, *recording.warnings)
         """How the file was read, and what was not."""
@@ -306,7 +219,7 @@ class Replay(Source):
 
     def due(self) -> float | None:
         """Return when the next frame is to be answered, in the time of `monotonic` [s]."""
-        if self._next is None:
+        if self._next is None or self._sender.pending:
             return None
         if self._begun is None or not self._paced:
             return 0.0
@@ -320,11 +233,11 @@ class Replay(Source):
             return
         if self._begun is None and self._paced:
             self._begun = monotonic(), item.time
-        self._mailbox.post(self._clock, lambda: item)
+        self._mailbox.post(self._sender, lambda: item)
         try:
             self._advance()
         except TssgeomError as error:  # the file was removed or changed meanwhile
-            self._mailbox.post(self._clock, partial(_refused, error))
+            self._mailbox.post(self._sender, partial(_refused, error))
             self._next = None
 
 

@@ -160,6 +160,21 @@ class Stale(msgspec.Struct, frozen=True):
     """Frames that were dropped for newer ones, since the start [1]."""
 
 
+class Late(msgspec.Struct, frozen=True):
+    """The line that is sent when the answer to a frame is not out by its deadline; the answer follows."""
+
+    t: float | None
+    """Time of the last good frame [s]; None before the first."""
+    seq: int
+    """Count of the last good frame; −1 before the first."""
+    stale: bool
+    late: int
+    """Count of the frame whose answer is not out."""
+    silent_s: float
+    """Time since that frame arrived [s]."""
+    dropped: int
+
+
 _encoder = msgspec.json.Encoder()
 
 
@@ -246,6 +261,11 @@ def _cut(given: str | int) -> str | int:
 def stale(time: float, seq: int, silent: float, dropped: int) -> bytes:
     """Write that no good frame has come for `silent` seconds."""
     return _line(Stale(time, seq, True, round(silent, 3), dropped))
+
+
+def late(time: float | None, seq: int, frame: int, waited: float, dropped: int) -> bytes:
+    """Write that a frame has no answer by its deadline; `time` and `seq` are the last good frame's."""
+    return _line(Late(time, seq, True, frame, round(waited, 3), dropped))
 
 
 def _segments(arcs: Arcs) -> list[Segment]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import socket
 import struct
 import subprocess
 from collections.abc import Iterator
@@ -70,6 +71,12 @@ def hosted(name: str, port: int) -> tuple[rr.RecordingStream, str]:
     SourceError
         Where the port is taken.
     """
+    try:  # Rerun itself goes on without a host, and what listens there may show another picture
+        socket.create_server(("127.0.0.1", port)).close()
+    except OSError as error:
+        raise SourceError(
+            f"--view: port {port}: {os.strerror(error.errno or 0)}: choose another with --view-port"
+        ) from error
     recording = rr.RecordingStream(f"tssgeom: {name}", batcher_config=rr.ChunkBatcherConfig.LOW_LATENCY())
     sink = rr.GrpcServerSink(bind_ip="127.0.0.1", port=port, server_memory_limit=_HOSTED_MEMORY)
     try:
@@ -128,6 +135,8 @@ class GrowingFile:
         try:
             self.write()
         finally:
+            with suppress(OSError):
+                os.fsync(self._file.fileno())
             self._file.close()
             if self._size:
                 self._optimize()

@@ -1,0 +1,101 @@
+"""A fit that takes long delays neither other senders nor the end, and each sender has fits of its own."""
+
+import json
+import os
+import signal
+import time
+
+import numpy as np
+import pytest
+
+from benchmarks.live_process import PATIENCE, line, live, points_mm
+from tests.attack.live_lines import helix
+from tests.live.peers import frame
+from tssgeom.engine import Engine, Track, process
+from tssgeom.rig import Rig
+from tssgeom.stream import Frame, FrameResult, Rejected, SensedRoute
+
+LONG = line(helix(10_000, 200.0), 2.0, id="long")  # about 2 s
+TCP = ("--source", "tcp://127.0.0.1:0")
+
+
+def shared(seconds: float) -> float:
+    """The time that something takes which would take so many seconds, were the cores ours alone."""
+    return seconds * max(os.getloadavg()[0], 1.0)
+
+
+def test_a_fit_that_takes_long_is_late_and_others_are_answered_meanwhile():
+    with (
+        live(*TCP, "--sink", "-", "--deadline-ms", "20") as stream,
+        stream.source() as slow,
+        stream.source() as other,
+    ):
+        other.sendall(frame(0.0, id="first"))
+        while (json.loads(stream.output.readline())).get("id") != "first":
+            pass
+        slow.sendall(LONG)
+        lines = [json.loads(stream.output.readline())]
+        other.sendall(frame(0.1, id="second"))
+        while lines[-1].get("id") != "long":
+            lines.append(json.loads(stream.output.readline()))
+        assert stream.stop() == 0
+    late = next(one for one in lines if "late" in one)
+    assert (late["t"], late["seq"], late["late"], late["stale"]) == (0.0, 0, 1, True)
+    assert 0.02 <= late["silent_s"] < shared(0.5)
+    assert "second" in [one.get("id") for one in lines[:-1]]
+    assert lines[-1]["seq"] == 1
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_signal_is_heard_while_a_fit_takes_long(number):
+    with live(*TCP, "--sink", "none") as stream, stream.source() as slow:
+        slow.sendall(LONG)
+        time.sleep(0.3)
+        begun = time.monotonic()
+        assert stream.stop(number) == 0
+        assert time.monotonic() - begun < shared(0.5)
+
+
+def test_frames_of_standard_input_wait_for_long_fits_and_none_is_lost():
+    walk = np.cumsum(5.0 * np.random.default_rng(0).standard_normal((1000, 3)), axis=0)
+    with live() as stream:
+        for i in range(6):
+            stream.input.write(line(walk if i % 2 else points_mm(40, 0.0), float(i)))
+        stream.input.close()
+        lines = [json.loads(text) for text in stream.output.read().splitlines()]
+        assert stream.process.wait(PATIENCE) == 0
+    answers = [one for one in lines if not one.get("stale")]
+    assert [one["seq"] for one in answers] == list(range(6))
+    assert answers[-1]["dropped"] == 0
+
+
+def _frames(seed: int) -> list[Frame]:
+    return [Frame(1e-3 * points_mm(40, 0.02 * k, seed + k), 0.02 * k, tension_in=9.0) for k in range(40)]
+
+
+def test_senders_that_take_turns_have_the_fits_that_each_has_alone():
+    rest = [Frame(1.3 * one.points[:, ::-1], one.time + 0.01, tension_in=9.0) for one in _frames(500)]
+    streams, tracks = (_frames(0), rest), (Track(), Track())
+    alone = [list(process(frames, Rig(), tension_in=9.0)) for frames in streams]
+    engine = Engine(Rig(), tension_in=9.0)
+    for k in range(40):
+        for frames, track, wanted in zip(streams, tracks, alone, strict=True):
+            result, expected = engine.push(frames[k], track=track), wanted[k]
+            engine.idle(track)
+            assert isinstance(result, FrameResult)
+            assert isinstance(expected, FrameResult)
+            assert result.arcs.total_angle == expected.arcs.total_angle
+            assert result.tracked.sensed_over_fitted == expected.tracked.sensed_over_fitted
+
+
+def test_a_route_that_was_sensed_before_gives_the_same_result():
+    frames, engine, track = _frames(0), Engine(Rig(), tension_in=9.0), Track()
+    wanted = process(frames, Rig(), tension_in=9.0)
+    for one, expected in zip(frames, wanted, strict=True):
+        sensed = engine.sense(one, track)
+        assert isinstance(sensed, SensedRoute)
+        result = engine.push(one, track=track, sensed=sensed)
+        assert isinstance(result, FrameResult)
+        assert isinstance(expected, FrameResult)
+        assert result.transmission == expected.transmission
+    assert isinstance(engine.sense(Frame(np.zeros((2, 3))), track), Rejected)

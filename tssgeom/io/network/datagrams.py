@@ -1,0 +1,174 @@
+"""A source of frames in datagrams; each sender has a queue of its own, in the system and in the mailbox."""
+
+from __future__ import annotations
+
+import os
+import selectors
+import socket
+import sys
+from contextlib import suppress
+from dataclasses import dataclass, field
+from functools import partial
+from time import monotonic
+
+from tssgeom.engine import Track
+from tssgeom.io.formats.jsonl import frame_or_refusal
+from tssgeom.io.network.addresses import Access, Endpoint, resolved
+from tssgeom.io.network.channel import READ
+from tssgeom.io.network.listener import socket_error
+from tssgeom.io.network.mailbox import Mailbox, Sender
+from tssgeom.io.network.sources import Source
+
+_LOST = 40  # SO_RXQ_OVFL of Linux: counts the datagrams without room
+
+
+@dataclass(frozen=True, slots=True)
+class DatagramLimits:
+    """Limits of a socket that receives datagrams."""
+
+    largest_bytes: int = 1 << 16
+    """Bytes of a datagram; cited: UDP allows 65 507."""
+    buffer_bytes: int = 1 << 22
+    """Size of the system's buffer for datagrams [bytes]; chosen: 64 of the largest."""
+    sender_bytes: int = 1 << 20
+    """The same for one sender; derived: 16 of the largest, as many as its mailbox keeps."""
+    at_once: int = 64
+    """Datagrams that are read before other work; derived: those that the buffer holds."""
+    senders: int = 64
+    """Senders whose clocks are kept; chosen."""
+
+
+DATAGRAMS = DatagramLimits()
+
+
+@dataclass(slots=True, eq=False)
+class _Socket:
+    """A socket and the number of datagrams that the system has dropped there."""
+
+    sock: socket.socket
+    lost: int = 0
+
+
+@dataclass(slots=True, eq=False)
+class _Peer:
+    """One address that sends."""
+
+    sender: Sender = field(default_factory=Sender)
+    heard: float = 0.0
+    """When its last datagram came [s]."""
+    own: _Socket | None = None
+    """The socket that receives from it alone."""
+
+
+class UdpSource(Source):
+    """A frame as JSON in each datagram; a required token is its first line.
+
+    On Linux a sender that goes on gets a socket of its own, connected to it: the flood of another one then
+    fills another buffer.
+    """
+
+    def __init__(
+        self,
+        selector: selectors.BaseSelector,
+        mailbox: Mailbox,
+        endpoint: Endpoint,
+        allowed: Access,
+        unit: str | None,
+    ) -> None:
+        family, address = resolved(endpoint, allowed, socket.SOCK_DGRAM)
+        sock = socket.socket(family, socket.SOCK_DGRAM)
+        try:
+            sock.bind(address)
+        except OSError as error:
+            sock.close()
+            raise socket_error(endpoint, error) from error
+        self._linux = os.uname().sysname == "Linux"
+        self.text = endpoint.at(sock.getsockname())
+        self._mailbox, self._allowed, self._unit = mailbox, allowed, unit
+        self._selector = selector
+        self._peers = dict[tuple, _Peer]()
+        self._newest: _Peer | None = None
+        self._common = self._watched(sock, DATAGRAMS.buffer_bytes)
+
+    def close(self) -> None:
+        """Close the sockets."""
+        for peer in self._peers.values():
+            self._forget(peer)
+        self._forget(_Peer(own=self._common))
+
+    def _watched(self, sock: socket.socket, size: int) -> _Socket:
+        sock.setblocking(False)
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, size)
+        if self._linux:
+            sock.setsockopt(socket.SOL_SOCKET, _LOST, 1)
+        watched = _Socket(sock)
+        self._selector.register(sock, READ, partial(self._ready, watched))
+        return watched
+
+    def _ready(self, of: _Socket, events: int) -> None:
+        for _ in range(DATAGRAMS.at_once):
+            try:
+                data, about, _, address = of.sock.recvmsg(DATAGRAMS.largest_bytes, 64 if self._linux else 0)
+            except OSError:  # nothing waits, or the socket was closed for a newer sender
+                return
+            self._count_lost(of, about)
+            self._received(data, address)
+
+    def _count_lost(self, of: _Socket, about: list[tuple[int, int, bytes]]) -> None:
+        """Count the datagrams without room in the system's buffer as dropped."""
+        for _, kind, value in about:
+            if kind == _LOST:
+                lost = int.from_bytes(value[:4], sys.byteorder)
+                self._mailbox.skip((lost - of.lost) & 0xFFFFFFFF)
+                of.lost = lost
+
+    def _received(self, data: bytes, address: tuple) -> None:
+        if self._allowed.token:
+            token, _, data = data.partition(b"\n")
+            if not self._allowed.admits(token):
+                return  # a sender without the token gets no answer and no count
+        if not (data := data.strip()):
+            return
+        peer = self._peers.get(address)
+        if peer is None:
+            peer = self._begun(address)
+        elif peer.own is None and self._linux:
+            with suppress(OSError):  # it shares the common one then
+                peer.own = self._connected(address)
+        peer.heard = monotonic()
+        self._mailbox.post(peer.sender, partial(frame_or_refusal, data, self._unit))
+
+    def _begun(self, address: tuple) -> _Peer:
+        """Make a new sender; where more are known than are kept, the one that is silent for longest goes."""
+        if len(self._peers) >= DATAGRAMS.senders:
+            silent = min(self._peers, key=lambda one: self._peers[one].heard)
+            gone = self._peers.pop(silent)
+            self._forget(gone)
+            self._mailbox.forget(gone.sender)
+        before, peer = self._newest, _Peer()
+        if before is not None and before.sender.arrived == 1 and not before.sender.pending:
+            # a program that sends each frame from another port
+            peer.sender.track, before.sender.track = before.sender.track, Track()
+        self._peers[address] = self._newest = peer
+        return peer
+
+    def _connected(self, address: tuple) -> _Socket:
+        """Make a socket for one sender; only while it is made may another one be bound to the port."""
+        common = self._common.sock
+        sock = socket.socket(common.family, socket.SOCK_DGRAM)
+        try:
+            sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            common.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            sock.bind(common.getsockname())
+            sock.connect(address)
+        except OSError:
+            sock.close()
+            raise
+        finally:
+            common.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 0)
+        return self._watched(sock, DATAGRAMS.sender_bytes)
+
+    def _forget(self, peer: _Peer) -> None:
+        if peer.own is not None:
+            self._selector.unregister(peer.own.sock)
+            peer.own.sock.close()
