@@ -14,6 +14,7 @@ from tssgeom.adapt.moments import Moment, RunFromHere
 from tssgeom.adapt.readings import noise_variance
 from tssgeom.adapt.rig_filter import RigFilter
 from tssgeom.errors import TssgeomError
+from tssgeom.least_squares import SOLVER, Problem, search
 
 
 class DiagnosisSettings(NamedTuple):
@@ -21,10 +22,6 @@ class DiagnosisSettings(NamedTuple):
 
     slice: int = 8
     """Frames that are followed between two frames of a stream [1]. Chosen: 3 ms."""
-    rounds: int = 8
-    """Gauss–Newton steps [1]; chosen: three are usual."""
-    close: float = 0.01
-    """Standard errors by which a step is the last one [1]; chosen."""
     fewest: int = 20
     """Readings that show that a sensor stands [1]; chosen."""
     uncertain: float = 0.5
@@ -40,7 +37,6 @@ class DiagnosisSettings(NamedTuple):
 
 
 _SETTINGS = DiagnosisSettings()
-_SHARES = (1.0, 0.5, 0.25, 0.125)  # of a Gauss–Newton step, until one is better; chosen
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,52 +190,23 @@ def _followed(sound: RigFilter, best: _Fit) -> RigFilter:
 
 
 def _fitted(run: RunFromHere, one: Hypothesis) -> Iterator[_Fit | None]:
-    """Yield None after each trial, and at last the fit by Gauss–Newton steps, if any."""
-    size = len(one.numbers)
+    """Yield None before each trial, and at last the fit, if any."""
     lower, upper = (
         np.array([(getattr(each, side) - each.value) / each.sd for each in one.numbers])
         for side in ("lower", "upper")
     )
 
-    def left(u: np.ndarray) -> np.ndarray:
+    def model(u: np.ndarray) -> tuple[np.ndarray, None] | None:
         values = [number.value + number.sd * float(x) for number, x in zip(one.numbers, u, strict=True)]
-        return run.left(one.rig_with(values))
+        try:
+            return run.left(one.rig_with(values)), None
+        except TssgeomError:
+            return None
 
-    u = np.maximum(np.full(size, 0.01), lower)
-    try:
-        now = left(u)
-    except TssgeomError:
-        return
-    cost, normal = float(now @ now + u @ u), np.eye(size)
-    for _ in range(_SETTINGS.rounds):
-        slope = np.empty((len(now), size))
-        for i in range(size):
-            moved = u.copy()
-            moved[i] += 0.02
-            try:
-                slope[:, i] = (left(moved) - now) / 0.02
-            except TssgeomError:
-                return
-            yield None
-        normal = slope.T @ slope + np.eye(size)
-        way = -np.linalg.solve(normal, slope.T @ now + u)
-        for share in _SHARES:
-            trial = np.clip(u + share * way, lower, upper)
-            yield None
-            try:
-                there = left(trial)
-            except TssgeomError:
-                continue
-            new = float(there @ there + trial @ trial)
-            if new < cost:
-                break
-        else:
-            break
-        small = float((trial - u) @ normal @ (trial - u)) < _SETTINGS.close**2
-        u, now, cost = trial, there, new
-        if small:
-            break
-    yield _Fit(one, u, cost, np.linalg.inv(normal))
+    given = Problem(model, np.eye(len(one.numbers)), lower, upper, step=SOLVER.coarse_step, huber=run.huber)
+    end = yield from search(given, np.maximum(SOLVER.coarse_step, lower))
+    if end is not None:
+        yield _Fit(one, end.u, end.chi2, end.covariance)
 
 
 def _stopped_sensor(sound: RigFilter, after: Sequence[Moment]) -> tuple[str, str] | None:

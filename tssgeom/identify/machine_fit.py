@@ -6,8 +6,7 @@ Source: docs/model.md (179)-(183).
 from __future__ import annotations
 
 import itertools
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -16,7 +15,10 @@ from tssgeom.errors import FitError
 from tssgeom.identify.fit_quality import inflation_of, spread
 from tssgeom.identify.machine_problem import FIT, FitState, Problem, fitted_rows
 from tssgeom.identify.machine_run import thinned
+from tssgeom.least_squares import Problem as LeastSquares
+from tssgeom.least_squares import solve
 
+_Answer = tuple[list[Mapping[str, Vector]], list[Vector]]
 _STARTS = tuple(itertools.product((0.0, -1.0, 1.0), repeat=3))
 
 
@@ -85,31 +87,25 @@ def _weights(left: Sequence[Vector]) -> tuple[list[Vector], Vector]:
 def fit_round(
     problem: Problem, start: Vector, weight: list[Vector], inflation: Vector, steps: int
 ) -> FitState:
-    """Take Levenberg-Marquardt steps until the squared error stands."""
-    u, damping = start.copy(), 1e-3
-    channels = problem.model(u)
-    if channels is None:
+    """Fit with these weights; raises FitError where the machine has no equilibrium at the start."""
+    rows = np.concatenate(weight)
+
+    def model(u: Vector) -> tuple[Vector, _Answer] | None:
+        channels = problem.model(u)
+        if channels is None:
+            return None
+        left = problem.left(channels)
+        return np.concatenate(left), (channels, left)
+
+    given = LeastSquares(
+        *(model, np.eye(len(start)), np.full(len(start), -FIT.farthest), np.full(len(start), FIT.farthest)),
+        whitened=lambda left: (rows * left.T).T,
+        jacobian=lambda now: problem.jacobian(now.u, *now.detail) * rows[:, None],
+    )
+    end = solve(given, start, steps)
+    if end is None:
         raise FitError("the machine has no equilibrium at the start of the fit")
-    left = problem.left(channels)
-    objective = _objective(left, weight, u)
-    for _ in range(steps):
-        slope = problem.jacobian(u, channels, left) * np.concatenate(weight)[:, None]
-        pull = slope.T @ (np.concatenate(weight) * np.concatenate(left)) + u
-        normal = slope.T @ slope + np.eye(len(u))
-        fall = 0.0
-        for _ in range(8):
-            step = -np.linalg.solve(normal + damping * np.diag(np.diag(normal)), pull)
-            tried = np.clip(u + step, -FIT.farthest, FIT.farthest)
-            there = problem.model(tried)
-            value = math.inf if there is None else _objective(problem.left(there), weight, tried)
-            if there is not None and value < objective:
-                fall, damping = objective - value, 0.2 * damping
-                u, channels, left, objective = tried, there, problem.left(there), value
-                break
-            damping = max(4.0 * damping, 1e-3)
-        if fall <= FIT.close * max(1.0, 0.01 * objective):
-            break
-    return FitState(u, channels, left, weight, inflation, objective)
+    return FitState(end.u, *end.detail, weight, inflation, 0.5 * end.chi2)
 
 
 def _objective(left: Sequence[Vector], weight: Sequence[Vector], u: Vector) -> float:
