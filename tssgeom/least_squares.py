@@ -29,6 +29,8 @@ class SolverSettings:
     it shortens what is weakly determined, from 1 on it takes every number by 1/2, 1/4 and 1/11."""
     passes: int = 12
     """Positions at which derivatives are computed [1]; chosen: three to six are usual."""
+    quick: int = 2
+    """The same in a first fit, which only ranks candidates [1]; chosen for speed."""
     converged: float = 0.05
     """Fall of χ², or square of a step in standard errors, below which a fit has converged [1]; chosen: 0.2
     standard errors of one number."""

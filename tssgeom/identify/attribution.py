@@ -20,6 +20,8 @@ from tssgeom.identify.fit import Fit, Point, Problem
 from tssgeom.identify.misfit import phases, simulated_run
 from tssgeom.identify.prediction import run_channels
 from tssgeom.identify.readings import Reading
+from tssgeom.least_squares import SOLVER
+from tssgeom.statistics import EVIDENCE_SCALE
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,10 +30,6 @@ class AttributionSettings:
 
     bins: int = 3
     """Bins of tension."""
-    listed: int = 8
-    """Cells of the heat map that are listed."""
-    worth: float = 0.02
-    """Of all excess: a smaller share is not listed [1]."""
     stretches: int = 12
     """Stretches of a route."""
     trial_rad: float = 0.02
@@ -40,17 +38,15 @@ class AttributionSettings:
     """Stretches over which friction that is missing is alike."""
     wide_rad_per_m: float = 20.0
     """Prior standard deviation of the missing angle [rad/m]."""
-    clear: float = 3.0
-    """Standard errors from which a stretch stands out [1]."""
     knots: int = 6
     """Knots of friction over what it may depend on."""
     wide_friction: float = 1.0
     """Prior standard deviation of the change of ln μ at a knot [1]."""
-    step: float = 0.02
-    """Step of ln μ for the derivative by friction [1]."""
 
 
 ATTRIBUTION = AttributionSettings()
+_LISTED = 8  # cells of the heat map that are listed at most; arrangement
+_WORTH = 0.02  # share of all excess below which a cell is not listed [1]; arrangement
 
 
 def heat_map(problem: Problem, at: Point) -> tuple[HeatMap, tuple[MisfitShare, ...]]:
@@ -102,9 +98,9 @@ def _tension(reading: Reading, channels: Mapping[str, Vector]) -> Vector:
 def _worst(cells: list[tuple[float, MisfitShare]], power: float) -> tuple[MisfitShare, ...]:
     cells.sort(key=lambda cell: -cell[0])
     out = []
-    for excess, share_of in cells[: ATTRIBUTION.listed]:
+    for excess, share_of in cells[:_LISTED]:
         share = excess / max(power, 1e-12)
-        if share < ATTRIBUTION.worth:
+        if share < _WORTH:
             break
         out.append(replace(share_of, share=share))
     return tuple(out)
@@ -177,7 +173,7 @@ def pointed(
 
 def _stretch(misfit: RouteMisfit) -> tuple[float, float] | None:
     """Return the one stretch that stands out, if less than half of the route does."""
-    high = np.flatnonzero(misfit.extra_angle_rad_per_m > ATTRIBUTION.clear * misfit.se)
+    high = np.flatnonzero(misfit.extra_angle_rad_per_m > EVIDENCE_SCALE.clear * misfit.se)
     if not len(high):
         return None
     span = int(high[-1] - high[0]) + 1
@@ -192,8 +188,8 @@ def missing_shapes(
 ) -> tuple[Shape, ...]:
     """Return the friction that fits the readings, over each quantity that it may depend on."""
     moved = np.zeros(2 + len(fit.at.free))
-    moved[0] = ATTRIBUTION.step
-    slope = (fit.left - problem.left(fit.at.moved(moved))) / ATTRIBUTION.step
+    moved[0] = SOLVER.coarse_step
+    slope = (fit.left - problem.left(fit.at.moved(moved))) / SOLVER.coarse_step
     over = {
         "tension_N": _rows(problem, [_measured_tension(reading) for reading in problem.stack.readings]),
         "speed_m_per_s": _rows(problem, [_speed(reading) for reading in problem.stack.readings]),

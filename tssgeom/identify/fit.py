@@ -36,8 +36,6 @@ class FitSettings:
     """Prior s.d. of the logarithm of a scale of an effect [1]; chosen: factors of e."""
     size_sd: float = 10.0
     """Prior s.d. of an amplitude over that of its effect [1]; chosen: free but for what is absurd."""
-    longest: float = 5.0
-    """Longest step of a number of an effect, in u [1]; chosen: half of `size_sd`."""
     unit_m: float = 0.02
     """Unit of arc length in the fit of a hidden bend [m]; chosen."""
     zero_bound: float = 3.0
@@ -223,7 +221,7 @@ def posed_about(problem: Problem, at: Point) -> LeastSquares[Point]:
             return None
 
     own = 2 + len(at.free)
-    step, longest = np.full(at.size, SOLVER.step), np.full(at.size, FIT.longest)
+    step, longest = np.full(at.size, SOLVER.step), np.full(at.size, 0.5 * FIT.size_sd)
     step[2:own], longest[:2] = SOLVER.coarse_step, FIT.base_sd
     lower, upper = _bounds(at)
     return LeastSquares(

@@ -29,14 +29,10 @@ class LawFitSettings:
     """S.d. of second derivatives that are tried, in u; chosen: from a straight line to none at all."""
     level: float = 3.0
     """S.d. of each number of a law by itself, in u; chosen: free but for what is absurd."""
-    quick: int = 2
-    """Passes of a first fit; chosen for speed."""
     whole: int = 4
     """Passes of the last fit; chosen."""
     halvings: int = 5
     """Times that a start without equilibrium is halved; chosen."""
-    longest: float = 1.5
-    """Longest step of any number of a law, in u; chosen: half of `level`."""
 
 
 LAW_FIT = LawFitSettings()
@@ -177,7 +173,7 @@ class _Laws:
             upper=longer(named.upper, *(one.upper * np.ones(one.size) for one in laws)),
             centre=longer(named.centre, none),
             step=longer(named.step, none + SOLVER.coarse_step),
-            longest=longer(named.longest, none + LAW_FIT.longest),
+            longest=longer(named.longest, none + 0.5 * LAW_FIT.level),
             whitened=self.problem.whitening.whitened,
         )
 

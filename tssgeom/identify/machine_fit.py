@@ -12,11 +12,11 @@ import numpy as np
 
 from tssgeom.arrays import Vector
 from tssgeom.errors import FitError
-from tssgeom.identify.fit_quality import inflation_of, spread
+from tssgeom.identify.fit_quality import ROBUST, first_weights, weights_of
 from tssgeom.identify.machine_problem import FIT, FitState, Problem, fitted_rows
 from tssgeom.identify.machine_run import thinned
+from tssgeom.least_squares import SOLVER, solve
 from tssgeom.least_squares import Problem as LeastSquares
-from tssgeom.least_squares import solve
 
 _Answer = tuple[list[Mapping[str, Vector]], list[Vector]]
 _STARTS = tuple(itertools.product((0.0, -1.0, 1.0), repeat=3))
@@ -29,7 +29,7 @@ def start_of(problem: Problem) -> Vector:
     runs = tuple(thinned(run, few) for run in problem.runs)
     rows = fitted_rows(runs, held_out=None)
     short = Problem(runs, problem.rig, problem.parameters, rows, FIT.bars)
-    weight = first_weights(short)
+    weight = first_weights(short.measured())
     starts = list[tuple[float, Vector]]()
     for corner in _STARTS if free else _STARTS[:1]:
         u = np.zeros(len(problem.parameters))
@@ -45,22 +45,14 @@ def start_of(problem: Problem) -> Vector:
     return min(states, key=lambda state: state.objective).u
 
 
-def first_weights(problem: Problem) -> list[Vector]:
-    """Return the weight of every row before anything is known of its error [1/SI]."""
-    return [
-        np.full(len(values), 1.0 / max(FIT.first_sigma * float(np.ptp(values)), 1e-9))
-        for values in problem.measured()
-    ]
-
-
 def fit_from(
     problem: Problem, start: Vector, progress: Callable[[float], object]
 ) -> tuple[Problem, FitState]:
     """Fit, weigh each channel by what is left and by how long its errors last, and fit again."""
-    weight, inflation = first_weights(problem), np.ones(len(problem.rows))
-    state = fit_round(problem, start, weight, inflation, FIT.iterations)
-    for k in range(FIT.rounds):
-        progress((k + 1) / (FIT.rounds + 1))
+    weight, inflation = first_weights(problem.measured()), np.ones(len(problem.rows))
+    state = fit_round(problem, start, weight, inflation)
+    for k in range(ROBUST.rounds):
+        progress((k + 1) / (ROBUST.rounds + 1))
         problem, state = fitted_again(problem, state)
     return problem, state
 
@@ -68,24 +60,12 @@ def fit_from(
 def fitted_again(problem: Problem, state: FitState) -> tuple[Problem, FitState]:
     """Fit once more, with more bars and with the weights that follow from what is left."""
     problem = problem.corrected(state.u, state.channels)
-    weight, inflation = _weights(problem.left(state.channels))
-    return problem, fit_round(problem, state.u, weight, inflation, FIT.iterations)
-
-
-def _weights(left: Sequence[Vector]) -> tuple[list[Vector], Vector]:
-    """Return the weight of every row, and how many readings are worth one; docs/model.md (72), (181)."""
-    weights, inflations = [], []
-    for each in left:
-        sigma = spread(each)
-        inflation = inflation_of(each / sigma)
-        far = np.maximum(np.abs(each) / sigma, 1e-12)
-        weights.append(np.sqrt(np.minimum(1.0, FIT.huber / far) / inflation) / sigma)
-        inflations.append(inflation)
-    return weights, np.array(inflations)
+    weight, inflation = weights_of(problem.left(state.channels))
+    return problem, fit_round(problem, state.u, weight, inflation)
 
 
 def fit_round(
-    problem: Problem, start: Vector, weight: list[Vector], inflation: Vector, steps: int
+    problem: Problem, start: Vector, weight: list[Vector], inflation: Vector, steps: int = SOLVER.passes
 ) -> FitState:
     """Fit with these weights; raises FitError where the machine has no equilibrium at the start."""
     rows = np.concatenate(weight)

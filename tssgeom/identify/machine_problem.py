@@ -32,16 +32,6 @@ class MachineFitSettings:
     """Samples of all runs together; more are thinned, to no less than `least_of_each`; chosen."""
     least_of_each: int = 120
     """Samples of each run; chosen."""
-    rounds: int = 2
-    """Rounds in which weights and estimates converge; chosen."""
-    iterations: int = 12
-    """Steps of a round; chosen."""
-    first_sigma: float = 0.02
-    """Of the range of a channel: its standard deviation in the first round [1]; chosen."""
-    huber: float = 3.0
-    """Standard deviations from which a residual counts less [1]; chosen, as `ROBUST.huber`."""
-    unobserved: float = 0.5
-    """Of the prior's standard deviation: a wider posterior means that the runs show nothing [1]; chosen."""
     tied: float = 0.35
     """Of the prior's: two numbers whose product is narrower, while neither is, are tied [1]; chosen."""
     most_at_start: int = 200
