@@ -69,6 +69,8 @@ class Problem(Generic[Detail]):
     """Linear: makes residuals [rows (, size)] independent, with unit variance."""
     huber: float = np.inf
     """Standard deviations from which a residual counts less: the loss is linear beyond [1]."""
+    close: float = 0.0
+    """Of χ²: a fall that ends the fit as well [1]."""
     jacobian: Callable[[Solution[Detail]], Matrix] | None = None
     """Derivatives of the whitened residuals; finite differences where None."""
 
@@ -218,7 +220,8 @@ def _stepped(problem: Problem[Detail], now: Solution[Detail]) -> Generator[None,
     pull = -(now.jacobian.T @ now.residual + now.precision @ (now.u - problem.centre))
     free = ~(((now.u <= problem.lower) & (pull < 0.0)) | ((now.u >= problem.upper) & (pull > 0.0)))
     normal = (now.jacobian.T @ now.jacobian + now.precision)[np.ix_(free, free)]
-    near = float(pull[free] @ np.linalg.solve(normal, pull[free])) < SOLVER.converged
+    enough = max(SOLVER.converged, problem.close * now.chi2)
+    near = float(pull[free] @ np.linalg.solve(normal, pull[free])) < enough
     for damping in SOLVER.damping[: 0 if not free.any() else 1 if near else None]:
         step = np.zeros_like(pull)
         step[free] = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), pull[free])
@@ -233,6 +236,6 @@ def _stepped(problem: Problem[Detail], now: Solution[Detail]) -> Generator[None,
                 now,
                 **{name: getattr(there, name) for name in ("u", "left", "detail", "residual", "at_bound")},
                 chi2=now.chi2 - fall,
-                converged=min(fall, float(moved @ normal @ moved)) < SOLVER.converged,
+                converged=min(fall, float(moved @ normal @ moved)) < enough,
             )
     return replace(now, converged=near)

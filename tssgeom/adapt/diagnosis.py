@@ -13,6 +13,7 @@ from tssgeom.adapt.hypotheses import Hypothesis, hypotheses
 from tssgeom.adapt.moments import Moment, RunFromHere
 from tssgeom.adapt.readings import noise_variance
 from tssgeom.adapt.rig_filter import RigFilter
+from tssgeom.adapt.watch import WATCH
 from tssgeom.errors import TssgeomError
 from tssgeom.least_squares import SOLVER, Problem, search
 
@@ -20,12 +21,8 @@ from tssgeom.least_squares import SOLVER, Problem, search
 class DiagnosisSettings(NamedTuple):
     """Numbers of the search for a mechanism."""
 
-    slice: int = 8
-    """Frames that are followed between two frames of a stream [1]. Chosen: 3 ms."""
     fewest: int = 20
     """Readings that show that a sensor stands [1]; chosen."""
-    uncertain: float = 0.5
-    """Time by which a fault may begin later than the test estimates [s]. Chosen: two of its blocks."""
     still: float = 9.0
     """Noises within which all readings of a sensor that stands lie [1]; chosen: 1000 readings of noise lie
     in 7."""
@@ -37,6 +34,8 @@ class DiagnosisSettings(NamedTuple):
 
 
 _SETTINGS = DiagnosisSettings()
+SLICE = 8
+"""Frames that a filter takes in between two frames of a stream [1]; measured: 3 ms."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,7 +161,7 @@ def _through(followed: RigFilter, moments: Sequence[Moment]) -> Iterator[None]:
     """Take a filter through moments, in slices."""
     for i, moment in enumerate(moments):
         followed.step(moment.arcs, moment.readings, moment.time, moment.warmth)
-        if i % _SETTINGS.slice == _SETTINGS.slice - 1:
+        if i % SLICE == SLICE - 1:
             yield None
 
 
@@ -211,7 +210,7 @@ def _fitted(run: RunFromHere, one: Hypothesis) -> Iterator[_Fit | None]:
 
 def _stopped_sensor(sound: RigFilter, after: Sequence[Moment]) -> tuple[str, str] | None:
     """Return the sensor at the drive that stands while the other one there moves, and that in words."""
-    late = [one for one in after if one.time > after[0].time + _SETTINGS.uncertain]
+    late = [one for one in after if one.time > after[0].time + WATCH.onset]
     pairs = [(one.readings.displacement_in, one.readings.tension_in) for one in late]
     if len(pairs) < _SETTINGS.fewest or any(None in pair for pair in pairs):
         return None

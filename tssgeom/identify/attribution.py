@@ -16,7 +16,7 @@ from tssgeom.arrays import Matrix, Vector, read_only
 from tssgeom.effects import HiddenBend
 from tssgeom.identify.drive import turning_points
 from tssgeom.identify.finding import PHASES, HeatMap, MisfitShare, RouteMisfit, Shape
-from tssgeom.identify.fit import Fit, Point, Problem
+from tssgeom.identify.fit import FIT, Fit, Point, Problem
 from tssgeom.identify.misfit import phases, simulated_run
 from tssgeom.identify.prediction import run_channels
 from tssgeom.identify.readings import Reading
@@ -28,30 +28,23 @@ from tssgeom.statistics import EVIDENCE_SCALE
 class AttributionSettings:
     """How finely a misfit is attributed; no verdict depends on these. All are chosen for readable tables."""
 
-    bins: int = 3
-    """Bins of tension."""
-    stretches: int = 12
-    """Stretches of a route."""
-    trial_rad: float = 0.02
-    """Bend that is tried in each stretch [rad]."""
     smooth: float = 2.0
     """Stretches over which friction that is missing is alike."""
     wide_rad_per_m: float = 20.0
     """Prior standard deviation of the missing angle [rad/m]."""
-    knots: int = 6
-    """Knots of friction over what it may depend on."""
-    wide_friction: float = 1.0
-    """Prior standard deviation of the change of ln μ at a knot [1]."""
 
 
 ATTRIBUTION = AttributionSettings()
+_BINS = 3  # of tension in the heat map; arrangement
+_STRETCHES = 12  # of a route; arrangement
+_KNOTS = 6  # of friction over what it may depend on; arrangement
 _LISTED = 8  # cells of the heat map that are listed at most; arrangement
 _WORTH = 0.02  # share of all excess below which a cell is not listed [1]; arrangement
 
 
 def heat_map(problem: Problem, at: Point) -> tuple[HeatMap, tuple[MisfitShare, ...]]:
     """Return residual power by channel and run over phase and tension and its worst cells; (108)."""
-    stack, most = problem.stack, ATTRIBUTION.bins
+    stack, most = problem.stack, _BINS
     whitened = problem.whitening.whitened(problem.left(at))[: stack.size]
     runs = [simulated_run(reading, problem.rig, at) for reading in stack.readings]
     force = [_tension(reading, view.channels) for reading, view in zip(stack.readings, runs, strict=True)]
@@ -61,9 +54,7 @@ def heat_map(problem: Problem, at: Point) -> tuple[HeatMap, tuple[MisfitShare, .
     power = np.full((len(stack.blocks), len(PHASES) * most), np.nan)
     for row, block in enumerate(stack.blocks):
         reading = stack.readings[block.run]
-        bins = np.clip(
-            np.searchsorted(edges, force[block.run][block.kept], side="right") - 1, 0, ATTRIBUTION.bins - 1
-        )
+        bins = np.clip(np.searchsorted(edges, force[block.run][block.kept], side="right") - 1, 0, _BINS - 1)
         cell_of = phase[block.run][block.kept] * most + bins
         square = np.square(whitened[block.rows])
         for cell in np.unique(cell_of):
@@ -79,9 +70,7 @@ def heat_map(problem: Problem, at: Point) -> tuple[HeatMap, tuple[MisfitShare, .
                 )
             )
     rows = tuple(f"{block.channel} {stack.readings[block.run].name}" for block in stack.blocks)
-    names = tuple(
-        f"{title} {edges[k]:.1f}–{edges[k + 1]:.1f} N" for title in PHASES for k in range(ATTRIBUTION.bins)
-    )
+    names = tuple(f"{title} {edges[k]:.1f}–{edges[k + 1]:.1f} N" for title in PHASES for k in range(_BINS))
     return HeatMap(rows, names, power), _worst(cells, float(np.square(whitened).sum()))
 
 
@@ -124,24 +113,21 @@ def _along(
 ) -> tuple[RouteMisfit, float]:
     readings = problem.stack.readings
     route = next(reading.route for reading in readings if reading.route.name == name)
-    length, count = route.arcs.total_length, ATTRIBUTION.stretches
+    length, count = route.arcs.total_length, _STRETCHES
     middle = (np.arange(count) + 0.5) * length / count
     before = _channels(readings, problem, at, name, None)
     tried = []
     for centre in middle:
-        bend = HiddenBend(at_m=centre, angle_rad=ATTRIBUTION.trial_rad, width_m=length / count)
+        bend = HiddenBend(at_m=centre, angle_rad=SOLVER.coarse_step, width_m=length / count)
         after = _channels(readings, problem, at, name, bend)
         change = np.zeros(problem.stack.size)
         for block in problem.stack.blocks:
             if block.run in after:
                 shift = after[block.run][block.channel] - before[block.run][block.channel]
                 change[block.rows] = shift[block.kept]
-        tried.append(change / (ATTRIBUTION.trial_rad * count / length))
+        tried.append(change / (SOLVER.coarse_step * count / length))
     own = problem.whitening.whitened(np.column_stack(tried))
-    step = (
-        np.subtract.outer(np.arange(ATTRIBUTION.stretches), np.arange(ATTRIBUTION.stretches))
-        / ATTRIBUTION.smooth
-    )
+    step = np.subtract.outer(np.arange(_STRETCHES), np.arange(_STRETCHES)) / ATTRIBUTION.smooth
     prior = ATTRIBUTION.wide_rad_per_m**2 * (np.exp(-0.5 * step**2) + 1e-4 * np.eye(count))
     jacobian = np.column_stack([base, own])
     precision = np.zeros((jacobian.shape[1],) * 2)
@@ -228,13 +214,13 @@ def _cycle(reading: Reading) -> Vector:
 
 def _shape(problem: Problem, fit: Fit, slope: Vector, name: str, x: Vector) -> Shape:
     """Fit ln μ as a broken line over x, instead of one number; docs/model.md (118)."""
-    knots = np.unique(np.quantile(x, np.linspace(0.0, 1.0, ATTRIBUTION.knots)))
+    knots = np.unique(np.quantile(x, np.linspace(0.0, 1.0, _KNOTS)))
     hats = _hats(x, knots)
     column = problem.whitening.whitened(slope[:, None] * hats)
     rest = fit.jacobian[:, 1:]
     jacobian = np.column_stack([column, rest])
     precision = np.diag(
-        np.concatenate([np.full(len(knots), ATTRIBUTION.wide_friction**-2.0), np.full(rest.shape[1], 1e-6)])
+        np.concatenate([np.full(len(knots), FIT.base_sd**-2.0), np.full(rest.shape[1], 1e-6)])
     )
     covariance = np.asarray(np.linalg.inv(jacobian.T @ jacobian + precision), dtype=np.float64)
     want = covariance @ (jacobian.T @ fit.residual)

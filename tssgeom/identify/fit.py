@@ -40,8 +40,6 @@ class FitSettings:
     """Unit of arc length in the fit of a hidden bend [m]; chosen."""
     zero_bound: float = 3.0
     """S.d. of its prior within which a zero of a run is fitted [1]; chosen."""
-    rounds: int = 2
-    """Rounds of fit and error model; chosen."""
 
 
 FIT = FitSettings()
@@ -280,11 +278,10 @@ def whitening(errors: Errors) -> Whitening:
 
 
 def base_fit(readings: Sequence[Reading], rig: Rig) -> tuple[Problem, Errors, Fit]:
-    """Fit friction and compliance to the runs; errors and bars are those of the last estimate."""
+    """Fit friction and compliance to the runs; errors and bars are those of a first fit."""
     stack = stacked(readings)
     at = Point(max(rig.friction.coefficient, 1e-3), rig.tendon.compliance_per_N)
-    for _ in range(FIT.rounds - 1):
-        at = refined(posed(stack, rig, at)[0], at).at
+    at = refined(posed(stack, rig, at)[0], at).at
     problem, errors = posed(stack, rig, at)
     return problem, errors, refined(problem, at)
 

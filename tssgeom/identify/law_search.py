@@ -34,11 +34,10 @@ class LawSearchSettings:
     """How laws are searched, and when one is taken."""
 
     laws: int = 4
-    """Laws that are fitted after their score test; chosen for speed."""
+    """Laws that are fitted after their score test, and best parts that are fitted to the end and judged;
+    chosen for speed."""
     formulas: int = 3
     """Formulae that are fitted after theirs; chosen for speed."""
-    judged: int = 4
-    """Best parts that are fitted to the end and judged; chosen for speed."""
     close: float = 0.9
     """Of the gain of the best: from here the held-out runs decide [1]; chosen: both explain the same."""
     enough: float = 0.3
@@ -162,8 +161,8 @@ def _offers(
         if fit is not None:
             offers.append(Offer(mechanism, name, fit, 2.0 * (fit.log_evidence - now.log_evidence), math.nan))
     offers.sort(key=lambda one: -one.gain)
-    judged = [_judged(problem, now, one, held, limits) for one in offers[: LAW_SEARCH.judged]]
-    rest = [replace(one, veto=LESS) for one in offers[LAW_SEARCH.judged :]]
+    judged = [_judged(problem, now, one, held, limits) for one in offers[: LAW_SEARCH.laws]]
+    rest = [replace(one, veto=LESS) for one in offers[LAW_SEARCH.laws :]]
     return in_order(judged) + rest
 
 

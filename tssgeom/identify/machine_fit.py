@@ -80,6 +80,7 @@ def fit_round(
     given = LeastSquares(
         *(model, np.eye(len(start)), np.full(len(start), -FIT.farthest), np.full(len(start), FIT.farthest)),
         whitened=lambda left: (rows * left.T).T,
+        close=FIT.close,
         jacobian=lambda now: problem.jacobian(now.u, *now.detail) * rows[:, None],
     )
     end = solve(given, start, steps)

@@ -41,11 +41,11 @@ class TieLimits:
     """Of a signature: share that friction and compliance leave at most where they are its tie [1]; chosen."""
     least_move: float = 0.01
     """Share by which it moves before it is reported [1]; chosen."""
-    most_delta_bic: float = 1e4
-    """ΔBIC beyond which a greater one is not reported [1]; chosen."""
 
 
 TIES = TieLimits()
+MOST_REPORTED = 1e4
+"""ΔBIC beyond which a greater one is not reported [1]; arrangement."""
 _LISTED = 3  # experiments that are listed at most; arrangement
 
 _GAINS = ("tension_in_gain", "tension_out_gain")
@@ -319,4 +319,4 @@ def _expected(problem: Problem, first: Fit, other: Fit, plan: Plan) -> float:
     known = np.linalg.inv(other.covariance)
     step = np.linalg.solve(slope.T @ slope + known, slope.T @ off)
     rest = off - slope @ step
-    return float(min(rest @ rest + step @ known @ step, TIES.most_delta_bic))
+    return float(min(rest @ rest + step @ known @ step, MOST_REPORTED))
