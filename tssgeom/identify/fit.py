@@ -204,7 +204,7 @@ def refined(problem: Problem, start: Point, base: Matrix | None = None, passes: 
         )
     end = solve(given, np.zeros(start.size), passes)
     if end is None:
-        raise FitError("no equilibrium of the tendon was found at the start of the fit")
+        raise FitError("the tendon has no equilibrium at the start of the fit")
     return Fit(end.detail, end.chi2, end.residual, -end.jacobian, end.left)
 
 
