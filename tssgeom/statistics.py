@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,22 @@ from tssgeom.core.constants import MEDIANS
 
 NORMAL_95 = 1.959964
 """Standard deviations to either side of a 95 % interval. Derived: the 97.5 % quantile of the normal law."""
+
+
+@dataclass(frozen=True, slots=True)
+class EvidenceScale:
+    """When a difference counts, whatever is compared. Cited: Kass and Raftery, JASA 90 (1995) 777."""
+
+    strong: float = 6.0
+    """Fall of BIC, or 2 Δ ln Z, below which two models are not separated [1]; cited: odds of 20."""
+    very_strong: float = 10.0
+    """The same that a part of a model needs [1]; cited: odds of 150."""
+    clear: float = 3.0
+    """Standard errors from which one number differs from what was expected [1]; derived: 1 of 370 by
+    chance."""
+
+
+EVIDENCE_SCALE = EvidenceScale()
 _THROUGH = (3, 5, 7)  # readings whose differences show the noise; derived: lines to quintics vanish
 
 

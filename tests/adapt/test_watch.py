@@ -8,8 +8,8 @@ from tssgeom.adapt.watch import Watch, threshold
 
 def test_the_bound_gives_the_stated_interval_between_false_alarms(monkeypatch):
     """A CUSUM of white blocks, 40 of them a mean run, simulated beside the formula."""
-    settings = watch._WATCH._replace(false_alarm_interval=100.0, block=0.25)
-    monkeypatch.setattr(watch, "_WATCH", settings)
+    settings = watch.WATCH._replace(false_alarm_interval=100.0, block=0.25)
+    monkeypatch.setattr(watch, "WATCH", settings)
     bound, rng, runs = threshold(1), np.random.default_rng(1), []
     for _ in range(400):
         total, count = 0.0, 0

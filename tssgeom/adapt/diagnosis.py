@@ -13,22 +13,16 @@ from tssgeom.adapt.hypotheses import Hypothesis, hypotheses
 from tssgeom.adapt.moments import Moment, RunFromHere
 from tssgeom.adapt.readings import noise_variance
 from tssgeom.adapt.rig_filter import RigFilter
+from tssgeom.adapt.watch import WATCH
 from tssgeom.errors import TssgeomError
+from tssgeom.least_squares import SOLVER, Problem, search
 
 
 class DiagnosisSettings(NamedTuple):
     """Numbers of the search for a mechanism."""
 
-    slice: int = 8
-    """Frames that are followed between two frames of a stream [1]. Chosen: 3 ms."""
-    rounds: int = 8
-    """Gauss–Newton steps [1]; chosen: three are usual."""
-    close: float = 0.01
-    """Standard errors by which a step is the last one [1]; chosen."""
     fewest: int = 20
     """Readings that show that a sensor stands [1]; chosen."""
-    uncertain: float = 0.5
-    """Time by which a fault may begin later than the test estimates [s]. Chosen: two of its blocks."""
     still: float = 9.0
     """Noises within which all readings of a sensor that stands lie [1]; chosen: 1000 readings of noise lie
     in 7."""
@@ -40,7 +34,8 @@ class DiagnosisSettings(NamedTuple):
 
 
 _SETTINGS = DiagnosisSettings()
-_SHARES = (1.0, 0.5, 0.25, 0.125)  # of a Gauss–Newton step, until one is better; chosen
+SLICE = 8
+"""Frames that a filter takes in between two frames of a stream [1]; measured: 3 ms."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,7 +161,7 @@ def _through(followed: RigFilter, moments: Sequence[Moment]) -> Iterator[None]:
     """Take a filter through moments, in slices."""
     for i, moment in enumerate(moments):
         followed.step(moment.arcs, moment.readings, moment.time, moment.warmth)
-        if i % _SETTINGS.slice == _SETTINGS.slice - 1:
+        if i % SLICE == SLICE - 1:
             yield None
 
 
@@ -194,57 +189,28 @@ def _followed(sound: RigFilter, best: _Fit) -> RigFilter:
 
 
 def _fitted(run: RunFromHere, one: Hypothesis) -> Iterator[_Fit | None]:
-    """Yield None after each trial, and at last the fit by Gauss–Newton steps, if any."""
-    size = len(one.numbers)
+    """Yield None before each trial, and at last the fit, if any."""
     lower, upper = (
         np.array([(getattr(each, side) - each.value) / each.sd for each in one.numbers])
         for side in ("lower", "upper")
     )
 
-    def left(u: np.ndarray) -> np.ndarray:
+    def model(u: np.ndarray) -> tuple[np.ndarray, None] | None:
         values = [number.value + number.sd * float(x) for number, x in zip(one.numbers, u, strict=True)]
-        return run.left(one.rig_with(values))
+        try:
+            return run.left(one.rig_with(values)), None
+        except TssgeomError:
+            return None
 
-    u = np.maximum(np.full(size, 0.01), lower)
-    try:
-        now = left(u)
-    except TssgeomError:
-        return
-    cost, normal = float(now @ now + u @ u), np.eye(size)
-    for _ in range(_SETTINGS.rounds):
-        slope = np.empty((len(now), size))
-        for i in range(size):
-            moved = u.copy()
-            moved[i] += 0.02
-            try:
-                slope[:, i] = (left(moved) - now) / 0.02
-            except TssgeomError:
-                return
-            yield None
-        normal = slope.T @ slope + np.eye(size)
-        way = -np.linalg.solve(normal, slope.T @ now + u)
-        for share in _SHARES:
-            trial = np.clip(u + share * way, lower, upper)
-            yield None
-            try:
-                there = left(trial)
-            except TssgeomError:
-                continue
-            new = float(there @ there + trial @ trial)
-            if new < cost:
-                break
-        else:
-            break
-        small = float((trial - u) @ normal @ (trial - u)) < _SETTINGS.close**2
-        u, now, cost = trial, there, new
-        if small:
-            break
-    yield _Fit(one, u, cost, np.linalg.inv(normal))
+    given = Problem(model, np.eye(len(one.numbers)), lower, upper, step=SOLVER.coarse_step, huber=run.huber)
+    end = yield from search(given, np.maximum(SOLVER.coarse_step, lower))
+    if end is not None:
+        yield _Fit(one, end.u, end.chi2, end.covariance)
 
 
 def _stopped_sensor(sound: RigFilter, after: Sequence[Moment]) -> tuple[str, str] | None:
     """Return the sensor at the drive that stands while the other one there moves, and that in words."""
-    late = [one for one in after if one.time > after[0].time + _SETTINGS.uncertain]
+    late = [one for one in after if one.time > after[0].time + WATCH.onset]
     pairs = [(one.readings.displacement_in, one.readings.tension_in) for one in late]
     if len(pairs) < _SETTINGS.fewest or any(None in pair for pair in pairs):
         return None

@@ -11,14 +11,14 @@ from typing import NamedTuple
 import msgspec
 
 from tssgeom.adapt.alert import Alert, Cause
-from tssgeom.adapt.diagnosis import Explanation, explained
+from tssgeom.adapt.diagnosis import SLICE, Explanation, explained
 from tssgeom.adapt.followed import followed_numbers
 from tssgeom.adapt.followed_tendon import NOISE, FollowedTendon, memory_on, with_noise
 from tssgeom.adapt.moments import Moment
 from tssgeom.adapt.readings import CHANNELS, FollowedRig, Readings
 from tssgeom.adapt.rig_filter import RigFilter
 from tssgeom.adapt.saved import SavedFilter, captured
-from tssgeom.adapt.watch import Watch
+from tssgeom.adapt.watch import WATCH, Watch
 from tssgeom.errors import SettingsError, TssgeomError
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
@@ -32,16 +32,12 @@ class FollowerSettings(NamedTuple):
     """Time for which readings are kept [s]. Chosen: a few strokes."""
     copies: float = 1.0
     """Time between two copies of the filter [s]. Chosen: a fault is then at most so much younger."""
-    before: float = 0.5
-    """Time before a disagreement began at which the filter is taken for sound [s]; chosen."""
     comparisons: tuple[float, ...] = (1.5, 4.0, 8.0)
     """Times after an alarm at which mechanisms are compared [s]. Chosen: a stroke, and two more."""
     sure: float = 0.8
     """Probability from which the likeliest mechanism is taken into the rig [1]; chosen."""
     stands_by: float = 1e-6
     """Change of the drive between frames below which it holds [m, N]; chosen."""
-    caught_up: int = 8
-    """Frames that a new filter takes in at once until it has all [1]. Chosen: as in a slice of the search."""
     quiet: float = 60.0
     """Time without a disagreement after which an alert ends [s]. Chosen: several strokes."""
 
@@ -258,7 +254,7 @@ class Follower:
 
     def _search(self) -> Iterator[tuple[Explanation, ...] | None]:
         assert self._alert is not None
-        sound = [one for one in self._copies if one.time <= self._alert.since - _SETTINGS.before]
+        sound = [one for one in self._copies if one.time <= self._alert.since - WATCH.onset]
         start = sound[-1] if sound else self._copies[0]
         return explained(start, list(self._moments), self._alert.since)
 
@@ -275,12 +271,12 @@ class Follower:
         """Let the likeliest mechanism take in the frames that came while it was sought; yield it at last."""
         while True:
             waiting = [one for one in self._moments if one.time > following.time]
-            for one in waiting[: _SETTINGS.caught_up]:
+            for one in waiting[:SLICE]:
                 try:
                     following.step(one.arcs, one.readings, one.time, one.warmth)
                 except TssgeomError:
                     yield following
-            if len(waiting) <= _SETTINGS.caught_up:
+            if len(waiting) <= SLICE:
                 yield following
             yield None
 

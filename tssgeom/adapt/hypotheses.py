@@ -33,15 +33,12 @@ class HypothesisSettings(NamedTuple):
     shape_first: float = 7.0
     """Logarithm of the odds for the shape where it changes at that time [1]. Chosen: 1000; friction does
     the same."""
-    sensor_last: float = -6.0
-    """Logarithm of the odds for a sensor that errs in gain and zero [1]. Chosen: sensors fail wholly, as
-    above, or their zero drifts."""
+    imitators_last: float = -6.0
+    """Logarithm of the odds for what fits other mechanisms as well [1]: friction that changes part by part,
+    and a sensor that errs in gain and zero. Chosen: sensors fail wholly, or their zero drifts."""
     zero: float = 1.0
     """Standard deviation of a zero that moved, and of its further change in an hour [N]. Chosen: some per
     cent of what cells of 20 to 50 N span."""
-    parts_last: float = -6.0
-    """Logarithm of the odds for friction that changes part by part [1]. Chosen: four numbers fit a bend as
-    well."""
     turn: float = 1.0
     """Time within which a sensed angle changes where the sensor is at fault [s]; chosen: routes move
     slower."""
@@ -106,7 +103,7 @@ def hypotheses(sound: RigFilter, moments: Sequence[Moment], since: float) -> Ite
             parts,
             "friction on its quarters is {:.2g}, {:.2g}, {:.2g}, {:.2g} of what it was",
             rig,
-            _TRIED.parts_last,
+            _TRIED.imitators_last,
             length,
         )
     if _turned(moments, since):
@@ -164,7 +161,7 @@ def hypotheses(sound: RigFilter, moments: Sequence[Moment], since: float) -> Ite
                 ),
                 f"{channel} reads {{:+.2g}} of its value and {{:+.3g}} N too much",
                 rig,
-                _TRIED.sensor_last,
+                _TRIED.imitators_last,
                 mutes=True,
             )
 

@@ -45,9 +45,8 @@ class RunSettings(NamedTuple):
     near: int = 3
     """Moments on each side in which the steepest slope over the drive counts [1]. Chosen: a turn is that
     long."""
-    clipped: float = 8.0
-    """Standard deviations from which a residual counts as its root [1]; chosen: a wrong model may be far
-    off."""
+    huber: float = 8.0
+    """Standard deviations from which a residual counts less [1]; chosen: a wrong model may be far off."""
 
 
 _RUN = RunSettings()
@@ -101,7 +100,7 @@ class RunFromHere:
         return {name: float(np.nanmedian(one)) for name, one in read if np.isfinite(one).any()}
 
     def left(self, rig: Rig) -> Vector:
-        """Return the standardised residuals of a rig.
+        """Return the standardised residuals of a rig, less for moments that count as one.
 
         Raises
         ------
@@ -109,9 +108,12 @@ class RunFromHere:
             Where the tendon finds no equilibrium.
         """
         off = (self._readings - self._predicted(rig, self._drive)) / self._sd_of
-        off = off[np.isfinite(self._readings)]
-        far = np.maximum(np.abs(off) / _RUN.clipped, 1.0)
-        return off / np.sqrt(far) / math.sqrt(_RUN.together)
+        return off[np.isfinite(self._readings)] / math.sqrt(_RUN.together)
+
+    @property
+    def huber(self) -> float:
+        """Residual of `left` from which it counts less [1]."""
+        return _RUN.huber / math.sqrt(_RUN.together)
 
     def _predicted(self, rig: Rig, drive: Vector) -> np.ndarray:
         setup = setup_of(rig)

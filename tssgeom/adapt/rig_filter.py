@@ -26,6 +26,7 @@ from tssgeom.adapt.readings import (
     noise_variance,
     predicted_readings,
 )
+from tssgeom.adapt.watch import WATCH
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.errors import FitError
 from tssgeom.rig import Rig
@@ -44,8 +45,6 @@ class FilterSettings(NamedTuple):
 
     members: int = 64
     """Tendons [1]. Chosen: the error of a correlation of two of them is an eighth."""
-    outlier: float = 6.0
-    """Standard deviations from which a reading is not used [1]; chosen: 1 of 5e8 if it were normal."""
     drift_interval: float = 0.05
     """Time between two additions of drift [s]. Chosen: small beside any phase of a motion."""
     bent: float = 0.3
@@ -103,7 +102,7 @@ class RigFilter:
         self.time = math.nan
         self.muted = set[str]()
         """Channels whose readings are not used."""
-        self.outlier = _SETTINGS.outlier
+        self.outlier = WATCH.far
         self._by_force, self._waiting, self._distal_error = False, 0.0, np.zeros(2)
         variances = (noise_variance(rig.sensors.get(name)) for name in CHANNELS)
         self._noise_variance = np.maximum(list(variances), _SETTINGS.least_noise**2)

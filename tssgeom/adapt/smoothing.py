@@ -20,11 +20,10 @@ class SmoothingSettings(NamedTuple):
 
     most_moments: int = 1000
     """Moments that are kept [1], twice as many meanwhile. Chosen: as many as pixels across a figure."""
-    ridge: float = 1e-12
-    """Added to the diagonal of correlations before they are inverted [1]. Chosen: 1000 times rounding."""
 
 
 _SETTINGS = SmoothingSettings()
+_RIDGE = 1e-12  # on the diagonal of correlations before they are inverted; derived: 1000 times rounding
 
 
 class _Step(NamedTuple):
@@ -143,7 +142,7 @@ class NumberHistory:
         expected = covariance + np.diag(added)
         sd = np.sqrt(np.diag(expected))
         sd[sd == 0.0] = 1.0
-        correlation = expected / np.outer(sd, sd) + _SETTINGS.ridge * np.eye(len(sd))
+        correlation = expected / np.outer(sd, sd) + _RIDGE * np.eye(len(sd))
         lost = added[:, None] * np.linalg.inv(correlation) / np.outer(sd, sd)  # Q (P + Q)⁻¹
         return _Step(lost @ values, np.eye(len(sd)) - lost, np.diag(added) - lost * added)
 

@@ -20,23 +20,24 @@ class WatchSettings(NamedTuple):
     1.5."""
     false_alarm_interval: float = 86400.0
     """Mean time between two false alarms, over all channels [s]. Chosen: a day."""
-    clipped: float = 6.0
-    """Standard deviations beyond which a reading or a block counts as if it were there [1]; chosen."""
     memory: float = 1.0 / 400.0
     """Share of the newest block in the usual spread of blocks [1]. Chosen: it is learnt in some minutes."""
     least_spread: float = 2.0
     """Least variance of a block over that of white innovations [1]. Chosen: the error of a turn stays for a
     leg, and full faults are ten times as large."""
     far: float = 6.0
-    """Of what noise, rig and drive explain, beyond which a reading is far off [1]; chosen: never by
-    chance."""
-    far_for: float = 0.5
-    """Time for which readings are far off without a break [s]. Chosen: a burst of outliers is shorter."""
+    """Of what noise, rig and drive explain, beyond which a reading is far off, and counts as if it were there
+    [1]; chosen: never by chance."""
     warm_up: float = 5.0
     """Time from the first reading before anything counts [s]. Chosen: the first pull is then behind."""
 
+    @property
+    def onset(self) -> float:
+        """Time by which the tests may be wrong about when a fault began [s]; derived: two blocks."""
+        return 2.0 * self.block
 
-_WATCH = WatchSettings()
+
+WATCH = WatchSettings()
 _OVERSHOOT = 1.166  # of a random walk over a boundary: D. Siegmund, Sequential Analysis, 1985, ch. 10
 
 
@@ -46,7 +47,7 @@ def threshold(tests: int) -> float:
     Source: D. Siegmund, Sequential Analysis, 1985: a run lasts (exp(2kb) − 2kb − 1) / 2k² blocks, with
     b = h + 1.166.
     """
-    wanted, k = tests * _WATCH.false_alarm_interval / _WATCH.block, _WATCH.shift
+    wanted, k = tests * WATCH.false_alarm_interval / WATCH.block, WATCH.shift
     b = 1.0
     for _ in range(50):
         b = math.log(2.0 * k * k * wanted + 2.0 * k * b + 1.0) / (2.0 * k)
@@ -71,7 +72,7 @@ class _Channel:
 
     def __init__(self, name: str) -> None:
         self.name = name
-        self.spread = _WATCH.least_spread
+        self.spread = WATCH.least_spread
         self.sums, self.since = [0.0, 0.0], [math.nan, math.nan]
         self.total, self.count, self.ends = 0.0, 0, math.nan
         self.far_since = math.nan
@@ -79,23 +80,23 @@ class _Channel:
     def is_far(self, beyond: float, time: float) -> bool:
         """Whether readings have been far off for long enough."""
         if not math.isnan(beyond):
-            if beyond < _WATCH.far:
+            if beyond < WATCH.far:
                 self.far_since = math.nan
             elif math.isnan(self.far_since):
                 self.far_since = time
-        return time - self.far_since > _WATCH.far_for
+        return time - self.far_since > WATCH.onset
 
     def take(self, z: float, time: float, bound: float) -> int:
         """Take in a standardised innovation; return the way of an alarm, or 0."""
         if math.isnan(self.ends):
-            self.ends = time + _WATCH.block
+            self.ends = time + WATCH.block
         if time >= self.ends:
             way = self._close(bound)
-            self.total, self.count, self.ends = 0.0, 0, time + _WATCH.block
+            self.total, self.count, self.ends = 0.0, 0, time + WATCH.block
             if way:
                 return way
         if not math.isnan(z):
-            self.total += min(max(z, -_WATCH.clipped), _WATCH.clipped)
+            self.total += min(max(z, -WATCH.far), WATCH.far)
             self.count += 1
         return 0
 
@@ -104,12 +105,12 @@ class _Channel:
             return 0
         raw = self.total / math.sqrt(self.count)
         u = raw / math.sqrt(self.spread)
-        u = min(max(u, -_WATCH.clipped), _WATCH.clipped)
-        self.spread = max(_WATCH.least_spread, self.spread + _WATCH.memory * self.spread * (u * u - 1.0))
+        u = min(max(u, -WATCH.far), WATCH.far)
+        self.spread = max(WATCH.least_spread, self.spread + WATCH.memory * self.spread * (u * u - 1.0))
         for i, sign in enumerate((1.0, -1.0)):
-            grown = max(self.sums[i] + sign * u - _WATCH.shift, 0.0)
+            grown = max(self.sums[i] + sign * u - WATCH.shift, 0.0)
             if grown == 0.0 or self.sums[i] == 0.0:
-                self.since[i] = self.ends - _WATCH.block
+                self.since[i] = self.ends - WATCH.block
             self.sums[i] = grown
             if grown > bound:
                 return int(sign)
@@ -136,7 +137,7 @@ class Watch:
         `beyond` [channels] is as in `FollowedRig`, also where a reading is not to be used.
         """
         if math.isnan(self._begins):
-            self._begins = time + _WATCH.warm_up
+            self._begins = time + WATCH.warm_up
         if time < self._begins:
             return None
         for i, channel in enumerate(self._channels):

@@ -16,46 +16,35 @@ from tssgeom.arrays import Matrix, Vector, read_only
 from tssgeom.effects import HiddenBend
 from tssgeom.identify.drive import turning_points
 from tssgeom.identify.finding import PHASES, HeatMap, MisfitShare, RouteMisfit, Shape
-from tssgeom.identify.fit import Fit, Point, Problem
+from tssgeom.identify.fit import FIT, Fit, Point, Problem
 from tssgeom.identify.misfit import phases, simulated_run
 from tssgeom.identify.prediction import run_channels
 from tssgeom.identify.readings import Reading
+from tssgeom.least_squares import SOLVER
+from tssgeom.statistics import EVIDENCE_SCALE
 
 
 @dataclass(frozen=True, slots=True)
 class AttributionSettings:
     """How finely a misfit is attributed; no verdict depends on these. All are chosen for readable tables."""
 
-    bins: int = 3
-    """Bins of tension."""
-    listed: int = 8
-    """Cells of the heat map that are listed."""
-    worth: float = 0.02
-    """Of all excess: a smaller share is not listed [1]."""
-    stretches: int = 12
-    """Stretches of a route."""
-    trial_rad: float = 0.02
-    """Bend that is tried in each stretch [rad]."""
     smooth: float = 2.0
     """Stretches over which friction that is missing is alike."""
     wide_rad_per_m: float = 20.0
     """Prior standard deviation of the missing angle [rad/m]."""
-    clear: float = 3.0
-    """Standard errors from which a stretch stands out [1]."""
-    knots: int = 6
-    """Knots of friction over what it may depend on."""
-    wide_friction: float = 1.0
-    """Prior standard deviation of the change of ln μ at a knot [1]."""
-    step: float = 0.02
-    """Step of ln μ for the derivative by friction [1]."""
 
 
 ATTRIBUTION = AttributionSettings()
+_BINS = 3  # of tension in the heat map; arrangement
+_STRETCHES = 12  # of a route; arrangement
+_KNOTS = 6  # of friction over what it may depend on; arrangement
+_LISTED = 8  # cells of the heat map that are listed at most; arrangement
+_WORTH = 0.02  # share of all excess below which a cell is not listed [1]; arrangement
 
 
 def heat_map(problem: Problem, at: Point) -> tuple[HeatMap, tuple[MisfitShare, ...]]:
     """Return residual power by channel and run over phase and tension and its worst cells; (108)."""
-    stack, most = problem.stack, ATTRIBUTION.bins
+    stack, most = problem.stack, _BINS
     whitened = problem.whitening.whitened(problem.left(at))[: stack.size]
     runs = [simulated_run(reading, problem.rig, at) for reading in stack.readings]
     force = [_tension(reading, view.channels) for reading, view in zip(stack.readings, runs, strict=True)]
@@ -65,9 +54,7 @@ def heat_map(problem: Problem, at: Point) -> tuple[HeatMap, tuple[MisfitShare, .
     power = np.full((len(stack.blocks), len(PHASES) * most), np.nan)
     for row, block in enumerate(stack.blocks):
         reading = stack.readings[block.run]
-        bins = np.clip(
-            np.searchsorted(edges, force[block.run][block.kept], side="right") - 1, 0, ATTRIBUTION.bins - 1
-        )
+        bins = np.clip(np.searchsorted(edges, force[block.run][block.kept], side="right") - 1, 0, _BINS - 1)
         cell_of = phase[block.run][block.kept] * most + bins
         square = np.square(whitened[block.rows])
         for cell in np.unique(cell_of):
@@ -83,9 +70,7 @@ def heat_map(problem: Problem, at: Point) -> tuple[HeatMap, tuple[MisfitShare, .
                 )
             )
     rows = tuple(f"{block.channel} {stack.readings[block.run].name}" for block in stack.blocks)
-    names = tuple(
-        f"{title} {edges[k]:.1f}–{edges[k + 1]:.1f} N" for title in PHASES for k in range(ATTRIBUTION.bins)
-    )
+    names = tuple(f"{title} {edges[k]:.1f}–{edges[k + 1]:.1f} N" for title in PHASES for k in range(_BINS))
     return HeatMap(rows, names, power), _worst(cells, float(np.square(whitened).sum()))
 
 
@@ -102,9 +87,9 @@ def _tension(reading: Reading, channels: Mapping[str, Vector]) -> Vector:
 def _worst(cells: list[tuple[float, MisfitShare]], power: float) -> tuple[MisfitShare, ...]:
     cells.sort(key=lambda cell: -cell[0])
     out = []
-    for excess, share_of in cells[: ATTRIBUTION.listed]:
+    for excess, share_of in cells[:_LISTED]:
         share = excess / max(power, 1e-12)
-        if share < ATTRIBUTION.worth:
+        if share < _WORTH:
             break
         out.append(replace(share_of, share=share))
     return tuple(out)
@@ -128,24 +113,21 @@ def _along(
 ) -> tuple[RouteMisfit, float]:
     readings = problem.stack.readings
     route = next(reading.route for reading in readings if reading.route.name == name)
-    length, count = route.arcs.total_length, ATTRIBUTION.stretches
+    length, count = route.arcs.total_length, _STRETCHES
     middle = (np.arange(count) + 0.5) * length / count
     before = _channels(readings, problem, at, name, None)
     tried = []
     for centre in middle:
-        bend = HiddenBend(at_m=centre, angle_rad=ATTRIBUTION.trial_rad, width_m=length / count)
+        bend = HiddenBend(at_m=centre, angle_rad=SOLVER.coarse_step, width_m=length / count)
         after = _channels(readings, problem, at, name, bend)
         change = np.zeros(problem.stack.size)
         for block in problem.stack.blocks:
             if block.run in after:
                 shift = after[block.run][block.channel] - before[block.run][block.channel]
                 change[block.rows] = shift[block.kept]
-        tried.append(change / (ATTRIBUTION.trial_rad * count / length))
+        tried.append(change / (SOLVER.coarse_step * count / length))
     own = problem.whitening.whitened(np.column_stack(tried))
-    step = (
-        np.subtract.outer(np.arange(ATTRIBUTION.stretches), np.arange(ATTRIBUTION.stretches))
-        / ATTRIBUTION.smooth
-    )
+    step = np.subtract.outer(np.arange(_STRETCHES), np.arange(_STRETCHES)) / ATTRIBUTION.smooth
     prior = ATTRIBUTION.wide_rad_per_m**2 * (np.exp(-0.5 * step**2) + 1e-4 * np.eye(count))
     jacobian = np.column_stack([base, own])
     precision = np.zeros((jacobian.shape[1],) * 2)
@@ -177,7 +159,7 @@ def pointed(
 
 def _stretch(misfit: RouteMisfit) -> tuple[float, float] | None:
     """Return the one stretch that stands out, if less than half of the route does."""
-    high = np.flatnonzero(misfit.extra_angle_rad_per_m > ATTRIBUTION.clear * misfit.se)
+    high = np.flatnonzero(misfit.extra_angle_rad_per_m > EVIDENCE_SCALE.clear * misfit.se)
     if not len(high):
         return None
     span = int(high[-1] - high[0]) + 1
@@ -192,8 +174,8 @@ def missing_shapes(
 ) -> tuple[Shape, ...]:
     """Return the friction that fits the readings, over each quantity that it may depend on."""
     moved = np.zeros(2 + len(fit.at.free))
-    moved[0] = ATTRIBUTION.step
-    slope = (fit.left - problem.left(fit.at.moved(moved))) / ATTRIBUTION.step
+    moved[0] = SOLVER.coarse_step
+    slope = (fit.left - problem.left(fit.at.moved(moved))) / SOLVER.coarse_step
     over = {
         "tension_N": _rows(problem, [_measured_tension(reading) for reading in problem.stack.readings]),
         "speed_m_per_s": _rows(problem, [_speed(reading) for reading in problem.stack.readings]),
@@ -232,13 +214,13 @@ def _cycle(reading: Reading) -> Vector:
 
 def _shape(problem: Problem, fit: Fit, slope: Vector, name: str, x: Vector) -> Shape:
     """Fit ln μ as a broken line over x, instead of one number; docs/model.md (118)."""
-    knots = np.unique(np.quantile(x, np.linspace(0.0, 1.0, ATTRIBUTION.knots)))
+    knots = np.unique(np.quantile(x, np.linspace(0.0, 1.0, _KNOTS)))
     hats = _hats(x, knots)
     column = problem.whitening.whitened(slope[:, None] * hats)
     rest = fit.jacobian[:, 1:]
     jacobian = np.column_stack([column, rest])
     precision = np.diag(
-        np.concatenate([np.full(len(knots), ATTRIBUTION.wide_friction**-2.0), np.full(rest.shape[1], 1e-6)])
+        np.concatenate([np.full(len(knots), FIT.base_sd**-2.0), np.full(rest.shape[1], 1e-6)])
     )
     covariance = np.asarray(np.linalg.inv(jacobian.T @ jacobian + precision), dtype=np.float64)
     want = covariance @ (jacobian.T @ fit.residual)

@@ -16,7 +16,7 @@ from tssgeom.errors import SettingsError
 from tssgeom.identify.campaign import Route
 from tssgeom.identify.fit import Point, with_base
 from tssgeom.identify.prediction import Stack, run_channels, stacked
-from tssgeom.identify.readings import Reading, at_times, in_order, with_added
+from tssgeom.identify.readings import READING, Reading, at_times, in_order, with_added
 from tssgeom.identify.turning import Legs, legs, with_turns
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
@@ -51,8 +51,6 @@ class RunLimits:
     """Readings of a tension as drive; a longer run is thinned; chosen."""
     most_positions: int = 200
     """Readings of a position as drive; a longer run is thinned; chosen, for the speed of an earlier model."""
-    least_drive: int = 20
-    """Readings of the drive that a run needs; chosen."""
     least_response: int = 10
     """Readings of a channel that counts; chosen."""
     most_turns: int = 8
@@ -173,10 +171,8 @@ def calibrated_run(measured: Measured, arcs: Arcs, rig: Rig, from_tension: float
     kept = np.flatnonzero(in_order(measured.time, column))
     most = RUN_LIMITS.most_readings if by_force else RUN_LIMITS.most_positions
     kept = kept[:: max(1, -(-len(kept) // most))]
-    if len(kept) < RUN_LIMITS.least_drive:
-        raise SettingsError(
-            f"the run has {len(kept)} readings of its drive: give at least {RUN_LIMITS.least_drive}"
-        )
+    if len(kept) < READING.fewest:
+        raise SettingsError(f"the run has {len(kept)} readings of its drive: give at least {READING.fewest}")
     if by_force and not float(np.max(column[kept])) > 0.0:
         raise SettingsError(
             f"tension_in_N is at most {float(np.max(column[kept])):g} N: a tendon only pulls: change its sign"

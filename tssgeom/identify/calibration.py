@@ -23,35 +23,25 @@ from tssgeom.identify.calibrated_run import (
     calibrated_run,
     start_rig,
 )
-from tssgeom.identify.fit import FIT, Point, Problem, Whitening, columns, prior_sd, refined, unshared
-from tssgeom.identify.fit_quality import ChannelFit, failures, inflation_of, spread, squares, whiteness
+from tssgeom.identify.fit import FIT, Fit, Point, Problem, Whitening, columns, prior_sd, refined, unshared
+from tssgeom.identify.fit_quality import (
+    FIT_TEST,
+    ROBUST,
+    ChannelFit,
+    failures,
+    first_weights,
+    squares,
+    weights_of,
+    whiteness,
+)
 from tssgeom.identify.prediction import FINE, stacked
+from tssgeom.least_squares import SOLVER
 from tssgeom.result import Result
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.statistics import reading_noise
 
-
-@dataclass(frozen=True, slots=True)
-class RobustFit:
-    """How calibration weighs readings. Chosen on the runs of `benchmarks.calibration`."""
-
-    passes: int = 4
-    """Rounds in which weights and estimates converge; chosen."""
-    huber: float = 2.5
-    """Standard deviations from which a residual counts less [1]; cited: P. J. Huber, Robust statistics (1981)
-    has 1.345 for 95 % efficiency; chosen larger, as most runs have no outlier."""
-    first_sigma: float = 0.01
-    """Of the range of a channel: its standard deviation in the first round [1]; chosen."""
-    route_step: float = 0.02
-    """Of a standard deviation of the route: step of its derivatives [1]; chosen: small, above rounding."""
-    unobserved: float = 0.5
-    """Of the prior's standard deviation: a wider posterior means that the run shows nothing [1]; chosen."""
-    least_angle: float = 0.05
-    """Angle of a route on which friction shows [rad]; chosen: friction of 0.2 takes 1 % there."""
-
-
-ROBUST = RobustFit()
+_LEAST_ANGLE = 0.05  # of a route on which friction shows [rad]; derived: friction of 0.2 takes 1 % there
 _WANTED = (("tension_out_offset", "N"), ("elongation_offset", "m"))
 _FITTED = 0.8  # share of the work done when the fit ends [1]; chosen
 _UNMEASURED = {
@@ -152,10 +142,10 @@ def calibrate(
     -----
     Source: docs/model.md (70) to (74).
     """
-    if arcs.total_angle < ROBUST.least_angle:
+    if arcs.total_angle < _LEAST_ANGLE:
         raise SettingsError(
             f"the route turns by {arcs.total_angle:.3g} rad: a straight sheath shows no friction; "
-            f"lay it with a bend of {ROBUST.least_angle:g} rad or more"
+            f"lay it with a bend of {_LEAST_ANGLE:g} rad or more"
         )
     run = calibrated_run(measured, arcs, rig, from_tension)
     fit = _fitted(run, start_rig(rig), progress)
@@ -187,19 +177,14 @@ def _fitted(run: CalibratedRun, rig: Rig, progress: Callable[[str, float], objec
     problem = Problem(
         stack, unshared(stack.noise), rig, stack.measured, lambda point: run.predicted(point, rig)
     )
-    sigma = [max(ROBUST.first_sigma * float(np.ptp(stack.measured[rows])), 1e-9) for rows in blocks]
-    inflation = np.ones(len(blocks))
-    for k in range(ROBUST.passes):
-        progress(f"fit, round {k + 1} of {ROBUST.passes}", _FITTED * k / ROBUST.passes)
-        too_few_bars = run.predicted(at, rig, FINE) - run.predicted(at, rig)
-        problem = replace(problem, target=stack.measured - too_few_bars)
-        problem = replace(problem, whitening=_weights(problem.left(at), blocks, sigma, inflation))
-        at = refined(problem, at).at
-        left = problem.left(at)
-        sigma = [spread(left[rows]) for rows in blocks]
-        inflation = np.array([inflation_of(left[rows] / s) for rows, s in zip(blocks, sigma, strict=True)])
-    left = problem.left(at)
-    problem = replace(problem, whitening=_weights(left, blocks, sigma, inflation))
+    weight = first_weights([stack.measured[rows] for rows in blocks])
+    problem, fit = _refitted(run, replace(problem, whitening=_whitening(weight)), at)
+    for k in range(ROBUST.rounds):
+        progress(f"fit, round {k + 2} of {ROBUST.rounds + 1}", _FITTED * (k + 1) / (ROBUST.rounds + 1))
+        weight, _ = weights_of([fit.left[rows] for rows in blocks])
+        problem, fit = _refitted(run, replace(problem, whitening=_whitening(weight)), fit.at)
+    weight, inflation = weights_of([fit.left[rows] for rows in blocks])
+    problem, at, left = replace(problem, whitening=_whitening(weight)), fit.at, fit.left
     of_data = columns(problem, at, left)
     if not np.all(np.isfinite(of_data)):
         raise FitError("the calibration did not converge: check units and columns with tssgeom check")
@@ -210,13 +195,15 @@ def _fitted(run: CalibratedRun, rig: Rig, progress: Callable[[str, float], objec
     return _Fit(run, problem, at, left, jacobian, _sandwich(jacobian, square), inflation)
 
 
-def _weights(left: Vector, blocks: Sequence[slice], sigma: Sequence[float], inflation: Vector) -> Whitening:
-    """Return weights of all readings: by channel, and less for those that are far off; docs/model.md (72)."""
-    scale = np.empty(len(left))
-    for rows, each, worth in zip(blocks, sigma, inflation, strict=True):
-        scale[rows] = each * math.sqrt(worth)
-    far = np.maximum(np.abs(left / scale), 1e-12)
-    return unshared(scale / np.sqrt(np.minimum(1.0, ROBUST.huber / far)))
+def _refitted(run: CalibratedRun, problem: Problem, at: Point) -> tuple[Problem, Fit]:
+    """Fit with these weights, from the model's response of many bars there."""
+    too_few_bars = run.predicted(at, problem.rig, FINE) - run.predicted(at, problem.rig)
+    problem = replace(problem, target=problem.stack.measured - too_few_bars)
+    return problem, refined(problem, at)
+
+
+def _whitening(weight: Sequence[Vector]) -> Whitening:
+    return unshared(1.0 / np.concatenate(weight))
 
 
 def _sandwich(jacobian: Matrix, square: Vector) -> Matrix:
@@ -238,9 +225,9 @@ def _route_covariance(fit: _Fit, arcs: Arcs, rig: Rig) -> Matrix:
     for variance, direction in zip(value, way.T, strict=True):
         if variance <= 1e-6 * max(value[-1], 1e-300) or variance < 1e-18:
             continue
-        by = ROBUST.route_step * math.sqrt(variance) * direction
+        by = SOLVER.coarse_step * math.sqrt(variance) * direction
         there = problem.target - fit.run.on(_moved(arcs, by)).predicted(fit.at, problem.rig)
-        change = problem.whitening.whitened(there - fit.left) / ROBUST.route_step
+        change = problem.whitening.whitened(there - fit.left) / SOLVER.coarse_step
         shift = bread @ (of_data.T @ change)
         out += np.outer(shift, shift)
     return out
@@ -258,7 +245,7 @@ def _calibration(fit: _Fit, of_route: Matrix, warnings: tuple[str, ...]) -> Cali
     effective = counts / fit.inflation
     quantile = float(student.ppf(0.975, max(float(effective.sum()) - fit.at.size, 2.0)))
     half = quantile * np.sqrt(np.diag(fit.covariance + of_route))
-    observable = np.sqrt(np.diag(fit.covariance)) < ROBUST.unobserved * prior_sd(fit.at)
+    observable = np.sqrt(np.diag(fit.covariance)) < FIT_TEST.unobserved * prior_sd(fit.at)
     channels = tuple(
         ChannelFit(
             NAMES[block.channel],

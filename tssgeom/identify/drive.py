@@ -31,8 +31,6 @@ class DriveSettings:
     """S.d. about the level of a hold in which its readings lie [1]; chosen."""
     flat: float = 3.5
     """Standard errors of slope and bend below which a plateau is a hold [1]; chosen."""
-    fewest: int = 4
-    """Readings of a hold; derived: level, slope and bend leave one."""
     straight: float = 0.2
     """Of a step: difference from the step before on a straight leg [1]; chosen."""
     unlike: float = 4.0
@@ -46,6 +44,7 @@ class DriveSettings:
 
 
 DRIVE = DriveSettings()
+_FEWEST = 3 + 1  # readings of a hold; derived: level, slope and bend leave one
 
 
 def calmed(drive: Vector, noise: float, time: Vector | None = None) -> Vector:
@@ -80,7 +79,7 @@ def calmed(drive: Vector, noise: float, time: Vector | None = None) -> Vector:
             turns[k] = _write_shape(out, between, int(turn), fitted)
             continue
         start, stop = hold(drive, int(turn), noise)
-        if stop - start >= DRIVE.fewest:
+        if stop - start >= _FEWEST:
             _level(out, start, stop, float(np.mean(drive[start:stop])), noise)
     return out
 
@@ -170,7 +169,7 @@ def hold(drive: Vector, turn: int, noise: float) -> tuple[int, int]:
     near = np.abs(drive[turn] - sign * 0.5 * DRIVE.plateau * noise - drive) < 0.5 * DRIVE.plateau * noise
     start, stop = _around(near | (np.arange(len(drive)) == turn), turn)
     start, stop = _around(np.abs(drive - np.median(drive[start:stop])) < DRIVE.hold * noise, turn)
-    while stop - start >= DRIVE.fewest and not _flat(drive[start:stop], noise):
+    while stop - start >= _FEWEST and not _flat(drive[start:stop], noise):
         cut, middle = max((stop - start) // 10, 1), np.mean(drive[start:stop])
         if abs(np.mean(drive[start : start + cut]) - middle) > abs(
             np.mean(drive[stop - cut : stop]) - middle
@@ -178,7 +177,7 @@ def hold(drive: Vector, turn: int, noise: float) -> tuple[int, int]:
             start += cut
         else:
             stop -= cut
-    return (start, stop) if stop - start >= DRIVE.fewest and start <= turn < stop else (turn, turn + 1)
+    return (start, stop) if stop - start >= _FEWEST and start <= turn < stop else (turn, turn + 1)
 
 
 def _around(inside: np.ndarray, at: int) -> tuple[int, int]:
@@ -190,7 +189,7 @@ def _around(inside: np.ndarray, at: int) -> tuple[int, int]:
 
 def _flat(readings: Vector, noise: float) -> bool:
     """Whether neither a slope nor a bend shows in a plateau."""
-    if len(readings) < DRIVE.fewest:
+    if len(readings) < _FEWEST:
         return False
     x = np.linspace(-1.0, 1.0, len(readings))
     shapes = np.linalg.qr(np.column_stack([np.ones_like(x), x, x**2]))[0]

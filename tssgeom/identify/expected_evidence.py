@@ -18,7 +18,7 @@ from tssgeom.identify.fit import Problem, columns, unshared, whitening
 from tssgeom.identify.prediction import errors_of, run_channels, stacked
 from tssgeom.identify.readings import Reading
 from tssgeom.identify.screening import size_over_limit
-from tssgeom.identify.ties import TIES
+from tssgeom.identify.ties import MOST_REPORTED
 from tssgeom.rig import Rig
 
 
@@ -109,7 +109,7 @@ def expected_delta_bic(added: Information, models: Sequence[CandidateModel]) -> 
     out = {}
     for i, j in added.square:
         rest = added.square[i, j] - float(added.slope[i, j] @ step_of(added, models, (i, j)))
-        out[i, j] = min(max(rest, 0.0), TIES.most_delta_bic)
+        out[i, j] = min(max(rest, 0.0), MOST_REPORTED)
     return out
 
 

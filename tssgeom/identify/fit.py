@@ -18,6 +18,8 @@ from tssgeom.effects import AnyEffect, Parameter
 from tssgeom.errors import FitError
 from tssgeom.identify.prediction import FINE, Errors, Stack, errors_of, simulated, stacked
 from tssgeom.identify.readings import Reading
+from tssgeom.least_squares import SOLVER, derivatives, solve
+from tssgeom.least_squares import Problem as LeastSquares
 from tssgeom.rig import Friction, Rig
 
 
@@ -28,22 +30,16 @@ class FitSettings:
     Frozen on the development seeds of `benchmarks.discovery`.
     """
 
-    step: float = 1e-3
-    """Of a free number: step of derivatives [1]; chosen."""
     base_sd: float = 1.0
     """Prior s.d. of ln μ and ln ρ [1]; chosen: they are free but for factors of e."""
     scale_sd: float = 1.0
     """Prior s.d. of the logarithm of a scale of an effect [1]; chosen: factors of e."""
     size_sd: float = 10.0
     """Prior s.d. of an amplitude over that of its effect [1]; chosen: free but for what is absurd."""
-    done: float = 0.05
-    """Fall of χ² below which the fit has converged [1]; chosen: 0.2 standard errors of one number."""
     unit_m: float = 0.02
     """Unit of arc length in the fit of a hidden bend [m]; chosen."""
     zero_bound: float = 3.0
     """S.d. of its prior within which a zero of a run is fitted [1]; chosen."""
-    rounds: int = 2
-    """Rounds of fit and error model; chosen."""
 
 
 FIT = FitSettings()
@@ -119,7 +115,7 @@ class Point:
             effect = effects[free.effect]
             u = free.u(getattr(effect, free.key))
             effects[free.effect] = changed(effect, **{free.key: free.value(u + du)})
-        scale = np.exp(np.clip(by[:2], -1.0, 1.0))
+        scale = np.exp(by[:2])
         return replace(
             self,
             friction=float(self.friction * scale[0]),
@@ -183,96 +179,64 @@ def prior_sd(at: Point) -> Vector:
 
 def prior_deviation(problem: Problem, at: Point) -> Vector:
     """Return how far ln μ, ln ρ and what is free are from the centre of their priors."""
-    return _prior(problem, at) * prior_sd(at)
-
-
-def _prior(problem: Problem, at: Point) -> Vector:
-    """Return deviations from the priors, in standard deviations."""
     base = [
         math.log(at.friction / max(problem.rig.friction.coefficient, 1e-6)),
         math.log(at.compliance / problem.rig.tendon.compliance_per_N),
     ]
     own = [free.u(getattr(at.effects[free.effect], free.key)) for free in at.free]
     off = [0.0 if free.key == "at_m" else u for free, u in zip(at.free, own, strict=True)]
-    return np.array([*base, *off, *at.zeros]) / prior_sd(at)
+    return np.array([*base, *off, *at.zeros])
 
 
 def columns(problem: Problem, at: Point, left: Vector, first: int = 0) -> Matrix:
     """Return derivatives of the whitened prediction by free numbers from the `first` on, one-sided."""
-    out = [_slope(problem, at, left, k) for k in range(first, at.size)]
-    rows = problem.whitening.basis.shape[0]
-    return problem.whitening.whitened(np.column_stack(out)) if out else np.zeros((rows, 0))
+    return -derivatives(posed_about(problem, at), np.zeros(at.size), left, first)
 
 
-def _slope(problem: Problem, at: Point, left: Vector, k: int) -> Vector:
-    """Return the derivative of the prediction by one number; zero where neither side has an equilibrium."""
-    for sign in (1.0, -1.0):
-        by = np.zeros(at.size)
-        by[k] = sign * _step(at, k)
+def refined(problem: Problem, start: Point, base: Matrix | None = None, passes: int = SOLVER.passes) -> Fit:
+    """Refit a model from a start; `base` are columns of μ and ρ to use again."""
+    given = plain = posed_about(problem, start)
+    if base is not None:
+        held = -base
+        given = replace(
+            plain,
+            jacobian=lambda now: np.column_stack([held, derivatives(plain, now.u, now.left, held.shape[1])]),
+        )
+    end = solve(given, np.zeros(start.size), passes)
+    if end is None:
+        raise FitError("the tendon has no equilibrium at the start of the fit")
+    return Fit(end.detail, end.chi2, end.residual, -end.jacobian, end.left)
+
+
+def posed_about(problem: Problem, at: Point) -> LeastSquares[Point]:
+    """Return the fit of a model in numbers that count from where it is; docs/model.md (104), (105)."""
+
+    def model(u: Vector) -> tuple[Vector, Point] | None:
+        there = at.moved(u)
         try:
-            return (left - problem.left(at.moved(by))) / by[k]
+            return problem.left(there), there
         except FitError:
-            continue
-    return np.zeros_like(left)
+            return None
+
+    own = 2 + len(at.free)
+    step, longest = np.full(at.size, SOLVER.step), np.full(at.size, 0.5 * FIT.size_sd)
+    step[2:own], longest[:2] = SOLVER.coarse_step, FIT.base_sd
+    lower, upper = _bounds(at)
+    return LeastSquares(
+        *(model, np.diag(prior_sd(at) ** -2.0), lower, upper),
+        centre=-prior_deviation(problem, at),
+        step=step,
+        longest=longest,
+        whitened=problem.whitening.whitened,
+    )
 
 
-def _step(at: Point, k: int) -> float:
-    """Return a small step that stays inside the bounds."""
-    if not 2 <= k < 2 + len(at.free):
-        return FIT.step
-    free = at.free[k - 2]
-    value = getattr(at.effects[free.effect], free.key)
-    size = 20.0 * FIT.step
-    return -size if free.value(free.u(value) + size) >= free.high else size
-
-
-def refined(problem: Problem, start: Point, base: Matrix | None = None, passes: int = 8) -> Fit:
-    """Refit a model by Levenberg and Marquardt's method; `base` are columns of μ and ρ to use again."""
-    at, left = start, problem.left(start)
-    residual = problem.whitening.whitened(left)
-    chi2 = _chi2(problem, at, residual)
-    damping, jacobian = 1e-3, np.zeros((0, 0))
-    for _ in range(passes):
-        own = columns(problem, at, left, 0 if base is None else base.shape[1])
-        jacobian = own if base is None else np.column_stack([base, own])
-        better = _better(problem, at, (residual, jacobian, chi2), damping)
-        if better is None:
-            break
-        gain = chi2 - better[2]
-        at, left, chi2, damping = better
-        residual = problem.whitening.whitened(left)
-        if gain < FIT.done:
-            break
-    return Fit(at, chi2, residual, jacobian, left)
-
-
-def _chi2(problem: Problem, at: Point, residual: Vector) -> float:
-    prior = _prior(problem, at)
-    return float(residual @ residual + prior @ prior)  # docs/model.md (104), (105)
-
-
-def _better(
-    problem: Problem, at: Point, linear: tuple[Vector, Matrix, float], damping: float
-) -> tuple[Point, Vector, float, float] | None:
-    """Return the first step that makes χ² fall, with residuals, χ² and damping; None where none does."""
-    residual, jacobian, chi2 = linear
-    sd, prior = prior_sd(at), _prior(problem, at)
-    normal = jacobian.T @ jacobian + np.diag(sd**-2.0)
-    slope = jacobian.T @ residual - prior / sd
-    for _ in range(6):
-        damped = normal + damping * np.diag(np.diag(normal))
-        step = np.clip(np.linalg.solve(damped, slope), -5.0, 5.0)
-        trial = at.moved(np.asarray(step, dtype=np.float64))
-        try:
-            left = problem.left(trial)
-        except FitError:
-            damping *= 10.0
-            continue
-        now = _chi2(problem, trial, problem.whitening.whitened(left))
-        if now < chi2:
-            return trial, left, now, max(damping / 10.0, 1e-6)
-        damping = max(10.0 * damping, 1e-2)
-    return None
+def _bounds(at: Point) -> tuple[Vector, Vector]:
+    """Return how far down and up every number may go [size]."""
+    own = [(free, free.u(getattr(at.effects[free.effect], free.key))) for free in at.free]
+    lower = [free.u(free.low) - u for free, u in own] + [-FIT.zero_bound - u for u in at.zeros]
+    upper = [free.u(free.high) - u for free, u in own] + [FIT.zero_bound - u for u in at.zeros]
+    return np.array([-np.inf, -np.inf, *lower]), np.array([np.inf, np.inf, *upper])
 
 
 @dataclass(frozen=True, slots=True)
@@ -314,11 +278,10 @@ def whitening(errors: Errors) -> Whitening:
 
 
 def base_fit(readings: Sequence[Reading], rig: Rig) -> tuple[Problem, Errors, Fit]:
-    """Fit friction and compliance to the runs; errors and bars are those of the last estimate."""
+    """Fit friction and compliance to the runs; errors and bars are those of a first fit."""
     stack = stacked(readings)
     at = Point(max(rig.friction.coefficient, 1e-3), rig.tendon.compliance_per_N)
-    for _ in range(FIT.rounds - 1):
-        at = refined(posed(stack, rig, at)[0], at).at
+    at = refined(posed(stack, rig, at)[0], at).at
     problem, errors = posed(stack, rig, at)
     return problem, errors, refined(problem, at)
 

@@ -24,6 +24,9 @@ class FitTest:
     """Chosen: five standard deviations. Rms of residuals over the noise of the readings [1]."""
     most_friction: float = 1.0
     """Chosen: no pair of materials of a sheath has it. Friction coefficient from which the fit fails [1]."""
+    unobserved: float = 0.5
+    """Chosen: the readings count for less than what was assumed. Of the prior's standard deviation: a wider
+    posterior means that no reading shows the number [1]."""
     most_lags: int = 20
     """Cited: Box, Jenkins and Reinsel, Time series analysis (1994). Lags of the test of whiteness [1]."""
     rows_a_lag: int = 5
@@ -31,6 +34,22 @@ class FitTest:
 
 
 FIT_TEST = FitTest()
+
+
+@dataclass(frozen=True, slots=True)
+class RobustFit:
+    """How calibration weighs readings. Chosen on the runs of `benchmarks.calibration` and `machines`."""
+
+    huber: float = 3.0
+    """Standard deviations from which a residual counts less [1]; cited: P. J. Huber, Robust statistics (1981)
+    has 1.345 for 95 % efficiency; chosen larger, as most runs have no outlier."""
+    first_sigma: float = 0.02
+    """Of the range of a channel: its standard deviation in the first round [1]; chosen."""
+    rounds: int = 2
+    """Rounds after the first, in which weights and estimates converge [1]; chosen."""
+
+
+ROBUST = RobustFit()
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,6 +137,27 @@ def spread(left: Vector) -> float:
     robust = robust_sd(left - np.median(left))
     clipped = np.clip(left, -3 * robust, 3 * robust) if robust > 0 else left
     return max(float(np.sqrt(np.mean(clipped**2))), 1e-12)
+
+
+def first_weights(measured: Sequence[Vector]) -> list[Vector]:
+    """Return the weight of every reading of each block before anything is known of its error [1/SI]."""
+    sigmas = [max(ROBUST.first_sigma * float(np.ptp(values)), 1e-9) for values in measured]
+    return [np.full(len(values), 1.0 / sigma) for values, sigma in zip(measured, sigmas, strict=True)]
+
+
+def weights_of(left: Sequence[Vector]) -> tuple[list[Vector], Vector]:
+    """Return the weight of every reading of each block [1/SI], and how many are worth one [1].
+
+    A weight follows from what is left, less for those that are far off; docs/model.md (72), (181).
+    """
+    weights, inflations = [], []
+    for each in left:
+        sigma = spread(each)
+        inflation = inflation_of(each / sigma)
+        far = np.maximum(np.abs(each) / sigma, 1e-12)
+        weights.append(np.sqrt(np.minimum(1.0, ROBUST.huber / far) / inflation) / sigma)
+        inflations.append(inflation)
+    return weights, np.array(inflations)
 
 
 def inflation_of(left: Vector) -> float:

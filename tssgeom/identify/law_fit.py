@@ -15,8 +15,10 @@ import numpy as np
 
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.errors import FitError, SettingsError
-from tssgeom.identify.fit import Point, Problem, columns, prior_deviation, prior_sd
+from tssgeom.identify.fit import Point, Problem, posed_about, prior_deviation, prior_sd
 from tssgeom.identify.mechanisms import Mechanism
+from tssgeom.least_squares import SOLVER, Solution, derivatives, solve
+from tssgeom.least_squares import Problem as LeastSquares
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,18 +29,10 @@ class LawFitSettings:
     """S.d. of second derivatives that are tried, in u; chosen: from a straight line to none at all."""
     level: float = 3.0
     """S.d. of each number of a law by itself, in u; chosen: free but for what is absurd."""
-    step: float = 0.02
-    """Step of derivatives, in u; chosen: far above rounding, far below a law's size."""
-    done: float = 0.1
-    """Fall of χ² that ends the fit [1]; chosen."""
-    quick: int = 2
-    """Passes of a first fit; chosen for speed."""
     whole: int = 4
     """Passes of the last fit; chosen."""
     halvings: int = 5
     """Times that a start without equilibrium is halved; chosen."""
-    longest: float = 1.5
-    """Longest step of any number of a law, in u; chosen."""
 
 
 LAW_FIT = LawFitSettings()
@@ -100,7 +94,8 @@ def with_terms(at: Point, terms: Sequence[Term]) -> Point:
 def score(problem: Problem, base: LawFit, mechanism: Mechanism) -> tuple[float, Term] | None:
     """Return how much a law promises by straight lines, 2 Δ ln Z [1], and its start; None without."""
     start = Term(mechanism, np.zeros(mechanism.size), LAW_FIT.roughness[0])
-    own = _columns_of(problem, base.at, base.left, (*base.terms, start), len(base.terms))
+    laws = _Laws(problem, base.at, (*base.terms, start))
+    own = -derivatives(laws.posed(), laws.start, base.left, base.jacobian.shape[1])
     if not np.any(own):
         return None
     jacobian = np.column_stack([base.jacobian, own])
@@ -120,68 +115,76 @@ def fitted(problem: Problem, at: Point, terms: Sequence[Term], passes: int = LAW
 
     The derivatives are those of the last pass but one; `passes` is how often they are taken.
     """
-    start = _started(problem, at, tuple(terms))
-    if start is None:
-        return None
-    now, left = start
-    damping, residual = 1e-3, problem.whitening.whitened(left)
-    jacobian = _jacobian(problem, at, now, left)
-    for number in range(passes if now or at.free else 0):
-        if number:
-            jacobian = _jacobian(problem, at, now, left)
-        now = _smoothed(problem, at, now, jacobian, residual)
-        chi2 = _chi2(problem, at, now, residual)
-        better = _better(problem, (at, now), (jacobian, residual, chi2), damping)
-        if better is None:
-            break
-        at, now, left, after, damping = better
-        residual = problem.whitening.whitened(left)
-        if chi2 - after < LAW_FIT.done:
-            break
-    precision = _precision(at, now)
-    normal, chi2 = jacobian.T @ jacobian + precision, _chi2(problem, at, now, residual)
-    (_, whole), (_, prior) = np.linalg.slogdet(normal), np.linalg.slogdet(precision)
-    evidence = -0.5 * (chi2 + float(whole) - float(prior))  # docs/model.md (190)
-    covariance = np.asarray(np.linalg.inv(normal), dtype=np.float64)
-    return LawFit(at, now, chi2, evidence, left, residual, jacobian, covariance)
-
-
-def _started(problem: Problem, at: Point, terms: tuple[Term, ...]) -> tuple[tuple[Term, ...], Vector] | None:
-    """Return laws from which there is an equilibrium, nearer to none where need be, and what they leave."""
     for _ in range(LAW_FIT.halvings):
-        try:
-            return terms, problem.left(with_terms(at, terms))
-        except (FitError, SettingsError):
-            if not terms:
-                return None
-            terms = (*terms[:-1], replace(terms[-1], u=0.5 * terms[-1].u))
+        laws = _Laws(problem, at, tuple(terms))
+        end = solve(laws.posed(), laws.start, passes if terms or at.free else 0)
+        if end is not None:
+            return laws.fit(end)
+        if not terms:
+            break
+        terms = (*terms[:-1], replace(terms[-1], u=0.5 * terms[-1].u))  # nearer to no law
     return None
 
 
-def _jacobian(problem: Problem, at: Point, terms: Sequence[Term], left: Vector) -> Matrix:
-    point = with_terms(at, terms)
-    parts = [columns(problem, point, left)]
-    parts += [_columns_of(problem, at, left, terms, which) for which in range(len(terms))]
-    return np.column_stack(parts)
+@dataclass(slots=True)
+class _Laws:
+    """A model with laws while it is fitted: numbers of its named part from where it is, then of each law."""
 
+    problem: Problem
+    at: Point
+    terms: tuple[Term, ...]
+    """With the last roughness."""
 
-def _columns_of(problem: Problem, at: Point, left: Vector, terms: Sequence[Term], which: int) -> Matrix:
-    """Return derivatives of the whitened prediction by the numbers of one law [rows + k, size]."""
-    out = [_slope(problem, at, left, terms, which, k) for k in range(terms[which].mechanism.size)]
-    return problem.whitening.whitened(np.column_stack(out))
+    @property
+    def start(self) -> Vector:
+        """The numbers at the start."""
+        return np.concatenate([np.zeros(self.at.size), *(term.u for term in self.terms)])
 
+    def model_at(self, u: Vector) -> tuple[Point, tuple[Term, ...]]:
+        """Return named part and laws at some numbers."""
+        ends = self.at.size + np.cumsum([0, *(term.mechanism.size for term in self.terms)])
+        each = zip(self.terms, ends, ends[1:], strict=False)
+        return self.at.moved(u[: self.at.size]), tuple(replace(term, u=u[i:j]) for term, i, j in each)
 
-def _slope(problem: Problem, at: Point, left: Vector, terms: Sequence[Term], which: int, k: int) -> Vector:
-    term = terms[which]
-    for sign in (1.0, -1.0):
-        u = term.u.copy()
-        u[k] += sign * LAW_FIT.step
-        moved = (*terms[:which], replace(term, u=u), *terms[which + 1 :])
+    def left(self, u: Vector) -> tuple[Vector, None] | None:
+        """Return measured less simulated; None where there is no equilibrium."""
         try:
-            return sign * (left - problem.left(with_terms(at, moved))) / LAW_FIT.step
+            return self.problem.left(with_terms(*self.model_at(u))), None
         except (FitError, SettingsError):
-            continue
-    return np.zeros_like(left)
+            return None
+
+    def smoothed(self, u: Vector, residual: Vector, jacobian: Matrix) -> Matrix:
+        """Return the precision of the prior with the likeliest roughness of each law."""
+        at, terms = self.model_at(u)
+        self.terms = _smoothed(self.problem, at, terms, -jacobian, residual)
+        return _precision(at, self.terms)
+
+    def posed(self) -> LeastSquares[None]:
+        """Return the fit."""
+        named, laws = posed_about(self.problem, self.at), [term.mechanism for term in self.terms]
+        none = np.zeros(sum(one.size for one in laws))
+
+        def longer(of_named: Vector | float, *of_laws: Vector) -> Vector:
+            return np.concatenate([np.broadcast_to(of_named, self.at.size), *of_laws])
+
+        return LeastSquares(
+            *(self.left, self.smoothed),
+            lower=longer(named.lower, *(one.lower * np.ones(one.size) for one in laws)),
+            upper=longer(named.upper, *(one.upper * np.ones(one.size) for one in laws)),
+            centre=longer(named.centre, none),
+            step=longer(named.step, none + SOLVER.coarse_step),
+            longest=longer(named.longest, none + 0.5 * LAW_FIT.level),
+            whitened=self.problem.whitening.whitened,
+        )
+
+    def fit(self, end: Solution[None]) -> LawFit:
+        """Return the fit with its evidence; docs/model.md (190)."""
+        at, terms = self.model_at(end.u)
+        normal = end.jacobian.T @ end.jacobian + end.precision
+        (_, whole), (_, prior) = np.linalg.slogdet(normal), np.linalg.slogdet(end.precision)
+        evidence = -0.5 * (end.chi2 + float(whole) - float(prior))
+        rest = evidence, end.left, end.residual, -end.jacobian, end.covariance
+        return LawFit(at, terms, end.chi2, *rest)
 
 
 def _precision(at: Point, terms: Sequence[Term]) -> Matrix:
@@ -200,11 +203,6 @@ def _precision(at: Point, terms: Sequence[Term]) -> Matrix:
 def _deviation(problem: Problem, at: Point, terms: Sequence[Term]) -> Vector:
     """Return how far all numbers are from the centre of their priors."""
     return np.concatenate([prior_deviation(problem, at), *(term.u for term in terms)])
-
-
-def _chi2(problem: Problem, at: Point, terms: Sequence[Term], residual: Vector) -> float:
-    off = _deviation(problem, at, terms)
-    return float(residual @ residual + off @ _precision(at, terms) @ off)
 
 
 @dataclass(frozen=True, slots=True)
@@ -254,38 +252,3 @@ def _smoothed(
         ]
         terms = max(tried, key=lambda one: straight.evidence(_precision(at, one)))
     return terms
-
-
-def _better(
-    problem: Problem,
-    model: tuple[Point, tuple[Term, ...]],
-    linear: tuple[Matrix, Vector, float],
-    damping: float,
-) -> tuple[Point, tuple[Term, ...], Vector, float, float] | None:
-    """Return the first step that makes χ² fall, with residuals, χ² and damping; None where none does."""
-    (at, terms), (jacobian, residual, chi2) = model, linear
-    precision = _precision(at, terms)
-    normal = jacobian.T @ jacobian + precision
-    slope = jacobian.T @ residual - precision @ _deviation(problem, at, terms)
-    for _ in range(6):
-        step = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), slope)
-        moved, start = list[Term](), at.size
-        for term in terms:
-            by = np.clip(step[start : start + term.mechanism.size], -LAW_FIT.longest, LAW_FIT.longest)
-            moved.append(replace(term, u=_allowed(term.mechanism, term.u + by)))
-            start += term.mechanism.size
-        trial = at.moved(np.asarray(step[: at.size], dtype=np.float64))
-        try:
-            left = problem.left(with_terms(trial, moved))
-        except (FitError, SettingsError):
-            damping *= 10.0
-            continue
-        after = _chi2(problem, trial, moved, problem.whitening.whitened(left))
-        if after < chi2:
-            return trial, tuple(moved), left, after, max(damping / 10.0, 1e-6)
-        damping = max(10.0 * damping, 1e-2)
-    return None
-
-
-def _allowed(mechanism: Mechanism, u: Vector) -> Vector:
-    return np.asarray(np.clip(u, mechanism.lower, mechanism.upper), dtype=np.float64)

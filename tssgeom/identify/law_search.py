@@ -14,9 +14,9 @@ import numpy as np
 
 from tssgeom.errors import FitError, SettingsError
 from tssgeom.identify.fit import Fit, Point, Problem, freed
-from tssgeom.identify.law_fit import LAW_FIT, LawFit, Term, fitted, score
+from tssgeom.identify.law_fit import LawFit, Term, fitted, score
 from tssgeom.identify.mechanisms import MECHANISM_OF, Mechanism, mechanisms
-from tssgeom.identify.misfit import MISFIT, HeldOut
+from tssgeom.identify.misfit import MISFIT, UNINFORMATIVE, HeldOut
 from tssgeom.identify.prediction import FINE, simulated
 from tssgeom.identify.screening import (
     Variant,
@@ -24,27 +24,22 @@ from tssgeom.identify.screening import (
     screening,
     size_over_limit,
 )
-from tssgeom.identify.selection import name_of
+from tssgeom.identify.selection import SEARCH, name_of
+from tssgeom.least_squares import SOLVER
+from tssgeom.statistics import EVIDENCE_SCALE
 
 
 @dataclass(frozen=True, slots=True)
 class LawSearchSettings:
     """How laws are searched, and when one is taken."""
 
-    most: int = 3
-    """Parts that are taken at most; chosen."""
     laws: int = 4
-    """Laws that are fitted after their score test; chosen for speed."""
+    """Laws that are fitted after their score test, and best parts that are fitted to the end and judged;
+    chosen for speed."""
     formulas: int = 3
     """Formulae that are fitted after theirs; chosen for speed."""
-    judged: int = 4
-    """Best parts that are fitted to the end and judged; chosen for speed."""
     close: float = 0.9
     """Of the gain of the best: from here the held-out runs decide [1]; chosen: both explain the same."""
-    least: float = 10.0
-    """Least 2 Δ ln Z; cited: Kass and Raftery (1995), "very strong"."""
-    helps: float = 0.95
-    """Of the misfit of held-out runs: a part has to leave less [1]; chosen: as `MISFIT.same`."""
     enough: float = 0.3
     """Of the detection limit: what is left ends the search [1]; chosen."""
 
@@ -118,7 +113,7 @@ def searched(
     assert start is not None  # it was fitted before
     now, rounds = start, list[tuple[Offer, ...]]()
     everything = mechanisms(problem.stack, problem.rig)
-    for number in range(LAW_SEARCH.most):
+    for number in range(SEARCH.most):
         report(f"laws, part {number + 1}")
         offers = _offers(problem, now, everything, formulas, held, limits)
         rounds.append(tuple(offers))
@@ -126,7 +121,7 @@ def searched(
         if taken is None:
             break
         now = taken.fit
-        nothing_held = held is not None and held.misfit(now.point) <= MISFIT.floor
+        nothing_held = held is not None and held.misfit(now.point) <= UNINFORMATIVE
         if nothing_held or _left(problem, now, limits) < LAW_SEARCH.enough:
             break
     return LawSearch(problem, start, now, tuple(rounds))
@@ -134,7 +129,7 @@ def searched(
 
 def needed(fit: LawFit) -> float:
     """Return what 2 Δ ln Z has to pass, more where a fit leaves more than the sensors explain; (191)."""
-    return LAW_SEARCH.least * max(1.0, fit.chi2 / len(fit.left))
+    return EVIDENCE_SCALE.very_strong * max(1.0, fit.chi2 / len(fit.left))
 
 
 def _left(problem: Problem, fit: LawFit, limits: Mapping[str, float]) -> float:
@@ -162,12 +157,12 @@ def _offers(
     starts += _formula_starts(problem, now, [one for one in formulas if one.name not in has])
     offers = list[Offer]()
     for name, at, terms, mechanism in starts:
-        fit = fitted(problem, at, terms, LAW_FIT.quick)
+        fit = fitted(problem, at, terms, SOLVER.quick)
         if fit is not None:
             offers.append(Offer(mechanism, name, fit, 2.0 * (fit.log_evidence - now.log_evidence), math.nan))
     offers.sort(key=lambda one: -one.gain)
-    judged = [_judged(problem, now, one, held, limits) for one in offers[: LAW_SEARCH.judged]]
-    rest = [replace(one, veto=LESS) for one in offers[LAW_SEARCH.judged :]]
+    judged = [_judged(problem, now, one, held, limits) for one in offers[: LAW_SEARCH.laws]]
+    rest = [replace(one, veto=LESS) for one in offers[LAW_SEARCH.laws :]]
     return in_order(judged) + rest
 
 
@@ -227,7 +222,7 @@ def _judged(
         return replace(one, veto="one of its numbers is at a bound")
     if not _holds_with_fine_bars(problem, held, fit):
         return replace(one, veto="it finds no equilibrium with finer bars")
-    if not math.isnan(ratio) and ratio > LAW_SEARCH.helps:
+    if not math.isnan(ratio) and ratio > MISFIT.same:
         return replace(
             one, veto=f"it leaves {100.0 * ratio:.0f} % of the disagreement of what was not fitted"
         )
@@ -258,6 +253,6 @@ def _held_ratio(held: HeldOut | None, before: LawFit, after: LawFit) -> float:
     if held is None:
         return math.nan
     first, second = held.misfit(before.point), held.misfit(after.point)
-    if max(first, second) <= MISFIT.floor:
+    if max(first, second) <= UNINFORMATIVE:
         return math.nan
     return second / max(first, 1e-12)

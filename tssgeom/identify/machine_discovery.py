@@ -13,8 +13,8 @@ import numpy as np
 
 from tssgeom.errors import SettingsError
 from tssgeom.identify.finding import Evidence, Finding
+from tssgeom.identify.fit_quality import ROBUST, first_weights
 from tssgeom.identify.machine_evidence import (
-    EVIDENCE,
     FittedModel,
     changes,
     delta_bic,
@@ -22,12 +22,12 @@ from tssgeom.identify.machine_evidence import (
     modelled,
 )
 from tssgeom.identify.machine_finding import MachineCampaign, MachineWork, NamedZero
-from tssgeom.identify.machine_fit import first_weights, fit_from, fit_round, fitted_again, start_of
+from tssgeom.identify.machine_fit import fit_from, fit_round, fitted_again, start_of
 from tssgeom.identify.machine_parts import parts_of
 from tssgeom.identify.machine_problem import FIT, Problem, fitted_rows
 from tssgeom.identify.machine_run import LIMITS, MachineRun, parameters_of, thinned
 from tssgeom.identify.machine_selection import PartSelection, selected_parts, without_zeros
-from tssgeom.statistics import turns
+from tssgeom.statistics import EVIDENCE_SCALE, turns
 from tssgeom.tendon.machine_simulation import drive_channels
 
 _SPLIT = 2
@@ -103,8 +103,8 @@ def fitted_to_all(work: MachineWork) -> FittedModel:
     parameters = (*shared, *own)
     start = np.array([at.get((each.kind, each.key, each.run), 0.0) for each in parameters])
     problem = Problem(runs, model.problem.rig, parameters, fitted_rows(runs, held_out=None), FIT.bars)
-    state = fit_round(problem, start, first_weights(problem), np.ones(len(problem.rows)), FIT.iterations)
-    for _ in range(FIT.rounds):
+    state = fit_round(problem, start, first_weights(problem.measured()), np.ones(len(problem.rows)))
+    for _ in range(ROBUST.rounds):
         problem, state = fitted_again(problem, state)
     return modelled(problem, state, model.parts, ())
 
@@ -165,8 +165,8 @@ def _zeros(chosen: PartSelection, kept: Sequence[MachineRun]) -> tuple[FittedMod
             continue
         gain, size = delta_bic(*both), max(changes(*both).values())
         ratio = held_out_ratio(*both)
-        if gain > EVIDENCE.needed and size > 1.0 and not ratio >= 1.0:
-            named.append(NamedZero(channel, Evidence(gain, EVIDENCE.needed, size, ratio)))
+        if gain > EVIDENCE_SCALE.very_strong and size > 1.0 and not ratio >= 1.0:
+            named.append(NamedZero(channel, Evidence(gain, EVIDENCE_SCALE.very_strong, size, ratio)))
     if not named:
         return chosen.base, ()
     before = without_zeros(chosen.base, [one.channel for one in named], kept)

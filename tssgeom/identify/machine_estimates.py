@@ -11,7 +11,7 @@ import numpy as np
 from scipy.stats import t as student
 
 from tssgeom.arrays import Matrix, Vector
-from tssgeom.identify.fit_quality import ChannelFit, failures, whiteness
+from tssgeom.identify.fit_quality import FIT_TEST, ChannelFit, failures, whiteness
 from tssgeom.identify.machine_problem import FIT, FitState, Problem
 from tssgeom.identify.machine_run import MachineRun, routed
 from tssgeom.result import Result
@@ -116,7 +116,7 @@ def _estimates(problem: Problem, u: Vector, covariance: Matrix, quantile: float)
         key = each.key if each.kind == "rig" else ""
         bound = bool(key) and abs(u[j]) >= FIT.farthest
         yield MachineEstimate(
-            each.name, each.unit, value, low, high, sd < FIT.unobserved, prior, key, at_bound=bound
+            each.name, each.unit, value, low, high, sd < FIT_TEST.unobserved, prior, key, at_bound=bound
         )
 
 
@@ -130,7 +130,7 @@ def _friction_angle(problem: Problem, u: Vector, covariance: Matrix, quantile: f
     sd, before = math.sqrt(float(share @ covariance[np.ix_(at, at)] @ share)), float(np.linalg.norm(share))
     low, high = value * math.exp(-quantile * sd), value * math.exp(quantile * sd)
     assumed = (value * math.exp(-1.96 * before), value * math.exp(1.96 * before))
-    return MachineEstimate("μΦ", "1", value, low, high, sd < FIT.unobserved * before, assumed)
+    return MachineEstimate("μΦ", "1", value, low, high, sd < FIT_TEST.unobserved * before, assumed)
 
 
 def _ties(problem: Problem, u: Vector, covariance: Matrix, quantile: float) -> Iterator[str]:
@@ -138,7 +138,7 @@ def _ties(problem: Problem, u: Vector, covariance: Matrix, quantile: float) -> I
     wide = [
         j
         for j, each in enumerate(problem.parameters)
-        if each.kind == "rig" and each.prior.log and covariance[j, j] >= FIT.unobserved**2
+        if each.kind == "rig" and each.prior.log and covariance[j, j] >= FIT_TEST.unobserved**2
     ]
     for a, b in itertools.combinations(wide, 2):
         one, other = problem.parameters[a], problem.parameters[b]

@@ -14,14 +14,14 @@ import numpy as np
 
 from tssgeom.arrays import Vector
 from tssgeom.errors import FitError, SettingsError
-from tssgeom.identify.fit_quality import FIT_TEST, inflation_of, spread
-from tssgeom.identify.machine_fit import first_weights, fit_round, fitted_again
+from tssgeom.identify.fit_quality import FIT_TEST, first_weights, inflation_of, spread
+from tssgeom.identify.machine_fit import fit_round, fitted_again
 from tssgeom.identify.machine_parts import Part
 from tssgeom.identify.machine_problem import FIT, FitState, Problem, fitted_rows
-from tssgeom.identify.machine_run import MachineRun, parameters_of, routed
+from tssgeom.identify.machine_run import LIMITS, MachineRun, parameters_of, routed
 from tssgeom.mechanism import numbered
 from tssgeom.rig import Rig, with_values
-from tssgeom.statistics import reading_noise, turns
+from tssgeom.statistics import EVIDENCE_SCALE, reading_noise, turns
 from tssgeom.tendon.machine import Start, machine_of
 from tssgeom.tendon.machine_simulation import drive_channels, simulate_machine
 
@@ -30,17 +30,11 @@ from tssgeom.tendon.machine_simulation import drive_channels, simulate_machine
 class EvidenceSettings:
     """When a part of a machine is accepted."""
 
-    needed: float = 10.0
-    """ΔBIC that a part needs [1]; cited: Kass and Raftery, JASA 90 (1995), "very strong"."""
-    detected: float = 3.0
-    """S.d. of the mean of a channel beyond which a change of it shows [1]; chosen."""
     floor: float = 1e-6
     """Of the range of a channel: less is left by rounding [1]; chosen."""
     creates: float = 0.05
     """Of the work that the drives do: a sheath that gives more than it takes by this much creates energy
     [1]; chosen: a cycle hardly ever closes better."""
-    cycle: float = 0.2
-    """Of the range of the drive: going back by more ends a leg [1]; chosen, as `LIMITS.turn`."""
     at_bound: float = 1e-3
     """Of a bound: a number so near is at it [1]; chosen."""
 
@@ -95,8 +89,8 @@ def own_numbers(run: MachineRun, rig: Rig, fixed: Sequence[str] = ()) -> tuple[P
     own = [each for each in parameters_of([run], rig, ()) if each.kind != "rig"]
     parameters = tuple(each for each in own if each.kind != "zero" or each.key not in fixed)
     problem = Problem((run,), rig, parameters, fitted_rows([run], held_out=None), FIT.bars)
-    weight, inflation = first_weights(problem), np.ones(len(problem.rows))
-    state = fit_round(problem, np.zeros(len(parameters)), weight, inflation, FIT.iterations)
+    weight, inflation = first_weights(problem.measured()), np.ones(len(problem.rows))
+    state = fit_round(problem, np.zeros(len(parameters)), weight, inflation)
     return fitted_again(problem, state)
 
 
@@ -145,7 +139,7 @@ def changes(before: FittedModel, after: FittedModel) -> dict[str, float]:
     for block, (old, new, (_, name, _)) in enumerate(pairs):
         size = math.hypot(spread(new), _floor(after.problem, block))
         independent = len(new) / inflation_of(new / size)
-        limit = EVIDENCE.detected * size / math.sqrt(independent)
+        limit = EVIDENCE_SCALE.clear * size / math.sqrt(independent)
         out[name] = max(out.get(name, 0.0), float(np.sqrt(np.mean((old - new) ** 2))) / limit)
     return out
 
@@ -243,7 +237,7 @@ _WORK = ("tension_in_N", "displacement_in_m", "tension_out_N", "displacement_out
 
 
 def _back(run: MachineRun) -> float:
-    return EVIDENCE.cycle * float(np.ptp(run.given[drive_channels(run.drive, run.tendons)[0]]))
+    return LIMITS.turn * float(np.ptp(run.given[drive_channels(run.drive, run.tendons)[0]]))
 
 
 def _steps(pull: Vector, way: Vector) -> Vector:

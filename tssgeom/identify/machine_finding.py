@@ -28,7 +28,6 @@ from tssgeom.identify.finding import (
 )
 from tssgeom.identify.machine_estimates import MachineCalibration, calibration_of
 from tssgeom.identify.machine_evidence import (
-    EVIDENCE,
     FittedModel,
     changes,
     delta_bic,
@@ -43,6 +42,7 @@ from tssgeom.identify.machine_selection import PartSelection, TriedPart, reorder
 from tssgeom.identify.misfit import beyond_noise
 from tssgeom.identify.verdict import VERDICT, Judgement, remainder, sentence
 from tssgeom.rig import Rig, with_values
+from tssgeom.statistics import EVIDENCE_SCALE
 from tssgeom.tendon.machine_simulation import drive_channels
 from tssgeom.uncertain import Uncertain
 
@@ -134,7 +134,7 @@ class MachineWork:
             return Judgement(name, "", False, math.nan)
         if left <= VERDICT.wide:
             return Judgement("none", "", False, math.nan)
-        refused = [one for one in self.chosen.steps[0].tried if one.delta_bic > EVIDENCE.needed]
+        refused = [one for one in self.chosen.steps[0].tried if one.delta_bic > EVIDENCE_SCALE.very_strong]
         why = f"; of {refused[0].part.label}: {refused[0].why_not.rstrip('.')}" if refused else ""
         reason = (
             f"{left:.2g} times the noise of the channels is left, and no part that may act explains it{why}"
@@ -153,10 +153,10 @@ class MachineWork:
         model = self.chosen.model
         less = without_part(model, which, self.kept)
         if less is None:
-            return Evidence(math.inf, EVIDENCE.needed, math.inf, math.nan)
+            return Evidence(math.inf, EVIDENCE_SCALE.very_strong, math.inf, math.nan)
         whole = reordered(model, which)
         size = max(changes(less, whole).values())
-        return Evidence(delta_bic(less, whole), EVIDENCE.needed, size, held_out_ratio(less, whole))
+        return Evidence(delta_bic(less, whole), EVIDENCE_SCALE.very_strong, size, held_out_ratio(less, whole))
 
     def _named_zeros(self, after: MachineCalibration) -> Iterator[Candidate]:
         for zero in self.zeros:
@@ -273,7 +273,7 @@ def _nominal(rig: Rig) -> dict[str, float]:
 def _ranked(one: TriedPart, top: float, *, chosen: bool) -> Candidate:
     after = calibration_of(one.model.problem, one.model.state, {})
     effect = one.part.effect if isinstance(one.part.effect, RigNumber) else one.model.rig.effects[-1]
-    evidence = Evidence(one.delta_bic, EVIDENCE.needed, one.size, one.held_ratio)
+    evidence = Evidence(one.delta_bic, EVIDENCE_SCALE.very_strong, one.size, one.held_ratio)
     why = "" if chosen else one.why_not or f"its ΔBIC is {top - one.delta_bic:.1f} below the best."
     return Candidate((one.part.name,), (effect,), (_numbers(one.part, after),), evidence, why)
 

@@ -6,17 +6,19 @@ Source: docs/model.md (179)-(183).
 from __future__ import annotations
 
 import itertools
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
 from tssgeom.arrays import Vector
 from tssgeom.errors import FitError
-from tssgeom.identify.fit_quality import inflation_of, spread
+from tssgeom.identify.fit_quality import ROBUST, first_weights, weights_of
 from tssgeom.identify.machine_problem import FIT, FitState, Problem, fitted_rows
 from tssgeom.identify.machine_run import thinned
+from tssgeom.least_squares import SOLVER, solve
+from tssgeom.least_squares import Problem as LeastSquares
 
+_Answer = tuple[list[Mapping[str, Vector]], list[Vector]]
 _STARTS = tuple(itertools.product((0.0, -1.0, 1.0), repeat=3))
 
 
@@ -27,7 +29,7 @@ def start_of(problem: Problem) -> Vector:
     runs = tuple(thinned(run, few) for run in problem.runs)
     rows = fitted_rows(runs, held_out=None)
     short = Problem(runs, problem.rig, problem.parameters, rows, FIT.bars)
-    weight = first_weights(short)
+    weight = first_weights(short.measured())
     starts = list[tuple[float, Vector]]()
     for corner in _STARTS if free else _STARTS[:1]:
         u = np.zeros(len(problem.parameters))
@@ -43,22 +45,14 @@ def start_of(problem: Problem) -> Vector:
     return min(states, key=lambda state: state.objective).u
 
 
-def first_weights(problem: Problem) -> list[Vector]:
-    """Return the weight of every row before anything is known of its error [1/SI]."""
-    return [
-        np.full(len(values), 1.0 / max(FIT.first_sigma * float(np.ptp(values)), 1e-9))
-        for values in problem.measured()
-    ]
-
-
 def fit_from(
     problem: Problem, start: Vector, progress: Callable[[float], object]
 ) -> tuple[Problem, FitState]:
     """Fit, weigh each channel by what is left and by how long its errors last, and fit again."""
-    weight, inflation = first_weights(problem), np.ones(len(problem.rows))
-    state = fit_round(problem, start, weight, inflation, FIT.iterations)
-    for k in range(FIT.rounds):
-        progress((k + 1) / (FIT.rounds + 1))
+    weight, inflation = first_weights(problem.measured()), np.ones(len(problem.rows))
+    state = fit_round(problem, start, weight, inflation)
+    for k in range(ROBUST.rounds):
+        progress((k + 1) / (ROBUST.rounds + 1))
         problem, state = fitted_again(problem, state)
     return problem, state
 
@@ -66,50 +60,33 @@ def fit_from(
 def fitted_again(problem: Problem, state: FitState) -> tuple[Problem, FitState]:
     """Fit once more, with more bars and with the weights that follow from what is left."""
     problem = problem.corrected(state.u, state.channels)
-    weight, inflation = _weights(problem.left(state.channels))
-    return problem, fit_round(problem, state.u, weight, inflation, FIT.iterations)
-
-
-def _weights(left: Sequence[Vector]) -> tuple[list[Vector], Vector]:
-    """Return the weight of every row, and how many readings are worth one; docs/model.md (72), (181)."""
-    weights, inflations = [], []
-    for each in left:
-        sigma = spread(each)
-        inflation = inflation_of(each / sigma)
-        far = np.maximum(np.abs(each) / sigma, 1e-12)
-        weights.append(np.sqrt(np.minimum(1.0, FIT.huber / far) / inflation) / sigma)
-        inflations.append(inflation)
-    return weights, np.array(inflations)
+    weight, inflation = weights_of(problem.left(state.channels))
+    return problem, fit_round(problem, state.u, weight, inflation)
 
 
 def fit_round(
-    problem: Problem, start: Vector, weight: list[Vector], inflation: Vector, steps: int
+    problem: Problem, start: Vector, weight: list[Vector], inflation: Vector, steps: int = SOLVER.passes
 ) -> FitState:
-    """Take Levenberg-Marquardt steps until the squared error stands."""
-    u, damping = start.copy(), 1e-3
-    channels = problem.model(u)
-    if channels is None:
+    """Fit with these weights; raises FitError where the machine has no equilibrium at the start."""
+    rows = np.concatenate(weight)
+
+    def model(u: Vector) -> tuple[Vector, _Answer] | None:
+        channels = problem.model(u)
+        if channels is None:
+            return None
+        left = problem.left(channels)
+        return np.concatenate(left), (channels, left)
+
+    given = LeastSquares(
+        *(model, np.eye(len(start)), np.full(len(start), -FIT.farthest), np.full(len(start), FIT.farthest)),
+        whitened=lambda left: (rows * left.T).T,
+        close=FIT.close,
+        jacobian=lambda now: problem.jacobian(now.u, *now.detail) * rows[:, None],
+    )
+    end = solve(given, start, steps)
+    if end is None:
         raise FitError("the machine has no equilibrium at the start of the fit")
-    left = problem.left(channels)
-    objective = _objective(left, weight, u)
-    for _ in range(steps):
-        slope = problem.jacobian(u, channels, left) * np.concatenate(weight)[:, None]
-        pull = slope.T @ (np.concatenate(weight) * np.concatenate(left)) + u
-        normal = slope.T @ slope + np.eye(len(u))
-        fall = 0.0
-        for _ in range(8):
-            step = -np.linalg.solve(normal + damping * np.diag(np.diag(normal)), pull)
-            tried = np.clip(u + step, -FIT.farthest, FIT.farthest)
-            there = problem.model(tried)
-            value = math.inf if there is None else _objective(problem.left(there), weight, tried)
-            if there is not None and value < objective:
-                fall, damping = objective - value, 0.2 * damping
-                u, channels, left, objective = tried, there, problem.left(there), value
-                break
-            damping = max(4.0 * damping, 1e-3)
-        if fall <= FIT.close * max(1.0, 0.01 * objective):
-            break
-    return FitState(u, channels, left, weight, inflation, objective)
+    return FitState(end.u, *end.detail, weight, inflation, 0.5 * end.chi2)
 
 
 def _objective(left: Sequence[Vector], weight: Sequence[Vector], u: Vector) -> float:

@@ -15,6 +15,7 @@ import numpy as np
 
 from tssgeom.effects import KINDS, Library, snake, with_size
 from tssgeom.identify.finding import RigNumber
+from tssgeom.identify.fit import FIT
 from tssgeom.identify.machine_run import MachineRun, Parameter, unit_of
 from tssgeom.rig import Rig, with_values
 from tssgeom.uncertain import UNKNOWNS, Prior
@@ -26,8 +27,6 @@ class PartSettings:
 
     wide: float = 5.0
     """Of what is typical of a number: s.d. of its prior [1]; chosen: machines differ in size."""
-    scale: float = 1.0
-    """S.d. of the logarithm of a scale, such as a time constant [1]; chosen: a factor of 2.7."""
     gain: float = 0.1
     """Standard deviation of the error of a gain [1]; chosen: a tenth, more is a wrong unit."""
     known: float = 0.5
@@ -163,7 +162,7 @@ def _library_numbers(effect: Library) -> Iterator[Number]:
             switched = True
             prior = Prior(0.0, PARTS.wide * max(stated.prior_sd, abs(stated.typical)), log=False)
         else:
-            prior = Prior(stated.typical, PARTS.scale)
+            prior = Prior(stated.typical, FIT.scale_sd)
         key_of_rig = f"effects[{{}}].{key}"
         yield Number(
             *(key, key_of_rig, stated.unit, prior, stated.typical),

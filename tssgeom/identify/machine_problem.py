@@ -16,6 +16,7 @@ import numpy as np
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.errors import FitError, SettingsError
 from tssgeom.identify.machine_run import MachineRun, Parameter, predicted
+from tssgeom.least_squares import SOLVER
 from tssgeom.rig import Rig, with_values
 
 
@@ -31,21 +32,8 @@ class MachineFitSettings:
     """Samples of all runs together; more are thinned, to no less than `least_of_each`; chosen."""
     least_of_each: int = 120
     """Samples of each run; chosen."""
-    rounds: int = 2
-    """Rounds in which weights and estimates converge; chosen."""
-    iterations: int = 12
-    """Steps of a round; chosen."""
-    step: float = 2e-4
-    """Of a prior's standard deviation: step of derivatives [1]; chosen: small and to one side for all, lest
-    curvature seems to part what shows only as a product."""
-    first_sigma: float = 0.02
-    """Of the range of a channel: its standard deviation in the first round [1]; chosen."""
-    close: float = 0.01
-    """Fall of -ln of the posterior that ends a round [1]; chosen: a seventh of a standard deviation."""
-    huber: float = 3.0
-    """Standard deviations from which a residual counts less [1]; chosen, as `ROBUST.huber`."""
-    unobserved: float = 0.5
-    """Of the prior's standard deviation: a wider posterior means that the runs show nothing [1]; chosen."""
+    close: float = 1e-4
+    """Of χ²: fall that ends a round [1]; chosen: weights and bars change it by more from round to round."""
     tied: float = 0.35
     """Of the prior's: two numbers whose product is narrower, while neither is, are tied [1]; chosen."""
     most_at_start: int = 200
@@ -140,7 +128,7 @@ class Problem:
 
     def _beside(self, u: Vector, j: int) -> tuple[float, list[Mapping[str, Vector]] | None, int]:
         """Return a step of one number, the channels after it, and the run that it belongs to, or −1."""
-        only, step = self.parameters[j].run, FIT.step
+        only, step = self.parameters[j].run, SOLVER.step
         for way in (step, -step):
             moved = u.copy()
             moved[j] += way

@@ -16,7 +16,6 @@ import numpy as np
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.errors import FitError
 from tssgeom.identify.machine_evidence import (
-    EVIDENCE,
     FittedModel,
     changes,
     delta_bic,
@@ -29,8 +28,10 @@ from tssgeom.identify.machine_fit import fit_round, fitted_again
 from tssgeom.identify.machine_parts import PARTS, Part
 from tssgeom.identify.machine_problem import FIT, Problem
 from tssgeom.identify.machine_run import MachineRun
+from tssgeom.identify.misfit import MISFIT
 from tssgeom.identify.selection import SEARCH
 from tssgeom.rig import with_values
+from tssgeom.statistics import EVIDENCE_SCALE
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,10 +46,6 @@ class MachineSearch:
     """Parts whose refit goes on until weights and numbers converge; chosen."""
     steps: int = 6
     """Steps of the first round of a refit; chosen."""
-    worse: float = 1.05
-    """Of the held-out rms of a channel: a part that makes it so much larger is refused [1]; chosen."""
-    same: float = 0.95
-    """Of a held-out rms: a smaller one separates two parts of like evidence [1]; chosen, as `MISFIT.same`."""
 
 
 MACHINE_SEARCH = MachineSearch()
@@ -72,13 +69,13 @@ class TriedPart:
     def passes(self) -> bool:
         """Whether evidence, size, held-out readings and physics all allow it."""
         held = math.isnan(self.held_ratio) or self.held_ratio < 1.0
-        return self.delta_bic > EVIDENCE.needed and self.size > 1.0 and held and not self.refusal
+        return self.delta_bic > EVIDENCE_SCALE.very_strong and self.size > 1.0 and held and not self.refusal
 
     @property
     def why_not(self) -> str:
         """One sentence on why it does not pass; empty where it does."""
-        if self.delta_bic <= EVIDENCE.needed:
-            return f"its ΔBIC of {self.delta_bic:.1f} is below {EVIDENCE.needed:.0f}."
+        if self.delta_bic <= EVIDENCE_SCALE.very_strong:
+            return f"its ΔBIC of {self.delta_bic:.1f} is below {EVIDENCE_SCALE.very_strong:.0f}."
         if self.size <= 1.0:
             return f"it changes no channel by more than {self.size:.2g} of the detection limit."
         if self.held_ratio >= 1.0:
@@ -104,7 +101,7 @@ class PartStep:
         """Those that pass, with an evidence within what separates two."""
         passing = [one for one in self.tried if one.passes]
         top = max((one.delta_bic for one in passing), default=0.0)
-        return [one for one in passing if top - one.delta_bic < SEARCH.close]
+        return [one for one in passing if top - one.delta_bic < EVIDENCE_SCALE.strong]
 
     @property
     def tied(self) -> list[TriedPart]:
@@ -113,7 +110,7 @@ class PartStep:
         if best is None:
             return []
         others = [one for one in self.close if one is not best and one.part.label != best.part.label]
-        limit = best.held_ratio / MACHINE_SEARCH.same
+        limit = best.held_ratio / MISFIT.same
         return [one for one in others if math.isnan(limit) or one.held_ratio <= limit]
 
 
@@ -165,7 +162,7 @@ def _backward(model: FittedModel, kept: Sequence[MachineRun]) -> FittedModel:
         return model
     for which in range(len(model.parts) - 1):
         less = without_part(model, which, kept)
-        if less is not None and delta_bic(less, reordered(model, which)) < EVIDENCE.needed:
+        if less is not None and delta_bic(less, reordered(model, which)) < EVIDENCE_SCALE.very_strong:
             return less
     return model
 
@@ -311,7 +308,7 @@ def _tried(model: FittedModel, part: Part, after: FittedModel) -> TriedPart:
     size = max(changes(model, after).values())
     gain, ratio = delta_bic(model, after), held_out_ratio(model, after)
     reason = ""
-    if gain > EVIDENCE.needed:
+    if gain > EVIDENCE_SCALE.very_strong:
         reason = refused(model, after) or _worse(model, after)
     return TriedPart(part, after, gain, size, ratio, reason)
 
@@ -320,7 +317,7 @@ def _worse(model: FittedModel, after: FittedModel) -> str:
     """Say which channel a part makes worse on what is held out; empty where it makes none."""
     ratios = held_out_ratios(model, after)
     worst = max(ratios, key=lambda name: ratios[name], default="")
-    if not worst or ratios[worst] <= MACHINE_SEARCH.worse:
+    if not worst or MISFIT.same * ratios[worst] <= 1.0:
         return ""
     return f"with it the held-out rms of {worst} is {ratios[worst]:.3g} times that without"
 

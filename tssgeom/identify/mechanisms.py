@@ -54,18 +54,13 @@ MECHANISM_OF = {
 class KnotSettings:
     """Where the knots of a law lie, and how far it may go."""
 
-    over_tension: int = 7
-    """Knots; chosen: two or three for each bend of a law that has been met."""
-    over_speed: int = 7
-    """Knots; chosen: three for each decade of a usual run."""
+    usual: int = 7
+    """Knots over tension, speed, time, travel, position and reading; chosen: two or three for each bend of a
+    law that has been met, three for each decade of speed."""
     over_curvature: int = 4
     """Knots; chosen: a route has a few curvatures."""
     along: int = 10
     """Knots over the arc length; chosen: a tenth of the length is what several routes can part."""
-    over_time: int = 6
-    """Knots over time, travel and position; chosen."""
-    sensor: int = 6
-    """Knots of the curve of a sensor; chosen."""
     creep_s: tuple[float, ...] = (0.02, 0.1, 0.5)
     """Of the duration of a run: times of creep [1]; chosen: they cover the run."""
     slow: float = 0.03
@@ -158,11 +153,11 @@ def _frictions(stack: Stack, rig: Rig) -> Iterator[Mechanism]:
     runs = stack.readings
     least, most = _tensions(runs, rig)
     if most - least > KNOTS.least_span * most:
-        yield _friction("tension", np.linspace(least, most, KNOTS.over_tension), "N")
+        yield _friction("tension", np.linspace(least, most, KNOTS.usual), "N")
     fast = _fastest(runs)
     if fast > 0.0:
-        moving = np.geomspace(KNOTS.slow, 1.0, KNOTS.over_speed - 1)
-        warped = np.arange(KNOTS.over_speed) / (KNOTS.over_speed - 1.0)
+        moving = np.geomspace(KNOTS.slow, 1.0, KNOTS.usual - 1)
+        warped = np.arange(KNOTS.usual) / (KNOTS.usual - 1.0)
         yield _friction("speed", fast * np.concatenate(([0.0], moving)), "m_per_s", warped)
     every = np.concatenate([run.route.arcs.angle / run.route.arcs.length for run in runs])
     curved = every[every > 0.0].tolist()
@@ -171,20 +166,20 @@ def _frictions(stack: Stack, rig: Rig) -> Iterator[Mechanism]:
     length = min(run.route.arcs.total_length for run in runs)
     yield _friction("arc_length", np.linspace(0.0, length, KNOTS.along), "m")
     travel, time = max(_travel(run) for run in runs), max(float(np.ptp(run.time)) for run in runs)
-    yield _friction("travel", np.linspace(0.0, travel, KNOTS.over_time), "m")
-    yield _friction("time", np.linspace(0.0, time, KNOTS.over_time), "s")
+    yield _friction("travel", np.linspace(0.0, travel, KNOTS.usual), "m")
+    yield _friction("time", np.linspace(0.0, time, KNOTS.usual), "s")
     if all("displacement_in_m" in run.given for run in runs):
         pulled = np.concatenate([run.given["displacement_in_m"] for run in runs])
         if np.ptp(pulled) > 0.0:
             low, high = float(pulled.min()), float(pulled.max())
-            yield _friction("position", np.linspace(low, high, KNOTS.over_time), "m")
+            yield _friction("position", np.linspace(low, high, KNOTS.usual), "m")
 
 
 def _stretches(stack: Stack, rig: Rig) -> Iterator[Mechanism]:
     _, most = _tensions(stack.readings, rig)
     length = min(run.route.arcs.total_length for run in stack.readings)
     strain = KNOTS.stretch * rig.tendon.compliance_per_N * most
-    x = np.concatenate(([0.0], most * np.linspace(0.0, 1.0, KNOTS.over_tension)[1:] ** 1.5))
+    x = np.concatenate(([0.0], most * np.linspace(0.0, 1.0, KNOTS.usual)[1:] ** 1.5))
     which: tuple[tuple[StretchOf, str, float, str], ...] = (
         ("sheath", "strain_over_tension", strain, "1"),
         ("proximal", "stretch_at_proximal_end", strain * length, "m"),
@@ -233,9 +228,9 @@ def _sensors(stack: Stack, rig: Rig) -> Iterator[Mechanism]:
         read = np.concatenate([column[np.isfinite(column)] for column in columns if column is not None])
         unit = KNOTS.sensor_unit * max(run.noise.get(channel, 0.0) for run in runs)
         if channel in CELLS and np.ptp(read) > 0.0:
-            x = np.linspace(float(read.min()), float(read.max()), KNOTS.sensor)
+            x = np.linspace(float(read.min()), float(read.max()), KNOTS.usual)
             yield _sensor(channel, "reading", x, unit, f"{channel}")
-        yield _sensor(channel, "time", np.linspace(0.0, span, KNOTS.sensor), unit, "time_s")
+        yield _sensor(channel, "time", np.linspace(0.0, span, KNOTS.usual), unit, "time_s")
     yield _lag(drive)
 
 

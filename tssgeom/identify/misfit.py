@@ -30,13 +30,13 @@ class MisfitSettings:
 
     still: float = 0.05
     """Of the median step in motion: a slower drive is a hold [1]; chosen."""
-    floor: float = 0.7
-    """Held-out misfit below which its ratio is no evidence [1]; derived: half of the noise variance again."""
     same: float = 0.95
     """Of a misfit: one that differs by less has neither fallen nor grown [1]; chosen: two digits."""
 
 
 MISFIT = MisfitSettings()
+UNINFORMATIVE = math.sqrt(0.5)
+"""Held-out misfit below which its ratio is no evidence [1]; derived: half of the noise variance."""
 
 
 def phases(reading: Reading, slip_out: Vector) -> np.ndarray:
@@ -76,12 +76,12 @@ class HeldOut:
         return beyond_noise(_rms(self.problem, left, self.counted), self.noise)
 
     def widens(self, before: Point, after: Point) -> bool:
-        """Whether a second model leaves a wider misfit than a first, both beyond the floor."""
-        return self.misfit(after) > max(self.misfit(before), MISFIT.floor)
+        """Whether a second model leaves a wider misfit than a first, both beyond what is uninformative."""
+        return self.misfit(after) > max(self.misfit(before), UNINFORMATIVE)
 
     def ratio(self, at: Point) -> float:
         """Return the misfit over that of the base model [1]; NaN where that shows none."""
-        return self.misfit(at) / self.before if self.before > MISFIT.floor else math.nan
+        return self.misfit(at) / self.before if self.before > UNINFORMATIVE else math.nan
 
 
 def held_out(runs: tuple[Reading, ...], rig: Rig, base: Point) -> HeldOut | None:

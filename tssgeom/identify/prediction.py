@@ -44,8 +44,6 @@ class NoiseModelSettings:
     """Over the median s.d. of a channel: a less exact reading is left out of its rms [1]; chosen."""
     draws: int = 8
     """Draws of the noise of the drive; chosen: its s.d. is known to 25 %."""
-    seed: int = 20
-    """Seed of these, the same in all fits of a campaign; chosen."""
     unsure: float = 0.3
     """Of the change about a sharp turn: s.d. of a channel there [1]; chosen near 1/√12."""
     soft: int = 3
@@ -53,6 +51,7 @@ class NoiseModelSettings:
 
 
 NOISE = NoiseModelSettings()
+_SEED = 20  # of the draws; any, but the same in all fits of a campaign
 
 FINE = 240
 """Bars of the run that shows what too few bars make wrong; its elongation is right to 1e-5."""
@@ -147,7 +146,7 @@ def errors_of(stack: Stack, rig: Rig, effects: Sequence[AnyEffect] = ()) -> Erro
 def _from_drive(reading: Reading, rig: Rig, effects: Sequence[AnyEffect]) -> dict[str, Vector]:
     """Return the error of a channel for a new sample of the drive's noise, denoised; docs/model.md (100)."""
     drive, noise = reading.given[reading.drive], reading.noise[reading.drive]
-    rng, holds = np.random.default_rng(NOISE.seed), _holds(drive, noise)
+    rng, holds = np.random.default_rng(_SEED), _holds(drive, noise)
     soft, blunt = _softened(drive, [hold(drive, 0, noise), *holds]) - drive, blunted(drive, holds)
     square, jump = ({name: np.zeros(len(drive)) for name in reading.measured} for _ in range(2))
     for _ in range(NOISE.draws):

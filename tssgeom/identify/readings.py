@@ -27,8 +27,6 @@ class ReadingLimits:
     Frozen on the development seeds of `benchmarks.discovery`.
     """
 
-    few: int = 8
-    """Readings that show no noise; chosen: differences of 7 are taken."""
     fewest: int = 20
     """Readings that a run needs; chosen."""
     noisier: float = 1.5
@@ -42,6 +40,7 @@ class ReadingLimits:
 
 
 READING = ReadingLimits()
+_FEW = 7 + 1  # readings that show no noise; derived: differences of seven are taken
 
 RESPONSES = (
     "tension_in_N",
@@ -163,7 +162,7 @@ def noise_of(rig: Rig, channel: str, time: Vector, column: Vector) -> float:
     sensor = rig.sensors.get(channel, Sensor())
     stated = math.hypot(sensor.noise, sensor.resolution / math.sqrt(12.0))
     there = in_order(time, column)
-    displayed = reading_noise(column[there], time[there]) if np.count_nonzero(there) > READING.few else 0.0
+    displayed = reading_noise(column[there], time[there]) if np.count_nonzero(there) > _FEW else 0.0
     if stated == 0.0 or displayed > READING.noisier * stated:
         return max(displayed, 1e-12)
     return stated

@@ -20,6 +20,7 @@ from tssgeom.errors import FitError, SettingsError
 from tssgeom.identify.fit import Fit, Free, Problem, columns, freed, refined
 from tssgeom.identify.prediction import CELLS, Errors, Stack
 from tssgeom.rig import Rig, Sensor
+from tssgeom.statistics import EVIDENCE_SCALE
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,8 +36,6 @@ class DetectionLimits:
     """Clean campaigns that are sampled; chosen: 4 of them exceed the threshold."""
     rate: float = 0.01
     """Share of clean campaigns that may pass the threshold [1]; chosen."""
-    least_threshold: float = 10.0
-    """Least threshold of ΔBIC [1]; cited: Kass and Raftery (1995), "very strong"."""
     part: float = 0.99
     """Share of readings that change by less than the size of a change [1]; chosen."""
     cell_N: float = 0.06
@@ -211,7 +210,7 @@ def threshold(problem: Problem, errors: Errors, screening: Screening, seed: int)
             score = test.column @ plotted / length
             gain = np.square(np.maximum(score, 0.0) if test.variant.positive else score)
             best = np.maximum(best, gain - len(test.variant.free) * math.log(problem.stack.size))
-    return max(float(np.quantile(best, 1.0 - DETECTION.rate)), DETECTION.least_threshold)
+    return max(float(np.quantile(best, 1.0 - DETECTION.rate)), EVIDENCE_SCALE.very_strong)
 
 
 def _clean(problem: Problem, errors: Errors, rng: np.random.Generator) -> Matrix:

@@ -24,6 +24,8 @@ from tssgeom.identify.screening import (
     size_over_limit,
     threshold,
 )
+from tssgeom.least_squares import SOLVER
+from tssgeom.statistics import EVIDENCE_SCALE
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,16 +35,10 @@ class SearchSettings:
     Frozen on the development seeds of `benchmarks.discovery`.
     """
 
-    close: float = 6.0
-    """ΔBIC below which two candidates are not separated [1]; derived: odds of 20 to 1."""
     most: int = 3
     """Effects that are named at most; chosen."""
     refitted: int = 5
     """Best candidates that are refitted with the error model about the best; chosen for speed."""
-    quick: int = 2
-    """Passes of a first refit; chosen for speed."""
-    whole: int = 8
-    """Passes of a last refit; chosen."""
     clear: float = 4.0
     """S.d. of χ² beyond which a model leaves more than the sensors explain [1]; chosen."""
     half: float = 0.5
@@ -149,12 +145,12 @@ def _best_each(tried: Sequence[Tried]) -> list[Tried]:
 def _try(
     problem: Problem, before: Fit, score: Screening, test: ScoreTest, limits: Mapping[str, float]
 ) -> Tried | None:
-    fit = refit(problem, before, test, score.base, SEARCH.quick)
+    fit = refit(problem, before, test, score.base, SOLVER.quick)
     return None if fit is None else _refitted(problem, before, test, fit, limits)
 
 
 def _continued(problem: Problem, before: Fit, one: Tried, limits: Mapping[str, float]) -> Tried:
-    fit = refined(problem, one.fit.at, passes=SEARCH.whole)
+    fit = refined(problem, one.fit.at)
     return _refitted(problem, before, one.test, fit, limits)
 
 
@@ -166,7 +162,7 @@ def _refitted(problem: Problem, before: Fit, test: ScoreTest, fit: Fit, limits: 
 
 def separable_from() -> float:
     """Return the ΔBIC from which two candidates are separated [1]."""
-    return SEARCH.close
+    return EVIDENCE_SCALE.strong
 
 
 def close_candidates(now: Step) -> list[Tried]:
@@ -174,7 +170,9 @@ def close_candidates(now: Step) -> list[Tried]:
     best = now.tried[0]
     top = max(one.delta_bic for one in now.tried)
     return [
-        one for one in now.tried if one is not best and top - one.delta_bic < SEARCH.close and now.passes(one)
+        one
+        for one in now.tried
+        if one is not best and top - one.delta_bic < EVIDENCE_SCALE.strong and now.passes(one)
     ]
 
 
@@ -211,7 +209,7 @@ def _ordered(few: list[Tried], held: HeldOut | None) -> list[Tried]:
     """Let held-out runs decide which of those comes first that the fitted runs do not separate."""
     if held is None:
         return few
-    close = [one for one in few if few[0].delta_bic - one.delta_bic < SEARCH.close]
+    close = [one for one in few if few[0].delta_bic - one.delta_bic < EVIDENCE_SCALE.strong]
     return sorted(close, key=lambda one: held.ratio(one.fit.at)) + few[len(close) :]
 
 

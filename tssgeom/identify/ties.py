@@ -23,6 +23,7 @@ from tssgeom.identify.screening import ScoreTest, Screening
 from tssgeom.identify.selection import Selection, Step, close_candidates, name_of, separable_from
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
+from tssgeom.statistics import EVIDENCE_SCALE
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,17 +39,14 @@ class TieLimits:
     """S.d. that an effect of typical size has to show [1]; chosen."""
     absorbed: float = 0.2
     """Of a signature: share that friction and compliance leave at most where they are its tie [1]; chosen."""
-    moved: float = 3.0
-    """Standard errors by which friction or compliance moves before it is reported [1]; chosen."""
     least_move: float = 0.01
     """Share by which it moves before it is reported [1]; chosen."""
-    listed: int = 3
-    """Experiments that are listed; chosen."""
-    most_delta_bic: float = 1e4
-    """ΔBIC beyond which a greater one is not reported [1]; chosen."""
 
 
 TIES = TieLimits()
+MOST_REPORTED = 1e4
+"""ΔBIC beyond which a greater one is not reported [1]; arrangement."""
+_LISTED = 3  # experiments that are listed at most; arrangement
 
 _GAINS = ("tension_in_gain", "tension_out_gain")
 
@@ -172,7 +170,7 @@ def base_ties(fit: Fit, rig: Rig) -> tuple[str, list[Tied]]:
     words, ties = list[str](), list[Tied]()
     friction = math.log(fit.at.friction / max(rig.friction.coefficient, 1e-6))
     give = math.log(fit.at.compliance / rig.tendon.compliance_per_N)
-    if abs(friction) > max(TIES.moved * spread[0], TIES.least_move):
+    if abs(friction) > max(EVIDENCE_SCALE.clear * spread[0], TIES.least_move):
         words.append(
             f"friction is {fit.at.friction:.4g} and not {rig.friction.coefficient:.4g}, which an angle gain "
             f"of {math.exp(friction):.3f} of the shape sensor would give as well (G3): "
@@ -182,7 +180,7 @@ def base_ties(fit: Fit, rig: Rig) -> tuple[str, list[Tied]]:
         ties.append(
             Tied(Tie(names, "G3", "both scale friction times angle"), "measure a route with another sensor")
         )
-    if abs(give) > max(TIES.moved * spread[1], TIES.least_move):
+    if abs(give) > max(EVIDENCE_SCALE.clear * spread[1], TIES.least_move):
         words.append(
             f"compliance is {fit.at.compliance:.4g} 1/N and not {rig.tendon.compliance_per_N:.4g} 1/N, "
             f"which a scale of {math.exp(give):.3f} of encoder or route length, or a sheath that gives way, "
@@ -302,7 +300,7 @@ def best_plans(
         if min(gains) > 0.0:
             result.append(Experiment(plan.words, min(gains), names))
     result.sort(key=lambda one: -one.expected_delta_bic)
-    return result[: TIES.listed]
+    return result[:_LISTED]
 
 
 def _expected(problem: Problem, first: Fit, other: Fit, plan: Plan) -> float:
@@ -321,4 +319,4 @@ def _expected(problem: Problem, first: Fit, other: Fit, plan: Plan) -> float:
     known = np.linalg.inv(other.covariance)
     step = np.linalg.solve(slope.T @ slope + known, slope.T @ off)
     rest = off - slope @ step
-    return float(min(rest @ rest + step @ known @ step, TIES.most_delta_bic))
+    return float(min(rest @ rest + step @ known @ step, MOST_REPORTED))

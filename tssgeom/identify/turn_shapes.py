@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tssgeom.arrays import Vector
+from tssgeom.statistics import EVIDENCE_SCALE
 
 _POWERS = (1, 2)  # of a straight side, and of a round one
 
@@ -42,8 +43,6 @@ class ShapeSettings:
     """Times that they are tried, each eight times closer; derived: to a thousandth of the window."""
     unlike: float = 2.0
     """Parameters that a turn with one straight and one round side counts more [1]; chosen: it is rare."""
-    loose: float = 3.0
-    """S.d. of χ² of what is left beyond which none fits [1]; chosen."""
 
 
 SHAPE = ShapeSettings()
@@ -79,7 +78,7 @@ def fitted_turn(
     near = np.convolve(sloping, np.ones(2 * SHAPE.about + 1), "same") > 0.0
     freedom = max(int(near.sum()) - 1 - 2 * sides, 1)
     left = float(np.square(what - values)[near].sum())
-    if left > freedom + SHAPE.loose * math.sqrt(2.0 * freedom):
+    if left > freedom + EVIDENCE_SCALE.clear * math.sqrt(2.0 * freedom):
         return None
     return start, drive[turn] + noise * values
 

@@ -34,13 +34,11 @@ class LegSettings:
     """Readings of one value that digits and pooling make; longer ones are holds; chosen."""
     near_turn: int = 15
     """Readings beside a turn from which its level is estimated; chosen."""
-    terms: int = 5
-    """Terms of the polynomial through a round turn; derived: a sine bends off a parabola by x⁴."""
-    least_beside: int = 4
-    """Readings on either side that it needs; derived: more than its terms together."""
 
 
 LEGS = LegSettings()
+_TERMS = 5  # of the polynomial through a round turn; derived: a sine bends off a parabola by x⁴
+_LEAST_BESIDE = _TERMS - 1  # readings on either side; derived: more than its terms together
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,12 +127,12 @@ def with_round_turns(readings: Vector, drive: Legs) -> Legs:
     edges = np.concatenate(([0], drive.turns, [len(readings) - 1]))
     for k, turn in enumerate(drive.turns):
         half = min(LEGS.near_turn, (turn - edges[k]) // 2, (edges[k + 2] - turn) // 2)
-        if half < LEGS.least_beside:
+        if half < _LEAST_BESIDE:
             continue
         near = readings[turn - half : turn + half + 1]
         peak = drive.values[turn] > drive.values[edges[k]]
         x = np.arange(-half, half + 1) / half
-        terms = np.vander(x, LEGS.terms, increasing=True)
+        terms = np.vander(x, _TERMS, increasing=True)
         fit, *_ = np.linalg.lstsq(terms, near, rcond=None)
         bend, slope, _ = np.polyfit(x, near, 2)
         top = -0.5 * slope / bend if bend != 0.0 else np.inf
@@ -142,7 +140,7 @@ def with_round_turns(readings: Vector, drive: Legs) -> Legs:
         left = float(np.sum((near - terms @ fit) ** 2))
         if abs(top) > 1.0 or (bend > 0.0) == peak or left > sides + drive.noise**2:
             continue
-        at = top ** np.arange(LEGS.terms)
+        at = top ** np.arange(_TERMS)
         spread = float(at @ np.linalg.inv(terms.T @ terms) @ at)
         values[k], errors[k] = at @ fit, drive.noise * np.sqrt(spread)
     return replace(drive, turn_values=read_only(np.maximum(values, 0.0)), turn_se=read_only(errors))

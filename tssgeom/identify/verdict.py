@@ -16,7 +16,7 @@ from tssgeom.identify.finding import Candidate, Estimate, Misfit, Verdict
 from tssgeom.identify.fit import Fit, Problem
 from tssgeom.identify.law_fit import LawFit
 from tssgeom.identify.law_words import law_words
-from tssgeom.identify.misfit import MISFIT, HeldOut, held_out_change
+from tssgeom.identify.misfit import MISFIT, UNINFORMATIVE, HeldOut, held_out_change
 from tssgeom.identify.screening import detection_limits, leftover
 from tssgeom.identify.selection import Selection, close_candidates, name_of
 
@@ -156,7 +156,7 @@ def remainder(left: float) -> str:
 def _nothing_missing(base: Mapping[str, Estimate], misfit: Misfit) -> str:
     numbers = f"friction {number(base['friction'])} and compliance {number(base['compliance_per_N'])}"
     _, held = held_out_change(misfit)
-    if held > MISFIT.floor:
+    if held > UNINFORMATIVE:
         return (
             f"No effect is missing on the fitted runs: {numbers} leave no more than the sensors explain "
             f"there, but {held:.2g} times the noise on the held-out runs."
@@ -168,7 +168,7 @@ def _held_out_words(before: float, after: float) -> str:
     """Return how the misfit of the held-out runs changes [1]; empty where there are none."""
     if math.isnan(before):
         return ""
-    if max(before, after) <= MISFIT.floor:
+    if max(before, after) <= UNINFORMATIVE:
         return "; the held-out runs have no misfit, with it or without"
     change = f"from {before:.2g} to {after:.2g} times the noise"
     if after < MISFIT.same * before:

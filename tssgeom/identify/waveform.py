@@ -17,8 +17,6 @@ from tssgeom.arrays import Vector
 class WaveformSettings:
     """Which drives are tried."""
 
-    fewest_levels: int = 2
-    """Levels of one cycle; chosen: up and down."""
     most_levels: int = 5
     """Levels of one cycle; chosen."""
     most_cycles: int = 4
@@ -46,6 +44,7 @@ class WaveformSettings:
 
 
 WAVEFORM = WaveformSettings()
+_FEWEST_LEVELS = 2  # of one cycle; derived: up and down
 
 FEWEST = 20
 """Samples of the shortest run; derived: `discover` uses runs of so many readings."""
@@ -80,7 +79,7 @@ class Course:
 
 def random_waveform(rng: np.random.Generator) -> Waveform:
     """Return a waveform at random."""
-    count = int(rng.integers(WAVEFORM.fewest_levels, WAVEFORM.most_levels + 1))
+    count = int(rng.integers(_FEWEST_LEVELS, WAVEFORM.most_levels + 1))
     levels = [_level(rng, k) for k in range(count)]
     speeds = [_speed(rng) for _ in range(count)]
     if rng.uniform() < 0.5:  # one speed for all legs is what most laws of rate want held against another

@@ -28,7 +28,7 @@ from tssgeom.identify.finding import Finding
 from tssgeom.identify.fit import Fit, Point, Problem, base_fit, columns, posed
 from tssgeom.identify.law_finding import law_candidates, law_ranking
 from tssgeom.identify.law_search import as_fit, searched
-from tssgeom.identify.misfit import MISFIT, held_out, misfits, traces
+from tssgeom.identify.misfit import UNINFORMATIVE, held_out, misfits, traces
 from tssgeom.identify.prediction import Errors, stacked
 from tssgeom.identify.proposal import Asked
 from tssgeom.identify.readings import Reading, readings
@@ -164,7 +164,7 @@ def _leaves_much(work: Work) -> bool:
     if work.held is None or not work.chosen.fit.at.effects:
         return False
     left = work.held.misfit(work.chosen.fit.at)
-    return left > MISFIT.floor and left > VERDICT.held_share * work.held.before
+    return left > UNINFORMATIVE and left > VERDICT.held_share * work.held.before
 
 
 def _with_laws(
