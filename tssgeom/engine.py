@@ -15,9 +15,9 @@ from tssgeom.plausibility.frames import FrameWatch
 from tssgeom.rig import Rig
 from tssgeom.route.time_filter import PointFilter
 from tssgeom.route.tracking import TrackedFit, model_checked
-from tssgeom.stream import FrameResult, Rejected, advance
+from tssgeom.stream import Carried, FrameResult, Rejected, advance, at_rest
 from tssgeom.tendon.commander import Commander
-from tssgeom.tendon.state import TendonState, pretensioned
+from tssgeom.tendon.state import pretensioned
 
 _FAULTS = (TssgeomError, ArithmeticError)  # of one frame: the next may be sound
 
@@ -34,7 +34,7 @@ class Engine:
     tension_in
         Total tension at the proximal end for frames that bring no drive and no target [N].
     state
-        Tension along the tendon before the first frame; the rig's pretension by default.
+        Tension along the tendon before the first frame, or where a machine stands; at rest by default.
     commander
         Tolerance, policy and errors of the rig for frames with a target; by default the rig's numbers count
         as exact, and the dead zone is crossed at once.
@@ -70,12 +70,13 @@ class Engine:
         rig: Rig,
         *,
         tension_in: float,
-        state: TendonState | None = None,
+        state: Carried | None = None,
         commander: Commander | None = None,
         follower: Follower | None = None,
     ) -> None:
         self._rig, self._tension_in = rig, tension_in
-        self._state = pretensioned(rig) if state is None else state
+        rest = at_rest(rig) if follower is None else pretensioned(rig)
+        self._state: Carried = rest if state is None else state
         self._commander, self._follower = commander, follower
         self._last: TrackedFit | None = None
         self._watch = FrameWatch()
@@ -84,8 +85,8 @@ class Engine:
         self._call_ended = Condition()
 
     @property
-    def state(self) -> TendonState:
-        """The tendon after the last good frame."""
+    def state(self) -> Carried:
+        """The tendon, or the machine, after the last good frame."""
         return self._state
 
     def push(self, frame: Frame | Rejected, *, filtered: PointFilter | None = None) -> FrameResult | Rejected:
@@ -108,7 +109,7 @@ class Engine:
             result = _advanced(seq, frame, *before, filtered, self._commander, self._follower)
             if isinstance(result, Rejected):
                 return result
-            self._state, self._last, self._commander = result.state, result.tracked, result.commander
+            self._state, self._last, self._commander = result.carried, result.tracked, result.commander
             return _watched(result, self._watch)
 
     def idle(self) -> None:
@@ -146,7 +147,7 @@ def process(
     rig: Rig,
     *,
     tension_in: float,
-    state: TendonState | None = None,
+    state: Carried | None = None,
     commander: Commander | None = None,
     follower: Follower | None = None,
 ) -> Iterator[FrameResult | Rejected]:
@@ -197,7 +198,7 @@ def process(
 
 
 def recorded(
-    frames: Iterable[Frame | Rejected], rig: Rig, *, tension_in: float, state: TendonState | None = None
+    frames: Iterable[Frame | Rejected], rig: Rig, *, tension_in: float, state: Carried | None = None
 ) -> Iterator[FrameResult | Rejected]:
     """Do as `process` on frames that are recorded: the points of each are filtered also by those after it.
 
@@ -220,7 +221,7 @@ def _carried(
 def _advanced(
     seq: int,
     frame: Frame,
-    state: TendonState,
+    state: Carried,
     rig: Rig,
     tension_in: float,
     last: TrackedFit | None,
@@ -266,7 +267,7 @@ def alone(
     first
         Count of the first of these frames in its recording.
     """
-    rest = pretensioned(rig)
+    rest = at_rest(rig)
     last: TrackedFit | None = None
     frames = list(frames)
     points, watch = smoothed_in_time(frames, rig), FrameWatch()

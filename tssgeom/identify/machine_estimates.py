@@ -13,10 +13,11 @@ from scipy.stats import t as student
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.identify.fit_quality import ChannelFit, failures, whiteness
 from tssgeom.identify.machine_problem import FIT, FitState, Problem
-from tssgeom.identify.machine_run import MachineRun, routed
+from tssgeom.identify.machine_run import MachineRun
 from tssgeom.result import Result
 from tssgeom.rig import Rig, with_values
 from tssgeom.statistics import reading_noise
+from tssgeom.tendon.machine import routed
 
 
 @dataclass(frozen=True, slots=True)
