@@ -67,7 +67,7 @@ def _frames(route: Callable[[np.ndarray, float], np.ndarray]) -> Iterator[Frame]
 
 
 def _of_machine(frame: Frame, rig: Rig) -> Frame:
-    """Return a frame with the drive of a machine in place of that of one tendon, and sometimes a target."""
+    """Return a frame with the drive of a machine instead of that of one tendon, and sometimes a target."""
     angle = 0.1 * math.sin(0.4 * frame.time)
     by_motor, count = rig.drive.radius_m > 0.0, tendon_count(rig.drive, rig.end)
     names = drive_channels("motor_angle_rad" if by_motor else "displacement_in", count)
