@@ -120,11 +120,11 @@ def _predicted(fitted: Problem, away: Problem, state: FitState) -> tuple[list[Ve
     slope = fitted.jacobian(state.u, state.channels, state.left) * np.concatenate(state.weight)[:, None]
     covariance = np.asarray(np.linalg.inv(slope.T @ slope + np.eye(len(state.u))), dtype=np.float64)
     left = away.left(state.channels)
-    ahead = away.jacobian(state.u, state.channels, left)
+    slopes = away.jacobian(state.u, state.channels, left)
     runs = {k for k, _, _ in fitted.rows}
     own = np.array([each.run >= 0 and each.run not in runs for each in fitted.parameters])
     scale = np.concatenate([np.full(len(each), 1.0 / max(spread(each), 1e-12)) for each in left])
-    off, known = _without(scale * np.concatenate(left), scale[:, None] * ahead, own)
+    off, known = _without(scale * np.concatenate(left), scale[:, None] * slopes, own)
     sd = np.sqrt(np.einsum("ij,jk,ik->i", known, covariance[np.ix_(~own, ~own)], known)) / scale
     edges = np.cumsum([len(each) for each in left])[:-1]
     return np.split(off / scale, edges), np.split(sd, edges)
