@@ -22,6 +22,7 @@ from benchmarks.live_process import PATIENCE, Live, Reader, line, live, malforme
 from tssgeom.errors import TssgeomError
 from tssgeom.io.formats.states import read_state
 from tssgeom.io.network.listener import LIMITS
+from tssgeom.tendon.state import TendonState
 
 _HERE = "tcp://127.0.0.1:0"
 _GOOD = line(points_mm(60, 0.0), 0.0)
@@ -247,7 +248,8 @@ def killed_while_saving(quick: bool) -> Verdict:
                     os.kill(number, signal.SIGKILL)
                 exchange.close()
             with suppress(TssgeomError):
-                whole += read_state(state).tension_in > 0.0
+                saved = read_state(state)
+                whole += isinstance(saved, TendonState) and saved.tension_in > 0.0
     return Verdict("kill -9 while the state is saved", whole == rounds, f"{whole} of {rounds} states whole")
 
 

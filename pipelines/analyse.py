@@ -67,7 +67,9 @@ def analyse(
     from tssgeom.io.results.exports import missing_libraries, selected_endings
 
     choose(style)
-    settings = run_settings(rig, tension_in, unit, lumen=lumen, tube_mm=tube_mm, columns=columns)
+    settings = run_settings(
+        *(rig, tension_in, unit), lumen=lumen, tube_mm=tube_mm, columns=columns, takes_machines=True
+    )
     if export and out is None:
         raise SettingsError(f"--export {export}: there is no folder to write to: give --out DIR too")
     endings = selected_endings(export)

@@ -25,6 +25,7 @@ from tssgeom.errors import (
 from tssgeom.io.formats.files import Recording, find_inputs, open_recording, output_names, real
 from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap
 from tssgeom.io.results.shapes import Analysis, frame_row, relative
+from tssgeom.mechanism import Drive, End
 from tssgeom.plausibility.frames import rig_remarks
 from tssgeom.rig import Rig, read_uncertain_rig
 from tssgeom.stream import Rejected
@@ -93,7 +94,7 @@ def run_settings(
     if rig is not None and not may_be_uncertain:
         require_known(rig, uncertain)
     if rig_read.is_machine and not takes_machines:
-        print_message(f"{rig}: warning: {ONE_TENDON}; simulate, compensate, calibrate and discover take them")
+        print_message(f"{rig}: warning: {ONE_TENDON}")
     for each in rig_remarks(rig_read):
         print_message(f"{rig}: warning: {each.text}")
     if tube_mm is not None and not 0 < tube_mm < math.inf:
@@ -138,9 +139,14 @@ def with_unknown_angle(settings: RunSettings, *, sensed: bool) -> RunSettings:
     return replace(settings, rig=changed(settings.rig, route=route), uncertain=(*settings.uncertain, *added))
 
 
+def as_one_tendon(settings: RunSettings) -> RunSettings:
+    """Return the settings of one tendon on the spring of `[load]`."""
+    return replace(settings, rig=changed(settings.rig, drive=Drive(), end=End()))
+
+
 def without_effects(settings: RunSettings) -> RunSettings:
-    """Return the settings for the fit of a route, where the tendon does not matter."""
-    return replace(settings, rig=changed(settings.rig, effects=()))
+    """Return the settings for the fit of a route, where tendons and what they pull do not matter."""
+    return replace(settings, rig=changed(settings.rig, effects=(), drive=Drive(), end=End()))
 
 
 def inputs_of(

@@ -102,7 +102,7 @@ def remedy(
     Unknown bends are sampled at random on the route itself. The change of T_out and δ by them is
     reported without the curve, with it at the same T_in, and with it at the same T_out.
     """
-    from pipelines.inputs import run_settings
+    from pipelines.inputs import as_one_tendon, run_settings
     from tssgeom.tendon.design import Curve, Cycle, Perturbation
 
     choose(style)
@@ -117,7 +117,7 @@ def remedy(
         tolerance=None if tolerance_mm is None else 1e-3 * tolerance_mm,
         tolerance_share=None if tolerance_percent is None else 1e-2 * tolerance_percent,
     )
-    settings = run_settings(rig, tension_in, unit, columns=columns)
+    settings = as_one_tendon(run_settings(rig, tension_in, unit, columns=columns))
     _require_usable(design, settings)
     remedied = _swept(shape, settings, design, quiet=quiet or as_json)
     report = _object(shape, design, remedied)

@@ -11,8 +11,8 @@ import numpy as np
 from tssgeom.arrays import Points, Vector, read_only
 from tssgeom.frame import fit_frame
 from tssgeom.rig import Rig
-from tssgeom.stream import Frame, FrameResult, SensedRoute, advance, pulled
-from tssgeom.tendon.state import pretensioned
+from tssgeom.sensed_route import SensedRoute
+from tssgeom.stream import Frame, FrameResult, advance, at_rest, pulled
 
 if TYPE_CHECKING:
     from tssgeom.route.repeated import Repeated
@@ -63,7 +63,7 @@ def analyse(
     else:
         frame = Frame(read_only(np.array(points, dtype=np.float64)), stations=stations)
     chosen = Rig() if rig is None else rig
-    return advance(0, frame, pretensioned(chosen), chosen, tension_in)
+    return advance(0, frame, at_rest(chosen), chosen, tension_in)
 
 
 def analyse_same(
@@ -122,4 +122,4 @@ def analyse_same(
     shape = replace(shape, warnings=(*shape.warnings, words))
     sensed = SensedRoute(shape, tracked, fit, common.shared)
     frame = replace(frames[0], points=frames[common.line].points)
-    return pulled(0, frame, pretensioned(chosen), chosen, tension_in, sensed), common
+    return pulled(0, frame, at_rest(chosen), chosen, tension_in, sensed), common

@@ -15,9 +15,17 @@ from tssgeom.plausibility.frames import FrameWatch
 from tssgeom.rig import Rig
 from tssgeom.route.time_filter import PointFilter
 from tssgeom.route.tracking import TrackedFit, model_checked
-from tssgeom.stream import FrameResult, Rejected, SensedRoute, advance, pulled, sensed_route
+from tssgeom.sensed_route import SensedRoute, sensed_route
+from tssgeom.stream import (
+    Carried,
+    FrameResult,
+    Rejected,
+    advance,
+    at_rest,
+    pulled,
+)
 from tssgeom.tendon.commander import Commander
-from tssgeom.tendon.state import TendonState, pretensioned
+from tssgeom.tendon.state import pretensioned
 
 _FAULTS = (TssgeomError, ArithmeticError)  # of one frame: the next may be sound
 
@@ -49,7 +57,7 @@ class Engine:
     tension_in
         Total tension at the proximal end for frames that bring no drive and no target [N].
     state
-        Tension along the tendon before the first frame; the rig's pretension by default.
+        Tension along the tendon before the first frame, or where a machine stands; at rest by default.
     commander
         Tolerance, policy and errors of the rig for frames with a target; by default the rig's numbers count
         as exact, and the dead zone is crossed at once.
@@ -85,12 +93,13 @@ class Engine:
         rig: Rig,
         *,
         tension_in: float,
-        state: TendonState | None = None,
+        state: Carried | None = None,
         commander: Commander | None = None,
         follower: Follower | None = None,
     ) -> None:
         self._rig, self._tension_in = rig, tension_in
-        self._state = pretensioned(rig) if state is None else state
+        rest = at_rest(rig) if follower is None else pretensioned(rig)
+        self._state: Carried = rest if state is None else state
         self._commander, self._follower = commander, follower
         self._track = Track()
         self._count = 0
@@ -98,8 +107,8 @@ class Engine:
         self._call_ended = Condition()
 
     @property
-    def state(self) -> TendonState:
-        """The tendon after the last good frame."""
+    def state(self) -> Carried:
+        """The tendon, or the machine, after the last good frame."""
         return self._state
 
     def push(
@@ -135,7 +144,7 @@ class Engine:
             result = self._pulled(seq, frame, track, filtered, sensed)
             if isinstance(result, Rejected):
                 return result
-            self._state, track.last, self._commander = result.state, result.tracked, result.commander
+            self._state, track.last, self._commander = result.carried, result.tracked, result.commander
             return _watched(result, track.watch)
 
     def sense(self, frame: Frame, track: Track) -> SensedRoute | Rejected:
@@ -191,7 +200,7 @@ def process(
     rig: Rig,
     *,
     tension_in: float,
-    state: TendonState | None = None,
+    state: Carried | None = None,
     commander: Commander | None = None,
     follower: Follower | None = None,
 ) -> Iterator[FrameResult | Rejected]:
@@ -242,7 +251,7 @@ def process(
 
 
 def recorded(
-    frames: Iterable[Frame | Rejected], rig: Rig, *, tension_in: float, state: TendonState | None = None
+    frames: Iterable[Frame | Rejected], rig: Rig, *, tension_in: float, state: Carried | None = None
 ) -> Iterator[FrameResult | Rejected]:
     """Do as `process` on frames that are recorded: the points of each are filtered also by those after it.
 
@@ -265,7 +274,7 @@ def _carried(
 def _advanced(
     seq: int,
     frame: Frame,
-    state: TendonState,
+    state: Carried,
     rig: Rig,
     tension_in: float,
     last: TrackedFit | None,
@@ -311,7 +320,7 @@ def alone(
     first
         Count of the first of these frames in its recording.
     """
-    rest = pretensioned(rig)
+    rest = at_rest(rig)
     last: TrackedFit | None = None
     frames = list(frames)
     points, watch = smoothed_in_time(frames, rig), FrameWatch()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import islice
@@ -95,6 +95,8 @@ class Frame(Result):
     """Source of the points, where a file states it."""
     warnings: tuple[str, ...] = ()
     """What its reader did not read, a sentence each; the result has them too."""
+    of_machine: Mapping[str, float] | None = None
+    """What was measured of a machine, by channel in SI, and its target; docs/machines.md."""
 
 
 def fit_frame(

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 from tssgeom.adapt import carry
 from tssgeom.adapt.alert import Alert
@@ -11,7 +11,8 @@ from tssgeom.adapt.followed_tendon import with_filter
 from tssgeom.adapt.follower import Follower
 from tssgeom.adapt.readings import FollowedRig, Readings
 from tssgeom.effects import named
-from tssgeom.frame import Frame, fit_frame, with_shared_errors_of
+from tssgeom.errors import SettingsError
+from tssgeom.frame import Frame
 from tssgeom.plausibility.frames import frame_remarks, strain_remarks
 from tssgeom.result import Result
 from tssgeom.rig import Rig
@@ -23,12 +24,22 @@ from tssgeom.route.route import Route
 from tssgeom.route.route_fit import RouteFit
 from tssgeom.route.time_filter import PointFilter
 from tssgeom.route.tracking import TrackedFit
+from tssgeom.sensed_route import SensedRoute, sensed_route
 from tssgeom.tendon.command import Command
 from tssgeom.tendon.command_error import Step
 from tssgeom.tendon.commander import Commander, Given, commander_of
-from tssgeom.tendon.state import TendonState, transmit_after
+from tssgeom.tendon.machine_stream import (
+    JOINT_TARGET,
+    CarriedMachine,
+    MachineMoment,
+    channels_of,
+    moved_machine,
+)
+from tssgeom.tendon.state import TendonState, pretensioned, transmit_after
 from tssgeom.tendon.transmission import Transmission
 
+Carried = TendonState | CarriedMachine
+"""What goes on from frame to frame: one tendon, or a machine."""
 _STANDS = 0.5  # probability from which a route is taken to stand [1]; chosen
 
 
@@ -60,6 +71,13 @@ class FrameResult(Result):
     """What is known of the rig, where it is followed."""
     alert: Alert | None = None
     """What readings and model disagree in, where the rig is followed and they do."""
+    machine: MachineMoment | None = None
+    """What a machine does, of which `state` and `transmission` are the first tendon."""
+
+    @property
+    def carried(self) -> Carried:
+        """What the next frame starts from: the tendon, or the whole machine."""
+        return self.state if self.machine is None else self.machine.state
 
     @property
     def displacement_command(self) -> float | None:
@@ -116,7 +134,7 @@ class Rejected:
 def advance(
     seq: int,
     frame: Frame,
-    state: TendonState,
+    state: Carried,
     rig: Rig,
     tension_in: float,
     last: TrackedFit | None = None,
@@ -143,37 +161,10 @@ def advance(
     )
 
 
-class SensedRoute(NamedTuple):
-    """The route of a frame, as a tendon needs it."""
-
-    shape: Shape
-    tracked: TrackedFit
-    fit: RouteFit
-    """The fit at its resolution."""
-    shared: SharedErrors
-    """Errors beside its own, which other frames have too."""
-
-
-def sensed_route(
-    frame: Frame, rig: Rig, last: TrackedFit | None = None, points: PointFilter | None = None
-) -> SensedRoute:
-    """Fit the route of a frame, from that of the `last` one; no tendon is needed, and none is moved.
-
-    Raises
-    ------
-    ShapeError
-        Where the points cannot be a route.
-    FitError
-        Where they give no finite curve.
-    """
-    shape, tracked = fit_frame(frame, rig, last, points)
-    return SensedRoute(shape, tracked, *with_shared_errors_of(frame, rig, tracked))
-
-
 def pulled(
     seq: int,
     frame: Frame,
-    state: TendonState,
+    state: Carried,
     rig: Rig,
     tension_in: float,
     sensed: SensedRoute,
@@ -189,6 +180,10 @@ def pulled(
     FitError
         Where the tendon has no equilibrium.
     """
+    if rig.is_machine and follower is None:
+        return _of_machine(seq, frame, state, rig, tension_in, sensed)
+    if isinstance(state, CarriedMachine):
+        raise SettingsError("the state is of a machine, the rig is one tendon on a spring: start anew")
     shape, tracked, fit, shared = sensed
     points = tracked.filtered
     stands = None if points is None or points.interval == 0.0 else points.standing > _STANDS
@@ -220,6 +215,7 @@ def pulled(
         + shape.warnings
         + fit.warnings
         + _temperature_warnings(rig, frame)
+        + _unread(frame)
         + _implausible(frame, rig, fit.arcs.total_length, most)
         + (() if follower is None else follower.warnings),
         command=command,
@@ -227,6 +223,94 @@ def pulled(
         followed=known,
         alert=None if follower is None else follower.alert,
     )
+
+
+def at_rest(rig: Rig) -> Carried:
+    """Return what the first frame starts from: a tendon under its pretension, or a machine at rest."""
+    return CarriedMachine() if rig.is_machine else pretensioned(rig)
+
+
+def _of_machine(
+    seq: int,
+    frame: Frame,
+    state: Carried,
+    rig: Rig,
+    tension_in: float,
+    sensed: SensedRoute,
+) -> FrameResult:
+    """Take a machine through a frame, as `pulled` takes one tendon."""
+    shape, tracked, fit, shared = sensed
+    before = state if isinstance(state, CarriedMachine) else CarriedMachine()
+    readings, warnings = _readings(frame, rig)
+    moment = moved_machine(
+        before, fit.arcs, rig, readings, time=frame.time, tension_in=tension_in, shared=shared
+    )
+    most = max(value for name, value in moment.channels.items() if name.startswith("tension_in"))
+    return FrameResult(
+        seq=seq,
+        frame=frame,
+        shape=shape,
+        fit=shared.beside(fit),
+        tracked=tracked,
+        state=moment.tendon,
+        transmission=moment.transmission,
+        warnings=frame.warnings
+        + shape.warnings
+        + fit.warnings
+        + warnings
+        + _implausible(frame, rig, fit.arcs.total_length, most),
+        machine=moment,
+    )
+
+
+def _readings(frame: Frame, rig: Rig) -> tuple[dict[str, float], tuple[str, ...]]:
+    """Return what a frame measures of a machine, by channel, and a warning for each reading that it has not.
+
+    Raises
+    ------
+    SettingsError
+        Where a target is that of one tendon, or a reading is not finite.
+    """
+    if frame.displacement_target is not None or frame.tension_out_target is not None:
+        raise SettingsError(f"the target is of one tendon on a spring: a joint takes {JOINT_TARGET}")
+    of_one = {
+        "tension_in_N": frame.tension_in,
+        "tension_out_N": frame.tension_out,
+        "displacement_in_m": frame.displacement_in,
+        "elongation_m": frame.elongation,
+    }
+    given = {name: value for name, value in of_one.items() if value is not None} | dict(
+        frame.of_machine or {}
+    )
+    for name, value in given.items():
+        if not math.isfinite(value):
+            raise SettingsError(f"{name} is {value:g}: give a finite value, or leave it out")
+    known = {*channels_of(rig), "motor_current_A", "elongation_m", JOINT_TARGET}
+    unknown = sorted(given.keys() - known)
+    return given, tuple(f"{name} is not used: the rig has no such channel" for name in unknown)
+
+
+_MAY_DRIVE = ("motor_", "displacement_in", "tension_in")
+
+
+def _unread(frame: Frame) -> tuple[str, ...]:
+    """Name the readings of a machine in a frame of one tendon.
+
+    Raises
+    ------
+    SettingsError
+        Where one of them may be the drive, and nothing else drives the tendon.
+    """
+    if not frame.of_machine:
+        return ()
+    drives = (frame.tension_in, frame.displacement_in, frame.displacement_target, frame.tension_out_target)
+    wanted = [name for name in frame.of_machine if name.startswith(_MAY_DRIVE) or name == JOINT_TARGET]
+    names = ", ".join(frame.of_machine)
+    if wanted and all(drive is None for drive in drives):
+        raise SettingsError(
+            f"{wanted[0]} is of a machine, and nothing else drives the tendon: give [drive] and [end]"
+        )
+    return (f"{names}: not read, the rig is one tendon on a spring",)
 
 
 def _temperature_warnings(rig: Rig, frame: Frame) -> tuple[str, ...]:

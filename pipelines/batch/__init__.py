@@ -58,7 +58,11 @@ def batch(
     if workers is not None and scheduler is not None:
         raise typer.BadParameter("give --workers or --scheduler: a scheduler has workers of its own")
     settings = run_settings(
-        rig, tension_in, unit, geometry_only=geometry_only, tube_mm=tube_mm, columns=columns
+        *(rig, tension_in, unit),
+        geometry_only=geometry_only,
+        tube_mm=tube_mm,
+        columns=columns,
+        takes_machines=True,
     )
     options = BatchOptions(workers, scheduler, fresh, pictures, figures, csv, style)
     raise typer.Exit(run(inputs, settings, options, out=out, as_json=as_json, quiet=quiet))

@@ -18,6 +18,7 @@ from pipelines.summary_table import print_summary
 from pipelines.terminal import SizedProgress, print_json, print_line, print_message, sized_progress
 from tssgeom.errors import SpaceError
 from tssgeom.io.formats.files import output_names
+from tssgeom.io.results.csv_table import write_csv
 from tssgeom.io.results.run_record import (
     HIDDEN,
     Done,
@@ -31,7 +32,7 @@ from tssgeom.io.results.run_record import (
     write_run,
 )
 from tssgeom.io.results.shapes import relative
-from tssgeom.io.results.tables import write_csv, write_summary
+from tssgeom.io.results.tables import write_summary
 from tssgeom.io.storage import Folder
 from tssgeom.view.figures.style import StyleName
 from tssgeom.view.report.outlying_inputs import OutlyingInput, outlying_inputs

@@ -31,6 +31,7 @@ from tssgeom.io.formats.files import open_recording
 from tssgeom.io.formats.laboratory.mapping import FILE as COLUMNS_FILE
 from tssgeom.io.formats.meshes import lumen_beside
 from tssgeom.io.formats.recording import Recording
+from tssgeom.io.results.csv_table import write_csv
 from tssgeom.io.results.run_record import (
     ANY_SIZE,
     Done,
@@ -44,14 +45,15 @@ from tssgeom.io.results.run_record import (
     sha256_of,
 )
 from tssgeom.io.results.shapes import Analysis, analysis_object, summary_row
-from tssgeom.io.results.tables import CHUNK, Part, part_of, parts, write_csv, write_parts
+from tssgeom.io.results.tables import CHUNK, Part, part_of, parts, write_parts
 from tssgeom.io.storage import Folder, fetched, local
 from tssgeom.stream import Frame, Rejected
 from tssgeom.summary import RunningSummary
+from tssgeom.tendon.machine_stream import numbers_of
 from tssgeom.view.figures.style import StyleName, choose
 from tssgeom.view.report.report import ReportEntry, rendered
 
-_FORMAT = 4  # version of the files; inputs done with another one are done anew
+_FORMAT = 5  # version of the files; inputs done with another one are done anew
 _figure_lock = threading.Lock()  # matplotlib holds the settings of a figure in the process
 
 Share = Callable[[Callable[..., Part], Iterator[tuple[object, ...]]], Iterator[Part]]
@@ -168,7 +170,8 @@ def _done(task: Task, path: Path, digest: str, key: str, share: Share | None) ->
     recording = open_recording(path, task.settings.unit, task.settings.columns)
     running = RunningSummary.of(recording.frame_count)
     with out.replacing(tables[0]) as frames, out.replacing(tables[1]) as segments:
-        write_parts(frames, segments, _parts(task, recording, running.stride, share), running)
+        upcoming = _parts(task, recording, running.stride, share)
+        write_parts(frames, segments, upcoming, running, numbers_of(task.settings.rig))
         analysis = require_used(name, task.source, recording, running)
         for table, text in zip((frames, segments), texts, strict=False):
             with out.replacing(text) as draft:
@@ -222,7 +225,7 @@ def _parts(task: Task, recording: Recording, stride: int, share: Share | None) -
         yield from share(part_alone, calls) if share else (part_alone(*call) for call in calls)
         return
     results = recorded(recording.frames, settings.rig, tension_in=settings.tension_in)
-    for part in parts(task.name, results, stride):
+    for part in parts(task.name, results, stride, numbers_of(settings.rig)):
         report_progress(part.summary.frames, frame_size * part.summary.frames)
         yield part
 
@@ -247,7 +250,7 @@ def part_alone(
     """Analyse the frames of one chunk, each for itself; the fit starts anew with the chunk."""
     with threadpool_limits(1):
         results = alone(frames, settings.rig, tension_in=settings.tension_in, first=first)
-        part = part_of(name, results, stride)
+        part = part_of(name, results, stride, numbers_of(settings.rig))
     report_progress(len(frames), frame_size * len(frames))
     return part
 

@@ -135,10 +135,9 @@ def _print(paths: Sequence[Path], out: Path | None, fitted: MachineCalibration) 
             for each in fitted.channels
         ),
     ]
+    of = fitted.held.of
     for name, (away, inside) in fitted.held_out.items():
-        notes.append(
-            f"{name}: {away:.3g} {unit_of(name)} rms on cycles held out, {inside:.3g} on those fitted"
-        )
+        notes.append(f"{name}: {away:.3g} {unit_of(name)} rms on {of} held out, {inside:.3g} on those fitted")
     notes += [] if out is None else [f"rig: {out}"]
     names = paths[0].name if len(paths) == 1 else f"{len(paths)} runs, {paths[0].name} …"
     print_table(names, ("", "value", "95 % interval", "unit", "assumed"), rows, notes=notes)

@@ -94,4 +94,5 @@ def live(
         adapt=adapt,
         write_rig=write_rig,
     )
-    raise typer.Exit(run(options, run_settings(rig, tension_in, unit, columns=columns)))
+    settings = run_settings(rig, tension_in, unit, columns=columns, takes_machines=not adapt)
+    raise typer.Exit(run(options, settings))

@@ -24,8 +24,7 @@ from tssgeom.adapt.follower import Follower
 from tssgeom.errors import SourceError
 from tssgeom.io.formats.states import Origin
 from tssgeom.io.network.channel import Channel
-from tssgeom.stream import FrameResult
-from tssgeom.tendon.state import TendonState
+from tssgeom.stream import Carried, FrameResult
 from tssgeom.view.samples import numbers_of
 
 _CHUNK = 1 << 16  # bytes in one reading
@@ -235,11 +234,11 @@ class StateFeed:
     follower: Follower | None = None
     """Its filter is saved with the tendon."""
     _due: float = 0.0
-    _newest: TendonState | None = None
+    _newest: Carried | None = None
 
     def take(self, result: FrameResult, now: float) -> None:
         """Take in an answered frame."""
-        self._newest = result.state
+        self._newest = result.carried
         if now >= self._due:
             self.flush()
             self._due = now + _LIMITS.state_interval

@@ -41,7 +41,12 @@ from tssgeom.io.network.datagrams import UdpSource
 from tssgeom.io.network.mailbox import Mailbox
 from tssgeom.io.network.sinks import Sink, StandardOutput, TcpSink, UdpSink
 from tssgeom.io.network.sources import Replay, Source, StandardInput, TcpSource
+from tssgeom.mechanism import NO_LIMITS
+from tssgeom.rig import Rig
+from tssgeom.stream import Carried
 from tssgeom.tendon.commander import Policy, commander_of
+from tssgeom.tendon.machine_saved import require_state_of
+from tssgeom.tendon.machine_stream import CarriedMachine
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,6 +111,8 @@ def run(options: LiveOptions, settings: RunSettings) -> int:
         if options.record is not None:
             record = stack.enter_context(kept_recording(options.record, report))
             options = replace(options, record=record)
+        if remark := _unused(options, settings.rig):
+            report(remark)
         mailbox = Mailbox()
         session = Session(
             selector,
@@ -123,6 +130,7 @@ def run(options: LiveOptions, settings: RunSettings) -> int:
             state = read_state(options.state)
             if remark := origin_remark(options.state, settings.rig):
                 report(remark)
+        _require_usable(options, settings.rig, state)
         if state is not None and math.isfinite(state.time):
             session.time = state.time
         follower = _follower(options, settings, report) if options.adapt else None
@@ -132,7 +140,7 @@ def run(options: LiveOptions, settings: RunSettings) -> int:
             [one for one in settings.uncertain if one.key not in followed],
             tolerance=options.tolerance,
             policy=options.policy,
-            state=state,
+            state=None if isinstance(state, CarriedMachine) else state,
         )
         engine = Engine(
             settings.rig,
@@ -164,6 +172,34 @@ def run(options: LiveOptions, settings: RunSettings) -> int:
                 report(f"--sink {sink.text}: answers cannot be written ({sink.failure}): make room")
                 all_well = False
     return 0 if all_well else 1
+
+
+def _unused(options: LiveOptions, rig: Rig) -> str:
+    """Name what commands of a machine do not use; empty where all is."""
+    if not rig.is_machine or options.adapt:
+        return ""
+    names = {
+        "drive.limits": rig.drive.limits != NO_LIMITS,
+        "--tolerance-mm": options.tolerance is not None,
+        "--policy": options.policy != "cross",
+    }
+    unused = ", ".join(name for name, given in names.items() if given)
+    return f"{unused}: of one tendon on a spring, the commands of a machine do not use it" if unused else ""
+
+
+def _require_usable(options: LiveOptions, rig: Rig, state: Carried | None) -> None:
+    """Refuse a saved state of another kind than the rig has, with a SettingsError."""
+    if state is None:
+        return
+    is_machine = rig.is_machine and not options.adapt
+    if isinstance(state, CarriedMachine) != is_machine:
+        of, needed = ("one tendon", "a machine") if is_machine else ("a machine", "one tendon")
+        raise SettingsError(f"{options.state}: the state is of {of}, the stream needs {needed}: remove it")
+    if isinstance(state, CarriedMachine):
+        try:
+            require_state_of(rig, state)
+        except SettingsError as error:
+            raise SettingsError(f"{options.state}: {error}") from error
 
 
 def _follower(options: LiveOptions, settings: RunSettings, report: Callable[[str], None]) -> Follower:

@@ -11,9 +11,12 @@ from tssgeom.adapt.follower import Follower
 from tssgeom.engine import process
 from tssgeom.io.formats.jsonl import frame_of
 from tssgeom.io.results import answers
+from tssgeom.mechanism import tendon_count
 from tssgeom.rig import Rig
 from tssgeom.stream import Frame, FrameResult, Rejected
 from tssgeom.tendon.commander import Commander
+from tssgeom.tendon.machine_simulation import drive_channels
+from tssgeom.tendon.machine_stream import JOINT_TARGET
 
 _LINE = b'{"t": 0, "points": [[0, 0, 0], %s, [1, 0, 0.5]], "unit": "mm", "s": [0, 1, 2]}'
 _COUNT = 60  # frames of each route; chosen: all drives and faults of `_driven` come up
@@ -25,6 +28,8 @@ def warm_up(rig: Rig, commander: Commander | None = None, *, adapt: bool = False
     for route in (_pieces, _spiral):
         frames = list(_frames(route))
         follower = Follower(rig) if adapt else None
+        if rig.is_machine and not adapt:
+            frames = [_of_machine(frame, rig) for frame in frames]
         for result in process(frames, rig, tension_in=10.0, commander=commander, follower=follower):
             if isinstance(result, FrameResult):
                 answers.answer(result, 0.0, 0, 0.0, 0)
@@ -60,6 +65,17 @@ def _frames(route: Callable[[np.ndarray, float], np.ndarray]) -> Iterator[Frame]
         points = route(np.linspace(0.0, 1.0, count), 1.0 + 0.05 * math.sin(0.3 * i))
         points += _NOISE * rng.standard_normal(points.shape)
         yield _driven(i, points)
+
+
+def _of_machine(frame: Frame, rig: Rig) -> Frame:
+    """Return a frame with the drive of a machine instead of that of one tendon, and sometimes a target."""
+    angle = 0.1 * math.sin(0.4 * frame.time)
+    by_motor, count = rig.drive.radius_m > 0.0, tendon_count(rig.drive, rig.end)
+    names = drive_channels("motor_angle_rad" if by_motor else "displacement_in", count)
+    readings = dict.fromkeys(names, angle if by_motor else 0.01 * angle)
+    if rig.end.kind == "joint" and by_motor and frame.time > 50.0:
+        readings[JOINT_TARGET] = angle
+    return Frame(frame.points, frame.time, of_machine=readings)
 
 
 def _driven(i: int, points: np.ndarray) -> Frame:

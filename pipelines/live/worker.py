@@ -26,8 +26,7 @@ from tssgeom.adapt.saved import SavedFilter
 from tssgeom.errors import TssgeomError
 from tssgeom.io.formats.states import Origin, write_state
 from tssgeom.rig import Rig, write_rig
-from tssgeom.stream import FrameResult
-from tssgeom.tendon.state import TendonState
+from tssgeom.stream import Carried, FrameResult
 
 if TYPE_CHECKING:
     from tssgeom.view.scene.live import LivePicture
@@ -61,7 +60,7 @@ class StateSaver:
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self._state: tuple[TendonState, SavedFilter | None, Origin] | None = None
+        self._state: tuple[Carried, SavedFilter | None, Origin] | None = None
 
     def take(self, kind: str, content: Any) -> None:
         """Take in a state."""

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from tssgeom.identify.machine_estimates import MachineCalibration, MachineEstimate
+from tssgeom.identify.machine_held_out import NOTHING_HELD_OUT
 from tssgeom.rig import Rig
 
 FRICTION = MachineEstimate(
@@ -14,7 +15,9 @@ FRICTION = MachineEstimate(
 
 def calibration(*others, fitted=1.0):
     channels = {"joint_angle_rad": np.full(3, fitted), "motor_torque_Nm": np.ones(3)}
-    return MachineCalibration((FRICTION, *others), FRICTION, (), (), {}, Rig(), ({},), (), (channels,), ())
+    return MachineCalibration(
+        (FRICTION, *others), FRICTION, (), (), NOTHING_HELD_OUT, Rig(), ({},), (), (channels,), ()
+    )
 
 
 def test_a_number_at_its_bound_and_a_channel_that_is_not_finite_fail_the_test_of_a_fit():

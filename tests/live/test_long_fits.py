@@ -13,7 +13,8 @@ from tests.attack.live_lines import helix
 from tests.live.peers import frame
 from tssgeom.engine import Engine, Track, process
 from tssgeom.rig import Rig
-from tssgeom.stream import Frame, FrameResult, Rejected, SensedRoute
+from tssgeom.sensed_route import SensedRoute
+from tssgeom.stream import Frame, FrameResult, Rejected
 
 LONG = line(helix(10_000, 200.0), 2.0, id="long")  # about 2 s
 TCP = ("--source", "tcp://127.0.0.1:0")

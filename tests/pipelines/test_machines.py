@@ -202,5 +202,42 @@ def test_check_says_what_a_machine_is_and_what_is_unknown_of_it(run, tmp_path):
 
 def test_commands_on_one_tendon_say_that_they_do_not_use_the_machine(run, tmp_path, shape):
     (tmp_path / "rig.toml").write_text(RIG)
-    done = run("analyse", shape, "--rig", tmp_path / "rig.toml")
+    done = run("remedy", "--shape", shape, "--rig", tmp_path / "rig.toml")
     assert any("[drive] and [end] are not used here" in each for each in done.errors)
+
+
+def test_batch_has_a_column_for_each_channel_of_a_machine_and_what_was_measured(run, tmp_path):
+    (tmp_path / "rig.toml").write_text(RIG)
+    angle, folder = 0.5 * np.sin(TIME[:40]), tmp_path / "in"
+    folder.mkdir()
+    points = np.column_stack(_half_circle())
+    rows = [(t, a, 0.1, *point) for t, a in zip(TIME, angle, strict=False) for point in points]
+    names = ("time_s", "motor_angle_rad", "joint_angle_rad", "x_m", "y_m", "z_m")
+    table(folder / "moving.csv", **dict(zip(names, np.array(rows).T, strict=True)))
+    done = run("batch", folder, "--rig", tmp_path / "rig.toml", "--out", tmp_path / "out", "--no-pictures")
+    assert done.status == 0
+    frames = papq.read_table(tmp_path / "out" / "frames" / "moving.parquet")
+    machine = machine_of(read_rig(tmp_path / "rig.toml"), [Arcs.exact(np.array([0.5]), np.array([3.0]))])
+    expected = simulate_machine(machine, {"time_s": TIME[:40], "motor_angle_rad": angle})
+    for name in ("tension_out_1_N", "tension_out_2_N", "joint_angle_rad", "motor_torque_Nm"):
+        np.testing.assert_allclose(frames[name].to_numpy(), expected[name], atol=1e-12)
+    np.testing.assert_allclose(frames["measured_joint_angle_rad"].to_numpy(), 0.1)
+    assert frames.schema.field("joint_angle_rad").metadata[b"unit"] == b"rad"
+    alone = run(
+        "batch", folder, "--rig", tmp_path / "rig.toml", "--out", tmp_path / "alone", "--geometry-only"
+    )
+    assert alone.status == 0
+
+
+def test_analyse_says_what_a_machine_does(run, tmp_path, shape):
+    (tmp_path / "rig.toml").write_text(RIG)
+    done = run("analyse", shape, "--rig", tmp_path / "rig.toml", "--tension-in", "20", "--json")
+    said = json.loads(done.out)
+    assert said["tension_in_2_N"] == pytest.approx(20.0)
+    assert said["tension_out_1_N"] == pytest.approx(20.0 * math.exp(-0.145 * 3.0), rel=0.01)
+    assert said["tension_in_assumed"]
+
+
+def _half_circle():
+    angle = np.linspace(0.0, 3.0, 30)
+    return 0.5 / 3.0 * np.sin(angle), 0.5 / 3.0 * (1.0 - np.cos(angle)), 0.0 * angle

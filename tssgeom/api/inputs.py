@@ -18,6 +18,7 @@ from tssgeom.io.formats.files import open_recording
 from tssgeom.io.formats.laboratory.mapping import ColumnMap
 from tssgeom.io.formats.recording import Recording, in_order
 from tssgeom.io.formats.runs import MeasuredRun, read_run, run_of_columns
+from tssgeom.mechanism import Drive, End
 from tssgeom.plausibility.rules import warnings_of
 from tssgeom.plausibility.runs import run_remarks
 from tssgeom.rig import Rig, read_rig, read_uncertain_rig
@@ -146,9 +147,9 @@ def sensed_frames(recording: Recording, rig: Rig) -> SensedFrames:
     ShapeError
         Where no frame can be used.
     """
-    without_effects = changed(rig, effects=())
+    plain = changed(rig, effects=(), drive=Drive(), end=End())
     shapes = in_order(_without_drives(recording.frames))  # anew: a frame may be usable without its drive
-    items = list(recorded(shapes, without_effects, tension_in=rig.tendon.pretension_N))
+    items = list(recorded(shapes, plain, tension_in=rig.tendon.pretension_N))
     rejected = tuple(item for item in items if isinstance(item, Rejected))
     results = tuple(item for item in items if isinstance(item, FrameResult))
     if not results:
@@ -157,7 +158,9 @@ def sensed_frames(recording: Recording, rig: Rig) -> SensedFrames:
     return SensedFrames(results, rejected)
 
 
-_NO_DRIVE = dict.fromkeys(("tension_in", "displacement_in", "displacement_target", "tension_out_target"))
+_NO_DRIVE = dict.fromkeys(
+    ("tension_in", "displacement_in", "displacement_target", "tension_out_target", "of_machine")
+)
 
 
 def _without_drives(frames: Iterable[Frame | Rejected]) -> Iterator[Frame | Rejected]:

@@ -12,13 +12,13 @@ from tssgeom.arrays import Vector
 from tssgeom.errors import SettingsError, TssgeomError
 from tssgeom.identify.machine_calibration import calibrate_machine
 from tssgeom.identify.machine_estimates import MachineCalibration
-from tssgeom.identify.machine_run import MachineRun, machine_run, route_of_rig, routed
+from tssgeom.identify.machine_run import MachineRun, machine_run, route_of_rig
 from tssgeom.io.formats.runs import MeasuredRun
 from tssgeom.mechanism import tendon_count
 from tssgeom.result import Result
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
-from tssgeom.tendon.machine import Machine, machine_of
+from tssgeom.tendon.machine import Machine, machine_of, routed
 from tssgeom.tendon.machine_command import command_machine
 from tssgeom.tendon.machine_simulation import drive_of, simulated
 from tssgeom.uncertain import Uncertain

@@ -10,13 +10,11 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 
-import numpy as np
-
-from tssgeom.arrays import Vector
 from tssgeom.errors import FitError
 from tssgeom.identify.machine_estimates import MachineCalibration, calibration_of
 from tssgeom.identify.machine_evidence import modelled
 from tssgeom.identify.machine_fit import fit_from, fitted_again, start_of
+from tssgeom.identify.machine_held_out import cycles_held_out, runs_held_out
 from tssgeom.identify.machine_parts import DRIVE_LAG, drive_lag
 from tssgeom.identify.machine_problem import FIT, FitState, Problem, fitted_rows
 from tssgeom.identify.machine_run import MachineRun, parameters_of, predicted, thinned, with_drive_known
@@ -64,11 +62,13 @@ def calibrate_machine(
     )
     progress("clock of the drive", 0.6)
     problem, state, notes = _with_drive_lag(problem, state)
-    held = {}
     if any(run.held_out.any() for run in runs):
-        held = _held_out(problem, state)
+        held = cycles_held_out(problem, state)
         progress("fit of all cycles", 0.7)
         problem, state = fitted_again(replace(problem, rows=fitted_rows(problem.runs, held_out=None)), state)
+    else:
+        progress("each run without the others", 0.7)
+        held = runs_held_out(problem, state)
     return calibration_of(problem, state, held, notes)
 
 
@@ -89,18 +89,3 @@ def _with_drive_lag(problem: Problem, state: FitState) -> tuple[Problem, FitStat
     runs = tuple(with_drive_known(run, lag) for run in made.problem.runs)
     again = replace(made.problem, runs=runs, rows=fitted_rows(runs, held_out=False))
     return *fitted_again(again, made.state), (f"{note}; a {DRIVE_LAG} in the rig fixes it",)
-
-
-def _held_out(problem: Problem, state: FitState) -> dict[str, tuple[float, float]]:
-    """Return by channel the rms on what was held out, and on what was fitted."""
-    away, given = fitted_rows(problem.runs, held_out=True), problem.answers(state.channels)
-    squares: dict[str, list[list[Vector]]] = {}
-    for side, rows in enumerate((away, problem.rows)):
-        for k, name, at in rows:
-            off = problem.runs[k].measured[name][at] - given[k][name][at]
-            squares.setdefault(name, [[], []])[side].append(off**2)
-    rms = {
-        name: tuple(float(np.sqrt(np.mean(np.concatenate(side)))) if side else math.nan for side in sides)
-        for name, sides in squares.items()
-    }
-    return {name: (away, fitted) for name, (away, fitted) in rms.items() if math.isfinite(away)}

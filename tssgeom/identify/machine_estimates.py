@@ -12,11 +12,13 @@ from scipy.stats import t as student
 
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.identify.fit_quality import FIT_TEST, ChannelFit, failures, whiteness
+from tssgeom.identify.machine_held_out import NOTHING_HELD_OUT, HeldOut, contradictions
 from tssgeom.identify.machine_problem import FIT, FitState, Problem
-from tssgeom.identify.machine_run import MachineRun, routed
+from tssgeom.identify.machine_run import MachineRun
 from tssgeom.result import Result
 from tssgeom.rig import Rig, with_values
 from tssgeom.statistics import reading_noise
+from tssgeom.tendon.machine import routed
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,8 +52,8 @@ class MachineCalibration(Result):
     """What is known only together, a sentence each."""
     channels: tuple[ChannelFit, ...]
     """How well each channel is met."""
-    held_out: Mapping[str, tuple[float, float]]
-    """By channel: rms on samples that were held out, and on those that were fitted without them."""
+    held: HeldOut
+    """What is held out, and how a fit without it predicts it."""
     rig: Rig
     """The rig at the lowest point of (181): of what is not identified near what was assumed, but with the
     products and ratios that are."""
@@ -65,13 +67,18 @@ class MachineCalibration(Result):
     """What to know of the runs, a sentence each."""
 
     @property
+    def held_out(self) -> Mapping[str, tuple[float, float]]:
+        """By channel: rms on samples that are held out, and on those that are fitted without them."""
+        return self.held.rms
+
+    @property
     def failures(self) -> tuple[str, ...]:
         """Why the estimates are not to be used, a sentence each; none where the fit passes its test."""
         friction = next(each for each in self.estimates if each.key == "friction.coefficient")
         known = friction.value if friction.identified else None
         bounds = [each.name for each in self.estimates if each.at_bound]
         fitted = {f"{name} {k}": v for k, run in enumerate(self.fitted) for name, v in run.items()}
-        why = tuple(failures(known, self.channels, bounds, fitted))
+        why = (*failures(known, self.channels, bounds, fitted), *contradictions(self.held))
         of_rig = (each.identified for each in self.estimates if each.key)
         if any(of_rig) or self.friction_angle.identified or self.tied:
             return why
@@ -84,7 +91,7 @@ class MachineCalibration(Result):
 def calibration_of(
     problem: Problem,
     state: FitState,
-    held: Mapping[str, tuple[float, float]],
+    held: HeldOut = NOTHING_HELD_OUT,
     notes: Sequence[str] = (),
 ) -> MachineCalibration:
     """Return the estimates of a fit, with the covariance of Gauss and Newton; docs/model.md (181)-(183)."""

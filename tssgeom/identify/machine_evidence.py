@@ -18,11 +18,11 @@ from tssgeom.identify.fit_quality import FIT_TEST, first_weights, inflation_of, 
 from tssgeom.identify.machine_fit import fit_round, fitted_again
 from tssgeom.identify.machine_parts import Part
 from tssgeom.identify.machine_problem import FIT, FitState, Problem, fitted_rows
-from tssgeom.identify.machine_run import LIMITS, MachineRun, parameters_of, routed
+from tssgeom.identify.machine_run import LIMITS, MachineRun, parameters_of
 from tssgeom.mechanism import numbered
 from tssgeom.rig import Rig, with_values
 from tssgeom.statistics import EVIDENCE_SCALE, reading_noise, turns
-from tssgeom.tendon.machine import Start, machine_of
+from tssgeom.tendon.machine import Start, machine_of, routed
 from tssgeom.tendon.machine_simulation import drive_channels, simulate_machine
 
 

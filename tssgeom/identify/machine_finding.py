@@ -94,7 +94,7 @@ class MachineWork:
             {"fitted": model.fitted, "held_out": model.held},
             {},
         )
-        after = calibration_of(model.problem, model.state, {})
+        after = calibration_of(model.problem, model.state)
         base = dict(_base_numbers(after, model))
         effects = (*self._parts(after), *self._named_zeros(after))
         effects = tuple(sorted(effects, key=lambda one: -one.evidence.delta_bic))
@@ -271,7 +271,7 @@ def _nominal(rig: Rig) -> dict[str, float]:
 
 
 def _ranked(one: TriedPart, top: float, *, chosen: bool) -> Candidate:
-    after = calibration_of(one.model.problem, one.model.state, {})
+    after = calibration_of(one.model.problem, one.model.state)
     effect = one.part.effect if isinstance(one.part.effect, RigNumber) else one.model.rig.effects[-1]
     evidence = Evidence(one.delta_bic, EVIDENCE_SCALE.very_strong, one.size, one.held_ratio)
     why = "" if chosen else one.why_not or f"its ΔBIC is {top - one.delta_bic:.1f} below the best."

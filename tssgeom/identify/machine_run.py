@@ -18,14 +18,9 @@ from tssgeom.mechanism import numbered, tendon_count
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.statistics import reading_noise, turns
-from tssgeom.tendon.machine import Start, machine_of
-from tssgeom.tendon.machine_simulation import (
-    DriveName,
-    drive_channels,
-    drive_of,
-    simulate_machine,
-    with_torque,
-)
+from tssgeom.tendon.machine import Start, machine_of, routed
+from tssgeom.tendon.machine_history import DriveName
+from tssgeom.tendon.machine_simulation import drive_channels, drive_of, simulate_machine, with_torque
 from tssgeom.uncertain import Prior, Uncertain, assumed
 
 
@@ -334,22 +329,6 @@ def finely_predicted(
         except FitError:
             continue
     return predicted(run, rig, values, bars[-1])
-
-
-def routed(arcs: Arcs, rig: Rig) -> Arcs:
-    """Return a route with the length and angle of the rig file."""
-    given = rig.route
-    length, angle = arcs.length, arcs.angle * given.angle_gain
-    if given.length_m is not None:
-        length = length * (given.length_m / arcs.total_length)
-    if given.angle_rad is not None:
-        scale = given.angle_rad * given.angle_gain
-        angle = (
-            arcs.angle * (scale / arcs.total_angle)
-            if arcs.total_angle > 0.0
-            else scale * arcs.length / arcs.total_length
-        )
-    return Arcs.exact(length, angle)
 
 
 def route_of_rig(rig: Rig) -> Arcs:

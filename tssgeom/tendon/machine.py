@@ -18,7 +18,7 @@ from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.bars.contact_grid import discretise, equal_edges
 from tssgeom.tendon.bars.model import check_compliance, setup_of
-from tssgeom.tendon.bars.plant import Plant, crept, memory_of, plant
+from tssgeom.tendon.bars.plant import Memory, Plant, crept, memory_of, plant
 
 BARS, HALVINGS = 16, 4
 """Bars of each tendon, the outermost ones halved so often: a held end is known to half of the last bar."""
@@ -157,15 +157,45 @@ def carry_on(
     return done, trace, MachineState(memory, where[-1])
 
 
-def play(values: Vector, width: float) -> Vector:
-    """Return what a play leaves of a motion [s], engaged for positive motion at the start; (59)."""
+def play(values: Vector, width: float, engaged: float | None = None) -> Vector:
+    """Return what a play leaves of a motion [s]; (59).
+
+    It was `engaged` before, or is so for positive motion at the start.
+    """
     if width <= 0.0:
         return values
-    passed, at = np.empty_like(values), float(values[0])
+    passed, at = np.empty_like(values), float(values[0]) if engaged is None else engaged
     for i, value in enumerate(values.tolist()):
         at = min(max(at, value), value + width)
         passed[i] = at
     return passed
+
+
+def routed(arcs: Arcs, rig: Rig) -> Arcs:
+    """Return a route with the length and angle of the rig file."""
+    given = rig.route
+    length, angle = arcs.length, arcs.angle * given.angle_gain
+    if given.length_m is not None:
+        length = length * (given.length_m / arcs.total_length)
+    if given.angle_rad is not None:
+        scale = given.angle_rad * given.angle_gain
+        angle = (
+            arcs.angle * (scale / arcs.total_angle)
+            if arcs.total_angle > 0.0
+            else scale * arcs.length / arcs.total_length
+        )
+    return Arcs.exact(length, angle)
+
+
+def on_routes(machine: Machine, state: MachineState, routes: Sequence[Arcs]) -> tuple[Machine, MachineState]:
+    """Move a machine to other routes: each bar keeps its tension, or its slack; docs/model.md (218)."""
+    moved = machine_of(machine.rig, routes, len(machine.edge) - 1 - 2 * HALVINGS)
+    memory = state.memory.copy()
+    for row, before, now in zip(memory, machine.plants, moved.plants, strict=True):
+        each = Memory(row)
+        each.rest[:] += now.stretch(each.tension) - now.rows[LAW.rest]
+        each.rest[:] -= before.stretch(each.tension) - before.rows[LAW.rest]
+    return moved, state._replace(memory=memory)
 
 
 def held_tensions(machine: Machine, start: Start | None = None) -> Matrix:

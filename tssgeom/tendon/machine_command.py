@@ -9,8 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from tssgeom.arrays import Vector
+from tssgeom.core.constants_tendon_rows import HELD
 from tssgeom.errors import SettingsError
 from tssgeom.mechanism import per_motor_angle
+from tssgeom.tendon.bars.plant import Memory
 from tssgeom.tendon.machine import (
     Machine,
     MachineState,
@@ -20,7 +22,7 @@ from tssgeom.tendon.machine import (
     carry_on,
     held_tensions,
 )
-from tssgeom.tendon.machine_simulation import direction
+from tssgeom.tendon.machine_history import MachineHistory, direction
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,11 +78,7 @@ def command_machine(
     SettingsError
         Where the rig has no motor or no joint.
     """
-    rig, arms = machine.rig, per_motor_angle(machine.rig.drive, machine.count)
-    if rig.end.kind != "joint" or not arms.any():
-        raise SettingsError(
-            'a joint follows a target where a motor drives it: give end.kind = "joint", drive.radius_m > 0'
-        )
+    rig, arms = machine.rig, _arms(machine)
     spans = np.diff(time, prepend=2.0 * time[0] - time[1] if len(time) > 1 else time[0] - 1.0)
     resisting = np.zeros(len(time)) if load is None else load
     held = held_tensions(machine, start)
@@ -97,6 +95,45 @@ def command_machine(
         np.array([row[2] for row in rows]),
         np.array([row[3] for row in rows]),
     )
+
+
+def next_angle(
+    machine: Machine, history: MachineHistory, span: float, load: float, target: float
+) -> tuple[float, float, bool]:
+    """Return the angle of the motor that turns a joint as wanted, from where a machine stands; (184).
+
+    Also the angle that the joint gets to, and whether that is the target. Angles are in rad, `load` is what
+    acts against the joint [N·m], `span` how long the step lasts [s].
+
+    Raises
+    ------
+    SettingsError
+        Where the rig has no motor or no joint, or another quantity than a position drove before.
+    """
+    arms, width = _arms(machine), machine.rig.drive.play_rad
+    if history.drive not in ("motor_angle_rad", "displacement_in"):
+        raise SettingsError(
+            f"{history.drive} drives: a target needs motor_angle_rad or displacement_in instead"
+        )
+    balance = machine.coordinates.distal.T @ history.held[:, 1]
+    before = history.motor
+    near = Memory(history.state.memory[0]).drive[HELD.drive] / arms[0] if before is None else before.engaged
+    at = _Sample(machine, history.state, balance, arms, span, load, target)
+    angle, trace, _, reached = at.solved(float(near))
+    motor = angle - width * (angle < near)
+    if before is not None and angle == near:
+        motor = before.value
+    return float(motor), float(trace.coordinate[0, 0]), reached
+
+
+def _arms(machine: Machine) -> Vector:
+    """Return how far each drive moves for each radian of the motor [n] [m]."""
+    arms = per_motor_angle(machine.rig.drive, machine.count)
+    if machine.rig.end.kind != "joint" or not arms.any():
+        raise SettingsError(
+            'a joint follows a target where a motor drives it: give end.kind = "joint", drive.radius_m > 0'
+        )
+    return arms
 
 
 def before_play(engaged: Vector, width: float) -> Vector:

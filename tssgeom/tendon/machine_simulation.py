@@ -6,21 +6,33 @@ Source: docs/model.md (171)-(178).
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Literal, NamedTuple, get_args
+from typing import NamedTuple
 
 import numpy as np
 
-from tssgeom import core
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.errors import FitError, SettingsError
 from tssgeom.mechanism import Coordinates, numbered, per_motor_angle, tip
-from tssgeom.rig import Rig, Sensor
-from tssgeom.tendon.machine import Machine, Start, begin, carry_on, held_tensions, play
-
-DriveName = Literal["motor_angle_rad", "displacement_in", "tension_in", "motor_torque_Nm"]
-GIVEN_DRIVES: tuple[DriveName, ...] = get_args(DriveName)
-"""What may drive a machine; the first that a run has does. The middle ones are channels of each tendon."""
-_STILL = 1e-9  # rad that count as no motion of a motor; derived: beyond rounding, below any encoder's step
+from tssgeom.rig import Rig
+from tssgeom.tendon.machine import (
+    Machine,
+    MachineTrace,
+    Start,
+    begin,
+    carry_on,
+    held_tensions,
+    play,
+)
+from tssgeom.tendon.machine_history import (
+    GIVEN_DRIVES,
+    DriveName,
+    MachineHistory,
+    Turning,
+    direction,
+    engaged_of,
+    read_by_sensors,
+    turned,
+)
 
 
 def drive_of(run: Mapping[str, Vector], count: int) -> DriveName:
@@ -59,6 +71,8 @@ class MachineRun(NamedTuple):
     """[s] By name."""
     tension: np.ndarray
     """[s, n, bars + 2] Tension of each bar where asked for, else no rows [N]."""
+    history: MachineHistory
+    """Where the run leaves the machine."""
 
 
 def simulate_machine(
@@ -102,30 +116,19 @@ def simulated(
     end_given: bool = False,
     start: Start | None = None,
     profile: bool = False,
+    before: MachineHistory | None = None,
 ) -> MachineRun:
-    """Do as `simulate_machine`, and return the tension along every tendon too where a `profile` is wanted."""
-    n, motion, rig = machine.count, machine.coordinates, machine.rig
-    run = with_torque(run, rig)
-    name = drive or drive_of(run, n)
-    time = run["time_s"]
-    run = {**run, **{each: _as_driven(run, each, rig.drive.lag_s) for each in drive_channels(name, n)}}
-    spans = np.diff(time, prepend=2.0 * time[0] - time[1] if len(time) > 1 else time[0] - 1.0)
-    arms = per_motor_angle(rig.drive, n)
-    if name.startswith("motor") and not arms.any():
-        raise SettingsError(
-            f"drive.radius_m is {rig.drive.radius_m:g}: {name} needs the pulley's radius, > 0 m"
-        )
-    motor = _with_zero(run, "motor_angle_rad", rig)
-    given, by_force = np.zeros((len(time), n)), name == "tension_in"
-    if name == "motor_angle_rad":
-        given = np.outer(play(motor, rig.drive.play_rad), arms)
-    elif name != "motor_torque_Nm":
-        given = np.column_stack([_with_zero(run, channel, rig) for channel in drive_channels(name, n)])
-    if by_force:
-        given = np.maximum(given, 0.0)
-    held = held_tensions(machine, start)
-    state = begin(machine, held)
-    moved, laws, load = _end(run, motion, rig, end_given)
+    """Do as `simulate_machine`, and return the tension along every tendon too where a `profile` is wanted.
+
+    With what was `before` the run goes on from there: `start` and `drive` are those of its beginning.
+    """
+    run = with_torque(run, machine.rig)
+    if before is None:
+        before = begun(machine, drive or drive_of(run, machine.count), run["time_s"], start)
+    name, rig, time = before.drive, machine.rig, run["time_s"]
+    run = {**run, **{each: _as_driven(run, each, rig.drive.lag_s) for each in _driving(run, name, machine)}}
+    motor, engaged, given = _given(machine, run, before)
+    moved, laws, load = _end(run, machine.coordinates, rig, end_given)
     if rig.end.kind == "carried":
         if name not in ("motor_angle_rad", "displacement_in"):
             raise SettingsError(
@@ -134,17 +137,16 @@ def simulated(
         moved = given
     proximal = np.zeros_like(laws.distal)
     if name == "motor_torque_Nm":
-        laws, proximal = _with_motor(laws, arms)
-        load = np.column_stack([load, -_with_zero(run, name, rig)])
-        state = state._replace(coordinate=np.append(state.coordinate, 0.0))
-    done, trace, _ = carry_on(
+        laws, proximal = _with_motor(laws, per_motor_angle(rig.drive, machine.count))
+        load = np.column_stack([load, -without_zero(run, name, rig)])
+    done, trace, after = carry_on(
         machine,
-        state,
+        before.state,
         laws,
         proximal,
-        laws.distal.T @ held[:, -1] - proximal.T @ held[:, 0],
-        by_force=by_force,
-        spans=spans,
+        laws.distal.T @ before.held[:, 1] - proximal.T @ before.held[:, 0],
+        by_force=name == "tension_in",
+        spans=np.diff(time, prepend=before.time),
         given=given,
         moved=moved,
         load=load,
@@ -153,11 +155,49 @@ def simulated(
     if done < len(time):
         raise FitError(f"there is no equilibrium of the machine at {time[done]:g} s: thin the run less")
     if name == "motor_torque_Nm":
-        motor = trace.coordinate[:, -1]
-    turned = motor if name.startswith("motor") else None
-    balance = motion.distal.T @ held[:, -1] if end_given else None
-    channels = _channels(machine, run, trace.ends, trace.coordinate, turned, balance)
-    return MachineRun(channels, trace.tension)
+        motor = engaged = trace.coordinate[:, -1]
+    history = before._replace(state=after, time=float(time[-1]))
+    if motor is not None and engaged is not None:
+        history = history._replace(motor=turned(motor, engaged, before.motor))
+    channels, history = _channels(machine, run, trace, motor, history, before, end_given=end_given)
+    return MachineRun(channels, trace.tension, history)
+
+
+def begun(machine: Machine, drive: DriveName, time: Vector, start: Start | None = None) -> MachineHistory:
+    """Return a machine before the first of some samples [s]."""
+    held = held_tensions(machine, start)
+    state, first = begin(machine, held), time[0]
+    if drive == "motor_torque_Nm":
+        state = state._replace(coordinate=np.append(state.coordinate, 0.0))
+    begin_time = 2.0 * first - time[1] if len(time) > 1 else first - 1.0
+    return MachineHistory(state, held[:, [0, -1]], drive, float(begin_time))
+
+
+def _driving(run: Mapping[str, Vector], drive: DriveName, machine: Machine) -> tuple[str, ...]:
+    """Return the channels that drive, all of which the run has."""
+    names = drive_channels(drive, machine.count)
+    if missing := [name for name in names if name not in run]:
+        raise SettingsError(f"there is no {missing[0]}, which drove before: give it, or begin anew")
+    return names
+
+
+def _given(
+    machine: Machine, run: Mapping[str, Vector], before: MachineHistory
+) -> tuple[Vector | None, Vector | None, Matrix]:
+    """Return what the drives do [s, n] [m] or [N], after the angle of a motor before and behind its play."""
+    rig, name, arms = machine.rig, before.drive, per_motor_angle(machine.rig.drive, machine.count)
+    if name.startswith("motor") and not arms.any():
+        raise SettingsError(
+            f"drive.radius_m is {rig.drive.radius_m:g}: {name} needs the pulley's radius, > 0 m"
+        )
+    if name == "motor_torque_Nm":
+        return None, None, np.zeros((len(run["time_s"]), machine.count))
+    if name == "motor_angle_rad":
+        motor = without_zero(run, name, rig)
+        engaged = play(motor, rig.drive.play_rad, engaged_of(before.motor))
+        return motor, engaged, np.outer(engaged, arms)
+    given = np.column_stack([without_zero(run, each, rig) for each in _driving(run, name, machine)])
+    return None, None, np.maximum(given, 0.0) if name == "tension_in" else given
 
 
 def _end(
@@ -167,11 +207,11 @@ def _end(
     samples, (n, m) = len(run["time_s"]), motion.distal.shape
     moved, load = np.zeros((samples, n)), np.zeros((samples, m))
     if end_given:
-        given = np.column_stack([_with_zero(run, name, rig) for name in motion.names])
+        given = np.column_stack([without_zero(run, name, rig) for name in motion.names])
         free = Coordinates(np.zeros((n, m)), np.ones(m), np.zeros((m, 2)), motion.names)
         return given @ motion.distal.T, free, load
     if rig.end.kind == "joint" and "joint_torque_Nm" in run:
-        load[:, 0] = _with_zero(run, "joint_torque_Nm", rig)
+        load[:, 0] = without_zero(run, "joint_torque_Nm", rig)
     return moved, motion, load
 
 
@@ -194,16 +234,18 @@ def _with_motor(laws: Coordinates, arms: Vector) -> tuple[Coordinates, Matrix]:
 def _channels(
     machine: Machine,
     run: Mapping[str, Vector],
-    ends: np.ndarray,
-    where: Matrix,
+    trace: MachineTrace,
     motor: Vector | None,
-    balance: Vector | None,
-) -> dict[str, Vector]:
+    history: MachineHistory,
+    before: MachineHistory,
+    *,
+    end_given: bool,
+) -> tuple[dict[str, Vector], MachineHistory]:
     """Return what each channel reads, zeros, gains and lags of its sensor included; docs/model.md (178).
 
-    `balance` [m] is f of (173) where the coordinates are given, so that what acts on them is an outcome.
+    Where the coordinates are given, what acts on them is an outcome. The history has what is left of each.
     """
-    n, rig, motion = machine.count, machine.rig, machine.coordinates
+    n, rig, motion, ends = machine.count, machine.rig, machine.coordinates, trace.ends
     out = dict[str, Vector]()
     for row, name in enumerate(("tension_in_N", "tension_out_N", "displacement_in_m", "displacement_out_m")):
         for which, channel in enumerate(numbered(name, n)):
@@ -211,40 +253,44 @@ def _channels(
     if n == 1:
         out["elongation_m"] = out["displacement_in_m"] - out["displacement_out_m"]
     if motor is not None:
-        out["motor_angle_rad"] = motor
-        arms = per_motor_angle(rig.drive, n)
-        pulled = ends[:, :, 0] @ arms
-        if rig.end.kind == "carried":
-            pulled = pulled - ends[:, :, 1] @ arms
-        out["motor_torque_Nm"] = pulled + rig.drive.friction_Nm * direction(motor)
-        if rig.drive.torque_constant_Nm_per_A > 0.0:
-            out["motor_current_A"] = out["motor_torque_Nm"] / rig.drive.torque_constant_Nm_per_A
-    if balance is not None:
-        angles = np.column_stack([_with_zero(run, name, rig) for name in motion.names])
-        turn = angles + motion.gravity[:, 1]
-        weight = motion.gravity[:, 0] * (np.sin(turn) - np.sin(motion.gravity[:, 1]))
-        torque = ends[:, :, 1] @ motion.distal - balance - angles * motion.stiffness - weight
-        if motion.friction > 0.0:
-            torque = torque - motion.friction * direction(angles[:, 0])[:, None]
-    else:
-        angles, torque = where[:, : motion.distal.shape[1]], None
+        out |= _of_motor(rig, motor, ends, before.motor)
+    angles, torque = trace.coordinate[:, : motion.distal.shape[1]], None
+    if end_given:
+        angles = np.column_stack([without_zero(run, name, rig) for name in motion.names])
+        torque = _outcome(motion, angles, ends, before)
     if rig.end.kind == "joint":
-        out["joint_angle_rad"] = play(angles[:, 0], rig.end.play_rad)
+        joint = angles[:, 0]
+        out["joint_angle_rad"] = play(joint, rig.end.play_rad, engaged_of(before.joint))
+        history = history._replace(joint=turned(joint, out["joint_angle_rad"], before.joint))
         if torque is not None:
             out["joint_torque_Nm"] = torque[:, 0]
     if rig.end.kind == "segment":
         out["bending_x_rad"], out["bending_y_rad"] = angles.T
         out["tip_x_m"], out["tip_y_m"], out["tip_z_m"] = tip(angles, rig.end).T
-    spans = np.diff(run["time_s"], prepend=run["time_s"][0])
-    return {name: _read(values, rig.sensors.get(name), spans) for name, values in out.items()}
+    return read_by_sensors(out, run["time_s"], rig, history, before)
 
 
-def direction(values: Vector) -> Vector:
-    """Return which way a motor went last at each sample [s]: 1, −1, or 0 before its first motion."""
-    steps = np.diff(values, prepend=values[0])
-    way = np.where(np.abs(steps) > _STILL, np.sign(steps), 0.0)
-    last = np.maximum.accumulate(np.where(way != 0.0, np.arange(len(way)), 0))
-    return way[last]
+def _of_motor(rig: Rig, motor: Vector, ends: np.ndarray, before: Turning | None) -> dict[str, Vector]:
+    arms = per_motor_angle(rig.drive, ends.shape[1])
+    pulled = ends[:, :, 0] @ arms
+    if rig.end.kind == "carried":
+        pulled = pulled - ends[:, :, 1] @ arms
+    torque = pulled + rig.drive.friction_Nm * direction(motor, before)
+    out = {"motor_angle_rad": motor, "motor_torque_Nm": torque}
+    if rig.drive.torque_constant_Nm_per_A > 0.0:
+        out["motor_current_A"] = torque / rig.drive.torque_constant_Nm_per_A
+    return out
+
+
+def _outcome(motion: Coordinates, angles: Matrix, ends: np.ndarray, before: MachineHistory) -> Matrix:
+    """Return what acts on coordinates that are given [s, m]: what is left of (173)."""
+    turn = angles + motion.gravity[:, 1]
+    weight = motion.gravity[:, 0] * (np.sin(turn) - np.sin(motion.gravity[:, 1]))
+    balance = motion.distal.T @ before.held[:, 1]
+    torque = ends[:, :, 1] @ motion.distal - balance - angles * motion.stiffness - weight
+    if motion.friction > 0.0:
+        torque = torque - motion.friction * direction(angles[:, 0], before.joint)[:, None]
+    return torque
 
 
 def _as_driven(run: Mapping[str, Vector], channel: str, lag: float) -> Vector:
@@ -252,17 +298,9 @@ def _as_driven(run: Mapping[str, Vector], channel: str, lag: float) -> Vector:
     return np.interp(run["time_s"] + lag, run["time_s"], run[channel]) if lag else run[channel]
 
 
-def _with_zero(run: Mapping[str, Vector], channel: str, rig: Rig) -> Vector:
+def without_zero(run: Mapping[str, Vector], channel: str, rig: Rig) -> Vector:
     """Return a channel without its zero and gain; nothing where the run does not have it."""
     if channel not in run:
         return np.zeros(len(run["time_s"]))
     values, sensor = run[channel], rig.sensors.get(channel)
     return values if sensor is None else (values - sensor.zero) / sensor.gain
-
-
-def _read(values: Vector, sensor: Sensor | None, spans: Vector) -> Vector:
-    if sensor is None:
-        return values
-    if sensor.lag_s > 0.0:
-        values = core.lagged(np.ascontiguousarray(values), spans, sensor.lag_s, values[0], values[0])
-    return sensor.gain * values + sensor.zero

@@ -72,7 +72,7 @@ def state_of(saved: Mapping[str, Any]) -> TendonState:
         along = _bars(saved["along"], route) if is_bars else _revived(Corners, saved["along"])
         _check(along, route)
         error = float(saved.get("tension_out_se", 0.0))
-        _require(0.0 <= error <= _MOST, "tension_out_se")
+        require(0.0 <= error <= _MOST, "tension_out_se")
         return TendonState(along, route, _time(saved["time"]), error)
     except (LookupError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise SettingsError(f"the saved state is broken ({error!r}): remove it and start anew") from error
@@ -151,53 +151,52 @@ def _check(along: Corners | BarState, route: Arcs | None) -> None:
         _check_corners(along)
     else:
         _check_bars(along)
-        _require(route is not None, "no route")
-    _require(along.direction_index in (-1, 1), "direction_index")
+        require(route is not None, "no route")
+    require(along.direction_index in (-1, 1), "direction_index")
 
 
 def _check_route(route: Arcs) -> None:
     pieces = len(route.length)
-    _require(_numbers(route.length, pieces) and pieces > 0 and route.length.min() > 0.0, "length of pieces")
-    _require(_numbers(route.angle, pieces) and route.angle.min() >= 0.0, "angle of pieces")
-    _require(_numbers(route.covariance, 2 * pieces, 2 * pieces), "covariance of pieces")
+    require(numbers(route.length, pieces) and pieces > 0 and route.length.min() > 0.0, "length of pieces")
+    require(numbers(route.angle, pieces) and route.angle.min() >= 0.0, "angle of pieces")
+    require(numbers(route.covariance, 2 * pieces, 2 * pieces), "covariance of pieces")
 
 
 def _check_corners(along: Corners) -> None:
     corners = len(along.angle)
-    _require(_numbers(along.angle, corners) and corners > 0 and along.angle[0] == 0.0, "angle of corners")
-    _require(bool((np.diff(along.angle) >= 0.0).all()), "angle of corners")
-    _require(_numbers(along.log_tension, corners), "log_tension")
-    _require(along.log_tension.max() <= math.log(MOST_TENSION), "log_tension")
+    require(numbers(along.angle, corners) and corners > 0 and along.angle[0] == 0.0, "angle of corners")
+    require(bool((np.diff(along.angle) >= 0.0).all()), "angle of corners")
+    require(numbers(along.log_tension, corners), "log_tension")
+    require(along.log_tension.max() <= math.log(MOST_TENSION), "log_tension")
     check_tension(along.tension_in)
 
 
 def _check_bars(along: BarState) -> None:
     contacts = len(along.edge)
-    _require(
-        _numbers(along.edge, contacts) and contacts > 1 and bool((np.diff(along.edge) > 0).all()), "edge"
-    )
-    _require(along.tension.min() >= 0.0 and along.tension.max() <= MOST_TENSION, "tension")
+    require(numbers(along.edge, contacts) and contacts > 1 and bool((np.diff(along.edge) > 0).all()), "edge")
+    require(along.tension.min() >= 0.0 and along.tension.max() <= MOST_TENSION, "tension")
     for name in _SCALARS:
-        _require(abs(getattr(along, name)) <= _MOST, name)
-    _require(math.isfinite(along.span), "span")
-    _require(isinstance(along.front, int), "front")
-    _require(isinstance(along.by_force, bool), "by_force")
+        require(abs(getattr(along, name)) <= _MOST, name)
+    require(math.isfinite(along.span), "span")
+    require(isinstance(along.front, int), "front")
+    require(isinstance(along.by_force, bool), "by_force")
     lagging = np.array(list(along.lags.values()))
-    _require(along.lags.keys() <= set(CHANNELS) and bool((np.abs(lagging) <= _MOST).all()), "lags")
+    require(along.lags.keys() <= set(CHANNELS) and bool((np.abs(lagging) <= _MOST).all()), "lags")
 
 
-def _numbers(values: Any, *size: int) -> bool:
+def numbers(values: Any, *size: int) -> bool:
     """Whether values are an array of a size, of numbers that may be."""
     return isinstance(values, np.ndarray) and values.shape == size and bool((np.abs(values) <= _MOST).all())
 
 
 def _time(saved: Any) -> float:
     time = _or_nan(saved)
-    _require(not math.isinf(time), "time")
+    require(not math.isinf(time), "time")
     return time
 
 
-def _require(sound: bool, name: str) -> None:
+def require(sound: bool, name: str) -> None:
+    """Refuse what a saved state cannot hold, with a ValueError that names it."""
     if not sound:
         raise ValueError(name)
 
@@ -234,11 +233,11 @@ def _revived(kind: type[_Part], saved: Mapping[str, Any]) -> _Part:
 
 
 def _bars(saved: Mapping[str, Any], route: Arcs | None) -> BarState:
-    _require("model" not in saved, "model")
+    require("model" not in saved, "model")
     cut = saved["cut"]
     if cut is not None:
         cut = route if cut == _ROUTE else _revived(Arcs, cut)
-        _require(cut is not None, "cut")
+        require(cut is not None, "cut")
     lags = {channel: (float(true), float(read)) for channel, (true, read) in saved["lags"].items()}
     others = {name: value for name, value in saved.items() if name != "rest"}
     rest = {"memory": _memory(saved), "cut": cut, "lags": lags}
@@ -249,17 +248,17 @@ def _memory(saved: Mapping[str, Any]) -> Memory:
     """Return what bars remember; its arrays have the sizes that the number of contacts gives them."""
     contacts = len(saved["edge"])
     sizes = dict.fromkeys(_OF_BARS, contacts + 1) | dict.fromkeys(_OF_CONTACTS, contacts) | {"drive": _DRIVE}
-    _require(saved["memory"].keys() == sizes.keys(), "memory")
+    require(saved["memory"].keys() == sizes.keys(), "memory")
     arrays = {name: _array(saved["memory"][name]) for name in sizes}
-    _require((saved["rest"] is None) == (saved["cut"] is not None), "rest")
+    require((saved["rest"] is None) == (saved["cut"] is not None), "rest")
     if saved["rest"] is not None:
         arrays["rest"], sizes["rest"] = _array(saved["rest"]), contacts + 1
     drive = arrays["drive"]
-    _require(drive.shape == (_DRIVE,) and math.isfinite(drive[HELD.time]), "drive")  # a clock has no limit
+    require(drive.shape == (_DRIVE,) and math.isfinite(drive[HELD.time]), "drive")  # a clock has no limit
     bounded = np.delete(drive, HELD.time)
     for name, values in (arrays | {"drive": bounded}).items():
-        _require(_numbers(values, len(bounded) if name == "drive" else sizes[name]), name)
-    _require(bool(np.isin(arrays["slip"], (-1.0, 0.0, 1.0)).all()), "slip")
+        require(numbers(values, len(bounded) if name == "drive" else sizes[name]), name)
+    require(bool(np.isin(arrays["slip"], (-1.0, 0.0, 1.0)).all()), "slip")
     memory = memory_of(**arrays)
     memory.block.setflags(write=False)
     return memory

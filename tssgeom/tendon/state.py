@@ -30,7 +30,7 @@ HALVINGS = 4
 MOST_FRICTION = 500.0
 """μΦ whose exponential can still be squared [1]."""
 _KEPT = 1e-4  # change of the distal tension in one step that is rounding [1]; chosen
-_SHARPER = 0.5  # of the old standard error of Φ: a route known so much better replaces it
+SHARPER = 0.5  # of the old standard error of Φ: a route known so much better replaces it [1]; chosen
 
 
 @dataclass(frozen=True, slots=True)
@@ -330,7 +330,7 @@ def _compared(state: TendonState, arcs: Arcs) -> tuple[Arcs, bool]:
         return arcs, False  # a tension that is the same all along lies as well on any route
     if not unmoved(known, arcs):
         return known, True
-    sharper = isinstance(along, Corners) and arcs.total_angle_se < _SHARPER * known.total_angle_se
+    sharper = isinstance(along, Corners) and arcs.total_angle_se < SHARPER * known.total_angle_se
     return arcs if sharper else known, False
 
 

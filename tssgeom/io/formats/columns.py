@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 
@@ -67,6 +67,12 @@ MEASURED = {
 }
 """Those that a frame can hold."""
 
+OF_MACHINE = MACHINE_CHANNELS | {
+    "joint_angle_target_rad": ("joint_angle_target_rad", 1.0),
+    "joint_angle_target_deg": ("joint_angle_target_rad", 180.0 / math.pi),
+}
+"""Columns of a machine that a frame can hold, as `MACHINE_CHANNELS`."""
+
 _MEASUREMENTS = ("tension", "displacement", "elongation", "temperature", "time")
 _EXPECTED = "the first line must be a header such as x_mm,y_mm,z_mm"
 
@@ -122,7 +128,7 @@ def columns_of(path: Path, names: Sequence[str], given_unit: str | None) -> Colu
     station = _only(path, names, "s") if stations else None
     unit = _one_unit(path, [*axes, *([station] if station else [])], given_unit)
     bends, bend_unit = _bends(path, names) if fibre else ((), None)
-    measured = tuple(name for name in names if name in MEASURED)
+    measured = tuple(name for name in names if name in MEASURED or name in OF_MACHINE)
     if {"elongation_m", "elongation_mm"} <= set(measured):
         raise ShapeError(f"{path}: columns elongation_m and elongation_mm are both there: keep one")
     return Columns(
@@ -205,12 +211,29 @@ def _with_unit(names: Sequence[str], unit: str) -> str:
     return ",".join(f"{_split(name)[0]}_{unit}" for name in names)
 
 
+def of_machine(measured: Mapping[str, float]) -> dict[str, float] | None:
+    """Return what columns say of a machine, by channel in SI; None where they say nothing.
+
+    Raises
+    ------
+    ShapeError
+        Where a channel is there in two units.
+    """
+    given = dict[str, float]()
+    for name in measured.keys() & OF_MACHINE.keys():
+        channel, per_si = OF_MACHINE[name]
+        if channel in given:
+            raise ShapeError(f"{channel} is there in two units: keep one")
+        given[channel] = measured[name] / per_si
+    return dict(sorted(given.items())) or None
+
+
 def unread(names: Sequence[str], known: Collection[str]) -> tuple[str, ...]:
     """Warn of columns whose name begins like that of a measurement and is unknown."""
     return tuple(
         f"column {name!r} is not read: known are {', '.join(sorted(known))}"
         for name in names
-        if name not in known and name.startswith(_MEASUREMENTS)
+        if name not in known and name not in OF_MACHINE and name.startswith(_MEASUREMENTS)
     )
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from tssgeom import core
 from tssgeom.arrays import read_only
 from tssgeom.errors import ShapeError
-from tssgeom.io.formats.laboratory.unknown import unknown_names
+from tssgeom.io.formats.json_keys import NO_OTHERS, OtherKeys, other_keys
 from tssgeom.io.formats.paths import LONGEST_LINE, reading, stem
 from tssgeom.io.formats.recording import PER_METRE, UNTIMED, Frames, Recording, agreed_unit
 from tssgeom.stream import Frame, Rejected
@@ -38,7 +38,6 @@ _TO_WRITE = {
 Coordinates = tuple[float | None, float | None, float | None]
 
 
-_DRIVES = ("tension_in_N", "displacement_in_m", "displacement_target_m", "tension_out_target_N")
 _Listed = list[Coordinates | None]
 _Points = TypeVar("_Points")
 
@@ -77,12 +76,9 @@ class _Heading(msgspec.Struct, frozen=True):
 
 _strict_decoder = msgspec.json.Decoder(_Strict[msgspec.Raw])
 _quick_decoder = msgspec.json.Decoder(Line[msgspec.Raw])
-_keys_decoder = msgspec.json.Decoder(dict[str, msgspec.Raw])
 _line_decoder = msgspec.json.Decoder(Line[_Listed])
 _heading_decoder = msgspec.json.Decoder(_Heading)
 _KNOWN = frozenset(Line.__struct_fields__)
-_CARRIED = frozenset(("covariance_mm2",))
-"""Keys of other commands, which no reader needs."""
 
 
 def frame_of(text: bytes, unit: str | None, time: float | None = None) -> Frame:
@@ -108,10 +104,10 @@ def frame_of(text: bytes, unit: str | None, time: float | None = None) -> Frame:
         if decoded := _decoded_fast(text):
             return _frame(*decoded, unit, time)
         line = _line_decoder.decode(text)
-        warnings = _unknown_keys(text)
+        beside = other_keys(text, _KNOWN)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise ShapeError(_fault(error)) from error
-    return _frame(line, _rows(line.points), warnings, unit, time)
+    return _frame(line, _rows(line.points), beside, unit, time)
 
 
 def _fault(error: Exception) -> str:
@@ -123,9 +119,9 @@ def _fault(error: Exception) -> str:
     return f"{error}: {hint}"
 
 
-def _decoded_fast(text: bytes) -> tuple[Line[msgspec.Raw], np.ndarray, tuple[str, ...]] | None:
-    """Decode a line with plain points, and warn of its unknown keys; None for any other line."""
-    warnings = ()
+def _decoded_fast(text: bytes) -> tuple[Line[msgspec.Raw], np.ndarray, OtherKeys] | None:
+    """Decode a line with plain points, and its other keys; None for any other line."""
+    beside = NO_OTHERS
     try:
         line = _strict_decoder.decode(text)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
@@ -133,23 +129,9 @@ def _decoded_fast(text: bytes) -> tuple[Line[msgspec.Raw], np.ndarray, tuple[str
             line = _quick_decoder.decode(text)
         except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
             return None
-        warnings = _unknown_keys(text)
+        beside = other_keys(text, _KNOWN)
     points = plain_points(line.points)
-    return (line, points, warnings) if len(points) else None
-
-
-def _unknown_keys(text: bytes) -> tuple[str, ...]:
-    """Return a warning for each key that is not read, with the one that it resembles.
-
-    Raises
-    ------
-    ShapeError
-        Where it may be a drive, and nothing else drives the tendon.
-    """
-    held = _keys_decoder.decode(text)
-    unknown = held.keys() - _KNOWN - _CARRIED
-    driven = any(bytes(held[key]) != b"null" for key in _DRIVES if key in held)
-    return unknown_names(unknown, _KNOWN, driven=driven, every=True) if unknown else ()
+    return (line, points, beside) if len(points) else None
 
 
 def plain_points(text: bytes | msgspec.Raw) -> np.ndarray:
@@ -171,7 +153,7 @@ def frame_or_refusal(text: bytes, unit: str | None) -> Frame | Rejected:
 
 
 def _frame(
-    line: Line[Any], points: np.ndarray, warnings: tuple[str, ...], unit: str | None, time: float | None
+    line: Line[Any], points: np.ndarray, beside: OtherKeys, unit: str | None, time: float | None
 ) -> Frame:
     stated = line.unit or unit
     if stated not in PER_METRE:
@@ -197,7 +179,8 @@ def _frame(
         length=line.length_m,
         temperature=line.temperature_C,
         noise=line.noise_m,
-        warnings=warnings,
+        warnings=beside.warnings,
+        of_machine=beside.of_machine,
     )
 
 
@@ -291,7 +274,7 @@ def _survey(path: Path) -> _Survey:
         if (count := text.count(b'":')) != keys:  # lines of one sender have the same keys
             keys = count
             with suppress(ShapeError, msgspec.DecodeError, UnicodeDecodeError):  # which its frame reports
-                unknown |= dict.fromkeys(_unknown_keys(text))
+                unknown |= dict.fromkeys(other_keys(text, _KNOWN).warnings)
         has_clock |= heading.t is not None
         if unit and heading.unit and heading.unit != unit:
             raise ShapeError(

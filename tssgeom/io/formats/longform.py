@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tssgeom.arrays import Points, Vector, read_only
 from tssgeom.errors import ShapeError
-from tssgeom.io.formats.columns import MEASURED, POINT, TIME
+from tssgeom.io.formats.columns import MEASURED, POINT, TIME, of_machine
 from tssgeom.io.formats.recording import PER_METRE, Frames
 from tssgeom.io.formats.tables import Table
 from tssgeom.stream import Frame, Rejected
@@ -95,7 +95,7 @@ class LongFrames(Frames):
 
     def _measured(self, rows: Rows) -> dict[str, Any]:
         """Return the measurements of the frame, in SI; a column of empty cells is none."""
-        measured: dict[str, Any] = {}
+        measured, machine = dict[str, Any](), dict[str, float]()
         for name in self.table.columns.measured:
             values = self.table.values[name][rows]
             known = values[~np.isnan(values)]
@@ -104,10 +104,12 @@ class LongFrames(Frames):
                 raise ShapeError(
                     f"{self._where(rows[0])}: {name} is {known[0]:g} and {other:g} in one frame: give one"
                 )
-            if len(known):
+            if len(known) and name in MEASURED:
                 field, per_unit = MEASURED[name]
                 measured[field] = float(known[0]) / per_unit
-        return measured
+            elif len(known):
+                machine[name] = float(known[0])
+        return measured | ({"of_machine": of_machine(machine)} if machine else {})
 
     def _where(self, row: int) -> str:
         return f"{self.table.number_name} {self.table.number[row]}"

@@ -15,7 +15,7 @@ import numpy as np
 
 from tssgeom.arrays import Vector, read_only
 from tssgeom.errors import ShapeError, SourceError, TssgeomError, first_line
-from tssgeom.io.formats.columns import MEASURED, TIME
+from tssgeom.io.formats.columns import MEASURED, OF_MACHINE, TIME, of_machine
 from tssgeom.io.formats.laboratory.unknown import unknown_names
 from tssgeom.io.formats.paths import require_room, stem
 from tssgeom.io.formats.recording import PER_METRE, UNTIMED, Frames, Recording, agreed_unit
@@ -24,8 +24,8 @@ from tssgeom.stream import Frame
 _BLOCK = 1 << 22
 """Bytes of an array that are read at a time; chosen."""
 _LARGE = ("points", "s")
-_SMALL = (TIME, "unit", *MEASURED)
-_DRIVES = ("tension_in", "displacement_in", "displacement_target", "tension_out_target")
+_SMALL = (TIME, "unit", *MEASURED, *OF_MACHINE)
+_DRIVES = ("tension_in", "displacement_in", "displacement_target", "tension_out_target", "motor_")
 _ARRAY = b"\x93NUMPY"
 
 
@@ -43,6 +43,8 @@ class ArrayFrames(Frames):
     """[F,N], or [N] for all [m]; stored ones in the unit of the file."""
     measured: Mapping[str, Vector]
     """[F] each, by field of `Frame`; NaN where nothing was measured."""
+    of_machine: Mapping[str, Vector]
+    """[F] each, by name of the array."""
 
     def read(self) -> Iterator[Frame]:
         """Yield the frames as the archive holds them."""
@@ -54,10 +56,12 @@ class ArrayFrames(Frames):
             measured: dict[str, Any] = {
                 field: float(values[k]) for field, values in self.measured.items() if not np.isnan(values[k])
             }
+            machine = {name: float(values[k]) for name, values in self.of_machine.items()}
+            known = of_machine({name: value for name, value in machine.items() if not np.isnan(value)})
             scaled = points / self.per_metre
             scaled[np.isnan(scaled).any(axis=1)] = np.nan
             s = fixed if stations is None else next(stations)
-            yield Frame(read_only(scaled), float(self.time[k]), s, **measured)
+            yield Frame(read_only(scaled), float(self.time[k]), s, **measured, of_machine=known)
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,10 +131,11 @@ def open_npz(path: Path, unit: str | None) -> Recording:
         raise ShapeError(f"{path}: points has the size {points.shape}: save points[F,N,3] or points[N,3]")
     timed = len(points.shape) == 3
     frames = _frames(path, arrays, stored, PER_METRE[agreed])
-    driven = any(name in arrays for name in MEASURED if name.startswith(_DRIVES))
+    known = (*MEASURED, *OF_MACHINE)
+    driven = any(name in arrays for name in known if name.startswith(_DRIVES))
     unknown = names - {*_SMALL, *_LARGE, "covariance_mm2"}
     try:
-        warnings = unknown_names(unknown, (TIME, *MEASURED), driven=driven)
+        warnings = unknown_names(unknown, (TIME, *known), driven=driven)
     except ShapeError as error:
         raise ShapeError(f"{path}: {error}") from error
     warnings += (UNTIMED,) if timed and TIME not in arrays else ()
@@ -152,7 +157,9 @@ def _frames(
         for name, (field, per_unit) in MEASURED.items()
         if name in arrays
     }
-    return ArrayFrames(path, per_metre, points, time, _stations(path, stored, points, per_metre), measured)
+    machine = {name: _per_frame(path, arrays, name, count) for name in OF_MACHINE if name in arrays}
+    stations = _stations(path, stored, points, per_metre)
+    return ArrayFrames(path, per_metre, points, time, stations, measured, machine)
 
 
 def _stations(

@@ -14,8 +14,10 @@ from tssgeom.atomic import write_text
 from tssgeom.errors import SettingsError
 from tssgeom.io.formats.paths import bytes_of
 from tssgeom.rig import Rig
+from tssgeom.stream import Carried
+from tssgeom.tendon.machine_saved import KIND, machine_from, machine_object
+from tssgeom.tendon.machine_stream import CarriedMachine
 from tssgeom.tendon.saved import state_object, state_of
-from tssgeom.tendon.state import TendonState
 from tssgeom.version import __version__
 
 _ORIGIN = "origin"
@@ -38,7 +40,7 @@ def origin_of(rig: Rig) -> Origin:
 
 
 def write_state(
-    path: Path, state: TendonState, followed: SavedFilter | None = None, origin: Origin | None = None
+    path: Path, state: Carried, followed: SavedFilter | None = None, origin: Origin | None = None
 ) -> None:
     """Write a state as JSON, and the filter of its rig where that is followed.
 
@@ -47,7 +49,7 @@ def write_state(
     SourceError
         Where the disk refuses.
     """
-    saved = state_object(state)
+    saved = machine_object(state) if isinstance(state, CarriedMachine) else state_object(state)
     if followed is not None:
         saved["followed"] = filter_object(followed)
     if origin is not None:
@@ -55,8 +57,8 @@ def write_state(
     write_text(path, json.dumps(saved, allow_nan=False) + "\n", durable=True)
 
 
-def read_state(path: Path) -> TendonState:
-    """Read the state that `write_state` wrote, to the last bit.
+def read_state(path: Path) -> Carried:
+    """Read the state that `write_state` wrote, of a tendon or a machine, to the last bit.
 
     Raises
     ------
@@ -67,7 +69,7 @@ def read_state(path: Path) -> TendonState:
     """
     saved = _object(path)
     try:
-        return state_of(saved)
+        return machine_from(saved) if saved.get("kind") == KIND else state_of(saved)
     except SettingsError as error:
         raise SettingsError(f"{path}: {error}") from error
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from tssgeom.arrays import Points, read_only
 from tssgeom.errors import ShapeError
-from tssgeom.io.formats.columns import MEASURED
+from tssgeom.io.formats.columns import MEASURED, OF_MACHINE, of_machine
 from tssgeom.io.formats.laboratory.unknown import unknown_names
 from tssgeom.io.network.addresses import Access, Endpoint, resolved
 from tssgeom.io.network.channel import WRITE, Channel
@@ -228,16 +228,19 @@ def _decoded(header: Header, body: bytes) -> Frame | Rejected:
 def _frame_or_refusal(message: Message, positions: Points) -> Frame | Rejected:
     when = message.header.time or time.time()
     stated = {field: message.metadata[name] for name, field in _NUMBERS.items() if name in message.metadata}
-    unknown = message.metadata.keys() - _NUMBERS.keys() - {"id"}  # most are of programs on the way
+    known = message.metadata.keys() & OF_MACHINE.keys()
+    unknown = message.metadata.keys() - _NUMBERS.keys() - known - {"id"}  # most are of programs on the way
     try:
         numbers = {field: float(text) for field, text in stated.items()}
-        warnings = unknown_names(unknown, _NUMBERS, driven=not _DRIVES.isdisjoint(numbers)) if unknown else ()
+        machine = of_machine({name: float(message.metadata[name]) for name in known})
+        driven = machine is not None or not _DRIVES.isdisjoint(numbers)
+        warnings = unknown_names(unknown, _NUMBERS, driven=driven) if unknown else ()
     except ShapeError as error:
         return Rejected(0, when, f"metadata: {error}")
     except ValueError as error:
         return Rejected(0, when, f"metadata: {error}: write numbers")
     frame = Frame(read_only(positions), when, id=message.metadata.get("id", ""), warnings=warnings)
-    return replace(frame, **numbers)
+    return replace(frame, of_machine=machine, **numbers)
 
 
 class IgtlSink(TcpSink):

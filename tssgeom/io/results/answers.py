@@ -181,30 +181,31 @@ _encoder = msgspec.json.Encoder()
 def answer(result: FrameResult, time: float, seq: int, latency_us: float, dropped: int) -> bytes:
     """Write the answer to a good frame of a `time` by its sender's clock [s]."""
     arcs, transmission = result.arcs, result.transmission
-    return _line(
-        Answer(
-            t=time,
-            seq=seq,
-            length_m=arcs.total_length,
-            total_angle_rad=arcs.total_angle,
-            total_angle_se_rad=arcs.total_angle_se,
-            tension_in_N=transmission.tension_in,
-            tension_out_N=transmission.tension_out,
-            elongation_m=transmission.elongation,
-            elongation_se_m=transmission.elongation_se,
-            direction_index=transmission.direction_index,
-            dead_zone=transmission.dead_zone,
-            segments=_segments(arcs),
-            latency_us=latency_us,
-            dropped=dropped,
-            stale=False,
-            **_of_command(result.command),
-            followed=None if result.followed is None else _numbers(result.followed),
-            alert=None if result.alert is None else _alert(result.alert, time - result.frame.time),
-            id=result.frame.id,
-            warnings=result.warnings,
-        )
+    line = Answer(
+        t=time,
+        seq=seq,
+        length_m=arcs.total_length,
+        total_angle_rad=arcs.total_angle,
+        total_angle_se_rad=arcs.total_angle_se,
+        tension_in_N=transmission.tension_in,
+        tension_out_N=transmission.tension_out,
+        elongation_m=transmission.elongation,
+        elongation_se_m=transmission.elongation_se,
+        direction_index=transmission.direction_index,
+        dead_zone=transmission.dead_zone,
+        segments=_segments(arcs),
+        latency_us=latency_us,
+        dropped=dropped,
+        stale=False,
+        **_of_command(result.command),
+        followed=None if result.followed is None else _numbers(result.followed),
+        alert=None if result.alert is None else _alert(result.alert, time - result.frame.time),
+        id=result.frame.id,
+        warnings=result.warnings,
     )
+    if result.machine is None:
+        return _line(line)
+    return _encoder.encode({**msgspec.to_builtins(line), **result.machine.numbers}) + b"\n"
 
 
 def _of_command(command: Command | None) -> dict[str, Any]:

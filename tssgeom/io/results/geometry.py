@@ -32,7 +32,10 @@ def table_of(columns: Iterable[Column]) -> pa.Table:
 
 def frames_table(items: Iterable[FrameResult | Rejected]) -> pa.Table:
     """Return the rows of some hundred frames as in `frames/NAME.parquet`, without the name of the input."""
-    return pa.Table.from_batches([part_of("", items, 1).frames]).drop(["name"])
+    items = list(items)
+    machines = [item.machine for item in items if isinstance(item, FrameResult) and item.machine is not None]
+    of_machine = dict.fromkeys(name for machine in machines for name in machine.numbers)
+    return pa.Table.from_batches([part_of("", items, 1, tuple(of_machine)).frames]).drop(["name"])
 
 
 def segments_table(arcs: Arcs) -> pa.Table:
@@ -91,6 +94,11 @@ def points_table(frames: Iterable[Frame | Rejected], *, timed: bool) -> pa.Table
         if per_si == 1.0 and any(value is not None for value in given):
             values = [np.nan if value is None else value for value in given]
             columns.append((name, f"{attribute.replace('_', ' ')} of the frame", np.repeat(values, counts)))
+    for name in sorted({name for frame in usable for name in frame.of_machine or ()}):
+        values = [(frame.of_machine or {}).get(name, np.nan) for frame in usable]
+        columns.append(
+            (name, f"{name.rpartition('_')[0].replace('_', ' ')} of the frame", np.repeat(values, counts))
+        )
     return table_of(columns)
 
 

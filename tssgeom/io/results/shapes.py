@@ -77,6 +77,7 @@ def shape_summary(name: str, result: FrameResult, notes: Iterable[str] = ()) -> 
         "tension_out_N": transmission.tension_out,
         "elongation_m": transmission.elongation,
         "elongation_se_m": transmission.elongation_se,
+        **({} if result.machine is None else result.machine.numbers),
         **({"tension_in_assumed": True} if _assumed(result) else {}),
         "warnings": [*notes, *result.warnings],
     }
@@ -85,6 +86,8 @@ def shape_summary(name: str, result: FrameResult, notes: Iterable[str] = ()) -> 
 def _assumed(result: FrameResult) -> bool:
     """Whether the frame brings nothing that drives the tendon, so that T_in is that of the option."""
     frame = result.frame
+    if result.machine is not None:
+        return not result.machine.driven
     drives = (frame.tension_in, frame.displacement_in, frame.displacement_target, frame.tension_out_target)
     return all(drive is None for drive in drives)
 
@@ -188,8 +191,17 @@ def frame_row(item: FrameResult | Rejected) -> dict[str, Any]:
         "measured_tension_out_N": frame.tension_out,
         "measured_displacement_in_m": frame.displacement_in,
         "measured_elongation_m": frame.elongation,
+        **_of_machine(item),
         "warnings": item.warnings,
     }
+
+
+def _of_machine(result: FrameResult) -> dict[str, float]:
+    """Return the columns of a machine, and what was measured of it."""
+    if result.machine is None:
+        return {}
+    measured = {f"measured_{name}": value for name, value in (result.frame.of_machine or {}).items()}
+    return result.machine.numbers | measured
 
 
 def clearance_object(lumen: str, clearance: Clearance) -> ClearanceOf:

@@ -11,7 +11,6 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as papq
 
-from tssgeom.arrays import Vector
 from tssgeom.atomic import replacing
 from tssgeom.io.results.shapes import frame_row
 from tssgeom.route.pieces import Arcs
@@ -105,6 +104,18 @@ FRAMES = pa.schema(
 """A row for each frame; a rejected frame has its reason and no numbers."""
 
 
+def frames_schema(of_machine: Sequence[str] = ()) -> pa.Schema:
+    """Return `FRAMES`, with the columns of a machine before its warnings: computed, then as measured."""
+    names = [*of_machine, *(f"measured_{name}" for name in of_machine)]
+    more = [field(each, f"{plain_name(each)} of the machine") for each in names if each not in FRAMES.names]
+    return pa.schema([*list(FRAMES)[:-1], *more, FRAMES.field("warnings")])
+
+
+def plain_name(channel: str) -> str:
+    """Return the words of a channel, without its unit."""
+    return channel.rpartition("_")[0].replace("_", " ")
+
+
 SEGMENTS = pa.schema(
     [
         field("name", "the input, as in the summary", _TEXT),
@@ -132,15 +143,19 @@ class Part(NamedTuple):
     summary: RunningSummary
 
 
-def parts(name: str, items: Iterable[FrameResult | Rejected], stride: int) -> Iterator[Part]:
+def parts(
+    name: str, items: Iterable[FrameResult | Rejected], stride: int, of_machine: Sequence[str] = ()
+) -> Iterator[Part]:
     """Turn results into rows, chunk by chunk; an input without frames gives no chunk."""
     upcoming = iter(items)
-    while (part := part_of(name, islice(upcoming, CHUNK), stride)).summary.frames:
+    while (part := part_of(name, islice(upcoming, CHUNK), stride, of_machine)).summary.frames:
         yield part
 
 
-def part_of(name: str, items: Iterable[FrameResult | Rejected], stride: int) -> Part:
-    """Turn the results of some frames into rows."""
+def part_of(
+    name: str, items: Iterable[FrameResult | Rejected], stride: int, of_machine: Sequence[str] = ()
+) -> Part:
+    """Turn the results of some frames into rows, with the columns `of_machine`."""
     summary = RunningSummary(stride)
     rows, pieces = list[dict[str, Any]](), list[tuple[int, Arcs]]()
     for item in items:
@@ -149,7 +164,7 @@ def part_of(name: str, items: Iterable[FrameResult | Rejected], stride: int) -> 
         summary.add(item, row)
         if not isinstance(item, Rejected):
             pieces.append((item.seq, item.arcs))
-    return Part(_batch(FRAMES, name, rows), _segments(name, pieces), summary.close())
+    return Part(_batch(frames_schema(of_machine), name, rows), _segments(name, pieces), summary.close())
 
 
 def _batch(schema: pa.Schema, name: str, rows: Sequence[Mapping[str, Any]]) -> pa.RecordBatch:
@@ -181,36 +196,25 @@ def _named(name: str, count: int) -> pa.Array:
     return pa.repeat(pa.scalar(name, _TEXT), count)
 
 
-def write_parts(frames: Path, segments: Path, upcoming: Iterable[Part], summary: RunningSummary) -> None:
+def write_parts(
+    frames: Path,
+    segments: Path,
+    upcoming: Iterable[Part],
+    summary: RunningSummary,
+    of_machine: Sequence[str] = (),
+) -> None:
     """Write the tables of frames and segments of one input, and add up the running summary.
 
     Memory holds a row group at a time. Where the iterable ends in an error, both files are incomplete.
     """
-    with papq.ParquetWriter(frames, FRAMES) as rows, papq.ParquetWriter(segments, SEGMENTS) as pieces:
+    of_frames = frames_schema(of_machine)
+    with papq.ParquetWriter(frames, of_frames) as rows, papq.ParquetWriter(segments, SEGMENTS) as pieces:
         chunks = iter(upcoming)
         while group := list(islice(chunks, _ROW_GROUP)):
             for part in group:
                 summary.join(part.summary)
             rows.write_table(pa.Table.from_batches([part.frames for part in group]))
             pieces.write_table(pa.Table.from_batches([part.segments for part in group]))
-
-
-def write_csv(table: Path, path: Path) -> None:
-    """Write a Parquet table as CSV, a row group at a time; the texts of a list are joined by `; `."""
-    import pyarrow.compute as pc
-    import pyarrow.csv as pacsv
-
-    with papq.ParquetFile(table) as source:
-        schema = source.schema_arrow
-        lists = [k for k, kind in enumerate(schema.types) if pa.types.is_list(kind)]
-        plain = pa.schema([each.with_type(_TEXT) if k in lists else each for k, each in enumerate(schema)])
-        with pacsv.CSVWriter(path, plain) as rows:
-            for batch in source.iter_batches(CHUNK * _ROW_GROUP):
-                columns = [
-                    pc.call_function("binary_join", [column, pa.scalar("; ")]) if k in lists else column
-                    for k, column in enumerate(batch.columns)
-                ]
-                rows.write_batch(pa.RecordBatch.from_arrays(columns, schema=plain))
 
 
 def write_summary(path: Path, rows: Iterable[Mapping[str, Any]]) -> None:
@@ -325,18 +329,6 @@ def commands_table(time: Sequence[float | None], commands: Sequence[Command]) ->
     ]
     distorted = any(one.reading_in != one.tension_in for one in commands)
     return _table(COMPENSATE.append(READING) if distorted else COMPENSATE, rows)
-
-
-def write_channels(path: Path, channels: Mapping[str, Vector]) -> None:
-    """Write channels against time, a column each [s].
-
-    Raises
-    ------
-    SourceError
-        Where the disk refuses.
-    """
-    schema = pa.schema([field(name, name.rpartition("_")[0].replace("_", " ")) for name in channels])
-    write_table(path, pa.table(dict(channels), schema=schema))
 
 
 def _table(schema: pa.Schema, rows: Sequence[Mapping[str, Any]]) -> pa.Table:

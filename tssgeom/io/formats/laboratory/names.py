@@ -13,6 +13,7 @@ from tssgeom.io.formats.columns import (
     DIRECTIONS,
     MACHINE_CHANNELS,
     MEASURED,
+    OF_MACHINE,
     POINT,
     TIME,
 )
@@ -47,7 +48,7 @@ QUANTITIES = {
 """What a column can be, and its quantity; "" for what has no unit."""
 EXACT = frozenset(
     (
-        *(TIME, POINT, *CHANNELS, *MACHINE_CHANNELS, *MEASURED, *DIRECTIONS),
+        *(TIME, POINT, *CHANNELS, *OF_MACHINE, *MEASURED, *DIRECTIONS),
         *(f"{axis}{unit}" for axis in (*AXES, "s") for unit in ("", "_m", "_mm")),
         *(f"{bend}_per_{unit}" for bend in BENDS for unit in ("m", "mm")),
     )
