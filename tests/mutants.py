@@ -198,7 +198,7 @@ MUTANTS = (
         "tests/effects/test_run_model.py -k the_base_is",
     ),
     Mutant(
-        "tssgeom/tendon/state.py",
+        "tssgeom/tendon/sensor_errors.py",
         "(reading - setup.tension_in_offset_N) / setup.tension_in_gain",
         "(reading + setup.tension_in_offset_N) / setup.tension_in_gain",
         f"{WITH_EFFECTS} -k 'simulated and tension_in_offset'",

@@ -89,16 +89,15 @@ def _monotone(values: Vector, way: float) -> Vector:
 
 
 def _write_shape(out: Vector, between: tuple[int, int], turn: int, shape: tuple[int, Vector]) -> int:
-    """Write the shape of a turn into a drive, both legs still monotone; returns where it turns then."""
+    """Write the shape of a turn into a drive, no leg beyond it; return where it turns then."""
     (start, values), (before, after) = shape, between
-    way = out[turn] - out[after if after > turn else before]
-    out[start : start + len(values)] = values
-    top = start + int(np.argmax(values if way >= 0.0 else -values)) if before < turn < after else turn
-    if before < turn:
-        out[before : top + 1] = _monotone(out[before : top + 1], way)
-    if turn < after:
-        out[top : after + 1] = _monotone(out[top : after + 1], -way)
-    return top
+    stop = start + len(values)
+    high = bool(out[turn] >= out[after if after > turn else before])
+    bound = np.minimum if high else np.maximum
+    out[start:stop] = values
+    out[before:start] = bound(out[before:start], values[0])
+    out[stop : after + 1] = bound(out[stop : after + 1], values[-1])
+    return start + int(np.argmax(values if high else -values)) if before < turn < after else turn
 
 
 def _level(out: Vector, start: int, stop: int, level: float, noise: float) -> None:
@@ -119,7 +118,7 @@ def with_corners(time: Vector, drive: Vector, noise: float) -> tuple[Vector, Vec
     where, when, what = list[int](), list[float](), list[float]()
     for turn in turning_points(drive, noise):
         start, stop = hold(drive, turn, noise)
-        level = bool(np.ptp(drive[start:stop]) == 0.0)  # what is calm is level in a hold and nowhere else
+        level = np.count_nonzero(np.abs(drive[start:stop] - drive[turn]) < DRIVE.same * noise) > 1
         if (stop - start == 1 or not level) and 2 < turn < len(drive) - 3:
             at, peak = _corner(time[turn - 2 : turn + 3], drive[turn - 2 : turn + 3], noise)
             beyond = abs(peak - drive[turn])

@@ -20,9 +20,9 @@ from tssgeom.identify.misfit import MISFIT, UNINFORMATIVE, HeldOut
 from tssgeom.identify.prediction import FINE, simulated
 from tssgeom.identify.screening import (
     Variant,
+    detected_size,
     leftover,
     screening,
-    size_over_limit,
 )
 from tssgeom.identify.selection import SEARCH, name_of
 from tssgeom.least_squares import SOLVER
@@ -213,7 +213,7 @@ def _judged(
     one = replace(one, fit=fit, gain=gain, held_ratio=ratio)
     if gain < least:
         return replace(one, veto=f"its evidence of {gain:.1f} is below {least:.1f}")
-    size = size_over_limit(problem.stack, now.left - fit.left, limits)
+    size = detected_size(problem, now.left - fit.left, fit.at, limits)
     if size <= 1.0:
         return replace(one, veto=f"it changes no channel by more than {size:.2g} of the detection limit")
     if any(term.at_bound for term in fit.terms):

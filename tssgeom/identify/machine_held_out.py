@@ -17,18 +17,15 @@ from tssgeom.errors import FitError
 from tssgeom.identify.fit_quality import FIT_TEST, spread
 from tssgeom.identify.machine_fit import fitted_again
 from tssgeom.identify.machine_problem import FitState, Problem, fitted_rows
-from tssgeom.statistics import reading_noise
+from tssgeom.statistics import NORMAL_95, reading_noise
 
 
 @dataclass(frozen=True, slots=True)
 class HeldOutSettings:
-    """Which runs are held out, and when a prediction contradicts readings."""
+    """Which runs are held out."""
 
     most_runs: int = 8
     """Chosen: the time of twice the fit. Runs that are held out, one after the other [1]."""
-    most_sd: float = 1.96
-    """Cited: 95 % of a normal error. Rms of a misfit over the standard deviation of the prediction, up to
-    which the runs that are left do not determine it [1]."""
 
 
 HELD_OUT = HeldOutSettings()
@@ -53,7 +50,7 @@ class HeldOutMisfit(NamedTuple):
         limits = (
             FIT_TEST.most_of_range * self.span,
             FIT_TEST.most_of_noise * self.noise,
-            HELD_OUT.most_sd * self.predicted_sd,
+            NORMAL_95 * self.predicted_sd,  # below it the runs that are left do not determine it
         )
         return self.rms <= max(limits)
 
@@ -61,14 +58,14 @@ class HeldOutMisfit(NamedTuple):
 class HeldOut(NamedTuple):
     """What is held out, and how it is predicted."""
 
-    of: str = ""
+    of: str
     """What is held out: `cycles`, `runs`, or nothing."""
-    rms: Mapping[str, tuple[float, float]] = {}
+    rms: Mapping[str, tuple[float, float]]
     """By channel: rms on samples that are held out, and on those that are fitted without them."""
-    misfits: tuple[HeldOutMisfit, ...] = ()
+    misfits: tuple[HeldOutMisfit, ...]
 
 
-NOTHING_HELD_OUT = HeldOut()
+NOTHING_HELD_OUT = HeldOut("", {}, ())
 
 
 def cycles_held_out(problem: Problem, state: FitState) -> HeldOut:

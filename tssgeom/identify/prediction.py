@@ -170,11 +170,11 @@ def _holds(drive: Vector, noise: float) -> list[tuple[int, int]]:
 
 
 def _beside_turns(drive: Vector, holds: Sequence[tuple[int, int]]) -> Vector:
-    """Return 1 at the edges of turns and holds and beside them, else 0: where they lie is unsure."""
+    """Return 1 at each sharp turn and its neighbours, else 0: between which samples it lies is unsure."""
     out = np.zeros(len(drive))
     for start, stop in holds:
-        for edge in (start, stop - 1):
-            out[max(edge - 1, 0) : edge + 2] = 1.0
+        if stop - start == 1:
+            out[max(start - 1, 0) : start + 2] = 1.0
     return out
 
 

@@ -16,8 +16,9 @@ from msgspec.structs import replace as changed
 
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.effects import KINDS, Library, with_size
+from tssgeom.effects.ends import Backlash
 from tssgeom.errors import FitError, SettingsError
-from tssgeom.identify.fit import Fit, Free, Problem, columns, freed, refined
+from tssgeom.identify.fit import Fit, Free, Point, Problem, columns, freed, refined
 from tssgeom.identify.prediction import CELLS, Errors, Stack
 from tssgeom.rig import Rig, Sensor
 from tssgeom.statistics import EVIDENCE_SCALE
@@ -272,6 +273,19 @@ def size_over_limit(stack: Stack, change: Vector, limits: Mapping[str, float]) -
         for block in stack.blocks
     ]
     return max(sizes)
+
+
+def detected_size(problem: Problem, change: Vector, at: Point, limits: Mapping[str, float]) -> float:
+    """Return the largest change over its detection limit [1], but no more than a play over that of the drive.
+
+    A play narrower than the noise of the position that drives turns with that noise; docs/model.md (111).
+    """
+    size = size_over_limit(problem.stack, change, limits)
+    plays = [effect.width_m for effect in at.effects if isinstance(effect, Backlash)]
+    noise = [
+        reading.noise[reading.drive] for reading in problem.stack.readings if reading.drive.endswith("_m")
+    ]
+    return min([size, *(width / max(noise) for width in plays if noise)])
 
 
 def leftover(problem: Problem, fit: Fit, limits: Mapping[str, float]) -> dict[str, float]:

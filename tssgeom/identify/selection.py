@@ -18,10 +18,10 @@ from tssgeom.identify.screening import (
     ScoreTest,
     Screening,
     Variant,
+    detected_size,
     detection_limits,
     refit,
     screening,
-    size_over_limit,
     threshold,
 )
 from tssgeom.least_squares import SOLVER
@@ -156,7 +156,7 @@ def _continued(problem: Problem, before: Fit, one: Tried, limits: Mapping[str, f
 
 def _refitted(problem: Problem, before: Fit, test: ScoreTest, fit: Fit, limits: Mapping[str, float]) -> Tried:
     gain = delta_bic(before, fit, problem.stack.size)
-    size = size_over_limit(problem.stack, before.left - fit.left, limits)
+    size = detected_size(problem, before.left - fit.left, fit.at, limits)
     return Tried(test.variant.name, test, fit, gain, size)
 
 

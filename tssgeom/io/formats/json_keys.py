@@ -21,12 +21,12 @@ _CARRIED = frozenset(("covariance_mm2",))
 class OtherKeys(NamedTuple):
     """What a line has beside its own fields."""
 
-    of_machine: dict[str, float] | None = None
-    warnings: tuple[str, ...] = ()
+    of_machine: dict[str, float] | None
+    warnings: tuple[str, ...]
     """One for each key that is not read, with the one that it resembles."""
 
 
-NO_OTHERS = OtherKeys()
+NO_OTHERS = OtherKeys(None, ())
 
 
 def other_keys(text: bytes, known: Collection[str]) -> OtherKeys:
