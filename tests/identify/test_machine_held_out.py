@@ -62,3 +62,17 @@ def test_a_prediction_fails_beside_the_range_the_noise_and_its_own_error(rms, no
     misfit = HeldOutMisfit("joint_angle_rad", rms, 1.0, noise, predicted_sd)
     assert misfit.passes is passes
     assert bool(list(contradictions(HeldOut("runs", {}, (misfit,))))) is not passes
+
+
+def test_last_cycles_without_readings_hold_nothing_out():
+    time = np.linspace(0.0, 36.0, 360)
+    angle = 0.5 * (1.0 - np.cos(time))
+    true = machine_of(with_values(rig(), {"end.radius_m": 0.008}), ROUTE)
+    out = simulate_machine(true, {"time_s": time, "motor_angle_rad": angle})
+    joint = out["joint_angle_rad"] + 5e-4 * np.random.default_rng(0).standard_normal(len(time))
+    read = np.where(time < 20.0, joint, np.nan)
+    run = machine_run(
+        "run", {"time_s": time, "motor_angle_rad": angle, "joint_angle_rad": read}, ROUTE, rig()
+    )
+    assert run.held_out.any()
+    assert calibrate_machine([run], rig(), UNKNOWN).held.of == ""

@@ -71,6 +71,8 @@ NOTHING_HELD_OUT = HeldOut("", {}, ())
 def cycles_held_out(problem: Problem, state: FitState) -> HeldOut:
     """Return how the fit of the first cycles predicts the last ones."""
     away = replace(problem, rows=fitted_rows(problem.runs, held_out=True))
+    if not away.rows:  # the last cycles have no readings
+        return NOTHING_HELD_OUT
     left, sd = _predicted(problem, away, state)
     misfits = tuple(_misfits(away, left, sd))
     return HeldOut("cycles", _rms(problem, state, [(away, left)]), misfits)
