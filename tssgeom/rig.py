@@ -269,7 +269,7 @@ def read_uncertain_rig(path: str | Path) -> tuple[Rig, tuple[Uncertain, ...]]:
 
     Returns
     -------
-    tuple[Rig, tuple[Uncertain, ...]]
+    tuple
         The rig, and its numbers that are unknown or have an error.
 
     Raises

@@ -240,7 +240,7 @@ def tension(state: TendonState, phi: Vector, s: Vector | None = None) -> Vector:
 
     Returns
     -------
-    Vector
+    numpy.ndarray
         Tension at each of them [n] [N].
 
     Examples
