@@ -34,6 +34,7 @@ exclude_patterns = ["_build", "gallery/*.md", "gallery/*.rst", "README.md"]
 source_suffix = {".md": "markdown", ".rst": "restructuredtext"}
 default_role = "literal"
 nitpicky = True
+nitpick_ignore = [("py:class", "numpy.ndarray")]  # documented elsewhere: the site works offline
 suppress_warnings = ["config.cache"]
 
 myst_enable_extensions = ["colon_fence", "deflist"]
