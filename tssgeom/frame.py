@@ -23,7 +23,7 @@ from tssgeom.route.marker_offset import follow_markers
 from tssgeom.route.model_choice import NOISE_PRIOR as POINT_NOISE
 from tssgeom.route.observations import MIN_POINTS, Shape, clean
 from tssgeom.route.order import along_the_shortest_path
-from tssgeom.route.ratio_average import GRID
+from tssgeom.route.ratio_average import are_few
 from tssgeom.route.resolution import (
     NO_ERRORS,
     SharedErrors,
@@ -207,7 +207,7 @@ def _in_order(frame: Frame, last: TrackedFit | None) -> Frame:
 
 def _is_astray(tracked: TrackedFit, last: TrackedFit, now: PointFilter) -> bool:
     """Whether few points are taken for noise that neither the first fit had nor differences in time show."""
-    if tracked.age == 0 or last.noise_bounded or len(tracked.fit.weight) > GRID.most_points:
+    if tracked.age == 0 or last.noise_bounded or not are_few(tracked.fit.weight):
         return False
     return tracked.fit.noise > _ASTRAY * max(last.first_noise, now.sensed_noise)
 

@@ -32,6 +32,11 @@ EVIDENCE_SCALE = EvidenceScale()
 _THROUGH = (3, 5, 7)  # readings whose differences show the noise; derived: lines to quintics vanish
 
 
+def root_mean_square(values: np.ndarray) -> float:
+    """Return the root of the mean square, in the unit of the values."""
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
 def robust_sd(off: np.ndarray) -> float:
     """Return the standard deviation of deviations [n] by their median absolute value, whatever a few do."""
     return MEDIANS.sd_per_absolute * float(np.median(np.abs(off)))

@@ -97,7 +97,7 @@ class LongFit:
     first: bool
     """Whether it starts from nothing."""
     due: float
-    """When it is late [s]; infinite once that has been said."""
+    """When it is late [s]; infinite once it is reported."""
     sensed: SensedRoute | Rejected | BaseException | None = None
     """What came of it."""
     took: float = 0.0
@@ -188,7 +188,7 @@ class Fits:
             sys.setswitchinterval(_OWN_SWITCH)
         sender = fit.arrival.sender
         sender.busy = False
-        if not fit.first:  # the first fit says nothing of the next
+        if not fit.first:  # the first fit is no estimate of the next
             self._paces[sender].took(fit.took)
         if isinstance(fit.sensed, BaseException):
             raise fit.sensed

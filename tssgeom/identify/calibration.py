@@ -39,7 +39,7 @@ from tssgeom.least_squares import SOLVER
 from tssgeom.result import Result
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
-from tssgeom.statistics import reading_noise
+from tssgeom.statistics import reading_noise, root_mean_square
 
 _LEAST_ANGLE = 0.05  # of a route on which friction shows [rad]; derived: friction of 0.2 takes 1 % there
 _WANTED = (("tension_out_offset", "N"), ("elongation_offset", "m"))
@@ -250,7 +250,7 @@ def _calibration(fit: _Fit, of_route: Matrix, warnings: tuple[str, ...]) -> Cali
         ChannelFit(
             NAMES[block.channel],
             block.channel.rpartition("_")[2],
-            float(np.sqrt(np.mean(fit.left[block.rows] ** 2))),
+            root_mean_square(fit.left[block.rows]),
             int(count),
             float(worth),
             reading_noise(stack.measured[block.rows]),

@@ -17,7 +17,7 @@ from tssgeom.identify.machine_problem import FIT, FitState, Problem
 from tssgeom.identify.machine_run import MachineRun
 from tssgeom.result import Result
 from tssgeom.rig import Rig, with_values
-from tssgeom.statistics import reading_noise
+from tssgeom.statistics import reading_noise, root_mean_square
 from tssgeom.tendon.machine import routed
 
 
@@ -168,7 +168,7 @@ def _channel_fits(problem: Problem, state: FitState) -> Iterator[ChannelFit]:
         yield ChannelFit(
             of,
             name.rpartition("_")[2],
-            float(np.sqrt(np.mean(left**2))),
+            root_mean_square(left),
             len(at),
             len(at) / float(inflation),
             reading_noise(values),

@@ -21,7 +21,7 @@ from tssgeom.identify.machine_problem import FIT, FitState, Problem, fitted_rows
 from tssgeom.identify.machine_run import LIMITS, MachineRun, parameters_of
 from tssgeom.mechanism import numbered
 from tssgeom.rig import Rig, with_values
-from tssgeom.statistics import EVIDENCE_SCALE, reading_noise, turns
+from tssgeom.statistics import EVIDENCE_SCALE, reading_noise, root_mean_square, turns
 from tssgeom.tendon.machine import Start, machine_of, routed
 from tssgeom.tendon.machine_simulation import drive_channels, simulate_machine
 
@@ -106,7 +106,7 @@ def _off(
 def _rms_of(parts: _Off) -> dict[str, float]:
     names = dict.fromkeys(name for name, _ in parts)
     every = {name: np.concatenate([off for other, off in parts if other == name]) for name in names}
-    return {name: float(np.sqrt(np.mean(np.square(off)))) for name, off in every.items()}
+    return {name: root_mean_square(off) for name, off in every.items()}
 
 
 def delta_bic(before: FittedModel, after: FittedModel) -> float:
@@ -140,7 +140,7 @@ def changes(before: FittedModel, after: FittedModel) -> dict[str, float]:
         size = math.hypot(spread(new), _floor(after.problem, block))
         independent = len(new) / inflation_of(new / size)
         limit = EVIDENCE_SCALE.clear * size / math.sqrt(independent)
-        out[name] = max(out.get(name, 0.0), float(np.sqrt(np.mean((old - new) ** 2))) / limit)
+        out[name] = max(out.get(name, 0.0), root_mean_square(old - new) / limit)
     return out
 
 

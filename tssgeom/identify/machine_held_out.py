@@ -17,7 +17,7 @@ from tssgeom.errors import FitError
 from tssgeom.identify.fit_quality import FIT_TEST, spread
 from tssgeom.identify.machine_fit import fitted_again
 from tssgeom.identify.machine_problem import FitState, Problem, fitted_rows
-from tssgeom.statistics import NORMAL_95, reading_noise
+from tssgeom.statistics import NORMAL_95, reading_noise, root_mean_square
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,10 +144,10 @@ def _misfits(away: Problem, left: list[Vector], sd: list[Vector]) -> Iterator[He
         known = values[np.isfinite(values)]
         yield HeldOutMisfit(
             f"{name} of {away.runs[k].name}" if len(away.runs) > 1 else name,
-            _root_mean_square(off),
+            root_mean_square(off),
             float(np.ptp(values[at])),
             reading_noise(known),
-            _root_mean_square(of_prediction),
+            root_mean_square(of_prediction),
         )
 
 
@@ -161,16 +161,11 @@ def _rms(
             away.setdefault(name, []).append(off)
     for (_, name, _), off in zip(problem.rows, problem.left(state.channels), strict=True):
         fitted.setdefault(name, []).append(off)
+    of_fitted = {name: root_mean_square(np.concatenate(off)) for name, off in fitted.items()}
     return {
-        name: (_root_mean_square(np.concatenate(off)), _root_mean_square(np.concatenate(fitted[name])))
-        if name in fitted
-        else (_root_mean_square(np.concatenate(off)), math.nan)
+        name: (root_mean_square(np.concatenate(off)), of_fitted.get(name, math.nan))
         for name, off in away.items()
     }
-
-
-def _root_mean_square(values: Vector) -> float:
-    return float(np.sqrt(np.mean(np.square(values))))
 
 
 def contradictions(held: HeldOut) -> Iterator[str]:

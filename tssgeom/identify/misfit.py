@@ -18,6 +18,7 @@ from tssgeom.identify.fit import Point, Problem, posed
 from tssgeom.identify.prediction import FINE, exact, stacked, total_sigma
 from tssgeom.identify.readings import Reading
 from tssgeom.rig import Rig
+from tssgeom.statistics import root_mean_square
 from tssgeom.tendon.bars.model import Model, RunTrace, begin, carry_on, prepare
 
 
@@ -109,7 +110,7 @@ def _rms(problem: Problem, left: Vector, counted: np.ndarray) -> dict[str, float
     out = dict[str, list[Vector]]()
     for block in problem.stack.blocks:
         out.setdefault(block.channel, []).append(left[block.rows][counted[block.rows]])
-    return {name: float(np.sqrt(np.mean(np.square(np.concatenate(parts))))) for name, parts in out.items()}
+    return {name: root_mean_square(np.concatenate(parts)) for name, parts in out.items()}
 
 
 def beyond_noise(rms: Mapping[str, float], noise: Mapping[str, float]) -> float:

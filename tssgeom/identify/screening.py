@@ -282,10 +282,9 @@ def detected_size(problem: Problem, change: Vector, at: Point, limits: Mapping[s
     """
     size = size_over_limit(problem.stack, change, limits)
     plays = [effect.width_m for effect in at.effects if isinstance(effect, Backlash)]
-    noise = [
-        reading.noise[reading.drive] for reading in problem.stack.readings if reading.drive.endswith("_m")
-    ]
-    return min([size, *(width / max(noise) for width in plays if noise)])
+    moved = [each for each in problem.stack.readings if each.drive == "displacement_in_m"]
+    noise = max((each.noise[each.drive] for each in moved), default=0.0)
+    return min([size, *(width / noise for width in plays if noise)])
 
 
 def leftover(problem: Problem, fit: Fit, limits: Mapping[str, float]) -> dict[str, float]:

@@ -33,7 +33,7 @@ from tssgeom.route.model_choice import (
 from tssgeom.route.observations import Shape, order_warnings, outlier_warnings
 from tssgeom.route.order import order_warning
 from tssgeom.route.pieces import Arcs, smooth_geometry
-from tssgeom.route.ratio_average import GRID, averaged
+from tssgeom.route.ratio_average import are_few, averaged
 from tssgeom.route.resolution import SharedErrors
 from tssgeom.route.route import Route, step_lengths
 from tssgeom.route.route_fit import (
@@ -171,7 +171,7 @@ def _measured(shape: Shape, noise: float | None, method: Method) -> RouteFit:
     arcs = chain_fit(shape, *without_outliers(data, chain))
     if required:
         return arcs
-    if len(shape.points) > GRID.most_points:
+    if not are_few(shape.points):
         return selected(smooth, arcs, difference)
     likelier = replace(arcs if difference > 0.0 else smooth, spline=smooth.spline)
     return averaged_over_models(likelier, smooth, candidates)
@@ -221,7 +221,7 @@ def with_few_points_variance(smooth: RouteFit, shape: Shape) -> RouteFit:
     The error of the length holds what other λ give, (216), or what the error of the angle means for it,
     (166), whichever is more: arcs exceed the chords between few points with the square of the angle.
     """
-    if len(shape.points) > GRID.most_points:
+    if not are_few(shape.points):
         return smooth
     if len(shape.points) < START.fewest_points:
         smooth = smooth.with_model_choice_variance(_turns_missed(smooth, shape) ** 2)
@@ -259,7 +259,7 @@ def chain_fit(shape: Shape, data: Data, chain: Chain, pieces: ChainPieces | None
         warnings=warnings,
         chain=chain,
     )
-    if len(data.points) > GRID.most_points:
+    if not are_few(data.points):
         return fit
     return fit.with_model_choice_variance(search_variance(data, chain) * fit.arcs.total_angle_se**2)
 
@@ -295,7 +295,7 @@ def _competitive(data: Data, chain: Chain, spline: Spline) -> Chain | None:
 
 def _evidence(data: Data, chain: Chain, spline: Spline) -> float:
     """Evidence of a chain over the spline [2 ln]; of few points not priced, since all models count."""
-    if len(data.points) <= GRID.most_points:
+    if are_few(data.points):
         return spline.deviance - chain_deviance(data, chain)
     return log_evidence_difference(data, chain, spline)
 

@@ -48,7 +48,7 @@ AVERAGE = ModelAverage()
 
 
 class ChainModel(NamedTuple):
-    """What a chain says of the route, and the evidence for it."""
+    """Estimates of the route by a chain, and the evidence for it."""
 
     angle: float
     """Φ [rad]."""

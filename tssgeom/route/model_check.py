@@ -40,7 +40,7 @@ from tssgeom.route.model_choice import (
     undecided,
 )
 from tssgeom.route.observations import Shape
-from tssgeom.route.ratio_average import GRID
+from tssgeom.route.ratio_average import are_few
 from tssgeom.route.resolution import SharedErrors
 from tssgeom.route.route_fit import RouteFit
 from tssgeom.route.spline.fit import Spline, fit_in_steps
@@ -244,7 +244,7 @@ def _spline_tried(check: ModelCheck, data: Data, chain: Chain, begun: TrackedFit
         return partial(replace, candidate=spline)
     yield 0
     difference = penalised_log_evidence_difference(data, chain, spline)
-    few = len(check.shape.points) <= GRID.most_points
+    few = are_few(check.shape.points)
     if difference > 0.0 and not few and not undecided(difference, len(chain.bend)):
         return partial(_not_taken_over, -difference, spline, _NO_VARIANCES)
     smooth, arcs = spline_fit(spline), chain_fit(check.shape, data, chain) if few else begun.fit
@@ -293,7 +293,7 @@ def _chain_tried(check: ModelCheck, begun: TrackedFit) -> Steps:
     smooth, spline = begun.fit, begun.fit.spline
     if spline is None:
         return _unchanged
-    few = len(check.shape.points) <= GRID.most_points
+    few = are_few(check.shape.points)
     if few:  # without the variances that earlier checks added
         smooth = with_few_points_variance(spline_fit(spline), check.shape)
     data = chain_data(check.shape, check.noise, spline)

@@ -83,6 +83,11 @@ class RatioGrid:
 GRID = RatioGrid()
 
 
+def are_few(points: np.ndarray) -> bool:
+    """Whether points, or values of each, are so few that models and λ are averaged; docs/model.md (150)."""
+    return len(points) <= GRID.most_points
+
+
 class _Candidate(NamedTuple):
     """A fit at one λ."""
 
@@ -116,7 +121,7 @@ def averaged(shape: Shape, noise: float | None, spline: Spline) -> Spline:
     Where stations are unknown and the points accurate, stations by arcs over the chords are tried as well:
     on few points those at the feet of the points may not converge.
     """
-    if len(shape.points) > GRID.most_points or spline.shared_angle_error:
+    if not are_few(shape.points) or spline.shared_angle_error:
         return spline
     candidates = list(_candidates(shape, noise, spline))
     first = candidates[:1]

@@ -30,7 +30,7 @@ from tssgeom.route.geometry import (
 )
 from tssgeom.route.model_check import SCHEDULE, ModelCheck, TrackedFit, model_checked
 from tssgeom.route.observations import Shape
-from tssgeom.route.ratio_average import GRID
+from tssgeom.route.ratio_average import are_few
 from tssgeom.route.route_fit import RouteFit
 from tssgeom.route.spline.fit import Spline, fit, warm
 
@@ -149,7 +149,7 @@ def _follow_spline(shape: Shape, noise: float | None, last: TrackedFit, method: 
     """Go on with a spline, now and then with a trial of a chain; None where few points need a new fit."""
     spline = warm(shape, noise, last.fit.spline)
     if spline is None:
-        if len(shape.points) <= GRID.most_points:
+        if are_few(shape.points):
             return None  # one λ does not stand for all
         spline = fit(shape, noise)
     smooth = with_few_points_variance(spline_fit(spline), shape)

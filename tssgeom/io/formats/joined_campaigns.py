@@ -18,6 +18,7 @@ from tssgeom.io.formats.campaigns import is_campaign, read_more_runs, read_run_o
 from tssgeom.io.formats.files import CAMPAIGN
 from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap
 from tssgeom.io.formats.paths import SETTINGS_BYTES, bytes_of
+from tssgeom.statistics import root_mean_square
 from tssgeom.toml_keys import with_short_keys
 
 PROPOSAL = "proposal.toml"
@@ -147,6 +148,6 @@ def _followed(run: Run, plan: Mapping[str, Any]) -> list[str]:
     there = np.isfinite(values)
     asked = np.array(plan["corners"], dtype=float)
     off = values[there] - np.interp(time[there] - time[0], plan["corner_time_s"], asked)
-    if float(np.sqrt(np.mean(off**2))) <= _FOLLOWED * float(np.ptp(asked)):
+    if root_mean_square(off) <= _FOLLOWED * float(np.ptp(asked)):
         return []
     return [f"{run.name}: its drive is not the proposed one; it counts as the run that it is."]

@@ -166,7 +166,7 @@ class Mailbox:
             self.dropped += 1
         if not sender.waiting:
             self._senders.append(sender)
-            if sender.is_new:  # who was idle has saved nothing
+            if sender.is_new:  # an idle sender has saved nothing
                 self._used_by_new = max(self._used_by_new, self._used)
             else:
                 sender.used = max(sender.used, self._used)
