@@ -108,7 +108,7 @@ def test_the_drive_between_turns_is_monotone_and_its_peak_is_not_that_of_the_noi
     peaks = []
     for seed in range(20):
         rng = np.random.default_rng(seed)
-        observed = legs(TENSION + 0.1 * rng.standard_normal(len(TENSION)))
+        observed = legs(TENSION + 0.1 * rng.standard_normal(len(TENSION)), TIME)
         assert len(observed.turns) == 1
         assert np.all(np.diff(observed.values[: observed.turns[0]]) >= 0)
         assert np.all(np.diff(observed.values[observed.turns[0] :]) <= 0)
@@ -120,7 +120,7 @@ def test_the_drive_between_turns_is_monotone_and_its_peak_is_not_that_of_the_noi
 def test_a_turn_lies_where_its_flatter_side_ends():
     position = np.arange(120.0)
     drive = np.where(position < 90.4, 5.0 + 0.02 * position, 5.0 + 0.02 * 90.4 - 0.5 * (position - 90.4))
-    (result,) = legs(drive).turn_values
+    (result,) = legs(drive, position).turn_values
     # the flatter side is off by what it rises in a part of a step; the other by some 0.2 N
     assert result == pytest.approx(5.0 + 0.02 * 90.4, abs=0.02)
 

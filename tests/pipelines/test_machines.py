@@ -142,6 +142,28 @@ def test_the_angle_of_a_route_that_nobody_sensed_follows_from_a_run(run, tmp_pat
     assert math.log(high / low) < 0.1
 
 
+def test_a_pretension_below_what_is_assumed_follows_from_a_run_that_begins_at_rest(run, tmp_path):
+    tension = 0.6 + 4.5 * (1.0 - np.cos(TIME))
+    rig = with_values(read_rig(_plain(tmp_path)), {"tendon.pretension_N": 0.6})
+    machine = machine_of(rig, [Arcs.exact(np.array([1.0]), np.array([3.5]))], 30)
+    out = simulate_machine(machine, {"time_s": TIME, "tension_in_N": tension})["tension_out_N"]
+    rng = np.random.default_rng(2)
+    noisy = {
+        name: values + 0.03 * rng.standard_normal(len(TIME))
+        for name, values in (("tension_in_N", tension), ("tension_out_N", out))
+    }
+    file = table(tmp_path / "run.csv", time_s=TIME, **noisy)
+    unknown = tmp_path / "unknown.toml"
+    unknown.write_text(_plain(tmp_path).read_text() + '[tendon]\npretension_N = "unknown"\n')
+    done = run(
+        *("calibrate", str(file), "--angle-from-run", "--rig", str(unknown)),
+        *("--out", str(tmp_path / "rig_out.toml"), "--json"),
+    )
+    low, high = json.loads(done.out)["estimates"]["tendon.pretension_N"]["ci95"]
+    assert low < 0.6 < high
+    assert high < 1.0
+
+
 def _plain(folder):
     path = folder / "plain.toml"
     path.write_text("[friction]\ncoefficient = { value = 0.145, sd = 0.01 }\n")

@@ -184,7 +184,8 @@ def calibrated_run(measured: Measured, arcs: Arcs, rig: Rig, from_tension: float
             "displacement_in_m holds the stretch of the load's spring, and load.stiffness_N_per_m is 0; "
             "give the stiffness, or a column elongation_m or displacement_out_m"
         )
-    drive_legs, time = legs(column[kept]), measured.time[kept]
+    time = measured.time[kept]
+    drive_legs = legs(column[kept], time)
     values, turns = drive_legs.values, drive_legs.turns
     floor = min(from_tension, RUN_LIMITS.floor * float(values.max())) if by_force else 0.0
     counting = dict(_counting(measured, kept, values if by_force else None, floor, spring))

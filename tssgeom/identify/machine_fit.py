@@ -19,6 +19,7 @@ from tssgeom.least_squares import SOLVER, solve
 from tssgeom.least_squares import Problem as LeastSquares
 
 _Answer = tuple[list[Mapping[str, Vector]], list[Vector]]
+_LEAST_TENSION = 1e-3  # of a tendon that pulls [N]; derived: its logarithm is finite
 _STARTS = tuple(itertools.product((0.0, -1.0, 1.0), repeat=3))
 
 
@@ -31,9 +32,12 @@ def start_of(problem: Problem) -> Vector:
     short = Problem(runs, problem.rig, problem.parameters, rows, FIT.bars)
     weight = first_weights(short.measured())
     starts = list[tuple[float, Vector]]()
-    for corner in _STARTS if free else _STARTS[:1]:
+    rest = _rest(problem)
+    for corner, at_rest in itertools.product(_STARTS if free else _STARTS[:1], {False, bool(rest)}):
         u = np.zeros(len(problem.parameters))
         u[free] = [corner[j % 3] for j in range(len(free))]
+        for j in rest if at_rest else ():
+            u[j] = rest[j]
         channels = short.model(u)
         if channels is not None:
             starts.append((_objective(short.left(channels), weight, u), u))
@@ -43,6 +47,20 @@ def start_of(problem: Problem) -> Vector:
     inflation = np.ones(len(rows))
     states = [fit_round(short, u, weight, inflation, FIT.start_steps) for _, u in nearest]
     return min(states, key=lambda state: state.objective).u
+
+
+def _rest(problem: Problem) -> dict[int, float]:
+    """Return the pretension of a tendon that is at rest when a run by its tension begins [s.d. of its prior].
+
+    With any higher one the first reading is a release, and the derivative by the pretension is 0.
+    """
+    first = [run.given["tension_in_N"][0] for run in problem.runs if "tension_in_N" in run.given]
+    at = max(float(np.median(first)), _LEAST_TENSION) if first else 0.0
+    return {
+        j: float(np.clip(each.prior.u(at), -FIT.farthest, FIT.farthest))
+        for j, each in enumerate(problem.parameters)
+        if first and each.key == "tendon.pretension_N"
+    }
 
 
 def fit_from(

@@ -13,7 +13,7 @@ from tssgeom.arrays import Vector
 from tssgeom.errors import FitError, SettingsError
 from tssgeom.identify.drive import calmed
 from tssgeom.identify.readings import with_added
-from tssgeom.identify.turning import Legs, legs, with_round_turns, with_turns
+from tssgeom.identify.turning import Legs, legs, with_turns
 from tssgeom.mechanism import numbered, tendon_count
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
@@ -131,7 +131,7 @@ def machine_run(
     made = None
     if drive == "tension_in":
         channels = [given[channel] for channel in drive_channels(drive, count)]
-        of_each = [with_round_turns(readings, legs(readings)) for readings in channels]
+        of_each = [legs(readings, given["time_s"]) for readings in channels]
         for channel, each in zip(drive_channels(drive, count), of_each, strict=True):
             given[channel] = each.values
         made = of_each[0] if count == 1 else None
