@@ -30,6 +30,7 @@ from tssgeom.identify.fit_quality import (
     ChannelFit,
     failures,
     first_weights,
+    misfits,
     squares,
     weights_of,
     whiteness,
@@ -264,7 +265,7 @@ def _calibration(fit: _Fit, of_route: Matrix, warnings: tuple[str, ...]) -> Cali
     return Calibration(
         estimates,
         channels,
-        warnings,
+        (*warnings, *misfits(channels)),
         fit.run.reading.time,
         {NAMES[block.channel]: fitted[block.channel] for block in stack.blocks},
         {NAMES[block.channel]: fit.run.reading.measured[block.channel] for block in stack.blocks},

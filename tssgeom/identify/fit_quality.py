@@ -125,6 +125,17 @@ def failures(
         yield "the fitted model is not finite"
 
 
+def misfits(channels: Sequence[ChannelFit]) -> Iterator[str]:
+    """Yield a warning for each channel whose residuals are far above its noise."""
+    for each in channels:
+        if each.over_noise > FIT_TEST.most_of_noise:
+            yield (
+                f"{each.name} is met within {each.rms:.3g} {each.unit}, {each.over_noise:.3g} × its noise: "
+                "the model lacks an effect, and the intervals do not count what it changes; "
+                "`tssgeom discover` tries to identify it"
+            )
+
+
 def squares(left_over: Vector, counts: list[int], parameters: int, inflation: Vector) -> Vector:
     """Squares of residuals over the variance that the fit assumed; 1 for what the prior adds."""
     worth = np.repeat(inflation, counts)

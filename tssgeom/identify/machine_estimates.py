@@ -11,7 +11,7 @@ import numpy as np
 from scipy.stats import t as student
 
 from tssgeom.arrays import Matrix, Vector
-from tssgeom.identify.fit_quality import FIT_TEST, ChannelFit, failures, whiteness
+from tssgeom.identify.fit_quality import FIT_TEST, ChannelFit, failures, misfits, whiteness
 from tssgeom.identify.machine_held_out import NOTHING_HELD_OUT, HeldOut, contradictions
 from tssgeom.identify.machine_problem import FIT, FitState, Problem
 from tssgeom.identify.machine_run import MachineRun
@@ -101,17 +101,18 @@ def calibration_of(
     quantile = float(student.ppf(0.975, max(effective - len(state.u), 2.0)))
     estimates = tuple(_estimates(problem, state.u, covariance, quantile))
     values = {each.key: each.value for each in estimates if each.key}
+    channels = tuple(_channel_fits(problem, state))
     return MachineCalibration(
         estimates,
         _friction_angle(problem, state.u, covariance, quantile),
         tuple(_ties(problem, state.u, covariance, quantile)),
-        tuple(_channel_fits(problem, state)),
+        channels,
         held,
         with_values(problem.rig, values),
         tuple(problem.of_run(state.u, k) for k in range(len(problem.runs))),
         problem.runs,
         tuple(problem.answers(state.channels)),
-        (*notes, *(note for run in problem.runs for note in run.notes)),
+        (*notes, *(note for run in problem.runs for note in run.notes), *misfits(channels)),
     )
 
 

@@ -128,7 +128,7 @@ class Problem:
 
     def _beside(self, u: Vector, j: int) -> tuple[float, list[Mapping[str, Vector]] | None, int]:
         """Return a step of one number, the channels after it, and the run that it belongs to, or −1."""
-        only, step = self.parameters[j].run, SOLVER.step
+        only, step = self.parameters[j].run, SOLVER.coarse_step
         for way in (step, -step):
             moved = u.copy()
             moved[j] += way
