@@ -96,7 +96,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     The exit status is 0, 1 or 2, or 128 and the number of the signal that ended the command.
     """
     open_streams()
-    sys.exit(interruptible(lambda: _status(arguments)))
+    sys.exit(interruptible(lambda: _status(arguments), last=arguments is None))
 
 
 def _status(arguments: Sequence[str] | None) -> int:
