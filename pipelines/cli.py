@@ -6,6 +6,7 @@ What a command needs is imported when it runs, so that `--help` is quick.
 from __future__ import annotations
 
 import inspect
+import os
 import sys
 from collections.abc import Callable, Sequence
 from importlib import import_module
@@ -18,6 +19,9 @@ from pipelines import tssgeom_version
 from pipelines.interruption import interruptible
 from pipelines.terminal import open_streams, print_message, whose_reader_may_leave
 
+_RESERVED = (
+    "32MiB"  # of address space by Arrow and Rerun at a time, each; chosen: a thirtieth of their default
+)
 _HELP = {"help_option_names": ["-h", "--help"]}
 
 COMMANDS = (
@@ -95,8 +99,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
     The exit status is 0, 1 or 2, or 128 and the number of the signal that ended the command.
     """
+    os.environ.setdefault("MIMALLOC_ARENA_RESERVE", _RESERVED)
     open_streams()
-    sys.exit(interruptible(lambda: _status(arguments)))
+    sys.exit(interruptible(lambda: _status(arguments), last=arguments is None))
 
 
 def _status(arguments: Sequence[str] | None) -> int:
@@ -116,13 +121,19 @@ def _status(arguments: Sequence[str] | None) -> int:
 
 def _expected(error: Exception) -> int:
     """Print an error of the package or of the system, and return the exit status; raise any other again."""
-    from tssgeom.errors import SettingsError, TssgeomError, first_line, refused  # here: it is rarely needed
+    from tssgeom.errors import (  # here: it is rarely needed
+        SettingsError,
+        TssgeomError,
+        lacks_memory,
+        out_of_memory,
+        refused,
+    )
 
+    if not isinstance(error, TssgeomError) and lacks_memory(error):
+        error = out_of_memory(error)
     error = refused(error) if isinstance(error, OSError) else error
     if isinstance(error, UnicodeEncodeError):
         error = SettingsError("a name or an argument is not UTF-8, and goes into a file: give another one")
-    if isinstance(error, MemoryError | ImportError):
-        error = SettingsError(f"{first_line(error)}: check the free memory, its limits, and the installation")
     if not isinstance(error, TssgeomError):
         raise error
     return _failed(str(error), 2)

@@ -18,6 +18,8 @@ from tssgeom.errors import (
     ShapeError,
     SpaceError,
     TssgeomError,
+    lacks_memory,
+    out_of_memory,
     printable,
     refused,
     shortened,
@@ -316,7 +318,9 @@ def _count(tally: Tally, path: Path, outcome: Analysis | Refusal, finish: Callab
 
 
 def unexpected(source: str | Path, error: Exception) -> str:
-    """Return the one line for an error that is a mistake of the program."""
+    """Return the one line for an error that is a mistake of the program, or a lack of memory."""
+    if lacks_memory(error):
+        return f"{source}: {out_of_memory(error)}"
     return (
         f"{source}: unexpected {one_line(f'{type(error).__name__}: {error}')}: please report it with the file"
     )

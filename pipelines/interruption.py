@@ -47,12 +47,14 @@ class Interruption:
     """KeyboardInterrupt was raised in the main thread."""
     over: threading.Event = field(default_factory=threading.Event)
     """The command has ended, or has taken the signal as the end of one step."""
+    done: bool = False
+    """The work is done: a signal changes nothing."""
 
     def hear(self, number: int, frame: FrameType | None) -> None:
         """Raise KeyboardInterrupt for the first signal; any other comes while the command ends."""
-        if not self.number:
+        self.heard.set()
+        if not self.number and not self.done:
             self.number = number
-            self.heard.set()
             raise KeyboardInterrupt
 
     def watch(self, woken: socket.socket) -> None:
@@ -77,12 +79,16 @@ class Interruption:
 _present = Interruption()
 
 
-def interruptible(work: Callable[[], int]) -> int:
-    """Do the work of a command, and return its exit status or that of the signal that ended it."""
+def interruptible(work: Callable[[], int], *, last: bool = False) -> int:
+    """Do the work of a command, and return its exit status or that of the signal that ended it.
+
+    Where it is the last of a process, a signal afterwards ends the process as if Python handled none.
+    """
     status = 0
-    with _listening() as present:
+    with _listening(last=last) as present:
         try:
             status = work()
+            present.done = True
         except BaseException:  # also of a library whose import was interrupted
             if not present.number:
                 raise
@@ -95,7 +101,7 @@ def interruptible(work: Callable[[], int]) -> int:
 
 
 @contextmanager
-def _listening() -> Iterator[Interruption]:
+def _listening(*, last: bool) -> Iterator[Interruption]:
     """Hear signals in a `with` block of the main thread; those that are shut off, as by nohup, stay so."""
     global _present
     _present = present = Interruption()
@@ -116,7 +122,7 @@ def _listening() -> Iterator[Interruption]:
         sys.unraisablehook = report
         signal.set_wakeup_fd(before)
         for each, handler in handlers.items():
-            signal.signal(each, handler)
+            signal.signal(each, signal.SIG_DFL if last else handler)
         wake.close()
 
 

@@ -2,9 +2,14 @@
 
 import errno
 import os
+import re
 from pathlib import Path
 
 _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
+_NO_MEMORY = re.compile(
+    r"bad.alloc|(fail|unable).* alloc|(out of|insufficient|cannot allocate) memory|(start|spawn).* thread",
+    re.IGNORECASE,
+)
 _HEAD, _TAIL = 1000, 500
 """Characters of a longer message that are kept at its beginning and end; chosen: they fit a terminal."""
 _WRITTEN_OUT = {code: f"\\x{code:02x}" for code in (*range(32), *range(127, 160)) if code not in (9, 10)}
@@ -117,6 +122,18 @@ def unwritable(what: object, error: OSError) -> SourceError:
 def unreadable(what: object, error: OSError, hint: str = "check the path") -> SourceError:
     """Return the error to raise where `what` could not be read."""
     return SourceError(f"{what}: cannot be read ({error.strerror or error}): {hint}")
+
+
+def lacks_memory(error: BaseException) -> bool:
+    """Whether the system refused memory or a part of a library, here or to what led to this error."""
+    refused = isinstance(error, MemoryError | ImportError) or _NO_MEMORY.search(str(error)) is not None
+    before = error.__cause__ or error.__context__
+    return refused or (before is not None and lacks_memory(before))
+
+
+def out_of_memory(error: Exception) -> SettingsError:
+    """Return the error to raise where the system refused memory."""
+    return SettingsError(f"{first_line(error)}: check the free memory, its limits, and the installation")
 
 
 def first_line(error: Exception) -> str:

@@ -6,6 +6,7 @@ import gc
 import json
 import math
 import os
+import select
 import selectors
 import signal
 import socket
@@ -99,8 +100,10 @@ def run(options: LiveOptions, settings: RunSettings) -> int:
     Raises
     ------
     SettingsError, ShapeError, SourceError
-        Where a source, a sink or a file cannot be opened.
+        Where a source, a sink or a file cannot be opened, and on Windows.
     """
+    if not hasattr(select, "poll"):
+        raise SettingsError("this system cannot poll standard streams: use Linux, macOS, or tssgeom.Engine")
     if options.write_rig is not None and not options.adapt:
         raise SettingsError("--write-rig writes the rig that --adapt follows: give both")
     with ExitStack() as stack:

@@ -16,37 +16,13 @@ import pyarrow.parquet as papq
 
 from pipelines.interruption import MESSAGE, SIGNALS
 from tests.attack.files import warmed
-from tests.attack.kills import moving
+from tests.attack.long_commands import commands
 from tests.attack.trial import Ending, attempt
 
-ROOT = Path(__file__).parents[2]
-SHAPES = ROOT / "sample_shapes"
 PROMPT = 0.5
 """Longest time from a signal to the end [s]; chosen: it feels immediate."""
 _BEGUN = 0.2  # s until a fork hears signals as a command does; before, it dies of them
 _LONG = 60.0  # s on a processor that a command may take undisturbed
-
-
-def commands(folder: Path) -> Iterator[list[str | Path]]:
-    """Yield commands that take a while and write to `folder / "out"`."""
-    out, loop, campaign = folder / "out", SHAPES / "setup_a.csv", SHAPES / "campaign_hidden_bend"
-    many, long = folder / "in", moving(folder / "long.jsonl", 400)
-    many.mkdir()
-    for k in range(4):
-        moving(many / f"run{k}.jsonl", 10 + k)
-    batch = ["batch", many, "--out", out]
-    yield [*batch, "--workers", "2"]
-    yield [*batch, "--workers", "1"]
-    yield ["batch", long, "--out", out, "--geometry-only", "--workers", "2"]
-    yield ["analyse", long, "--out", out]
-    yield ["check", long, *many.iterdir()]
-    yield ["simulate", long, "--drive", campaign / "loop_slow.csv", "--out", out]
-    yield ["compensate", loop, "--target", campaign / "loop_slow.csv", "--out", out]
-    yield ["calibrate", campaign / "loop_slow.csv", "--shape", loop, "--out", out / "rig.toml"]
-    yield ["discover", campaign, "--out", out]
-    yield ["remedy", "--shape", loop, "--out", out]
-    yield ["paper", "--out", out]
-    yield ["samples", "--out", out]
 
 
 def faults(ending: Ending, number: int, folder: Path) -> Iterator[str]:
@@ -62,6 +38,11 @@ def faults(ending: Ending, number: int, folder: Path) -> Iterator[str]:
         yield "traceback"
     if ending.left:
         yield "process left"
+    yield from half_written(folder)
+
+
+def half_written(folder: Path) -> Iterator[str]:
+    """Yield what a command that did not finish has left of files."""
     for path in [*(folder / "temporary").iterdir(), *(folder / "out").rglob(".*")]:
         if path.name != ".batch":
             yield f"draft {path.relative_to(folder)}"

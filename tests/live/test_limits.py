@@ -86,6 +86,13 @@ def test_no_address_of_another_machine_is_taken(run, uri):
     assert "--allow-remote" in outcome.errors[0]
 
 
+def test_a_system_that_cannot_poll_is_refused_in_one_line(run, monkeypatch):
+    monkeypatch.delattr("select.poll")  # as on Windows
+    outcome = run("live")
+    assert (outcome.status, len(outcome.errors)) == (2, 1)
+    assert "use Linux, macOS, or tssgeom.Engine" in outcome.errors[0]
+
+
 def test_a_stream_may_give_nothing():
     program = "from pipelines.cli import main; main()"
     command = [sys.executable, "-c", program, "live", "--source", "-", "--sink", "none"]

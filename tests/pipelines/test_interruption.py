@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from pipelines.interruption import MESSAGE, SIGNALS, ending_this_step, interruptible
+from pipelines.interruption import MESSAGE, SIGNALS, Interruption, ending_this_step, interruptible
 
 LATE = 20.0  # s; far above the 0.5 s of an idle machine, which tests share; the work takes a minute
 
@@ -129,3 +129,16 @@ def test_a_signal_may_end_one_step_alone_and_nothing_stays_behind():
     assert interruptible(filming_then_writing) == 4
     assert ([signal.getsignal(number) for number in SIGNALS], sys.unraisablehook) == states
     assert signal.set_wakeup_fd(-1) == -1
+
+
+def test_a_signal_after_the_work_changes_nothing():
+    late = Interruption(done=True)
+    late.hear(signal.SIGINT, None)
+    assert (late.number, late.heard.is_set()) == (0, True)
+
+
+def test_a_signal_while_the_process_ends_leaves_no_traceback():
+    program = "import atexit, signal; from pipelines.interruption import interruptible; "
+    program += "atexit.register(signal.raise_signal, signal.SIGINT); interruptible(lambda: 0, last=True)"
+    done = subprocess.run([sys.executable, "-c", program], check=False, stderr=subprocess.PIPE, timeout=LATE)
+    assert (done.returncode, done.stderr) == (-signal.SIGINT, b"")

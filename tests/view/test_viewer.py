@@ -27,7 +27,10 @@ def test_screenshot_needs_no_display_and_shows_the_route_in_colour(
     moving_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.delenv("DISPLAY", raising=False)
+    (temporary := tmp_path / "temporary").mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(temporary))
     screenshot(moving_file, tmp_path / "new" / "picture.png", (1200, 700))
+    assert [*temporary.iterdir()] == []
     with Image.open(tmp_path / "new" / "picture.png") as picture:
         assert picture.size == (1200, 700)
         colours = picture.convert("RGB").getcolors(maxcolors=1 << 20)

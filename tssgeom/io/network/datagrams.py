@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import selectors
 import socket
 import sys
@@ -82,7 +81,7 @@ class UdpSource(Source):
         except OSError as error:
             sock.close()
             raise socket_error(endpoint, error) from error
-        self._linux = os.uname().sysname == "Linux"
+        self._linux = sys.platform == "linux"
         self.text = endpoint.at(sock.getsockname())
         self._mailbox, self._allowed, self._unit = mailbox, allowed, unit
         self._selector = selector

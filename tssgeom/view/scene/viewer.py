@@ -21,6 +21,7 @@ from rerun.chunk import Chunk, RrdReader
 from rerun.experimental import ViewerClient
 
 from tssgeom.arrays import Vector
+from tssgeom.atomic import temporary_folder
 from tssgeom.errors import SourceError, require_replaceable
 from tssgeom.tendon.history import last_peak
 from tssgeom.view.quantities import COUNT, TIMELINE
@@ -67,10 +68,10 @@ def open_viewer(
         require_recording(path)
     files = [str(path) for path in paths]
     options = _web_options(announce) if web else ["--port", "auto"]
-    with tempfile.TemporaryFile() as log:
+    with _quiet() as environment, tempfile.TemporaryFile() as log:
         command = [binary(), *files, "--bind", _HOST, *options]
         try:
-            status = subprocess.run(command, check=False, stderr=log, env=_quiet()).returncode
+            status = subprocess.run(command, check=False, stderr=log, env=environment).returncode
         except KeyboardInterrupt:
             return 0
         if status > 0:
@@ -221,8 +222,8 @@ def _headless(path: Path, size: tuple[int, int]) -> Iterator[ViewerClient]:
     port, began = _free_port(), time.monotonic()
     options = ["--headless", "--hide-welcome-screen", "--window-size", f"{size[0]}x{size[1]}"]
     command = [binary(), str(path), *options, "--bind", _HOST, "--port", str(port)]
-    with tempfile.TemporaryFile() as log:
-        viewer = subprocess.Popen(command, stdout=log, stderr=log, env={**_quiet(), "CI": "true"})
+    with _quiet() as environment, tempfile.TemporaryFile() as log:
+        viewer = subprocess.Popen(command, stdout=log, stderr=log, env={**environment, "CI": "true"})
         try:
             yield _loaded(viewer, port, began)
         except (ConnectionError, RuntimeError, TimeoutError) as error:
@@ -234,9 +235,14 @@ def _headless(path: Path, size: tuple[int, int]) -> Iterator[ViewerClient]:
             _end(viewer)
 
 
-def _quiet() -> dict[str, str]:
-    """Return the environment of a viewer that writes errors alone; with CI it also reports no use of it."""
-    return {**os.environ, "RUST_LOG": "error"}
+@contextmanager
+def _quiet() -> Iterator[dict[str, str]]:
+    """Yield the environment of a viewer that writes errors alone, and remove the files that it leaves.
+
+    With CI it also reports no use of it.
+    """
+    with temporary_folder() as folder:
+        yield {**os.environ, "RUST_LOG": "error", **dict.fromkeys(("TMPDIR", "TMP"), str(folder))}
 
 
 def _end(viewer: subprocess.Popen[bytes]) -> None:

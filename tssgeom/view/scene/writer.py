@@ -16,6 +16,7 @@ import rerun.blueprint as rrb
 
 from tssgeom.atomic import replacing
 from tssgeom.errors import SourceError, require_replaceable
+from tssgeom.view.scene.address_space import EACH, require_address_space
 from tssgeom.view.scene.viewer import binary
 
 _START = b"RRF2\x00)\x00\x00\x01\x02\x00\x00"  # of every file: format, version, messages in protobuf
@@ -50,13 +51,12 @@ def recording_file(
     SourceError
         Where the file cannot be written; SpaceError where the disk is full.
     """
+    require_address_space(EACH)
     with (
         replacing(path) as draft,
         rr.RecordingStream(application or f"tssgeom: {name}", recording_id=uuid4()) as recording,
     ):
-        stream = (
-            recording.binary_stream()
-        )  # since Rerun's own file sink blocks for ever once the disk is full
+        stream = recording.binary_stream()  # Rerun's own file sink blocks for ever once the disk is full
         recording.send_blueprint(layout, make_active=False)
         recording.send_recording_name(name)
         yield recording
