@@ -23,9 +23,6 @@ class EvidenceScale:
     """Fall of BIC, or 2 Δ ln Z, below which two models are not separated [1]; cited: odds of 20."""
     very_strong: float = 10.0
     """The same that a part of a model needs [1]; cited: odds of 150."""
-    clear: float = 3.0
-    """Standard errors from which one number differs from what was expected [1]; derived: 1 of 370 by
-    chance."""
 
 
 EVIDENCE_SCALE = EvidenceScale()

@@ -182,7 +182,7 @@ void fit_pieces(const Data *data, Chain *chain, double goal, int64_t restart, Wo
             Chain before = now;
             now = tried, tried = before;
             if (saved < enough && damping <= CHAIN_FIT.damping_of_failure) break;
-            damping = most(CHAIN_FIT.easier * damping, CHAIN_FIT.least_damping);
+            damping = most(CHAIN_FIT.easier * damping, ROUNDING.exact);
         } else {
             damping = most(CHAIN_FIT.harder * damping, CHAIN_FIT.damping_of_failure);
         }
@@ -202,9 +202,9 @@ int64_t chain_fits(const Data *data, const Chain *chain, double last) {
     if (!turn_is_identifiable(data, chain)) return 0;
     int64_t left = value_count(data) - chain->m;
     double freedom = (double)(left > 1 ? left : 1);
-    double highest = 1.0 + CHAIN_TRACKING.cost_deviations * sqrt(2.0 / freedom);
+    double highest = 1.0 + CHANCE.never * sqrt(2.0 / freedom);
     if (data->variance > 0.0) return chain->cost < highest * data->variance * freedom;
-    double usual = most(last, squared(CHAIN_TRACKING.rounding * data->spacing)) * freedom;
+    double usual = most(last, squared(ROUNDING.relative * data->spacing)) * freedom;
     double lowest = squared(CHAIN_TRACKING.exact * data->spacing) * freedom;
     if (CHAIN_TRACKING.quieter * most(chain->cost, lowest) < usual) return 0; /* no measure of this frame */
     return chain->cost < most(CHAIN_TRACKING.noisier, 1.5 * highest) * usual;

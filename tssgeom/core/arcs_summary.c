@@ -36,8 +36,8 @@ static void hidden_bends(const Data *data, const Chain *chain, const double lowe
             for (int64_t e = 0; e < 2; e++) own[2 * c + e] = bent.matrix[(at + c) * all + at + e];
         }
         schur_complement(m, lower, unit, gradient, 2, cross, own, bent.gradient + at, left, rest, w);
-        for (int e = 0; e < 4; e += 3) left[e] = most(left[e], CHAIN_MOVES.damping * own[e]);
-        factor(2, left, CHAIN_FIT.least_information, root, units);
+        for (int e = 0; e < 4; e += 3) left[e] = most(left[e], ROUNDING.exact * own[e]);
+        factor(2, left, ROUNDING.exact, root, units);
         solve(2, root, units, rest, bend);
         const double both[4] = {1.0, 0.0, 0.0, 1.0};
         double spread[4];
@@ -118,7 +118,7 @@ static double pieces_of(
             for (int64_t a = 0; a < m; a++) of_length[a] += slide[a], of_angle[a] += kappa * slide[a];
         }
     }
-    factor(m, chain->matrix, CHAIN_FIT.least_information, lower, unit);
+    factor(m, chain->matrix, ROUNDING.exact, lower, unit);
     propagated(m, lower, unit, r, gradient, covariance, w);
     for (int64_t a = 0; a < r * r; a++) covariance[a] *= variance;
     hidden_bends(data, chain, lower, unit, hidden, w);
@@ -217,10 +217,10 @@ static double saved_by_sums(
         for (int64_t f = 0; f < d; f++) {
             double value = 0.0;
             for (int64_t a = 0; a < p; a++) value += sums[f * p + a] * half[a];
-            matrix[e * d + f] = e == f ? most(value, CHAIN_MOVES.damping * whole) : value;
+            matrix[e * d + f] = e == f ? most(value, ROUNDING.exact * whole) : value;
         }
     }
-    factor(d, matrix, CHAIN_MOVES.damping, lower, unit);
+    factor(d, matrix, ROUNDING.exact, lower, unit);
     solve(d, lower, unit, slope, step);
     for (int64_t e = 0; e < d; e++) saved += step[e] * slope[e];
     return saved;
@@ -265,7 +265,7 @@ static void part_equations(
         gradient[a] += cut.gradient[first + i];
         for (int64_t b = 0; b < p; b++) cross[a * p + b] += own[i * p + b];
     }
-    factor(m, chain->matrix, CHAIN_MOVES.damping, lower, unit);
+    factor(m, chain->matrix, ROUNDING.exact, lower, unit);
     schur_complement(m, lower, unit, gradient, p, cross, own, cut.gradient + first, left, rest, w);
 }
 
@@ -288,7 +288,7 @@ status tss_saved_by_parts(
     for (int64_t j = 0; j < k; j++) {
         int64_t corner = of_piece * j * (p + 1);
         saved[j] = 0.0, part[j] = 0;
-        if (!(piece_length(&data, &chain, j) >= CHAIN_MOVES.split_above * spacing)) continue;
+        if (!(piece_length(&data, &chain, j) >= (double)CHAIN_MOVES.parts * spacing)) continue;
         for (int64_t cut = 1; cut < parts; cut++) {
             /* the level of a curved piece is a parameter already: one side of the joint is enough */
             int64_t d = curved[j] ? 2 : 4;

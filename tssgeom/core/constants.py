@@ -17,3 +17,27 @@ class NormalMedians(NamedTuple):
 
 
 MEDIANS = NormalMedians()
+
+
+class Chance(NamedTuple):
+    """How far normal errors go, in standard deviations."""
+
+    clear: float = 3.0
+    """From here a number differs from what was expected [1]; derived: 1 of 370 by chance."""
+    never: float = 6.0
+    """No error of a whole run goes so far [1]; derived: 1 of 10⁹ by chance."""
+
+
+CHANCE = Chance()
+
+
+class Rounding(NamedTuple):
+    """What is no more than the arithmetic of float64, over the size of the numbers."""
+
+    relative: float = 1e-9
+    """Of results of many operations [1]; derived: sums of a thousand terms, solved again and again."""
+    exact: float = 1e-12
+    """Of results of a few operations, and of what elimination leaves of a pivot [1]; derived."""
+
+
+ROUNDING = Rounding()

@@ -31,8 +31,6 @@ class ChainFit(NamedTuple):
 
     first_damping: float = 1e-9
     """Damping of the first step, of the diagonal [1]; chosen: nearly that of Gauss and Newton."""
-    least_damping: float = 1e-13
-    """Least damping [1]; rounding."""
     damping_of_failure: float = 1e-6
     """Least damping after a step that does not decrease the cost [1]; chosen."""
     most_damping: float = 1e6
@@ -56,9 +54,6 @@ class ChainFit(NamedTuple):
 
     least_variance: float = 1e-26
     """Least noise variance of a coordinate [m²]; rounding of coordinates."""
-    least_information: float = 1e-13
-    """Least information on a parameter beside the others, of its own [1]: below it the others determine all
-    of it, but for rounding."""
     kink: float = 0.1
     """Shortest piece of a chain with kinks [mean spacings]; chosen."""
     clearly: float = 0.9
@@ -72,9 +67,8 @@ class ChainMoves(NamedTuple):
     """How other pieces of a chain are searched. Promises come from a straight line and may be wrong."""
 
     parts: int = 4
-    """Parts into which a piece is cut to see where another joint would help [1]; chosen."""
-    damping: float = 1e-12
-    """Damping of the equations behind a promise, of the diagonal [1]; derived: rounding."""
+    """Parts into which a piece is cut to see where another joint would help; a shorter one than so many mean
+    spacings is not cut [1]; chosen."""
     most_pieces: int = 40
     """Most pieces of a chain [1]; chosen."""
     most_moves: int = 120
@@ -87,8 +81,6 @@ class ChainMoves(NamedTuple):
     """Pieces in which another joint is tried [1]; chosen."""
     dropped_below: float = 8.0
     """Length of a piece below which it may be dropped whole [mean spacings]; chosen."""
-    split_above: float = 4.0
-    """Length of a piece from which on it may be split [mean spacings]; derived: a point for each part."""
     joint_parameters: float = 3.0
     """Parameters of another joint [1]; derived: the joint and the curvature behind it."""
     latest: float = 3.0
@@ -101,14 +93,10 @@ CHAIN_MOVES = ChainMoves()
 class TrackingLimits(NamedTuple):
     """Whether a chain of the last frame still fits the points of this one."""
 
-    cost_deviations: float = 6.0
-    """Standard deviations of the cost above which a chain does not fit [1]. Chosen: 1e-9 of normal errors."""
     quieter: float = 100.0
     """Noise variance of the last frame over that of this one, from which the fit begins anew [1]. Chosen."""
     noisier: float = 2.0
     """Unknown noise variance over that of the last frame, above which a chain is unfit [1]. Chosen."""
-    rounding: float = 1e-9
-    """Noise below which the last frame counts as exact [spacings]. Derived: rounding of coordinates."""
     exact: float = 1e-5
     """Noise below which two frames are equally quiet [spacings]. Chosen: below any sensor."""
 

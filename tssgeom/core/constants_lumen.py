@@ -10,8 +10,6 @@ class WallTolerance(NamedTuple):
     """Relative to the distance and to the side of a triangle. chosen: above the rounding of a foot."""
     shared_corner: float = 1e-6
     """Of the side of a triangle: corners of neighbours. chosen: ten times `same_point`."""
-    flat: float = 1e-12
-    """Squared sine between two sides, below which a triangle has no area. chosen: above its rounding."""
     smallest_distance: float = 1e-6
     """[m] Added to the distance, so that a point on the wall has a tolerance. chosen: 1 µm."""
 

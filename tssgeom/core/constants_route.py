@@ -9,13 +9,12 @@ class OutlierLimits(NamedTuple):
     square: float = 16.0
     """Squared residual of one value of many [1]. Derived: with 2 ln n added, pure noise of two components
     takes one of n values for an outlier with a chance of e^-8 = 0.03 %, whatever n is."""
-    square_per_log_count: float = 2.0
-    """What each unit of ln n adds to it [1]; derived: as above."""
     floor: float = 1e-4
     """Noise that every residual is allowed [spacing]: below some five times this none is an outlier, however
     exact the other points; chosen."""
     share: float = 0.1
-    """Most outliers of all values; where there are more, the fit is wrong [1]; chosen."""
+    """Most outliers of all values, or of those side by side; where there are more, the fit, or the order, is
+    wrong [1]; chosen."""
 
     bend_share: float = 0.3
     """Residual over κh² that a jump of curvature alone gives a point of a smooth curve [1]; chosen."""
@@ -32,15 +31,11 @@ class OutlierLimits(NamedTuple):
     chosen."""
     least_own: float = 1e-3
     """Least share of the variance of a direction that the rest of the fit leaves to it [1]; chosen."""
-    backwards: float = 4.0
-    """Squared residual of a direction that points against the route [rad²]; derived: (2 sin(π/2))²."""
 
     run_at_end: int = 4
     """Outliers side by side at an end, beyond which they are the end [1]; chosen."""
     run_within: int = 8
     """Outliers side by side between two points that are none, beyond which they are the route [1]; chosen."""
-    run_share: float = 0.1
-    """The same as a share of all points, where that is more [1]; chosen."""
 
     spline_rounds: int = 8
     """Most fits of a spline without its outliers [1]; chosen."""
@@ -78,8 +73,6 @@ class RawOutlierLimits(NamedTuple):
     """Steps by which unevenly spaced points may be off along the route, either way [1]. Chosen."""
     extrapolated_from: int = 6
     """Points whose line is extrapolated beyond an end. Chosen."""
-    most: float = 0.1
-    """Share of all points that may be outliers [1]. Chosen: where more are off, the cause is another."""
     fewest: int = 8
     """Fewest points among which outliers and the order of all can be judged [1]. Chosen."""
 
@@ -182,11 +175,9 @@ class RatioSearch(NamedTuple):
     fine: float = 0.4
     """Half width of the last parabola [decades]; derived: a twentieth of the smoother's window."""
     steps: int = 40
-    """Most steps of one width [1]; derived: more than there are on the whole range."""
+    """Most steps of one width, and most widths [1]; derived: more than there are on the whole range."""
     price_per_decade: float = 1.0
     """-2 ln of the prior of λ by decade [1]; chosen: no route is taken for exactly linear in curvature."""
-    widths: int = 8
-    """Most widths [1]; derived: halving from `coarse` reaches `fine` in four."""
 
 
 SEARCH = RatioSearch()
@@ -246,8 +237,6 @@ class Staircase(NamedTuple):
     """Cells on which joints may lie. Chosen: by speed, the cut takes time quadratic in them."""
     least_step: float = 0.03
     """Steps of curvature below which a piece is not worth it, over the greatest curvature [1]. Chosen."""
-    parameters_per_piece: float = 3.0
-    """Parameters of one more piece [1]. Derived: two of curvature, one joint."""
 
 
 STAIRCASE = Staircase()
@@ -274,8 +263,6 @@ class TimeFilterLimits(NamedTuple):
     """Least probability of a motion [1]. Chosen: so small that calming goes step by step."""
     prior_values: float = 50.0
     """Values for which the noise of the rest counts in that of the smooth part [1]. Chosen: two frames."""
-    own_share: float = 0.5
-    """Second differences that count as if independent [1]. Derived: neighbouring ones share two points."""
     most_values: float = 3000.0
     """Most values of the past that count in the noise [1]. Chosen: it is known to 3 % and may change."""
 

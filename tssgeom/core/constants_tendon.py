@@ -8,8 +8,6 @@ class ProfileLimits(NamedTuple):
 
     slack: float = -2000.0
     """Stands for ln 0, so that every corner is finite: exp(−2000) is zero in float64 [1]; derived."""
-    resolution: float = 1e-12
-    """Differences of ln T that count as rounding and not as motion [1]; chosen."""
     slides: float = 1e-6
     """Of ln T on the slope of sliding [1]; derived: bars are solved to 1e-10, corners are within 1e-9."""
     series_below: float = 1e-2
@@ -21,33 +19,20 @@ class ProfileLimits(NamedTuple):
 PROFILE = ProfileLimits()
 
 
-class RouteComparison(NamedTuple):
-    """When two sensed routes count as one that has not moved; at eight even shares of the length."""
-
-    sigmas: float = 3.0
-    """Standard errors of a difference that still count as noise [1]; chosen: 99.7 % of normal errors."""
-    rounding: float = 1e-9
-    """Difference of lengths [1] and angles [rad] that is rounding; chosen."""
-
-
-SAME_ROUTE = RouteComparison()
-
-
 class SolverTolerances(NamedTuple):
     """How exactly the balance of a chain of bars is solved."""
 
     accuracy: float = 1e-10
     """Residual that ends the iteration, of the greatest tension [1]; chosen: rounding, with room."""
     accepted: float = 1e-7
-    """Largest residual of an equilibrium that is returned [N]; chosen: below what any sensor resolves."""
-    converged: float = 1e-8
-    """Greatest change of any tension in the last pass over curved laws [N]; chosen: a tenth of `accepted`."""
+    """Largest residual of an equilibrium that is returned, and error of its tensions [N]; chosen: below what
+    any sensor resolves. The last pass over curved laws moves no tension by a tenth of it."""
+    trials: int = 80
+    """Most trials in a search for one number [1]; derived: bisection alone would need some 60."""
     passes: int = 90
     """Passes over curved laws before a step is given up [1]; chosen."""
     full_passes: int = 15
     """Passes that go all the way, the others half of it [1]; chosen."""
-    dead_weight: float = 1e-9
-    """Room at the ends of the range of drives that hold a dead weight [1]; chosen: rounding."""
     motion: float = 1e-3
     """Weight of movement against force [1]; chosen: so small that contacts stop before they turn round."""
     rounding: float = 2e-15
@@ -60,8 +45,6 @@ class SolverTolerances(NamedTuple):
     """Newton iterations from what slid last [1]; chosen: few steps need more."""
     from_guess: int = 10
     """Newton iterations from what would slide on a fixed route [1]; chosen."""
-    secants: int = 40
-    """Steps towards the proximal tension that belongs to a position on a fixed route [1]; chosen."""
 
 
 SOLVER = SolverTolerances()
@@ -70,16 +53,10 @@ SOLVER = SolverTolerances()
 class SweepTolerances(NamedTuple):
     """How exactly one sweep over the contacts of a fixed route finds a position."""
 
-    trials: int = 80
-    """Tensions tried for a position [1]; derived: bisection alone would need some 60."""
     close: float = 1e-14
     """Distance from a position that ends the search [m]; chosen: rounding of a metre, with room."""
     accepted: float = 1e-10
     """Greatest distance from a position that is returned [m]; chosen: an atom."""
-    load: float = 1e-7
-    """Change of an exponent by the load that ends its iteration [1]; chosen: the next error is its square."""
-    turns: int = 20
-    """Most iterations of an exponent by the load [1]; chosen: Newton's method needs a few."""
 
 
 SWEEP = SweepTolerances()
@@ -96,30 +73,6 @@ class BarLimits(NamedTuple):
     """Shortest time of a step [s]; chosen."""
     untimed: float = 1.0
     """A step without a time, and the first one of a stream, is taken to last so long [s]; chosen."""
-    answers: float = 1e-7
-    """Of the greater end's tension, or N: bars are balanced to so much [1]; chosen."""
-    close: float = 1e-15
-    """Of a tension in the search for the one before a contact [1]; chosen: rounding."""
-    searches: int = 60
-    """Most iterations of that search [1]; chosen."""
-    straight: float = 1e-9
-    """Exponent below which a contact does not show what friction does [1]; chosen."""
 
 
 BAR = BarLimits()
-
-
-class MachineSolver(NamedTuple):
-    """How exactly the coordinates of a mechanism with several tendons are solved."""
-
-    accuracy: float = 1e-9
-    """Residual that ends the iteration, of the greatest force [1]; chosen: bars are solved to 1e-10."""
-    accepted: float = 1e-6
-    """Largest residual of an equilibrium that is returned, of the greatest force [1]; chosen."""
-    turns: int = 80
-    """Newton iterations, or halvings of the interval, before a sample is given up [1]; chosen."""
-    halvings: int = 30
-    """Times that a step is halved [1]; chosen: until rounding."""
-
-
-MACHINE = MachineSolver()

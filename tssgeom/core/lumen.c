@@ -43,7 +43,7 @@ static double nearest_on_triangle(const double p[3], const double t[3][3], doubl
     difference3(p, t[0], d);
     double bb = dot3(b, b), bc = dot3(b, c), cc = dot3(c, c), db = dot3(d, b), dc = dot3(d, c);
     double whole = bb * cc - bc * bc;
-    if (whole > WALL.flat * bb * cc) {
+    if (whole > ROUNDING.exact * bb * cc) {
         double u = (cc * db - bc * dc) / whole, v = (bb * dc - bc * db) / whole;
         if (u >= 0.0 && v >= 0.0 && u + v <= 1.0) {
             for (int k = 0; k < 3; k++) q[k] = t[0][k] + u * b[k] + v * c[k];

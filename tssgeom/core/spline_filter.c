@@ -135,7 +135,7 @@ double best_ratio(const FilterModel *model, double variance, double guess) {
     at[0] = x - width, at[1] = x, at[2] = x + width, at[3] = x;
     criteria(model, variance, at, value);
     double left = value[0], middle = value[1], right = value[2];
-    for (int64_t round = 0; round < SEARCH.widths; round++) {
+    for (int64_t round = 0; round < SEARCH.steps; round++) {
         for (int64_t step = 0; step < SEARCH.steps; step++) {
             double way = 0.0;
             if (left < middle && left <= right && x > SEARCH.least) way = -width;

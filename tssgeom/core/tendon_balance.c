@@ -290,14 +290,14 @@ double balance(
         if (by_force && hanging) { /* docs/model.md (47) */
             double range[2];
             range_of_drive(k, weight, c->low, c->high, c->force, range);
-            if (!(range[0] * (1.0 - SOLVER.dead_weight) <= target
-                  && target <= range[1] * (1.0 + SOLVER.dead_weight)))
+            if (!(range[0] * (1.0 - ROUNDING.relative) <= target
+                  && target <= range[1] * (1.0 + ROUNDING.relative)))
                 return INFINITY;
         }
         *solves += equilibrium(c, hanging, SOLVER.from_before, SOLVER.from_guess, &residual);
         change = 0.0;
         for (int64_t j = 0; j <= k; j++) change = most(fabs(c->tension[j] - room->about[j]), change);
-        if (one_pass || (change <= SOLVER.converged && residual <= SOLVER.accepted)) break;
+        if (one_pass || (change <= 0.1 * SOLVER.accepted && residual <= SOLVER.accepted)) break;
         /* after a while it swings from side to side of a bend in some law */
         int full = done < SOLVER.full_passes;
         for (int64_t j = 0; j <= k; j++)

@@ -77,7 +77,7 @@ static int64_t advance(
     double *given = work + 16 * (k + 1); /* not the room's own, which the balance sets from it */
     double target = by_force ? drive : drive - position, weight = old.tension[n + 1];
     if (by_force && laws->load == 0.0) { /* docs/model.md (47) */
-        double rounding = SOLVER.dead_weight;
+        double rounding = ROUNDING.relative;
         range_of_drive(k, weight, laws->low, laws->high, laws->force, ends + 7);
         if (!(ends[7] * (1.0 - rounding) <= drive && drive <= ends[8] * (1.0 + rounding))) return RUNS_AWAY;
     }

@@ -9,14 +9,14 @@ int64_t tss_step_corners(
     memset(corners, 0, (size_t)(2 * (c + 1)) * sizeof(double));
     if (c == 0) return 0;
     double change = drive - log_tension[0];
-    if (!(fabs(change) > PROFILE.resolution)) return 0;
+    if (!(fabs(change) > ROUNDING.exact)) return 0;
     double way = change > 0.0 ? 1.0 : -1.0;
     double before = way * change; /* excess of the front over the old profile [1] */
     int64_t wiped = 1;
     double meeting = NAN; /* φ*, where the front meets the old profile */
     for (; wiped < c; wiped++) {
         double here = way * (drive - log_tension[wiped]) - friction * angle[wiped];
-        if (here <= -PROFILE.resolution) {
+        if (here <= -ROUNDING.exact) {
             double piece = angle[wiped] - angle[wiped - 1];
             meeting = angle[wiped - 1] + piece * before / (before - here); /* docs/model.md (4) */
             break;
@@ -112,7 +112,7 @@ static void transmit(
     double variance = most(0.0, quadratic_form(2 * p, gradient, covariance, 2 * p)); /* docs/model.md (13) */
     double log_tension_in = along.log_tension[0], log_tension_out = along.log_tension_out;
     double needed = log_tension_out + way * (friction * turned); /* docs/model.md (6) */
-    double width = way * (needed - log_tension_in) <= PROFILE.resolution
+    double width = way * (needed - log_tension_in) <= ROUNDING.exact
                        ? 0.0
                        : fabs(bounded_exp(needed) - bounded_exp(log_tension_in));
     double front = turned; /* where the run that starts at the proximal end with the slope of sliding ends */
@@ -149,7 +149,7 @@ static int64_t through_bars(
     discretise(k, edge, p, length, piece_angle, grid);
     for (int64_t j = 1; j < k; j++) phi[j] = grid.mean_angle[j - 1];
     /* rounding shall not leave the distal end beyond the last corner */
-    phi[0] = 0.0, phi[k] = total(p, piece_angle) * (1.0 + 0.1 * PROFILE.resolution);
+    phi[0] = 0.0, phi[k] = total(p, piece_angle) * (1.0 + 0.1 * ROUNDING.exact);
     for (int64_t j = 0; j <= k; j++) u[j] = tension[j] > 0.0 ? log(tension[j]) : PROFILE.slack;
     int64_t count = 1, last = 0;
     angle[0] = phi[0], log_tension[0] = u[0];
@@ -159,7 +159,7 @@ static int64_t through_bars(
             keep = phi[j + 1] > phi[j];
             double here = (u[j] - u[last]) / (phi[j] - phi[last]);
             double bend = (u[j + 1] - u[j]) / (phi[j + 1] - phi[j]) - here;
-            keep = keep && fabs(bend) * (phi[j + 1] - phi[last]) > 1e3 * PROFILE.resolution;
+            keep = keep && fabs(bend) * (phi[j + 1] - phi[last]) > 1e3 * ROUNDING.exact;
         }
         if (keep) angle[count] = phi[j], log_tension[count++] = u[j], last = j;
     }

@@ -82,12 +82,12 @@ double tss_answering(
         double exponent = (way > 0 ? laws.pulling[i] : laws.releasing[i]) * wear_factor(&laws, travel[i]);
         double far = most(0.0, here + sign * laws.force[i]),
                near = far * exp(sign * (exponent + laws.fitting[i]));
-        int64_t searches = laws.loaded && far > 0.0 ? BAR.searches : 0;
+        int64_t searches = laws.loaded && far > 0.0 ? SOLVER.trials : 0;
         for (int64_t search = 0; search < searches; search++) { /* Newton's method on near = far·exp(…) */
             double rise, factor = load_factor(&laws, 0.5 * (near + here), &rise), last = near;
             double wanted = far * exp(sign * (exponent * factor + laws.fitting[i]));
             near -= (near - wanted) / (1.0 - wanted * sign * exponent * 0.5 * rise);
-            if (fabs(near - last) <= BAR.close * near) break;
+            if (fabs(near - last) <= SOLVER.rounding * near) break;
         }
         here = near;
     }
@@ -98,7 +98,7 @@ double tss_answering(
 static double used_share(const bar_laws *laws, const bar_memory *memory, int64_t i, double *exponent) {
     double near = memory->tension[i], far = memory->tension[i + 1];
     *exponent = 0.0;
-    if (most(far, near) < BAR.answers) return 0.0; /* a loose tendon uses nothing of it */
+    if (most(far, near) < SOLVER.accepted) return 0.0; /* a loose tendon uses nothing of it */
     double unused;
     double factor = load_factor(laws, 0.5 * (near + far), &unused) * wear_factor(laws, memory->travel[i]);
     *exponent = (far < near ? laws->pulling[i] : laws->releasing[i]) * factor;
@@ -139,7 +139,7 @@ void tss_transmit_with_effects(
     for (int64_t j = 1; j <= k; j++) { /* bars in the sheath, then what lies between sheath and load */
         int inside = j < k;
         double pull = tension[j], exponent, rise, share = used_share(&laws, &kept, j - 1, &exponent);
-        if (exponent > BAR.straight) used = share; /* on a straight stretch as before it */
+        if (exponent > ROUNDING.relative) used = share; /* on a straight stretch as before it */
         double coefficient = friction * (used < 0.0 ? 1.0 + asymmetry : 1.0 - asymmetry);
         slope = load_factor(&laws, pull, &rise) * wear_factor(&laws, kept.travel[j - 1]);
         slope *= used * coefficient;
@@ -164,7 +164,7 @@ void tss_transmit_with_effects(
     double width = (double)way * (tss_answering(k, plant, memory, tension_out, way) - tension_in);
     int replied =
         kept.slip[k - 1] == (double)way
-        || width <= BAR.answers * most(1.0, most(tension_out, tension_in)); /* docs/model.md (122) */
+        || width <= SOLVER.accepted * most(1.0, most(tension_out, tension_in)); /* docs/model.md (122) */
     double slid = 0.0;
     if (front == k) slid = total(p, angle);
     else if (front > 0) {

@@ -42,7 +42,7 @@ void range_of_drive(
 static double find_drive(const bar_chain *c, const double range[2]) {
     double lowest = range[0], highest = range[1], below = lowest, above = highest, *start = c->tension, slope;
     start[0] = within(c->trial[0], lowest, highest);
-    for (int64_t secant = 0; secant < SOLVER.secants; secant++) {
+    for (int64_t secant = 0; secant < SOLVER.trials; secant++) {
         double gained = carry(c, &slope);
         if (gained > c->shift) above = start[0];
         else below = start[0];

@@ -75,7 +75,7 @@ static int try_tendon(const sample *it, int64_t i, const double z[], end_forces 
     it->rest[k] -= end; /* docs/model.md (172) */
     double change =
         balance(&laws, &memory, &room, it->by_force, target, 0.0, it->warmth, it->span, it->rest, &solves);
-    if (!(change <= 1e3 * SOLVER.converged)) return 0;
+    if (!(change <= 1e2 * SOLVER.accepted)) return 0;
     memory.held[HELD.engaged] = target, memory.held[HELD.drive] = drive;
     *f = slopes_of(&room.chain, it->by_force);
     if (target == engaged && laws.backlash > 0.0) f->in_by_in = f->out_by_in = 0.0;
@@ -155,14 +155,14 @@ static int solve_balance(const sample *it, double z[]) {
         left[0] -= moving.slides;
         it = &moving;
     }
-    for (int64_t turn = 0; turn < MACHINE.turns; turn++) {
+    for (int64_t turn = 0; turn < SOLVER.trials; turn++) {
         double worst = largest(m, left);
-        if (worst <= MACHINE.accuracy * scale) return 1;
+        if (worst <= ROUNDING.relative * scale) return 1;
         if (m == 1 && left[0] > 0.0) low = most(low, z[0]);
         if (m == 1 && left[0] < 0.0) high = least(high, z[0]);
         solve_step(m, slope, left, step);
         int better = 0;
-        for (int64_t half = 0; half < MACHINE.halvings && !better; half++) {
+        for (double share = 1.0; share > ROUNDING.relative && !better; share *= 0.5) {
             for (int64_t a = 0; a < m; a++) next[a] = z[a] + step[a];
             if (m == 1 && step[0] == 0.0) next[0] = z[0] + (worst > 0.0 && low >= z[0] ? 1.0 : -1.0);
             if (m == 1 && !(low < next[0] && next[0] < high)) {
@@ -173,11 +173,11 @@ static int solve_balance(const sample *it, double z[]) {
             better = m == 1 || largest(m, left) < worst;
             for (int64_t a = 0; a < m; a++) step[a] *= 0.5;
         }
-        if (!better) return worst <= MACHINE.accepted * scale;
-        if (m == 1 && next[0] == z[0]) return largest(m, left) <= MACHINE.accepted * scale;
+        if (!better) return worst <= 1e3 * ROUNDING.relative * scale;
+        if (m == 1 && next[0] == z[0]) return largest(m, left) <= 1e3 * ROUNDING.relative * scale;
         memcpy(z, next, (size_t)m * sizeof(double));
     }
-    return largest(m, left) <= MACHINE.accepted * scale;
+    return largest(m, left) <= 1e3 * ROUNDING.relative * scale;
 }
 
 int64_t tss_march_machine(

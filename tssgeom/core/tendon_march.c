@@ -13,14 +13,14 @@ static double slide_loaded(
     const bar_laws *laws, int64_t i, double near, double old, double exponent, double sign, double *slope) {
     double fixed = laws->fitting[i], force = laws->force[i], rise;
     double here = old, m = exponent * load_factor(laws, 0.5 * (near + old), &rise);
-    for (int64_t turn = 0; turn < SWEEP.turns; turn++) {
+    for (int64_t turn = 0; turn < SOLVER.trials; turn++) {
         double ratio = exp(sign * (m + fixed));
         here = most(0.0, ratio * near + sign * force);
         double wanted = exponent * load_factor(laws, 0.5 * (near + here), &rise);
         double bend = sign * 0.5 * exponent * rise * ratio * near; /* d wanted / d m */
         double change = (wanted - m) / (1.0 - bend);
         m += change;
-        if (fabs(change) <= SWEEP.load) break;
+        if (fabs(change) <= sqrt(SWEEP.close)) break;
     }
     double ratio = exp(sign * (m + fixed));
     double share = 0.5 * exponent * rise * ratio * near;
@@ -80,7 +80,7 @@ sweep_to_position(const bar_laws *laws, const bar_memory *memory, step_room *roo
         start = sliding_from(laws, memory, room, shift < target);
         shift = carry(laws, memory, room, start, &slope);
     }
-    for (int64_t trial = 0; trial < SWEEP.trials; trial++) {
+    for (int64_t trial = 0; trial < SOLVER.trials; trial++) {
         if (fabs(shift - target) <= SWEEP.close) return 0.0;
         if (shift < target) below = most(start, below);
         else above = least(start, above);
@@ -178,7 +178,7 @@ int take_sample(
         } else {
             double change = balance(
                 laws, memory, room, by_force, target, laws->pretension, warm, span, laws->rest, &solves);
-            if (!(change <= 1e3 * SOLVER.converged)) return 0;
+            if (!(change <= 1e2 * SOLVER.accepted)) return 0;
         }
     }
     held[HELD.drive] = drive, held[HELD.warmth] = warmth, held[HELD.rate] = rate;

@@ -92,11 +92,11 @@ int64_t tss_is_unmoved(
     at_shares(p, length, angle, covariance[0], &before);
     at_shares(q, length_now, angle_now, covariance_now[0], &now);
     double sd = sqrt(most(0.0, before.length_variance + now.length_variance));
-    double room = SAME_ROUTE.sigmas * sd + SAME_ROUTE.rounding * before.length;
+    double room = CHANCE.clear * sd + ROUNDING.relative * before.length;
     if (fabs(now.length - before.length) > room) return 0;
     for (int share = 0; share < SHARES; share++) {
         sd = sqrt(most(0.0, before.variance[share] + now.variance[share]));
-        if (fabs(now.phi[share] - before.phi[share]) > SAME_ROUTE.sigmas * sd + SAME_ROUTE.rounding) return 0;
+        if (fabs(now.phi[share] - before.phi[share]) > CHANCE.clear * sd + ROUNDING.relative) return 0;
     }
     return 1;
 }

@@ -89,7 +89,7 @@ static counted rough_part(
     if (used <= count) return (counted){0.0, 0.0};
     squares = most(0.0, squares - smooth_part(n, count, wave, field, part));
     double gain = 1.0 + squared(1.0 + ratio) + squared(ratio);
-    double own = TIME_FILTER.own_share; /* neighbouring differences share points */
+    double own = 0.5; /* neighbouring differences share points */
     return (counted){own * 3.0 * (double)(used - count), own * squares / gain};
 }
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tssgeom.arrays import Matrix, Vector, read_only
+from tssgeom.core.constants import CHANCE
 from tssgeom.effects import HiddenBend
 from tssgeom.identify.drive import turning_points
 from tssgeom.identify.finding import PHASES, HeatMap, MisfitShare, RouteMisfit, Shape
@@ -21,7 +22,6 @@ from tssgeom.identify.misfit import phases, simulated_run
 from tssgeom.identify.prediction import run_channels
 from tssgeom.identify.readings import Reading
 from tssgeom.least_squares import SOLVER
-from tssgeom.statistics import EVIDENCE_SCALE
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,7 +159,7 @@ def pointed(
 
 def _stretch(misfit: RouteMisfit) -> tuple[float, float] | None:
     """Return the one stretch that stands out, if less than half of the route does."""
-    high = np.flatnonzero(misfit.extra_angle_rad_per_m > EVIDENCE_SCALE.clear * misfit.se)
+    high = np.flatnonzero(misfit.extra_angle_rad_per_m > CHANCE.clear * misfit.se)
     if not len(high):
         return None
     span = int(high[-1] - high[0]) + 1

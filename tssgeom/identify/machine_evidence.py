@@ -13,6 +13,7 @@ import msgspec
 import numpy as np
 
 from tssgeom.arrays import Vector
+from tssgeom.core.constants import CHANCE
 from tssgeom.errors import FitError, SettingsError
 from tssgeom.identify.fit_quality import FIT_TEST, first_weights, inflation_of, spread
 from tssgeom.identify.machine_fit import fit_round, fitted_again
@@ -21,7 +22,7 @@ from tssgeom.identify.machine_problem import FIT, FitState, Problem, fitted_rows
 from tssgeom.identify.machine_run import LIMITS, MachineRun, parameters_of
 from tssgeom.mechanism import numbered
 from tssgeom.rig import Rig, with_values
-from tssgeom.statistics import EVIDENCE_SCALE, reading_noise, root_mean_square, turns
+from tssgeom.statistics import reading_noise, root_mean_square, turns
 from tssgeom.tendon.machine import Start, machine_of, routed
 from tssgeom.tendon.machine_simulation import drive_channels, simulate_machine
 
@@ -139,7 +140,7 @@ def changes(before: FittedModel, after: FittedModel) -> dict[str, float]:
     for block, (old, new, (_, name, _)) in enumerate(pairs):
         size = math.hypot(spread(new), _floor(after.problem, block))
         independent = len(new) / inflation_of(new / size)
-        limit = EVIDENCE_SCALE.clear * size / math.sqrt(independent)
+        limit = CHANCE.clear * size / math.sqrt(independent)
         out[name] = max(out.get(name, 0.0), root_mean_square(old - new) / limit)
     return out
 

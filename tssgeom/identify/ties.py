@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tssgeom.arrays import Vector
+from tssgeom.core.constants import CHANCE
 from tssgeom.effects import KINDS
 from tssgeom.effects import Tie as Gauge
 from tssgeom.errors import TssgeomError
@@ -23,7 +24,6 @@ from tssgeom.identify.screening import ScoreTest, Screening
 from tssgeom.identify.selection import Selection, Step, close_candidates, name_of, separable_from
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
-from tssgeom.statistics import EVIDENCE_SCALE
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,7 +170,7 @@ def base_ties(fit: Fit, rig: Rig) -> tuple[str, list[Tied]]:
     words, ties = list[str](), list[Tied]()
     friction = math.log(fit.at.friction / max(rig.friction.coefficient, 1e-6))
     give = math.log(fit.at.compliance / rig.tendon.compliance_per_N)
-    if abs(friction) > max(EVIDENCE_SCALE.clear * spread[0], TIES.least_move):
+    if abs(friction) > max(CHANCE.clear * spread[0], TIES.least_move):
         words.append(
             f"friction is {fit.at.friction:.4g} and not {rig.friction.coefficient:.4g}, which an angle gain "
             f"of {math.exp(friction):.3f} of the shape sensor would give as well (G3): "
@@ -180,7 +180,7 @@ def base_ties(fit: Fit, rig: Rig) -> tuple[str, list[Tied]]:
         ties.append(
             Tied(Tie(names, "G3", "both scale friction times angle"), "measure a route with another sensor")
         )
-    if abs(give) > max(EVIDENCE_SCALE.clear * spread[1], TIES.least_move):
+    if abs(give) > max(CHANCE.clear * spread[1], TIES.least_move):
         words.append(
             f"compliance is {fit.at.compliance:.4g} 1/N and not {rig.tendon.compliance_per_N:.4g} 1/N, "
             f"which a scale of {math.exp(give):.3f} of encoder or route length, or a sheath that gives way, "

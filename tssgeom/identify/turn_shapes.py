@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tssgeom.arrays import Vector
-from tssgeom.statistics import EVIDENCE_SCALE
+from tssgeom.core.constants import CHANCE
 
 _POWERS = (1, 2)  # of a straight side, and of a round one
 
@@ -78,7 +78,7 @@ def fitted_turn(
     near = np.convolve(sloping, np.ones(2 * SHAPE.about + 1), "same") > 0.0
     freedom = max(int(near.sum()) - 1 - 2 * sides, 1)
     left = float(np.square(what - values)[near].sum())
-    if left > freedom + EVIDENCE_SCALE.clear * math.sqrt(2.0 * freedom):
+    if left > freedom + CHANCE.clear * math.sqrt(2.0 * freedom):
         return None
     return start, drive[turn] + noise * values
 

@@ -9,4 +9,4 @@ from tssgeom.core.constants_route import OUTLIERS
 
 def outlier_limit(count: int, variance: float) -> float:
     """Return the square beyond which a residual of this variance, one of `count`, is an outlier; (29)."""
-    return (OUTLIERS.square + OUTLIERS.square_per_log_count * math.log(count)) * variance
+    return (OUTLIERS.square + 2.0 * math.log(count)) * variance

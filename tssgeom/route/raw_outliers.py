@@ -6,7 +6,7 @@ import numpy as np
 
 from tssgeom import core
 from tssgeom.arrays import Points, read_only
-from tssgeom.core.constants_route import RAW
+from tssgeom.core.constants_route import OUTLIERS, RAW
 from tssgeom.route.route import step_lengths
 
 
@@ -24,7 +24,7 @@ def raw_outliers(points: Points) -> np.ndarray:
     if mark.any():
         _unmark_long_runs(mark)
         _unmark_ends(points, mark)
-    return mark if mark.sum() <= RAW.most * n else np.zeros_like(mark)
+    return mark if mark.sum() <= OUTLIERS.share * n else np.zeros_like(mark)
 
 
 def _unmark_long_runs(mark: np.ndarray) -> None:

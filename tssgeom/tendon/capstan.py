@@ -13,6 +13,7 @@ import numpy as np
 
 from tssgeom import core
 from tssgeom.arrays import Matrix, Vector
+from tssgeom.core.constants import ROUNDING
 from tssgeom.core.constants_tendon import PROFILE
 from tssgeom.errors import SettingsError
 from tssgeom.rig import Rig
@@ -119,7 +120,7 @@ def _log(tension_in: float) -> float:
 def _levelled(state: Corners, drive: float) -> Corners:
     """Return the same tension all along: what a drive without friction leaves, and one that lets go."""
     change = _log(drive) - state.log_tension[0]
-    return state if abs(change) <= PROFILE.resolution else level(drive, 1 if change > 0 else -1)
+    return state if abs(change) <= ROUNDING.exact else level(drive, 1 if change > 0 else -1)
 
 
 def _state(corners: Matrix, direction_index: int, tension_in: float) -> Corners:

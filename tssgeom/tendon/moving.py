@@ -9,7 +9,7 @@ import numpy as np
 
 from tssgeom import core
 from tssgeom.arrays import Matrix, Vector, read_only
-from tssgeom.core.constants_tendon import SAME_ROUTE
+from tssgeom.core.constants import ROUNDING
 from tssgeom.errors import ShapeError
 from tssgeom.route.pieces import Arcs
 
@@ -76,7 +76,7 @@ def _shares(arcs: Arcs) -> Vector:
 def _merged(first: Vector, second: Vector) -> Vector:
     """Return all joints in order; of joints within rounding of each other one."""
     edges = np.union1d(first, second)
-    kept = edges[np.concatenate(([True], np.diff(edges) > SAME_ROUTE.rounding))]
+    kept = edges[np.concatenate(([True], np.diff(edges) > ROUNDING.relative))]
     kept[-1] = 1.0
     return kept
 

@@ -10,7 +10,7 @@ from itertools import repeat
 from typing import Literal
 
 from tssgeom.arrays import Vector
-from tssgeom.core.constants_tendon import PROFILE
+from tssgeom.core.constants import ROUNDING
 from tssgeom.errors import TssgeomError
 from tssgeom.rig import Rig
 from tssgeom.tendon.bars.model import setup_of
@@ -154,7 +154,7 @@ def _each(values: Vector | None, time: Vector) -> Iterable[float | None]:
 
 def _phase(last: float | None, drive: float, ends: Transmission) -> Phase:
     """Return the phase after a move of the drive from `last`, in the unit of the drive."""
-    if last is not None and abs(drive - last) <= PROFILE.resolution * max(abs(drive), abs(last)):
+    if last is not None and abs(drive - last) <= ROUNDING.exact * max(abs(drive), abs(last)):
         return "hold"
     if ends.direction_index > 0:
         return "release_to_pull" if ends.dead_zone else "pull"

@@ -7,7 +7,7 @@ import numpy as np
 
 from tests.core.twins.arcs_equations import normal_equations
 from tests.core.twins.arcs_moments import joint_frames
-from tssgeom.core.constants import MEDIANS
+from tssgeom.core.constants import CHANCE, MEDIANS, ROUNDING
 from tssgeom.core.constants_arcs import CHAIN_FIT, CHAIN_TRACKING
 from tssgeom.core.constants_route import OUTLIERS
 from tssgeom.route.arcs.chain import criterion, first_joint_column, parameter_count, piece_length, value_count
@@ -27,7 +27,7 @@ def factor(matrix, damping):
             for c in range(b):
                 rest -= lower[a, c] * lower[b, c]
             if a == b:
-                lower[a, a] = math.sqrt(max(rest + damping, CHAIN_FIT.least_information))
+                lower[a, a] = math.sqrt(max(rest + damping, ROUNDING.exact))
             else:
                 lower[a, b] = rest / lower[b, b]
     return lower, unit
@@ -177,7 +177,7 @@ def fit_pieces(data, chain, goal, restart):
             now, gradient = tried, slope
             if saved < enough and damping <= CHAIN_FIT.damping_of_failure:
                 break
-            damping = max(CHAIN_FIT.easier * damping, CHAIN_FIT.least_damping)
+            damping = max(CHAIN_FIT.easier * damping, ROUNDING.exact)
         else:
             damping = max(CHAIN_FIT.harder * damping, CHAIN_FIT.damping_of_failure)
     return now
@@ -322,7 +322,7 @@ def outlier_weights(data, square, last):
 
 def outlier_limit(count, variance):
     """Return the square beyond which a residual of this variance, one of `count`, is an outlier."""
-    return (OUTLIERS.square + OUTLIERS.square_per_log_count * math.log(count)) * variance
+    return (OUTLIERS.square + 2.0 * math.log(count)) * variance
 
 
 def residual_variance(known, robust, spacing):
@@ -335,10 +335,10 @@ def unfit(data, chain, variance):
     if not turn_is_identifiable(data, chain):
         return True
     freedom = max(value_count(data) - len(chain.matrix), 1)
-    most = 1.0 + CHAIN_TRACKING.cost_deviations * math.sqrt(2.0 / freedom)
+    most = 1.0 + CHANCE.never * math.sqrt(2.0 / freedom)
     if data.variance > 0.0:
         return not chain.cost < most * data.variance * freedom
-    usual = max(variance, (CHAIN_TRACKING.rounding * data.spacing) ** 2) * freedom
+    usual = max(variance, (ROUNDING.relative * data.spacing) ** 2) * freedom
     least = (CHAIN_TRACKING.exact * data.spacing) ** 2 * freedom
     quieter = (
         CHAIN_TRACKING.quieter * max(chain.cost, least) < usual

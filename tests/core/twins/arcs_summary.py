@@ -13,7 +13,8 @@ from tests.core.twins.arcs_fit import (
     saved_by_more,
     schur_complement,
 )
-from tssgeom.core.constants_arcs import CHAIN_FIT, CHAIN_MOVES, IDENTIFIABLE
+from tssgeom.core.constants import ROUNDING
+from tssgeom.core.constants_arcs import CHAIN_MOVES, IDENTIFIABLE
 from tssgeom.route.arcs.chain import first_joint_column, noise_variance, piece_length, value_count
 from tssgeom.statistics import information_price
 
@@ -44,7 +45,7 @@ def pieces(data, chain):
             for a in range(m):
                 gradient[j, a] += slide[a]
                 gradient[k + j, a] += kappa * slide[a]
-    lower, unit = factor(chain.matrix, CHAIN_FIT.least_information)
+    lower, unit = factor(chain.matrix, ROUNDING.exact)
     covariance = propagated(lower, unit, gradient)
     for a in range(2 * k):
         for b in range(2 * k):
@@ -75,7 +76,7 @@ def hidden_bends(data, chain):
     fitted = np.ones(len(matrix), np.bool_)
     for j in range(k):
         fitted[first + 2 * j] = fitted[first + 2 * j + 1] = chain.curved[j]
-    lower, unit = factor(chain.matrix, CHAIN_FIT.least_information)
+    lower, unit = factor(chain.matrix, ROUNDING.exact)
     variance, price = noise_variance(data, chain), information_price(2.0, value_count(data))
     for j in range(k):
         if chain.curved[j]:
@@ -83,7 +84,7 @@ def hidden_bends(data, chain):
         own = slice(first + 2 * j, first + 2 * j + 2)
         cross = matrix[fitted][:, own]
         left, rest = schur_complement(lower, unit, gradient[fitted], cross, matrix[own, own], gradient[own])
-        spread = inverse(*factor(left, CHAIN_FIT.least_information))
+        spread = inverse(*factor(left, ROUNDING.exact))
         bend = spread @ rest
         odds = math.exp(min(0.5 * (bend @ rest / variance - price), 700.0))
         share = odds / (1.0 + odds) if k > 1 else 1.0
@@ -130,7 +131,7 @@ def profile(data, chain, at):
 
 def parameter_covariance(data, chain):
     """Covariance [m, m] of the parameters, in the order of `Chain`."""
-    return noise_variance(data, chain) * inverse(*factor(chain.matrix, CHAIN_FIT.least_information))
+    return noise_variance(data, chain) * inverse(*factor(chain.matrix, ROUNDING.exact))
 
 
 def curvature_columns(curved, free):
@@ -162,7 +163,7 @@ def saved_by_slopes(data, chain):
 
     The steps of a staircase that stands for a smooth route fit better with a slope; those of true pieces do
     not."""
-    lower, unit = factor(chain.matrix, CHAIN_MOVES.damping)
+    lower, unit = factor(chain.matrix, ROUNDING.exact)
     gradient, cross, own, slope = _parts(data, chain)
     m, n = len(gradient), 2 * len(chain.bend)
     ramp_cross, ramp_own, ramp_slope = np.zeros((m, n)), np.zeros((n, n)), np.zeros(n)
@@ -262,8 +263,8 @@ def saved_by_joints(data, chain):
     """Return what a joint at each quarter of each piece [k, parts] would save, in noise variances."""
     long = np.empty(len(chain.joints), np.bool_)
     for j in range(len(long)):
-        long[j] = piece_length(chain, j) >= CHAIN_MOVES.split_above * data.spacing
-    lower, unit = factor(chain.matrix, CHAIN_MOVES.damping)
+        long[j] = piece_length(chain, j) >= CHAIN_MOVES.parts * data.spacing
+    lower, unit = factor(chain.matrix, ROUNDING.exact)
     gradient, cross, own, slope = _parts(data, chain)
     saved = _saved(lower, unit, gradient, cross, own, slope, chain.curved, long)
     return saved / noise_variance(data, chain)

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from tssgeom.core.constants import ROUNDING
 from tssgeom.core.constants_lumen import WALL
 
 _MOST_AROUND = 256  # triangles that meet in one point
@@ -176,7 +177,7 @@ def _foot(p: np.ndarray, t: np.ndarray) -> tuple[float, float, float, float]:
     bb, bc, cc = bx * bx + by * by + bz * bz, bx * cx + by * cy + bz * cz, cx * cx + cy * cy + cz * cz
     db, dc = dx * bx + dy * by + dz * bz, dx * cx + dy * cy + dz * cz
     whole = bb * cc - bc * bc
-    if whole > WALL.flat * bb * cc:
+    if whole > ROUNDING.exact * bb * cc:
         u, v = (cc * db - bc * dc) / whole, (bb * dc - bc * db) / whole
         if u >= 0.0 and v >= 0.0 and u + v <= 1.0:
             x, y, z = t[0, 0] + u * bx + v * cx, t[0, 1] + u * by + v * cy, t[0, 2] + u * bz + v * cz

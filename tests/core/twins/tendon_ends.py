@@ -6,7 +6,8 @@ import numpy as np
 
 from tests.core.twins.tendon_laws import load_factor, stretched
 from tests.core.twins.tendon_profile import bent, discretised, exponential
-from tssgeom.core.constants_tendon import BAR
+from tssgeom.core.constants import ROUNDING
+from tssgeom.core.constants_tendon import SOLVER
 
 
 def _worn(plant, travel):
@@ -21,11 +22,11 @@ def answering(plant, travel, tension_out, pull):
         exponent = (plant.pulling[i] if pull else plant.releasing[i]) * _worn(plant, travel[i])
         far = max(here + sign * plant.force[i], 0.0)
         near = far * math.exp(sign * (exponent + plant.fitting[i]))
-        for _ in range(BAR.searches if plant.load_exponent != 0.0 and far > 0.0 else 0):
+        for _ in range(SOLVER.trials if plant.load_exponent != 0.0 and far > 0.0 else 0):
             factor = load_factor(0.5 * (near + here), plant.load_exponent, plant.load_reference)
             new = far * math.exp(sign * (exponent * factor + plant.fitting[i]))
             near, change = new, abs(new - near)
-            if change <= BAR.close * near:
+            if change <= SOLVER.rounding * near:
                 break
         here = near
     return here
@@ -34,7 +35,7 @@ def answering(plant, travel, tension_out, pull):
 def _used(plant, memory, i):
     """Return how much of its cone a contact uses, −1 pulled to +1 released, and its exponent then [1]."""
     near, far = memory.tension[i], memory.tension[i + 1]
-    if max(near, far) < BAR.answers:
+    if max(near, far) < SOLVER.accepted:
         return 0.0, 0.0  # a loose tendon uses nothing of it
     factor = load_factor(0.5 * (near + far), plant.load_exponent, plant.load_reference)
     factor *= _worn(plant, memory.travel[i])
@@ -56,7 +57,7 @@ def spread(plant, memory, frictions, edge, pieces):
     for j in range(1, n + 2):  # bars in the sheath, then what lies between sheath and load
         pull = memory.tension[j]
         share, exponent = _used(plant, memory, j - 1)
-        used = share if exponent > BAR.straight else used  # on a straight stretch as before it
+        used = share if exponent > ROUNDING.relative else used  # on a straight stretch as before it
         factor = load_factor(pull, plant.load_exponent, plant.load_reference)
         friction = frictions[0] if used < 0.0 else frictions[1]
         slope = used * friction * factor * _worn(plant, memory.travel[j - 1])

@@ -68,7 +68,7 @@ def find_drive(chain, least, most, tension, slip):
     """Sweep with the tension between `least` and `most` that gains the shift; return what is gained [m]."""
     shift, below, above = chain.shift, least, most
     tension[0] = min(max(chain.trial[0], least), most)
-    for _ in range(SOLVER.secants):
+    for _ in range(SOLVER.trials):
         gained, gain = carry(chain, tension, slip)
         below, above = (below, tension[0]) if gained > shift else (tension[0], above)
         new = tension[0] - (gained - shift) / max(gain, 1e-3 / chain.stiffness[1])

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tests.core.twins.tendon_equilibrium import Chain, equilibrium, range_of_drive
+from tssgeom.core.constants import ROUNDING
 from tssgeom.core.constants_tendon import BAR, SOLVER
 from tssgeom.core.constants_tendon_rows import HELD, LAW, MEMORY, PLANT
 
@@ -227,12 +228,12 @@ def balanced(plant, memory, by_force, target, weight, warmth, span, rest, cone, 
             _cone(plant, (pulling, releasing), about, moved, span, low, high, force, drag)
         if by_force and hanging:  # docs/model.md (47)
             least, most = range_of_drive(weight, low, high, force)
-            if not least * (1.0 - SOLVER.dead_weight) <= target <= most * (1.0 + SOLVER.dead_weight):
+            if not least * (1.0 - ROUNDING.relative) <= target <= most * (1.0 + ROUNDING.relative):
                 return np.inf, solves
         w, tension, slip, more, residual = equilibrium(chain, hanging, slip, _PATIENCE)
         solves += more
         change = np.max(np.abs(tension - about))
-        if one_pass or (change <= SOLVER.converged and residual <= SOLVER.accepted):
+        if one_pass or (change <= 0.1 * SOLVER.accepted and residual <= SOLVER.accepted):
             break
         if done < SOLVER.full_passes:
             about[:], moved[:] = tension, w

@@ -17,7 +17,7 @@ def _side(near, old, exponent, fixed, force, sign, law):
     """
     power, reference = law
     here, m = old, exponent * load_factor(0.5 * (near + old), power, reference)
-    for _ in range(SWEEP.turns):
+    for _ in range(SOLVER.trials):
         ratio = math.exp(sign * (m + fixed))
         here = max(ratio * near + sign * force, 0.0)
         load = 0.5 * (near + here)
@@ -27,7 +27,7 @@ def _side(near, old, exponent, fixed, force, sign, law):
         bend = sign * 0.5 * exponent * rise * ratio * near  # d wanted / d m
         change = (wanted - m) / (1.0 - bend)
         m += change
-        if abs(change) <= SWEEP.load:
+        if abs(change) <= math.sqrt(SWEEP.close):
             break
     ratio = math.exp(sign * (m + fixed))
     share = 0.5 * exponent * rise * ratio * near
@@ -96,7 +96,7 @@ def _at_position(plant, old, target, rest, cone, tension, slip):
     if slope <= 0.0:
         start = _sliding_from(plant, old, cone, shift < target)
         shift, slope = _sweep(plant, old, start, rest, cone, tension, slip)
-    for _ in range(SWEEP.trials):
+    for _ in range(SOLVER.trials):
         if abs(shift - target) <= SWEEP.close:
             return 0.0
         below, above = (max(below, start), above) if shift < target else (below, min(above, start))
@@ -183,7 +183,7 @@ def march(plant, memory, by_force, spans, drive, warmth, parts, out, profile):
                 continue
             weight = plant.pretension
             change, _ = balanced(plant, memory, by_force, target, weight, warm, span, rest, cone, room)
-            if not change <= 1e3 * SOLVER.converged:
+            if not change <= 1e2 * SOLVER.accepted:
                 return g
         kept[0], kept[1], kept[5] = drive[g], warmth[g], rate
         _record(plant, memory, by_force, rest[0], g, out)

@@ -4,7 +4,8 @@ import math
 
 import numpy as np
 
-from tssgeom.core.constants_tendon import PROFILE, SAME_ROUTE
+from tssgeom.core.constants import CHANCE, ROUNDING
+from tssgeom.core.constants_tendon import PROFILE
 
 _SHARES = 8
 
@@ -19,7 +20,7 @@ def _front(angle, log_tension, drive, friction, direction_index):
     before = direction_index * (drive - log_tension[0])  # excess of the front over the old profile [1]
     for k in range(1, angle.size):
         here = direction_index * (drive - log_tension[k]) - friction * angle[k]
-        if here <= -PROFILE.resolution:
+        if here <= -ROUNDING.exact:
             return k, angle[k - 1] + (angle[k] - angle[k - 1]) * before / (before - here)  # docs/model.md (4)
         before = max(here, 0.0)
     return angle.size, angle[-1] + before / friction  # docs/model.md (4)
@@ -31,7 +32,7 @@ def stepped(angle, log_tension, drive, friction):
     A drive that does not move gives the index 0, and corners that are none.
     """
     change = drive - log_tension[0]
-    if abs(change) <= PROFILE.resolution:
+    if abs(change) <= ROUNDING.exact:
         return np.empty((2, 0)), 0
     direction_index = 1 if change > 0.0 else -1
     wiped, meeting = _front(angle, log_tension, drive, friction, direction_index)
@@ -113,7 +114,7 @@ def _elongated(means, length, angle, covariance, compliance, pretension):
 def _dead_zone_width(log_tension_in, log_tension_out, way, reach):
     """Return how far the proximal tension is from moving the distal end [N]; `reach` is μΦ."""
     needed = log_tension_out + way * reach  # docs/model.md (6)
-    if way * (needed - log_tension_in) <= PROFILE.resolution:
+    if way * (needed - log_tension_in) <= ROUNDING.exact:
         return 0.0
     return abs(_exp(needed) - _exp(log_tension_in))
 
@@ -218,7 +219,7 @@ def _corners(phi, log_tension):
             continue
         here = (log_tension[i] - log_tension[last]) / (phi[i] - phi[last])
         bend = (log_tension[i + 1] - log_tension[i]) / (phi[i + 1] - phi[i]) - here
-        if abs(bend) * (phi[i + 1] - phi[last]) > 1e3 * PROFILE.resolution:
+        if abs(bend) * (phi[i + 1] - phi[last]) > 1e3 * ROUNDING.exact:
             keep[i] = True
             last = i
     keep[-1] = phi[-1] > phi[last]
@@ -229,7 +230,7 @@ def through_bars(edge, held, piece_length, piece_angle, turned):
     """Return φ and ln T of the corners through bars on a route that turns by `turned` [rad], [ln N]."""
     _, mean_angle, _, _ = discretised(edge, piece_length, piece_angle)
     end = turned * (
-        1.0 + 0.1 * PROFILE.resolution
+        1.0 + 0.1 * ROUNDING.exact
     )  # rounding shall not leave the distal end beyond the last corner
     return _profile(mean_angle, end, held)
 
@@ -328,16 +329,13 @@ def is_unmoved(length, angle, covariance, length_now, angle_now, covariance_now)
     k, m = length.size, length_now.size
     change = np.sum(length_now) - np.sum(length)
     variance = np.sum(covariance[:k, :k]) + np.sum(covariance_now[:m, :m])
-    if abs(change) > SAME_ROUTE.sigmas * np.sqrt(max(variance, 0.0)) + SAME_ROUTE.rounding * np.sum(length):
+    if abs(change) > CHANCE.clear * np.sqrt(max(variance, 0.0)) + ROUNDING.relative * np.sum(length):
         return False
     room, room_now = np.empty(2 * k), np.empty(2 * m)
     for step in range(_SHARES, 0, -1):
         share = step / _SHARES
         phi, spread = _angle_at(share, length, angle, covariance, room)
         phi_now, spread_now = _angle_at(share, length_now, angle_now, covariance_now, room_now)
-        if (
-            abs(phi_now - phi)
-            > SAME_ROUTE.sigmas * np.sqrt(max(spread + spread_now, 0.0)) + SAME_ROUTE.rounding
-        ):
+        if abs(phi_now - phi) > CHANCE.clear * np.sqrt(max(spread + spread_now, 0.0)) + ROUNDING.relative:
             return False
     return True

@@ -41,8 +41,8 @@ def filter_in_time(memory, probability, covariance, noise, points, step, most_va
         second[~all_three] = 0.0
         rest = (second**2).sum() - (smooth_part(second) ** 2).sum()
         if all_three.sum() > count:
-            more = TIME_FILTER.own_share * 3 * (all_three.sum() - count)
-            square = TIME_FILTER.own_share * max(rest, 0.0) / (1 + (1 + ratio) ** 2 + ratio**2)
+            more = 0.5 * 3 * (all_three.sum() - count)
+            square = 0.5 * max(rest, 0.0) / (1 + (1 + ratio) ** 2 + ratio**2)
             high += more, min(square, more * most_variance)
         high *= min(1.0, TIME_FILTER.most_values / max(high[0], 1.0))
     prior = TIME_FILTER.prior_values * np.array([1.0, high[1] / high[0]])

@@ -8,7 +8,8 @@ from itertools import chain as one_after_the_other
 import numpy as np
 
 from tssgeom import core
-from tssgeom.core.constants_arcs import CHAIN_FIT, CHAIN_MOVES
+from tssgeom.core.constants import ROUNDING
+from tssgeom.core.constants_arcs import CHAIN_MOVES
 from tssgeom.route.arcs.chain import (
     Chain,
     Data,
@@ -121,7 +122,7 @@ def _simplifications(data: Data, chain: Chain) -> list[tuple[float, int, int]]:
     components, curved = np.zeros((k, 2, len(chain.matrix))), np.flatnonzero(chain.curved)
     components[curved, 0, column[curved]] = components[curved, 1, column[curved] + 1] = 1.0
     gradient = np.concatenate((components, components[1:] - components[:-1])).reshape(2 * (2 * k - 1), -1)
-    covariance = core.propagated(chain.matrix, gradient, CHAIN_FIT.least_information)
+    covariance = core.propagated(chain.matrix, gradient, ROUNDING.exact)
     steps = np.concatenate((bend, bend[1:] - bend[:-1]))
     wald = _wald_statistics(steps, noise_variance(data, chain) * covariance)
     listed = []

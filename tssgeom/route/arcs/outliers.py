@@ -93,7 +93,7 @@ def squared_tangent_residuals(data: Data, chain: Chain) -> Vector:
         return np.zeros(0)
     _, fitted, _ = along(chain.stations, chain.form)
     cosine = np.einsum("ij,ij->i", data.tangents.unit, fitted)
-    square = np.where(cosine > 0.0, np.maximum(1.0 - cosine * cosine, 0.0), OUTLIERS.backwards)
+    square = np.where(cosine > 0.0, np.maximum(1.0 - cosine * cosine, 0.0), 4.0)
     return np.where(data.tangents.variance > 0.0, square, 0.0)
 
 

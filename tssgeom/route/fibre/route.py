@@ -9,6 +9,7 @@ import numpy as np
 
 from tssgeom import core
 from tssgeom.arrays import Matrix, Points, Vector, read_only
+from tssgeom.core.constants_arcs import CHAIN_MOVES
 from tssgeom.core.constants_route import STAIRCASE
 from tssgeom.route.arcs.chain import form_of
 from tssgeom.route.curvature import CurvatureProfile
@@ -144,7 +145,7 @@ def _staircase(curve: FibreCurve, freedom: float, count: int) -> np.ndarray:
     v = np.diag(curve.covariance)
     floor = (STAIRCASE.least_step * np.max(np.linalg.norm(curve.bend, axis=1))) ** 2
     weight = freedom * cell / curve.s[-1] / np.maximum(0.5 * (v[1:] + v[:-1]) + floor, 1e-300)
-    penalty = STAIRCASE.parameters_per_piece * math.log(max(count, 2))
+    penalty = CHAIN_MOVES.joint_parameters * math.log(max(count, 2))
     pieces, joints = core.best_partition(mean, weight, penalty)
     return joints[: pieces + 1]
 

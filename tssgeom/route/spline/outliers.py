@@ -16,7 +16,7 @@ def leaves_out_a_stretch(weight: Vector) -> bool:
     if len(used) < 2:
         return True
     at_end, within = max(used[0], len(weight) - 1 - used[-1]), int(np.diff(used).max()) - 1
-    most_within = max(OUTLIERS.run_within, OUTLIERS.run_share * len(weight))
+    most_within = max(OUTLIERS.run_within, OUTLIERS.share * len(weight))
     return bool(at_end > OUTLIERS.run_at_end or within > most_within)
 
 
@@ -38,7 +38,7 @@ def outlying_tangent(tangents: Points, variance: Vector, u: Vector, mean: Matrix
     bend = np.linalg.norm(across(mean[:, :, 2], fitted), axis=1) / speed**2
     turn = OUTLIERS.turn_share * float(np.max(bend * np.gradient(u)))
     cosine = np.einsum("ij,ij->i", tangents[used], fitted[used])
-    off = np.where(cosine > 0.0, np.maximum(1.0 - cosine**2, 0.0), OUTLIERS.backwards)
+    off = np.where(cosine > 0.0, np.maximum(1.0 - cosine**2, 0.0), 4.0)
     own = np.maximum(1.0 - spread[used] / variance[used], OUTLIERS.least_own)
     over_limit = off / (variance[used] * own * outlier_limit(len(used), 1.0))  # docs/model.md (29)
     over_limit = np.where(np.sqrt(off) / own > turn, over_limit, 0.0)
