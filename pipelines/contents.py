@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from pipelines.inputs import Refusal, inputs_of
+from pipelines.inputs import Refusal, inputs_of, print_reading
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.errors import ShapeError, TssgeomError
 from tssgeom.frame import fit_frame, require_usable
@@ -66,7 +66,7 @@ def checked(path: Path, unit: str | None, columns: ColumnMap) -> dict[str, Any]:
         return {"file": str(path), "holds": "mesh", "told": numbers, "wrong": []}
     if holds_run(path, columns):
         return _checked_run(path, columns)
-    return _checked_recording(open_recording(path, unit, columns))
+    return _checked_recording(open_recording(path, unit, columns), columns)
 
 
 def _checked_run(path: Path, columns: ColumnMap) -> dict[str, Any]:
@@ -163,13 +163,15 @@ def _rows(frame: Frame) -> Matrix:
     return frame.curvatures[valid[0] : valid[-1] + 1] if len(valid) else frame.curvatures
 
 
-def _checked_recording(recording: Recording) -> dict[str, Any]:
+def _checked_recording(recording: Recording, columns: ColumnMap) -> dict[str, Any]:
     frames = _RecordingReport()
     for seq, item in enumerate(recording.frames):
         frames.add(seq, item)
     if frames.first_usable is None:
         reason = frames.wrong[0].partition(": ")[2] if frames.wrong else "it holds no frame"
-        raise ShapeError(f"{recording.path}: {reason}")
+        hints = "".join(f" ({warning})" for warning in recording.warnings)
+        print_reading(recording.path, recording.notes, columns)
+        raise ShapeError(f"{recording.path}: {reason}{hints}")
     report = {
         "file": str(recording.path),
         "holds": "recording" if recording.timed else "shape",

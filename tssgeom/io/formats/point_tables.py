@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,7 +13,8 @@ from tssgeom.io.formats.columns import AXES, columns_of
 from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap
 from tssgeom.io.formats.laboratory.names import EXACT, RECORDING, is_inert, meaning_of
 from tssgeom.io.formats.laboratory.table import laboratory_table
-from tssgeom.io.formats.longform import MOST_AT_ONCE, LongFrames, lowest_point, runs_of
+from tssgeom.io.formats.laboratory.wide import point_columns
+from tssgeom.io.formats.longform import MOST_AT_ONCE, LongFrames, Rows, lowest_point, runs_of
 from tssgeom.io.formats.paths import PACKED, bytes_of, ending, reading, require_lines, split, stem
 from tssgeom.io.formats.recording import Recording
 from tssgeom.io.formats.tables import (
@@ -27,6 +28,9 @@ from tssgeom.io.formats.tables import (
     read_parquet,
 )
 
+_AS_COUNTED = 0.5
+"""Difference of the mean spacing of points from 1, in the unit of the file, up to which their stations may
+count them too [1]; chosen: stations of half or twice the way are refused."""
 _HEADER_BYTES = 1 << 16
 """Bytes of a CSV file in which its header ends; chosen."""
 
@@ -70,8 +74,8 @@ def names_recordings(path: Path, columns: ColumnMap) -> bool:
 
 def is_plain(names: Sequence[str], unit: str | None, said: Collection[str]) -> bool:
     """Whether the readers know these names as they stand, and nothing beside them resembles what is read."""
-    if unit is None and any(axis in names for axis in AXES):
-        return False  # a row of units may follow
+    if (unit is None and any(axis in names for axis in AXES)) or point_columns(names):
+        return False  # a row of units may follow, or a row holds several points
     known = any(name in EXACT for name in names)
     return known and not set(names) & set(said) and all(name in EXACT or is_inert(name) for name in names)
 
@@ -115,7 +119,7 @@ def _open_laboratory(path: Path, unit: str | None, said: ColumnMap, *, clean: bo
     table = Table(columns, values, read.number, read.number_name, read.faults)
     if not len(table):
         raise ShapeError(f"{path}: {NO_ROW}")
-    recording = _recording(path, ending(path).removesuffix(PACKED)[1:], table)
+    recording = _recording(path, ending(path).removesuffix(PACKED)[1:], table, read.names)
     warnings = (*recording.warnings, *read.warnings)
     return replace(recording, warnings=warnings, notes=(*read.notes, *recording.notes))
 
@@ -124,16 +128,30 @@ def _size(path: Path) -> int:
     return path.stat().st_size if path.is_file() else 0
 
 
-def _recording(path: Path, kind: str, table: Table) -> Recording:
+def _recording(path: Path, kind: str, table: Table, names: Mapping[str, str] | None = None) -> Recording:
     if table.faults and not table.columns.timed:
         raise ShapeError(f"{path}: {next(iter(table.faults.values()))}{_more(len(table.faults) - 1)}")
     table, notes = _without_doubled(table)
     columns = table.columns
     frames = LongFrames(table, runs_of(table), lowest_point(table))
+    warnings = (*columns.warnings, *_counted_stations(table, frames.runs[0], names or {}))
     return Recording(
-        *(stem(path), path, columns.unit, kind, columns.timed, len(frames.runs), frames, columns.warnings),
+        *(stem(path), path, columns.unit, kind, columns.timed, len(frames.runs), frames, warnings),
         notes=notes,
     )
+
+
+def _counted_stations(table: Table, rows: Rows, names: Mapping[str, str]) -> tuple[str, ...]:
+    """Warn where stations without a unit count the points 1 apart, which the points themselves are not."""
+    station = table.columns.station
+    if station != "s" or table.columns.bend_unit or (np.diff(table.values[station][rows]) != 1.0).any():
+        return ()
+    points = np.column_stack([table.values[axis][rows] for axis in table.columns.axes])
+    apart = np.linalg.norm(np.diff(points[np.isfinite(points).all(axis=1)], axis=0), axis=1)
+    if not len(apart) or abs(np.mean(apart) - 1.0) < _AS_COUNTED:
+        return ()
+    name = names.get(station, station)
+    return (f'column {name!r} is read as arc length: if it numbers the points, give --map "{name}=point"',)
 
 
 def _without_doubled(table: Table) -> tuple[Table, tuple[str, ...]]:

@@ -51,6 +51,8 @@ class Resolved:
     """What cannot be read without `--map`, a sentence with the option each."""
     suggested: dict[str, str] = field(default_factory=dict)
     """Name and `channel[:unit]` of each column that is no exact name, as `columns.toml` takes them."""
+    names: dict[str, str] = field(default_factory=dict)
+    """Name in the file of each column that is no exact name, by the name that the readers know."""
     labels: tuple[str, Sequence[str] | Vector] | None = None
     """Column of the markers' names or numbers."""
     frames: tuple[str, Vector] | None = None
@@ -101,6 +103,7 @@ def take(table: RawTable, column: Column, result: Resolved, path: Path | None = 
     conversion = Unit("", quantity, factor, offset).conversion
     result.notes.append(f"{column.name} read as {known}{conversion}{note}")
     result.suggested[column.name] = channel_text(channel, unit)
+    result.names[known] = column.name
 
 
 def _known_name(channel: str, unit: Unit | None) -> tuple[str, float, float]:

@@ -147,9 +147,9 @@ def meaning_of(name: str, unit_row: str = "") -> Meaning | None:
     )
 
 
-def unit_in_name(name: str) -> Unit | None:
-    """Return the unit that the name of a column states."""
-    return _unit_in(plain(name))[1]
+def split_unit(name: str) -> tuple[str, Unit | None]:
+    """Split the name of a column into all else and the unit that it states."""
+    return _unit_in(plain(name))
 
 
 def is_inert(name: str) -> bool:

@@ -22,7 +22,7 @@ from tssgeom.io.formats.laboratory.names import (
     RECORDING,
     Meaning,
     meaning_of,
-    unit_in_name,
+    split_unit,
 )
 from tssgeom.io.formats.laboratory.raw import RawTable, numbers_of
 from tssgeom.io.formats.laboratory.text import EXPECTED
@@ -96,7 +96,7 @@ def _take_mapped(
         _take_numbering(table, Column(k, name, Meaning(each.channel, None, "")), result)
         return
     quantity = QUANTITIES[each.channel]
-    own = meaning.unit if meaning is not None else unit_in_name(name)
+    own = meaning.unit if meaning is not None else split_unit(name)[1]
     own = own if own is not None and own.quantity == quantity else None
     unit = each.unit or own or (UNITS.get(SI[quantity]) if quantity in SI and quantity != LENGTH else None)
     if unit is None and quantity == LENGTH and each.channel not in (*AXES, "s"):

@@ -18,14 +18,13 @@ from tssgeom.io.formats.laboratory.files import raw_tables
 from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap, Mapped
 from tssgeom.io.formats.laboratory.raw import RawTable
 from tssgeom.io.formats.laboratory.resolve import marker_numbers, resolved
+from tssgeom.io.formats.laboratory.wide import FEWEST_POINTS, with_row_a_point
 from tssgeom.io.formats.paths import Stamp, selected, split, stamp_of
 from tssgeom.io.formats.recording import UNTIMED
 
 _LONGER = 1.2
 """Length of the polygon by labels over that by rows, up to which labels are the order; chosen: a wrong order
 is several times as long."""
-_POINTS_OF_A_FRAME = 4
-"""Least rows of a frame; derived: fewer points are no shape."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +43,8 @@ class LaboratoryTable:
     is_points: bool
     unread: tuple[str, ...]
     """Names of the columns that are not read, as the file has them."""
+    names: Mapping[str, str]
+    """Name in the file of each column that is no exact name, by the name that the readers know."""
 
 
 def laboratory_table(path: Path, columns: ColumnMap = NO_MAP, unit: str | None = None) -> LaboratoryTable:
@@ -87,6 +88,7 @@ def laboratory_table(path: Path, columns: ColumnMap = NO_MAP, unit: str | None =
         tuple(warnings),
         result.is_points,
         tuple(name for name in table.names if name not in taken),
+        result.names,
     )
 
 
@@ -112,7 +114,8 @@ def _tables_once(
     file: Path, stamp: Stamp, said: tuple[tuple[str, Mapped], ...], unit: str | None
 ) -> list[tuple[RawTable, Resolved]]:
     """Read a file once, since each of its recordings is an input of its own."""
-    every = [(table, resolved(file, table, dict(said), unit)) for table in raw_tables(file)]
+    tables = [with_row_a_point(file, table, dict(said), unit) for table in raw_tables(file)]
+    every = [(table, resolved(file, table, dict(said), unit)) for table in tables]
     return [each for each in every if each[1].values or each[1].unclear] or every
 
 
@@ -155,7 +158,7 @@ def _numbered(
         name, frames = result.frames
         frames = frames[rows]
         distinct = len(np.unique(frames[np.isfinite(frames)]))
-        if TIME not in values and 1 < distinct <= len(rows) / _POINTS_OF_A_FRAME:
+        if TIME not in values and 1 < distinct <= len(rows) / FEWEST_POINTS:
             values[TIME] = frames
             warnings.append(f"{UNTIMED}, by {name}")
         elif TIME not in values and distinct == len(rows) and POINT not in values:

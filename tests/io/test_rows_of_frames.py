@@ -1,0 +1,125 @@
+"""Tables with a row a frame, their points side by side, are read as trackers export them."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tssgeom.errors import ShapeError
+from tssgeom.io.formats.files import open_recording
+from tssgeom.io.formats.laboratory.mapping import ColumnMap
+from tssgeom.io.formats.runs import read_run
+from tssgeom.stream import Frame, Rejected
+
+POINTS = np.array([[[10.0 * k + f, k * k, -f] for k in range(5)] for f in range(3)])
+"""[frame, point, axis] [mm]"""
+
+
+def written(path: Path, name: str, separator: str = ",", extra: tuple[str, ...] = ("time_s",)) -> Path:
+    header = [*extra, *(name.format(point=k + 1, axis=axis) for k in range(5) for axis in "xyz")]
+    rows = [[*(f"{0.5 * f:g}" for _ in extra), *map(str, frame.ravel())] for f, frame in enumerate(POINTS)]
+    path.write_text("\n".join(separator.join(row) for row in [header, *rows]), encoding="utf-8")
+    return path
+
+
+def frames_of(path: Path, unit: str | None = None, *said: str) -> list[Frame]:
+    frames = [*open_recording(path, unit, ColumnMap(said)).frames]
+    assert all(isinstance(frame, Frame) for frame in frames), frames
+    return frames  # type: ignore[return-value]
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [
+        ("S{point}_{axis}", "mm"),
+        ("S{point}_{axis}_mm", None),
+        ("Sensor {point} {axis} [mm]", None),
+        ("{axis}{point}", "mm"),
+        ("{axis}_{point} (mm)", None),
+        ("EM{point}.{axis}", "mm"),
+        ("S{point}{axis}", "mm"),
+    ],
+)
+def test_points_side_by_side_are_those_of_a_frame_in_the_order_of_the_columns(name, unit, tmp_path):
+    frames = frames_of(written(tmp_path / "em.csv", name), unit)
+    assert [frame.time for frame in frames] == [0.0, 0.5, 1.0]
+    for frame, points in zip(frames, POINTS, strict=True):
+        np.testing.assert_allclose(frame.points, points / 1e3, rtol=1e-12)
+
+
+def test_units_stand_in_a_row_of_their_own(tmp_path):
+    path = written(tmp_path / "em.csv", "S{point}_{axis}")
+    head, *rows = path.read_text(encoding="utf-8").split("\n")
+    path.write_text("\n".join([head, ",".join(["s", *["cm"] * 15]), *rows]), encoding="utf-8")
+    np.testing.assert_allclose(frames_of(path)[1].points, POINTS[1] / 1e2, rtol=1e-12)
+
+
+def test_an_empty_cell_is_a_lost_sensor_with_semicolons_and_decimal_commas(tmp_path):
+    path = tmp_path / "em.csv"
+    head = ";".join(["time_ms", *(f"S{k}_{axis}" for k in range(1, 6) for axis in "xyz")])
+    path.write_text(f"{head}\n0;0,5;0;0;10;0;0;;;;30;0;0;40;0;0\n25" + ";1,5" * 15, encoding="utf-8")
+    first, second = frames_of(path, "mm")
+    assert np.isnan(first.points).all(axis=1).tolist() == [False, False, True, False, False]
+    assert (first.points[0, 0], second.time, second.points[4, 2]) == (0.0005, 0.025, 0.0015)
+
+
+def test_turns_and_speeds_beside_the_positions_are_no_points(tmp_path):
+    path = tmp_path / "em.csv"
+    of_one = ["S{}_x_mm", "S{}_y_mm", "S{}_z_mm", "S{}_q_x", "S{}_q_y", "S{}_q_z", "S{}_v_x", "S{}_v_y"]
+    head = [each.format(k) for k in range(5) for each in [*of_one, "S{}_v_z", "S{}_p_w", "S{}_p_x"]]
+    path.write_text(",".join(head) + "\n" + ",".join(map(str, range(55))), encoding="utf-8")
+    (frame,) = frames_of(path)
+    np.testing.assert_allclose(frame.points[:, 0] * 1e3, [0, 11, 22, 33, 44])
+
+
+def test_without_a_time_the_rows_are_counted_with_a_warning(tmp_path):
+    path = written(tmp_path / "em.csv", "S{point}_{axis}_mm", extra=())
+    assert [frame.time for frame in frames_of(path)] == [0.0, 1.0, 2.0]
+    assert "no time: the frames are counted, one a second, by frame" in open_recording(path).warnings
+
+
+def test_tensions_beside_the_points_are_those_of_the_frame(tmp_path):
+    path = written(tmp_path / "em.csv", "S{point}_{axis}_mm", extra=("time_s", "tension_in_N"))
+    assert [frame.tension_in for frame in frames_of(path)] == [0.0, 0.5, 1.0]
+
+
+def test_a_sensor_that_the_user_leaves_out_is_no_point(tmp_path):
+    path = written(tmp_path / "em.csv", "S{point}_{axis}_mm")
+    frames = frames_of(path, None, "S1_x_mm=ignore", "S1_y_mm=ignore", "S1_z_mm=ignore")
+    np.testing.assert_allclose(frames[0].points, POINTS[0, 1:] / 1e3)
+
+
+def test_a_cell_that_is_no_number_rejects_its_frame_with_line_and_column(tmp_path):
+    path = written(tmp_path / "em.csv", "S{point}_{axis}_mm")
+    path.write_text(path.read_text(encoding="utf-8").replace("11.0", "lost", 1), encoding="utf-8")
+    item = open_recording(path)[1]
+    assert isinstance(item, Rejected)
+    assert item.reason == "line 3: S2_x_mm is 'lost': write a number or leave it empty"
+
+
+def test_points_without_a_unit_or_with_two_are_refused(tmp_path):
+    path = written(tmp_path / "em.csv", "S{point}_{axis}")
+    with pytest.raises(
+        ShapeError, match=r"no unit: name the columns S1_x_mm and so on, or give --unit mm\|m"
+    ):
+        open_recording(path)
+    path = written(tmp_path / "em.csv", "S{point}_{axis}_mm")
+    path.write_text(path.read_text(encoding="utf-8").replace("S5_z_mm", "S5_z_cm"), encoding="utf-8")
+    with pytest.raises(ShapeError, match="'S1_x_mm' is in mm, 'S5_z_cm' in cm: write one unit"):
+        open_recording(path)
+
+
+def test_the_tip_of_a_machine_and_three_points_stay_what_they_are(tmp_path):
+    path = tmp_path / "tip.csv"
+    path.write_text("time_s,tip_x_m,tip_y_m,tip_z_m,tension_in_1_N\n0,1,2,3,4\n1,1,2,3,5", encoding="utf-8")
+    assert read_run(path).of_machine.keys() == {"tip_x_m", "tip_y_m", "tip_z_m", "tension_in_1_N"}
+
+
+def test_stations_that_count_the_points_name_their_column(tmp_path):
+    path = tmp_path / "em.csv"
+    rows = [f"{k + 1},{100 * k},0,0" for k in range(7)]
+    path.write_text("\n".join(["S,x,y,z", *rows]), encoding="utf-8")
+    (warning,) = open_recording(path, "mm").warnings
+    assert warning == "column 'S' is read as arc length: if it numbers the points, give --map \"S=point\""
+    path.write_text("\n".join(["S,x,y,z", *(f"{k + 1},{k},0,0" for k in range(7))]), encoding="utf-8")
+    assert open_recording(path, "mm").warnings == ()

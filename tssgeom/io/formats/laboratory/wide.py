@@ -1,0 +1,143 @@
+"""Tables with a row a frame, the points side by side, `S1_x,S1_y,S1_z,S2_x,…`: turned to a row a point."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
+from itertools import chain
+from pathlib import Path
+
+import numpy as np
+
+from tssgeom.errors import ShapeError
+from tssgeom.io.formats.columns import AXES, POINT
+from tssgeom.io.formats.laboratory.names import EXACT, FRAME, meaning_of, split_unit
+from tssgeom.io.formats.laboratory.raw import Column, RawTable
+from tssgeom.io.formats.laboratory.units import LENGTH, Unit, unit_of
+from tssgeom.io.formats.recording import agreed_unit
+
+FEWEST_POINTS = 4
+"""Least points of a frame; derived: fewer are no shape."""
+_AXIS_LAST = re.compile(r"(|.*[\d\s_.:-])([wxyz])", re.IGNORECASE)
+_AXIS_FIRST = re.compile(r"([wxyz])([\d\s_.:-].*)", re.IGNORECASE)
+_NO_POSITION = re.compile(
+    r"(?:^|.*[\d\s_.:-])(?:q|r|t|n|v|a|quat\w*|rot\w*|euler|vel\w*|acc\w*|dir\w*|normal)"
+)
+"""Name of a vector that is no position: a turn, a direction, a speed."""
+
+
+def point_columns(
+    names: Sequence[str], units: Sequence[str] = (), besides: Collection[str] = ()
+) -> dict[str, tuple[int, int, int]]:
+    """Return the columns of x, y and z of each point, by its name and in the order of the table.
+
+    Parameters
+    ----------
+    names
+        Names of the columns.
+    units
+        Units of a unit row, where there is one.
+    besides
+        Names whose meaning the user states.
+    """
+    vectors = dict[str, dict[str, int]]()
+    for k, name in enumerate(names):
+        if name in EXACT or name in besides:
+            continue
+        stem, unit = _stem_and_unit(name, units[k] if units else "")
+        found = _axis(stem)
+        if found is not None and (unit is None or unit.quantity == LENGTH):
+            vectors.setdefault(found[0], {}).setdefault(found[1], k)
+    points = {
+        point: (columns["x"], columns["y"], columns["z"])
+        for point, columns in vectors.items()
+        if {*columns} == {*AXES} and not _NO_POSITION.fullmatch(point.lower())
+    }
+    return points if len(points) >= FEWEST_POINTS else {}
+
+
+def _stem_and_unit(name: str, unit_row: str) -> tuple[str, Unit | None]:
+    stem, unit = split_unit(name)
+    return stem, unit_of(unit_row) or unit
+
+
+def _axis(stem: str) -> tuple[str, str] | None:
+    """Split a name into that of a point and its axis; w is the fourth component of a quaternion."""
+    if match := _AXIS_LAST.fullmatch(stem):
+        point, axis = match[1], match[2]
+    elif match := _AXIS_FIRST.fullmatch(stem):
+        point, axis = match[2], match[1]
+    else:
+        return None
+    return point.strip(" _.:-"), axis.lower()
+
+
+def with_row_a_point(
+    file: Path, table: RawTable, said: Mapping[str, object], given_unit: str | None
+) -> RawTable:
+    """Return a table with a row a point; one that has no points side by side stays as it is.
+
+    Raises
+    ------
+    ShapeError
+        Where the points have different units, or none at all.
+    """
+    points = point_columns(table.names, table.units, said)
+    points = {name: at for name, at in points.items() if all(_is_numbers(table, k) for k in at)}
+    if len(points) < FEWEST_POINTS:
+        return table
+    unit = _one_unit(file, table, list(chain(*points.values())))
+    if not unit:
+        some = table.names[points[next(iter(points))][0]]
+        agreed_unit(file, None, given_unit, f"name the columns {some}_mm and so on")
+    taken, count = {*chain(*points.values())}, len(points)
+    kept = [k for k in range(len(table.names)) if k not in taken]
+    columns = {table.names[k]: _repeated(table.columns[k], count) for k in kept}
+    units = {table.names[k]: table.units[k] if table.units else "" for k in kept}
+    if not any(_counts_frames(name, units[name]) for name in columns):
+        columns[FRAME] = np.repeat(np.arange(float(len(table))), count)
+    columns[POINT] = np.tile(np.arange(float(count)), len(table))
+    for axis, at in zip(AXES, zip(*points.values(), strict=True), strict=True):
+        columns[axis] = np.column_stack([table.columns[k] for k in at]).ravel()  # type: ignore[arg-type]
+        units[axis] = unit
+    first, *_, last = points
+    return replace(
+        table,
+        names=tuple(columns),
+        columns=tuple(columns.values()),
+        units=tuple(units.get(name, "") for name in columns),
+        number=np.repeat(table.number, count),
+        faults={count * row: fault for row, fault in table.faults.items()},
+        notes=(*table.notes, f"each row read as the {count} points of a frame, {first!r} to {last!r}"),
+    )
+
+
+def _is_numbers(table: RawTable, k: int) -> bool:
+    return isinstance(table.columns[k], np.ndarray)
+
+
+def _repeated(column: Column, count: int) -> Column:
+    if isinstance(column, np.ndarray):
+        return np.repeat(column, count)
+    return [cell for cell in column for _ in range(count)]
+
+
+def _counts_frames(name: str, unit_row: str) -> bool:
+    meaning = meaning_of(name, unit_row)
+    return meaning is not None and meaning.channel in ("time", FRAME)
+
+
+def _one_unit(file: Path, table: RawTable, columns: Sequence[int]) -> str:
+    """Return the symbol of the one unit of some columns; empty where they have none."""
+    stated = dict[str, str]()
+    for k in columns:
+        unit = _stem_and_unit(table.names[k], table.units[k] if table.units else "")[1]
+        stated.setdefault(unit.symbol if unit else "", table.names[k])
+    if len(stated) > 1:
+        (one, name), (other, another) = list(stated.items())[:2]
+        raise ShapeError(
+            f"{file}: column {name!r} is in {one or 'no unit'}, {another!r} in {other or 'no unit'}: "
+            "write one unit for all points"
+        )
+    return next(iter(stated))
