@@ -79,19 +79,26 @@ def compensate(
 
     choose(style)
     settings = run_settings(rig, TENSION_IN, unit, columns=columns, takes_machines=True)
+    tolerance = None if tolerance_mm is None else 1e-3 * tolerance_mm
     with outputs(out, TABLE):
         if settings.rig.is_machine:
             from pipelines.machines import compensate_machine
 
-            if tolerance_mm is not None or policy != "cross" or figures is not None:
-                raise SettingsError(
-                    f"{rig}: --tolerance-mm, --policy and --figures are for one tendon: leave them out"
+            if figures is not None:
+                raise SettingsError(f"{rig}: --figures is for one tendon: leave it out")
+            raise typer.Exit(
+                compensate_machine(
+                    *(shapes, target, out, settings),
+                    tolerance=tolerance,
+                    policy=policy,
+                    as_json=as_json,
+                    quiet=quiet,
                 )
-            raise typer.Exit(compensate_machine(shapes, target, out, settings, as_json=as_json, quiet=quiet))
+            )
         commander = commander_of(
             settings.rig,
             settings.uncertain,
-            tolerance=None if tolerance_mm is None else 1e-3 * tolerance_mm,
+            tolerance=tolerance,
             policy=policy,
         )
         run = measured_run(target, settings)

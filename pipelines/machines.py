@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 from pipelines.terminal import print_json, print_line, print_message, print_table
 from tssgeom.arrays import Vector
-from tssgeom.mechanism import NO_LIMITS
 
 if TYPE_CHECKING:
     from pipelines.inputs import RunSettings
     from pipelines.runs import SensedRoute
     from tssgeom.api.machine_calls import MachineChannels
+    from tssgeom.tendon.commander import Policy
     from tssgeom.tendon.machine import Machine
 
 MOST_PLOTTED = 400
@@ -47,7 +47,15 @@ def simulate_machine(
 
 
 def compensate_machine(
-    shapes: Path, target: Path, out: Path, settings: RunSettings, *, as_json: bool, quiet: bool
+    shapes: Path,
+    target: Path,
+    out: Path,
+    settings: RunSettings,
+    *,
+    tolerance: float | None,
+    policy: Policy,
+    as_json: bool,
+    quiet: bool,
 ) -> int:
     """Compute the angle of the motor that turns the joint as wanted; returns the exit status."""
     from pipelines.runs import errors_naming, measured_run, sensed_route
@@ -55,13 +63,10 @@ def compensate_machine(
     from tssgeom.io.results.channel_table import write_channels
 
     run = measured_run(target, settings)
-    if settings.rig.drive.limits != NO_LIMITS:
-        print_message(
-            f"{target}: warning: drive.limits cut the commands of one tendon on a spring, not these"
-        )
     sensed = sensed_route(shapes, settings)
     with errors_naming(target, shapes):
-        done = commanded_machine(run, _machine(shapes, sensed, settings))
+        machine = _machine(shapes, sensed, settings)
+        done = commanded_machine(run, machine, tolerance=tolerance, policy=policy)
     for warning in done.warnings:
         print_message(f"{target}: warning: {warning}")
     table = out / "compensate.parquet"

@@ -28,12 +28,12 @@ from tssgeom.sensed_route import SensedRoute, sensed_route
 from tssgeom.tendon.command import Command
 from tssgeom.tendon.command_error import Step
 from tssgeom.tendon.commander import Commander, Given, commander_of
+from tssgeom.tendon.machine_commander import Moved, machine_commander_of
 from tssgeom.tendon.machine_stream import (
     JOINT_TARGET,
     CarriedMachine,
     MachineMoment,
     channels_of,
-    moved_machine,
 )
 from tssgeom.tendon.state import TendonState, pretensioned, transmit_after
 from tssgeom.tendon.transmission import Transmission
@@ -181,7 +181,7 @@ def pulled(
         Where the tendon has no equilibrium.
     """
     if rig.is_machine and follower is None:
-        return _of_machine(seq, frame, state, rig, tension_in, sensed)
+        return _of_machine(seq, frame, state, rig, tension_in, sensed, commander or commander_of(rig))
     if isinstance(state, CarriedMachine):
         raise SettingsError("the state is of a machine, the rig is one tendon on a spring: start anew")
     shape, tracked, fit, shared = sensed
@@ -237,13 +237,15 @@ def _of_machine(
     rig: Rig,
     tension_in: float,
     sensed: SensedRoute,
+    commander: Commander,
 ) -> FrameResult:
     """Take a machine through a frame, as `pulled` takes one tendon."""
     shape, tracked, fit, shared = sensed
     before = state if isinstance(state, CarriedMachine) else CarriedMachine()
     readings, warnings = _readings(frame, rig)
-    moment = moved_machine(
-        before, fit.arcs, rig, readings, time=frame.time, tension_in=tension_in, shared=shared
+    of_machine = commander.of_machine or machine_commander_of(rig)
+    moment, of_machine = of_machine.moved(
+        before, rig, readings, Moved(fit.arcs, frame.time, tension_in, shared)
     )
     most = max(value for name, value in moment.channels.items() if name.startswith("tension_in"))
     return FrameResult(
@@ -259,6 +261,7 @@ def _of_machine(
         + fit.warnings
         + warnings
         + _implausible(frame, rig, fit.arcs.total_length, most),
+        commander=replace(commander, of_machine=of_machine),
         machine=moment,
     )
 

@@ -42,7 +42,6 @@ from tssgeom.io.network.datagrams import UdpSource
 from tssgeom.io.network.mailbox import Mailbox
 from tssgeom.io.network.sinks import Sink, StandardOutput, TcpSink, UdpSink
 from tssgeom.io.network.sources import Replay, Source, StandardInput, TcpSource
-from tssgeom.mechanism import NO_LIMITS
 from tssgeom.rig import Rig
 from tssgeom.stream import Carried
 from tssgeom.tendon.commander import Policy, commander_of
@@ -114,8 +113,6 @@ def run(options: LiveOptions, settings: RunSettings) -> int:
         if options.record is not None:
             record = stack.enter_context(kept_recording(options.record, report))
             options = replace(options, record=record)
-        if remark := _unused(options, settings.rig):
-            report(remark)
         mailbox = Mailbox()
         session = Session(
             selector,
@@ -175,19 +172,6 @@ def run(options: LiveOptions, settings: RunSettings) -> int:
                 report(f"--sink {sink.text}: answers cannot be written ({sink.failure}): make room")
                 all_well = False
     return 0 if all_well else 1
-
-
-def _unused(options: LiveOptions, rig: Rig) -> str:
-    """Name what commands of a machine do not use; empty where all is."""
-    if not rig.is_machine or options.adapt:
-        return ""
-    names = {
-        "drive.limits": rig.drive.limits != NO_LIMITS,
-        "--tolerance-mm": options.tolerance is not None,
-        "--policy": options.policy != "cross",
-    }
-    unused = ", ".join(name for name, given in names.items() if given)
-    return f"{unused}: of one tendon on a spring, the commands of a machine do not use it" if unused else ""
 
 
 def _require_usable(options: LiveOptions, rig: Rig, state: Carried | None) -> None:

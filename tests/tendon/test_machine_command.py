@@ -9,8 +9,8 @@ from msgspec.structs import replace as changed
 from tests.tendon.test_machine import HALF_CIRCLE, rig
 from tssgeom.errors import SettingsError
 from tssgeom.mechanism import Drive, End
-from tssgeom.tendon.machine import machine_of, play
-from tssgeom.tendon.machine_command import before_play, command_machine
+from tssgeom.tendon.machine import machine_of
+from tssgeom.tendon.machine_command import command_machine
 from tssgeom.tendon.machine_simulation import simulate_machine
 
 TIME = np.linspace(0.0, 10.0, 121)
@@ -44,14 +44,6 @@ def test_a_target_out_of_reach_is_marked_and_the_others_are_followed():
     commands = command_machine(machine, np.arange(4.0), np.array([0.05, 0.1, -0.5, 0.1]))
     np.testing.assert_array_equal(commands.reached, [True, True, False, True])
     assert commands.joint_angle[2] == pytest.approx(-0.01 * 1.0 / 0.2, rel=1e-6)  # the spring of the joint
-
-
-def test_a_play_is_undone():
-    rng = np.random.default_rng(0)
-    engaged = np.cumsum(rng.normal(size=50))
-    width = 0.7
-    motion = before_play(engaged, width)
-    np.testing.assert_allclose(play(motion, width)[1:], engaged[1:], atol=1e-12)
 
 
 def test_what_has_no_motor_or_no_joint_is_refused():

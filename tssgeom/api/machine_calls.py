@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -18,9 +19,10 @@ from tssgeom.mechanism import tendon_count
 from tssgeom.result import Result
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
+from tssgeom.tendon.commander import Policy
 from tssgeom.tendon.machine import Machine, machine_of, routed
 from tssgeom.tendon.machine_command import command_machine
-from tssgeom.tendon.machine_simulation import drive_of, simulated
+from tssgeom.tendon.machine_simulation import as_read, drive_of, simulated, without_zero
 from tssgeom.uncertain import Uncertain
 
 TARGET = "joint_angle_rad"
@@ -73,8 +75,13 @@ def simulated_machine(run: MeasuredRun, machine: Machine) -> MachineChannels:
     return MachineChannels({"time_s": run.time, **done.channels}, name, machine, done.tension)
 
 
-def commanded_machine(run: MeasuredRun, machine: Machine) -> MachineChannels:
-    """Return the angles of the motor that turn the joint along the target of a run.
+def commanded_machine(
+    run: MeasuredRun, machine: Machine, *, tolerance: float | None = None, policy: Policy = "cross"
+) -> MachineChannels:
+    """Return the angles of the motor that turn the joint along the target of a run, as its sensor reads them.
+
+    With the policy `wait` the motor is held inside the dead zone while the joint misses its target by no more
+    than the tolerance at its lever arm [m]. A motor that follows its command later gets it earlier.
 
     Raises
     ------
@@ -86,16 +93,36 @@ def commanded_machine(run: MeasuredRun, machine: Machine) -> MachineChannels:
     if TARGET not in run.columns:
         raise SettingsError(f"{run.path}: no column {TARGET}: a joint follows the angle in it; add one")
     columns = _complete(run)
-    commands = command_machine(machine, run.time, columns[TARGET], columns.get("joint_torque_Nm"))
-    channels = {"motor_angle_rad": commands.motor_angle, TARGET: commands.joint_angle}
+    if tolerance is not None and not 0.0 < tolerance < math.inf:
+        raise SettingsError(f"--tolerance-mm is {1e3 * tolerance:g} mm: give a finite value > 0 mm")
+    target, rig = columns[TARGET], machine.rig
+    least = None if policy == "cross" else (tolerance or 0.0) / (rig.end.radius_m or 1.0)
+    load = without_zero(columns, "joint_torque_Nm", rig)
+    commands = command_machine(machine, run.time, target, load, near_enough=least)
+    sent = np.interp(run.time - rig.drive.lag_s, run.time, commands.motor_angle)
+    read = as_read(sent, "motor_angle_rad", rig)
+    channels = {"motor_angle_rad": read, TARGET: commands.joint_angle}
     for which in range(machine.count):
         channels[f"tension_in_{which + 1}_N"] = commands.ends[:, which, 0]
         channels[f"displacement_in_{which + 1}_m"] = commands.ends[:, which, 2]
-    missed = np.flatnonzero(~commands.reached)
+    miss = np.abs(commands.joint_angle - target)
+    cut = [name for name in dict.fromkeys(commands.limited) if name]
+    causes = {
+        "targets are out of reach": ~commands.reached,
+        **{
+            f"commands are cut by drive.limits.{name}": [each == name for each in commands.limited]
+            for name in cut
+        },
+    }
+    if tolerance is not None:
+        beyond = f"targets are missed by more than {1e3 * tolerance:g} mm at the lever arm of the joint"
+        causes[beyond] = miss * rig.end.radius_m > tolerance
+    rows = [(said, np.flatnonzero(are)) for said, are in causes.items()]
     warnings = tuple(
-        f"{len(missed)} targets are out of reach, the first at {run.time[row]:g} s: "
-        f"{columns[TARGET][row]:.4g} rad is wanted, {commands.joint_angle[row]:.4g} reached"
-        for row in missed[:1]
+        f"{len(at)} {said}, the first at {run.time[at[0]]:g} s: "
+        f"{target[at[0]]:.4g} rad is wanted, {commands.joint_angle[at[0]]:.4g} reached"
+        for said, at in rows
+        if len(at)
     )
     of = {"reached": commands.reached, "warnings": warnings}
     return MachineChannels({"time_s": run.time, **channels}, TARGET, machine, **of)

@@ -259,11 +259,10 @@ def compensate(  # pyright: ignore[reportInconsistentOverload]
     known, uncertain = uncertain_rig_of(rig)
     run, moving = run_of(arcs, known), route_of(state, known, unit)
     if known.is_machine:
-        if tolerance is not None or policy != "cross":
-            raise SettingsError("compensate: tolerance and policy are for one tendon: leave them out")
         from tssgeom.api.machine_calls import commanded_machine, machine_on
 
-        return commanded_machine(run, machine_on(moving.arcs[:1], known))
+        machine = machine_on(moving.arcs[:1], known)
+        return commanded_machine(run, machine, tolerance=tolerance, policy=policy)
     commander = commander_of(known, uncertain, tolerance=tolerance, policy=policy)
     warnings = warnings_of_run(run, known, moving, fitted=False)
     name, target = run.channel(_TARGETS)

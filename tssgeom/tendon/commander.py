@@ -22,6 +22,7 @@ from tssgeom.tendon.command_error import (
     spread,
     variants_of,
 )
+from tssgeom.tendon.machine_commander import MachineCommander, machine_commander_of
 from tssgeom.tendon.sensor_errors import true_tension
 from tssgeom.tendon.state import TendonState, step, transmit
 from tssgeom.uncertain import Uncertain
@@ -83,6 +84,8 @@ class Commander:
     """Errors that the route caused when the distal end last moved; None where `TendonState` has them."""
     of_filter: FilterErrors | None = None
     """Estimates of a filter of rig and state, beside the variants."""
+    of_machine: MachineCommander | None = None
+    """What commands a joint; None of one tendon on a spring."""
 
     def moved(
         self, state: TendonState, at: Step, given: Given, tension_in: float
@@ -256,7 +259,7 @@ def commander_of(
     rig, uncertain
         The rig, and its numbers that are known with an error.
     tolerance
-        Distance from the target that may be missed [m].
+        Distance from the target that may be missed [m]; of a joint at its lever arm.
     policy
         What a drive does inside the dead zone.
     state
@@ -290,4 +293,7 @@ def commander_of(
     """
     if tolerance is not None and not 0.0 < tolerance < float("inf"):
         raise SettingsError(f"--tolerance-mm is {1e3 * tolerance:g} mm: give a finite value > 0 mm")
-    return Commander(rig, variants_of(rig, uncertain, state), tolerance, policy)
+    of_machine = None
+    if rig.is_machine:
+        of_machine = machine_commander_of(rig, uncertain, tolerance=tolerance, waits=policy == "wait")
+    return Commander(rig, variants_of(rig, uncertain, state), tolerance, policy, of_machine=of_machine)

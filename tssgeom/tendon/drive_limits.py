@@ -10,7 +10,8 @@ from tssgeom.mechanism import NO_LIMITS
 from tssgeom.rig import Rig
 from tssgeom.tendon.state import TendonState, transmit
 
-_ROUNDING = 1e-9  # m, and of the tension [1], by which a limit may be passed; chosen: far below any drive
+ROUNDING = 1e-9
+"""By what a limit may be passed [m], or of the tension [1]; chosen: far below any drive."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,29 +63,29 @@ def cut_to_limits(
     """
     limits, cut = rig.drive.limits, list[str]()
     most = limits.tension_N
-    if most is not None and wanted.tension_in > most * (1.0 + _ROUNDING):
+    if most is not None and wanted.tension_in > most * (1.0 + ROUNDING):
         wanted = pulled(most)
         cut.append("tension_N")
     position = at = transmit(wanted, rig).displacement_in
     if limits.displacement_m is not None:
-        position = _within(position, *limits.displacement_m, "displacement_m", cut)
+        position = within(position, *limits.displacement_m, "displacement_m", cut)
     if limits.speed_m_per_s is not None:
         if now.elapsed is None:
             raise SettingsError(
                 "drive.limits.speed_m_per_s needs the time since the last command: give elapsed [s]"
             )
         reach = limits.speed_m_per_s * now.elapsed
-        position = _within(position, now.position - reach, now.position + reach, "speed_m_per_s", cut)
+        position = within(position, now.position - reach, now.position + reach, "speed_m_per_s", cut)
     if position != at:
         wanted = located(position)
-        if most is not None and "tension_N" not in cut and wanted.tension_in > most * (1.0 + _ROUNDING):
+        if most is not None and "tension_N" not in cut and wanted.tension_in > most * (1.0 + ROUNDING):
             cut.append("tension_N")
     return wanted, ", ".join(cut)
 
 
-def _within(value: float, low: float, high: float, name: str, cut: list[str]) -> float:
+def within(value: float, low: float, high: float, name: str, cut: list[str]) -> float:
     """Return a position between two [m]; append the name of the limit where it was not."""
-    if low - _ROUNDING <= value <= high + _ROUNDING:
+    if low - ROUNDING <= value <= high + ROUNDING:
         return value
     cut.append(name)
     return min(max(value, low), high)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -11,8 +12,9 @@ import numpy as np
 from tssgeom.arrays import Vector
 from tssgeom.core.constants_tendon_rows import HELD
 from tssgeom.errors import SettingsError
-from tssgeom.mechanism import per_motor_angle
+from tssgeom.mechanism import NO_LIMITS, per_motor_angle
 from tssgeom.tendon.bars.plant import Memory
+from tssgeom.tendon.drive_limits import ROUNDING, within
 from tssgeom.tendon.machine import (
     Machine,
     MachineState,
@@ -22,7 +24,7 @@ from tssgeom.tendon.machine import (
     carry_on,
     held_tensions,
 )
-from tssgeom.tendon.machine_history import MachineHistory, direction
+from tssgeom.tendon.machine_history import MachineHistory, Turning
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,9 +39,35 @@ class CommandSettings:
     """Angle from which the target is out of reach [rad]; chosen: sixteen turns of a motor."""
     most_trials: int = 100
     """Trials of one sample; derived: doublings and halvings to rounding."""
+    dead: float = 0.01
+    """Share of its motion without friction and stretch below which a joint does not follow its motor [1];
+    chosen: as for one tendon, (215)."""
 
 
 COMMAND = CommandSettings()
+
+
+MayWait = Callable[[float, float], bool]
+"""Says of a joint that misses its target by [rad], the motor held at [rad], whether it may stay there."""
+
+
+class NextAngle(NamedTuple):
+    """What a motor has to do for one target, and what then happens."""
+
+    motor: float
+    """Angle of the motor [rad]."""
+    engaged: float
+    """Its angle behind the play [rad]."""
+    joint: float
+    """Angle that the joint gets to [rad]."""
+    reached: bool
+    """Whether an angle of the motor reaches the target; limits and policy may keep the motor from it."""
+    trace: MachineTrace
+    state: MachineState
+    limited: str = ""
+    """Limits of the drive that cut it, by their keys in `[drive] limits`."""
+    waits: bool = False
+    """Whether the motor is held inside the dead zone."""
 
 
 class MachineCommands(NamedTuple):
@@ -53,10 +81,19 @@ class MachineCommands(NamedTuple):
     """[s, n, 4] T_in, T_out [N], x_in, x_out [m] of each tendon."""
     reached: np.ndarray
     """[s] Whether the joint gets where it is wanted."""
+    limited: tuple[str, ...]
+    """[s] Limits of the drive that cut the command."""
+    waits: np.ndarray
+    """[s] Whether the motor is held inside the dead zone."""
 
 
 def command_machine(
-    machine: Machine, time: Vector, target: Vector, load: Vector | None = None, start: Start | None = None
+    machine: Machine,
+    time: Vector,
+    target: Vector,
+    load: Vector | None = None,
+    start: Start | None = None,
+    near_enough: float | None = None,
 ) -> MachineCommands:
     """Return the angle of the motor that turns a joint as wanted; docs/model.md (184).
 
@@ -72,38 +109,63 @@ def command_machine(
         [s] Torque against the joint [N·m]; none where left out.
     start
         Where the tendons stand at the beginning; at rest where left out.
+    near_enough
+        Distance of the joint from its target up to which a motor inside the dead zone is held [rad]; the dead
+        zone is crossed at once where left out.
 
     Raises
     ------
     SettingsError
         Where the rig has no motor or no joint.
     """
-    rig, arms = machine.rig, _arms(machine)
-    spans = np.diff(time, prepend=2.0 * time[0] - time[1] if len(time) > 1 else time[0] - 1.0)
     resisting = np.zeros(len(time)) if load is None else load
     held = held_tensions(machine, start)
-    balance = machine.coordinates.distal.T @ held[:, -1]
-    state, angle, rows = begin(machine, held), 0.0, list[tuple[float, float, np.ndarray, bool]]()
+    spans = np.diff(time, prepend=2.0 * time[0] - time[1] if len(time) > 1 else time[0] - 1.0)
+    state, begun = begin(machine, held), float(time[0] - spans[0])
+    at = MachineHistory(state, held[:, [0, -1]], "motor_angle_rad", begun, Turning(0.0, 0.0, 0.0))
+    may_wait = None if near_enough is None else lambda miss, _: miss <= near_enough
+    done = list[NextAngle]()
     for k in range(len(time)):
-        at = _Sample(machine, state, balance, arms, float(spans[k]), float(resisting[k]), float(target[k]))
-        angle, trace, state, reached = at.solved(angle)
-        rows.append((angle, float(trace.coordinate[0, 0]), trace.ends[0], reached))
-    engaged = np.array([row[0] for row in rows])
+        span = float(spans[k])
+        wanted = float(target[k])
+        now = next_angle(machine, at, span, float(resisting[k]), wanted, span if k else 0.0, may_wait)
+        at = at._replace(state=now.state, time=float(time[k]), motor=Turning(now.motor, 0.0, now.engaged))
+        done.append(now)
     return MachineCommands(
-        before_play(engaged, rig.drive.play_rad),
-        np.array([row[1] for row in rows]),
-        np.array([row[2] for row in rows]),
-        np.array([row[3] for row in rows]),
+        np.array([one.motor for one in done]),
+        np.array([one.joint for one in done]),
+        np.array([one.trace.ends[0] for one in done]),
+        np.array([one.reached for one in done]),
+        tuple(one.limited for one in done),
+        np.array([one.waits for one in done]),
     )
 
 
 def next_angle(
-    machine: Machine, history: MachineHistory, span: float, load: float, target: float
-) -> tuple[float, float, bool]:
-    """Return the angle of the motor that turns a joint as wanted, from where a machine stands; (184).
+    machine: Machine,
+    history: MachineHistory,
+    span: float,
+    load: float,
+    target: float,
+    elapsed: float,
+    may_wait: MayWait | None = None,
+) -> NextAngle:
+    """Return what turns a joint as wanted, from where a machine stands; docs/model.md (184), (219).
 
-    Also the angle that the joint gets to, and whether that is the target. Angles are in rad, `load` is what
-    acts against the joint [N·m], `span` how long the step lasts [s].
+    Parameters
+    ----------
+    machine, history
+        A joint on a motor, and where it stands.
+    span
+        How long the step lasts [s].
+    load
+        What acts against the joint [N·m].
+    target
+        Where the joint is wanted [rad].
+    elapsed
+        Time since the motor was where it is [s], for the limit of its speed.
+    may_wait
+        Says whether a motor inside the dead zone may be held there.
 
     Raises
     ------
@@ -118,12 +180,23 @@ def next_angle(
     balance = machine.coordinates.distal.T @ history.held[:, 1]
     before = history.motor
     near = Memory(history.state.memory[0]).drive[HELD.drive] / arms[0] if before is None else before.engaged
+    near = float(near)
+    was = near if before is None else before.value
     at = _Sample(machine, history.state, balance, arms, span, load, target)
-    angle, trace, _, reached = at.solved(float(near))
-    motor = angle - width * (angle < near)
-    if before is not None and angle == near:
-        motor = before.value
-    return float(motor), float(trace.coordinate[0, 0]), reached
+    angle, trace, state, reached = at.solved(near)
+    if angle != near and may_wait is not None and at.is_dead(near, angle, was, width):
+        joint, held, stays = at.with_motor_at(near)
+        if may_wait(abs(joint - target), was):
+            return NextAngle(was, near, joint, reached, held, stays, waits=True)
+    motor = was if angle == near else angle - width * (angle < near)
+    if machine.rig.drive.limits == NO_LIMITS:
+        return NextAngle(motor, angle, float(trace.coordinate[0, 0]), reached, trace, state)
+    motor, limited = at.within_limits(motor, was, near, elapsed)
+    if not limited:
+        return NextAngle(motor, angle, float(trace.coordinate[0, 0]), reached, trace, state)
+    engaged = min(max(near, motor), motor + width)
+    joint, trace, state = at.with_motor_at(engaged)
+    return NextAngle(motor, engaged, joint, reached, trace, state, limited)
 
 
 def _arms(machine: Machine) -> Vector:
@@ -134,12 +207,6 @@ def _arms(machine: Machine) -> Vector:
             'a joint follows a target where a motor drives it: give end.kind = "joint", drive.radius_m > 0'
         )
     return arms
-
-
-def before_play(engaged: Vector, width: float) -> Vector:
-    """Return the motion whose play leaves `engaged` [s]: it crosses the play at each turn."""
-    way = direction(np.concatenate(([0.0], engaged)))[1:]
-    return engaged - width * (way < 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,6 +220,60 @@ class _Sample:
     span: float
     load: float
     target: float
+
+    def is_dead(self, near: float, angle: float, was: float, width: float) -> bool:
+        """Whether the joint does not follow the motor towards an angle at first, or has a play to cross."""
+        way = math.copysign(1.0, angle - near)
+        if way * (near - was) + max(-way, 0.0) * width > COMMAND.close:
+            return True
+        step = min(COMMAND.first, abs(angle - near))
+        by = self.at(near + way * step)[0] - self.at(near)[0]
+        free = step * abs(self.arms[0]) / self.machine.rig.end.radius_m
+        return not abs(by) > COMMAND.dead * free
+
+    def within_limits(self, motor: float, was: float, near: float, elapsed: float) -> tuple[float, str]:
+        """Return the angle of the motor that keeps to the limits, and the names of those that cut it."""
+        drive, cut = self.machine.rig.drive, list[str]()
+        limits, wanted = drive.limits, motor
+        if limits.tension_N is not None:
+            wanted = self._bearable(wanted, was, near, limits.tension_N)
+            cut += ["tension_N"] * (wanted != motor)
+        position = at = wanted * float(self.arms[0])
+        if limits.displacement_m is not None:
+            position = within(position, *limits.displacement_m, "displacement_m", cut)
+        if limits.speed_m_per_s is not None:
+            reach, now = limits.speed_m_per_s * elapsed, was * float(self.arms[0])
+            position = within(position, now - reach, now + reach, "speed_m_per_s", cut)
+        return wanted if position == at else position / float(self.arms[0]), ", ".join(cut)
+
+    def _bearable(self, motor: float, was: float, near: float, most: float) -> float:
+        """Return the angle of the motor next to a wanted one with which no drive pulls more than [N]."""
+        width = self.machine.rig.drive.play_rad
+
+        def pull(angle: float) -> float:
+            trace = self.at(min(max(near, angle), angle + width))[1]
+            return math.inf if trace is None else float(trace.ends[0, :, 0].max())
+
+        if pull(motor) <= most * (1.0 + ROUNDING):
+            return motor
+        good, bad = was, motor
+        while abs(bad - good) > COMMAND.close:
+            middle = 0.5 * (good + bad)
+            good, bad = (middle, bad) if pull(middle) <= most else (good, middle)
+        return good
+
+    def with_motor_at(self, angle: float) -> tuple[float, MachineTrace, MachineState]:
+        """Return the angle of the joint with this angle of the motor [rad], what happens, and where it ends.
+
+        Raises
+        ------
+        SettingsError
+            Where the machine has no equilibrium there.
+        """
+        _, trace, state = self.at(angle)
+        if trace is None:
+            raise SettingsError(f"the machine has no equilibrium with the motor at {angle:g} rad")
+        return float(trace.coordinate[0, 0]), trace, state
 
     def at(self, angle: float) -> tuple[float, MachineTrace | None, MachineState]:
         """Return by how much the joint misses the target with this angle of the motor."""
@@ -175,9 +296,8 @@ class _Sample:
 
     def solved(self, near: float) -> tuple[float, MachineTrace, MachineState, bool]:
         """Return the angle nearest to `near` that gets there, what it does, and whether it does get there."""
-        off, trace, state = self.at(near)
-        if trace is None:
-            raise SettingsError(f"the machine has no equilibrium with the motor at {near:g} rad")
+        joint, trace, state = self.with_motor_at(near)
+        off = joint - self.target
         best = (near, trace, state)
         if abs(off) <= COMMAND.close:
             return *best, True

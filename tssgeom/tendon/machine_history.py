@@ -45,6 +45,8 @@ class MachineHistory(NamedTuple):
     joint: Turning | None = None
     lags: Mapping[str, tuple[float, float]] = {}
     """What each channel that lags is, and what its sensor reads."""
+    recent: Matrix | None = None
+    """[r, 1 + drives] When a drive that lags was recorded [s] and how; all but the first row act later."""
 
 
 def engaged_of(before: Turning | None) -> float | None:

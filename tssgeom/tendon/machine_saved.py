@@ -35,6 +35,7 @@ def machine_object(state: CarriedMachine) -> dict[str, Any]:
         "time": history.time,
         **{name: None if (of := getattr(history, name)) is None else list(of) for name in ("motor", "joint")},
         "lags": {name: list(pair) for name, pair in history.lags.items()},
+        "recent": None if history.recent is None else history.recent.tolist(),
     }
     return saved | {"history": held, "route": route_object(route)}
 
@@ -90,7 +91,11 @@ def _history(saved: Mapping[str, Any]) -> MachineHistory:
     time = float(saved["time"])
     require(bool(np.isfinite(time)), "time")
     motor, joint = _turning(saved["motor"]), _turning(saved["joint"])
-    return MachineHistory(MachineState(memory, where), held, saved["drive"], time, motor, joint, lags)
+    recent = None if (rows := saved.get("recent")) is None else _array(rows)  # of an older file: none
+    if recent is not None:
+        drives = 1 if saved["drive"].startswith("motor") else len(held)
+        require(recent.ndim == 2 and numbers(recent, len(recent), 1 + drives) and len(recent) > 0, "recent")
+    return MachineHistory(MachineState(memory, where), held, saved["drive"], time, motor, joint, lags, recent)
 
 
 def _turning(saved: Any) -> Turning | None:

@@ -5,10 +5,12 @@ Source: docs/model.md (171)-(178).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple, TypeVar
 
 import numpy as np
+from msgspec.structs import replace as changed
 
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.errors import FitError, SettingsError
@@ -33,6 +35,8 @@ from tssgeom.tendon.machine_history import (
     read_by_sensors,
     turned,
 )
+
+_Value = TypeVar("_Value", float, Vector)
 
 
 def drive_of(run: Mapping[str, Vector], count: int) -> DriveName:
@@ -126,7 +130,8 @@ def simulated(
     if before is None:
         before = begun(machine, drive or drive_of(run, machine.count), run["time_s"], start)
     name, rig, time = before.drive, machine.rig, run["time_s"]
-    run = {**run, **{each: _as_driven(run, each, rig.drive.lag_s) for each in _driving(run, name, machine)}}
+    driven, recent = _on_clock(run, before, _driving(run, name, machine), rig.drive.lag_s)
+    run = {**run, **driven}
     motor, engaged, given = _given(machine, run, before)
     moved, laws, load = _end(run, machine.coordinates, rig, end_given)
     if rig.end.kind == "carried":
@@ -156,7 +161,7 @@ def simulated(
         raise FitError(f"there is no equilibrium of the machine at {time[done]:g} s: thin the run less")
     if name == "motor_torque_Nm":
         motor = engaged = trace.coordinate[:, -1]
-    history = before._replace(state=after, time=float(time[-1]))
+    history = before._replace(state=after, time=float(time[-1]), recent=recent)
     if motor is not None and engaged is not None:
         history = history._replace(motor=turned(motor, engaged, before.motor))
     channels, history = _channels(machine, run, trace, motor, history, before, end_given=end_given)
@@ -293,9 +298,39 @@ def _outcome(motion: Coordinates, angles: Matrix, ends: np.ndarray, before: Mach
     return torque
 
 
-def _as_driven(run: Mapping[str, Vector], channel: str, lag: float) -> Vector:
-    """Return a drive on the clock of what answers; the last of a late record is taken to stay; (178)."""
-    return np.interp(run["time_s"] + lag, run["time_s"], run[channel]) if lag else run[channel]
+def _on_clock(
+    run: Mapping[str, Vector], before: MachineHistory, names: Sequence[str], lag: float
+) -> tuple[dict[str, Vector], Matrix | None]:
+    """Return drives on the clock of what answers, and what was recorded of them that acts later; (178).
+
+    What is recorded too late is taken to stay.
+    """
+    if lag == 0.0:
+        return {}, None
+    recorded = np.column_stack([run["time_s"], *(run[name] for name in names)])
+    if before.recent is not None:
+        recorded = np.vstack([before.recent, recorded])
+    at = run["time_s"] + lag
+    driven = {name: np.interp(at, recorded[:, 0], recorded[:, i]) for i, name in enumerate(names, start=1)}
+    acted = np.searchsorted(recorded[:, 0], at[-1], side="right")
+    return driven, recorded[max(acted - 1, 0) :]
+
+
+def with_pending(machine: Machine, history: MachineHistory, time: float) -> MachineHistory:
+    """Return a machine once all has acted that its drive has recorded until a time [s]; (178)."""
+    lag, recent = machine.rig.drive.lag_s, history.recent
+    if recent is None or not (later := recent[:, 0] > time + lag).any():
+        return history
+    at_once = changed(machine.rig, drive=changed(machine.rig.drive, lag_s=0.0))
+    run = dict(zip(drive_channels(history.drive, machine.count), recent[later, 1:].T, strict=True))
+    run["time_s"] = recent[later, 0] - lag
+    return simulated(replace(machine, rig=at_once), run, before=history._replace(recent=None)).history
+
+
+def as_read(value: _Value, channel: str, rig: Rig) -> _Value:
+    """Return what the sensor of a channel reads of a true value, without its lag; docs/model.md (178)."""
+    sensor = rig.sensors.get(channel)
+    return value if sensor is None else sensor.gain * value + sensor.zero
 
 
 def without_zero(run: Mapping[str, Vector], channel: str, rig: Rig) -> Vector:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -23,13 +23,15 @@ from tssgeom.tendon.bars.bar_state import BarState
 from tssgeom.tendon.bars.plant import Memory
 from tssgeom.tendon.capstan import MOST_TENSION
 from tssgeom.tendon.machine import Machine, machine_of, on_routes, routed
-from tssgeom.tendon.machine_command import next_angle
+from tssgeom.tendon.machine_command import MayWait, next_angle
 from tssgeom.tendon.machine_history import GIVEN_DRIVES, DriveName, MachineHistory
 from tssgeom.tendon.machine_simulation import (
+    as_read,
     begun,
     drive_channels,
     drive_of,
     simulated,
+    with_pending,
     with_torque,
     without_zero,
 )
@@ -67,6 +69,14 @@ class MachineCommand(NamedTuple):
     """Angle that the joint gets to [rad]."""
     reached: bool
     """Whether that is the target."""
+    limited: str = ""
+    """Limits of the drive that cut it, by their keys in `[drive] limits`."""
+    waits: bool = False
+    """Whether the motor is held inside the dead zone."""
+    joint_angle_se: float | None = None
+    """Standard error of the angle that the joint gets to [rad]; None where no error is computed."""
+    out_of_tolerance: float | None = None
+    """Probability that the joint misses its target by more than the tolerance [1]; None without one."""
 
 
 class MachineMoment(NamedTuple):
@@ -90,8 +100,10 @@ class MachineMoment(NamedTuple):
         if self.command is None:
             return dict(self.channels)
         command = {"motor_angle_command_rad": self.command.motor_angle}
-        if not self.command.reached:
+        if not self.command.reached or self.command.limited or self.command.waits:
             command["joint_angle_reached_rad"] = self.command.joint_angle
+        if self.command.joint_angle_se is not None:
+            command["joint_angle_se_rad"] = self.command.joint_angle_se
         return {**self.channels, **command}
 
 
@@ -104,6 +116,7 @@ def moved_machine(
     time: float,
     tension_in: float,
     shared: SharedErrors = NO_ERRORS,
+    may_wait: MayWait | None = None,
 ) -> MachineMoment:
     """Take a machine through one frame.
 
@@ -123,6 +136,8 @@ def moved_machine(
         Tension of each tendon before a frame has brought a drive or a target [N].
     shared
         Errors of the route that all frames share, of which the standard errors hold the effect.
+    may_wait
+        Says whether a motor inside the dead zone may be held there; left out, it crosses at once.
 
     Raises
     ------
@@ -141,13 +156,14 @@ def moved_machine(
     if not is_driven and target is None:
         run |= _held(drive, machine, tension_in)
     end_given = rig.end.given == "angle" and "joint_angle_rad" in run
+    elapsed = 0.0 if state.history is None else max(time - state.time, 0.0)
     command = None
     if not is_driven and target is not None:
-        command = _command(machine, before, run, target)
+        command = _command(machine, before, run, target, elapsed, may_wait)
         run["motor_angle_rad"] = np.array([command.motor_angle])
     done = simulated(machine, run, end_given=end_given, before=before)
     if is_driven and target is not None:
-        command = _command(machine, done.history, run, target)
+        command = _command(machine, done.history, run, target, elapsed, may_wait)
     channels = {name: float(values[0]) for name, values in done.channels.items()}
     _check(done.history, drive)
     after = CarriedMachine(machine, route, done.history, state.way)
@@ -178,7 +194,7 @@ def _driven(
     SettingsError
         Where an earlier frame brought it and this one does not.
     """
-    brought = any(all(each in run for each in drive_channels(name, count)) for name in GIVEN_DRIVES)
+    brought = brings_drive(run, rig)
     if before is None and brought:
         return drive_of(run, count), True
     if before is None:
@@ -190,6 +206,14 @@ def _driven(
     if brought or (target is not None and before.drive != "motor_angle_rad"):
         raise SettingsError(f"no {names[0]}, which drove before: give it in each frame, or begin anew")
     return before.drive, False
+
+
+def brings_drive(readings: Mapping[str, Any], rig: Rig) -> bool:
+    """Whether readings have every channel of some drive."""
+    if "motor_current_A" in readings and rig.drive.torque_constant_Nm_per_A > 0.0:
+        return True
+    count = tendon_count(rig.drive, rig.end)
+    return any(all(each in readings for each in drive_channels(name, count)) for name in GIVEN_DRIVES)
 
 
 def _check(history: MachineHistory, drive: str) -> None:
@@ -216,15 +240,20 @@ def _held(drive: DriveName, machine: Machine, tension_in: float) -> dict[str, Ve
 
 
 def _command(
-    machine: Machine, history: MachineHistory, run: Mapping[str, Vector], target: float
+    machine: Machine,
+    history: MachineHistory,
+    run: Mapping[str, Vector],
+    target: float,
+    elapsed: float,
+    may_wait: MayWait | None,
 ) -> MachineCommand:
     """Return what the motor has to do for a target [rad] from where the machine stands."""
+    history = with_pending(machine, history, float(run["time_s"][0]))
     span = max(float(run["time_s"][0]) - history.time, 0.0)
     load = float(without_zero(run, "joint_torque_Nm", machine.rig)[0])
-    motor, joint, reached = next_angle(machine, history, span, load, target)
-    sensor = machine.rig.sensors.get("motor_angle_rad")
-    read = motor if sensor is None else sensor.gain * motor + sensor.zero
-    return MachineCommand(read, joint, reached)
+    following = next_angle(machine, history, span, load, target, elapsed, may_wait)
+    read = as_read(following.motor, "motor_angle_rad", machine.rig)
+    return MachineCommand(read, following.joint, following.reached, following.limited, following.waits)
 
 
 def _first_tendon(
@@ -275,5 +304,5 @@ def numbers_of(rig: Rig) -> tuple[str, ...]:
     """Return the names of `MachineMoment.numbers` that a rig may have; none of one tendon on a spring."""
     if not rig.is_machine:
         return ()
-    commands = ("motor_angle_command_rad", "joint_angle_reached_rad") if rig.end.kind == "joint" else ()
-    return (*channels_of(rig), *commands)
+    commands = ("motor_angle_command_rad", "joint_angle_reached_rad", "joint_angle_se_rad")
+    return (*channels_of(rig), *(commands if rig.end.kind == "joint" else ()))

@@ -13,6 +13,7 @@ from tssgeom.route.pieces import Arcs
 from tssgeom.stream import FrameResult, Rejected
 from tssgeom.tendon.command import Command
 from tssgeom.tendon.command_error import MOST_OUTSIDE
+from tssgeom.tendon.machine_stream import MachineCommand
 
 _LEAST_PROBABILITY = 0.01  # of a mechanism that is named beside the likeliest one [1]; chosen
 _LONGEST_TEXT = 512  # characters of a frame's own text in an answer; chosen: ids and reasons fit
@@ -197,7 +198,7 @@ def answer(result: FrameResult, time: float, seq: int, latency_us: float, droppe
         latency_us=latency_us,
         dropped=dropped,
         stale=False,
-        **_of_command(result.command),
+        **(_of_command(result.command) if result.machine is None else _of_joint(result.machine.command)),
         followed=None if result.followed is None else _numbers(result.followed),
         alert=None if result.alert is None else _alert(result.alert, time - result.frame.time),
         id=result.frame.id,
@@ -223,6 +224,18 @@ def _of_command(command: Command | None) -> dict[str, Any]:
         "tension_out_se_by_tension_N": errors.tension_out_by_tension,
         "displacement_reached_m": command.displacement_reached if misses else None,
         "tension_reached_N": command.tension_reached if misses else None,
+        "limited": command.limited,
+        "waits": command.waits,
+        "out_of_tolerance": risk if risk is not None and risk > MOST_OUTSIDE else None,
+    }
+
+
+def _of_joint(command: MachineCommand | None) -> dict[str, Any]:
+    """Return the part of an answer on the command of a joint that is no number of the machine."""
+    if command is None:
+        return {}
+    risk = command.out_of_tolerance
+    return {
         "limited": command.limited,
         "waits": command.waits,
         "out_of_tolerance": risk if risk is not None and risk > MOST_OUTSIDE else None,

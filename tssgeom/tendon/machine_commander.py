@@ -1,0 +1,172 @@
+"""Commands of a joint in a stream: with the errors of route, rig and state, tolerance and policy.
+
+Sources: docs/model.md (212), (213), (215), (219).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from tssgeom.arrays import read_only
+from tssgeom.mechanism import per_motor_angle
+from tssgeom.rig import Rig, with_values
+from tssgeom.route.pieces import Arcs
+from tssgeom.route.resolution import NO_ERRORS, SharedErrors
+from tssgeom.tendon.command_error import MOST_OUTSIDE, outside
+from tssgeom.tendon.machine_command import MayWait
+from tssgeom.tendon.machine_simulation import as_read, drive_channels
+from tssgeom.tendon.machine_stream import (
+    JOINT_TARGET,
+    CarriedMachine,
+    MachineMoment,
+    brings_drive,
+    moved_machine,
+)
+from tssgeom.uncertain import Uncertain
+
+
+@dataclass(frozen=True, slots=True)
+class Moved:
+    """What a frame brings of a machine beside its readings."""
+
+    arcs: Arcs
+    """The route as sensed."""
+    time: float
+    """[s]."""
+    tension_in: float
+    """Tension of each tendon before a frame has brought a drive or a target [N]."""
+    shared: SharedErrors = NO_ERRORS
+    """Errors of the route that all frames share."""
+
+    def moved(
+        self,
+        state: CarriedMachine,
+        rig: Rig,
+        readings: Mapping[str, float],
+        may_wait: MayWait | None = None,
+    ) -> MachineMoment:
+        """Take a machine through the frame."""
+        of = {"time": self.time, "tension_in": self.tension_in, "shared": self.shared}
+        return moved_machine(state, self.arcs, rig, readings, may_wait=may_wait, **of)
+
+
+@dataclass(frozen=True, slots=True)
+class MachineVariant:
+    """A rig as it may be, and where its machine would stand after all frames so far."""
+
+    rig: Rig
+    bent: float = 0.0
+    """Standard errors of the route's angle by which it is bent more [1]."""
+    state: CarriedMachine = field(default_factory=CarriedMachine)
+    joint: float = 0.0
+    """Angle of its joint [rad]."""
+
+    def from_state(self, state: CarriedMachine) -> MachineVariant:
+        """Return it with the state of the machine before, where it has none of its own."""
+        return self if self.state.history is not None else replace(self, state=replace(state, machine=None))
+
+    def after(self, readings: Mapping[str, float], at: Moved) -> MachineVariant:
+        """Return it after a frame."""
+        arcs = at.arcs
+        if self.bent and arcs.total_angle > 0.0:
+            more = self.bent * at.shared.on(arcs).total_angle_se / arcs.total_angle
+            arcs = replace(arcs, angle=read_only(arcs.angle * max(1.0 + more, 0.0)))
+        moment = replace(at, arcs=arcs).moved(self.state, self.rig, readings)
+        assert moment.state.history is not None
+        joint = float(moment.state.history.state.coordinate[0])
+        return replace(self, state=moment.state, joint=joint)
+
+    def to_angle(self, motor_read: float, measured: Mapping[str, float], at: Moved) -> MachineVariant:
+        """Return it after the motor has gone to an angle, as its sensor reads it [rad]."""
+        history, read = self.state.history, {"motor_angle_rad": motor_read}
+        if history is not None and history.drive == "displacement_in":
+            count = len(history.held)
+            arms = per_motor_angle(self.rig.drive, count) * motor_read
+            read = dict(zip(drive_channels(history.drive, count), arms.tolist(), strict=True))
+        return self.after({**measured, **read}, at)
+
+
+@dataclass(frozen=True, slots=True)
+class MachineCommander:
+    """What commands of a joint need beside the machine; each frame returns the one for the next frame."""
+
+    tolerance: float | None = None
+    """Distance from the target that may be missed, at the lever arm of the joint [m]."""
+    waits: bool = False
+    """Whether the motor is held inside the dead zone where that is near enough to the target."""
+    variants: tuple[MachineVariant, ...] = ()
+    """Two for each uncertain number, a standard deviation higher and lower."""
+
+    def moved(
+        self, state: CarriedMachine, rig: Rig, readings: Mapping[str, float], at: Moved
+    ) -> tuple[MachineMoment, MachineCommander]:
+        """Return what a machine does in a frame, and the commander of the next one.
+
+        Raises
+        ------
+        SettingsError, FitError
+            As `moved_machine`.
+        """
+        target = readings.get(JOINT_TARGET)
+        measured = {name: value for name, value in readings.items() if name != JOINT_TARGET}
+        if target is None:
+            moment = at.moved(state, rig, readings)
+            return moment, replace(self, variants=tuple(each.after(measured, at) for each in self.variants))
+        driven = brings_drive(measured, rig)
+        before = tuple(each.from_state(state) for each in self.variants)
+        if driven:
+            before = tuple(each.after(measured, at) for each in before)
+
+        def error_at(motor_read: float) -> float:
+            return _spread([each.to_angle(motor_read, measured, at) for each in before])
+
+        def may_wait(miss: float, motor: float) -> bool:
+            error = error_at(as_read(motor, "motor_angle_rad", rig))
+            return miss <= error or self._risk(miss, error, rig) <= MOST_OUTSIDE
+
+        moment = at.moved(state, rig, readings, may_wait if self.waits else None)
+        command = moment.command
+        if command is None or not (self.variants or self.tolerance is not None):
+            return moment, self
+        trials = tuple(each.to_angle(command.motor_angle, measured, at) for each in before)
+        error = _spread(trials)
+        risk = None if self.tolerance is None else self._risk(command.joint_angle - target, error, rig)
+        command = command._replace(joint_angle_se=error, out_of_tolerance=risk)
+        return moment._replace(command=command), replace(self, variants=before if driven else trials)
+
+    def _risk(self, miss: float, error: float, rig: Rig) -> float:
+        """Return the probability that a joint misses its target by more than the tolerance; angles [rad]."""
+        if self.tolerance is None:
+            return 1.0
+        return outside(miss * rig.end.radius_m, error * rig.end.radius_m, self.tolerance)
+
+
+def _spread(variants: Sequence[MachineVariant]) -> float:
+    """Return how far the joints of variants are apart [rad], two of each number; docs/model.md (212)."""
+    angles = np.array([each.joint for each in variants])
+    return math.sqrt(0.5 * float(np.sum((angles - angles.mean()) ** 2))) if len(angles) else 0.0
+
+
+def machine_commander_of(
+    rig: Rig, uncertain: Sequence[Uncertain] = (), *, tolerance: float | None = None, waits: bool = False
+) -> MachineCommander:
+    """Return the commander of a machine before its first frame; `commander_of` has what it takes.
+
+    Raises
+    ------
+    SettingsError
+        Where a number is out of bounds a standard deviation from its value.
+    """
+    variants = [
+        MachineVariant(with_values(rig, {each.key: each.prior.value(u)}))
+        for each in uncertain
+        if each.stated
+        for u in (-1.0, 1.0)
+    ]
+    if variants or waits or tolerance is not None:
+        variants += [MachineVariant(rig, bent) for bent in (-1.0, 1.0)]
+    return MachineCommander(tolerance, waits, tuple(variants))
