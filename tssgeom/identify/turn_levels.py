@@ -1,4 +1,4 @@
-"""The level at which a drive turns, averaged over the shapes that a turn may have; docs/model.md (219).
+"""The level at which a drive turns, averaged over the shapes that a turn may have; docs/model.md (224).
 
 Friction keeps the highest tension of a pull, so a run is fitted with the level of each turn as a parameter.
 Its prior is made here: every shape gives a level with a variance, and counts by its marginal likelihood.
