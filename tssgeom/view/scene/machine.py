@@ -17,10 +17,12 @@ from tssgeom.view.samples import RouteSamples
 from tssgeom.view.scene.blueprint import layout, plot, space_view, time_panel
 from tssgeom.view.scene.camera import Camera, camera
 from tssgeom.view.scene.columns import Sender, segments_3d
+from tssgeom.view.scene.space import send_scale_bar
 from tssgeom.view.scene.writer import recording_file
 
 _BESIDE = 0.02  # of the extent of the route: tendons on one route are so far apart [1]; chosen
 _DIAL = 0.08  # of it: radius of the circle on which the hand of the joint turns [1]; chosen
+_LABEL = np.array([0.12, 0.05])  # of the height of the view: from a tendon to its label [1]; chosen
 _HAND = 48  # points of that circle; chosen
 _NODES = 121  # of the line of a tendon; chosen: no corner shows
 _SHARES = np.linspace(0.0, 1.0, _NODES)
@@ -67,7 +69,9 @@ def write_machine_recording(
     points = np.concatenate([route.position for route in routes])
     radius = _DIAL * float(np.max(np.ptp(points, axis=0)))
     joint = routes[0].position[-1] + 1.3 * radius * _direction(routes[0].position)
-    room = [joint + 2.0 * radius * way for way in (*np.eye(3), *-np.eye(3))]
+    room = [
+        at + 2.0 * radius * way for at in (joint, routes[0].position[0]) for way in (*np.eye(3), *-np.eye(3))
+    ]
     eye = camera(np.vstack([points, *room]), routes[0].position[-1] - routes[0].position[0])
     lines = _lines(routes, eye)
     top = float(np.max(tension))
@@ -76,7 +80,7 @@ def write_machine_recording(
         for title, stems in _PLOTS.items()
         if any(channel.startswith(stems) for channel in channels)
     ]
-    space = space_view(name, eye, ("tendon", "joint"))
+    space = space_view(name, eye, ("tendon", "joint", "labels", "scale"))
     views = rrb.Horizontal(space, rrb.Vertical(*plots), column_shares=[3, 2])
     with recording_file(path, name, layout(views, time_panel())) as recording:
         sender = Sender(recording, time)
@@ -84,6 +88,8 @@ def write_machine_recording(
             middles = np.concatenate(([0.0], 0.5 * (machine.edge[1:] + machine.edge[:-1]), [1.0]))
             along = np.array([np.interp(_SHARES, middles, row) for row in tension[:, which]])
             _send_tendon(sender, f"tendon/{which + 1}", line, along, top)
+        send_scale_bar(sender, eye)
+        _send_ends(sender, lines, eye, tension)
         if "joint_angle_rad" in channels:
             _send_joint(sender, lines[0], eye, joint, radius, channels["joint_angle_rad"])
         _send_series(sender, channels)
@@ -93,6 +99,12 @@ def _direction(line: Points) -> Vector:
     """Return the direction of the end of a line."""
     way = line[-1] - line[-2]
     return way / float(np.linalg.norm(way))
+
+
+def _normal(way: Vector) -> Vector:
+    """Return the unit vector on the screen at a right angle to a direction there."""
+    across = np.array([way[1], -way[0]])
+    return across / max(float(np.linalg.norm(across)), 1e-9)
 
 
 def _lines(routes: Sequence[RouteSamples], eye: Camera) -> list[Points]:
@@ -112,6 +124,29 @@ def _send_tendon(sender: Sender, entity: str, line: Points, tension: np.ndarray,
     )
     sender.constant(entity, rr.LineStrips3D.from_fields(radii=rr.Radius.ui_points(4.0)))
     sender.send(entity, columns, [inside.shape[1]] * rows)
+
+
+def _send_ends(sender: Sender, lines: Sequence[Points], eye: Camera, tension: np.ndarray) -> None:
+    """Write number and tension [N] beside both ends of each tendon, [s, n, bars + 2] of every bar."""
+    sides = np.linspace(-1.0, 1.0, len(lines)) if len(lines) > 1 else np.ones(1)
+    anchors = [
+        eye.label_anchor(
+            line[[end]], side * _LABEL * _normal(eye.axes[:2] @ _direction(line[:2] if end == 0 else line))
+        )
+        for line, side in zip(lines, sides, strict=True)
+        for end in (0, -1)
+    ]
+    style = rr.Points3D.from_fields(radii=0.0, colors=colours.WHITE, show_labels=True)
+    sender.constant("labels", style)
+    labels = [
+        f"tendon {which + 1}: {end:.1f} N"
+        for row in tension[:, :, [0, -1]]
+        for which, of in enumerate(row)
+        for end in of
+    ]
+    positions = np.tile(np.concatenate(anchors), (len(tension), 1))
+    columns = rr.Points3D.columns(positions=positions, labels=labels)
+    sender.send("labels", columns, [2 * len(lines)] * len(tension))
 
 
 def _send_joint(

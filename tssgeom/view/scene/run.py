@@ -68,12 +68,12 @@ def send_numbers(sender: Sender, numbers: Matrix) -> None:
 
 
 def _send_measured(sender: Sender, results: Sequence[FrameResult]) -> None:
-    """Send measured values as circles, where every frame has one."""
+    """Send measured values as crosses that leave the line of the model visible, where every frame has one."""
     for field, quantity in (("tension_out", TENSION_OUT), ("elongation", ELONGATION)):
         values = [getattr(result.frame, field) for result in results]
         if all(value is not None for value in values):
             entity, name = f"series/{field}_measured", f"{quantity.symbol} measured [{quantity.unit}]"
-            marks = {"markers": ["circle"], "marker_sizes": [2.0], "colors": [colours.MEASURED]}
+            marks = {"markers": ["plus"], "marker_sizes": [2.0], "colors": [colours.MEASURED]}
             sender.constant(entity, rr.SeriesPoints(names=name, **marks))
             scalars = quantity.factor * np.array(values, dtype=np.float64)
             sender.send(entity, rr.Scalars.columns(scalars=scalars))

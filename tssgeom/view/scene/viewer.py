@@ -27,7 +27,7 @@ from tssgeom.tendon.history import last_peak
 from tssgeom.view.quantities import COUNT, TIMELINE
 
 _HOST = "127.0.0.1"
-_DRIVES = ["/series/tension_in", "/a/series/tension_in"]
+_DRIVES = ["/series/tension_in", "/a/series/tension_in", "/series/tension_in_N", "/series/tension_in_1_N"]
 _START_LIMIT = 20.0
 """Longest wait for the viewer to start [s]."""
 _END_LIMIT = 10.0
