@@ -21,7 +21,7 @@ import subprocess
 import sys
 import tempfile
 import tomllib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -68,18 +68,10 @@ IGNORED = {
     *("program", "sha256", "path", "file", "files", "command", "host", "machine", "python"),
 }
 MACHINE = """
-[tendon]
-pretension_N = 6
-[drive]
-kind = "pair"
-radius_m = 0.01
-[end]
-kind = "joint"
-radius_m = 0.008
-stiffness_Nm_per_rad = 0.2
-[route]
-length_m = 0.5
-angle_rad = 3.0
+tendon = {pretension_N = 6}
+drive = {kind = "pair", radius_m = 0.01}
+end = {kind = "joint", radius_m = 0.008, stiffness_Nm_per_rad = 0.2}
+route = {length_m = 0.5, angle_rad = 3.0}
 """
 
 
@@ -88,21 +80,26 @@ def machine_inputs(folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "rig.toml").write_text(MACHINE)
     (folder / "unknown.toml").write_text(MACHINE.replace("pretension_N = 6", 'pretension_N = "unknown"'))
-    turn = [i / 40 for i in range(121)]
-    arc = [(500 / 3 * math.sin(a), 500 / 3 * (1 - math.cos(a)), 0.0) for a in turn]
-    _table(folder / "shape.csv", "x_mm,y_mm,z_mm", arc)
-    time = [i / 10 for i in range(241)]
+    turn, time = [i / 40 for i in range(121)], [i / 10 for i in range(241)]
     motor = [0.9 * math.sin(t) * (0.8 + 0.2 * math.sin(t / 4)) for t in time]
-    joint = [0.7 * a + 0.05 * math.tanh(8 * math.cos(t)) for t, a in zip(time, motor, strict=True)]
-    torque = [0.15 * a + 0.03 * math.tanh(8 * math.cos(t)) for t, a in zip(time, motor, strict=True)]
-    _table(folder / "drive.csv", "time_s,motor_angle_rad", zip(time, motor, strict=True))
-    _table(folder / "target.csv", "time_s,joint_angle_deg", ((t, 20 * math.sin(t)) for t in time))
-    head = "time_s,motor_angle_rad,joint_angle_rad,motor_torque_Nm"
-    _table(folder / "run.csv", head, zip(time, motor, joint, torque, strict=True))
-
-
-def _table(path: Path, head: str, rows: Iterable[Sequence[float]]) -> None:
-    path.write_text("\n".join([head, *(",".join(map(repr, row)) for row in rows)]) + "\n")
+    arc = [(math.sin(a) / 6, (1 - math.cos(a)) / 6, 0.0) for a in turn]
+    slip = [math.tanh(8 * math.cos(t)) for t in time]
+    joint = [0.7 * a + 0.05 * way for a, way in zip(motor, slip, strict=True)]
+    torque = [0.15 * a + 0.03 * way for a, way in zip(motor, slip, strict=True)]
+    tables = {
+        "shape": dict(zip(("x_m", "y_m", "z_m"), zip(*arc, strict=True), strict=True)),
+        "drive": {"time_s": time, "motor_angle_rad": motor},
+        "target": {"time_s": time, "joint_angle_deg": [20 * math.sin(t) for t in time]},
+        "run": {
+            "time_s": time,
+            "motor_angle_rad": motor,
+            "joint_angle_rad": joint,
+            "motor_torque_Nm": torque,
+        },
+    }
+    for name, columns in tables.items():
+        rows = [columns, *zip(*columns.values(), strict=True)]
+        (folder / f"{name}.csv").write_text("".join(",".join(map(str, row)) + "\n" for row in rows))
 
 
 def ran(tree: Path, out: Path, names: Sequence[str]) -> dict[str, str]:
@@ -112,11 +109,9 @@ def ran(tree: Path, out: Path, names: Sequence[str]) -> dict[str, str]:
     for name in names:
         folder = out / name
         folder.mkdir(parents=True)
-        words = (
-            COMMANDS[name].replace("INPUTS", str(out.parent / "inputs")).replace("OUT", str(folder)).split()
-        )
+        line = COMMANDS[name].replace("INPUTS", str(out.parent / "inputs")).replace("OUT", str(folder))
         done = subprocess.run(
-            [sys.executable, "-c", "from pipelines.cli import main; main()", *words],
+            [sys.executable, "-c", "from pipelines.cli import main; main()", *line.split()],
             cwd=tree, env=env, capture_output=True, text=True, check=False, timeout=1800,
         )  # fmt: skip
         printed[name] = f"{done.returncode}\n{done.stdout}"
@@ -136,10 +131,10 @@ def objects(printed: str) -> Any:
     return [status, text.split()]
 
 
-def held(path: Path) -> Any:
+def held(path: Path, root: Path) -> Any:
     """Return what a file holds, or None where it is compared by no number (pictures, pages, recordings)."""
     if path.suffix in (".json", ".jsonl"):
-        return objects(f"\n{path.read_text(encoding='utf-8')}")
+        return objects(f"\n{path.read_text(encoding='utf-8').replace(str(root), '')}")
     if path.suffix == ".toml":
         return tomllib.loads(path.read_text(encoding="utf-8"))
     if path.suffix == ".parquet":
@@ -173,14 +168,14 @@ def compared(
 ) -> Iterator[str]:
     """Yield what differs between two sets of outputs, command by command."""
     for name in new:
-        one, other = (text.replace(str(place), "") for text, place in ((old[name], before), (new[name], now)))
+        one, other = (text.replace(str(root), "") for text, root in ((old[name], before), (new[name], now)))
         yield from differences(name, objects(one), objects(other), relative)
         for path in sorted((before / name).rglob("*")):
             twin = now / (inner := path.relative_to(before))
             if path.is_file() and not twin.exists():
                 yield f"{inner}: missing"
-            elif path.is_file() and (one := held(path)) is not None:
-                yield from differences(str(inner), one, held(twin), relative)
+            elif path.is_file() and (one := held(path, before)) is not None:
+                yield from differences(str(inner), one, held(twin, now), relative)
 
 
 def main() -> int:

@@ -182,7 +182,7 @@ void fit_pieces(const Data *data, Chain *chain, double goal, int64_t restart, Wo
             Chain before = now;
             now = tried, tried = before;
             if (saved < enough && damping <= CHAIN_FIT.damping_of_failure) break;
-            damping = most(CHAIN_FIT.easier * damping, ROUNDING.exact);
+            damping = most(CHAIN_FIT.easier * damping, ROUNDING.pivot);
         } else {
             damping = most(CHAIN_FIT.harder * damping, CHAIN_FIT.damping_of_failure);
         }

@@ -37,7 +37,7 @@ static void hidden_bends(const Data *data, const Chain *chain, const double lowe
         }
         schur_complement(m, lower, unit, gradient, 2, cross, own, bent.gradient + at, left, rest, w);
         for (int e = 0; e < 4; e += 3) left[e] = most(left[e], ROUNDING.exact * own[e]);
-        factor(2, left, ROUNDING.exact, root, units);
+        factor(2, left, ROUNDING.pivot, root, units);
         solve(2, root, units, rest, bend);
         const double both[4] = {1.0, 0.0, 0.0, 1.0};
         double spread[4];
@@ -118,7 +118,7 @@ static double pieces_of(
             for (int64_t a = 0; a < m; a++) of_length[a] += slide[a], of_angle[a] += kappa * slide[a];
         }
     }
-    factor(m, chain->matrix, ROUNDING.exact, lower, unit);
+    factor(m, chain->matrix, ROUNDING.pivot, lower, unit);
     propagated(m, lower, unit, r, gradient, covariance, w);
     for (int64_t a = 0; a < r * r; a++) covariance[a] *= variance;
     hidden_bends(data, chain, lower, unit, hidden, w);

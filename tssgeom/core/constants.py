@@ -37,7 +37,9 @@ class Rounding(NamedTuple):
     relative: float = 1e-9
     """Of results of many operations [1]; derived: sums of a thousand terms, solved again and again."""
     exact: float = 1e-12
-    """Of results of a few operations, and of what elimination leaves of a pivot [1]; derived."""
+    """Of results of a few operations [1]; derived."""
+    pivot: float = 1e-13
+    """What elimination leaves of a pivot that the others determine, of its own size [1]; fitted."""
 
 
 ROUNDING = Rounding()

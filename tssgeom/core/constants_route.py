@@ -89,6 +89,9 @@ class PointLimits(NamedTuple):
     """Extent below which the unit may be wrong [m]. Chosen."""
     usual_most: float = 100.0
     """Extent above which the unit may be wrong [m]. Chosen."""
+    few: int = 40
+    """Points up to which λ is averaged over and a wrong order is searched for, and from which little noise is
+    evidence [1]. Chosen: more determine λ to a small part of the error of Φ; the search takes 3 ms."""
     farthest: float = 1e6
     """Distance from the origin above which points are refused [m]. Derived: rounding of 1e-10 m."""
 

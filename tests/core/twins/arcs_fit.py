@@ -27,7 +27,7 @@ def factor(matrix, damping):
             for c in range(b):
                 rest -= lower[a, c] * lower[b, c]
             if a == b:
-                lower[a, a] = math.sqrt(max(rest + damping, ROUNDING.exact))
+                lower[a, a] = math.sqrt(max(rest + damping, ROUNDING.pivot))
             else:
                 lower[a, b] = rest / lower[b, b]
     return lower, unit
@@ -177,7 +177,7 @@ def fit_pieces(data, chain, goal, restart):
             now, gradient = tried, slope
             if saved < enough and damping <= CHAIN_FIT.damping_of_failure:
                 break
-            damping = max(CHAIN_FIT.easier * damping, ROUNDING.exact)
+            damping = max(CHAIN_FIT.easier * damping, ROUNDING.pivot)
         else:
             damping = max(CHAIN_FIT.harder * damping, CHAIN_FIT.damping_of_failure)
     return now

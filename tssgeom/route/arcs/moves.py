@@ -122,7 +122,7 @@ def _simplifications(data: Data, chain: Chain) -> list[tuple[float, int, int]]:
     components, curved = np.zeros((k, 2, len(chain.matrix))), np.flatnonzero(chain.curved)
     components[curved, 0, column[curved]] = components[curved, 1, column[curved] + 1] = 1.0
     gradient = np.concatenate((components, components[1:] - components[:-1])).reshape(2 * (2 * k - 1), -1)
-    covariance = core.propagated(chain.matrix, gradient, ROUNDING.exact)
+    covariance = core.propagated(chain.matrix, gradient, ROUNDING.pivot)
     steps = np.concatenate((bend, bend[1:] - bend[:-1]))
     wald = _wald_statistics(steps, noise_variance(data, chain) * covariance)
     listed = []
