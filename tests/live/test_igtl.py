@@ -12,8 +12,8 @@ from pyigtl.messages import CRC64, MessageBase
 from benchmarks.live_process import PATIENCE, Reader
 from tests.live.conftest import Shared
 from tests.live.peers import half_circle
-from tssgeom.io.network.igtl import HEADER, Message, header_of, message_of
-from tssgeom.io.network.igtl_peers import Rounds
+from tssgeom.io.network.igtl import HEADER, Message, header_of, message_of, route_message, text_message
+from tssgeom.io.network.igtl_peers import Rounds, _string
 
 POSITIONS = half_circle(29)  # not as many points as from other senders: the filter in time begins anew
 WHEN = 7000.0
@@ -200,3 +200,26 @@ def exactly(client: socket.socket, size: int) -> bytes:
     while len(data) < size:
         data += client.recv(size - len(data))
     return data
+
+
+def test_messages_are_those_of_the_protocols_own_library():
+    line = np.array([29, *range(29)], np.uint32)
+    points = POSITIONS.astype(np.float32)
+    wanted = pyigtl.PolyDataMessage(points=points, lines=line, timestamp=7000.5, device_name="tssgeom_route")
+    assert route_message(1e-3 * points.astype(float), 7000.5) == wanted.pack()
+    wanted = pyigtl.StringMessage('{"t": 1}', timestamp=7000.5, device_name="tssgeom")
+    assert text_message('{"t": 1}', 7000.5) == wanted.pack()
+    message = text_message("5 µm", 1.0)
+    read = message_of(header_of(message[:HEADER]), message[HEADER:])
+    assert read is not None
+    assert read.text == "5 µm"
+
+
+def test_an_answer_that_is_too_long_for_a_string_has_its_numbers_alone():
+    answer = {"t": 1.0, "seq": 3, "segments": [{"length_m": 0.1}] * 5000, "stale": False, "id": "x" * 70_000}
+    message = _string(json.dumps(answer).encode() + b"\n")
+    read = message_of(header_of(message[:HEADER]), message[HEADER:])
+    assert read is not None
+    kept = json.loads(read.text)
+    assert "a STRING holds 65535 bytes" in kept.pop("warnings")[0]
+    assert kept == {"t": 1.0, "seq": 3, "stale": False}

@@ -1,6 +1,5 @@
 """OpenIGTLink messages: shapes out of POINT, POLYDATA, POSITION and TRANSFORM, results into POLYDATA, STRING.
 
-Checksum and packing are pyigtl's; headers, metadata and contents are read here, checked and as arrays.
 Lengths are millimetres, as the protocol's users have them.
 """
 
@@ -10,28 +9,31 @@ import struct
 from dataclasses import dataclass
 
 import numpy as np
-from pyigtl.messages import CRC64, MessageBase, PolyDataMessage, StringMessage
 
+from tssgeom import core
 from tssgeom.arrays import Points
 from tssgeom.errors import ShapeError
 from tssgeom.io.formats.recording import PER_METRE
 
-HEADER = MessageBase.IGTL_HEADER_SIZE
+_FIELDS = struct.Struct(">H12s20sIIQQ")  # version, kind, device, time in s and in 2⁻³² s, size, checksum
+HEADER = _FIELDS.size
 """Bytes of a header."""
 LARGEST = 1 << 20
 """Bytes of the largest body that is read, 1 MiB: the limit of the stream."""
+LONGEST_TEXT = 0xFFFF
+"""Bytes of the longest text that a STRING holds, which states their number in 16 bits."""
 
 _EXTENDED = struct.Struct(">HHII")  # bytes of itself, of the index and the text of metadata, and an id
 _COUNT = struct.Struct(">H")  # entries of the index
 _ENTRY = struct.Struct(">HHI")  # bytes of a key, encoding and bytes of its value
-_ENCODINGS = {3: "ascii", 4: "latin-1", 106: "utf-8"}  # as IANA numbers them; another counts as UTF-8
+_ASCII, _UTF_8 = 3, 106
+_ENCODINGS = {_ASCII: "ascii", 4: "latin-1", _UTF_8: "utf-8"}  # as IANA numbers them; another counts as UTF-8
 _POINT = np.dtype([("about", "S100"), ("position", ">f4", 3), ("more", "S24")])
 _LIST = np.dtype([("about", "S100"), ("position", ">f4", 3), ("turn", ">f4", 4), ("more", "S24")])
 _POLYDATA = 40  # bytes with the numbers of points and cells
 _COORDINATE = ">f4"
 _KINDS = ("POINT", "POLYDATA", "POSITION", "TRANSFORM", "STRING")
 _VERSIONS = (1, 2, 3)  # from 2 on, an extended header and metadata
-_FIELDS = struct.Struct(">H12s20sIIQQ")  # version, kind, device, time in s and in 2⁻³² s, size, checksum
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +96,7 @@ def message_of(header: Header, body: bytes) -> Message | None:
     """
     if header.kind not in _KINDS:
         return None
-    if CRC64(body) != header.checksum:
+    if checksum(body) != header.checksum:
         raise ShapeError(f"{header.kind} of {header.device!r}: wrong checksum: the message is damaged")
     try:
         content, metadata = (body, {}) if header.version == 1 else _extended(body)
@@ -165,13 +167,31 @@ def _text(content: bytes) -> str:
     return content[4:].decode("utf-8", "replace")
 
 
+def checksum(body: bytes) -> int:
+    """Return the checksum of a body."""
+    return core.crc64(np.frombuffer(body, np.uint8)) & 0xFFFFFFFFFFFFFFFF
+
+
 def route_message(position: Points, time: float) -> bytes:
     """Write a route [m] as one line of a POLYDATA, in mm."""
-    line = np.concatenate(([len(position)], np.arange(len(position)))).astype(np.uint32)
-    points = np.asarray(PER_METRE["mm"] * position, np.float32)
-    return PolyDataMessage(points=points, lines=line, timestamp=time, device_name="tssgeom_route").pack()
+    count = len(position)
+    line = np.arange(-1, count)
+    line[0] = count
+    numbers = np.array([count, 0, 0, 1, 4 * len(line), 0, 0, 0, 0, 0])  # points, then cells and their bytes
+    points = (PER_METRE["mm"] * position).astype(_COORDINATE)
+    parts = (numbers.astype(">u4"), points, line.astype(">u4"))
+    return _packed("POLYDATA", "tssgeom_route", time, b"".join(part.tobytes() for part in parts))
 
 
-def text_message(line: str, time: float) -> bytes:
-    """Write a line of JSON as a STRING."""
-    return StringMessage(line, timestamp=time, device_name="tssgeom").pack()
+def text_message(text: str, time: float) -> bytes:
+    """Write a text, such as a line of JSON, as a STRING."""
+    encoded = text.encode()
+    about = struct.pack(">HH", _ASCII if text.isascii() else _UTF_8, len(encoded))
+    return _packed("STRING", "tssgeom", time, about + encoded)
+
+
+def _packed(kind: str, device: str, time: float, content: bytes) -> bytes:
+    """Write a message under a header of version 1."""
+    seconds, fraction = divmod(round(time * 2.0**32), 1 << 32)
+    about = (1, kind.encode(), device.encode(), seconds, fraction, len(content), checksum(content))
+    return _FIELDS.pack(*about) + content

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import json
 import math
 import re
 import selectors
@@ -23,6 +24,7 @@ from tssgeom.io.network.addresses import Access, Endpoint, resolved
 from tssgeom.io.network.channel import WRITE, Channel
 from tssgeom.io.network.igtl import (
     HEADER,
+    LONGEST_TEXT,
     Header,
     Message,
     header_of,
@@ -266,7 +268,15 @@ class IgtlSink(TcpSink):
 
 
 def _string(line: bytes) -> bytes:
-    return text_message(line.decode().rstrip("\n"), time.time())
+    """Write an answer; of one that a STRING cannot hold, what has one value."""
+    line = line.rstrip(b"\n")
+    if len(line) > LONGEST_TEXT:
+        kept = {
+            key: value for key, value in json.loads(line).items() if isinstance(value, int | float | None)
+        }
+        left_out = f"its texts and lists are left out: a STRING holds {LONGEST_TEXT} bytes, not {len(line)}"
+        line = json.dumps(kept | {"warnings": [left_out]}).encode()
+    return text_message(line.decode(), time.time())
 
 
 def _fewer(position: Points) -> Points:
