@@ -62,7 +62,14 @@ def analyse(
     quiet: Quiet = False,
 ) -> None:
     """Report length, angle, pieces, distal tension and elongation of each shape."""
-    from pipelines.inputs import Refusal, each_analysis, inputs_of, report_unused, run_settings
+    from pipelines.inputs import (
+        Refusal,
+        each_analysis,
+        inputs_of,
+        print_left_out,
+        report_unused,
+        run_settings,
+    )
     from tssgeom.errors import SettingsError
     from tssgeom.io.results.exports import missing_libraries, selected_endings
 
@@ -76,7 +83,9 @@ def analyse(
     missing = missing_libraries(endings)
     written = [ending for ending in endings if ending not in missing]
     results = _Results(settings, out, written, figures, same=same)
-    inputs = list(inputs_of(shapes, [] if out is None else [out], settings.columns))
+    besides = [] if out is None else [out]
+    inputs = list(inputs_of(shapes, besides, settings.columns))
+    print_left_out(shapes, besides)
     tally = each_analysis(inputs, settings, results.add, quiet=quiet or as_json)
     report_unused(settings.columns)
     if same and (refusal := results.add_common()) is not None:

@@ -33,7 +33,8 @@ def check(
     from functools import partial
 
     from pipelines.contents import checked, files_and_campaigns
-    from pipelines.inputs import Refusal, attempt
+    from pipelines.inputs import Refusal, attempt, print_left_out
+    from tssgeom.io.formats.campaigns import is_campaign
     from tssgeom.io.formats.laboratory.mapping import ColumnMap
 
     if suggest:
@@ -50,6 +51,7 @@ def check(
         elif not as_json:
             print_line(_as_text(report))
         reports.append(report)
+    print_left_out(path for path in files if not is_campaign(path))
     if as_json:
         print_json(reports)
     usable = any(report["holds"] != _UNUSABLE for report in reports)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -24,7 +24,7 @@ from tssgeom.errors import (
     refused,
     shortened,
 )
-from tssgeom.io.formats.files import Recording, find_inputs, open_recording, output_names, real
+from tssgeom.io.formats.files import Recording, find_inputs, left_out_of, open_recording, output_names, real
 from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap
 from tssgeom.io.results.shapes import Analysis, frame_row, relative
 from tssgeom.mechanism import Drive, End
@@ -163,6 +163,19 @@ def inputs_of(
                 yield item
             if isinstance(item, Path):
                 yielded.add(real(item))
+
+
+def left_out_text(left_out: Mapping[str, int]) -> str:
+    """Return the sentence on the files in folders that no reader takes."""
+    listed = ", ".join(f"{ending} {count}" for ending, count in left_out.items())
+    count = sum(left_out.values())
+    return f"{count} {'file' if count == 1 else 'files'} left out, of no format of shapes: {listed}"
+
+
+def print_left_out(paths: Iterable[Path], besides: Collection[Path] = ()) -> None:
+    """Print how many files in folders no reader takes, by ending."""
+    if left_out := left_out_of(paths, besides):
+        print_message(left_out_text(left_out))
 
 
 def attempt(source: str | Path, work: Callable[[], Done]) -> Done | Refusal:

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import msgspec
 
 from pipelines import tssgeom_version
-from pipelines.batch.sources import Source, sources_of
+from pipelines.batch.sources import Source, left_out_of_batch, sources_of
 from pipelines.batch.task import Outcome, Task, work
 from pipelines.batch.workers import WorkerLost, WorkerPool, worker_pool
-from pipelines.inputs import Refusal, RunSettings, Tally, print_reading
+from pipelines.inputs import Refusal, RunSettings, Tally, left_out_text, print_reading
 from pipelines.summary_table import print_summary
 from pipelines.terminal import SizedProgress, print_json, print_line, print_message, sized_progress
 from tssgeom.errors import SpaceError
@@ -106,7 +106,8 @@ def run(
             forget_all(folder)
             remove_earlier_run(folder)
         folder.tidy(_FOLDERS)
-        batch = Batch(folder, _tasks(sources, settings, options, folder))
+        left_out = left_out_of_batch(inputs, folder)
+        batch = Batch(folder, _tasks(sources, settings, options, folder), left_out)
         try:
             batch.run(refusals, options, quiet=quiet)
             if batch.done:
@@ -177,6 +178,8 @@ class Batch:
 
     out: Folder
     tasks: Sequence[Task]
+    left_out: Mapping[str, int]
+    """Files that no reader takes, by their endings."""
     done: dict[str, Done] = field(default_factory=dict)
     """By name."""
     refused: dict[str, str] = field(default_factory=dict)
@@ -197,6 +200,8 @@ class Batch:
         SpaceError
             Where the disk is full; finished inputs are noted, and the next run goes on from there.
         """
+        if self.left_out:
+            print_message(left_out_text(self.left_out))
         for refusal in refusals:
             self.tally.refuse(refusal)
         total = sum(task.size for task in self.tasks)
@@ -267,11 +272,12 @@ class Batch:
             files=[*(file for done in finished for file in done.files), *own],
             sha256={name: digest for done in finished for name, digest in done.sha256.items()}
             | {name: self.out.sha256(name) or "" for name in own},
+            left_out=self.left_out,
         )
         write_run(self.out, record)
 
     def _notes(self, settings: RunSettings, options: BatchOptions) -> list[str]:
-        notes = list[str]()
+        notes = [f"{left_out_text(self.left_out)}."] if self.left_out else list[str]()
         if settings.geometry_only:
             notes.append("Every frame stands alone: its tension is that of a first pull on its route.")
         if not options.pictures:

@@ -10,7 +10,7 @@ from pathlib import Path, PurePosixPath
 
 from pipelines.inputs import Refusal, attempt, inputs_of
 from tssgeom.errors import printable
-from tssgeom.io.formats.files import READERS, RESULTS_MARK, real
+from tssgeom.io.formats.files import READERS, RESULTS_MARK, left_out_of, real
 from tssgeom.io.formats.laboratory.mapping import ColumnMap
 from tssgeom.io.storage import Folder, files_at, local
 
@@ -44,10 +44,9 @@ def sources_of(
 def _sources_at(given: str, folder: Folder, columns: ColumnMap) -> list[Source | Refusal]:
     path = local(given)
     if path is not None:
-        besides = [] if folder.here is None else [folder.here]
         return [
             item if isinstance(item, Refusal) else _local_source(item)
-            for item in inputs_of([path], besides, columns)
+            for item in inputs_of([path], _besides(folder), columns)
         ]
     files = files_at(given)
     results = {str(PurePosixPath(address).parent) for address, _ in files if address.endswith(RESULTS_MARK)}
@@ -57,6 +56,16 @@ def _sources_at(given: str, folder: Folder, columns: ColumnMap) -> list[Source |
         if (len(files) == 1 or PurePosixPath(address).suffix.lower() in READERS)
         and not any(str(above) in results for above in PurePosixPath(address).parents)
     ] or [Refusal(given, f"{given}: no shape file there: put {', '.join(READERS)} files there")]
+
+
+def left_out_of_batch(inputs: Sequence[str], folder: Folder) -> dict[str, int]:
+    """Count the files in folders of this machine that no reader takes there, by their endings."""
+    paths = [path for given in inputs if (path := local(given)) is not None]
+    return left_out_of(paths, _besides(folder))
+
+
+def _besides(folder: Folder) -> list[Path]:
+    return [] if folder.here is None else [folder.here]
 
 
 def _local_source(path: Path) -> Source:

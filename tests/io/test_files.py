@@ -7,7 +7,7 @@ import pytest
 
 from tssgeom.atomic import replacing, write_text
 from tssgeom.errors import SourceError
-from tssgeom.io.formats.files import find_inputs, open_recording, output_names
+from tssgeom.io.formats.files import find_inputs, left_out_of, open_recording, output_names
 
 
 def touch(folder: Path, *names: str) -> None:
@@ -26,6 +26,15 @@ def test_a_folder_gives_its_shapes_in_depth_and_in_order(tmp_path):
 def test_what_is_no_shape_is_left_out(tmp_path):
     touch(tmp_path, "a.csv", "README.md", "rig.toml", "a_lumen.ply", ".hidden.csv", ".git/b.csv", "notes.txt")
     assert [path.name for path in find_inputs([tmp_path])] == ["a.csv"]
+
+
+def test_files_that_no_reader_takes_are_counted_but_not_those_beside_data(tmp_path):
+    touch(
+        tmp_path, "a.csv", "README.md", "rig.toml", "a_lumen.ply", ".hidden.json", "notes.txt", "b/noending"
+    )
+    touch(tmp_path, "c.json", "b/d.json", "e.obj", "old/run.json", "old/f.json", "out/g.json")
+    expected = {".json": 2, ".obj": 1, ".txt": 1, "noending": 1}
+    assert left_out_of([tmp_path, tmp_path / "b", tmp_path / "c.json"], [tmp_path / "out"]) == expected
 
 
 def test_results_are_no_inputs(tmp_path):
@@ -49,11 +58,13 @@ def test_a_folder_without_shapes_is_refused(tmp_path):
         ("missing.csv", "no such file: check the path"),
         ("", "a folder, not a file"),
         ("notes.doc", "no reader takes '.doc': use .csv"),
+        ("lines.json", "no reader takes '.json': one JSON object a line is .jsonl"),
+        ("wall.stl", "a mesh is the wall of a lumen, no route: give it as --lumen"),
         ("noending", "no reader takes 'a file without ending'"),
     ],
 )
 def test_a_path_that_is_no_shape_file_is_refused(tmp_path, name, says):
-    touch(tmp_path, "notes.doc", "noending")
+    touch(tmp_path, "notes.doc", "noending", "lines.json", "wall.stl")
     with pytest.raises(SourceError) as caught:
         open_recording(tmp_path / name)
     assert says in str(caught.value)

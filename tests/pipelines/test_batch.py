@@ -37,6 +37,19 @@ def inputs(write_csv, recording, tmp_path) -> Path:
     return folder
 
 
+def test_files_of_no_format_are_counted_on_stderr_in_the_report_and_in_the_record(run, write_csv, tmp_path):
+    folder = write_csv("in/half.csv", half_circle()).parent
+    for name in ("a.json", "b.json", "wall.obj"):
+        (folder / name).write_text("{}")
+    out = tmp_path / "out"
+    said = "3 files left out, of no format of shapes: .json 2, .obj 1"
+    outcome = run("batch", folder, "--out", out, "--no-pictures")
+    assert (outcome.status, outcome.errors) == (0, [f"tssgeom: {said}"])
+    assert json.loads((out / "run.json").read_text())["left_out"] == {".json": 2, ".obj": 1}
+    assert said in (out / "report.html").read_text()
+    assert run("check", folder).errors == run("analyse", folder).errors == [f"tssgeom: {said}"]
+
+
 def test_every_result_is_written_and_what_is_bad_is_rejected(run, inputs, tmp_path):
     out = tmp_path / "out"
     outcome = run("batch", inputs, "--out", out)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from pathlib import Path
 
@@ -12,6 +13,8 @@ from tssgeom.io.formats.jsonl import open_jsonl
 from tssgeom.io.formats.laboratory.files import ENDINGS as TABLES
 from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap
 from tssgeom.io.formats.laboratory.table import parts_of
+from tssgeom.io.formats.meshes import ENDINGS as MESHES
+from tssgeom.io.formats.meshes import is_lumen
 from tssgeom.io.formats.ndi import is_ndi, open_ndi
 from tssgeom.io.formats.npz import open_npz
 from tssgeom.io.formats.paths import MARKUPS, ending, part_of, split, stem
@@ -47,6 +50,15 @@ READERS: dict[str, Reader] = {
 """The reader of each ending."""
 _ONLY_NAMED = (".txt", ".dat", ".txt.gz", ".dat.gz")
 """Endings of files that are read where they are named; in a folder they may be anything."""
+
+_NO_DATA = (".toml", ".md")
+"""Endings of files that stand beside data: settings and explanations."""
+_HINTS = {
+    ".json": f"one JSON object a line is .jsonl, Slicer's markups are {MARKUPS}",
+    **dict.fromkeys(MESHES, "a mesh is the wall of a lumen, no route: give it as --lumen"),
+    ".vtk": "write the lines as .vtp",
+}
+"""What to do with files that resemble those of shapes, by ending."""
 
 FOLDERS: tuple[tuple[Callable[[Path], bool], Reader], ...] = (
     (is_bag, open_bag),
@@ -111,9 +123,8 @@ def _reader(file: Path) -> Reader:
     if (reader is None or ending(file) in _ONLY_NAMED) and _is_recording(file.parent):
         raise SourceError(f"{file}: a part of a recording: name the folder, {file.parent}")
     if reader is None:
-        raise SourceError(
-            f"{file}: no reader takes {file.suffix or 'a file without ending'!r}: use {_endings()}"
-        )
+        hint = _HINTS.get(ending(file), f"use {_endings()}")
+        raise SourceError(f"{file}: no reader takes {file.suffix or 'a file without ending'!r}: {hint}")
     return reader
 
 
@@ -137,7 +148,7 @@ def find_inputs(
         folder, part = split(path)
         files = [path]
         if folder.is_dir() and not _is_recording(folder):
-            files = sorted(_shapes_in(folder, left_out))
+            files = sorted(filter(_is_shape, _files_in(folder, left_out)))
             files = [file if part is None else part_of(file, part) for file in files]
         if not files:
             raise SourceError(f"{path}: no shape file in this folder: put {_endings()} files there")
@@ -224,7 +235,26 @@ def _numbered(names: dict[Path, str]) -> dict[Path, str]:
     return numbered
 
 
-def _shapes_in(folder: Path, left_out: Collection[Path]) -> Iterator[Path]:
+def left_out_of(paths: Iterable[str | Path], besides: Collection[Path] = ()) -> dict[str, int]:
+    """Count the files in folders that no reader takes there, by their endings.
+
+    Those in folders that `find_inputs` leaves out do not count, nor do settings and meshes beside shapes.
+    """
+    known = {path.resolve() for path in besides}
+    folders = {real(folder) for path in paths if (folder := split(Path(path))[0]).is_dir()}
+    files = {file for folder in folders if not _is_recording(folder) for file in _files_in(folder, known)}
+    unread = [file for file in files if not (_is_shape(file) or is_lumen(file) or ending(file) in _NO_DATA)]
+    return dict(sorted(Counter(ending(file) or file.name for file in unread).items()))
+
+
+def _is_shape(file: Path) -> bool:
+    """Whether a file or folder that stands in a folder is one of shapes."""
+    kind = ending(file)
+    return file.is_dir() or (kind in READERS and kind not in _ONLY_NAMED)
+
+
+def _files_in(folder: Path, left_out: Collection[Path]) -> Iterator[Path]:
+    """Yield the files in a folder, and folders that are recordings."""
     for where, folders, names in os.walk(folder):
         here = Path(where)
         if here.resolve() in left_out or _MARKS & set(names) or UNFINISHED_MARK in folders:
@@ -235,10 +265,7 @@ def _shapes_in(folder: Path, left_out: Collection[Path]) -> Iterator[Path]:
             yield here
             continue
         folders[:] = [name for name in folders if not name.startswith(".")]
-        for name in names:
-            kind = ending(here / name)
-            if not name.startswith((".", "~$")) and kind in READERS and kind not in _ONLY_NAMED:
-                yield here / name
+        yield from (here / name for name in names if not name.startswith((".", "~$")))
 
 
 def _endings() -> str:

@@ -102,8 +102,12 @@ def _meshes_in(folder: Path) -> list[Path]:
 @lru_cache(maxsize=16)
 def _meshes_once(folder: Path, stamp: Stamp) -> list[Path]:
     """Read a folder once, not for each file in it."""
-    names = [name for name in os.listdir(folder) if _MARK in name and Path(name).stem.endswith(_MARK)]
-    return [folder / name for name in names if Path(name).suffix.lower() in ENDINGS]
+    return [folder / name for name in os.listdir(folder) if _MARK in name and is_lumen(Path(name))]
+
+
+def is_lumen(path: Path) -> bool:
+    """Whether a file is named NAME_lumen.*, as the mesh beside a shape."""
+    return path.stem.endswith(_MARK) and path.suffix.lower() in ENDINGS
 
 
 def _name(mesh: Path) -> str:

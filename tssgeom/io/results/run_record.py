@@ -103,6 +103,8 @@ class RunRecord(msgspec.Struct, frozen=True, kw_only=True):
     """Files that the run wrote, relative to its folder."""
     sha256: Mapping[str, str] = {}
     """SHA-256 of each of them but the recordings, which differ slightly each time they are written."""
+    left_out: Mapping[str, int] = {}
+    """Files in folders of the inputs that no reader takes [1], by their endings."""
 
 
 class RunFile(RunRecord, frozen=True, kw_only=True):
