@@ -58,6 +58,21 @@ def test_one_side_of_a_turn_may_have_too_few_samples_for_a_slope():
     np.testing.assert_allclose(values, true[9 : 9 + len(values)], atol=0.1 * NOISE)  # positions of the ends
 
 
+@pytest.mark.parametrize("backwards", [False, True])
+def test_a_rest_at_an_end_of_a_run_follows_none_of_its_noise(backwards):
+    sample = np.arange(60.0)
+    true = 5e-6 * np.maximum(sample - 30.0, 0.0) ** 2
+    rng = np.random.default_rng(8)
+    drives = true + NOISE * rng.standard_normal((40, 60))
+    shapes = [
+        fitted_turn(sample, drive[:: -1 if backwards else 1], 59 if backwards else 0, (0, 59), NOISE)
+        for drive in drives
+    ]
+    rests = [shape[1][::-1][:28] if backwards else shape[1][:28] for shape in shapes if shape is not None]
+    assert len(rests) > 30  # of 40: few are refused by chance
+    assert np.mean([np.ptp(rest) == 0.0 for rest in rests]) > 0.9  # two numbers more cost 7 in evidence
+
+
 def test_readings_that_no_shape_meets_have_none():
     sample = np.arange(30.0)
     saw = 50e-6 * (sample % 2) * (sample > 5)

@@ -159,7 +159,8 @@ def _ranked(work: Work, first: Step, k: int) -> Candidate:
         return ranked
     if work.judged.verdict == "unknown" and first.passes(one):
         return replace(ranked, why_not=f"it was refused: {work.judged.reason}.")
-    return replace(ranked, why_not=why_not(ranked, first.tried[0].delta_bic, first.needed(one)))
+    why = why_not(ranked, first.tried[0].delta_bic, first.needed(one), one.rise)
+    return replace(ranked, why_not=why)
 
 
 def experiments(work: Work, ties: Sequence[Tied]) -> tuple[Experiment, ...]:

@@ -15,10 +15,11 @@ from tssgeom.arrays import Matrix, Vector, read_only
 from tssgeom.errors import FitError
 from tssgeom.identify.finding import PHASES, Misfit, Trace
 from tssgeom.identify.fit import Point, Problem, posed
+from tssgeom.identify.fit_quality import ROBUST
 from tssgeom.identify.prediction import FINE, exact, stacked, total_sigma
 from tssgeom.identify.readings import Reading
 from tssgeom.rig import Rig
-from tssgeom.statistics import root_mean_square
+from tssgeom.statistics import NORMAL_95, root_mean_square
 from tssgeom.tendon.bars.model import Model, RunTrace, begin, carry_on, prepare
 
 
@@ -75,6 +76,28 @@ class HeldOut:
         except FitError:
             return math.inf
         return beyond_noise(_rms(self.problem, left, self.counted), self.noise)
+
+    def counted_rise(self, before: Point, after: Point) -> float:
+        """Return the rise of χ² that counts against a part on top of a model [1]; docs/model.md (119).
+
+        0 where χ² falls, infinite where it rises so far that the part is contradicted: a right part that
+        moves the whitened readings by the length d changes χ² by -d² ± 2d. Whatever d is, a rise by more than
+        1.96² has a chance of 2.5 %.
+        """
+        first, second = self._chi2(before), self._chi2(after)
+        if math.isinf(first):
+            return 0.0
+        most = NORMAL_95**2 * max(1.0, first / self.problem.stack.size)
+        return math.inf if second - first > most else max(second - first, 0.0)
+
+    def _chi2(self, at: Point) -> float:
+        """Return the whitened squares that a model leaves, outliers by Huber's loss; infinite as `misfit`."""
+        try:
+            off = np.abs(self.problem.whitening.whitened(self.problem.left(at)))
+        except FitError:
+            return math.inf
+        near = np.minimum(off, ROBUST.huber)
+        return float(np.sum(near * (2.0 * off - near)))
 
     def widens(self, before: Point, after: Point) -> bool:
         """Whether a second model leaves a wider misfit than a first, both beyond what is uninformative."""

@@ -65,6 +65,8 @@ class Tried:
     """Against the model without it [1]."""
     size: float
     """Largest change over its detection limit [1]."""
+    rise: float = 0.0
+    """Of χ² of the held-out runs [1]; 0 where it falls, infinite where they contradict the candidate."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,8 +83,11 @@ class Step:
     """The best first."""
 
     def passes(self, one: Tried) -> bool:
-        """Whether a candidate is beyond what clean campaigns and sensors give; docs/model.md (110), (111)."""
-        return one.delta_bic > self.needed(one) and one.size > 1.0
+        """Whether a candidate is beyond what clean campaigns and sensors give; docs/model.md (110), (111).
+
+        What it adds to χ² of the held-out runs counts against it; (119).
+        """
+        return one.delta_bic - one.rise > self.needed(one) and one.size > 1.0
 
     def needed(self, one: Tried) -> float:
         """Return what ΔBIC has to pass, more where the candidate leaves more than the sensors explain."""
@@ -189,7 +194,7 @@ def reposed(first: Step, held: HeldOut | None) -> Step:
         for one in first.tried[: SEARCH.refitted]
     ]
     few.sort(key=lambda one: -one.delta_bic)
-    few = _ordered(few, held)
+    few = _ordered(few, before, held)
     rest = tried[SEARCH.refitted :]
     return replace(first, problem=problem, errors=errors, before=before, tried=(*few, *rest))
 
@@ -205,12 +210,13 @@ def _posed_about(first: Step) -> tuple[Problem, Errors, tuple[Tried, ...]] | Non
     return None
 
 
-def _ordered(few: list[Tried], held: HeldOut | None) -> list[Tried]:
+def _ordered(few: list[Tried], before: Fit, held: HeldOut | None) -> list[Tried]:
     """Let held-out runs decide which of those comes first that the fitted runs do not separate."""
     if held is None:
         return few
+    few = [replace(one, rise=_rise(before, one.fit, held)) for one in few]
     close = [one for one in few if few[0].delta_bic - one.delta_bic < EVIDENCE_SCALE.strong]
-    return sorted(close, key=lambda one: held.ratio(one.fit.at)) + few[len(close) :]
+    return sorted(close, key=lambda one: (math.isinf(one.rise), held.ratio(one.fit.at))) + few[len(close) :]
 
 
 def _hopeless(base: Fit, problem: Problem, fit: Fit) -> bool:
@@ -219,9 +225,10 @@ def _hopeless(base: Fit, problem: Problem, fit: Fit) -> bool:
     return len(fit.at.effects) > 1 and beyond[1] > max(SEARCH.half * beyond[0], SEARCH.half)
 
 
-def _worse(before: Fit, after: Fit, held: HeldOut | None) -> bool:
-    """Whether one more effect makes the held-out misfit wider than it already is."""
-    return held is not None and held.widens(before.at, after.at)
+def _rise(before: Fit, after: Fit, held: HeldOut) -> float:
+    """Return what one more effect adds to χ² of the held-out runs [1]; infinite where they contradict it."""
+    wider = before.at.effects and held.widens(before.at, after.at)
+    return math.inf if wider else held.counted_rise(before.at, after.at)
 
 
 @dataclass(frozen=True, slots=True)
@@ -253,7 +260,7 @@ def selected(
         now = reposed(now, held)
         steps.append(now)
         best = now.tried[0]
-        if not now.passes(best) or (steps[1:] and _worse(fit, best.fit, held)):
+        if not now.passes(best):
             break
         problem, errors, fit = now.problem, now.errors, best.fit
         if len(fit.at.effects) > 1:

@@ -9,7 +9,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
-from operator import itemgetter
+from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +17,7 @@ import numpy as np
 from tssgeom.arrays import Vector
 from tssgeom.core.constants import CHANCE
 
+_NONE = 0  # where a side is missing
 _POWERS = (1, 2)  # of a straight side, and of a round one
 
 
@@ -62,35 +63,49 @@ def fitted_turn(
     start = turn - _reach(off[between[0] : turn + 1][::-1], noise)
     stop = turn + _reach(off[turn : between[1] + 1], noise) + 1
     sloping = off[start:stop] > CHANCE.never * noise
-    sides = int(sloping[0]) + int(sloping[-1])
+    plain = bool(sloping[0]), bool(sloping[-1])
+    sides = sum(plain)
     if sides == 0 or stop - start <= 2 * (1 + sides):
         return None
     when = (time[start:stop] - time[start]) / (time[stop - 1] - time[start])
     what = (drive[start:stop] - drive[turn]) / noise
-    values = min(_shapes(when, what, sides), key=itemgetter(0))[1]
+    best = min(_shapes(when, what, plain), key=attrgetter("criterion"))
     # all of a long rest would hide a bad fit
     near = np.convolve(sloping, np.ones(2 * SHAPE.side + 1), "same") > 0.0
-    freedom = max(int(near.sum()) - 1 - 2 * sides, 1)
-    left = float(np.square(what - values)[near].sum())
+    count = int(near.sum())
+    freedom = max(count - count / len(when) - best.parameters + 1, 1.0)  # the rest shares the level
+    left = float(np.square(what - best.values)[near].sum())
     if left > freedom + CHANCE.clear * math.sqrt(2.0 * freedom):
         return None
-    return start, drive[turn] + noise * values
+    return start, drive[turn] + noise * best.values
 
 
-def _shapes(time: Vector, drive: Vector, sides: int) -> Iterator[tuple[float, Vector]]:
-    """Yield the Bayesian information criterion and the values [n] of the nearest shape of each kind.
+class _Shape(NamedTuple):
+    """One kind of shape, the nearest to some readings."""
 
-    The drive is in standard deviations of its noise.
+    criterion: float
+    """Bayesian information criterion [1]."""
+    parameters: int
+    values: Vector
+    """[n] In standard deviations of the noise."""
+
+
+def _shapes(time: Vector, drive: Vector, plain: tuple[bool, bool]) -> Iterator[_Shape]:
+    """Yield the nearest shape of each kind to a drive in standard deviations of its noise.
+
+    A side that is not plain may be missing.
     """
-    for came, left in product(_POWERS, repeat=2):
-        unlike = sides == 2 and came != left
-        yield _scored(drive, _nearest(time, drive, (came, left)), 1.0 + 2.0 * sides + SHAPE.unlike * unlike)
-    if sides == 2:  # one parabola, without a rest
-        yield _scored(drive, np.polynomial.Polynomial.fit(time, drive, 2)(time), 3.0)
+    for powers in product(*(_POWERS if side else (_NONE, *_POWERS) for side in plain)):
+        parameters = 1 + 2 * sum(power != _NONE for power in powers)
+        unlike = SHAPE.unlike * (set(powers) == set(_POWERS))
+        yield _scored(drive, _nearest(time, drive, powers), parameters, unlike)
+    # one parabola, without a rest
+    yield _scored(drive, np.polynomial.Polynomial.fit(time, drive, 2)(time), 3)
 
 
-def _scored(drive: Vector, values: Vector, parameters: float) -> tuple[float, Vector]:
-    return float(np.square(drive - values).sum()) + parameters * math.log(len(drive)), values
+def _scored(drive: Vector, values: Vector, parameters: int, unlike: float = 0.0) -> _Shape:
+    left = float(np.square(drive - values).sum())
+    return _Shape(left + (parameters + unlike) * math.log(len(drive)), parameters, values)
 
 
 def _reach(off: Vector, noise: float) -> int:
@@ -120,19 +135,25 @@ class _Side(NamedTuple):
 
 
 def _side(distance: Vector, drive: Vector, power: int) -> _Side:
-    curve = np.maximum(distance, 0.0) ** power
+    curve = np.maximum(distance, 0.0) ** max(power, 1)
     square = np.square(curve).sum(axis=1)
     return _Side(curve, curve.sum(axis=1), np.where(square > 0.0, square, np.inf), curve @ drive)
 
 
-def _nearest(time: Vector, drive: Vector, powers: tuple[int, int]) -> Vector:
-    """Return the values [n] of the nearest shape with sides of these powers, time from 0 to 1."""
-    first = last = 0.5
+def _nearest(time: Vector, drive: Vector, powers: tuple[int, ...]) -> Vector:
+    """Return the values [n] of the nearest shape with sides of these powers, time from 0 to 1.
+
+    A missing side ends where the readings begin, or begins where they end: all of it is rest.
+    """
+    first, last = (0.5 if power else edge for power, edge in zip(powers, (0.0, 1.0), strict=True))
     half = 0.5
     values = np.full(len(time), np.inf)
     for _ in range(SHAPE.closer):
         step = np.linspace(-half, half, SHAPE.positions)
-        ends, begins = (np.clip(at + step, 0.0, 1.0) for at in (first, last))
+        ends, begins = (
+            np.clip(at + step, 0.0, 1.0) if power else np.array([at])
+            for at, power in zip((first, last), powers, strict=True)
+        )
         came = _side(ends[:, None] - time, drive, powers[0])
         left = _side(time - begins[:, None], drive, powers[1])
         best = _best(came, left, ends, begins, drive)
