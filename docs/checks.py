@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from tssgeom.identify.fit_quality import FIT_TEST
+from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
 from tssgeom.plausibility.rules import RULES, Rule
 
 PAGE = Path(__file__).with_suffix(".md")
@@ -32,7 +33,7 @@ TAIL = f"""
 
 A rig is written where the fit passes its test, or with `--force`. It fails where a channel is met within
 more than {FIT_TEST.most_of_range:.0%} of its range and more than {FIT_TEST.most_of_noise:g} × its noise
-(rms), where the friction coefficient is above {FIT_TEST.most_friction:g}, or where a zero ended at its
+(rms), where the friction coefficient is above {PLAUSIBLE.most_rig_friction:g}, or where a zero ended at its
 bound. An effect that the model lacks leaves up to 5 % of the range on simulated runs; the estimates are
 then usable, and `discover` names the effect. Residuals that are not white (Ljung and Box, p < 0.01) show
 that the model lacks something; they are reported, and widen the intervals, but do not fail the fit.

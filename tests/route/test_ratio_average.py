@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicHermiteSpline
 
+from tssgeom.core.constants_route import POINTS
 from tssgeom.errors import FitError, ShapeError
 from tssgeom.route import ratio_average
 from tssgeom.route.arcs.chain import along, form_of
 from tssgeom.route.geometry import measure
 from tssgeom.route.observations import clean
-from tssgeom.route.ratio_average import GRID, averaged
+from tssgeom.route.ratio_average import averaged
 from tssgeom.route.route import arcs_over_chords
 from tssgeom.route.spline.fit import fit, on_chords
 from tssgeom.route.synthetic import Course, half_circle, helix, positions
@@ -78,9 +79,7 @@ def test_one_fit_stands_for_all_with_the_variance_of_all():
 
 
 def test_many_points_are_not_averaged():
-    shape = clean(
-        positions(half_circle(), np.linspace(0.0, half_circle().total_length, GRID.most_points + 1))
-    )
+    shape = clean(positions(half_circle(), np.linspace(0.0, half_circle().total_length, POINTS.few + 1)))
     spline = fit(shape)
     assert averaged(shape, None, spline) is spline
 

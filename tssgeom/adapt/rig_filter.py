@@ -26,8 +26,8 @@ from tssgeom.adapt.readings import (
     noise_variance,
     predicted_readings,
 )
-from tssgeom.adapt.watch import WATCH
 from tssgeom.arrays import Matrix, Vector
+from tssgeom.core.constants import CHANCE
 from tssgeom.errors import FitError
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
@@ -102,7 +102,7 @@ class RigFilter:
         self.time = math.nan
         self.muted = set[str]()
         """Channels whose readings are not used."""
-        self.outlier = WATCH.far
+        self.outlier = CHANCE.never
         self._by_force, self._waiting, self._distal_error = False, 0.0, np.zeros(2)
         variances = (noise_variance(rig.sensors.get(name)) for name in CHANNELS)
         self._noise_variance = np.maximum(list(variances), _SETTINGS.least_noise**2)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from tssgeom.arrays import Vector
+from tssgeom.core.constants import CHANCE
 
 
 class WatchSettings(NamedTuple):
@@ -25,9 +26,6 @@ class WatchSettings(NamedTuple):
     least_spread: float = 2.0
     """Least variance of a block over that of white innovations [1]. Chosen: the error of a turn stays for a
     leg, and full faults are ten times as large."""
-    far: float = 6.0
-    """Of what noise, rig and drive explain, beyond which a reading is far off, and counts as if it were there
-    [1]; chosen: never by chance."""
     warm_up: float = 5.0
     """Time from the first reading before anything counts [s]. Chosen: the first pull is then behind."""
 
@@ -80,7 +78,7 @@ class _Channel:
     def is_far(self, beyond: float, time: float) -> bool:
         """Whether readings have been far off for long enough."""
         if not math.isnan(beyond):
-            if beyond < WATCH.far:
+            if beyond < CHANCE.never:
                 self.far_since = math.nan
             elif math.isnan(self.far_since):
                 self.far_since = time
@@ -96,7 +94,7 @@ class _Channel:
             if way:
                 return way
         if not math.isnan(z):
-            self.total += min(max(z, -WATCH.far), WATCH.far)
+            self.total += min(max(z, -CHANCE.never), CHANCE.never)
             self.count += 1
         return 0
 
@@ -105,7 +103,7 @@ class _Channel:
             return 0
         raw = self.total / math.sqrt(self.count)
         u = raw / math.sqrt(self.spread)
-        u = min(max(u, -WATCH.far), WATCH.far)
+        u = min(max(u, -CHANCE.never), CHANCE.never)
         self.spread = max(WATCH.least_spread, self.spread + WATCH.memory * self.spread * (u * u - 1.0))
         for i, sign in enumerate((1.0, -1.0)):
             grown = max(self.sums[i] + sign * u - WATCH.shift, 0.0)

@@ -16,8 +16,9 @@ from tssgeom.errors import SettingsError
 from tssgeom.identify.campaign import Route
 from tssgeom.identify.fit import Point, with_base
 from tssgeom.identify.prediction import Stack, run_channels, stacked
-from tssgeom.identify.readings import READING, Reading, at_times, in_order, with_added
+from tssgeom.identify.readings import Reading, at_times, in_order, with_added
 from tssgeom.identify.turning import Legs, legs, with_turns
+from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.bars.model import BARS, Drive
@@ -45,8 +46,6 @@ class Measured:
 class RunLimits:
     """Which readings of a run calibration uses. All are chosen, on the runs of `benchmarks.calibration`."""
 
-    most_strain: float = 0.5
-    """Elongation over the length of the route from which its unit is doubted [1]; chosen: no tendon does."""
     most_readings: int = 1500
     """Readings of a tension as drive; a longer run is thinned; chosen."""
     most_positions: int = 200
@@ -171,8 +170,10 @@ def calibrated_run(measured: Measured, arcs: Arcs, rig: Rig, from_tension: float
     kept = np.flatnonzero(in_order(measured.time, column))
     most = RUN_LIMITS.most_readings if by_force else RUN_LIMITS.most_positions
     kept = kept[:: max(1, -(-len(kept) // most))]
-    if len(kept) < READING.fewest:
-        raise SettingsError(f"the run has {len(kept)} readings of its drive: give at least {READING.fewest}")
+    if len(kept) < PLAUSIBLE.fewest_rows:
+        raise SettingsError(
+            f"the run has {len(kept)} readings of its drive: give at least {PLAUSIBLE.fewest_rows}"
+        )
     if by_force and not float(np.max(column[kept])) > 0.0:
         raise SettingsError(
             f"tension_in_N is at most {float(np.max(column[kept])):g} N: a tendon only pulls: change its sign"
@@ -223,7 +224,7 @@ def _check_stretch(measured: Measured, arcs: Arcs) -> None:
     """Refuse an elongation by half of the route: its unit is wrong."""
     column = measured.elongation
     most = 0.0 if column is None or not np.isfinite(column).any() else float(np.nanmax(np.abs(column)))
-    if most > RUN_LIMITS.most_strain * arcs.total_length:
+    if most > PLAUSIBLE.largest_strain * arcs.total_length:
         raise SettingsError(
             f"the elongation reaches {most:.3g} m on a route of {arcs.total_length:.3g} m: check its unit, "
             "elongation_m or elongation_mm"

@@ -13,6 +13,7 @@ from scipy.optimize import isotonic_regression
 from scipy.special import ndtri
 
 from tssgeom.arrays import Vector
+from tssgeom.core.constants import CHANCE
 from tssgeom.identify.turn_shapes import fitted_turn
 
 
@@ -25,8 +26,6 @@ class DriveSettings:
 
     turn: float = 7.0
     """S.d. that a reading goes back before the drive has turned [1]; chosen."""
-    plateau: float = 6.0
-    """S.d. below a peak in which its hold lies [1]; the upper half counts; chosen."""
     hold: float = 4.5
     """S.d. about the level of a hold in which its readings lie [1]; chosen."""
     flat: float = 3.5
@@ -165,7 +164,7 @@ def turning_points(drive: Vector, noise: float) -> list[int]:
 def hold(drive: Vector, turn: int, noise: float) -> tuple[int, int]:
     """Return first sample of the hold at a turn and the one behind its last; a sharp turn holds itself."""
     sign = 1.0 if np.mean(drive[max(turn - 5, 0) : turn + 6]) <= drive[turn] else -1.0
-    near = np.abs(drive[turn] - sign * 0.5 * DRIVE.plateau * noise - drive) < 0.5 * DRIVE.plateau * noise
+    near = np.abs(drive[turn] - sign * 0.5 * CHANCE.never * noise - drive) < 0.5 * CHANCE.never * noise
     start, stop = _around(near | (np.arange(len(drive)) == turn), turn)
     start, stop = _around(np.abs(drive - np.median(drive[start:stop])) < DRIVE.hold * noise, turn)
     while stop - start >= _FEWEST and not _flat(drive[start:stop], noise):
@@ -203,8 +202,8 @@ def _extreme(drive: Vector, turns: np.ndarray, k: int, noise: float) -> float:
     below = sign * (drive[here] - drive)
     if k in (0, len(turns) - 1):  # no turn, only an end: the drive may have gone farther
         return sign * math.inf
-    start, stop = _around(below < DRIVE.plateau * noise, int(here))
-    count = np.count_nonzero(below[start:stop] < 0.5 * DRIVE.plateau * noise)
+    start, stop = _around(below < CHANCE.never * noise, int(here))
+    count = np.count_nonzero(below[start:stop] < 0.5 * CHANCE.never * noise)
     return float(drive[here] - sign * noise * max(ndtri((count - 0.375) / (count + 0.25)), 0.0))
 
 

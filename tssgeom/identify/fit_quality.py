@@ -9,6 +9,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from tssgeom.arrays import Vector
+from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
 from tssgeom.statistics import robust_sd
 
 
@@ -22,8 +23,6 @@ class FitTest:
     also beyond `most_of_noise` [1]."""
     most_of_noise: float = 5.0
     """Chosen: five standard deviations. Rms of residuals over the noise of the readings [1]."""
-    most_friction: float = 1.0
-    """Chosen: no pair of materials of a sheath has it. Friction coefficient from which the fit fails [1]."""
     unobserved: float = 0.5
     """Chosen: the readings count for less than what was assumed. Of the prior's standard deviation: a wider
     posterior means that no reading shows the number [1]."""
@@ -117,8 +116,8 @@ def failures(
                 f"{each.name} is met within {each.over_range:.1%} of its range and {each.over_noise:.3g} × "
                 f"its noise; at most {limit.most_of_range:.0%} or {limit.most_of_noise:g} × are accepted"
             )
-    if friction is not None and friction > limit.most_friction:
-        yield f"the friction coefficient is {friction:.3g}; at most {limit.most_friction:g} is accepted"
+    if friction is not None and friction > (most := PLAUSIBLE.most_rig_friction):
+        yield f"the friction coefficient is {friction:.3g}; at most {most:g} is accepted"
     for name in at_bounds:
         yield f"{name} is at its bound"
     if not all(np.isfinite(values).all() for values in predicted.values()):

@@ -17,7 +17,7 @@ from tssgeom.identify.machine_problem import FIT, FitState, Problem
 from tssgeom.identify.machine_run import MachineRun
 from tssgeom.result import Result
 from tssgeom.rig import Rig, with_values
-from tssgeom.statistics import reading_noise, root_mean_square
+from tssgeom.statistics import NORMAL_95, reading_noise, root_mean_square
 from tssgeom.tendon.machine import routed
 
 
@@ -120,7 +120,7 @@ def _estimates(problem: Problem, u: Vector, covariance: Matrix, quantile: float)
     for j, each in enumerate(problem.parameters):
         sd = math.sqrt(covariance[j, j])
         value, low, high = (each.value(x) for x in (u[j], u[j] - quantile * sd, u[j] + quantile * sd))
-        prior = (each.value(-1.96), each.value(1.96))
+        prior = (each.value(-NORMAL_95), each.value(NORMAL_95))
         key = each.key if each.kind == "rig" else ""
         bound = bool(key) and abs(u[j]) >= FIT.farthest
         yield MachineEstimate(
@@ -137,7 +137,7 @@ def _friction_angle(problem: Problem, u: Vector, covariance: Matrix, quantile: f
     value = rig.friction.coefficient * routed(problem.runs[0].routes[0], rig).total_angle
     sd, before = math.sqrt(float(share @ covariance[np.ix_(at, at)] @ share)), float(np.linalg.norm(share))
     low, high = value * math.exp(-quantile * sd), value * math.exp(quantile * sd)
-    assumed = (value * math.exp(-1.96 * before), value * math.exp(1.96 * before))
+    assumed = (value * math.exp(-NORMAL_95 * before), value * math.exp(NORMAL_95 * before))
     return MachineEstimate("μΦ", "1", value, low, high, sd < FIT_TEST.unobserved * before, assumed)
 
 

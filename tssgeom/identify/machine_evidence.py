@@ -15,12 +15,13 @@ import numpy as np
 from tssgeom.arrays import Vector
 from tssgeom.core.constants import CHANCE
 from tssgeom.errors import FitError, SettingsError
-from tssgeom.identify.fit_quality import FIT_TEST, first_weights, inflation_of, spread
+from tssgeom.identify.fit_quality import first_weights, inflation_of, spread
 from tssgeom.identify.machine_fit import fit_round, fitted_again
 from tssgeom.identify.machine_parts import Part
 from tssgeom.identify.machine_problem import FIT, FitState, Problem, fitted_rows
 from tssgeom.identify.machine_run import LIMITS, MachineRun, parameters_of
 from tssgeom.mechanism import numbered
+from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
 from tssgeom.rig import Rig, with_values
 from tssgeom.statistics import reading_noise, root_mean_square, turns
 from tssgeom.tendon.machine import Start, machine_of, routed
@@ -198,7 +199,7 @@ def _reasons(before: FittedModel, after: FittedModel) -> Iterator[str]:
             if math.isfinite(bound) and abs(value - bound) <= EVIDENCE.at_bound * abs(bound):
                 yield f"{each.name} goes to its bound"
     friction = [one.rig.friction.coefficient for one in (before, after)]
-    if friction[1] > FIT_TEST.most_friction >= friction[0]:
+    if friction[1] > PLAUSIBLE.most_rig_friction >= friction[0]:
         yield f"the friction coefficient goes to {friction[1]:.2g}"
     yield from _creates(after)
 

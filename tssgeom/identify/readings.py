@@ -15,6 +15,7 @@ from tssgeom.arrays import Vector, read_only
 from tssgeom.errors import SettingsError
 from tssgeom.identify.campaign import Campaign, Route, Run
 from tssgeom.identify.drive import calmed, turning_points, with_corners
+from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
 from tssgeom.rig import Rig, Sensor
 from tssgeom.statistics import reading_noise
 from tssgeom.tendon.bars.model import Drive
@@ -27,8 +28,6 @@ class ReadingLimits:
     Frozen on the development seeds of `benchmarks.discovery`.
     """
 
-    fewest: int = 20
-    """Readings that a run needs; chosen."""
     noisier: float = 1.5
     """Over the specified noise: from here the noise of the data counts [1]; chosen."""
     cycles: int = 3
@@ -185,8 +184,10 @@ def _read(run: Run, rig: Rig, drive: Drive) -> tuple[Reading, list[str]]:
         notes.append(
             f"{run.name}: {lost} of {len(kept)} samples have no time or no {drive} and are left out."
         )
-    if kept.sum() < READING.fewest:
-        raise SettingsError(f"{run.name}: {int(kept.sum())} usable samples; give {READING.fewest} or more")
+    if kept.sum() < PLAUSIBLE.fewest_rows:
+        raise SettingsError(
+            f"{run.name}: {int(kept.sum())} usable samples; give {PLAUSIBLE.fewest_rows} or more"
+        )
     measured = {}
     for name in RESPONSES:
         if name in columns and name != drive:

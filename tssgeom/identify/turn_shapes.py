@@ -27,16 +27,10 @@ class ShapeSettings:
     Frozen on the development seeds of `benchmarks.discovery`.
     """
 
-    plateau: float = 6.0
-    """S.d. off the turn beyond which a reading belongs to a side [1]; chosen."""
     round: float = 40.0
     """S.d. off the turn up to which the shape holds [1]; chosen."""
-    of_leg: float = 0.5
-    """The same over the leg [1]; derived: half a cosine bends the other way from its middle on."""
     side: int = 2
     """Readings of a side at least; derived: its slope and where it ends."""
-    about: int = 2
-    """Readings beside those of the sides that have to be met as well; chosen."""
     positions: int = 17
     """Positions tried at a time for the end of a side; chosen."""
     closer: int = 3
@@ -67,7 +61,7 @@ def fitted_turn(
     off = np.abs(drive - drive[turn])
     start = turn - _reach(off[between[0] : turn + 1][::-1], noise)
     stop = turn + _reach(off[turn : between[1] + 1], noise) + 1
-    sloping = off[start:stop] > SHAPE.plateau * noise
+    sloping = off[start:stop] > CHANCE.never * noise
     sides = int(sloping[0]) + int(sloping[-1])
     if sides == 0 or stop - start <= 2 * (1 + sides):
         return None
@@ -75,7 +69,7 @@ def fitted_turn(
     what = (drive[start:stop] - drive[turn]) / noise
     values = min(_shapes(when, what, sides), key=itemgetter(0))[1]
     # all of a long rest would hide a bad fit
-    near = np.convolve(sloping, np.ones(2 * SHAPE.about + 1), "same") > 0.0
+    near = np.convolve(sloping, np.ones(2 * SHAPE.side + 1), "same") > 0.0
     freedom = max(int(near.sum()) - 1 - 2 * sides, 1)
     left = float(np.square(what - values)[near].sum())
     if left > freedom + CHANCE.clear * math.sqrt(2.0 * freedom):
@@ -104,12 +98,12 @@ def _reach(off: Vector, noise: float) -> int:
 
     `off` is how far each sample of the leg lies from the turn, the turn first.
     """
-    sloping = off > SHAPE.plateau * noise
-    inside = off < min(SHAPE.round * noise, SHAPE.of_leg * float(off.max()))
+    sloping = off > CHANCE.never * noise
+    inside = off < min(SHAPE.round * noise, 0.5 * float(off.max()))
     rest, near = (int(np.argmax(each)) if each.any() else len(off) for each in (sloping, ~inside))
     reach = max(near, rest + SHAPE.side)
     whole = reach <= len(off) and bool(sloping[rest : rest + SHAPE.side].all())
-    return (reach if whole and off[reach - 1] < off.max() - SHAPE.plateau * noise else rest) - 1
+    return (reach if whole and off[reach - 1] < off.max() - CHANCE.never * noise else rest) - 1
 
 
 class _Side(NamedTuple):

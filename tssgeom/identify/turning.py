@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.optimize import isotonic_regression
 
 from tssgeom.arrays import Vector, read_only
+from tssgeom.core.constants import CHANCE
 from tssgeom.identify.turn_levels import turn_level
 from tssgeom.statistics import reading_noise, turns
 
@@ -24,8 +25,6 @@ from tssgeom.statistics import reading_noise, turns
 class LegSettings:
     """What counts as a turn of a tension. Chosen on the runs of `benchmarks.calibration`."""
 
-    reversal: float = 6.0
-    """Standard deviations of the noise that a reading goes back before the drive has turned [1]; chosen."""
     least_reversal: float = 0.02
     """Of the range of the drive: going back by less is ripple [1]; chosen."""
     longest_stair: int = 8
@@ -54,7 +53,7 @@ class Legs:
 def legs(readings: Vector, time: Vector) -> Legs:
     """Make a proximal tension [n] [N] at times [n] [s] monotone from turn to turn; docs/model.md (70)."""
     noise = reading_noise(readings)
-    least = max(LEGS.reversal * noise, LEGS.least_reversal * float(np.ptp(readings)))
+    least = max(CHANCE.never * noise, LEGS.least_reversal * float(np.ptp(readings)))
     inner = turns(readings, least)[1:-1]
     edges = np.concatenate(([0], inner, [len(readings) - 1]))
     levels = [

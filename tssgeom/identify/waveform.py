@@ -23,10 +23,8 @@ class WaveformSettings:
     """Cycles of a run; chosen."""
     speeds: float = 300.0
     """Greatest over least speed that is tried [1]; chosen: beyond two decades laws of rate differ enough."""
-    full_speed: float = 0.4
-    """Share of legs at the greatest speed [1]; chosen."""
-    dwelling: float = 0.4
-    """Share of levels with a dwell [1]; chosen."""
+    often: float = 0.4
+    """Share of legs at the greatest speed, and of levels with a dwell [1]; chosen."""
     dwells: tuple[float, float] = (0.02, 0.5)
     """Least and longest dwell, of the longest run [1]; chosen."""
     extremes: float = 0.5
@@ -84,7 +82,7 @@ def random_waveform(rng: np.random.Generator) -> Waveform:
     speeds = [_speed(rng) for _ in range(count)]
     if rng.uniform() < 0.5:  # one speed for all legs is what most laws of rate want held against another
         speeds = [speeds[0]] * count
-    dwells = [_dwell(rng) if rng.uniform() < WAVEFORM.dwelling else 0.0 for _ in range(count)]
+    dwells = [_dwell(rng) if rng.uniform() < WAVEFORM.often else 0.0 for _ in range(count)]
     cycles = int(rng.integers(1, WAVEFORM.most_cycles + 1))
     return Waveform(tuple(levels), tuple(speeds), tuple(dwells), cycles)
 
@@ -96,7 +94,7 @@ def _level(rng: np.random.Generator, k: int) -> float:
 
 
 def _speed(rng: np.random.Generator) -> float:
-    if rng.uniform() < WAVEFORM.full_speed:
+    if rng.uniform() < WAVEFORM.often:
         return 1.0
     return float(WAVEFORM.speeds ** -rng.uniform())
 

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from tssgeom.arrays import Vector
+from tssgeom.core.constants import CHANCE
 from tssgeom.plausibility.limits import LIMITS
 from tssgeom.plausibility.rules import Remark, remark
 from tssgeom.plausibility.series import Series, filled
@@ -69,7 +70,7 @@ def _clipped(run: Series, name: str) -> Iterator[Remark]:
                 continue
             part = filled(run.channels[other])[first : last + 1]
             rise = float(np.max(part - np.minimum.accumulate(part)))
-            if rise > LIMITS.clipped_move * run.span(other) + LIMITS.noises * run.noise[other]:
+            if rise > LIMITS.slight * run.span(other) + CHANCE.never * run.noise[other]:
                 stays = f"{last - first + 1} readings of {name} stay at {highest:g} while {other} rises"
                 yield remark("clipped", "run", stays)
                 return
@@ -86,7 +87,7 @@ def _still(run: Series, name: str) -> Iterator[Remark]:
     for first, last in _plateaus(values, LIMITS.clipped_rows):
         rows = last - first + 1
         other = drive if name != drive else next((each for each in run.channels if each != drive), drive)
-        if other != name and _way(run, other, first, last) > LIMITS.frozen_move * run.span(other):
+        if other != name and _way(run, other, first, last) > run.span(other):
             stays = f"{rows} readings of {name} stay at {values[first]:g} while {other} moves"
             yield remark("frozen", "run", stays)
             return
@@ -101,7 +102,7 @@ def _near_zero(run: Series, name: str) -> bool:
     if name != "tension_out_N":
         return True
     others = [run.most(each) for each, _ in run.tensions() if each != name]
-    return abs(float(np.nanmedian(run.channels[name]))) < LIMITS.rest_share * max(others, default=0.0)
+    return abs(float(np.nanmedian(run.channels[name]))) < LIMITS.usual_error * max(others, default=0.0)
 
 
 def _way(run: Series, name: str, first: int, last: int) -> float:
@@ -109,7 +110,7 @@ def _way(run: Series, name: str, first: int, last: int) -> float:
     rows = run.rows_a_mean
     part = filled(run.means[name])[first // rows : last // rows + 1]
     steps = np.abs(np.diff(part[:: max(1, len(part) // 20)]))
-    return float(steps[steps > LIMITS.noises * run.error(name)].sum())
+    return float(steps[steps > CHANCE.never * run.error(name)].sum())
 
 
 def _plateaus(values: Vector, least: int) -> list[tuple[int, int]]:
@@ -130,7 +131,7 @@ def _spikes(run: Series, name: str) -> Iterator[Remark]:
     before, after = kept[1:-1] - kept[:-2], kept[1:-1] - kept[2:]
     usual = float(np.quantile(kept, 0.98) - np.quantile(kept, 0.02))
     off = np.where(before * after > 0.0, np.minimum(np.abs(before), np.abs(after)), 0.0)
-    far = off > LIMITS.spike * usual + LIMITS.noises * run.noise[name]
+    far = off > LIMITS.spike * usual + CHANCE.never * run.noise[name]
     if usual > 0.0 and 0 < far.sum() <= len(kept) // LIMITS.repeated_rows:
         row = int(there[int(np.argmax(off)) + 1])
         reads = f"{name} has {int(far.sum())} single readings far off, {values[row]:.3g} in row {row + 1}"

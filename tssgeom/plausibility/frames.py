@@ -77,7 +77,7 @@ def strain_remarks(rig: Rig, length: float, tension: float) -> list[Remark]:
 def frame_remarks(frame: Sensed, length: float) -> Iterator[Remark]:
     """Yield what is wrong with the readings of one frame on a route of this length [m]."""
     if (warmth := frame.temperature) is not None:
-        if not LIMITS.coldest_C <= warmth <= LIMITS.hottest_C:
+        if not -LIMITS.warmest_C <= warmth <= LIMITS.hottest_C:
             yield remark("temperature", "frame", f"temperature_C is {warmth:g} °C")
         elif warmth > LIMITS.warmest_C:
             yield remark("warm", "frame", f"temperature_C is {warmth:g} °C")
@@ -95,7 +95,7 @@ def command_remarks(rig: Rig, length: float, tension: float, displacement: float
     if strain > LIMITS.largest_strain:
         yield remark("strain", "command", f"{needs}, which would stretch the tendon by {strain:.0%}")
     if scale and tension > scale:
-        rule = "full_scale" if tension > LIMITS.beyond_scale * scale else "beyond_scale"
+        rule = "full_scale" if tension > LIMITS.gross * scale else "beyond_scale"
         yield remark(rule, "command", f"{needs}, and the full scale of {_DRIVE} is {scale:g} N")
     if abs(displacement) > LIMITS.largest_stroke * length:
         moves = f"the target needs a move of {displacement:.4g} m on a route of {length:.3g} m"
@@ -191,7 +191,7 @@ class FrameWatch:
     def _distal(self, distal: float) -> tuple[Remark, ...]:
         if distal < -max(LIMITS.negative * self.highest, LIMITS.weakest_N):
             return (remark("negative_tension", "frame", f"tension_out_N is {distal:.3g} N"),)
-        if distal > (1.0 + LIMITS.tension_excess) * self.highest + LIMITS.weakest_N:
+        if distal > (1.0 + LIMITS.slight) * self.highest + LIMITS.weakest_N:
             above = f"tension_out_N is {distal:.3g} N and tension_in_N was at most {self.highest:.3g} N"
             return (remark("tension_excess", "frame", above),)
         return ()

@@ -25,7 +25,7 @@ def law_remarks(run: Series) -> Iterator[Remark]:
         if over not in reached:
             continue
         most = reached[over]
-        if most > x[-1] + LIMITS.beyond_law * (x[-1] - x[0]):
+        if most > x[-1] + LIMITS.slight * (x[-1] - x[0]):
             unit = _UNITS.get(over, over.rpartition("_")[2])
             ends = f"the law over {over.replace('_', ' ')} ends at {x[-1]:.3g} {unit}"
             yield remark("beyond_law", "run", f"{ends}, the run goes to {most:.3g} {unit}")

@@ -14,22 +14,25 @@ class Limits:
 
     largest_strain: float = 0.5
     """Chosen: no tendon recovers from more. Strain of the tendon at a tension [1]."""
-    beyond_law: float = 0.05
-    """Chosen: a reading or two. Of the range of a law that a run may go beyond its end [1]."""
+    slight: float = 0.05
+    """Chosen: more than noise or a reading or two make, and twice what a cell's zero may be off. Of a range
+    [1]."""
+    usual_error: float = 0.15
+    """Chosen: three times a usual error of gain or zero, 5 %. Of a range [1]."""
+    gross: float = 3.0
+    """Chosen: no cell that is sound errs so far; kgf for N make 9.8. Reading over full scale, or T_out over
+    T_in while pulling [1]."""
     usual_strain: float = 0.1
     """Chosen: steel yields at 0.01, polymers are used to 0.05. Strain that is worth a warning [1]."""
     weakest_N: float = 0.05
     """Chosen: the noise of a common load cell. Least range of a tension [N]."""
     strongest_N: float = 2000.0
     """Chosen: a steel cable of 1.5 mm breaks there. Greatest tension without a rig [N]."""
-    beyond_scale: float = 3.0
-    """Chosen: a cell that is overloaded so far is broken. Reading over full scale [1]."""
     hottest_C: float = 150.0
     """Chosen: no plastic sheath is so hot, and no room so cold in kelvin. Temperature [°C]."""
     warmest_C: float = 60.0
-    """Chosen: rooms and bodies are colder, and warmer in degrees Fahrenheit. Temperature [°C]."""
-    coldest_C: float = -60.0
-    """Chosen: no laboratory is colder. Temperature [°C]."""
+    """Chosen: rooms and bodies are colder, and warmer in degrees Fahrenheit; no laboratory is so far below
+    zero. Temperature [°C]."""
     largest_stroke: float = 2.0
     """Chosen: a tendon is not pulled out of its sheath. Travel of a drive over the length of the
     route [1]."""
@@ -41,13 +44,6 @@ class Limits:
     due [1]."""
     negative: float = 0.02
     """Chosen: the zero of a cheap cell. Tension below zero, of its range [1]."""
-    noises: float = 6.0
-    """Derived: a normal value in 10⁹ is farther off. Standard deviations of noise that no chance
-    reaches [1]."""
-    tension_ratio: float = 3.0
-    """Chosen: no error of a cell; kgf for N make 9.8. T_out over T_in while pulling [1]."""
-    tension_excess: float = 0.05
-    """Chosen: twice what a cell's zero may be off. T_out over T_in while pulling, of the range [1]."""
     share_of_rows: float = 0.3
     """Chosen: more than an episode. Share of these rows that break a rule [1]."""
     largest_friction: float = 0.4
@@ -58,25 +54,16 @@ class Limits:
     opposite: float = -0.5
     """Chosen: hysteresis alone leaves a positive correlation. Correlation of two channels of one
     motion [1]."""
-    stretch_error: float = 0.15
-    """Chosen: three times a gain error of 5 %. Rms of elongation less displacements, of its range [1]."""
     lag_share: float = 0.07
     """Chosen: the lags of sound runs are below it. Lag over the time of a leg of the drive [1]."""
     lag_rows: float = 3.0
     """Chosen: a turn between two rows is known to one. Lag over the time of a row, or of a mean of
     rows [1]."""
-    rest_share: float = 0.15
-    """Chosen: three times a usual zero. Reading at rest less the pretension, of the range [1]."""
     turn_share: float = 0.1
     """Chosen: more than ripple. Way back from which a drive has turned, of its range [1]."""
     clipped_rows: int = 5
     """Chosen: digits alone make fewer equal rows beside a drive that moves on. Equal rows at an
     extreme [1]."""
-    clipped_move: float = 0.05
-    """Chosen: more than noise. Move of another channel during these rows, of its range [1]."""
-    frozen_move: float = 1.0
-    """Derived: no dead zone is wider. Way of the drive while a channel repeats one value, of its
-    range [1]."""
     fewest_steps: int = 25
     """Chosen: digits of 4 %. Range of a channel over its smallest step [1]."""
     repeated_rows: int = 10

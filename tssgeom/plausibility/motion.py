@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from tssgeom.arrays import Vector
+from tssgeom.core.constants import CHANCE
 from tssgeom.plausibility.limits import LIMITS
 from tssgeom.plausibility.rules import Remark, remark
 from tssgeom.plausibility.series import DRIVES, Series, filled
@@ -39,18 +40,18 @@ def _tension_ratio(run: Series) -> Iterator[Remark]:
         return
     highest = np.maximum(np.maximum.accumulate(t_in), np.maximum.accumulate(t_out))
     span = max(run.span(_TENSION_IN), run.span(_TENSION_OUT))
-    error = LIMITS.noises * (run.error(_TENSION_IN) + run.error(_TENSION_OUT))
+    error = CHANCE.never * (run.error(_TENSION_IN) + run.error(_TENSION_OUT))
     pulled = (np.maximum(t_in, t_out) >= highest) & (highest > highest[0] + LIMITS.turn_share * span + error)
     if not pulled.any():
         return
-    excess, allowed = t_out - t_in, LIMITS.tension_excess * span + error
+    excess, allowed = t_out - t_in, LIMITS.slight * span + error
     above = excess > allowed
     if above[pulled].mean() > LIMITS.share_of_rows:
         at = int(np.flatnonzero(pulled)[np.argmax(excess[pulled])])
         reads = f"T_out is {t_out[at]:.3g} N where T_in is {t_in[at]:.3g} N and pulls"
         released = ~pulled & (np.arange(len(t_in)) > at)
         below = (excess < -allowed) & released
-        if np.median(t_out[pulled] / np.maximum(t_in[pulled], 1e-12)) > LIMITS.tension_ratio:
+        if np.median(t_out[pulled] / np.maximum(t_in[pulled], 1e-12)) > LIMITS.gross:
             yield remark("tension_ratio", "run", reads)
         elif released.any() and below.sum() > LIMITS.share_of_rows * released.sum():
             yield remark("channels_exchanged", "run", reads)
@@ -106,7 +107,7 @@ def _consistency(run: Series) -> Iterator[Remark]:
     span = float(np.nanmax(stretch) - np.nanmin(stretch))
     error = sum(run.error(name) for name in ("elongation_m", *DISPLACEMENTS))
     off = float(np.nanstd(left)) if np.isfinite(left).any() else 0.0
-    if off > LIMITS.stretch_error * span + error:
+    if off > LIMITS.usual_error * span + error:
         differ = (
             f"elongation_m and displacement_in_m less displacement_out_m differ by {1e3 * off:.2g} mm rms"
         )
@@ -122,7 +123,7 @@ def _rest(run: Series) -> Iterator[Remark]:
     span = max((run.span(name) for name in both if run.moves(name)), default=np.inf)
     for name in both:
         start = run.at_rest(name)
-        allowed = LIMITS.rest_share * span + LIMITS.noises * run.noise[name]
+        allowed = LIMITS.usual_error * span + CHANCE.never * run.noise[name]
         if abs(start - pretension) > allowed:
             begins = f"{name} begins at {start:.3g} N and the pretension is {pretension:g} N"
             yield remark("zero_at_rest", "run", begins)
@@ -186,14 +187,14 @@ def _end_of_rise(
     """
     top = near.start + int(np.argmax(values[near]))
     level, rise = values[top], values[top] - values[near.start]
-    below = values < level - max(LIMITS.noises * error, _LEVEL * rise)
+    below = values < level - max(CHANCE.never * error, _LEVEL * rise)
     first = top - int(np.argmax(below[: top + 1][::-1])) + 1
     last = top + int(np.argmax(below[top : near.stop])) - 1 if below[top : near.stop].any() else near.stop - 1
-    if first - rows < 0 or not below[: top + 1].any() or rise < LIMITS.noises * error:
+    if first - rows < 0 or not below[: top + 1].any() or rise < CHANCE.never * error:
         return None
     when, height = time[first - rows : first], values[first - rows : first]
     slope, start = np.polyfit(when - when[0], height, 1)
-    if slope * (when[-1] - when[0]) < LIMITS.noises * error:
+    if slope * (when[-1] - when[0]) < CHANCE.never * error:
         return None
     level = float(np.median(values[first : last + 1])) if last - first > LIMITS.lag_rows else float(level)
     return float(when[0] + (level - start) / slope), float(time[last] - time[first])

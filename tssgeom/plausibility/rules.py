@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Literal, NamedTuple
 
+from tssgeom.core.constants import CHANCE
 from tssgeom.errors import SettingsError
 from tssgeom.plausibility.limits import LIMITS
 
@@ -70,7 +71,8 @@ RULES: dict[str, Rule] = {
         "a tendon only pulls: change the sign of the column",
     ),
     "negative_tension": Rule(
-        f"a tension is below zero by more than {_L.negative:.0%} of its range and {_L.noises:g} × its noise",
+        f"a tension is below zero by more than {_L.negative:.0%} of its range and {CHANCE.never:g} × "
+        "its noise",
         {"run": "warn", "frame": "warn"},
         "A tendon only pulls; a cell's zero may be off.",
         "a tendon only pulls: zero the cell",
@@ -94,7 +96,7 @@ RULES: dict[str, Rule] = {
         "check the unit of the column",
     ),
     "full_scale": Rule(
-        f"a tension is beyond {_L.beyond_scale:g} × the full scale of its sensor in the rig",
+        f"a tension is beyond {_L.gross:g} × the full scale of its sensor in the rig",
         {"run": "refuse", "command": "refuse"},
         "A cell cannot read that, and may break.",
         "give newtons, or mend full_scale of the sensor in the rig",
@@ -106,7 +108,7 @@ RULES: dict[str, Rule] = {
         "check full_scale of the sensor in the rig",
     ),
     "temperature": Rule(
-        f"a temperature is above {_L.hottest_C:g} °C or below {_L.coldest_C:g} °C",
+        f"a temperature is above {_L.hottest_C:g} °C or below {-_L.warmest_C:g} °C",
         {"run": "refuse", "frame": "warn"},
         "Kelvin or raw counts stand for degrees Celsius.",
         "give degrees Celsius, not kelvin",
@@ -139,7 +141,7 @@ RULES: dict[str, Rule] = {
         "check its unit and that of the tension (kgf?), or tendon.compliance_per_N of the rig",
     ),
     "tension_ratio": Rule(
-        f"T_out is more than {_L.tension_ratio:g} × T_in while the drive pulls farther than before",
+        f"T_out is more than {_L.gross:g} × T_in while the drive pulls farther than before",
         _REFUSED,
         "Friction only takes tension; no zero of a cell is so far off.",
         "check both units (mN, kgf?), and that the columns are not exchanged",
@@ -151,7 +153,7 @@ RULES: dict[str, Rule] = {
         "exchange tension_in_N and tension_out_N",
     ),
     "tension_excess": Rule(
-        f"T_out is above T_in by {_L.tension_excess:.0%} of the range while the drive pulls farther "
+        f"T_out is above T_in by {_L.slight:.0%} of the range while the drive pulls farther "
         "than before",
         {"run": "warn", "frame": "warn"},
         "Friction only takes tension: a zero or a gain of a cell is wrong, or the load drives.",
@@ -171,7 +173,7 @@ RULES: dict[str, Rule] = {
         "change the sign of the column: positive where the tendon is pulled",
     ),
     "inconsistent_stretch": Rule(
-        f"elongation and displacement_in less displacement_out differ by {_L.stretch_error:.0%} of "
+        f"elongation and displacement_in less displacement_out differ by {_L.usual_error:.0%} of "
         "their range",
         _WARNED,
         "They are one quantity; docs/model.md (44).",
@@ -191,7 +193,7 @@ RULES: dict[str, Rule] = {
         "bring both to one clock",
     ),
     "zero_at_rest": Rule(
-        f"the first readings of a tension differ from the rig's pretension by {_L.rest_share:.0%} of "
+        f"the first readings of a tension differ from the rig's pretension by {_L.usual_error:.0%} of "
         "the range",
         _WARNED,
         "A cell was not zeroed, or the run begins in mid-history.",
@@ -204,7 +206,7 @@ RULES: dict[str, Rule] = {
         "record a pull and a release",
     ),
     "unresponsive": Rule(
-        f"a channel stays within ± {_L.noises:g} × its noise while the drive moves; "
+        f"a channel stays within ± {CHANCE.never:g} × its noise while the drive moves; "
         "displacement_out_m may, and "
         "tension_out_N that is not near zero",
         _WARNED,
@@ -219,7 +221,7 @@ RULES: dict[str, Rule] = {
     ),
     "clipped": Rule(
         f"{_L.clipped_rows} readings or more stay at the greatest value while another channel rises by "
-        f"{_L.clipped_move:.0%} of its range, or readings are at full scale",
+        f"{_L.slight:.0%} of its range, or readings are at full scale",
         _WARNED,
         "The range of the recorder ends there.",
         "leave these cells empty, or record with a wider range",
@@ -328,7 +330,7 @@ RULES: dict[str, Rule] = {
         "check tendon.compliance_per_N and tendon.pretension_N",
     ),
     "beyond_law": Rule(
-        f"a run goes beyond the end of a law of the rig by more than {_L.beyond_law:.0%} of its range",
+        f"a run goes beyond the end of a law of the rig by more than {_L.slight:.0%} of its range",
         _WARNED,
         "The law was not learnt there; it is taken as constant.",
         "measure there and run discover again, or stay within",

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tssgeom.arrays import Vector
+from tssgeom.core.constants import CHANCE
 from tssgeom.plausibility.limits import LIMITS
 from tssgeom.rig import Rig
 from tssgeom.statistics import reading_noise, turns
@@ -103,9 +104,7 @@ class Series:
     def moves(self, name: str) -> bool:
         """Whether a channel moves by more than its noise."""
         means = self.means[name]
-        return float(np.nanmax(means) - np.nanmin(means)) > 2.0 * LIMITS.noises * max(
-            self.error(name), 1e-300
-        )
+        return float(np.nanmax(means) - np.nanmin(means)) > 2.0 * CHANCE.never * max(self.error(name), 1e-300)
 
     def noisy(self) -> list[str]:
         """Return the channels whose readings differ by noise, which never repeats."""
@@ -121,7 +120,7 @@ class Series:
         """Means at which the drive begins, turns and ends; [0] where there is no drive."""
         if self.drive is None:
             return np.zeros(1, dtype=np.intp)
-        least = max(LIMITS.turn_share * self.span(self.drive), LIMITS.noises * self.error(self.drive))
+        least = max(LIMITS.turn_share * self.span(self.drive), CHANCE.never * self.error(self.drive))
         return turns(filled(self.means[self.drive]), least)
 
 

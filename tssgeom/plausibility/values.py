@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from tssgeom.core.constants import CHANCE
 from tssgeom.plausibility.limits import LIMITS
 from tssgeom.plausibility.rules import Remark, remark
 from tssgeom.plausibility.series import Series
@@ -29,7 +30,7 @@ def _tensions(run: Series) -> Iterator[Remark]:
         least, most = float(np.nanmin(values)), run.most(name)
         if least < 0.0 and np.nanmedian(values) < 0.0 and -least > np.nanmax(values):
             yield remark("inverted_cell", "run", f"{name} falls to {least:g} N")
-        elif least < -max(LIMITS.negative * run.span(name), LIMITS.noises * run.noise[name]):
+        elif least < -max(LIMITS.negative * run.span(name), CHANCE.never * run.noise[name]):
             yield remark("negative_tension", "run", f"{name} falls to {least:.3g} N")
         if run.rig is None:
             if most > LIMITS.strongest_N:
@@ -49,7 +50,7 @@ def _beside_rig(run: Series, name: str, most: float) -> Iterator[Remark]:
             rule, "run", f"{name} reaches {most:g} N, which would stretch the tendon by {strain:.0%}"
         )
     if scale and most > scale:
-        rule = "full_scale" if most > LIMITS.beyond_scale * scale else "beyond_scale"
+        rule = "full_scale" if most > LIMITS.gross * scale else "beyond_scale"
         yield remark(rule, "run", f"{name} reaches {most:g} N and its full scale is {scale:g} N")
 
 
@@ -58,7 +59,7 @@ def _temperature(run: Series) -> Iterator[Remark]:
         if not name.startswith("temperature"):
             continue
         low, high = float(np.nanmin(values)), float(np.nanmax(values))
-        if high > LIMITS.hottest_C or low < LIMITS.coldest_C:
+        if high > LIMITS.hottest_C or low < -LIMITS.warmest_C:
             far = high if high > LIMITS.hottest_C else low
             yield remark("temperature", "run", f"{name} reaches {far:g} °C")
         elif high > LIMITS.warmest_C:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tssgeom.arrays import Points, Vector
+from tssgeom.core.constants import CHANCE, ROUNDING
 from tssgeom.route.route import step_lengths
 
 
@@ -15,13 +16,9 @@ from tssgeom.route.route import step_lengths
 class BoundLimits:
     """What noise may explain."""
 
-    standard_deviations: float = 3.0
-    """By which a bound may be missed [1]. Derived: noise alone does so in one of 700 fits."""
     small_noise: float = 0.3
     """Noise over the mean chord above which turns of the polygon bound nothing [1]. Chosen: chords then point
     anywhere."""
-    rounding: float = 1e-9
-    """Relative error of exact points [1]. Derived: rounding of a sum of a thousand chords."""
 
 
 LIMITS = BoundLimits()
@@ -56,8 +53,8 @@ class Polygon:
         """
         chords = float(self.chord.sum())
         noisy = 6.0 * noise**2 * len(self.chord) / max(float(self.chord @ self.chord), 1e-300)
-        least = chords * math.sqrt(max(1.0 - noisy, 0.0)) * (1.0 - LIMITS.rounding)
-        least -= LIMITS.standard_deviations * noise * self.length_error
+        least = chords * math.sqrt(max(1.0 - noisy, 0.0)) * (1.0 - ROUNDING.relative)
+        least -= CHANCE.clear * noise * self.length_error
         if length < least:
             return (
                 f"the route is {1e3 * length:.5g} mm long, its points lie at least {1e3 * least:.5g} mm "
@@ -65,8 +62,10 @@ class Polygon:
             )
         inverse = 1.0 / self.chord
         turn_noise = np.sqrt(inverse[:-1] ** 2 + inverse[1:] ** 2 + (inverse[:-1] + inverse[1:]) ** 2)
-        least = float(self.turn.sum()) * (1.0 - LIMITS.rounding) - _RAYLEIGH * noise * float(turn_noise.sum())
-        least -= LIMITS.standard_deviations * noise * self.angle_error
+        least = float(self.turn.sum()) * (1.0 - ROUNDING.relative) - _RAYLEIGH * noise * float(
+            turn_noise.sum()
+        )
+        least -= CHANCE.clear * noise * self.angle_error
         if noise < LIMITS.small_noise * chords / len(self.chord) and angle < least:
             return (
                 f"the route turns by {math.degrees(angle):.4g}°, the polygon through its points by at least "

@@ -37,9 +37,6 @@ from tssgeom.route.spline.fit import Spline
 class ModelAverage:
     """How evidence weighs the models of few points."""
 
-    parameter_error: float = 1.0
-    """Error of the information criterion, which all parameters share [2 ln a parameter]. Derived: it leaves
-    out the density of the prior, of the order of 1 for each."""
     straight_share: float = 0.1
     """First length of a straight piece beside a bend, of that bend [1]. Chosen: the fit moves it."""
 
@@ -166,7 +163,7 @@ def probabilities(models: Sequence[ChainModel]) -> Vector:
     if not len(models) or not np.isfinite(difference.max()) or not np.isfinite(priced.max()):
         return np.empty(0)
     least, most = sorted((float(priced.max()), float(difference.max())))
-    error = AVERAGE.parameter_error * models[int(np.argmax(priced))].parameters
+    error = models[int(np.argmax(priced))].parameters
     # a logistic density that is as wide as the error, joined with that of the odds themselves
     scale = 2.0 * math.sqrt(1.0 + 3.0 * (error / (2.0 * math.pi)) ** 2)
     of_chains = 0.5 * (1.0 + math.tanh(0.5 * min(max(0.0, least), most) / scale))

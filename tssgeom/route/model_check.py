@@ -45,32 +45,25 @@ from tssgeom.route.resolution import SharedErrors
 from tssgeom.route.route_fit import RouteFit
 from tssgeom.route.spline.fit import Spline, fit_in_steps
 from tssgeom.route.time_filter import PointFilter
+from tssgeom.statistics import EVIDENCE_SCALE
 
 
 @dataclass(frozen=True, slots=True)
 class TrackingSchedule:
     """When which model is checked while a route is tracked; docs/model.md (34). Evidence counts as 2 ln."""
 
-    joints_interval: int = 4
+    interval: int = 4
     """Frames between two checks of a chain, for fewer joints and for more in turn. Chosen: by latency."""
-    unlikely_interval: int = 4
-    """Checks of a kind after which an unlikely joint is tried as well. Chosen: by latency."""
-    unlikely_ranks: int = 4
-    """Unlikely joints that take turns. Chosen: by latency."""
     first_interval: int = 16
     """Frames after which the other estimator is tried. Chosen: by latency."""
     longest_interval: int = 512
     """The same where the other was far behind again and again [frames]. Chosen."""
-    takeover: float = 10.0
-    """Log evidence difference above which the other takes over [2 ln]. Chosen: odds of 1 to 150."""
     far_behind: float = 60.0
     """Evidence difference beyond which the interval to the next trial doubles [2 ln]. Chosen."""
     work: int = 3000
     """Work of a check after one frame, as its steps count it [points times parameters]. Chosen: 0.2 ms."""
     moves: int = 2
     """Moves of a candidate chain in one check. Chosen: by latency."""
-    patience: int = 4
-    """Checks in which a candidate chain that is hopeless may still come up. Chosen."""
 
 
 SCHEDULE = TrackingSchedule()
@@ -210,8 +203,8 @@ def _steps(check: ModelCheck, begun: TrackedFit) -> Steps:
 def _joints_tried(check: ModelCheck, data: Data, chain: Chain, checks: int) -> Steps:
     """Try fewer joints and more in turn, some of them that are unlikely."""
     count, more_joints = divmod(checks, 2)
-    rank, now = divmod(count, SCHEDULE.unlikely_interval)
-    rank %= SCHEDULE.unlikely_ranks
+    rank, now = divmod(count, SCHEDULE.interval)
+    rank %= SCHEDULE.interval
     unlikely = slice(rank, rank if now else rank + 1)
     for better in (finer_tried if more_joints else simpler_tried)(data, chain, unlikely):
         yield work_of_candidate(data, chain)
@@ -248,7 +241,7 @@ def _spline_tried(check: ModelCheck, data: Data, chain: Chain, begun: TrackedFit
     if difference > 0.0 and not few and not undecided(difference, len(chain.bend)):
         return partial(_not_taken_over, -difference, spline, _NO_VARIANCES)
     smooth, arcs = spline_fit(spline), chain_fit(check.shape, data, chain) if few else begun.fit
-    taken = difference < -SCHEDULE.takeover
+    taken = difference < -EVIDENCE_SCALE.very_strong
     added = _variances(smooth, arcs, (data, chain), difference, few=few, spline_stays=taken)
     if taken:
         return partial(_taken_over, TrackedFit(smooth, check.shape.index).with_model_variances(added))
@@ -306,14 +299,14 @@ def _chain_tried(check: ModelCheck, begun: TrackedFit) -> Steps:
     moved = yield from fit_chain_in_steps(data, candidate, SCHEDULE.moves)
     difference = log_evidence_difference(data, moved, spline)
     converged = len(moved.bend) == len(candidate.bend)
-    if difference < CHOICE.hopeless and (converged or begun.trials >= SCHEDULE.patience) and not few:
+    if difference < CHOICE.hopeless and (converged or begun.trials >= SCHEDULE.interval) and not few:
         return partial(_not_taken_over, difference, None, _NO_VARIANCES)
     if not converged:
         return partial(replace, candidate=moved, trials=begun.trials + 1)
     yield work_of_candidate(data, moved)
     arcs = chain_fit(check.shape, data, moved)
     difference = penalised_log_evidence_difference(data, moved, spline)
-    taken = difference > SCHEDULE.takeover
+    taken = difference > EVIDENCE_SCALE.very_strong
     added = _variances(smooth, arcs, (data, moved), difference, few=few, spline_stays=not taken)
     if taken:
         begins = TrackedFit(arcs, check.shape.index, candidate=spline)

@@ -48,8 +48,6 @@ class ModelChoice:
     """Price of each value that a parameter lacks of these [2 ln]. Fitted on routes of 8 to 20 points."""
     lost_along: float = 3.0
     """Root mean square distance from known stations of a chain that lost its points [spacings]. Chosen."""
-    lost_over_across: float = 9.0
-    """The same over the squared distance across the chain [1]. Chosen."""
     hopeless: float = -40.0
     """Evidence difference of a first chain that further moves do not make up [2 ln]. Chosen."""
     close_call: float = 12.0
@@ -202,4 +200,4 @@ def _lost_along(data: Data, chain: Chain, across: float) -> bool:
     """Whether points are far from their stations though near the chain, as where a route turns back."""
     limit = CHOICE.lost_along**2 * float(data.weight.sum()) * data.spacing**2
     lost = chain.cost - across > limit
-    return not data.free and lost and chain.cost > CHOICE.lost_over_across * across
+    return not data.free and lost and chain.cost > CHOICE.lost_along**2 * across

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tssgeom.arrays import Matrix, Points
+from tssgeom.core.constants_route import POINTS
 from tssgeom.errors import ShapeError
 from tssgeom.route.route import step_lengths
 
@@ -18,8 +19,6 @@ class OrderLimits:
     much_shorter: float = 1.4
     """Length of the path as given over the shortest one from which on it may be the wrong one [1]. Measured:
     5 to 40 points of routes of 0 to 13 rad have at most 1.36, where a helix comes near itself."""
-    most_points: int = 40
-    """Points up to which a wrong order is searched for. Chosen: 3 ms; of more points leaps show it."""
     most_sorted: int = 1000
     """Points that are put in order. Chosen: by the memory of their distances."""
 
@@ -72,7 +71,7 @@ def shortest_path(points: Points) -> np.ndarray:
 
 def order_warning(points: Points) -> str | None:
     """Say that points [n, 3] [m] lie on a much shorter path in another order, or return None."""
-    if not 4 <= len(points) <= LIMITS.most_points:
+    if not 4 <= len(points) <= POINTS.few:
         return None
     path = shortest_path(points)
     given, shortest = float(step_lengths(points).sum()), float(step_lengths(points[path]).sum())

@@ -12,7 +12,7 @@ import numpy as np
 
 from tssgeom import core
 from tssgeom.arrays import Vector
-from tssgeom.core.constants_route import PRIOR, SEARCH
+from tssgeom.core.constants_route import POINTS, PRIOR, SEARCH
 from tssgeom.errors import FitError
 from tssgeom.route.bounds import Polygon, polygon
 from tssgeom.route.model_choice import (
@@ -39,8 +39,6 @@ from tssgeom.route.spline.problem import (
 class RatioGrid:
     """On which λ a fit is made, and which of the fits count."""
 
-    most_points: int = 40
-    """Points up to which λ is averaged over. Chosen: more determine it to a small part of the error of Φ."""
     widest: float = 1.0
     """Greatest distance of neighbouring λ [decades]. Chosen."""
     narrowest: float = 0.3
@@ -85,7 +83,7 @@ GRID = RatioGrid()
 
 def are_few(points: np.ndarray) -> bool:
     """Whether points, or values of each, are so few that models and λ are averaged; docs/model.md (150)."""
-    return len(points) <= GRID.most_points
+    return len(points) <= POINTS.few
 
 
 class _Candidate(NamedTuple):

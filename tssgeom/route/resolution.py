@@ -15,6 +15,7 @@ import numpy as np
 
 from tssgeom import core
 from tssgeom.arrays import Matrix, Vector, read_only, rows_at
+from tssgeom.core.constants_route import POINTS
 from tssgeom.rig import Source
 from tssgeom.route.pieces import Arcs, spread_over
 from tssgeom.route.route import Route, carried
@@ -59,13 +60,9 @@ class ResolutionLimits:
     noiseless: float = 1e-6
     """Noise over the length of a route below which its points were not sensed [1]. Chosen: a tenth of what
     the best cameras reach."""
-    fewest: int = 40
-    """Points from which on so little noise is evidence [1]. Chosen: few points always fit a smooth route."""
     hidden: float = 0.035
     """Share of Φ in bends shorter than a tenth of a smooth route from which they may be errors [1]. Measured:
     routes of 1 to 13 rad with white noise have at most 0.03."""
-    least_radii: float = math.pi
-    """Shortest wave over the least bend radius of a sheath [1]. Derived: two arcs of a quarter turn."""
     radius_diameters: float = 5.0
     """Least bend radius of a sheath where it is not known [diameters]. Chosen: coils kink below."""
 
@@ -142,7 +139,7 @@ def with_hidden_share(fit: RouteFit, sensed_noise: float) -> tuple[RouteFit, flo
     the estimator counts errors that neighbours share itself.
     """
     smooth = fit.chain is None and fit.spline is not None and fit.spline.shared_angle_error == 0.0
-    if not smooth or len(fit.weight) < LIMITS.fewest or fit.arcs.total_angle <= 0.0:
+    if not smooth or len(fit.weight) < POINTS.few or fit.arcs.total_angle <= 0.0:
         return fit, 0.0
     length, angle = fit.arcs.total_length, fit.arcs.total_angle
     at = SOURCES["smoothed"].resolution_share * length
@@ -165,7 +162,7 @@ def sheath_resolution(diameter: float | None, least_radius: float | None) -> flo
     """Return the shortest wave that a sheath can follow [m], from its diameter or least bend radius [m]."""
     if least_radius is None and diameter is not None:
         least_radius = LIMITS.radius_diameters * diameter
-    return None if least_radius is None else LIMITS.least_radii * least_radius
+    return None if least_radius is None else math.pi * least_radius
 
 
 def angle_over_resolution(fit: RouteFit, resolution: Vector) -> Vector:

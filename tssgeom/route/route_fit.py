@@ -12,6 +12,8 @@ import numpy as np
 
 from tssgeom import core
 from tssgeom.arrays import Matrix, Points, Vector, read_only, rows_at
+from tssgeom.core.constants import ROUNDING
+from tssgeom.core.constants_arcs import CHAIN_FIT
 from tssgeom.errors import FitError
 from tssgeom.result import Result
 from tssgeom.route.arcs.chain import Chain
@@ -29,8 +31,6 @@ class LengthLimits:
 
     largest_error: float = 4.0
     """Standard errors between both, above which the length is not used. Chosen: 6e-5 of normal errors."""
-    rounding: float = 1e-9
-    """Share of the length below which a difference is rounding [1]. Chosen: far below any sensor."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,8 +48,6 @@ class AgreementLimits:
     """Cosine between neighbouring tangents below which the route turns straight back [1]. Chosen."""
     longest_detour: float = 2.0
     """Length of the route over the path from point to point [1]. Derived: an arc of 3.8 rad on its chord."""
-    most_unobserved_turn: float = 4.0
-    """Turn between neighbouring points that no point shows [rad]. Derived: more than straight back, π."""
     largest_angle_se: float = 20 * math.pi
     """Standard error of Φ above which the fit is refused [rad]. Chosen: ten full loops."""
 
@@ -186,7 +184,7 @@ def given_length(fit: RouteFit, length: float, noise: float) -> RouteFit:
     shared = arcs.covariance[:, :k].sum(axis=1)  # of all lengths and angles with the whole length
     own = max(float(shared[:k].sum()), 0.0)
     variance = own + noise**2
-    off, rounding = length - arcs.total_length, LENGTH.rounding * length
+    off, rounding = length - arcs.total_length, ROUNDING.relative * length
     if abs(off) > LENGTH.largest_error * math.sqrt(variance) + rounding:
         return fit.warned(_length_warning(-off, length, math.sqrt(variance)))
     if own <= rounding**2:
@@ -320,4 +318,4 @@ def turns_unobserved(points: Points, weight: Vector, stations: Vector, turned: V
     """
     length = stations[-1] - stations[0]
     detour = length > AGREEMENT.longest_detour * core.path_length(points, weight)[1]
-    return bool(detour or np.diff(turned[weight > 0.0]).max() > AGREEMENT.most_unobserved_turn)
+    return bool(detour or np.diff(turned[weight > 0.0]).max() > CHAIN_FIT.most_turn_unobserved)

@@ -102,7 +102,7 @@ def _follow_chain(
         return now
     if method == "auto" and age >= last.interval:
         return now.with_check(ModelCheck(shape, noise, "spline", data))
-    if age % SCHEDULE.joints_interval == 0 or last.checks < 2:
+    if age % SCHEDULE.interval == 0 or last.checks < 2:
         return now.with_check(ModelCheck(shape, noise, "joints", data))
     return now
 

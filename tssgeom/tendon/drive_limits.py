@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from tssgeom.core.constants import ROUNDING
 from tssgeom.errors import SettingsError
 from tssgeom.mechanism import NO_LIMITS
 from tssgeom.rig import Rig
 from tssgeom.tendon.state import TendonState, transmit
-
-ROUNDING = 1e-9
-"""By what a limit may be passed [m], or of the tension [1]; chosen: far below any drive."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +61,7 @@ def cut_to_limits(
     """
     limits, cut = rig.drive.limits, list[str]()
     most = limits.tension_N
-    if most is not None and wanted.tension_in > most * (1.0 + ROUNDING):
+    if most is not None and wanted.tension_in > most * (1.0 + ROUNDING.relative):
         wanted = pulled(most)
         cut.append("tension_N")
     position = at = transmit(wanted, rig).displacement_in
@@ -78,14 +76,18 @@ def cut_to_limits(
         position = within(position, now.position - reach, now.position + reach, "speed_m_per_s", cut)
     if position != at:
         wanted = located(position)
-        if most is not None and "tension_N" not in cut and wanted.tension_in > most * (1.0 + ROUNDING):
+        if (
+            most is not None
+            and "tension_N" not in cut
+            and wanted.tension_in > most * (1.0 + ROUNDING.relative)
+        ):
             cut.append("tension_N")
     return wanted, ", ".join(cut)
 
 
 def within(value: float, low: float, high: float, name: str, cut: list[str]) -> float:
     """Return a position between two [m]; append the name of the limit where it was not."""
-    if low - ROUNDING <= value <= high + ROUNDING:
+    if low - ROUNDING.relative <= value <= high + ROUNDING.relative:
         return value
     cut.append(name)
     return min(max(value, low), high)

@@ -11,12 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from tssgeom.arrays import Matrix, Vector, read_only
+from tssgeom.core.constants import ROUNDING
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.capstan import pretensioned, step, tension
 from tssgeom.tendon.transmission import tension_and_elongation
-
-_ROUNDING = 1e-12  # of a tension that is held
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,4 +74,4 @@ def last_peak(tension: Vector) -> int:
     high = np.flatnonzero(tension >= 0.99 * tension.max())
     last_visit = np.split(high, np.flatnonzero(np.diff(high) > 1) + 1)[-1]
     top = tension[last_visit].max()
-    return int(last_visit[np.flatnonzero(tension[last_visit] >= top * (1 - _ROUNDING))[-1]])
+    return int(last_visit[np.flatnonzero(tension[last_visit] >= top * (1 - ROUNDING.exact))[-1]])

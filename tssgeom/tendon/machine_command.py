@@ -10,11 +10,12 @@ from typing import NamedTuple
 import numpy as np
 
 from tssgeom.arrays import Vector
+from tssgeom.core.constants import ROUNDING
 from tssgeom.core.constants_tendon_rows import HELD
 from tssgeom.errors import SettingsError
 from tssgeom.mechanism import NO_LIMITS, per_motor_angle
 from tssgeom.tendon.bars.plant import Memory
-from tssgeom.tendon.drive_limits import ROUNDING, within
+from tssgeom.tendon.drive_limits import within
 from tssgeom.tendon.machine import (
     Machine,
     MachineState,
@@ -254,7 +255,7 @@ class _Sample:
             trace = self.at(min(max(near, angle), angle + width))[1]
             return math.inf if trace is None else float(trace.ends[0, :, 0].max())
 
-        if pull(motor) <= most * (1.0 + ROUNDING):
+        if pull(motor) <= most * (1.0 + ROUNDING.relative):
             return motor
         good, bad = was, motor
         while abs(bad - good) > COMMAND.close:

@@ -28,11 +28,8 @@ class DatagramLimits:
     largest_bytes: int = 1 << 16
     """Bytes of a datagram; cited: UDP allows 65 507."""
     buffer_bytes: int = 1 << 22
-    """Size of the system's buffer for datagrams [bytes]; chosen: 64 of the largest."""
-    sender_bytes: int = 1 << 20
-    """The same for one sender; derived: 16 of the largest, as many as its mailbox keeps."""
-    at_once: int = 64
-    """Datagrams that are read before other work; derived: those that the buffer holds."""
+    """Size of the system's buffer for datagrams [bytes]; chosen: 64 of the largest, which are read before
+    other work. One sender has a quarter: as many as its mailbox keeps."""
     senders: int = 64
     """Senders whose clocks are kept; chosen."""
 
@@ -105,7 +102,7 @@ class UdpSource(Source):
         return watched
 
     def _ready(self, of: _Socket, events: int) -> None:
-        for _ in range(DATAGRAMS.at_once):
+        for _ in range(DATAGRAMS.buffer_bytes // DATAGRAMS.largest_bytes):
             try:
                 data, about, _, address = of.sock.recvmsg(DATAGRAMS.largest_bytes, 64 if self._linux else 0)
             except OSError:  # nothing waits, or the socket was closed for a newer sender
@@ -165,7 +162,7 @@ class UdpSource(Source):
             raise
         finally:
             common.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 0)
-        return self._watched(sock, DATAGRAMS.sender_bytes)
+        return self._watched(sock, DATAGRAMS.buffer_bytes // 4)
 
     def _forget(self, peer: _Peer) -> None:
         if peer.own is not None:

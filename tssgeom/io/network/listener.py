@@ -25,10 +25,9 @@ class ConnectionLimits:
     """Connections at a time; chosen: displays and recorders of one experiment."""
     new_per_second: int = 50
     """New connections in one second; chosen: a client that reconnects at once is refused."""
-    token_s: float = 5.0
-    """Time in which a client has to send its token [s]; chosen."""
     silent_s: float = 5.0
-    """Silence after which a sender gives way to a new client, where no more are admitted [s]; chosen."""
+    """Time in which a client has to send its token, and silence after which a sender gives way to a new one
+    where no more are admitted [s]; chosen."""
     token_bytes: int = 2048
     """Bytes in which the token has to end; derived: twice the longest token."""
     send_buffer_bytes: int = 1 << 17
@@ -136,8 +135,8 @@ class Listener:
     def tick(self) -> None:
         """Cut off clients that have not sent the token in time."""
         for peer in [peer for peer in self.peers if not peer.admitted]:
-            if monotonic() - peer.since > LIMITS.token_s:
-                self.cut(peer, f"no token within {LIMITS.token_s:g} s")
+            if monotonic() - peer.since > LIMITS.silent_s:
+                self.cut(peer, f"no token within {LIMITS.silent_s:g} s")
 
     def close(self) -> None:
         """Close the socket and all connections."""

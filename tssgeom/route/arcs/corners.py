@@ -20,9 +20,6 @@ class CornerSearch(NamedTuple):
     off: float = 5.0
     """Distance of a point from the line between two corners that makes it one [standard deviations];
     chosen."""
-    cut: float = 0.5
-    """The same that a corner between two points may leave [mean spacings]; derived: half the way between
-    them."""
     fewest: int = 3
     """Fewest spacings of a straight piece [1]; chosen."""
     same: int = 3
@@ -53,7 +50,7 @@ def cornered(data: Data, route: Route) -> tuple[Data, Chain] | None:
     (Ramer, 1972; Douglas and Peucker, 1973).
     """
     points = data.points
-    at = _merged(np.array(_corners(points, max(CORNERS.off * route.noise, CORNERS.cut * data.spacing))))
+    at = _merged(np.array(_corners(points, max(CORNERS.off * route.noise, 0.5 * data.spacing))))
     few, many = len(at) < 3, 2 * len(at) - 3 > CHAIN_MOVES.most_pieces
     if few or many or np.min(np.diff(at)) < CORNERS.fewest:
         return None

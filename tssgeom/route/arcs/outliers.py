@@ -6,6 +6,7 @@ import numpy as np
 
 from tssgeom import core
 from tssgeom.arrays import Points, Vector
+from tssgeom.core.constants import ROUNDING
 from tssgeom.core.constants_route import OUTLIERS
 from tssgeom.route.arcs.chain import (
     Chain,
@@ -23,7 +24,6 @@ from tssgeom.route.directions import tangent_variances
 from tssgeom.route.outliers import outlier_limit
 
 _SAME_NOISE = 0.1  # relative change of the noise variance for which directions keep their weights
-_ROUNDING = 1e-9  # of the mean spacing
 
 
 def outlier_weights(data: Data, chain: Chain, variance: float = 0.0) -> Vector | None:
@@ -70,7 +70,7 @@ def with_tangents(
     """
     if tangents is None:
         return data
-    least = data.variance or max(variance, (_ROUNDING * data.spacing) ** 2)
+    least = data.variance or max(variance, (ROUNDING.relative * data.spacing) ** 2)
     slid = kappa**2 * least if data.free else np.zeros(len(tangents))
     return _weighted(data, np.nan_to_num(tangents), tangent_variances(tangents, sensor_variance, slid), least)
 
@@ -134,7 +134,7 @@ def _weighted_by_noise(data: Data, chain: Chain) -> Data:
     values = value_count(data)
     points = values - 2 * count
     freedom = max(points * (1.0 - len(chain.matrix) / values), 1.0)
-    variance = max(float(data.weight @ square) / freedom, (_ROUNDING * data.spacing) ** 2)
+    variance = max(float(data.weight @ square) / freedom, (ROUNDING.relative * data.spacing) ** 2)
     if abs(variance / _variance_in_weights(tangents) - 1.0) < _SAME_NOISE:
         return data
     return _weighted(data, tangents.unit, tangents.variance, variance)

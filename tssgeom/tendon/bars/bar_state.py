@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from tssgeom import core
 from tssgeom.arrays import Vector, read_only
+from tssgeom.core.constants import ROUNDING
 from tssgeom.core.constants_tendon import BAR
 from tssgeom.effects import Channel
 from tssgeom.rig import Rig
@@ -27,7 +28,6 @@ BARS = 60
 """Bars of a tendon without effects, where nothing else is asked for."""
 AT_LIMIT = 0.99
 """Share of the friction bound from which a contact slides [1]. Chosen: bars are solved to 1e-10."""
-_LEAST_ANGLE = 1e-9  # [rad] below it the end of a route is straight
 _NO_LAGS: Mapping[Channel, tuple[float, float]] = {}
 
 
@@ -148,7 +148,7 @@ def end_slope(state: BarState, arcs: Arcs) -> float:
     """Return how ln T changes with the curve angle at the distal end [1/rad]; 0 where it is slack."""
     last, end = state.tension[-2:].tolist()
     angle = arcs.total_angle - float(discretise(state.edge, arcs).mean_angle[-1])
-    return math.log(end / last) / angle if angle > _LEAST_ANGLE and min(last, end) > 0.0 else 0.0
+    return math.log(end / last) / angle if angle > ROUNDING.relative and min(last, end) > 0.0 else 0.0
 
 
 def _with_tension(edge: Vector, held: Vector, direction_index: int, arcs: Arcs, rig: Rig) -> BarState:
