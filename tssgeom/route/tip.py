@@ -10,6 +10,7 @@ import numpy as np
 
 from tssgeom import core
 from tssgeom.arrays import Matrix, Vector, read_only
+from tssgeom.core.constants import CHANCE
 from tssgeom.errors import FitError, ShapeError
 from tssgeom.route.curvature import CurvatureProfile
 from tssgeom.route.pieces import Arcs
@@ -30,12 +31,8 @@ class TipPrior:
     """Even cells. Chosen: a cell turns by 0.2 rad."""
     pieces: int = 8
     """Pieces of constant curvature that are reported. Chosen: two for each wave."""
-    steps: int = 40
-    """Most steps of Gauss and Newton. Chosen: ten are usual."""
     draws: int = 400
     """Draws from the posterior. Chosen: a standard error is then known to 4 %."""
-    beyond: float = 3.0
-    """By which the tip may lie beyond the length [standard deviations]. Derived: one of 700 does."""
 
 
 PRIOR = TipPrior()
@@ -77,7 +74,7 @@ def fit_tip(sensed: TipReadings) -> RouteFit:
     """
     chord = float(np.linalg.norm(sensed.tip - sensed.base))
     allowed = math.hypot(sensed.noise, sensed.length_noise)
-    if chord > sensed.length + PRIOR.beyond * allowed:
+    if chord > sensed.length + CHANCE.clear * allowed:
         raise ShapeError(
             f"the tip lies {1e3 * chord:.5g} mm from the base, the route is {1e3 * sensed.length:.5g} mm "
             "long: check the length, the unit, and where the base is"
@@ -115,32 +112,28 @@ def fit_tip(sensed: TipReadings) -> RouteFit:
 
 def _posterior(sensed: TipReadings) -> tuple[Vector, Matrix]:
     """Most likely coefficients, each over its prior standard deviation, and their covariance."""
-    size, damping = 2 * PRIOR.waves + 3, 1e-3  # waves of both components, tilt of the base twice, length
-    at = np.zeros(size)
+    from scipy.optimize import least_squares
+
+    at = np.zeros(2 * PRIOR.waves + 3)  # waves of both components, tilt of the base twice, length
     at[0], at[PRIOR.waves] = _arc(sensed) / PRIOR.turn  # a straight route would be a saddle
-    left, slope = _slope(sensed, at)
-    for _ in range(PRIOR.steps):
-        normal, pull = slope.T @ slope, slope.T @ left + at
-        there = at - np.linalg.solve(normal + (1.0 + damping) * np.eye(size), pull)
-        before, after = left @ left + at @ at, np.sum(_left(sensed, there[None]) ** 2) + there @ there
-        if not after <= before:
-            damping *= 10.0
-            continue
-        at, damping = there, 0.1 * damping
-        left, slope = _slope(sensed, at)
-        if before - after < 1e-6 * (1.0 + before):
-            break
-    covariance = np.asarray(np.linalg.inv(slope.T @ slope + np.eye(size)), dtype=np.float64)
+    fit = least_squares(
+        lambda u: np.concatenate((_left(sensed, u[None])[0], u)),
+        at,
+        lambda u: np.vstack((_slope(sensed, u), np.eye(len(u)))),  # pyright: ignore[reportArgumentType]
+        method="lm",
+        max_nfev=100,
+    )
+    covariance = np.asarray(np.linalg.inv(fit.jac.T @ fit.jac), dtype=np.float64)
     if not np.isfinite(covariance).all():
         raise FitError("no route of this length joins the base and the tip: check both, and the length")
-    return at, covariance
+    return fit.x, covariance
 
 
-def _slope(sensed: TipReadings, at: Vector) -> tuple[Vector, Matrix]:
-    """Return what is left at some coefficients, and how it changes with each of them."""
-    size, step = len(at), 1e-5
-    moved = _left(sensed, at + step * np.vstack((np.zeros((1, size)), np.eye(size), -np.eye(size))))
-    return moved[0], (moved[1 : size + 1] - moved[size + 1 :]).T / (2.0 * step)
+def _slope(sensed: TipReadings, at: Vector) -> Matrix:
+    """Return how what is left changes with each coefficient."""
+    step = 1e-5 * np.eye(len(at))
+    after, before = _left(sensed, np.vstack((at + step, at - step))).reshape(2, len(at), -1)
+    return (after - before).T / 2e-5
 
 
 def _arc(sensed: TipReadings) -> Vector:
