@@ -25,25 +25,7 @@ def analyse(
     tension_in: float = 15.0,
     stations: Vector | None = None,
 ) -> FrameResult:
-    """Fit the route of one shape and pull its tendon for the first time.
-
-    Parameters
-    ----------
-    points
-        [n, 3] Sensed points from the proximal to the distal end, n >= 4; a row of NaN is a missing point [m].
-        Or a `Frame`, which also holds what was measured beside the points.
-    rig
-        Tendon, friction, load and sensors; that of the paper by default.
-    tension_in
-        Total tension at the proximal end, where the frame has no drive [N].
-    stations
-        [n] Known arc length of the points, increasing [m]; estimated where left out.
-
-    Returns
-    -------
-    FrameResult
-        `profile.total_angle` ± `profile.total_angle_se` [rad], `arcs` (pieces of constant curvature),
-        `transmission.tension_out` [N] and `transmission.elongation` [m], `warnings`.
+    """Fit the route of one shape and pull its tendon for the first time; as `tssgeom.analyse`, without files.
 
     Raises
     ------
@@ -53,10 +35,6 @@ def analyse(
         Where the tension is negative or not finite.
     FitError
         Where the points give no finite curve.
-
-    Notes
-    -----
-    Source: docs/model.md (1) to (34); Sun, Wang and Phee (2014), eqs. (5) to (12).
     """
     if isinstance(points, Frame):
         frame = points

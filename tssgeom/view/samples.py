@@ -19,21 +19,9 @@ MOST_NODES = 256
 """A picture shows no more nodes of a route than this."""
 
 
-@dataclass(frozen=True, slots=True)
-class CurvatureAxis:
-    """Where the axis of curvature ends."""
-
-    quantile: float = 0.995
-    """Share of the nodes below its top. chosen: a single noisy node must not flatten all others."""
-    steps: float = 2.0
-    """Multiple of that curvature up to which pieces stay below its top. chosen."""
-    headroom: float = 1.05
-    """Top over the largest curvature. chosen: a line at the very top is cut."""
-    least_angle: float = 0.2
-    """Top of a nearly straight route, as if it turned by this angle in all [rad]. chosen: 11°."""
-
-
-_CURVATURE = CurvatureAxis()
+_COMMON, _STEPS, _HEADROOM, _LEAST_ANGLE = 0.995, 2.0, 1.05, 0.2
+"""Top of the axis of curvature: the quantile of nodes below it, since one noisy node must not flatten all
+others; multiple of that up to which pieces count; over the largest curvature; least turn of a route [rad]."""
 _SPIKE = 0.5
 """Distance from the common values at which spikes stand, over their range; chosen: these fill half a plot."""
 
@@ -169,10 +157,10 @@ def top_of_curvature(profiles: Sequence[RouteSamples | CurvatureProfile], pieces
     steps, error = max([float(arcs.kappa.max()) for arcs in pieces], default=0.0), 0.0
     common = steps
     if profiles:
-        nodes = float(np.quantile(np.concatenate([one.kappa for one in profiles]), _CURVATURE.quantile))
-        common = max(nodes, min(steps, _CURVATURE.steps * nodes))
+        nodes = float(np.quantile(np.concatenate([one.kappa for one in profiles]), _COMMON))
+        common = max(nodes, min(steps, _STEPS * nodes))
         error = float(np.median(np.concatenate([one.kappa_se for one in profiles])))
-    return round_up(max(_CURVATURE.headroom * common + error, _CURVATURE.least_angle / length))
+    return round_up(max(_HEADROOM * common + error, _LEAST_ANGLE / length))
 
 
 def round_up(value: float) -> float:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -25,28 +24,13 @@ NODES = 128
 _HEIGHT = 2.3  # inch
 _SHADES = 64
 _ENDS = "proximal", "distal"
-
-
-class RouteLayout(NamedTuple):
-    """Sizes beside a route in a figure [pt]; all chosen by eye on the sample shapes."""
-
-    border: tuple[float, float] = (44.0, 15.0)
-    """Room beside and above the route, in which the names of its ends fit."""
-    foot: float = 26.0
-    """Height of the strip below it for the scale bar and the axes of space."""
-    name: tuple[float, float] = (24.0, 6.0)
-    """Half of the size of the name of an end."""
-    distances: tuple[float, ...] = (4.0, 12.0, 22.0)
-    """Distances of a name from its end, the best first."""
-    directions: int = 16
-    """Directions in which a name may stand."""
-    clear: float = 4.0
-    """Distance between the line of the route and a name."""
-    triad: float = 13.0
-    """Length of the axes of space."""
-
-
-_SIZES = RouteLayout()
+_BORDER, _FOOT = np.array([44.0, 15.0]), np.array([0.0, 26.0])
+"""Room beside and above the route for the names of its ends, and height of the strip below it for scale bar
+and axes of space [pt]; as all sizes here chosen by eye on the sample shapes."""
+_NAME, _CLEAR, _TRIAD = np.array([24.0, 6.0]), 4.0, 13.0
+"""Half of the size of the name of an end, its least distance from the route, and length of the axes [pt]."""
+_DISTANCES, _DIRECTIONS = (4.0, 12.0, 22.0), 16
+"""Distances of a name from its end, the best first [pt], and number of directions in which it may stand."""
 _OPPOSITE = np.array([-0.7, -0.7])
 """Where the letter of an axis stands that points along the view."""
 
@@ -75,7 +59,7 @@ def draw_route(axes: Axes, result: FrameResult) -> Axes:
     draw_dots(axes, ARC_LENGTH.factor * frame.at(result.arcs.s_start) @ plane)
     for text, end, at in zip(_ENDS, flat[[0, -1]], _names((flat - corner) / per_point, size), strict=True):
         middle = corner + per_point * at
-        box = per_point * np.array(_SIZES.name)
+        box = per_point * _NAME
         edge = middle + np.clip(end - middle, -box, box)
         if np.linalg.norm(end - edge) > 8.0 * per_point:
             axes.plot(*np.stack([edge, end]).T, color=SOFT, linewidth=0.6, zorder=1)
@@ -96,9 +80,9 @@ def _limits(axes: Axes, flat: Vector) -> tuple[float, Vector, Vector]:
     drawing.draw_without_rendering()  # the layout gives the axes their size
     size = np.array([axes.bbox.width, axes.bbox.height]) * 72.0 / drawing.dpi
     low, high = flat.min(axis=0), flat.max(axis=0)
-    inner = np.maximum(size - 2.0 * np.array(_SIZES.border) - (0.0, _SIZES.foot), 10.0)
+    inner = np.maximum(size - 2.0 * _BORDER - _FOOT, 10.0)
     per_point = max(float(np.max((high - low) / inner)), 1e-9)
-    corner = 0.5 * (low + high) - 0.5 * per_point * (size + np.array([0.0, _SIZES.foot]))
+    corner = 0.5 * (low + high) - 0.5 * per_point * (size + _FOOT)
     axes.set_xlim(corner[0], corner[0] + per_point * size[0])
     axes.set_ylim(corner[1], corner[1] + per_point * size[1])
     return per_point, corner, size
@@ -106,19 +90,19 @@ def _limits(axes: Axes, flat: Vector) -> tuple[float, Vector, Vector]:
 
 def _names(line: Vector, size: Vector) -> list[Vector]:
     """Choose the middles of the names of both ends [pt], off the route, off each other and inside."""
-    half, inner = np.array(_SIZES.name), min(8, len(line) - 1)
-    turns = 2.0 * np.pi * np.arange(_SIZES.directions) / _SIZES.directions
+    half, inner = _NAME, min(8, len(line) - 1)
+    turns = 2.0 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
     unit = np.column_stack([np.cos(turns), np.sin(turns)])
     chosen = list[Vector]()
     for end, before in ((line[0], line[inner]), (line[-1], line[-1 - inner])):
         outward = (end - before) / max(float(np.linalg.norm(end - before)), 1e-300)
         reach = np.min(half / np.maximum(np.abs(unit), 1e-9), axis=1)
-        middles = np.concatenate([end + unit * (reach + d)[:, None] for d in _SIZES.distances])
-        covered = (np.abs(middles[:, None] - line) < half + _SIZES.clear).all(axis=2).sum(axis=1)
+        middles = np.concatenate([end + unit * (reach + d)[:, None] for d in _DISTANCES])
+        covered = (np.abs(middles[:, None] - line) < half + _CLEAR).all(axis=2).sum(axis=1)
         collides = [(np.abs(middles - other) < 2.0 * half + 2.0).all(axis=1) for other in chosen]
-        outside = ((middles < half + np.array([0.0, _SIZES.foot])) | (middles > size - half)).any(axis=1)
-        turned = np.tile(1.0 - unit @ outward, len(_SIZES.distances))
-        far = np.repeat(np.arange(len(_SIZES.distances)), len(unit))
+        outside = ((middles < half + _FOOT) | (middles > size - half)).any(axis=1)
+        turned = np.tile(1.0 - unit @ outward, len(_DISTANCES))
+        far = np.repeat(np.arange(len(_DISTANCES)), len(unit))
         cost = covered + 1e3 * (np.sum(collides, axis=0) + outside) + 0.1 * turned + 0.3 * far
         chosen.append(middles[int(np.argmin(cost))])
     return chosen
@@ -128,7 +112,7 @@ def _draw_triad(axes: Axes, origin: Vector, plane: Matrix, per_point: float) -> 
     """Draw the directions of x, y and z as they lie on the picture; one along the view is a point."""
     letters = list[Vector]()
     for name, direction in zip("xyz", plane, strict=True):
-        tip = origin + _SIZES.triad * per_point * direction
+        tip = origin + _TRIAD * per_point * direction
         axes.plot(*np.stack([origin, tip]).T, color=SOFT, linewidth=1.0, solid_capstyle="round")
         away = direction / np.linalg.norm(direction) if np.linalg.norm(direction) > 0.1 else _OPPOSITE
         at = tip + 5.0 * per_point * away

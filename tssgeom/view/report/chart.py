@@ -19,24 +19,9 @@ from tssgeom.view.quantities import SYMBOL
 Limits = tuple[float, float]
 Ticks = Sequence[tuple[float, str]]
 
-
-@dataclass(frozen=True, slots=True)
-class ChartSize:
-    """Sizes of a chart on the page [px]; all chosen: five stand side by side on a page of 1400 px."""
-
-    width: float = 250.0
-    height: float = 208.0
-    left: float = 42.0
-    right: float = 10.0
-    above: float = 36.0
-    below: float = 36.0
-    across: float = 48.0
-    """Least spacing of numbers on the horizontal axis."""
-    up: float = 30.0
-    """Least spacing of numbers on the vertical axis."""
-
-
-SIZE = ChartSize()
+WIDTH, HEIGHT = 250.0, 208.0  # of a chart: five stand side by side on a page of 1400 px [px]
+LEFT, RIGHT, ABOVE, BELOW = 42.0, 10.0, 36.0, 36.0  # from its edges to its box [px]
+_ACROSS, _UP = 48.0, 30.0  # least spacing of numbers on the horizontal and the vertical axis [px]
 
 
 @dataclass(slots=True)
@@ -46,38 +31,36 @@ class Chart:
     title: str
     x: Limits
     y: Limits
-    size: ChartSize = SIZE
     _parts: list[str] = field(default_factory=list)
 
     @property
     def box(self) -> tuple[float, float, float, float]:
         """Left, top, right and bottom of the box between the axes [px]."""
-        size = self.size
-        return size.left, size.above, size.width - size.right, size.height - size.below
+        return LEFT, ABOVE, WIDTH - RIGHT, HEIGHT - BELOW
 
     def pixels(self, x: Vector | float, y: Vector | float) -> Vector:
         """Positions [n, 2] of values on the page, from its upper left corner [px]; none lies far outside."""
         left, top, right, bottom = self.box
         across = left + (right - left) * (np.asarray(x) - self.x[0]) / (self.x[1] - self.x[0])
         up = bottom - (bottom - top) * (np.asarray(y) - self.y[0]) / (self.y[1] - self.y[0])
-        high, wide = 10.0 * self.size.height, 10.0 * self.size.width
+        high, wide = 10.0 * HEIGHT, 10.0 * WIDTH
         pair = np.broadcast_arrays(np.clip(across, -wide, wide), np.clip(up, -high, high))
         return np.column_stack(pair)
 
     def axes(self, x_title: str, y_title: str, *, x_ticks: Ticks | None = None) -> None:
         """Draw the grid, and numbers and titles of both axes."""
         left, top, right, bottom = self.box
-        across = ticks(self.x, (right - left) / self.size.across) if x_ticks is None else x_ticks
+        across = ticks(self.x, (right - left) / _ACROSS) if x_ticks is None else x_ticks
         for value, label in across:
             at = self.pixels(value, self.y[0])[0, 0]
             self._parts.append(f'<path class="g" d="M{at:.1f} {bottom:.1f}V{top:.1f}"/>')
             self.text(at, bottom + 15, label, anchor="middle")
-        for value, label in ticks(self.y, (bottom - top) / self.size.up):
+        for value, label in ticks(self.y, (bottom - top) / _UP):
             at = self.pixels(self.x[0], value)[0, 1]
             self._parts.append(f'<path class="g" d="M{left:.1f} {at:.1f}H{right:.1f}"/>')
             self.text(left - 5, at + 3.5, label, anchor="end")
-        self.text(right, self.size.height - 6, x_title, anchor="end")
-        self.text(2, self.size.above - 9, y_title)
+        self.text(right, HEIGHT - 6, x_title, anchor="end")
+        self.text(2, ABOVE - 9, y_title)
 
     def text(self, x: float, y: float, text: str, *, anchor: str = "start", kind: str = "") -> None:
         """Write a text at a position of the page [px]; `kind` is a class of the style."""
@@ -143,9 +126,9 @@ class Chart:
 
     def svg(self) -> str:
         """Return the chart as an element of a page."""
-        width, height, title = self.size.width, self.size.height, html.escape(self.title)
+        title = html.escape(self.title)
         return (
-            f'<svg class="chart" viewBox="0 0 {width:g} {height:g}" role="img" aria-label="{title}">'
+            f'<svg class="chart" viewBox="0 0 {WIDTH:g} {HEIGHT:g}" role="img" aria-label="{title}">'
             f'<text class="t" x="2" y="13">{lowered(self.title)}</text>{"".join(self._parts)}</svg>'
         )
 

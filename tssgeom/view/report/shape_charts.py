@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from tssgeom.arrays import Vector
 from tssgeom.route.resolution import angle_over_resolution
+from tssgeom.statistics import NORMAL_95
 from tssgeom.stream import FrameResult
 from tssgeom.view import colours
 from tssgeom.view.quantities import ANGLE, ARC_LENGTH, ELONGATION, TENSION_IN, TENSION_OUT, Quantity
-from tssgeom.view.report.chart import SIZE, Chart, limits_of
+from tssgeom.view.report.chart import ABOVE, BELOW, HEIGHT, LEFT, RIGHT, WIDTH, Chart, limits_of
 from tssgeom.view.report.entry import Series, moments, strokes
 from tssgeom.view.samples import (
     RouteSamples,
@@ -54,13 +55,9 @@ def _route(result: FrameResult) -> Chart:
     plane = ARC_LENGTH.factor * np.column_stack([view.across, view.up])
     flat, joints = frame.position @ plane, frame.at(result.arcs.s_start) @ plane
     low, high = flat.min(axis=0), flat.max(axis=0)
-    middle, inner = 0.5 * (low + high), np.array([SIZE.width - 60.0, SIZE.height - 110.0])
+    middle, inner = 0.5 * (low + high), np.array([WIDTH - 60.0, HEIGHT - 110.0])
     per_pixel = max(float(np.max((high - low) / inner)), 1e-9)
-    half = (
-        0.5
-        * per_pixel
-        * np.array([SIZE.width - SIZE.left - SIZE.right, SIZE.height - SIZE.above - SIZE.below])
-    )
+    half = 0.5 * per_pixel * np.array([WIDTH - LEFT - RIGHT, HEIGHT - ABOVE - BELOW])
     limits = [(float(middle[k] - half[k]), float(middle[k] + half[k])) for k in (0, 1)]
     chart = Chart("Route by tension; dots: its pieces", limits[0], limits[1])
     chart.shaded(flat[:, 0], flat[:, 1], shades(frame), 4.0)
@@ -70,12 +67,10 @@ def _route(result: FrameResult) -> Chart:
     for text, end in (("proximal", flat[0]), ("distal", flat[-1])):
         up = 14.0 if end[1] < middle[1] else -8.0
         across, down = chart.pixels(*end)[0]
-        chart.text(
-            float(np.clip(across, 28, SIZE.width - 28)), float(down) + up, text, anchor="middle", kind="n"
-        )
-    bar = round_up(0.18 * per_pixel * SIZE.width)
+        chart.text(float(np.clip(across, 28, WIDTH - 28)), float(down) + up, text, anchor="middle", kind="n")
+    bar = round_up(0.18 * per_pixel * WIDTH)
     begin = chart.pixels(limits[0][0], 0.0)[0, 0]
-    foot = SIZE.height - 14.0
+    foot = HEIGHT - 14.0
     chart.line(*chart_line(chart, begin, begin + bar / per_pixel, foot), _SOFT, 1.5)
     chart.text(begin + bar / per_pixel + 6.0, foot + 4.0, f"{bar:g} mm")
     return chart
@@ -152,7 +147,7 @@ def _resolution(result: FrameResult) -> Chart:
     arcs, fit = result.arcs, result.tracked.fit
     resolution = arcs.total_length * np.geomspace(*_RESOLUTIONS, 24)
     angle = ANGLE.factor * angle_over_resolution(fit, resolution)
-    total, error = ANGLE.factor * arcs.total_angle, 1.96 * ANGLE.factor * arcs.total_angle_se
+    total, error = ANGLE.factor * arcs.total_angle, NORMAL_95 * ANGLE.factor * arcs.total_angle_se
     at = np.log10(ARC_LENGTH.factor * (result.fit.resolution or float(resolution[0])))
     across = np.log10(ARC_LENGTH.factor * resolution)
     limits = (min(float(across[0]), at) - 0.05, max(float(across[-1]), at) + 0.05)

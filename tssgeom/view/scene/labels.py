@@ -23,25 +23,14 @@ _FIRST = 3
 """Labels of the scale and of both ends, which come first."""
 
 
-@dataclass(frozen=True, slots=True)
-class LabelPlacement:
-    """Where labels may stand; lengths in heights of the view. All chosen by eye on the sample shapes."""
-
-    clearance: float = 0.025
-    """Distance of a label from the route."""
-    distances: tuple[float, ...] = (1.0, 3.0)
-    """Distances at which a label may stand, in clearances, the nearest first."""
-    edge: tuple[float, float] = (0.8, 0.49)
-    """From the middle of the view to its right and upper edge."""
-    along_piece: tuple[float, ...] = (0.5, 0.3, 0.7, 0.15, 0.85)
-    """Shares of a piece beside which its label may stand, in order of preference."""
-    end_turns_deg: tuple[float, ...] = (0.0, 45.0, -45.0, 90.0, -90.0, 135.0, -135.0)
-    """Directions of the label of an end, from that in which the route ends, in order of preference."""
-    node_step: int = 2
-    """Step between the nodes that a label has to avoid: each of them would be more than needed."""
-
-
-_PLACEMENT = LabelPlacement()
+_CLEARANCE, _DISTANCES, _EDGE = 0.025, (1.0, 3.0), np.array([0.8, 0.49])
+"""Distance of a label from the route, multiples of it at which one may stand, the nearest first, and right
+and upper edge of the view from its middle; in heights of the view."""
+_ALONG_PIECE = np.array([0.5, 0.3, 0.7, 0.15, 0.85])
+"""Shares of a piece beside which its label may stand, in order of preference."""
+_END_TURNS = np.radians([0.0, 45.0, -45.0, 90.0, -90.0, 135.0, -135.0])
+"""Directions of the label of an end, from that in which the route ends, in order of preference [rad]."""
+_NODE_STEP = 2  # between the nodes that a label has to avoid: each of them would be more than needed
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,10 +77,9 @@ def label_positions(
     half = np.concatenate([group.half.reshape(-1, 2) for group in groups])
     counts = np.repeat([group.shift.shape[1] for group in groups], [len(group.shift) for group in groups])
     bar, _ = camera.scale_bar(camera.room_below)
-    taken = camera.project(np.vstack([frame.position[:: _PLACEMENT.node_step], bar]))
+    taken = camera.project(np.vstack([frame.position[::_NODE_STEP], bar]))
     taken = np.concatenate([taken, _at_foot(camera, text_scale)])
-    edge = np.array(_PLACEMENT.edge)
-    chosen = _chosen(camera.project(position) + shift, half, counts, taken, edge)[1:]
+    chosen = _chosen(camera.project(position) + shift, half, counts, taken, _EDGE)[1:]
     whole = half[chosen, 0] == text_scale * _HALF_SIZE[0]
     return LabelPositions(camera.label_anchor(position[chosen], shift[chosen], text_scale), whole)
 
@@ -122,28 +110,27 @@ def _at_foot(camera: Camera, text_scale: float) -> NDArray[np.float64]:
 def _at_scale(camera: Camera, text_scale: float) -> Candidates:
     """Return the one candidate for the length of the scale bar."""
     bar, _ = camera.scale_bar(camera.room_below)
-    right = np.array([[[_HALF_SCALE[0] + 0.5 * _PLACEMENT.clearance, 0.0]]])
+    right = np.array([[[_HALF_SCALE[0] + 0.5 * _CLEARANCE, 0.0]]])
     return Candidates(bar[None, 1:], text_scale * right, text_scale * _HALF_SCALE[None, None])
 
 
 def _at_ends(camera: Camera, frame: RouteSamples) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return both ends [2, m, 3], and the directions of their labels from there [2, m, 2]."""
-    turns = np.radians(_PLACEMENT.end_turns_deg)
     reach = min(0.1 * camera.half_width, 0.5 * frame.s[-1])
     ends, inner = frame.position[[0, -1]], frame.at(np.array([reach, frame.s[-1] - reach]))
     onwards = _unit(camera.project(ends) - camera.project(inner))
-    turned = np.arctan2(onwards[:, 1], onwards[:, 0])[:, None] + turns
+    turned = np.arctan2(onwards[:, 1], onwards[:, 0])[:, None] + _END_TURNS
     directions = np.stack([np.cos(turned), np.sin(turned)], axis=2)
-    return np.repeat(ends[:, None], len(turns), axis=1), directions
+    return np.repeat(ends[:, None], len(_END_TURNS), axis=1), directions
 
 
 def _at_pieces(
     camera: Camera, frame: RouteSamples, arcs: Arcs
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return points of each labelled piece, and directions to the outer, then the inner side of its bend."""
-    share, chosen = np.array(_PLACEMENT.along_piece), labelled(arcs)
+    chosen = labelled(arcs)
     length = arcs.length[chosen, None]
-    s = arcs.s_start[chosen, None] + length * share
+    s = arcs.s_start[chosen, None] + length * _ALONG_PIECE
     reach = np.minimum(0.25 * length, 0.15 * camera.half_width)
     steps = frame.at(np.concatenate([(s + step).ravel() for step in (-reach, 0.0, reach)]))
     before, here, after = camera.project(steps).reshape(3, -1, 2)
@@ -171,9 +158,7 @@ def _around(
 ) -> Candidates:
     """Candidates in each direction, just clear of the route, then farther off, then so of the next size."""
     each = [
-        (text_scale * size, text_scale * _PLACEMENT.clearance * distance)
-        for size in sizes
-        for distance in _PLACEMENT.distances
+        (text_scale * size, text_scale * _CLEARANCE * distance) for size in sizes for distance in _DISTANCES
     ]
     shift = [directions * (np.abs(directions) @ half + clear)[:, :, None] for half, clear in each]
     half = [np.broadcast_to(half, directions.shape) for half, _ in each]
