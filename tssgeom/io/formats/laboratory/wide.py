@@ -46,9 +46,9 @@ def point_columns(
         if name in EXACT or name in besides:
             continue
         stem, unit = _stem_and_unit(name, units[k] if units else "")
-        found = _axis(stem)
-        if found is not None and (unit is None or unit.quantity == LENGTH):
-            vectors.setdefault(found[0], {}).setdefault(found[1], k)
+        point_axis = _axis(stem)
+        if point_axis is not None and (unit is None or unit.quantity == LENGTH):
+            vectors.setdefault(point_axis[0], {}).setdefault(point_axis[1], k)
     points = {
         point: (columns["x"], columns["y"], columns["z"])
         for point, columns in vectors.items()
