@@ -111,7 +111,7 @@ def run(
         try:
             batch.run(refusals, options, quiet=quiet)
             if batch.done:
-                forget_all(folder, but=[task.name for task in batch.tasks])
+                forget_all(folder, but={task.name for task in batch.tasks})
                 batch.write_results(settings, options)
             elif batch.tasks:
                 remove_earlier_run(folder)

@@ -90,6 +90,7 @@ def test_the_lines_of_a_vessel_tree_are_two_shapes():
         ([], "", "no poly line in it"),
         ([[0, 1, 2], [3, 4, 5]], "", "it holds 2 routes (1, 2): name one, as"),
         ([[0, 1, 2], [3, 4, 5]], "#3", "no route '3' in it: it holds 1, 2"),
+        ([[0, 1, 2], [3, 4, 5]], f"#{'9' * 200}", "no route '999"),
         ([[0, 1, 99]], "", "a line goes through point 99 of 7"),
     ],
 )

@@ -221,8 +221,12 @@ def selected(path: Path, names: Sequence[str]) -> int:
     listed = ", ".join(names[:_MOST_NAMED]) + (", ..." if len(names) > _MOST_NAMED else "")
     if part is None:
         raise ShapeError(f"{file}: it holds {len(names)} routes ({listed}): name one, as {file}#{names[0]}")
+    number = int(part) - 1 if part.isdecimal() and len(part) <= _MOST_DIGITS else -1
+    fits = 0 <= number < len(names)
+    if fits and names[number] == part:
+        return number  # without a search: there may be thousands
     if part in names:
         return names.index(part)
-    if part.isdecimal() and 1 <= int(part) <= len(names):
-        return int(part) - 1
+    if fits:
+        return number
     raise ShapeError(f"{file}: no route {part!r} in it: it holds {listed}")

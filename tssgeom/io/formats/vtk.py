@@ -56,7 +56,12 @@ def line_names(file: Path) -> list[str]:
     ShapeError, SourceError
         Where the file holds no poly line or cannot be read.
     """
-    return [str(number) for number, _ in enumerate(_read(file)[0], start=1)]
+    return _numbers(len(_read(file)[0]))
+
+
+@lru_cache(maxsize=1)
+def _numbers(count: int) -> list[str]:
+    return [str(number) for number in range(1, count + 1)]
 
 
 def open_vtp(path: Path, unit: str | None) -> Recording:
@@ -71,8 +76,7 @@ def open_vtp(path: Path, unit: str | None) -> Recording:
     """
     lines, stated, source = _read(split(path)[0])
     agreed = agreed_unit(path, stated, unit, f"add a field array {UNIT!r} that states mm or m")
-    names = [str(number) for number, _ in enumerate(lines, start=1)]
-    points = lines[selected(path, names)] / PER_METRE[agreed]
+    points = lines[selected(path, _numbers(len(lines)))] / PER_METRE[agreed]
     points[np.isnan(points).any(axis=1)] = np.nan
     return Recording(stem(path), path, agreed, "vtk", False, 1, (Frame(read_only(points), source=source),))
 
