@@ -77,7 +77,7 @@ def full_disk(command: Command, folder: Path, times: int) -> Iterator[str]:
     for _ in range(times if files else 0):
         kib = int(random.uniform(4, max(sum(files) >> 10, 8)))
         with _small_disk(out, kib):
-            for fault in (*faults(ended(command), "no room left"), *half_written(folder)):
+            for fault in (*faults(ended(command), " room"), *half_written(folder)):
                 yield f"{kib} KiB: {fault}"
 
 

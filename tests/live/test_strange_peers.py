@@ -1,6 +1,7 @@
 """Peers that are not what they should be: a browser, a sensor with any name, clients that send nothing."""
 
 import json
+import selectors
 import socket
 import time
 from contextlib import ExitStack
@@ -11,6 +12,8 @@ import pyigtl
 from benchmarks.live_process import PATIENCE, live
 from tests.live.peers import frame, half_circle
 from tests.live.test_igtl import transform
+from tssgeom.io.network.addresses import Access, Endpoint
+from tssgeom.io.network.datagrams import UdpSource
 from tssgeom.io.network.listener import LIMITS
 from tssgeom.io.network.mailbox import Mailbox, Sender
 from tssgeom.stream import Frame, Rejected
@@ -147,3 +150,19 @@ def test_a_sink_of_datagrams_without_a_reader_stops_nothing(free_port):
                 while json.loads(late.recv(1 << 16)).get("id") != "heard":
                     pass
         assert other.stop() == 0
+
+
+def test_the_time_that_a_flood_takes_to_be_read_is_its_own():
+    """Else the sender whose frames take longer to fit waits for each datagram of the flood."""
+    mailbox = Mailbox()
+    with selectors.DefaultSelector() as selector, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as flood:
+        source = UdpSource(selector, mailbox, Endpoint("udp", "udp://", "127.0.0.1"), Access(), None)
+        flood.connect(("127.0.0.1", int(source.text.rpartition(":")[2])))
+        for _ in range(500):
+            flood.send(b'{"t":1}')
+            for key, events in selector.select(0.0):
+                key.data(events)
+        flooding = mailbox.newest().sender
+        source.close()
+    assert flooding.arrived == 500
+    assert flooding.used > 500 * 1e-7  # s; a call of the system alone takes longer

@@ -8,7 +8,7 @@ import sys
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
-from time import monotonic
+from time import monotonic, perf_counter_ns
 
 from tssgeom.engine import Track
 from tssgeom.io.formats.jsonl import frame_or_refusal
@@ -102,13 +102,16 @@ class UdpSource(Source):
         return watched
 
     def _ready(self, of: _Socket, events: int) -> None:
+        begun, sender = perf_counter_ns(), None
         for _ in range(DATAGRAMS.buffer_bytes // DATAGRAMS.largest_bytes):
             try:
                 data, about, _, address = of.sock.recvmsg(DATAGRAMS.largest_bytes, 64 if self._linux else 0)
             except OSError:  # nothing waits, or the socket was closed for a newer sender
-                return
+                break
             self._count_lost(of, about)
-            self._received(data, address)
+            sender = self._received(data, address) or sender
+        if sender is not None:  # the time that a flood takes to be read is its own too
+            self._mailbox.charge(sender, 1e-9 * (perf_counter_ns() - begun))
 
     def _count_lost(self, of: _Socket, about: list[tuple[int, int, bytes]]) -> None:
         """Count the datagrams without room in the system's buffer as dropped."""
@@ -118,13 +121,14 @@ class UdpSource(Source):
                 self._mailbox.skip((lost - of.lost) & 0xFFFFFFFF)
                 of.lost = lost
 
-    def _received(self, data: bytes, address: tuple) -> None:
+    def _received(self, data: bytes, address: tuple) -> Sender | None:
+        """Take in a datagram, and return its sender; None where it counts for nothing."""
         if self._allowed.token:
             token, _, data = data.partition(b"\n")
             if not self._allowed.admits(token):
-                return  # a sender without the token gets no answer and no count
+                return None  # a sender without the token gets no answer and no count
         if not (data := data.strip()):
-            return
+            return None
         peer = self._peers.get(address)
         if peer is None:
             peer = self._begun(address)
@@ -133,6 +137,7 @@ class UdpSource(Source):
                 peer.own = self._connected(address)
         peer.heard = monotonic()
         self._mailbox.post(peer.sender, partial(frame_or_refusal, data, self._unit))
+        return peer.sender
 
     def _begun(self, address: tuple) -> _Peer:
         """Make a new sender; where more are known than are kept, the one that is silent for longest goes."""

@@ -188,6 +188,7 @@ class TcpSource(Source):
             self._mailbox.skip(skipped)
         for line in whole:
             self._mailbox.post(sender, partial(frame_or_refusal, line, self._unit), now)
+        self._mailbox.charge(sender, 1e-9 * (perf_counter_ns() - now))
 
 
 class Replay(Source):
