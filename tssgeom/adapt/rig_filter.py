@@ -50,6 +50,9 @@ class FilterSettings(NamedTuple):
     bent: float = 0.3
     """Share of its noise by which an error of the drive may bend a reading that is used [1]. Chosen: just
     behind a turn the tension is no straight line over the drive, and its mean would be biased."""
+    stands: float = 0.1
+    """Share of what an error of the drive did to T_out when it moved last, from which on the distal end moves
+    [1]. Chosen: behind a turn the distal bar still moves by a thousandth."""
     straight: float = 2.0
     """Scales of a number after which its straight line is computed anew [1]. Chosen: friction is exact,
     (201)."""
@@ -153,14 +156,14 @@ class RigFilter:
         after, ends = self._stepped(arcs, numbers, drive, readings.by_force, span, warmth)
         predicted = predicted_readings(ends, sensors)
         by_drive = 0.5 * (predicted[count] - predicted[count + 1])
-        ends_by_drive = 0.5 * np.abs(ends[count] - ends[count + 1])
+        ends_by_drive = np.abs(ends[count:] - ends[0]).max(axis=0)
         bent = 0.5 * np.abs(predicted[count] + predicted[count + 1] - 2.0 * predicted[0])
         given = self._given(readings)
         farthest = np.abs(predicted[count:] - predicted[0]).max(axis=0)
         mean, spread = mean_and_sd(predicted[:count])
         beyond = np.abs(given - mean) / np.sqrt(self._noise_variance + spread**2 + farthest**2)
         given[bent > _SETTINGS.bent * np.sqrt(self._noise_variance)] = math.nan
-        slides = bool(ends[count, 1] != ends[count + 1, 1])
+        slides = bool(ends_by_drive[1] > _SETTINGS.stands * self._distal_error[0])
         if not slides:  # what stands has the error of when it moved last
             ends_by_drive[_DISTAL] = self._distal_error
         variance = self._noise_variance + tracker.repeated(slides) * by_drive**2
