@@ -53,12 +53,13 @@ def outputs(folder: Path, *names: str) -> Iterator[None]:
 
 
 @contextmanager
-def errors_naming(run: Path, shape: Path) -> Iterator[None]:
-    """Put run and shape before the errors of the model, which names no files."""
+def errors_naming(run: Path, shape: Path | None = None) -> Iterator[None]:
+    """Put run and shape, where there is one, before the errors of the model, which names no files."""
     try:
         yield
     except TssgeomError as error:
-        raise type(error)(f"{run} on {shape}: {error}") from error
+        on = run if shape is None else f"{run} on {shape}"
+        raise type(error)(f"{on}: {error}") from error
 
 
 def measured_run(path: Path, settings: RunSettings) -> MeasuredRun:

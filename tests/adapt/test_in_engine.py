@@ -139,6 +139,28 @@ def test_a_filter_that_was_saved_goes_on_with_the_same_digits(scenario):
         assert one.ends.tolist() == other.ends.tolist()
 
 
+def test_an_alert_outlives_a_restart_with_the_mechanism_that_was_named(scenario):
+    """T_in is unplugged: the zero that its cell has lost is named, and its readings stay unused."""
+    rig, route = rig_of(scenario.machine), _route(scenario)
+    follower = Follower(rig)
+
+    def take(one: Follower, at: int) -> None:
+        readings = _readings(scenario, 4 * at)._replace(tension_in=0.0)
+        one.take(one.carried.lies_on(route), readings if at > 500 else _readings(scenario, 4 * at), 0.04 * at)
+        for _ in range(13):
+            one.work()
+
+    for at in range(900):
+        take(follower, at)
+    alert = follower.alert
+    assert alert is not None
+    assert (alert.channel, alert.mechanism) == ("tension_in_N", "sensor")
+    again = _through_json(follower, rig)
+    assert again.alert == alert
+    take(again, 900)
+    assert again.alert == alert
+
+
 def _route(scenario: Scenario) -> Arcs:
     return Arcs.exact(scenario.machine.lengths_m, scenario.machine.angles_rad)
 
@@ -166,6 +188,7 @@ def test_a_broken_filter_or_one_of_other_numbers_is_refused(scenario):
         ("muted", ["load"]),
         ("time", 1e300),
         ("drives", {}),
+        ("alert", {"channel": "a horse", "since": 1.0, "phase": "hold"}),
         ("distal_error", {"shape": [2], "float64": "AAAAAAAA+H8AAAAAAAD4fw=="}),
     ):
         with pytest.raises(SettingsError, match="is broken"):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tests.adapt.cases import columns_of, follow, rig_of, route_of, scores
-from tests.twins import drifting_friction, drifting_zeros, machine, wet_sheath
+from tests.twins import drifting_friction, drifting_zeros, machine, sound, wet_sheath
 from tssgeom.adapt.offline import RunColumns, RunFollower
 from tssgeom.errors import SettingsError
 from tssgeom.rig import Rig
@@ -39,7 +39,7 @@ def test_all_readings_give_more_than_those_up_to_a_time(case):
 
 
 def test_bands_hold_the_truth_at_least_as_often_as_they_promise(case):
-    # measured over six minutes at 100 Hz: 99.5 to 100 %, NEES 0.2 to 0.3: the bands are too wide
+    # the drifts are slower than the random walk that the rig states, so the bands are too wide
     _, _, filtered, smoothed = case
     for one in (filtered, smoothed):
         assert np.all(one.coverage > 0.93)
@@ -53,6 +53,15 @@ def test_the_distal_tension_is_known_in_each_row_though_it_is_not_measured(case)
     assert np.sqrt(np.mean(error**2)) < 0.03
     assert run.lost == 0
     assert run.rig.friction.coefficient == run.last.values[0]
+
+
+def test_bands_of_the_distal_tension_hold_an_error_that_a_turn_leaves():
+    """At a stop the noise of the drive moves the tendon too far, and T_out keeps that for the next leg."""
+    scenario = sound(16, 0.02)
+    run = follow(scenario)
+    error = run.ends[:, 1] - scenario.truth["tension_out_N"]
+    squared = (error / run.ends_se[:, 1])[run.time > 30.0] ** 2
+    assert 0.3 < squared.mean() < 2.0  # 16 where each leg forgets the turn before it
 
 
 def test_after_a_fault_the_history_begins_anew_and_what_followed_it_is_left_out():

@@ -2,11 +2,12 @@
 
 import json
 
+import msgspec
 import numpy as np
 
 from tests.described import described, optional
 from tests.twins import drifting_friction, route_points
-from tssgeom.rig import Friction, Load, Rig, Tendon, read_rig, write_rig
+from tssgeom.rig import Friction, GivenRoute, Load, Rig, Tendon, read_rig, write_rig
 
 
 def test_calibrate_of_a_log_in_pieces_writes_the_rig_of_the_last_one(run, tmp_path):
@@ -29,6 +30,14 @@ def test_calibrate_of_a_log_in_pieces_writes_the_rig_of_the_last_one(run, tmp_pa
         friction=Friction(coefficient=machine.friction),
         load=Load(stiffness_N_per_m=machine.stiffness_N_per_m),
     )
+    given = GivenRoute(length_m=machine.length_m, angle_rad=machine.total_angle_rad)
+    write_rig(rig, msgspec.structs.replace(hardware, route=given))
+    bent = run("calibrate", log, "--rig", rig, "--out", tmp_path / "even.toml", "--every", "300")
+    assert bent.status == 0
+    assert read_rig(tmp_path / "even.toml").friction.coefficient > 0.0
+    short = run("calibrate", log, "--rig", rig, "--out", tmp_path / "short.toml", "--every", "0")
+    assert short.status == 2
+    assert short.errors[0].startswith(f"tssgeom: {log}: ")
     write_rig(rig, hardware)
     command = ["calibrate", log, "--shape", shape, "--rig", rig, "--out", tmp_path / "day", "--json"]
     done = run(*command, "--every", "300")

@@ -146,6 +146,8 @@ class Follower:
         rig, self._assumed = with_noise(self._first)
         self._filter, self.measured, self._coldest = saved.restored(rig), saved.measured, saved.coldest
         self.carried.restart(saved.sensed, self.rig)
+        self._alert, self._disagreed = saved.alert, saved.disagreed
+        self._concluded = saved.alert is not None  # what it would be compared by is gone
 
     def saved(self) -> SavedFilter | None:
         """Return what a filter needs to go on after a restart; None before the first frame."""
@@ -153,7 +155,8 @@ class Follower:
         if now is None or math.isnan(now.time):
             return None
         sensed = now.cut if self.carried.sensed is None else self.carried.sensed
-        return captured(now, with_noise(self._first)[0], sensed, self.measured, self._coldest)
+        kept = captured(now, with_noise(self._first)[0], sensed, self.measured, self._coldest)
+        return replace(kept, alert=self._alert, disagreed=self._disagreed)
 
     def take(
         self, arcs: Arcs, readings: Readings, time: float, temperature: float | None = None

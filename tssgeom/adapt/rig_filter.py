@@ -45,11 +45,17 @@ class FilterSettings(NamedTuple):
 
     members: int = 64
     """Tendons [1]. Chosen: the error of a correlation of two of them is an eighth."""
+    commanded: int = 32
+    """Of them, those that show what a command does [1]. Chosen: its standard errors are known to an eighth,
+    and it takes half of the time."""
     drift_interval: float = 0.05
     """Time between two additions of drift [s]. Chosen: small beside any phase of a motion."""
     bent: float = 0.3
     """Share of its noise by which an error of the drive may bend a reading that is used [1]. Chosen: just
     behind a turn the tension is no straight line over the drive, and its mean would be biased."""
+    stands: float = 0.1
+    """Share of what an error of the drive did to T_out when it moved last, from which on the distal end moves
+    [1]. Chosen: behind a turn the distal bar still moves by a thousandth."""
     straight: float = 2.0
     """Scales of a number after which its straight line is computed anew [1]. Chosen: friction is exact,
     (201)."""
@@ -153,14 +159,14 @@ class RigFilter:
         after, ends = self._stepped(arcs, numbers, drive, readings.by_force, span, warmth)
         predicted = predicted_readings(ends, sensors)
         by_drive = 0.5 * (predicted[count] - predicted[count + 1])
-        ends_by_drive = 0.5 * np.abs(ends[count] - ends[count + 1])
+        ends_by_drive = np.abs(ends[count:] - ends[0]).max(axis=0)
         bent = 0.5 * np.abs(predicted[count] + predicted[count + 1] - 2.0 * predicted[0])
         given = self._given(readings)
         farthest = np.abs(predicted[count:] - predicted[0]).max(axis=0)
         mean, spread = mean_and_sd(predicted[:count])
         beyond = np.abs(given - mean) / np.sqrt(self._noise_variance + spread**2 + farthest**2)
         given[bent > _SETTINGS.bent * np.sqrt(self._noise_variance)] = math.nan
-        slides = bool(ends[count, 1] != ends[count + 1, 1])
+        slides = bool(ends_by_drive[1] > _SETTINGS.stands * self._distal_error[0])
         if not slides:  # what stands has the error of when it moved last
             ends_by_drive[_DISTAL] = self._distal_error
         variance = self._noise_variance + tracker.repeated(slides) * by_drive**2
@@ -199,11 +205,10 @@ class RigFilter:
 
         A position [m], or else a true tension [N]; docs/model.md (205).
         """
-        by_force = displacement_in is None
-        drive = np.full(len(self.memory), tension_in if by_force else displacement_in)
-        numbers = np.vstack((self.members, self.members[:1], self.members[:1]))
-        ends = self._stepped(arcs, numbers, drive, by_force, max(span, _SETTINGS.first_span), 0.0)[1]
-        return mean_and_sd(ends[: len(self.members)])
+        by_force, numbers = displacement_in is None, self.members[: _SETTINGS.commanded]
+        drive = np.full(len(numbers), tension_in if by_force else displacement_in)
+        span = max(span, _SETTINGS.first_span)
+        return mean_and_sd(self._stepped(arcs, numbers, drive, by_force, span, 0.0)[1])
 
     def copied(self) -> RigFilter:
         """Return a filter that goes on from here by itself."""
@@ -278,14 +283,14 @@ class RigFilter:
     def _stepped(
         self, arcs: Arcs, numbers: Matrix, drive: Vector, by_force: bool, span: float, warmth: float
     ) -> tuple[Matrix, Matrix]:
-        """Return memories and ends of members and probes after a step."""
-        lines = self._lines
+        """Return memories and ends after a step, of as many members (then probes) as there are numbers."""
+        lines, count = self._lines, len(numbers)
         done, after, ends = core.step_ensemble(
             self.edge,
             lines.plant,
             lines.slope,
             numbers - lines.about,
-            self.memory,
+            self.memory[:count],
             arcs.length,
             arcs.angle,
             self._gains(numbers),
@@ -293,7 +298,7 @@ class RigFilter:
             arcs is not self.cut,
             by_force,
             self._by_force,
-            self.position,
+            self.position[:count],
             drive,
             span,
             warmth,

@@ -1,4 +1,4 @@
-"""The filter of a rig as a plain object for JSON, and back to the last bit; what watches it begins anew."""
+"""The filter of a rig and its alert as a plain object for JSON, and back to the last bit."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from tssgeom.adapt.alert import Alert
 from tssgeom.adapt.drive import DriveTracker
 from tssgeom.adapt.followed import FollowedNumber, followed_numbers, straight_lines
 from tssgeom.adapt.readings import CHANNELS
@@ -71,6 +72,10 @@ class SavedFilter:
     drives: Mapping[str, Mapping[str, float | None]]
     random: tuple[int, int]
     """State and increment of the generator."""
+    alert: Alert | None = None
+    """What readings and model disagreed in."""
+    disagreed: float = math.nan
+    """When they did last [s]."""
 
     def restored(self, rig: Rig) -> RigFilter:
         """Return the filter on a rig that states the noise of all channels."""
@@ -202,7 +207,17 @@ def _checked(saved: Mapping[str, Any], rig: Rig) -> SavedFilter:
         coldest=coldest,
         drives=_drives(saved["drives"]),
         random=_random(saved["random"]),
+        **_alert(saved),
     )
+
+
+def _alert(saved: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the alert, which files of older programs do not have."""
+    alert = msgspec.convert(saved.get("alert"), Alert | None)
+    disagreed = msgspec.convert(saved.get("disagreed"), float | None)
+    _require(alert is None or (alert.channel in _MUTABLE and disagreed is not None), "alert")
+    _require(disagreed is None or abs(disagreed) <= _MOST, "disagreed")
+    return {"alert": alert, "disagreed": math.nan if disagreed is None else disagreed}
 
 
 def _check_numbers(fresh: RigFilter, members: Matrix, about: Vector) -> None:
@@ -250,7 +265,7 @@ def _plain(value: Any) -> Any:
         return route_object(value)
     if isinstance(value, float) and math.isnan(value):
         return None
-    if isinstance(value, tuple):
+    if isinstance(value, tuple | Alert):
         return msgspec.to_builtins(value)
     return value
 
