@@ -86,24 +86,39 @@ def angle_over_resolution(fit: RouteFit, resolution: Vector) -> Vector:
     return np.array([waves.angle(float(at))[-1] for at in resolution])
 
 
-def at_resolution(fit: RouteFit, resolution: float, without_errors: float = 1.0) -> tuple[RouteFit, float]:
-    """Return a fit without waves shorter than a resolution [m], and what others change of Φ [rad]; (163).
-
-    Its angles are also multiplied by what they are `without_errors`, over those as fitted [1].
-    """
+def at_resolution(fit: RouteFit, resolution: float) -> tuple[RouteFit, float]:
+    """Return a fit without waves shorter than a resolution [m], and what others change of Φ [rad]; (163)."""
     waves, arcs = _waves(fit), fit.arcs
-    angle = without_errors * waves.angle(resolution)
+    angle = waves.angle(resolution)
     slope = waves.angle(resolution / LIMITS.octave)[-1] - waves.angle(resolution * LIMITS.octave)[-1]
     joints = np.append(arcs.s_start, arcs.total_length)
     within = np.maximum(np.diff(np.interp(joints, waves.edge, angle)), 0.0)
     share = float(angle[-1]) / max(arcs.total_angle, 1e-12)
-    k = len(within)
+    smoother = replace(_with_scaled_angles(arcs, share), angle=read_only(within))
+    nodes = Deferred(partial(_nodes_at, fit.nodes, waves.edge, angle, share))
+    return replace(fit, arcs=smoother, nodes=nodes, resolution=resolution), float(slope)
+
+
+def without_errors(fit: RouteFit, share: float) -> RouteFit:
+    """Return a fit whose angles are this share of those as fitted, as are their errors [1]; (232)."""
+    if share == 1.0:
+        return fit
+    nodes = Deferred(partial(_with_scaled_profile, fit.nodes, share))
+    return replace(fit, arcs=_with_scaled_angles(fit.arcs, share), nodes=nodes)
+
+
+def _with_scaled_angles(arcs: Arcs, share: float) -> Arcs:
+    k = len(arcs.length)
     covariance = np.array(arcs.covariance)
     covariance[k:] *= share
     covariance[:, k:] *= share
-    smoother = replace(arcs, angle=read_only(within), covariance=read_only(covariance))
-    nodes = Deferred(partial(_nodes_at, fit.nodes, waves.edge, angle, share))
-    return replace(fit, arcs=smoother, nodes=nodes, resolution=resolution), float(slope)
+    return replace(arcs, angle=read_only(share * arcs.angle), covariance=read_only(covariance))
+
+
+def _with_scaled_profile(nodes: Deferred[Nodes], share: float) -> Nodes:
+    route, profile = nodes.value
+    names = ("kappa", "phi", "kappa_se", "phi_se")
+    return Nodes(route, replace(profile, **{one: read_only(share * getattr(profile, one)) for one in names}))
 
 
 def _nodes_at(nodes: Deferred[Nodes], edge: Vector, angle: Vector, share: float) -> Nodes:

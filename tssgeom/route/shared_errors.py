@@ -11,7 +11,13 @@ from tssgeom.core.constants_route import POINTS
 from tssgeom.rig import Source
 from tssgeom.route.error_posterior import NO_POSTERIOR, ErrorPosterior, error_posterior
 from tssgeom.route.model_choice import NOISE_PRIOR
-from tssgeom.route.resolution import LIMITS, SharedErrors, angle_over_resolution, at_resolution
+from tssgeom.route.resolution import (
+    LIMITS,
+    SharedErrors,
+    angle_over_resolution,
+    at_resolution,
+    without_errors,
+)
 from tssgeom.route.route_fit import RouteFit
 
 
@@ -64,9 +70,8 @@ def with_shared_errors(
     at = errors.resolution_share * length if resolution is None else resolution
     if known is None:
         known = _posterior(fit, errors.size_share * length, at)
-    slope = 0.0
-    if at > 0.0 or known.angle_share != 1.0:
-        fit, slope = at_resolution(fit, at, known.angle_share)
+    fit, slope = at_resolution(fit, at) if at > 0.0 else (fit, 0.0)
+    fit = without_errors(fit, known.angle_share)
     if at > 0.0 and resolution is None:
         fit = fit.warned(
             f"source {source}: short bends may be errors, Φ counts none shorter than {1e3 * at:.3g} mm, "
