@@ -69,7 +69,7 @@ def with_shared_errors(
     errors, length = SOURCES[source or "markers"], fit.arcs.total_length
     at = errors.resolution_share * length if resolution is None else resolution
     if known is None:
-        known = _posterior(fit, errors.size_share * length, at)
+        known = posterior_of_source(fit, source, resolution)
     fit, slope = at_resolution(fit, at) if at > 0.0 else (fit, 0.0)
     fit = without_errors(fit, known.angle_share)
     if at > 0.0 and resolution is None:
@@ -85,12 +85,19 @@ def with_shared_errors(
 def posterior_of_source(fit: RouteFit, source: Source | None, resolution: float | None) -> ErrorPosterior:
     """Return what the errors of a source mean for a fit; arguments as in `with_shared_errors`."""
     errors, length = SOURCES[source or "markers"], fit.arcs.total_length
+    if errors.size_share == 0.0:
+        return NO_POSTERIOR
     at = errors.resolution_share * length if resolution is None else resolution
-    return _posterior(fit, errors.size_share * length, at)
+    known = error_posterior(fit.route, errors.size_share * length, at)
+    if at > 0.0 or fit.chain is not None:
+        return known
+    return known._replace(angle=math.hypot(known.angle, _in_short_bends(fit)))
 
 
-def _posterior(fit: RouteFit, size: float, resolution: float) -> ErrorPosterior:
-    return NO_POSTERIOR if size == 0.0 else error_posterior(fit.route, size, resolution)
+def _in_short_bends(fit: RouteFit) -> float:
+    """Return the angle in bends that are shorter than a smoothed line has [rad]."""
+    at = SOURCES["smoothed"].resolution_share * fit.arcs.total_length
+    return max(fit.arcs.total_angle - float(angle_over_resolution(fit, np.array([at]))[0]), 0.0)
 
 
 def with_hidden_errors(fit: RouteFit, sensed_noise: float) -> tuple[RouteFit, ErrorPosterior]:
@@ -104,7 +111,7 @@ def with_hidden_errors(fit: RouteFit, sensed_noise: float) -> tuple[RouteFit, Er
     if not smooth or len(fit.weight) < POINTS.few or angle <= 0.0:
         return fit, NO_POSTERIOR
     at = SOURCES["smoothed"].resolution_share * length
-    hidden = max(angle - float(angle_over_resolution(fit, np.array([at]))[0]), 0.0)
+    hidden = _in_short_bends(fit)
     noiseless = sensed_noise < LIMITS.noiseless * length
     if not noiseless and hidden <= LIMITS.hidden * angle:
         return fit, NO_POSTERIOR
