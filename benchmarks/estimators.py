@@ -31,7 +31,7 @@ from tssgeom.arrays import Matrix, Points, Vector
 from tssgeom.rig import Rig, Source
 from tssgeom.route.geometry import Method, measure
 from tssgeom.route.observations import clean
-from tssgeom.route.resolution import with_shared_errors
+from tssgeom.route.shared_errors import with_shared_errors
 from tssgeom.route.synthetic import Course
 from tssgeom.tendon.capstan import pretensioned, step
 from tssgeom.tendon.transmission import of_corners as transmit

@@ -17,6 +17,7 @@ from tssgeom.result import Result
 from tssgeom.rig import Rig, Source
 from tssgeom.route.directions import NOISE_PRIOR as DIRECTION_NOISE
 from tssgeom.route.directions import estimated_noise, unit_directions
+from tssgeom.route.error_posterior import NO_POSTERIOR
 from tssgeom.route.fibre.sensed import clean_fibre, measure_fibre, sensed_shape
 from tssgeom.route.geometry import measure
 from tssgeom.route.marker_offset import follow_markers
@@ -28,10 +29,9 @@ from tssgeom.route.resolution import (
     NO_ERRORS,
     SharedErrors,
     sheath_resolution,
-    with_hidden_share,
-    with_shared_errors,
 )
 from tssgeom.route.route_fit import RouteFit
+from tssgeom.route.shared_errors import posterior_of_source, with_hidden_errors, with_shared_errors
 from tssgeom.route.time_filter import PointFilter, begun, filtered, noise_left, smoothed
 from tssgeom.route.tip import TipReadings, fit_tip
 from tssgeom.route.tracking import TrackedFit, follow
@@ -39,6 +39,7 @@ from tssgeom.tendon.capstan import check_tension
 
 _ASTRAY = 2.0  # noise of a warm fit over that of the first one, above which it lost few points [1]; chosen
 
+_ERRORS_EVERY = 64  # frames between two estimates of what errors that neighbours share mean [1]; chosen
 
 _T = TypeVar("_T")
 
@@ -145,15 +146,17 @@ def fit_frame(
     if now is None and given.time_filter:
         now = begun(frame.points, stated or tracked.fit.noise, frame.time)
     share = 1.0 if now is None else now.sensed_noise / now.noise
-    fit, hidden = tracked.fit, 0.0 if last is None else last.hidden_share
-    if tracked.age == 0 and _source(frame, rig) == (None, None):
-        fit, hidden = with_hidden_share(fit, fit.noise * share)
+    fit, errors, source = tracked.fit, NO_POSTERIOR if last is None else last.errors, _source(frame, rig)
+    if source != (None, None) and tracked.age % _ERRORS_EVERY == 0:
+        errors = posterior_of_source(fit, *source)
+    elif tracked.age == 0:
+        fit, errors = with_hidden_errors(fit, fit.noise * share)
     return shape, replace(
         tracked,
         fit=fit,
         filtered=now,
         sensed_over_fitted=share,
-        hidden_share=hidden,
+        errors=errors,
         first_noise=fit.noise * share if tracked.age == 0 or last is None else last.first_noise,
         noise_bounded=bounded,
         direction_noise=shape.direction_noise,
@@ -165,7 +168,7 @@ def with_shared_errors_of(frame: Frame, rig: Rig, tracked: TrackedFit) -> tuple[
     fit = tracked.fit
     if frame.curvatures is not None:
         return fit, NO_ERRORS
-    return with_shared_errors(fit, *_source(frame, rig), tracked.hidden_share)
+    return with_shared_errors(fit, *_source(frame, rig), tracked.errors)
 
 
 def _ends(frame: Frame, rig: Rig) -> TipReadings | None:

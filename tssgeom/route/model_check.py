@@ -24,6 +24,7 @@ from tssgeom.route.arcs.moves import (
     simpler_tried,
     work_of_candidate,
 )
+from tssgeom.route.error_posterior import NO_POSTERIOR, ErrorPosterior
 from tssgeom.route.geometry import (
     chain_data,
     chain_fit,
@@ -121,8 +122,8 @@ class TrackedFit:
     """Whether fits of few points went astray, so that the noise is taken from differences in time."""
     direction_noise: float = 0.0
     """Noise of a component of sensed directions that was estimated [rad]."""
-    hidden_share: float = 0.0
-    """Share of Φ in short bends that may be errors of the points, where no source of them is stated [1]."""
+    errors: ErrorPosterior = NO_POSTERIOR
+    """What errors that neighbouring points share mean for the fit."""
 
     @classmethod
     def of(cls, fit: RouteFit, index: Vector) -> TrackedFit:

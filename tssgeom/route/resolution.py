@@ -14,38 +14,10 @@ from typing import NamedTuple
 import numpy as np
 
 from tssgeom import core
-from tssgeom.arrays import Matrix, Vector, read_only, rows_at
-from tssgeom.core.constants_route import POINTS
-from tssgeom.rig import Source
+from tssgeom.arrays import Matrix, Points, Vector, read_only, rows_at
 from tssgeom.route.pieces import Arcs, spread_over
 from tssgeom.route.route import Route, carried
 from tssgeom.route.route_fit import Deferred, Nodes, RouteFit
-
-
-@dataclass(frozen=True, slots=True)
-class SourceErrors:
-    """What neighbouring points of a source share."""
-
-    angle_share: float = 0.0
-    """Standard error of Φ, of Φ itself [1]."""
-    angle: float = 0.0
-    """Standard error of Φ beside that [rad]."""
-    length_share: float = 0.0
-    """Standard error of the length, of the length itself [1]."""
-    resolution_share: float = 0.0
-    """Resolution where none is stated, of the length of the route [1]; 0 where Φ is given as fitted."""
-
-
-SOURCES: dict[Source, SourceErrors] = {
-    "markers": SourceErrors(),
-    # chosen: distortion of a tracker's volume, 1 mm over 100 mm
-    "em": SourceErrors(angle_share=0.01, length_share=0.005),
-    # measured: points rebuilt from a fibre's spectrum, three recordings of one fibre
-    "fbg": SourceErrors(angle_share=0.2, angle=0.1, length_share=0.02),
-    # chosen: ten waves on a route are more than a sheath has bends
-    "centreline": SourceErrors(resolution_share=0.1),
-    "smoothed": SourceErrors(resolution_share=0.1),
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,63 +73,6 @@ class SharedErrors(NamedTuple):
 NO_ERRORS = SharedErrors(0.0, 0.0)
 
 
-def with_shared_errors(
-    fit: RouteFit, source: Source | None, resolution: float | None, hidden_share: float = 0.0
-) -> tuple[RouteFit, SharedErrors]:
-    """Return a fit at a resolution, and the errors beside its own that its source brings; (163), (164).
-
-    Parameters
-    ----------
-    fit
-        A route as fitted to its points, which counts their errors as independent.
-    source
-        Where the points come from; None where that is not known.
-    resolution
-        Length of the shortest wave that counts [m]; that of the source where None.
-    hidden_share
-        Share of Φ that may be errors where neither is known, from `hidden_share` [1].
-    """
-    if source is None and resolution is None:
-        return fit, SharedErrors((hidden_share * fit.arcs.total_angle) ** 2, 0.0)
-    errors, length, slope = SOURCES[source or "markers"], fit.arcs.total_length, 0.0
-    at = errors.resolution_share * length if resolution is None else resolution
-    if at > 0.0:
-        fit, slope = at_resolution(fit, at)
-    if at > 0.0 and resolution is None:
-        fit = fit.warned(
-            f"source {source}: short bends may be errors, Φ counts none shorter than {1e3 * at:.3g} mm, "
-            "a tenth of the route: state [shape] resolution_mm"
-        )
-    angle = math.hypot(errors.angle_share * fit.arcs.total_angle, errors.angle, slope)
-    return fit, SharedErrors(angle**2, (errors.length_share * length) ** 2)
-
-
-def with_hidden_share(fit: RouteFit, sensed_noise: float) -> tuple[RouteFit, float]:
-    """Return the share of Φ in short bends of a smooth route that may be errors, and a warning of them.
-
-    It is 0 where the points are few, where their noise is that of a sensor and short bends are few, and where
-    the estimator counts errors that neighbours share itself.
-    """
-    smooth = fit.chain is None and fit.spline is not None and fit.spline.shared_angle_error == 0.0
-    if not smooth or len(fit.weight) < POINTS.few or fit.arcs.total_angle <= 0.0:
-        return fit, 0.0
-    length, angle = fit.arcs.total_length, fit.arcs.total_angle
-    at = SOURCES["smoothed"].resolution_share * length
-    change = max(angle - float(angle_over_resolution(fit, np.array([at]))[0]), 0.0)
-    noiseless = sensed_noise < LIMITS.noiseless * length
-    if not noiseless and change <= LIMITS.hidden * angle:
-        return fit, 0.0
-    why = (
-        "the points have no noise, as if smoothed by a program"
-        if noiseless
-        else "the route has many short bends"
-    )
-    return fit.warned(
-        f"{why}: ± Φ holds the {math.degrees(change):.2g}° of bends shorter than {1e3 * at:.3g} mm, which "
-        "may be errors of the points: state [shape] source"
-    ), change / angle
-
-
 def sheath_resolution(diameter: float | None, least_radius: float | None) -> float | None:
     """Return the shortest wave that a sheath can follow [m], from its diameter or least bend radius [m]."""
     if least_radius is None and diameter is not None:
@@ -179,13 +94,31 @@ def at_resolution(fit: RouteFit, resolution: float) -> tuple[RouteFit, float]:
     joints = np.append(arcs.s_start, arcs.total_length)
     within = np.maximum(np.diff(np.interp(joints, waves.edge, angle)), 0.0)
     share = float(angle[-1]) / max(arcs.total_angle, 1e-12)
-    k = len(within)
+    smoother = replace(_with_scaled_angles(arcs, share), angle=read_only(within))
+    nodes = Deferred(partial(_nodes_at, fit.nodes, waves.edge, angle, share))
+    return replace(fit, arcs=smoother, nodes=nodes, resolution=resolution), float(slope)
+
+
+def without_errors(fit: RouteFit, share: float) -> RouteFit:
+    """Return a fit whose angles are this share of those as fitted, as are their errors [1]; (232)."""
+    if share == 1.0:
+        return fit
+    nodes = Deferred(partial(_with_scaled_profile, fit.nodes, share))
+    return replace(fit, arcs=_with_scaled_angles(fit.arcs, share), nodes=nodes)
+
+
+def _with_scaled_angles(arcs: Arcs, share: float) -> Arcs:
+    k = len(arcs.length)
     covariance = np.array(arcs.covariance)
     covariance[k:] *= share
     covariance[:, k:] *= share
-    smoother = replace(arcs, angle=read_only(within), covariance=read_only(covariance))
-    nodes = Deferred(partial(_nodes_at, fit.nodes, waves.edge, angle, share))
-    return replace(fit, arcs=smoother, nodes=nodes, resolution=resolution), float(slope)
+    return replace(arcs, angle=read_only(share * arcs.angle), covariance=read_only(covariance))
+
+
+def _with_scaled_profile(nodes: Deferred[Nodes], share: float) -> Nodes:
+    route, profile = nodes.value
+    names = ("kappa", "phi", "kappa_se", "phi_se")
+    return Nodes(route, replace(profile, **{one: read_only(share * getattr(profile, one)) for one in names}))
 
 
 def _nodes_at(nodes: Deferred[Nodes], edge: Vector, angle: Vector, share: float) -> Nodes:
@@ -243,7 +176,11 @@ def sampled_bend(fit: RouteFit) -> Matrix:
 
 def bend_without_twist(route: Route) -> Matrix:
     """Return the curvature of a route along two axes that are carried along it without twist [n, 2] [1/m]."""
-    first = carried(route.tangent, core.normals(route.tangent[0])[0])
-    second = np.cross(route.tangent, first)
-    along = (np.einsum("ij,ij->i", route.curvature_vector, axis) for axis in (first, second))
+    along = (np.einsum("ij,ij->i", route.curvature_vector, axis) for axis in without_twist(route.tangent))
     return np.column_stack(list(along))
+
+
+def without_twist(tangent: Points) -> tuple[Points, Points]:
+    """Return two axes across unit tangents [n, 3] that are carried along them without twist."""
+    first = carried(tangent, core.normals(tangent[0])[0])
+    return first, np.cross(tangent, first)
