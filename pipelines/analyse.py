@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from pipelines.options import (
-    TENSION_IN,
     Figures,
     FigureStyle,
     Inputs,
@@ -40,7 +39,7 @@ _SLENDERNESS = 150
 def analyse(
     shapes: Inputs,
     rig: RigFile = None,
-    tension_in: TensionIn = TENSION_IN,
+    tension_in: TensionIn = None,
     unit: Unit = None,
     columns: Map = None,
     as_json: Json = False,

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pipelines.options import (
-    TENSION_IN,
     Figures,
     FigureStyle,
     Json,
@@ -78,23 +77,20 @@ def compensate(
     from tssgeom.tendon.commander import commander_of
 
     choose(style)
-    settings = run_settings(rig, TENSION_IN, unit, columns=columns, takes_machines=True)
+    settings = run_settings(rig, None, unit, columns=columns, takes_machines=True)
     tolerance = None if tolerance_mm is None else 1e-3 * tolerance_mm
     with outputs(out, TABLE):
         if settings.rig.is_machine:
             from pipelines.machines import compensate_machine
 
-            if figures is not None:
-                raise SettingsError(f"{rig}: --figures is for one tendon: leave it out")
-            raise typer.Exit(
-                compensate_machine(
-                    *(shapes, target, out, settings),
-                    tolerance=tolerance,
-                    policy=policy,
-                    as_json=as_json,
-                    quiet=quiet,
-                )
+            status = compensate_machine(
+                *(shapes, target, out, settings, figures),
+                tolerance=tolerance,
+                policy=policy,
+                as_json=as_json,
+                quiet=quiet,
             )
+            raise typer.Exit(status)
         commander = commander_of(
             settings.rig,
             settings.uncertain,

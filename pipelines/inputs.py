@@ -11,6 +11,7 @@ from typing import TypeVar
 
 from msgspec.structs import replace as changed
 
+from pipelines.options import TENSION_IN
 from pipelines.terminal import print_message, sized_progress
 from tssgeom.engine import recorded
 from tssgeom.errors import (
@@ -60,6 +61,8 @@ class RunSettings:
     """The user's statements on columns of tables."""
     uncertain: tuple[Uncertain, ...] = ()
     """What is not certain of the rig; commands count it in their errors."""
+    tension_in_given: bool = True
+    """False where `tension_in` is the default."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +76,7 @@ class Refusal:
 
 def run_settings(
     rig: Path | None,
-    tension_in: float,
+    tension_in: float | None,
     unit: str | None,
     *,
     lumen: Path | None = None,
@@ -90,6 +93,8 @@ def run_settings(
     SettingsError
         Where the rig file, the tension or the tube cannot be used.
     """
+    given = tension_in is not None
+    tension_in = TENSION_IN if tension_in is None else tension_in
     if not math.isfinite(tension_in) or tension_in < 0:
         raise SettingsError(f"--tension-in is {tension_in:g} N: give a finite tension >= 0 N")
     rig_read, uncertain = (Rig(), ()) if rig is None else read_uncertain_rig(rig)
@@ -102,7 +107,8 @@ def run_settings(
     if tube_mm is not None and not 0 < tube_mm < math.inf:
         raise SettingsError(f"--tube-mm is {tube_mm:g} mm: give the outer diameter of the tube, > 0 mm")
     radius, said = 0.5e-3 * (tube_mm or 0.0), ColumnMap(columns or (), rig_read.columns)
-    return RunSettings(rig_read, rig, tension_in, unit, lumen, geometry_only, radius, said, uncertain)
+    options = (tension_in, unit, lumen, geometry_only, radius, said, uncertain, given)
+    return RunSettings(rig_read, rig, *options)
 
 
 def opened(path: Path, settings: RunSettings) -> Recording:

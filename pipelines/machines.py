@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +14,7 @@ if TYPE_CHECKING:
     from pipelines.inputs import RunSettings
     from pipelines.runs import SensedRoute
     from tssgeom.api.machine_calls import MachineChannels
+    from tssgeom.io.formats.runs import MeasuredRun
     from tssgeom.tendon.commander import Policy
     from tssgeom.tendon.machine import Machine
 
@@ -21,9 +23,16 @@ MOST_PLOTTED = 400
 
 
 def simulate_machine(
-    shapes: Path, drive: Path, out: Path, settings: RunSettings, *, as_json: bool, quiet: bool
+    shapes: Path,
+    drive: Path,
+    out: Path,
+    settings: RunSettings,
+    figures: Path | None,
+    *,
+    as_json: bool,
+    quiet: bool,
 ) -> int:
-    """Take a machine through the run of a drive, and write its table and picture; returns the exit status."""
+    """Take a machine through the run of a drive, and write table and pictures; return the exit status."""
     from pipelines.runs import errors_naming, measured_run, sensed_route
     from tssgeom.api.machine_calls import simulated_machine
     from tssgeom.io.results.channel_table import write_channels
@@ -35,11 +44,13 @@ def simulate_machine(
     table, picture = out / "simulate.parquet", out / "simulate.rrd"
     write_channels(table, done.channels)
     _write_picture(picture, f"{sensed.name} driven by {run.name}", sensed, done)
+    title = f"{sensed.name} driven by {done.drive} of {run.name}"
+    pictures = _write_figures(figures, title, run, done)
     _print_channels(
-        f"{sensed.name} driven by {done.drive} of {run.name}: {len(run.time)} rows",
+        f"{title}: {len(run.time)} rows",
         done.channels,
         {"shape": sensed.name, "run": run.name, "drive": done.drive, "rows": len(run.time)},
-        [table, picture],
+        [table, picture, *pictures],
         as_json=as_json,
         quiet=quiet,
     )
@@ -51,6 +62,7 @@ def compensate_machine(
     target: Path,
     out: Path,
     settings: RunSettings,
+    figures: Path | None,
     *,
     tolerance: float | None,
     policy: Policy,
@@ -71,11 +83,13 @@ def compensate_machine(
         print_message(f"{target}: warning: {warning}")
     table = out / "compensate.parquet"
     write_channels(table, done.channels)
+    title = f"{sensed.name} follows {TARGET} of {run.name}"
+    pictures = _write_figures(figures, title, run, done)
     _print_channels(
-        f"{sensed.name} follows {TARGET} of {run.name}: {len(run.time)} commands",
+        f"{title}: {len(run.time)} commands",
         done.channels,
         {"shape": sensed.name, "run": run.name, "target": TARGET, "rows": len(run.time)},
-        [table],
+        [table, *pictures],
         as_json=as_json,
         quiet=quiet,
     )
@@ -89,6 +103,17 @@ def _machine(shapes: Path, sensed: SensedRoute, settings: RunSettings) -> Machin
     if len(sensed.results) > 1:
         print_message(f"{shapes}: warning: a machine stands on one route: the first frame is used")
     return machine_on([sensed.results[0].arcs], settings.rig)
+
+
+def _write_figures(folder: Path | None, title: str, run: MeasuredRun, done: MachineChannels) -> list[Path]:
+    """Write the figure of a run where a folder is given, and return its files."""
+    if folder is None:
+        return []
+    from pipelines.figures import write_figures
+    from tssgeom.view.figures.machine import computed_figure
+
+    draw = partial(computed_figure, title, done.channels, run.columns)
+    return [folder / file for file in write_figures(folder, run.name, {"machine": draw})]
 
 
 def _write_picture(path: Path, name: str, sensed: SensedRoute, done: MachineChannels) -> None:
@@ -120,5 +145,5 @@ def _print_channels(
     elif not quiet:
         rows = [[name, f"{low:.5g}", f"{high:.5g}"] for name, (low, high) in ranges.items()]
         print_table(title, ("channel", "least", "greatest"), rows)
-        picture = f"   picture: tssgeom view {files[1]}" if len(files) > 1 else ""
-        print_line(f"table: {files[0]}{picture}")
+        scene = next((f"   picture: tssgeom view {file}" for file in files if file.suffix == ".rrd"), "")
+        print_line(f"table: {files[0]}{scene}")

@@ -19,7 +19,12 @@ Inputs = Annotated[
 Shapes = Annotated[Path, typer.Argument(help="A shape, or a recording of a route that moves.")]
 RigFile = Annotated[Path | None, typer.Option("--rig", help="Rig file (TOML); the paper's rig by default.")]
 TensionIn = Annotated[
-    float, typer.Option("--tension-in", min=0.0, help="Proximal tension for frames without one [N].")
+    float | None,
+    typer.Option(
+        "--tension-in",
+        min=0.0,
+        help=f"Proximal tension for frames without one [N]; {TENSION_IN:g} where it is not given.",
+    ),
 ]
 Unit = Annotated[
     Literal["mm", "m"] | None, typer.Option("--unit", help="Unit of files that state none in their header.")

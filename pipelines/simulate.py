@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, get_args
 
 import typer
 
-from pipelines.options import TENSION_IN, Figures, FigureStyle, Json, Map, Quiet, RigFile, Shapes, Unit
+from pipelines.options import Figures, FigureStyle, Json, Map, Quiet, RigFile, Shapes, Unit
 from pipelines.terminal import print_json, print_line, print_table
 from tssgeom.view.figures.style import choose
 
@@ -66,7 +66,6 @@ def simulate(
         sensed_route,
         temperature_of,
         warn_about_strain,
-        warn_about_unused,
         write_run_figures,
         write_run_recording,
     )
@@ -77,7 +76,7 @@ def simulate(
     from tssgeom.tendon import simulation
 
     choose(style)
-    settings = run_settings(rig, TENSION_IN, unit, columns=columns, takes_machines=not adapt)
+    settings = run_settings(rig, None, unit, columns=columns, takes_machines=not adapt)
     if write_rig is not None and not adapt:
         raise SettingsError("--write-rig needs --adapt: give both")
     with outputs(out, TABLE, PICTURE):
@@ -98,11 +97,10 @@ def simulate(
         if settings.rig.is_machine:
             from pipelines.machines import simulate_machine
 
-            status = simulate_machine(shapes, drive, out, settings, as_json=as_json, quiet=quiet)
+            status = simulate_machine(shapes, drive, out, settings, figures, as_json=as_json, quiet=quiet)
             raise typer.Exit(status)
         run = measured_run(drive, settings)
         channel, values = run.channel(_DRIVES)
-        warn_about_unused(run, channel, _DRIVES)
         sensed = sensed_route(shapes, settings)
         check_run(run, sensed, settings.rig)
         by_tension = channel == _DRIVES[0]

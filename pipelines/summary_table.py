@@ -42,7 +42,7 @@ def print_summary(
     assumed = [row["name"] for row in rows if row.get("tension_in_assumed")]
     has_clearance = any(row.get("clearance_m") is not None for row in rows)
     notes = [f"{row['name']}: {warning}" for row in rows for warning in row["warnings"]]
-    if assumed:
+    if assumed and not settings.tension_in_given:
         named = ", ".join(assumed[:_MOST_NAMED]) + (", …" if len(assumed) > _MOST_NAMED else "")
         notes.append(f"T_in = {settings.tension_in:g} N is assumed (--tension-in): no drive in {named}")
     columns = (*COLUMNS[:-1], CLEARANCE, WARNINGS) if has_clearance else COLUMNS

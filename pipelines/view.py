@@ -91,7 +91,10 @@ def recordings_in(path: Path) -> list[Path]:
     files = sorted(path.rglob("*.rrd")) if path.is_dir() else [path]
     recordings = [file for file in files if not file.name.startswith(".")]
     if not recordings:
-        raise SourceError(f"{path}: no recording (.rrd) in this folder: run tssgeom batch --out {path}")
+        raise SourceError(
+            f"{path}: no recording (.rrd) in this folder: name one that analyse, batch, simulate, discover, "
+            "paper or live --record wrote"
+        )
     return recordings
 
 

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from pipelines.options import TENSION_IN, FigureStyle, Json, Map, Quiet, RigFile, TensionIn, TubeMm, Unit
+from pipelines.options import FigureStyle, Json, Map, Quiet, RigFile, TensionIn, TubeMm, Unit
 
 
 def batch(
@@ -20,7 +20,7 @@ def batch(
         str, typer.Option("--out", help="Folder for tables, report and recordings; a path or an address.")
     ],
     rig: RigFile = None,
-    tension_in: TensionIn = TENSION_IN,
+    tension_in: TensionIn = None,
     unit: Unit = None,
     columns: Map = None,
     workers: Annotated[

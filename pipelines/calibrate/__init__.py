@@ -14,7 +14,7 @@ import typer
 
 from pipelines import tssgeom_version
 from pipelines.calibrate.report import channel_object, print_verdict, write_report
-from pipelines.options import TENSION_IN, Figures, FigureStyle, Json, Map, Quiet, RigFile, Unit
+from pipelines.options import Figures, FigureStyle, Json, Map, Quiet, RigFile, Unit
 from pipelines.terminal import print_json, print_message, print_table, step_progress
 from tssgeom.view.figures.style import choose
 
@@ -103,9 +103,7 @@ def calibrate(
     from tssgeom.rig import write_rig
 
     choose(style)
-    settings = run_settings(
-        rig, TENSION_IN, unit, columns=columns, may_be_uncertain=True, takes_machines=True
-    )
+    settings = run_settings(rig, None, unit, columns=columns, may_be_uncertain=True, takes_machines=True)
     if angle_from_run:
         settings = with_unknown_angle(settings, sensed=bool(shapes))
     folder = out if out.is_dir() or not out.suffix else None

@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from pipelines.options import TENSION_IN, Map, PolicyChoice, RigFile, TensionIn, ToleranceMm, Unit
+from pipelines.options import Map, PolicyChoice, RigFile, TensionIn, ToleranceMm, Unit
 
 
 def live(
@@ -25,7 +25,7 @@ def live(
         typer.Option("--sink", help="-, tcp://127.0.0.1:PORT, udp://…, igtl://127.0.0.1:PORT, none."),
     ] = None,
     rig: RigFile = None,
-    tension_in: TensionIn = TENSION_IN,
+    tension_in: TensionIn = None,
     unit: Unit = None,
     columns: Map = None,
     tolerance_mm: ToleranceMm = None,

@@ -89,6 +89,19 @@ def test_a_pair_is_simulated_and_its_command_brings_the_joint_there(run, tmp_pat
     assert (out / "simulate.rrd").stat().st_size > 10_000
 
 
+def test_both_draw_the_channels_of_a_machine_and_name_the_figures(run, tmp_path, shape):
+    (tmp_path / "rig.toml").write_text(RIG)
+    target = table(tmp_path / "target.csv", time_s=TIME, joint_angle_deg=20 * np.sin(TIME))
+    drive = table(tmp_path / "drive.csv", time_s=TIME, motor_angle_deg=20 * np.sin(TIME))
+    for words in (("compensate", shape, "--target", target), ("simulate", shape, "--drive", drive)):
+        rig, figures = tmp_path / "rig.toml", tmp_path / words[0]
+        done = run(*words, "--rig", rig, "--out", tmp_path / "out", "--figures", figures, "--json")
+        drawn = [figures / f"{words[-1].stem}_machine.{ending}" for ending in ("pdf", "svg")]
+        assert {*map(str, drawn)} <= {*json.loads(done.out)["files"]}
+        text = drawn[1].read_text(encoding="utf-8")
+        assert all(symbol in text for symbol in ("in,1", "in,2", "circles: columns of the run"))
+
+
 def test_unknown_numbers_are_identified_or_reported_as_tied(run, tmp_path):
     true = {"friction.coefficient": 0.12, "tendon.pretension_N": 8.0, "route.angle_rad": 3.6}
     file = measured(tmp_path, **true)

@@ -2,21 +2,78 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from tssgeom.arrays import Vector
 from tssgeom.identify.calibrated_pieces import CalibratedPiece
 from tssgeom.identify.machine_estimates import MachineCalibration, MachineEstimate
 from tssgeom.identify.machine_run import MachineRun
 from tssgeom.tendon.machine_simulation import drive_channels
-from tssgeom.view.figures.plots import BLUE, MEASURED, PAGE, SOFT, figure, legend_below, measured, titles
+from tssgeom.view.figures.plots import (
+    BLUE,
+    GREEN,
+    MEASURED,
+    ORANGE,
+    PAGE,
+    PURPLE,
+    SOFT,
+    figure,
+    legend_below,
+    measured,
+    titles,
+)
 from tssgeom.view.quantities import TIME, quantity
 
 _HEIGHT = 1.9
 """Of the two rows of one channel [inch]."""
+_ROW = 1.2
+"""Of one kind of channel of a run [inch]."""
+_NUMBER = re.compile(r"_\d+(?=_)")
+_COLOURS = (BLUE, ORANGE, GREEN, PURPLE)
+"""Of tendons 1, 2 and so on; they begin anew after four."""
+
+
+def computed_figure(name: str, channels: Mapping[str, Vector], readings: Mapping[str, Vector]) -> Figure:
+    """Draw what a machine does over time: a row for each kind of channel, with the readings of a run.
+
+    `channels` has `time_s` and what is computed, `readings` what was measured then, all [n] in the
+    unit of their names.
+    """
+    time = channels["time_s"]
+    rows = dict[str, list[str]]()
+    for each in channels:
+        if each != "time_s":
+            rows.setdefault(_NUMBER.sub("", each), []).append(each)
+    with figure((PAGE, _ROW * len(rows) + 0.5)) as drawing:
+        every = drawing.subplots(len(rows), 1, sharex=True, squeeze=False)[:, 0]
+        for axes, each in zip(every, rows.values(), strict=True):
+            _draw_computed(axes, time, {name: channels[name] for name in each}, readings)
+        every[0].set_title(
+            f"{name}; circles: columns of the run" if {*readings} & {*channels} - {"time_s"} else name
+        )
+        every[-1].set_xlabel(TIME.title)
+        drawing.align_ylabels(every)
+    return drawing
+
+
+def _draw_computed(
+    axes: Axes, time: Vector, channels: Mapping[str, Vector], readings: Mapping[str, Vector]
+) -> None:
+    """Draw channels of one kind, such as the tensions of all tendons, and their readings as circles."""
+    several, lines = len(channels) > 1, []
+    for k, (name, values) in enumerate(channels.items()):
+        of, colour = quantity(name), _COLOURS[k % len(_COLOURS)]
+        if name in readings:
+            measured(axes, time, of.factor * readings[name])
+        lines += axes.plot(time, of.factor * values, color=colour, linewidth=1.2, label=of.symbol)
+        axes.set_ylabel(f"{of.symbol.partition(',')[0]} [{of.unit}]" if several else of.label)
+    if several:
+        axes.legend(handles=lines, loc="upper left", bbox_to_anchor=(1.0, 1.0))
 
 
 def run_figure(fitted: MachineCalibration, which: int) -> Figure:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -13,7 +14,7 @@ import numpy as np
 
 from tssgeom.arrays import Vector
 from tssgeom.errors import ShapeError
-from tssgeom.io.formats.columns import AXES, BENDS, CHANNELS, MEASURED, TIME
+from tssgeom.io.formats.columns import AXES, BENDS, CHANNELS, MEASURED, MOST_TENDONS, TIME
 from tssgeom.io.formats.laboratory.mapping import IGNORE
 from tssgeom.io.formats.laboratory.names import QUANTITIES, Meaning, canonical, channel_text
 from tssgeom.io.formats.laboratory.raw import DAY, RawTable
@@ -253,7 +254,13 @@ def _option(name: str, meant: str) -> str:
 
 
 def _either(name: str, options: Sequence[str]) -> str:
-    return " or ".join(_option(name, option) for option in options)
+    """Offer each option; where the name has the number of a tendon, those of a rig with several too."""
+    offered = " or ".join(_option(name, option) for option in options)
+    number = next((digits for digits in re.findall(r"\d+", name) if 1 <= int(digits) <= MOST_TENDONS), None)
+    if number is None or len(options) < 2:
+        return offered
+    stem, mark, rest = options[0].rpartition("_")
+    return f"{offered}; of several tendons {_option(name, f'{stem}_{int(number)}{mark}{rest}')} or _out_"
 
 
 def _take_unitless(table: RawTable, column: Column, result: Resolved) -> None:
