@@ -55,26 +55,24 @@ def analyse(
     tube_mm: TubeMm = None,
     figures: Figures = None,
     style: FigureStyle = "light",
+    at: Annotated[
+        float | None,
+        typer.Option("--at", help="Time of the frame to show, in s; at the highest peak of T_in by default."),
+    ] = None,
     same: Annotated[
         bool, typer.Option("--same", help="The shapes are one route, sensed several times: estimate it too.")
     ] = False,
     quiet: Quiet = False,
 ) -> None:
     """Report length, angle, pieces, distal tension and elongation of each shape."""
-    from pipelines.inputs import (
-        Refusal,
-        each_analysis,
-        inputs_of,
-        print_left_out,
-        report_unused,
-        run_settings,
-    )
+    from pipelines.inputs import Refusal, each_analysis, inputs_of, report_unused, run_settings
+    from pipelines.left_out import print_left_out
     from tssgeom.errors import SettingsError
     from tssgeom.io.results.exports import missing_libraries, selected_endings
 
     choose(style)
     settings = run_settings(
-        *(rig, tension_in, unit), lumen=lumen, tube_mm=tube_mm, columns=columns, takes_machines=True
+        *(rig, tension_in, unit), lumen=lumen, tube_mm=tube_mm, columns=columns, at=at, takes_machines=True
     )
     if export and out is None:
         raise SettingsError(f"--export {export}: there is no folder to write to: give --out DIR too")
@@ -130,7 +128,8 @@ class _Results:
         if self._out is not None:
             write_scene(analysis, self._settings, self._out, self._endings, lumen)
         if self._figures is not None:
-            write_shape_figures(self._figures, analysis.name, analysis.results, timed=analysis.timed)
+            shown = analysis.representative, analysis.results
+            write_shape_figures(self._figures, analysis.name, *shown, timed=analysis.timed)
 
     def add_common(self) -> Refusal | None:
         """Estimate the one route that all shapes are, and add it as a shape; return why it is none."""

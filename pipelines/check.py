@@ -33,7 +33,8 @@ def check(
     from functools import partial
 
     from pipelines.contents import checked, files_and_campaigns
-    from pipelines.inputs import Refusal, attempt, print_left_out
+    from pipelines.inputs import Refusal, attempt
+    from pipelines.left_out import print_left_out
     from tssgeom.io.formats.campaigns import is_campaign
     from tssgeom.io.formats.laboratory.mapping import ColumnMap
 

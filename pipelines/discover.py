@@ -43,7 +43,7 @@ def discover(
             "--propose",
             metavar="N",
             min=1,
-            help="Design the next N runs, into OUT/proposed: drive files, what outcomes mean.",
+            help="Design the next N runs, into OUT/proposed: drive files, what outcomes mean. Of one tendon alone.",
         ),
     ] = None,
     limits: Annotated[
@@ -61,7 +61,7 @@ def discover(
             "--with",
             metavar="FOLDER",
             help="Folder of new measured runs, added to the campaign's: named as those proposed, or listed "
-            "in a campaign.toml with their shapes; may be repeated.",
+            "in a campaign.toml with their shapes; may be repeated. Of one tendon alone.",
         ),
     ] = None,
     as_json: Json = False,

@@ -51,8 +51,10 @@ def write_figures(folder: Path, name: str, figures: Mapping[str, Callable[[], Fi
     ]
 
 
-def write_shape_figures(folder: Path, name: str, results: Sequence[FrameResult], *, timed: bool) -> list[str]:
-    """Draw the report's figures of a shape or a recording, and return the names of the files.
+def write_shape_figures(
+    folder: Path, name: str, result: FrameResult, results: Sequence[FrameResult], *, timed: bool
+) -> list[str]:
+    """Draw the report's figures of a shape or of one frame of a recording, and return the names of the files.
 
     Raises
     ------
@@ -60,9 +62,6 @@ def write_shape_figures(folder: Path, name: str, results: Sequence[FrameResult],
         Where the disk refuses.
     """
     from tssgeom.view.figures.shapes import figures_of
-    from tssgeom.view.report.entry import representative, series_of
+    from tssgeom.view.report.entry import series_of
 
-    result = representative(results)
-    if result is None:
-        return []
     return write_figures(folder, name, figures_of(result, series_of(results) if timed else None))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -25,7 +25,7 @@ from tssgeom.errors import (
     refused,
     shortened,
 )
-from tssgeom.io.formats.files import Recording, find_inputs, left_out_of, open_recording, output_names, real
+from tssgeom.io.formats.files import Recording, find_inputs, open_recording, output_names, real
 from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap
 from tssgeom.io.results.shapes import Analysis, frame_row, relative
 from tssgeom.mechanism import Drive, End
@@ -61,6 +61,8 @@ class RunSettings:
     """The user's statements on columns of tables."""
     uncertain: tuple[Uncertain, ...] = ()
     """What is not certain of the rig; commands count it in their errors."""
+    at: float | None = None
+    """Time of the frame of a recording that is shown [s]; None: at the highest peak of T_in."""
     tension_in_given: bool = True
     """False where `tension_in` is the default."""
 
@@ -83,6 +85,7 @@ def run_settings(
     geometry_only: bool = False,
     tube_mm: float | None = None,
     columns: Sequence[str] | None = None,
+    at: float | None = None,
     may_be_uncertain: bool = False,
     takes_machines: bool = False,
 ) -> RunSettings:
@@ -97,6 +100,8 @@ def run_settings(
     tension_in = TENSION_IN if tension_in is None else tension_in
     if not math.isfinite(tension_in) or tension_in < 0:
         raise SettingsError(f"--tension-in is {tension_in:g} N: give a finite tension >= 0 N")
+    if at is not None and not math.isfinite(at):
+        raise SettingsError(f"--at is {at} s: give the time of a frame")
     rig_read, uncertain = (Rig(), ()) if rig is None else read_uncertain_rig(rig)
     if rig is not None and not may_be_uncertain:
         require_known(rig, uncertain)
@@ -107,7 +112,7 @@ def run_settings(
     if tube_mm is not None and not 0 < tube_mm < math.inf:
         raise SettingsError(f"--tube-mm is {tube_mm:g} mm: give the outer diameter of the tube, > 0 mm")
     radius, said = 0.5e-3 * (tube_mm or 0.0), ColumnMap(columns or (), rig_read.columns)
-    options = (tension_in, unit, lumen, geometry_only, radius, said, uncertain, given)
+    options = (tension_in, unit, lumen, geometry_only, radius, said, uncertain, at, given)
     return RunSettings(rig_read, rig, *options)
 
 
@@ -171,19 +176,6 @@ def inputs_of(
                 yielded.add(real(item))
 
 
-def left_out_text(left_out: Mapping[str, int]) -> str:
-    """Return the sentence on the files in folders that no reader takes."""
-    listed = ", ".join(f"{ending} {count}" for ending, count in left_out.items())
-    count = sum(left_out.values())
-    return f"{count} {'file' if count == 1 else 'files'} left out, of no format of shapes: {listed}"
-
-
-def print_left_out(paths: Iterable[Path], besides: Collection[Path] = ()) -> None:
-    """Print how many files in folders no reader takes, by ending."""
-    if left_out := left_out_of(paths, besides):
-        print_message(left_out_text(left_out))
-
-
 def attempt(source: str | Path, work: Callable[[], Done]) -> Done | Refusal:
     """Do the work for one input; an error becomes the refusal of that input alone."""
     try:
@@ -223,7 +215,7 @@ def analysis_of(
         Where the file cannot be used, or none of its frames.
     """
     recording = opened(path, settings)
-    running = RunningSummary.of(recording.frame_count)
+    running = RunningSummary.of(recording.frame_count, settings.at)
     share = _size(path) / max(recording.frame_count, 1)
     for item in recorded(recording.frames, settings.rig, tension_in=settings.tension_in):
         running.add(item, frame_row(item))

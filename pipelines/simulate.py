@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 TABLE, PICTURE = "simulate.parquet", "simulate.rrd"
 _DRIVES = ("tension_in_N", "displacement_in_m")
-_COLUMNS = ("phase", "rows", "T_in\n[N]", "T_out\n[N]", "δ\n[mm]", "dead zone\n[N]")
+_COLUMNS = ("phase", "rows", "T_in\n[N]", "T_out\n[N]", "δ\n[mm]", "x_out\n[mm]", "dead zone\n[N]")
 
 
 def simulate(
@@ -169,6 +169,7 @@ def _rows(moments: Sequence[Moment]) -> list[tuple[str, ...]]:
                     _span([one.tension_in for one in transmissions], 2),
                     _span([one.tension_out for one in transmissions], 2),
                     _span([1e3 * one.elongation for one in transmissions], 3),
+                    _span([1e3 * one.displacement_out for one in transmissions], 3),
                     _span([one.dead_zone_width for one in transmissions], 2),
                 )
             )

@@ -39,6 +39,10 @@ class RunningSummary:
 
     stride: int
     """Results of frames whose count is a multiple of it are kept."""
+    at: float | None = None
+    """Time of the frame that is to represent the input; None: at the highest peak of T_in [s]."""
+    nearest: FrameResult | None = None
+    """The good frame nearest to that time."""
     frames: int = 0
     refused: int = 0
     warned: int = 0
@@ -56,9 +60,9 @@ class RunningSummary:
     """Sum over the good frames [m²]."""
 
     @classmethod
-    def of(cls, frame_count: int) -> RunningSummary:
-        """Begin the summary of an input with this number of frames."""
-        return cls(max(1, math.ceil(frame_count / LIMITS.results)))
+    def of(cls, frame_count: int, at: float | None = None) -> RunningSummary:
+        """Begin the summary of an input of so many frames, represented by that nearest to `at` [s]."""
+        return cls(max(1, math.ceil(frame_count / LIMITS.results)), at)
 
     @property
     def used(self) -> int:
@@ -81,8 +85,11 @@ class RunningSummary:
     def representative(self) -> FrameResult:
         """The frame that represents the input in summary, pictures and report.
 
-        It is the last of the highest peaks of T_in, or the last good frame where T_in is constant.
+        It is that nearest to `at`; without that the last of the highest peaks of T_in, or the last good frame
+        where T_in is constant.
         """
+        if self.nearest is not None:
+            return self.nearest
         results = self.results
         return results[last_peak(np.array([result.transmission.tension_in for result in results]))]
 
@@ -96,6 +103,7 @@ class RunningSummary:
             return
         if self.last is None:
             self.begin = item.frame.time
+        self.nearest = self._nearer(item)
         self.noise_square += row["noise_m"] ** 2
         for name in RANGED:
             value = row[name]
@@ -107,6 +115,13 @@ class RunningSummary:
         self.last = item
         if item.seq % self.stride == 0:
             self.kept.append(item.strip())
+
+    def _nearer(self, item: FrameResult) -> FrameResult | None:
+        """Return the frame nearest to `at`, of this one and those before it; the earlier of two."""
+        if self.at is None:
+            return None
+        before = math.inf if self.nearest is None else abs(self.nearest.frame.time - self.at)
+        return item.strip() if abs(item.frame.time - self.at) < before else self.nearest
 
     def close(self) -> RunningSummary:
         """Strip the last result of what only the next frame would have needed."""

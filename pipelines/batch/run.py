@@ -13,7 +13,8 @@ from pipelines import tssgeom_version
 from pipelines.batch.sources import Source, left_out_of_batch, sources_of
 from pipelines.batch.task import Outcome, Task, work
 from pipelines.batch.workers import WorkerLost, WorkerPool, worker_pool
-from pipelines.inputs import Refusal, RunSettings, Tally, left_out_text, print_reading
+from pipelines.inputs import Refusal, RunSettings, Tally, print_reading
+from pipelines.left_out import left_out_text
 from pipelines.summary_table import print_summary
 from pipelines.terminal import SizedProgress, print_json, print_line, print_message, sized_progress
 from tssgeom.errors import SpaceError
@@ -38,6 +39,7 @@ from tssgeom.view.figures.style import StyleName
 from tssgeom.view.report.outlying_inputs import OutlyingInput, outlying_inputs
 from tssgeom.view.report.report import Rendered, ReportEntry, rendered, write_report
 
+RESUMES = "stopped: the same command goes on with the inputs that are left"
 SUMMARY, SUMMARY_CSV, REPORT = "summary.parquet", "summary.csv", "report.html"
 
 _FOLDERS = ("frames", "segments", "recordings", f"{HIDDEN}/done", ".")
@@ -115,6 +117,9 @@ def run(
                 batch.write_results(settings, options)
             elif batch.tasks:
                 remove_earlier_run(folder)
+        except KeyboardInterrupt:
+            print_message(RESUMES)
+            raise
         finally:
             folder.tidy(_FOLDERS)
     if as_json:

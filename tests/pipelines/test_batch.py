@@ -212,7 +212,9 @@ def test_an_interruption_leaves_whole_files_and_no_drafts(write_csv, tmp_path):
         batch.send_signal(signal.SIGINT)
         rest = batch.stderr.read()
     assert batch.returncode == 130
-    assert rest.splitlines()[-1] == "tssgeom: interrupted: the files that were finished are whole"
+    *_, resumes, last = rest.splitlines()
+    assert resumes == "tssgeom: stopped: the same command goes on with the inputs that are left"
+    assert last == "tssgeom: interrupted: the files that were finished are whole"
     assert "Traceback" not in rest
     written = files_in(tmp_path / "out")
     assert "frames/s000.parquet" in written

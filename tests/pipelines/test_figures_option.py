@@ -77,3 +77,17 @@ def test_a_style_is_that_of_the_figures_and_a_batch_draws_anew_in_another(
     assert f'width="{88 / 25.4 * 72:.2f}'[:11] in by_style["paper"]
     run("analyse", half, "--figures", tmp_path / "again", "--quiet")
     assert (tmp_path / "again" / "half_curvature.svg").read_text("utf-8") == by_style["light"]
+
+
+def test_figures_of_a_recording_state_their_moment_which_at_chooses(run, recording, tmp_path):
+    def titles(folder, *words):
+        assert run("analyse", recording, "--figures", tmp_path / folder, *words).status == 1
+        parts = ("route", "tension", "curvature", "resolution", "time")
+        return [(tmp_path / folder / f"{recording.stem}_{part}.svg").read_text("utf-8") for part in parts]
+
+    *moment, history = titles("at", "--at", "2.9")
+    assert all("At 3 s:" in text for text in moment)
+    assert "3 s: " not in history
+    assert all("<!-- 3 s -->" in text for text in titles("paper", "--at", "2.9", "--style", "paper")[:-1])
+    assert all("At 3 s:" not in text for text in titles("peak")[:-1])
+    assert run("analyse", recording, "--at", "nan").status == 2

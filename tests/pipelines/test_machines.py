@@ -96,9 +96,9 @@ def test_both_draw_the_channels_of_a_machine_and_name_the_figures(run, tmp_path,
     for words in (("compensate", shape, "--target", target), ("simulate", shape, "--drive", drive)):
         rig, figures = tmp_path / "rig.toml", tmp_path / words[0]
         done = run(*words, "--rig", rig, "--out", tmp_path / "out", "--figures", figures, "--json")
-        drawn = [figures / f"{words[-1].stem}_machine.{ending}" for ending in ("pdf", "svg")]
-        assert {*map(str, drawn)} <= {*json.loads(done.out)["files"]}
-        text = drawn[1].read_text(encoding="utf-8")
+        expected = [figures / f"{words[-1].stem}_machine.{ending}" for ending in ("pdf", "svg")]
+        assert {*map(str, expected)} <= {*json.loads(done.out)["files"]}
+        text = expected[1].read_text(encoding="utf-8")
         assert all(symbol in text for symbol in ("in,1", "in,2", "circles: columns of the run"))
 
 

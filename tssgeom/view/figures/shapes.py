@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from tssgeom.arrays import Vector
@@ -17,7 +18,7 @@ from tssgeom.route.pieces import Arcs
 from tssgeom.route.resolution import angle_over_resolution
 from tssgeom.statistics import NORMAL_95
 from tssgeom.stream import FrameResult
-from tssgeom.view.figures.plots import INK, note, panels, titles
+from tssgeom.view.figures.plots import INK, SMALLEST, SOFT, note, panels, titles
 from tssgeom.view.figures.route import NODES, coloured, draw_dots, route_figure, shades
 from tssgeom.view.figures.runs import time_figure, transmission_figure
 from tssgeom.view.quantities import ANGLE, ARC_LENGTH, CURVATURE_AT, TENSION_AT
@@ -27,6 +28,7 @@ from tssgeom.view.wording import angle_with_error, with_error
 
 _HEIGHT = 2.3  # inch
 _RESOLUTIONS = 0.01, 0.5  # of the route, the shortest and the longest wave that are drawn
+_LONG_TITLE = 36  # letters, beyond which a time before it does not fit 85 mm
 _BAND, _SENSED = "#d5dae3", "#5b6474"
 
 
@@ -40,10 +42,26 @@ def figures_of(result: FrameResult, series: Series | None) -> Mapping[str, Calla
     }
     if series is None or len(series.time) < 2:
         return figures
+    figures = {name: partial(_at_time, draw, result.frame.time) for name, draw in figures.items()}
     return figures | {
         "transmission": partial(transmission_figure, series),
         "time": partial(time_figure, series),
     }
+
+
+def _at_time(draw: Callable[[], Figure], time: float) -> Figure:
+    """Draw a figure of one moment of a run, and state its time [s], in the title where there is one."""
+    drawing = draw()
+    first = drawing.axes[0]
+    title = first.get_title(loc="left")
+    if not title:
+        first.set_title(f"{time:.6g} s", loc="right", fontsize=SMALLEST, color=SOFT)
+    for text in first.findobj(Text):
+        if isinstance(text, Text) and title and text.get_text() == title:
+            begin = title[0].lower() if title[0].isascii() else title[0]
+            apart = "\n" if len(title) > _LONG_TITLE else " "
+            text.set_text(f"At {time:.6g} s:{apart}{begin}{title[1:]}")
+    return drawing
 
 
 def tension_figure(result: FrameResult) -> Figure:
