@@ -128,8 +128,8 @@ class _Results:
         if self._out is not None:
             write_scene(analysis, self._settings, self._out, self._endings, lumen)
         if self._figures is not None:
-            shown = analysis.representative, analysis.results
-            write_shape_figures(self._figures, analysis.name, *shown, timed=analysis.timed)
+            what = analysis.representative, analysis.results
+            write_shape_figures(self._figures, analysis.name, *what, timed=analysis.timed)
 
     def add_common(self) -> Refusal | None:
         """Estimate the one route that all shapes are, and add it as a shape; return why it is none."""

@@ -43,7 +43,7 @@ def discover(
             "--propose",
             metavar="N",
             min=1,
-            help="Design the next N runs, into OUT/proposed: drive files, what outcomes mean. Of one tendon alone.",
+            help="Design the next N runs, into OUT/proposed: drives and outcomes. Of one tendon alone.",
         ),
     ] = None,
     limits: Annotated[

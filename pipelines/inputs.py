@@ -62,7 +62,7 @@ class RunSettings:
     uncertain: tuple[Uncertain, ...] = ()
     """What is not certain of the rig; commands count it in their errors."""
     at: float | None = None
-    """Time of the frame of a recording that is shown [s]; None: at the highest peak of T_in."""
+    """Time of the frame that represents a recording [s]; None: at the highest peak of T_in."""
     tension_in_given: bool = True
     """False where `tension_in` is the default."""
 

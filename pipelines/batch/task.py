@@ -296,8 +296,8 @@ def _write_print_figures(task: Task, analysis: Analysis) -> dict[str, int]:
         return {}
     choose(task.style)
     with temporary_folder() as folder, _figure_lock:
-        shown = analysis.representative, analysis.results
-        written = write_shape_figures(folder, task.name, *shown, timed=analysis.timed)
+        what = analysis.representative, analysis.results
+        written = write_shape_figures(folder, task.name, *what, timed=analysis.timed)
         for file in written:
             with task.print_folder.replacing(file) as draft:
                 shutil.move(folder / file, draft)
