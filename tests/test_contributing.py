@@ -11,9 +11,12 @@ import re
 import shutil
 import subprocess
 import sys
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
+
+from tssgeom.effects.kinds import Setup
 
 ROOT = Path(__file__).parents[1]
 TEXT = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
@@ -126,6 +129,17 @@ def test_an_effect_as_contributed_keeps_the_contract_of_all_effects(copy):
     assert counted(copy, "tests/effects/test_rig_effects.py", "-k", "sealed_ends") == 1
 
 
+def test_every_test_of_the_effect_passes_by_the_command_that_is_printed(copy):
+    (words,) = re.findall(r"`pytest (tests/effects -k sealed_ends)`", TEXT)
+    assert counted(copy, *words.split()) > 10
+
+
+def test_every_number_that_an_effect_may_change_is_listed():
+    part = TEXT.partition("The fields of `Setup`")[2].partition("An effect that no")[0]
+    listed = re.findall(r"`(\w+)`", part)
+    assert listed == [field.name for field in fields(Setup)]
+
+
 def test_a_format_as_contributed_is_read_and_survives_the_fuzz_tests(copy):
     chosen = "stylus or corpus_has_a_file"
     assert counted(copy, "tests/io/test_fuzz.py", "-k", chosen) == 4
@@ -138,14 +152,16 @@ def test_a_channel_as_contributed_shows_the_effects_that_say_so_and_no_others(co
 
 
 def test_a_format_as_contributed_names_the_line_that_holds_no_point(copy):
-    (copy / "bad.stylus").write_text("mm\n1 2 3\n1 2\n", encoding="utf-8")
-    said = output_of(
-        copy,
-        "-c",
+    opening = (
         "from tssgeom.io.formats.files import open_recording\n"
-        "try: open_recording('bad.stylus')\nexcept Exception as error: print(error)",
+        "try: open_recording('bad.stylus')\nexcept Exception as error: print(error)"
     )
-    assert said == "bad.stylus: line 3: no point in '1 2': write x y z\n"
+    for text, fault in (
+        ("mm\n1 2 3\n1 2\n", "line 3: no point in '1 2'"),
+        ("mm\n", "line 2: no point in ''"),
+    ):
+        (copy / "bad.stylus").write_text(text, encoding="utf-8")
+        assert output_of(copy, "-c", opening) == f"bad.stylus: {fault}: write x y z\n"
 
 
 def test_a_reading_as_contributed_comes_with_runs_and_frames_and_goes_into_the_table(copy):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import math
+import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
 from urllib.parse import quote
@@ -95,8 +96,13 @@ def rejected_table(items: Sequence[str]) -> str:
 
 def input_name(name: str, linked: Collection[str]) -> str:
     """Write the name of an input, as a link where the page has its charts."""
-    text = html.escape(name)
+    text = breakable(name)
     return f'<a href="#{anchor(name)}">{text}</a>' if name in linked else f"<b>{text}</b>"
+
+
+def breakable(name: str) -> str:
+    """Write a name that may be broken after its underscores, points and slashes."""
+    return re.sub(r"(?<=[_./])(?=[^\W_])", "<wbr>", html.escape(name))
 
 
 def anchor(name: str) -> str:

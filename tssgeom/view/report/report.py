@@ -19,6 +19,7 @@ from tssgeom.stream import FrameResult, Rejected
 from tssgeom.view import wording as words
 from tssgeom.view.report.at_a_glance import (
     anchor,
+    breakable,
     distributions,
     input_name,
     outlying_table,
@@ -177,13 +178,13 @@ def row(entry: ReportEntry, *, linked: bool = True) -> str:
         reason = html.escape(f"rejected: {_reason(entry, entry.rejected[0])}")
         span = f'<td class="text warning" colspan="{len(COLUMNS) - 1}" data-value="-1">{reason}</td>'
         name = html.escape(entry.name)
-        return f'<tr><td data-value="{name}">{name}</td>{span}</tr>'
+        return f'<tr><td data-value="{name}">{breakable(entry.name)}</td>{span}</tr>'
     name = html.escape(entry.name)
     ends, arcs = result.transmission, result.arcs
     angle, angle_se = math.degrees(arcs.total_angle), math.degrees(arcs.total_angle_se)
     return _cells(
         [
-            (entry.name, input_name(entry.name, {entry.name}) if linked else name),
+            (entry.name, input_name(entry.name, {entry.name}) if linked else breakable(entry.name)),
             (entry.used, f"{entry.used}"),
             (entry.rejected_frames, _warned(entry.rejected_frames)),
             (arcs.total_length, f"{1e3 * arcs.total_length:.1f}"),
