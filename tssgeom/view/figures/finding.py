@@ -22,6 +22,7 @@ _ACROSS = ("tension_out_N", "elongation_m", "displacement_out_m", "tension_in_N"
 _MOST_PANELS = 2
 _MEASURED, _USUAL = 99.0, 80.0  # percentiles of residual and noise that its axis shows; chosen: no spikes
 _SIGMAS = 2.0
+_MOST_TIMED = 8  # runs whose middle has its time; chosen: more would touch on 170 mm
 _RUNS = "runs, one after the other; each from its beginning to its end"
 _STYLES: Mapping[str, Any] = {
     "before": {"color": ORANGE, "linestyle": (0, (4, 1.5))},
@@ -124,6 +125,9 @@ def draw_residual(axes: Axes, finding: Finding, name: str) -> Axes:
     axes.set_ylim(-top, top)
     axes.set_xlim(0, len(traces))
     axes.set_xticks(range(len(traces) + 1), [""] * (len(traces) + 1))
+    if len(traces) <= _MOST_TIMED:
+        middles = [f"{0.5 * np.ptp(trace.time):.3g} s" for trace in traces]
+        axes.set_xticks([k + 0.5 for k in range(len(traces))], middles, minor=True)
     axes.set_ylabel(f"Δ{reported.symbol} [{reported.unit}]")
     axes.set_xlabel(_RUNS)
     return axes

@@ -14,8 +14,10 @@ _PALE = "#c3c9d4"
 
 
 def listed_candidates(finding: Finding) -> tuple[Candidate, ...]:
-    """Return the first candidates of the ranking, those that were chosen with them."""
-    return finding.ranking[:MOST]
+    """Return the first candidates of the ranking, and what acts where it is not among them."""
+    first = finding.ranking[:MOST]
+    names = {name for each in first for name in each.names}
+    return (*(each for each in finding.effects if not names.intersection(each.names)), *first)
 
 
 def ranking_figure(finding: Finding) -> Figure:

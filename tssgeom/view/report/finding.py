@@ -229,9 +229,14 @@ def _ranking(finding: Finding) -> str:
     head = ("candidate", "why not", "ΔBIC", "size / detection limit", "held-out misfit, ratio")
     more = len(finding.ranking) - len(reported)
     note = f'<p class="soft">and {more} more in report.json</p>' if more > 0 else ""
-    return _section(
-        "Runners-up, and why not", _figure(ranking_figure, finding, ""), _table(head, rows, text=(1,)), note
+    alone = (
+        "<p>Each is tried alone on the base model. “What acts” compares the model with and without the "
+        "effect, so that the two ΔBIC of one effect differ.</p>"
+        if len(finding.effects) > 1
+        else ""
     )
+    figure = _figure(ranking_figure, finding, "")
+    return _section("Runners-up, and why not", alone, figure, _table(head, rows, text=(1,)), note)
 
 
 def _unobservable(finding: Finding) -> str:
