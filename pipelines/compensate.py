@@ -70,7 +70,6 @@ def compensate(
         warn_about_unused,
     )
     from pipelines.summary_table import with_effects
-    from tssgeom.errors import SettingsError
     from tssgeom.io.formats.columns import CHANNELS
     from tssgeom.io.results.tables import write_commands
     from tssgeom.tendon import simulation
