@@ -6,7 +6,12 @@ import pytest
 from tssgeom.route.arcs.chain import fit_fixed_pieces
 from tssgeom.route.arcs.moves import fit_chain, saved_by_slopes
 from tssgeom.route.geometry import chain_data, first_chain, measure, spline_fit
-from tssgeom.route.model_choice import CHOICE, least_evidence, misfit, penalised_log_evidence_difference
+from tssgeom.route.model_choice import (
+    CHOICE,
+    least_evidence,
+    penalised_log_evidence_difference,
+    saved_by_variation,
+)
 from tssgeom.route.observations import clean
 from tssgeom.route.spline.fit import fit
 from tssgeom.route.synthetic import Course, chain, positions
@@ -71,7 +76,7 @@ def test_a_stream_of_a_weakly_bent_route_keeps_the_error_bar():
     assert np.mean(held) >= 0.8
 
 
-def test_the_misfit_is_what_the_smooth_fit_saves_beyond_chance():
+def test_a_chain_pays_for_what_the_smooth_fit_saves_beyond_chance():
     """The points contradict one arc along the whole route, and not by its slope alone."""
     rng = np.random.default_rng(35)
     shape = clean(sensed(sloping(np.array([2.97, 2.6, 3.06, 2.0])), 1e-4, rng))
@@ -81,8 +86,8 @@ def test_the_misfit_is_what_the_smooth_fit_saves_beyond_chance():
     single = fit_fixed_pieces(data, arc._replace(form=arc.form[:5], curved=arc.curved[:1]))
     by_points = (single.cost - float(np.sum(spline.route.residual**2))) / 1e-8
     by_chance = 2.0 * spline.freedom - len(single.matrix)
-    assert misfit(data, single, spline) == pytest.approx(by_points - by_chance, rel=1e-3)
-    assert misfit(data, single, spline) > 2.0 * max(saved_by_slopes(data, single), 0.0)
+    assert saved_by_variation(data, single, spline) == pytest.approx(by_points - by_chance, rel=1e-3)
+    assert saved_by_variation(data, single, spline) > 2.0 * max(saved_by_slopes(data, single), 0.0)
 
 
 def test_a_chain_with_joints_needs_evidence_for_them():

@@ -24,8 +24,8 @@ from tssgeom.route.model_choice import (
     chain_deviance,
     evidence_scale,
     log_evidence_difference,
-    misfit,
     model_probabilities,
+    saved_by_variation,
     search_variance,
 )
 from tssgeom.route.pieces import Arcs
@@ -65,7 +65,7 @@ class ChainModel(NamedTuple):
 
 def chain_model(data: Data, chain: Chain, spline: Spline) -> ChainModel:
     """Angle, length and evidence of a fitted chain beside a spline of the same points."""
-    varying = misfit(data, chain, spline)
+    varying = saved_by_variation(data, chain, spline)
     angle, angle_variance, length, length_variance = _moments(chain_pieces(data, chain).arcs)
     return ChainModel(
         angle=angle,

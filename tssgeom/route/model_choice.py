@@ -148,19 +148,23 @@ def model_choice_variance(smooth: RouteFit, arcs: RouteFit, log_evidence_differe
 
 
 def penalised_log_evidence_difference(data: Data, chain: Chain, spline: Spline) -> float:
-    """Evidence of the chain over the spline, its joints and its misfit paid for [2 ln]; (34)."""
-    return log_evidence_difference(data, chain, spline) - misfit(data, chain, spline)
+    """Evidence of the chain over the spline, its joints and variation in its pieces paid for [2 ln]; (34)."""
+    return log_evidence_difference(data, chain, spline) - saved_by_variation(data, chain, spline)
 
 
-def misfit(data: Data, chain: Chain, spline: Spline) -> float:
+def saved_by_variation(data: Data, chain: Chain, spline: Spline) -> float:
     """Return what curvature that varies within the pieces saves beyond chance [noise variances]; (225).
 
-    It is that of slopes in the pieces, or that of the spline, which has 2 f parameters across the route.
+    It is what slopes in the pieces save, or what the spline does with its 2 f parameters across the route.
+    Where the noise is not known, it is estimated from what these leave of the values.
     """
     by_slopes = max(saved_by_slopes(data, chain), 0.0)
     variance = spline.route.noise**2
     if data.tangents is not None or variance <= 0.0:
         return by_slopes
+    if data.variance == 0.0:
+        left = _values(data) - 2.0 * spline.freedom
+        return max(by_slopes, left * math.log(max(noise_variance(data, chain) / variance, 1.0)))
     off = across(spline.route.residual, rows_at(spline.route.station, spline.route.s, spline.route.tangent))
     square = squared_distances(data, chain, across=True) - np.einsum("ij,ij->i", off, off)
     by_chance = 2.0 * spline.freedom - _parameters(data, chain)
@@ -171,11 +175,12 @@ def log_evidence_difference(data: Data, chain: Chain, spline: Spline) -> float:
     """Evidence of the chain over the spline, after the additional price of its joints [2 ln]; (34)."""
     pieces = len(chain.bend)
     points = len(data.points)
-    bonus = CHOICE.chain_bonus * min(points / CHOICE.whole_bonus_from, 1.0)
+    whole = min(points / CHOICE.whole_bonus_from, 1.0)
+    bonus = CHOICE.chain_bonus * whole
     price = CHOICE.joint_price * (pieces - 1) * min(points / CHOICE.whole_price_from, 1.0)
     price += CHOICE.further_piece_price * max(pieces - CHOICE.many_pieces, 0)
     if chain.curved.any():
-        price = max(price, bonus + least_evidence(pieces))
+        price = max(price, bonus + whole * least_evidence(pieces))
     values = _values(data) / _parameters(data, chain)
     price += CHOICE.missing_value_price * max(CHOICE.whole_values_per_parameter - values, 0.0)
     if data.variance == 0.0:
