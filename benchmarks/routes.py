@@ -167,8 +167,8 @@ def truth(name: str, rng: np.random.Generator) -> Truth:
     """Return the named route; "harmonics", "pieces" and "slopes" are new ones at each call, from `rng`."""
     if name == "harmonics":
         return of_arcs(harmonic_course(rng), piecewise=False)
-    drawn = {"pieces": _random_pieces, "slopes": _slopes}.get(name)
-    return _fixed(name) if drawn is None else drawn(rng)
+    random = {"pieces": _random_pieces, "slopes": _slopes}.get(name)
+    return _fixed(name) if random is None else random(rng)
 
 
 Stations = Literal["known", "even", "jitter", "random"]

@@ -128,8 +128,8 @@ def undecided(log_evidence_difference: float, parameters: int) -> bool:
 def evidence_scale(parameters: int) -> float:
     """Return by how much the error of the criterion widens a difference of evidence [1]; (217).
 
-    The criterion leaves out the density of the prior, of the order of 1 for each parameter. A logistic density
-    that is as wide as this error is joined with that of the odds themselves.
+    The criterion leaves out the density of the prior, of the order of 1 for each parameter. A logistic
+    density that is as wide as this error is joined with that of the odds themselves.
     """
     return math.sqrt(1.0 + 3.0 * (parameters / (2.0 * math.pi)) ** 2)
 
