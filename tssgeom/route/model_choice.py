@@ -160,7 +160,8 @@ def saved_by_variation(data: Data, chain: Chain, spline: Spline) -> float:
     """
     by_slopes = max(saved_by_slopes(data, chain), 0.0)
     variance = spline.route.noise**2
-    if data.tangents is not None or variance <= 0.0:
+    kinked = data.shortest < 1.0  # a spline rounds what it does not follow
+    if kinked or data.tangents is not None or variance <= 0.0:
         return by_slopes
     if data.variance == 0.0:
         left = _values(data) - 2.0 * spline.freedom
