@@ -65,7 +65,7 @@ def test_tension_and_elongation_do_not_depend_on_position_attitude_or_handedness
     # the search for joints ends within its own tolerance, whatever rounding at 1 km from the origin does
     values, errors = [0, 1, 3, 4], [2, 5]
     np.testing.assert_allclose(after[values], before[values], rtol=1e-4, atol=1e-9)
-    # errors hold the odds of spline and chain, exponentials of the costs that the search ends at; 8e-4 is known
+    # errors hold the odds of spline and chain, which follow the costs that the search ends at: 8e-4 measured
     np.testing.assert_allclose(after[errors], before[errors], rtol=3e-3, atol=1e-9)
 
 
