@@ -155,13 +155,20 @@ def _random_pieces(rng: np.random.Generator) -> Truth:
     return of_arcs(course, piecewise=False)  # so many pieces need not show in a few points
 
 
+def _slopes(rng: np.random.Generator) -> Truth:
+    """Draw half a metre of curvature that is linear between four values, in a plane or slowly out of it."""
+    t, nodes = (np.arange(_CELLS) + 0.5) / _CELLS, np.linspace(0.0, 1.0, 4)
+    kappa = np.interp(t, nodes, rng.uniform(1.0, 8.0, 4))
+    plane = rng.choice([0.0, 1.0]) * np.interp(t, nodes, rng.uniform(-0.5, 0.5, 4))
+    return of_arcs(chain(np.full(_CELLS, 0.5 / _CELLS), kappa, plane), piecewise=False)
+
+
 def truth(name: str, rng: np.random.Generator) -> Truth:
-    """Return the named route; "harmonics" and "pieces" are new random ones at each call, from `rng`."""
-    if name == "pieces":
-        return _random_pieces(rng)
+    """Return the named route; "harmonics", "pieces" and "slopes" are new ones at each call, from `rng`."""
     if name == "harmonics":
         return of_arcs(harmonic_course(rng), piecewise=False)
-    return _fixed(name)
+    random = {"pieces": _random_pieces, "slopes": _slopes}.get(name)
+    return _fixed(name) if random is None else random(rng)
 
 
 Stations = Literal["known", "even", "jitter", "random"]
@@ -296,11 +303,14 @@ def _spoilt(route: str) -> Iterator[Cell]:
         yield Cell("gaps", route, 200, _NOISE, stations, gap=0.2)
 
 
-def _few_points() -> Iterator[Cell]:
+def _new_routes() -> Iterator[Cell]:
     for route in ("pieces", "harmonics"):
         for n in (5, 8, 12, 20, 40):
             for noise in (2e-5, 2e-4, 2e-3):
                 yield Cell("few points", route, n, noise, "jitter", noise_known=False)
+    for n in (20, 60, 150):
+        for noise in (5e-5, 2e-4, 1e-3):
+            yield Cell("weakly bent", "slopes", n, noise, "jitter", noise_known=False)
 
 
 def _correlated() -> Iterator[Cell]:
@@ -320,7 +330,7 @@ def catalogue() -> tuple[Cell, ...]:
             cells += _unknown_noise(f"{kind}, noise unknown", route)
     for route in ("half circle", "7 pieces", "colon", "harmonics"):
         cells += _spoilt(route)
-    cells += [*_few_points(), *_correlated()]
+    cells += [*_new_routes(), *_correlated()]
     groups = list(dict.fromkeys(cell.group for cell in cells))
     return tuple(sorted(cells, key=lambda cell: groups.index(cell.group)))
 
@@ -335,4 +345,5 @@ def quick() -> tuple[Cell, ...]:
         Cell("quick", "7 pieces", 200, _NOISE, "jitter", noise_known=False),
         Cell("quick", "colon", 200, _NOISE),
         Cell("quick", "harmonics", 200, _NOISE, "jitter", noise_known=False),
+        Cell("quick", "slopes", 60, 2e-4, "jitter", noise_known=False),
     )

@@ -30,14 +30,16 @@ def fits():
 
 @pytest.mark.parametrize("difference", [-14.0, -3.0, 0.0, 1e-3, 5.0, 14.0])
 def test_the_less_likely_model_counts_with_its_probability(fits, difference):
-    """The closed form of two models: the square of their difference over 1 + e^(half the difference)."""
+    """The closed form of two models: what the other one has over the estimate that is selected; (226)."""
     smooth, arcs = fits
-    pieces = len(arcs.arcs.length)
-    scale = 1.0 + 0.3 * (pieces - 1)
+    parameters = len(arcs.chain.matrix)
+    scale = math.sqrt(1.0 + 3.0 * (parameters / (2.0 * math.pi)) ** 2)
     apart = smooth.profile.total_angle - arcs.profile.total_angle
-    expected = apart**2 / (1.0 + math.exp(0.5 * abs(difference) / scale))
-    assert undecided(difference, pieces)
-    assert model_choice_variance(smooth, arcs, difference) == pytest.approx(expected, rel=1e-14)
+    own = arcs.arcs.total_angle_se**2 - smooth.arcs.total_angle_se**2
+    square = apart**2 + (own if difference <= 0.0 else -own)
+    expected = max(square, 0.0) / (1.0 + math.exp(0.5 * abs(difference) / scale))
+    assert undecided(difference, parameters)
+    assert model_choice_variance(smooth, arcs, difference) == pytest.approx(expected, rel=1e-9)
 
 
 def test_a_clear_call_adds_no_variance(fits):

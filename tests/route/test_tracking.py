@@ -124,9 +124,9 @@ def _tracked_until_a_chain_takes_over(seed):
     rng, tracked = np.random.default_rng(seed), []
     while len(tracked) < 2 or tracked[-2].fit.chain is None:
         s = np.linspace(0.0, course.total_length, 60)
-        shape = clean(arc_positions(course)(s) + 1.75e-3 * rng.standard_normal((60, 3)))
+        shape = clean(arc_positions(course)(s) + 1e-3 * rng.standard_normal((60, 3)))
         last = tracked[-1] if tracked else None
-        tracked.append(follow(shape, 1.75e-3, last, "auto" if tracked else "spline"))
+        tracked.append(follow(shape, 1e-3, last, "auto" if tracked else "spline"))
         assert len(tracked) < 200
     return tracked
 

@@ -18,13 +18,14 @@ import numpy as np
 from tssgeom.arrays import Vector
 from tssgeom.errors import FitError
 from tssgeom.route.arcs.chain import Chain, Data, fit_fixed_pieces, parameter_count, value_count
-from tssgeom.route.arcs.moves import saved_by_slopes
 from tssgeom.route.arcs.summary import chain_pieces, chain_turns_unobserved, identifiable
 from tssgeom.route.model_choice import (
     added_variance,
     chain_deviance,
+    evidence_scale,
     log_evidence_difference,
     model_probabilities,
+    saved_by_variation,
     search_variance,
 )
 from tssgeom.route.pieces import Arcs
@@ -64,15 +65,15 @@ class ChainModel(NamedTuple):
 
 def chain_model(data: Data, chain: Chain, spline: Spline) -> ChainModel:
     """Angle, length and evidence of a fitted chain beside a spline of the same points."""
-    slopes = max(saved_by_slopes(data, chain), 0.0)
+    varying = saved_by_variation(data, chain, spline)
     angle, angle_variance, length, length_variance = _moments(chain_pieces(data, chain).arcs)
     return ChainModel(
         angle=angle,
         angle_variance=(1.0 + search_variance(data, chain)) * angle_variance,
         length=length,
         length_variance=length_variance,
-        difference=spline.deviance - chain_deviance(data, chain) - slopes,
-        priced=log_evidence_difference(data, chain, spline) - slopes,
+        difference=spline.deviance - chain_deviance(data, chain) - varying,
+        priced=log_evidence_difference(data, chain, spline) - varying,
         parameters=len(chain.matrix),
     )
 
@@ -163,8 +164,6 @@ def probabilities(models: Sequence[ChainModel]) -> Vector:
     if not len(models) or not np.isfinite(difference.max()) or not np.isfinite(priced.max()):
         return np.empty(0)
     least, most = sorted((float(priced.max()), float(difference.max())))
-    error = models[int(np.argmax(priced))].parameters
-    # a logistic density that is as wide as the error, joined with that of the odds themselves
-    scale = 2.0 * math.sqrt(1.0 + 3.0 * (error / (2.0 * math.pi)) ** 2)
+    scale = 2.0 * evidence_scale(models[int(np.argmax(priced))].parameters)
     of_chains = 0.5 * (1.0 + math.tanh(0.5 * min(max(0.0, least), most) / scale))
     return np.concatenate(([1.0 - of_chains], of_chains * model_probabilities(0.5 * difference)))

@@ -239,9 +239,9 @@ def _spline_tried(check: ModelCheck, data: Data, chain: Chain, begun: TrackedFit
     yield 0
     difference = penalised_log_evidence_difference(data, chain, spline)
     few = are_few(check.shape.points)
-    if difference > 0.0 and not few and not undecided(difference, len(chain.bend)):
+    if difference > 0.0 and not few and not undecided(difference, len(chain.matrix)):
         return partial(_not_taken_over, -difference, spline, _NO_VARIANCES)
-    smooth, arcs = spline_fit(spline), chain_fit(check.shape, data, chain) if few else begun.fit
+    smooth, arcs = spline_fit(spline), chain_fit(check.shape, data, chain)
     taken = difference < -EVIDENCE_SCALE.very_strong
     added = _variances(smooth, arcs, (data, chain), difference, few=few, spline_stays=taken)
     if taken:
@@ -284,12 +284,12 @@ def _not_taken_over(
 
 def _chain_tried(check: ModelCheck, begun: TrackedFit) -> Steps:
     """Let a chain take over from a spline, give it a few more moves, or drop it for the time being."""
-    smooth, spline = begun.fit, begun.fit.spline
+    spline = begun.fit.spline
     if spline is None:
         return _unchanged
     few = are_few(check.shape.points)
-    if few:  # without the variances that earlier checks added
-        smooth = with_few_points_variance(spline_fit(spline), check.shape)
+    # without the variances that earlier checks added
+    smooth = with_few_points_variance(spline_fit(spline), check.shape)
     data = chain_data(check.shape, check.noise, spline)
     if isinstance(begun.candidate, Chain):
         first = begun.candidate._replace(stations=np.array(spline.route.station))

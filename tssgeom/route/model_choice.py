@@ -12,10 +12,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tssgeom.arrays import Vector
+from tssgeom.arrays import Vector, rows_at
 from tssgeom.route.arcs.chain import Chain, Data, noise_variance, squared_distances, tangent_count
 from tssgeom.route.arcs.moves import saved_by_slopes
 from tssgeom.route.arcs.outliers import squared_tangent_residuals
+from tssgeom.route.route import across
 from tssgeom.route.route_fit import RouteFit
 from tssgeom.route.spline.fit import Spline
 
@@ -40,6 +41,9 @@ class ModelChoice:
     """Pieces from which on each must save more. Fitted, as above."""
     further_piece_price: float = 4.0
     """What each piece beyond these must save in addition [2 ln]. Fitted, as above."""
+    least_of_chain: float = 26.0
+    """Evidence below which no chain with joints is taken for the route, and `further_piece_price` for each of
+    them [2 ln]. Measured: what chains of two to six pieces gain on smooth routes; docs/model.md (225)."""
     values_per_parameter: float = 1.3
     """Fewest values for each parameter of a chain of a few pieces [1]. Chosen: fewer cannot show them."""
     whole_values_per_parameter: float = 2.5
@@ -51,9 +55,8 @@ class ModelChoice:
     hopeless: float = -40.0
     """Evidence difference of a first chain that further moves do not make up [2 ln]. Chosen."""
     close_call: float = 12.0
-    """Difference within which the other model still counts [2 ln]. Chosen: odds of 1 to 400."""
-    flattening: float = 0.3
-    """By which each joint stretches the scale of that difference [1]. Chosen."""
+    """Difference, over the error of the criterion, within which the other model still counts [2 ln]. Chosen:
+    odds of 1 to 400."""
 
 
 CHOICE = ModelChoice()
@@ -117,38 +120,68 @@ def selected(smooth: RouteFit, arcs: RouteFit, log_evidence_difference: float) -
     return likelier.with_model_choice_variance(model_choice_variance(smooth, arcs, log_evidence_difference))
 
 
-def undecided(log_evidence_difference: float, pieces: int) -> bool:
-    """Whether a difference [2 ln] is so small that both models count, for a chain of so many pieces."""
-    return abs(log_evidence_difference) <= CHOICE.close_call * _scale(pieces)
+def undecided(log_evidence_difference: float, parameters: int) -> bool:
+    """Whether a difference [2 ln] is so small that both models count, for a chain of so many parameters."""
+    return abs(log_evidence_difference) <= CHOICE.close_call * evidence_scale(parameters)
 
 
-def _scale(pieces: int) -> float:
-    return 1.0 + CHOICE.flattening * (pieces - 1)
+def evidence_scale(parameters: int) -> float:
+    """Return by how much the error of the criterion widens a difference of evidence [1]; (217).
+
+    The criterion leaves out the density of the prior, of the order of 1 for each parameter. A logistic
+    density that is as wide as this error is joined with that of the odds themselves.
+    """
+    return math.sqrt(1.0 + 3.0 * (parameters / (2.0 * math.pi)) ** 2)
 
 
 def model_choice_variance(smooth: RouteFit, arcs: RouteFit, log_evidence_difference: float) -> float:
-    """Return the variance of Φ from not knowing which of the two models is right [rad²]; (34)."""
-    pieces = len(arcs.arcs.length)
-    if not undecided(log_evidence_difference, pieces):
+    """Return the variance of Φ from not knowing which of the two models is right [rad²]; (226)."""
+    parameters = 0 if arcs.chain is None else len(arcs.chain.matrix)
+    if not undecided(log_evidence_difference, parameters):
         return 0.0
-    log_odds = 0.5 * log_evidence_difference / _scale(pieces)
-    angle = np.array([smooth.profile.total_angle, arcs.profile.total_angle])
+    log_odds = 0.5 * log_evidence_difference / evidence_scale(parameters)
+    angle = np.array([smooth.arcs.total_angle, arcs.arcs.total_angle])
+    own = np.array([smooth.arcs.total_angle_se, arcs.arcs.total_angle_se]) ** 2
+    one = 1 if log_odds > 0.0 else 0
     probability = model_probabilities(np.array([0.0, log_odds]))
-    return mixture_variance(probability, angle, 0.0, float(angle[1 if log_odds > 0.0 else 0]))
+    return added_variance(probability, angle, own, float(angle[one]), float(own[one]))
 
 
 def penalised_log_evidence_difference(data: Data, chain: Chain, spline: Spline) -> float:
-    """Evidence of the chain over the spline, its joints and missing slopes paid for [2 ln]; (34)."""
-    return log_evidence_difference(data, chain, spline) - max(saved_by_slopes(data, chain), 0.0)
+    """Evidence of the chain over the spline, its joints and variation in its pieces paid for [2 ln]; (34)."""
+    return log_evidence_difference(data, chain, spline) - saved_by_variation(data, chain, spline)
+
+
+def saved_by_variation(data: Data, chain: Chain, spline: Spline) -> float:
+    """Return what curvature that varies within the pieces saves beyond chance [noise variances]; (225).
+
+    It is what slopes in the pieces save, or what the spline does with its 2 f parameters across the route.
+    Where the noise is not known, it is estimated from what these leave of the values.
+    """
+    by_slopes = max(saved_by_slopes(data, chain), 0.0)
+    variance = spline.route.noise**2
+    kinked = data.shortest < 1.0  # a spline rounds what it does not follow
+    if kinked or data.tangents is not None or variance <= 0.0:
+        return by_slopes
+    if data.variance == 0.0:
+        left = _values(data) - 2.0 * spline.freedom
+        return max(by_slopes, left * math.log(max(noise_variance(data, chain) / variance, 1.0)))
+    off = across(spline.route.residual, rows_at(spline.route.station, spline.route.s, spline.route.tangent))
+    square = squared_distances(data, chain, across=True) - np.einsum("ij,ij->i", off, off)
+    by_chance = 2.0 * spline.freedom - _parameters(data, chain)
+    return max(by_slopes, float(data.weight @ square) / variance - by_chance)
 
 
 def log_evidence_difference(data: Data, chain: Chain, spline: Spline) -> float:
     """Evidence of the chain over the spline, after the additional price of its joints [2 ln]; (34)."""
     pieces = len(chain.bend)
     points = len(data.points)
-    bonus = CHOICE.chain_bonus * min(points / CHOICE.whole_bonus_from, 1.0)
+    whole = min(points / CHOICE.whole_bonus_from, 1.0)
+    bonus = CHOICE.chain_bonus * whole
     price = CHOICE.joint_price * (pieces - 1) * min(points / CHOICE.whole_price_from, 1.0)
     price += CHOICE.further_piece_price * max(pieces - CHOICE.many_pieces, 0)
+    if chain.curved.any():
+        price = max(price, bonus + whole * least_evidence(pieces))
     values = _values(data) / _parameters(data, chain)
     price += CHOICE.missing_value_price * max(CHOICE.whole_values_per_parameter - values, 0.0)
     if data.variance == 0.0:
@@ -156,6 +189,12 @@ def log_evidence_difference(data: Data, chain: Chain, spline: Spline) -> float:
         price += noise_price(math.sqrt(noise_variance(data, chain)) / length)
         price -= noise_price(spline.route.noise / float(spline.route.s[-1]))
     return spline.deviance - chain_deviance(data, chain) + bonus - price
+
+
+def least_evidence(pieces: int) -> float:
+    """Evidence that chains gain even on smooth routes, which no other price may undercut [2 ln]; (225)."""
+    joints = pieces - 1
+    return CHOICE.least_of_chain + CHOICE.further_piece_price * joints if joints else 0.0
 
 
 def search_variance(data: Data, chain: Chain) -> float:
