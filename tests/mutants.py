@@ -21,7 +21,7 @@ DIRECTIONS = "tests/route/test_directions.py -k 'refused or flipped'"
 TABLES = "tests/io/test_tables_of_points.py"
 CORE_ARCS = "tests/core/test_arcs.py"
 DRIVE = "tests/identify/test_parts.py -k"
-LEGS = "tests/identify/test_calibration.py -k 'monotone or flatter'"
+LEVELS = "tests/identify/test_turn_levels.py"
 
 
 @dataclass(frozen=True, slots=True)
@@ -261,10 +261,10 @@ MUTANTS = (
     ),
     Mutant("tssgeom/statistics.py", "_THROUGH = (3, 5, 7)", "_THROUGH = (3,)", DRIVE),
     Mutant(
-        "tssgeom/identify/turning.py",
-        "min(sides, key=lambda side: abs(side[1]))",
-        "max(sides, key=lambda side: abs(side[1]))",
-        LEGS,
+        "tssgeom/identify/turn_levels.py",
+        "coefficients[:, 1] * coefficients[:, 2] >= 0.0",
+        "coefficients[:, 1] * coefficients[:, 2] <= 0.0",
+        LEVELS,
     ),
     Mutant(
         "tssgeom/identify/drive.py",
