@@ -260,7 +260,7 @@ CAUSES: dict[str, Cause] = {
     "quadratic_bend": Cause("friction_over_curvature", _quadratic),
     "two_stretches": Cause("friction_over_arc_length", _stretches),
     "unequal": Cause("friction_over_direction", _unequal, "asymmetric_friction"),
-    "wear": Cause("friction_over_travel", _worn),
+    "wear": Cause("friction_over_travel", _worn, "friction_drift"),
     "running_in": Cause("friction_over_travel", _run_in),
     "warming": Cause("friction_over_time", _warming, rates=_SLOW),
     "power_strain": Cause("strain_over_tension", _power_strain),

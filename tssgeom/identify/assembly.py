@@ -159,7 +159,7 @@ def _ranked(work: Work, first: Step, k: int) -> Candidate:
         return ranked
     if work.judged.verdict == "unknown" and first.passes(one):
         return replace(ranked, why_not=f"it was refused: {work.judged.reason}.")
-    why = why_not(ranked, first.tried[0].delta_bic, first.needed(one), one.rise)
+    why = why_not(ranked, first.tried[0].evidence - one.evidence, first.needed(one), one.rise)
     return replace(ranked, why_not=why)
 
 

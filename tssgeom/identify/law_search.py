@@ -226,8 +226,8 @@ def _judged(
         return replace(
             one, veto=f"it leaves {100.0 * ratio:.0f} % of the disagreement of what was not fitted"
         )
-    rise = 0.0 if held is None else held.counted_rise(now.point, fit.point)
-    if gain - rise < least:
+    rise = 0.0 if held is None else held.rise(now.point, fit.point)
+    if gain - max(rise, 0.0) < least:
         return replace(one, veto="what was not fitted contradicts it")
     return one
 

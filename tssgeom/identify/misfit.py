@@ -77,18 +77,18 @@ class HeldOut:
             return math.inf
         return beyond_noise(_rms(self.problem, left, self.counted), self.noise)
 
-    def counted_rise(self, before: Point, after: Point) -> float:
-        """Return the rise of χ² that counts against a part on top of a model [1]; docs/model.md (119).
+    def rise(self, before: Point, after: Point) -> float:
+        """Return by how much a part on top of a model changes χ² [1]; docs/model.md (119).
 
-        0 where χ² falls, infinite where it rises so far that the part is contradicted: a right part that
-        moves the whitened readings by the length d changes χ² by -d² ± 2d. Whatever d is, a rise by more than
-        1.96² has a chance of 2.5 %.
+        Infinite where it rises so far that the part is contradicted: a right part that moves the whitened
+        readings by the length d changes χ² by -d² ± 2d. Whatever d is, a rise by more than 1.96² has a chance
+        of 2.5 %.
         """
         first, second = self._chi2(before), self._chi2(after)
         if math.isinf(first):
             return 0.0
         most = NORMAL_95**2 * max(1.0, first / self.problem.stack.size)
-        return math.inf if second - first > most else max(second - first, 0.0)
+        return math.inf if second - first > most else second - first
 
     def _chi2(self, at: Point) -> float:
         """Return the whitened squares that a model leaves, outliers by Huber's loss; infinite as `misfit`."""

@@ -66,7 +66,12 @@ class Tried:
     size: float
     """Largest change over its detection limit [1]."""
     rise: float = 0.0
-    """Of χ² of the held-out runs [1]; 0 where it falls, infinite where they contradict the candidate."""
+    """Of χ² of the held-out runs [1]; infinite where they contradict the candidate."""
+
+    @property
+    def evidence(self) -> float:
+        """ΔBIC, and by how much χ² of the held-out runs falls [1]."""
+        return self.delta_bic - self.rise
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +92,7 @@ class Step:
 
         What it adds to χ² of the held-out runs counts against it; (119).
         """
-        return one.delta_bic - one.rise > self.needed(one) and one.size > 1.0
+        return min(one.delta_bic, one.evidence) > self.needed(one) and one.size > 1.0
 
     def needed(self, one: Tried) -> float:
         """Return what ΔBIC has to pass, more where the candidate leaves more than the sensors explain."""
@@ -173,11 +178,10 @@ def separable_from() -> float:
 def close_candidates(now: Step) -> list[Tried]:
     """Return the runners-up that the readings do not separate from the best; docs/model.md (116)."""
     best = now.tried[0]
-    top = max(one.delta_bic for one in now.tried)
     return [
         one
         for one in now.tried
-        if one is not best and top - one.delta_bic < EVIDENCE_SCALE.strong and now.passes(one)
+        if one is not best and best.evidence - one.evidence < EVIDENCE_SCALE.strong and now.passes(one)
     ]
 
 
@@ -193,8 +197,9 @@ def reposed(first: Step, held: HeldOut | None) -> Step:
         _refitted(problem, before, one.test, refined(problem, one.fit.at), limits)
         for one in first.tried[: SEARCH.refitted]
     ]
-    few.sort(key=lambda one: -one.delta_bic)
-    few = _ordered(few, before, held)
+    if held is not None:
+        few = [replace(one, rise=_rise(before, one.fit, held)) for one in few]
+    few.sort(key=lambda one: -one.evidence)
     rest = tried[SEARCH.refitted :]
     return replace(first, problem=problem, errors=errors, before=before, tried=(*few, *rest))
 
@@ -210,15 +215,6 @@ def _posed_about(first: Step) -> tuple[Problem, Errors, tuple[Tried, ...]] | Non
     return None
 
 
-def _ordered(few: list[Tried], before: Fit, held: HeldOut | None) -> list[Tried]:
-    """Let held-out runs decide which of those comes first that the fitted runs do not separate."""
-    if held is None:
-        return few
-    few = [replace(one, rise=_rise(before, one.fit, held)) for one in few]
-    close = [one for one in few if few[0].delta_bic - one.delta_bic < EVIDENCE_SCALE.strong]
-    return sorted(close, key=lambda one: (math.isinf(one.rise), held.ratio(one.fit.at))) + few[len(close) :]
-
-
 def _hopeless(base: Fit, problem: Problem, fit: Fit) -> bool:
     """Whether two effects have left more than half of what was to be explained: no third will."""
     beyond = [one.chi2 / problem.stack.size - 1.0 for one in (base, fit)]
@@ -226,9 +222,9 @@ def _hopeless(base: Fit, problem: Problem, fit: Fit) -> bool:
 
 
 def _rise(before: Fit, after: Fit, held: HeldOut) -> float:
-    """Return what one more effect adds to χ² of the held-out runs [1]; infinite where they contradict it."""
+    """Return the rise of χ² of the held-out runs by one more effect [1]; infinite if they contradict it."""
     wider = before.at.effects and held.widens(before.at, after.at)
-    return math.inf if wider else held.counted_rise(before.at, after.at)
+    return math.inf if wider else held.rise(before.at, after.at)
 
 
 @dataclass(frozen=True, slots=True)

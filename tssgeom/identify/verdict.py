@@ -216,8 +216,20 @@ def number(estimate: Estimate) -> str:
     return f"{estimate.value / scale:.3g} ± {half / scale:.1g}{unit}"
 
 
-def why_not(one: Candidate, best: float, needed: float, rise: float) -> str:
-    """Return why a candidate was passed over; `rise` is what it adds to χ² of the held-out runs [1]."""
+def why_not(one: Candidate, less: float, needed: float, rise: float) -> str:
+    """Return why a candidate was passed over.
+
+    Parameters
+    ----------
+    one
+        The candidate.
+    less
+        By how much its evidence is below that of the best [1].
+    needed
+        What its ΔBIC has to exceed [1].
+    rise
+        Of χ² of the held-out runs [1].
+    """
     evidence = one.evidence
     if evidence.delta_bic < needed:
         return f"its ΔBIC of {evidence.delta_bic:.1f} is below the {needed:.1f} that clean campaigns reach."
@@ -225,4 +237,4 @@ def why_not(one: Candidate, best: float, needed: float, rise: float) -> str:
         return f"it changes no channel by more than {evidence.size_over_limit:.2g} of the detection limit."
     if evidence.delta_bic - rise < needed:
         return "the held-out runs contradict it."
-    return f"its ΔBIC is {best - evidence.delta_bic:.1f} below the best."
+    return f"its ΔBIC, held-out runs included, is {less:.1f} below the best."
