@@ -197,3 +197,34 @@ def test_intervals_hold_angle_and_length_where_errors_are_longer_than_the_resolu
             (white if source == "markers" else held).extend((angle, length))
     assert np.mean(held) >= 0.9  # 95 % of 64, less two standard deviations
     assert np.mean(white) <= 0.5
+
+
+def helix(turns: int, points: int) -> np.ndarray:
+    turned = np.linspace(0.0, 2.0 * np.pi * turns, points)
+    return np.column_stack([0.01 * np.cos(turned), 0.01 * np.sin(turned), 8e-4 * turned])
+
+
+def walk(points: int) -> np.ndarray:
+    return np.cumsum(2e-3 * np.random.default_rng(0).standard_normal((points, 3)), axis=0)
+
+
+@pytest.mark.parametrize(("points", "angle"), [(helix(200, 1000), 400.0 * np.pi), (walk(500), None)])
+def test_points_whose_residuals_are_no_noise_leave_open_how_far_the_route_turns(points, angle):
+    result = analyse(points)
+    assert any("as noise does not" in each for each in result.warnings)
+    turned = np.sum(np.arccos(np.clip(cosines(points), -1.0, 1.0))) if angle is None else angle
+    assert abs(result.arcs.total_angle - turned) < 2.0 * result.arcs.total_angle_se
+
+
+def cosines(points: np.ndarray) -> np.ndarray:
+    step = np.diff(points, axis=0)
+    unit = step / np.linalg.norm(step, axis=1)[:, None]
+    return np.sum(unit[1:] * unit[:-1], axis=1)
+
+
+def test_white_noise_beyond_the_chords_stays_noise():
+    turned, rng = np.linspace(0.0, np.pi, 200), np.random.default_rng(1)
+    arc = 0.1 * np.column_stack([np.cos(turned), np.sin(turned), 0.0 * turned])
+    for size in (1e-3, 3e-3, 1e-2):  # chords of 1.6 mm
+        result = analyse(arc + size * rng.standard_normal((200, 3)))
+        assert not any("as noise does not" in each for each in result.warnings)

@@ -41,6 +41,7 @@ class CurvatureProfile(Result):
         return float(self.phi_se[-1])
 
     def with_angle_variance(self, variance: float) -> CurvatureProfile:
-        """Add a variance of Φ [rad²], spread as the angle is."""
-        share = self.phi / max(self.total_angle, 1e-300)
+        """Add a variance of Φ [rad²], spread as the angle is, and as the length where there is none."""
+        spread = self.phi if self.total_angle > 0.0 else self.s
+        share = spread / max(float(spread[-1]), 1e-300)
         return replace(self, phi_se=read_only(np.sqrt(self.phi_se**2 + variance * share**2)))

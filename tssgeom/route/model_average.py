@@ -123,7 +123,7 @@ def averaged_over_models(fit: RouteFit, smooth: RouteFit, tried: Sequence[tuple[
         Chains that were fitted to the same points.
     """
     angle, length = added_by_models(fit, smooth, tried)
-    return replace(SharedErrors(angle, length).beside(fit), by_models=(angle, length))
+    return replace(SharedErrors(angle, length).of_models(fit), by_models=(angle, length))
 
 
 def added_by_models(

@@ -136,7 +136,7 @@ class TrackedFit:
 
     def beside(self, fit: RouteFit) -> RouteFit:
         """Return the fit of a later frame with these variances added."""
-        return SharedErrors(self.model_choice_variance, self.model_length_variance).beside(fit)
+        return SharedErrors(self.model_choice_variance, self.model_length_variance).of_models(fit)
 
     def with_check(self, check: ModelCheck | None) -> TrackedFit:
         """Begin a check, where there is one."""

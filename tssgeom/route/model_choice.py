@@ -110,8 +110,8 @@ def added_variance(probability: Vector, angle: Vector, own: Vector, about: float
     about, known
         Φ of the fit that stands for all [rad], and its own variance [rad²].
     """
-    # a variance above Φ² only shows that a fit is not linear in its errors
-    return max(mixture_variance(probability, angle, np.minimum(own, angle**2), about) - known, 0.0)
+    # a variance above Φ², or none, only shows that a fit is not linear in its errors
+    return max(mixture_variance(probability, angle, np.fmin(own, angle**2), about) - known, 0.0)
 
 
 def selected(smooth: RouteFit, arcs: RouteFit, log_evidence_difference: float) -> RouteFit:

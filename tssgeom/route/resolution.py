@@ -17,7 +17,7 @@ from tssgeom import core
 from tssgeom.arrays import Matrix, Points, Vector, read_only, rows_at
 from tssgeom.route.pieces import Arcs, spread_over
 from tssgeom.route.route import Route, carried
-from tssgeom.route.route_fit import Deferred, Nodes, RouteFit
+from tssgeom.route.route_fit import Deferred, Nodes, RouteFit, nodes_with_angle_variance
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +51,7 @@ class SharedErrors(NamedTuple):
     """Of the length [m²]."""
 
     def on(self, arcs: Arcs) -> Arcs:
-        """Add them to those of the pieces, in proportion to their angles and lengths."""
+        """Add them to those of the pieces in proportion to angles and lengths, of no angle to lengths."""
         if self == NO_ERRORS:
             return arcs
         k = len(arcs.length)
@@ -59,15 +59,20 @@ class SharedErrors(NamedTuple):
         if self.length > 0.0:
             covariance[:k, :k] += spread_over(arcs.length, self.length)
         if self.angle > 0.0:
-            covariance[k:, k:] += spread_over(arcs.angle, self.angle)
+            turned = arcs.angle if arcs.total_angle > 0.0 else arcs.length
+            covariance[k:, k:] += spread_over(turned, self.angle)
         return replace(arcs, covariance=read_only(covariance))
 
     def beside(self, fit: RouteFit) -> RouteFit:
         """Add them to those of a fit."""
         if self == NO_ERRORS:
             return fit
-        nodes = fit.with_model_choice_variance(self.angle).nodes
+        nodes = Deferred(partial(nodes_with_angle_variance, fit.nodes, self.angle))
         return replace(fit, arcs=self.on(fit.arcs), nodes=nodes)
+
+    def of_models(self, fit: RouteFit) -> RouteFit:
+        """Add what other models add to a fit; the angle that a straight route may have is that of (124)."""
+        return self._replace(angle=self.angle if fit.arcs.total_angle > 0.0 else 0.0).beside(fit)
 
 
 NO_ERRORS = SharedErrors(0.0, 0.0)

@@ -141,8 +141,8 @@ class RouteFit(Result):
         return replace(self, arcs=arcs, nodes=Deferred(partial(_with_scaled_angle, self.nodes, share)))
 
     def with_model_choice_variance(self, variance: float) -> RouteFit:
-        """Add a variance of Φ [rad²], spread over profile and pieces as the angle is."""
-        if variance == 0.0:
+        """Add a variance of Φ [rad²], spread over profile and pieces as the angle is; none where there is none."""
+        if variance == 0.0 or self.arcs.total_angle == 0.0:
             return self
         arcs = self.arcs
         k = len(arcs.length)
@@ -150,12 +150,13 @@ class RouteFit(Result):
         covariance[k:, k:] += spread_over(arcs.angle, variance)
         return replace(
             self,
-            nodes=Deferred(partial(_with_angle_variance, self.nodes, variance)),
+            nodes=Deferred(partial(nodes_with_angle_variance, self.nodes, variance)),
             arcs=replace(arcs, covariance=read_only(covariance)),
         )
 
 
-def _with_angle_variance(nodes: Deferred[Nodes], variance: float) -> Nodes:
+def nodes_with_angle_variance(nodes: Deferred[Nodes], variance: float) -> Nodes:
+    """Return nodes with a variance of Φ [rad²] beside their own."""
     route, profile = nodes.value
     return Nodes(route, profile.with_angle_variance(variance))
 
