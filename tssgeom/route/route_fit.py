@@ -141,7 +141,7 @@ class RouteFit(Result):
         return replace(self, arcs=arcs, nodes=Deferred(partial(_with_scaled_angle, self.nodes, share)))
 
     def with_model_choice_variance(self, variance: float) -> RouteFit:
-        """Add a variance of Φ [rad²], spread over profile and pieces as the angle is; none where there is none."""
+        """Add a variance of Φ [rad²], spread over profile and pieces as the angle is; not where none is."""
         if variance == 0.0 or self.arcs.total_angle == 0.0:
             return self
         arcs = self.arcs
