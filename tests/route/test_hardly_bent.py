@@ -118,3 +118,11 @@ def test_points_that_go_out_and_straight_back_stop_no_stream():
     frames = [Frame(np.column_stack([x, 0 * x, 0 * x]), 0.0), Frame(arc(1.0, 0.1, 20), 1.0)]
     _, sound = process(frames, Rig(), tension_in=10.0)
     assert sound.arcs.total_angle == pytest.approx(1.0, rel=1e-3)
+
+
+def test_a_straight_line_has_an_error_as_a_spline_too():
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        line = np.column_stack([np.linspace(0.0, 0.4, 200), np.zeros((200, 2))])
+        arcs = measure(clean(line + 5e-4 * rng.standard_normal((200, 3))), method="spline").arcs
+        assert 0.0 < arcs.total_angle_se < 0.1

@@ -310,9 +310,11 @@ status tss_curvature_profile(
             rest -= angles[j * stride + k];
         }
     }
-    rest = most(rest, 0.0) / squared(most(whole, 1e-300)); /* what is not of the posterior, spread as the angle is */
+    /* what is not of the posterior, spread as the angle is, and as the length where there is none */
+    const double *spread = whole > 0.0 ? pieces[1] : pieces[0];
+    rest = most(rest, 0.0) / squared(whole > 0.0 ? whole : s[n - 1] - s[0]);
     for (int64_t j = 0; j < count; j++)
-        for (int64_t k = 0; k < count; k++) angles[j * stride + k] += rest * pieces[1][j] * pieces[1][k];
+        for (int64_t k = 0; k < count; k++) angles[j * stride + k] += rest * spread[j] * spread[k];
     if (!known) {
         for (int64_t j = 0; j < count; j++)
             for (int64_t k = 0; k < count; k++)
