@@ -150,7 +150,7 @@ def fit_frame(
     if source != (None, None) and tracked.age % _ERRORS_EVERY == 0:
         errors = posterior_of_source(fit, *source)
     elif tracked.age == 0:
-        fit, errors = with_hidden_errors(fit, fit.noise * share)
+        fit, errors = with_hidden_errors(fit, shape.points, fit.noise * share)
     return shape, replace(
         tracked,
         fit=fit,

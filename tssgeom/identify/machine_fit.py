@@ -6,7 +6,7 @@ Source: docs/model.md (179)-(183).
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -32,12 +32,7 @@ def start_of(problem: Problem) -> Vector:
     short = Problem(runs, problem.rig, problem.parameters, rows, FIT.bars)
     weight = first_weights(short.measured())
     starts = list[tuple[float, Vector]]()
-    rest = _rest(problem)
-    for corner, at_rest in itertools.product(_STARTS if free else _STARTS[:1], {False, bool(rest)}):
-        u = np.zeros(len(problem.parameters))
-        u[free] = [corner[j % 3] for j in range(len(free))]
-        for j in rest if at_rest else ():
-            u[j] = rest[j]
+    for u in _corners(problem, free):
         channels = short.model(u)
         if channels is not None:
             starts.append((_objective(short.left(channels), weight, u), u))
@@ -49,18 +44,23 @@ def start_of(problem: Problem) -> Vector:
     return min(states, key=lambda state: state.objective).u
 
 
-def _rest(problem: Problem) -> dict[int, float]:
-    """Return the pretension of a tendon that is at rest when a run by its tension begins [s.d. of its prior].
+def _corners(problem: Problem, free: Sequence[int]) -> Iterator[Vector]:
+    """Yield corners of what is assumed, each also with the pretension of a tendon that is at rest at first.
 
-    With any higher one the first reading is a release, and the derivative by the pretension is 0.
+    With any higher one the first reading of a run by its tension is a release, and the derivative by the
+    pretension is 0.
     """
     first = [run.given["tension_in_N"][0] for run in problem.runs if "tension_in_N" in run.given]
-    at = max(float(np.median(first)), _LEAST_TENSION) if first else 0.0
-    return {
-        j: float(np.clip(each.prior.u(at), -FIT.farthest, FIT.farthest))
-        for j, each in enumerate(problem.parameters)
-        if first and each.key == "tendon.pretension_N"
-    }
+    pretension = [j for j, each in enumerate(problem.parameters) if each.key == "tendon.pretension_N"]
+    for corner in _STARTS if free else _STARTS[:1]:
+        u = np.zeros(len(problem.parameters))
+        u[free] = [corner[j % 3] for j in range(len(free))]
+        yield u
+        for j in pretension if first else ():
+            at_rest = problem.parameters[j].prior.u(max(float(np.median(first)), _LEAST_TENSION))
+            u = u.copy()
+            u[j] = np.clip(at_rest, -FIT.farthest, FIT.farthest)
+            yield u
 
 
 def fit_from(

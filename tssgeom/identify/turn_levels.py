@@ -15,22 +15,19 @@ from typing import NamedTuple
 import numpy as np
 
 from tssgeom.arrays import Matrix, Vector
+from tssgeom.identify.turn_shapes import SHAPE
 
 
 @dataclass(frozen=True, slots=True)
 class LevelSettings:
     """Which readings the level of a turn is estimated from."""
 
-    near: float = 40.0
-    """S.d. off the turn up to which a reading counts [1]; chosen, as for the shapes of `turn_shapes`."""
     of_leg: float = 0.5
     """The same over the leg [1]; derived: half a cosine bends the other way from its middle on."""
     least: int = 4
     """Readings of a side that count at least; derived: slope and end of a side, and two to check them."""
     most: int = 40
     """Readings of a side that count at most; chosen for speed."""
-    positions: int = 17
-    """Values of each number that is not linear, tried at a time [1]; chosen."""
     closer: float = 8.0
     """Times that the next values are closer together [1]; derived: the neighbours of the best one."""
     rounds: int = 4
@@ -122,7 +119,7 @@ def turn_level(time: Vector, drive: Vector, turn: int, between: tuple[int, int],
 
 def _reach(off: Vector, noise: float) -> int:
     """Return how many readings of a leg count; `off` is how far each lies from the turn, the turn first."""
-    inside = off < min(LEVEL.near * noise, LEVEL.of_leg * float(off.max()))
+    inside = off < min(SHAPE.round * noise, LEVEL.of_leg * float(off.max()))
     near = len(off) - 1 if inside.all() else int(np.argmin(inside)) - 1
     return min(max(near, LEVEL.least), LEVEL.most, len(off) // 2)
 
@@ -187,7 +184,7 @@ def _estimate(shape: _Shape, time: Vector, drive: Vector) -> _Estimate | None:
     middle, half = np.full(shape.ends, _MIDDLE), _HALF
     made = None
     for _ in range(LEVEL.rounds if shape.ends else 1):
-        tried = [np.clip(at + np.linspace(-half, half, LEVEL.positions), 0.0, 1.0) for at in middle]
+        tried = [np.clip(at + np.linspace(-half, half, SHAPE.positions), 0.0, 1.0) for at in middle]
         ends = np.array(list(product(*tried))) if shape.ends else np.zeros((1, 0))
         curves = shape.curves(time, ends)
         square = np.swapaxes(curves, 1, 2) @ curves
@@ -200,7 +197,7 @@ def _estimate(shape: _Shape, time: Vector, drive: Vector) -> _Estimate | None:
         if not np.isfinite(most):
             break
         share = np.exp(0.5 * (explained - most))
-        cells = shape.ends * math.log(2.0 * half / (LEVEL.positions - 1))
+        cells = shape.ends * math.log(2.0 * half / (SHAPE.positions - 1))
         parameters = curves.shape[2] + shape.ends
         left = float(drive @ drive) - most
         evidence = math.log(share.sum()) + cells - 0.5 * left - 0.5 * curves.shape[2] * math.log(len(time))

@@ -67,12 +67,14 @@ class SharedErrors(NamedTuple):
         """Add them to those of a fit."""
         if self == NO_ERRORS:
             return fit
-        nodes = Deferred(partial(nodes_with_angle_variance, fit.nodes, self.angle))
+        nodes = fit.nodes
+        if self.angle > 0.0:
+            nodes = Deferred(partial(nodes_with_angle_variance, nodes, self.angle))
         return replace(fit, arcs=self.on(fit.arcs), nodes=nodes)
 
     def of_models(self, fit: RouteFit) -> RouteFit:
         """Add what other models add to a fit; the angle that a straight route may have is that of (124)."""
-        return self._replace(angle=self.angle if fit.arcs.total_angle > 0.0 else 0.0).beside(fit)
+        return self._replace(angle=0.0).beside(fit.with_model_choice_variance(self.angle))
 
 
 NO_ERRORS = SharedErrors(0.0, 0.0)

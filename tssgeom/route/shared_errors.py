@@ -7,9 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tssgeom.arrays import Points
 from tssgeom.core.constants_route import POINTS
 from tssgeom.rig import Source
 from tssgeom.route.bounds import LIMITS as BOUNDS
+from tssgeom.route.bounds import polygon
 from tssgeom.route.error_posterior import NO_POSTERIOR, ErrorPosterior, error_posterior
 from tssgeom.route.model_choice import NOISE_PRIOR
 from tssgeom.route.resolution import (
@@ -104,39 +106,37 @@ def _in_short_bends(fit: RouteFit) -> float:
     return max(fit.arcs.total_angle - float(angle_over_resolution(fit, np.array([at]))[0]), 0.0)
 
 
-def _unlike_noise(fit: RouteFit) -> tuple[RouteFit, ErrorPosterior] | None:
+def _unlike_noise(fit: RouteFit, points: Points) -> tuple[RouteFit, ErrorPosterior] | None:
     """Return the fit with a warning, and what its residuals may hide; None where they resemble noise; (227).
 
     Residuals so large that the polygon through the points bounds nothing are noise only if neighbours differ.
     """
-    route, used = fit.route, fit.weight > 0.0
-    foot = np.column_stack([np.interp(route.station, route.s, each) for each in route.position.T])
-    step = np.diff((foot + route.residual)[used], axis=0)
-    size = np.linalg.norm(step, axis=1)
-    if len(step) < POINTS.few or fit.noise * len(step) < BOUNDS.small_noise * float(size.sum()):
+    through = polygon(points, fit.weight)
+    chords = float(through.chord.sum())
+    few = len(through.chord) < POINTS.few
+    if few or fit.noise * len(through.chord) < BOUNDS.small_noise * chords:
         return None
-    off = route.residual[used] - route.residual[used].mean(axis=0)
+    off = fit.route.residual[fit.weight > 0.0]
+    off = off - off.mean(axis=0)
     alike = [float(np.sum(off[lag:] * off[:-lag])) for lag in range(1, _LAGS + 1)]
     if max(np.abs(alike)) < _ALIKE * float(np.sum(off**2)):
         return None
-    unit = step[size > 0.0] / size[size > 0.0, None]
-    turn = float(np.sum(np.arccos(np.clip(np.sum(unit[1:] * unit[:-1], axis=1), -1.0, 1.0))))
-    hidden = max(turn - fit.arcs.total_angle, 0.0)
+    hidden = max(float(through.turn.sum()) - fit.arcs.total_angle, 0.0)
     warned = fit.warned(
         f"the points leave the route by {1e3 * fit.noise:.3g} mm, and neighbours alike, as noise does not: "
         f"± Φ holds the {math.degrees(hidden):.3g}° by which their polygon turns more; check their order, "
         "and give more points to each bend"
     )
-    return warned, ErrorPosterior(1.0, hidden, max(float(size.sum()) - fit.arcs.total_length, 0.0))
+    return warned, ErrorPosterior(1.0, hidden, max(chords - fit.arcs.total_length, 0.0))
 
 
-def with_hidden_errors(fit: RouteFit, sensed_noise: float) -> tuple[RouteFit, ErrorPosterior]:
-    """Return what errors may mean for a smooth route of which no source is stated, and a warning of them.
+def with_hidden_errors(fit: RouteFit, points: Points, sensed_noise: float) -> tuple[RouteFit, ErrorPosterior]:
+    """Return what errors may mean for a route through points [n, 3] of no stated source, and a warning.
 
     There are none where the points are few, where their noise is that of a sensor and short bends are few,
     and where the estimator counts errors that neighbours share itself.
     """
-    if (unlike := _unlike_noise(fit)) is not None:
+    if (unlike := _unlike_noise(fit, points)) is not None:
         return unlike
     smooth = fit.chain is None and fit.spline is not None and fit.spline.shared_angle_error == 0.0
     length, angle = fit.arcs.total_length, fit.arcs.total_angle

@@ -217,6 +217,13 @@ def outside(miss: float, error: float, tolerance: float) -> float:
     return 0.5 * (math.erfc((tolerance - miss) / root) + math.erfc((tolerance + miss) / root))
 
 
+def is_near(miss: float, error: float, tolerance: float | None) -> bool:
+    """Whether the distal end is as near to its target as its error or a tolerance asks for [m]; (215)."""
+    if abs(miss) <= error:
+        return True
+    return tolerance is not None and outside(miss, error, tolerance) <= MOST_OUTSIDE
+
+
 def bound(error: float) -> float:
     """Return the half width of the 95 % interval of a standard error."""
     return NORMAL_95 * error

@@ -13,10 +13,10 @@ from tssgeom.errors import SettingsError
 from tssgeom.rig import Rig
 from tssgeom.tendon.command import Command, compensate
 from tssgeom.tendon.command_error import (
-    MOST_OUTSIDE,
     DistalErrors,
     Step,
     Variant,
+    is_near,
     outside,
     route_errors,
     spread,
@@ -233,10 +233,7 @@ class Commander:
             error = errors.tension_out_by_tension if by_tension else errors.tension_out
             return abs(ends.tension_out - target.tension_out) <= error
         miss = self._miss(target, ends.displacement_out, ends.tension_out)
-        error = _of(errors, measured)
-        if abs(miss) <= error:
-            return True
-        return self.tolerance is not None and outside(miss, error, self.tolerance) <= MOST_OUTSIDE
+        return is_near(miss, _of(errors, measured), self.tolerance)
 
 
 def _of(errors: DistalErrors, measured: Measured) -> float:

@@ -16,7 +16,7 @@ from tssgeom.mechanism import per_motor_angle
 from tssgeom.rig import Rig, with_values
 from tssgeom.route.pieces import Arcs
 from tssgeom.route.resolution import NO_ERRORS, SharedErrors
-from tssgeom.tendon.command_error import MOST_OUTSIDE, outside
+from tssgeom.tendon.command_error import is_near, outside
 from tssgeom.tendon.machine_command import MayWait
 from tssgeom.tendon.machine_simulation import as_read, drive_channels
 from tssgeom.tendon.machine_stream import (
@@ -116,17 +116,15 @@ class MachineCommander:
         if target is None:
             moment = at.moved(state, rig, readings)
             return moment, replace(self, variants=tuple(each.after(measured, at) for each in self.variants))
-        driven = brings_drive(measured, rig)
+        driven, arm = brings_drive(measured, rig), rig.end.radius_m
         before = tuple(each.from_state(state) for each in self.variants)
         if driven:
             before = tuple(each.after(measured, at) for each in before)
 
-        def error_at(motor_read: float) -> float:
-            return _spread([each.to_angle(motor_read, measured, at) for each in before])
-
         def may_wait(miss: float, motor: float) -> bool:
-            error = error_at(as_read(motor, "motor_angle_rad", rig))
-            return miss <= error or self._risk(miss, error, rig) <= MOST_OUTSIDE
+            read = as_read(motor, "motor_angle_rad", rig)
+            error = _spread([each.to_angle(read, measured, at) for each in before])
+            return is_near(arm * miss, arm * error, self.tolerance)
 
         moment = at.moved(state, rig, readings, may_wait if self.waits else None)
         command = moment.command
@@ -134,15 +132,10 @@ class MachineCommander:
             return moment, self
         trials = tuple(each.to_angle(command.motor_angle, measured, at) for each in before)
         error = _spread(trials)
-        risk = None if self.tolerance is None else self._risk(command.joint_angle - target, error, rig)
+        miss = command.joint_angle - target
+        risk = None if self.tolerance is None else outside(arm * miss, arm * error, self.tolerance)
         command = command._replace(joint_angle_se=error, out_of_tolerance=risk)
         return moment._replace(command=command), replace(self, variants=before if driven else trials)
-
-    def _risk(self, miss: float, error: float, rig: Rig) -> float:
-        """Return the probability that a joint misses its target by more than the tolerance; angles [rad]."""
-        if self.tolerance is None:
-            return 1.0
-        return outside(miss * rig.end.radius_m, error * rig.end.radius_m, self.tolerance)
 
 
 def _spread(variants: Sequence[MachineVariant]) -> float:
