@@ -10,9 +10,9 @@ from typing import Any
 from pipelines.inputs import RunSettings
 from pipelines.terminal import print_table
 from tssgeom.effects import named
+from tssgeom.errors import listed
 
 RADIANS, WARNINGS = "Φ ± s.e.\n[rad]", "warnings"
-_MOST_NAMED = 5  # shapes in a note; chosen
 CLEARANCE = "clearance\n[mm]"
 REJECTED = "rejected"
 COLUMNS = (
@@ -43,8 +43,9 @@ def print_summary(
     has_clearance = any(row.get("clearance_m") is not None for row in rows)
     notes = [f"{row['name']}: {warning}" for row in rows for warning in row["warnings"]]
     if assumed and not settings.tension_in_given:
-        named = ", ".join(assumed[:_MOST_NAMED]) + (", …" if len(assumed) > _MOST_NAMED else "")
-        notes.append(f"T_in = {settings.tension_in:g} N is assumed (--tension-in): no drive in {named}")
+        notes.append(
+            f"T_in = {settings.tension_in:g} N is assumed (--tension-in): no drive in {listed(assumed)}"
+        )
     columns = (*COLUMNS[:-1], CLEARANCE, WARNINGS) if has_clearance else COLUMNS
     optional = {RADIANS, WARNINGS}
     cells = [_cells(row) for row in rows]

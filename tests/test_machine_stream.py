@@ -274,3 +274,20 @@ def test_readings_that_no_rig_has_are_named():
     assert any("bending_x_rad is not used" in each for each in result.warnings)
     rejected = pair.push(Frame(POINTS, 1.0, displacement_target=0.001))
     assert "joint_angle_target_rad" in rejected.reason
+
+
+def test_under_an_angle_gain_of_the_rig_the_elongation_has_the_error_of_the_sensed_route():
+    noisy = POINTS + np.random.default_rng(3).normal(0.0, 2e-4, POINTS.shape)
+    errors = []
+    for gain in (1.0, 1.1):
+        hardware = changed(PLAYS, route=GivenRoute(angle_gain=gain))
+        last = carried(hardware, {"motor_angle_rad": ANGLE[:20]}, points=noisy, time=TIME[:20])[-1]
+        errors.append(last.transmission.elongation_se)
+    assert 0.9 * errors[0] < errors[1] < 1.1 * errors[0]
+
+
+def test_a_length_and_an_angle_of_the_rig_have_no_error():
+    hardware = changed(PLAYS, route=GivenRoute(length_m=0.3, angle_rad=3.0))
+    noisy = POINTS + np.random.default_rng(3).normal(0.0, 2e-4, POINTS.shape)
+    last = carried(hardware, {"motor_angle_rad": ANGLE[:5]}, points=noisy, time=TIME[:5])[-1]
+    assert last.transmission.elongation_se == 0.0

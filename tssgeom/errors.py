@@ -3,6 +3,7 @@
 import errno
 import os
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
@@ -21,6 +22,11 @@ _WRITTEN_OUT |= {code: f"\\u{code:04x}" for code in range(0xD800, 0xE000) if cod
 def printable(text: str) -> str:
     """Return a text whose control characters, and bytes that are not UTF-8, are written as hexadecimal."""
     return text.translate(_WRITTEN_OUT)
+
+
+def listed(names: Sequence[str], most: int = 5) -> str:
+    """Return names for a message, the first few of many; chosen."""
+    return ", ".join(names[:most]) + ", …" * (len(names) > most)
 
 
 def shortened(text: str) -> str:

@@ -119,7 +119,8 @@ def _print(paths: Sequence[Path], out: Path | None, fitted: MachineCalibration) 
     from tssgeom.identify.machine_run import unit_of
 
     rows = []
-    for each in (*fitted.estimates, fitted.friction_angle):
+    hidden = [each for each in fitted.estimates if not (each.key or each.identified)]
+    for each in (*(each for each in fitted.estimates if each not in hidden), fitted.friction_angle):
         assumed = f"{each.assumed[0]:.4g} to {each.assumed[1]:.4g}"
         held = (
             [f"{each.value:.5g}", f"{each.low:.5g} to {each.high:.5g}"]
@@ -127,7 +128,8 @@ def _print(paths: Sequence[Path], out: Path | None, fitted: MachineCalibration) 
             else ["not identified", ""]
         )
         rows.append([estimate_title(each), *held, each.unit, assumed])
-    notes = [
+    notes = [f"{len(hidden)} numbers of single runs are not identified: see --json"] if hidden else []
+    notes += [
         *fitted.tied,
         *(
             f"{each.name}: {each.count} readings met within {each.rms:.3g} {unit_of(f'_{each.unit}')} rms, "

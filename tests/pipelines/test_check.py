@@ -168,6 +168,16 @@ def test_a_measured_run_is_reported(run, tmp_path):
     assert "'tension_in_kPa' may be a drive, and there is no other: give --map" in error
 
 
+def test_a_column_of_an_unknown_name_is_listed_with_the_option_that_maps_it(run, tmp_path):
+    table = tmp_path / "bent.csv"
+    rows = "".join(f"{0.1 * k:.1f},{k % 7},{2 * k}\n" for k in range(30))
+    table.write_text("Time [s],Motor [deg],Torque [mNm]\n" + rows)
+    assert "not read: 'Torque [mNm]'; --map states what a column is" in run("check", table).out
+    mapped = run("check", table, "--map", "Torque [mNm]=motor_torque").out
+    assert "not read" not in mapped
+    assert "motor_torque_Nm" in mapped
+
+
 def test_a_frame_that_pushes_is_wrong(run, recording):
     recording.write_text(recording.read_text().replace('"tension_in_N": 12.0', '"tension_in_N": -12.0'))
     (output,) = json.loads(run("check", recording, "--json").out)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -36,6 +36,17 @@ class Arcs(Result):
     def with_errors(self, factor: float) -> Arcs:
         """Return the pieces with all of their standard errors times a factor."""
         return Arcs(self.length, self.angle, factor**2 * self.covariance, self.method)
+
+    def scaled(self, length: float = 1.0, angle: float = 1.0) -> Arcs:
+        """Return the pieces with all lengths and all angles times a factor each, as their errors are."""
+        factor = np.repeat((length, angle), len(self.length))
+        covariance = read_only(self.covariance * np.outer(factor, factor))
+        return replace(
+            self,
+            length=read_only(length * self.length),
+            angle=read_only(angle * self.angle),
+            covariance=covariance,
+        )
 
     @property
     def kappa(self) -> Vector:

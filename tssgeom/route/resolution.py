@@ -101,7 +101,7 @@ def at_resolution(fit: RouteFit, resolution: float) -> tuple[RouteFit, float]:
     joints = np.append(arcs.s_start, arcs.total_length)
     within = np.maximum(np.diff(np.interp(joints, waves.edge, angle)), 0.0)
     share = float(angle[-1]) / max(arcs.total_angle, 1e-12)
-    smoother = replace(_with_scaled_angles(arcs, share), angle=read_only(within))
+    smoother = replace(arcs.scaled(angle=share), angle=read_only(within))
     nodes = Deferred(partial(_nodes_at, fit.nodes, waves.edge, angle, share))
     return replace(fit, arcs=smoother, nodes=nodes, resolution=resolution), float(slope)
 
@@ -111,15 +111,7 @@ def without_errors(fit: RouteFit, share: float) -> RouteFit:
     if share == 1.0:
         return fit
     nodes = Deferred(partial(_with_scaled_profile, fit.nodes, share))
-    return replace(fit, arcs=_with_scaled_angles(fit.arcs, share), nodes=nodes)
-
-
-def _with_scaled_angles(arcs: Arcs, share: float) -> Arcs:
-    k = len(arcs.length)
-    covariance = np.array(arcs.covariance)
-    covariance[k:] *= share
-    covariance[:, k:] *= share
-    return replace(arcs, angle=read_only(share * arcs.angle), covariance=read_only(covariance))
+    return replace(fit, arcs=fit.arcs.scaled(angle=share), nodes=nodes)
 
 
 def _with_scaled_profile(nodes: Deferred[Nodes], share: float) -> Nodes:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from tssgeom import core
-from tssgeom.arrays import Matrix, Vector
+from tssgeom.arrays import Matrix, Vector, read_only
 from tssgeom.core.constants_tendon_rows import LAW, PLANT
 from tssgeom.errors import SettingsError
 from tssgeom.mechanism import Coordinates, coordinates
@@ -172,19 +172,15 @@ def play(values: Vector, width: float, engaged: float | None = None) -> Vector:
 
 
 def routed(arcs: Arcs, rig: Rig) -> Arcs:
-    """Return a route with the length and angle of the rig file."""
+    """Return a route with the length and angle of the rig file, which have no error there."""
     given = rig.route
-    length, angle = arcs.length, arcs.angle * given.angle_gain
-    if given.length_m is not None:
-        length = length * (given.length_m / arcs.total_length)
-    if given.angle_rad is not None:
-        scale = given.angle_rad * given.angle_gain
-        angle = (
-            arcs.angle * (scale / arcs.total_angle)
-            if arcs.total_angle > 0.0
-            else scale * arcs.length / arcs.total_length
-        )
-    return Arcs.exact(length, angle)
+    if given.angle_rad is not None and arcs.total_angle == 0.0:
+        arcs = replace(arcs, angle=read_only(arcs.length / arcs.total_length))
+    length = 1.0 if given.length_m is None else given.length_m / arcs.total_length
+    angle = 1.0 if given.angle_rad is None else given.angle_rad / arcs.total_angle
+    arcs = arcs.scaled(length, angle * given.angle_gain)
+    sensed = np.repeat((given.length_m is None, given.angle_rad is None), len(arcs.length))
+    return replace(arcs, covariance=read_only(arcs.covariance * np.outer(sensed, sensed)))
 
 
 def on_routes(machine: Machine, state: MachineState, routes: Sequence[Arcs]) -> tuple[Machine, MachineState]:

@@ -15,7 +15,7 @@ import numpy as np
 from tssgeom.arrays import Vector
 from tssgeom.errors import SettingsError
 from tssgeom.mechanism import numbered, tendon_count
-from tssgeom.rig import GivenRoute, Rig
+from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.route.resolution import NO_ERRORS, SharedErrors
 from tssgeom.tendon import transmission
@@ -279,8 +279,7 @@ def _first_tendon(
         direction_index=way,
         length=route.total_length,
     )
-    exact = shared.on(route) if rig.route == GivenRoute() else machine.routes[0]
-    ends = transmission.of_bars(along, exact, rig)
+    ends = transmission.of_bars(along, routed(shared.on(route), rig), rig)
     return TendonState(along, route, history.time, ends.tension_out_se), ends
 
 

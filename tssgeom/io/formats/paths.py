@@ -14,7 +14,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import NamedTuple
 
-from tssgeom.errors import SettingsError, ShapeError, SourceError, printable, require_file, unreadable
+from tssgeom.errors import SettingsError, ShapeError, SourceError, listed, printable, require_file, unreadable
 
 MARKUPS = ".mrk.json"
 PACKED = ".gz"
@@ -30,7 +30,6 @@ SETTINGS_BYTES = 4 << 20
 _LONGEST_NAME = 150
 """Bytes of the stem of a name of outputs; chosen: with endings and draft marks a name stays below 255."""
 _LINES = {9: "_x09", 10: "_x0a"}
-_MOST_NAMED = 5  # names of routes in a message
 _NOT_IN_NAMES = re.compile(r"[^\w.-]+")
 
 
@@ -218,9 +217,10 @@ def selected(path: Path, names: Sequence[str]) -> int:
     file, part = split(path)
     if part is None and len(names) == 1:
         return 0
-    listed = ", ".join(names[:_MOST_NAMED]) + (", ..." if len(names) > _MOST_NAMED else "")
     if part is None:
-        raise ShapeError(f"{file}: it holds {len(names)} routes ({listed}): name one, as {file}#{names[0]}")
+        raise ShapeError(
+            f"{file}: it holds {len(names)} routes ({listed(names)}): name one, as {file}#{names[0]}"
+        )
     number = int(part) - 1 if part.isdecimal() and len(part) <= _MOST_DIGITS else -1
     fits = 0 <= number < len(names)
     if fits and names[number] == part:
@@ -229,4 +229,4 @@ def selected(path: Path, names: Sequence[str]) -> int:
         return names.index(part)
     if fits:
         return number
-    raise ShapeError(f"{file}: no route {part!r} in it: it holds {listed}")
+    raise ShapeError(f"{file}: no route {part!r} in it: it holds {listed(names)}")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tssgeom.arrays import Vector, read_only
-from tssgeom.errors import SettingsError, SourceError, TssgeomError, first_line
+from tssgeom.errors import SettingsError, SourceError, TssgeomError, first_line, listed
 from tssgeom.io.formats.columns import AXES, BENDS, CHANNELS, MACHINE_CHANNELS, MEASURED, TIME
 from tssgeom.io.formats.laboratory.files import ENDINGS
 from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap
@@ -135,9 +135,16 @@ def read_run(path: str | Path, columns: ColumnMap = NO_MAP) -> MeasuredRun:
     targets = [name for name in (*read.values, *read.unread) if name in MEASURED and name not in _CHANNELS]
     unused = tuple(f"column {name!r} is not read: a run has no such channel" for name in targets)
     channels, time = _channels(path, values), _times(path, values[TIME])
-    return MeasuredRun(
-        stem(path), path, time, **channels, warnings=(*read.warnings, *unused), notes=(*read.notes, *doubled)
-    )
+    warnings = (*read.warnings, *unused)
+    notes = (*read.notes, *doubled, *_unknown(read.unread, warnings))
+    return MeasuredRun(stem(path), path, time, **channels, warnings=warnings, notes=notes)
+
+
+def _unknown(unread: Sequence[str], warnings: Sequence[str]) -> Iterator[str]:
+    """Say which columns are none that a reader knows, but for those that warnings name."""
+    unknown = [repr(name) for name in unread if not any(repr(name) in each for each in warnings)]
+    if unknown:
+        yield f"not read: {listed(unknown)}; --map states what a column is"
 
 
 def run_of_columns(columns: Mapping[str, Any], name: str = "run") -> MeasuredRun:
