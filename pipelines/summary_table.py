@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import PurePath
 from typing import Any
 
-from pipelines.inputs import RunSettings
+from pipelines.inputs import MOST_REPORTED, RunSettings
 from pipelines.terminal import print_table
 from tssgeom.effects import named
 from tssgeom.errors import listed
@@ -34,7 +34,7 @@ def print_summary(
 ) -> None:
     """Print summary rows as a table, with the settings above and the warnings below.
 
-    Rejected inputs, each a source and a reason, follow in the same table.
+    The first of the rejected inputs, each a source and a reason, are named below too.
 
     A recording is reported by the range over its frames. The standard errors are those of one frame, at the
     last of the highest peaks of T_in.
@@ -51,13 +51,15 @@ def print_summary(
     cells = [_cells(row) for row in rows]
     if has_clearance:
         cells = [(*some, _clearance(row), last) for row, (*some, last) in zip(rows, cells, strict=True)]
-    if rejected:
+    if any(row["rejected"] for row in rows):
         columns = (*columns, REJECTED)
         cells = [(*some, _frames_rejected(row)) for row, some in zip(rows, cells, strict=True)]
-        empty = [""] * (len(columns) - 2)
-        named = [(PurePath(source).name or source, reason) for source, reason in rejected]
-        cells += [(name, *empty, reason.partition(f"{name}: ")[2] or reason) for name, reason in named]
-    print_table(_title(settings), columns, cells, notes=notes, optional=optional, words=(REJECTED,))
+    for source, reason in rejected[:MOST_REPORTED]:
+        name = PurePath(source).name or source
+        notes.append(f"rejected: {name}: {reason.partition(f'{name}: ')[2] or reason}")
+    if len(rejected) > MOST_REPORTED:
+        notes.append(f"rejected: {len(rejected) - MOST_REPORTED} more, each with its reason in run.json")
+    print_table(_title(settings), columns, cells, notes=notes, optional=optional)
 
 
 def _frames_rejected(row: dict[str, Any]) -> str:

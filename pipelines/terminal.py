@@ -110,21 +110,19 @@ def print_table(
     *,
     notes: Sequence[str] = (),
     optional: Collection[str] = (),
-    words: Collection[str] = (),
 ) -> None:
     """Print a table on stdout, then its notes, a line each.
 
-    Where the terminal is too narrow for the whole table, the `optional` columns are left out. Columns of
-    `words` are flush left and take the room that is left.
+    Where the terminal is too narrow for the whole table, the `optional` columns are left out.
     """
     from rich.console import Console
 
     console = Console(highlight=False, width=None if sys.stdout.isatty() else _PIPE_WIDTH)
-    table = _table(columns, rows, words)
+    table = _table(columns, rows)
     unbounded = console.options.update(width=_UNBOUNDED_WIDTH)
     if console.measure(table, options=unbounded).maximum > console.width:
         kept = [k for k, column in enumerate(columns) if column not in optional]
-        table = _table([columns[k] for k in kept], [[row[k] for k in kept] for row in rows], words)
+        table = _table([columns[k] for k in kept], [[row[k] for k in kept] for row in rows])
     with whose_reader_may_leave():
         console.print(printable(title), markup=False, style="bold")
         console.print(table)
@@ -132,16 +130,14 @@ def print_table(
             console.print(printable(note), markup=False, soft_wrap=True)
 
 
-def _table(columns: Sequence[str], rows: Sequence[Sequence[str]], words: Collection[str]) -> Table:
+def _table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
     from rich.box import SIMPLE_HEAD
     from rich.markup import escape
     from rich.table import Table
 
     table = Table(box=SIMPLE_HEAD, pad_edge=False, collapse_padding=True)
     for number, column in enumerate(columns):
-        table.add_column(
-            escape(column), justify="left" if number == 0 or column in words else "right", overflow="fold"
-        )
+        table.add_column(escape(column), justify="left" if number == 0 else "right", overflow="fold")
     for row in rows:
         table.add_row(*(escape(printable(cell)) for cell in row))
     return table

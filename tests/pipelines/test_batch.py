@@ -76,9 +76,10 @@ def test_every_result_is_written_and_what_is_bad_is_rejected(run, inputs, tmp_pa
     assert all(word in report for word in ("half", "pull", "bad.csv"))
 
 
-def test_the_table_has_rejected_inputs_with_their_reasons(run, inputs, tmp_path):
-    output = " ".join(run("batch", inputs, "--out", tmp_path / "out", "--no-pictures").out.split())
-    assert re.search(r" half 30 \S+ .* bad\.csv 3 distinct points: a route needs at least 4", output)
+def test_rejected_inputs_are_named_below_the_table_with_their_reasons(run, inputs, tmp_path):
+    output = run("batch", inputs, "--out", tmp_path / "out", "--no-pictures").out
+    assert re.search(r"^ half +30 ", output, re.MULTILINE)
+    assert "\nrejected: bad.csv: 3 distinct points: a route needs at least 4" in output
 
 
 def test_without_pictures_no_message_speaks_of_them(run, inputs, tmp_path):
