@@ -170,7 +170,7 @@ def _held_out_words(before: float, after: float) -> str:
         return ""
     if max(before, after) <= UNINFORMATIVE:
         return "; the held-out runs have no misfit, with it or without"
-    change = f"from {before:.2g} to {after:.2g} times the noise"
+    change = f"from {before:.3g} to {after:.2g} times the noise"
     if after < MISFIT.same * before:
         closed = math.floor(100.0 * (1.0 - after / before))
         return f"; it closes {closed} % of the disagreement on runs that were not fitted ({change})"
@@ -179,13 +179,13 @@ def _held_out_words(before: float, after: float) -> str:
 
 
 def plain(name: str) -> str:
-    """Write a name of the library or of a phase as words."""
-    return name.replace("_", " ")
+    """Write a name of the library or of a phase as words; a key of the rig file, with a point, stays."""
+    return name if "." in name else name.replace("_", " ")
 
 
 def parameter(key: str) -> str:
     """Write the name of a parameter without the unit at its end."""
-    return plain(_UNIT_AT_END.sub("", key))
+    return plain(key if "." in key else _UNIT_AT_END.sub("", key))
 
 
 def _effect(one: Candidate) -> str:
