@@ -32,7 +32,7 @@ from panel import (
 )
 from PIL import Image
 
-from tssgeom.identify.machine_run import unit_of
+from tssgeom.identify.machine_parameters import unit_of
 from tssgeom.io.formats.columns import CHANNELS, MACHINE_CHANNELS
 from tssgeom.rig import Rig, Sensor
 from tssgeom.uncertain import UNKNOWNS

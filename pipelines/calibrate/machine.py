@@ -116,7 +116,7 @@ def _sentence(each: MachineEstimate) -> str:
 
 
 def _print(paths: Sequence[Path], out: Path | None, fitted: MachineCalibration) -> None:
-    from tssgeom.identify.machine_run import unit_of
+    from tssgeom.identify.machine_parameters import unit_of
 
     rows = []
     hidden = [each for each in fitted.estimates if not (each.key or each.identified)]

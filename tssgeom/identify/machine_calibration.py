@@ -15,9 +15,10 @@ from tssgeom.identify.machine_estimates import MachineCalibration, calibration_o
 from tssgeom.identify.machine_evidence import modelled
 from tssgeom.identify.machine_fit import fit_from, fitted_again, start_of
 from tssgeom.identify.machine_held_out import cycles_held_out, runs_held_out
+from tssgeom.identify.machine_parameters import parameters_of
 from tssgeom.identify.machine_parts import DRIVE_LAG, drive_lag
 from tssgeom.identify.machine_problem import FIT, FitState, Problem, fitted_rows
-from tssgeom.identify.machine_run import MachineRun, parameters_of, predicted, thinned, with_drive_known
+from tssgeom.identify.machine_run import MachineRun, predicted, thinned, with_drive_known
 from tssgeom.identify.machine_selection import part_step
 from tssgeom.rig import Rig
 from tssgeom.uncertain import Uncertain

@@ -23,9 +23,10 @@ from tssgeom.identify.machine_evidence import (
 )
 from tssgeom.identify.machine_finding import MachineCampaign, MachineWork, NamedZero
 from tssgeom.identify.machine_fit import fit_from, fit_round, fitted_again, start_of
+from tssgeom.identify.machine_parameters import parameters_of
 from tssgeom.identify.machine_parts import parts_of
 from tssgeom.identify.machine_problem import FIT, Problem, fitted_rows
-from tssgeom.identify.machine_run import LIMITS, MachineRun, parameters_of, thinned
+from tssgeom.identify.machine_run import LIMITS, MachineRun, thinned
 from tssgeom.identify.machine_selection import PartSelection, selected_parts, without_zeros
 from tssgeom.statistics import EVIDENCE_SCALE, turns
 from tssgeom.tendon.machine_simulation import drive_channels

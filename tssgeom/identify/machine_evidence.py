@@ -17,9 +17,10 @@ from tssgeom.core.constants import CHANCE
 from tssgeom.errors import FitError, SettingsError
 from tssgeom.identify.fit_quality import first_weights, inflation_of, spread
 from tssgeom.identify.machine_fit import fit_round, fitted_again
+from tssgeom.identify.machine_parameters import parameters_of
 from tssgeom.identify.machine_parts import Part
 from tssgeom.identify.machine_problem import FIT, FitState, Problem, fitted_rows
-from tssgeom.identify.machine_run import LIMITS, MachineRun, parameters_of
+from tssgeom.identify.machine_run import LIMITS, MachineRun
 from tssgeom.mechanism import numbered
 from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
 from tssgeom.rig import Rig, with_values

@@ -16,7 +16,8 @@ import numpy as np
 from tssgeom.effects import KINDS, Library, snake, with_size
 from tssgeom.identify.finding import RigNumber
 from tssgeom.identify.fit import FIT
-from tssgeom.identify.machine_run import MachineRun, Parameter, unit_of
+from tssgeom.identify.machine_parameters import Parameter, unit_of
+from tssgeom.identify.machine_run import MachineRun
 from tssgeom.rig import Rig, with_values
 from tssgeom.uncertain import UNKNOWNS, Prior
 

@@ -15,7 +15,8 @@ import numpy as np
 
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.errors import FitError, SettingsError
-from tssgeom.identify.machine_run import MachineRun, Parameter, predicted
+from tssgeom.identify.machine_parameters import Parameter, distinct_routes, numbers_of_routes
+from tssgeom.identify.machine_run import MachineRun, predicted
 from tssgeom.least_squares import SOLVER
 from tssgeom.rig import Rig, with_values
 
@@ -89,7 +90,9 @@ class Problem:
         """Return the channels of each run, or of one; None where the machine has no equilibrium."""
         try:
             values = {
-                each.key: each.value(x) for each, x in zip(self.parameters, u, strict=True) if each.run < 0
+                each.key: each.value(x)
+                for each, x in zip(self.parameters, u, strict=True)
+                if each.kind == "rig"
             }
             rig = with_values(self.rig, values)
             which = range(len(self.runs)) if only is None else [only]
@@ -99,8 +102,17 @@ class Problem:
 
     def of_run(self, u: Vector, k: int) -> dict[tuple[str, str], float]:
         """Return the numbers of one run, by kind and key."""
-        pairs = zip(self.parameters, u, strict=True)
-        return {(each.kind, each.key): each.value(x) for each, x in pairs if each.run == k}
+        values = {
+            (each.kind, each.key, each.run): each.value(x) for each, x in zip(self.parameters, u, strict=True)
+        }
+        own = {
+            (kind, key): value for (kind, key, run), value in values.items() if run == k and kind != "route"
+        }
+        scales = {key: value for (kind, key, _), value in values.items() if kind == "route"}
+        if scales:
+            numbers = numbers_of_routes(self.runs[k], distinct_routes(self.runs))
+            own |= {("route", str(i)): scales.get(str(number), 1.0) for i, number in enumerate(numbers)}
+        return own
 
     def left(self, channels: Sequence[Mapping[str, Vector]]) -> list[Vector]:
         """Return measured less simulated of each block of rows."""
@@ -127,8 +139,13 @@ class Problem:
         return out
 
     def _beside(self, u: Vector, j: int) -> tuple[float, list[Mapping[str, Vector]] | None, int]:
-        """Return a step of one number, the channels after it, and the run that it belongs to, or −1."""
-        only, step = self.parameters[j].run, SOLVER.coarse_step
+        """Return a step of one number, the channels after it, and the run that it belongs to, or −1.
+
+        Steps of logarithms are equal in the numbers themselves: two that show only as a product have then the
+        same derivatives, kinks of friction and all, and no error of these parts them.
+        """
+        only, prior = self.parameters[j].run, self.parameters[j].prior
+        step = SOLVER.coarse_step / (prior.sd if prior.log else 1.0)
         for way in (step, -step):
             moved = u.copy()
             moved[j] += way

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, NamedTuple
 
 import numpy as np
-from scipy.special import ndtr
 
 from tssgeom.arrays import Vector
 from tssgeom.errors import FitError, SettingsError
@@ -21,7 +19,6 @@ from tssgeom.statistics import reading_noise, turns
 from tssgeom.tendon.machine import Start, machine_of, routed
 from tssgeom.tendon.machine_history import DriveName
 from tssgeom.tendon.machine_simulation import drive_channels, drive_of, simulate_machine, with_torque
-from tssgeom.uncertain import Prior, Uncertain, assumed
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,23 +60,6 @@ class MachineRun:
     legs: Legs | None = None
     """The drive of one tendon by its tension, whose turns have levels of their own; (70), (71)."""
     notes: tuple[str, ...] = ()
-
-
-class Parameter(NamedTuple):
-    """One number that is fitted; `u` counts standard deviations of its prior."""
-
-    name: str
-    unit: str
-    prior: Prior
-    kind: Literal["rig", "zero", "given zero", "history", "turn"]
-    run: int = -1
-    """The run that it belongs to; −1 for all."""
-    key: str = ""
-    """Key of the rig, channel, or number of a tendon."""
-
-    def value(self, u: float) -> float:
-        """Return the number in its unit; a share of friction is even over −1 to 1."""
-        return float(2.0 * ndtr(u) - 1.0) if self.kind == "history" else self.prior.value(u)
 
 
 def machine_run(
@@ -241,71 +221,12 @@ def _held_out(motion: Vector) -> np.ndarray:
     return out
 
 
-def parameters_of(runs: Sequence[MachineRun], rig: Rig, uncertain: Sequence[Uncertain]) -> list[Parameter]:
-    """Return everything that is fitted: of the rig what is not certain, of each run its zeros and start."""
-    stated = {each.key: each.prior for each in uncertain}
-    stated.setdefault("friction.coefficient", assumed("", max(rig.friction.coefficient, 0.01), 0.15))
-    soft = max(rig.tendon.compliance_per_N, 1e-6)
-    stated.setdefault("tendon.compliance_per_N", assumed("", soft, soft))
-    spread = [
-        each.total_angle_se / each.total_angle for run in runs for each in run.routes if each.total_angle
-    ]
-    gain = float(np.hypot(rig.shape.angle_gain_sd, max(spread, default=0.0)))
-    if gain > 0.0:
-        stated.setdefault("route.angle_gain", assumed("", 1.0, gain))
-    parameters = [Parameter(key, unit_of(key), prior, "rig", key=key) for key, prior in stated.items()]
-    for k, run in enumerate(runs):
-        parameters += _of_run(run, k, len(runs))
-    return parameters
-
-
-def _of_run(run: MachineRun, k: int, runs: int) -> Iterator[Parameter]:
-    of = f" of {run.name}" if runs > 1 else ""
-    for channel, values in run.measured.items():
-        sd = LIMITS.zero * float(np.nanmax(values) - np.nanmin(values)) or 1.0
-        middle = float(np.nanmedian(values))
-        anywhere = unit_of(channel) in ("rad", "m") and abs(middle) > 3.0 * sd  # an encoder's own zero
-        centre = middle if anywhere else 0.0
-        prior = Prior(centre, sd, log=False)
-        yield Parameter(f"zero of {channel}{of}", unit_of(channel), prior, "zero", k, channel)
-    if run.drive == "motor_angle_rad":
-        motion = run.given["motor_angle_rad"]
-        prior = Prior(float(motion[0]), LIMITS.zero * float(np.ptp(motion)), log=False)
-        yield Parameter(f"zero of motor_angle_rad{of}", "rad", prior, "given zero", k, "motor_angle_rad")
-    for turn, sd in enumerate(run.legs.turn_se[: LIMITS.most_turns] if run.legs is not None else ()):
-        prior = Prior(0.0, max(float(sd), 1e-6), log=False)
-        yield Parameter(f"turn {turn + 1} of the drive{of}", "N", prior, "turn", k, str(turn))
-    for which in range(run.tendons):
-        name = f"friction of tendon {which + 1} at the start{of}"
-        yield Parameter(name, "1", Prior(0.0, 1.0, log=False), "history", k, str(which))
-
-
-def unit_of(key: str) -> str:
-    """Return the unit in which the name of a key or channel ends."""
-    for ending, unit in _UNITS.items():
-        if key.endswith(ending):
-            return unit
-    return "1"
-
-
-_UNITS = {
-    "_per_N": "1/N",
-    "_N_per_m": "N/m",
-    "_Nm_per_rad": "N·m/rad",
-    "_Nm": "N·m",
-    "_N": "N",
-    "_m": "m",
-    "_rad": "rad",
-    "_A": "A",
-    "_s": "s",
-}
-
-
 def predicted(
     run: MachineRun, rig: Rig, values: Mapping[tuple[str, str], float], bars: int
 ) -> dict[str, Vector]:
     """Return what each answering channel would have read [s]; `values` are those of the run, by kind, key."""
-    routes = tuple(routed(arcs, rig) for arcs in run.routes)
+    scales = [values.get(("route", str(which)), 1.0) for which in range(len(run.routes))]
+    routes = [routed(arcs.scaled(angle=by), rig) for arcs, by in zip(run.routes, scales, strict=True)]
     machine = machine_of(rig, routes, bars)
     shares = np.array([values.get(("history", str(which)), 0.0) for which in range(machine.count)])
     given = dict(run.given)

@@ -39,6 +39,8 @@ class Arcs(Result):
 
     def scaled(self, length: float = 1.0, angle: float = 1.0) -> Arcs:
         """Return the pieces with all lengths and all angles times a factor each, as their errors are."""
+        if length == angle == 1.0:
+            return self
         factor = np.repeat((length, angle), len(self.length))
         covariance = read_only(self.covariance * np.outer(factor, factor))
         return replace(
