@@ -28,7 +28,7 @@ UNKNOWN = (Uncertain("friction.coefficient", assumed("friction.coefficient", 0.1
 
 
 def run(true_angle, sensed, name, rng):
-    exact = Arcs.exact([0.5], [true_angle])
+    exact = Arcs.exact(np.array([0.5]), np.array([true_angle]))
     out = simulate_machine(machine_of(PAIR, [exact], 40), {"time_s": TIME, "motor_angle_rad": MOTOR})
     columns = {
         "time_s": TIME,
