@@ -8,9 +8,9 @@ import time
 import numpy as np
 import pytest
 
-from benchmarks.live_process import PATIENCE, line, live, points_mm
 from tests.attack.live_lines import helix
 from tests.live.peers import frame
+from tests.live_process import PATIENCE, line, live, points_mm
 from tssgeom.engine import Engine, Track, process
 from tssgeom.rig import Rig
 from tssgeom.sensed_route import SensedRoute
