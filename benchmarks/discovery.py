@@ -17,7 +17,7 @@ import os
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
@@ -132,7 +132,7 @@ def _misfit_rows(ratios: Sequence[float]) -> list[Row]:
 def _number_rows(faulty: Sequence[Outcome], clean: Sequence[Outcome]) -> list[Row]:
     position_errors, angle = scores.bends(faulty)
     errors, held = scores.parameters(faulty)
-    inside, base = counted(held), scores.base_held(clean)
+    inside, base = counted(held), base_held(clean)
     return [
         _most("hidden bend, position / L (median)", position_errors, 0.02, np.median),
         _most("hidden bend, angle (median)", angle, 0.10, np.median),
@@ -146,6 +146,16 @@ def _number_rows(faulty: Sequence[Outcome], clean: Sequence[Outcome]) -> list[Ro
         ),
         Row("compliance, 95 % intervals, clean", "≥ 90 %", base.share, base.text, base.share >= 0.9),
     ]
+
+
+def base_held(outcomes: Iterable[Outcome]) -> Sums:
+    """Count 95 % intervals of the compliance that hold the truth, in reports that find nothing else."""
+    held = list[bool]()
+    for outcome in outcomes:
+        if scores.verdict(outcome.report) == "none" and outcome.report:
+            low, high = outcome.report["base"]["compliance_per_N"]["ci95"]
+            held.append(low <= outcome.truth["compliance_per_N"] <= high)
+    return counted(held)
 
 
 def _least(metric: str, sums: Sums, bound: float) -> Row:

@@ -185,16 +185,6 @@ def bends(outcomes: Iterable[Outcome]) -> tuple[list[float], list[float]]:
     return position, angle
 
 
-def base_held(outcomes: Iterable[Outcome]) -> Sums:
-    """Count 95 % intervals of the compliance that hold the truth, in reports that find nothing else."""
-    held = list[bool]()
-    for outcome in outcomes:
-        if verdict(outcome.report) == "none" and outcome.report:
-            low, high = outcome.report["base"]["compliance_per_N"]["ci95"]
-            held.append(low <= outcome.truth["compliance_per_N"] <= high)
-    return counted(held)
-
-
 def upper_bound(wrong: int, of: int) -> float:
     """Return the one-sided 95 % Clopper-Pearson bound of a rate."""
     return 1.0 if wrong >= of else float(beta.ppf(0.95, wrong + 1, of - wrong))

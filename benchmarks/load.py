@@ -68,7 +68,7 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--minutes", type=float, default=0.0, help=f"of the long run ({_MINUTES:g})")
     parser.add_argument("--rate", type=float, default=1000.0, help="frames a second")
     parser.add_argument("--points", type=int, default=200, help="points of a frame")
-    parser.add_argument("--frames", type=int, default=0, help="that are drawn")
+    parser.add_argument("--frames", type=int, default=0, help="frames of the pictures")
     return parser.parse_args(arguments)
 
 
@@ -182,7 +182,7 @@ def _times(
     return np.frombuffer(output).reshape(count, 3)
 
 
-_RATE = 1000.0  # Hz of frames that are drawn
+_RATE = 1000.0  # Hz of the frames of pictures
 _BATCH = 50  # frames that are sent at once, those of 50 ms
 
 
