@@ -5,7 +5,8 @@
 The walk is that of a reader who follows each call to the function that it names and comes back, once for each
 line that calls: loops and recursion are read once. A return is an entry to a file that was entered before
 and left, by a call or after one. A climb is a call to a module of a higher layer, as pyproject.toml lists the
-layers. The compiled core is one file, and a reader stays outside of it. `frame` is the second frame of a
+layers. The compiled core is one file, and a reader stays outside of it; an attribute that is computed
+interrupts no reading. `frame` is the second frame of a
 stream through `process`; `analysis` is `analyse` of one shape; `campaign` is `discover` of the files of a
 campaign. Each runs once before it counts, so that imports do not. `--files` lists the files with how often
 each was entered.
@@ -15,6 +16,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import dis
 import io
 import sys
 import tempfile
@@ -60,7 +62,8 @@ class Walk:
         caller = _caller(frame)
         place = (*caller, file, frame.f_code.co_firstlineno)
         inside_core = bool(self._path) and self._path[-1].startswith(_CORE) and file.startswith(_CORE)
-        follows = place not in self._read and all(self._calls) and not inside_core
+        skips = inside_core or _is_attribute(frame.f_back)
+        follows = place not in self._read and all(self._calls) and not skips
         self._calls.append(follows)
         if not follows:
             return
@@ -85,6 +88,13 @@ def _file(frame: FrameType) -> str | None:
 def _caller(frame: FrameType) -> tuple[str, int]:
     above = frame.f_back
     return (above.f_code.co_filename, above.f_lineno) if above else ("", 0)
+
+
+def _is_attribute(caller: FrameType | None) -> bool:
+    """Whether a line only names an attribute, which is computed."""
+    if caller is None:
+        return False
+    return dis.opname[caller.f_code.co_code[caller.f_lasti]].startswith("LOAD_")
 
 
 def _layers() -> list[list[str]]:
