@@ -6,10 +6,9 @@ The walk is that of a reader who follows each call to the function that it names
 line that calls: loops and recursion are read once. A return is an entry to a file that was entered before
 and left, by a call or after one. A climb is a call to a module of a higher layer, as pyproject.toml lists the
 layers. The compiled core is one file, and a reader stays outside of it; an attribute that is computed
-interrupts no reading. `frame` is the second frame of a
-stream through `process`; `analysis` is `analyse` of one shape; `campaign` is `discover` of the files of a
-campaign. Each runs once before it counts, so that imports do not. `--files` lists the files with how often
-each was entered.
+interrupts no reading. `frame` is the second frame of a stream through `process`; `analysis` is `analyse` of
+one shape; `campaign` is `discover` of the files of a campaign. Each runs once before it counts, so that
+imports do not. `--files` lists the files with how often each was entered.
 """
 
 from __future__ import annotations
@@ -60,14 +59,14 @@ class Walk:
 
     def _call(self, frame: FrameType, file: str) -> None:
         caller = _caller(frame)
-        place = (*caller, file, frame.f_code.co_firstlineno)
+        call = (*caller, file, frame.f_code.co_firstlineno)
         inside_core = bool(self._path) and self._path[-1].startswith(_CORE) and file.startswith(_CORE)
         skips = inside_core or _is_attribute(frame.f_back)
-        follows = place not in self._read and all(self._calls) and not skips
+        follows = call not in self._read and all(self._calls) and not skips
         self._calls.append(follows)
         if not follows:
             return
-        self._read.add(place)
+        self._read.add(call)
         if self._path and self._path[-1] != file:
             self.climbs += _level(file) > _level(self._path[-1])
         if not self._path or self._path[-1] != file:
