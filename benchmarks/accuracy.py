@@ -21,8 +21,8 @@ from itertools import groupby
 import numpy as np
 
 from benchmarks import machine, number, options_parser, share, table
-from benchmarks.routes import Cell, catalogue, quick, truth
 from benchmarks.scores import METHODS, Outcome, Result, Summary, bound, details, matrix, run, summary
+from tests.known_routes import Cell, catalogue, quick, truth
 
 _CHOSEN = "auto"
 _TIMES_BOUND = 1.3
@@ -165,7 +165,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _options(arguments)
     chosen = [cell for cell in _cells(options) if options.cell.lower() in cell.title.lower()]
     if not chosen:
-        print(f"no cell has {options.cell!r} in its name; see benchmarks/routes.py")
+        print(f"no cell has {options.cell!r} in its name; see tests/known_routes.py")
         return 2
     trials = options.trials or (_QUICK_TRIALS if options.quick else _TRIALS)
     print(machine())

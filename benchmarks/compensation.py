@@ -19,7 +19,7 @@ from itertools import product
 import numpy as np
 
 from benchmarks import machine, number, options_parser, table
-from benchmarks.routes import arc_positions
+from tests.known_routes import arc_positions
 from tests.lumped import Distal, Drive, Physics, Run, from_pieces, simulate
 from tssgeom.arrays import Matrix, Points, Vector
 from tssgeom.engine import process

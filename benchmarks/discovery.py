@@ -16,7 +16,8 @@ import multiprocessing
 import os
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
@@ -29,8 +30,7 @@ from rich.progress import track
 
 from benchmarks import ABSENT, machine, number, options_parser, share, table
 from benchmarks import discovery_scores as scores
-from benchmarks import discovery_second as second
-from benchmarks.discovery_campaigns import Case, cases, compared, discovered
+from benchmarks.discovery_campaigns import Case, cases, compared, discovered, second_cases
 from benchmarks.discovery_peers import baselines
 from benchmarks.discovery_scores import Outcome, Sums, counted
 
@@ -53,6 +53,7 @@ def _worked_by_children() -> float:
     return times.children_user + times.children_system
 
 
+_DETECTED = 0.9  # share that must be right at a size and at all larger ones
 _SIZE_OF = {"single": 1.0, "half": 0.5, "quarter": 0.25}
 
 
@@ -131,7 +132,7 @@ def _misfit_rows(ratios: Sequence[float]) -> list[Row]:
 def _number_rows(faulty: Sequence[Outcome], clean: Sequence[Outcome]) -> list[Row]:
     position_errors, angle = scores.bends(faulty)
     errors, held = scores.parameters(faulty)
-    inside, base = counted(held), scores.base_held(clean)
+    inside, base = counted(held), base_held(clean)
     return [
         _most("hidden bend, position / L (median)", position_errors, 0.02, np.median),
         _most("hidden bend, angle (median)", angle, 0.10, np.median),
@@ -145,6 +146,16 @@ def _number_rows(faulty: Sequence[Outcome], clean: Sequence[Outcome]) -> list[Ro
         ),
         Row("compliance, 95 % intervals, clean", "≥ 90 %", base.share, base.text, base.share >= 0.9),
     ]
+
+
+def base_held(outcomes: Iterable[Outcome]) -> Sums:
+    """Count 95 % intervals of the compliance that hold the truth, in reports that find nothing else."""
+    held = list[bool]()
+    for outcome in outcomes:
+        if scores.verdict(outcome.report) == "none" and outcome.report:
+            low, high = outcome.report["base"]["compliance_per_N"]["ci95"]
+            held.append(low <= outcome.truth["compliance_per_N"] <= high)
+    return counted(held)
 
 
 def _least(metric: str, sums: Sums, bound: float) -> Row:
@@ -175,7 +186,10 @@ def _mark(row: Row) -> str:
 
 def confusions(outcomes: Sequence[Outcome], *, markdown: bool) -> str:
     """Write for each cause what it was called, most often first: a matrix without its empty cells."""
-    counts = scores.confusion(outcomes)
+    counts = dict[str, Counter[str]]()
+    for outcome in outcomes:
+        cause = " + ".join(outcome.causes) or "clean"
+        counts.setdefault(cause, Counter())[scores.called(outcome)] += 1
     rows = [
         [cause, str(sum(row.values())), ", ".join(f"{name} {n}" for name, n in row.most_common())]
         for cause, row in counts.items()
@@ -193,10 +207,20 @@ def limits(outcomes: Sequence[Outcome], *, markdown: bool) -> str:
             size: counted(scores.right_or_tied(one) for one in mine if one.group == group).share
             for group, size in _SIZE_OF.items()
         }
-        limit = scores.detection_limit(by_size)
+        limit = detection_limit(by_size)
         rows.append([name[0], *(share(by_size[size]) for size in (1.0, 0.5, 0.25)), number(limit, 2)])
     head = ["right or tied [%]", "size 1", "0.5", "0.25", "limit"]
     return table(head, rows, text_columns=1, markdown=markdown)
+
+
+def detection_limit(shares: Mapping[float, float]) -> float:
+    """Return the smallest size from which on at least 90 % are right; infinite where none is."""
+    limit = math.inf
+    for size in sorted(shares, reverse=True):
+        if not shares[size] >= _DETECTED:
+            break
+        limit = size
+    return limit
 
 
 def peers(outcomes: Sequence[Outcome], *, markdown: bool) -> str:
@@ -250,7 +274,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(machine())
         print(compared(options.seeds or _SEEDS, options.first_seed, options.jobs, markdown=options.markdown))
         return 0
-    made_by = second.cases if options.generator == "second" else cases
+    made_by = second_cases if options.generator == "second" else cases
     chosen = made_by(
         options.effects, options.seeds or (1 if options.quick else _SEEDS), options.split, quick=options.quick
     )
@@ -263,7 +287,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     begin = time.perf_counter()
     outcomes = _outcomes(chosen, options)
     print(f"done in {time.perf_counter() - begin:.0f} s\n\n{_printed(outcomes, options)}")
-    right = second.right if options.generator == "second" else _right
+    right = scores.right_by_mechanism if options.generator == "second" else _right
     wrong = sum(not right(one) for one in outcomes)
     return int(any(one.report is None for one in outcomes) or (options.quick and wrong > _QUICK_WRONG))
 
@@ -304,7 +328,7 @@ def _outcomes(chosen: Sequence, options: argparse.Namespace) -> list[Outcome]:
 
 def _printed(outcomes: Sequence[Outcome], options: argparse.Namespace) -> str:
     if options.generator == "second":
-        tables = second.printed(outcomes, markdown=options.markdown)
+        tables = scores.printed_by_mechanism(outcomes, markdown=options.markdown)
         return f"{tables}\n\n{failures(outcomes)}".rstrip()
     parts = [draw(outcomes, markdown=options.markdown) for draw in (targets, confusions, limits, peers)]
     return "\n\n".join([*parts, failures(outcomes)]).rstrip()

@@ -28,6 +28,7 @@ from rich.progress import track
 
 from benchmarks import table
 from tests import bristle, campaigns
+from tests.bristle import CAUSES, PAIR_CAUSES
 from tests.campaigns import INSIDE, OUTSIDE, PAIRS
 from tests.campaigns.measure import measure_proposed
 from tssgeom.identify.readings import Reading, readings
@@ -85,6 +86,9 @@ _PARTIAL = (("no_tension_out", "tension_out_offset"), ("displacement_only", "bac
 _DRIVES = ("round_turns", "force_driven")
 _DRIVEN = ("hidden_bend", "slack_take_up", "load_dependent_friction", "creep", "viscous_drag", "backlash")
 _QUICK = ("hidden_bend", "backlash", "tension_out_offset")
+_SECOND_QUICK = ("stribeck", "power_creep", "drive_play", "bend", "drifting_tension_out")
+_SECOND_CLEAN = 6  # clean campaigns for each seed of a cause
+_GROUPS = {1.0: "single", 0.5: "half"}
 
 
 def cases(names: Sequence[str], seeds: int, split: str, *, quick: bool) -> list[Case]:
@@ -110,6 +114,27 @@ def cases(names: Sequence[str], seeds: int, split: str, *, quick: bool) -> list[
 
 def _asked(case: Case, names: Sequence[str]) -> bool:
     return all(name in names for name in case.effects or ("clean",))
+
+
+def second_cases(names: Sequence[str], seeds: int, split: str, *, quick: bool) -> list[Case]:
+    """Return those of the second generator; `names` may have "clean" and "clean_pair" too."""
+    chosen = _SECOND_QUICK if quick else tuple(CAUSES)
+    made = list[Case]()
+    for seed in range(seeds):
+        clean = range(seed * _SECOND_CLEAN, (seed + 1) * _SECOND_CLEAN) if not quick else (seed,)
+        made += [Case("clean", (), 1.0, "", number, split, "second") for number in clean]
+        for size, group in _GROUPS.items():
+            if quick and size != 1.0:
+                continue
+            made += [Case(group, (name,), size, "", seed, split, "second") for name in chosen]
+        if not quick:
+            made.append(Case("machine, clean", (), 1.0, "pair", seed, split, "second"))
+            made += [Case("machine", (name,), 1.0, "", seed, split, "second") for name in PAIR_CAUSES]
+    return [case for case in made if not names or _cause(case) in names]
+
+
+def _cause(case: Case) -> str:
+    return case.effects[0] if case.effects else "clean" if case.group == "clean" else "clean_pair"
 
 
 def discovered(campaign: Path, out: Path, *more: str) -> tuple[dict[str, Any] | None, str]:

@@ -26,7 +26,7 @@ from scipy.interpolate import make_smoothing_spline, make_splprep, splev, splpre
 from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
-from benchmarks.routes import arc_positions
+from tests.known_routes import arc_positions
 from tssgeom.arrays import Matrix, Points, Vector
 from tssgeom.rig import Rig, Source
 from tssgeom.route.geometry import Method, measure

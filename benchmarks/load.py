@@ -1,37 +1,46 @@
-"""Latency, greatest rate and faults of `tssgeom live`, measured from another process over loopback.
+"""Latency and greatest rate of `tssgeom live`, measured from another process; what its pictures cost.
 
-    python -m benchmarks.load [--quick] [--minutes M] [--rate HZ] [--points N] [--faults-only] [--markdown]
+    python -m benchmarks.load [--quick] [--minutes M] [--rate HZ] [--points N] [--frames N] [--markdown]
 
 The route sways, the noise is half a millimetre and unknown; the tension pulls and releases. A frame's latency
 runs from just before it was sent to when the first byte of its answer arrived, by the clock of a client in C;
 `sent late` is how late the client itself was, in the 99th percentile. `--view` and `--record` are on where a
-row states it. The load of the machine is printed, since other work on it affects every number. The faults end
-with exit status 1 where one of them is not borne.
+row states it. The load of the machine is printed, since other work on it affects every number.
+
+The second table is what a frame of 200 points costs in a Rerun recording: the whole picture, as `live` and
+`batch` send it, and the numbers that `live` sends of every frame. Time is that of the sender's thread; bytes
+are those of the finished file. No time is asserted.
 """
 
 from __future__ import annotations
 
 import argparse
+import math
 import os
-import select
 import socket
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from time import perf_counter
 
-import msgspec
 import numpy as np
+import rerun as rr
 
-from benchmarks import machine, options_parser, table
-from benchmarks.live_process import PATIENCE, ROUTES, lines, live, retimed
-from benchmarks.load_faults import FAULTS, Verdict
-from tssgeom.core.build import NoCompilerError, compiler
+from benchmarks import ABSENT, machine, number, options_parser, table
+from tests.live_process import ROUTES, lines, live, points_mm
+from tssgeom.core.build import compiler
+from tssgeom.engine import process
+from tssgeom.rig import Rig
+from tssgeom.stream import Frame, FrameResult
+from tssgeom.view.samples import numbers_of
+from tssgeom.view.scene.labels import label_positions
+from tssgeom.view.scene.live import LivePicture, warm_up
+from tssgeom.view.scene.recording import write_recording
+from tssgeom.view.scene.run import run_of
 
 _DIFFERENT = 3000  # frames, sent over and over
 _MINUTES, _QUICK = 10.0, 0.05
@@ -46,14 +55,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _options(arguments)
     begin = time.perf_counter()
     print(machine())
-    if not options.faults_only:
-        print(f"\n== latency [ms], {options.points} points, {options.rate:g} frames/s ({_TARGETS})\n")
-        print(_latency_table(options), flush=True)
-    print("\n== faults\n")
-    verdicts = _verdicts(options)
-    print(table(["fault", "borne", "what happened"], verdicts, text_columns=3, markdown=options.markdown))
+    print(f"\n== latency [ms], {options.points} points, {options.rate:g} frames/s ({_TARGETS})\n")
+    print(_latency_table(options), flush=True)
+    print("\n== pictures\n")
+    print(_picture_table(options.frames or (200 if options.quick else 2000), markdown=options.markdown))
     print(f"\n{time.perf_counter() - begin:.0f} s; load {os.getloadavg()[0]:.1f} at the end")
-    return 0 if all(row[1] == "yes" for row in verdicts) else 1
+    return 0
 
 
 def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
@@ -61,7 +68,7 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--minutes", type=float, default=0.0, help=f"of the long run ({_MINUTES:g})")
     parser.add_argument("--rate", type=float, default=1000.0, help="frames a second")
     parser.add_argument("--points", type=int, default=200, help="points of a frame")
-    parser.add_argument("--faults-only", action="store_true", help="no latencies")
+    parser.add_argument("--frames", type=int, default=0, help="frames of the pictures")
     return parser.parse_args(arguments)
 
 
@@ -106,14 +113,6 @@ def _row(name: str, route: str, result: Latencies, latencies: np.ndarray, grown:
     ]
 
 
-def _verdicts(options: argparse.Namespace) -> list[list[str]]:
-    rows = list[list[str]]()
-    for fault in FAULTS:
-        verdict: Verdict = fault(options.quick)
-        rows.append([verdict.name, "yes" if verdict.borne else "NO", verdict.text])
-    return rows
-
-
 def _free_port() -> int:
     with socket.create_server(("127.0.0.1", 0)) as server:
         return server.getsockname()[1]
@@ -122,8 +121,6 @@ def _free_port() -> int:
 _SOURCE = Path(__file__).with_name("live_client.c")
 _FLAGS = ("-std=c11", "-O2", "-Wall", "-Wextra", "-Werror")
 _COLD = 200  # frames at the start that are not counted, or a tenth of few
-_AFTER = 1.0  # s in which the last answers come
-_CHUNK = 1 << 18
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,45 +138,35 @@ class Latencies:
     seconds: float
 
 
-def compiled_client(folder: Path) -> Path | None:
-    """Compile the client into a folder; where there is no compiler, print that and return None."""
+def compiled_client(folder: Path) -> Path:
+    """Compile the client into a folder; NoCompilerError where there is no compiler."""
     program = folder / "live_client"
-    try:
-        command = [*compiler(), *_FLAGS, str(_SOURCE), "-o", str(program)]
-    except NoCompilerError as error:
-        print(f"the client is in Python, and may itself be late: {error}")
-        return None
-    subprocess.run(command, check=True)
+    subprocess.run([*compiler(), *_FLAGS, str(_SOURCE), "-o", str(program)], check=True)
     return program
 
 
 def measured(
-    program: Path | None, ports: tuple[int, int], lines: Sequence[bytes], rate: float, count: int
+    program: Path, ports: tuple[int, int], lines: Sequence[bytes], rate: float, count: int
 ) -> Latencies:
     """Send `count` frames, the given ones over and over, and time each answer.
 
     Parameters
     ----------
     program
-        The compiled client; None: the one in Python.
+        The compiled client.
     ports
         Of a source and of a sink.
     rate
         Frames a second [Hz]; 0: each as soon as the answer to the one before is there.
     """
-    times = (
-        _in_python(ports, lines, rate, count)
-        if program is None
-        else _in_c(program, ports, lines, rate, count)
-    )
-    sent, outside, inside = 1e-3 * times.T
+    sent, outside, inside = 1e-3 * _times(program, ports, lines, rate, count).T
     answered = np.flatnonzero(~np.isnan(outside))
     warm = answered[min(_COLD, len(answered) // 10) :]
     late = sent - 1e3 / rate * np.arange(count) if rate else np.empty(0)
     return Latencies(count, len(answered), outside[warm], inside[warm], late, 1e-3 * sent[-1])
 
 
-def _in_c(
+def _times(
     program: Path, ports: tuple[int, int], lines: Sequence[bytes], rate: float, count: int
 ) -> np.ndarray:
     """Return when each frame was sent, its latency, and that in its answer, [count, 3] [µs]."""
@@ -195,56 +182,114 @@ def _in_c(
     return np.frombuffer(output).reshape(count, 3)
 
 
-class _Answer(msgspec.Struct):
-    latency_us: float = 0.0
-    id: int = -1
+_RATE = 1000.0  # Hz of the frames of pictures
+_BATCH = 50  # frames that are sent at once, those of 50 ms
 
 
-def _in_python(ports: tuple[int, int], lines: Sequence[bytes], rate: float, count: int) -> np.ndarray:
-    """Return the same as `_in_c`."""
-    source, sink = (socket.create_connection(("127.0.0.1", port), PATIENCE) for port in ports)
-    source.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-    times, decoder = np.full((count, 3), np.nan), msgspec.json.Decoder(_Answer)
-    rest, begun, known = b"", 0.0, False
+@dataclass(frozen=True, slots=True)
+class Cost:
+    """What one way of drawing costs."""
 
-    def send(i: int, time: float) -> float:
-        line = retimed(lines[i % len(lines)], time)[:-2] + b',"id":%d}\n' % i
-        sent = perf_counter()
-        source.sendall(line)
-        return 1e6 * sent
+    way: str
+    seconds: Sequence[float]
+    """For each sending."""
+    frames: int
+    """In each sending."""
+    size: float
+    """Bytes of a frame in the file; NaN where there is no file of it."""
 
-    def receive(wait: float) -> None:
-        nonlocal rest, begun, known
-        if not select.select([sink], [], [], max(wait, 0.0))[0]:
-            return
-        now = 1e6 * perf_counter()
-        begun = begun if rest else now
-        *answers, rest = (rest + sink.recv(_CHUNK)).split(b"\n")
-        for text in answers:
-            answer = decoder.decode(text)
-            known |= answer.id == -2
-            if answer.latency_us and 0 <= answer.id < count:
-                times[answer.id, 1:] = begun - times[answer.id, 0], answer.latency_us
-            begun = now
+    def row(self) -> tuple[str, ...]:
+        """Cells of the table."""
+        each = 1e6 * np.array(self.seconds) / self.frames
+        middle, high = np.percentile(each, [50, 99]) if len(each) > 1 else (each[0], math.nan)
+        size = ABSENT if math.isnan(self.size) else f"{1e-3 * self.size:.2f}"
+        share = f"{100 * 1e-6 * float(each.mean()) * _RATE:.0f}"
+        return self.way, number(float(middle)), number(float(high)), share, size
 
-    with source, sink:
-        early = -1e6
-        while not known:  # until both connections are
-            send(-2, early := early + 1.0)
-            receive(0.5)
-        begin = perf_counter() + 0.2
-        for i in range(count):
-            while (left := begin + (i / rate if rate else 0.0) - perf_counter()) > 0:
-                receive(left)
-            times[i, 0] = send(i, i / (rate or 1e3))
-            while not rate and np.isnan(times[i, 1]):
-                receive(PATIENCE)
-        end = perf_counter() + _AFTER
-        while np.isnan(times[-1, 1]) and perf_counter() < end:
-            receive(0.1)
-    times[:, 0] -= 1e6 * begin
-    return times
 
+def _picture_table(count: int, *, markdown: bool) -> str:
+    """Draw frames in each way."""
+    warm_up()
+    frames = (
+        Frame(1e-3 * points_mm(200, i / _RATE, i), i / _RATE, tension_in=8 + 6 * math.sin(i / 40))
+        for i in range(count)
+    )
+    results = [one for one in process(frames, Rig(), tension_in=5.0) if isinstance(one, FrameResult)]
+    header = ("way", "p50 [µs/frame]", "p99 [µs/frame]", "of a core at 1 kHz [%]", "file [kB/frame]")
+    return table(header, [way(results).row() for way in _WAYS], text_columns=1, markdown=markdown)
+
+
+@contextmanager
+def _file() -> Iterator[tuple[rr.RecordingStream, Path]]:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "frames.rrd"
+        recording = rr.RecordingStream("benchmark")
+        recording.save(path)
+        yield recording, path
+
+
+def _timed(
+    way: str, results: Sequence[FrameResult], size: int, send: Callable[[rr.RecordingStream, int, int], None]
+) -> Cost:
+    """Send all frames, `size` at once, into a file."""
+    seconds = list[float]()
+    with _file() as (recording, path):
+        with recording:
+            for begin in range(0, len(results) - size + 1, size):
+                start = time.perf_counter()
+                send(recording, begin, begin + size)
+                seconds.append(time.perf_counter() - start)
+        return Cost(way, seconds, size, path.stat().st_size / (len(seconds) * size))
+
+
+def _numbers(results: Sequence[FrameResult]) -> Cost:
+    """Send what `live` sends of every frame, with a picture or without."""
+    numbers = np.array([numbers_of(one) for one in results])
+    times = np.arange(len(results)) / _RATE
+    pictures = dict[int, LivePicture]()
+
+    def send(recording: rr.RecordingStream, begin: int, end: int) -> None:
+        picture = pictures.setdefault(id(recording), LivePicture(recording, "numbers"))
+        picture.number(times[begin:end], numbers[begin:end])
+
+    return _timed(f"live: numbers of every frame, {_BATCH} at once", results, _BATCH, send)
+
+
+def _pictures(size: int) -> Callable[[Sequence[FrameResult]], Cost]:
+    def way(results: Sequence[FrameResult]) -> Cost:
+        pictures = dict[int, LivePicture]()
+
+        def send(recording: rr.RecordingStream, begin: int, end: int) -> None:
+            picture = pictures.setdefault(id(recording), LivePicture(recording, "picture"))
+            picture.draw(results[begin:end])
+
+        at_once = "one by one" if size == 1 else f"{size} at once"
+        return _timed(f"live: whole picture, {at_once}", results, size, send)
+
+    return way
+
+
+def _bulk(results: Sequence[FrameResult]) -> Cost:
+    """Write a whole recording as `batch` does."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "run.rrd"
+        start = time.perf_counter()
+        write_recording(path, "run", results, timed=True)
+        spent = time.perf_counter() - start
+        return Cost("batch: whole recording", [spent], len(results), path.stat().st_size / len(results))
+
+
+def _labels(results: Sequence[FrameResult]) -> Cost:
+    run = run_of("labels", results, True)
+    seconds = list[float]()
+    for frame, result in zip(run.frames, run.results, strict=True):
+        start = time.perf_counter()
+        label_positions(run.camera, frame, result.arcs)
+        seconds.append(time.perf_counter() - start)
+    return Cost("of it: positions of the labels", seconds, 1, math.nan)
+
+
+_WAYS = (_numbers, _pictures(1), _pictures(_BATCH), _bulk, _labels)
 
 if __name__ == "__main__":
     sys.exit(main())

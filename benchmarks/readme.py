@@ -122,11 +122,10 @@ def _speed(text: str) -> Extract:
 
 
 def _live(text: str) -> Extract:
-    latency, faults = tables(text)[:2]
+    latency, pictures = tables(text)
     times = [cell(latency, "--view --record", name) for name in ("p50", "p99", "p99.9")]
-    borne = sum(row[1] == "yes" for row in faults[1:])
     key = [f"{' / '.join(times)} ms", "wanted: at most 0.5 / 1 / 3 ms", ABSENT]
-    return Extract(f"{_rendered(latency, 2)}\n\n{borne} of {len(faults) - 1} faults are borne.", key)
+    return Extract(f"{_rendered(latency, 2)}\n\nPictures:\n\n{_rendered(pictures, 1)}", key)
 
 
 def _batch(text: str) -> Extract:

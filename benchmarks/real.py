@@ -17,58 +17,57 @@ from __future__ import annotations
 import argparse
 import math
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from functools import partial
 
 import numpy as np
+from scipy.optimize import least_squares, nnls
 
 from benchmarks import ABSENT, machine, number, options_parser, table
 from benchmarks.real_sets import (
     BAND,
-    RADIUS,
     ROBOTS,
     STRETCH,
+    TOOL,
     band_cases,
-    read_robot,
     robot_cases,
-    servo_lag,
     stretch_cases,
+    tool_cases,
 )
 from benchmarks.real_shapes import show_shapes
-from benchmarks.real_tool import TOOL, tool_cases
-from benchmarks.run_laws import LAWS, Case, Mask, Response, mean_cycle_error
+from benchmarks.run_laws import (
+    LAWS,
+    Case,
+    Data,
+    Estimate,
+    Law,
+    Mask,
+    Prediction,
+    Response,
+    mean_cycle_error,
+)
 from benchmarks.run_machines import Discovered, discovered
 from benchmarks.run_machines import predictions as ours
-from benchmarks.run_peers import Estimate, Prediction, fit
-from tssgeom.arrays import Vector
+from tssgeom.arrays import Matrix, Vector
+from tssgeom.statistics import NORMAL_95
 
 _UNITS = {"rad": ("°", 180.0 / math.pi), "m": ("mm", 1e3), "N": ("N", 1.0)}
-_KIP, _INCH = 4448.2216, 0.0254  # N, m
 _SOURCES = (
     ("a cable-driven instrument (davinci_tool)", TOOL, tool_cases),
     ("segments of two continuum robots (tdcr_tendon_tip)", ROBOTS, robot_cases),
     ("stretched tendons (tendon_stretch)", STRETCH, stretch_cases),
     ("a band round a drum (band_friction)", BAND, band_cases),
 )
-_PLAY_FITS = {  # of the set's README: g, w [mm], rms [degrees] of fitted and held-out rows
-    "v4 segment 1": (0.93, 0.065, 0.56, 1.39),
-    "v4 segment 2": (1.01, 0.11, 1.20, 2.35),
-    "v4 segment 3": (1.18, 0.18, 2.2, 3.1),
-    "v6 segment 1": (0.97, 0.02, 2.4, 0.8),
-    "v6 segment 2": (1.15, 0.0, 1.2, 0.9),
-    "v6 segment 3": (1.5, math.nan, math.nan, 27.0),
-}
-_STOP_FITS = {  # of the set's README: stiffness [kip/in], force and held-out rms [kip]
-    "0.5Hz22lb": (10.3, 1.40, 0.22),
-    "0.5Hz35lb": (14.0, 2.04, 0.33),
-    "0.5Hz80lb": (17.9, 2.78, 0.37),
-    "1Hz35lb": (14.6, 2.16, 0.46),
-}
+_STARTS = 3  # best of the starting values, that are refined
+_CORRELATION = 0.98  # at most; a higher one cannot be estimated from one run
+_DIFFERENCE = 1e-3  # of a nonlinear parameter; the kinks of a play hide a smaller one
+_EVALUATIONS = 40  # of the residual, of each start
 
 Fits = Mapping[tuple[str, str], Mapping[str, Prediction]]
 
 
 def show_runs(*, quick: bool, markdown: bool) -> None:
-    """Print held-out errors and parameters of every set, and its own figures beside its README's."""
+    """Print held-out errors and parameters of every set."""
     for name, folder, cases_of in _SOURCES:
         if not folder.exists():
             print(f"\n{name}: left out, {folder.name} is not beside the project")
@@ -83,10 +82,6 @@ def show_runs(*, quick: bool, markdown: bool) -> None:
                 made[case.name] = one
         parts = [_errors(cases, fits, markdown=markdown), _discoveries(cases, fits, made, markdown=markdown)]
         parts.append(_parameters(cases, fits, markdown=markdown))
-        if folder == ROBOTS:
-            parts += [_play_fits(cases, fits, markdown=markdown), _lags(cases)]
-        if folder == BAND:
-            parts.append(_stop_fits(cases, fits, markdown=markdown))
         print("\n" + "\n\n".join([name, *parts]), flush=True)
 
 
@@ -188,66 +183,142 @@ def _written(estimate: Estimate, response: Response) -> str:
     return f"{value} ± {number(factor * estimate.half_width, 2)}{text}"
 
 
-def play_fit(case: Case, play: Prediction) -> tuple[float, float, float, float]:
-    """Return gain over that of ideal geometry, play [mm], and rms [degrees] of fitted and held-out rows."""
-    values = {each.name: each.value for each in play.parameters}
-    errors = [
-        math.degrees(rms(case, "bending_angle_rad", play, rows)) for rows in (case.fitted, case.held_out)
-    ]
-    return values["gain"] * RADIUS, 1e3 * values["w"], errors[0], errors[1]
+def fit(law: Law, case: Case, response: Response) -> Prediction | None:
+    """Fit a law to the fitted rows; None where it does not apply or has more parameters than rows."""
+    if not law.needs(response):
+        return None
+    data, half_range = _data_of(case, response)
+    target = case.columns[response.column]
+    starts = [np.array(start) for start in law.starts]
+    try:
+        costs = [float(np.square(_Solved(law, data, target, start).residual).sum()) for start in starts]
+    except _TooFewRowsError:
+        return None
+    best = [starts[i] for i in np.argsort(costs)[: _STARTS if law.nonlinear else 1]]
+    fits = [_Solved(law, data, target, _refined(law, data, target, start)) for start in best]
+    solved = min(fits, key=lambda one: float(np.square(one.residual).sum()))
+    return Prediction(solved.values, _estimates(law, solved, data, half_range))
 
 
-def stop_fit(case: Case, stop: Prediction) -> tuple[float, float, float]:
-    """Return stiffness [kip/in], force [kip] and rms of held-out rows [kip]."""
-    values = {each.name: each.value for each in stop.parameters}
-    error = rms(case, "friction_force_N", stop, case.held_out)
-    return values["stiffness"] * _INCH / _KIP, values["force"] / _KIP, error / _KIP
+class _TooFewRowsError(ValueError):
+    pass
 
 
-def _play_fits(cases: Sequence[Case], fits: Fits, *, markdown: bool) -> str:
-    rows = _beside(cases, fits, "bending_angle_rad", "play", play_fit, _PLAY_FITS)
-    header = ["play, in brackets the set's README", "g", "w [mm]", "rms fitted [°]", "held out [°]"]
-    return table(header, rows, text_columns=1, markdown=markdown)
+class _Solved:
+    """The linear parameters at given nonlinear ones."""
+
+    def __init__(self, law: Law, data: Data, target: Vector, theta: Vector) -> None:
+        columns = np.column_stack(law.columns(data, theta))
+        fitted = columns[data.fitted]
+        if len(fitted) <= fitted.shape[1] + len(theta):
+            raise _TooFewRowsError
+        scale = np.maximum(np.sqrt(np.mean(np.square(fitted), axis=0)), 1e-12)
+        solve = partial(_one_sign, count=len(law.gains)) if law.one_sign else _free
+        self.theta = theta
+        self.factors: Vector = solve(fitted / scale, target[data.fitted]) / scale
+        self.columns = columns
+        self.values: Vector = columns @ self.factors
+        self.residual: Vector = self.values[data.fitted] - target[data.fitted]
 
 
-def _stop_fits(cases: Sequence[Case], fits: Fits, *, markdown: bool) -> str:
-    rows = _beside(cases, fits, "friction_force_N", "stop", stop_fit, _STOP_FITS)
-    header = ["stop, in brackets the set's README", "stiffness [kip/in]", "force [kip]", "held out [kip]"]
-    return table(header, rows, text_columns=1, markdown=markdown)
+def _free(columns: Matrix, target: Vector) -> Vector:
+    return np.asarray(np.linalg.lstsq(columns, target, rcond=1e-9)[0], dtype=np.float64)
 
 
-def _beside(
-    cases: Sequence[Case],
-    fits: Fits,
-    column: str,
-    method: str,
-    figures: Callable[[Case, Prediction], Sequence[float]],
-    known: Mapping[str, Sequence[float]],
-) -> list[list[str]]:
-    rows = []
-    for case in cases:
-        values = figures(case, fits[case.name, column][method])
-        pairs = zip(values, known[case.name], strict=True)
-        rows.append([case.name, *(f"{number(here)} ({number(there)})" for here, there in pairs)])
-    return rows
+def _one_sign(columns: Matrix, target: Vector, count: int) -> Vector:
+    """Solve with the first factors all positive, or all negative where that fits better."""
+    gains, free = columns[:, :count], columns[:, count:]
+    basis = np.linalg.qr(free)[0]
+    rest, left = gains - basis @ (basis.T @ gains), target - basis @ (basis.T @ target)
+    tried = [(nnls(sign * rest, left), sign) for sign in (1.0, -1.0)]
+    (factors, _), sign = min(tried, key=lambda one: one[0][1])
+    others = _free(free, target - gains @ (sign * factors)) if free.shape[1] else np.zeros(0)
+    return np.concatenate([sign * factors, others])
 
 
-def _lags(cases: Sequence[Case]) -> str:
-    """Say at which lag of the servos the pulls of single tendons scatter least."""
-    lags = np.arange(-0.3, 0.301, 0.01)
-    lines = list[str]()
-    for robot in dict.fromkeys(case.name.split()[0] for case in cases):
-        left = 1e3 * servo_lag(read_robot(robot), lags)
-        best = int(np.argmin(left))
-        lines.append(
-            f"{robot}, single pulls: rms of the tip {_at(lags, left, 0.0):.2f} mm,"
-            f" {left[best]:.2f} mm with the servos read {lags[best]:+.2f} s later"
-        )
-    return "\n".join(lines)
+def _refined(law: Law, data: Data, target: Vector, start: Vector) -> Vector:
+    if not law.nonlinear:
+        return start
+    low, high = _bounds(law)
+    return least_squares(
+        lambda theta: _Solved(law, data, target, theta).residual,
+        np.clip(start, low + 1e-9, high - 1e-9),
+        bounds=(low, high),
+        x_scale=np.maximum(np.abs(start), 0.02),
+        diff_step=_DIFFERENCE,
+        max_nfev=_EVALUATIONS,
+    ).x
 
 
-def _at(x: Vector, y: Vector, where: float) -> float:
-    return float(np.interp(where, x, y))
+def _bounds(law: Law) -> tuple[Vector, Vector]:
+    return np.array([each.low for each in law.nonlinear]), np.array([each.high for each in law.nonlinear])
+
+
+def _data_of(case: Case, response: Response) -> tuple[Data, float]:
+    """Return the case in units of the drive's half range, and that range [SI]."""
+    drive = case.columns[response.drive]
+    low, high = drive[case.fitted].min(), drive[case.fitted].max()
+    half_range = 0.5 * float(high - low)
+    centre = 0.0 if response.zeroed else 0.5 * (low + high)
+    others = [_from_its_middle(case.columns[name], case.fitted) for name in response.others]
+    varying = [values for values in others if values is not None]
+    given = np.column_stack(varying) if varying else np.zeros((len(drive), 0))
+    time, runs = case.columns["time_s"], tuple(case.runs())
+    scaled = (drive - centre) / half_range
+    return Data(scaled, time, runs, given, case.fitted, response.resists, response.zeroed), half_range
+
+
+def _from_its_middle(values: Vector, fitted: Mask) -> Vector | None:
+    low, high = values[fitted].min(), values[fitted].max()
+    return None if high == low else (2.0 * values - low - high) / (high - low)
+
+
+def _estimates(law: Law, solved: _Solved, data: Data, half_range: float) -> tuple[Estimate, ...]:
+    """Return the parameters that have a meaning, with intervals by the delta method."""
+    low, high = _bounds(law)
+    inside = (solved.theta > low + 1e-6) & (solved.theta < high - 1e-6)
+    gains = solved.factors[: len(law.gains)]
+    used = np.concatenate([inside, solved.factors != 0.0])
+    covariance = _covariance(law, data, solved, used)
+    error = NORMAL_95 * np.sqrt(np.where(used, np.diag(covariance), np.nan))
+    estimates = list[Estimate]()
+    for k, each in enumerate(law.nonlinear):
+        scale = half_range if each.kind == "drive" else 1.0
+        estimates.append(Estimate(each.name, each.kind, scale * solved.theta[k], scale * error[k]))
+    count = len(law.nonlinear)
+    for k, name in enumerate(law.gains):
+        estimates.append(Estimate(name, "gain", gains[k] / half_range, error[count + k] / half_range))
+    if law.slides:
+        slope = np.zeros(len(used))
+        slope[[0, count]] = gains[0], solved.theta[0]
+        width = NORMAL_95 * math.sqrt(slope @ covariance @ slope)
+        estimates.append(Estimate("force", "response", gains[0] * solved.theta[0], width))
+    return tuple(estimates)
+
+
+def _covariance(law: Law, data: Data, solved: _Solved, used: Mask) -> Matrix:
+    """Return the covariance of nonlinear parameters and factors; zero for what is not `used`."""
+    slopes = list[Vector]()
+    for k, value in enumerate(solved.theta):
+        step = _DIFFERENCE * max(abs(float(value)), 0.02)
+        moved = solved.theta.copy()
+        moved[k] += step if value + step < law.nonlinear[k].high else -step
+        columns = np.column_stack(law.columns(data, moved))
+        slopes.append((columns - solved.columns) @ solved.factors / (moved[k] - value))
+    jacobian = np.column_stack([*slopes, solved.columns])[data.fitted][:, used]
+    residual = solved.residual
+    degrees = len(residual) - jacobian.shape[1]
+    own = float(residual @ residual)
+    shared = float(residual[1:] @ residual[:-1]) / own if own > 0.0 else 0.0
+    correlation = min(max(shared, 0.0), _CORRELATION)
+    variance = own / degrees * (1.0 + correlation) / (1.0 - correlation)
+    size = np.linalg.norm(jacobian, axis=0)
+    scale = np.where(size > 0.0, size, 1.0)
+    unit = jacobian / scale
+    inverse = np.linalg.pinv(unit.T @ unit, hermitian=True) / np.outer(scale, scale)
+    covariance = np.zeros((len(used), len(used)))
+    covariance[np.ix_(used, used)] = variance * inverse
+    return covariance
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

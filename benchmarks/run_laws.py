@@ -23,6 +23,9 @@ DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 Mask = NDArray[np.bool_]
 
 
+Kind = Literal["drive", "response", "gain", "time", "number"]
+
+
 @dataclass(frozen=True, slots=True)
 class Response:
     """One channel that is predicted from the channels that are given."""
@@ -92,6 +95,25 @@ def mean_cycle_error(case: Case, column: str) -> float:
         known = np.where(inside, np.interp(at, time, values), 0.0).sum(axis=1) / inside.sum(axis=1)
         errors.append(values[held_out] - known)
     return float(np.sqrt(np.mean(np.square(np.concatenate(errors)))))
+
+
+class Estimate(NamedTuple):
+    """A parameter in SI, and the half width of its 95 % interval (NaN: at a bound)."""
+
+    name: str
+    kind: Kind
+    """What it is a quantity of; a gain is response over drive."""
+    value: float
+    half_width: float
+
+
+@dataclass(frozen=True, slots=True)
+class Prediction:
+    """A response as a method predicts it, and the method's parameters."""
+
+    values: Vector
+    """[n] SI."""
+    parameters: tuple[Estimate, ...] = field(default=())
 
 
 _STEP = 0.2  # of the yield displacement; a longer change of the drive is cut up
@@ -170,7 +192,6 @@ class Data:
 
 
 Columns = Callable[[Data, Vector], list[Vector]]
-Kind = Literal["drive", "response", "gain", "time", "number"]
 
 
 class Nonlinear(NamedTuple):

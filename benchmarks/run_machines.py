@@ -12,9 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.real_tool import ARM, PRELOAD, ZERO
-from benchmarks.run_laws import Case
-from benchmarks.run_peers import Estimate, Prediction
+from benchmarks.real_sets import ARM, PRELOAD, ZERO
+from benchmarks.run_laws import Case, Estimate, Prediction
 from tssgeom.arrays import Vector
 from tssgeom.errors import TssgeomError
 from tssgeom.identify.machine_calibration import calibrate_machine

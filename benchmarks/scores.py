@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks import ABSENT, number, share, table
 from benchmarks.estimators import OURS, PEERS, SLOW, Bound, Estimate, Sighting, cramer_rao, first_pull
-from benchmarks.routes import Cell, Draw, Truth, draw
+from tests.known_routes import Cell, Draw, Truth, draw
 from tssgeom.statistics import NORMAL_95
 
 _LAYOUTS = 20  # draws of stations over which the bound is averaged

@@ -19,9 +19,9 @@ import numpy as np
 
 from benchmarks.calibration import trial
 from benchmarks.discovery_campaigns import discovered
-from benchmarks.live_process import points_mm
-from benchmarks.routes import Cell, Draw, draw, truth
 from tests.campaigns import make_campaign
+from tests.known_routes import Cell, Draw, draw, truth
+from tests.live_process import points_mm
 from tssgeom import Frame, FrameResult, Rejected, Rig, process
 from tssgeom.arrays import Vector
 from tssgeom.rig import Friction, Load, ShapeSensor

@@ -13,8 +13,8 @@ import ruptures
 from scipy.interpolate import splev, splprep
 
 from benchmarks.estimators import RIG
-from benchmarks.live_process import line
-from benchmarks.routes import PIECEWISE, harmonic_course, of_arcs, truth
+from tests.known_routes import PIECEWISE, harmonic_course, of_arcs, truth
+from tests.live_process import line
 from tssgeom import core
 from tssgeom.arrays import Points, Vector
 from tssgeom.engine import process

@@ -35,7 +35,7 @@ def simulate_machine(
     """Take a machine through the run of a drive, and write table and pictures; return the exit status."""
     from pipelines.runs import errors_naming, measured_run, sensed_route
     from tssgeom.api.machine_calls import simulated_machine
-    from tssgeom.io.results.channel_table import write_channels
+    from tssgeom.io.results.csv_table import write_channels
 
     run = measured_run(drive, settings)
     sensed = sensed_route(shapes, settings)
@@ -72,7 +72,7 @@ def compensate_machine(
     """Compute the angle of the motor that turns the joint as wanted; returns the exit status."""
     from pipelines.runs import errors_naming, measured_run, sensed_route
     from tssgeom.api.machine_calls import TARGET, commanded_machine
-    from tssgeom.io.results.channel_table import write_channels
+    from tssgeom.io.results.csv_table import write_channels
 
     run = measured_run(target, settings)
     sensed = sensed_route(shapes, settings)

@@ -10,7 +10,7 @@ from msgspec.structs import replace as changed
 from tssgeom.effects import Creep, HiddenBend, ThermalDrift
 from tssgeom.engine import process
 from tssgeom.rig import Friction, Rig, ShapeSensor
-from tssgeom.stream import Frame, FrameResult, Rejected, advance
+from tssgeom.stream import Frame, FrameResult, Rejected, pulled, sensed_route
 from tssgeom.tendon.bars.bar_state import BarState
 from tssgeom.tendon.capstan import Corners
 from tssgeom.tendon.state import pretensioned
@@ -138,7 +138,7 @@ def test_live_equals_batch_with_effects():
     half = list(process(frames[:3], EFFECTS, tension_in=15.0))[-1]
     by_hand, last = half.state, half.tracked
     for seq, frame in enumerate(frames[3:], 3):
-        result = advance(seq, frame, by_hand, EFFECTS, 15.0, last)
+        result = pulled(seq, frame, by_hand, EFFECTS, 15.0, sensed_route(frame, EFFECTS, last))
         by_hand, last = result.state, result.tracked
         assert result.transmission == batch[seq].transmission
 

@@ -11,8 +11,7 @@ import numpy as np
 from tssgeom.arrays import Points, Vector, read_only
 from tssgeom.frame import fit_frame
 from tssgeom.rig import Rig
-from tssgeom.sensed_route import SensedRoute
-from tssgeom.stream import Frame, FrameResult, advance, at_rest, pulled
+from tssgeom.stream import Frame, FrameResult, SensedRoute, at_rest, pulled, sensed_route
 
 if TYPE_CHECKING:
     from tssgeom.route.repeated import Repeated
@@ -41,7 +40,7 @@ def analyse(
     else:
         frame = Frame(read_only(np.array(points, dtype=np.float64)), stations=stations)
     chosen = Rig() if rig is None else rig
-    return advance(0, frame, at_rest(chosen), chosen, tension_in)
+    return pulled(0, frame, at_rest(chosen), chosen, tension_in, sensed_route(frame, chosen))
 
 
 def analyse_same(

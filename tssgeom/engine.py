@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from threading import Condition
+from typing import TypeVar
 
 from tssgeom.adapt.follower import Follower
 from tssgeom.errors import TssgeomError
@@ -15,18 +16,19 @@ from tssgeom.plausibility.frames import FrameWatch
 from tssgeom.rig import Rig
 from tssgeom.route.time_filter import PointFilter
 from tssgeom.route.tracking import TrackedFit, model_checked
-from tssgeom.sensed_route import SensedRoute, sensed_route
 from tssgeom.stream import (
     Carried,
     FrameResult,
     Rejected,
-    advance,
+    SensedRoute,
     at_rest,
     pulled,
+    sensed_route,
 )
 from tssgeom.tendon.commander import Commander
 from tssgeom.tendon.state import pretensioned
 
+_Result = TypeVar("_Result")
 _FAULTS = (TssgeomError, ArithmeticError)  # of one frame: the next may be sound
 
 
@@ -141,7 +143,11 @@ class Engine:
             track = track or self._track
             if sensed is None:
                 track.check_model()
-            result = self._pulled(seq, frame, track, filtered, sensed)
+                fitted = _attempt(seq, frame, sensed_route, frame, self._rig, track.last, filtered)
+            else:
+                fitted = sensed
+            before, more = (self._state, self._rig, self._tension_in), (self._commander, self._follower)
+            result = _pulled(seq, frame, *before, fitted, *more)
             if isinstance(result, Rejected):
                 return result
             self._state, track.last, self._commander = result.carried, result.tracked, result.commander
@@ -153,10 +159,7 @@ class Engine:
         A track may be in one call at a time; calls with different tracks may run side by side.
         """
         track.check_model()
-        try:
-            return sensed_route(frame, self._rig, track.last)
-        except _FAULTS as error:
-            return Rejected(0, frame.time, _reason(error), frame.id)
+        return _attempt(0, frame, sensed_route, frame, self._rig, track.last)
 
     def idle(self, track: Track | None = None) -> None:
         """Make the step of the model check that follows a frame, so that the next `push` need not.
@@ -167,17 +170,6 @@ class Engine:
             (track or self._track).check_model()
             if self._follower is not None:
                 self._follower.work()
-
-    def _pulled(
-        self, seq: int, frame: Frame, track: Track, filtered: PointFilter | None, sensed: SensedRoute | None
-    ) -> FrameResult | Rejected:
-        before, more = (self._state, self._rig, self._tension_in), (self._commander, self._follower)
-        if sensed is None:
-            return _advanced(seq, frame, *before, track.last, filtered, *more)
-        try:
-            return pulled(seq, frame, *before, sensed, *more)
-        except _FAULTS as error:
-            return Rejected(seq, frame.time, _reason(error), frame.id)
 
     @contextmanager
     def _turn(self) -> Iterator[None]:
@@ -271,20 +263,27 @@ def _carried(
         engine.idle()  # the result is out: the check of its model delays no frame that has arrived
 
 
-def _advanced(
+def _pulled(
     seq: int,
     frame: Frame,
     state: Carried,
     rig: Rig,
     tension_in: float,
-    last: TrackedFit | None,
-    filtered: PointFilter | None,
+    sensed: SensedRoute | Rejected,
     commander: Commander | None = None,
     follower: Follower | None = None,
 ) -> FrameResult | Rejected:
-    """Do as `advance`, but return what cannot be used as rejected."""
+    """Do as `stream.pulled`, but return what cannot be used as rejected."""
+    if isinstance(sensed, Rejected):
+        return sensed
+    more = (tension_in, sensed, commander, follower)
+    return _attempt(seq, frame, pulled, seq, frame, state, rig, *more)
+
+
+def _attempt(seq: int, frame: Frame, call: Callable[..., _Result], *arguments: object) -> _Result | Rejected:
+    """Call what uses a frame; where it cannot, return the frame as rejected."""
     try:
-        return advance(seq, frame, state, rig, tension_in, last, filtered, commander, follower)
+        return call(*arguments)
     except _FAULTS as error:
         return Rejected(seq, frame.time, _reason(error), frame.id)
 
@@ -328,7 +327,8 @@ def alone(
         if isinstance(frame, Rejected):
             yield replace(frame, seq=seq)
             continue
-        result = _advanced(seq, frame, rest, rig, tension_in, last, points.get(seq - first))
+        sensed = _attempt(seq, frame, sensed_route, frame, rig, last, points.get(seq - first))
+        result = _pulled(seq, frame, rest, rig, tension_in, sensed)
         if isinstance(result, FrameResult):
             last, result = result.tracked, _watched(result, watch)
         yield result

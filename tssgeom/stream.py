@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 from tssgeom.adapt import carry
 from tssgeom.adapt.alert import Alert
@@ -12,7 +13,7 @@ from tssgeom.adapt.follower import Follower
 from tssgeom.adapt.readings import FollowedRig, Readings
 from tssgeom.effects import named
 from tssgeom.errors import SettingsError
-from tssgeom.frame import Frame
+from tssgeom.frame import Frame, fit_frame, with_shared_errors_of
 from tssgeom.plausibility.frames import frame_remarks, strain_remarks
 from tssgeom.result import Result
 from tssgeom.rig import Rig
@@ -24,7 +25,6 @@ from tssgeom.route.route import Route
 from tssgeom.route.route_fit import RouteFit
 from tssgeom.route.time_filter import PointFilter
 from tssgeom.route.tracking import TrackedFit
-from tssgeom.sensed_route import SensedRoute, sensed_route
 from tssgeom.tendon.command import Command
 from tssgeom.tendon.command_error import Step
 from tssgeom.tendon.commander import Commander, Given, commander_of
@@ -131,34 +131,31 @@ class Rejected:
     """The sender's own name of the frame."""
 
 
-def advance(
-    seq: int,
-    frame: Frame,
-    state: Carried,
-    rig: Rig,
-    tension_in: float,
-    last: TrackedFit | None = None,
-    points: PointFilter | None = None,
-    commander: Commander | None = None,
-    follower: Follower | None = None,
-) -> FrameResult:
-    """Carry the tendon from `state` over one frame, its geometry from that of the `last` one.
+class SensedRoute(NamedTuple):
+    """The route of a frame, as a tendon needs it."""
 
-    Its points are filtered in time by those before it, unless `points` has them filtered already. Where a
-    `follower` takes in its readings, tendon and rig are the follower's.
+    shape: Shape
+    tracked: TrackedFit
+    fit: RouteFit
+    """The fit at its resolution."""
+    shared: SharedErrors
+    """Errors beside its own, which other frames have too."""
+
+
+def sensed_route(
+    frame: Frame, rig: Rig, last: TrackedFit | None = None, points: PointFilter | None = None
+) -> SensedRoute:
+    """Fit the route of a frame, from that of the `last` one; no tendon is needed, and none is moved.
 
     Raises
     ------
     ShapeError
         Where the points cannot be a route.
-    SettingsError
-        Where the tension is negative or not finite, or a target out of reach.
     FitError
-        Where the points give no finite curve, or the tendon no equilibrium.
+        Where they give no finite curve.
     """
-    return pulled(
-        seq, frame, state, rig, tension_in, sensed_route(frame, rig, last, points), commander, follower
-    )
+    shape, tracked = fit_frame(frame, rig, last, points)
+    return SensedRoute(shape, tracked, *with_shared_errors_of(frame, rig, tracked))
 
 
 def pulled(
@@ -171,7 +168,9 @@ def pulled(
     commander: Commander | None = None,
     follower: Follower | None = None,
 ) -> FrameResult:
-    """Do as `advance` does, on a route that is fitted already.
+    """Carry the tendon from `state` over one frame, whose route is fitted already.
+
+    Where a `follower` takes in its readings, tendon and rig are the follower's.
 
     Raises
     ------

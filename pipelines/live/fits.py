@@ -21,8 +21,7 @@ from weakref import WeakKeyDictionary
 from tssgeom.engine import Engine
 from tssgeom.io.network.channel import READ
 from tssgeom.io.network.mailbox import Arrival, Sender
-from tssgeom.sensed_route import SensedRoute
-from tssgeom.stream import Frame, Rejected
+from tssgeom.stream import Frame, Rejected, SensedRoute
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,8 +16,7 @@ from tssgeom.io.network.mailbox import Arrival, Mailbox, Sender
 from tssgeom.io.network.sinks import Sink
 from tssgeom.io.network.sources import Source
 from tssgeom.io.results import answers
-from tssgeom.sensed_route import SensedRoute
-from tssgeom.stream import Frame, FrameResult, Rejected
+from tssgeom.stream import Frame, FrameResult, Rejected, SensedRoute
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,7 +19,6 @@ from tssgeom.io.formats.cameras import read_cameras
 from tssgeom.io.results.recorded import recording_writer
 from tssgeom.route.observations import MIN_POINTS
 from tssgeom.stream import Frame
-from tssgeom.vision.across import noise_across
 from tssgeom.vision.blobs import BlobAppearance, blob_finder
 from tssgeom.vision.cameras import Camera, refuse_other_size
 from tssgeom.vision.footage import Footage, open_footage
@@ -27,6 +26,7 @@ from tssgeom.vision.localisation import Alone
 from tssgeom.vision.sightings import Sightings, nothing
 from tssgeom.vision.tags import CORNERS, tag_finder
 from tssgeom.vision.track import Track, Wanted, track
+from tssgeom.vision.triangulation import noise_across
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,12 +11,12 @@ from collections import Counter
 from itertools import islice
 from pathlib import Path
 
-from benchmarks.live_process import Live, live
 from tests.attack.live_lines import lines, sent
 from tests.attack.live_peers import PEERS
 from tests.attack.live_starts import STARTS
 from tests.attack.live_target import Target, hang
 from tests.attack.trial import LARGE
+from tests.live_process import Live, live
 
 _ENOUGH = 40  # good frames of which a percentile is printed
 _FEW = 7  # starts of the short form: those that come first

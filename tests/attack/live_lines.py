@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from benchmarks.live_process import line, malformed, points_mm
 from tests.attack.live_target import Target
+from tests.live_process import line, malformed, points_mm
 
 _T = 50.0  # s, of a frame by its own clock
 

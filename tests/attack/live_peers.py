@@ -10,8 +10,8 @@ from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from itertools import count
 
-from benchmarks.live_process import line, points_mm, retimed
 from tests.attack.live_target import Target, beside, said
+from tests.live_process import line, points_mm, retimed
 from tssgeom.io.network.listener import LIMITS
 
 HERE = "127.0.0.1"

@@ -13,9 +13,9 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
-from benchmarks.live_process import START, Live, line, live, points_mm
 from tests.attack.live_lines import helix
 from tests.attack.live_target import hang
+from tests.live_process import START, Live, line, live, points_mm
 from tssgeom.errors import TssgeomError
 from tssgeom.io.formats.states import read_state
 

@@ -13,7 +13,7 @@ from contextlib import contextmanager, suppress
 from itertools import pairwise
 from typing import Any
 
-from benchmarks.live_process import Live, Reader, line, points_mm, retimed
+from tests.live_process import Live, Reader, line, points_mm, retimed
 
 PERIOD = 0.02
 """Time between good frames [s]; chosen: a camera's."""

@@ -6,7 +6,7 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from benchmarks.estimators import RIG, TENSION_IN, cramer_rao, first_pull
-from benchmarks.routes import truth
+from tests.known_routes import truth
 from tssgeom.route.pieces import Arcs
 from tssgeom.route.synthetic import chain, half_circle, setup_a
 from tssgeom.tendon.capstan import pretensioned, step

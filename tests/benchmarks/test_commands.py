@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from benchmarks import commands
-from benchmarks.commands import GAIN_SD, MU_SD, RHO_SD, outcome
+from benchmarks import streams
+from benchmarks.streams import GAIN_SD, MU_SD, RHO_SD, outcome
 
 RIGS = 48
 
@@ -20,15 +20,15 @@ def test_the_95_percent_bounds_hold_as_often_as_they_say(moving, by_force):
 
 
 def test_without_the_errors_of_the_rig_the_bounds_do_not_hold(monkeypatch):
-    monkeypatch.setattr(commands, "commander_of", lambda rig, uncertain: None)
+    monkeypatch.setattr(streams, "commander_of", lambda rig, uncertain: None)
     shares = [outcome(seed, moving=False, by_force=False).holds.mean() for seed in range(8)]
     assert np.mean(shares) < 0.5
     assert min(MU_SD, RHO_SD, GAIN_SD) > 0.0
 
 
 def test_the_table_fails_where_the_bounds_are_too_narrow(capsys, monkeypatch):
-    assert commands.main(["--rigs", "24"]) == 0
+    assert streams.main(["commands", "--rigs", "24"]) == 0
     assert "moving route, by tension" in capsys.readouterr().out
-    monkeypatch.setattr(commands, "bound", lambda error: 0.1 * error)
-    assert commands.main(["--rigs", "8"]) == 1
-    assert "of the bounds hold" in capsys.readouterr().out
+    monkeypatch.setattr(streams, "bound", lambda error: 0.1 * error)
+    assert streams.main(["commands", "--rigs", "8"]) == 1
+    assert "of the bounds hold" in capsys.readouterr().err

@@ -120,9 +120,9 @@ def test_the_bound_of_no_alarm_in_149_is_two_per_cent():
 
 
 def test_the_limit_of_detection_breaks_off_at_the_first_size_that_fails():
-    assert scores.detection_limit({1.0: 1.0, 0.5: 0.9, 0.25: 0.5}) == 0.5
-    assert scores.detection_limit({1.0: 0.5, 0.5: 1.0, 0.25: 1.0}) == math.inf
-    assert scores.detection_limit({1.0: 1.0, 0.5: math.nan, 0.25: 1.0}) == 1.0
+    assert discovery.detection_limit({1.0: 1.0, 0.5: 0.9, 0.25: 0.5}) == 0.5
+    assert discovery.detection_limit({1.0: 0.5, 0.5: 1.0, 0.25: 1.0}) == math.inf
+    assert discovery.detection_limit({1.0: 1.0, 0.5: math.nan, 0.25: 1.0}) == 1.0
 
 
 def test_tables_say_what_was_reached_and_what_was_not_measured():

@@ -5,10 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from benchmarks import discovery, discovery_second
-from benchmarks.discovery_scores import Outcome
-from benchmarks.discovery_second import (
-    cases,
+from benchmarks import discovery
+from benchmarks import discovery_scores as scores
+from benchmarks.discovery_campaigns import second_cases as cases
+from benchmarks.discovery_scores import (
+    Outcome,
     law_held,
     mechanism,
     right_formula,
@@ -68,8 +69,8 @@ def test_only_a_verdict_that_names_counts():
 
 def test_a_tie_counts_where_it_holds_the_first_name_and_the_mechanism():
     tied = report("tie", {"name": "toe_region"}, tie=[("toe_region", "slack_take_up")])
-    assert discovery_second.right_or_tied(outcome(tied, kind="stretch_at_end"))
-    assert not discovery_second.right_or_tied(outcome(tied, kind="preload"))
+    assert scores.mechanism_or_tied(outcome(tied, kind="stretch_at_end"))
+    assert not scores.mechanism_or_tied(outcome(tied, kind="preload"))
 
 
 def test_a_band_holds_a_law_up_to_what_the_base_model_may_take():
@@ -109,7 +110,7 @@ def test_tables_say_what_was_named_and_what_the_law_was_worth():
         outcome(report("effect", {"name": "backlash"}), kind="play_at_drive", formula="backlash"),
         outcome(report("effect", {"name": "backlash"}), kind="", group="clean"),
     ]
-    text = discovery_second.printed(outcomes, markdown=False)
+    text = scores.printed_by_mechanism(outcomes, markdown=False)
     assert "law: friction_law 1" in text
     assert "100 % (2 of 2)" in text
     assert "100 % (1 of 1), below 100 %" in text

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from benchmarks.estimators import OURS, PEERS, Sighting, taubin_smoothing, vmtk_smoothing
-from benchmarks.routes import Cell, draw, truth
 from benchmarks.scores import METHODS, Outcome, Score, bound, run, summary
+from tests.known_routes import Cell, draw, truth
 
 HALF = truth("half circle", np.random.default_rng(0))
 

@@ -5,9 +5,9 @@ import pytest
 
 from benchmarks import accuracy, machine, number, speed, table
 from benchmarks.accuracy import failings, targets
-from benchmarks.routes import Cell
 from benchmarks.scores import METHODS, Outcome, Result, Score, bound, details, matrix, run, summary
 from benchmarks.stages import PIPELINES, SMOOTH_STAGES, STAGES, frames
+from tests.known_routes import Cell
 
 CELL = Cell("test", "half circle", 30, 5e-4)
 

@@ -1,29 +1,33 @@
 """Measured runs that stand beside the project: they are read as their README describes them."""
 
+import math
+
 import numpy as np
 import pytest
 
-from benchmarks.real import play_fit, stop_fit
+from benchmarks.real import fit, rms
 from benchmarks.real_sets import (
     BAND,
+    RADIUS,
     ROBOTS,
     STRETCH,
+    TOOL,
     band_cases,
     bending_angle,
-    read_robot,
     robot_cases,
-    servo_lag,
     stretch_cases,
+    tool_cases,
     without_jumps,
 )
-from benchmarks.real_tool import TOOL, tool_cases
 from benchmarks.run_laws import LAWS, mean_cycle_error
-from benchmarks.run_peers import fit
 
 needs_tool = pytest.mark.skipif(not TOOL.is_dir(), reason="needs the torques of the cable-driven instrument")
 needs_robots = pytest.mark.skipif(not ROBOTS.is_dir(), reason="needs the tendon robots")
 needs_stretch = pytest.mark.skipif(not STRETCH.is_dir(), reason="needs the stretched tendons")
 needs_band = pytest.mark.skipif(not BAND.is_dir(), reason="needs the band round a drum")
+
+
+KIP, INCH = 4448.2216, 0.0254  # N, m
 
 
 def test_the_bending_angle_is_that_of_the_arc_that_made_the_end():
@@ -54,6 +58,20 @@ def test_the_instrument_holds_out_cycles_a_load_and_a_pitch():
     assert all(mean_cycle_error(case, "tension_in_N") < 0.3 for case in cases[:12])
 
 
+def play_fit(case, play):
+    """Return gain over that of ideal geometry, play [mm], and rms [degrees] of fitted and held-out rows."""
+    values = {each.name: each.value for each in play.parameters}
+    errors = [rms(case, "bending_angle_rad", play, rows) for rows in (case.fitted, case.held_out)]
+    return values["gain"] * RADIUS, 1e3 * values["w"], *map(math.degrees, errors)
+
+
+def stop_fit(case, stop):
+    """Return stiffness [kip/in], force [kip] and rms of held-out rows [kip]."""
+    values = {each.name: each.value for each in stop.parameters}
+    error = rms(case, "friction_force_N", stop, case.held_out)
+    return values["stiffness"] * INCH / KIP, values["force"] / KIP, error / KIP
+
+
 @needs_band
 def test_the_stop_fits_of_the_band_are_those_of_the_sets_readme():
     known = zip((10.3, 14.0, 17.9, 14.6), (1.40, 2.04, 2.78, 2.16), (0.22, 0.33, 0.37, 0.46), strict=True)
@@ -80,13 +98,6 @@ def test_the_play_fits_of_the_robots_are_those_of_the_sets_readme():
         )
     third = cases["v6 segment 3"]
     assert play_fit(third, fit(LAWS["play"], third, third.responses[0]))[3] > 10.0  # its lengths are wrong
-
-
-@needs_robots
-def test_the_servos_of_one_robot_are_read_late():
-    lags = np.arange(-0.3, 0.301, 0.02)
-    assert lags[np.argmin(servo_lag(read_robot("v6"), lags))] == pytest.approx(0.2, abs=0.03)
-    assert lags[np.argmin(servo_lag(read_robot("v4"), lags))] == pytest.approx(-0.1, abs=0.03)
 
 
 @needs_stretch

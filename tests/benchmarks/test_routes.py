@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.routes import PIECEWISE, SMOOTH, Cell, catalogue, draw, quick, truth
+from tests.known_routes import PIECEWISE, SMOOTH, Cell, catalogue, draw, quick, truth
 from tssgeom.route import synthetic
 
 

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import pytest
 
-from benchmarks.live_process import PATIENCE, Live, Reader, live
 from pipelines.cli import main
 from tests.live.peers import synchronised
+from tests.live_process import PATIENCE, Live, Reader, live
 
 
 class Outcome(NamedTuple):

@@ -5,7 +5,7 @@ from itertools import count
 
 import numpy as np
 
-from benchmarks.live_process import PATIENCE, Live, Reader, line, points_mm
+from tests.live_process import PATIENCE, Live, Reader, line, points_mm
 
 _marks = count()
 

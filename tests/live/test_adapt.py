@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from benchmarks.live_process import PATIENCE, Live, line, live
 from tests.live.peers import half_circle, next_answer
+from tests.live_process import PATIENCE, Live, line, live
 from tssgeom.io.formats.states import read_filter, read_state
 from tssgeom.rig import read_rig
 

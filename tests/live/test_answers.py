@@ -7,8 +7,8 @@ from time import sleep
 
 import pytest
 
-from benchmarks.live_process import PATIENCE, line, live, malformed
 from tests.live.peers import frame, half_circle, next_answer
+from tests.live_process import PATIENCE, line, live, malformed
 
 KEYS = {
     "t",

@@ -1,4 +1,4 @@
-"""That both clients, in C and in Python, time what a little server does with their frames."""
+"""That the client in C times what a little server does with its frames."""
 
 import json
 import socket
@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.live_process import lines
 from benchmarks.load import compiled_client, measured
+from tests.live_process import lines
 from tssgeom.core.build import NoCompilerError, compiler
 
 FRAMES = lines(12, 5, 500.0)
@@ -19,10 +19,8 @@ LOST, LATE = 30, 50  # ids of frames: one without answer, one whose answer is la
 DELAY = 0.02  # s
 
 
-@pytest.fixture(params=["C", "Python"])
-def client(request, tmp_path):
-    if request.param == "Python":
-        return None
+@pytest.fixture
+def client(tmp_path):
     try:
         compiler()
     except NoCompilerError as error:
@@ -100,15 +98,6 @@ def test_without_a_rate_each_frame_waits_for_the_answer_to_the_one_before(client
     result = measured(client, echo.ports, FRAMES, 0.0, LOST)
     assert result.answered == LOST
     assert result.seconds >= 1e-3 * result.outside[:-1].sum()
-
-
-def test_without_a_compiler_the_output_says_that_the_client_is_in_python(monkeypatch, tmp_path, capsys):
-    def missing():
-        raise NoCompilerError("no C compiler")
-
-    monkeypatch.setattr("benchmarks.load.compiler", missing)
-    assert compiled_client(tmp_path) is None
-    assert capsys.readouterr().out == "the client is in Python, and may itself be late: no C compiler\n"
 
 
 @pytest.mark.parametrize(

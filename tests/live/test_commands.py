@@ -2,8 +2,8 @@
 
 import pytest
 
-from benchmarks.live_process import PATIENCE, line, live
 from tests.live.peers import half_circle, next_answer
+from tests.live_process import PATIENCE, line, live
 
 RIG = """
 [tendon]

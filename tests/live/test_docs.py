@@ -15,8 +15,8 @@ import numpy as np
 import pyigtl
 import pytest
 
-from benchmarks.live_process import PATIENCE, Live, live
 from tests.live.peers import half_circle
+from tests.live_process import PATIENCE, Live, live
 from tssgeom import Frame, Rig, process
 from tssgeom.io.formats.jsonl import Line
 from tssgeom.io.results.answers import answer

@@ -16,10 +16,10 @@ import pytest
 import rerun_cli
 from rerun.chunk import RrdReader
 
-from benchmarks.live_process import PATIENCE, Reader, line, live
 from pipelines.live.messages import packed
 from pipelines.live.processes import SideProcess
 from tests.live.peers import frame, half_circle, next_answer
+from tests.live_process import PATIENCE, Reader, line, live
 from tssgeom.engine import process
 from tssgeom.io.formats.files import open_recording
 from tssgeom.io.formats.states import read_state, write_state

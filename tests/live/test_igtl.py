@@ -9,9 +9,9 @@ import pyigtl
 import pytest
 from pyigtl.messages import CRC64, MessageBase
 
-from benchmarks.live_process import PATIENCE, Reader
 from tests.live.conftest import Shared
 from tests.live.peers import half_circle
+from tests.live_process import PATIENCE, Reader
 from tssgeom.io.network.igtl import HEADER, Message, header_of, message_of, route_message, text_message
 from tssgeom.io.network.igtl_peers import Rounds, _string
 

@@ -8,9 +8,9 @@ import time
 
 import pytest
 
-from benchmarks.live_process import PATIENCE, live
 from tests.live.peers import frame, next_answer
 from tests.live.test_faults import _await_end
+from tests.live_process import PATIENCE, live
 from tssgeom.io.formats.states import read_state
 
 

@@ -11,8 +11,8 @@ from itertools import count
 
 import pytest
 
-from benchmarks.live_process import PATIENCE, Reader, live, malformed
 from tests.live.peers import frame
+from tests.live_process import PATIENCE, Reader, live, malformed
 from tssgeom.io.network.listener import LIMITS
 from tssgeom.io.network.mailbox import LIMITS as FRAMES
 

@@ -8,13 +8,12 @@ import time
 import numpy as np
 import pytest
 
-from benchmarks.live_process import PATIENCE, line, live, points_mm
 from tests.attack.live_lines import helix
 from tests.live.peers import frame
+from tests.live_process import PATIENCE, line, live, points_mm
 from tssgeom.engine import Engine, Track, process
 from tssgeom.rig import Rig
-from tssgeom.sensed_route import SensedRoute
-from tssgeom.stream import Frame, FrameResult, Rejected
+from tssgeom.stream import Frame, FrameResult, Rejected, SensedRoute
 
 LONG = line(helix(10_000, 200.0), 2.0, id="long")  # about 2 s
 TCP = ("--source", "tcp://127.0.0.1:0")

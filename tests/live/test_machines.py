@@ -6,8 +6,8 @@ import subprocess
 import numpy as np
 import pytest
 
-from benchmarks.live_process import PATIENCE, START, live
 from tests.live.peers import half_circle
+from tests.live_process import PATIENCE, START, live
 from tests.pipelines.test_machines import RIG
 from tssgeom.rig import read_rig
 from tssgeom.route.pieces import Arcs

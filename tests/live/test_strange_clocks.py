@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.live_process import PATIENCE, line, live
 from tests.live.peers import half_circle
+from tests.live_process import PATIENCE, line, live
 from tssgeom.engine import Engine
 from tssgeom.io.formats.states import read_state, write_state
 from tssgeom.rig import Rig, read_rig

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pyigtl
 
-from benchmarks.live_process import PATIENCE, live
 from tests.live.peers import frame, half_circle
 from tests.live.test_igtl import transform
+from tests.live_process import PATIENCE, live
 from tssgeom.io.network.addresses import Access, Endpoint
 from tssgeom.io.network.datagrams import UdpSource
 from tssgeom.io.network.listener import LIMITS

@@ -13,9 +13,8 @@ from tssgeom import Frame, Rig, process
 from tssgeom.effects import FrictionLaw, HiddenBend, SensorLaw
 from tssgeom.errors import SettingsError
 from tssgeom.plausibility.frames import FrameWatch, command_remarks, rig_remarks
-from tssgeom.plausibility.laws import law_remarks
 from tssgeom.plausibility.rules import RULES, warnings_of
-from tssgeom.plausibility.runs import campaign_remarks, fit_remarks
+from tssgeom.plausibility.runs import campaign_remarks, fit_remarks, law_remarks
 from tssgeom.plausibility.series import Series
 from tssgeom.rig import Friction, Sensor, Tendon
 from tssgeom.stream import FrameResult, Rejected

@@ -98,7 +98,7 @@ def test_of_ninety_simulated_runs_with_every_effect_none_is_refused_and_few_brea
 
 @pytest.mark.skipif(not TOOL.is_dir(), reason="the measured tool is not beside this copy")
 def test_a_measured_tool_is_not_refused(tmp_path):
-    from benchmarks.discovery_real import write_tool_campaign
+    from tests.measured import write_tool_campaign
 
     for load in (1, 2, 3, 4):
         write_tool_campaign(tmp_path / str(load), load)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.routes import truth
+from tests.known_routes import truth
 from tests.route.test_real_data import DATA
 from tssgeom import Frame, FrameResult, Rig, analyse, process
 from tssgeom.errors import FitError, ShapeError

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.routes import harmonic_course
+from tests.known_routes import harmonic_course
 from tssgeom import Frame, FrameResult, Rig, analyse, process
 from tssgeom.errors import SettingsError
 from tssgeom.io.formats.files import open_recording

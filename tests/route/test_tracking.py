@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.routes import arc_positions, truth
+from tests.known_routes import arc_positions, truth
 from tssgeom.route.geometry import measure
 from tssgeom.route.observations import clean
 from tssgeom.route.synthetic import Course, chain

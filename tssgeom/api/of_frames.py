@@ -114,7 +114,7 @@ def _result_object(result: FrameResult) -> Any:
 
 
 def _along(route: Route | None, profile: CurvatureProfile | None, arcs: Arcs | None) -> Drawings:
-    from tssgeom.view.figures.sensed import draw_points
+    from tssgeom.view.figures.route import draw_points
     from tssgeom.view.figures.shapes import draw_angle, draw_curvature
 
     drawings: dict[str, Any] = {}
@@ -141,7 +141,7 @@ def _of_result(result: FrameResult) -> Drawings:
 
 
 def _of_frame(frame: Frame) -> Drawings:
-    from tssgeom.view.figures.sensed import draw_components, draw_points
+    from tssgeom.view.figures.route import draw_components, draw_points
 
     if frame.curvatures is None:
         return {"points": partial(draw_points, frames=[frame.points], label="Sensed points")}
@@ -151,7 +151,7 @@ def _of_frame(frame: Frame) -> Drawings:
 
 
 def _of_recording(recording: Recording) -> Drawings:
-    from tssgeom.view.figures.sensed import draw_points
+    from tssgeom.view.figures.route import draw_points
 
     stride = -(-recording.frame_count // _MOST_PLOTTED) or 1
     frames = [each for each in islice(recording, 0, None, stride) if isinstance(each, Frame)]

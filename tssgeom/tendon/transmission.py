@@ -6,7 +6,6 @@ over which the angle, and so the tension, does not change. Sources: docs/model.m
 eqs. (9)-(12).
 """
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 from tssgeom import core
@@ -45,18 +44,6 @@ class Transmission(NamedTuple):
     """Movement of the drive since the pretensioned state, pulling positive [m]."""
     displacement_out: float
     """Movement of the load since the pretensioned state, towards the tendon positive [m]."""
-
-
-@dataclass(frozen=True, slots=True)
-class Sensitivity:
-    """Exact derivatives with respect to the length and the angle of each piece."""
-
-    elongation_by_length: Vector
-    """[k] Derivative of the elongation with respect to each length [1]."""
-    elongation_by_angle: Vector
-    """[k] Derivative of the elongation with respect to each angle, later pieces moving on in φ [m/rad]."""
-    log_tension_out_by_angle: float
-    """Derivative of ln T at the distal end with respect to any one of the angles [1/rad]."""
 
 
 def of_corners(state: Corners, arcs: Arcs, rig: Rig) -> Transmission:
@@ -150,20 +137,21 @@ def answering(state: BarState, model: Model, tension_out: float, way: int) -> fl
     return core.answering(len(state.edge), model.plant.block, state.memory.block, tension_out, way)
 
 
-def sensitivity(state: Corners, arcs: Arcs, rig: Rig) -> Sensitivity:
+def elongation_slopes(state: Corners, arcs: Arcs, rig: Rig) -> tuple[Vector, float]:
     """Return how tension and elongation answer to each length and angle, the state held over φ.
 
-    At a corner of the profile the derivative is one-sided: towards larger angle.
+    At a corner of the profile a derivative is one-sided: towards larger angle.
+
+    Returns
+    -------
+    Vector
+        [2k] Derivative of the elongation with respect to each length [1], then to each angle, later pieces
+        moving on in φ [m/rad].
+    float
+        Derivative of ln T at the distal end with respect to any one of the angles [1/rad].
     """
     ends, gradient = _at_ends(state, arcs, rig)
-    k = len(arcs.length)
-    return Sensitivity(read_only(gradient[:k]), read_only(gradient[k:]), float(ends[6]))
-
-
-def elongation_slopes(state: Corners, arcs: Arcs, rig: Rig) -> tuple[Vector, float]:
-    """Return derivatives as `sensitivity`: of the elongation, lengths first [2k], and of ln T_out."""
-    ends, gradient = _at_ends(state, arcs, rig)
-    return gradient, float(ends[6])
+    return read_only(gradient), float(ends[6])
 
 
 def tension_and_elongation(state: Corners, arcs: Arcs, rig: Rig) -> tuple[float, float]:

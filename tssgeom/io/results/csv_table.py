@@ -1,11 +1,16 @@
-"""A Parquet table as CSV."""
+"""A Parquet table as CSV, and channels against time as Parquet."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import pyarrow as pa
 import pyarrow.parquet as papq
+
+from tssgeom.arrays import Vector
+from tssgeom.atomic import replacing
+from tssgeom.io.results.tables import field, plain_name
 
 _ROWS = 1 << 14  # that memory holds at once; chosen: as many as a row group of frames
 
@@ -28,3 +33,16 @@ def write_csv(table: Path, path: Path) -> None:
                     for k, column in enumerate(batch.columns)
                 ]
                 rows.write_batch(pa.RecordBatch.from_arrays(columns, schema=plain))
+
+
+def write_channels(path: Path, channels: Mapping[str, Vector]) -> None:
+    """Write channels against time, a column each [s].
+
+    Raises
+    ------
+    SourceError
+        Where the disk refuses.
+    """
+    schema = pa.schema([field(name, plain_name(name)) for name in channels])
+    with replacing(path) as draft:
+        papq.write_table(pa.table(dict(channels), schema=schema), draft)

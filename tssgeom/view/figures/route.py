@@ -1,21 +1,22 @@
-"""Figure of a route in its main plane, coloured by tension, with its ends, a scale and the axes."""
+"""Figure of a route in its main plane, coloured by tension; sensed points and fibres before any fit."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
 from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.figure import Figure
 
-from tssgeom.arrays import Matrix, Vector
+from tssgeom.arrays import Matrix, Points, Vector
 from tssgeom.stream import FrameResult
 from tssgeom.view import colours
-from tssgeom.view.figures.plots import COLUMN, INK, SOFT, figure
-from tssgeom.view.quantities import ARC_LENGTH, TENSION_AT
+from tssgeom.view.figures.plots import BLUE, COLUMN, INK, ORANGE, SOFT, figure, titles
+from tssgeom.view.quantities import ARC_LENGTH, CURVATURE_AT, TENSION_AT
 from tssgeom.view.samples import round_down, round_up, route_samples
 from tssgeom.view.scene.camera import camera
 
@@ -155,3 +156,30 @@ def coloured(
     strips = list(np.stack([line[:-1], line[1:]], axis=1))
     rgb = colours.tension_rgb(0.5 * (tension[:-1] + tension[1:]), top)
     axes.add_collection(LineCollection(strips, colors=rgb, linewidths=width, capstyle="round", zorder=3))
+
+
+def draw_points(axes: Axes, frames: list[Points], label: str) -> Axes:
+    """Draw sensed points, the missing ones left out, in the plane in which the first frame spreads most."""
+    usable = [points[~np.isnan(points).any(axis=1)] for points in frames]
+    usable = [points for points in usable if len(points)]
+    for k, points in enumerate(usable):
+        view = camera(usable[0], usable[0][-1] - usable[0][0])
+        flat = ARC_LENGTH.factor * points @ np.column_stack([view.across, view.up])
+        shade = BLUE if len(usable) == 1 else colormaps["viridis"](k / (len(usable) - 1))
+        axes.plot(*flat.T, color=shade, marker="o", markersize=2.0, linewidth=0.8)
+        if k == 0:
+            axes.plot(*flat[0], color=INK, marker="s", markersize=5.0, linestyle="none", label="proximal end")
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.legend()
+    titles(axes, label, "across [mm]", "up [mm]")
+    return axes
+
+
+def draw_components(axes: Axes, stations: Vector, curvatures: Points) -> Axes:
+    """Draw the curvature components of a fibre along it."""
+    for values, name, colour in zip(curvatures.T, ("κ_x", "κ_y"), (BLUE, ORANGE), strict=True):
+        along, style = ARC_LENGTH.factor * stations, {"marker": "o", "markersize": 2.0, "linewidth": 0.8}
+        axes.plot(along, values, color=colour, label=name, **style)
+    axes.legend()
+    titles(axes, "Curvature of the fibre", ARC_LENGTH.title, CURVATURE_AT.title)
+    return axes

@@ -1,18 +1,20 @@
-"""The section of the report of `discover` with the runs that are proposed."""
+"""The section of the report of `discover` with the runs that are proposed, and their figures."""
 
 from __future__ import annotations
 
 import html
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
+import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tssgeom.identify.outcomes import words_of
 from tssgeom.identify.proposal import Proposal, ProposedRun
 from tssgeom.identify.run_limits import KEYS
-from tssgeom.view.figures.plots import markup
-from tssgeom.view.figures.proposal import proposal_figure
+from tssgeom.view.figures.plots import BLUE, GREEN, INK, ORANGE, PAGE, PURPLE, figure, markup, titles
+from tssgeom.view.quantities import CHANNELS
 
 _COMMANDS = (
     "tssgeom simulate SHAPE --drive proposed/run_1.csv --rig rig.updated.toml --out simulated\n"
@@ -69,3 +71,52 @@ def _run(proposal: Proposal, run: ProposedRun) -> str:
         f"<figure>{markup(proposal_figure(proposal, run))}</figure>"
         + (f"<ul>{items}</ul>{table}" if run.outcomes else "")
     )
+
+
+_COLOURS = (INK, BLUE, ORANGE, PURPLE, GREEN)
+_SPREAD = "#d9dee6"
+_SIGMAS = 2.0
+_MOST = 99.0  # percentile of differences that the axis shows: next to a turn they peak
+
+
+def proposal_figure(proposal: Proposal, run: ProposedRun) -> Figure:
+    """Draw drive, clearest channel of each model, and differences beside the sensors, over time."""
+    names, channel = proposal.candidates, run.clearest
+    rows = 3 if run.differences else 2
+    with figure((PAGE, 1.75 * rows)) as drawing:
+        axes: Sequence[Axes] = drawing.subplots(rows, 1, sharex=True)
+        _draw_drive(axes[0], run)
+        for name, colour in zip(names, _COLOURS, strict=False):
+            values = CHANNELS[channel].factor * run.channels[name][channel]
+            axes[1].plot(run.time, values, color=colour, label=words_of(name), linewidth=1.2)
+        titles(axes[1], f"{CHANNELS[channel].words}, as each model predicts it", "", CHANNELS[channel].label)
+        if run.differences:
+            _draw_differences(axes[2], run, names)
+        axes[-1].set_xlabel("time [s]")
+        labelled = axes[2] if run.differences else axes[1]
+        drawing.legend(*labelled.get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    return drawing
+
+
+def _draw_drive(axes: Axes, run: ProposedRun) -> None:
+    quantity = CHANNELS[run.drive]
+    axes.plot(run.time, quantity.factor * run.values, color=INK, linewidth=1.2)
+    axes.plot(run.corner_time, quantity.factor * run.corners, "o", color=INK, markersize=2.5)
+    titles(axes, f"{run.name}, {run.route}: the drive", "", quantity.label)
+
+
+def _draw_differences(axes: Axes, run: ProposedRun, names: Sequence[str]) -> None:
+    """Draw each model less the first, which is refitted to it."""
+    quantity, channel = CHANNELS[run.clearest], run.clearest
+    sigma = _SIGMAS * quantity.factor * run.sigma[channel]
+    axes.fill_between(
+        run.time, -sigma, sigma, color=_SPREAD, linewidth=0, label=f"± {_SIGMAS:.0f} σ of the sensors"
+    )
+    axes.axhline(0.0, color=_COLOURS[0], linewidth=1.2, label=words_of(names[0]))
+    reach = 1.5 * float(np.nanmedian(sigma))
+    for name, colour in zip(names[1:], _COLOURS[1:], strict=False):
+        left = quantity.factor * run.differences[name][channel]
+        reach = max(reach, float(np.nanpercentile(np.abs(left), _MOST)))
+        axes.plot(run.time, left, color=colour, linewidth=1.2, label=words_of(name))
+    axes.set_ylim(-1.15 * reach, 1.15 * reach)
+    titles(axes, f"less {words_of(names[0])}, refitted to it", "", quantity.label)

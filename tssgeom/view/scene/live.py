@@ -1,4 +1,7 @@
-"""A picture that grows while frames come in: the same views as of a recorded run, sent batch by batch."""
+"""A picture that grows while frames come in: the same views as of a recorded run, sent batch by batch.
+
+With a followed rig it has the numbers with their bands, and the alerts.
+"""
 
 from __future__ import annotations
 
@@ -7,18 +10,21 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import rerun as rr
+import rerun.blueprint as rrb
 import trimesh
 
+from tssgeom.adapt.alert import Alert
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.engine import process
 from tssgeom.rig import Rig
+from tssgeom.statistics import NORMAL_95
 from tssgeom.stream import Frame, FrameResult
+from tssgeom.view import colours
 from tssgeom.view.quantities import TIMELINE
 from tssgeom.view.samples import Ranges, RouteSamples, numbers_of, ranges, round_up, route_samples
 from tssgeom.view.scene.blueprint import blueprint
 from tssgeom.view.scene.camera import ASPECT, Camera, camera
 from tssgeom.view.scene.columns import Sender
-from tssgeom.view.scene.followed import followed_views, keys_of, send_alert, send_followed
 from tssgeom.view.scene.recording import send_pictures
 from tssgeom.view.scene.run import Run, send_numbers
 
@@ -131,3 +137,50 @@ def _shows(view: Camera, frames: Sequence[RouteSamples]) -> bool:
     across, up = np.abs((points - view.target) @ view.axes[:2].T).T
     reach = _HEADROOM * max(view.half_height, view.half_width / ASPECT)
     return bool((up <= reach).all() and (across <= ASPECT * reach).all())
+
+
+_ALERTS = "alerts"
+
+
+def keys_of(results: Sequence[FrameResult]) -> tuple[str, ...]:
+    """Return the numbers that all frames follow."""
+    keys = {() if one.followed is None else one.followed.keys for one in results}
+    return keys.pop() if len(keys) == 1 else ()
+
+
+def send_followed(sender: Sender, results: Sequence[FrameResult]) -> None:
+    """Send each followed number and both ends of its 95 % band as lines."""
+    known = [one.followed for one in results if one.followed is not None]
+    if not (keys := keys_of(results)):
+        return
+    values, errors = (np.array([getattr(one, name) for one in known]) for name in ("values", "se"))
+    for i, key in enumerate(keys):
+        value, reach = values[:, i], NORMAL_95 * errors[:, i]
+        for name, line, width in (
+            (key, value, 2.0),
+            ("upper", value + reach, 1.0),
+            ("lower", value - reach, 1.0),
+        ):
+            title = name if name == key else f"{name} end of the 95 % band"
+            entity = f"followed/{key}/{'value' if name == key else name}"
+            style = rr.SeriesLines(names=title, colors=[colours.MEASURED], widths=[width])
+            sender.constant(entity, style)
+            sender.send(entity, rr.Scalars.columns(scalars=line))
+
+
+def send_alert(recording: rr.RecordingStream, alert: Alert) -> None:
+    """Send an alert as a line of the log, at the recording's time."""
+    recording.log(_ALERTS, rr.TextLog(alert.sentence, level=rr.TextLogLevel.WARN), strict=True)
+
+
+def followed_views(keys: Sequence[str]) -> rrb.Container:
+    """Return the views of followed numbers and of alerts."""
+    plots = [
+        rrb.TimeSeriesView(
+            name=f"{key}, with its 95 % band, against time [s]",
+            contents=[f"followed/{key}/**"],
+            plot_legend=rrb.PlotLegend(visible=False),
+        )
+        for key in keys
+    ]
+    return rrb.Vertical(*plots, rrb.TextLogView(origin=_ALERTS, name="Alerts"), name="Followed rig")

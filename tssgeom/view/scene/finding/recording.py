@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,18 +10,17 @@ import numpy as np
 import rerun as rr
 
 from tssgeom.arrays import rows_at
-from tssgeom.identify.finding import Finding
+from tssgeom.identify.finding import Finding, Trace
 from tssgeom.view import colours
+from tssgeom.view import finding_wording as words
 from tssgeom.view.figures.heat_map import bends
 from tssgeom.view.quantities import COUNT
 from tssgeom.view.samples import Ranges
-from tssgeom.view.scene.charts import send_slip_front, send_tension_chart
-from tssgeom.view.scene.columns import Sender, segments_3d
-from tssgeom.view.scene.finding.attribution import send_misfit_chart
+from tssgeom.view.scene.charts import Axis, Box, Chart, send_axes, send_slip_front, send_tension_chart
+from tssgeom.view.scene.columns import Sender, segments_2d, segments_3d, strips_2d
 from tssgeom.view.scene.finding.layout import MISFIT_BOX, TENSION_BOX, blueprint
 from tssgeom.view.scene.finding.lines import send_lines
 from tssgeom.view.scene.finding.replay import Replay, replay
-from tssgeom.view.scene.finding.wording import send_words
 from tssgeom.view.scene.labels import label_positions
 from tssgeom.view.scene.space import label_texts, send_joints, send_labels, send_piece_names, send_scale_bar
 from tssgeom.view.scene.writer import recording_file
@@ -104,3 +104,97 @@ def _send_charts(runs: Sender, moments: Sender, finding: Finding, displayed: Rep
     fronts = [front for stretch in displayed.stretches for front in stretch.fronts()]
     send_slip_front(moments, frames, fronts, limits, TENSION_BOX)
     send_misfit_chart(runs, displayed, bends(finding.effects), MISFIT_BOX)
+
+
+_STEPS = 48
+
+
+def send_misfit_chart(runs: Sender, displayed: Replay, bends_m: Sequence[float], box: Box) -> None:
+    """Draw what is missing with its standard error, in its own colours; what is too much lies at the foot.
+
+    Upright lines stand where bends were detected, `bends_m`.
+    """
+    chart = Chart(Axis(1e3 * displayed.length, "mm"), Axis(displayed.misfit, ""), box)
+    send_axes(runs, "missing", chart)
+    if bends_m:
+        uprights = [chart.position(1e3 * at, np.array([0.0, displayed.misfit])) for at in bends_m]
+        line = rr.LineStrips2D(
+            uprights, colors=[colours.AFTER], radii=rr.Radius.ui_points(1.2), draw_order=15
+        )
+        runs.constant("missing/found", line)
+    _send_colour_bar(runs, chart, displayed.misfit)
+    each = displayed.stretches
+    bars = [
+        np.stack(
+            [chart.position(1e3 * one.s, one.misfit + side * one.misfit_se) for side in (-1.0, 1.0)], axis=1
+        )
+        for one in each
+    ]
+    band = rr.LineStrips2D.from_fields(radii=rr.Radius.ui_points(2.4), colors=colours.BAND, draw_order=5)
+    runs.constant("missing/standard_error", band)
+    runs.send(
+        "missing/standard_error",
+        rr.LineStrips2D.columns(strips=strips_2d(np.concatenate(bars))),
+        [len(bar) for bar in bars],
+    )
+    lines = [chart.position(1e3 * one.s, one.misfit) for one in each]
+    middles = np.concatenate([0.5 * (one.misfit[:-1] + one.misfit[1:]) for one in each])
+    style = rr.LineStrips2D.from_fields(radii=rr.Radius.ui_points(2.5), draw_order=20)
+    runs.constant("missing/curve", style)
+    columns = rr.LineStrips2D.columns(
+        strips=segments_2d(lines), colors=colours.misfit_rgba32(middles, displayed.misfit)
+    )
+    runs.send("missing/curve", columns, [len(line) - 1 for line in lines])
+
+
+def _send_colour_bar(runs: Sender, chart: Chart, top: float) -> None:
+    steps = np.linspace(0.0, top, _STEPS + 1)
+    line = chart.position(0.0, steps) - np.array([0.012 * chart.box.width, 0.0])
+    bar = rr.LineStrips2D.from_fields(
+        strips=segments_2d([line]),
+        colors=colours.misfit_rgba32(0.5 * (steps[:-1] + steps[1:]), top),
+        radii=rr.Radius.ui_points(4.0),
+        draw_order=8,
+    )
+    runs.constant("missing/colour_bar", bar)
+
+
+def send_words(runs: Sender, finding: Finding) -> None:
+    """Send the verdict for all time, and for each run what it is and what its channels leave."""
+    verdict = rr.TextDocument(verdict_words(finding), media_type=rr.MediaType.MARKDOWN)
+    runs.constant("summary", verdict)
+    runs.constant("table", rr.TextDocument.from_fields(media_type=rr.MediaType.MARKDOWN))
+    runs.send("table", rr.TextDocument.columns(text=[run_words(trace) for trace in finding.traces]))
+
+
+def verdict_words(finding: Finding) -> str:
+    """Say the verdict, the effects with their numbers, and what to measure next, as markdown."""
+    lines = [f"### {words.VERDICTS[finding.verdict].capitalize()}", finding.sentence]
+    for each in finding.effects:
+        for name, reported in zip(each.names, each.parameters, strict=True):
+            numbers = ", ".join(
+                f"{words.parameter(key)} {words.displayed(value)}" for key, value in reported.items()
+            )
+            lines += [f"- **{words.plain(name)}**: {numbers}"] if numbers else []
+    lines += [
+        f"- tied ({tie.gauge}): {', '.join(map(words.plain, tie.names))}"
+        for tie in words.effect_ties(finding)
+    ]
+    lines += [f"- next: {step}" for step in words.next_steps(finding)[:2]]
+    return "\n\n".join(lines)
+
+
+def run_words(trace: Trace) -> str:
+    """Return the run of the moment and the misfit of each channel, as markdown."""
+    kept = "held out from every fit" if trace.held_out else "fitted"
+    rows = [
+        f"| {words.channel(name).label} | {_rms(trace, name, 'before')} | {_rms(trace, name, 'after')} |"
+        for name in trace.measured
+    ]
+    head = f"### Run {trace.run}\n\nOn route {trace.route}; {kept}.\n"
+    return "\n".join([head, "| left, rms | before | after |", "|---|--:|--:|", *rows])
+
+
+def _rms(trace: Trace, name: str, when: str) -> str:
+    left = words.channel(name).factor * (trace.measured[name] - getattr(trace, when)[name])
+    return f"{float(np.sqrt(np.nanmean(left**2))):.3g}"

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
+from benchmarks.real import fit
 from benchmarks.run_laws import LAWS, Case, Response, bouc_wen, dead_zone, mean_cycle_error, play, stop
-from benchmarks.run_peers import fit
 
 TIME = np.arange(0.0, 6.0, 0.01)
 DRIVE = 0.02 * np.sin(2.0 * np.pi * TIME / 2.0)  # m; three cycles

@@ -2,7 +2,7 @@
 
 import pytest
 
-from benchmarks.discovery_real import TOOL, write_paper_campaign, write_tool_campaign
+from tests.measured import TOOL, write_paper_campaign, write_tool_campaign
 from tssgeom.identify.workflow import discover
 from tssgeom.io.formats.campaigns import read_campaign
 from tssgeom.tendon import paper

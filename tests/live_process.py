@@ -19,7 +19,7 @@ from typing import IO, Any
 
 import numpy as np
 
-from benchmarks.routes import harmonic_course, of_arcs, truth
+from tests.known_routes import harmonic_course, of_arcs, truth
 from tssgeom.route.synthetic import Course
 
 _SWAY = 0.02  # of all curvatures, to both sides

@@ -1,36 +1,27 @@
-"""What the workflow makes of real measurements, and of the paper's own story.
+"""Campaigns of a measured instrument and of the paper's own story, as files.
 
-    python -m benchmarks.discovery_real [--quick] [--out DIR]
+    python -m tests.measured DIR    # then: tssgeom discover DIR/paper_cubic --out DIR/out
 
-The first campaign is a cable-driven instrument of a surgical robot (O'Neill, Stephens, Kowalewski, IEEE RA-L
-3(4), 2018, doi 10.1109/LRA.2018.2849862; Open Database License), read from ../shared/data/davinci_tool. The
-second is the paper's figure 5: the model's elongation with the 1.69 mm that were measured above it, nonlinear
-below 4 N. `--quick` takes the second only.
+The instrument is that of `benchmarks.real_sets`, read from ../shared/data/davinci_tool. The paper's story is
+its figure 5: the model's elongation with the 1.69 mm that were measured above it, nonlinear below 4 N.
 """
 
 from __future__ import annotations
 
-import argparse
+import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from benchmarks import machine
-from benchmarks.real_tool import ARM, BACK, PITCHES, TOOL, TORQUE, read_tool, tensions, tool_file
+from benchmarks.real_sets import ARM, BACK, PITCHES, TOOL, TORQUE, read_tool, tensions, tool_file
 from tssgeom.arrays import Points, Vector
-from tssgeom.identify.finding import Finding
-from tssgeom.identify.workflow import discover
-from tssgeom.io.formats.campaigns import read_campaign
-from tssgeom.io.results.findings import write_report
 from tssgeom.rig import Friction, Load, Rig, Sensor, ShapeSensor, Tendon, write_rig
 from tssgeom.route.synthetic import chain, half_circle, positions
 from tssgeom.tendon import paper
 from tssgeom.tendon.bars.model import predict
 
 _SECONDS = 7.0  # two cycles
-_LOADS = (2, 4)  # 40 % and 80 % of the motor's torque
 
 
 def write_tool_campaign(folder: Path, load: int, source: Path = TOOL) -> None:
@@ -163,63 +154,8 @@ def _table(path: Path, columns: Mapping[str, Vector]) -> None:
     )
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the workflow on both campaigns, print the results, and return the exit code."""
-    options = _options(arguments)
-    print(machine())
-    with TemporaryDirectory(prefix="discovery-real-") as room:
-        folder = Path(room)
-        for law in ("exponential", "cubic"):
-            write_paper_campaign(folder / f"paper_{law}", law)
-            _show(folder / f"paper_{law}", options.out)
-        if options.quick:
-            return 0
-        if not TOOL.is_dir():
-            print(f"{TOOL}: not there; the instrument is left out")
-            return 0
-        for load in _LOADS:
-            write_tool_campaign(folder / f"tool_load_{load}", load)
-            _show(folder / f"tool_load_{load}", options.out)
-    return 0
-
-
-def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.discovery_real", description=(__doc__ or "").split("\n")[0]
-    )
-    parser.add_argument("--quick", action="store_true", help="the paper's story only")
-    parser.add_argument("--out", type=Path, help="folder for report.json of each campaign")
-    return parser.parse_args(arguments)
-
-
-def _show(campaign: Path, out: Path | None) -> None:
-    finding = discover(read_campaign(campaign))
-    print(f"\n{campaign.name}: {finding.verdict}, {finding.seconds:.1f} s\n  {finding.sentence}")
-    for each in finding.effects:
-        for name, estimates in zip(each.names, each.parameters, strict=True):
-            values = ", ".join(
-                f"{key} {v.value:.4g} [{v.low:.4g}, {v.high:.4g}]" for key, v in estimates.items()
-            )
-            print(f"  {name}: {values}")
-    for line in _lines(finding):
-        print(f"  {line}")
-    if out is not None:
-        write_report(out / campaign.name, finding, "benchmark")
-
-
-def _lines(finding: Finding) -> list[str]:
-    judged = "held_out" if finding.misfit.before["held_out"] else "fitted"
-    lines = [
-        f"{channel}: rms {before:.3g} → {finding.misfit.after[judged][channel]:.3g} ({judged})"
-        for channel, before in finding.misfit.before[judged].items()
-    ]
-    lines += [
-        f"base {name}: {each.value:.4g} [{each.low:.4g}, {each.high:.4g}]"
-        for name, each in finding.base.items()
-    ]
-    lines += [f"tie {tie.gauge}: {', '.join(tie.names)}: {tie.why}" for tie in finding.ties]
-    return [*lines, *(f"next: {each.experiment}" for each in finding.breaks_tie), *finding.notes]
-
-
 if __name__ == "__main__":
-    raise SystemExit(main())
+    for law in ("exponential", "cubic"):
+        write_paper_campaign(Path(sys.argv[1]) / f"paper_{law}", law)
+    for load in (2, 4) if TOOL.is_dir() else ():
+        write_tool_campaign(Path(sys.argv[1]) / f"tool_load_{load}", load)
