@@ -42,7 +42,7 @@ def run(true_angle, sensed, name, rng):
 
 def calibrated(*sensed):
     rng = np.random.default_rng(1)
-    runs = [run(true, seen, f"run{k}", rng) for k, (true, seen) in enumerate(sensed)]
+    runs = [run(true, known, f"run{k}", rng) for k, (true, known) in enumerate(sensed)]
     rig = changed(PAIR, friction=Friction(coefficient=0.15))
     return {each.name: each for each in calibrate_machine(runs, rig, UNKNOWN).estimates}
 
