@@ -32,9 +32,9 @@ def sensed(course: Course, n: int, noise: float, seed: int) -> np.ndarray:
     return positions(course, s) + noise * np.random.default_rng(seed).standard_normal((n, 3))
 
 
-def model(difference: float, priced: float, parameters: int = 10) -> ChainModel:
+def model(difference: float, priced: float, parameters: int = 10, *, proven: bool = True) -> ChainModel:
     """A chain with this evidence."""
-    return ChainModel(1.0, 0.01, 0.5, 1e-6, difference, priced, parameters)
+    return ChainModel(1.0, 0.01, 0.5, 1e-6, difference, priced, parameters, proven)
 
 
 def test_a_price_that_contradicts_the_points_leaves_the_choice_open():
@@ -44,8 +44,13 @@ def test_a_price_that_contradicts_the_points_leaves_the_choice_open():
 def test_much_evidence_decides():
     assert probabilities([model(300.0, 250.0)])[0] < 1e-6
     assert probabilities([model(-300.0, -350.0)])[0] > 1.0 - 1e-6
-    assert len(probabilities([model(-math.inf, -math.inf)])) == 0
-    assert len(probabilities([])) == 0
+    assert probabilities([model(-math.inf, -math.inf)]) == pytest.approx([1.0])
+    assert probabilities([]) == pytest.approx([1.0])
+
+
+def test_a_chain_of_too_many_parameters_for_its_points_has_even_odds_at_most():
+    assert probabilities([model(300.0, 250.0, proven=False)]) == pytest.approx([0.5, 0.5])
+    assert probabilities([model(-300.0, -350.0, proven=False)])[0] > 1.0 - 1e-6
 
 
 def test_more_parameters_make_the_criterion_less_sure():

@@ -72,7 +72,6 @@ def test_one_fit_stands_for_all_with_the_variance_of_all():
     chosen = ratio_average._representative(shape, every, [])
     k = [one.spline.memory.ratio for one in every].index(chosen.memory.ratio)
     expected = max(float(probability @ (variance + (angle - angle[k]) ** 2)) - variance[k], 0.0)
-    expected += ratio_average.unresolved_turn(chosen.route) ** 2
     assert chosen.ratio_variance * angle[k] ** 2 == pytest.approx(expected)
     off = np.abs(angle - probability @ angle)
     assert off[k] <= off[probability > 0.05 * probability.max()].min()

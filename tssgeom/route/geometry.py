@@ -20,6 +20,7 @@ from tssgeom.route.arcs.moves import fit_chain
 from tssgeom.route.arcs.outliers import refitted_with_tangents, with_tangents, without_outliers
 from tssgeom.route.arcs.summary import ChainPieces, chain_nodes, chain_turns_unobserved, identifiable
 from tssgeom.route.bounds import polygon
+from tssgeom.route.curvature_priors import turned_between
 from tssgeom.route.directions import direction_warnings
 from tssgeom.route.model_average import averaged_over_models
 from tssgeom.route.model_choice import (
@@ -156,16 +157,18 @@ def checked(result: RouteFit, shape: Shape) -> RouteFit:
 def _measured(shape: Shape, noise: float | None, method: Method) -> RouteFit:
     spline = averaged(shape, noise, fit(shape, noise))
     smooth = with_few_points_variance(spline_fit(spline), shape)
+    if are_few(shape.points) and shape.directions is None and not spline.shared_angle_error:
+        smooth = replace(smooth, turned=turned_between(shape.points, smooth, noise))
     if method == "spline" or not chain_allowed(shape, spline):
         refuse_folded(spline.route)
-        return smooth
+        return averaged_over_models(smooth, smooth, [])
     data = chain_data(shape, noise, spline)
     required = method == "arcs" or is_folded(spline.route)
     tried = list(_chains(data, smooth, spline, required=required))
     sound = [one for one in tried if not chain_turns_unobserved(*one)]
     candidates = sound or (tried if method == "arcs" else [])
     if not candidates:
-        return smooth
+        return averaged_over_models(smooth, smooth, [])
     scored = [(penalised_log_evidence_difference(*one, spline), *one) for one in candidates]
     difference, data, chain = max(scored, key=itemgetter(0))
     arcs = chain_fit(shape, *without_outliers(data, chain))
@@ -173,7 +176,7 @@ def _measured(shape: Shape, noise: float | None, method: Method) -> RouteFit:
         return arcs
     if not are_few(shape.points):
         return selected(smooth, arcs, difference)
-    likelier = replace(arcs if difference > 0.0 else smooth, spline=smooth.spline)
+    likelier = replace(arcs if difference > 0.0 else smooth, spline=smooth.spline, turned=smooth.turned)
     return averaged_over_models(likelier, smooth, candidates)
 
 
@@ -216,29 +219,17 @@ def spline_fit(spline: Spline) -> RouteFit:
 
 
 def with_few_points_variance(smooth: RouteFit, shape: Shape) -> RouteFit:
-    """Add to a smooth fit of points too few for a chain its distance from their turns; docs/model.md (34).
+    """Add to the length of few points what other λ give, (216), or what the error of the angle means, (166).
 
-    The error of the length holds what other λ give, (216), or what the error of the angle means for it,
-    (166), whichever is more: arcs exceed the chords between few points with the square of the angle.
+    Whichever is more: arcs exceed the chords between few points with the square of the angle.
     """
     if not are_few(shape.points):
         return smooth
-    if len(shape.points) < START.fewest_points:
-        smooth = smooth.with_model_choice_variance(_turns_missed(smooth, shape) ** 2)
     arcs = smooth.arcs
     longer = arcs.total_length - float(np.sum(step_lengths(shape.points[smooth.weight > 0.0])))
     by_angle = 2.0 * max(longer, 0.0) * arcs.total_angle_se / max(arcs.total_angle, 1e-12)
     by_ratio = 0.0 if smooth.spline is None else smooth.spline.ratio_length_variance * arcs.total_length**2
     return replace(smooth, arcs=SharedErrors(0.0, max(by_angle**2, by_ratio)).on(arcs))
-
-
-def _turns_missed(smooth: RouteFit, shape: Shape) -> float:
-    """Return by how much the turns of the polygon, with outer halves alike, exceed those of a fit [rad]."""
-    step = np.diff(shape.points, axis=0)
-    size = np.linalg.norm(step, axis=1)
-    turns = np.arccos(np.clip(np.einsum("ij,ij->i", step[1:], step[:-1]) / (size[1:] * size[:-1]), -1.0, 1.0))
-    observed = size.sum() - 0.5 * (size[0] + size[-1])  # the outer halves go on alike
-    return float(turns.sum() * size.sum() / observed) - smooth.arcs.total_angle
 
 
 def chain_fit(shape: Shape, data: Data, chain: Chain, pieces: ChainPieces | None = None) -> RouteFit:

@@ -1,8 +1,8 @@
 """Φ and the length of few points, averaged over a smooth route and chains of arcs; docs/model.md (217).
 
 Few points select neither the kind of model nor the number of pieces. The estimate is that of the selected
-model; its variances are taken over all models that were tried, and over their chains with straight pieces put
-between the bends, which fit as well where noise hides them.
+model; its variances are taken over all models that were tried, over their chains with straight pieces put
+between the bends, which fit as well where noise hides them, and over what curvature may do between points.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from tssgeom.errors import FitError
 from tssgeom.route.arcs.chain import Chain, Data, fit_fixed_pieces, parameter_count, value_count
 from tssgeom.route.arcs.summary import chain_pieces, chain_turns_unobserved, identifiable
 from tssgeom.route.model_choice import (
+    CHOICE,
     added_variance,
     chain_deviance,
     evidence_scale,
@@ -61,6 +62,8 @@ class ChainModel(NamedTuple):
     priced: float
     """The same after the price of its joints; docs/model.md (34)."""
     parameters: int
+    proven: bool
+    """Whether there are enough values for each of its parameters to show that the route is a chain."""
 
 
 def chain_model(data: Data, chain: Chain, spline: Spline) -> ChainModel:
@@ -75,6 +78,7 @@ def chain_model(data: Data, chain: Chain, spline: Spline) -> ChainModel:
         difference=spline.deviance - chain_deviance(data, chain) - varying,
         priced=log_evidence_difference(data, chain, spline) - varying,
         parameters=len(chain.matrix),
+        proven=value_count(data) >= CHOICE.whole_values_per_parameter * len(chain.matrix),
     )
 
 
@@ -129,18 +133,22 @@ def averaged_over_models(fit: RouteFit, smooth: RouteFit, tried: Sequence[tuple[
 def added_by_models(
     fit: RouteFit, smooth: RouteFit, tried: Sequence[tuple[Data, Chain]]
 ) -> tuple[float, float]:
-    """Variances of Φ [rad²] and of the length [m²] beside those of a fit; parameters as above; (217)."""
+    """Variances of Φ [rad²] and of the length [m²] beside those of a fit, as above; (217), (238)."""
     if smooth.spline is None:
         return 0.0, 0.0
     first = _different(tried)
-    every = _different((*first, *with_straights(first)))
-    models = [chain_model(*one, smooth.spline) for one in every if not chain_turns_unobserved(*one)]
+    chains = _different((*first, *with_straights(first)))
+    models = [chain_model(*one, smooth.spline) for one in chains if not chain_turns_unobserved(*one)]
     models = [one for one in models if math.isfinite(sum(one[:4]))]
     probability = probabilities(models)
-    if not len(probability):
-        return 0.0, 0.0
-    of_chains = np.array([one[:4] for one in models]).T
-    angle, own_angle, length, own_length = np.column_stack((_moments(smooth.arcs), of_chains))
+    smooth_moments = _moments(smooth.arcs)
+    every = [smooth_moments, *(one[:4] for one in models[: len(probability) - 1])]
+    if smooth.turned:
+        share = probability[0] * model_probabilities(np.array([one.log_evidence for one in smooth.turned]))
+        probability = np.concatenate((share[-1:], probability[1:], share[:-1]))
+        of_smooth = np.multiply(smooth_moments, (1.0, 0.0, 1.0, 0.0))
+        every += [of_smooth + one[:4] for one in smooth.turned[:-1]]
+    angle, own_angle, length, own_length = np.array(every).T
     about, known, length_about, length_known = _moments(fit.arcs)
     return (
         added_variance(probability, angle, own_angle, about, known),
@@ -154,16 +162,19 @@ def _moments(arcs: Arcs) -> tuple[float, float, float, float]:
 
 
 def probabilities(models: Sequence[ChainModel]) -> Vector:
-    """Probability of the smooth model and of each chain [1 + n], or none where no chain has evidence; (217).
+    """Probability of the smooth model and of each chain [1 + n], of none where no chain has evidence; (217).
 
     The price of joints is a guess. The odds of all chains are those nearest to even that any share of it
-    gives, and known no better than the criterion is. Between chains the criterion itself decides.
+    gives, and known no better than the criterion is. Chains with too few values for each parameter pass
+    through any points: their odds are at most even. Between chains the criterion itself decides.
     """
     difference = np.array([one.difference for one in models])
     priced = np.array([one.priced if math.isfinite(one.priced) else -math.inf for one in models])
     if not len(models) or not np.isfinite(difference.max()) or not np.isfinite(priced.max()):
-        return np.empty(0)
+        return np.ones(1)
     least, most = sorted((float(priced.max()), float(difference.max())))
-    scale = 2.0 * evidence_scale(models[int(np.argmax(priced))].parameters)
+    likeliest = models[int(np.argmax(priced))]
+    scale = 2.0 * evidence_scale(likeliest.parameters)
     of_chains = 0.5 * (1.0 + math.tanh(0.5 * min(max(0.0, least), most) / scale))
+    of_chains = of_chains if likeliest.proven else min(of_chains, 0.5)
     return np.concatenate(([1.0 - of_chains], of_chains * model_probabilities(0.5 * difference)))

@@ -136,7 +136,8 @@ class TrackedFit:
 
     def beside(self, fit: RouteFit) -> RouteFit:
         """Return the fit of a later frame with these variances added."""
-        return SharedErrors(self.model_choice_variance, self.model_length_variance).of_models(fit)
+        errors = SharedErrors(self.model_choice_variance, self.model_length_variance)
+        return replace(errors.of_models(fit), turned=self.fit.turned)
 
     def with_check(self, check: ModelCheck | None) -> TrackedFit:
         """Begin a check, where there is one."""
@@ -241,7 +242,8 @@ def _spline_tried(check: ModelCheck, data: Data, chain: Chain, begun: TrackedFit
     few = are_few(check.shape.points)
     if difference > 0.0 and not few and not undecided(difference, len(chain.matrix)):
         return partial(_not_taken_over, -difference, spline, _NO_VARIANCES)
-    smooth, arcs = spline_fit(spline), chain_fit(check.shape, data, chain)
+    smooth = replace(spline_fit(spline), turned=begun.fit.turned)
+    arcs = chain_fit(check.shape, data, chain)
     taken = difference < -EVIDENCE_SCALE.very_strong
     added = _variances(smooth, arcs, (data, chain), difference, few=few, spline_stays=taken)
     if taken:
@@ -290,6 +292,7 @@ def _chain_tried(check: ModelCheck, begun: TrackedFit) -> Steps:
     few = are_few(check.shape.points)
     # without the variances that earlier checks added
     smooth = with_few_points_variance(spline_fit(spline), check.shape)
+    smooth = replace(smooth, turned=begun.fit.turned)
     data = chain_data(check.shape, check.noise, spline)
     if isinstance(begun.candidate, Chain):
         first = begun.candidate._replace(stations=np.array(spline.route.station))
@@ -305,7 +308,7 @@ def _chain_tried(check: ModelCheck, begun: TrackedFit) -> Steps:
     if not converged:
         return partial(replace, candidate=moved, trials=begun.trials + 1)
     yield work_of_candidate(data, moved)
-    arcs = chain_fit(check.shape, data, moved)
+    arcs = replace(chain_fit(check.shape, data, moved), turned=begun.fit.turned)
     difference = penalised_log_evidence_difference(data, moved, spline)
     taken = difference > EVIDENCE_SCALE.very_strong
     added = _variances(smooth, arcs, (data, moved), difference, few=few, spline_stays=not taken)

@@ -23,7 +23,7 @@ from tssgeom.route.model_choice import (
 )
 from tssgeom.route.observations import Shape
 from tssgeom.route.pieces import smooth_geometry
-from tssgeom.route.route import Route, across, step_lengths
+from tssgeom.route.route import step_lengths
 from tssgeom.route.spline.fit import Spline, fit, on_chords, spline_of
 from tssgeom.route.spline.problem import (
     LastPass,
@@ -70,8 +70,6 @@ class RatioGrid:
     outlier_price: float = 13.6
     """-2 ln of the probability density of one outlier across the route, in mean spacings [1]. Chosen: one
     point in a hundred is one, within three spacings."""
-    unresolved: float = 1.25
-    """Factor on (154) [1]. Fitted on random routes of one to six pieces, of 8 to 40 points."""
     agreement: float = 0.5
     """Difference to the mean Φ up to which the likeliest λ stands for all [standard errors]. Chosen."""
     representative: float = 0.05
@@ -196,7 +194,7 @@ def _representative(shape: Shape, candidates: list[_Candidate], first: list[_Can
             chosen = one
     best = sound[int(np.argmin(criterion))].spline
     more = added_variance(probability, angle, own, chosen.angle, chosen.variance)
-    share = (more + unresolved_turn(chosen.spline.route) ** 2) / max(chosen.angle, 1e-12) ** 2
+    share = more / max(chosen.angle, 1e-12) ** 2
     return replace(
         chosen.spline,
         deviance=best.deviance,
@@ -210,21 +208,6 @@ def _added_length_variance(probability: Vector, every: list[_Candidate], chosen:
     length = np.array([one.length for one in every])
     own = np.array([one.length_variance * one.spread for one in every])
     return added_variance(probability, length, own, chosen.length, chosen.length_variance) / chosen.length**2
-
-
-def unresolved_turn(route: Route) -> float:
-    """Return the standard deviation of what a route may turn between points beside a fit [rad]; (154).
-
-    Where the curvature vector changes at once between two points, in size or in plane, the fit rounds it.
-    """
-    at, h = np.searchsorted(route.s, route.station), np.diff(route.station)
-    bend, tangent = route.curvature_vector[at], route.tangent[at]
-    middle = tangent[1:] + tangent[:-1]
-    middle /= np.maximum(np.linalg.norm(middle, axis=1), 1e-12)[:, None]
-    change = np.linalg.norm(across(np.diff(bend, axis=0), middle), axis=1) * h
-    size = np.linalg.norm(bend, axis=1)
-    turn = np.maximum(0.5 * (size[1:] + size[:-1]) * h, np.maximum(change, 1e-12))
-    return GRID.unresolved * float(np.linalg.norm(change**2 / (8.0 * turn)))
 
 
 def _within_bounds(shape: Shape, candidates: list[_Candidate]) -> Iterator[_Candidate]:

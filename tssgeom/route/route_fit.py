@@ -56,6 +56,21 @@ LENGTH = LengthLimits()
 AGREEMENT = AgreementLimits()
 
 
+class Turned(NamedTuple):
+    """What a route may turn between few points by a prior of its curvature; docs/model.md (235)."""
+
+    angle: float
+    """Mean of Φ less that of the smooth fit [rad]."""
+    angle_variance: float
+    """Variance of Φ [rad²]."""
+    length: float
+    """Mean length less that of the smooth fit [m]."""
+    length_variance: float
+    """Variance of the length [m²]."""
+    log_evidence: float
+    """ln of the evidence for the prior."""
+
+
 class Nodes(NamedTuple):
     """A route and its curvature on the same nodes."""
 
@@ -106,6 +121,8 @@ class RouteFit(Result):
     """What the user should know of the fit."""
     by_models: tuple[float, float] = (0.0, 0.0)
     """What not knowing the model adds to the variances of Φ [rad²] and of the length [m²], for few points."""
+    turned: tuple[Turned, ...] = ()
+    """What few points allow beside the smooth fit, by priors of which the last one is smooth."""
     resolution: float = 0.0
     """Length of the shortest wave that counts [m]; 0 where all do that were fitted."""
     spline: Spline | None = None
@@ -130,7 +147,7 @@ class RouteFit(Result):
 
     def strip(self) -> RouteFit:
         """Return the fit without what only the next fit needs."""
-        return replace(self, spline=None, chain=None)
+        return replace(self, spline=None, chain=None, turned=())
 
     def warned(self, text: str) -> RouteFit:
         """Return the fit with one warning more."""

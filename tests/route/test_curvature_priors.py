@@ -1,0 +1,117 @@
+"""Few points do not show what a route does between them: error bars hold what its curvature may do; (235)."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+
+from tssgeom.route.curvature_priors import turned_between
+from tssgeom.route.geometry import measure
+from tssgeom.route.observations import clean
+from tssgeom.route.route_fit import RouteFit
+from tssgeom.route.synthetic import Course, chain, half_circle, positions
+from tssgeom.route.tracking import follow
+
+LENGTH, CELLS, DRAWS = 0.45, 60, 20
+STRAIGHTS = chain(np.array([0.09, 0.08, 0.09, 0.1, 0.09]), np.array([0.0, 9.0, 0.0, 7.0, 0.0]), 0.3)
+
+
+def sensed(course: Course, n: int, noise: float, rng: np.random.Generator) -> np.ndarray:
+    """Noisy points at even stations [m]."""
+    s = np.linspace(0.0, course.total_length, n)
+    return positions(course, s) + noise * rng.standard_normal((n, 3))
+
+
+def of_curvature(bend: np.ndarray, turn: float) -> Course:
+    """A route of even cells [cells, 2] that turns so much [rad]."""
+    return Course(
+        np.full(len(bend), LENGTH / len(bend)), bend * (turn / LENGTH / np.linalg.norm(bend, axis=1).mean())
+    )
+
+
+def arcs(rng: np.random.Generator) -> Course:
+    """Three to seven arcs in any planes, some of them straight."""
+    count = rng.integers(3, 8)
+    bend = rng.uniform(0.0, 1.0, (count, 1)) * _directions(rng.uniform(0.0, 2.0 * np.pi, count))
+    bend[1:] *= rng.random((count - 1, 1)) < 0.75
+    edge = np.cumsum(rng.dirichlet(np.full(count, 4.0)))
+    piece = np.minimum(np.searchsorted(edge, (np.arange(CELLS) + 0.5) / CELLS), count - 1)
+    return of_curvature(bend[piece], rng.uniform(0.5, 4.0))
+
+
+def s_bend(rng: np.random.Generator) -> Course:
+    """Straight, bent, straight, bent the other way, straight."""
+    edge = np.cumsum(rng.dirichlet(np.full(5, 4.0)))
+    piece = np.minimum(np.searchsorted(edge, (np.arange(CELLS) + 0.5) / CELLS), 4)
+    kappa = np.array([0.0, rng.uniform(0.4, 1.0), 0.0, -rng.uniform(0.4, 1.0), 0.0])
+    return of_curvature(np.outer(kappa[piece], (1.0, 0.0)), rng.uniform(0.5, 4.0))
+
+
+def clothoid(rng: np.random.Generator) -> Course:
+    """Curvature that changes in a straight line, with or without an inflection."""
+    first, last = rng.uniform(-1.0, 1.0, 2)
+    return of_curvature(np.outer(np.linspace(first, last, CELLS), (0.6, 0.8)), rng.uniform(0.5, 4.0))
+
+
+def wandering(rng: np.random.Generator) -> Course:
+    """Curvature that is a random walk."""
+    walk = np.cumsum(rng.standard_normal((CELLS, 2)), axis=0) / np.sqrt(CELLS)
+    return of_curvature(walk + rng.standard_normal(2), rng.uniform(0.5, 4.0))
+
+
+def _directions(angle: np.ndarray) -> np.ndarray:
+    return np.column_stack((np.cos(angle), np.sin(angle)))
+
+
+KINDS = (arcs, s_bend, clothoid, wandering)
+
+
+@pytest.mark.parametrize("n", [6, 8])
+def test_intervals_of_few_points_hold_the_turn_of_any_kind_of_route(n):
+    rng, off = np.random.default_rng([n, 41]), list[float]()
+    for kind, noise, _ in product(KINDS, (2e-5, 2e-4), range(DRAWS)):
+        course = kind(rng)
+        route = measure(clean(sensed(course, n, noise, rng))).arcs
+        off.append((route.total_angle - course.total_angle) / route.total_angle_se)
+    assert np.mean(np.abs(off) < 1.96) >= 0.9
+    assert abs(np.mean(np.clip(off, -5.0, 5.0))) < 0.3
+
+
+def smooth_fit(points: np.ndarray, noise: float) -> RouteFit:
+    """A spline through points [m]."""
+    return measure(clean(points), noise, "spline")
+
+
+def test_on_a_circle_the_walks_agree_with_the_fit_and_turns_at_points_have_no_evidence():
+    points = sensed(half_circle(), 8, 1e-5, np.random.default_rng(0))
+    fit = smooth_fit(points, 1e-5)
+    at_points, walk, smooth = turned_between(points, fit, 1e-5)
+    for one in (walk, smooth):
+        assert fit.arcs.total_angle + one.angle == pytest.approx(np.pi, abs=0.03)
+        assert fit.arcs.total_length + one.length == pytest.approx(0.5, abs=2e-3)
+    assert at_points.log_evidence < max(walk.log_evidence, smooth.log_evidence) - 3.0
+
+
+def test_bends_between_straights_turn_as_their_polygon_does():
+    points = sensed(STRAIGHTS, 8, 1e-4, np.random.default_rng(1))
+    fit = smooth_fit(points, 1e-4)
+    at_points, walk, smooth = turned_between(points, fit, 1e-4)
+    assert at_points.log_evidence > max(walk.log_evidence, smooth.log_evidence)
+    assert fit.arcs.total_angle + at_points.angle == pytest.approx(STRAIGHTS.total_angle, abs=0.1)
+
+
+def test_draws_have_the_noise_that_is_stated_and_average_one_that_is_not():
+    points = sensed(STRAIGHTS, 8, 1e-3, np.random.default_rng(2))
+    fit = smooth_fit(points, 1e-3)
+    exact, stated, unknown = (turned_between(points, fit, noise)[-1] for noise in (1e-4, 1e-3, None))
+    assert exact.log_evidence < stated.log_evidence
+    assert unknown.angle_variance > 0.0
+
+
+def test_what_points_allow_goes_on_in_a_stream():
+    points = sensed(STRAIGHTS, 8, 1e-4, np.random.default_rng(3))
+    first = follow(clean(points), 1e-4, None)
+    second = follow(clean(points), 1e-4, first)
+    assert second.fit.turned == first.fit.turned != ()
+    assert second.fit.arcs.total_angle_se > 0.9 * first.model_choice_variance**0.5
+    assert not second.fit.strip().turned
