@@ -172,6 +172,7 @@ class RigFilter:
         variance = self._noise_variance + tracker.repeated(slides) * by_drive**2
         whole = np.ascontiguousarray(np.hstack((predicted, ends))[:count])
         _, innovation = core.assimilate(
+            1,
             len(self.edge),
             self.members,
             after[:count],
